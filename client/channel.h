@@ -1,0 +1,48 @@
+// One connection to a daemon, whatever carries it: frames out, frames in, matched by request id.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "protocol.h"
+
+namespace clearance {
+
+using Deadline = std::chrono::steady_clock::time_point;
+
+/// A frame that arrived. The bytes stay valid until the frame is destroyed (shared memory: a leased slot).
+class Frame {
+ public:
+  virtual ~Frame() = default;
+  virtual const wire::FrameHeader& header() const = 0;           ///< already validated
+  virtual std::span<const std::byte> payload() const = 0;        ///< starts on a 64-byte boundary
+};
+
+/// Not thread-safe: one channel per thread, or a lock around it.
+class Channel {
+ public:
+  virtual ~Channel() = default;
+
+  /// Room for a request frame of `frame_bytes` with a reply of about `reply_bytes` (0: unknown), 64-byte aligned.
+  /// Throws ConnectionError. The room is the caller's until send().
+  virtual std::byte* begin(std::uint64_t frame_bytes, std::uint64_t reply_bytes) = 0;
+  /// Sends the frame written there; its header must be whole. Throws ConnectionError.
+  virtual void send() = 0;
+  /// The reply to `request_id`, or null once `deadline` has passed. Replies to other outstanding requests are kept.
+  /// Throws ConnectionError if the daemon is gone.
+  virtual std::unique_ptr<Frame> receive(std::uint64_t request_id, Deadline deadline) = 0;
+  /// Gives up on a request: its reply is dropped when it comes.
+  virtual void forget(std::uint64_t request_id) = 0;
+  virtual std::string url() const = 0;
+};
+
+/// Each connects or throws ConnectionError (client.h) naming the url and the cause.
+std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, Deadline deadline);
+std::unique_ptr<Channel> open_shm_channel(const std::string& socket_path, Deadline deadline);
+std::unique_ptr<Channel> open_lcm_channel(const std::string& lcm_url, const std::string& channel_prefix, Deadline deadline);
+
+}  // namespace clearance

@@ -1,0 +1,196 @@
+// The C++ client: the same calls over shared memory, ZeroMQ and LCM.
+//
+//   auto client = clearance::connect("shm:///run/user/1000/clearance.sock");
+//   client.set_poses({{"base", {0, 0, 0, 1, 0, 0, 0}}});
+//   auto reply = client.distances({.max_distance = 0.5});
+//   for (std::size_t i = 0; i < reply.rows(); ++i) use(reply.lower()[i], reply.upper()[i]);
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "types.h"
+
+namespace clearance {
+
+/// The daemon cannot be reached, is gone, or did not answer in time.
+struct ConnectionError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+struct TimeoutError : ConnectionError {
+  using ConnectionError::ConnectionError;
+};
+/// The daemon refused a request; `code` is a wire::ErrorCode.
+struct RequestError : std::runtime_error {
+  RequestError(std::uint16_t c, const std::string& what) : std::runtime_error(what), code(c) {}
+  std::uint16_t code;
+};
+
+/// x, y, z, qw, qx, qy, qz; metres. X_wb, or of a body with a parent X_parent_body.
+using Pose7 = std::array<double, 7>;
+/// Body ids, or group selectors (types.h).
+using IdPair = std::array<std::uint32_t, 2>;
+
+struct Query {
+  std::span<const IdPair> pairs = {};            ///< empty: all enabled pairs
+  std::span<const std::uint32_t> bodies = {};    ///< (M,) moved bodies
+  std::span<const Pose7> configurations = {};    ///< (K * M,) their poses; empty: the current poses
+  double max_distance = std::numeric_limits<double>::infinity();
+  double abs_tol = 0;
+  double rel_tol = -1;                           ///< negative: 1e-6 (f64), 1e-4 (f32)
+  Precision precision = Precision::kF64;
+  bool signed_distance = false;
+  Reduce reduce = Reduce::kNone;
+  Format format = Format::kFull;
+  std::uint32_t fields = kDefaultFields;
+  std::uint64_t max_results = 1u << 20;
+  std::int64_t max_pose_age_ns = 0;
+  bool warm = false;
+  bool check_scene = true;  ///< refuse an answer for another scene than the one this client fetched
+};
+
+class Frame;
+
+/// An answer. Columns are views into the frame that arrived (shared memory: a leased slot, given back on destruction);
+/// a column that was not asked for is empty.
+class Reply {
+ public:
+  Reply(std::unique_ptr<Frame> frame);
+  Reply(Reply&&) noexcept;
+  Reply& operator=(Reply&&) noexcept;
+  ~Reply();
+
+  std::size_t rows() const;
+  std::uint64_t total() const;                     ///< kWithin: pairs found, also those past max_results
+  std::uint64_t configurations() const;            ///< K
+  std::uint64_t pairs() const;                     ///< P
+  std::uint32_t fields() const;
+  std::span<const double> distance() const;        ///< (rows,) metres
+  std::span<const double> lower() const;
+  std::span<const double> upper() const;
+  std::span<const Status> status() const;
+  std::span<const std::uint16_t> flags() const;
+  std::span<const double> point_a() const;         ///< (rows * 3,) world frame
+  std::span<const double> point_b() const;
+  std::span<const double> normal() const;
+  std::span<const std::uint32_t> pieces() const;   ///< (rows * 2,)
+  std::span<const double> gradient() const;        ///< (rows * 12,)
+  std::span<const IdPair> pair() const;
+  std::span<const std::uint32_t> configuration() const;
+  std::span<const CompactAnswer> compact() const;
+
+  std::uint64_t scene_revision() const;
+  std::uint64_t snapshot_revision() const;
+  std::int64_t snapshot_stamp_ns() const;
+  std::uint64_t engine_ns() const;
+  std::uint64_t server_ns() const;
+  std::string_view backend() const;
+
+ private:
+  std::span<const std::byte> column(Field field) const;
+  std::unique_ptr<Frame> frame_;
+};
+
+struct BodyInfo {
+  std::string name;
+  std::uint32_t parent = kNone;
+  bool is_static = false;
+  std::uint32_t piece_count = 0;
+  std::uint64_t vertex_count = 0;
+  double model_error = 0;  ///< metres
+  double extent = 0;       ///< metres
+};
+struct GroupInfo {
+  std::string name;
+  std::vector<std::uint32_t> bodies;
+};
+struct SceneInfo {
+  std::uint64_t revision = 0;
+  std::vector<BodyInfo> bodies;
+  std::vector<GroupInfo> groups;
+  std::uint64_t pair_count = 0;
+  std::string backend;
+};
+struct BodyStateInfo {
+  Pose7 pose{};  ///< X_wb
+  Status status = Status::kNoPose;
+  std::uint32_t parent = kNone;
+  std::int64_t stamp_ns = 0;
+  std::int64_t age_ns = -1;  ///< since the daemon received it; -1: never received
+};
+struct PosesDone {
+  std::uint64_t revision = 0;        ///< pose revision that holds the update
+  std::uint64_t scene_revision = 0;
+  std::uint32_t applied = 0, bad = 0, unknown = 0, fixed = 0;
+};
+
+/// A request that is under way. Destroying it unread forgets the reply.
+class Pending;
+
+/// Not thread-safe: one client per thread. After a fork the child must connect anew (calls throw).
+class Client {
+ public:
+  using Duration = std::chrono::nanoseconds;
+
+  Client(Client&&) noexcept;
+  Client& operator=(Client&&) noexcept;
+  ~Client();
+
+  /// Answers a query. Throws TimeoutError, ConnectionError, RequestError.
+  Reply distances(const Query& query = {});
+  /// Sends a query and returns at once.
+  Pending submit(const Query& query = {});
+
+  PosesDone set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0);
+  PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0);
+  PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
+
+  const SceneInfo& scene();        ///< fetched once, and again after the daemon's scene changed (refresh())
+  void refresh();
+  std::uint32_t body(std::string_view name);  ///< id; throws std::invalid_argument naming near misses
+  std::uint32_t group(std::string_view name); ///< selector; "*": every body
+  std::vector<IdPair> pairs(const Query& query = {});  ///< the pairs a query answers, in order
+  std::vector<BodyStateInfo> body_states();
+  std::vector<std::pair<std::string, std::uint64_t>> stats();
+  Duration ping(std::span<const std::byte> payload = {});  ///< a bare echo through the daemon
+
+  void set_timeout(Duration timeout);  ///< of every call; default 5 s
+  std::string url() const;
+
+ private:
+  friend Client connect(const std::string& url, Duration timeout);
+  friend class Pending;
+  struct Impl;
+  explicit Client(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+class Pending {
+ public:
+  Pending(Pending&&) noexcept;
+  Pending& operator=(Pending&&) noexcept;
+  ~Pending();
+  bool ready();                  ///< polls once
+  Reply get();                   ///< waits up to the client's timeout
+ private:
+  friend class Client;
+  Pending(Client::Impl* client, std::uint64_t request_id);
+  Client::Impl* client_ = nullptr;
+  std::uint64_t request_id_ = 0;
+};
+
+/// Connects. "shm:///run/user/0/clearance.sock", "ipc:///path", "tcp://host:port",
+/// "udpm://239.255.76.67:7667?ttl=0" (an LCM url; "&prefix=NAME_" sets the channels' prefix).
+/// Throws ConnectionError naming url and cause; std::invalid_argument for a url of no known kind.
+Client connect(const std::string& url, std::chrono::nanoseconds timeout = std::chrono::seconds(5));
+
+}  // namespace clearance

@@ -1,0 +1,95 @@
+// The words of the contract: what a query may ask and what an answer may say.
+//
+// Shared by the engine, the daemon and every client, so that each word has one value everywhere. Plain enums only:
+// no transport, no geometry. Values are part of the wire format; they are never renumbered. Python mirrors them in
+// client/python/clearance/_words.py (a test compares the two).
+#pragma once
+
+#include <cstdint>
+
+namespace clearance {
+
+/// What is known about one pair (or one reduced group) in one configuration.
+enum class Status : std::uint8_t {
+  kOk = 0,           ///< apart: lower > 0, and the interval is as narrow as asked
+  kOverlap = 1,      ///< a common point is proved: upper <= 0 (signed: and as narrow as asked)
+  kContact = 2,      ///< neither is provable: lower <= 0 <= upper
+  kBeyond = 3,       ///< proved farther than max_distance; not refined
+  kUnconverged = 4,  ///< the interval is valid but wider than asked
+  kBadPose = 5,      ///< a pose with NaN, Inf or a quaternion that cannot be normalised
+  kNoPose = 6,       ///< a movable body that never got a pose
+  kUnknownBody = 7,  ///< a body id outside the scene
+};
+
+/// Facts about one answer, as bits.
+enum Flag : std::uint16_t {
+  kFlagStale = 1 << 0,            ///< a pose was older than max_pose_age_ns
+  kFlagRenormalised = 1 << 1,     ///< a quaternion's norm was off by more than 1e-3
+  kFlagRoundingLimited = 1 << 2,  ///< as narrow as the arithmetic allows
+  kFlagNonsmooth = 1 << 3,        ///< witness points are not unique; the gradient is one of several
+  kFlagPieces = 1 << 4,           ///< a body of several pieces overlaps: the depth bounds the union's motion from below
+  kFlagIncomplete = 1 << 5,       ///< a reduced group held a bad or missing pose
+};
+
+/// Arithmetic of the iterations; the bounds are valid in either.
+enum class Precision : std::uint8_t { kF64 = 0, kF32 = 1 };
+
+/// Which rows come back.
+enum class Reduce : std::uint8_t {
+  kNone = 0,     ///< one row per configuration and pair
+  kWithin = 1,   ///< sparse: only pairs not proved farther than max_distance, up to max_results, with the total
+  kNearest = 2,  ///< one row per configuration and body
+  kMin = 3,      ///< one row per configuration
+};
+
+/// How columns are encoded.
+enum class Format : std::uint8_t {
+  kFull = 0,     ///< float64 columns, points in the world frame
+  kCompact = 1,  ///< one CompactAnswer per row, and the integer columns asked for
+};
+
+/// Columns of an answer, as bits of a mask and (by position) as the order of columns in a reply.
+enum Field : std::uint32_t {
+  kFieldDistance = 1u << 0,       ///< float64, metres
+  kFieldLower = 1u << 1,          ///< float64, metres, certified
+  kFieldUpper = 1u << 2,          ///< float64, metres, certified
+  kFieldStatus = 1u << 3,         ///< uint8, Status
+  kFieldFlags = 1u << 4,          ///< uint16, Flag bits
+  kFieldPointA = 1u << 5,         ///< 3 float64, metres, world frame
+  kFieldPointB = 1u << 6,         ///< 3 float64, metres, world frame
+  kFieldNormal = 1u << 7,         ///< 3 float64, unit, world frame, from a towards b
+  kFieldPieces = 1u << 8,         ///< 2 uint32, index of the nearest piece within each body
+  kFieldGradient = 1u << 9,       ///< 2 x 6 float64: d distance / d (angular; linear) world twist of a, then of b
+  kFieldPair = 1u << 10,          ///< 2 uint32, body ids (a, b); always there for reductions
+  kFieldConfiguration = 1u << 11, ///< uint32; always there for Reduce::kWithin
+  kFieldCompact = 1u << 12,       ///< CompactAnswer, replaces the float64 columns when Format::kCompact
+};
+inline constexpr int kFieldCount = 13;
+inline constexpr std::uint32_t kFieldPoints = kFieldPointA | kFieldPointB;
+inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
+
+/// Bytes of one row of each column, by bit position of its Field.
+inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1, 2, 24, 24, 24, 8, 96, 8, 4, 32};
+
+/// One row of Format::kCompact: 32 bytes. Bounds are rounded outward; points are relative to each body's origin, world axes.
+struct CompactAnswer {
+  float lower;       ///< metres
+  float upper;       ///< metres
+  float point_a[3];  ///< metres, from the origin of a, world axes
+  float point_b[3];  ///< metres, from the origin of b, world axes
+};
+static_assert(sizeof(CompactAnswer) == 32);
+
+/// A pair selector: a body id, or a group index with kGroupBit set, or every body.
+inline constexpr std::uint32_t kGroupBit = 0x80000000u;
+inline constexpr std::uint32_t kEveryBody = 0xFFFFFFFFu;
+/// "No such body or piece" in an answer.
+inline constexpr std::uint32_t kNone = 0xFFFFFFFEu;
+
+/// Bytes a body's or group's name may have.
+inline constexpr int kMaxNameBytes = 63;
+
+/// Rows of a dense answer up to which points and normal come by default.
+inline constexpr std::uint64_t kDefaultPointsRows = 100000;
+
+}  // namespace clearance

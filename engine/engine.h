@@ -1,0 +1,111 @@
+// The engine: a scene resident in memory, the poses of its bodies, and jobs that answer batched queries.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "engine/query.h"
+#include "engine/scene.h"
+
+namespace clearance {
+
+/// A pose update of one body.
+struct BodyPose {
+  std::uint32_t body = kNone;
+  Pose pose;  ///< X_wb; of a body with a parent: X_pb
+};
+
+/// What became of a batch of pose updates. A batch applies as a whole, in one snapshot; bad entries are stored as bad, so
+/// that queries say so, and unknown or static bodies are left out and counted.
+struct PoseUpdateResult {
+  std::uint64_t revision = 0;       ///< of the snapshot that holds the update
+  std::uint32_t applied = 0;
+  std::uint32_t bad = 0;            ///< stored, and answered kBadPose until a good one comes
+  std::uint32_t unknown = 0;        ///< body id outside the scene
+  std::uint32_t fixed = 0;          ///< static body
+};
+
+/// Where a body is, as the newest snapshot has it.
+struct BodyState {
+  Pose X_wb;                      ///< meaningful if `status` is kOk
+  Status status = Status::kNoPose;  ///< kOk, kNoPose or kBadPose
+  std::uint32_t parent = kNone;
+  std::int64_t stamp_ns = 0;      ///< publisher's clock
+  std::int64_t receipt_ns = 0;    ///< our monotonic clock; 0: never moved since load
+};
+
+/// Numbers that a running engine keeps about itself.
+using Counters = std::vector<std::pair<std::string, std::uint64_t>>;
+
+/// A query under way. Holds the snapshot it began with; the columns it writes belong to the caller and must outlive it.
+class Job {
+ public:
+  Job(Job&&) noexcept;
+  Job& operator=(Job&&) noexcept;
+  ~Job();
+
+  /// Works for about `budget` (one slice of work at least). Returns true once the answer is whole.
+  bool advance(std::chrono::nanoseconds budget = std::chrono::nanoseconds::max());
+
+  const QuerySize& size() const;
+  /// Valid once advance() returned true.
+  const ReplyInfo& info() const;
+
+  struct State;
+
+ private:
+  friend class Engine;
+  explicit Job(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+/// Thread-safe: poses may be set while jobs run; each job sees one snapshot.
+class Engine {
+ public:
+  struct Options {
+    std::string backend = "auto";  ///< "auto", "cpu", or "reference" (brute force, the fast path's oracle)
+    int threads = 0;               ///< 0: all cores
+    std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are refused
+  };
+
+  /// Throws std::invalid_argument for an unknown backend, std::runtime_error for one that is absent on this machine.
+  explicit Engine(Scene scene) : Engine(std::move(scene), Options()) {}
+  Engine(Scene scene, const Options& options);
+  ~Engine();
+  Engine(const Engine&) = delete;
+  Engine& operator=(const Engine&) = delete;
+
+  const Scene& scene() const;
+  std::uint64_t scene_revision() const;   ///< Scene::revision()
+  std::string_view backend() const;       ///< the one in use, by name
+  static std::vector<std::string> backends();  ///< those that can be asked for on this machine
+
+  /// Applies a batch of poses atomically. \param stamp_ns the publisher's clock. The receipt is taken here.
+  PoseUpdateResult set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns = 0);
+  /// Makes `child` follow `parent` from where it is now, or with `X_pc` if given; kNone as parent sets it free where it is.
+  /// Throws QueryError for an unknown body, a cycle, a static child, or a body without a usable pose.
+  PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc = nullptr);
+  BodyState body_state(std::uint32_t body) const;
+  std::uint64_t pose_revision() const;
+
+  /// The size of the answer. Throws QueryError.
+  QuerySize size(const QueryView& query) const;
+  /// The pairs that a query answers, in order. Throws QueryError (also if there are more than Options::max_rows).
+  std::vector<BodyPair> pairs(const QueryView& query) const;
+  /// Begins a query on the newest snapshot. Copies what it needs of `query`; throws QueryError.
+  Job start(const QueryView& query, const ReplyView& reply) const;
+
+  Counters stats() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace clearance

@@ -1,0 +1,79 @@
+// Three-vectors and matrices over any scalar, for host and device.
+//
+// The narrow phase is written once over a scalar T (float, double, DoubleDouble, a SIMD pack); Eigen serves the loaders,
+// whose types are never in a hot loop.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+
+#ifdef __CUDACC__
+#define CLEARANCE_HD __host__ __device__
+#else
+#define CLEARANCE_HD
+#endif
+
+namespace clearance {
+
+template <class T>
+struct Vec3 {
+  T x, y, z;
+
+  CLEARANCE_HD Vec3& operator+=(const Vec3& b) { return *this = *this + b; }
+  CLEARANCE_HD Vec3& operator-=(const Vec3& b) { return *this = *this - b; }
+  CLEARANCE_HD friend Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+  CLEARANCE_HD friend Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+  CLEARANCE_HD friend Vec3 operator-(const Vec3& a) { return {-a.x, -a.y, -a.z}; }
+  CLEARANCE_HD friend Vec3 operator*(const Vec3& a, const T& s) { return {a.x * s, a.y * s, a.z * s}; }
+  CLEARANCE_HD friend Vec3 operator*(const T& s, const Vec3& a) { return a * s; }
+  CLEARANCE_HD const T& operator[](int i) const { return (&x)[i]; }
+  CLEARANCE_HD T& operator[](int i) { return (&x)[i]; }
+};
+
+template <class T>
+CLEARANCE_HD inline T dot(const Vec3<T>& a, const Vec3<T>& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+template <class T>
+CLEARANCE_HD inline Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+template <class T>
+CLEARANCE_HD inline T squared_norm(const Vec3<T>& a) {
+  return dot(a, a);
+}
+
+template <class T>
+CLEARANCE_HD inline T norm(const Vec3<T>& a) {
+  using std::sqrt;
+  return sqrt(dot(a, a));
+}
+
+/// Converts between scalars.
+template <class To, class From>
+CLEARANCE_HD inline Vec3<To> cast(const Vec3<From>& a) {
+  return {To(a.x), To(a.y), To(a.z)};
+}
+
+/// Row-major 3 x 3 matrix.
+template <class T>
+struct Mat3 {
+  Vec3<T> row[3];
+
+  CLEARANCE_HD friend Vec3<T> operator*(const Mat3& m, const Vec3<T>& v) {
+    return {dot(m.row[0], v), dot(m.row[1], v), dot(m.row[2], v)};
+  }
+  /// m^T v, without forming the transpose.
+  CLEARANCE_HD Vec3<T> transpose_times(const Vec3<T>& v) const {
+    return {row[0].x * v.x + row[1].x * v.y + row[2].x * v.z, row[0].y * v.x + row[1].y * v.y + row[2].y * v.z,
+            row[0].z * v.x + row[1].z * v.y + row[2].z * v.z};
+  }
+  CLEARANCE_HD static Mat3 identity() { return {{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}}}; }
+};
+
+using Vec3d = Vec3<double>;
+using Mat3d = Mat3<double>;
+
+}  // namespace clearance

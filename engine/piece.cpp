@@ -1,0 +1,63 @@
+#include "piece.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "pose.h"
+
+namespace clearance {
+
+namespace {
+
+// Rounds a length up past every rounding made in computing it (a few operations, each within 2^-53).
+double padded(double length) { return length * (1 + 8 * std::numeric_limits<double>::epsilon()); }
+
+}  // namespace
+
+PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
+                    std::vector<std::uint32_t> adjacency_begin, std::vector<std::uint32_t> adjacency) {
+  if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
+  if (!(radius >= 0 && radius <= kMaxCoordinate))
+    throw std::invalid_argument("radius must be a number of metres >= 0, got " + std::to_string(radius));
+  for (std::size_t i = 0; i < vertices.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      if (!(std::abs(vertices[i][k]) <= kMaxCoordinate))
+        throw std::invalid_argument("vertex " + std::to_string(i) + " has the coordinate " +
+                                    std::to_string(vertices[i][k]) + "; expected a finite number up to 1e60 m");
+
+  auto piece = std::make_shared<Piece>();
+  piece->radius = radius;
+  piece->loaded_vertices = loaded_vertices ? loaded_vertices : vertices.size();
+  piece->adjacency_begin = std::move(adjacency_begin);
+  piece->adjacency = std::move(adjacency);
+
+  Vec3d low = vertices[0], high = vertices[0];
+  for (const Vec3d& v : vertices)
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], v[k]);
+      high[k] = std::max(high[k], v[k]);
+    }
+  piece->centre = 0.5 * low + 0.5 * high;
+  for (int k = 0; k < 3; ++k)
+    piece->half[k] = padded(std::max(high[k] - piece->centre[k], piece->centre[k] - low[k]));
+  double rho2 = 0, spread2 = 0;
+  for (const Vec3d& v : vertices) {
+    rho2 = std::max(rho2, squared_norm(v));
+    spread2 = std::max(spread2, squared_norm(v - piece->centre));
+  }
+  piece->rho = padded(std::sqrt(rho2));
+  piece->spread = padded(std::sqrt(spread2));
+
+  for (const Vec3d& v : vertices) {
+    piece->x.push_back(v.x);
+    piece->y.push_back(v.y);
+    piece->z.push_back(v.z);
+  }
+  piece->vertices = std::move(vertices);
+  return piece;
+}
+
+}  // namespace clearance

@@ -1,0 +1,45 @@
+// A convex piece: the convex hull of all its vertices, grown by a radius.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "engine/math.h"
+
+namespace clearance {
+
+struct SupportTree;  // engine/support.h
+
+/// Immutable geometry in the body's frame, metres.
+///
+/// `vertices` holds every vertex that was loaded except exact duplicates and those proved to lie inside the hull of the
+/// rest (hull.h). Bounds are stated for this set. Bodies made from the same shape share one Piece.
+struct Piece {
+  std::vector<Vec3d> vertices;       ///< at least one
+  double radius = 0;                 ///< metres, >= 0
+  std::uint64_t loaded_vertices = 0; ///< before duplicates and inner vertices were dropped
+
+  /// Neighbour lists (compressed rows) for hill climbing: a guess, never part of a proof. Empty: support by scan.
+  std::vector<std::uint32_t> adjacency_begin;  ///< (V + 1,)
+  std::vector<std::uint32_t> adjacency;
+
+  // Derived by make_piece().
+  Vec3d centre{0, 0, 0};  ///< of the bounding box of the vertices
+  Vec3d half{0, 0, 0};    ///< half extents of that box, rounded up; without radius
+  double rho = 0;         ///< max |v| from the body's origin, rounded up
+  double spread = 0;      ///< max |v - centre|, rounded up
+
+  /// Structure-of-arrays copy of the vertices for scans, and the bounding tree for large pieces.
+  std::vector<double> x, y, z;
+  std::shared_ptr<const SupportTree> tree;  ///< null for small pieces
+};
+using PiecePtr = std::shared_ptr<const Piece>;
+
+/// Builds a piece and what is derived from it. Vertices as they come: nothing is dropped here.
+/// Throws std::invalid_argument for no vertex, a non-finite or too large coordinate, or a negative or non-finite radius.
+PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
+                    std::vector<std::uint32_t> adjacency_begin = {}, std::vector<std::uint32_t> adjacency = {});
+
+}  // namespace clearance

@@ -1,0 +1,74 @@
+// What the daemon's loop knows of a transport, and what a transport knows of the daemon.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "client/protocol.h"
+#include "engine/engine.h"
+
+namespace clearance {
+
+/// One request's way back to its client. Used on the loop's thread only; destroyed without publish(): the client gets
+/// nothing (it is gone, or the transport has said so itself).
+class ReplySink {
+ public:
+  virtual ~ReplySink() = default;
+
+  /// Room for one whole frame (header and payload), 64-byte aligned, that the engine writes in place. Null if this client
+  /// cannot take so much; the daemon then answers kTooLarge with the bytes needed. May be called again (to shrink or grow
+  /// before anything was published); the former room is given up.
+  virtual std::byte* reserve(std::uint64_t frame_bytes) = 0;
+  /// Sends the frame written into the reserved room; its size is read from `header_bytes + payload_bytes`, never more than
+  /// was reserved. Called once.
+  virtual void publish(std::uint64_t frame_bytes) = 0;
+  /// False once the client is known to be gone: its job is then dropped.
+  virtual bool alive() const = 0;
+  /// The same for every request of one client, unlike for two clients, never 0: for fairness and warm state.
+  virtual std::uint64_t client() const = 0;
+};
+
+/// Where a transport hands in what arrived. Implemented by the loop.
+class Inbox {
+ public:
+  virtual ~Inbox() = default;
+
+  /// A frame. `payload` is private memory (a copy of whatever the client can still write) and valid during the call only.
+  /// The header has been copied but not validated.
+  virtual void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
+                        std::unique_ptr<ReplySink> sink) = 0;
+  /// Poses from a listener transport (LCM), already validated for size.
+  virtual PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) = 0;
+  /// A counter, made on first use: "shm.clients", "lcm.gaps". The reference stays valid.
+  virtual std::uint64_t& counter(const std::string& name) = 0;
+  virtual Engine& engine() = 0;
+};
+
+/// One way in and out. Lives on the loop's thread.
+class Transport {
+ public:
+  virtual ~Transport() = default;
+
+  virtual std::string url() const = 0;  ///< what a client passes to connect()
+  /// Descriptors that become readable when poll() has work. Asked again after every poll().
+  virtual std::vector<int> descriptors() const = 0;
+  /// Takes what arrived, a bounded number of frames, without blocking. Returns how many frames it handed in.
+  virtual int poll(Inbox& inbox) = 0;
+  /// Called before the loop goes to sleep in epoll. Returns true if work arrived meanwhile (then the loop does not sleep).
+  virtual bool prepare_sleep() { return false; }
+  virtual void finish_sleep() {}
+  /// Called about every 100 ms and after each batch of pose updates: periodic messages, dead peers.
+  virtual void tick(Inbox&) {}
+};
+
+/// Each throws std::runtime_error with cause and place if the endpoint cannot be opened.
+std::unique_ptr<Transport> make_zmq_transport(const std::string& endpoint);
+std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path);
+std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const std::string& channel_prefix = "");
+
+}  // namespace clearance
