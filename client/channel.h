@@ -28,7 +28,8 @@ class Channel {
   virtual ~Channel() = default;
 
   /// Room for a request frame of `frame_bytes` with a reply of about `reply_bytes` (0: unknown), 64-byte aligned.
-  /// Throws ConnectionError. The room is the caller's until send().
+  /// Throws ConnectionError (also if every slot of a shared segment is taken by frames the caller still holds), and
+  /// RequestError with kTooLarge if the daemon refuses so large a request. The room is the caller's until send().
   virtual std::byte* begin(std::uint64_t frame_bytes, std::uint64_t reply_bytes) = 0;
   /// Sends the frame written there; its header must be whole. Throws ConnectionError.
   virtual void send() = 0;
@@ -42,6 +43,7 @@ class Channel {
 
 /// Each connects or throws ConnectionError (client.h) naming the url and the cause.
 std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, Deadline deadline);
+/// \param socket_path may end in options: "/run/user/0/clearance.sock?spin_us=50" (0: never spin; default 20).
 std::unique_ptr<Channel> open_shm_channel(const std::string& socket_path, Deadline deadline);
 std::unique_ptr<Channel> open_lcm_channel(const std::string& lcm_url, const std::string& channel_prefix, Deadline deadline);
 
