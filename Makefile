@@ -1,0 +1,24 @@
+# The everyday commands. The work is done by CMake (CMakePresets.json), ctest, pytest and the scripts in tools/.
+
+PYTHON_VENV := .venv/bin/python
+CORES := $(shell nproc)
+
+.DEFAULT_GOAL := help
+.PHONY: help setup build test clean
+
+help:  ## this list
+	@echo "make TARGET, one of"
+	@sed -nE 's/^([a-z-]+):.*##  ?(.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
+
+setup:  ## install what is missing: Debian packages (apt), Python packages (.venv)
+	@tools/setup.sh
+
+build: setup  ## daemon and command line in build/bin, Python package in .venv
+	@tools/build.sh release
+
+test: build  ## every test: ctest, then pytest
+	@ctest --test-dir build -j $(CORES) --output-on-failure
+	@$(PYTHON_VENV) -m pytest -q tests/python
+
+clean:  ## remove build folders and out/ (.venv stays)
+	@rm -rf build build-* out
