@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "digest.h"
 #include "pose.h"
 
 namespace clearance {
@@ -18,7 +19,8 @@ double padded(double length) { return length * (1 + 8 * std::numeric_limits<doub
 }  // namespace
 
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
-                    std::vector<std::uint32_t> adjacency_begin, std::vector<std::uint32_t> adjacency) {
+                    std::vector<std::uint32_t> adjacency_begin, std::vector<std::uint32_t> adjacency,
+                    std::uint64_t digest) {
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   if (!(radius >= 0 && radius <= kMaxCoordinate))
     throw std::invalid_argument("radius must be a number of metres >= 0, got " + std::to_string(radius));
@@ -31,6 +33,13 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   auto piece = std::make_shared<Piece>();
   piece->radius = radius;
   piece->loaded_vertices = loaded_vertices ? loaded_vertices : vertices.size();
+  if (digest == 0) {
+    Digest d;
+    d.add(vertices);
+    d.add(radius);
+    digest = d.value();
+  }
+  piece->digest = digest;
   piece->adjacency_begin = std::move(adjacency_begin);
   piece->adjacency = std::move(adjacency);
 

@@ -20,6 +20,7 @@ struct Piece {
   std::vector<Vec3d> vertices;       ///< at least one
   double radius = 0;                 ///< metres, >= 0
   std::uint64_t loaded_vertices = 0; ///< before duplicates and inner vertices were dropped
+  std::uint64_t digest = 0;          ///< of the vertices as loaded and the radius; the same on every machine
 
   /// Neighbour lists (compressed rows) for hill climbing: a guess, never part of a proof. Empty: support by scan.
   std::vector<std::uint32_t> adjacency_begin;  ///< (V + 1,)
@@ -38,8 +39,10 @@ struct Piece {
 using PiecePtr = std::shared_ptr<const Piece>;
 
 /// Builds a piece and what is derived from it. Vertices as they come: nothing is dropped here.
+/// \param digest of the vertices as loaded; 0: of `vertices` and `radius`.
 /// Throws std::invalid_argument for no vertex, a non-finite or too large coordinate, or a negative or non-finite radius.
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
-                    std::vector<std::uint32_t> adjacency_begin = {}, std::vector<std::uint32_t> adjacency = {});
+                    std::vector<std::uint32_t> adjacency_begin = {}, std::vector<std::uint32_t> adjacency = {},
+                    std::uint64_t digest = 0);
 
 }  // namespace clearance

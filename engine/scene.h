@@ -18,6 +18,8 @@
 
 namespace clearance {
 
+struct Shape;  // engine/shapes.h
+
 /// Bad input at set-up. The text names cause and place: "scenes/a.yaml:12: bodies[3].radius: expected a number > 0, got -1".
 struct SceneError : std::runtime_error {
   using std::runtime_error::runtime_error;
@@ -55,7 +57,7 @@ struct Group {
 /// Bodies by id (their order of arrival), groups, and the pairs that are not asked about.
 class Scene {
  public:
-  /// Options of the add_* calls.
+  /// Options of the add_* calls. A body that is static or has a parent stays, without a pose, at the identity.
   struct BodyOptions {
     double radius = 0;                 ///< grows every piece, metres
     std::string parent;                ///< name of a body already there; empty: none
@@ -71,11 +73,14 @@ class Scene {
   std::uint32_t add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options);
   std::uint32_t add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
                          const BodyOptions& options);
+  std::uint32_t add_uv_sphere(const std::string& name, double radius, int resolution, const BodyOptions& options);  ///< Open3D's create_sphere
   std::uint32_t add_box(const std::string& name, Vec3d size, const BodyOptions& options);       ///< full edge lengths
   std::uint32_t add_sphere(const std::string& name, double radius, const BodyOptions& options);
   std::uint32_t add_capsule(const std::string& name, double radius, double length, const BodyOptions& options);   ///< along z; length between the centres of its caps
   std::uint32_t add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options);  ///< along z; a circumscribed prism
   std::uint32_t add_body(Body body);  ///< ready-made pieces
+  /// Makes a body follow another from the start. Throws SceneError for an unknown body, a cycle, or a static child.
+  void set_parent(const std::string& child, const std::string& parent);
 
   void add_group(const std::string& name, std::span<const std::string> bodies);
   /// Leaves out every pair between two bodies or groups (a group with itself: its inner pairs).
@@ -96,6 +101,8 @@ class Scene {
 
  private:
   std::vector<std::uint32_t> resolve(const std::string& body_or_group) const;
+  std::uint32_t add_shape(const std::string& name, const Shape& shape, const char* source, const BodyOptions& options);
+  void check_free(const std::string& name, const char* what) const;
 
   std::vector<Body> bodies_;
   std::vector<Group> groups_;

@@ -1,0 +1,70 @@
+// Exact duplicates among positions, found by hashing their bits.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "math.h"
+
+namespace clearance {
+
+/// The distinct positions of a list, in order of first appearance.
+template <class T>
+struct UniquePositions {
+  std::vector<Vec3<T>> positions;
+  std::vector<std::uint32_t> index;  ///< of each input position among `positions`
+};
+
+/// Merges positions that are equal as numbers (-0 equals +0); nothing is merged within a tolerance. At most 2^32 - 2 of them,
+/// none of them NaN.
+template <class T>
+UniquePositions<T> unique_positions(std::span<const Vec3<T>> input) {
+  using Bits = std::conditional_t<sizeof(T) == 8, std::uint64_t, std::uint32_t>;
+  constexpr std::uint32_t kFree = 0xFFFFFFFFu;
+  const auto hash = [](const Vec3<T>& v) {
+    std::uint64_t h = 0;
+    for (int k = 0; k < 3; ++k) {
+      h = (std::rotl(h, 23) ^ std::uint64_t{std::bit_cast<Bits>(v[k])}) * 0x9E3779B97F4A7C15ull;
+      h ^= h >> 29;
+    }
+    return h * 0xD6E8FEB86659FD93ull;
+  };
+
+  UniquePositions<T> out;
+  out.index.resize(input.size());
+  int log2_slots = 8;
+  std::vector<std::uint32_t> slots(std::size_t{1} << log2_slots, kFree);
+  const auto place = [&](std::uint64_t h) { return static_cast<std::size_t>(h >> (64 - log2_slots)); };
+  for (std::size_t i = 0; i < input.size(); ++i) {
+    const Vec3<T> v{input[i].x + T(0), input[i].y + T(0), input[i].z + T(0)};  // -0 becomes +0
+    std::size_t s = place(hash(v));
+    const std::size_t mask = slots.size() - 1;
+    while (slots[s] != kFree) {
+      const Vec3<T>& u = out.positions[slots[s]];
+      if (u.x == v.x && u.y == v.y && u.z == v.z) break;
+      s = (s + 1) & mask;
+    }
+    if (slots[s] != kFree) {
+      out.index[i] = slots[s];
+      continue;
+    }
+    const auto fresh = static_cast<std::uint32_t>(out.positions.size());
+    slots[s] = fresh;
+    out.index[i] = fresh;
+    out.positions.push_back(v);
+    if (2 * out.positions.size() <= slots.size()) continue;
+    ++log2_slots;
+    slots.assign(slots.size() * 2, kFree);
+    for (std::uint32_t p = 0; p < out.positions.size(); ++p) {
+      std::size_t t = place(hash(out.positions[p]));
+      while (slots[t] != kFree) t = (t + 1) & (slots.size() - 1);
+      slots[t] = p;
+    }
+  }
+  return out;
+}
+
+}  // namespace clearance
