@@ -1,6 +1,7 @@
 // What the daemon's loop knows of a transport, and what a transport knows of the daemon.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -13,6 +14,12 @@
 #include "engine/engine.h"
 
 namespace clearance {
+
+/// A number for ReplySink::client() that no other client of this process has, whatever the transport.
+inline std::uint64_t next_client_id() {
+  static std::atomic<std::uint64_t> last{0};
+  return ++last;
+}
 
 /// One request's way back to its client. Used on the loop's thread only; destroyed without publish(): the client gets
 /// nothing (it is gone, or the transport has said so itself).
