@@ -12,7 +12,7 @@
 //
 // ZeroMQ carries a frame as two message parts (header, payload), shared memory as one contiguous block that starts on a
 // 64-byte boundary, LCM inside typed messages (lcmtypes/). Little-endian throughout; metres, radians, nanoseconds.
-// A version changes when a struct does; a peer of another version is refused with kErrorVersion.
+// A version changes when a struct does; a peer of another version is refused with kWrongVersion.
 // Everything read from a peer is copied once and validated (wire.h) before it is used.
 #pragma once
 
@@ -31,6 +31,8 @@ inline constexpr std::uint16_t kVersion = 1;
 inline constexpr std::uint64_t kColumnAlignment = 64;
 /// A frame larger than this is refused, whatever the transport.
 inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 31;
+/// A request larger than this is refused by clients before it is sent; ZeroMQ closes the connection of one who tries.
+inline constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{1} << 28;
 
 enum class FrameType : std::uint16_t {
   // client to daemon
@@ -198,7 +200,7 @@ enum class ErrorCode : std::uint16_t {
   kTooLarge = 3,
   kNotSupported = 4,
   kBadFrame = 16,     ///< magic, sizes or counts do not fit
-  kVersion = 17,
+  kWrongVersion = 17,  ///< the text says which one this side speaks
   kUnknownType = 18,
   kBusy = 19,         ///< the queue of this client is full; ask again
   kInternal = 20,
