@@ -1,0 +1,185 @@
+// Builds and checks frames of the wire contract (protocol.h): one routine for each, used by the daemon and by clients.
+//
+// Nothing here trusts a byte: every size is computed without overflow and compared with what arrived before anything is
+// read, every enumeration is checked for its range, and records are read by copy, so that no alignment is asked for.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "protocol.h"
+
+namespace clearance::wire {
+
+/// A frame that cannot be accepted; the text names the part and what was expected there.
+struct WireError : std::runtime_error {
+  WireError(ErrorCode c, const std::string& what) : std::runtime_error(what), code(c) {}
+  ErrorCode code;
+};
+
+/// `count` records of T, one after another in somebody's bytes.
+template <class T>
+class Records {
+ public:
+  Records() = default;
+  Records(const std::byte* begin, std::uint64_t count) : begin_(begin), count_(count) {}
+  std::uint64_t size() const { return count_; }
+  /// Record i by value. i < size().
+  T operator[](std::uint64_t i) const {
+    T record;
+    std::memcpy(&record, begin_ + i * sizeof(T), sizeof(T));
+    return record;
+  }
+  const std::byte* data() const { return begin_; }
+  std::uint64_t size_bytes() const { return count_ * sizeof(T); }
+
+ private:
+  const std::byte* begin_ = nullptr;
+  std::uint64_t count_ = 0;
+};
+
+struct PairRecord {
+  std::uint32_t a = 0;  ///< selector
+  std::uint32_t b = 0;
+};
+struct ConfigurationRecord {
+  double pose[7] = {};
+};
+static_assert(sizeof(PairRecord) == 8 && sizeof(ConfigurationRecord) == 56);
+
+// --- frames
+// -----------------------------------------------------------------------------------------------------------
+
+/// Throws WireError (kBadFrame, kWrongVersion) unless the header fits this version and the payload that came with it.
+void check_header(const FrameHeader& header, std::uint64_t payload_bytes);
+
+/// Copies the header of a contiguous frame, checks it and returns its payload. Throws WireError.
+std::span<const std::byte> split_frame(std::span<const std::byte> frame, FrameHeader& header);
+
+/// The header of a frame of `type`.
+FrameHeader make_header(FrameType type, std::uint64_t request_id, std::uint64_t payload_bytes,
+                        std::uint64_t scene_revision = 0, std::uint64_t client_id = 0);
+
+/// The type's name for messages: "kQuery"; of an unknown one its number.
+std::string type_name(std::uint16_t type);
+/// The code's name for messages and counters: "bad_query".
+std::string_view error_name(ErrorCode code);
+
+/// Appends to a frame under construction; the payload's size is written into the header at the end.
+class FrameBuilder {
+ public:
+  explicit FrameBuilder(const FrameHeader& header) { add(header); }
+
+  template <class T>
+  FrameBuilder& add(const T& record) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    return add_bytes(&record, sizeof record);
+  }
+  FrameBuilder& add_bytes(const void* data, std::size_t size) {
+    const auto* begin = static_cast<const std::byte*>(data);
+    bytes_.insert(bytes_.end(), begin, begin + size);
+    return *this;
+  }
+  /// The whole frame.
+  std::vector<std::byte> take();
+
+ private:
+  std::vector<std::byte> bytes_;
+};
+
+// --- kQuery, kPairs
+// ---------------------------------------------------------------------------------------------------
+
+struct QueryParts {
+  QueryHeader header;
+  Records<PairRecord> pairs;                    ///< (P,)
+  Records<std::uint32_t> bodies;                ///< (M,)
+  Records<ConfigurationRecord> configurations;  ///< (K, M); empty in kPairs
+};
+
+/// Bytes of a query's payload. Throws WireError (kTooLarge) if a frame cannot be so large.
+std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t configurations);
+
+/// Writes a whole kQuery or kPairs frame of sizeof(FrameHeader) + query_payload_bytes(...) at `frame`. The counts are
+/// those of `query`; of kPairs the configurations are left out (and counted as 0 in query_payload_bytes).
+void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,
+                 const void* bodies, const void* configurations);
+
+/// Throws WireError (kBadFrame for sizes, kBadQuery for values).
+/// \param with_configurations false for kPairs.
+QueryParts parse_query(std::span<const std::byte> payload, bool with_configurations = true);
+
+// --- kReply
+// -----------------------------------------------------------------------------------------------------------
+
+/// Bytes of the columns of a reply. Throws WireError (kTooLarge) if a frame cannot be so large.
+std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields);
+/// Where the column of `field` begins, from the end of the ReplyHeader. The column must be among `fields`.
+std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field);
+/// Throws WireError unless the columns that the header speaks of are all there.
+ReplyHeader parse_reply(std::span<const std::byte> payload);
+
+// --- the others
+// -------------------------------------------------------------------------------------------------------
+
+struct PosesParts {
+  PosesHeader header;
+  Records<PoseRecord> poses;
+};
+PosesParts parse_poses(std::span<const std::byte> payload);
+AttachRecord parse_attach(std::span<const std::byte> payload);
+PosesResult parse_poses_done(std::span<const std::byte> payload);
+
+struct SceneParts {
+  SceneHeader header;
+  Records<BodyRecord> bodies;
+  Records<GroupRecord> groups;
+  Records<std::uint32_t> members;
+};
+/// Also checks that names end, members exist and are bodies.
+SceneParts parse_scene(std::span<const std::byte> payload);
+
+struct PairTableParts {
+  PairsHeader header;
+  Records<PairRecord> pairs;
+};
+PairTableParts parse_pair_table(std::span<const std::byte> payload);
+
+struct StatesParts {
+  StatesHeader header;
+  Records<BodyStateRecord> states;
+};
+StatesParts parse_states(std::span<const std::byte> payload);
+
+/// Also checks that names end.
+Records<CounterRecord> parse_stats(std::span<const std::byte> payload);
+
+struct ErrorParts {
+  ErrorHeader header;
+  std::string text;
+};
+ErrorParts parse_error(std::span<const std::byte> payload);
+
+/// The payload of a frame without one: throws WireError if there are bytes.
+void parse_empty(std::span<const std::byte> payload, std::uint16_t type);
+
+/// The name in a fixed field, up to its NUL.
+template <std::size_t N>
+std::string name_of(const char (&field)[N]) {
+  return {field, strnlen(field, N)};
+}
+/// Writes a name into a fixed field, cut to fit and NUL-terminated.
+template <std::size_t N>
+void set_name(char (&field)[N], std::string_view name) {
+  const std::size_t size = name.size() < N ? name.size() : N - 1;
+  std::memset(field, 0, N);
+  std::memcpy(field, name.data(), size);
+}
+
+}  // namespace clearance::wire

@@ -1,0 +1,410 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <map>
+#include <memory>
+#include <random>
+
+#include "client/wire.h"
+
+namespace clearance::wire {
+namespace {
+
+using Bytes = std::vector<std::byte>;
+
+template <class T>
+void put(Bytes& bytes, const T& record) {
+  const auto* begin = reinterpret_cast<const std::byte*>(&record);
+  bytes.insert(bytes.end(), begin, begin + sizeof record);
+}
+
+template <class T>
+void overwrite(Bytes& bytes, std::size_t at, const T& value) {
+  ASSERT_LE(at + sizeof value, bytes.size());
+  std::memcpy(bytes.data() + at, &value, sizeof value);
+}
+
+Bytes query_payload(std::uint32_t pairs, std::uint32_t bodies, std::uint32_t configurations, bool is_pairs = false) {
+  QueryHeader q;
+  q.max_distance = std::numeric_limits<double>::infinity();
+  q.all_pairs = pairs == 0;
+  q.pair_count = pairs;
+  q.body_count = bodies;
+  q.configuration_count = configurations;
+  std::vector<std::uint32_t> pair_ids(2 * pairs), body_ids(bodies);
+  for (std::size_t i = 0; i < pair_ids.size(); ++i) pair_ids[i] = 100 + i;
+  for (std::size_t i = 0; i < body_ids.size(); ++i) body_ids[i] = 200 + i;
+  std::vector<double> poses(std::size_t{configurations} * bodies * 7);
+  for (std::size_t i = 0; i < poses.size(); ++i) poses[i] = 0.5 * i;
+  const std::uint64_t payload = query_payload_bytes(pairs, bodies, is_pairs ? 0 : configurations);
+  Bytes frame(sizeof(FrameHeader) + payload);
+  write_query(frame.data(), make_header(is_pairs ? FrameType::kPairs : FrameType::kQuery, 7, payload), q,
+              pair_ids.data(), body_ids.data(), poses.data());
+  return Bytes(frame.begin() + sizeof(FrameHeader), frame.end());
+}
+
+Bytes scene_payload() {
+  Bytes payload;
+  SceneHeader h;
+  h.body_count = 3;
+  h.group_count = 2;
+  h.member_count = 3;
+  set_name(h.backend, "cpu");
+  put(payload, h);
+  for (const char* name : {"base", "link", "cup"}) {
+    BodyRecord body;
+    set_name(body.name, name);
+    put(payload, body);
+  }
+  GroupRecord group;
+  set_name(group.name, "arm");
+  group.member_count = 2;
+  put(payload, group);
+  set_name(group.name, "hand");
+  group.first_member = 2;
+  group.member_count = 1;
+  put(payload, group);
+  for (std::uint32_t member : {0u, 1u, 2u}) put(payload, member);
+  return payload;
+}
+
+Bytes reply_payload(std::uint64_t rows, std::uint32_t fields) {
+  Bytes payload;
+  ReplyHeader h;
+  h.rows = rows;
+  h.fields = fields;
+  set_name(h.backend, "cpu");
+  put(payload, h);
+  payload.resize(payload.size() + columns_bytes(rows, fields));
+  return payload;
+}
+
+Bytes poses_payload(std::uint64_t count) {
+  Bytes payload;
+  PosesHeader h;
+  h.count = count;
+  put(payload, h);
+  for (std::uint64_t i = 0; i < count; ++i)
+    put(payload, PoseRecord{static_cast<std::uint32_t>(i), 0, {1, 2, 3, 1, 0, 0, 0}});
+  return payload;
+}
+
+template <class T>
+Bytes single(const T& record) {
+  Bytes payload;
+  put(payload, record);
+  return payload;
+}
+
+/// Sums bytes so that every record that a parser let through is read (and checked by the address sanitizer).
+std::uint64_t drain_bytes(const void* data, std::size_t size) {
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < size; ++i) sum += static_cast<const unsigned char*>(data)[i];
+  return sum;
+}
+template <class T>
+std::uint64_t drain(const Records<T>& records) {
+  std::uint64_t sum = 0;
+  for (std::uint64_t i = 0; i < records.size(); ++i) {
+    const T record = records[i];
+    sum += drain_bytes(&record, sizeof record);
+  }
+  return sum;
+}
+
+/// Each kind of payload: a good example, and a parser that reads all that it accepts.
+struct Kind {
+  Bytes good;
+  std::function<std::uint64_t(std::span<const std::byte>)> read;
+  bool any_multiple_is_good = false;  ///< a shorter payload may be whole again (kStats)
+};
+
+std::map<std::string, Kind> kinds() {
+  Bytes stats;
+  for (const std::string& name : {std::string("frames"), std::string(55, 'q')}) {  // the second fills its field
+    CounterRecord counter;
+    set_name(counter.name, name);
+    put(stats, counter);
+  }
+  Bytes states;
+  StatesHeader states_header;
+  states_header.count = 2;
+  put(states, states_header);
+  put(states, BodyStateRecord{});
+  put(states, BodyStateRecord{});
+  Bytes table;
+  put(table, PairsHeader{1, 3});
+  for (std::uint32_t i = 0; i < 3; ++i) put(table, PairRecord{i, i + 1});
+  Bytes error;
+  put(error, ErrorHeader{3, 0, 5, 0});
+  for (char c : {'w', 'r', 'o', 'n', 'g'}) put(error, c);
+
+  const auto read_query = [](bool configurations) {
+    return [configurations](std::span<const std::byte> payload) {
+      const auto parts = parse_query(payload, configurations);
+      return drain(parts.pairs) + drain(parts.bodies) + drain(parts.configurations);
+    };
+  };
+  return {
+      {"query", {query_payload(3, 3, 2), read_query(true)}},
+      {"pairs", {query_payload(2, 1, 4, true), read_query(false)}},
+      {"reply",
+       {reply_payload(5, kDefaultFields | kFieldPoints | kFieldPair),
+        [](std::span<const std::byte> payload) {
+          const auto h = parse_reply(payload);
+          std::uint64_t sum = 0;
+          for (int f = 0; f < kFieldCount; ++f)
+            if (h.fields >> f & 1)
+              sum += drain_bytes(payload.data() + sizeof h + column_offset(h.rows, h.fields, Field(1u << f)),
+                                 h.rows * kFieldBytes[f]);
+          return sum;
+        }}},
+      {"poses", {poses_payload(3), [](auto payload) { return drain(parse_poses(payload).poses); }}},
+      {"attach", {single(AttachRecord{}), [](auto payload) { return std::uint64_t{parse_attach(payload).child}; }}},
+      {"poses done", {single(PosesResult{}), [](auto payload) { return parse_poses_done(payload).revision; }}},
+      {"scene",
+       {scene_payload(),
+        [](auto payload) {
+          const auto parts = parse_scene(payload);
+          for (std::uint64_t g = 0; g < parts.groups.size(); ++g)
+            for (std::uint32_t m = 0; m < parts.groups[g].member_count; ++m)
+              EXPECT_LT(parts.members[parts.groups[g].first_member + m], parts.bodies.size());
+          return drain(parts.bodies) + drain(parts.groups) + drain(parts.members);
+        }}},
+      {"pair table", {table, [](auto payload) { return drain(parse_pair_table(payload).pairs); }}},
+      {"body states", {states, [](auto payload) { return drain(parse_states(payload).states); }}},
+      {"stats", {stats, [](auto payload) { return drain(parse_stats(payload)); }, true}},
+      {"error", {error, [](auto payload) { return std::uint64_t{parse_error(payload).text.size()}; }}},
+  };
+}
+
+/// Reads a copy that ends where its allocation ends, so that a byte too far is an error of the sanitizer.
+std::uint64_t read_exact(const Kind& kind, const Bytes& bytes) {
+  const std::unique_ptr<std::byte[]> copy(new std::byte[bytes.size()]);
+  std::copy(bytes.begin(), bytes.end(), copy.get());
+  return kind.read({copy.get(), bytes.size()});
+}
+
+std::string error_of(const std::function<void()>& call, ErrorCode expected) {
+  try {
+    call();
+  } catch (const WireError& error) {
+    EXPECT_EQ(error.code, expected) << error.what();
+    return error.what();
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return "";
+}
+
+TEST(Wire, GoodPayloadsAreRead) {
+  for (const auto& [name, kind] : kinds()) EXPECT_NO_THROW(read_exact(kind, kind.good)) << name;
+}
+
+TEST(Wire, EveryTruncationIsRefused) {
+  for (const auto& [name, kind] : kinds()) {
+    for (std::size_t size = 0; size < kind.good.size(); ++size) {
+      const Bytes part(kind.good.begin(), kind.good.begin() + size);
+      if (kind.any_multiple_is_good && size % sizeof(CounterRecord) == 0)
+        EXPECT_NO_THROW(read_exact(kind, part)) << name << " " << size;
+      else
+        EXPECT_THROW(read_exact(kind, part), WireError) << name << " " << size;
+    }
+  }
+}
+
+TEST(Wire, OneByteTooManyIsRefused) {
+  for (const auto& [name, kind] : kinds()) {
+    Bytes longer = kind.good;
+    longer.push_back(std::byte{0});
+    EXPECT_THROW(read_exact(kind, longer), WireError) << name;
+  }
+}
+
+TEST(Wire, FlippedBitsNeverReadOutside) {
+  std::mt19937 random(20);
+  for (const auto& [name, kind] : kinds()) {
+    int refused = 0, accepted = 0;
+    for (int round = 0; round < 3000; ++round) {
+      Bytes bytes = kind.good;
+      const int flips = 1 + static_cast<int>(random() % 4);
+      // Headers are where sizes and counts are: half of the flips go there.
+      for (int i = 0; i < flips; ++i) {
+        const std::size_t span = random() % 2 ? std::min<std::size_t>(bytes.size(), 128) : bytes.size();
+        bytes[random() % span] ^= std::byte(1 << random() % 8);
+      }
+      try {
+        read_exact(kind, bytes);
+        ++accepted;
+      } catch (const WireError&) {
+        ++refused;
+      }
+    }
+    // A payload that is one struct without invalid values cannot be refused for its contents.
+    EXPECT_EQ(refused > 0, name != "poses done") << name;
+    EXPECT_GT(accepted, 0) << name;
+  }
+}
+
+TEST(Wire, RandomBytesNeverReadOutside) {
+  std::mt19937 random(21);
+  for (const auto& [name, kind] : kinds())
+    for (int round = 0; round < 500; ++round) {
+      Bytes bytes(random() % 400);
+      for (auto& byte : bytes) byte = std::byte(random());
+      try {
+        read_exact(kind, bytes);
+      } catch (const WireError&) {
+      }
+    }
+}
+
+TEST(Wire, AbsurdCountsDoNotOverflow) {
+  Bytes query = query_payload(0, 1, 1);
+  for (std::size_t at : {offsetof(QueryHeader, body_count), offsetof(QueryHeader, configuration_count)})
+    overwrite(query, at, std::uint32_t{0xFFFFFFFF});
+  EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadFrame),
+            "query: 0 pairs, 4294967295 bodies and 4294967295 configurations need a payload of more than 2^64 bytes, "
+            "got 192");
+
+  // 2^58 records of 64 bytes are 2^64 bytes: a product in 64 bits would be 0 and fit.
+  Bytes poses = poses_payload(0);
+  overwrite(poses, offsetof(PosesHeader, count), std::uint64_t{1} << 58);
+  EXPECT_EQ(error_of([&] { parse_poses(poses); }, ErrorCode::kBadFrame),
+            "poses: 288230376151711744 poses need a payload of more than 2^64 bytes, got 32");
+
+  Bytes table = single(PairsHeader{0, std::uint64_t{1} << 61});
+  EXPECT_THROW(parse_pair_table(table), WireError);
+  Bytes reply = reply_payload(0, kFieldDistance);
+  overwrite(reply, offsetof(ReplyHeader, rows), std::uint64_t{1} << 61);
+  EXPECT_THROW(parse_reply(reply), WireError);
+}
+
+TEST(Wire, BadQueryValuesAreNamed) {
+  struct Case {
+    std::size_t at;
+    Bytes value;
+    const char* text;
+  };
+  const double nan = std::nan(""), inf = std::numeric_limits<double>::infinity();
+  const Case cases[] = {
+      {offsetof(QueryHeader, max_distance), single(nan),
+       "query: max_distance must be a number of metres >= 0, got nan"},
+      {offsetof(QueryHeader, max_distance), single(-1.5),
+       "query: max_distance must be a number of metres >= 0, got -1.5"},
+      {offsetof(QueryHeader, abs_tol), single(nan), "query: abs_tol must be a finite number of metres >= 0, got nan"},
+      {offsetof(QueryHeader, abs_tol), single(inf), "query: abs_tol must be a finite number of metres >= 0, got inf"},
+      {offsetof(QueryHeader, rel_tol), single(nan), "query: rel_tol must be finite, got nan"},
+      {offsetof(QueryHeader, all_pairs), single(std::uint8_t{2}), "query: all_pairs 2 is none of 0 to 1"},
+      {offsetof(QueryHeader, precision), single(std::uint8_t{2}), "query: precision 2 is none of 0 to 1"},
+      {offsetof(QueryHeader, signed_distance), single(std::uint8_t{9}), "query: signed_distance 9 is none of 0 to 1"},
+      {offsetof(QueryHeader, reduce), single(std::uint8_t{4}), "query: reduce 4 is none of 0 to 3"},
+      {offsetof(QueryHeader, format), single(std::uint8_t{255}), "query: format 255 is none of 0 to 1"},
+      {offsetof(QueryHeader, warm), single(std::uint8_t{2}), "query: warm 2 is none of 0 to 1"},
+      {offsetof(QueryHeader, fields), single(std::uint32_t{1u << 20}), "query: fields has unknown bits: 1048576"},
+      {offsetof(QueryHeader, max_pose_age_ns), single(std::int64_t{-1}), "query: max_pose_age_ns must be >= 0, got -1"},
+      {offsetof(QueryHeader, all_pairs), single(std::uint8_t{1}), "query: all_pairs is set, yet 2 pairs are named"},
+  };
+  for (const Case& c : cases) {
+    Bytes query = query_payload(2, 1, 1);
+    std::copy(c.value.begin(), c.value.end(), query.begin() + c.at);
+    EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadQuery), c.text);
+  }
+  Bytes query = query_payload(2, 0, 0);
+  overwrite(query, offsetof(QueryHeader, configuration_count), std::uint32_t{3});
+  EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadQuery), "query: 3 configurations of no bodies");
+  query = query_payload(2, 0, 0);
+  overwrite(query, offsetof(QueryHeader, reserved) + 8, std::uint64_t{1});
+  EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadFrame), "query: reserved words must be 0");
+}
+
+TEST(Wire, QueryRoundTrip) {
+  const Bytes payload = query_payload(3, 3, 2);
+  const auto parts = parse_query(payload);
+  ASSERT_EQ(parts.pairs.size(), 3u);
+  EXPECT_EQ(parts.pairs[2].a, 104u);
+  EXPECT_EQ(parts.pairs[2].b, 105u);
+  ASSERT_EQ(parts.bodies.size(), 3u);
+  EXPECT_EQ(parts.bodies[2], 202u);
+  ASSERT_EQ(parts.configurations.size(), 6u);
+  EXPECT_EQ(parts.configurations[5].pose[6], 0.5 * 41);
+  // An odd number of bodies is padded, so that the poses lie on a multiple of 8.
+  EXPECT_EQ((parts.configurations.data() - payload.data()) % 8, 0);
+}
+
+TEST(Wire, ColumnsLieInTheOrderOfFieldsOn64Bytes) {
+  const std::uint32_t fields = kFieldDistance | kFieldStatus | kFieldFlags | kFieldPair;
+  EXPECT_EQ(column_offset(5, fields, kFieldDistance), 0u);
+  EXPECT_EQ(column_offset(5, fields, kFieldStatus), 64u);
+  EXPECT_EQ(column_offset(5, fields, kFieldFlags), 128u);
+  EXPECT_EQ(column_offset(5, fields, kFieldPair), 192u);
+  EXPECT_EQ(columns_bytes(5, fields), 256u);
+  EXPECT_EQ(columns_bytes(0, fields), 0u);
+  EXPECT_EQ(columns_bytes(9, kFieldDistance), 128u);
+  EXPECT_EQ(error_of([] { columns_bytes(std::uint64_t{1} << 31, kFieldDistance); }, ErrorCode::kTooLarge),
+            "reply: 2147483648 rows need 17179869184 bytes, more than a frame may have (2147483648)");
+}
+
+TEST(Wire, BadHeadersAreNamed) {
+  const FrameHeader good = make_header(FrameType::kPing, 1, 24);
+  EXPECT_NO_THROW(check_header(good, 24));
+  FrameHeader h = good;
+  h.magic = 0x46504c47;
+  EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame),
+            "frame: magic is 0x46504c47, expected 0x31524c43");
+  h = good;
+  h.version = 9;
+  EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kWrongVersion),
+            "frame: version 9, this side speaks version 1");
+  EXPECT_EQ(error_of([&] { check_header(good, 16); }, ErrorCode::kBadFrame),
+            "frame: the header speaks of a payload of 24 bytes, 16 came");
+  h = good;
+  h.payload_bytes = ~std::uint64_t{0};
+  EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame),
+            "frame: a payload of 18446744073709551615 bytes is more than the 2147483584 allowed");
+  h = good;
+  h.reserved[2] = 1;
+  EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame), "frame: reserved words must be 0");
+  FrameHeader out;
+  EXPECT_EQ(error_of([&] { split_frame(Bytes(63), out); }, ErrorCode::kBadFrame),
+            "frame: 63 bytes, fewer than a header of 64");
+}
+
+TEST(Wire, SceneContentsAreChecked) {
+  Bytes scene = scene_payload();
+  const std::size_t groups = sizeof(SceneHeader) + 3 * sizeof(BodyRecord), members = groups + 2 * sizeof(GroupRecord);
+  overwrite(scene, groups + offsetof(GroupRecord, first_member), std::uint32_t{0xFFFFFFFF});
+  EXPECT_EQ(error_of([&] { parse_scene(scene); }, ErrorCode::kBadFrame),
+            "scene: groups[0]: its members go past the end of the list");
+  scene = scene_payload();
+  overwrite(scene, members + 4, std::uint32_t{3});
+  EXPECT_EQ(error_of([&] { parse_scene(scene); }, ErrorCode::kBadFrame), "scene: members[1] is no body");
+  scene = scene_payload();
+  std::fill_n(scene.begin() + sizeof(SceneHeader) + sizeof(BodyRecord), 64, std::byte{'x'});
+  EXPECT_EQ(error_of([&] { parse_scene(scene); }, ErrorCode::kBadFrame), "scene: bodies[1]: the name does not end");
+}
+
+TEST(Wire, TooLargeQueriesAreRefusedBeforeTheyAreBuilt) {
+  EXPECT_EQ(query_payload_bytes(1, 1, 1), 128u + 8 + 8 + 56);
+  EXPECT_EQ(error_of([] { query_payload_bytes(0, 1000, 100000); }, ErrorCode::kTooLarge),
+            "query: 0 pairs and 100000 configurations of 1000 bodies do not fit into a frame");
+  EXPECT_THROW(query_payload_bytes(std::uint64_t{1} << 62, 0, 0), WireError);
+  EXPECT_THROW(query_payload_bytes(0, 0xFFFFFFFF, 0xFFFFFFFF), WireError);
+}
+
+TEST(Wire, BuilderWritesThePayloadsSize) {
+  FrameHeader header;
+  const Bytes frame = FrameBuilder(make_header(FrameType::kError, 5, 0)).add(ErrorHeader{}).add_bytes("abc", 3).take();
+  EXPECT_EQ(split_frame(frame, header).size(), sizeof(ErrorHeader) + 3);
+  EXPECT_EQ(header.request_id, 5u);
+}
+
+TEST(Wire, NamesAreCutToFit) {
+  char field[8];
+  set_name(field, "a name too long");
+  EXPECT_EQ(name_of(field), "a name ");
+}
+
+}  // namespace
+}  // namespace clearance::wire
