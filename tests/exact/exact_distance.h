@@ -1,0 +1,71 @@
+// The judge: exact signed distance of two posed convex pieces, in integer arithmetic (GMP).
+//
+// Input doubles are taken for the rationals that they are; a pose is the exact rotation M(q) / |q|^2 and the exact
+// translation. Nothing is rounded before the very end, where a value sign * sqrt(p / q) - r is compared with doubles,
+// again exactly. Shares no code with the engine except the types Vec3 and Pose.
+#pragma once
+
+#include <gmpxx.h>
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/math.h"
+#include "engine/pose.h"
+
+namespace clearance::exact {
+
+using Vec3z = Vec3<mpz_class>;
+
+/// The convex hull of the vertices (metres, body frame), grown by a radius.
+struct PieceView {
+  std::span<const Vec3d> vertices;
+  double radius = 0;
+};
+
+/// The real number sign * sqrt(numerator / denominator) - radius, in metres.
+struct Value {
+  int sign = 0;  ///< -1, 0 or 1, of the core's signed distance
+  mpz_class numerator = 0, denominator = 1;
+  mpq_class radius = 0;
+
+  /// The sign of (this value - x), decided exactly.
+  int compare(double x) const;
+  /// The same against another value; both radii must be equal.
+  int compare(const Value& other) const;
+  /// The largest double that is not above this value. `x <= value` and `x <= lower()` say the same of every double x.
+  double lower() const;
+  /// The smallest double that is not below this value.
+  double upper() const;
+};
+
+/// One vertex of the difference B - A: a vertex of each piece.
+struct VertexPair {
+  std::uint32_t a = 0, b = 0;
+};
+
+struct Result {
+  Value distance;             ///< signed distance of the grown pieces; without depth, of overlapping cores: 0 - radii
+  bool cores_overlap = false; ///< the cores (pieces without their radius) share a point
+  /// Direction that proves the value, from a towards b, not normalised: gap(direction) / |direction| is the core's distance.
+  /// Zero if the cores overlap and no depth was asked for.
+  Vec3z direction{0, 0, 0};
+  /// Cores apart: the vertices whose hull holds the nearest points, with weights > 0 (divide by their sum).
+  /// Cores overlapping: vertices of the nearest facet of B - A (none if the difference is flat), without weights.
+  std::vector<VertexPair> simplex;
+  std::vector<mpz_class> weights;
+  int iterations = 0;         ///< exact steps taken, of both stages
+};
+
+/// Exact signed distance of two pieces.
+/// \param depth also solve for the penetration depth when the cores overlap.
+/// Throws std::invalid_argument for a piece without vertices, a non-finite number or a zero quaternion.
+Result exact_distance(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, bool depth = true);
+
+/// The exact support gap of direction n (world frame, from a towards b, need not be a unit vector):
+/// [min_b n.b - max_a n.a] / |n| - r_a - r_b, a lower bound of the signed distance. Throws for n = 0 or non-finite.
+Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3d& n);
+
+}  // namespace clearance::exact
