@@ -8,7 +8,9 @@
 
 #include <array>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <memory>
 #include <span>
@@ -20,17 +22,24 @@
 
 #include "types.h"
 
+// The installed shared library shows what is marked so, and nothing else.
+#ifdef CLEARANCE_CLIENT_STATIC
+#define CLEARANCE_API
+#else
+#define CLEARANCE_API __attribute__((visibility("default")))
+#endif
+
 namespace clearance {
 
 /// The daemon cannot be reached, is gone, or did not answer in time.
-struct ConnectionError : std::runtime_error {
+struct CLEARANCE_API ConnectionError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
-struct TimeoutError : ConnectionError {
+struct CLEARANCE_API TimeoutError : ConnectionError {
   using ConnectionError::ConnectionError;
 };
 /// The daemon refused a request; `code` is a wire::ErrorCode.
-struct RequestError : std::runtime_error {
+struct CLEARANCE_API RequestError : std::runtime_error {
   RequestError(std::uint16_t c, const std::string& what) : std::runtime_error(what), code(c) {}
   std::uint16_t code;
 };
@@ -62,9 +71,9 @@ class Frame;
 
 /// An answer. Columns are views into the frame that arrived (shared memory: a leased slot, given back on destruction);
 /// a column that was not asked for is empty.
-class Reply {
+class CLEARANCE_API Reply {
  public:
-  Reply(std::unique_ptr<Frame> frame);
+  explicit Reply(std::unique_ptr<Frame> frame);    ///< of type kReply; throws ConnectionError if it is malformed
   Reply(Reply&&) noexcept;
   Reply& operator=(Reply&&) noexcept;
   ~Reply();
@@ -96,8 +105,11 @@ class Reply {
   std::string_view backend() const;
 
  private:
-  std::span<const std::byte> column(Field field) const;
+  template <class T>
+  std::span<const T> column(Field field, std::size_t width) const;
   std::unique_ptr<Frame> frame_;
+  std::uint64_t rows_ = 0;    // copies: what was checked is what is used
+  std::uint32_t fields_ = 0;
 };
 
 struct BodyInfo {
@@ -137,7 +149,7 @@ struct PosesDone {
 class Pending;
 
 /// Not thread-safe: one client per thread. After a fork the child must connect anew (calls throw).
-class Client {
+class CLEARANCE_API Client {
  public:
   using Duration = std::chrono::nanoseconds;
 
@@ -154,8 +166,9 @@ class Client {
   PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0);
   PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
 
-  const SceneInfo& scene();        ///< fetched once, and again after the daemon's scene changed (refresh())
-  void refresh();
+  /// Fetched once, and again after an attachment or a refusal with kWrongScene; valid until then.
+  const SceneInfo& scene();
+  void refresh();  ///< fetches the scene anew
   std::uint32_t body(std::string_view name);  ///< id; throws std::invalid_argument naming near misses
   std::uint32_t group(std::string_view name); ///< selector; "*": every body
   std::vector<IdPair> pairs(const Query& query = {});  ///< the pairs a query answers, in order
@@ -167,30 +180,33 @@ class Client {
   std::string url() const;
 
  private:
-  friend Client connect(const std::string& url, Duration timeout);
+  friend CLEARANCE_API Client connect(const std::string& url, Duration timeout);
   friend class Pending;
   struct Impl;
-  explicit Client(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  explicit Client(std::shared_ptr<Impl> impl);
+  Impl& impl() const;
+  std::shared_ptr<Impl> impl_;
 };
 
-class Pending {
+class CLEARANCE_API Pending {
  public:
   Pending(Pending&&) noexcept;
   Pending& operator=(Pending&&) noexcept;
   ~Pending();
-  bool ready();                  ///< polls once
-  Reply get();                   ///< waits up to the client's timeout
+  bool ready();                  ///< polls once; errors are thrown by get()
+  Reply get();                   ///< once: waits up to the client's timeout; throws as Client::distances()
+
  private:
   friend class Client;
-  Pending(Client::Impl* client, std::uint64_t request_id);
-  Client::Impl* client_ = nullptr;
+  Pending(std::shared_ptr<Client::Impl> client, std::uint64_t request_id);
+  std::shared_ptr<Client::Impl> client_;  // the connection lasts as long as its requests
   std::uint64_t request_id_ = 0;
+  std::unique_ptr<Frame> frame_;  // arrived, not yet fetched
 };
 
 /// Connects. "shm:///run/user/0/clearance.sock", "ipc:///path", "tcp://host:port",
 /// "udpm://239.255.76.67:7667?ttl=0" (an LCM url; "&prefix=NAME_" sets the channels' prefix).
 /// Throws ConnectionError naming url and cause; std::invalid_argument for a url of no known kind.
-Client connect(const std::string& url, std::chrono::nanoseconds timeout = std::chrono::seconds(5));
+CLEARANCE_API Client connect(const std::string& url, std::chrono::nanoseconds timeout = std::chrono::seconds(5));
 
 }  // namespace clearance

@@ -1,0 +1,24 @@
+// Bytes that start on a 64-byte boundary, as payloads and frames in place do.
+#pragma once
+
+#include <cstddef>
+#include <cstdlib>
+#include <memory>
+#include <new>
+
+namespace clearance {
+
+struct FreeDeleter {
+  void operator()(void* memory) const { std::free(memory); }
+};
+using AlignedBytes = std::unique_ptr<std::byte, FreeDeleter>;
+
+/// `bytes` uninitialised bytes on a 64-byte boundary. Throws std::bad_alloc. release()d memory goes back with
+/// std::free().
+inline AlignedBytes aligned_bytes(std::size_t bytes) {
+  void* memory = std::aligned_alloc(64, (bytes + 63) / 64 * 64);
+  if (!memory && bytes) throw std::bad_alloc();
+  return AlignedBytes(static_cast<std::byte*>(memory));
+}
+
+}  // namespace clearance

@@ -1,0 +1,481 @@
+#include "client.h"
+
+#include <algorithm>
+#include <cstring>
+#include <numeric>
+#include <optional>
+
+#include "channel.h"
+#include "fork_guard.h"
+#include "url.h"
+#include "wire.h"
+
+namespace clearance {
+namespace {
+
+using wire::FrameType;
+
+/// `duration` from now, kept inside what the clock can hold.
+Deadline deadline_in(std::chrono::nanoseconds duration) {
+  constexpr std::chrono::nanoseconds kLongest = std::chrono::hours(24 * 365);
+  return std::chrono::steady_clock::now() + std::clamp(duration, std::chrono::nanoseconds(0), kLongest);
+}
+
+std::string seconds(std::chrono::nanoseconds duration) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g s", std::chrono::duration<double>(duration).count());
+  return text;
+}
+
+/// Letters to insert, delete or replace to make one word of the other.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0);
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] != b[j]);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({row[j] + 1, row[j + 1] + 1, replaced});
+    }
+  }
+  return row.back();
+}
+
+/// "no body \"lnk1\" in the scene; did you mean \"link1\"?"
+template <class Named>
+[[noreturn]] void unknown_name(const char* what, std::string_view name, const std::vector<Named>& known) {
+  std::vector<std::pair<std::size_t, std::string_view>> near;
+  for (const Named& other : known) {
+    const std::size_t distance = edit_distance(name, other.name);
+    if (distance <= std::max<std::size_t>(2, name.size() / 3)) near.emplace_back(distance, other.name);
+  }
+  std::stable_sort(near.begin(), near.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::string text = std::string("no ") + what + " \"" + std::string(name) + "\" in the scene";
+  for (std::size_t i = 0; i < std::min<std::size_t>(near.size(), 3); ++i)
+    text += (i ? ", \"" : "; did you mean \"") + std::string(near[i].second) + "\"";
+  throw std::invalid_argument(near.empty() ? text : text + "?");
+}
+
+wire::QueryHeader header_of(const Query& query) {
+  if (query.bodies.empty() != query.configurations.empty())
+    throw std::invalid_argument(query.bodies.empty() ? "query: configurations without bodies"
+                                                     : "query: bodies without configurations");
+  if (!query.bodies.empty() && query.configurations.size() % query.bodies.size())
+    throw std::invalid_argument("query: " + std::to_string(query.configurations.size()) +
+                                " poses are no whole number of configurations of " +
+                                std::to_string(query.bodies.size()) + " bodies");
+  const std::size_t configurations = query.bodies.empty() ? 0 : query.configurations.size() / query.bodies.size();
+  wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), configurations);  // throws if a count does not fit
+  wire::QueryHeader q;
+  q.max_distance = query.max_distance;
+  q.abs_tol = query.abs_tol;
+  q.rel_tol = query.rel_tol;
+  q.pair_count = static_cast<std::uint32_t>(query.pairs.size());
+  q.body_count = static_cast<std::uint32_t>(query.bodies.size());
+  q.configuration_count = static_cast<std::uint32_t>(configurations);
+  q.fields = query.fields;
+  q.max_results = query.max_results;
+  q.max_pose_age_ns = query.max_pose_age_ns;
+  q.all_pairs = query.pairs.empty();
+  q.precision = static_cast<std::uint8_t>(query.precision);
+  q.signed_distance = query.signed_distance;
+  q.reduce = static_cast<std::uint8_t>(query.reduce);
+  q.format = static_cast<std::uint8_t>(query.format);
+  q.warm = query.warm;
+  return q;
+}
+
+}  // namespace
+
+struct Client::Impl {
+  explicit Impl(std::unique_ptr<Channel> c) : channel(std::move(c)) {}
+  ~Impl() {
+    // In a forked child the channel's sockets, threads and slots are the parent's: they are left alone, not closed.
+    if (fork_guard.forked()) (void)channel.release();
+  }
+
+  void check_process() const {
+    if (fork_guard.forked())
+      throw ConnectionError(url + ": this connection was opened before a fork; the child process must connect anew");
+  }
+
+  /// Runs a parser; what it refuses is the daemon's fault.
+  template <class Parse>
+  auto checked(Parse parse) const {
+    try {
+      return parse();
+    } catch (const wire::WireError& error) {
+      throw ConnectionError(url + ": the daemon sent a malformed frame: " + error.what());
+    }
+  }
+
+  /// Room for a request; throws RequestError for one that no transport takes.
+  std::byte* begin(std::uint64_t payload_bytes, std::uint64_t reply_bytes) {
+    check_process();
+    const std::uint64_t bytes = sizeof(wire::FrameHeader) + payload_bytes;
+    if (bytes > wire::kMaxRequestBytes)
+      throw RequestError(static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge),
+                         "a request of " + std::to_string(bytes) + " bytes is more than the " +
+                             std::to_string(wire::kMaxRequestBytes) + " allowed: split it");
+    return channel->begin(bytes, reply_bytes);
+  }
+
+  /// Sends a frame that is not a query and returns its request id.
+  std::uint64_t send(FrameType type, std::span<const std::byte> payload, std::uint64_t reply_bytes,
+                     std::uint64_t scene_revision = 0) {
+    std::byte* room = begin(payload.size(), reply_bytes);
+    const auto header = wire::make_header(type, next_request_id++, payload.size(), scene_revision);
+    std::memcpy(room, &header, sizeof header);
+    if (!payload.empty()) std::memcpy(room + sizeof header, payload.data(), payload.size());
+    channel->send();
+    return header.request_id;
+  }
+
+  std::uint64_t send_query(FrameType type, const Query& query) {
+    wire::QueryHeader q;
+    try {
+      q = header_of(query);
+    } catch (const wire::WireError& error) {
+      throw RequestError(static_cast<std::uint16_t>(error.code), error.what());
+    }
+    const bool is_query = type == FrameType::kQuery;
+    const std::uint64_t payload_bytes =
+        wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
+    std::byte* room = begin(payload_bytes, is_query ? expected_reply_bytes(q, query.pairs) : 0);
+    const auto header =
+        wire::make_header(type, next_request_id++, payload_bytes, query.check_scene ? known_revision() : 0);
+    wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data());
+    channel->send();
+    return header.request_id;
+  }
+
+  /// What arrived, if it is of `type`; errors and malformed frames are thrown.
+  std::unique_ptr<Frame> interpret(std::unique_ptr<Frame> frame, FrameType type) {
+    const std::uint16_t got = frame->header().type;
+    if (got == static_cast<std::uint16_t>(FrameType::kError)) {
+      const auto error = checked([&] { return wire::parse_error(frame->payload()); });
+      if (error.header.code == static_cast<std::uint16_t>(wire::ErrorCode::kWrongScene)) scene_is_old = true;
+      throw RequestError(error.header.code, error.text);
+    }
+    if (got != static_cast<std::uint16_t>(type))
+      throw ConnectionError(url + ": the daemon answered with " + wire::type_name(got) + ", expected " +
+                            wire::type_name(static_cast<std::uint16_t>(type)));
+    return frame;
+  }
+
+  std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type) {
+    check_process();
+    std::unique_ptr<Frame> frame = channel->receive(request_id, deadline_in(timeout));
+    if (!frame) {
+      channel->forget(request_id);
+      throw TimeoutError(url + ": no " + wire::type_name(static_cast<std::uint16_t>(type)) + " within " +
+                         seconds(timeout));
+    }
+    return interpret(std::move(frame), type);
+  }
+
+  std::unique_ptr<Frame> call(FrameType request, std::span<const std::byte> payload, FrameType reply,
+                              std::uint64_t reply_bytes, std::uint64_t scene_revision = 0) {
+    return receive(send(request, payload, reply_bytes, scene_revision), reply);
+  }
+
+  const SceneInfo& get_scene() {
+    if (!scene || scene_is_old) fetch_scene();
+    return *scene;
+  }
+  void fetch_scene();
+  std::uint64_t known_revision() const { return scene && !scene_is_old ? scene->revision : 0; }
+
+  /// Room that the reply to a query may take at most, as far as the client can tell; 0: unknown.
+  std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs) const;
+
+  PosesDone send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns);
+  PosesDone poses_done(const Frame& frame) const {
+    const auto r = checked([&] { return wire::parse_poses_done(frame.payload()); });
+    return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
+  }
+
+  std::unique_ptr<Channel> channel;
+  std::string url = channel->url();
+  ForkGuard fork_guard;
+  std::chrono::nanoseconds timeout = std::chrono::seconds(5);
+  std::uint64_t next_request_id = 1;
+  std::optional<SceneInfo> scene;
+  bool scene_is_old = false;  // the daemon has said so: fetched anew before its next use
+};
+
+void Client::Impl::fetch_scene() {
+  const auto frame = call(FrameType::kDescribe, {}, FrameType::kScene, 0);
+  const auto parts = checked([&] { return wire::parse_scene(frame->payload()); });
+  SceneInfo info;
+  info.revision = parts.header.scene_revision;
+  info.pair_count = parts.header.pair_count;
+  info.backend = wire::name_of(parts.header.backend);
+  info.bodies.reserve(parts.bodies.size());
+  for (std::uint64_t i = 0; i < parts.bodies.size(); ++i) {
+    const wire::BodyRecord r = parts.bodies[i];
+    info.bodies.push_back(
+        {wire::name_of(r.name), r.parent, r.is_static != 0, r.piece_count, r.vertex_count, r.model_error, r.extent});
+  }
+  for (std::uint64_t i = 0; i < parts.groups.size(); ++i) {
+    const wire::GroupRecord r = parts.groups[i];
+    GroupInfo group{wire::name_of(r.name), {}};
+    for (std::uint32_t m = 0; m < r.member_count; ++m) group.bodies.push_back(parts.members[r.first_member + m]);
+    info.groups.push_back(std::move(group));
+  }
+  scene = std::move(info);
+  scene_is_old = false;
+}
+
+std::uint64_t Client::Impl::expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs) const {
+  using Wide = unsigned __int128;
+  const Wide configurations = std::max<std::uint32_t>(q.configuration_count, 1);
+  const auto reduce = static_cast<Reduce>(q.reduce);
+  Wide rows = configurations;
+  if (reduce != Reduce::kMin) {
+    const bool selectors =
+        std::any_of(pairs.begin(), pairs.end(), [](const IdPair& p) { return (p[0] | p[1]) & kGroupBit; });
+    if (!scene && (pairs.empty() || selectors || reduce == Reduce::kNearest)) return 0;
+    if (reduce == Reduce::kNearest)
+      rows *= scene->bodies.size();
+    else if (pairs.empty())
+      rows *= scene->pair_count;
+    else if (!selectors)
+      rows *= pairs.size();
+    else
+      rows *= Wide(scene->pair_count) * pairs.size();  // each selector pair expands to enabled pairs
+    if (reduce == Reduce::kWithin) rows = std::min<Wide>(rows, q.max_results);
+  }
+  std::uint32_t fields = q.fields;
+  if (q.format == static_cast<std::uint8_t>(Format::kCompact)) fields |= kFieldCompact;
+  if (reduce != Reduce::kNone) fields |= kFieldPair | kFieldConfiguration;
+  if (rows > wire::kMaxFrameBytes) return 0;
+  try {
+    return sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) +
+           wire::columns_bytes(static_cast<std::uint64_t>(rows), fields);
+  } catch (const wire::WireError&) {
+    return 0;  // the daemon knows better, and will say so
+  }
+}
+
+PosesDone Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns) {
+  std::vector<std::byte> payload(sizeof(wire::PosesHeader) + poses.size() * sizeof(wire::PoseRecord));
+  wire::PosesHeader header;
+  header.count = poses.size();
+  header.stamp_ns = stamp_ns;
+  std::memcpy(payload.data(), &header, sizeof header);
+  std::byte* at = payload.data() + sizeof header;
+  for (const auto& [body, pose] : poses) {
+    wire::PoseRecord record;
+    record.body = body;
+    std::copy(pose.begin(), pose.end(), record.pose);
+    std::memcpy(at, &record, sizeof record);
+    at += sizeof record;
+  }
+  const auto ask = [&] {
+    return poses_done(*call(FrameType::kSetPoses, payload, FrameType::kPosesDone, 0, known_revision()));
+  };
+  try {
+    return ask();
+  } catch (const RequestError& error) {
+    if (error.code != static_cast<std::uint16_t>(wire::ErrorCode::kWrongScene) || !scene) throw;
+    // The scene changed, by an attachment perhaps. Where an id still means the same body with the same parent, so does
+    // its pose, and the update can be sent again.
+    const SceneInfo before = std::move(*scene);
+    const SceneInfo& now = get_scene();
+    for (const auto& [body, pose] : poses) {
+      if (body >= before.bodies.size()) continue;
+      if (body >= now.bodies.size() || now.bodies[body].name != before.bodies[body].name ||
+          now.bodies[body].parent != before.bodies[body].parent)
+        throw;
+    }
+    return ask();
+  }
+}
+
+// --- Client
+// -----------------------------------------------------------------------------------------------------------
+
+Client::Client(std::shared_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Client::Client(Client&&) noexcept = default;
+Client& Client::operator=(Client&&) noexcept = default;
+Client::~Client() = default;
+
+Client::Impl& Client::impl() const {
+  if (!impl_) throw std::logic_error("this client was moved from");
+  return *impl_;
+}
+
+Reply Client::distances(const Query& query) {
+  return Reply(impl().receive(impl().send_query(FrameType::kQuery, query), FrameType::kReply));
+}
+
+Pending Client::submit(const Query& query) {
+  return Pending(impl_, impl().send_query(FrameType::kQuery, query));
+}
+
+PosesDone Client::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns) {
+  return impl().send_poses(poses, stamp_ns);
+}
+
+PosesDone Client::set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns) {
+  std::vector<std::pair<std::uint32_t, Pose7>> by_id;
+  by_id.reserve(poses.size());
+  for (const auto& [name, pose] : poses) by_id.emplace_back(body(name), pose);
+  return impl().send_poses(by_id, stamp_ns);
+}
+
+PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child) {
+  wire::AttachRecord record;
+  record.child = child;
+  record.parent = parent;
+  record.has_pose = X_parent_child != nullptr;
+  if (X_parent_child) std::copy(X_parent_child->begin(), X_parent_child->end(), record.pose);
+  const auto payload = std::as_bytes(std::span(&record, 1));
+  const auto frame = impl().call(FrameType::kAttach, payload, FrameType::kPosesDone, 0, impl().known_revision());
+  impl().scene_is_old = true;
+  return impl().poses_done(*frame);
+}
+
+const SceneInfo& Client::scene() {
+  return impl().get_scene();
+}
+void Client::refresh() {
+  impl().fetch_scene();
+}
+
+std::uint32_t Client::body(std::string_view name) {
+  const auto& bodies = scene().bodies;
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    if (bodies[i].name == name) return static_cast<std::uint32_t>(i);
+  unknown_name("body", name, bodies);
+}
+
+std::uint32_t Client::group(std::string_view name) {
+  if (name == "*") return kEveryBody;
+  const auto& groups = scene().groups;
+  for (std::size_t i = 0; i < groups.size(); ++i)
+    if (groups[i].name == name) return static_cast<std::uint32_t>(i) | kGroupBit;
+  unknown_name("group", name, groups);
+}
+
+std::vector<IdPair> Client::pairs(const Query& query) {
+  const auto frame = impl().receive(impl().send_query(FrameType::kPairs, query), FrameType::kPairTable);
+  const auto table = impl().checked([&] { return wire::parse_pair_table(frame->payload()); });
+  std::vector<IdPair> pairs(table.pairs.size());
+  if (!pairs.empty()) std::memcpy(pairs.data(), table.pairs.data(), table.pairs.size_bytes());
+  return pairs;
+}
+
+std::vector<BodyStateInfo> Client::body_states() {
+  const auto frame = impl().call(FrameType::kGetStates, {}, FrameType::kBodyStates, 0);
+  const auto parts = impl().checked([&] { return wire::parse_states(frame->payload()); });
+  std::vector<BodyStateInfo> states(parts.states.size());
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    const wire::BodyStateRecord r = parts.states[i];
+    std::copy(std::begin(r.pose), std::end(r.pose), states[i].pose.begin());
+    states[i].status = static_cast<Status>(r.status);
+    states[i].parent = r.parent;
+    states[i].stamp_ns = r.stamp_ns;
+    states[i].age_ns = r.receipt_ns ? parts.header.now_ns - r.receipt_ns : -1;
+  }
+  return states;
+}
+
+std::vector<std::pair<std::string, std::uint64_t>> Client::stats() {
+  const auto frame = impl().call(FrameType::kGetStats, {}, FrameType::kStats, 0);
+  const auto counters = impl().checked([&] { return wire::parse_stats(frame->payload()); });
+  std::vector<std::pair<std::string, std::uint64_t>> stats;
+  for (std::uint64_t i = 0; i < counters.size(); ++i)
+    stats.emplace_back(wire::name_of(counters[i].name), counters[i].value);
+  return stats;
+}
+
+Client::Duration Client::ping(std::span<const std::byte> payload) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto frame =
+      impl().call(FrameType::kPing, payload, FrameType::kPong, sizeof(wire::FrameHeader) + payload.size());
+  const Duration round_trip = std::chrono::steady_clock::now() - start;
+  const auto echo = frame->payload();
+  if (!std::equal(echo.begin(), echo.end(), payload.begin(), payload.end()))
+    throw ConnectionError(url() + ": the echo is not what was sent");
+  return round_trip;
+}
+
+void Client::set_timeout(Duration timeout) {
+  impl().timeout = timeout;
+}
+std::string Client::url() const {
+  return impl().url;
+}
+
+// --- Pending
+// ----------------------------------------------------------------------------------------------------------
+
+Pending::Pending(std::shared_ptr<Client::Impl> client, std::uint64_t request_id)
+    : client_(std::move(client)), request_id_(request_id) {}
+Pending::Pending(Pending&&) noexcept = default;
+Pending& Pending::operator=(Pending&& other) noexcept {
+  std::swap(client_, other.client_);
+  std::swap(request_id_, other.request_id_);
+  std::swap(frame_, other.frame_);
+  return *this;
+}
+Pending::~Pending() {
+  if (!client_ || frame_ || client_->fork_guard.forked()) return;
+  try {
+    client_->channel->forget(request_id_);
+  } catch (const std::exception&) {
+    // The connection is gone, and the reply with it.
+  }
+}
+
+bool Pending::ready() {
+  if (!client_) throw std::logic_error("this reply was fetched already");
+  if (frame_) return true;
+  client_->check_process();
+  // Taken as it is, so that an error frame is thrown where the answer is asked for.
+  frame_ = client_->channel->receive(request_id_, std::chrono::steady_clock::now());
+  return frame_ != nullptr;
+}
+
+Reply Pending::get() {
+  if (!client_) throw std::logic_error("this reply was fetched already");
+  // Given up first: whatever is thrown, the request is over.
+  const std::shared_ptr<Client::Impl> client = std::move(client_);
+  if (!frame_) return Reply(client->receive(request_id_, FrameType::kReply));
+  return Reply(client->interpret(std::move(frame_), FrameType::kReply));
+}
+
+Client connect(const std::string& url, std::chrono::nanoseconds timeout) {
+  const Url parsed = parse_url(url);
+  const Deadline deadline = deadline_in(timeout);
+  const auto open = [&]() -> std::unique_ptr<Channel> {
+    switch (parsed.kind) {
+      case UrlKind::kShm:
+#ifdef CLEARANCE_HAVE_SHM
+        return open_shm_channel(parsed.target, deadline);
+#else
+        break;
+#endif
+      case UrlKind::kZmq:
+#ifdef CLEARANCE_HAVE_ZMQ
+        return open_zmq_channel(parsed.target, deadline);
+#else
+        break;
+#endif
+      case UrlKind::kLcm:
+#ifdef CLEARANCE_HAVE_LCM
+        return open_lcm_channel(parsed.target, parsed.prefix, deadline);
+#else
+        break;
+#endif
+    }
+    throw ConnectionError(url + ": this client was built without that transport");
+  };
+  return Client(std::make_shared<Client::Impl>(open()));
+}
+
+}  // namespace clearance

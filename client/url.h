@@ -1,0 +1,20 @@
+// What a client's url says.
+#pragma once
+
+#include <string>
+
+namespace clearance {
+
+enum class UrlKind { kShm, kZmq, kLcm };
+
+struct Url {
+  UrlKind kind = UrlKind::kShm;
+  std::string target;  ///< kShm: the socket's path, with its options; kZmq: the endpoint; kLcm: the LCM url
+  std::string prefix;  ///< kLcm: of the channels' names
+};
+
+/// "shm:///path", "ipc:///path", "tcp://host:port", "udpm://group:port?ttl=0&prefix=NAME_".
+/// Throws std::invalid_argument saying which kinds there are.
+Url parse_url(const std::string& url);
+
+}  // namespace clearance

@@ -1,0 +1,213 @@
+// A connection over ZeroMQ: DEALER to the daemon's ROUTER, a frame as two message parts.
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <unordered_map>
+#include <unordered_set>
+#include <vector>
+#include <zmq.hpp>
+
+#include "aligned_buffer.h"
+#include "channel.h"
+#include "client.h"
+#include "wire.h"
+
+namespace clearance {
+namespace {
+
+/// Payloads from this size on are handed to ZeroMQ without a copy.
+constexpr std::uint64_t kHandOverBytes = 64 * 1024;
+
+class ZmqFrame final : public Frame {
+ public:
+  ZmqFrame(const wire::FrameHeader& header, zmq::message_t payload) : header_(header), message_(std::move(payload)) {
+    data_ = message_.data<std::byte>();
+    // ZeroMQ aligns nothing: small messages lie where they arrived in its receive buffer.
+    if (reinterpret_cast<std::uintptr_t>(data_) % wire::kColumnAlignment && message_.size()) {
+      copy_ = aligned_bytes(message_.size());
+      std::memcpy(copy_.get(), data_, message_.size());
+      data_ = copy_.get();
+    }
+  }
+  const wire::FrameHeader& header() const override { return header_; }
+  std::span<const std::byte> payload() const override {
+    return {data_, static_cast<std::size_t>(header_.payload_bytes)};
+  }
+
+ private:
+  wire::FrameHeader header_;
+  zmq::message_t message_;
+  AlignedBytes copy_;
+  const std::byte* data_ = nullptr;
+};
+
+class ZmqChannel final : public Channel {
+ public:
+  ZmqChannel(const std::string& endpoint, Deadline deadline)
+      : endpoint_(endpoint), socket_(context_, zmq::socket_type::dealer), monitor_(context_, zmq::socket_type::pair) {
+    socket_.set(zmq::sockopt::linger, 0);
+    socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(wire::kMaxFrameBytes));
+    // A daemon that went away is an error, not a pause: a new one may serve another scene.
+    socket_.set(zmq::sockopt::reconnect_ivl, -1);
+    monitor_.set(zmq::sockopt::linger, 0);
+    const int events = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
+                       ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_CLOSED |
+                       ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CONNECT_RETRIED;
+    if (zmq_socket_monitor(socket_.handle(), "inproc://events", events)) fail(zmq_strerror(zmq_errno()));
+    monitor_.connect("inproc://events");
+    try {
+      socket_.connect(endpoint);
+    } catch (const zmq::error_t& error) {
+      fail(error.what());
+    }
+    while (!connected_) {
+      if (gone_) fail(why_refused());
+      if (!wait(monitor_only_, deadline)) fail("no daemon answered in time");
+      read_events();
+    }
+  }
+
+  std::byte* begin(std::uint64_t frame_bytes, std::uint64_t) override {
+    if (frame_bytes > room_bytes_) {
+      room_ = aligned_bytes(frame_bytes);
+      room_bytes_ = frame_bytes;
+    }
+    return room_.get();
+  }
+
+  void send() override {
+    wire::FrameHeader header;
+    std::memcpy(&header, room_.get(), sizeof header);
+    zmq::message_t first(&header, sizeof header), second;
+    std::byte* payload = room_.get() + sizeof header;
+    if (header.payload_bytes >= kHandOverBytes) {
+      second.rebuild(
+          payload, header.payload_bytes, [](void*, void* room) { std::free(room); }, room_.get());
+      (void)room_.release();
+      room_bytes_ = 0;
+    } else {
+      second.rebuild(payload, header.payload_bytes);
+    }
+    if (gone_) fail("the daemon has gone");
+    try {
+      if (!socket_.send(first, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
+        fail(still_there() ? "the daemon takes no more requests: its queue is full" : "the daemon has gone");
+      socket_.send(second, zmq::send_flags::none);
+    } catch (const zmq::error_t& error) {
+      fail(error.what());
+    }
+    outstanding_.insert(header.request_id);
+  }
+
+  std::unique_ptr<Frame> receive(std::uint64_t request_id, Deadline deadline) override {
+    for (;;) {
+      take_arrived(request_id);
+      if (const auto kept = kept_.find(request_id); kept != kept_.end()) {
+        std::unique_ptr<Frame> frame = std::move(kept->second);
+        kept_.erase(kept);
+        return frame;
+      }
+      if (gone_) fail("the daemon has gone");
+      if (!wait(both_, deadline)) return nullptr;
+      read_events();
+    }
+  }
+
+  void forget(std::uint64_t request_id) override {
+    outstanding_.erase(request_id);
+    kept_.erase(request_id);
+  }
+
+  std::string url() const override { return endpoint_; }
+
+ private:
+  [[noreturn]] void fail(const std::string& cause) const { throw ConnectionError(endpoint_ + ": " + cause); }
+
+  std::string why_refused() const {
+    if (endpoint_.rfind("ipc://", 0) == 0) {
+      const std::string path = endpoint_.substr(6);
+      struct stat info;
+      if (stat(path.c_str(), &info)) return "no such socket: is clearanced running, with --zmq " + endpoint_ + "?";
+      if (access(path.c_str(), W_OK)) return "permission denied: the daemon's user alone may connect";
+    }
+    return "no daemon listens there";
+  }
+
+  /// Takes every message that is there, up to and including the reply to `request_id`.
+  void take_arrived(std::uint64_t request_id) {
+    try {
+      zmq::message_t part;
+      while (!kept_.count(request_id) && socket_.recv(part, zmq::recv_flags::dontwait)) {
+        parts_.clear();
+        parts_.push_back(std::move(part));
+        while (parts_.back().more()) {
+          zmq::message_t next;
+          (void)socket_.recv(next, zmq::recv_flags::none);
+          parts_.push_back(std::move(next));
+        }
+        accept_message();
+      }
+    } catch (const zmq::error_t& error) {
+      fail(error.what());
+    } catch (const wire::WireError& error) {
+      fail(std::string("the daemon sent a malformed frame: ") + error.what());
+    }
+  }
+
+  void accept_message() {
+    wire::FrameHeader header;
+    if (parts_.size() != 2 || parts_[0].size() != sizeof header)
+      throw wire::WireError(wire::ErrorCode::kBadFrame, "a frame is a header of 64 bytes and a payload");
+    std::memcpy(&header, parts_[0].data(), sizeof header);
+    wire::check_header(header, parts_[1].size());
+    if (outstanding_.erase(header.request_id))
+      kept_[header.request_id] = std::make_unique<ZmqFrame>(header, std::move(parts_[1]));
+  }
+
+  /// False after the deadline.
+  bool wait(std::vector<zmq::pollitem_t>& items, Deadline deadline) {
+    const auto left = deadline - std::chrono::steady_clock::now();
+    if (left <= left.zero()) return false;
+    try {
+      zmq::poll(items, std::chrono::ceil<std::chrono::milliseconds>(left));
+    } catch (const zmq::error_t& error) {
+      if (error.num() != EINTR) fail(error.what());
+    }
+    return true;
+  }
+
+  void read_events() {
+    zmq::message_t event, address;
+    while (monitor_.recv(event, zmq::recv_flags::dontwait)) {
+      (void)monitor_.recv(address, zmq::recv_flags::none);
+      std::uint16_t what = 0;
+      std::memcpy(&what, event.data(), sizeof what);
+      (what == ZMQ_EVENT_HANDSHAKE_SUCCEEDED ? connected_ : gone_) = true;
+    }
+  }
+  bool still_there() {
+    read_events();
+    return !gone_;
+  }
+
+  std::string endpoint_;
+  zmq::context_t context_;
+  zmq::socket_t socket_, monitor_;
+  std::vector<zmq::pollitem_t> monitor_only_{{monitor_.handle(), 0, ZMQ_POLLIN, 0}};
+  std::vector<zmq::pollitem_t> both_{{socket_.handle(), 0, ZMQ_POLLIN, 0}, {monitor_.handle(), 0, ZMQ_POLLIN, 0}};
+  bool connected_ = false, gone_ = false;
+  AlignedBytes room_;
+  std::uint64_t room_bytes_ = 0;
+  std::vector<zmq::message_t> parts_;
+  std::unordered_set<std::uint64_t> outstanding_;
+  std::unordered_map<std::uint64_t, std::unique_ptr<Frame>> kept_;
+};
+
+}  // namespace
+
+std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, Deadline deadline) {
+  return std::make_unique<ZmqChannel>(endpoint, deadline);
+}
+
+}  // namespace clearance
