@@ -1,0 +1,43 @@
+// Each body's nearest neighbour, as comma-separated values:  nearest URL
+//
+//   nearest ipc:///run/user/1000/clearance.ipc
+//
+// Numbers have 17 digits, enough to give back the same bits when they are read. The URL says which transport is used.
+#include <clearance/client.h>
+
+#include <cstdio>
+#include <exception>
+#include <utility>
+
+int main(int argc, char** argv) try {
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: nearest URL\n");
+    return 2;
+  }
+  clearance::Client client = clearance::connect(argv[1]);
+  const clearance::Reply reply = client.distances({
+      .reduce = clearance::Reduce::kNearest,
+      .fields = clearance::kDefaultFields | clearance::kFieldPoints | clearance::kFieldPair,
+  });
+
+  const auto& bodies = client.scene().bodies;
+  std::printf("# pose revision %llu\n", static_cast<unsigned long long>(reply.snapshot_revision()));
+  std::printf("body,neighbour,distance,lower,upper,status,x,y,z,other_x,other_y,other_z\n");
+  for (std::size_t i = 0; i < reply.rows(); ++i) {
+    const auto [a, b] = reply.pair()[i];
+    const double* p_body = &reply.point_a()[3 * i];
+    const double* p_other = &reply.point_b()[3 * i];
+    // Row i is body i; its neighbour is the other one of the pair, before or after it.
+    const std::uint32_t other = a == i ? b : a;
+    if (other == a) std::swap(p_body, p_other);
+    std::printf("%s,%s,%.17g,%.17g,%.17g,%d", bodies[i].name.c_str(),
+                other < bodies.size() ? bodies[other].name.c_str() : "(none)", reply.distance()[i], reply.lower()[i],
+                reply.upper()[i], static_cast<int>(reply.status()[i]));
+    std::printf(",%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", p_body[0], p_body[1], p_body[2], p_other[0], p_other[1],
+                p_other[2]);
+  }
+  return 0;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "nearest: %s\n", error.what());
+  return 1;
+}
