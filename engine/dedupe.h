@@ -2,6 +2,7 @@
 #pragma once
 
 #include <bit>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <type_traits>
@@ -18,10 +19,10 @@ struct UniquePositions {
   std::vector<std::uint32_t> index;  ///< of each input position among `positions`
 };
 
-/// Merges positions that are equal as numbers (-0 equals +0); nothing is merged within a tolerance. At most 2^32 - 2 of them,
-/// none of them NaN.
-template <class T>
-UniquePositions<T> unique_positions(std::span<const Vec3<T>> input) {
+/// Merges positions that are equal as numbers (-0 equals +0); nothing is merged within a tolerance.
+/// \param count at most 2^32 - 2. \param position gives position i; none may be NaN.
+template <class T, class F>
+UniquePositions<T> unique_positions(std::size_t count, F&& position) {
   using Bits = std::conditional_t<sizeof(T) == 8, std::uint64_t, std::uint32_t>;
   constexpr std::uint32_t kFree = 0xFFFFFFFFu;
   const auto hash = [](const Vec3<T>& v) {
@@ -34,12 +35,12 @@ UniquePositions<T> unique_positions(std::span<const Vec3<T>> input) {
   };
 
   UniquePositions<T> out;
-  out.index.resize(input.size());
+  out.index.resize(count);
   int log2_slots = 8;
   std::vector<std::uint32_t> slots(std::size_t{1} << log2_slots, kFree);
   const auto place = [&](std::uint64_t h) { return static_cast<std::size_t>(h >> (64 - log2_slots)); };
-  for (std::size_t i = 0; i < input.size(); ++i) {
-    const Vec3<T> v{input[i].x + T(0), input[i].y + T(0), input[i].z + T(0)};  // -0 becomes +0
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3<T> p = position(i), v{p.x + T(0), p.y + T(0), p.z + T(0)};  // -0 becomes +0
     std::size_t s = place(hash(v));
     const std::size_t mask = slots.size() - 1;
     while (slots[s] != kFree) {
@@ -58,13 +59,18 @@ UniquePositions<T> unique_positions(std::span<const Vec3<T>> input) {
     if (2 * out.positions.size() <= slots.size()) continue;
     ++log2_slots;
     slots.assign(slots.size() * 2, kFree);
-    for (std::uint32_t p = 0; p < out.positions.size(); ++p) {
-      std::size_t t = place(hash(out.positions[p]));
+    for (std::uint32_t k = 0; k < out.positions.size(); ++k) {
+      std::size_t t = place(hash(out.positions[k]));
       while (slots[t] != kFree) t = (t + 1) & (slots.size() - 1);
-      slots[t] = p;
+      slots[t] = k;
     }
   }
   return out;
+}
+
+template <class T>
+UniquePositions<T> unique_positions(std::span<const Vec3<T>> input) {
+  return unique_positions<T>(input.size(), [&](std::size_t i) { return input[i]; });
 }
 
 }  // namespace clearance

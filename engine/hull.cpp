@@ -59,18 +59,19 @@ void check_vertices(std::span<const Vec3d> vertices) {
 
 }  // namespace
 
-PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius) {
+PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
+                         std::uint64_t loaded_vertices) {
   check_vertices(vertices);
   Digest digest;
   digest.add(vertices);
   digest.add(radius);
 
-  UniquePositions<double> unique = unique_positions(vertices);
+  UniquePositions<double> unique = unique_positions<double>(vertices);
   std::vector<Triangle> faces(triangles.begin(), triangles.end());
   for (Triangle& t : faces)
     for (std::uint32_t& i : t) i = unique.index[i];
   Adjacency adjacency = adjacency_of(faces, unique.positions.size());
-  return make_piece(std::move(unique.positions), radius, vertices.size(), std::move(adjacency.begin),
+  return make_piece(std::move(unique.positions), radius, std::max<std::uint64_t>(loaded_vertices, vertices.size()), std::move(adjacency.begin),
                     std::move(adjacency.neighbours), digest.value());
 }
 

@@ -1,11 +1,15 @@
 #include "scene.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 
 #include "digest.h"
-#include "hull.h"
+#include "geometry.h"
+#include "mesh.h"
 #include "shapes.h"
 
 namespace clearance {
@@ -63,12 +67,12 @@ void check_positive(const std::string& name, const char* what, double x, bool ze
                    (zero_allowed ? ">= 0" : "> 0") + ", got " + number(x));
 }
 
-std::shared_ptr<const DisplayMesh> display_of(const Shape& shape) {
-  Shape picture = picture_of(shape);
-  auto display = std::make_shared<DisplayMesh>();
-  display->vertices = std::move(picture.vertices);
-  display->triangles = std::move(picture.triangles);
-  return display;
+// What a file is recognised by: another one, or the same one written anew, gives another key.
+std::string file_key(const std::string& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) return path + "|";
+  return std::to_string(info.st_dev) + ':' + std::to_string(info.st_ino) + ':' + std::to_string(info.st_size) + ':' +
+         std::to_string(info.st_mtim.tv_sec) + '.' + std::to_string(info.st_mtim.tv_nsec) + '|' + path + '|';
 }
 
 Body body_from(const std::string& name, const Scene& scene, const Scene::BodyOptions& options) {
@@ -87,29 +91,48 @@ Body body_from(const std::string& name, const Scene& scene, const Scene::BodyOpt
 
 }  // namespace
 
-std::uint32_t Scene::add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options) {
+template <class F>
+std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of) {
+  check_free(name, "body");
   Body body = body_from(name, *this, options);
   try {
-    body.pieces = {make_hull_piece(vertices, {}, options.radius)};
+    const Geometry geometry = geometry_of();
+    body.pieces = geometry.pieces;
+    body.display = geometry.display;
+    body.model_error = geometry.model_error;
+    body.source = geometry.source;
   } catch (const std::invalid_argument& e) {
     throw SceneError("body " + quoted(name) + ": " + e.what());
+  } catch (const MeshError& e) {
+    throw SceneError("body " + quoted(name) + ": " + e.what());
   }
-  body.source = "points";
   return add_body(std::move(body));
+}
+
+std::uint32_t Scene::add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options) {
+  return add_geometry(name, options, [&] { return geometry_of_points(vertices, options.radius); });
 }
 
 std::uint32_t Scene::add_shape(const std::string& name, const Shape& shape, const char* source,
                                const BodyOptions& options) {
-  Body body = body_from(name, *this, options);
-  try {
-    body.pieces = {make_hull_piece(shape.vertices, shape.triangles, shape.radius + options.radius)};
-  } catch (const std::invalid_argument& e) {
-    throw SceneError("body " + quoted(name) + ": " + e.what());
-  }
-  body.model_error = shape.model_error;
-  body.display = display_of(shape);
-  body.source = source;
-  return add_body(std::move(body));
+  return add_geometry(name, options, [&] { return geometry_of_shape(shape, options.radius, source); });
+}
+
+std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
+                              const BodyOptions& options) {
+  return add_geometry(name, options, [&] {
+    const std::string key = file_key(path) + number(scale.x) + ',' + number(scale.y) + ',' + number(scale.z) + ',' +
+                            std::to_string(static_cast<int>(convexify)) + ',' + number(options.radius);
+    std::shared_ptr<const Geometry>& known = meshes_[key];
+    if (known) return *known;
+    try {
+      known = std::make_shared<const Geometry>(geometry_of_mesh(load_mesh(path), scale, convexify, options.radius, path));
+      return *known;
+    } catch (const std::exception& e) {
+      meshes_.erase(key);
+      throw MeshError(path + ": " + e.what());
+    }
+  });
 }
 
 std::uint32_t Scene::add_uv_sphere(const std::string& name, double radius, int resolution, const BodyOptions& options) {

@@ -18,7 +18,8 @@
 
 namespace clearance {
 
-struct Shape;  // engine/shapes.h
+struct Geometry;  // engine/geometry.h
+struct Shape;     // engine/shapes.h
 
 /// Bad input at set-up. The text names cause and place: "scenes/a.yaml:12: bodies[3].radius: expected a number > 0, got -1".
 struct SceneError : std::runtime_error {
@@ -71,6 +72,7 @@ class Scene {
 
   /// Each adds a body and returns its id. All throw SceneError for a bad or repeated name or bad geometry.
   std::uint32_t add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options);
+  /// \param scale per axis, not 0; negative mirrors. Bodies of the same file, scale, convexify and radius share their pieces.
   std::uint32_t add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
                          const BodyOptions& options);
   std::uint32_t add_uv_sphere(const std::string& name, double radius, int resolution, const BodyOptions& options);  ///< Open3D's create_sphere
@@ -101,6 +103,8 @@ class Scene {
 
  private:
   std::vector<std::uint32_t> resolve(const std::string& body_or_group) const;
+  template <class F>
+  std::uint32_t add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of);
   std::uint32_t add_shape(const std::string& name, const Shape& shape, const char* source, const BodyOptions& options);
   void check_free(const std::string& name, const char* what) const;
 
@@ -109,6 +113,7 @@ class Scene {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
   std::unordered_map<std::string, std::uint32_t> body_ids_;
   std::unordered_map<std::string, std::uint32_t> group_ids_;
+  std::unordered_map<std::string, std::shared_ptr<const Geometry>> meshes_;  ///< that add_mesh() has read, by file and options
 };
 
 }  // namespace clearance

@@ -23,8 +23,8 @@ struct Shape {
   std::vector<Triangle> triangles;  ///< faces of the hull of `vertices`, outward; empty where that hull is flat
 };
 
-/// Largest resolution of a uv_sphere: 2 r (r - 1) + 2 vertices, about 32 million.
-inline constexpr int kMaxUvSphereResolution = 4000;
+/// Largest resolution of a uv_sphere: 2 r (r - 1) + 2 vertices, about 8 million.
+inline constexpr int kMaxUvSphereResolution = 2000;
 /// Sides of the prism that stands for a cylinder: its corners stand out by 0.12 % of the radius.
 inline constexpr int kCylinderSides = 64;
 

@@ -27,7 +27,7 @@ void expect_closed_and_outward(const Shape& shape, const char* what) {
 }
 
 TEST(Shapes, SineAndCosineAreWithinABitOfTheLibraryAndExactAtRightAngles) {
-  for (const std::uint32_t n : {1u, 2u, 3u, 5u, 64u, 1000u, 4000u})
+  for (const std::uint32_t n : {1u, 2u, 3u, 5u, 64u, 1000u, 2000u})
     for (std::uint32_t k = 0; k <= 2 * n; ++k) {
       double s, c;
       sin_cos_pi(k, n, &s, &c);

@@ -1,0 +1,29 @@
+// What a body is made of, from each of the things that a scene may name.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mesh.h"
+#include "scene.h"
+#include "shapes.h"
+
+namespace clearance {
+
+/// Everything of a Body that bodies of the same shape share.
+struct Geometry {
+  std::vector<PiecePtr> pieces;
+  std::shared_ptr<const DisplayMesh> display;  ///< may be null
+  double model_error = 0;
+  std::string source;
+};
+
+/// \param radius grows the pieces; added to that of the shape. All throw std::invalid_argument for bad numbers.
+Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source);
+Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
+/// \param source names the file. \param scale per axis, in the file's frame; negative mirrors.
+Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius, const std::string& source);
+
+}  // namespace clearance

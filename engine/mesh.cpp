@@ -1,0 +1,261 @@
+#include "mesh.h"
+
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "mesh_format.h"
+
+extern char** environ;
+
+namespace clearance {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kLoaderName = "clearance-mesh-loader";
+
+std::string reason(int error) { return std::generic_category().message(error); }
+
+class Fd {
+ public:
+  explicit Fd(int fd = -1) : fd_(fd) {}
+  Fd(Fd&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  Fd& operator=(Fd&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+  ~Fd() { close(); }
+  void close() {
+    if (fd_ >= 0) ::close(fd_);
+    fd_ = -1;
+  }
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+// A descriptor above those that the loader's own are put on.
+Fd above_loader_fds(Fd fd) {
+  const int moved = ::fcntl(fd.get(), F_DUPFD_CLOEXEC, 10);
+  if (moved < 0) throw MeshError("cannot start the mesh loader: " + reason(errno));
+  return Fd(moved);
+}
+
+// How a loader process ended; none if somebody else reaped it.
+using Ending = std::optional<int>;
+
+struct Loader {
+  pid_t pid = -1;
+  Fd result, lifetime;
+};
+
+Loader start_loader(const std::string& path, const MeshLimits& limits) {
+  const std::string program = mesh_loader_program();
+  Loader loader;
+  loader.result = above_loader_fds(Fd(::memfd_create("clearance-mesh", MFD_CLOEXEC)));
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) throw MeshError("cannot start the mesh loader: " + reason(errno));
+  loader.lifetime = Fd(ends[0]);
+  const Fd write_end = above_loader_fds(Fd(ends[1]));
+
+  const std::string memory = std::to_string(limits.memory_bytes);
+  const std::string seconds = std::to_string((limits.time.count() + 999) / 1000 + 1);
+  std::vector<const char*> arguments = {program.c_str(), path.c_str(), memory.c_str(), seconds.c_str(), nullptr};
+
+  posix_spawn_file_actions_t files;
+  posix_spawnattr_t attributes;
+  ::posix_spawn_file_actions_init(&files);
+  ::posix_spawnattr_init(&attributes);
+  ::posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
+  ::posix_spawn_file_actions_addopen(&files, 1, "/dev/null", O_WRONLY, 0);
+  ::posix_spawn_file_actions_addopen(&files, 2, "/dev/null", O_WRONLY, 0);
+  ::posix_spawn_file_actions_adddup2(&files, loader.result.get(), kMeshResultFd);
+  ::posix_spawn_file_actions_adddup2(&files, write_end.get(), kMeshLifetimeFd);
+  sigset_t none, all;
+  ::sigemptyset(&none);
+  ::sigfillset(&all);
+  ::posix_spawnattr_setsigmask(&attributes, &none);
+  ::posix_spawnattr_setsigdefault(&attributes, &all);
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+  const int error = ::posix_spawn(&loader.pid, program.c_str(), &files, &attributes,
+                                  const_cast<char* const*>(arguments.data()), environ);
+  ::posix_spawn_file_actions_destroy(&files);
+  ::posix_spawnattr_destroy(&attributes);
+  if (error) throw MeshError("cannot start " + program + ": " + reason(error));
+  return loader;
+}
+
+// Waits until the loader is gone; past the time limit it is killed. Returns whether it ended by itself.
+bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* ending) {
+  using Clock = std::chrono::steady_clock;
+  const auto deadline = Clock::now() + limit;
+  bool in_time = false;
+  for (;;) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now()).count();
+    pollfd pipe{loader.lifetime.get(), POLLIN, 0};
+    const int ready = ::poll(&pipe, 1, static_cast<int>(std::clamp<long long>(left, 0, 1'000'000)));
+    if (ready < 0 && errno == EINTR) continue;
+    in_time = ready > 0;
+    if (ready != 0 || left <= 0) break;
+  }
+  if (!in_time) ::kill(loader.pid, SIGKILL);
+  int status = 0;
+  pid_t reaped;
+  do reaped = ::waitpid(loader.pid, &status, 0);
+  while (reaped < 0 && errno == EINTR);
+  if (reaped == loader.pid) *ending = status;
+  return in_time;
+}
+
+[[noreturn]] void fail_without_result(const Ending& ending) {
+  if (!ending) throw MeshError("the mesh loader ended without a result");
+  if (WIFSIGNALED(*ending)) {
+    const int signal = WTERMSIG(*ending);
+    if (signal == SIGXCPU) throw MeshError("reading it took too much processor time; is the file damaged?");
+    if (signal == SIGKILL) throw MeshError("the mesh loader was killed while reading it (out of memory?)");
+    throw MeshError(std::string("the mesh library crashed on it (") + ::strsignal(signal) + "); is the file damaged?");
+  }
+  throw MeshError("the mesh loader ended with code " + std::to_string(WEXITSTATUS(*ending)) +
+                  " and no result; is the file damaged?");
+}
+
+// Checked reads from the loader's result, front to back.
+class ResultReader {
+ public:
+  explicit ResultReader(int fd) : fd_(fd) {
+    struct stat info {};
+    if (::fstat(fd, &info) == 0) size_ = static_cast<std::uint64_t>(info.st_size);
+  }
+  std::uint64_t left() const { return size_ - at_; }
+  bool read(void* to, std::uint64_t bytes) {
+    if (bytes > left()) return false;
+    for (auto* p = static_cast<char*>(to); bytes > 0;) {
+      const ssize_t n = ::pread(fd_, p, bytes, static_cast<off_t>(at_));
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) return false;
+      p += n;
+      at_ += static_cast<std::uint64_t>(n);
+      bytes -= static_cast<std::uint64_t>(n);
+    }
+    return true;
+  }
+
+ private:
+  int fd_;
+  std::uint64_t size_ = 0, at_ = 0;
+};
+
+[[noreturn]] void fail_garbled() { throw MeshError("the mesh loader's result is garbled; is the file damaged?"); }
+
+Submesh read_submesh(ResultReader* in) {
+  SubmeshHeader header;
+  if (!in->read(&header, sizeof header)) fail_garbled();
+  if (header.vertices == 0 || header.vertices > in->left() / sizeof(Vec3d)) fail_garbled();
+  Submesh submesh;
+  submesh.loaded_vertices = header.loaded_vertices;
+  submesh.vertices.resize(header.vertices);
+  if (!in->read(submesh.vertices.data(), header.vertices * sizeof(Vec3d))) fail_garbled();
+  if (header.triangles > in->left() / sizeof(Triangle)) fail_garbled();
+  submesh.triangles.resize(header.triangles);
+  if (!in->read(submesh.triangles.data(), header.triangles * sizeof(Triangle))) fail_garbled();
+  std::uint64_t padding;
+  if (header.triangles % 2 && !in->read(&padding, 4)) fail_garbled();
+  for (const Vec3d& v : submesh.vertices)
+    if (!std::isfinite(v.x) || !std::isfinite(v.y) || !std::isfinite(v.z)) fail_garbled();
+  for (const Triangle& t : submesh.triangles)
+    if (std::max({t[0], t[1], t[2]}) >= header.vertices) fail_garbled();
+  return submesh;
+}
+
+Mesh read_result(int fd, const Ending& ending) {
+  ResultReader in(fd);
+  const std::uint64_t size = in.left();
+  MeshHeader header;
+  if (!in.read(&header, sizeof header) || header.magic != kMeshMagic) fail_without_result(ending);
+  if (header.total_bytes != size) fail_garbled();
+  if (header.state == MeshState::kError || header.state == MeshState::kOutOfMemory) {
+    if (header.error_bytes > kMaxMeshErrorBytes) fail_garbled();
+    std::string text(header.error_bytes, '\0');
+    if (!in.read(text.data(), text.size())) fail_garbled();
+    for (char& c : text)
+      if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7f) c = '?';
+    throw MeshError(text);
+  }
+  if (header.state != MeshState::kGood || header.submeshes == 0) fail_garbled();
+  Mesh mesh;
+  for (std::uint32_t i = 0; i < header.submeshes; ++i) mesh.submeshes.push_back(read_submesh(&in));
+  return mesh;
+}
+
+void check_file(const std::string& path, const MeshLimits& limits) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) throw MeshError(reason(errno));
+  if (S_ISDIR(info.st_mode)) throw MeshError("expected a mesh file, got a folder");
+  if (!S_ISREG(info.st_mode)) throw MeshError("expected a mesh file, got a device, pipe or socket");
+  if (info.st_size == 0) throw MeshError("the file is empty");
+  if (static_cast<std::uint64_t>(info.st_size) > limits.file_bytes)
+    throw MeshError(std::to_string(info.st_size) + " bytes; a mesh file may have at most " + std::to_string(limits.file_bytes));
+  if (Fd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); fd.get() < 0) throw MeshError(reason(errno));
+  constexpr const char* kKnown[] = {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb"};
+  std::string extension = fs::path(path).extension().string();
+  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  if (std::find(std::begin(kKnown), std::end(kKnown), extension) == std::end(kKnown))
+    throw MeshError("unknown format \"" + extension + "\"; expected .obj, .stl, .ply, .off, .dae, .gltf or .glb");
+}
+
+}  // namespace
+
+std::string mesh_loader_program() {
+  const auto runs = [](const fs::path& path) { return ::access(path.c_str(), X_OK) == 0 && !fs::is_directory(path); };
+  if (const char* set = std::getenv("CLEARANCE_MESH_LOADER"); set && *set) {
+    if (!runs(set)) throw MeshError(std::string("CLEARANCE_MESH_LOADER=") + set + " is not a program");
+    return set;
+  }
+  std::vector<fs::path> places;
+  Dl_info self{};
+  if (::dladdr(reinterpret_cast<const void*>(&mesh_loader_program), &self) && self.dli_fname)
+    places.push_back(fs::path(self.dli_fname).parent_path());
+  std::error_code error;
+  if (const fs::path program = fs::read_symlink("/proc/self/exe", error); !error) places.push_back(program.parent_path());
+  for (const fs::path& place : places) {
+    for (const fs::path& folder : {place, place / ".." / "libexec", place / ".." / ".." / "libexec"})
+      if (!place.empty() && runs(folder / kLoaderName)) return (folder / kLoaderName).string();
+  }
+#ifdef CLEARANCE_MESH_LOADER_BUILT
+  if (runs(CLEARANCE_MESH_LOADER_BUILT)) return CLEARANCE_MESH_LOADER_BUILT;
+#endif
+  throw MeshError(std::string("the program ") + kLoaderName + ", which reads mesh files, is not beside " +
+                  (self.dli_fname ? self.dli_fname : "this program") +
+                  " nor in a libexec folder; set CLEARANCE_MESH_LOADER to its path");
+}
+
+Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
+  check_file(path, limits);
+  Loader loader = start_loader(path, limits);
+  Ending ending;
+  if (!wait_for(loader, limits.time, &ending))
+    throw MeshError("reading it took longer than " + std::to_string(limits.time.count() / 1000.0).substr(0, 5) +
+                    " s; is the file damaged?");
+  return read_result(loader.result.get(), ending);
+}
+
+}  // namespace clearance

@@ -1,0 +1,51 @@
+// Mesh files, read by a child process that may crash, hang or run out of memory without harm to this one.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "math.h"
+#include "shapes.h"
+
+namespace clearance {
+
+/// A mesh of the file at one node of its scene graph; transforms of the nodes applied. Metres, if the file's unit is.
+struct Submesh {
+  std::vector<Vec3d> vertices;      ///< every position of the mesh, exact duplicates merged
+  std::vector<Triangle> triangles;  ///< polygons as fans; empty for points and lines
+  std::uint64_t loaded_vertices = 0;  ///< before exact duplicates were merged
+};
+
+/// What a mesh file holds.
+///
+/// The reading library (assimp) gives positions in float32, whatever the file says: a coordinate is right to 6e-8 of itself.
+/// Transforms of nodes are then applied in float64. Positions that no face uses are kept where the library hands
+/// them out (PLY, OFF); those of OBJ, DAE and glTF belong to no mesh of the file and do not arrive.
+struct Mesh {
+  std::vector<Submesh> submeshes;  ///< at least one, each with at least one vertex
+};
+
+/// A mesh file that cannot be used: the text names the cause, not the file.
+struct MeshError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// What the reading process may use.
+struct MeshLimits {
+  std::chrono::milliseconds time{60'000};               ///< wall clock, and the same of processor time
+  std::uint64_t memory_bytes = std::uint64_t{4} << 30;  ///< address space
+  std::uint64_t file_bytes = std::uint64_t{2} << 30;
+};
+
+/// Reads an OBJ, STL, PLY, OFF, DAE, glTF or GLB file. Other files that it names are opened only inside its folder.
+/// Throws MeshError.
+Mesh load_mesh(const std::string& path, const MeshLimits& limits = {});
+
+/// The program that reads meshes: $CLEARANCE_MESH_LOADER, or `clearance-mesh-loader` beside this library or program, in
+/// the libexec folder next to it, or where this library was built. Throws MeshError if there is none.
+std::string mesh_loader_program();
+
+}  // namespace clearance
