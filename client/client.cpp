@@ -78,7 +78,7 @@ wire::QueryHeader header_of(const Query& query) {
   q.fields = query.fields;
   q.max_results = query.max_results;
   q.max_pose_age_ns = query.max_pose_age_ns;
-  q.all_pairs = query.pairs.empty();
+  q.all_pairs = query.pairs.empty() && query.all_pairs;
   q.precision = static_cast<std::uint8_t>(query.precision);
   q.signed_distance = query.signed_distance;
   q.reduce = static_cast<std::uint8_t>(query.reduce);
@@ -433,11 +433,15 @@ Pending::~Pending() {
 }
 
 bool Pending::ready() {
+  return wait_for(std::chrono::nanoseconds(0));
+}
+
+bool Pending::wait_for(std::chrono::nanoseconds timeout) {
   if (!client_) throw std::logic_error("this reply was fetched already");
   if (frame_) return true;
   client_->check_process();
   // Taken as it is, so that an error frame is thrown where the answer is asked for.
-  frame_ = client_->channel->receive(request_id_, std::chrono::steady_clock::now());
+  frame_ = client_->channel->receive(request_id_, deadline_in(timeout));
   return frame_ != nullptr;
 }
 

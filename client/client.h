@@ -50,7 +50,8 @@ using Pose7 = std::array<double, 7>;
 using IdPair = std::array<std::uint32_t, 2>;
 
 struct Query {
-  std::span<const IdPair> pairs = {};            ///< empty: all enabled pairs
+  std::span<const IdPair> pairs = {};            ///< empty: all enabled pairs, or none
+  bool all_pairs = true;                         ///< what empty `pairs` means; with pairs it is not read
   std::span<const std::uint32_t> bodies = {};    ///< (M,) moved bodies
   std::span<const Pose7> configurations = {};    ///< (K * M,) their poses; empty: the current poses
   double max_distance = std::numeric_limits<double>::infinity();
@@ -194,6 +195,7 @@ class CLEARANCE_API Pending {
   Pending& operator=(Pending&&) noexcept;
   ~Pending();
   bool ready();                  ///< polls once; errors are thrown by get()
+  bool wait_for(std::chrono::nanoseconds timeout);  ///< as ready(), waiting for at most so long
   Reply get();                   ///< once: waits up to the client's timeout; throws as Client::distances()
 
  private:

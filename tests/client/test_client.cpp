@@ -149,6 +149,38 @@ TEST(Client, RepliesAreMatchedToRequestsInAnyOrder) {
   EXPECT_EQ(text_of<std::logic_error>([&] { first.get(); }), "this reply was fetched already");
 }
 
+TEST(Client, WaitsForOneReplyAsLongAsItIsTold) {
+  std::vector<wire::FrameHeader> held;
+  ScriptedServer server([&](const wire::FrameHeader& header, auto) -> std::vector<Bytes> {
+    held.push_back(header);
+    if (held.size() == 1) return {};
+    return {reply_frame(held[0]), reply_frame(held[1])};
+  });
+  Client client = connect(server.url());
+  Pending first = client.submit();
+  EXPECT_FALSE(first.wait_for(1ms));
+  Pending second = client.submit();
+  EXPECT_TRUE(first.wait_for(5s)) << "the first wait has not given it up";
+  EXPECT_TRUE(second.wait_for(5s));
+  EXPECT_EQ(first.get().distance()[0], 1);
+  EXPECT_EQ(second.get().distance()[0], 2);
+}
+
+TEST(Client, EmptyPairsMeanAllOrNone) {
+  std::vector<wire::QueryHeader> asked;
+  ScriptedServer server([&](const wire::FrameHeader& header, std::span<const std::byte> payload) -> std::vector<Bytes> {
+    std::memcpy(&asked.emplace_back(), payload.data(), sizeof(wire::QueryHeader));
+    return {reply_frame(header)};
+  });
+  Client client = connect(server.url());
+  (void)client.distances();
+  (void)client.distances({.all_pairs = false});
+  ASSERT_EQ(asked.size(), 2u);
+  EXPECT_EQ(asked[0].all_pairs, 1);
+  EXPECT_EQ(asked[1].all_pairs, 0);
+  EXPECT_EQ(asked[1].pair_count, 0u);
+}
+
 TEST(Client, PendingOutlivesItsClient) {
   ScriptedServer server(
       [](const wire::FrameHeader& header, auto) -> std::vector<Bytes> { return {reply_frame(header)}; });
