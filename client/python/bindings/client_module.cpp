@@ -1,0 +1,352 @@
+// clearance._client: the C++ client in a Python process. The public face is clearance/_client_front.py.
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string_view.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <bit>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <mutex>
+#include <span>
+#include <utility>
+#include <variant>
+
+#include "client/client.h"
+#include "columns.h"
+#include "wire_layout.h"
+
+namespace clearance::python {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// How often a waiting call looks whether Ctrl-C was pressed and lets other threads use the connection.
+constexpr std::chrono::milliseconds kSlice{10};
+
+std::chrono::nanoseconds duration_of(double seconds) {
+  constexpr double kLongest = 365.0 * 24 * 3600;
+  return std::chrono::nanoseconds(static_cast<std::int64_t>(std::clamp(seconds, 0.0, kLongest) * 1e9));
+}
+
+/// One connection, shared by the client object, its futures and the answers that view its memory. A clearance::Client
+/// is for one thread at a time, while Python frees objects on any: whatever a free cannot do at once is left for the
+/// next call.
+class Connection {
+ public:
+  Connection(const std::string& url, double timeout_s)
+      : client_(connect(url, duration_of(timeout_s))), timeout_s_(timeout_s) {}
+
+  /// Runs f(client) alone, with the GIL released.
+  template <class F>
+  auto with(F&& f) {
+    nb::gil_scoped_release release;
+    const std::lock_guard lock(mutex_);
+    empty_trash();
+    return f(client_);
+  }
+
+  /// Destroys a Reply or Pending, now or before the next call. Never blocks.
+  template <class T>
+  void discard(T&& object) {
+    if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) {
+      const T gone = std::move(object);
+    } else {
+      const std::lock_guard trash_lock(trash_mutex_);
+      trash_.emplace_back(std::move(object));
+    }
+  }
+
+  double timeout_s() const { return timeout_s_; }
+  void set_timeout(double seconds) {
+    timeout_s_ = seconds;
+    with([&](Client& client) { client.set_timeout(duration_of(seconds)); });
+  }
+
+ private:
+  void empty_trash() {
+    std::vector<std::variant<Reply, Pending>> gone;
+    const std::lock_guard lock(trash_mutex_);
+    gone.swap(trash_);
+  }
+
+  std::mutex mutex_;
+  Client client_;
+  double timeout_s_;
+  std::mutex trash_mutex_;
+  std::vector<std::variant<Reply, Pending>> trash_;
+};
+using ConnectionPtr = std::shared_ptr<Connection>;
+
+static_assert(sizeof(IdPair) == 8 && sizeof(Pose7) == 56);
+
+clearance::Query query_of(const Query& q) {
+  clearance::Query query;
+  if (q.pairs) {
+    query.pairs = {reinterpret_cast<const IdPair*>(q.pairs->data()), q.pairs->shape(0)};
+    query.all_pairs = false;
+  }
+  if (q.configurations) {
+    query.bodies = {q.bodies->data(), q.bodies->shape(0)};
+    query.configurations = {reinterpret_cast<const Pose7*>(q.configurations->data()),
+                            q.configurations->shape(0) * q.configurations->shape(1)};
+  }
+  query.max_distance = q.max_distance;
+  query.abs_tol = q.abs_tol;
+  query.rel_tol = q.rel_tol;
+  query.precision = static_cast<Precision>(q.precision);
+  query.signed_distance = q.signed_distance;
+  query.reduce = static_cast<Reduce>(q.reduce);
+  query.format = static_cast<Format>(q.format);
+  query.fields = q.fields;
+  query.max_results = q.max_results;
+  query.max_pose_age_ns = q.max_pose_age_ns;
+  query.warm = q.warm;
+  return query;
+}
+
+std::array<const void*, kFieldCount> columns_of(const Reply& r) {
+  return {r.distance().data(), r.lower().data(),         r.upper().data(),  r.status().data(), r.flags().data(),
+          r.point_a().data(),  r.point_b().data(),       r.normal().data(), r.pieces().data(), r.gradient().data(),
+          r.pair().data(),     r.configuration().data(), r.compact().data()};
+}
+
+Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, const OutArrays& out, bool copy) {
+  Answer a;
+  a.fields = reply.fields();
+  a.rows = a.capacity = reply.rows();
+  a.total = reply.total();
+  a.configurations = reply.configurations();
+  a.pairs = reply.pairs();
+  a.scene_revision = reply.scene_revision();
+  a.snapshot_revision = reply.snapshot_revision();
+  a.snapshot_stamp_ns = reply.snapshot_stamp_ns();
+  a.engine_ns = reply.engine_ns();
+  a.server_ns = reply.server_ns();
+  a.backend = reply.backend();
+  try {
+    out.check(reduce, a.configurations, a.pairs, a.rows);
+  } catch (...) {
+    connection->discard(std::move(reply));
+    throw;
+  }
+
+  const auto columns = columns_of(reply);
+  if (copy) {
+    const Layout layout = layout_of(a.fields & ~out.fields(), a.rows);
+    a.owner = allocate_block(layout.bytes);
+    a.base = static_cast<const std::byte*>(a.owner.get());
+    a.bytes = layout.bytes;
+    a.offset = layout.offset;
+    for (std::size_t i = 0; i < kFieldCount; ++i) {
+      if (!(a.fields >> i & 1u) || a.rows == 0) continue;
+      std::byte* to = out.fields() >> i & 1u ? out.data(static_cast<int>(i))
+                                             : static_cast<std::byte*>(a.owner.get()) + layout.offset[i];
+      std::memcpy(to, columns[i], a.rows * kFieldBytes[i]);
+    }
+    connection->discard(std::move(reply));
+    return a;
+  }
+  // Views on the frame: from its first column to the end of its last.
+  const std::byte* first = nullptr;
+  const std::byte* last = nullptr;
+  a.offset.fill(-1);
+  for (std::size_t i = 0; i < kFieldCount; ++i) {
+    if (!(a.fields >> i & 1u)) continue;
+    const auto* column = static_cast<const std::byte*>(columns[i]);
+    if (!first) first = column;
+    last = column + a.rows * kFieldBytes[i];
+    a.offset[i] = column - first;
+  }
+  a.base = first;
+  a.bytes = static_cast<std::uint64_t>(last - first);
+  a.writable = false;
+  auto* leased = new Reply(std::move(reply));
+  a.owner = std::shared_ptr<void>(leased, [connection](void* p) {
+    auto* r = static_cast<Reply*>(p);
+    connection->discard(std::move(*r));
+    delete r;
+  });
+  return a;
+}
+
+/// A request under way.
+class PyPending {
+ public:
+  PyPending(ConnectionPtr connection, Pending pending, Reduce reduce, bool copy, OutArrays out)
+      : connection_(std::move(connection)),
+        pending_(std::in_place, std::move(pending)),
+        reduce_(reduce),
+        copy_(copy),
+        out_(std::move(out)) {}
+  ~PyPending() { cancel(); }
+  PyPending(const PyPending&) = delete;
+  PyPending& operator=(const PyPending&) = delete;
+
+ private:
+  template <class F>
+  auto use(F&& f) {
+    return connection_->with([&](Client&) {
+      if (!pending_) throw std::logic_error("this request is over");
+      return f(*pending_);
+    });
+  }
+
+ public:
+  /// Whether the answer is there, after waiting for at most `timeout_s`.
+  bool wait(double timeout_s) {
+    const auto deadline = Clock::now() + duration_of(timeout_s);
+    while (true) {
+      const auto left = deadline - Clock::now();
+      const auto slice = std::clamp<Clock::duration>(left, Clock::duration(0), kSlice);
+      if (use([&](Pending& pending) { return pending.wait_for(slice); })) return true;
+      if (left <= kSlice) return false;
+      if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    }
+  }
+
+  /// Once, after wait() returned true.
+  Answer answer() {
+    Reply reply = use([](Pending& pending) { return pending.get(); });
+    pending_.reset();
+    return answer_of(connection_, std::move(reply), reduce_, out_, copy_);
+  }
+
+  void cancel() {
+    if (!pending_) return;
+    connection_->discard(std::move(*pending_));
+    pending_.reset();
+  }
+
+ private:
+  ConnectionPtr connection_;
+  std::optional<Pending> pending_;
+  Reduce reduce_;
+  bool copy_;
+  OutArrays out_;
+};
+
+class PyClient {
+ public:
+  PyClient(const std::string& url, double timeout_s) {
+    nb::gil_scoped_release release;
+    connection_ = std::make_shared<Connection>(url, timeout_s);
+  }
+
+  Connection& use() const { return *connection_; }
+
+  std::unique_ptr<PyPending> submit(const Query& query, nb::handle out_list, bool copy) const {
+    OutArrays out(out_list);
+    Pending pending = use().with([&](Client& client) { return client.submit(query_of(query)); });
+    return std::make_unique<PyPending>(connection_, std::move(pending), static_cast<Reduce>(query.reduce), copy,
+                                       std::move(out));
+  }
+
+  nb::object pairs(const Query& query) const {
+    auto* pairs = new std::vector<IdPair>();
+    nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<IdPair>*>(p); });
+    *pairs = use().with([&](Client& client) { return client.pairs(query_of(query)); });
+    return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
+  }
+
+  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns) const {
+    if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
+    std::vector<std::pair<std::uint32_t, Pose7>> batch(ids.shape(0));
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      batch[i].first = ids.data()[i];
+      std::copy_n(poses.data() + 7 * i, 7, batch[i].second.begin());
+    }
+    return done(use().with([&](Client& client) { return client.set_poses(batch, stamp_ns); }));
+  }
+
+  nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose) const {
+    Pose7 X_pc{};
+    if (pose) {
+      if (pose->shape(0) != 1) throw nb::value_error("pose: expected one pose");
+      std::copy_n(pose->data(), 7, X_pc.begin());
+    }
+    return done(use().with([&](Client& client) { return client.attach(child, parent, pose ? &X_pc : nullptr); }));
+  }
+
+  /// revision, backend, pair count, bodies as _names.BodyInfo has them, groups.
+  nb::tuple scene(bool refresh) const {
+    const SceneInfo info = use().with([&](Client& client) {
+      if (refresh) client.refresh();
+      return client.scene();
+    });
+    nb::list bodies, groups;
+    for (const BodyInfo& b : info.bodies) {
+      bodies.append(
+          nb::make_tuple(b.name, b.parent, b.is_static, b.piece_count, b.vertex_count, b.model_error, b.extent));
+    }
+    for (const GroupInfo& g : info.groups) groups.append(nb::make_tuple(g.name, g.bodies));
+    return nb::make_tuple(info.revision, info.backend, info.pair_count, bodies, groups);
+  }
+
+  nb::list body_states() const {
+    nb::list list;
+    for (const BodyStateInfo& s : use().with([](Client& client) { return client.body_states(); })) {
+      const Pose7& X = s.pose;
+      list.append(nb::make_tuple(nb::make_tuple(X[0], X[1], X[2], X[3], X[4], X[5], X[6]), static_cast<int>(s.status),
+                                 s.parent, s.stamp_ns, s.age_ns));
+    }
+    return list;
+  }
+
+  double ping(nb::bytes payload) const {
+    const std::span<const std::byte> bytes(static_cast<const std::byte*>(payload.data()), payload.size());
+    const auto took = use().with([&](Client& client) { return client.ping(bytes); });
+    return std::chrono::duration<double>(took).count();
+  }
+
+ private:
+  static nb::tuple done(const PosesDone& r) {
+    return nb::make_tuple(r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed);
+  }
+
+  ConnectionPtr connection_;
+};
+
+}  // namespace
+
+NB_MODULE(_client, m) {
+  nb::set_leak_warnings(false);  // caches of a program that ends by exit() are no leak
+  nb::register_exception_translator([](const std::exception_ptr& p, void*) {
+    try {
+      std::rethrow_exception(p);
+    } catch (const TimeoutError& e) {
+      raise_ours("TimeoutError", -1, e.what());
+    } catch (const ConnectionError& e) {
+      raise_ours("ConnectionError", -1, e.what());
+    } catch (const RequestError& e) {
+      raise_ours(e.code < 16 ? "QueryError" : "RequestError", e.code, e.what());
+    }
+  });
+  bind_query(m);
+  bind_answer(m);
+
+  nb::class_<PyPending>(m, "Pending")
+      .def("wait", &PyPending::wait, nb::arg("timeout_s"))
+      .def("answer", &PyPending::answer)
+      .def("cancel", &PyPending::cancel);
+
+  nb::class_<PyClient>(m, "Client")
+      .def(nb::init<const std::string&, double>(), nb::arg("url"), nb::arg("timeout_s"))
+      .def_prop_ro("url", [](const PyClient& c) { return c.use().with([](Client& client) { return client.url(); }); })
+      .def_prop_rw(
+          "timeout_s", [](const PyClient& c) { return c.use().timeout_s(); },
+          [](PyClient& c, double seconds) { c.use().set_timeout(seconds); })
+      .def("submit", &PyClient::submit, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"))
+      .def("pairs", &PyClient::pairs, nb::arg("query"))
+      .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"))
+      .def("attach", &PyClient::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
+      .def("scene", &PyClient::scene, nb::arg("refresh"))
+      .def("body_states", &PyClient::body_states)
+      .def("stats", [](const PyClient& c) { return c.use().with([](Client& client) { return client.stats(); }); })
+      .def("ping", &PyClient::ping, nb::arg("payload"));
+
+  m.def("wire_layout", &wire_layout);
+}
+
+}  // namespace clearance::python

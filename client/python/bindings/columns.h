@@ -1,0 +1,249 @@
+// Answers and queries as the Python modules of the engine and of the client share them.
+//
+// An Answer is memory that holds columns, exposed through the buffer protocol: numpy arrays over it are made in Python
+// (client/python/clearance/_result.py) and keep it alive as their base. A Query is the parsed arguments of one call.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <new>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "client/types.h"
+
+namespace clearance::python {
+
+namespace nb = nanobind;
+
+using PairsArray = nb::ndarray<const std::uint32_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using BodiesArray = nb::ndarray<const std::uint32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using PosesArray = nb::ndarray<const double, nb::shape<-1, -1, 7>, nb::c_contig, nb::device::cpu>;
+using PoseRows = nb::ndarray<const double, nb::shape<-1, 7>, nb::c_contig, nb::device::cpu>;
+
+/// Keeps its arrays alive; they are not copied.
+struct Query {
+  std::optional<PairsArray> pairs;  ///< none: all enabled pairs
+  std::optional<BodiesArray> bodies;
+  std::optional<PosesArray> configurations;  ///< (K, M, 7)
+  double max_distance, abs_tol, rel_tol;
+  std::uint8_t precision;
+  bool signed_distance;
+  std::uint8_t reduce, format;
+  std::uint32_t fields;
+  bool points_by_default;  ///< add points and normal if there are few rows
+  std::uint64_t max_results;
+  std::int64_t max_pose_age_ns;
+  bool warm;
+};
+
+inline void bind_query(nb::module_& m) {
+  nb::class_<Query>(m, "Query")
+      .def(
+          "__init__",
+          [](Query* self, std::optional<PairsArray> pairs, std::optional<BodiesArray> bodies,
+             std::optional<PosesArray> configurations, double max_distance, double abs_tol, double rel_tol,
+             std::uint8_t precision, bool signed_distance, std::uint8_t reduce, std::uint8_t format,
+             std::uint32_t fields, bool points_by_default, std::uint64_t max_results, std::int64_t max_pose_age_ns,
+             bool warm) {
+            if (configurations && (!bodies || configurations->shape(1) != bodies->shape(0))) {
+              throw nb::value_error("configurations: expected one pose for each of bodies");
+            }
+            new (self) Query{std::move(pairs),
+                             std::move(bodies),
+                             std::move(configurations),
+                             max_distance,
+                             abs_tol,
+                             rel_tol,
+                             precision,
+                             signed_distance,
+                             reduce,
+                             format,
+                             fields,
+                             points_by_default,
+                             max_results,
+                             max_pose_age_ns,
+                             warm};
+          },
+          nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("configurations").none(), nb::arg("max_distance"),
+          nb::arg("abs_tol"), nb::arg("rel_tol"), nb::arg("precision"), nb::arg("signed"), nb::arg("reduce"),
+          nb::arg("format"), nb::arg("fields"), nb::arg("points_by_default"), nb::arg("max_results"),
+          nb::arg("max_pose_age_ns"), nb::arg("warm"));
+}
+
+/// Where each column lies in a block: in the order of Field, each from a 64-byte boundary (client/protocol.h).
+struct Layout {
+  std::array<std::int64_t, kFieldCount> offset;  ///< -1: not there
+  std::uint64_t bytes = 0;
+};
+
+inline Layout layout_of(std::uint32_t fields, std::uint64_t rows) {
+  Layout layout;
+  for (int i = 0; i < kFieldCount; ++i) {
+    layout.offset[i] = -1;
+    if (!(fields >> i & 1u)) continue;
+    layout.offset[i] = static_cast<std::int64_t>(layout.bytes);
+    layout.bytes += (rows * kFieldBytes[i] + 63) / 64 * 64;
+  }
+  return layout;
+}
+
+/// Columns and what is known about the whole answer.
+struct Answer {
+  std::shared_ptr<void> owner;  ///< of `base`
+  const std::byte* base = nullptr;
+  std::uint64_t bytes = 0;
+  bool writable = true;
+  std::array<std::int64_t, kFieldCount> offset{};
+
+  std::uint32_t fields = 0;
+  std::uint64_t rows = 0, capacity = 0, total = 0, configurations = 0, pairs = 0;
+  std::uint64_t scene_revision = 0, snapshot_revision = 0, engine_ns = 0, server_ns = 0;
+  std::int64_t snapshot_stamp_ns = 0;
+  std::string backend;
+};
+
+/// Uninitialised memory on a 64-byte boundary.
+inline std::shared_ptr<void> allocate_block(std::uint64_t bytes) {
+  void* block = std::aligned_alloc(64, bytes < 64 ? 64 : (bytes + 63) / 64 * 64);
+  if (!block) throw std::bad_alloc();
+  return {block, std::free};
+}
+
+inline void bind_answer(nb::module_& m) {
+  static PyType_Slot slots[] = {
+      {Py_bf_getbuffer, reinterpret_cast<void*>(+[](PyObject* self, Py_buffer* view, int flags) -> int {
+         Answer* answer = nb::inst_ptr<Answer>(self);
+         return PyBuffer_FillInfo(view, self, const_cast<std::byte*>(answer->base),
+                                  static_cast<Py_ssize_t>(answer->bytes), answer->writable ? 0 : 1, flags);
+       })},
+      {0, nullptr}};
+  nb::class_<Answer>(m, "Answer", nb::type_slots(slots))
+      .def("offset", [](const Answer& a, int field) { return a.offset.at(static_cast<std::size_t>(field)); })
+      .def_ro("fields", &Answer::fields)
+      .def_ro("rows", &Answer::rows)
+      .def_ro("capacity", &Answer::capacity)
+      .def_ro("total", &Answer::total)
+      .def_ro("configurations", &Answer::configurations)
+      .def_ro("pairs", &Answer::pairs)
+      .def_ro("scene_revision", &Answer::scene_revision)
+      .def_ro("snapshot_revision", &Answer::snapshot_revision)
+      .def_ro("snapshot_stamp_ns", &Answer::snapshot_stamp_ns)
+      .def_ro("engine_ns", &Answer::engine_ns)
+      .def_ro("server_ns", &Answer::server_ns)
+      .def_ro("backend", &Answer::backend);
+}
+
+inline constexpr const char* kFieldNames[kFieldCount] = {"distance", "lower",         "upper",  "status", "flags",
+                                                         "point_a",  "point_b",       "normal", "pieces", "gradient",
+                                                         "pair",     "configuration", "compact"};
+
+/// Arrays of the caller to write columns into: a list with one entry for each field, None where there is none.
+/// dtype and contiguity were checked in Python; shapes are checked here, once the answer's size is known.
+class OutArrays {
+ public:
+  OutArrays() = default;
+  explicit OutArrays(nb::handle list) {
+    if (list.is_none()) return;
+    std::size_t i = 0;
+    for (nb::handle item : list) {
+      if (i == kFieldCount) throw nb::value_error("out: too many arrays");
+      if (!item.is_none()) {
+        if (PyObject_GetBuffer(item.ptr(), &view_[i], PyBUF_WRITABLE | PyBUF_C_CONTIGUOUS) != 0)
+          throw nb::python_error();
+        fields_ |= 1u << i;
+      }
+      ++i;
+    }
+  }
+  OutArrays(OutArrays&& other) noexcept : view_(other.view_), fields_(other.fields_) { other.fields_ = 0; }
+  OutArrays& operator=(OutArrays&& other) noexcept {
+    std::swap(view_, other.view_);
+    std::swap(fields_, other.fields_);
+    return *this;
+  }
+  OutArrays(const OutArrays&) = delete;
+  OutArrays& operator=(const OutArrays&) = delete;
+  ~OutArrays() {  // holding the GIL
+    for (int i = 0; i < kFieldCount; ++i) {
+      if (fields_ >> i & 1u) PyBuffer_Release(&view_[static_cast<std::size_t>(i)]);
+    }
+  }
+
+  std::uint32_t fields() const { return fields_; }
+  std::byte* data(int field) const { return static_cast<std::byte*>(view_[static_cast<std::size_t>(field)].buf); }
+
+  /// Throws ValueError unless every array has the shape of the answer (kWithin: room for all rows).
+  void check(Reduce reduce, std::uint64_t configurations, std::uint64_t pairs, std::uint64_t rows) const {
+    for (int i = 0; i < kFieldCount; ++i) {
+      if (!(fields_ >> i & 1u)) continue;
+      std::vector<std::uint64_t> expected;
+      if (reduce == Reduce::kNone) {
+        expected = {configurations, pairs};
+      } else if (reduce == Reduce::kNearest) {
+        expected = {configurations, configurations ? rows / configurations : 0};
+      } else {
+        expected = {rows};
+      }
+      if ((1u << i) & (kFieldPointA | kFieldPointB | kFieldNormal)) expected.push_back(3);
+      if ((1u << i) & (kFieldPieces | kFieldPair)) expected.push_back(2);
+      if ((1u << i) & kFieldGradient) expected.insert(expected.end(), {2, 6});
+      const Py_buffer& view = view_[static_cast<std::size_t>(i)];
+      bool fits = view.ndim == static_cast<int>(expected.size());
+      for (int d = 0; fits && d < view.ndim; ++d) {
+        const auto have = static_cast<std::uint64_t>(view.shape[d]);
+        const std::uint64_t want = expected[static_cast<std::size_t>(d)];
+        fits = reduce == Reduce::kWithin && d == 0 ? have >= want : have == want;
+      }
+      if (fits) continue;
+      std::vector<std::uint64_t> shape(view.shape, view.shape + view.ndim);
+      throw nb::value_error(("out['" + std::string(kFieldNames[i]) + "']: expected shape " + text(expected) +
+                             (reduce == Reduce::kWithin ? " or more rows" : "") + ", got " + text(shape))
+                                .c_str());
+    }
+  }
+
+ private:
+  static std::string text(const std::vector<std::uint64_t>& shape) {
+    std::string s = "(";
+    for (std::size_t i = 0; i < shape.size(); ++i) s += (i ? ", " : "") + std::to_string(shape[i]);
+    return s + (shape.size() == 1 ? ",)" : ")");
+  }
+
+  std::array<Py_buffer, kFieldCount> view_{};
+  std::uint32_t fields_ = 0;
+};
+
+/// Raises clearance.<name>(code, text), or with code < 0 clearance.<name>(text).
+inline void raise_ours(const char* name, int code, const char* text) {
+  nb::object type = nb::module_::import_("clearance._errors").attr(name);
+  nb::object value = code < 0 ? type(nb::str(text)) : type(code, nb::str(text));
+  PyErr_SetObject(type.ptr(), value.ptr());
+}
+
+/// Handles are of the process that made them: threads and locks do not survive a fork.
+class ProcessGuard {
+ public:
+  void check(const char* what) const {
+    if (::getpid() == pid_) return;
+    throw std::runtime_error(std::string(what) + " was made by process " + std::to_string(pid_) +
+                             " and cannot be used after a fork; make a new one in the child");
+  }
+
+ private:
+  pid_t pid_ = ::getpid();
+};
+
+}  // namespace clearance::python

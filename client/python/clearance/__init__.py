@@ -1,0 +1,86 @@
+"""Clearance: how far apart are these bodies, and where?
+
+    scene = clearance.Scene.load("scene.yaml")
+    engine = clearance.Engine(scene)                        # in this process
+    client = clearance.connect("shm:///run/user/1000/clearance.sock")   # or through the daemon: the same methods
+
+    client.set_poses({"gripper": [0.4, 0, 0.3, 1, 0, 0, 0]})
+    r = client.distances(pairs=("gripper", "*"), max_distance=0.5)
+    r.distance, r.lower, r.upper, r.status                  # numpy, (K, P)
+
+Metres, radians, nanoseconds; right-handed frames; a pose is [x, y, z, qw, qx, qy, qz].
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from typing import TYPE_CHECKING, Any
+
+from . import wire
+from ._errors import ClearanceError, ConnectionError, QueryError, RequestError, SceneError, TimeoutError
+from ._front import BodyState, PosesDone
+from ._future import Future
+from ._names import BodyInfo
+from ._poses import pose7_from_matrix
+from ._result import Result
+from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, Status
+
+if TYPE_CHECKING:
+    from ._client_front import Client, connect
+    from ._engine_front import Engine
+    from ._scene import Scene
+
+__all__ = [
+    "BodyInfo",
+    "BodyState",
+    "ClearanceError",
+    "Client",
+    "ConnectionError",
+    "EVERY_BODY",
+    "Engine",
+    "Field",
+    "Flag",
+    "Format",
+    "Future",
+    "NONE",
+    "PosesDone",
+    "Precision",
+    "QueryError",
+    "Reduce",
+    "RequestError",
+    "Result",
+    "Scene",
+    "SceneError",
+    "Status",
+    "TimeoutError",
+    "connect",
+    "pose7_from_matrix",
+    "wire",
+]
+
+# Loaded when first used: a client of the daemon then pulls neither the engine nor its mesh and hull libraries into the
+# process, and a client-only install has no engine at all.
+_LAZY = {
+    "Client": "._client_front",
+    "connect": "._client_front",
+    "Engine": "._engine_front",
+    "Scene": "._scene",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module 'clearance' has no attribute {name!r}")
+    if name in ("Engine", "Scene") and importlib.util.find_spec("clearance._engine") is None:
+        raise ImportError(
+            f"clearance.{name} is not there: this is a client-only install; install the whole package "
+            "(without CLEARANCE_CLIENT_ONLY) for the engine in this process"
+        )
+    value = getattr(importlib.import_module(_LAZY[name], __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> "list[str]":
+    return sorted(__all__)

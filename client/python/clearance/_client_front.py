@@ -1,0 +1,227 @@
+"""A client of the daemon."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import math
+from typing import Any, Dict, List, Optional
+
+import numpy as np
+
+from . import _client
+from ._errors import ConnectionError, QueryError, TimeoutError
+from ._front import BodyState, Front, PosesDone, Query, _number
+from ._future import Future
+from ._names import BodyInfo, NameTable, has_selectors
+from ._result import Result
+from ._words import DEFAULT_POINTS_ROWS, NONE, Reduce, Status
+from .wire import ErrorCode
+
+
+def connect(url: str, timeout_s: float = 5.0) -> "Client":
+    """Connects to a daemon.
+
+    url: "shm:///run/user/1000/clearance.sock" (shared memory, the quickest), "ipc:///path" or "tcp://host:port" (ZeroMQ),
+        "udpm://239.255.76.67:7667?ttl=0" (LCM; "&prefix=NAME_" sets the channels' prefix).
+    timeout_s: seconds, for this and for every later call that gives none.
+
+    Raises ConnectionError naming url and cause; ValueError for a url of no known kind.
+    """
+    return Client(url, timeout_s)
+
+
+class Client(Front):
+    """A connection to the daemon: the methods of clearance.Engine, answered by it.
+
+    Usable from several threads, one call at a time; a client for each thread is quicker. Not usable in a forked child
+    (ConnectionError): connect anew. Also a context manager that closes the connection.
+    """
+
+    _module = _client
+
+    def __init__(self, url: str, timeout_s: float = 5.0):
+        super().__init__()
+        self._connection: Any = None
+        if not isinstance(url, str):
+            raise TypeError(f"url: expected a string, got {url!r}")
+        self._pair_count = 0
+        self._backend = ""
+        self._connection = _client.Client(url, _timeout(timeout_s))
+        self._url = self._connection.url
+
+    @property
+    def url(self) -> str:
+        """What this client is connected to."""
+        return self._url
+
+    @property
+    def timeout_s(self) -> float:
+        """Seconds that a call waits for its answer."""
+        return self._use().timeout_s
+
+    @timeout_s.setter
+    def timeout_s(self, seconds: float) -> None:
+        self._use().timeout_s = _timeout(seconds)
+
+    @property
+    def backend(self) -> str:
+        """The daemon's backend."""
+        self._names
+        return self._backend
+
+    def refresh(self) -> None:
+        """Fetches the scene anew, after another client changed it or the daemon was started with another one.
+
+        A query of a client that knows an older scene raises QueryError with the code WRONG_SCENE.
+        """
+        self._names_cache = self._fetch_names(True)
+
+    def body_states(self) -> List[BodyState]:
+        """Where each body is now, by id."""
+        return [
+            BodyState(np.array(pose), Status(status), None if parent == NONE else parent, stamp, None if age < 0 else age)
+            for pose, status, parent, stamp, age in self._use().body_states()
+        ]
+
+    def stats(self) -> Dict[str, int]:
+        """The daemon's counters."""
+        return dict(self._use().stats())
+
+    def ping(self, payload: bytes = b"") -> float:
+        """Seconds that a bare echo of `payload` through the daemon took."""
+        return self._use().ping(payload)
+
+    def close(self) -> None:
+        """Ends the connection; answers with copy=False stay valid until they are gone."""
+        self._connection = None
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<clearance.Client {self._url}{'' if self._connection is not None else ' (closed)'}>"
+
+    # ---- what Front asks for --------------------------------------------------------------------------------------
+
+    def _use(self) -> Any:
+        if self._connection is None:
+            raise ConnectionError(f"{self._url}: this client is closed")
+        return self._connection
+
+    def _fetch_names(self, refresh: bool) -> NameTable:
+        revision, self._backend, self._pair_count, bodies, groups = self._use().scene(refresh)
+        infos = [
+            BodyInfo(name, i, None if parent == NONE else parent, *rest)
+            for i, (name, parent, *rest) in enumerate(bodies)
+        ]
+        return NameTable(revision, infos, {name: np.array(ids, dtype=np.uint32) for name, ids in groups})
+
+    def _load_names(self) -> NameTable:
+        return self._fetch_names(False)
+
+    def _scene_revision(self) -> int:
+        return self._names.revision
+
+    def _fetch_pairs(self, raw: Any) -> np.ndarray:
+        return self._guarded(self._use().pairs, raw)
+
+    def _points_by_default(self, query: Query, configurations: int) -> bool:
+        names = self._names
+        if query.reduce == Reduce.MIN:
+            rows = configurations
+        elif query.reduce == Reduce.NEAREST:
+            rows = configurations * len(names.bodies)
+        elif query.pairs is None and query.bodies is None:
+            rows = configurations * self._pair_count
+        elif query.pairs is not None and not has_selectors(query.pairs):
+            rows = configurations * len(query.pairs)
+        else:
+            rows = configurations * len(self._table(query.pairs, query.bodies))
+        return rows <= DEFAULT_POINTS_ROWS
+
+    def _answer(self, query: Query) -> Any:
+        return self._wait(self._submit(query), query, None)
+
+    def _start(self, query: Query) -> Future:
+        return ClientFuture(self, self._submit(query), query)
+
+    def _submit(self, query: Query) -> Any:
+        self._names  # so that the scene's revision goes with the query
+        return self._guarded(self._use().submit, query.raw, query.out_list(), query.copy)
+
+    def _wait(self, pending: Any, query: Query, timeout: Optional[float]) -> Any:
+        if timeout is None:
+            timeout = query.timeout_s
+        if timeout is None:
+            timeout = self._use().timeout_s
+        if not pending.wait(timeout):
+            raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
+        return self._guarded(pending.answer)
+
+    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int) -> PosesDone:
+        return PosesDone(*self._guarded(self._use().set_poses, ids, poses, stamp_ns))
+
+    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
+        return PosesDone(*self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7)))
+
+    def _guarded(self, call: Any, *args: Any) -> Any:
+        """Calls; once the daemon has refused for another scene, names are looked up anew."""
+        try:
+            return call(*args)
+        except QueryError as error:
+            if error.code == ErrorCode.WRONG_SCENE:
+                self._names_cache = None
+            raise
+
+
+class ClientFuture(Future):
+    """A query that the daemon is answering."""
+
+    def __init__(self, client: Client, pending: Any, query: Query):
+        self._client = client
+        self._pending = pending
+        self._query = query
+        self._result: Optional[Result] = None
+        self._error: Optional[BaseException] = None
+
+    def result(self, timeout: Optional[float] = None) -> Result:
+        if self._error is not None:
+            raise self._error
+        if self._result is None:
+            if timeout is not None:
+                timeout = _timeout(timeout)
+            try:
+                answer = self._client._wait(self._pending, self._query, timeout)
+            except TimeoutError:
+                raise
+            except Exception as error:
+                self._error = error
+                raise
+            self._result = self._client._result(self._query, answer)
+        return self._result
+
+    def done(self) -> bool:
+        if self._result is not None or self._error is not None:
+            return True
+        try:
+            return self._pending.wait(0.0)
+        except ConnectionError as error:
+            self._error = error
+            return True
+
+    def cancel(self) -> bool:
+        if self.done():
+            return False
+        self._pending.cancel()
+        self._error = concurrent.futures.CancelledError()
+        return True
+
+
+def _timeout(value: Any) -> float:
+    seconds = _number(value, "timeout_s")
+    if not seconds >= 0 or math.isnan(seconds):
+        raise ValueError(f"timeout_s: expected a number >= 0, got {value}")
+    return seconds

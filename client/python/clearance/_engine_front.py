@@ -1,0 +1,115 @@
+"""The engine in this process."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, Dict, List, Optional
+
+import numpy as np
+
+from . import _engine
+from ._errors import TimeoutError
+from ._front import BodyState, Front, PosesDone, Query
+from ._future import EngineFuture, Worker
+from ._names import NameTable
+from ._scene import Scene, name_table
+from ._words import NONE, Status
+
+
+class Engine(Front):
+    """A scene resident in memory, the poses of its bodies, and answers to batched distance queries.
+
+    backend: "auto", "cpu", "reference" (brute force, the fast path's oracle), or another that Engine.backends() names;
+        asking for an absent one raises.
+    threads: 0: all cores.
+    max_rows: larger answers are refused with QueryError.
+
+    May be used from several threads; the GIL is released while it works. Not usable in a forked child (RuntimeError).
+    """
+
+    _module = _engine
+
+    def __init__(self, scene: Scene, backend: str = "auto", threads: int = 0, max_rows: int = 1 << 28):
+        super().__init__()
+        if not isinstance(scene, Scene):
+            raise TypeError(f"scene: expected a clearance.Scene, got {type(scene).__name__}")
+        if not isinstance(backend, str):
+            raise TypeError(f"backend: expected a name, got {backend!r}")
+        if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)):
+            raise TypeError(f"threads: expected an integer, got {threads!r}")
+        if threads < 0 or threads > 1 << 16:
+            raise ValueError(f"threads: expected 0 (all cores) or more, got {threads}")
+        with scene._lock:
+            self._engine = _engine.Engine(scene._scene, backend, int(threads), int(max_rows))
+        self._worker: Optional[Worker] = None
+
+    @staticmethod
+    def backends() -> List[str]:
+        """Backends that can be asked for on this machine."""
+        return _engine.Engine.backends()
+
+    @property
+    def backend(self) -> str:
+        """The backend in use."""
+        return self._engine.backend
+
+    @property
+    def pose_revision(self) -> int:
+        """Of the newest snapshot."""
+        return self._engine.pose_revision
+
+    def body_states(self) -> List[BodyState]:
+        """Where each body is now, by id."""
+        return [_state(*row) for row in self._engine.body_states()]
+
+    def stats(self) -> Dict[str, int]:
+        """Counters that the engine keeps about itself."""
+        return dict(self._engine.stats())
+
+    # ---- what Front asks for --------------------------------------------------------------------------------------
+
+    def _load_names(self) -> NameTable:
+        table = name_table(self._engine.scene, self._engine.scene_revision)
+        # The scene knows the parents at load, the states those of now.
+        bodies = [replace(body, parent=state.parent) for body, state in zip(table.bodies, self.body_states())]
+        return NameTable(table.revision, bodies, table.groups)
+
+    def _scene_revision(self) -> int:
+        return self._engine.scene_revision
+
+    def _fetch_pairs(self, raw: Any) -> np.ndarray:
+        return self._engine.pairs(raw)
+
+    def _points_by_default(self, query: Query, configurations: int) -> bool:
+        return True  # the extension module looks at the number of rows
+
+    def _answer(self, query: Query) -> Any:
+        timeout = math.inf if query.timeout_s is None else query.timeout_s
+        answer = self._engine.answer(query.raw, query.out_list(), timeout)
+        if answer is None:
+            raise TimeoutError(f"no answer within {query.timeout_s} s")
+        return answer
+
+    def _start(self, query: Query) -> EngineFuture:
+        if self._worker is None:
+            self._worker = Worker()
+        job = self._engine.start(query.raw, query.out_list())
+        return EngineFuture(
+            self._worker.submit(job, lambda done: self._result(query, done.answer())), query.timeout_s
+        )
+
+    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int) -> PosesDone:
+        return PosesDone(*self._engine.set_poses(ids, poses, stamp_ns))
+
+    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
+        return PosesDone(*self._engine.attach(child, parent, None if pose is None else pose.reshape(1, 7)))
+
+    def __repr__(self) -> str:
+        return f"<clearance.Engine {self.backend}: {len(self.bodies)} bodies>"
+
+
+def _state(pose: Any, status: int, parent: int, stamp_ns: int, age_ns: int) -> BodyState:
+    return BodyState(
+        np.array(pose), Status(status), None if parent == NONE else parent, stamp_ns, None if age_ns < 0 else age_ns
+    )

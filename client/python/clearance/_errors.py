@@ -1,0 +1,49 @@
+"""Exceptions of the package. The extension modules raise these very classes."""
+
+from __future__ import annotations
+
+import builtins
+
+
+class ClearanceError(Exception):
+    """Base of every error that Clearance raises about scenes, queries and connections.
+
+    A wrong argument (a shape, a type, an unknown name) is an ordinary TypeError or ValueError that names the argument.
+    """
+
+
+class SceneError(ClearanceError, ValueError):
+    """Bad input at set-up: a scene file, a mesh or a body. The text names file, line, key and what was expected."""
+
+
+class QueryError(ClearanceError, ValueError):
+    """A query as a whole cannot be answered, in process or by the daemon.
+
+    ``code`` is one of the first wire.ErrorCode values: BAD_QUERY, WRONG_SCENE, TOO_LARGE, NOT_SUPPORTED.
+    """
+
+    def __init__(self, code: int, text: str):
+        super().__init__(text)
+        self.code = code
+
+    def __reduce__(self):
+        return type(self), (self.code, str(self))
+
+
+class RequestError(ClearanceError, RuntimeError):
+    """The daemon refused a request for a reason that lies not in the query. ``code`` is a wire.ErrorCode."""
+
+    def __init__(self, code: int, text: str):
+        super().__init__(text)
+        self.code = code
+
+    def __reduce__(self):
+        return type(self), (self.code, str(self))
+
+
+class ConnectionError(ClearanceError, builtins.ConnectionError):
+    """The daemon cannot be reached or is gone."""
+
+
+class TimeoutError(ConnectionError, builtins.TimeoutError):
+    """No answer in time."""

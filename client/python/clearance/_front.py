@@ -1,0 +1,466 @@
+"""The calls that an in-process engine and a client of the daemon share: arguments in, results out.
+
+Engine and Client differ only in who answers: each gives the few methods marked "for subclasses".
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+
+from ._errors import QueryError
+from ._future import Future
+from ._names import BodyInfo, NameTable, has_selectors
+from ._poses import as_pose7
+from ._result import Out, Result, fields_mask, out_arrays
+from ._words import COLUMNS, DEFAULT_FIELDS, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Reduce, Status
+
+BodyRef = Union[str, int]
+Pairs = Union[np.ndarray, Sequence[Tuple[BodyRef, BodyRef]], Tuple[BodyRef, BodyRef], None]
+
+_TABLES_KEPT = 16
+
+
+@dataclass(frozen=True)
+class PosesDone:
+    """What became of a pose update. It applied as a whole, in one snapshot."""
+
+    revision: int  #: of the snapshot that holds the update
+    scene_revision: int
+    applied: int
+    bad: int  #: stored, and answered BAD_POSE until a good one comes
+    unknown: int  #: ids outside the scene, left out
+    fixed: int  #: static bodies, left out
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """Where a body is now."""
+
+    pose: np.ndarray  #: (7,) X_wb; meaningful if status is OK
+    status: Status  #: OK, NO_POSE or BAD_POSE
+    parent: Optional[int]
+    stamp_ns: int  #: publisher's clock
+    age_ns: Optional[int]  #: since it was received; None: never
+
+
+class Query:
+    """A query with every argument parsed: what is sent, and what is needed to shape the answer."""
+
+    __slots__ = ("raw", "reduce", "pairs", "bodies", "out", "timeout_s", "copy")
+
+    def out_list(self) -> "Optional[List[Optional[np.ndarray]]]":
+        """The arrays to write into, one entry for each column, as the extension modules take them."""
+        return None if self.out is None else [self.out.get(name) for name in COLUMNS]
+
+
+class Front:
+    """Methods of both clearance.Engine and clearance.Client."""
+
+    def __init__(self) -> None:
+        self._names_cache: Optional[NameTable] = None
+        self._tables: "OrderedDict[tuple, np.ndarray]" = OrderedDict()
+        self._tables_lock = threading.Lock()
+
+    # ---- for subclasses -------------------------------------------------------------------------------------------
+
+    _module: Any  # the extension module, which has Query
+
+    def _load_names(self) -> NameTable:
+        raise NotImplementedError
+
+    def _scene_revision(self) -> int:
+        """Of the scene that names and pair tables are of."""
+        raise NotImplementedError
+
+    def _fetch_pairs(self, raw: Any) -> np.ndarray:
+        raise NotImplementedError
+
+    def _points_by_default(self, query: Query, configurations: int) -> bool:
+        """Whether points and normal come without being asked for."""
+        raise NotImplementedError
+
+    def _answer(self, query: Query) -> Any:
+        raise NotImplementedError
+
+    def _start(self, query: Query) -> Future:
+        raise NotImplementedError
+
+    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int) -> PosesDone:
+        raise NotImplementedError
+
+    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
+        raise NotImplementedError
+
+    # ---- scene ----------------------------------------------------------------------------------------------------
+
+    @property
+    def _names(self) -> NameTable:
+        names = self._names_cache
+        if names is None:
+            names = self._names_cache = self._load_names()
+        return names
+
+    @property
+    def bodies(self) -> Tuple[BodyInfo, ...]:
+        """The scene's bodies; a body's id is its place here."""
+        return self._names.bodies
+
+    @property
+    def groups(self) -> Dict[str, np.ndarray]:
+        """(n,) uint32 body ids of each group."""
+        return dict(self._names.groups)
+
+    def body_id(self, name: BodyRef) -> int:
+        """Id of a body. Raises ValueError, with near misses, for an unknown name."""
+        return self._names.body(name, "name")
+
+    @property
+    def scene_revision(self) -> int:
+        """Names this scene: geometry, bodies, groups and attachments."""
+        return self._scene_revision()
+
+    @property
+    def pairs(self) -> np.ndarray:
+        """(P, 2) uint32: all enabled pairs, in the order of answers to pairs=None without configurations.
+
+        Left out are static-static pairs, pairs of a parent and its child, and those on the scene's ignore list.
+        """
+        return self.pair_table()
+
+    def pair_table(self, pairs: Pairs = None, bodies: Optional[Sequence[BodyRef]] = None) -> np.ndarray:
+        """(P, 2) uint32: the pairs that a query with these arguments answers, in order. Read-only."""
+        parsed_pairs = None if pairs is None else self._names.pairs_array(pairs)
+        parsed_bodies = None if bodies is None else self._names.bodies_array(bodies, "bodies")
+        return self._table(parsed_pairs, parsed_bodies)
+
+    def _table(self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray]) -> np.ndarray:
+        key = self._table_key(pairs, bodies)
+        with self._tables_lock:
+            table = self._tables.get(key)
+            if table is not None:
+                self._tables.move_to_end(key)
+                return table
+        poses = None if bodies is None else np.zeros((1, len(bodies), 7))
+        raw = self._module.Query(
+            pairs, bodies, poses, math.inf, 0.0, -1.0, 0, False, 0, 0, DEFAULT_FIELDS, False, 1 << 20, 0, False
+        )
+        table = self._fetch_pairs(raw)
+        table.flags.writeable = False
+        with self._tables_lock:
+            self._tables[key] = table
+            while len(self._tables) > _TABLES_KEPT:
+                self._tables.popitem(last=False)
+        return table
+
+    def _table_key(self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray]) -> tuple:
+        return (
+            self._scene_revision(),
+            None if pairs is None else pairs.tobytes(),
+            None if bodies is None else bodies.tobytes(),
+        )
+
+    # ---- poses ----------------------------------------------------------------------------------------------------
+
+    def set_poses(
+        self,
+        poses: Union[Mapping[BodyRef, Any], np.ndarray],
+        bodies: Optional[Sequence[BodyRef]] = None,
+        stamp_ns: int = 0,
+    ) -> PosesDone:
+        """Applies poses of one or more bodies as one snapshot.
+
+        poses: {body: pose}, bodies by name or id; a pose is 7 numbers [x, y, z, qw, qx, qy, qz] (metres) or a (4, 4)
+            matrix, X_wb, or of a body with a parent X_parent_body. Or an array (M, 7) or (M, 4, 4) with `bodies`.
+        bodies: (M,) names or ids, only with an array; None: every movable body in the order of ids.
+        stamp_ns: the caller's clock, handed on to those who ask for the answer's age.
+
+        A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
+        Raises ValueError for a wrong shape, a matrix that is not rigid or an unknown name, TypeError for a wrong type.
+        """
+        names = self._names
+        if isinstance(poses, Mapping):
+            if bodies is not None:
+                raise TypeError("bodies: only with an array of poses, not with a dict")
+            ids = np.array([names.body(key, "poses") for key in poses], dtype=np.uint32)
+            array = _stack_poses(poses)
+        else:
+            array = as_pose7(poses, "poses")
+            ids = names.movable if bodies is None else names.bodies_array(bodies, "bodies")
+            if array.ndim != 2 or len(array) != len(ids):
+                raise ValueError(f"poses: expected one pose for each of {len(ids)} bodies, got shape {np.shape(poses)}")
+        return self._send_poses(ids, array, _integer(stamp_ns, "stamp_ns"))
+
+    def attach(self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None) -> PosesDone:
+        """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child); None sets it free where it is.
+
+        Raises QueryError for a cycle, a static child, or a body whose pose is not known and was not given.
+        """
+        child_id = self._names.body(child, "child")
+        parent_id = NONE if parent is None else self._names.body(parent, "parent")
+        array = None if pose is None else as_pose7(pose, "pose")
+        if array is not None and array.shape != (7,):
+            raise ValueError(f"pose: expected one pose, got shape {np.shape(pose)}")
+        done = self._send_attach(child_id, parent_id, array)
+        self._names_cache = None
+        return done
+
+    # ---- queries --------------------------------------------------------------------------------------------------
+
+    def distances(
+        self,
+        pairs: Pairs = None,
+        configurations: Any = None,
+        bodies: Optional[Sequence[BodyRef]] = None,
+        max_distance: float = math.inf,
+        abs_tol: float = 0.0,
+        rel_tol: Optional[float] = None,
+        precision: str = "f64",
+        signed: bool = False,
+        reduce: str = "none",
+        fields: Union[str, Sequence[str], None] = None,
+        format: str = "full",
+        out: Out = None,
+        timeout_s: Optional[float] = None,
+        max_results: int = 1 << 20,
+        max_pose_age_ns: int = 0,
+        warm: bool = False,
+        copy: bool = True,
+    ) -> Result:
+        """Answers how far apart bodies are, and where, on one consistent snapshot of the poses.
+
+        pairs: (P, 2) ids; or name or id pairs; or pairs of groups such as ("arm", "*"), which stand for their enabled
+            pairs. None: all enabled pairs; with configurations those with at least one moved body.
+        configurations: (K, M, 7) or (K, M, 4, 4) poses of M bodies that replace their current ones (children follow).
+        bodies: (M,) names or ids of those bodies; None: every movable body, in the order of ids.
+        max_distance: metres; a pair proved farther is BEYOND and not refined.
+        abs_tol, rel_tol: wanted: upper - lower <= max(abs_tol, rel_tol |distance|). rel_tol None: 1e-6 (f64), 1e-4 (f32).
+        precision: "f64" or "f32" iterations; the bounds are valid in either.
+        signed: also the penetration depth of overlapping pairs.
+        reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body) or "min" (per configuration).
+        fields: names of the columns that come back; "points" is both points, "default" is distance, lower, upper and
+            status. None: "default", and points and normal if there are at most 100,000 rows.
+        format: "full", or "compact": float32 bounds rounded outward, points relative to each body's origin.
+        out: a dict of arrays or an earlier result to write into; `fields` is then what it holds.
+        timeout_s: seconds; None: the client's own; in process no limit.
+        max_results: most rows of reduce="within".
+        max_pose_age_ns: older poses set Flag.STALE; 0: never.
+        warm: keep warm state between calls (faster; bits then depend on earlier calls).
+        copy: False: the columns of a client's answer are read-only views of the transport's own memory, given back when
+            the arrays are gone. In process the columns are always the result's own.
+
+        Raises TypeError or ValueError naming the argument; QueryError for a query that cannot be answered; TimeoutError;
+        and from a client ConnectionError and RequestError. A bad pose or an unknown id is a status of its rows.
+        """
+        query = self._parse(
+            pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
+            out, timeout_s, max_results, max_pose_age_ns, warm, copy,
+        )  # fmt: skip
+        return self._result(query, self._answer(query))
+
+    def submit(
+        self,
+        pairs: Pairs = None,
+        configurations: Any = None,
+        bodies: Optional[Sequence[BodyRef]] = None,
+        max_distance: float = math.inf,
+        abs_tol: float = 0.0,
+        rel_tol: Optional[float] = None,
+        precision: str = "f64",
+        signed: bool = False,
+        reduce: str = "none",
+        fields: Union[str, Sequence[str], None] = None,
+        format: str = "full",
+        out: Out = None,
+        timeout_s: Optional[float] = None,
+        max_results: int = 1 << 20,
+        max_pose_age_ns: int = 0,
+        warm: bool = False,
+        copy: bool = True,
+    ) -> Future:
+        """Begins a query, as distances() does, and returns a future: .result(timeout=None), .done(), .cancel().
+
+        In process the snapshot is that of this call; through a daemon it is that of the request's arrival.
+        """
+        query = self._parse(
+            pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
+            out, timeout_s, max_results, max_pose_age_ns, warm, copy,
+        )  # fmt: skip
+        return self._start(query)
+
+    def _parse(
+        self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
+        out, timeout_s, max_results, max_pose_age_ns, warm, copy,
+    ) -> Query:  # fmt: skip
+        query = Query()
+        query.pairs = None if pairs is None else self._names.pairs_array(pairs)
+        query.bodies = None
+        poses = None
+        count = 1
+        if configurations is not None:
+            poses, query.bodies = self._configurations(configurations, bodies)
+            count = len(poses)
+        elif bodies is not None:
+            raise ValueError("bodies: only together with configurations")
+
+        query.reduce = _word(reduce, REDUCTIONS, "reduce")
+        format_word = _word(format, FORMATS, "format")
+        query.out = None if out is None else out_arrays(out)
+        query.timeout_s = None if timeout_s is None else _number(timeout_s, "timeout_s")
+        if query.timeout_s is not None and not query.timeout_s >= 0:
+            raise ValueError(f"timeout_s: expected a number >= 0, got {timeout_s}")
+        query.copy = bool(copy)
+        if query.out is not None and not copy:
+            raise ValueError("copy: out= is a copy; expected copy=True")
+        mask = self._mask(query, fields, format_word, count)
+        query.raw = self._module.Query(
+            query.pairs,
+            query.bodies,
+            poses,
+            _number(max_distance, "max_distance"),
+            _number(abs_tol, "abs_tol"),
+            -1.0 if rel_tol is None else _tolerance(rel_tol),
+            _word(precision, PRECISIONS, "precision"),
+            bool(signed),
+            query.reduce,
+            format_word,
+            mask & ~_BY_DEFAULT,
+            bool(mask & _BY_DEFAULT),
+            _count(max_results, "max_results"),
+            _count(max_pose_age_ns, "max_pose_age_ns"),
+            bool(warm),
+        )
+        return query
+
+    def _configurations(self, configurations: Any, bodies: Any) -> Tuple[np.ndarray, np.ndarray]:
+        poses = as_pose7(configurations, "configurations")
+        names = self._names
+        ids = names.movable if bodies is None else names.bodies_array(bodies, "bodies")
+        if poses.ndim != 3:
+            raise ValueError(f"configurations: expected shape (K, M, 7) or (K, M, 4, 4), got {np.shape(configurations)}")
+        if poses.shape[1] != len(ids):
+            whose = "every movable body" if bodies is None else "bodies"
+            raise ValueError(
+                f"configurations: expected M = {len(ids)} poses each ({whose}), got shape {np.shape(configurations)}"
+            )
+        if len(ids) == 0:
+            raise ValueError("bodies: expected at least one")
+        if len(poses) == 0:
+            raise ValueError(f"configurations: expected at least one, got shape {np.shape(configurations)}")
+        return poses, ids
+
+    def _mask(self, query: Query, fields: Any, format_word: int, configurations: int) -> int:
+        """Column bits of the query; _BY_DEFAULT is set in it if the engine is to decide about points and normal."""
+        if query.out is not None:
+            held = fields_mask(tuple(query.out))
+            if fields is None:
+                return held
+            mask = fields_mask(fields)
+            for name, bit in _names_of(mask & ~held):
+                raise ValueError(f"out: no array for the column {name!r}, which fields names")
+            for name, bit in _names_of(held & ~mask):
+                raise ValueError(f"out: holds {name!r}, which fields does not name")
+            return mask
+        if fields is not None:
+            return fields_mask(fields)
+        if format_word:
+            return int(Field.COMPACT | Field.STATUS)
+        return DEFAULT_FIELDS | (_BY_DEFAULT if self._points_by_default(query, configurations) else 0)
+
+    def _result(self, query: Query, answer: Any) -> Result:
+        return Result(answer, query.reduce, query.out, self._known_pairs(query), _TableOf(self, query))
+
+    def _known_pairs(self, query: Query) -> Optional[np.ndarray]:
+        if query.pairs is None or has_selectors(query.pairs):
+            return None
+        return query.pairs.copy()
+
+
+class _TableOf:
+    """Fetches the pair table of one query when its result is asked for it."""
+
+    __slots__ = ("front", "query")
+
+    def __init__(self, front: Front, query: Query):
+        self.front = front
+        self.query = query
+
+    def __call__(self, revision: int) -> np.ndarray:
+        table = self.front._table(self.query.pairs, self.query.bodies)
+        if self.front._scene_revision() != revision:
+            raise QueryError(2, "pairs: the scene has changed since this answer; ask for pairs before changing it")
+        return table
+
+
+_BY_DEFAULT = 1 << 31
+
+
+def _names_of(mask: int) -> List[Tuple[str, int]]:
+    return [(field.name.lower(), int(field)) for field in Field if mask & field]
+
+
+def _stack_poses(poses: Mapping[Any, Any]) -> np.ndarray:
+    """(N, 7) from a dict's values, each 7 numbers or (4, 4)."""
+    values = list(poses.values())
+    if not values:
+        return np.empty((0, 7))
+    try:
+        array = np.array(values, dtype=np.float64)
+        if array.ndim == 2 and array.shape[1] == 7:
+            return array
+    except (TypeError, ValueError):
+        pass
+    rows = np.empty((len(values), 7))
+    for i, (key, value) in enumerate(poses.items()):
+        pose = as_pose7(value, f"poses[{key!r}]")
+        if pose.shape != (7,):
+            raise ValueError(f"poses[{key!r}]: expected one pose, got shape {np.shape(value)}")
+        rows[i] = pose
+    return rows
+
+
+def _number(value: Any, what: str) -> float:
+    try:
+        if isinstance(value, (str, bytes, bool)):
+            raise TypeError
+        number = float(value)
+    except TypeError:
+        raise TypeError(f"{what}: expected a number, got {value!r}") from None
+    if math.isnan(number):
+        raise ValueError(f"{what}: expected a number, got nan")
+    return number
+
+
+def _tolerance(value: Any) -> float:
+    number = _number(value, "rel_tol")
+    if number < 0:
+        raise ValueError(f"rel_tol: expected a number >= 0 or None, got {number}")
+    return number
+
+
+def _integer(value: Any, what: str) -> int:
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        return value.__index__()
+    except (TypeError, AttributeError):
+        raise TypeError(f"{what}: expected an integer, got {value!r}") from None
+
+
+def _count(value: Any, what: str) -> int:
+    number = _integer(value, what)
+    if not 0 <= number < 1 << 63:
+        raise ValueError(f"{what}: expected an integer >= 0, got {number}")
+    return number
+
+
+def _word(value: Any, words: Dict[str, int], what: str) -> int:
+    word = words.get(value) if isinstance(value, str) else None
+    if word is None:
+        raise ValueError(f"{what}: expected {' or '.join(map(repr, words))}, got {value!r}")
+    return word

@@ -1,0 +1,127 @@
+"""Bodies and groups by name or id."""
+
+from __future__ import annotations
+
+import difflib
+import operator
+from dataclasses import dataclass
+from typing import Any, Dict, Iterable, List, Sequence, Tuple
+
+import numpy as np
+
+from ._poses import contiguous
+from ._words import EVERY_BODY, GROUP_BIT, NONE
+
+
+@dataclass(frozen=True)
+class BodyInfo:
+    """What is known about a body of the scene."""
+
+    name: str
+    id: int
+    parent: "int | None"  #: id of the body that this one follows
+    is_static: bool
+    piece_count: int
+    vertex_count: int
+    model_error: float  #: metres: how far the pieces may stand out from the shape they were asked for
+    extent: float  #: metres, farthest point from the body's origin
+
+
+class NameTable:
+    """The bodies and groups of one scene revision."""
+
+    def __init__(self, revision: int, bodies: Sequence[BodyInfo], groups: Dict[str, np.ndarray]):
+        self.revision = revision
+        self.bodies: Tuple[BodyInfo, ...] = tuple(bodies)
+        self.groups = groups
+        self.ids: Dict[str, int] = {body.name: body.id for body in bodies}
+        self.selectors: Dict[str, int] = {name: GROUP_BIT | index for index, name in enumerate(groups)}
+        self.selectors.update(self.ids)
+        self.selectors["*"] = EVERY_BODY
+        self.movable = np.array([body.id for body in bodies if not body.is_static], dtype=np.uint32)
+
+    def body(self, value: Any, what: str) -> int:
+        """Id of one body given by name or id."""
+        if isinstance(value, str):
+            found = self.ids.get(value)
+            if found is None:
+                raise ValueError(f"{what}: {self._unknown(value, groups=False)}")
+            return found
+        return _as_id(value, what, "a body's name or id")
+
+    def bodies_array(self, value: Any, what: str) -> np.ndarray:
+        """(M,) uint32 ids of bodies given by names or ids."""
+        if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
+            return _as_uint32(value, what, 1)
+        if isinstance(value, str) or not isinstance(value, (Iterable,)):
+            raise TypeError(f"{what}: expected a list of names or ids, got {value!r}")
+        return np.array([self.body(item, f"{what}[{i}]") for i, item in enumerate(value)], dtype=np.uint32)
+
+    def selector(self, value: Any, what: str) -> int:
+        """Id of a body, or selector of a group or of every body ("*")."""
+        if isinstance(value, str):
+            found = self.selectors.get(value)
+            if found is None:
+                raise ValueError(f"{what}: {self._unknown(value, groups=True)}")
+            return found
+        return _as_id(value, what, "a name or an id")
+
+    def pairs_array(self, value: Any) -> np.ndarray:
+        """(P, 2) uint32 selectors from ids, names, or one pair."""
+        if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
+            return _as_uint32(value, "pairs", 2)
+        if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
+            raise TypeError(f"pairs: expected (P, 2) ids, a list of name pairs or one pair, got {value!r}")
+        rows = list(value)
+        if len(rows) == 2 and not any(_is_pair(row) for row in rows):
+            rows = [rows]
+        flat: List[int] = []
+        for i, row in enumerate(rows):
+            if not _is_pair(row):
+                raise ValueError(f"pairs[{i}]: expected two bodies or groups, got {row!r}")
+            flat.append(self.selector(row[0], f"pairs[{i}][0]"))
+            flat.append(self.selector(row[1], f"pairs[{i}][1]"))
+        return np.array(flat, dtype=np.uint32).reshape(-1, 2)
+
+    def _unknown(self, name: str, groups: bool) -> str:
+        known = [key for key in (self.selectors if groups else self.ids) if key != "*"]
+        close = difflib.get_close_matches(name, known, n=3)
+        kind = "body or group" if groups else "body"
+        if close:
+            return f"no {kind} is named {name!r}; did you mean {' or '.join(map(repr, close))}?"
+        if not groups and name in self.groups:
+            return f"{name!r} is a group; expected a body"
+        shown = ", ".join(map(repr, known[:8])) + (f" and {len(known) - 8} more" if len(known) > 8 else "")
+        return f"no {kind} is named {name!r}; the scene has {shown or 'none'}"
+
+
+def has_selectors(pairs: np.ndarray) -> bool:
+    """Whether some entry of (P, 2) selectors stands for more than one body."""
+    return bool(((pairs >= GROUP_BIT) & (pairs != NONE)).any())
+
+
+def _is_pair(value: Any) -> bool:
+    return not isinstance(value, (str, bytes)) and hasattr(value, "__len__") and len(value) == 2
+
+
+def _as_id(value: Any, what: str, expected: str) -> int:
+    if isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{what}: expected {expected}, got {value!r}")
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{what}: expected {expected}, got {value!r}") from None
+    if not 0 <= number <= 0xFFFFFFFF:
+        raise ValueError(f"{what}: an id is 0 to 4294967295, got {number}")
+    return number
+
+
+def _as_uint32(array: np.ndarray, what: str, ndim: int) -> np.ndarray:
+    if array.ndim != ndim or (ndim == 2 and array.shape[1] != 2):
+        raise ValueError(f"{what}: expected shape {'(P, 2)' if ndim == 2 else '(M,)'}, got {array.shape}")
+    if array.dtype != np.uint32:
+        if array.size and (array.min() < 0 or array.max() > 0xFFFFFFFF):
+            wrong = int(array[(array < 0) | (array > 0xFFFFFFFF)].flat[0])
+            raise ValueError(f"{what}: an id is 0 to 4294967295, got {wrong}")
+        array = array.astype(np.uint32)
+    return contiguous(array)

@@ -1,0 +1,201 @@
+"""What a query answers: columns as numpy arrays."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, Dict, Mapping, Optional, Tuple, Union
+
+import numpy as np
+
+from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, Field, Reduce
+
+
+class _ColumnAttribute:
+    """A column, made into an array when it is first looked at and kept."""
+
+    def __init__(self, doc: str):
+        self.__doc__ = doc
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, result: "Optional[Result]", owner: Optional[type] = None) -> Any:
+        if result is None:
+            return self
+        array = result.__dict__[self.name] = result._column(self.name)
+        return array
+
+
+class Result:
+    """The answer to one query.
+
+    The columns' shapes begin with (K, P) for reduce="none", (K, N) for "nearest", (K,) for "min" and (R,) for "within",
+    where K counts configurations (1 without), P pairs, N bodies and R the pairs found. Metres, world frame. A column that
+    was not asked for raises AttributeError. With format="compact", lower, upper, point_a and point_b are float32 and the
+    points are relative to each body's origin, in world axes.
+
+    The bounds are certified: the exact distance of the stored convex pieces at the given poses lies in [lower, upper].
+    """
+
+    distance: np.ndarray = _ColumnAttribute("float64: upper if apart, 0 or lower if overlapping; NaN for a bad pose")  # type: ignore[assignment]
+    lower: np.ndarray = _ColumnAttribute("float64: certified lower bound; -inf for a bad pose")  # type: ignore[assignment]
+    upper: np.ndarray = _ColumnAttribute("float64: certified upper bound; +inf for a bad pose")  # type: ignore[assignment]
+    status: np.ndarray = _ColumnAttribute("uint8: values of clearance.Status")  # type: ignore[assignment]
+    flags: np.ndarray = _ColumnAttribute("uint16: bits of clearance.Flag")  # type: ignore[assignment]
+    point_a: np.ndarray = _ColumnAttribute("(..., 3) float64: witness point on a, world frame; NaN where there is none")  # type: ignore[assignment]
+    point_b: np.ndarray = _ColumnAttribute("(..., 3) float64: witness point on b, world frame; NaN where there is none")  # type: ignore[assignment]
+    normal: np.ndarray = _ColumnAttribute("(..., 3) float64: unit, from a towards b: the direction that proves lower")  # type: ignore[assignment]
+    pieces: np.ndarray = _ColumnAttribute("(..., 2) uint32: index of the nearest piece within a and b")  # type: ignore[assignment]
+    gradient: np.ndarray = _ColumnAttribute("(..., 2, 6) float64: d distance / d (angular; linear) world twist of a, of b")  # type: ignore[assignment]
+    pair: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids, as a column; see pairs")  # type: ignore[assignment]
+    compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
+
+    def __init__(
+        self,
+        answer: Any,
+        reduce: int,
+        out: Optional[Mapping[str, np.ndarray]],
+        pairs: Optional[np.ndarray],
+        pair_table: Callable[[int], np.ndarray],
+    ):
+        self._answer = answer
+        self._reduce = reduce
+        self._out = out
+        self._pairs = pairs
+        self._pair_table = pair_table
+        self._configuration: Optional[np.ndarray] = None
+        rows = answer.rows
+        if reduce == Reduce.NONE:
+            self._lead: Tuple[int, ...] = (answer.configurations, answer.pairs)
+        elif reduce == Reduce.NEAREST:
+            k = answer.configurations
+            self._lead = (k, rows // k if k else 0)
+        else:
+            self._lead = (rows,)
+        #: Bits of clearance.Field: the columns that are there.
+        self.fields: int = answer.fields
+        #: K, at least 1.
+        self.configurations: int = answer.configurations
+        #: Pairs found by reduce="within", also those past max_results; else the number of rows.
+        self.total: int = answer.total
+        #: Revision of the poses that this answer saw.
+        self.snapshot_revision: int = answer.snapshot_revision
+        #: Newest publisher's stamp among those poses.
+        self.snapshot_stamp_ns: int = answer.snapshot_stamp_ns
+        self.scene_revision: int = answer.scene_revision
+        #: Nanoseconds spent in the engine, and in the daemon as a whole (0 in process).
+        self.engine_ns: int = answer.engine_ns
+        self.server_ns: int = answer.server_ns
+        #: The backend that answered.
+        self.backend: str = answer.backend
+
+    @property
+    def reduce(self) -> str:
+        """The reduction asked for."""
+        return Reduce(self._reduce).name.lower()
+
+    @property
+    def pairs(self) -> np.ndarray:
+        """Body ids (a, b): (P, 2) for reduce="none", else which pair each row is of: (K, N, 2), (K, 2) or (R, 2).
+
+        A row of reduce="nearest" whose body has no pair holds clearance.NONE.
+        """
+        if self._reduce != Reduce.NONE:
+            return self.pair
+        if self._pairs is None:
+            self._pairs = self._pair_table(self.scene_revision)
+        return self._pairs
+
+    @property
+    def configuration(self) -> np.ndarray:
+        """(R,) uint32: the configuration each row of reduce="within" is of; otherwise 0 to K - 1."""
+        if self._configuration is None:
+            if self.fields & Field.CONFIGURATION:
+                self._configuration = self._column("configuration")
+            else:
+                self._configuration = np.arange(self.configurations, dtype=np.uint32)
+        return self._configuration
+
+    @property
+    def columns(self) -> Dict[str, np.ndarray]:
+        """The columns that are there, by name."""
+        names = [name for name, column in COLUMNS.items() if self.fields & (1 << column.bit)]
+        return {name: self.configuration if name == "configuration" else getattr(self, name) for name in names}
+
+    def _column(self, name: str) -> np.ndarray:
+        column = COLUMNS[name]
+        if not self.fields & (1 << column.bit):
+            if self.fields & Field.COMPACT and name in COMPACT_DTYPE.names:
+                return self.compact[name]
+            have = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
+            raise AttributeError(f"the column {name!r} was not asked for; fields were: {have}")
+        if self._out is not None and name in self._out:
+            array = self._out[name]
+            return array[: self._answer.rows] if self._reduce == Reduce.WITHIN else array
+        return np.ndarray(self._lead + column.shape, column.dtype, self._answer, self._answer.offset(column.bit))
+
+    def _reusable(self) -> Dict[str, np.ndarray]:
+        """The columns with all the room they have, to write another answer into."""
+        if self._reduce != Reduce.WITHIN:
+            return self.columns
+        arrays: Dict[str, np.ndarray] = {}
+        for name, column in COLUMNS.items():
+            if self._out is not None and name in self._out:
+                arrays[name] = self._out[name]
+            elif self.fields & (1 << column.bit):
+                shape = (self._answer.capacity,) + column.shape
+                arrays[name] = np.ndarray(shape, column.dtype, self._answer, self._answer.offset(column.bit))
+        return arrays
+
+    def __repr__(self) -> str:
+        names = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
+        return f"<clearance.Result {self.reduce} {self._lead}: {names}; {self.backend}, poses {self.snapshot_revision}>"
+
+
+#: What `out=` takes: arrays by column name, or an earlier result to write over.
+Out = Union[Mapping[str, np.ndarray], Result, None]
+
+
+def fields_mask(fields: Any) -> int:
+    """Column bits for the names given as `fields`."""
+    if isinstance(fields, str):
+        fields = (fields,)
+    elif isinstance(fields, int) and not isinstance(fields, bool):
+        if fields <= 0 or fields >> len(COLUMNS):
+            raise ValueError(f"fields: unknown bits in {int(fields):#x}")
+        return int(fields)
+    try:
+        names = list(fields)
+    except TypeError:
+        raise TypeError(f"fields: expected column names, got {fields!r}") from None
+    mask = 0
+    for name in names:
+        bits = FIELD_MASKS.get(name) if isinstance(name, str) else None
+        if bits is None:
+            raise ValueError(f"fields: no column is named {name!r}; there are {', '.join(FIELD_MASKS)}")
+        mask |= bits
+    if not mask:
+        raise ValueError("fields: expected at least one column")
+    return mask
+
+
+def out_arrays(out: Any) -> Dict[str, np.ndarray]:
+    """The arrays of `out`, checked for what can be checked before the answer's size is known."""
+    if isinstance(out, Result):
+        arrays = out._reusable()
+    elif isinstance(out, Mapping):
+        arrays = dict(out)
+    else:
+        raise TypeError(f"out: expected a dict of arrays or an earlier result, got {type(out).__name__}")
+    for name, array in arrays.items():
+        if name not in COLUMNS:
+            raise ValueError(f"out: no column is named {name!r}; there are {', '.join(COLUMNS)}")
+        dtype = COLUMNS[name].dtype
+        if not isinstance(array, np.ndarray):
+            raise TypeError(f"out[{name!r}]: expected a numpy array, got {type(array).__name__}")
+        if array.dtype != dtype:
+            raise TypeError(f"out[{name!r}]: expected dtype {dtype}, got {array.dtype}")
+        if not array.flags.c_contiguous or not array.flags.aligned:
+            raise ValueError(f"out[{name!r}]: expected a C-contiguous, aligned array")
+        if not array.flags.writeable:
+            raise ValueError(f"out[{name!r}]: the array is read-only")
+    return arrays

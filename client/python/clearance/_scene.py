@@ -1,0 +1,258 @@
+"""A scene: bodies, groups, and which pairs are asked about."""
+
+from __future__ import annotations
+
+import os
+import threading
+from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
+
+import numpy as np
+
+from . import _engine
+from ._front import _number
+from ._names import BodyInfo, NameTable
+from ._poses import as_pose7
+from ._words import NONE
+
+_CONVEXIFY = {"hull": 0, "submeshes": 1, "decompose": 2}
+
+BodyRef = Union[str, int]
+
+
+class Scene:
+    """Bodies by id (their order of arrival), groups, and pairs that are left out.
+
+    Build it with the add_* calls or with Scene.load(); an Engine takes a copy. Metres; vertices in the body's frame.
+    Every add_* call returns the new body's id and takes, by keyword,
+
+    parent: a body that this one follows (its poses are then X_parent_body); static: it never moves; pose: where it is at
+    first, 7 numbers or a (4, 4) matrix. A body without a pose is answered NO_POSE until it gets one.
+
+    Each raises SceneError for a bad or repeated name or bad geometry, TypeError or ValueError for a wrong argument.
+    """
+
+    def __init__(self) -> None:
+        self._scene = _engine.Scene()
+        self._lock = threading.RLock()
+
+    @classmethod
+    def load(cls, path: "str | os.PathLike[str]", allow_outside: bool = False) -> "Scene":
+        """Reads a scene file (YAML) and the meshes that it names.
+
+        allow_outside: meshes may lie outside the scene file's folder.
+        Raises SceneError naming file, line, key and what was expected.
+        """
+        scene = cls.__new__(cls)
+        scene._lock = threading.RLock()
+        scene._scene = _engine.Scene.load(os.fspath(path), bool(allow_outside))
+        return scene
+
+    def add_hull(
+        self,
+        name: str,
+        vertices: Any,
+        radius: float = 0.0,
+        *,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+    ) -> int:
+        """Adds the convex hull of (V, 3) vertices, grown by `radius`. Flat, collinear and single points are legal."""
+        try:
+            rows = np.ascontiguousarray(vertices, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"vertices: expected (V, 3) numbers, but numpy says: {error}") from None
+        if rows.ndim != 2 or rows.shape[1] != 3:
+            raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
+        if not rows.flags.aligned:
+            rows = rows.copy()
+        with self._lock:
+            return self._scene.add_hull(_name(name), rows, _number(radius, "radius"), *self._rest(parent, static, pose))
+
+    def add_mesh(
+        self,
+        name: str,
+        path: "str | os.PathLike[str]",
+        scale: Any = 1.0,
+        convexify: str = "hull",
+        *,
+        radius: float = 0.0,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+    ) -> int:
+        """Adds a mesh file. scale: one number or three. convexify: "hull", "submeshes" or "decompose"."""
+        sx, sy, sz = _three(scale, "scale", one=True)
+        if convexify not in _CONVEXIFY:
+            raise ValueError(f"convexify: expected {' or '.join(map(repr, _CONVEXIFY))}, got {convexify!r}")
+        with self._lock:
+            return self._scene.add_mesh(
+                _name(name),
+                os.fspath(path),
+                sx,
+                sy,
+                sz,
+                _CONVEXIFY[convexify],
+                _number(radius, "radius"),
+                *self._rest(parent, static, pose),
+            )
+
+    def add_box(
+        self,
+        name: str,
+        size: Any,
+        *,
+        radius: float = 0.0,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+    ) -> int:
+        """Adds a box of three full edge lengths, centred on the body's origin; `radius` rounds it outward."""
+        x, y, z = _three(size, "size")
+        with self._lock:
+            return self._scene.add_box(
+                _name(name), x, y, z, _number(radius, "radius"), *self._rest(parent, static, pose)
+            )
+
+    def add_sphere(
+        self, name: str, radius: float, *, parent: Optional[BodyRef] = None, static: bool = False, pose: Any = None
+    ) -> int:
+        """Adds a sphere about the body's origin."""
+        with self._lock:
+            return self._scene.add_sphere(_name(name), _number(radius, "radius"), *self._rest(parent, static, pose))
+
+    def add_capsule(
+        self,
+        name: str,
+        radius: float,
+        length: float,
+        *,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+    ) -> int:
+        """Adds a capsule along z; `length` is between the centres of its caps."""
+        with self._lock:
+            return self._scene.add_capsule(
+                _name(name), _number(radius, "radius"), _number(length, "length"), *self._rest(parent, static, pose)
+            )
+
+    def add_cylinder(
+        self,
+        name: str,
+        radius: float,
+        length: float,
+        *,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+    ) -> int:
+        """Adds a cylinder along z as a circumscribed prism; BodyInfo.model_error says by how much that is larger."""
+        with self._lock:
+            return self._scene.add_cylinder(
+                _name(name), _number(radius, "radius"), _number(length, "length"), *self._rest(parent, static, pose)
+            )
+
+    def add_group(self, name: str, bodies: Sequence[str]) -> None:
+        """Names a set of bodies."""
+        if isinstance(bodies, str):
+            raise TypeError(f"bodies: expected a list of names, got {bodies!r}")
+        with self._lock:
+            self._scene.add_group(_name(name), [self._body_name(body, "bodies") for body in bodies])
+
+    def ignore(self, a: BodyRef, b: BodyRef) -> None:
+        """Leaves out every pair between two bodies or groups (a group with itself: its inner pairs)."""
+        with self._lock:
+            self._scene.ignore(
+                a if isinstance(a, str) else self._body_name(a, "a"), b if isinstance(b, str) else self._body_name(b, "b")
+            )
+
+    @property
+    def bodies(self) -> Tuple[BodyInfo, ...]:
+        """The bodies; a body's id is its place here."""
+        return self._table().bodies
+
+    @property
+    def groups(self) -> Dict[str, np.ndarray]:
+        """(n,) uint32 body ids of each group."""
+        return self._table().groups
+
+    @property
+    def ignored(self) -> np.ndarray:
+        """(I, 2) uint32: pairs left out, a < b, sorted."""
+        return np.array(self._scene.ignored(), dtype=np.uint32).reshape(-1, 2)
+
+    @property
+    def revision(self) -> int:
+        """A digest of geometry, names, groups and initial poses: the same scene gives the same number anywhere."""
+        return self._scene.revision()
+
+    def initial_pose(self, body: BodyRef) -> Optional[np.ndarray]:
+        """(7,) pose of a body at load, or None."""
+        pose = self._scene.initial_pose(self._table().body(body, "body"))
+        return None if pose is None else np.array(pose)
+
+    def source(self, body: BodyRef) -> str:
+        """Where a body's geometry came from: "meshes/base.stl (hull)", "box", ..."""
+        return self._scene.source(self._table().body(body, "body"))
+
+    def pieces(self, body: BodyRef) -> List[Tuple[np.ndarray, float]]:
+        """Each convex piece of a body: (V, 3) vertices in the body's frame, and the radius that grows their hull."""
+        return self._scene.pieces(self._table().body(body, "body"))
+
+    def display_mesh(self, body: BodyRef) -> Optional[Tuple[np.ndarray, np.ndarray]]:
+        """Triangles for a picture: (V, 3) float64 vertices and (T, 3) uint32 indices; None if there are none."""
+        return self._scene.display(self._table().body(body, "body"))
+
+    def __len__(self) -> int:
+        return len(self._scene.bodies())
+
+    def __repr__(self) -> str:
+        return f"<clearance.Scene: {len(self)} bodies, {len(self._scene.groups())} groups>"
+
+    def _table(self) -> NameTable:
+        return name_table(self._scene, 0)
+
+    def _rest(self, parent: Optional[BodyRef], static: bool, pose: Any) -> tuple:
+        if parent is not None:
+            parent = self._body_name(parent, "parent")
+        if pose is not None:
+            shape = np.shape(pose)
+            pose = as_pose7(pose, "pose")
+            if pose.shape != (7,):
+                raise ValueError(f"pose: expected one pose, got shape {shape}")
+        return parent, bool(static), pose
+
+    def _body_name(self, body: BodyRef, what: str) -> str:
+        table = self._table()
+        index = table.body(body, what)
+        if index >= len(table.bodies):
+            raise ValueError(f"{what}: no body has the id {index}; the scene has {len(table.bodies)}")
+        return table.bodies[index].name
+
+
+def name_table(scene: Any, revision: int) -> NameTable:
+    """Names and ids of an _engine.Scene."""
+    bodies = [
+        BodyInfo(name, i, None if parent == NONE else parent, *rest)
+        for i, (name, parent, *rest) in enumerate(scene.bodies())
+    ]
+    groups = {name: np.array(members, dtype=np.uint32) for name, members in scene.groups()}
+    return NameTable(revision, bodies, groups)
+
+
+def _name(name: Any) -> str:
+    if not isinstance(name, str):
+        raise TypeError(f"name: expected a string, got {name!r}")
+    return name
+
+
+def _three(value: Any, what: str, one: bool = False) -> Tuple[float, float, float]:
+    if one and not np.ndim(value):
+        number = _number(value, what)
+        return number, number, number
+    expected = "one number or three" if one else "three numbers"
+    if isinstance(value, str) or np.shape(value) != (3,):
+        raise ValueError(f"{what}: expected {expected}, got {value!r}")
+    x, y, z = (_number(item, f"{what}[{i}]") for i, item in enumerate(value))
+    return x, y, z

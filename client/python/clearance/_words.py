@@ -1,0 +1,129 @@
+"""The words of the contract: what a query may ask and what an answer may say.
+
+Mirrors client/types.h, value by value (tests/python/test_words.py compares the two).
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import Dict, NamedTuple, Tuple
+
+import numpy as np
+
+
+class Status(enum.IntEnum):
+    """What is known about one pair (or one reduced group) in one configuration."""
+
+    OK = 0  #: apart: lower > 0, and the interval is as narrow as asked
+    OVERLAP = 1  #: a common point is proved: upper <= 0 (signed: and as narrow as asked)
+    CONTACT = 2  #: neither is provable: lower <= 0 <= upper
+    BEYOND = 3  #: proved farther than max_distance; not refined
+    UNCONVERGED = 4  #: the interval is valid but wider than asked
+    BAD_POSE = 5  #: a pose with NaN, Inf or a quaternion that cannot be normalised
+    NO_POSE = 6  #: a movable body that never got a pose
+    UNKNOWN_BODY = 7  #: a body id outside the scene
+
+
+class Flag(enum.IntFlag):
+    """Facts about one answer, as bits."""
+
+    STALE = 1 << 0  #: a pose was older than max_pose_age_ns
+    RENORMALISED = 1 << 1  #: a quaternion's norm was off by more than 1e-3
+    ROUNDING_LIMITED = 1 << 2  #: as narrow as the arithmetic allows
+    NONSMOOTH = 1 << 3  #: witness points are not unique; the gradient is one of several
+    PIECES = 1 << 4  #: a body of several pieces overlaps: the depth bounds the union's motion from below
+    INCOMPLETE = 1 << 5  #: a reduced group held a bad or missing pose
+
+
+class Precision(enum.IntEnum):
+    """Arithmetic of the iterations; the bounds are valid in either."""
+
+    F64 = 0
+    F32 = 1
+
+
+class Reduce(enum.IntEnum):
+    """Which rows come back."""
+
+    NONE = 0  #: one row per configuration and pair
+    WITHIN = 1  #: sparse: only pairs not proved farther than max_distance, up to max_results, with the total
+    NEAREST = 2  #: one row per configuration and body
+    MIN = 3  #: one row per configuration
+
+
+class Format(enum.IntEnum):
+    """How columns are encoded."""
+
+    FULL = 0  #: float64 columns, points in the world frame
+    COMPACT = 1  #: 32 bytes a row: float32 bounds rounded outward, points relative to each body's origin
+
+
+class Field(enum.IntFlag):
+    """Columns of an answer, as bits of a mask."""
+
+    DISTANCE = 1 << 0
+    LOWER = 1 << 1
+    UPPER = 1 << 2
+    STATUS = 1 << 3
+    FLAGS = 1 << 4
+    POINT_A = 1 << 5
+    POINT_B = 1 << 6
+    NORMAL = 1 << 7
+    PIECES = 1 << 8
+    GRADIENT = 1 << 9
+    PAIR = 1 << 10
+    CONFIGURATION = 1 << 11
+    COMPACT = 1 << 12
+
+
+#: One row of format="compact".
+COMPACT_DTYPE = np.dtype([("lower", "<f4"), ("upper", "<f4"), ("point_a", "<f4", 3), ("point_b", "<f4", 3)])
+
+
+class Column(NamedTuple):
+    """How one column of an answer is stored."""
+
+    bit: int
+    dtype: np.dtype
+    shape: Tuple[int, ...]  #: of one row
+
+
+#: Every column by name, in the order of Field.
+COLUMNS: Dict[str, Column] = {
+    "distance": Column(0, np.dtype("<f8"), ()),
+    "lower": Column(1, np.dtype("<f8"), ()),
+    "upper": Column(2, np.dtype("<f8"), ()),
+    "status": Column(3, np.dtype("u1"), ()),
+    "flags": Column(4, np.dtype("<u2"), ()),
+    "point_a": Column(5, np.dtype("<f8"), (3,)),
+    "point_b": Column(6, np.dtype("<f8"), (3,)),
+    "normal": Column(7, np.dtype("<f8"), (3,)),
+    "pieces": Column(8, np.dtype("<u4"), (2,)),
+    "gradient": Column(9, np.dtype("<f8"), (2, 6)),
+    "pair": Column(10, np.dtype("<u4"), (2,)),
+    "configuration": Column(11, np.dtype("<u4"), ()),
+    "compact": Column(12, COMPACT_DTYPE, ()),
+}
+
+DEFAULT_FIELDS = int(Field.DISTANCE | Field.LOWER | Field.UPPER | Field.STATUS)
+#: What `fields` may name, as masks. "points" is both points, "default" the columns that come unasked.
+FIELD_MASKS: Dict[str, int] = {
+    **{name: 1 << column.bit for name, column in COLUMNS.items()},
+    "points": int(Field.POINT_A | Field.POINT_B),
+    "default": DEFAULT_FIELDS,
+}
+
+PRECISIONS = {word.name.lower(): int(word) for word in Precision}
+REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
+FORMATS = {word.name.lower(): int(word) for word in Format}
+
+#: Set in a pair selector that names a group; the other bits are the group's index.
+GROUP_BIT = 0x80000000
+#: The pair selector for every body.
+EVERY_BODY = 0xFFFFFFFF
+#: "No such body or piece" in an answer.
+NONE = 0xFFFFFFFE
+#: Bytes that a body's or group's name may have.
+MAX_NAME_BYTES = 63
+#: Rows of an answer up to which points and normal come by default.
+DEFAULT_POINTS_ROWS = 100000

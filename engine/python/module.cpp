@@ -1,0 +1,282 @@
+// clearance._engine: the scene and the engine in this process. The public face is clearance/_engine_front.py.
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string_view.h>
+#include <nanobind/stl/vector.h>
+
+#include <chrono>
+#include <utility>
+
+#include "client/python/bindings/columns.h"
+#include "engine/engine.h"
+#include "scene_bindings.h"
+
+namespace clearance::python {
+namespace {
+
+/// How often a long call looks whether Ctrl-C was pressed.
+constexpr std::chrono::milliseconds kSignalPeriod{50};
+
+class PyEngine;
+
+/// A query under way, with the memory that it writes.
+class PyJob {
+ public:
+  PyJob(std::shared_ptr<Engine> engine, ProcessGuard guard, Job job, Answer answer, OutArrays out)
+      : engine_(std::move(engine)),
+        guard_(guard),
+        job_(std::move(job)),
+        answer_(std::move(answer)),
+        out_(std::move(out)) {}
+
+  bool advance(std::int64_t budget_ns) {
+    guard_.check("this query");
+    nb::gil_scoped_release release;
+    const auto begin = std::chrono::steady_clock::now();
+    const bool done = job_.advance(std::chrono::nanoseconds(budget_ns));
+    engine_ns_ += std::chrono::nanoseconds(std::chrono::steady_clock::now() - begin).count();
+    return done;
+  }
+
+  /// Works until done (true) or until the time is up.
+  bool run(double timeout_s) {
+    const auto begin = std::chrono::steady_clock::now();
+    while (!advance(std::chrono::nanoseconds(kSignalPeriod).count())) {
+      if (PyErr_CheckSignals() != 0) throw nb::python_error();
+      if (std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() > timeout_s) return false;
+    }
+    return true;
+  }
+
+  /// The answer, once advance() returned true.
+  Answer answer() const {
+    const ReplyInfo& info = job_.info();
+    Answer a = answer_;
+    a.rows = info.rows;
+    a.total = info.total;
+    a.scene_revision = info.scene_revision;
+    a.snapshot_revision = info.snapshot_revision;
+    a.snapshot_stamp_ns = info.snapshot_stamp_ns;
+    a.engine_ns = static_cast<std::uint64_t>(engine_ns_);
+    return a;
+  }
+
+ private:
+  std::shared_ptr<Engine> engine_;
+  ProcessGuard guard_;
+  Job job_;
+  Answer answer_;
+  OutArrays out_;
+  std::int64_t engine_ns_ = 0;
+};
+
+static_assert(sizeof(BodyPair) == 2 * sizeof(std::uint32_t) && sizeof(Pose) == 7 * sizeof(double));
+
+QueryView view_of(const Query& q) {
+  QueryView view;
+  view.all_pairs = !q.pairs;
+  if (q.pairs) view.pairs = {reinterpret_cast<const BodyPair*>(q.pairs->data()), q.pairs->shape(0)};
+  if (q.configurations) {
+    if (q.configurations->shape(0) > 0xFFFFFFFFu) throw nb::value_error("configurations: too many");
+    view.configuration_count = static_cast<std::uint32_t>(q.configurations->shape(0));
+    view.bodies = {q.bodies->data(), q.bodies->shape(0)};
+    view.configurations = {reinterpret_cast<const Pose*>(q.configurations->data()),
+                           q.configurations->shape(0) * q.configurations->shape(1)};
+  }
+  view.max_distance = q.max_distance;
+  view.abs_tol = q.abs_tol;
+  view.rel_tol = q.rel_tol;
+  view.precision = static_cast<Precision>(q.precision);
+  view.signed_distance = q.signed_distance;
+  view.reduce = static_cast<Reduce>(q.reduce);
+  view.format = static_cast<Format>(q.format);
+  view.fields = q.fields;
+  view.max_results = q.max_results;
+  view.max_pose_age_ns = q.max_pose_age_ns;
+  view.warm_slot = q.warm ? 1 : 0;
+  return view;
+}
+
+class PyEngine {
+ public:
+  PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows) {
+    nb::gil_scoped_release release;
+    Engine::Options options;
+    options.backend = backend;
+    options.threads = threads;
+    options.max_rows = max_rows;
+    engine_ = std::make_shared<Engine>(scene, options);
+  }
+
+  Engine& use() const {
+    guard_.check("this Engine");
+    return *engine_;
+  }
+
+  std::unique_ptr<PyJob> start(const Query& query, nb::handle out_list) const {
+    Engine& engine = use();
+    OutArrays out(out_list);
+    QueryView view = view_of(query);
+    while (true) {
+      QuerySize size;
+      {
+        nb::gil_scoped_release release;
+        size = engine.size(view);
+      }
+      if (query.points_by_default && size.rows <= kDefaultPointsRows) {
+        view.fields |= kFieldPoints | kFieldNormal;
+        size.fields |= kFieldPoints | kFieldNormal;
+      }
+      out.check(view.reduce, size.configurations, size.pairs, size.rows);
+
+      const std::uint32_t own = size.fields & ~out.fields();
+      const Layout layout = layout_of(own, size.rows);
+      Answer answer;
+      answer.owner = allocate_block(layout.bytes);
+      answer.base = static_cast<const std::byte*>(answer.owner.get());
+      answer.bytes = layout.bytes;
+      answer.offset = layout.offset;
+      answer.fields = size.fields;
+      answer.capacity = size.rows;
+      answer.configurations = size.configurations;
+      answer.pairs = size.pairs;
+      answer.backend = engine.backend();
+
+      const auto column = [&](Field field) -> std::byte* {
+        const int i = std::countr_zero(static_cast<std::uint32_t>(field));
+        if (out.fields() & field) return out.data(i);
+        const std::int64_t offset = layout.offset[static_cast<std::size_t>(i)];
+        return offset < 0 ? nullptr : static_cast<std::byte*>(answer.owner.get()) + offset;
+      };
+      ReplyView reply;
+      reply.distance = reinterpret_cast<double*>(column(kFieldDistance));
+      reply.lower = reinterpret_cast<double*>(column(kFieldLower));
+      reply.upper = reinterpret_cast<double*>(column(kFieldUpper));
+      reply.status = reinterpret_cast<std::uint8_t*>(column(kFieldStatus));
+      reply.flags = reinterpret_cast<std::uint16_t*>(column(kFieldFlags));
+      reply.point_a = reinterpret_cast<double*>(column(kFieldPointA));
+      reply.point_b = reinterpret_cast<double*>(column(kFieldPointB));
+      reply.normal = reinterpret_cast<double*>(column(kFieldNormal));
+      reply.pieces = reinterpret_cast<std::uint32_t*>(column(kFieldPieces));
+      reply.gradient = reinterpret_cast<double*>(column(kFieldGradient));
+      reply.pair = reinterpret_cast<BodyPair*>(column(kFieldPair));
+      reply.configuration = reinterpret_cast<std::uint32_t*>(column(kFieldConfiguration));
+      reply.compact = reinterpret_cast<CompactAnswer*>(column(kFieldCompact));
+
+      std::optional<Job> job;
+      {
+        nb::gil_scoped_release release;
+        job.emplace(engine.start(view, reply));
+      }
+      // Another thread may have attached a body since size(): then the room does not fit the answer.
+      if (job->size().rows != size.rows || job->size().pairs != size.pairs) continue;
+      return std::make_unique<PyJob>(engine_, guard_, std::move(*job), std::move(answer), std::move(out));
+    }
+  }
+
+  nb::object answer(const Query& query, nb::handle out_list, double timeout_s) const {
+    const std::unique_ptr<PyJob> job = start(query, out_list);
+    if (!job->run(timeout_s)) return nb::none();
+    return nb::cast(job->answer());
+  }
+
+  nb::object pairs(const Query& query) const {
+    auto* pairs = new std::vector<BodyPair>();
+    nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<BodyPair>*>(p); });
+    {
+      nb::gil_scoped_release release;
+      *pairs = use().pairs(view_of(query));
+    }
+    return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
+  }
+
+  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns) const {
+    if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
+    std::vector<BodyPose> batch(ids.shape(0));
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      batch[i].body = ids.data()[i];
+      batch[i].pose = pose_from(poses.data() + 7 * i);
+    }
+    PoseUpdateResult result;
+    {
+      nb::gil_scoped_release release;
+      result = use().set_poses(batch, stamp_ns);
+    }
+    return done(result);
+  }
+
+  nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose) const {
+    Pose X_pc;
+    if (pose) {
+      if (pose->shape(0) != 1) throw nb::value_error("pose: expected one pose");
+      X_pc = pose_from(pose->data());
+    }
+    PoseUpdateResult result;
+    {
+      nb::gil_scoped_release release;
+      result = use().attach(child, parent, pose ? &X_pc : nullptr);
+    }
+    return done(result);
+  }
+
+  nb::list body_states() const {
+    nb::list states;
+    const std::size_t count = use().scene().bodies().size();
+    const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+    for (std::size_t i = 0; i < count; ++i) {
+      const BodyState s = engine_->body_state(static_cast<std::uint32_t>(i));
+      states.append(nb::make_tuple(tuple_of(s.X_wb), static_cast<int>(s.status), s.parent, s.stamp_ns,
+                                   s.receipt_ns ? now - s.receipt_ns : -1));
+    }
+    return states;
+  }
+
+ private:
+  nb::tuple done(const PoseUpdateResult& r) const {
+    return nb::make_tuple(r.revision, engine_->scene_revision(), r.applied, r.bad, r.unknown, r.fixed);
+  }
+
+  ProcessGuard guard_;
+  std::shared_ptr<Engine> engine_;
+};
+
+}  // namespace
+
+NB_MODULE(_engine, m) {
+  nb::set_leak_warnings(false);  // caches of a program that ends by exit() are no leak
+  nb::register_exception_translator([](const std::exception_ptr& p, void*) {
+    try {
+      std::rethrow_exception(p);
+    } catch (const SceneError& e) {
+      raise_ours("SceneError", -1, e.what());
+    } catch (const QueryError& e) {
+      raise_ours("QueryError", static_cast<int>(e.code), e.what());
+    }
+  });
+  bind_query(m);
+  bind_answer(m);
+  bind_scene(m);
+
+  nb::class_<PyJob>(m, "Job")
+      .def("advance", &PyJob::advance, nb::arg("budget_ns"))
+      .def("run", &PyJob::run, nb::arg("timeout_s"))
+      .def("answer", &PyJob::answer);
+
+  nb::class_<PyEngine>(m, "Engine")
+      .def(nb::init<const Scene&, const std::string&, int, std::uint64_t>(), nb::arg("scene"), nb::arg("backend"),
+           nb::arg("threads"), nb::arg("max_rows"))
+      .def_static("backends", &Engine::backends)
+      .def_prop_ro("backend", [](const PyEngine& e) { return std::string(e.use().backend()); })
+      .def_prop_ro("scene_revision", [](const PyEngine& e) { return e.use().scene_revision(); })
+      .def_prop_ro("pose_revision", [](const PyEngine& e) { return e.use().pose_revision(); })
+      .def_prop_ro(
+          "scene", [](const PyEngine& e) { return e.use().scene(); }, nb::rv_policy::move)
+      .def("start", &PyEngine::start, nb::arg("query"), nb::arg("out").none())
+      .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("out").none(), nb::arg("timeout_s"))
+      .def("pairs", &PyEngine::pairs, nb::arg("query"))
+      .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"))
+      .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
+      .def("body_states", &PyEngine::body_states)
+      .def("stats", [](const PyEngine& e) { return e.use().stats(); });
+}
+
+}  // namespace clearance::python

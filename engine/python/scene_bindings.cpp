@@ -1,0 +1,151 @@
+// The class _engine.Scene; its public face is clearance/_scene.py.
+#include "scene_bindings.h"
+
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "client/python/bindings/columns.h"
+#include "engine/scene.h"
+
+namespace clearance::python {
+namespace {
+
+using VertexRows = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using PoseRow = nb::ndarray<const double, nb::shape<7>, nb::c_contig, nb::device::cpu>;
+
+Scene::BodyOptions options(double radius, const std::optional<std::string>& parent, bool is_static,
+                           const std::optional<PoseRow>& pose) {
+  Scene::BodyOptions o;
+  o.radius = radius;
+  o.parent = parent.value_or("");
+  o.is_static = is_static;
+  if (pose) o.pose = pose_from(pose->data());
+  return o;
+}
+
+const Body& body_at(const Scene& scene, std::uint32_t id) {
+  if (id >= scene.bodies().size()) throw nb::value_error("body: no such id");
+  return scene.bodies()[id];
+}
+
+/// A numpy array that owns a copy of the rows.
+template <class T, class Row>
+nb::object array_of(const std::vector<Row>& rows) {
+  static_assert(sizeof(Row) == 3 * sizeof(T));
+  auto* copy = new std::vector<Row>(rows);
+  nb::capsule owner(copy, [](void* p) noexcept { delete static_cast<std::vector<Row>*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, T>(copy->data(), {copy->size(), 3}, owner));
+}
+
+nb::list bodies(const Scene& scene) {
+  nb::list list;
+  for (const Body& b : scene.bodies()) {
+    std::uint64_t vertices = 0;
+    double extent = 0;
+    for (const PiecePtr& piece : b.pieces) {
+      vertices += piece->vertices.size();
+      extent = std::max(extent, piece->rho + piece->radius);
+    }
+    list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent));
+  }
+  return list;
+}
+
+nb::list pieces(const Scene& scene, std::uint32_t id) {
+  nb::list list;
+  for (const PiecePtr& piece : body_at(scene, id).pieces) {
+    list.append(nb::make_tuple(array_of<double>(piece->vertices), piece->radius));
+  }
+  return list;
+}
+
+nb::object display(const Scene& scene, std::uint32_t id) {
+  const auto& mesh = body_at(scene, id).display;
+  if (!mesh) return nb::none();
+  return nb::make_tuple(array_of<double>(mesh->vertices), array_of<std::uint32_t>(mesh->triangles));
+}
+
+}  // namespace
+
+void bind_scene(nb::module_& m) {
+  using Parent = std::optional<std::string>;
+  using P = std::optional<PoseRow>;
+  nb::class_<Scene>(m, "Scene")
+      .def(nb::init<>())
+      .def_static("load", &Scene::load, nb::arg("path"), nb::arg("allow_outside"),
+                  nb::call_guard<nb::gil_scoped_release>())
+      .def(
+          "add_hull",
+          [](Scene& s, const std::string& name, const VertexRows& v, double radius, const Parent& parent, bool fixed,
+             const P& pose) {
+            const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
+            return s.add_hull(name, vertices, options(radius, parent, fixed, pose));
+          },
+          nb::arg("name"), nb::arg("vertices"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"),
+          nb::arg("pose").none())
+      .def(
+          "add_mesh",
+          [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int convexify,
+             double radius, const Parent& parent, bool fixed, const P& pose) {
+            const Scene::BodyOptions o = options(radius, parent, fixed, pose);
+            nb::gil_scoped_release release;
+            return s.add_mesh(name, path, {sx, sy, sz}, static_cast<Convexify>(convexify), o);
+          },
+          nb::arg("name"), nb::arg("path"), nb::arg("sx"), nb::arg("sy"), nb::arg("sz"), nb::arg("convexify"),
+          nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none())
+      .def(
+          "add_box",
+          [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
+             bool fixed, const P& pose) {
+            return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose));
+          },
+          nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
+          nb::arg("static"), nb::arg("pose").none())
+      .def(
+          "add_sphere",
+          [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose) {
+            return s.add_sphere(name, radius, options(0, parent, fixed, pose));
+          },
+          nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none())
+      .def(
+          "add_capsule",
+          [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
+             const P& pose) { return s.add_capsule(name, radius, length, options(0, parent, fixed, pose)); },
+          nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
+          nb::arg("pose").none())
+      .def(
+          "add_cylinder",
+          [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
+             const P& pose) { return s.add_cylinder(name, radius, length, options(0, parent, fixed, pose)); },
+          nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
+          nb::arg("pose").none())
+      .def("add_group", [](Scene& s, const std::string& name,
+                           const std::vector<std::string>& members) { s.add_group(name, members); })
+      .def("ignore", &Scene::ignore)
+      .def("bodies", &bodies)
+      .def("groups",
+           [](const Scene& s) {
+             nb::list list;
+             for (const Group& g : s.groups()) list.append(nb::make_tuple(g.name, g.bodies));
+             return list;
+           })
+      .def("ignored", &Scene::ignored)
+      .def("initial_pose",
+           [](const Scene& s, std::uint32_t id) -> nb::object {
+             const std::optional<Pose>& X = body_at(s, id).pose;
+             if (!X) return nb::none();
+             return tuple_of(*X);
+           })
+      .def("source", [](const Scene& s, std::uint32_t id) { return body_at(s, id).source; })
+      .def("pieces", &pieces)
+      .def("display", &display)
+      .def("revision", &Scene::revision);
+}
+
+}  // namespace clearance::python

@@ -1,0 +1,77 @@
+"""The vocabulary of Python is that of client/types.h."""
+
+import enum
+import re
+
+import pytest
+
+from clearance import _words
+
+
+def upper_snake(name):
+    """kBadPose -> BAD_POSE, kF64 -> F64."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).upper()
+
+
+@pytest.fixture(scope="module")
+def header(root):
+    return (root / "client" / "types.h").read_text()
+
+
+def enum_values(header, name):
+    body = re.search(rf"\benum (?:class )?{name} : [\w:]+ {{(.*?)}};", header, re.S).group(1)
+    body = re.sub(r"///?<?.*", "", body)
+    values = {}
+    for key, expression in re.findall(r"(\w+)\s*=\s*([^,]+)", body):
+        values[key] = eval(expression.replace("u", "").strip(), {"__builtins__": {}})
+    return values
+
+
+@pytest.mark.parametrize("name, prefix", [
+    ("Status", "k"), ("Flag", "kFlag"), ("Precision", "k"), ("Reduce", "k"), ("Format", "k"), ("Field", "kField"),
+])  # fmt: skip
+def test_enum_mirrors_header(header, name, prefix):
+    values = enum_values(header, name)
+    assert len(values) >= 2
+    ours = getattr(_words, name)
+    assert {member.name: int(member) for member in ours} == {
+        upper_snake(key[len(prefix):]): value for key, value in values.items()
+    }
+
+
+def test_every_enum_of_the_header_is_mirrored(header):
+    names = re.findall(r"\benum (?:class )?(\w+) :", header)
+    assert len(names) == 6
+    assert all(issubclass(getattr(_words, name), enum.Enum) for name in names)
+
+
+def test_constants(header):
+    def constant(name):
+        return eval(re.search(rf"{name} = (\w+);", header).group(1).rstrip("u"))
+
+    assert _words.GROUP_BIT == constant("kGroupBit")
+    assert _words.EVERY_BODY == constant("kEveryBody")
+    assert _words.NONE == constant("kNone")
+    assert _words.MAX_NAME_BYTES == constant("kMaxNameBytes")
+    assert _words.DEFAULT_POINTS_ROWS == constant("kDefaultPointsRows")
+    default = re.search(r"kDefaultFields = ([^;]+);", header).group(1)
+    assert _words.DEFAULT_FIELDS == sum(
+        1 << _words.COLUMNS[name.strip()[len("kField"):].lower()].bit for name in default.split("|")
+    )
+
+
+def test_columns_have_the_sizes_of_the_header(header):
+    sizes = [int(n) for n in re.search(r"kFieldBytes\[kFieldCount\] = {([^}]+)}", header).group(1).split(",")]
+    assert len(sizes) == len(_words.COLUMNS) == len(_words.Field)
+    for (name, column), size in zip(_words.COLUMNS.items(), sizes):
+        assert _words.Field[name.upper()] == 1 << column.bit
+        count = 1
+        for n in column.shape:
+            count *= n
+        assert column.dtype.itemsize * count == size, name
+
+
+def test_words_as_strings():
+    assert _words.REDUCTIONS == {"none": 0, "within": 1, "nearest": 2, "min": 3}
+    assert _words.PRECISIONS == {"f64": 0, "f32": 1}
+    assert _words.FORMATS == {"full": 0, "compact": 1}
