@@ -18,8 +18,8 @@ using Deadline = std::chrono::steady_clock::time_point;
 class Frame {
  public:
   virtual ~Frame() = default;
-  virtual const wire::FrameHeader& header() const = 0;           ///< already validated
-  virtual std::span<const std::byte> payload() const = 0;        ///< starts on a 64-byte boundary
+  virtual const wire::FrameHeader& header() const = 0;     ///< already validated
+  virtual std::span<const std::byte> payload() const = 0;  ///< starts on a 64-byte boundary
 };
 
 /// Not thread-safe: one channel per thread, or a lock around it.
@@ -45,6 +45,7 @@ class Channel {
 std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, Deadline deadline);
 /// \param socket_path may end in options: "/run/user/0/clearance.sock?spin_us=50" (0: never spin; default 20).
 std::unique_ptr<Channel> open_shm_channel(const std::string& socket_path, Deadline deadline);
-std::unique_ptr<Channel> open_lcm_channel(const std::string& lcm_url, const std::string& channel_prefix, Deadline deadline);
+std::unique_ptr<Channel> open_lcm_channel(const std::string& lcm_url, const std::string& channel_prefix,
+                                          Deadline deadline);
 
 }  // namespace clearance

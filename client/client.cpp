@@ -237,10 +237,10 @@ std::uint64_t Client::Impl::expected_reply_bytes(const wire::QueryHeader& q, std
   if (reduce != Reduce::kMin) {
     const bool selectors =
         std::any_of(pairs.begin(), pairs.end(), [](const IdPair& p) { return (p[0] | p[1]) & kGroupBit; });
-    if (!scene && (pairs.empty() || selectors || reduce == Reduce::kNearest)) return 0;
+    if (!scene && (q.all_pairs || selectors || reduce == Reduce::kNearest)) return 0;
     if (reduce == Reduce::kNearest)
       rows *= scene->bodies.size();
-    else if (pairs.empty())
+    else if (q.all_pairs)
       rows *= scene->pair_count;
     else if (!selectors)
       rows *= pairs.size();

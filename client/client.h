@@ -50,13 +50,13 @@ using Pose7 = std::array<double, 7>;
 using IdPair = std::array<std::uint32_t, 2>;
 
 struct Query {
-  std::span<const IdPair> pairs = {};            ///< empty: all enabled pairs, or none
-  bool all_pairs = true;                         ///< what empty `pairs` means; with pairs it is not read
-  std::span<const std::uint32_t> bodies = {};    ///< (M,) moved bodies
-  std::span<const Pose7> configurations = {};    ///< (K * M,) their poses; empty: the current poses
+  std::span<const IdPair> pairs = {};          ///< empty: all enabled pairs, or none
+  bool all_pairs = true;                       ///< what empty `pairs` means; with pairs it is not read
+  std::span<const std::uint32_t> bodies = {};  ///< (M,) moved bodies
+  std::span<const Pose7> configurations = {};  ///< (K * M,) their poses; empty: the current poses
   double max_distance = std::numeric_limits<double>::infinity();
   double abs_tol = 0;
-  double rel_tol = -1;                           ///< negative: 1e-6 (f64), 1e-4 (f32)
+  double rel_tol = -1;  ///< negative: 1e-6 (f64), 1e-4 (f32)
   Precision precision = Precision::kF64;
   bool signed_distance = false;
   Reduce reduce = Reduce::kNone;
@@ -74,26 +74,26 @@ class Frame;
 /// a column that was not asked for is empty.
 class CLEARANCE_API Reply {
  public:
-  explicit Reply(std::unique_ptr<Frame> frame);    ///< of type kReply; throws ConnectionError if it is malformed
+  explicit Reply(std::unique_ptr<Frame> frame);  ///< of type kReply; throws ConnectionError if it is malformed
   Reply(Reply&&) noexcept;
   Reply& operator=(Reply&&) noexcept;
   ~Reply();
 
   std::size_t rows() const;
-  std::uint64_t total() const;                     ///< kWithin: pairs found, also those past max_results
-  std::uint64_t configurations() const;            ///< K
-  std::uint64_t pairs() const;                     ///< P
+  std::uint64_t total() const;           ///< kWithin: pairs found, also those past max_results
+  std::uint64_t configurations() const;  ///< K
+  std::uint64_t pairs() const;           ///< P
   std::uint32_t fields() const;
-  std::span<const double> distance() const;        ///< (rows,) metres
+  std::span<const double> distance() const;  ///< (rows,) metres
   std::span<const double> lower() const;
   std::span<const double> upper() const;
   std::span<const Status> status() const;
   std::span<const std::uint16_t> flags() const;
-  std::span<const double> point_a() const;         ///< (rows * 3,) world frame
+  std::span<const double> point_a() const;  ///< (rows * 3,) world frame
   std::span<const double> point_b() const;
   std::span<const double> normal() const;
-  std::span<const std::uint32_t> pieces() const;   ///< (rows * 2,)
-  std::span<const double> gradient() const;        ///< (rows * 12,)
+  std::span<const std::uint32_t> pieces() const;  ///< (rows * 2,)
+  std::span<const double> gradient() const;       ///< (rows * 12,)
   std::span<const IdPair> pair() const;
   std::span<const std::uint32_t> configuration() const;
   std::span<const CompactAnswer> compact() const;
@@ -109,7 +109,7 @@ class CLEARANCE_API Reply {
   template <class T>
   std::span<const T> column(Field field, std::size_t width) const;
   std::unique_ptr<Frame> frame_;
-  std::uint64_t rows_ = 0;    // copies: what was checked is what is used
+  std::uint64_t rows_ = 0;  // copies: what was checked is what is used
   std::uint32_t fields_ = 0;
 };
 
@@ -141,7 +141,7 @@ struct BodyStateInfo {
   std::int64_t age_ns = -1;  ///< since the daemon received it; -1: never received
 };
 struct PosesDone {
-  std::uint64_t revision = 0;        ///< pose revision that holds the update
+  std::uint64_t revision = 0;  ///< pose revision that holds the update
   std::uint64_t scene_revision = 0;
   std::uint32_t applied = 0, bad = 0, unknown = 0, fixed = 0;
 };
@@ -169,9 +169,9 @@ class CLEARANCE_API Client {
 
   /// Fetched once, and again after an attachment or a refusal with kWrongScene; valid until then.
   const SceneInfo& scene();
-  void refresh();  ///< fetches the scene anew
-  std::uint32_t body(std::string_view name);  ///< id; throws std::invalid_argument naming near misses
-  std::uint32_t group(std::string_view name); ///< selector; "*": every body
+  void refresh();                                      ///< fetches the scene anew
+  std::uint32_t body(std::string_view name);           ///< id; throws std::invalid_argument naming near misses
+  std::uint32_t group(std::string_view name);          ///< selector; "*": every body
   std::vector<IdPair> pairs(const Query& query = {});  ///< the pairs a query answers, in order
   std::vector<BodyStateInfo> body_states();
   std::vector<std::pair<std::string, std::uint64_t>> stats();
@@ -194,9 +194,9 @@ class CLEARANCE_API Pending {
   Pending(Pending&&) noexcept;
   Pending& operator=(Pending&&) noexcept;
   ~Pending();
-  bool ready();                  ///< polls once; errors are thrown by get()
+  bool ready();                                     ///< polls once; errors are thrown by get()
   bool wait_for(std::chrono::nanoseconds timeout);  ///< as ready(), waiting for at most so long
-  Reply get();                   ///< once: waits up to the client's timeout; throws as Client::distances()
+  Reply get();  ///< once: waits up to the client's timeout; throws as Client::distances()
 
  private:
   friend class Client;

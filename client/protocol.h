@@ -5,10 +5,9 @@
 //   kReply     [ ReplyHeader 128 B | columns in the order of Field, each from a 64-byte boundary of the payload ]
 //   kSetPoses  [ PosesHeader 32 B  | count x PoseRecord 64 B ]
 //   kScene     [ SceneHeader 64 B  | bodies x BodyRecord 128 B | groups x GroupRecord 80 B | members x 4 ]
-//   kPairs     [ QueryHeader, pairs, bodies as in kQuery; configurations left out ]  ->  kPairTable [ PairsHeader 16 B | P x 8 ]
-//   kBodyStates[ StatesHeader 32 B | bodies x BodyStateRecord 96 B ]
-//   kStats     [ count x CounterRecord 64 B ]
-//   kError     [ ErrorHeader 16 B  | text, UTF-8 ]
+//   kPairs     [ QueryHeader, pairs, bodies as in kQuery; configurations left out ]  ->  kPairTable [ PairsHeader 16 B
+//   | P x 8 ] kBodyStates[ StatesHeader 32 B | bodies x BodyStateRecord 96 B ] kStats     [ count x CounterRecord 64 B
+//   ] kError     [ ErrorHeader 16 B  | text, UTF-8 ]
 //
 // ZeroMQ carries a frame as two message parts (header, payload), shared memory as one contiguous block that starts on a
 // 64-byte boundary, LCM inside typed messages (lcmtypes/). Little-endian throughout; metres, radians, nanoseconds.
@@ -36,20 +35,20 @@ inline constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{1} << 28;
 
 enum class FrameType : std::uint16_t {
   // client to daemon
-  kPing = 1,         ///< any payload; answered by kPong with the same payload
-  kDescribe = 2,     ///< no payload; answered by kScene
-  kQuery = 3,        ///< answered by kReply
-  kPairs = 4,        ///< answered by kPairTable
-  kSetPoses = 5,     ///< answered by kPosesDone
-  kAttach = 6,       ///< payload AttachRecord; answered by kPosesDone
-  kGetStates = 7,    ///< no payload; answered by kBodyStates
-  kGetStats = 8,     ///< no payload; answered by kStats
+  kPing = 1,       ///< any payload; answered by kPong with the same payload
+  kDescribe = 2,   ///< no payload; answered by kScene
+  kQuery = 3,      ///< answered by kReply
+  kPairs = 4,      ///< answered by kPairTable
+  kSetPoses = 5,   ///< answered by kPosesDone
+  kAttach = 6,     ///< payload AttachRecord; answered by kPosesDone
+  kGetStates = 7,  ///< no payload; answered by kBodyStates
+  kGetStats = 8,   ///< no payload; answered by kStats
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,
   kReply = 0x83,
   kPairTable = 0x84,
-  kPosesDone = 0x85, ///< payload PosesResult
+  kPosesDone = 0x85,  ///< payload PosesResult
   kBodyStates = 0x87,
   kStats = 0x88,
   kError = 0xFF,
@@ -59,12 +58,12 @@ enum class FrameType : std::uint16_t {
 struct FrameHeader {
   std::uint32_t magic = kMagic;
   std::uint16_t version = kVersion;
-  std::uint16_t type = 0;           ///< FrameType
-  std::uint64_t request_id = 0;     ///< chosen by the client, echoed by the daemon
-  std::uint64_t payload_bytes = 0;  ///< bytes after this header
-  std::uint64_t scene_revision = 0; ///< the sender's; 0 in a request: any
-  std::uint64_t client_id = 0;      ///< LCM: whom a reply is for; elsewhere 0
-  std::uint64_t reserved[3] = {};   ///< 0
+  std::uint16_t type = 0;            ///< FrameType
+  std::uint64_t request_id = 0;      ///< chosen by the client, echoed by the daemon
+  std::uint64_t payload_bytes = 0;   ///< bytes after this header
+  std::uint64_t scene_revision = 0;  ///< the sender's; 0 in a request: any
+  std::uint64_t client_id = 0;       ///< LCM: whom a reply is for; elsewhere 0
+  std::uint64_t reserved[3] = {};    ///< 0
 };
 
 struct QueryHeader {
@@ -78,53 +77,53 @@ struct QueryHeader {
   std::uint64_t max_results = 1u << 20;
   std::int64_t max_pose_age_ns = 0;
   std::uint8_t all_pairs = 1;
-  std::uint8_t precision = 0;             ///< Precision
+  std::uint8_t precision = 0;  ///< Precision
   std::uint8_t signed_distance = 0;
-  std::uint8_t reduce = 0;                ///< Reduce
-  std::uint8_t format = 0;                ///< Format
-  std::uint8_t warm = 0;                  ///< keep warm state for this client
+  std::uint8_t reduce = 0;  ///< Reduce
+  std::uint8_t format = 0;  ///< Format
+  std::uint8_t warm = 0;    ///< keep warm state for this client
   std::uint8_t padding[2] = {};
   std::uint64_t reserved[8] = {};
 };
 
 struct ReplyHeader {
-  std::uint64_t rows = 0;                ///< of each column
-  std::uint64_t total = 0;               ///< kWithin: pairs found, also those past max_results
-  std::uint64_t configurations = 0;      ///< K
-  std::uint64_t pairs = 0;               ///< P
-  std::uint32_t fields = 0;              ///< columns that follow
+  std::uint64_t rows = 0;            ///< of each column
+  std::uint64_t total = 0;           ///< kWithin: pairs found, also those past max_results
+  std::uint64_t configurations = 0;  ///< K
+  std::uint64_t pairs = 0;           ///< P
+  std::uint32_t fields = 0;          ///< columns that follow
   std::uint8_t reduce = 0;
   std::uint8_t format = 0;
   std::uint8_t padding[2] = {};
   std::uint64_t scene_revision = 0;
-  std::uint64_t snapshot_revision = 0;   ///< of the poses
-  std::int64_t snapshot_stamp_ns = 0;    ///< newest publisher's stamp
-  std::int64_t oldest_receipt_ns = 0;    ///< daemon's monotonic clock; 0: no pose was received
+  std::uint64_t snapshot_revision = 0;  ///< of the poses
+  std::int64_t snapshot_stamp_ns = 0;   ///< newest publisher's stamp
+  std::int64_t oldest_receipt_ns = 0;   ///< daemon's monotonic clock; 0: no pose was received
   std::uint64_t pairs_evaluated = 0;
-  std::uint64_t engine_ns = 0;           ///< inside the engine
-  std::uint64_t server_ns = 0;           ///< from receipt of the request to the reply being whole
-  char backend[16] = {};                 ///< NUL-terminated
+  std::uint64_t engine_ns = 0;  ///< inside the engine
+  std::uint64_t server_ns = 0;  ///< from receipt of the request to the reply being whole
+  char backend[16] = {};        ///< NUL-terminated
   std::uint64_t reserved[2] = {};
 };
 
 struct PosesHeader {
   std::uint64_t count = 0;
-  std::int64_t stamp_ns = 0;     ///< publisher's clock
+  std::int64_t stamp_ns = 0;  ///< publisher's clock
   std::uint64_t reserved[2] = {};
 };
 
 struct PoseRecord {
   std::uint32_t body = 0;
   std::uint32_t padding = 0;
-  double pose[7] = {};           ///< x, y, z, qw, qx, qy, qz; metres
+  double pose[7] = {};  ///< x, y, z, qw, qx, qy, qz; metres
 };
 
 struct AttachRecord {
   std::uint32_t child = 0;
-  std::uint32_t parent = 0;      ///< kNone: set free
-  std::uint8_t has_pose = 0;     ///< 0: from where it is now
+  std::uint32_t parent = 0;   ///< kNone: set free
+  std::uint8_t has_pose = 0;  ///< 0: from where it is now
   std::uint8_t padding[7] = {};
-  double pose[7] = {};           ///< X_parent_child
+  double pose[7] = {};  ///< X_parent_child
 };
 
 struct PosesResult {
@@ -142,27 +141,27 @@ struct SceneHeader {
   std::uint32_t group_count = 0;
   std::uint32_t member_count = 0;
   std::uint32_t padding = 0;
-  std::uint64_t pair_count = 0;      ///< enabled pairs
+  std::uint64_t pair_count = 0;  ///< enabled pairs
   char backend[16] = {};
   std::uint64_t reserved[2] = {};
 };
 
 struct BodyRecord {
-  char name[64] = {};                ///< NUL-terminated UTF-8
+  char name[64] = {};  ///< NUL-terminated UTF-8
   std::uint32_t parent = kNone;
   std::uint8_t is_static = 0;
   std::uint8_t padding[3] = {};
   std::uint32_t piece_count = 0;
   std::uint32_t padding2 = 0;
   std::uint64_t vertex_count = 0;
-  double model_error = 0;            ///< metres
-  double extent = 0;                 ///< metres, farthest point from the body's origin
+  double model_error = 0;  ///< metres
+  double extent = 0;       ///< metres, farthest point from the body's origin
   std::uint64_t reserved[3] = {};
 };
 
 struct GroupRecord {
   char name[64] = {};
-  std::uint32_t first_member = 0;    ///< index into the member list
+  std::uint32_t first_member = 0;  ///< index into the member list
   std::uint32_t member_count = 0;
   std::uint64_t reserved = 0;
 };
@@ -174,17 +173,17 @@ struct PairsHeader {
 
 struct StatesHeader {
   std::uint64_t count = 0;
-  std::uint64_t revision = 0;        ///< of the poses
-  std::int64_t now_ns = 0;           ///< daemon's monotonic clock
+  std::uint64_t revision = 0;  ///< of the poses
+  std::int64_t now_ns = 0;     ///< daemon's monotonic clock
   std::uint64_t reserved = 0;
 };
 
 struct BodyStateRecord {
-  double pose[7] = {};               ///< X_wb
+  double pose[7] = {};  ///< X_wb
   std::int64_t stamp_ns = 0;
   std::int64_t receipt_ns = 0;
   std::uint32_t parent = kNone;
-  std::uint8_t status = 0;           ///< Status: kOk, kNoPose, kBadPose
+  std::uint8_t status = 0;  ///< Status: kOk, kNoPose, kBadPose
   std::uint8_t padding[3] = {};
   std::uint64_t reserved[2] = {};
 };
@@ -195,22 +194,22 @@ struct CounterRecord {
 };
 
 enum class ErrorCode : std::uint16_t {
-  kBadQuery = 1,      ///< as QueryErrorCode
+  kBadQuery = 1,  ///< as QueryErrorCode
   kWrongScene = 2,
   kTooLarge = 3,
   kNotSupported = 4,
-  kBadFrame = 16,     ///< magic, sizes or counts do not fit
+  kBadFrame = 16,      ///< magic, sizes or counts do not fit
   kWrongVersion = 17,  ///< the text says which one this side speaks
   kUnknownType = 18,
-  kBusy = 19,         ///< the queue of this client is full; ask again
+  kBusy = 19,  ///< the queue of this client is full; ask again
   kInternal = 20,
 };
 
 struct ErrorHeader {
-  std::uint16_t code = 0;            ///< ErrorCode
+  std::uint16_t code = 0;  ///< ErrorCode
   std::uint16_t padding = 0;
   std::uint32_t text_bytes = 0;
-  std::uint64_t needed_bytes = 0;    ///< kTooLarge: room that the reply would need; else 0
+  std::uint64_t needed_bytes = 0;  ///< kTooLarge: room that the reply would need; else 0
 };
 
 #define CLEARANCE_WIRE(type, bytes) \

@@ -50,19 +50,19 @@ enum class Format : std::uint8_t {
 
 /// Columns of an answer, as bits of a mask and (by position) as the order of columns in a reply.
 enum Field : std::uint32_t {
-  kFieldDistance = 1u << 0,       ///< float64, metres
-  kFieldLower = 1u << 1,          ///< float64, metres, certified
-  kFieldUpper = 1u << 2,          ///< float64, metres, certified
-  kFieldStatus = 1u << 3,         ///< uint8, Status
-  kFieldFlags = 1u << 4,          ///< uint16, Flag bits
-  kFieldPointA = 1u << 5,         ///< 3 float64, metres, world frame
-  kFieldPointB = 1u << 6,         ///< 3 float64, metres, world frame
-  kFieldNormal = 1u << 7,         ///< 3 float64, unit, world frame, from a towards b
-  kFieldPieces = 1u << 8,         ///< 2 uint32, index of the nearest piece within each body
-  kFieldGradient = 1u << 9,       ///< 2 x 6 float64: d distance / d (angular; linear) world twist of a, then of b
-  kFieldPair = 1u << 10,          ///< 2 uint32, body ids (a, b); always there for reductions
-  kFieldConfiguration = 1u << 11, ///< uint32; always there for Reduce::kWithin
-  kFieldCompact = 1u << 12,       ///< CompactAnswer, replaces the float64 columns when Format::kCompact
+  kFieldDistance = 1u << 0,        ///< float64, metres
+  kFieldLower = 1u << 1,           ///< float64, metres, certified
+  kFieldUpper = 1u << 2,           ///< float64, metres, certified
+  kFieldStatus = 1u << 3,          ///< uint8, Status
+  kFieldFlags = 1u << 4,           ///< uint16, Flag bits
+  kFieldPointA = 1u << 5,          ///< 3 float64, metres, world frame
+  kFieldPointB = 1u << 6,          ///< 3 float64, metres, world frame
+  kFieldNormal = 1u << 7,          ///< 3 float64, unit, world frame, from a towards b
+  kFieldPieces = 1u << 8,          ///< 2 uint32, index of the nearest piece within each body
+  kFieldGradient = 1u << 9,        ///< 2 x 6 float64: d distance / d (angular; linear) world twist of a, then of b
+  kFieldPair = 1u << 10,           ///< 2 uint32, body ids (a, b); always there for reductions
+  kFieldConfiguration = 1u << 11,  ///< uint32; always there for Reduce::kWithin
+  kFieldCompact = 1u << 12,        ///< CompactAnswer, replaces the float64 columns when Format::kCompact
 };
 inline constexpr int kFieldCount = 13;
 inline constexpr std::uint32_t kFieldPoints = kFieldPointA | kFieldPointB;
@@ -71,7 +71,8 @@ inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | k
 /// Bytes of one row of each column, by bit position of its Field.
 inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1, 2, 24, 24, 24, 8, 96, 8, 4, 32};
 
-/// One row of Format::kCompact: 32 bytes. Bounds are rounded outward; points are relative to each body's origin, world axes.
+/// One row of Format::kCompact: 32 bytes. Bounds are rounded outward; points are relative to each body's origin, world
+/// axes.
 struct CompactAnswer {
   float lower;       ///< metres
   float upper;       ///< metres

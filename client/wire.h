@@ -71,6 +71,15 @@ std::string type_name(std::uint16_t type);
 /// The code's name for messages and counters: "bad_query".
 std::string_view error_name(ErrorCode code);
 
+/// Appends a record to a payload under construction.
+template <class T>
+void append(std::vector<std::byte>& bytes, const T& record) {
+  static_assert(std::is_trivially_copyable_v<T>);
+  const std::size_t at = bytes.size();
+  bytes.resize(at + sizeof record);
+  std::memcpy(bytes.data() + at, &record, sizeof record);
+}
+
 /// Appends to a frame under construction; the payload's size is written into the header at the end.
 class FrameBuilder {
  public:
@@ -78,8 +87,8 @@ class FrameBuilder {
 
   template <class T>
   FrameBuilder& add(const T& record) {
-    static_assert(std::is_trivially_copyable_v<T>);
-    return add_bytes(&record, sizeof record);
+    append(bytes_, record);
+    return *this;
   }
   FrameBuilder& add_bytes(const void* data, std::size_t size) {
     const auto* begin = static_cast<const std::byte*>(data);

@@ -27,12 +27,12 @@ class ReplySink {
  public:
   virtual ~ReplySink() = default;
 
-  /// Room for one whole frame (header and payload), 64-byte aligned, that the engine writes in place. Null if this client
-  /// cannot take so much; the daemon then answers kTooLarge with the bytes needed. May be called again (to shrink or grow
-  /// before anything was published); the former room is given up.
+  /// Room for one whole frame (header and payload), 64-byte aligned, that the engine writes in place. Null if this
+  /// client cannot take so much; the daemon then answers kTooLarge with the bytes needed. May be called again (to
+  /// shrink or grow before anything was published); the former room is given up.
   virtual std::byte* reserve(std::uint64_t frame_bytes) = 0;
-  /// Sends the frame written into the reserved room; its size is read from `header_bytes + payload_bytes`, never more than
-  /// was reserved. Called once.
+  /// Sends the frame written into the reserved room; its size is read from `header_bytes + payload_bytes`, never more
+  /// than was reserved. Called once.
   virtual void publish(std::uint64_t frame_bytes) = 0;
   /// False once the client is known to be gone: its job is then dropped.
   virtual bool alive() const = 0;
@@ -45,8 +45,8 @@ class Inbox {
  public:
   virtual ~Inbox() = default;
 
-  /// A frame. `payload` is private memory (a copy of whatever the client can still write) and valid during the call only.
-  /// The header has been copied but not validated.
+  /// A frame. `payload` is private memory (a copy of whatever the client can still write) and valid during the call
+  /// only. The header has been copied but not validated.
   virtual void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
                         std::unique_ptr<ReplySink> sink) = 0;
   /// Poses from a listener transport (LCM), already validated for size.
@@ -66,7 +66,8 @@ class Transport {
   virtual std::vector<int> descriptors() const = 0;
   /// Takes what arrived, a bounded number of frames, without blocking. Returns how many frames it handed in.
   virtual int poll(Inbox& inbox) = 0;
-  /// Called before the loop goes to sleep in epoll. Returns true if work arrived meanwhile (then the loop does not sleep).
+  /// Called before the loop goes to sleep in epoll. Returns true if work arrived meanwhile (then the loop does not
+  /// sleep).
   virtual bool prepare_sleep() { return false; }
   virtual void finish_sleep() {}
   /// Called about every 100 ms and after each batch of pose updates: periodic messages, dead peers.

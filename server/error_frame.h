@@ -1,0 +1,15 @@
+// The one answer that every request may get.
+#pragma once
+
+#include <string>
+
+#include "transport.h"
+
+namespace clearance {
+
+/// Answers `request` with kError. Returns false if the client has no room even for that.
+/// \param needed_bytes of kTooLarge: room that the reply would need.
+bool send_error(ReplySink& sink, const wire::FrameHeader& request, std::uint64_t scene_revision, wire::ErrorCode code,
+                const std::string& text, std::uint64_t needed_bytes = 0);
+
+}  // namespace clearance

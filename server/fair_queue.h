@@ -1,0 +1,60 @@
+// Waiting items of several clients, taken turn by turn: a client with many of them delays no other.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <unordered_map>
+#include <utility>
+
+namespace clearance {
+
+template <class T>
+class FairQueue {
+ public:
+  bool empty() const { return order_.empty(); }
+  std::size_t size() const { return size_; }
+
+  /// Behind the client's own items; a client that had none goes behind the others.
+  void push(std::uint64_t client, T item) {
+    auto& items = items_[client];
+    if (items.empty()) order_.push_back(client);
+    items.push_back(std::move(item));
+    ++size_;
+  }
+
+  /// The oldest item of the client whose turn it is. Not to be called on an empty queue.
+  T pop() {
+    const std::uint64_t client = order_.front();
+    order_.pop_front();
+    const auto found = items_.find(client);
+    T item = std::move(found->second.front());
+    found->second.pop_front();
+    if (found->second.empty())
+      items_.erase(found);
+    else
+      order_.push_back(client);
+    --size_;
+    return item;
+  }
+
+  /// Takes out what `unwanted(item)` says, calling `dropped(item)` on each.
+  template <class Predicate, class Dropped>
+  void remove_if(Predicate unwanted, Dropped dropped) {
+    FairQueue kept;
+    for (const std::uint64_t client : order_)
+      for (T& item : items_[client]) {
+        if (unwanted(item))
+          dropped(item);
+        else
+          kept.push(client, std::move(item));
+      }
+    *this = std::move(kept);
+  }
+
+ private:
+  std::unordered_map<std::uint64_t, std::deque<T>> items_;
+  std::deque<std::uint64_t> order_;  // clients with items, the next one first
+  std::size_t size_ = 0;
+};
+
+}  // namespace clearance

@@ -1,0 +1,108 @@
+// The daemon's one loop: poll the transports, advance one query by a slice, answer.
+//
+// Queries are taken in short slices, so that a small one never waits behind a large one: each new query gets its first
+// slice before those that have had one already go on, the clients taking turns. A query that needs more slices goes
+// behind the others of its kind, and is not forgotten however many new ones come.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <map>
+#include <memory>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "client/aligned_buffer.h"
+#include "fair_queue.h"
+#include "transport.h"
+
+namespace clearance {
+
+class Loop final : public Inbox {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  struct Options {
+    std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
+    std::chrono::nanoseconds spin = std::chrono::microseconds(50);    ///< polls without sleeping after the last work
+    std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
+    std::uint32_t max_waiting_per_client = 64;                 ///< queries of one client under way; more: kBusy
+    std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< room for the replies under way; more: kBusy
+  };
+
+  explicit Loop(Engine& engine) : Loop(engine, Options()) {}
+  Loop(Engine& engine, const Options& options);
+  ~Loop() override;
+
+  void add(std::unique_ptr<Transport> transport);
+  const std::vector<std::unique_ptr<Transport>>& transports() const { return transports_; }
+
+  /// Serves until stop().
+  void run();
+  /// One turn without sleeping: takes what arrived and works for about a slice. Returns whether there was anything to
+  /// do.
+  bool turn();
+  /// Makes run() return soon. From any thread, and from a signal handler.
+  void stop() noexcept;
+  /// Queries under way.
+  std::size_t waiting() const { return fresh_.size() + long_.size(); }
+
+  void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
+                std::unique_ptr<ReplySink> sink) override;
+  PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) override;
+  std::uint64_t& counter(const std::string& name) override { return counters_[name]; }
+  Engine& engine() override { return engine_; }
+
+ private:
+  struct Task;
+  struct Refusal;
+  using TaskPtr = std::unique_ptr<Task>;
+
+  void handle(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
+  void start_query(const wire::FrameHeader& header, std::span<const std::byte> payload,
+                   std::unique_ptr<ReplySink>& sink);
+  void answer_pairs(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
+  void set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
+  void attach(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
+  void check_scene(const wire::FrameHeader& header) const;
+  std::vector<std::byte> stats_payload() const;
+
+  void answer(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type,
+              std::span<const std::byte> payload);
+  void refuse(ReplySink& sink, const wire::FrameHeader& request, const Refusal& refusal);
+  /// Runs `work`; whatever it throws is answered with kError.
+  template <class Work>
+  void guarded(ReplySink& sink, const wire::FrameHeader& request, Work work);
+
+  bool poll_transports();
+  bool work_for_a_slice();
+  TaskPtr next_task();
+  void finish(Task& task);
+  void forget(const Task& task);
+  void tick();
+  void sleep();
+
+  Engine& engine_;
+  Options options_;
+  std::vector<std::unique_ptr<Transport>> transports_;
+  std::vector<std::uint64_t*> transport_frames_;   // counters, beside transports_
+  std::map<std::string, std::uint64_t> counters_;  // a map: references stay valid
+  std::uint64_t &frames_ = counters_["frames"], &queries_ = counters_["queries"],
+                &answered_ = counters_["queries.answered"], &rows_ = counters_["rows"];
+
+  FairQueue<TaskPtr> fresh_, long_;
+  int fresh_in_a_row_ = 0;
+  std::unordered_map<std::uint64_t, std::uint32_t> waiting_per_client_;
+  std::uint64_t waiting_bytes_ = 0;
+
+  std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
+  std::vector<BodyPose> poses_;
+  bool poses_changed_ = false;
+  Clock::time_point started_, next_tick_, next_warning_;
+  int wakes_for_nothing_ = 0;
+  std::atomic<bool> stopping_{false};
+  int wake_fd_ = -1;
+};
+
+}  // namespace clearance

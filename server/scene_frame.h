@@ -1,0 +1,19 @@
+// What the daemon says about its scene and where its bodies are, as payloads.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "engine/engine.h"
+
+namespace clearance {
+
+/// Payload of kScene.
+std::vector<std::byte> scene_payload(const Engine& engine);
+/// Payload of kBodyStates.
+std::vector<std::byte> states_payload(const Engine& engine);
+
+/// The daemon's monotonic clock, as in BodyState::receipt_ns.
+std::int64_t monotonic_ns();
+
+}  // namespace clearance
