@@ -27,7 +27,7 @@ static_assert(std::endian::native == std::endian::little, "the wire is little-en
 
 inline constexpr std::uint32_t kMagic = 0x31524C43;  // "CLR1"
 inline constexpr std::uint16_t kVersion = 1;
-inline constexpr std::uint64_t kColumnAlignment = 64;
+using clearance::kColumnAlignment;
 /// A frame larger than this is refused, whatever the transport.
 inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 31;
 /// A request larger than this is refused by clients before it is sent; ZeroMQ closes the connection of one who tries.

@@ -71,6 +71,9 @@ inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | k
 /// Bytes of one row of each column, by bit position of its Field.
 inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1, 2, 24, 24, 24, 8, 96, 8, 4, 32};
 
+/// Each column of a reply starts on such a boundary.
+inline constexpr std::uint64_t kColumnAlignment = 64;
+
 /// One row of Format::kCompact: 32 bytes. Bounds are rounded outward; points are relative to each body's origin, world
 /// axes.
 struct CompactAnswer {

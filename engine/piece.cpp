@@ -8,6 +8,7 @@
 
 #include "digest.h"
 #include "pose.h"
+#include "support.h"
 
 namespace clearance {
 
@@ -65,6 +66,8 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
     piece->y.push_back(v.y);
     piece->z.push_back(v.z);
   }
+  if (vertices.size() > kTreeFromVertices)
+    piece->tree = std::make_shared<const SupportTree>(make_support_tree(vertices));
   piece->vertices = std::move(vertices);
   return piece;
 }

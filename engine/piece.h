@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "engine/math.h"
+#include "math.h"
 
 namespace clearance {
 

@@ -28,13 +28,18 @@ PoseQuality check(const Pose& X) {
 }
 
 Mat3d rotation_of(const Pose& X) {
+  const Mat3<DoubleDouble> R = rotation_of_double_double(X);
+  return {{cast<double>(R.row[0]), cast<double>(R.row[1]), cast<double>(R.row[2])}};
+}
+
+Mat3<DoubleDouble> rotation_of_double_double(const Pose& X) {
   using dd::two_prod;
   const DoubleDouble ww = two_prod(X.qw, X.qw), xx = two_prod(X.qx, X.qx), yy = two_prod(X.qy, X.qy),
                      zz = two_prod(X.qz, X.qz), wx = two_prod(X.qw, X.qx), wy = two_prod(X.qw, X.qy),
                      wz = two_prod(X.qw, X.qz), xy = two_prod(X.qx, X.qy), xz = two_prod(X.qx, X.qz),
                      yz = two_prod(X.qy, X.qz);
   const DoubleDouble n = (ww + xx) + (yy + zz);
-  const auto ratio = [&](const DoubleDouble& m) { return (m / n).hi; };
+  const auto ratio = [&](const DoubleDouble& m) { return m / n; };
   const auto twice = [](const DoubleDouble& a) { return DoubleDouble(2 * a.hi, 2 * a.lo); };
   return {{{ratio((ww + xx) - (yy + zz)), ratio(twice(xy - wz)), ratio(twice(xz + wy))},
            {ratio(twice(xy + wz)), ratio((ww + yy) - (xx + zz)), ratio(twice(yz - wx))},

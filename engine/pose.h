@@ -4,7 +4,8 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/math.h"
+#include "double_double.h"
+#include "math.h"
 
 namespace clearance {
 
@@ -31,6 +32,9 @@ PoseQuality check(const Pose& X);
 /// The rotation M(q) / |q|^2, each entry rounded once from about 100 bits: |R_ij error| <= 2^-53 |R_ij| + 2^-90.
 /// The pose must not be kBad. The derivation of certify()'s constant rests on this (docs/bounds.md).
 Mat3d rotation_of(const Pose& X);
+
+/// The same to about 100 bits.
+Mat3<DoubleDouble> rotation_of_double_double(const Pose& X);
 
 /// X_ac = X_ab X_bc, rounded; the quaternion is normalised. Neither may be kBad.
 Pose compose(const Pose& X_ab, const Pose& X_bc);

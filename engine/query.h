@@ -8,7 +8,7 @@
 #include <string>
 
 #include "client/types.h"
-#include "engine/pose.h"
+#include "pose.h"
 
 namespace clearance {
 

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "client/types.h"
-#include "engine/piece.h"
-#include "engine/pose.h"
+#include "piece.h"
+#include "pose.h"
 
 namespace clearance {
 

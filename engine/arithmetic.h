@@ -1,0 +1,29 @@
+// What each scalar of the narrow phase can resolve.
+#pragma once
+
+#include "double_double.h"
+
+namespace clearance {
+
+template <class T>
+struct Arithmetic;
+
+/// kUnit: every operation's result is within kUnit of exact, relatively.
+/// kFlatFace: squared sine of the angle between two edges below which their face's plane is noise.
+template <>
+struct Arithmetic<float> {
+  static constexpr double kUnit = 0x1p-24;
+  static constexpr double kFlatFace = 1e-9;
+};
+template <>
+struct Arithmetic<double> {
+  static constexpr double kUnit = 0x1p-53;
+  static constexpr double kFlatFace = 1e-22;
+};
+template <>
+struct Arithmetic<DoubleDouble> {
+  static constexpr double kUnit = 0x1p-102;  // 16 u^2 covers the sum, the product and the division of double_double.h
+  static constexpr double kFlatFace = 1e-54;
+};
+
+}  // namespace clearance

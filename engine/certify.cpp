@@ -1,0 +1,188 @@
+// Compiled with -ffp-contract=off: a fused multiply-add that the derivation does not know of would void it.
+#include "certify.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+// Lengths below this may have lost digits to underflow when they were squared.
+constexpr double kUnderflowLength = 1e-150;
+
+// The double just below or above a value of T, so that converting never tightens a bound. A double is itself: its own
+// rounding is in the error terms.
+double round_down(double x) { return x; }
+double round_up(double x) { return x; }
+double round_down(const DoubleDouble& x) { return std::nextafter(x.hi, -kInf); }
+double round_up(const DoubleDouble& x) { return std::nextafter(x.hi, kInf); }
+
+template <class T>
+Vec3d to_double(const Vec3<T>& v) {
+  return cast<double>(v);
+}
+
+// D = t_b - t_a. In double-double the difference of two doubles is exact.
+Vec3<double> difference(const Vec3d& b, const Vec3d& a, double) { return b - a; }
+Vec3<DoubleDouble> difference(const Vec3d& b, const Vec3d& a, DoubleDouble) {
+  return {dd::two_sum(b.x, -a.x), dd::two_sum(b.y, -a.y), dd::two_sum(b.z, -a.z)};
+}
+
+}  // namespace
+
+template <class T>
+PlacedPair<T>::PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b,
+                          const Mat3<T>& R_b, const Vec3d& t_b)
+    : a(&piece_a), b(&piece_b), R_wa(R_a), R_wb(R_b), D(difference(t_b, t_a, T())) {
+  radius = piece_a.radius + piece_b.radius;
+  scale = (norm(to_double(D)) + piece_a.rho + piece_b.rho + radius) * (1 + 0x1p-49);
+}
+
+template <class T>
+double PlacedPair<T>::error(double units) const {
+  return scale > 0 ? units * Arithmetic<T>::kUnit * scale * (1 + 0x1p-49) + kUnderflowLength : 0;
+}
+
+template <class T>
+double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n, std::uint32_t hint_a, std::uint32_t hint_b) {
+  const T length = norm(n);
+  if (!(length > T(0))) return -kInf;
+  const SupportPoint<T> sa = support(*pair.a, pair.R_wa.transpose_times(n), hint_a);
+  const SupportPoint<T> sb = support(*pair.b, -pair.R_wb.transpose_times(n), hint_b);
+  const T gap = (dot(n, pair.D) - (sa.value + sb.value)) / length - T(pair.radius);
+  const double lower = round_down(gap - T(pair.lower_error()));
+  return std::isnan(lower) ? -kInf : lower;
+}
+
+template <class T>
+Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex) {
+  T sum = T(0);
+  T weight[4];
+  for (int i = 0; i < simplex.size; ++i) {
+    weight[i] = simplex.weight[i] > T(0) ? simplex.weight[i] : T(0);
+    sum += weight[i];
+  }
+  Vec3<T> a{T(0), T(0), T(0)}, b = a;
+  for (int i = 0; i < simplex.size; ++i) {
+    const T w = weight[i] / sum;
+    a += cast<T>(pair.a->vertices[simplex.vertex[i].a]) * w;
+    b += cast<T>(pair.b->vertices[simplex.vertex[i].b]) * w;
+  }
+  const Vec3<T> core_a = pair.R_wa * a, core_b = pair.R_wb * b;
+  const Vec3<T> separation = (core_b - core_a) + pair.D;
+  const double upper = round_up(norm(separation) - T(pair.radius) + T(pair.upper_error()));
+  return {std::isnan(upper) ? kInf : upper, to_double(core_a), to_double(core_b), to_double(separation)};
+}
+
+namespace {
+
+// How often the surface winds around the point `o`, by counting the faces that a ray along g crosses; 0 if any sign is
+// uncertain. All faces lie beyond planes that keep them from `o`.
+template <class T>
+int winding(const std::vector<Vec3<T>>& w, std::span<const CsoFace<T>> faces, const Vec3<T>& o, const Vec3<T>& g) {
+  const T uncertain = T(32 * Arithmetic<T>::kUnit);
+  using std::abs;
+  int turns = 0;
+  for (const CsoFace<T>& face : faces) {
+    Vec3<T> q[3];
+    for (int i = 0; i < 3; ++i) q[i] = w[face.vertex[i]] - o;
+    int sign = 0;
+    bool same_side = true;
+    for (int i = 0; i < 3 && same_side; ++i) {
+      const Vec3<T>&p = q[i], &r = q[(i + 1) % 3];
+      const T side = dot(g, cross(p, r));
+      if (!(abs(side) > uncertain * (norm(p) * norm(r)))) return 0;
+      const int s = side > T(0) ? 1 : -1;
+      same_side = i == 0 || s == sign;
+      sign = s;
+    }
+    if (!same_side) continue;
+    const T ahead = dot(g, face.normal);
+    if (!(abs(ahead) > uncertain * norm(face.normal))) return 0;
+    if (ahead > T(0)) turns += sign;
+  }
+  return turns;
+}
+
+bool is_closed(std::vector<std::uint64_t>& edges) {
+  std::sort(edges.begin(), edges.end());
+  for (std::size_t i = 0; i < edges.size(); ++i) {
+    if (i > 0 && edges[i] == edges[i - 1]) return false;
+    const std::uint64_t reverse = edges[i] << 32 | edges[i] >> 32;
+    if (!std::binary_search(edges.begin(), edges.end(), reverse)) return false;
+  }
+  return !edges.empty();
+}
+
+}  // namespace
+
+template <class T>
+double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
+  std::vector<Vec3<T>> w;
+  w.reserve(vertices.size());
+  for (const CsoVertex<T>& v : vertices) w.push_back(pair.cso_vertex(v.a, v.b));
+
+  std::vector<std::uint64_t> edges;
+  edges.reserve(3 * faces.size());
+  T ball = T(kInf);
+  for (const CsoFace<T>& face : faces) {
+    const T length = norm(face.normal);
+    for (int i = 0; i < 3; ++i) {
+      const T beyond = dot(face.normal, w[face.vertex[i]]) / length;
+      if (!(beyond >= ball)) ball = beyond;  // also takes a NaN, which proves nothing below
+      edges.push_back(std::uint64_t{face.vertex[i]} << 32 | face.vertex[(i + 1) % 3]);
+    }
+    if (!(ball > T(0))) return -kInf;
+  }
+  const double radius = round_down(ball - T(pair.ball_error()));
+  if (!(radius > 0) || !is_closed(edges)) return -kInf;
+
+  // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain; every point within the
+  // ball is surrounded as often as the origin is, so take one off centre, in a direction without pattern.
+  static constexpr double kRays[4][2][3] = {{{0.31, -0.52, 0.79}, {0.732, 0.481, -0.4829}},
+                                            {{-0.67, 0.23, 0.21}, {-0.377, 0.618, 0.6899}},
+                                            {{0.19, 0.71, -0.43}, {0.127, -0.911, 0.3923}},
+                                            {{-0.53, -0.37, -0.59}, {-0.802, -0.2231, -0.554}}};
+  for (const auto& ray : kRays) {
+    const T step = ball * T(0.5);
+    const Vec3<T> o = Vec3<T>{T(ray[0][0]), T(ray[0][1]), T(ray[0][2])} * step;
+    const Vec3<T> g{T(ray[1][0]), T(ray[1][1]), T(ray[1][2])};
+    if (winding(w, faces, o, g) != 0) return radius;
+  }
+  return -kInf;
+}
+
+Aabb certify_box(const Piece& piece, const Mat3d& R, const Vec3d& t) {
+  const Vec3d c = R * piece.centre;
+  Aabb box;
+  for (int k = 0; k < 3; ++k) {
+    const Vec3d& row = R.row[k];
+    const double extent = std::abs(row.x) * piece.half.x + std::abs(row.y) * piece.half.y +
+                          std::abs(row.z) * piece.half.z + piece.radius;
+    // 16 units cover the rotation, the products and the sums (docs/bounds.md, boxes).
+    const double rounding = 16 * 0x1p-53 * (piece.rho + norm(piece.half) + piece.radius + std::abs(t[k])) + kUnderflowLength;
+    box.low[k] = (c[k] + t[k]) - extent - rounding;
+    box.high[k] = (c[k] + t[k]) + extent + rounding;
+  }
+  return box;
+}
+
+double certify_box_gap(const Aabb& a, const Aabb& b) {
+  Vec3d gap;
+  for (int k = 0; k < 3; ++k) gap[k] = std::max({0.0, b.low[k] - a.high[k], a.low[k] - b.high[k]});
+  return norm(gap) * (1 - 8 * 0x1p-53);
+}
+
+#define CLEARANCE_INSTANTIATE(T)                                                                           \
+  template struct PlacedPair<T>;                                                                           \
+  template double certify_lower(const PlacedPair<T>&, const Vec3<T>&, std::uint32_t, std::uint32_t);       \
+  template Witness certify_upper(const PlacedPair<T>&, const Simplex<T>&);                                 \
+  template double certify_ball(const PlacedPair<T>&, std::span<const CsoVertex<T>>, std::span<const CsoFace<T>>)
+CLEARANCE_INSTANTIATE(double);
+CLEARANCE_INSTANTIATE(DoubleDouble);
+#undef CLEARANCE_INSTANTIATE
+
+}  // namespace clearance

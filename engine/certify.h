@@ -1,0 +1,101 @@
+// The one maker of bounds. Everything else only proposes directions, points and simplices.
+//
+// All of it works in world axes with the origin of body a as origin, on the pieces' stored vertices, so that a bound does
+// not depend on how its proposal was found. docs/bounds.md derives the rounding terms; tests/exact measures them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "arithmetic.h"
+#include "gjk.h"
+#include "piece.h"
+#include "pose.h"
+#include "support.h"
+
+namespace clearance {
+
+/// A certified interval, metres.
+struct Interval {
+  double lower, upper;
+};
+
+/// Rounding terms of the bounds, in units of Arithmetic<T>::kUnit times S. Derived in docs/bounds.md.
+template <class T>
+struct RoundingUnits;
+template <>
+struct RoundingUnits<double> {
+  static constexpr double kLower = 20, kUpper = 24, kBall = 24;
+};
+template <>
+struct RoundingUnits<DoubleDouble> {
+  static constexpr double kLower = 32, kUpper = 32, kBall = 32;
+};
+
+/// Two pieces where they are, in the arithmetic T: rotations R_wa and R_wb, and D = t_b - t_a in world axes.
+template <class T>
+struct PlacedPair {
+  const Piece* a;
+  const Piece* b;
+  Mat3<T> R_wa, R_wb;
+  Vec3<T> D;
+  double scale;   ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
+  double radius;  ///< r_a + r_b
+
+  PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b, const Mat3<T>& R_b,
+             const Vec3d& t_b);
+
+  double lower_error() const { return error(RoundingUnits<T>::kLower); }
+  double upper_error() const { return error(RoundingUnits<T>::kUpper); }
+  double ball_error() const { return error(RoundingUnits<T>::kBall); }
+
+  /// A vertex of the CSO A - B in world axes.
+  Vec3<T> cso_vertex(std::uint32_t ia, std::uint32_t ib) const {
+    return R_wa * cast<T>(a->vertices[ia]) - R_wb * cast<T>(b->vertices[ib]) - D;
+  }
+
+ private:
+  double error(double units) const;
+};
+
+/// A lower bound on the signed distance: the gap between the supporting planes normal to n.
+/// \param n world axes, from a towards b, any length but zero. \param hint_a, hint_b vertices to begin the supports from.
+template <class T>
+double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n, std::uint32_t hint_a = 0, std::uint32_t hint_b = 0);
+
+/// Two points, one of each piece (its core grown by the radius), and how far apart they are at most.
+struct Witness {
+  double upper;       ///< metres: |p_a - p_b| - r_a - r_b + rounding; an upper bound on the signed distance
+  Vec3d core_a;       ///< of the core of a, from the origin of a, world axes
+  Vec3d core_b;       ///< of the core of b, from the origin of b, world axes
+  Vec3d separation;   ///< p_b - p_a of the cores, world axes
+};
+/// The witness that a simplex and its weights stand for. Weights below 0 count as 0; they need not add up to 1.
+template <class T>
+Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex);
+
+/// A triangle of CSO vertices (indices into a list) and a direction that it lies beyond, world axes.
+template <class T>
+struct CsoFace {
+  std::array<std::uint32_t, 3> vertex;
+  Vec3<T> normal;
+};
+/// Proves that a ball around the origin lies inside a closed surface of CSO triangles, and returns its radius (metres,
+/// rounding taken off): then the pieces' cores overlap by at least that much. Returns 0 or less if it cannot be proved.
+/// The surface is checked, not trusted: every edge must be shared by two triangles in opposite senses, every triangle must
+/// lie beyond its plane, and a ray from near the origin must leave the surface once more than it enters.
+template <class T>
+double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces);
+
+/// A box aligned with the world's axes, grown outward by its own rounding.
+struct Aabb {
+  Vec3d low, high;
+};
+/// A box that surely holds a placed piece, radius included. \param t_w the body's origin in the world.
+Aabb certify_box(const Piece& piece, const Mat3d& R_wb, const Vec3d& t_w);
+/// A lower bound on the distance of whatever two boxes hold; 0 if they touch.
+double certify_box_gap(const Aabb& a, const Aabb& b);
+
+}  // namespace clearance

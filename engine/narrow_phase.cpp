@@ -1,0 +1,312 @@
+#include "narrow_phase.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "epa.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+enum class SupportKind { kClimb, kProved };
+
+// The CSO of two pieces in the frame of a: what GJK and EPA see.
+template <class T>
+class RelativeCso {
+ public:
+  RelativeCso(const PlacedPair<T>& pair, SupportKind kind, std::uint32_t hint_a, std::uint32_t hint_b)
+      : a_(*pair.a), b_(*pair.b), R_wa_(pair.R_wa), hint_a_(hint_a), hint_b_(hint_b),
+        climb_a_(kind == SupportKind::kClimb && !a_.adjacency.empty()),
+        climb_b_(kind == SupportKind::kClimb && !b_.adjacency.empty()) {
+    for (int i = 0; i < 3; ++i) {
+      const Vec3<T> column{R_wa_.row[0][i], R_wa_.row[1][i], R_wa_.row[2][i]};
+      R_ab_.row[i] = pair.R_wb.transpose_times(column);
+    }
+    t_ab_ = R_wa_.transpose_times(pair.D);
+  }
+
+  CsoVertex<T> operator()(const Vec3<T>& d) {
+    hint_a_ = find(a_, d, hint_a_, climb_a_);
+    hint_b_ = find(b_, -R_ab_.transpose_times(d), hint_b_, climb_b_);
+    return vertex(hint_a_, hint_b_);
+  }
+
+  CsoVertex<T> vertex(std::uint32_t ia, std::uint32_t ib) const {
+    return {cast<T>(a_.vertices[ia]) - (R_ab_ * cast<T>(b_.vertices[ib]) + t_ab_), ia, ib};
+  }
+
+  /// From the centre of b to the centre of a: where the CSO's centre is.
+  Vec3<T> centre() const { return cast<T>(a_.centre) - (R_ab_ * cast<T>(b_.centre) + t_ab_); }
+  Vec3<T> to_world(const Vec3<T>& d) const { return R_wa_ * d; }
+  std::uint32_t hint_a() const { return hint_a_; }
+  std::uint32_t hint_b() const { return hint_b_; }
+
+ private:
+  static std::uint32_t find(const Piece& piece, const Vec3<T>& d, std::uint32_t hint, bool by_climbing) {
+    if constexpr (std::is_same_v<T, double>)
+      if (by_climbing) return climb(piece, d, hint).index;
+    return support(piece, d, hint).index;
+  }
+
+  const Piece &a_, &b_;
+  Mat3<T> R_wa_, R_ab_;
+  Vec3<T> t_ab_;
+  std::uint32_t hint_a_, hint_b_;
+  bool climb_a_, climb_b_;
+};
+
+// Gathers bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower end.
+class Answer {
+ public:
+  Answer(const NarrowLimits& limits, double radius_a, double radius_b)
+      : limits_(limits), radius_a_(radius_a), radius_b_(radius_b) {}
+
+  void raise_lower(double lower, const Vec3d& n) {
+    if (!(lower > answer_.bounds.lower)) return;
+    answer_.bounds.lower = lower;
+    answer_.normal = n * (1 / norm(n));
+  }
+  void take_witness(const Witness& w) {
+    if (!(w.upper < answer_.bounds.upper)) return;
+    answer_.bounds.upper = w.upper;
+    witness_ = w;
+  }
+  /// An upper bound that has no witness of its own (a ball in the overlap): the nearest points of the surface stand for it.
+  void lower_upper(double upper, const Witness& w) {
+    if (!(upper < answer_.bounds.upper)) return;
+    answer_.bounds.upper = upper;
+    witness_ = w;
+  }
+
+  const Interval& bounds() const { return answer_.bounds; }
+
+  bool settled() const {
+    const auto [lower, upper] = answer_.bounds;
+    if (lower > limits_.max_distance) return true;
+    if (!limits_.signed_distance && upper <= 0) return true;
+    const double least = limits_.signed_distance ? lower : std::max(lower, 0.0);
+    const double distance = lower > 0 ? upper : (upper <= 0 ? lower : 0.0);
+    return upper - least <= std::max(limits_.abs_tol, limits_.rel_tol * std::abs(distance));
+  }
+
+  NarrowAnswer finish() {
+    answer_.settled = settled();
+    answer_.beyond = answer_.bounds.lower > limits_.max_distance;
+    // Without a wish for depth the separating direction may be unknown: then the witnesses' own line has to do.
+    const double length = norm(witness_.separation);
+    if (!(norm(answer_.normal) > 0))
+      answer_.normal = length > 0 ? witness_.separation * (1 / length) : Vec3d{1, 0, 0};
+    const bool apart = answer_.bounds.upper > 0 || length > 0;
+    const Vec3d outward = apart && length > 0 && !deep_ ? witness_.separation * (1 / length) : answer_.normal;
+    answer_.point_a = witness_.core_a + outward * radius_a_;
+    answer_.point_b = witness_.core_b - outward * radius_b_;
+    return answer_;
+  }
+  void mark_deep() { deep_ = true; }
+
+ private:
+  NarrowLimits limits_;
+  double radius_a_, radius_b_;
+  NarrowAnswer answer_;
+  Witness witness_{kInf, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+  bool deep_ = false;
+};
+
+template <class T>
+GjkLimits gjk_limits(const NarrowLimits& limits, const PlacedPair<T>& pair) {
+  GjkLimits g;
+  // Half of the width asked is for GJK, half for the bounds' own rounding. A radius is taken off later: then the core's
+  // distance must be as exact as it can be, since it may be far larger than what remains.
+  g.rel_tol = pair.radius > 0 ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
+  g.abs_tol = limits.abs_tol / 2;
+  g.max_distance = limits.max_distance < kInf ? limits.max_distance + pair.radius + 2 * pair.lower_error() : 0;
+  g.max_iterations = limits.max_iterations;
+  return g;
+}
+
+// The normals of all faces that the last simplex and the last support span: near contact they are exact where v is not.
+template <class T>
+void try_face_normals(const PlacedPair<T>& pair, const RelativeCso<T>& cso, const GjkResult<T>& g, Answer& answer) {
+  CsoVertex<T> p[4];
+  int n = 0;
+  for (int i = 0; i < g.simplex.size && n < 4; ++i) p[n++] = g.simplex.vertex[i];
+  if (n < 4 && !std::any_of(p, p + n, [&](const CsoVertex<T>& q) { return same(q, g.last); })) p[n++] = g.last;
+  for (int i = 0; i < n; ++i)
+    for (int j = i + 1; j < n; ++j)
+      for (int k = j + 1; k < n; ++k) {
+        Vec3<T> normal = cross(p[j].w - p[i].w, p[k].w - p[i].w);
+        if (!(squared_norm(normal) > T(0))) continue;
+        if (dot(normal, p[i].w) > T(0)) normal = -normal;
+        const Vec3<T> n_w = cso.to_world(normal);
+        answer.raise_lower(certify_lower(pair, n_w, cso.hint_a(), cso.hint_b()), cast<double>(n_w));
+        if (answer.settled()) return;
+      }
+}
+
+template <class T>
+void take_overlap(const PlacedPair<T>& pair, const RelativeCso<T>& cso, std::span<const CsoVertex<T>> vertices,
+                  std::vector<CsoFace<T>> faces, const Simplex<T>& nearest, Answer& answer) {
+  for (CsoFace<T>& f : faces) f.normal = cso.to_world(f.normal);
+  const double ball = certify_ball<T>(pair, vertices, faces);
+  if (!(ball > 0)) return;
+  answer.mark_deep();
+  answer.lower_upper(-ball - pair.radius, certify_upper(pair, nearest));
+}
+
+template <class T>
+void expand_polytope(const PlacedPair<T>& pair, RelativeCso<T>& cso, const NarrowLimits& limits, const GjkResult<T>& g,
+                     Answer& answer) {
+  EpaLimits e;
+  e.rel_tol = pair.radius > 0 ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
+  e.abs_tol = limits.abs_tol / 2;
+  e.noise = 8 * Arithmetic<T>::kUnit * pair.scale;
+  if (!limits.signed_distance) e.enough = 2 * pair.ball_error();
+  const Vec3<T> first = squared_norm(g.v) > T(0) ? g.v * (T(-1) / norm(g.v)) : Vec3<T>{T(1), T(0), T(0)};
+  EpaResult<T> r = Epa<T, RelativeCso<T>>(cso, e).run(g.simplex, first);
+  const Vec3<T> n_w = cso.to_world(r.direction);
+  answer.raise_lower(certify_lower(pair, n_w, cso.hint_a(), cso.hint_b()), cast<double>(n_w));
+  if (!r.faces.empty()) take_overlap<T>(pair, cso, r.vertices, std::move(r.faces), r.nearest, answer);
+}
+
+// The tetrahedron that GJK ended with, as a surface: outward faces.
+template <class T>
+void take_tetrahedron(const PlacedPair<T>& pair, const RelativeCso<T>& cso, const Simplex<T>& s, Answer& answer) {
+  static constexpr std::uint32_t kFaces[4][3] = {{0, 1, 2}, {1, 0, 3}, {2, 1, 3}, {0, 2, 3}};
+  static constexpr int kOpposite[4] = {3, 2, 0, 1};
+  std::vector<CsoFace<T>> faces;
+  Simplex<T> nearest = s;
+  for (int i = 0; i < 4; ++i) nearest.weight[i] = T(0.25);
+  for (int f = 0; f < 4; ++f) {
+    const Vec3<T>&a = s.vertex[kFaces[f][0]].w, &b = s.vertex[kFaces[f][1]].w, &c = s.vertex[kFaces[f][2]].w;
+    Vec3<T> n = cross(b - a, c - a);
+    if (dot(n, s.vertex[kOpposite[f]].w - a) > T(0)) n = -n;
+    if (!(squared_norm(n) > T(0))) return;
+    faces.push_back({{kFaces[f][0], kFaces[f][1], kFaces[f][2]}, n});
+  }
+  take_overlap<T>(pair, cso, std::span<const CsoVertex<T>>(s.vertex, 4), std::move(faces), nearest, answer);
+}
+
+// One attempt in one arithmetic. Returns GJK's last simplex, from which the next attempt begins.
+template <class T>
+Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportKind kind, const WarmSimplex& seed,
+                   Answer& answer) {
+  RelativeCso<T> cso(pair, kind, seed.size > 0 ? seed.a[0] : 0, seed.size > 0 ? seed.b[0] : 0);
+  Simplex<T> start;
+  for (int i = 0; i < seed.size; ++i) start.vertex[start.size++] = cso.vertex(seed.a[i], seed.b[i]);
+  Vec3<T> v0 = cso.centre();
+  if (!(squared_norm(v0) > T(0))) v0 = {T(1), T(0), T(0)};
+  const GjkResult<T> g = gjk<T>(cso, v0, start, gjk_limits(limits, pair));
+
+  if (g.end == GjkEnd::kEncloses && g.simplex.size == 4) {
+    if (!limits.signed_distance) {
+      take_tetrahedron(pair, cso, g.simplex, answer);
+      if (answer.settled()) return g.simplex;
+    }
+  } else {
+    answer.take_witness(certify_upper(pair, g.simplex));
+    if (squared_norm(g.v) > T(0)) {
+      const Vec3<T> n_w = cso.to_world(-g.v);
+      answer.raise_lower(certify_lower(pair, n_w, cso.hint_a(), cso.hint_b()), cast<double>(n_w));
+    }
+    if (answer.settled()) return g.simplex;
+    if (kind == SupportKind::kProved) try_face_normals(pair, cso, g, answer);
+    if (answer.settled() || answer.bounds().lower > 0) return g.simplex;
+  }
+  if (kind == SupportKind::kProved) expand_polytope(pair, cso, limits, g, answer);
+  return g.simplex;
+}
+
+template <class T>
+WarmSimplex remember(const Simplex<T>& s) {
+  WarmSimplex w;
+  w.size = static_cast<std::uint8_t>(std::min(s.size, 3));
+  for (int i = 0; i < w.size; ++i) {
+    w.a[i] = s.vertex[i].a;
+    w.b[i] = s.vertex[i].b;
+  }
+  return w;
+}
+
+Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) { return rotation_of_double_double(pose.X_wb); }
+
+}  // namespace
+
+NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                          const NarrowLimits& limits, WarmSimplex* warm) {
+  Answer answer(limits, a.radius, b.radius);
+  const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
+  WarmSimplex seed = warm ? *warm : WarmSimplex{};
+  const bool can_climb = !a.adjacency.empty() || !b.adjacency.empty();
+  if (can_climb) seed = remember(attempt(pair, limits, SupportKind::kClimb, seed, answer));
+  if (!answer.settled()) seed = remember(attempt(pair, limits, SupportKind::kProved, seed, answer));
+  if (warm) *warm = seed;
+  if (!answer.settled()) {
+    const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
+                                        pose_b.t_w);
+    attempt(fine, limits, SupportKind::kProved, seed, answer);
+  }
+  return answer.finish();
+}
+
+NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                                    const NarrowLimits& limits) {
+  NarrowLimits whole = limits;
+  whole.max_distance = kInf;
+  Answer answer(whole, a.radius, b.radius);
+  const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
+                                      pose_b.t_w);
+  attempt(pair, whole, SupportKind::kProved, WarmSimplex{}, answer);
+  NarrowAnswer r = answer.finish();
+  r.beyond = r.bounds.lower > limits.max_distance;
+  return r;
+}
+
+namespace {
+
+// The vertices of a piece within rounding of its support along n: how many dimensions they span, and one edge of theirs.
+struct Contact {
+  int dimensions = 0;
+  Vec3d edge{0, 0, 0};
+};
+
+Contact contact_along(const Piece& piece, const PlacedPose& pose, const Vec3d& n_w) {
+  const Vec3d n = pose.R_wb.transpose_times(n_w);
+  const SupportPoint<double> best = support(piece, n);
+  const double tolerance = 1e-9 * piece.spread;
+  const Vec3d& first = piece.vertices[best.index];
+  Contact c;
+  double longest = 0;
+  std::vector<Vec3d> others;
+  for (const Vec3d& v : piece.vertices)
+    if (best.value - dot(n, v) <= tolerance) {
+      const Vec3d e = v - first;
+      if (squared_norm(e) <= tolerance * tolerance) continue;
+      others.push_back(e);
+      if (squared_norm(e) > longest) {
+        longest = squared_norm(e);
+        c.edge = e;
+      }
+    }
+  if (others.empty()) return c;
+  c.dimensions = 1;
+  c.edge = c.edge * (1 / std::sqrt(longest));
+  for (const Vec3d& e : others)
+    if (norm(cross(c.edge, e)) > tolerance) c.dimensions = 2;
+  c.edge = pose.R_wb * c.edge;
+  return c;
+}
+
+}  // namespace
+
+bool witness_is_ambiguous(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                          const Vec3d& n) {
+  const Contact ca = contact_along(a, pose_a, n), cb = contact_along(b, pose_b, -n);
+  if (ca.dimensions == 0 || cb.dimensions == 0) return false;
+  return ca.dimensions + cb.dimensions > 2 || norm(cross(ca.edge, cb.edge)) < 1e-9;
+}
+
+}  // namespace clearance

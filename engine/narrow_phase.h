@@ -1,0 +1,54 @@
+// Two placed pieces in, a certified interval of their signed distance out.
+#pragma once
+
+#include <limits>
+
+#include "certify.h"
+
+namespace clearance {
+
+/// A body's pose as the narrow phase wants it.
+struct PlacedPose {
+  Mat3d R_wb;     ///< rotation_of(X_wb)
+  Vec3d t_w;      ///< origin of the body in the world
+  Pose X_wb;      ///< for the double-double rotation of hard pairs
+};
+
+struct NarrowLimits {
+  double max_distance = std::numeric_limits<double>::infinity();
+  double abs_tol = 0;
+  double rel_tol = 1e-6;
+  bool signed_distance = false;
+  int max_iterations = 256;
+};
+
+struct NarrowAnswer {
+  /// Contains the exact signed distance; if not `signed_distance`, `lower` of overlapping pieces may be -inf.
+  Interval bounds{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
+  Vec3d point_a{0, 0, 0};   ///< from the origin of a, world axes, on the grown piece
+  Vec3d point_b{0, 0, 0};   ///< from the origin of b, world axes, on the grown piece
+  Vec3d normal{0, 0, 0};    ///< unit, from a towards b: the direction that proves bounds.lower
+  bool beyond = false;      ///< bounds.lower > max_distance; not refined further
+  bool settled = false;     ///< as narrow as asked
+};
+
+/// Warm state of one piece pair: the simplex it ended with.
+struct WarmSimplex {
+  std::uint32_t a[3] = {}, b[3] = {};
+  std::uint8_t size = 0;
+};
+
+/// Bounds the signed distance of two pieces: float64 first, double-double where float64 cannot make it narrow enough.
+/// \param warm read for a first simplex and overwritten with the last one; may be null.
+NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                          const NarrowLimits& limits, WarmSimplex* warm = nullptr);
+
+/// Brute force behind the same interface: every support by scan, double-double from the start, no early exit.
+NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                                    const NarrowLimits& limits);
+
+/// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in
+/// faces or edges that lie side by side. n: unit, world axes, from a towards b.
+bool witness_is_ambiguous(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b, const Vec3d& n);
+
+}  // namespace clearance
