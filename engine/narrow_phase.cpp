@@ -249,7 +249,9 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
                                         pose_b.t_w);
     attempt(fine, limits, SupportKind::kProved, seed, answer);
   }
-  return answer.finish();
+  NarrowAnswer r = answer.finish();
+  r.rounding = pair.lower_error() + pair.upper_error();
+  return r;
 }
 
 NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
@@ -262,6 +264,8 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
   attempt(pair, whole, SupportKind::kProved, WarmSimplex{}, answer);
   NarrowAnswer r = answer.finish();
   r.beyond = r.bounds.lower > limits.max_distance;
+  const PlacedPair<double> coarse(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
+  r.rounding = coarse.lower_error() + coarse.upper_error();
   return r;
 }
 

@@ -30,6 +30,7 @@ struct NarrowAnswer {
   Vec3d normal{0, 0, 0};    ///< unit, from a towards b: the direction that proves bounds.lower
   bool beyond = false;      ///< bounds.lower > max_distance; not refined further
   bool settled = false;     ///< as narrow as asked
+  double rounding = 0;      ///< width that float64 bounds of this pair have from rounding alone, metres
 };
 
 /// Warm state of one piece pair: the simplex it ended with.
@@ -43,7 +44,7 @@ struct WarmSimplex {
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
                           const NarrowLimits& limits, WarmSimplex* warm = nullptr);
 
-/// Brute force behind the same interface: every support by scan, double-double from the start, no early exit.
+/// The oracle behind the same interface: proved supports and double-double from the start, no cut-off, no seed.
 NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
                                     const NarrowLimits& limits);
 

@@ -61,7 +61,7 @@ class Scene {
   /// Options of the add_* calls. A body that is static or has a parent stays, without a pose, at the identity.
   struct BodyOptions {
     double radius = 0;                 ///< grows every piece, metres
-    std::string parent;                ///< name of a body already there; empty: none
+    std::string parent = {};           ///< name of a body already there; empty: none
     bool is_static = false;
     std::optional<Pose> pose;
   };

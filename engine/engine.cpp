@@ -1,0 +1,123 @@
+#include "engine.h"
+
+#include <omp.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <stdexcept>
+
+#include "job.h"
+#include "plan.h"
+#include "pose_store.h"
+
+namespace clearance {
+
+struct Engine::Impl {
+  Impl(Scene&& s, const Options& o) : scene(std::move(s)), options(o), poses(scene) {}
+
+  Scene scene;
+  Options options;
+  bool reference = false;
+  PoseStore poses;
+  pid_t process = getpid();
+  mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0};
+  std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0};
+
+  // OpenMP's threads do not survive a fork: a child that used them would hang.
+  void check_process() const {
+    if (getpid() != process) throw std::logic_error("this engine belongs to the process before fork(); make a new one");
+  }
+};
+
+std::vector<std::string> Engine::backends() { return {"cpu", "reference"}; }
+
+Engine::Engine(Scene scene, const Options& options) {
+  const std::vector<std::string> known = backends();
+  if (options.backend != "auto" && std::find(known.begin(), known.end(), options.backend) == known.end()) {
+    if (options.backend == "cuda") throw std::runtime_error("backend 'cuda' is not in this build; there are: auto, cpu, reference");
+    throw std::invalid_argument("backend: expected auto, cpu or reference, got '" + options.backend + "'");
+  }
+  if (options.threads < 0 || options.threads > 4096)
+    throw std::invalid_argument("threads: expected 0 (all cores) to 4096, got " + std::to_string(options.threads));
+  impl_ = std::make_unique<Impl>(std::move(scene), options);
+  impl_->reference = options.backend == "reference";
+  if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
+}
+
+Engine::~Engine() = default;
+
+const Scene& Engine::scene() const { return impl_->scene; }
+std::uint64_t Engine::scene_revision() const { return impl_->poses.snapshot()->scene_revision; }
+std::string_view Engine::backend() const { return impl_->reference ? "reference" : "cpu"; }
+std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
+
+PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) {
+  const PoseUpdateResult result = impl_->poses.set(poses, stamp_ns);
+  impl_->pose_updates.fetch_add(result.applied, std::memory_order_relaxed);
+  impl_->bad_poses.fetch_add(result.bad, std::memory_order_relaxed);
+  return result;
+}
+
+PoseUpdateResult Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc) {
+  return impl_->poses.attach(child, parent, X_pc);
+}
+
+BodyState Engine::body_state(std::uint32_t body) const {
+  const auto snapshot = impl_->poses.snapshot();
+  if (body >= snapshot->placed.size()) throw std::out_of_range("unknown body " + std::to_string(body));
+  const BodyPlacement& p = snapshot->placed[body];
+  return {p.pose.X_wb, p.status, snapshot->parent[body], snapshot->stamp_ns[body], snapshot->receipt_ns[body]};
+}
+
+QuerySize Engine::size(const QueryView& query) const {
+  return make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false).size;
+}
+
+std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
+  QueryView q = query;
+  q.reduce = Reduce::kNone;
+  q.configuration_count = 0;
+  const Plan plan = make_plan(q, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false);
+  std::vector<BodyPair> room;
+  const auto all = plan.pairs.slice(0, plan.pairs.size(), room);
+  return {all.begin(), all.end()};
+}
+
+Job Engine::start(const QueryView& query, const ReplyView& reply) const {
+  impl_->check_process();
+  Plan plan = make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true);
+  impl_->queries.fetch_add(1, std::memory_order_relaxed);
+  const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, &impl_->pairs_evaluated};
+  return Job(make_job(context, std::move(plan), reply));
+}
+
+Counters Engine::stats() const {
+  const auto snapshot = impl_->poses.snapshot();
+  std::uint64_t vertices = 0, pieces = 0;
+  for (const Body& body : impl_->scene.bodies())
+    for (const PiecePtr& piece : body.pieces) {
+      ++pieces;
+      vertices += piece->vertices.size();
+    }
+  return {{"engine.bodies", impl_->scene.bodies().size()},
+          {"engine.pieces", pieces},
+          {"engine.vertices", vertices},
+          {"engine.pairs", snapshot->pairs->size()},
+          {"engine.threads", static_cast<std::uint64_t>(impl_->options.threads)},
+          {"engine.queries", impl_->queries},
+          {"engine.pairs_evaluated", impl_->pairs_evaluated},
+          {"engine.pose_revision", snapshot->revision},
+          {"engine.pose_updates", impl_->pose_updates},
+          {"engine.bad_poses", impl_->bad_poses}};
+}
+
+Job::Job(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Job::Job(Job&&) noexcept = default;
+Job& Job::operator=(Job&&) noexcept = default;
+Job::~Job() = default;
+bool Job::advance(std::chrono::nanoseconds budget) { return state_->advance(budget); }
+const QuerySize& Job::size() const { return state_->size(); }
+const ReplyInfo& Job::info() const { return state_->info; }
+
+}  // namespace clearance

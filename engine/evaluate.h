@@ -1,0 +1,73 @@
+// One pair of bodies in one configuration: from poses to an answer.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "certify.h"
+#include "narrow_phase.h"
+#include "plan.h"
+
+namespace clearance {
+
+/// Where all bodies are in one configuration: a snapshot with some bodies moved. Each worker has its own.
+class Placement {
+ public:
+  /// \param boxes of all bodies in the snapshot; empty: made when asked for. Both must outlive this.
+  Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
+
+  /// Moves to configuration k of the plan; nothing to do where it has none.
+  void configure(std::uint64_t k);
+
+  const BodyPlacement& operator[](std::uint32_t body) const {
+    return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
+  }
+  /// A box around the body; empty (low > high) without a usable pose.
+  Aabb box(std::uint32_t body) const;
+
+ private:
+  const Scene& scene_;
+  const Plan& plan_;
+  std::span<const Aabb> boxes_;
+  std::uint64_t configuration_ = ~std::uint64_t{0};
+  std::vector<std::uint32_t> moved_slot_;  // of each body: index into moved_, or kNone; empty without configurations
+  std::vector<Pose> local_;                // of each moved body
+  std::vector<BodyPlacement> moved_;
+  std::vector<Aabb> moved_boxes_;
+};
+
+/// The box of a placed body.
+Aabb body_box(const Body& body, const BodyPlacement& placement);
+
+/// What is asked of every pair of a query.
+struct EvaluateOptions {
+  NarrowLimits limits;
+  bool reference = false;        ///< the brute-force oracle: no culling, double-double
+  bool cull = false;             ///< compare bounding boxes with max_distance first
+  bool want_nonsmooth = false;
+  std::span<const std::uint8_t> stale;  ///< of each body
+};
+
+/// One answer, before it is written into columns. Points are relative to their bodies' origins, world axes.
+struct PairAnswer {
+  double distance, lower, upper;
+  Status status;
+  std::uint16_t flags;
+  std::uint32_t piece_a, piece_b;
+  Vec3d point_a, point_b, normal;
+};
+
+/// Answers one pair, whatever its ids.
+PairAnswer evaluate(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options);
+
+/// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.
+double box_gap(const Scene& scene, const Placement& placement, BodyPair pair);
+/// Whether a pair's answer is a bad or missing pose or an unknown body.
+bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair);
+
+/// The answer for a pair that cannot be computed: NaN, with bounds -inf and +inf.
+PairAnswer no_answer(Status status);
+
+}  // namespace clearance

@@ -1,0 +1,241 @@
+#include "job.h"
+
+#include <omp.h>
+
+#include <algorithm>
+#include <exception>
+#include <optional>
+
+#include "broad_phase.h"
+#include "columns.h"
+#include "reduction.h"
+
+namespace clearance {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::uint64_t kBlock = 128;            // pairs of a dense answer that one unit holds
+constexpr std::uint64_t kSerialBelow = 256;      // pair-configurations that are not worth waking threads for
+constexpr std::uint64_t kWholeConfigurations = 16384;  // pairs up to which a reduction is one unit for each configuration
+
+// A job's common part: workers with their own placements, and units run in parallel until the budget is spent.
+class ParallelJob : public Job::State {
+ public:
+  ParallelJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
+      : context_(context), plan_(std::move(plan)), reply_(reply) {
+    const QueryView& q = plan_.query;
+    const PoseSnapshot& snapshot = *plan_.snapshot;
+    options_.limits.max_distance = q.max_distance;
+    options_.limits.abs_tol = q.abs_tol;
+    options_.limits.rel_tol = q.rel_tol;
+    options_.limits.signed_distance = q.signed_distance;
+    options_.reference = context.reference;
+    const bool needs_boxes = q.reduce != Reduce::kNone || q.max_distance < std::numeric_limits<double>::infinity();
+    options_.cull = needs_boxes && !context.reference;
+    options_.want_nonsmooth = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
+    find_stale(snapshot);
+    if (needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
+      for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
+        boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b]));
+    const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
+    placements_.resize(serial ? 1 : static_cast<std::size_t>(context.threads));
+    info.snapshot_revision = snapshot.revision;
+    info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
+    info.scene_revision = snapshot.scene_revision;
+    for (const std::int64_t r : snapshot.receipt_ns)
+      if (r != 0 && (info.oldest_receipt_ns == 0 || r < info.oldest_receipt_ns)) info.oldest_receipt_ns = r;
+  }
+
+  const QuerySize& size() const override { return plan_.size; }
+
+ protected:
+  const Scene& scene() const { return *context_.scene; }
+  int workers() const { return static_cast<int>(placements_.size()); }
+
+  Placement& placement(int worker, std::uint64_t configuration) {
+    std::optional<Placement>& p = placements_[static_cast<std::size_t>(worker)];
+    if (!p) p.emplace(scene(), plan_, boxes_);
+    p->configure(configuration);
+    return *p;
+  }
+
+  // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed.
+  template <class Unit>
+  bool run_units(std::uint64_t& next, std::uint64_t count, Clock::time_point deadline, Unit unit) {
+    const bool unbounded = deadline == Clock::time_point::max();
+    std::uint64_t batch = static_cast<std::uint64_t>(workers());
+    while (next < count) {
+      const std::uint64_t end = unbounded ? count : std::min(count, next + batch);
+      run_batch(next, end, unit);
+      next = end;
+      if (!unbounded && Clock::now() >= deadline) break;
+      batch *= 2;
+    }
+    return next >= count;
+  }
+
+  JobContext context_;
+  Plan plan_;
+  ReplyView reply_;
+  EvaluateOptions options_;
+
+ private:
+  template <class Unit>
+  void run_batch(std::uint64_t begin, std::uint64_t end, Unit& unit) {
+    if (workers() == 1 || end - begin == 1) {
+      for (std::uint64_t i = begin; i < end; ++i) unit(i, 0);
+      return;
+    }
+    std::exception_ptr failure;  // an exception may not leave a parallel region
+#pragma omp parallel for schedule(dynamic) num_threads(workers())
+    for (std::uint64_t i = begin; i < end; ++i) {
+      try {
+        unit(i, omp_get_thread_num());
+      } catch (...) {
+#pragma omp critical(clearance_job_failure)
+        failure = std::current_exception();
+      }
+    }
+    if (failure) std::rethrow_exception(failure);
+  }
+
+  void find_stale(const PoseSnapshot& snapshot) {
+    if (plan_.query.max_pose_age_ns == 0) return;
+    const std::int64_t oldest_allowed = monotonic_ns() - plan_.query.max_pose_age_ns;
+    stale_.resize(scene().bodies().size());
+    for (std::uint32_t b = 0; b < stale_.size(); ++b) {
+      const std::int64_t receipt = snapshot.receipt_of_chain(b);
+      stale_[b] = !scene().bodies()[b].is_static && (receipt == 0 || receipt < oldest_allowed);
+    }
+    if (plan_.query.configuration_count > 0)
+      for (const std::uint32_t b : plan_.moved) stale_[b] = 0;  // the query itself says where they are
+    options_.stale = stale_;
+  }
+
+  std::vector<Aabb> boxes_;
+  std::vector<std::uint8_t> stale_;
+  std::vector<std::optional<Placement>> placements_;
+};
+
+// One row for each configuration and pair.
+class DenseJob final : public ParallelJob {
+ public:
+  using ParallelJob::ParallelJob;
+
+  bool advance(std::chrono::nanoseconds budget) override {
+    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
+    const std::uint64_t pairs = plan_.size.pairs, blocks = (pairs + kBlock - 1) / kBlock;
+    rooms_.resize(static_cast<std::size_t>(workers()));
+    const bool done = run_units(next_, blocks * plan_.size.configurations, deadline, [&](std::uint64_t unit, int worker) {
+      const std::uint64_t k = unit / blocks, begin = unit % blocks * kBlock, count = std::min(kBlock, pairs - begin);
+      const Placement& here = placement(worker, k);
+      std::uint64_t index = k * pairs + begin;
+      for (const BodyPair pair : plan_.pairs.slice(begin, count, rooms_[static_cast<std::size_t>(worker)])) {
+        Row row{pair, static_cast<std::uint32_t>(k), evaluate(scene(), here, pair, options_), {}, {}};
+        const std::size_t n = scene().bodies().size();
+        if (pair.a < n) row.origin_a = here[pair.a].pose.t_w;
+        if (pair.b < n) row.origin_b = here[pair.b].pose.t_w;
+        write_row(reply_, index++, row);
+      }
+    });
+    if (done) {
+      info.rows = info.total = info.pairs_evaluated = plan_.size.rows;
+      context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+    }
+    return done;
+  }
+
+ private:
+  std::uint64_t next_ = 0;
+  std::vector<std::vector<BodyPair>> rooms_;
+};
+
+// Reduced rows. Few pairs: configurations side by side, one thread each. Many: one configuration at a time, its stages
+// spread over all threads.
+class ReducedJob final : public ParallelJob {
+ public:
+  ReducedJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
+      : ParallelJob(context, std::move(plan), reply), whole_(plan_.size.pairs <= kWholeConfigurations) {
+    for (int i = 0; i < (whole_ ? workers() : 1); ++i)
+      reductions_.emplace_back(scene(), plan_, options_, whole_ ? 1 : workers());
+  }
+
+  bool advance(std::chrono::nanoseconds budget) override {
+    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
+    const bool done = whole_ ? advance_side_by_side(deadline) : advance_one_by_one(deadline);
+    if (done) {
+      info.rows = written_;
+      context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+    }
+    return done;
+  }
+
+ private:
+  bool advance_side_by_side(Clock::time_point deadline) {
+    // A batch of configurations at a time, so that rows come in order and wait in bounded memory.
+    const std::uint64_t count = plan_.size.configurations;
+    while (true) {
+      if (batch_rows_.empty()) batch_rows_.resize(std::min<std::uint64_t>(count - first_, 64 * reductions_.size()));
+      const bool batch_done = run_units(next_, batch_rows_.size(), deadline, [&](std::uint64_t i, int worker) {
+        Reduction& r = reductions_[static_cast<std::size_t>(worker)];
+        const Placement& here = placement(worker, first_ + i);
+        for (r.begin(); r.stage() != Reduction::kDone; r.end_stage())
+          for (std::uint64_t u = 0; u < r.units(); ++u) r.run(u, 0, here);
+        batch_rows_[i] = r.rows(static_cast<std::uint32_t>(first_ + i), here);
+        evaluated_.fetch_add(r.evaluated(), std::memory_order_relaxed);
+      });
+      if (!batch_done) return false;
+      for (const auto& rows : batch_rows_) write(rows);
+      first_ += batch_rows_.size();
+      batch_rows_.clear();
+      next_ = 0;
+      info.pairs_evaluated = evaluated_;
+      if (first_ == count) return true;
+      if (Clock::now() >= deadline) return false;
+    }
+  }
+
+  bool advance_one_by_one(Clock::time_point deadline) {
+    Reduction& r = reductions_[0];
+    while (first_ < plan_.size.configurations) {
+      if (!begun_) r.begin();
+      begun_ = true;
+      for (; r.stage() != Reduction::kDone; r.end_stage(), next_ = 0) {
+        const bool stage_done = run_units(next_, r.units(), deadline, [&](std::uint64_t unit, int worker) {
+          r.run(unit, worker, placement(worker, first_));
+        });
+        if (!stage_done) return false;
+      }
+      write(r.rows(static_cast<std::uint32_t>(first_), placement(0, first_)));
+      info.pairs_evaluated += r.evaluated();
+      begun_ = false;
+      ++first_;
+    }
+    return true;
+  }
+
+  void write(const std::vector<Row>& rows) {
+    for (const Row& row : rows) {
+      ++info.total;
+      if (written_ < plan_.size.rows) write_row(reply_, written_++, row);
+    }
+  }
+
+  bool whole_;
+  std::vector<Reduction> reductions_;
+  std::vector<std::vector<Row>> batch_rows_;
+  std::uint64_t first_ = 0, next_ = 0, written_ = 0;
+  std::atomic<std::uint64_t> evaluated_{0};
+  bool begun_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply) {
+  if (plan.query.reduce == Reduce::kNone) return std::make_unique<DenseJob>(context, std::move(plan), reply);
+  return std::make_unique<ReducedJob>(context, std::move(plan), reply);
+}
+
+}  // namespace clearance

@@ -1,0 +1,31 @@
+// The inside of a Job: a plan carried out in slices, in parallel.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+
+#include "engine.h"
+#include "evaluate.h"
+#include "plan.h"
+
+namespace clearance {
+
+/// What the engine gives each job.
+struct JobContext {
+  const Scene* scene;
+  int threads;
+  bool reference;
+  std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
+};
+
+struct Job::State {
+  virtual ~State() = default;
+  virtual bool advance(std::chrono::nanoseconds budget) = 0;
+  virtual const QuerySize& size() const = 0;
+  ReplyInfo info;
+};
+
+std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply);
+
+}  // namespace clearance

@@ -1,0 +1,36 @@
+// Which pairs of bodies are asked about, in lexicographic order, without storing them.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "query.h"
+#include "scene.h"
+
+namespace clearance {
+
+/// The enabled pairs (a < b) of a scene: all but static-static, parent-child and ignored ones. Memory grows with bodies and
+/// exclusions, not with pairs: a scene of 50,000 bodies has more than a thousand million.
+class PairTable {
+ public:
+  /// \param parents of each body, kNone for none.
+  PairTable(const Scene& scene, std::span<const std::uint32_t> parents);
+
+  std::uint64_t size() const { return row_begin_.back(); }
+  /// Whether {a, b}, in either order, is enabled.
+  bool enabled(std::uint32_t a, std::uint32_t b) const;
+  /// Writes the pairs at positions [begin, begin + count).
+  void copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
+
+ private:
+  bool excluded(std::uint32_t a, std::uint32_t b) const;  // a < b, of those that staticness leaves
+
+  std::uint32_t bodies_;
+  std::vector<std::uint8_t> is_static_;
+  std::vector<std::uint64_t> row_begin_;              // (N + 1,) position of the first pair (i, j > i)
+  std::vector<std::uint32_t> excluded_begin_;         // (N + 1,) rows of excluded_
+  std::vector<std::uint32_t> excluded_;               // sorted j of each row
+};
+
+}  // namespace clearance

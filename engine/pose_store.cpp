@@ -1,0 +1,181 @@
+#include "pose_store.h"
+
+#include <algorithm>
+#include <chrono>
+
+namespace clearance {
+
+std::int64_t monotonic_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+BodyPlacement place(const Pose* local, const BodyPlacement* parent) {
+  BodyPlacement body;
+  if (!local) return body;
+  const PoseQuality quality = check(*local);
+  body.renormalised = quality == PoseQuality::kRenormalised;
+  body.status = quality == PoseQuality::kBad ? Status::kBadPose : parent ? parent->status : Status::kOk;
+  if (body.status != Status::kOk) return body;
+  const Pose X_wb = parent ? compose(parent->pose.X_wb, *local) : *local;
+  if (parent && check(X_wb) == PoseQuality::kBad) {  // a composition can overflow
+    body.status = Status::kBadPose;
+    return body;
+  }
+  body.pose = {rotation_of(X_wb), X_wb.translation, X_wb};
+  return body;
+}
+
+void PoseSnapshot::place_again(std::uint32_t body) {
+  placed[body] = place(given[body] ? &local[body] : nullptr, parent[body] == kNone ? nullptr : &placed[parent[body]]);
+}
+
+std::int64_t PoseSnapshot::receipt_of_chain(std::uint32_t body) const {
+  std::int64_t oldest = 0;
+  for (std::uint32_t b = body; b != kNone; b = parent[b])
+    if (receipt_ns[b] != 0 && (oldest == 0 || receipt_ns[b] < oldest)) oldest = receipt_ns[b];
+  return oldest;
+}
+
+std::vector<std::uint32_t> PoseSnapshot::with_followers(std::span<const std::uint32_t> bodies) const {
+  std::vector<std::uint8_t> moved(local.size(), 0);
+  for (const std::uint32_t b : bodies) moved[b] = 1;
+  std::vector<std::uint32_t> all;
+  for (const std::uint32_t b : *order) {
+    if (parent[b] != kNone && moved[parent[b]]) moved[b] = 1;
+    if (moved[b]) all.push_back(b);
+  }
+  return all;
+}
+
+namespace {
+
+// Parents before children. The parents must be free of cycles.
+std::shared_ptr<const std::vector<std::uint32_t>> order_of(const std::vector<std::uint32_t>& parent) {
+  auto order = std::make_shared<std::vector<std::uint32_t>>();
+  order->reserve(parent.size());
+  std::vector<std::uint8_t> done(parent.size(), 0);
+  std::vector<std::uint32_t> chain;
+  for (std::uint32_t b = 0; b < parent.size(); ++b) {
+    for (std::uint32_t p = b; p != kNone && !done[p]; p = parent[p]) chain.push_back(p);
+    for (; !chain.empty(); chain.pop_back()) {
+      done[chain.back()] = 1;
+      order->push_back(chain.back());
+    }
+  }
+  return order;
+}
+
+// Another attachment is another scene: other pairs are enabled.
+std::uint64_t revision_with(const Scene& scene, const std::vector<std::uint32_t>& parent) {
+  std::uint64_t h = scene.revision();
+  bool as_loaded = true;
+  for (std::uint32_t b = 0; b < parent.size(); ++b) {
+    as_loaded &= parent[b] == scene.bodies()[b].parent;
+    h = (h ^ (parent[b] + 0x9E3779B97F4A7C15ull * (b + 1))) * 0xFF51AFD7ED558CCDull;
+    h ^= h >> 32;
+  }
+  return as_loaded ? scene.revision() : (h ? h : 1);
+}
+
+}  // namespace
+
+PoseStore::PoseStore(const Scene& scene) : scene_(scene) {
+  auto first = std::make_shared<PoseSnapshot>();
+  const std::size_t n = scene.bodies().size();
+  first->local.resize(n);
+  first->given.resize(n);
+  first->placed.resize(n);
+  first->stamp_ns.resize(n);
+  first->receipt_ns.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Body& body = scene.bodies()[i];
+    first->parent.push_back(body.parent);
+    first->local[i] = body.pose.value_or(Pose{});
+    first->given[i] = body.pose.has_value();
+  }
+  first->order = order_of(first->parent);
+  first->scene_revision = revision_with(scene, first->parent);
+  first->pairs = std::make_shared<const PairTable>(scene, first->parent);
+  for (const std::uint32_t b : *first->order) first->place_again(b);
+  publish(std::move(first));
+}
+
+std::shared_ptr<const PoseSnapshot> PoseStore::snapshot() const {
+  const std::lock_guard lock(current_mutex_);
+  return current_;
+}
+
+void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
+  std::shared_ptr<const PoseSnapshot> old = std::move(next);  // freed outside the lock
+  const std::lock_guard lock(current_mutex_);
+  current_.swap(old);
+}
+
+PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns) {
+  const std::lock_guard lock(writers_);
+  auto next = std::make_shared<PoseSnapshot>(*snapshot());
+  const std::int64_t now = monotonic_ns();
+  PoseUpdateResult result;
+  std::vector<std::uint32_t> moved;
+  for (const BodyPose& p : poses) {
+    if (p.body >= next->local.size()) {
+      ++result.unknown;
+      continue;
+    }
+    if (scene_.bodies()[p.body].is_static) {
+      ++result.fixed;
+      continue;
+    }
+    next->local[p.body] = p.pose;
+    next->given[p.body] = 1;
+    next->stamp_ns[p.body] = stamp_ns;
+    next->receipt_ns[p.body] = now;
+    moved.push_back(p.body);
+    ++(check(p.pose) == PoseQuality::kBad ? result.bad : result.applied);
+  }
+  if (!moved.empty()) {
+    for (const std::uint32_t b : next->with_followers(moved)) next->place_again(b);
+    next->newest_stamp_ns = std::max(next->newest_stamp_ns, stamp_ns);
+    ++next->revision;
+  }
+  result.revision = next->revision;
+  if (!moved.empty()) publish(std::move(next));
+  return result;
+}
+
+PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc) {
+  const std::lock_guard lock(writers_);
+  auto next = std::make_shared<PoseSnapshot>(*snapshot());
+  const auto& bodies = scene_.bodies();
+  const auto refuse = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "attach: " + why); };
+  if (child >= bodies.size()) refuse("unknown child, body " + std::to_string(child));
+  if (parent != kNone && parent >= bodies.size()) refuse("unknown parent, body " + std::to_string(parent));
+  if (bodies[child].is_static) refuse("'" + bodies[child].name + "' is static");
+  for (std::uint32_t b = parent; b != kNone; b = next->parent[b])
+    if (b == child) refuse("'" + bodies[child].name + "' would follow itself through '" + bodies[parent].name + "'");
+  if (X_pc && check(*X_pc) == PoseQuality::kBad) refuse("the pose of '" + bodies[child].name + "' is not usable");
+  if (!X_pc) {
+    for (const std::uint32_t b : {child, parent})
+      if (b != kNone && next->placed[b].status != Status::kOk) refuse("'" + bodies[b].name + "' has no usable pose");
+    const Pose X_wc = next->placed[child].pose.X_wb;
+    next->local[child] = parent == kNone ? X_wc : compose(inverse(next->placed[parent].pose.X_wb), X_wc);
+  } else {
+    next->local[child] = *X_pc;
+  }
+  next->given[child] = 1;
+  next->parent[child] = parent;
+  next->receipt_ns[child] = monotonic_ns();
+  next->order = order_of(next->parent);
+  next->scene_revision = revision_with(scene_, next->parent);
+  next->pairs = std::make_shared<const PairTable>(scene_, next->parent);
+  const std::uint32_t moved[] = {child};
+  for (const std::uint32_t b : next->with_followers(moved)) next->place_again(b);
+  ++next->revision;
+  PoseUpdateResult result;
+  result.revision = next->revision;
+  result.applied = 1;
+  publish(std::move(next));
+  return result;
+}
+
+}  // namespace clearance

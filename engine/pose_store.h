@@ -1,0 +1,68 @@
+// Where every body is: immutable snapshots, replaced as a whole by each batch of updates.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "engine.h"
+#include "narrow_phase.h"
+#include "pair_table.h"
+
+namespace clearance {
+
+/// A body in the world.
+struct BodyPlacement {
+  PlacedPose pose;                   ///< meaningful if `status` is kOk
+  Status status = Status::kNoPose;   ///< kOk, kNoPose or kBadPose
+  bool renormalised = false;         ///< the body's own quaternion was off by more than 1e-3
+};
+
+/// Places a body. \param local its pose as given; null: none was. \param parent the body that it follows, placed; null: none.
+BodyPlacement place(const Pose* local, const BodyPlacement* parent);
+
+/// The poses of all bodies at one moment, with what follows from them. Shared by jobs; never changed once published.
+struct PoseSnapshot {
+  std::uint64_t revision = 0;
+  std::int64_t newest_stamp_ns = 0;
+  std::uint64_t scene_revision = 0;        ///< changes with attachments
+  std::shared_ptr<const PairTable> pairs;
+
+  std::vector<Pose> local;                 ///< as given: X_wb, or X_pb of a body with a parent
+  std::vector<std::uint8_t> given;         ///< whether `local` was ever given
+  std::vector<std::uint32_t> parent;
+  std::shared_ptr<const std::vector<std::uint32_t>> order;  ///< parents before children
+
+  std::vector<BodyPlacement> placed;
+  std::vector<std::int64_t> stamp_ns, receipt_ns;
+
+  void place_again(std::uint32_t body);
+  /// The oldest receipt among the body and those that it follows; 0 if none of them was ever received.
+  std::int64_t receipt_of_chain(std::uint32_t body) const;
+  /// `bodies` and everything that follows one of them, parents before children.
+  std::vector<std::uint32_t> with_followers(std::span<const std::uint32_t> bodies) const;
+};
+
+class PoseStore {
+ public:
+  explicit PoseStore(const Scene& scene);
+
+  std::shared_ptr<const PoseSnapshot> snapshot() const;
+  PoseUpdateResult set(std::span<const BodyPose> poses, std::int64_t stamp_ns);
+  PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc);
+
+ private:
+  void publish(std::shared_ptr<PoseSnapshot> next);
+
+  const Scene& scene_;
+  std::mutex writers_;
+  mutable std::mutex current_mutex_;  // held for a pointer's copy only
+  std::shared_ptr<const PoseSnapshot> current_;
+};
+
+/// Our monotonic clock, nanoseconds.
+std::int64_t monotonic_ns();
+
+}  // namespace clearance

@@ -1,0 +1,200 @@
+#include "reduction.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "broad_phase.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
+constexpr std::uint64_t kEvaluate = 32;   // pairs that one unit answers
+
+std::uint64_t blocks(std::uint64_t count, std::uint64_t size) { return (count + size - 1) / size; }
+
+}  // namespace
+
+Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, int workers)
+    : scene_(scene), plan_(plan), options_(options),
+      groups_(plan.query.reduce == Reduce::kNearest ? scene.bodies().size() : 1), workers_(workers) {}
+
+template <class Visit>
+void Reduction::for_groups(BodyPair pair, Visit visit) const {
+  if (!per_body()) return visit(0u);
+  if (pair.a < groups_) visit(pair.a);
+  if (pair.b < groups_) visit(pair.b);
+}
+
+void Reduction::begin() {
+  for (WorkerState& w : workers_) {
+    w.seed.assign(groups_, Seed{kInf, ~std::uint64_t{0}});
+    w.incomplete.assign(groups_, 0);
+    w.candidates.clear();
+  }
+  incomplete_.assign(groups_, 0);
+  // Within a distance every pair stands alone: its cut-off is known. So it is for the oracle, which leaves nothing out.
+  const bool no_seeds = within() || options_.reference;
+  cutoff_.assign(groups_, options_.reference ? kInf : plan_.query.max_distance);
+  seeds_.clear();
+  seed_answers_.clear();
+  candidates_.clear();
+  stage_ = no_seeds ? kScan : kSeedScan;
+}
+
+std::uint64_t Reduction::units() const {
+  switch (stage_) {
+    case kSeedScan:
+    case kScan: return blocks(plan_.pairs.size(), kBlock);
+    case kSeeds: return blocks(seeds_.size(), kEvaluate);
+    case kCandidates: return blocks(candidates_.size(), kEvaluate);
+    case kDone: break;
+  }
+  return 0;
+}
+
+void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) {
+  switch (stage_) {
+    case kSeedScan: return seed_scan(unit, workers_[worker], placement);
+    case kScan: return scan(unit, workers_[worker], placement);
+    case kSeeds:
+    case kCandidates: {
+      const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
+      auto& answers = stage_ == kSeeds ? seed_answers_ : candidate_answers_;
+      for (std::uint64_t i = unit * kEvaluate; i < std::min<std::uint64_t>(positions.size(), (unit + 1) * kEvaluate); ++i)
+        answers[i] = evaluate(scene_, placement, plan_.pairs.at(positions[i]), options_);
+      return;
+    }
+    case kDone: return;
+  }
+}
+
+void Reduction::seed_scan(std::uint64_t block, WorkerState& worker, const Placement& placement) {
+  const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
+  std::uint64_t position = begin;
+  for (const BodyPair pair : plan_.pairs.slice(begin, count, worker.room)) {
+    const Seed seed{box_gap(scene_, placement, pair), position++};
+    for_groups(pair, [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], seed); });
+  }
+}
+
+void Reduction::scan(std::uint64_t block, WorkerState& worker, const Placement& placement) {
+  const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
+  std::uint64_t position = begin;
+  for (const BodyPair pair : plan_.pairs.slice(begin, count, worker.room)) {
+    const double gap = box_gap(scene_, placement, pair);
+    bool wanted = false;
+    if (gap == kInf && is_unusable(scene_, placement, pair)) {
+      wanted = within() || options_.reference;
+      for_groups(pair, [&](std::uint32_t g) { worker.incomplete[g] = 1; });
+    } else {
+      for_groups(pair, [&](std::uint32_t g) { wanted |= gap <= cutoff_[g]; });
+    }
+    if (wanted) worker.candidates.push_back(position);
+    ++position;
+  }
+}
+
+void Reduction::end_stage() {
+  switch (stage_) {
+    case kSeedScan: {
+      for (std::size_t g = 0; g < groups_; ++g) {
+        Seed least = workers_[0].seed[g];
+        for (const WorkerState& w : workers_) least = std::min(least, w.seed[g]);
+        if (least.position != ~std::uint64_t{0}) seeds_.push_back(least.position);
+      }
+      std::sort(seeds_.begin(), seeds_.end());
+      seeds_.erase(std::unique(seeds_.begin(), seeds_.end()), seeds_.end());
+      seed_answers_.resize(seeds_.size());
+      stage_ = kSeeds;
+      break;
+    }
+    case kSeeds:
+      cutoff_.assign(groups_, kInf);
+      for (std::size_t i = 0; i < seeds_.size(); ++i)
+        for_groups(plan_.pairs.at(seeds_[i]), [&](std::uint32_t g) {
+          // Where even the nearest boxes are beyond max_distance, so is every pair: nothing more to look at.
+          const PairAnswer& seed = seed_answers_[i];
+          const bool all_beyond = seed.status == Status::kBeyond && seed.upper == kInf;
+          cutoff_[g] = std::min(cutoff_[g], all_beyond ? -1.0 : seed.upper);
+        });
+      stage_ = kScan;
+      break;
+    case kScan:
+      for (const WorkerState& w : workers_) {
+        candidates_.insert(candidates_.end(), w.candidates.begin(), w.candidates.end());
+        for (std::size_t g = 0; g < groups_; ++g) incomplete_[g] |= w.incomplete[g];
+      }
+      std::sort(candidates_.begin(), candidates_.end());
+      candidates_.erase(std::remove_if(candidates_.begin(), candidates_.end(),
+                                       [&](std::uint64_t p) { return std::binary_search(seeds_.begin(), seeds_.end(), p); }),
+                        candidates_.end());
+      candidate_answers_.resize(candidates_.size());
+      stage_ = kCandidates;
+      break;
+    case kCandidates:
+    case kDone: stage_ = kDone; break;
+  }
+}
+
+std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
+  const auto row_of = [&](BodyPair pair, const PairAnswer& answer) {
+    Row row{pair, configuration, answer, {}, {}};
+    if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
+    if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
+    return row;
+  };
+  std::vector<Row> rows;
+  if (within()) {
+    for (std::size_t i = 0; i < candidates_.size(); ++i)
+      if (candidate_answers_[i].status != Status::kBeyond) rows.push_back(row_of(plan_.pairs.at(candidates_[i]), candidate_answers_[i]));
+    return rows;
+  }
+  // An empty group has no pair and is farther than anything.
+  const PairAnswer nothing{kInf, kInf, kInf, Status::kBeyond, 0, kNone, kNone, {kNan, kNan, kNan}, {kNan, kNan, kNan}, {kNan, kNan, kNan}};
+  struct Best {
+    std::uint64_t position = ~std::uint64_t{0};
+    const PairAnswer* winner = nullptr;
+    double lower = kInf;
+  };
+  std::vector<Best> best(groups_);
+  const auto offer = [&](std::uint64_t position, const PairAnswer& answer) {
+    const bool usable = !std::isnan(answer.distance);
+    for_groups(plan_.pairs.at(position), [&](std::uint32_t g) {
+      Best& b = best[g];
+      if (!usable) incomplete_[g] = 1;
+      if (usable) b.lower = std::min(b.lower, answer.lower);
+      const bool had_usable = b.winner && !std::isnan(b.winner->distance);
+      const bool better = !b.winner || (usable && !had_usable) ||
+                          (usable == had_usable && (answer.upper < b.winner->upper ||
+                                                    (answer.upper == b.winner->upper && position < b.position)));
+      if (better) b = {position, &answer, b.lower};
+    });
+  };
+  for (std::size_t i = 0; i < seeds_.size(); ++i) offer(seeds_[i], seed_answers_[i]);
+  for (std::size_t i = 0; i < candidates_.size(); ++i) offer(candidates_[i], candidate_answers_[i]);
+  for (std::size_t g = 0; g < groups_; ++g) {
+    const Best& b = best[g];
+    if (!b.winner) {
+      const auto body = static_cast<std::uint32_t>(g);
+      rows.push_back(row_of({per_body() ? body : kNone, kNone}, nothing));
+      continue;
+    }
+    Row row = row_of(plan_.pairs.at(b.position), *b.winner);
+    PairAnswer& answer = row.answer;
+    if (!std::isnan(answer.distance)) {
+      answer.lower = std::min(answer.lower, b.lower);
+      const double wanted = std::max(options_.limits.abs_tol, options_.limits.rel_tol * std::abs(answer.upper));
+      if (answer.status == Status::kOk && !(answer.upper - answer.lower <= wanted)) answer.status = Status::kUnconverged;
+      if (answer.status == Status::kBeyond) answer.distance = answer.lower;
+    }
+    if (incomplete_[g]) answer.flags |= kFlagIncomplete;
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+}  // namespace clearance

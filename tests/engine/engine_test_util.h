@@ -1,0 +1,87 @@
+// Small scenes and whole answers for engine tests.
+#pragma once
+
+#include <random>
+#include <string>
+#include <vector>
+
+#include "engine/engine.h"
+
+namespace clearance::test {
+
+/// A reply with its own memory.
+struct Answer {
+  std::vector<std::byte> memory;
+  ReplyView view;
+  QuerySize size;
+  ReplyInfo info;
+};
+
+inline constexpr std::uint32_t kAllFields = (1u << kFieldCount) - 1 - kFieldCompact;
+
+inline Answer ask(const Engine& engine, QueryView query, std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
+  Answer a;
+  a.size = engine.size(query);
+  std::uint64_t bytes = 0;
+  reply_view_over(nullptr, a.size.rows, a.size.fields, &bytes);
+  a.memory.resize(bytes + 64);
+  void* base = a.memory.data();
+  std::size_t room = a.memory.size();
+  std::align(64, bytes, base, room);
+  a.view = reply_view_over(static_cast<std::byte*>(base), a.size.rows, a.size.fields);
+  Job job = engine.start(query, a.view);
+  while (!job.advance(slice)) {
+  }
+  a.info = job.info();
+  return a;
+}
+
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : bits_(seed) {}
+  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(bits_); }
+  double normal() { return normal_(bits_); }
+  std::uint64_t below(std::uint64_t n) { return bits_() % n; }
+  Pose pose(double box) {
+    return {{uniform(-box, box), uniform(-box, box), uniform(-box, box)}, normal(), normal(), normal(), normal()};
+  }
+  std::vector<Vec3d> cloud(int count, Vec3d size) {
+    std::vector<Vec3d> v;
+    for (int i = 0; i < count; ++i) v.push_back({size.x * normal(), size.y * normal(), size.z * normal()});
+    return v;
+  }
+
+ private:
+  std::mt19937_64 bits_;
+  std::normal_distribution<double> normal_;
+};
+
+/// Boxes, point clouds, spheres, capsules and two-piece bodies at random poses; every fifth body is static.
+inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
+  Random random(seed);
+  Scene scene;
+  for (int i = 0; i < count; ++i) {
+    Scene::BodyOptions options;
+    options.pose = random.pose(box);
+    options.is_static = i % 5 == 4;
+    const std::string name = "body" + std::to_string(i);
+    switch (i % 4) {
+      case 0: scene.add_box(name, {random.uniform(0.2, 1), random.uniform(0.2, 1), random.uniform(0.2, 1)}, options); break;
+      case 1: scene.add_hull(name, random.cloud(20, {0.3, 0.3, 0.3}), options); break;
+      case 2: scene.add_capsule(name, 0.2, 0.5, options); break;
+      default: {
+        Body body;
+        body.name = name;
+        body.pose = options.pose;
+        body.is_static = options.is_static;
+        std::vector<Vec3d> far = random.cloud(12, {0.2, 0.2, 0.2});
+        for (Vec3d& v : far) v.x += 1.5;
+        body.pieces = {make_piece(random.cloud(12, {0.2, 0.2, 0.2})), make_piece(std::move(far), 0.05)};
+        scene.add_body(std::move(body));
+      }
+    }
+  }
+  return scene;
+}
+
+}  // namespace clearance::test
