@@ -1,0 +1,123 @@
+#include "lcm_check.h"
+
+#include <cstdint>
+
+#include "lcm_bus.h"
+#include "types.h"
+
+namespace clearance {
+namespace {
+
+/// Walks the big-endian fields of a packet; the first thing that does not fit ends the walk.
+class Walk {
+ public:
+  Walk(std::span<const std::byte> packet, const char* type, std::int64_t hash) : packet_(packet), type_(type) {
+    if (packet.size() > kLcmDatagramBytes) {
+      fail("longer than one datagram (" + std::to_string(packet.size()) + " bytes)");
+    } else if (packet.size() < 8) {
+      fail("too short for a message (" + std::to_string(packet.size()) + " bytes)");
+    } else if (static_cast<std::int64_t>(read(8)) != hash) {
+      fail("another type, or another version of it (the hash differs)");
+    }
+  }
+
+  void skip(std::uint64_t bytes, const char* what) {
+    if (!problem_.empty()) return;
+    if (bytes > packet_.size() - at_) {
+      fail(std::string("ends within ") + what);
+    } else {
+      at_ += bytes;
+    }
+  }
+  /// A count of entries of at least `entry_bytes` each.
+  std::uint64_t count(std::uint64_t entry_bytes, const char* what) {
+    const std::uint64_t at = at_;
+    skip(4, what);
+    if (!problem_.empty()) return 0;
+    at_ = at;
+    const auto value = static_cast<std::int32_t>(read(4));
+    if (value < 0 || static_cast<std::uint64_t>(value) * entry_bytes > packet_.size() - at_) {
+      fail(std::string(what) + " " + std::to_string(value) + " does not fit the packet of " +
+           std::to_string(packet_.size()) + " bytes");
+      return 0;
+    }
+    return static_cast<std::uint64_t>(value);
+  }
+  /// A string of at most `limit` bytes without its NUL.
+  void string(std::uint64_t limit, const char* what) {
+    const std::uint64_t size = count(1, what);
+    if (!problem_.empty()) return;
+    if (size == 0 || size > limit + 1) {
+      fail(std::string(what) + ": expected at most " + std::to_string(limit) + " bytes");
+    } else {
+      at_ += size;
+      if (packet_[at_ - 1] != std::byte{0}) fail(std::string(what) + " does not end");
+    }
+  }
+  void fail(const std::string& what) {
+    if (problem_.empty()) problem_ = std::string(type_) + ": " + what;
+  }
+  bool good() const { return problem_.empty(); }
+  std::string end() {
+    if (problem_.empty() && at_ != packet_.size()) {
+      fail(std::to_string(packet_.size() - at_) + " bytes are left over");
+    }
+    return problem_;
+  }
+
+ private:
+  std::uint64_t read(std::uint64_t bytes) {
+    std::uint64_t value = 0;
+    for (std::uint64_t i = 0; i < bytes; ++i) value = value << 8 | std::to_integer<std::uint64_t>(packet_[at_ + i]);
+    at_ += bytes;
+    return value;
+  }
+
+  std::span<const std::byte> packet_;
+  const char* type_;
+  std::uint64_t at_ = 0;
+  std::string problem_;
+};
+
+constexpr std::uint64_t kPoseBytes = 7 * 8;
+
+}  // namespace
+
+std::string check_pose_update(std::span<const std::byte> packet) {
+  Walk walk(packet, "pose_update_t", clearance_lcm::pose_update_t::getHash());
+  walk.skip(4 * 8, "its ids and stamps");
+  const std::uint64_t count = walk.count(4 + kPoseBytes, "count");
+  walk.skip(count * (4 + kPoseBytes), "poses");
+  return walk.end();
+}
+
+std::string check_named_pose_update(std::span<const std::byte> packet) {
+  Walk walk(packet, "named_pose_update_t", clearance_lcm::named_pose_update_t::getHash());
+  walk.skip(3 * 8, "its ids and stamps");
+  const std::uint64_t count = walk.count(5 + kPoseBytes, "count");
+  for (std::uint64_t i = 0; i < count && walk.good(); ++i) walk.string(kMaxNameBytes, "a name");
+  walk.skip(count * kPoseBytes, "poses");
+  return walk.end();
+}
+
+std::string check_query(std::span<const std::byte> packet) {
+  Walk walk(packet, "query_t", clearance_lcm::query_t::getHash());
+  walk.skip(3 * 8 + 3 * 8 + 2 * 8 + 4 + 5, "its parameters");
+  walk.skip(8 * walk.count(8, "pair_count"), "pairs");
+  const std::uint64_t bodies = walk.count(4, "body_count");
+  walk.skip(4 * bodies, "bodies");
+  const std::uint64_t configurations = walk.count(bodies * kPoseBytes, "configuration_count");
+  // Without bodies a configuration has no bytes that could be counted, and makes no sense.
+  if (bodies == 0 && configurations > 0) walk.fail("configurations without bodies");
+  walk.skip(configurations * bodies * kPoseBytes, "configurations");
+  return walk.end();
+}
+
+std::string check_frame(std::span<const std::byte> packet) {
+  Walk walk(packet, "frame_t", clearance_lcm::frame_t::getHash());
+  walk.skip(5 * 8 + 2 * 4, "its ids and sizes");
+  walk.skip(walk.count(1, "byte_count"), "bytes");
+  return walk.end();
+}
+
+}  // namespace clearance

@@ -1,0 +1,47 @@
+// Whether a packet really holds a message of a type: looked at before the generated decode() sees it.
+//
+// Generated code believes the counts in a packet: 37 bytes can make it ask for gigabytes. Here every count is compared
+// with the bytes that came, strings must end where they say, and nothing may be left over.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+
+#include "clearance_lcm/frame_t.hpp"
+#include "clearance_lcm/named_pose_update_t.hpp"
+#include "clearance_lcm/pose_update_t.hpp"
+#include "clearance_lcm/query_t.hpp"
+
+namespace clearance {
+
+/// Each returns what is wrong with the packet, or an empty text.
+std::string check_pose_update(std::span<const std::byte> packet);
+std::string check_named_pose_update(std::span<const std::byte> packet);
+std::string check_query(std::span<const std::byte> packet);
+std::string check_frame(std::span<const std::byte> packet);
+
+inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::pose_update_t&) {
+  return check_pose_update(packet);
+}
+inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::named_pose_update_t&) {
+  return check_named_pose_update(packet);
+}
+inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::query_t&) {
+  return check_query(packet);
+}
+inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::frame_t&) {
+  return check_frame(packet);
+}
+
+/// Checks, then decodes. Returns what is wrong, or an empty text; throws only std::bad_alloc.
+template <class Message>
+std::string decode_checked(std::span<const std::byte> packet, Message& message) {
+  std::string problem = check_packet(packet, message);
+  if (problem.empty() && message.decode(packet.data(), 0, static_cast<int>(packet.size())) < 0) {
+    problem = std::string(Message::getTypeName()) + ": cannot be decoded";
+  }
+  return problem;
+}
+
+}  // namespace clearance

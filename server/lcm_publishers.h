@@ -1,0 +1,74 @@
+// Who publishes poses over LCM: order, losses and quarrels.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "engine/engine.h"
+
+namespace clearance {
+
+/// Follows the sequence numbers of each publisher on each channel. UDP loses and (on real networks) reorders: the newest
+/// message wins, an older one is left out, and what is missing is counted.
+class PublisherLog {
+ public:
+  using Clock = std::chrono::steady_clock;
+  /// Publishers remembered; past that the one silent for longest is forgotten.
+  static constexpr std::size_t kMaxPublishers = 256;
+  /// A publisher that was silent for so long, or went so far back, has begun to count anew.
+  static constexpr std::chrono::seconds kSilence{2};
+  static constexpr std::int64_t kRestartStep = 1000;
+
+  enum class Verdict { kNew, kNext, kGap, kRestart, kRepeated, kOld };
+  struct Note {
+    Verdict verdict = Verdict::kNew;
+    std::uint64_t missing = 0;  ///< kGap: messages between the last and this one
+    bool use() const { return verdict != Verdict::kRepeated && verdict != Verdict::kOld; }
+  };
+
+  Note note(int channel, std::int64_t publisher, std::int64_t sequence, Clock::time_point now);
+  std::size_t size() const { return publishers_.size(); }
+
+ private:
+  struct Key {
+    std::int64_t publisher;
+    int channel;
+    bool operator==(const Key&) const = default;
+  };
+  struct Hash {
+    std::size_t operator()(const Key& key) const {
+      return std::hash<std::int64_t>()(key.publisher) * 31 + static_cast<std::size_t>(key.channel);
+    }
+  };
+  struct Publisher {
+    std::int64_t sequence = 0;
+    Clock::time_point last;
+  };
+  std::unordered_map<Key, Publisher, Hash> publishers_;
+};
+
+/// Notices two publishers that move the same body in turns. One that takes over from another (a restart) is no quarrel.
+class OwnerLog {
+ public:
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::seconds kWindow{5};
+
+  explicit OwnerLog(std::size_t bodies) : owners_(bodies) {}
+
+  /// Returns the bodies of this update that an earlier publisher had taken from this one within the window.
+  std::vector<std::uint32_t> note(std::int64_t publisher, std::span<const BodyPose> poses, Clock::time_point now);
+
+ private:
+  struct Owner {
+    std::int64_t now = 0, before = 0;
+    Clock::time_point before_last;  ///< when `before` last wrote
+    Clock::time_point last;
+  };
+  std::vector<Owner> owners_;  // by body id
+};
+
+}  // namespace clearance

@@ -1,0 +1,50 @@
+// Between the frames that the daemon's loop speaks (client/protocol.h) and the typed LCM messages (lcmtypes/).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "clearance_lcm/distances_t.hpp"
+#include "clearance_lcm/query_t.hpp"
+#include "clearance_lcm/reply_t.hpp"
+#include "clearance_lcm/scene_t.hpp"
+#include "clearance_lcm/status_t.hpp"
+#include "client/lcm_frames.h"
+#include "client/wire.h"
+
+namespace clearance {
+
+/// A kQuery frame from a message: fields left at 0 get their defaults. Values are checked where the frame is.
+std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query);
+
+/// The kQuery frame behind distances_t: each body's nearest other body, at the current poses.
+std::vector<std::byte> nearest_query_frame();
+
+/// A kReply or kError frame, cut into reply_t messages of at most kLcmMessageBytes.
+class ReplyParts {
+ public:
+  /// Takes a whole frame. One that is neither, or damaged, becomes an error reply of its own (kInternal).
+  ReplyParts(FrameBytes frame, std::int64_t server_id, std::int64_t sequence, std::int64_t client_id);
+  std::uint64_t size() const { return parts_; }
+  clearance_lcm::reply_t operator[](std::uint64_t part) const;
+
+ private:
+  FrameBytes frame_;
+  clearance_lcm::reply_t common_{};  // what every part says
+  wire::ReplyHeader header_;
+  const std::byte* columns_ = nullptr;
+  std::uint64_t rows_per_part_ = 1;
+  std::uint64_t parts_ = 1;
+};
+
+/// Each throws wire::WireError for a frame of another type or a damaged one. server_id and sequence are filled in.
+std::vector<clearance_lcm::scene_t> scene_messages(std::span<const std::byte> scene_frame, std::int64_t server_id);
+std::vector<clearance_lcm::distances_t> distances_messages(std::span<const std::byte> reply_frame,
+                                                           std::int64_t server_id, std::int64_t sequence);
+/// Counters that no longer fit one message are left out.
+clearance_lcm::status_t status_message(std::span<const std::byte> stats_frame, std::int64_t server_id);
+
+}  // namespace clearance
