@@ -1,10 +1,10 @@
 #include "scene_frame.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstring>
 
 #include "client/wire.h"
+#include "engine/pose_store.h"
 
 namespace clearance {
 namespace {
@@ -77,11 +77,6 @@ std::vector<std::byte> states_payload(const Engine& engine) {
     append(payload, record);
   }
   return payload;
-}
-
-std::int64_t monotonic_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-      .count();
 }
 
 }  // namespace clearance

@@ -13,7 +13,4 @@ std::vector<std::byte> scene_payload(const Engine& engine);
 /// Payload of kBodyStates.
 std::vector<std::byte> states_payload(const Engine& engine);
 
-/// The daemon's monotonic clock, as in BodyState::receipt_ns.
-std::int64_t monotonic_ns();
-
 }  // namespace clearance
