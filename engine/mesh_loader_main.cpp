@@ -8,6 +8,7 @@
 #include <assimp/scene.h>
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -15,6 +16,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <assimp/DefaultLogger.hpp>
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
@@ -24,14 +26,17 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <initializer_list>
 #include <map>
 #include <new>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "dedupe.h"
 #include "mesh_format.h"
+#include "mesh_precheck.h"
 #include "shapes.h"
 
 namespace clearance {
@@ -52,7 +57,8 @@ std::string lower(std::string text) {
 // Opens plain files inside one folder, for reading, and nothing else.
 class FolderOnly final : public Assimp::DefaultIOSystem {
  public:
-  explicit FolderOnly(const fs::path& folder) : folder_(fs::canonical(folder)) {}
+  /// The folder that `file` is named in and, if it is a link, the one that it leads to.
+  explicit FolderOnly(const fs::path& file) : folders_{fs::canonical(file.parent_path()), fs::canonical(file).parent_path()} {}
 
   bool Exists(const char* file) const override { return permitted(file); }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
@@ -65,9 +71,11 @@ class FolderOnly final : public Assimp::DefaultIOSystem {
  private:
   bool permitted(const char* file) const {
     std::error_code error;
-    const fs::path real = fs::weakly_canonical(file, error);
-    const auto [end, rest] = std::mismatch(folder_.begin(), folder_.end(), real.begin(), real.end());
-    if (error || end != folder_.end()) {
+    const fs::path real = fs::weakly_canonical(fs::absolute(file), error);
+    const bool inside = !error && std::any_of(folders_.begin(), folders_.end(), [&](const fs::path& folder) {
+      return std::mismatch(folder.begin(), folder.end(), real.begin(), real.end()).first == folder.end();
+    });
+    if (!inside) {
       if (refused_.empty()) refused_ = file;
       return false;
     }
@@ -75,22 +83,29 @@ class FolderOnly final : public Assimp::DefaultIOSystem {
     return ::stat(real.c_str(), &info) == 0 && S_ISREG(info.st_mode);
   }
 
-  fs::path folder_;
+  std::array<fs::path, 2> folders_;
   mutable std::string refused_;
 };
 
-// assimp logs as errors some things that leave a mesh with wrong geometry, and then calls the load a success.
-class ErrorLog final : public Assimp::LogStream {
+// assimp logs some things that leave a mesh with wrong geometry, and then calls the load a success. Others that it logs,
+// such as a missing material, do no harm.
+class GeometryLog final : public Assimp::LogStream {
  public:
   void write(const char* message) override {
     const std::string text = lower(message);
-    const bool harmless = text.find("material") != std::string::npos || text.find("texture") != std::string::npos;
-    if (!harmless && first_.empty()) first_ = message;
+    const auto speaks_of = [&](std::initializer_list<const char*> words) {
+      return std::any_of(words.begin(), words.end(), [&](const char* w) { return text.find(w) != std::string::npos; });
+    };
+    if (!first_.empty() || speaks_of({"material", "texture", "normal", "uv", "color", "joint", "bone", "camera", "light"})) return;
+    if (speaks_of({"out of range", "invalid face", "invalid index", "zero indices", "incorrect", "unable to find geometry",
+                   "unable to resolve reference"}))
+      first_ = message;
   }
-  /// The first error that was logged; empty if there was none.
+  /// The first of them; empty if there was none.
   std::string first() const {
     std::string text = first_.substr(0, first_.find('\n'));
-    if (const std::size_t at = text.find(": "); at != std::string::npos && text.compare(0, 5, "Error") == 0) text.erase(0, at + 2);
+    for (const char* level : {"Error,", "Warn, "})  // "Error, T0: ..."
+      if (text.compare(0, 6, level) == 0) text.erase(0, std::min(text.size(), text.find(": ") + 2));
     return text;
   }
 
@@ -258,22 +273,51 @@ void keep_importers_of(Assimp::Importer* importer, const std::string& extension)
   }
 }
 
+// The layout of the file, looked at through a mapping that is gone before assimp reads it.
+void precheck(const fs::path& path, const std::string& extension) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  struct stat info {};
+  if (fd < 0 || ::fstat(fd, &info) != 0) throw LoadError(std::generic_category().message(errno));
+  const auto size = static_cast<std::size_t>(info.st_size);
+  void* content = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, fd, 0);
+  ::close(fd);
+  if (content == MAP_FAILED) throw std::bad_alloc();
+  const std::string wrong = mesh_precheck(extension, {static_cast<const char*>(content), size});
+  ::munmap(content, size);
+  if (!wrong.empty()) throw LoadError(wrong);
+}
+
+// What assimp says about a file that it cannot read, in fewer words.
+std::string plainly(const std::string& text) {
+  constexpr const char* kNoNumber = "Cannot parse string \"";
+  if (text.compare(0, 24, "No suitable reader found") == 0) return "not a file of this format";
+  if (text.compare(0, std::strlen(kNoNumber), kNoNumber) == 0) {
+    const std::string rest = text.substr(std::strlen(kNoNumber));
+    const std::string word = rest.substr(0, rest.find_first_of(" \t\r\n\""));
+    return word.empty() ? "expected a number where the file ends or a line is short" : "expected a number, got \"" + word.substr(0, 40) + '"';
+  }
+  return text.empty() ? "not a file of this format" : text.substr(0, 300);
+}
+
 void load(Result* result, const fs::path& path, std::uint64_t memory_bytes) {
+  const std::string extension = lower(path.extension().string().substr(1));
+  precheck(path, extension);
   Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0);
-  auto* log = new ErrorLog;  // the logger owns it
-  Assimp::DefaultLogger::get()->attachStream(log, Assimp::Logger::Err);
+  auto* log = new GeometryLog;  // the logger owns it
+  Assimp::DefaultLogger::get()->attachStream(log, Assimp::Logger::Err | Assimp::Logger::Warn);
   Assimp::Importer importer;
-  auto* files = new FolderOnly(path.parent_path().empty() ? "." : path.parent_path());  // the importer owns it
+  auto* files = new FolderOnly(path);  // the importer owns it
   importer.SetIOHandler(files);
-  keep_importers_of(&importer, lower(path.extension().string().substr(1)));
+  keep_importers_of(&importer, extension);
   // Robot meshes are drawn in the link's frame, whatever up_axis their DAE names.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
+  importer.SetPropertyBool(AI_CONFIG_IMPORT_NO_SKELETON_MESHES, true);  // made up by assimp where a file has no mesh
   const aiScene* scene = importer.ReadFile(path.string(), 0);
-  const std::string refused = files->refused().empty() ? "" : "it names \"" + files->refused() + "\", which lies outside its folder";
   if (!scene) {
     const std::string text = importer.GetErrorString();
     if (text.find("bad_alloc") != std::string::npos || text.find("bad allocation") != std::string::npos) throw std::bad_alloc();
-    throw LoadError(!refused.empty() ? refused : text.empty() ? "not a mesh file of this format" : text);
+    if (!files->refused().empty()) throw LoadError("it names \"" + files->refused() + "\", which lies outside its folder");
+    throw LoadError(plainly(text));
   }
   if (!log->first().empty()) throw LoadError(log->first());
   if (!scene->mRootNode || scene->mNumMeshes == 0) throw LoadError("it holds no mesh");
@@ -305,7 +349,7 @@ int run(int argc, char** argv) {
   limit(RLIMIT_CORE, 0);
   Result result;
   try {
-    load(&result, argv[1], memory_bytes);
+    load(&result, fs::absolute(argv[1]), memory_bytes);
   } catch (const std::bad_alloc&) {
     result.fail(MeshState::kOutOfMemory, "reading it takes more than " + std::to_string(memory_bytes >> 20) +
                                              " MiB of memory; is the file damaged?");
@@ -318,5 +362,12 @@ int run(int argc, char** argv) {
 }  // namespace
 
 }  // namespace clearance
+
+#if defined(__SANITIZE_ADDRESS__)
+// Crashes are told to the parent by their signal, as without the sanitizer, and memory is bounded in its own way.
+extern "C" const char* __asan_default_options() {
+  return "handle_segv=0:handle_abort=0:handle_sigbus=0:handle_sigfpe=0:hard_rss_limit_mb=4096:detect_leaks=0";
+}
+#endif
 
 int main(int argc, char** argv) { return clearance::run(argc, argv); }

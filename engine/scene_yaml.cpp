@@ -280,7 +280,7 @@ class SceneReader {
       const auto [end, rest] = std::mismatch(home.begin(), home.end(), real.begin(), real.end());
       if (error || end != home.end()) outside("leaves the scene's folder through a symbolic link");
     }
-    return real.string();
+    return fs::absolute(path).lexically_normal().string();  // by the name it was given, which says its format
   }
 
   std::size_t plan(const std::string& key, const YamlValue& place, std::function<Geometry()> build) {

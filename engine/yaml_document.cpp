@@ -22,7 +22,7 @@ namespace {
 
 // What a scene file may hold. A million points as text fit; a file made to exhaust memory does not.
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{64} << 20;
-constexpr std::size_t kMaxValues = 5'000'000;
+constexpr std::size_t kMaxValues = 2'500'000;
 constexpr std::size_t kMaxDepth = 32;
 // Values read through aliases as well, over the whole file: "points: *p" in each of a thousand bodies reads p a thousand times.
 constexpr std::uint64_t kMaxReads = 20'000'000;

@@ -299,10 +299,10 @@ TEST(SceneFile, FilesMadeToExhaustAreRefusedSoon) {
   EXPECT_EQ(error("bodies: " + std::string(200000, '[')), ":1: nested deeper than 32 levels");
   EXPECT_EQ(error("bodies: [" + [] {
               std::string s;
-              for (int i = 0; i < 5'100'000; ++i) s += "a,";
+              for (int i = 0; i < 2'550'000; ++i) s += "a,";
               return s;
             }() + "]"),
-            ":1: more than 5000000 values in one scene file");
+            ":1: more than 2500000 values in one scene file");
 }
 
 }  // namespace

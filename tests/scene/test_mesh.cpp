@@ -1,0 +1,418 @@
+// Mesh files of every format, what comes out of them, and what is said of those that are damaged.
+#include "engine/mesh.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <functional>
+#include <set>
+
+#include "error_text.h"
+#include "mesh_files.h"
+#include "temporary_folder.h"
+
+namespace clearance {
+namespace {
+
+using namespace mesh_files;
+
+struct Format {
+  const char* file;
+  std::function<std::string(const Source&)> write;
+};
+
+const std::vector<Format>& formats() {
+  static const std::vector<Format> all = {
+      {"a.obj", [](const Source& m) { return obj(m); }},
+      {"a.off", [](const Source& m) { return off(m); }},
+      {"text.stl", [](const Source& m) { return stl_text(m); }},
+      {"binary.stl", [](const Source& m) { return stl_binary(m); }},
+      {"text.ply", [](const Source& m) { return ply(m, Ply::kText); }},
+      {"little.ply", [](const Source& m) { return ply(m, Ply::kLittle); }},
+      {"big.PLY", [](const Source& m) { return ply(m, Ply::kBig); }},
+      {"a.dae", [](const Source& m) { return dae(m); }},
+      {"a.gltf", [](const Source& m) { return gltf(m); }},
+      {"a.glb", [](const Source& m) { return glb(m); }},
+  };
+  return all;
+}
+
+using Point = std::array<double, 3>;
+using Face = std::array<Point, 3>;  // its corners in cyclic order, the least first
+
+Point point(const Vec3d& v) { return {v.x, v.y, v.z}; }
+
+std::set<Point> points_of(const std::vector<Vec3d>& vertices) {
+  std::set<Point> out;
+  for (const Vec3d& v : vertices) out.insert(point(v));
+  return out;
+}
+
+std::set<Face> faces_of(const std::vector<Vec3d>& vertices, const std::vector<Triangle>& triangles) {
+  std::set<Face> out;
+  for (const Triangle& t : triangles) {
+    Face f = {point(vertices[t[0]]), point(vertices[t[1]]), point(vertices[t[2]])};
+    std::rotate(f.begin(), std::min_element(f.begin(), f.end()), f.end());
+    out.insert(f);
+  }
+  return out;
+}
+
+// Each point of one set has one within `tolerance` in the other.
+void expect_near(const std::vector<Vec3d>& got, const std::vector<Vec3d>& wanted, double tolerance) {
+  const auto covered = [&](const std::vector<Vec3d>& a, const std::vector<Vec3d>& b) {
+    for (const Vec3d& u : a) {
+      double nearest = HUGE_VAL;
+      for (const Vec3d& v : b) nearest = std::min(nearest, norm(u - v));
+      EXPECT_LE(nearest, tolerance) << u.x << " " << u.y << " " << u.z;
+    }
+  };
+  covered(got, wanted);
+  covered(wanted, got);
+}
+
+TEST(Mesh, NoVertexAndNoFaceIsLostInAnyFormat) {
+  const TemporaryFolder folder;
+  const Source source = ball();
+  ASSERT_EQ(source.vertices.size(), 42u);
+  for (const Format& format : formats()) {
+    SCOPED_TRACE(format.file);
+    const Mesh mesh = load_mesh(folder.write(format.file, format.write(source)));
+    ASSERT_EQ(mesh.submeshes.size(), 1u);
+    EXPECT_TRUE(points_of(mesh.submeshes[0].vertices) == points_of(source.vertices));  // bit for bit
+    EXPECT_EQ(mesh.submeshes[0].vertices.size(), source.vertices.size());
+    EXPECT_TRUE(faces_of(mesh.submeshes[0].vertices, mesh.submeshes[0].triangles) == faces_of(source.vertices, source.triangles));
+    EXPECT_GE(mesh.submeshes[0].loaded_vertices, source.vertices.size());
+  }
+}
+
+TEST(Mesh, CoordinatesComeAsFloat32) {
+  const TemporaryFolder folder;
+  Source source = tetrahedron();
+  source.vertices[1].x = 1.0 / 3;
+  const Mesh mesh = load_mesh(folder.write("a.obj", "v 0 0 0\nv 0.33333333333333333 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"));
+  EXPECT_EQ(points_of(mesh.submeshes[0].vertices).count({double(1.0f / 3), 0, 0}), 1u);
+}
+
+TEST(Mesh, PositionsThatNoFaceUsesAreKeptWhereTheLibraryHandsThemOut) {
+  const TemporaryFolder folder;
+  Source source = tetrahedron();
+  source.vertices.push_back({7, 7, 7});
+  for (const char* file : {"a.off", "text.ply", "little.ply"}) {
+    const auto format = std::find_if(formats().begin(), formats().end(), [&](const Format& f) { return std::string(f.file) == file; });
+    const Mesh mesh = load_mesh(folder.write(file, format->write(source)));
+    EXPECT_EQ(points_of(mesh.submeshes[0].vertices), points_of(source.vertices)) << file;
+  }
+}
+
+TEST(Mesh, PolygonsBecomeTriangles) {
+  const TemporaryFolder folder;
+  const Mesh mesh = load_mesh(folder.write("a.obj", "v 0 0 0\nv 2 0 0\nv 3 1 0\nv 1 3 0\nv 0 2 0\nf 1 2 3 4 5\n"));
+  EXPECT_EQ(mesh.submeshes[0].vertices.size(), 5u);
+  EXPECT_EQ(mesh.submeshes[0].triangles.size(), 3u);
+}
+
+TEST(Mesh, TransformsOfGltfNodesAreApplied) {
+  const TemporaryFolder folder;
+  const Source source = tetrahedron();
+  // The mesh at the root, moved by 10 in x; under it once more, turned by 90 degrees about z and doubled; and mirrored.
+  const Mesh mesh = load_mesh(folder.write("a.gltf", gltf(source, R"([
+      {"mesh": 0, "translation": [10, 0, 0], "children": [1, 2]},
+      {"mesh": 0, "rotation": [0, 0, 0.70710678118654752, 0.70710678118654752], "scale": [2, 2, 2]},
+      {"mesh": 0, "matrix": [-1, 0, 0, 0,  0, 1, 0, 0,  0, 0, 1, 0,  0, 0, 5, 1]}])")));
+  ASSERT_EQ(mesh.submeshes.size(), 3u);
+  expect_near(mesh.submeshes[0].vertices, {{10, 0, 0}, {11, 0, 0}, {10, 1, 0}, {10, 0, 1}}, 1e-6);
+  expect_near(mesh.submeshes[1].vertices, {{10, 0, 0}, {10, 2, 0}, {8, 0, 0}, {10, 0, 2}}, 1e-6);
+  expect_near(mesh.submeshes[2].vertices, {{10, 0, 5}, {9, 0, 5}, {10, 1, 5}, {10, 0, 6}}, 1e-6);
+  for (const Submesh& submesh : mesh.submeshes) {  // outward after mirroring as well
+    double volume = 0;
+    const Vec3d origin = submesh.vertices[0];
+    for (const Triangle& t : submesh.triangles)
+      volume += dot(submesh.vertices[t[0]] - origin, cross(submesh.vertices[t[1]] - origin, submesh.vertices[t[2]] - origin));
+    EXPECT_GT(volume, 0);
+  }
+}
+
+TEST(Mesh, TransformsAndUnitOfDaeAreAppliedAndItsUpAxisIsNot) {
+  const TemporaryFolder folder;
+  const Source source = tetrahedron();
+  const std::vector<Vec3d> wanted = {{0.010, 0, 0.005}, {0.010, 0.003, 0.005}, {0.009, 0, 0.005}, {0.010, 0, 0.007}};
+  for (const char* up : {"X_UP", "Y_UP", "Z_UP"}) {
+    DaeOptions options;
+    options.up = up;
+    options.unit = "0.001";
+    options.scene = "<node id=\"a\"><translate>10 0 5</translate><node id=\"b\"><rotate>0 0 1 90</rotate><scale>3 1 2</scale>"
+                    "<instance_geometry url=\"#g\"/></node></node>";
+    const Mesh mesh = load_mesh(folder.write("a.dae", dae(source, options)));
+    ASSERT_EQ(mesh.submeshes.size(), 1u);
+    expect_near(mesh.submeshes[0].vertices, wanted, 1e-8);
+  }
+}
+
+TEST(Mesh, SeveralObjectsAreSeveralSubmeshes) {
+  const TemporaryFolder folder;
+  const Source source = tetrahedron();
+  EXPECT_EQ(load_mesh(folder.write("two.stl", stl_text(source) + stl_text(ball()))).submeshes.size(), 2u);
+  EXPECT_EQ(load_mesh(folder.write("two.obj", obj(source) + "o other\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf 5 6 7\n")).submeshes.size(), 2u);
+}
+
+TEST(Mesh, OtherFilesAreOpenedOnlyInTheFolder) {
+  const TemporaryFolder folder;
+  const Source source = tetrahedron();
+  folder.write("inner/data.bin", gltf_buffer(source));
+  folder.write("inner/deeper/data.bin", gltf_buffer(source));
+  folder.write("outside.bin", gltf_buffer(source));
+  std::filesystem::create_symlink(folder / "outside.bin", folder / "inner/link.bin");
+  const auto error = [&](const std::string& uri) {
+    const std::string file = folder.write("inner/a.gltf", gltf_json(source, uri));
+    return error_text<MeshError>([&] { load_mesh(file); });
+  };
+  EXPECT_EQ(error("data.bin"), "");
+  EXPECT_EQ(error("deeper/data.bin"), "");
+  EXPECT_EQ(error("../outside.bin"), "it names \"" + (folder / "inner/../outside.bin") + "\", which lies outside its folder");
+  EXPECT_EQ(error("link.bin"), "it names \"" + (folder / "inner/link.bin") + "\", which lies outside its folder");
+  EXPECT_EQ(error("none.bin"), "GLTF: could not open referenced file \"none.bin\"");
+  // A material does not matter to the shape: refused, and the mesh is read without it.
+  EXPECT_EQ(load_mesh(folder.write("inner/a.obj", "mtllib ../../../../etc/passwd\nusemtl x\n" + obj(source))).submeshes.size(), 1u);
+  // A file that is a link may name what lies beside its target.
+  folder.write("elsewhere/data2.bin", gltf_buffer(source));
+  folder.write("elsewhere/b.gltf", gltf_json(source, "data2.bin"));
+  std::filesystem::create_symlink(folder / "elsewhere/b.gltf", folder / "inner/c.gltf");
+  std::filesystem::create_symlink(folder / "elsewhere/data2.bin", folder / "inner/data2.bin");
+  EXPECT_EQ(load_mesh(folder / "inner/c.gltf").submeshes.size(), 1u);
+}
+
+std::string without_end(std::string text, std::size_t n) { return text.substr(0, text.size() - n); }
+
+std::string replaced(std::string text, const std::string& what, const std::string& with) {
+  const std::size_t at = text.find(what);
+  EXPECT_NE(at, std::string::npos) << what;
+  return at == std::string::npos ? text : text.replace(at, what.size(), with);
+}
+
+struct BadMesh {
+  const char* file;
+  std::string content;
+  const char* error;
+};
+
+std::vector<BadMesh> bad_meshes() {
+  const Source good = tetrahedron();
+  Source nan = good, past = good, inf = good;
+  nan.vertices[1].x = NAN;
+  inf.vertices[2].y = INFINITY;
+  past.triangles[3] = {0, 99, 2};
+  const DaeOptions none;
+  const auto dae_with = [&](auto change) {
+    DaeOptions options;
+    change(options);
+    return dae(good, options);
+  };
+  const char* too_much_memory = "reading it takes more than 4096 MiB of memory; is the file damaged?";
+  return {
+      // What concerns every format.
+      {"a.xyz", "1 2 3", "unknown format \".xyz\"; expected .obj, .stl, .ply, .off, .dae, .gltf or .glb"},
+      {"a", "1 2 3", "unknown format \"\"; expected .obj, .stl, .ply, .off, .dae, .gltf or .glb"},
+      {"empty.obj", "", "the file is empty"},
+      {"empty.stl", "", "the file is empty"},
+      {"empty.ply", "", "the file is empty"},
+      {"empty.off", "", "the file is empty"},
+      {"empty.dae", "", "the file is empty"},
+      {"empty.gltf", "", "the file is empty"},
+      {"empty.glb", "", "the file is empty"},
+      // OBJ
+      {"nan.obj", obj(nan), "vertex 2 of mesh \"thing\" is not finite: (nan, 0, 0)"},
+      {"inf.obj", obj(inf), "vertex 1 of mesh \"thing\" is not finite: (0, inf, 0)"},
+      {"too_big.obj", replaced(obj(good), "v 1 0", "v 1e60 0"), "vertex 2 of mesh \"thing\" is not finite: (inf, 0, 0)"},
+      {"past.obj", obj(past), "OBJ: vertex index out of range"},
+      {"zero.obj", replaced(obj(good), "f 1 3 2", "f 0 3 2"), "OBJ: Invalid face index."},
+      {"before.obj", replaced(obj(good), "f 1 3 2", "f -9 3 2"), "OBJ: vertex index out of range"},
+      {"words.obj", replaced(obj(good), "f 1 3 2", "f a b c"), "OBJ: Invalid face index."},
+      {"lines.obj", "v 0 0 0\nv 1 0 0\nl 1 2\n", "it holds points or lines only, no face with an area"},
+      {"points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "it holds points or lines only, no face with an area"},
+      {"garbled.obj", "\x7f" "ELF\x02\x01\x01 nothing of ours at all, only words and \xff\xfe\xfd bytes", "it holds no mesh"},
+      {"flat_faces.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 1 2\nf 2 2 2\n", "it holds points or lines only, no face with an area"},
+      // STL
+      {"cut.stl", without_end(stl_binary(good), 30), "its header promises 4 facets (284 bytes), the file has 254 bytes"},
+      {"long.stl", stl_binary(good) + "more", "its header promises 4 facets (284 bytes), the file has 288 bytes"},
+      {"huge.stl", stl_binary(good, 4000000000u), "its header promises 4000000000 facets (200000000084 bytes), the file has 284 bytes"},
+      {"short.stl", std::string(50, '\0'), "the file has 50 bytes, less than the header of a binary STL file"},
+      {"none.stl", std::string(84, '\0'), "STL: file is empty. There are no facets defined"},
+      {"nan.stl", stl_binary(nan), "vertex 2 of mesh 0 is not finite: (nan, 0, 0)"},
+      {"inf_text.stl", stl_text(inf), "vertex 1 of mesh \"thing\" is not finite: (0, inf, 0)"},
+      {"cut_text.stl", without_end(stl_text(good), 60), "the file ends early: no \"endsolid\" at its end"},
+      {"half_text.stl", without_end(stl_text(good), 300), "the file ends early: no \"endsolid\" at its end"},
+      {"none_text.stl", "solid x\nendsolid x\n", "it holds no mesh"},
+      {"words.stl", replaced(stl_text(good), "vertex 0 1 0", "vertex a b c"), "expected a number, got \"a\""},
+      // PLY
+      {"header.ply", ply(good, Ply::kText).substr(0, 60), "the file ends within its header: no \"end_header\""},
+      {"cut.ply", without_end(ply(good, Ply::kText), 20), "the file ends within face 1 of the 4 that its header promises"},
+      {"cut_vertices.ply", without_end(ply(good, Ply::kText), 40), "the file ends within vertex 2 of the 4 that its header promises"},
+      {"cut_binary.ply", without_end(ply(good, Ply::kLittle), 20), "the file ends within face 2 of the 4 that its header promises"},
+      {"cut_big.ply", without_end(ply(good, Ply::kBig), 60), "the file ends within vertex 3 of the 4 that its header promises"},
+      {"huge.ply", replaced(ply(good, Ply::kLittle), "vertex 4", "vertex 4000000000"), "the file ends within vertex 8 of the 4000000000 that its header promises"},
+      {"overflow.ply", replaced(ply(good, Ply::kLittle), "vertex 4", "vertex 99999999999999999999"), "its header: element vertex: expected a count, got \"99999999999999999999\""},
+      {"negative.ply", replaced(ply(good, Ply::kText), "face 4", "face -4"), "its header: element face: expected a count, got \"-4\""},
+      {"type.ply", replaced(ply(good, Ply::kText), "property float x", "property flaot x"), "its header: a property of element vertex has no known type"},
+      {"format.ply", replaced(ply(good, Ply::kText), "ascii", "utf8"), "its header: unknown format \"utf8\"; expected ascii, binary_little_endian or binary_big_endian"},
+      {"key.ply", replaced(ply(good, Ply::kText), "comment", "remark"), "its header: unexpected \"remark\""},
+      {"magic.ply", replaced(ply(good, Ply::kText), "ply", "PLX"), "not a PLY file: it does not begin with \"ply\""},
+      {"garbled.ply", replaced(ply(good, Ply::kText), "3 0 2 1", "x y z w"), "face 0: expected the length of a list, got \"x\""},
+      {"nan.ply", ply(nan, Ply::kLittle), "vertex 1 of mesh 0 is not finite: (nan, 0, 0)"},
+      {"inf.ply", ply(inf, Ply::kText), "vertex 2 of mesh 0 is not finite: (0, inf, 0)"},
+      {"past.ply", ply(past, Ply::kLittle), "face 3 of mesh 0 points at vertex 99, past the end of 4 vertices"},
+      {"past_text.ply", ply(past, Ply::kText), "face 3 of mesh 0 points at vertex 99, past the end of 4 vertices"},
+      {"points.ply", ply({good.vertices, {}}, Ply::kText), "it holds points or lines only, no face with an area"},
+      // OFF
+      {"cut.off", off(good).substr(0, 20), "expected a number where the file ends or a line is short"},
+      {"cut_faces.off", without_end(off(good), 8), "OFF: The number of faces in the header is incorrect"},
+      {"past.off", off(past), "OFF: Vertex index is out of range"},
+      {"nan.off", off(nan), "vertex 1 of mesh 0 is not finite: (nan, 0, 0)"},
+      {"words.off", replaced(off(good), "1 0 0", "x 0 0"), "expected a number, got \"x\""},
+      {"none.off", "OFF\n4 0 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n", "OFF: There are no valid faces"},
+      {"magic.off", replaced(off(good), "OFF", "FOO"), "OFF: Header is invalid"},
+      {"huge.off", replaced(off(good), "4 4 0", "4000000000 4 0"), too_much_memory},
+      // DAE
+      {"cut.dae", dae(good).substr(0, 700), "Unable to read file, malformed XML"},
+      {"text.dae", "no xml at all", "Unable to read file, malformed XML"},
+      {"nan.dae", dae_with([](auto& o) { o.positions = "nan 0 0 1 0 0 0 1 0 0 0 1"; }), "vertex 0 of mesh \"g\" is not finite: (nan, 0, 0)"},
+      {"few.dae", dae_with([](auto& o) { o.positions = "0 0 0 1 0 0"; }), "Expected more values while reading float_array contents."},
+      {"words.dae", dae_with([](auto& o) { o.positions = "a b c 1 0 0 0 1 0 0 0 1"; }), "expected a number, got \"a\""},
+      {"entity.dae", replaced(dae_with([](auto& o) { o.positions = "&e; 0 0 1 0 0 0 1 0 0 0 1"; }), "<COLLADA",
+                              "<!DOCTYPE x [<!ENTITY e SYSTEM \"file:///etc/passwd\">]><COLLADA"), "expected a number, got \"&e;\""},
+      {"past.dae", dae(past), "Invalid data index (99/4) in primitive specification"},
+      {"few_indices.dae", dae_with([](auto& o) { o.indices = "0 2 1 0 1"; }), "Expected different index count in <p> element."},
+      {"huge.dae", replaced(dae(good), "<float_array id=\"pa\" count=\"12\"", "<float_array id=\"pa\" count=\"3000000000\""), too_much_memory},
+      {"nothing.dae", dae_with([](auto& o) { o.scene = "<node id=\"n\"/>"; }), "it holds no mesh"},
+      {"who.dae", dae_with([](auto& o) { o.scene = "<node id=\"n\"><instance_geometry url=\"#who\"/></node>"; }),
+       "Collada: Unable to find geometry for ID \"who\". Skipping."},
+      {"nan_node.dae", dae_with([](auto& o) { o.scene = "<node id=\"n\"><translate>nan 0 0</translate><instance_geometry url=\"#g\"/></node>"; }),
+       "the transform of a node is not finite"},
+      {"itself.dae", dae_with([](auto& o) { o.scene = "<node id=\"n\"><instance_node url=\"#n\"/></node>"; }),
+       "the mesh library crashed on it (Segmentation fault); is the file damaged?"},
+      // glTF and GLB
+      {"cut.gltf", gltf(good).substr(0, 300), "not a file of this format"},
+      {"nan.gltf", gltf(nan), "vertex 1 of mesh \"meshes[0]\" is not finite: (nan, 0, 0)"},
+      {"no_mesh.gltf", replaced(gltf(good, "[{}]"), "\"meshes\": [{\"primitives\": [{\"attributes\": {\"POSITION\": 0}, \"indices\": 1}]}], ", ""), "it holds no mesh"},
+      {"which.gltf", gltf(good, "[{\"mesh\": 7}]"), "GLTF: Array index 7 is out of bounds (1) for \"meshes\""},
+      {"circle.gltf", gltf(good, "[{\"mesh\": 0, \"children\": [0]}]"), "GLTF: Object at index 0 in array \"nodes\" has recursive reference to itself"},
+      {"large_node.gltf", gltf(good, "[{\"mesh\": 0, \"scale\": [1e39, 1, 1]}]"), "the transform of a node is not finite"},
+      {"count.gltf", gltf_json(good, "data:application/octet-stream;base64," + base64(gltf_buffer(good)), "[{\"mesh\": 0}]", 4000000000u),
+       "GLTF: Accessor with offset/length (0/16000000000) is out of range."},
+      {"lines.gltf", replaced(gltf(good), "\"indices\": 1", "\"indices\": 1, \"mode\": 1"), "it holds points or lines only, no face with an area"},
+      {"cut.glb", without_end(glb(good), 30), "its header promises "},
+      {"stub.glb", glb(good).substr(0, 10), "the file ends within its header"},
+      {"magic.glb", replaced(glb(good), "glTF", "XXXX"), "not a GLB file: it does not begin with \"glTF\""},
+      {"version.glb", glb(good).substr(0, 4) + bytes(std::uint32_t{9}) + glb(good).substr(8), "version 9 of GLB; expected 2"},
+      {"chunk.glb", glb(good).substr(0, 12) + bytes(std::uint32_t{0xfffffff0}) + glb(good).substr(16), "a chunk of 4294967280 bytes goes past the end of the file"},
+  };
+}
+
+TEST(Mesh, EveryDamagedFileIsRefusedWithItsCause) {
+  const TemporaryFolder folder;
+  int cases = 0;
+  for (const BadMesh& bad : bad_meshes()) {
+#if defined(__SANITIZE_ADDRESS__)
+    // The sanitizer ends the loader by itself where memory runs out or an allocation is absurd.
+    if (std::string(bad.error).find("MiB of memory") != std::string::npos) continue;
+#endif
+    const std::string got = error_text<MeshError>([&] { load_mesh(folder.write(bad.file, bad.content)); });
+    EXPECT_EQ(got.substr(0, std::string(bad.error).size()), bad.error) << bad.file << ": " << got;
+    ++cases;
+  }
+  EXPECT_GE(cases, 60);
+  EXPECT_EQ(load_mesh(folder.write("good.obj", obj(tetrahedron()))).submeshes.size(), 1u);  // and a good one after them
+}
+
+TEST(Mesh, ThingsThatAreNoMeshFile) {
+  const TemporaryFolder folder;
+  const auto error = [&](const std::string& path, const MeshLimits& limits = {}) {
+    return error_text<MeshError>([&] { load_mesh(path, limits); });
+  };
+  EXPECT_EQ(error(folder / "none.obj"), "No such file or directory");
+  std::filesystem::create_directory(folder / "folder.obj");
+  EXPECT_EQ(error(folder / "folder.obj"), "expected a mesh file, got a folder");
+  ASSERT_EQ(::mkfifo((folder / "pipe.obj").c_str(), 0600), 0);
+  EXPECT_EQ(error(folder / "pipe.obj"), "expected a mesh file, got a device, pipe or socket");
+  const std::string good = folder.write("good.obj", obj(tetrahedron()));
+  MeshLimits limits;
+  limits.file_bytes = 10;
+  EXPECT_EQ(error(good, limits), std::to_string(obj(tetrahedron()).size()) + " bytes; a mesh file may have at most 10");
+  if (::geteuid() != 0) {  // root may read everything
+    ::chmod(good.c_str(), 0);
+    EXPECT_EQ(error(good), "Permission denied");
+  }
+}
+
+// A loader that does what some damaged file might make it do, in place of the real one.
+class FakeLoader {
+ public:
+  FakeLoader(const TemporaryFolder& folder, const std::string& script) {
+    const std::string path = folder.write("loader", "#!/bin/sh\n" + script + "\n");
+    ::chmod(path.c_str(), 0700);
+    ::setenv("CLEARANCE_MESH_LOADER", path.c_str(), 1);
+  }
+  ~FakeLoader() { ::unsetenv("CLEARANCE_MESH_LOADER"); }
+};
+
+TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
+  const TemporaryFolder folder;
+  const std::string good = folder.write("good.obj", obj(tetrahedron()));
+  MeshLimits limits;
+  const auto error_with = [&](const std::string& script) {
+    const FakeLoader fake(folder, script);
+    return error_text<MeshError>([&] { load_mesh(good, limits); });
+  };
+  EXPECT_EQ(error_with("kill -SEGV $$"), "the mesh library crashed on it (Segmentation fault); is the file damaged?");
+  EXPECT_EQ(error_with("kill -ABRT $$"), "the mesh library crashed on it (Aborted); is the file damaged?");
+  EXPECT_EQ(error_with("kill -KILL $$"), "the mesh loader was killed while reading it (out of memory?)");
+  EXPECT_EQ(error_with("kill -XCPU $$"), "reading it took too much processor time; is the file damaged?");
+  EXPECT_EQ(error_with("exit 3"), "the mesh loader ended with code 3 and no result; is the file damaged?");
+  EXPECT_EQ(error_with("exit 0"), "the mesh loader ended with code 0 and no result; is the file damaged?");
+  EXPECT_EQ(error_with("echo nonsense that is longer than a header of 32 bytes >&3"),
+            "the mesh loader ended with code 0 and no result; is the file damaged?");
+  const std::string garbled = "the mesh loader's result is garbled; is the file damaged?";
+  // Magic, state, submeshes, bytes of the error text, bytes in all; then a submesh's vertices, triangles, loaded vertices.
+  const std::string good_state = R"(printf 'cmesh001\001\0\0\0\001\0\0\0\0\0\0\0\0\0\0\0)";
+  EXPECT_EQ(error_with(good_state + R"(\041\0\0\0\0\0\0\0' >&3)"), garbled) << "one byte promised too many";
+  EXPECT_EQ(error_with(good_state + R"(\040\0\0\0\0\0\0\0' >&3)"), garbled) << "the submesh is not there";
+  EXPECT_EQ(error_with(good_state + R"(\070\0\0\0\0\0\0\0\377\377\377\377\377\377\377\377\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0' >&3)"), garbled)
+      << "2^64 - 1 vertices";
+  const auto zeros = [](int n) {
+    std::string out;
+    while (n-- > 0) out += R"(\0)";
+    return out;
+  };
+  const std::string one_of_each = R"(\140\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0)" + zeros(24);
+  EXPECT_EQ(error_with(good_state + one_of_each + zeros(16) + "' >&3"), "") << "one vertex and one triangle: a good answer";
+  EXPECT_EQ(error_with(good_state + one_of_each + R"(\007)" + zeros(15) + "' >&3"), garbled)
+      << "a triangle past the end";
+  EXPECT_EQ(error_with(R"(printf 'cmesh001\002\0\0\0\0\0\0\0\377\377\0\0\0\0\0\0\040\0\0\0\0\0\0\0' >&3)"), garbled) << "a long error text";
+  limits.time = std::chrono::milliseconds(200);
+  EXPECT_EQ(error_with("exec sleep 1000"), "reading it took longer than 0.200 s; is the file damaged?");
+  limits = {};
+  ::setenv("CLEARANCE_MESH_LOADER", "/no/such/program", 1);
+  EXPECT_EQ(error_text<MeshError>([&] { load_mesh(good); }), "CLEARANCE_MESH_LOADER=/no/such/program is not a program");
+  ::unsetenv("CLEARANCE_MESH_LOADER");
+  EXPECT_EQ(load_mesh(good).submeshes.size(), 1u);
+}
+
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+TEST(Mesh, AFileThatNeedsMoreMemoryThanAllowedIsRefused) {
+  const TemporaryFolder folder;
+  const Shape shape = make_uv_sphere(1, 400);
+  const std::string file = folder.write("a.ply", ply({shape.vertices, shape.triangles}, Ply::kLittle));
+  MeshLimits limits;
+  limits.memory_bytes = 64 << 20;
+  EXPECT_EQ(error_text<MeshError>([&] { load_mesh(file, limits); }),
+            "reading it takes more than 64 MiB of memory; is the file damaged?");
+  EXPECT_EQ(load_mesh(file).submeshes[0].vertices.size(), shape.vertices.size());
+}
+#endif
+
+}  // namespace
+}  // namespace clearance
