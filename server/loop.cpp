@@ -492,7 +492,7 @@ std::vector<std::byte> Loop::stats_payload() const {
       static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count()));
   add("queries.waiting", waiting());
   for (const auto& [name, value] : counters_) add(name, value);
-  for (const auto& [name, value] : engine_.stats()) add("engine." + name, value);
+  for (const auto& [name, value] : engine_.stats()) add(name, value);
   return payload;
 }
 

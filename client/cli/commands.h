@@ -1,0 +1,44 @@
+// The subcommands of `clearance`: each function adds one to the program, with its options and what it does.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "client/client.h"
+#include "table.h"
+
+namespace clearance::cli {
+
+/// Where the daemon is; the options --connect and --timeout.
+struct Connection {
+  std::string url;
+  double timeout_s = 5;
+  /// Throws ConnectionError, std::invalid_argument.
+  Client open() const;
+};
+void add_connection_options(CLI::App& command, Connection& connection);
+
+/// A check without the name that it has for itself: what a number may be is said in the option's own words.
+inline CLI::Validator quiet(CLI::Validator check) {
+  return check.description("");
+}
+
+/// The options --json and --csv.
+void add_output_options(CLI::App& command, Output& output);
+
+/// A body given by name or by number.
+std::uint32_t body_of(Client& client, const std::string& text);
+/// A body, a group, or "*".
+std::uint32_t selector_of(Client& client, const std::string& text);
+std::string name_of(const SceneInfo& scene, std::uint32_t body);
+
+void add_bodies(CLI::App& app);
+void add_poses(CLI::App& app);
+void add_query(CLI::App& app);
+void add_stat(CLI::App& app);
+void add_ping(CLI::App& app);
+void add_set_pose(CLI::App& app);
+void add_attach(CLI::App& app);
+void add_bench(CLI::App& app);  // bench.cpp
+
+}  // namespace clearance::cli

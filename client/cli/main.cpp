@@ -1,0 +1,52 @@
+// clearance: asks a running clearanced from the command line.
+#include <iostream>
+
+#include "commands.h"
+
+int main(int argc, char** argv) {
+  using namespace clearance;
+  constexpr int kRefused = 1, kCommandLine = 2, kNoConnection = 3;
+
+  CLI::App app("Asks a running clearanced: which bodies there are, where they are, how far apart.", "clearance");
+  app.set_version_flag("--version", std::string("clearance ") + CLEARANCE_VERSION);
+  app.require_subcommand(1);
+  cli::add_bodies(app);
+  cli::add_poses(app);
+  cli::add_query(app);
+  cli::add_set_pose(app);
+  cli::add_attach(app);
+  cli::add_stat(app);
+  cli::add_ping(app);
+#ifdef CLEARANCE_HAVE_BENCH
+  cli::add_bench(app);
+#endif
+  // Last: a subcommand would inherit it.
+  app.footer(R"(
+Example
+  clearance query --connect ipc:///tmp/clearance.ipc --pairs arm,table --fields distance,points
+
+The daemon is found by --connect, else by the environment variable CLEARANCE_URL, else at this user's
+default socket. `clearance COMMAND --help` lists a command's options.
+
+Exit codes
+  0 answered    1 the daemon refused    2 the command line is wrong    3 no connection, or no answer in time)");
+
+  const auto fail = [](int code, const char* what) {
+    std::cerr << "clearance: " << what << "\n";
+    return code;
+  };
+  try {
+    app.parse(argc, argv);
+    return std::cout.flush() ? 0 : kRefused;
+  } catch (const CLI::Success& help_or_version) {
+    return app.exit(help_or_version);
+  } catch (const CLI::ParseError& error) {
+    return fail(kCommandLine, error.what());
+  } catch (const std::invalid_argument& error) {
+    return fail(kCommandLine, error.what());
+  } catch (const ConnectionError& error) {
+    return fail(kNoConnection, error.what());
+  } catch (const std::exception& error) {
+    return fail(kRefused, error.what());
+  }
+}

@@ -1,0 +1,83 @@
+// What changes where bodies are: set-pose, attach.
+#include <iostream>
+#include <memory>
+
+#include "commands.h"
+
+namespace clearance::cli {
+namespace {
+
+Pose7 pose_of(const std::vector<double>& numbers) {
+  Pose7 pose{0, 0, 0, 1, 0, 0, 0};
+  std::copy(numbers.begin(), numbers.end(), pose.begin());
+  return pose;
+}
+
+std::string check_pose(const std::string& option, std::size_t count) {
+  return count == 0 || count == 3 || count == 7
+             ? ""
+             : option + ": expected x y z, or x y z qw qx qy qz; got " + std::to_string(count) + " numbers";
+}
+
+struct SetPoseOptions {
+  Connection connection;
+  std::string body;
+  std::vector<double> pose;
+};
+
+void set_pose(const SetPoseOptions& o) {
+  if (const auto error = check_pose("POSE", o.pose.size()); !error.empty()) throw std::invalid_argument(error);
+  Client client = o.connection.open();
+  const std::pair<std::uint32_t, Pose7> pose{body_of(client, o.body), pose_of(o.pose)};
+  const PosesDone done = client.set_poses(std::span(&pose, 1));
+  if (done.fixed) throw RequestError(0, "\"" + o.body + "\" is static: it does not move");
+  if (done.bad)
+    throw RequestError(0, "the pose of \"" + o.body +
+                              "\" cannot be used: numbers must be finite and the quaternion's norm within [1e-6, 1e6]");
+  std::cout << "pose revision " << done.revision << "\n";
+}
+
+struct AttachOptions {
+  Connection connection;
+  std::string child, parent;
+  bool free = false;
+  std::vector<double> pose;
+};
+
+void attach(const AttachOptions& o) {
+  if (const auto error = check_pose("--pose", o.pose.size()); !error.empty()) throw std::invalid_argument(error);
+  if (o.free == !o.parent.empty()) throw std::invalid_argument("attach: name a parent, or say --free");
+  Client client = o.connection.open();
+  const Pose7 pose = pose_of(o.pose);
+  const PosesDone done = client.attach(body_of(client, o.child), o.free ? kNone : body_of(client, o.parent),
+                                       o.pose.empty() ? nullptr : &pose);
+  std::cout << "pose revision " << done.revision << "\n";
+}
+
+}  // namespace
+
+void add_set_pose(CLI::App& app) {
+  auto& command = *app.add_subcommand("set-pose", "put a body somewhere");
+  auto options = std::make_shared<SetPoseOptions>();
+  command.add_option("BODY", options->body, "its name or number")->required();
+  command.add_option("POSE", options->pose, "x y z [qw qx qy qz], metres; of a body with a parent: relative to it")
+      ->required()
+      ->expected(3, 7);
+  add_connection_options(command, options->connection);
+  command.callback([options] { set_pose(*options); });
+}
+
+void add_attach(CLI::App& app) {
+  auto& command = *app.add_subcommand("attach", "make a body follow another, as a grasped object does");
+  auto options = std::make_shared<AttachOptions>();
+  command.add_option("CHILD", options->child, "name or number")->required();
+  command.add_option("PARENT", options->parent, "name or number");
+  command.add_flag("--free", options->free, "follow nobody any more");
+  command.add_option("--pose", options->pose, "where in the parent: x y z [qw qx qy qz]; default: where it is now")
+      ->expected(3, 7)
+      ->type_name("X");
+  add_connection_options(command, options->connection);
+  command.callback([options] { attach(*options); });
+}
+
+}  // namespace clearance::cli

@@ -1,0 +1,186 @@
+// clearance query: asks for distances and prints the rows.
+#include <iostream>
+#include <limits>
+#include <memory>
+
+#include "commands.h"
+
+namespace clearance::cli {
+namespace {
+
+const std::map<std::string, std::uint32_t> kFieldNames{
+    {"distance", kFieldDistance}, {"lower", kFieldLower},   {"upper", kFieldUpper},
+    {"status", kFieldStatus},     {"flags", kFieldFlags},   {"points", kFieldPoints},
+    {"normal", kFieldNormal},     {"pieces", kFieldPieces}, {"gradient", kFieldGradient}};
+const std::map<std::string, Reduce> kReduceNames{
+    {"none", Reduce::kNone}, {"within", Reduce::kWithin}, {"nearest", Reduce::kNearest}, {"min", Reduce::kMin}};
+const std::map<std::string, Precision> kPrecisionNames{{"f64", Precision::kF64}, {"f32", Precision::kF32}};
+
+template <class Value>
+std::vector<std::string> names_of(const std::map<std::string, Value>& words) {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : words) names.push_back(name);
+  return names;
+}
+
+struct Options {
+  Connection connection;
+  Output output = Output::kTable;
+  std::vector<std::string> pairs;
+  std::vector<std::string> fields;
+  std::string reduce = "none", precision = "f64";
+  Query query;
+  double max_pose_age_s = 0;
+  std::size_t limit = 50;
+};
+
+std::vector<IdPair> parse_pairs(Client& client, const std::vector<std::string>& texts) {
+  std::vector<IdPair> pairs;
+  for (const std::string& text : texts) {
+    const std::size_t comma = text.find(',');
+    if (comma == std::string::npos || text.find(',', comma + 1) != std::string::npos)
+      throw std::invalid_argument("--pairs: expected A,B as in arm,table; got \"" + text + "\"");
+    pairs.push_back({selector_of(client, text.substr(0, comma)), selector_of(client, text.substr(comma + 1))});
+  }
+  return pairs;
+}
+
+std::uint32_t parse_fields(const std::vector<std::string>& names) {
+  std::uint32_t fields = names.empty() ? kDefaultFields | kFieldFlags : 0;
+  for (const std::string& name : names) fields |= kFieldNames.at(name);
+  return fields | kFieldPair;
+}
+
+const char* status_name(Status status) {
+  constexpr const char* kNames[] = {"ok",          "overlap",  "contact", "beyond",
+                                    "unconverged", "bad_pose", "no_pose", "unknown_body"};
+  return static_cast<std::size_t>(status) < std::size(kNames) ? kNames[static_cast<std::size_t>(status)] : "?";
+}
+
+std::string flag_names(std::uint16_t flags) {
+  constexpr const char* kNames[] = {"stale", "renormalised", "rounding_limited", "nonsmooth", "pieces", "incomplete"};
+  std::string text;
+  for (std::size_t i = 0; i < std::size(kNames); ++i)
+    if (flags >> i & 1) text += (text.empty() ? "" : "|") + std::string(kNames[i]);
+  return text;
+}
+
+/// Adds the columns of a field of `width` numbers a row, if the reply has it.
+template <class T>
+struct NumberColumns {
+  std::span<const T> values;
+  std::vector<std::string> names;
+};
+
+void print_reply(const Reply& reply, const SceneInfo& scene, const Options& o) {
+  std::vector<NumberColumns<double>> doubles;
+  const auto add_doubles = [&doubles](std::span<const double> values, std::vector<std::string> names) {
+    if (!values.empty()) doubles.push_back({values, std::move(names)});
+  };
+  add_doubles(reply.distance(), {"distance_m"});
+  add_doubles(reply.lower(), {"lower_m"});
+  add_doubles(reply.upper(), {"upper_m"});
+  add_doubles(reply.point_a(), {"ax", "ay", "az"});
+  add_doubles(reply.point_b(), {"bx", "by", "bz"});
+  add_doubles(reply.normal(), {"nx", "ny", "nz"});
+  add_doubles(reply.gradient(),
+              {"ga_rx", "ga_ry", "ga_rz", "ga_x", "ga_y", "ga_z", "gb_rx", "gb_ry", "gb_rz", "gb_x", "gb_y", "gb_z"});
+
+  // A row for each body: its number is the row's, whichever side of the pair it is.
+  const bool row_is_body = o.reduce == "nearest";
+  std::vector<std::string> columns{"a", "b"};
+  if (row_is_body) columns.insert(columns.begin(), "body");
+  if (!reply.status().empty()) columns.push_back("status");
+  for (const auto& d : doubles) columns.insert(columns.end(), d.names.begin(), d.names.end());
+  if (!reply.pieces().empty()) columns.insert(columns.end(), {"piece_a", "piece_b"});
+  if (!reply.flags().empty()) columns.push_back("flags");
+
+  Table table(columns);
+  const std::size_t rows = o.output == Output::kTable && o.limit ? std::min(o.limit, reply.rows()) : reply.rows();
+  const auto cell_of_body = [&scene](std::uint32_t id) {
+    return id < scene.bodies.size() ? Cell(scene.bodies[id].name) : Cell();
+  };
+  for (std::size_t r = 0; r < rows; ++r) {
+    std::vector<Cell> row{cell_of_body(reply.pair()[r][0]), cell_of_body(reply.pair()[r][1])};
+    if (row_is_body) row.insert(row.begin(), cell_of_body(static_cast<std::uint32_t>(r)));
+    if (!reply.status().empty()) row.push_back(status_name(reply.status()[r]));
+    for (const auto& d : doubles)
+      for (std::size_t c = 0; c < d.names.size(); ++c) row.push_back(Cell(d.values[r * d.names.size() + c]));
+    if (!reply.pieces().empty())
+      for (int c = 0; c < 2; ++c)
+        row.push_back(reply.pieces()[2 * r + c] == kNone ? Cell() : Cell(reply.pieces()[2 * r + c]));
+    if (!reply.flags().empty()) row.push_back(reply.flags()[r] ? Cell(flag_names(reply.flags()[r])) : Cell());
+    table.add(std::move(row));
+  }
+  table.print(std::cout, o.output);
+  if (o.output != Output::kTable) return;
+  if (rows < reply.rows()) std::printf("... and %zu rows more (--limit 0 prints them all)\n", reply.rows() - rows);
+  if (reply.total() > reply.rows())
+    std::printf("%llu pairs are that near; --max-results lets more of them come back\n",
+                static_cast<unsigned long long>(reply.total()));
+  std::printf("%zu rows of %llu pairs, pose revision %llu, backend %s, server %.3f ms\n", reply.rows(),
+              static_cast<unsigned long long>(reply.pairs()),
+              static_cast<unsigned long long>(reply.snapshot_revision()), std::string(reply.backend()).c_str(),
+              1e-6 * static_cast<double>(reply.server_ns()));
+}
+
+void run(const Options& o) {
+  Client client = o.connection.open();
+  const SceneInfo scene = client.scene();
+  const std::vector<IdPair> pairs = parse_pairs(client, o.pairs);
+  Query query = o.query;
+  query.pairs = pairs;
+  query.fields = parse_fields(o.fields);
+  query.reduce = kReduceNames.at(o.reduce);
+  query.precision = kPrecisionNames.at(o.precision);
+  query.max_pose_age_ns = static_cast<std::int64_t>(1e9 * o.max_pose_age_s);
+  print_reply(client.distances(query), scene, o);
+}
+
+}  // namespace
+
+void add_query(CLI::App& app) {
+  auto& command = *app.add_subcommand("query", "how far apart bodies are, with certified bounds");
+  auto options = std::make_shared<Options>();
+  Query& q = options->query;
+  command
+      .add_option("--pairs", options->pairs, "pairs A,B of bodies or groups (* is every body); default: all enabled")
+      ->type_name("A,B ...");
+  command.add_option("--max-distance", q.max_distance, "pairs proved farther than so many metres are \"beyond\"")
+      ->check(quiet(CLI::NonNegativeNumber))
+      ->type_name("M");
+  command
+      .add_option("--reduce", options->reduce,
+                  "none: every pair; within: those within --max-distance;\nnearest: each body's nearest; min: the "
+                  "nearest of all")
+      ->check(quiet(CLI::IsMember(names_of(kReduceNames))))
+      ->type_name("WORD");
+  command.add_flag("--signed", q.signed_distance, "also how deep bodies overlap");
+  command.add_option("--fields", options->fields, "distance lower upper status flags points normal pieces gradient")
+      ->check(quiet(CLI::IsMember(names_of(kFieldNames))))
+      ->delimiter(',')
+      ->type_name("NAME,...");
+  command.add_option("--abs-tol", q.abs_tol, "wanted width of the bounds, metres")
+      ->check(quiet(CLI::NonNegativeNumber))
+      ->type_name("M");
+  command.add_option("--rel-tol", q.rel_tol, "wanted width of the bounds, part of the distance (1e-6; f32: 1e-4)")
+      ->check(quiet(CLI::NonNegativeNumber))
+      ->type_name("R");
+  command.add_option("--precision", options->precision, "of the iterations; the bounds hold in either: f64, f32")
+      ->check(quiet(CLI::IsMember(names_of(kPrecisionNames))))
+      ->type_name("WORD");
+  command.add_option("--max-results", q.max_results, "rows that --reduce within may bring")
+      ->type_name("N")
+      ->capture_default_str();
+  command.add_option("--max-pose-age", options->max_pose_age_s, "older poses are flagged stale; 0: never")
+      ->check(quiet(CLI::Range(0.0, 1e9)))
+      ->type_name("S");
+  command.add_option("--limit", options->limit, "rows to print as a table; 0: all")
+      ->type_name("N")
+      ->capture_default_str();
+  add_connection_options(command, options->connection);
+  add_output_options(command, options->output);
+  command.callback([options] { run(*options); });
+}
+
+}  // namespace clearance::cli

@@ -1,0 +1,175 @@
+// clearanced: loads a scene, opens its endpoints, and serves until a signal ends it.
+#include <fcntl.h>
+#include <signal.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <optional>
+
+#include "client/default_socket.h"
+#include "engine/engine.h"
+#include "loop.h"
+#include "options.h"
+#include "readiness.h"
+
+namespace clearance {
+namespace {
+
+std::atomic<Loop*> running_loop{nullptr};
+std::atomic<int> last_signal{0};
+
+void on_signal(int number) {
+  last_signal = number;
+  if (Loop* loop = running_loop.load()) loop->stop();
+}
+
+void handle_signals() {
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
+  action.sa_handler = SIG_IGN;
+  sigaction(SIGPIPE, &action, nullptr);
+}
+
+void start_log(const DaemonOptions& options) {
+  auto logger = std::make_shared<spdlog::logger>("clearanced", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  logger->set_pattern("time=%Y-%m-%dT%H:%M:%S.%e%z level=%l %v");
+  logger->set_level(spdlog::level::from_str(options.log_level));
+  logger->flush_on(spdlog::level::trace);
+  spdlog::set_default_logger(std::move(logger));
+}
+
+/// Says why the daemon does not start: one sentence on standard error.
+int fail(ExitCode code, const std::string& sentence) {
+  std::fprintf(stderr, "clearanced: %s\n", sentence.c_str());
+  return code;
+}
+
+double seconds_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+/// Where nothing was asked for, what needs no set-up is served.
+void add_default_endpoint(DaemonOptions& options) {
+  if (!options.shm.empty() || !options.zmq.empty() || !options.lcm.empty()) return;
+  const std::string folder = default_socket_folder();
+  mkdir(folder.c_str(), 0700);  // only /tmp/clearance-UID may be missing
+  struct stat info {};
+  if (stat(folder.c_str(), &info) || info.st_uid != getuid())
+    throw std::runtime_error("shm://" + default_socket_path() + ": the folder " + folder +
+                             " is not ours; choose an endpoint with --shm or --zmq");
+  options.shm.push_back(default_socket_path());
+}
+
+std::unique_ptr<Transport> open_shm(const std::string& path) {
+#ifdef CLEARANCE_HAVE_SHM
+  return make_shm_transport(path);
+#else
+  throw std::runtime_error("shm://" + path + ": this clearanced was built without shared memory");
+#endif
+}
+
+std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] const std::string& prefix) {
+#ifdef CLEARANCE_HAVE_LCM
+  return make_lcm_transport(url, prefix);
+#else
+  throw std::runtime_error(url + ": this clearanced was built without LCM");
+#endif
+}
+
+void open_endpoints(Loop& loop, DaemonOptions& options) {
+  add_default_endpoint(options);
+  for (const std::string& path : options.shm) loop.add(open_shm(path));
+  for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint));
+  if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix));
+}
+
+void log_scene(const DaemonOptions& options, const Engine& engine, double load_seconds) {
+  std::size_t pieces = 0, vertices = 0;
+  for (const Body& body : engine.scene().bodies()) {
+    pieces += body.pieces.size();
+    for (const PiecePtr& piece : body.pieces) vertices += piece->vertices.size();
+  }
+  spdlog::info(
+      "event=scene_loaded scene=\"{}\" bodies={} pieces={} vertices={} revision={:016x} backend={} seconds={:.3f}",
+      options.scene, engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(), engine.backend(),
+      load_seconds);
+}
+
+int serve(DaemonOptions options) {
+  const auto begin = std::chrono::steady_clock::now();
+  const Supervisor supervisor;
+  if (options.ready_fd >= 0) {
+    if (fcntl(options.ready_fd, F_GETFD) < 0)
+      return fail(kExitCommandLine, "--ready-fd: descriptor " + std::to_string(options.ready_fd) + " is not open");
+    fcntl(options.ready_fd, F_SETFD, FD_CLOEXEC);
+  }
+  start_log(options);
+  spdlog::info("event=start version={} pid={}", CLEARANCE_VERSION, getpid());
+
+  Engine::Options engine_options;
+  engine_options.backend = options.backend;
+  engine_options.threads = options.threads;
+  try {
+    Engine probe(Scene{}, engine_options);  // a wrong backend is said before the scene is loaded, which may take long
+  } catch (const std::exception& error) {
+    return fail(kExitBackend, error.what());
+  }
+  std::optional<Scene> scene;
+  try {
+    scene = Scene::load(options.scene, options.allow_outside);
+  } catch (const SceneError& error) {
+    return fail(kExitScene, error.what());
+  }
+  Engine engine(std::move(*scene), engine_options);
+  const double load_seconds = seconds_since(begin);
+  log_scene(options, engine, load_seconds);
+
+  Loop::Options loop_options;
+  loop_options.slice = std::chrono::microseconds(options.slice_us);
+  loop_options.spin = std::chrono::microseconds(options.spin_us);
+  loop_options.max_waiting_per_client = options.max_waiting;
+  Loop loop(engine, loop_options);
+  running_loop = &loop;
+  handle_signals();  // from here on there are sockets to remove
+  try {
+    open_endpoints(loop, options);
+  } catch (const std::runtime_error& error) {
+    running_loop = nullptr;
+    return fail(kExitEndpoint, error.what());
+  }
+
+  std::vector<std::string> urls;
+  for (const auto& transport : loop.transports()) urls.push_back(transport->url());
+  std::string all;
+  for (const std::string& url : urls) all += (all.empty() ? "" : " ") + url;
+  spdlog::info("event=ready urls=\"{}\" load_seconds={:.3f}", all, load_seconds);
+  if (options.ready_fd >= 0) write_ready(options.ready_fd, urls);
+  supervisor.ready("serving " + options.scene + " at " + all);
+
+  loop.run();
+
+  supervisor.stopping();
+  running_loop = nullptr;
+  spdlog::info("event=end signal={} frames={} queries={} errors={} uptime_seconds={:.1f}", last_signal.load(),
+               loop.counter("frames"), loop.counter("queries"), loop.counter("errors"), seconds_since(begin));
+  return kExitClean;
+}
+
+}  // namespace
+}  // namespace clearance
+
+int main(int argc, char** argv) {
+  clearance::DaemonOptions options;
+  int exit_code = 0;
+  if (!clearance::parse_options(argc, argv, options, exit_code)) return exit_code;
+  try {
+    return clearance::serve(std::move(options));
+  } catch (const std::exception& error) {
+    return clearance::fail(clearance::kExitUnexpected, std::string("unexpected error: ") + error.what());
+  }
+}

@@ -1,0 +1,104 @@
+#include "options.h"
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "client/default_socket.h"
+
+namespace clearance {
+namespace {
+
+constexpr const char* kDescription =
+    "Loads a scene of bodies, follows their poses, and answers how far apart they are.\n"
+    "Clients (the program clearance, the C++ and Python libraries, or anything that speaks LCM) connect\n"
+    "to one of its endpoints; all of them give the same answers.";
+
+constexpr const char* kFooter = R"(
+Example
+  clearanced --scene scenes/nineteen/scene.yaml --zmq ipc:///tmp/clearance.ipc &
+  clearance query --connect ipc:///tmp/clearance.ipc --reduce nearest
+
+Configuration file (--config): the same names, one on a line; the command line has the last word.
+  scene = "scenes/nineteen/scene.yaml"
+  zmq = ["ipc:///run/user/1000/clearance.ipc"]
+  log-level = "warn"
+
+Ready
+  With Type=notify systemd is told (sd_notify). --ready-fd N gets the urls of the daemon, one on a line, and is
+  then closed; the log says event=ready. SIGTERM or SIGINT end the daemon and remove its sockets.
+
+Exit codes
+  0 ended by a signal, as it should be    3 the scene cannot be loaded
+  1 an error that nobody foresaw          4 an endpoint cannot be opened
+  2 the command line is wrong             5 the backend is unknown or absent)";
+
+/// A check without the words that CLI11 has for it: what a number may be is said in the option's own.
+CLI::Validator quiet(CLI::Validator check) {
+  return check.description("");
+}
+
+}  // namespace
+
+bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exit_code) {
+  CLI::App app(kDescription, "clearanced");
+  app.footer(kFooter);
+  app.set_version_flag("--version", std::string("clearanced ") + CLEARANCE_VERSION);
+  app.set_config("--config", "", "read options from this file (TOML or INI)")->type_name("FILE");
+  app.allow_config_extras(CLI::config_extras_mode::error);
+  app.get_formatter()->column_width(26);
+
+  app.add_option("--scene", o.scene, "scene file (YAML); paths in it are relative to it")
+      ->type_name("FILE")
+      ->required();
+  app.add_flag("--allow-outside", o.allow_outside, "let the scene name meshes outside its own folder");
+  app.add_option(
+         "--shm", o.shm,
+         "serve shared memory, met at this Unix socket; where no endpoint is given, at\n" + default_socket_path())
+      ->type_name("PATH");
+  app.add_option("--zmq", o.zmq, "serve ZeroMQ at ipc:///path, or tcp://127.0.0.1:PORT; may be repeated")
+      ->type_name("ENDPOINT");
+  app.add_option("--lcm", o.lcm, "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"")
+      ->type_name("URL");
+  app.add_option("--lcm-prefix", o.lcm_prefix, "begins the names of all LCM channels: several daemons on one bus")
+      ->type_name("TEXT");
+  app.add_option("--backend", o.backend, "what computes: auto, cpu, reference (slow: brute force, to compare with)")
+      ->type_name("NAME")
+      ->capture_default_str();
+  app.add_option("--threads", o.threads, "threads of the cpu backend; 0: one for each core")
+      ->check(quiet(CLI::Range(0, 4096)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--slice-us", o.slice_us, "microseconds that one query may take before the others get a turn")
+      ->check(quiet(CLI::Range(1u, 1000000u)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--spin-us", o.spin_us, "microseconds to poll after the last work before going to sleep; 0: none")
+      ->check(quiet(CLI::Range(0u, 1000000u)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--max-waiting", o.max_waiting, "queries that one client may have under way; more are refused (busy)")
+      ->check(quiet(CLI::Range(1u, 1000000u)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--log-level", o.log_level, "what goes to standard error: debug, info, warn, error")
+      ->check(quiet(CLI::IsMember({"trace", "debug", "info", "warn", "error"})))
+      ->type_name("LEVEL")
+      ->capture_default_str();
+  app.add_option("--ready-fd", o.ready_fd, "open descriptor that is told when the daemon is ready")
+      ->check(quiet(CLI::Range(0, 1 << 20)))
+      ->type_name("N");
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help_or_version) {
+    exit_code = app.exit(help_or_version);
+    return false;
+  } catch (const CLI::ParseError& error) {
+    std::cerr << "clearanced: " << error.what() << "\nclearanced --help lists the options.\n";
+    exit_code = kExitCommandLine;
+    return false;
+  }
+  return true;
+}
+
+}  // namespace clearance

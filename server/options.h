@@ -1,0 +1,39 @@
+// What clearanced is told on its command line or in its configuration file.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace clearance {
+
+/// Exit codes of clearanced; part of its interface (--help lists them).
+enum ExitCode : int {
+  kExitClean = 0,
+  kExitUnexpected = 1,
+  kExitCommandLine = 2,
+  kExitScene = 3,
+  kExitEndpoint = 4,
+  kExitBackend = 5,
+};
+
+struct DaemonOptions {
+  std::string scene;
+  bool allow_outside = false;
+  std::vector<std::string> shm;  ///< socket paths
+  std::vector<std::string> zmq;  ///< endpoints
+  std::string lcm;               ///< url; empty: no LCM
+  std::string lcm_prefix;
+  std::string backend = "auto";
+  int threads = 0;
+  unsigned slice_us = 200;
+  unsigned spin_us = 50;
+  unsigned max_waiting = 64;
+  std::string log_level = "info";
+  int ready_fd = -1;
+};
+
+/// Reads the command line. Returns true if the daemon is to run; else `exit_code` is what to end with (help or version
+/// were printed, or an error).
+bool parse_options(int argc, const char* const* argv, DaemonOptions& options, int& exit_code);
+
+}  // namespace clearance
