@@ -18,20 +18,26 @@ PairTable::PairTable(const Scene& scene, std::span<const std::uint32_t> parents)
   std::sort(excluded.begin(), excluded.end());
   excluded.erase(std::unique(excluded.begin(), excluded.end()), excluded.end());
 
-  std::uint32_t movable_after = 0;
-  std::vector<std::uint32_t> row_size(bodies_);
-  for (std::uint32_t i = bodies_; i-- > 0;) {
-    row_size[i] = is_static_[i] ? movable_after : bodies_ - 1 - i;
-    movable_after += !is_static_[i];
-  }
+  movable_before_.push_back(0);
+  for (const std::uint8_t fixed : is_static_) movable_before_.push_back(movable_before_.back() + !fixed);
   row_begin_.push_back(0);
   excluded_begin_.push_back(0);
   std::size_t next = 0;
   for (std::uint32_t i = 0; i < bodies_; ++i) {
     for (; next < excluded.size() && excluded[next].a == i; ++next) excluded_.push_back(excluded[next].b);
     excluded_begin_.push_back(static_cast<std::uint32_t>(excluded_.size()));
-    row_begin_.push_back(row_begin_.back() + row_size[i] - (excluded_begin_[i + 1] - excluded_begin_[i]));
+    row_begin_.push_back(row_begin_.back() + partners_before(i, bodies_) - (excluded_begin_[i + 1] - excluded_begin_[i]));
   }
+}
+
+std::uint32_t PairTable::partners_before(std::uint32_t row, std::uint32_t j) const {
+  return is_static_[row] ? movable_before_[j] - movable_before_[row + 1] : j - row - 1;
+}
+
+std::uint64_t PairTable::position(BodyPair pair) const {
+  const auto row = excluded_.begin() + excluded_begin_[pair.a];
+  const auto left_out = std::lower_bound(row, excluded_.begin() + excluded_begin_[pair.a + 1], pair.b) - row;
+  return row_begin_[pair.a] + partners_before(pair.a, pair.b) - static_cast<std::uint64_t>(left_out);
 }
 
 bool PairTable::excluded(std::uint32_t a, std::uint32_t b) const {

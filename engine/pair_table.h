@@ -20,14 +20,18 @@ class PairTable {
   std::uint64_t size() const { return row_begin_.back(); }
   /// Whether {a, b}, in either order, is enabled.
   bool enabled(std::uint32_t a, std::uint32_t b) const;
+  /// The position of an enabled pair, a < b.
+  std::uint64_t position(BodyPair pair) const;
   /// Writes the pairs at positions [begin, begin + count).
   void copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
 
  private:
+  std::uint32_t partners_before(std::uint32_t row, std::uint32_t j) const;  // below j, exclusions included
   bool excluded(std::uint32_t a, std::uint32_t b) const;  // a < b, of those that staticness leaves
 
   std::uint32_t bodies_;
   std::vector<std::uint8_t> is_static_;
+  std::vector<std::uint32_t> movable_before_;         // (N + 1,) movable bodies with a smaller id
   std::vector<std::uint64_t> row_begin_;              // (N + 1,) position of the first pair (i, j > i)
   std::vector<std::uint32_t> excluded_begin_;         // (N + 1,) rows of excluded_
   std::vector<std::uint32_t> excluded_;               // sorted j of each row

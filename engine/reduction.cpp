@@ -20,7 +20,10 @@ std::uint64_t blocks(std::uint64_t count, std::uint64_t size) { return (count + 
 
 Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, int workers)
     : scene_(scene), plan_(plan), options_(options),
-      groups_(plan.query.reduce == Reduce::kNearest ? scene.bodies().size() : 1), workers_(workers) {}
+      groups_(plan.query.reduce == Reduce::kNearest ? scene.bodies().size() : 1),
+      by_broad_phase_(within() && plan.pairs.is_whole_table() && !options.reference &&
+                      std::isfinite(plan.query.max_distance)),
+      workers_(static_cast<std::size_t>(workers)) {}
 
 template <class Visit>
 void Reduction::for_groups(BodyPair pair, Visit visit) const {
@@ -47,8 +50,10 @@ void Reduction::begin() {
 
 std::uint64_t Reduction::units() const {
   switch (stage_) {
-    case kSeedScan:
-    case kScan: return blocks(plan_.pairs.size(), kBlock);
+    case kScan:
+      if (by_broad_phase_) return 1;
+      [[fallthrough]];
+    case kSeedScan: return blocks(plan_.pairs.size(), kBlock);
     case kSeeds: return blocks(seeds_.size(), kEvaluate);
     case kCandidates: return blocks(candidates_.size(), kEvaluate);
     case kDone: break;
@@ -59,7 +64,9 @@ std::uint64_t Reduction::units() const {
 void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) {
   switch (stage_) {
     case kSeedScan: return seed_scan(unit, workers_[worker], placement);
-    case kScan: return scan(unit, workers_[worker], placement);
+    case kScan:
+      if (by_broad_phase_) return scan_by_broad_phase(workers_[worker], placement);
+      return scan(unit, workers_[worker], placement);
     case kSeeds:
     case kCandidates: {
       const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
@@ -95,6 +102,24 @@ void Reduction::scan(std::uint64_t block, WorkerState& worker, const Placement& 
     }
     if (wanted) worker.candidates.push_back(position);
     ++position;
+  }
+}
+
+void Reduction::scan_by_broad_phase(WorkerState& worker, const Placement& placement) {
+  const PairTable& table = *plan_.pairs.table();
+  const auto n = static_cast<std::uint32_t>(scene_.bodies().size());
+  std::vector<Aabb> boxes;
+  for (std::uint32_t b = 0; b < n; ++b) boxes.push_back(placement.box(b));
+  broad_phase_for(n).candidates(boxes, plan_.query.max_distance, worker.room);
+  for (const BodyPair pair : worker.room)
+    if (table.enabled(pair.a, pair.b)) worker.candidates.push_back(table.position(pair));
+  worker.room.clear();
+  // Bodies that cannot be placed have no box: nothing is proved about their pairs, so all of them are answered.
+  for (std::uint32_t bad = 0; bad < n; ++bad) {
+    if (placement[bad].status == Status::kOk) continue;
+    for (std::uint32_t b = 0; b < n; ++b)
+      if (table.enabled(bad, b) && (b > bad || placement[b].status == Status::kOk))
+        worker.candidates.push_back(table.position({std::min(bad, b), std::max(bad, b)}));
   }
 }
 

@@ -51,11 +51,13 @@ class Reduction {
   void for_groups(BodyPair pair, Visit visit) const;
   void seed_scan(std::uint64_t block, WorkerState& worker, const Placement& placement);
   void scan(std::uint64_t block, WorkerState& worker, const Placement& placement);
+  void scan_by_broad_phase(WorkerState& worker, const Placement& placement);
 
   const Scene& scene_;
   const Plan& plan_;
   EvaluateOptions options_;
   std::size_t groups_;
+  bool by_broad_phase_;  ///< all pairs within a distance: found without looking at each
   Stage stage_ = kDone;
   std::vector<WorkerState> workers_;
   std::vector<std::uint8_t> incomplete_;

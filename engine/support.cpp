@@ -48,8 +48,17 @@ void visit(const SupportTree& tree, const Vec3d& n, Threshold threshold, Leaf le
   }
 }
 
+// The same text compiled for several instruction sets, chosen when the program starts. No set fuses or reorders anything
+// (-ffp-contract=off, one lane one sum), so all give the same bits. Sanitizers run before such a choice can.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
+#define CLEARANCE_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define CLEARANCE_CLONES
+#endif
+
 // Eight lanes keep their own best, so that the loop has no chain of dependent comparisons and the compiler vectorises it.
-SupportPoint<double> scan(const Piece& piece, const Vec3d& n) {
+CLEARANCE_CLONES SupportPoint<double> scan(const Piece& piece, const Vec3d& n) {
   constexpr int kLanes = 8;
   const std::size_t count = piece.x.size();
   const double *x = piece.x.data(), *y = piece.y.data(), *z = piece.z.data();

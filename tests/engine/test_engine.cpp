@@ -217,6 +217,29 @@ TEST_P(EngineTest, WithinKeepsExactlyThePairsNotProvedFarther) {
   EXPECT_EQ(cut.info.total, within.info.rows);
 }
 
+TEST_P(EngineTest, WithinAnswersPairsOfBadBodiesToo) {
+  Engine engine = make(mixed_scene(10, 20, 3));
+  const BodyPose bad{2, {{std::nan(""), 0, 0}}};
+  engine.set_poses({&bad, 1});
+  QueryView q;
+  q.fields = kAllFields;
+  q.reduce = Reduce::kWithin;
+  q.max_distance = 1e-3;
+  const Answer within = ask(engine, q);
+  std::uint64_t of_bad = 0;
+  for (std::uint64_t i = 0; i < within.info.rows; ++i)
+    of_bad += static_cast<Status>(within.view.status[i]) == Status::kBadPose;
+  EXPECT_EQ(of_bad, 9u);
+  q.reduce = Reduce::kNearest;
+  const Answer nearest = ask(engine, q);
+  EXPECT_EQ(static_cast<Status>(nearest.view.status[2]), Status::kBadPose);
+  for (int b = 0; b < 10; ++b) {
+    if (b != 2) {
+      EXPECT_TRUE(nearest.view.flags[b] & kFlagIncomplete) << b;
+    }
+  }
+}
+
 TEST_P(EngineTest, BeyondPairsCarryALowerBoundAboveMaxDistance) {
   const Engine engine = make(mixed_scene(60, 6, 9));
   QueryView q;
