@@ -280,6 +280,35 @@ std::vector<clearance_lcm::distances_t> distances_messages(std::span<const std::
   return messages;
 }
 
+std::vector<clearance_lcm::states_t> states_messages(std::span<const std::byte> states_frame, std::int64_t server_id,
+                                                     std::int64_t sequence, std::uint64_t scene_revision) {
+  const wire::StatesParts states = wire::parse_states(payload_of(states_frame, wire::FrameType::kBodyStates));
+  constexpr std::uint64_t kPerPart = kRoomForRows / (4 + 7 * 8 + 1 + 4 + 8 + 8);
+  const std::uint64_t count = states.states.size();
+  std::vector<clearance_lcm::states_t> messages(std::max<std::uint64_t>(1, (count + kPerPart - 1) / kPerPart));
+  for (std::uint64_t part = 0; part < messages.size(); ++part) {
+    clearance_lcm::states_t& message = messages[part];
+    message.server_id = server_id;
+    message.sequence = sequence;
+    message.part = static_cast<std::int32_t>(part);
+    message.parts = static_cast<std::int32_t>(messages.size());
+    message.scene_revision = static_cast<std::int64_t>(scene_revision);
+    message.revision = static_cast<std::int64_t>(states.header.revision);
+    message.now_ns = states.header.now_ns;
+    for (std::uint64_t i = part * kPerPart; i < std::min(count, (part + 1) * kPerPart); ++i) {
+      const wire::BodyStateRecord state = states.states[i];
+      ++message.count;
+      message.ids.push_back(static_cast<std::int32_t>(i));
+      message.poses.emplace_back(std::begin(state.pose), std::end(state.pose));
+      message.status.push_back(state.status);
+      message.parents.push_back(static_cast<std::int32_t>(state.parent));
+      message.stamp_ns.push_back(state.stamp_ns);
+      message.receipt_ns.push_back(state.receipt_ns);
+    }
+  }
+  return messages;
+}
+
 clearance_lcm::status_t status_message(std::span<const std::byte> stats_frame, std::int64_t server_id) {
   const auto counters = wire::parse_stats(payload_of(stats_frame, wire::FrameType::kStats));
   clearance_lcm::status_t message{};

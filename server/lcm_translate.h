@@ -11,6 +11,7 @@
 #include "clearance_lcm/query_t.hpp"
 #include "clearance_lcm/reply_t.hpp"
 #include "clearance_lcm/scene_t.hpp"
+#include "clearance_lcm/states_t.hpp"
 #include "clearance_lcm/status_t.hpp"
 #include "client/lcm_frames.h"
 #include "client/wire.h"
@@ -44,6 +45,8 @@ class ReplyParts {
 std::vector<clearance_lcm::scene_t> scene_messages(std::span<const std::byte> scene_frame, std::int64_t server_id);
 std::vector<clearance_lcm::distances_t> distances_messages(std::span<const std::byte> reply_frame,
                                                            std::int64_t server_id, std::int64_t sequence);
+std::vector<clearance_lcm::states_t> states_messages(std::span<const std::byte> states_frame, std::int64_t server_id,
+                                                     std::int64_t sequence, std::uint64_t scene_revision);
 /// Counters that no longer fit one message are left out.
 clearance_lcm::status_t status_message(std::span<const std::byte> stats_frame, std::int64_t server_id);
 

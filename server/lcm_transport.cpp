@@ -398,7 +398,7 @@ class LcmTransport final : public Transport {
     if (now >= next_period_ || revision != scene_revision_) {
       scene_revision_ = revision;
       ask_scene();
-      if (now >= next_period_) ask_status();
+      if (now >= next_period_) ask_states(), ask_status();
       next_period_ = now + kPeriod;
     }
     // An answer that never came (its job was dropped) must not end them for good.
@@ -446,6 +446,12 @@ class LcmTransport final : public Transport {
       auto messages = scene_messages(frame, link.server_id);
       backend_ = messages.front().backend;
       push_all(link, "CLEARANCE_SCENE", std::move(messages));
+    });
+  }
+
+  void ask_states() {
+    ask(wire::FrameType::kGetStates, [this](Link& link, std::span<const std::byte> frame) {
+      push_all(link, "CLEARANCE_STATES", states_messages(frame, link.server_id, ++states_sequence_, scene_revision_));
     });
   }
 
@@ -508,7 +514,7 @@ class LcmTransport final : public Transport {
   std::uint64_t scene_revision_ = 0;
   std::uint64_t pose_revision_ = 0;
   bool asked_distances_ = false, armed_ = false;
-  std::int64_t status_sequence_ = 0, distances_sequence_ = 0;
+  std::int64_t states_sequence_ = 0, status_sequence_ = 0, distances_sequence_ = 0;
   std::string backend_;
   Clock::time_point opened_ = Clock::now();
   Clock::time_point next_period_{}, next_distances_{}, asked_at_{};

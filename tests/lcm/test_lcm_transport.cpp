@@ -15,6 +15,7 @@
 #include "clearance_lcm/query_t.hpp"
 #include "clearance_lcm/reply_t.hpp"
 #include "clearance_lcm/scene_t.hpp"
+#include "clearance_lcm/states_t.hpp"
 #include "clearance_lcm/status_t.hpp"
 #include "engine/engine.h"
 #include "lcm_fixture.h"
@@ -30,6 +31,7 @@ using clearance_lcm::pose_update_t;
 using clearance_lcm::query_t;
 using clearance_lcm::reply_t;
 using clearance_lcm::scene_t;
+using clearance_lcm::states_t;
 using clearance_lcm::status_t;
 
 constexpr int kMoving = 6;
@@ -68,6 +70,7 @@ class LcmTransportTest : public LcmTest {
     bus_->subscribe("CLEARANCE_REPLY", 4096, [this](auto packet) { on_reply(packet); });
     bus_->subscribe("CLEARANCE_SCENE", 64, [this](auto packet) { keep(scenes_, packet); });
     bus_->subscribe("CLEARANCE_STATUS", 64, [this](auto packet) { keep(statuses_, packet); });
+    bus_->subscribe("CLEARANCE_STATES", 64, [this](auto packet) { keep(states_, packet); });
     bus_->subscribe("CLEARANCE_DISTANCES", 64, [this](auto packet) { keep(distances_, packet); });
   }
 
@@ -159,6 +162,7 @@ class LcmTransportTest : public LcmTest {
   std::optional<LcmBus> bus_;
   std::map<std::int64_t, Answer> answers_;
   std::vector<scene_t> scenes_;
+  std::vector<states_t> states_;
   std::vector<status_t> statuses_;
   std::vector<distances_t> distances_;
   std::int64_t last_request_ = 0;
@@ -575,6 +579,24 @@ TEST_F(LcmTransportTest, AChangedSceneIsPublishedAtOnce) {
   const auto revision = static_cast<std::int64_t>(engine_->scene_revision());
   ASSERT_TRUE(until([&] { return scenes_.back().revision == revision; }));
   EXPECT_EQ(scenes_.back().parents[2], 1);
+}
+
+TEST_F(LcmTransportTest, StatesSayWhereTheBodiesAre) {
+  start();
+  ASSERT_TRUE(until([&] { return !states_.empty(); }));
+  EXPECT_EQ(states_.back().status[1], reply_t::STATUS_NO_POSE);
+  set_poses(1, 0.7);
+  ASSERT_TRUE(until([&] { return static_cast<std::uint64_t>(states_.back().revision) == engine_->pose_revision(); }));
+  const states_t& states = states_.back();
+  ASSERT_EQ(states.count, 7);
+  EXPECT_EQ(states.status, std::vector<std::uint8_t>(7, reply_t::STATUS_OK));
+  EXPECT_EQ(states.poses[0], (std::vector<double>{0, 0, -1, 1, 0, 0, 0}));
+  for (int i = 0; i < kMoving; ++i) {
+    EXPECT_EQ(std::vector<double>(states.poses[1 + i].begin(), states.poses[1 + i].begin() + 3), position_of(i, 0.7));
+    EXPECT_EQ(states.stamp_ns[1 + i], 1000);
+    EXPECT_LE(states.receipt_ns[1 + i], states.now_ns);
+    EXPECT_GT(states.receipt_ns[1 + i], 0);
+  }
 }
 
 TEST_F(LcmTransportTest, StatusHasTheCounters) {
