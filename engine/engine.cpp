@@ -87,6 +87,10 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
 Job Engine::start(const QueryView& query, const ReplyView& reply) const {
   impl_->check_process();
   Plan plan = make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true);
+  if (plan.size.rows > reply.rows)  // an attachment since size() was asked can make more pairs
+    throw QueryError(QueryErrorCode::kWrongScene, "the answer needs " + std::to_string(plan.size.rows) +
+                                                      " rows and there is room for " + std::to_string(reply.rows) +
+                                                      ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
   const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, &impl_->pairs_evaluated};
   return Job(make_job(context, std::move(plan), reply));

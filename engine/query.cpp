@@ -6,6 +6,7 @@ namespace clearance {
 
 ReplyView reply_view_over(std::byte* base, std::uint64_t rows, std::uint32_t fields, std::uint64_t* bytes) {
   ReplyView view;
+  view.rows = rows;
   std::uint64_t offset = 0;
   const auto place = [&]<class Column>(Field field, int position, Column*& column) {
     if (!(fields & field)) return;

@@ -62,6 +62,7 @@ struct QuerySize {
 
 /// Caller-owned columns, each of at least QuerySize::rows rows; a null column is not written.
 struct ReplyView {
+  std::uint64_t rows = ~std::uint64_t{0};  ///< room in each column; start() refuses a query that needs more
   double* distance = nullptr;
   double* lower = nullptr;
   double* upper = nullptr;

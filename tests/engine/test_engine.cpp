@@ -493,6 +493,15 @@ TEST_P(EngineTest, AbsurdSizesAreRefusedBeforeAnythingIsAllocated) {
   }
 }
 
+TEST_P(EngineTest, AnAnswerLargerThanItsRoomIsRefused) {
+  Engine engine = make(mixed_scene(6, 3, 8));
+  double lower[4];
+  ReplyView room;
+  room.rows = 4;
+  room.lower = lower;
+  EXPECT_THROW(engine.start({}, room), QueryError);
+}
+
 TEST(Engine, UnknownBackendsAreRefusedByName) {
   EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"gpu"}), std::invalid_argument);
   EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"cuda"}), std::runtime_error);
