@@ -55,7 +55,10 @@ Geometry geometry_of_shape(const Shape& shape, double radius, const std::string&
 
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
   Geometry out;
-  out.pieces = {make_hull_piece(points, {}, radius)};
+  auto display = std::make_shared<DisplayMesh>();
+  out.pieces = {make_hull_piece(points, {}, radius, 0, &display->triangles)};
+  display->vertices = out.pieces[0]->vertices;
+  if (!display->triangles.empty()) out.display = std::move(display);
   out.source = "points";
   return out;
 }
