@@ -38,8 +38,8 @@ Mat3<DoubleDouble> rotation_of_double_double(const Pose& X) {
                      zz = two_prod(X.qz, X.qz), wx = two_prod(X.qw, X.qx), wy = two_prod(X.qw, X.qy),
                      wz = two_prod(X.qw, X.qz), xy = two_prod(X.qx, X.qy), xz = two_prod(X.qx, X.qz),
                      yz = two_prod(X.qy, X.qz);
-  const DoubleDouble n = (ww + xx) + (yy + zz);
-  const auto ratio = [&](const DoubleDouble& m) { return m / n; };
+  const DoubleDouble scale = DoubleDouble(1) / ((ww + xx) + (yy + zz));
+  const auto ratio = [&](const DoubleDouble& m) { return m * scale; };
   const auto twice = [](const DoubleDouble& a) { return DoubleDouble(2 * a.hi, 2 * a.lo); };
   return {{{ratio((ww + xx) - (yy + zz)), ratio(twice(xy - wz)), ratio(twice(xz + wy))},
            {ratio(twice(xy + wz)), ratio((ww + yy) - (xx + zz)), ratio(twice(yz - wx))},
