@@ -98,7 +98,7 @@ class LcmPacer {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr double kBurstBytes = 96 * 1024;
-  static constexpr double kBytesPerSecond = 64e6;
+  static constexpr double kBytesPerSecond = 128e6;
 
   /// Whether more may be sent now.
   bool ready(Clock::time_point now);
