@@ -91,8 +91,9 @@ class FrameBuilder {
     return *this;
   }
   FrameBuilder& add_bytes(const void* data, std::size_t size) {
-    const auto* begin = static_cast<const std::byte*>(data);
-    bytes_.insert(bytes_.end(), begin, begin + size);
+    const std::size_t at = bytes_.size();
+    bytes_.resize(at + size);
+    if (size) std::memcpy(bytes_.data() + at, data, size);
     return *this;
   }
   /// The whole frame.

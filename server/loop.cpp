@@ -203,13 +203,12 @@ void Loop::sleep() {
   if (!work && !stopping_) {
     const auto left = std::max<std::chrono::nanoseconds>(next_tick_ - Clock::now(), std::chrono::nanoseconds(0));
     timespec timeout{left.count() / 1'000'000'000, left.count() % 1'000'000'000};
-    nfds_t count = fds.size();
-    if (++wakes_for_nothing_ > kWakesForNothing) {
-      count = 1;
-      timeout = {0, std::min<long>(1'000'000, left.count() % 1'000'000'000)};
-    }
+    // A descriptor that stays readable though there is nothing to take is not listened to for a while.
+    const bool nagged = ++wakes_for_nothing_ > kWakesForNothing;
+    if (nagged) timeout = {0, std::min<long>(1'000'000, timeout.tv_sec ? 1'000'000 : timeout.tv_nsec)};
     ++counter("loop.sleeps");
-    if (ppoll(fds.data(), count, &timeout, nullptr) == 0) wakes_for_nothing_ = 0;
+    const int ready = ppoll(fds.data(), nagged ? 1 : fds.size(), &timeout, nullptr);
+    if (ready == 0 && !nagged) wakes_for_nothing_ = 0;
   }
   for (std::size_t i = 0; i < prepared; ++i) transports_[i]->finish_sleep();
 }
