@@ -137,11 +137,84 @@ CLEARANCE_HD bool reduce_to_nearest(Simplex<T>& s, Vec3<T>& v, T& vv) {
   return false;
 }
 
+/// The same for the last resort, where bodies of sizes in the ratio 1e12 leave features 1e-10 wide and 1e2 long: a plane is
+/// spanned by its two shortest edges and measured from its vertex nearest to the origin, since the cross product of two long,
+/// almost parallel edges, or a far vertex, would lose that ratio's digits.
+template <class T>
+CLEARANCE_HD bool reduce_carefully(Simplex<T>& s, Vec3<T>& v, T& vv) {
+  const T zero = T(0);
+  const int newest = 1 << (s.size - 1);
+  Simplex<T> best;
+  bool found = false;
+  for (int mask = newest; mask < 2 * newest; ++mask) {
+    Simplex<T> f;
+    for (int i = 0; i < s.size; ++i)
+      if (mask >> i & 1) f.vertex[f.size++] = s.vertex[i];
+    int near = 0;  // the vertex nearest to the origin goes first
+    for (int i = 1; i < f.size; ++i)
+      if (squared_norm(f.vertex[i].w) < squared_norm(f.vertex[near].w)) near = i;
+    const CsoVertex<T> first = f.vertex[near];
+    f.vertex[near] = f.vertex[0];
+    f.vertex[0] = first;
+    const Vec3<T>&p = f.vertex[0].w, &q = f.vertex[1].w, &r = f.vertex[2].w, &t = f.vertex[3].w;
+    Vec3<T> point = p;
+    if (f.size == 1) {
+      f.weight[0] = T(1);
+    } else if (f.size == 2) {
+      const Vec3<T> e = q - p;
+      const T ee = squared_norm(e), along = -dot(p, e);
+      if (!(ee > zero)) continue;
+      f.weight[0] = ee - along;
+      f.weight[1] = along;
+      point = cross(e, cross(p, e)) * (T(1) / ee);
+    } else if (f.size == 3) {
+      Vec3<T> e[3] = {q - p, r - q, p - r};
+      int longest = 0;
+      for (int i = 1; i < 3; ++i)
+        if (squared_norm(e[i]) > squared_norm(e[longest])) longest = i;
+      const Vec3<T> n = cross(e[(longest + 1) % 3], e[(longest + 2) % 3]);
+      const T nn = squared_norm(n);
+      if (!(nn > zero)) continue;
+      f.weight[0] = dot(n, cross(q, r));
+      f.weight[1] = dot(n, cross(r, p));
+      f.weight[2] = dot(n, cross(p, q));
+      point = n * (dot(n, p) / nn);
+    } else {
+      const T w[4] = {dot(q, cross(r, t)), -dot(p, cross(r, t)), dot(p, cross(q, t)), -dot(p, cross(q, r))};
+      const bool positive = w[0] > zero;
+      bool inside = true;
+      for (int i = 0; i < 4; ++i) inside = inside && (positive ? w[i] > zero : w[i] < zero);
+      if (!inside) continue;
+      v = {zero, zero, zero};
+      vv = zero;
+      return true;
+    }
+    T sum = zero;
+    bool inside = true;
+    for (int i = 0; i < f.size; ++i) {
+      inside = inside && f.weight[i] > zero;
+      sum = sum + f.weight[i];
+    }
+    const T d = squared_norm(point);
+    if (!inside || (found && !(d < vv))) continue;
+    for (int i = 0; i < f.size; ++i) f.weight[i] = f.weight[i] / sum;
+    found = true;
+    best = f;
+    v = point;
+    vv = d;
+  }
+  s = best;
+  return false;
+}
+
 /// Runs GJK. `cso(d)` returns the CSO's vertex farthest along d.
 /// \param v0 a first guess of v (any direction but zero). \param seed vertices to begin from, in order of age (may be empty).
 template <class T, class Cso>
 CLEARANCE_HD GjkResult<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& seed, const GjkLimits& limits) {
   const T zero = T(0);
+  const auto reduce = [](Simplex<T>& s, Vec3<T>& v, T& vv) {
+    return Arithmetic<T>::kCareful ? reduce_carefully(s, v, vv) : reduce_to_nearest(s, v, vv);
+  };
   GjkResult<T> r;
   r.v = v0;
   r.squared_distance = zero;
@@ -150,7 +223,7 @@ CLEARANCE_HD GjkResult<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& se
     grown.vertex[grown.size++] = seed.vertex[i];
     Vec3<T> v;
     T vv;
-    if (reduce_to_nearest(grown, v, vv) || !(vv > zero)) break;
+    if (reduce(grown, v, vv) || !(vv > zero)) break;
     if (r.simplex.size > 0 && !(vv < r.squared_distance)) continue;
     r.simplex = grown;
     r.v = v;
@@ -187,7 +260,7 @@ CLEARANCE_HD GjkResult<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& se
     grown.vertex[grown.size++] = w;
     Vec3<T> v;
     T vv;
-    if (reduce_to_nearest(grown, v, vv) || !(vv > zero)) {
+    if (reduce(grown, v, vv) || !(vv > zero)) {
       r.simplex = grown;
       r.v = {zero, zero, zero};
       r.squared_distance = zero;
