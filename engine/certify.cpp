@@ -31,14 +31,17 @@ Vec3<DoubleDouble> difference(const Vec3d& b, const Vec3d& a, DoubleDouble) {
   return {dd::two_sum(b.x, -a.x), dd::two_sum(b.y, -a.y), dd::two_sum(b.z, -a.z)};
 }
 
+double sum(double a, double b, double) { return a + b; }
+DoubleDouble sum(double a, double b, DoubleDouble) { return dd::two_sum(a, b); }
+
 }  // namespace
 
 template <class T>
 PlacedPair<T>::PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b,
                           const Mat3<T>& R_b, const Vec3d& t_b)
     : a(&piece_a), b(&piece_b), R_wa(R_a), R_wb(R_b), D(difference(t_b, t_a, T())) {
-  radius = piece_a.radius + piece_b.radius;
-  scale = (norm(to_double(D)) + piece_a.rho + piece_b.rho + radius) * (1 + 0x1p-49);
+  radius = sum(piece_a.radius, piece_b.radius, T());
+  scale = (norm(to_double(D)) + piece_a.rho + piece_b.rho + (piece_a.radius + piece_b.radius)) * (1 + 0x1p-49);
 }
 
 template <class T>
@@ -52,18 +55,27 @@ double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n, std::uint32_t 
   if (!(length > T(0))) return -kInf;
   const SupportPoint<T> sa = support(*pair.a, pair.R_wa.transpose_times(n), hint_a);
   const SupportPoint<T> sb = support(*pair.b, -pair.R_wb.transpose_times(n), hint_b);
-  const T gap = (dot(n, pair.D) - (sa.value + sb.value)) / length - T(pair.radius);
+  const T gap = (dot(n, pair.D) - (sa.value + sb.value)) / length - pair.radius;
   const double lower = round_down(gap - T(pair.lower_error()));
   return std::isnan(lower) ? -kInf : lower;
 }
 
 template <class T>
-Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex) {
+Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
+  Simplex<T> simplex = proposed;
+  if (simplex.size == 0) {
+    simplex.size = 1;
+    simplex.vertex[0].a = simplex.vertex[0].b = 0;
+  }
   T sum = T(0);
-  T weight[4];
+  T weight[4] = {};
   for (int i = 0; i < simplex.size; ++i) {
     weight[i] = simplex.weight[i] > T(0) ? simplex.weight[i] : T(0);
     sum += weight[i];
+  }
+  if (!(sum > T(0))) {  // no weights at all, or a NaN: any point of each piece is a witness
+    for (int i = 0; i < simplex.size; ++i) weight[i] = i == 0 ? T(1) : T(0);
+    sum = T(1);
   }
   Vec3<T> a{T(0), T(0), T(0)}, b = a;
   for (int i = 0; i < simplex.size; ++i) {
@@ -73,7 +85,7 @@ Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex) {
   }
   const Vec3<T> core_a = pair.R_wa * a, core_b = pair.R_wb * b;
   const Vec3<T> separation = (core_b - core_a) + pair.D;
-  const double upper = round_up(norm(separation) - T(pair.radius) + T(pair.upper_error()));
+  const double upper = round_up(norm(separation) - pair.radius + T(pair.upper_error()));
   return {std::isnan(upper) ? kInf : upper, to_double(core_a), to_double(core_b), to_double(separation)};
 }
 
@@ -153,6 +165,10 @@ double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> ver
     if (winding(w, faces, o, g) != 0) return radius;
   }
   return -kInf;
+}
+
+double certify_overlap(const Piece& a, const Piece& b, double ball) {
+  return round_up(-(dd::two_sum(a.radius, b.radius) + DoubleDouble(ball)));
 }
 
 Aabb certify_box(const Piece& piece, const Mat3d& R, const Vec3d& t) {

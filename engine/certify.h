@@ -42,7 +42,7 @@ struct PlacedPair {
   Mat3<T> R_wa, R_wb;
   Vec3<T> D;
   double scale;   ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
-  double radius;  ///< r_a + r_b
+  T radius;       ///< r_a + r_b; exact in double-double
 
   PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b, const Mat3<T>& R_b,
              const Vec3d& t_b);
@@ -88,6 +88,9 @@ struct CsoFace {
 /// lie beyond its plane, and a ray from near the origin must leave the surface once more than it enters.
 template <class T>
 double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces);
+
+/// An upper bound on the signed distance of two grown pieces whose cores' overlap holds a ball (see certify_ball).
+double certify_overlap(const Piece& a, const Piece& b, double ball);
 
 /// A box aligned with the world's axes, grown outward by its own rounding.
 struct Aabb {

@@ -38,7 +38,7 @@ struct EpaResult {
   std::vector<CsoVertex<T>> vertices;
   std::vector<CsoFace<T>> faces;      ///< a closed surface around the polytope (empty if kFlat)
   Vec3<T> direction{T(1), T(0), T(0)};  ///< along which the CSO reaches least far beyond the origin, as far as was seen
-  Simplex<T> nearest;                 ///< the point of the nearest face nearest to the origin
+  Simplex<T> nearest;                 ///< the point of the surface nearest to the origin
 };
 
 template <class T, class Cso>
@@ -158,21 +158,21 @@ class Epa {
   void expand() {
     while (true) {
       while (!queue_.empty() && !faces_[queue_.top().second].alive) queue_.pop();
-      if (queue_.empty()) return finish(EpaEnd::kLimit, 0);
+      if (queue_.empty()) return finish(EpaEnd::kLimit);
       const std::uint32_t nearest = queue_.top().second;
       const Vec3<T> normal = faces_[nearest].normal;
       const T offset = faces_[nearest].offset;
-      if (limits_.enough > 0 && offset > T(limits_.enough)) return finish(EpaEnd::kEnough, nearest);
+      if (limits_.enough > 0 && offset > T(limits_.enough)) return finish(EpaEnd::kEnough);
       T reach;
       const CsoVertex<T> v = probe(normal, reach);
-      if (!(reach > T(0))) return finish(EpaEnd::kOutside, nearest);
+      if (!(reach > T(0))) return finish(EpaEnd::kOutside);
       const T growth = reach - offset;
       if (growth <= T(limits_.rel_tol) * reach || growth <= T(limits_.abs_tol) || growth <= noise_)
-        return finish(EpaEnd::kConverged, nearest);
+        return finish(EpaEnd::kConverged);
       const std::uint32_t index = add(v);
       if (on_surface_[index] || r_.vertices.size() > static_cast<std::size_t>(limits_.max_vertices) ||
           !grow(nearest, index))
-        return finish(EpaEnd::kLimit, nearest);
+        return finish(EpaEnd::kLimit);
     }
   }
 
@@ -231,17 +231,27 @@ class Epa {
     return false;
   }
 
-  void finish(EpaEnd end, std::uint32_t face_index) {
+  // The surface's point nearest to the origin. Among coplanar triangles only one holds it, and not always the one whose plane
+  // came out nearest, so look at them all.
+  void finish(EpaEnd end) {
     r_.end = end;
-    const Face& f = faces_[face_index];
-    const Vec3<T>&a = w(f.vertex[0]), &b = w(f.vertex[1]), &c = w(f.vertex[2]);
-    // Barycentric coordinates of the origin's projection, clamped: good enough to propose witness points.
-    const Vec3<T> p = f.normal * f.offset;
-    T weight[3] = {dot(f.normal, cross(b - p, c - p)), dot(f.normal, cross(c - p, a - p)), dot(f.normal, cross(a - p, b - p))};
-    r_.nearest.size = 3;
-    for (int i = 0; i < 3; ++i) {
-      r_.nearest.vertex[i] = r_.vertices[f.vertex[i]];
-      r_.nearest.weight[i] = weight[i] > T(0) ? weight[i] : T(0);
+    T best = T(-1);
+    for (const Face& f : faces_) {
+      if (!f.alive) continue;
+      const Vec3<T>&a = w(f.vertex[0]), &b = w(f.vertex[1]), &c = w(f.vertex[2]);
+      // Barycentric coordinates of the origin's projection, clamped into the triangle: good enough to propose.
+      const Vec3<T> p = f.normal * f.offset;
+      T weight[3] = {dot(f.normal, cross(b - p, c - p)), dot(f.normal, cross(c - p, a - p)), dot(f.normal, cross(a - p, b - p))};
+      for (T& x : weight) x = x > T(0) ? x : T(0);
+      const Vec3<T> nearest = (a * weight[0] + b * weight[1] + c * weight[2]) * (T(1) / (weight[0] + weight[1] + weight[2]));
+      const T d = squared_norm(nearest);
+      if (best >= T(0) && !(d < best)) continue;
+      best = d;
+      r_.nearest.size = 3;
+      for (int i = 0; i < 3; ++i) {
+        r_.nearest.vertex[i] = r_.vertices[f.vertex[i]];
+        r_.nearest.weight[i] = weight[i];
+      }
     }
   }
 

@@ -82,28 +82,51 @@ class Answer {
     witness_ = w;
   }
 
+  /// Keeps a surface around the origin, of which a finer arithmetic should make a better common point.
+  template <class T>
+  void keep_surface(std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
+    surface_vertices_.clear();
+    surface_faces_.clear();
+    for (const CsoVertex<T>& v : vertices) surface_vertices_.push_back({{}, v.a, v.b});
+    for (const CsoFace<T>& f : faces) surface_faces_.push_back({f.vertex, {}});
+  }
+  bool has_surface() const { return !surface_faces_.empty(); }
+  std::vector<CsoVertex<DoubleDouble>>& surface_vertices() { return surface_vertices_; }
+  std::span<const CsoFace<DoubleDouble>> surface_faces() const { return surface_faces_; }
+  void replace_witness(const Witness& w) { witness_ = w; }
+
   const Interval& bounds() const { return answer_.bounds; }
+  bool wants_depth() const { return limits_.signed_distance; }
+  double tolerance(double distance) const { return std::max(limits_.abs_tol, limits_.rel_tol * std::abs(distance)); }
 
   bool settled() const {
     const auto [lower, upper] = answer_.bounds;
     if (lower > limits_.max_distance) return true;
+    if (upper == kInf) return false;
     if (!limits_.signed_distance && upper <= 0) return true;
     const double least = limits_.signed_distance ? lower : std::max(lower, 0.0);
+    if (least == -kInf) return false;
     const double distance = lower > 0 ? upper : (upper <= 0 ? lower : 0.0);
-    return upper - least <= std::max(limits_.abs_tol, limits_.rel_tol * std::abs(distance));
+    return upper - least <= tolerance(distance);
   }
 
   NarrowAnswer finish() {
     answer_.settled = settled();
     answer_.beyond = answer_.bounds.lower > limits_.max_distance;
     // Without a wish for depth the separating direction may be unknown: then the witnesses' own line has to do.
-    const double length = norm(witness_.separation);
+    const double length = norm(witness_.separation), radius = radius_a_ + radius_b_;
     if (!(norm(answer_.normal) > 0))
       answer_.normal = length > 0 ? witness_.separation * (1 / length) : Vec3d{1, 0, 0};
     const bool apart = answer_.bounds.upper > 0 || length > 0;
     const Vec3d outward = apart && length > 0 && !deep_ ? witness_.separation * (1 / length) : answer_.normal;
     answer_.point_a = witness_.core_a + outward * radius_a_;
     answer_.point_b = witness_.core_b - outward * radius_b_;
+    if (!limits_.signed_distance && answer_.bounds.upper <= 0) {
+      // A common point: on the segment between the cores, within both radii.
+      const double share = radius > 0 ? radius_a_ / radius : 0.5;
+      answer_.point_a = witness_.core_a + witness_.separation * share;
+      answer_.point_b = witness_.core_b - witness_.separation * (1 - share);
+    }
     return answer_;
   }
   void mark_deep() { deep_ = true; }
@@ -114,6 +137,8 @@ class Answer {
   NarrowAnswer answer_;
   Witness witness_{kInf, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
   bool deep_ = false;
+  std::vector<CsoVertex<DoubleDouble>> surface_vertices_;
+  std::vector<CsoFace<DoubleDouble>> surface_faces_;
 };
 
 template <class T>
@@ -121,9 +146,9 @@ GjkLimits gjk_limits(const NarrowLimits& limits, const PlacedPair<T>& pair) {
   GjkLimits g;
   // Half of the width asked is for GJK, half for the bounds' own rounding. A radius is taken off later: then the core's
   // distance must be as exact as it can be, since it may be far larger than what remains.
-  g.rel_tol = pair.radius > 0 ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
+  g.rel_tol = pair.radius > T(0) ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
   g.abs_tol = limits.abs_tol / 2;
-  g.max_distance = limits.max_distance < kInf ? limits.max_distance + pair.radius + 2 * pair.lower_error() : 0;
+  g.max_distance = limits.max_distance < kInf ? limits.max_distance + static_cast<double>(pair.radius) + 2 * pair.lower_error() : 0;
   g.max_iterations = limits.max_iterations;
   return g;
 }
@@ -147,21 +172,101 @@ void try_face_normals(const PlacedPair<T>& pair, const RelativeCso<T>& cso, cons
       }
 }
 
+// How the origin is made of four points: barycentric coordinates, those below 0 taken for 0. Returns how far they miss it,
+// squared. Each round takes off what the one before missed, since one alone loses the digits of the tetrahedron's aspect.
+template <class T>
+T weigh_origin(Simplex<T>& s) {
+  Vec3<T> slope[4];  // of the i-th coordinate
+  for (int i = 0; i < 4; ++i) {
+    const Vec3<T>&p = s.vertex[(i + 1) % 4].w, &q = s.vertex[(i + 2) % 4].w, &r = s.vertex[(i + 3) % 4].w;
+    const Vec3<T> n = cross(q - p, r - p);
+    slope[i] = n * (T(1) / dot(n, s.vertex[i].w - p));
+    s.weight[i] = T(0.25);
+  }
+  const auto missed = [&] {
+    Vec3<T> m = s.vertex[0].w * s.weight[0];
+    for (int i = 1; i < 4; ++i) m += s.vertex[i].w * s.weight[i];
+    return m;
+  };
+  for (int round = 0; round < 3; ++round) {
+    const Vec3<T> m = missed();
+    for (int i = 0; i < 4; ++i) s.weight[i] -= dot(slope[i], m);
+  }
+  T sum = T(0);
+  for (T& w : s.weight) {
+    if (!(w > T(0))) w = T(0);
+    sum += w;
+  }
+  for (T& w : s.weight) w = w / sum;
+  return squared_norm(missed());
+}
+
+// The tetrahedron of one vertex and a face of a surface that holds the origin best: its weights give a common point.
+template <class T>
+Simplex<T> around_origin(std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
+  Simplex<T> best;
+  T least = T(kInf);
+  for (const CsoFace<T>& f : faces) {
+    Simplex<T> s;
+    s.size = 4;
+    s.vertex[0] = vertices[faces[0].vertex[0]];
+    for (int i = 0; i < 3; ++i) s.vertex[i + 1] = vertices[f.vertex[i]];
+    if (const T miss = weigh_origin(s); miss < least) {
+      least = miss;
+      best = s;
+    }
+  }
+  return best;
+}
+
+// The nearest points of every vertex, edge and triangle of a few vertices, for simplices of which GJK kept no nearest point.
+template <class T>
+void try_witnesses(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
+  for (int mask = 1; mask < 1 << s.size; ++mask) {
+    Simplex<T> part;
+    for (int i = 0; i < s.size; ++i)
+      if (mask >> i & 1) part.vertex[part.size++] = s.vertex[i];
+    const Vec3<T>&p = part.vertex[0].w, &q = part.vertex[1].w, &r = part.vertex[2].w;
+    if (part.size == 1) {
+      part.weight[0] = T(1);
+    } else if (part.size == 2) {
+      part.weight[0] = dot(q, q - p);
+      part.weight[1] = -dot(p, q - p);
+    } else if (part.size == 3) {
+      const Vec3<T> n = cross(q - p, r - p);
+      part.weight[0] = dot(n, cross(q, r));
+      part.weight[1] = dot(n, cross(r, p));
+      part.weight[2] = dot(n, cross(p, q));
+    } else {
+      weigh_origin(part);
+    }
+    bool inside = true;
+    for (int i = 0; i < part.size; ++i) inside = inside && part.weight[i] > T(0);
+    if (inside) answer.take_witness(certify_upper(pair, part));
+  }
+}
+
 template <class T>
 void take_overlap(const PlacedPair<T>& pair, const RelativeCso<T>& cso, std::span<const CsoVertex<T>> vertices,
                   std::vector<CsoFace<T>> faces, const Simplex<T>& nearest, Answer& answer) {
   for (CsoFace<T>& f : faces) f.normal = cso.to_world(f.normal);
   const double ball = certify_ball<T>(pair, vertices, faces);
   if (!(ball > 0)) return;
+  const Witness witness = certify_upper(pair, answer.wants_depth() ? nearest : around_origin<T>(vertices, faces));
+  // Rounding left the surface concave, so that its nearest point is far from its nearest plane: a matter for double-double.
+  if (std::is_same_v<T, double> && answer.wants_depth() &&
+      norm(witness.separation) - ball > answer.tolerance(ball) + 2 * pair.upper_error())
+    return;
   answer.mark_deep();
-  answer.lower_upper(-ball - pair.radius, certify_upper(pair, nearest));
+  if (!answer.wants_depth() && !(norm(witness.separation) <= 0.5 * pair.upper_error())) answer.keep_surface<T>(vertices, faces);
+  answer.lower_upper(certify_overlap(*pair.a, *pair.b, ball), witness);
 }
 
 template <class T>
 void expand_polytope(const PlacedPair<T>& pair, RelativeCso<T>& cso, const NarrowLimits& limits, const GjkResult<T>& g,
                      Answer& answer) {
   EpaLimits e;
-  e.rel_tol = pair.radius > 0 ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
+  e.rel_tol = pair.radius > T(0) ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
   e.abs_tol = limits.abs_tol / 2;
   e.noise = 8 * Arithmetic<T>::kUnit * pair.scale;
   if (!limits.signed_distance) e.enough = 2 * pair.ball_error();
@@ -170,6 +275,10 @@ void expand_polytope(const PlacedPair<T>& pair, RelativeCso<T>& cso, const Narro
   const Vec3<T> n_w = cso.to_world(r.direction);
   answer.raise_lower(certify_lower(pair, n_w, cso.hint_a(), cso.hint_b()), cast<double>(n_w));
   if (!r.faces.empty()) take_overlap<T>(pair, cso, r.vertices, std::move(r.faces), r.nearest, answer);
+  if (answer.bounds().upper > 0) {  // no overlap proved: touching or apart, where points prove the most
+    if (r.nearest.size > 0) answer.take_witness(certify_upper(pair, r.nearest));
+    try_witnesses(pair, g.simplex, answer);
+  }
 }
 
 // The tetrahedron that GJK ended with, as a surface: outward faces.
@@ -178,8 +287,6 @@ void take_tetrahedron(const PlacedPair<T>& pair, const RelativeCso<T>& cso, cons
   static constexpr std::uint32_t kFaces[4][3] = {{0, 1, 2}, {1, 0, 3}, {2, 1, 3}, {0, 2, 3}};
   static constexpr int kOpposite[4] = {3, 2, 0, 1};
   std::vector<CsoFace<T>> faces;
-  Simplex<T> nearest = s;
-  for (int i = 0; i < 4; ++i) nearest.weight[i] = T(0.25);
   for (int f = 0; f < 4; ++f) {
     const Vec3<T>&a = s.vertex[kFaces[f][0]].w, &b = s.vertex[kFaces[f][1]].w, &c = s.vertex[kFaces[f][2]].w;
     Vec3<T> n = cross(b - a, c - a);
@@ -187,7 +294,7 @@ void take_tetrahedron(const PlacedPair<T>& pair, const RelativeCso<T>& cso, cons
     if (!(squared_norm(n) > T(0))) return;
     faces.push_back({{kFaces[f][0], kFaces[f][1], kFaces[f][2]}, n});
   }
-  take_overlap<T>(pair, cso, std::span<const CsoVertex<T>>(s.vertex, 4), std::move(faces), nearest, answer);
+  take_overlap<T>(pair, cso, std::span<const CsoVertex<T>>(s.vertex, 4), std::move(faces), s, answer);
 }
 
 // One attempt in one arithmetic. Returns GJK's last simplex, from which the next attempt begins.
@@ -248,6 +355,12 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
                                         pose_b.t_w);
     attempt(fine, limits, SupportKind::kProved, seed, answer);
+  }
+  if (answer.has_surface()) {
+    const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
+                                        pose_b.t_w);
+    for (CsoVertex<DoubleDouble>& v : answer.surface_vertices()) v.w = fine.cso_vertex(v.a, v.b);
+    answer.replace_witness(certify_upper(fine, around_origin<DoubleDouble>(answer.surface_vertices(), answer.surface_faces())));
   }
   NarrowAnswer r = answer.finish();
   r.rounding = pair.lower_error() + pair.upper_error();
