@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test clean
+.PHONY: help setup build test clean certify
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -19,6 +19,10 @@ build: setup  ## daemon and command line in build/bin, Python package in .venv
 test: build  ## every test: ctest, then pytest
 	@ctest --test-dir build -j $(CORES) --output-on-failure
 	@$(PYTHON_VENV) -m pytest -q tests/python
+
+certify: build  ## a million pairs of every hard class against exact arithmetic; rewrites docs/results/accuracy.csv
+	@mkdir -p out
+	@build/bin/clearance-certify --pairs 1000000 --seed 1 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
 
 clean:  ## remove build folders and out/ (.venv stays)
 	@rm -rf build build-* out

@@ -1,0 +1,147 @@
+// clearance-certify: the case classes at scale, every answer before the judge; writes the accuracy table.
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <exception>
+#include <fstream>
+#include <iostream>
+#include <mutex>
+#include <thread>
+
+#include "campaign.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr int kBatch = 200;
+
+struct Options {
+  std::int64_t pairs = 10000;
+  std::uint64_t seed = 1;
+  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  int columns_every = 10;
+  std::string csv, only, failures;
+};
+
+/// Cases from `first` to `first + count` of a class.
+struct Batch {
+  const CaseClass* c;
+  std::size_t row;
+  std::uint64_t first;
+  int count;
+};
+
+/// Shares the pairs among the classes, fewer to those that take longer.
+std::vector<Batch> share_out(const Options& o) {
+  double shares = 0;
+  const auto chosen = [&](const CaseClass& c) { return o.only.empty() || c.name.find(o.only) != std::string::npos; };
+  for (const CaseClass& c : case_classes()) shares += chosen(c) / static_cast<double>(c.cost);
+  std::vector<Batch> batches;
+  for (std::size_t k = 0; k < case_classes().size(); ++k) {
+    const CaseClass& c = case_classes()[k];
+    if (!chosen(c)) continue;
+    const auto total = std::max<std::int64_t>(kBatch, static_cast<std::int64_t>(static_cast<double>(o.pairs) / shares / c.cost));
+    for (std::int64_t first = 0; first < total; first += kBatch)
+      batches.push_back({&c, k, static_cast<std::uint64_t>(first), static_cast<int>(std::min<std::int64_t>(kBatch, total - first))});
+  }
+  return batches;
+}
+
+void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& settings, const std::vector<std::vector<Tally>>& table) {
+  out << "# pairs " << o.pairs << ", seed " << o.seed << ", witness points and normals proved for one batch in " << o.columns_every << "\n"
+      << "class,backend,precision,signed,format,rel_tol,max_distance,cases,apart,touching,overlapping,violations,inaccurate,"
+         "worst_error,worst_width,contact,unconverged,rounding_limited\n";
+  for (std::size_t k = 0; k < table.size(); ++k)
+    for (std::size_t s = 0; s < settings.size(); ++s) {
+      const Setting& x = settings[s];
+      const Tally& t = table[k][s];
+      if (t.cases == 0) continue;
+      char numbers[160];
+      std::snprintf(numbers, sizeof numbers, "%.3g,%.3g", t.worst_error, t.worst_width);
+      out << case_classes()[k].name << ',' << x.backend << ',' << (x.precision == Precision::kF64 ? "f64" : "f32") << ',' << x.signed_distance << ','
+          << (x.format == Format::kCompact ? "compact" : "full") << ',' << x.wanted_rel_tol() << ',';
+      if (x.max_distance < 1e300) out << x.max_distance;
+      out << ',' << t.cases << ',' << t.apart << ',' << t.touching << ',' << t.overlapping << ',' << t.violations << ',' << t.inaccurate << ','
+          << numbers << ',' << t.contact << ',' << t.unconverged << ',' << t.rounding_limited << '\n';
+    }
+}
+
+int certify(const Options& o) {
+  const std::vector<Setting> settings = standard_settings();
+  const std::vector<Batch> batches = share_out(o);
+  std::vector<std::vector<Tally>> table(case_classes().size(), std::vector<Tally>(settings.size()));
+  std::ofstream failures;
+  if (!o.failures.empty()) failures.open(o.failures);
+  std::atomic<std::size_t> next{0};
+  std::mutex mutex;
+  std::size_t done = 0;
+  std::int64_t bad = 0;
+  std::exception_ptr error;
+  const auto work = [&] {
+    for (std::size_t k; (k = next++) < batches.size();) try {
+        const Batch& b = batches[k];
+        std::vector<Case> cases;
+        for (int i = 0; i < b.count; ++i) cases.push_back(make_case(*b.c, o.seed, b.first + static_cast<std::uint64_t>(i)));
+        const bool columns = (b.first / kBatch) % static_cast<std::uint64_t>(o.columns_every) == 0;
+        const std::vector<Tally> tallies =
+            try_cases(cases, settings, 1, columns, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+              const std::lock_guard lock(mutex);
+              if (++bad <= 20)
+                std::cerr << b.c->name << ' ' << b.first + i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy << '\n';
+              if (failures)
+                failures << "// " << b.c->name << ' ' << b.first + i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy << "\n// "
+                         << answer << '\n' << as_initialiser(cases[i]);
+            });
+        const std::lock_guard lock(mutex);
+        for (std::size_t s = 0; s < settings.size(); ++s) table[b.row][s].add(tallies[s]);
+        if (++done % 50 == 0 || done == batches.size()) std::cerr << done << " of " << batches.size() << " batches\n";
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        error = std::current_exception();
+        next = batches.size();
+      }
+  };
+  std::vector<std::thread> threads;
+  for (int t = 0; t < o.threads; ++t) threads.emplace_back(work);
+  for (std::thread& t : threads) t.join();
+  if (error) std::rethrow_exception(error);
+
+  Tally all;
+  for (const std::vector<Tally>& row : table)
+    for (const Tally& t : row) all.add(t);
+  if (o.csv.empty()) {
+    write_csv(std::cout, o, settings, table);
+  } else {
+    std::ofstream out(o.csv);
+    write_csv(out, o, settings, table);
+    if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
+  }
+  std::cerr << all.cases << " answers: " << all.violations << " violations, " << all.inaccurate << " less accurate than promised, "
+            << all.unconverged << " unconverged; worst error " << all.worst_error << ", worst width " << all.worst_width
+            << " of what is allowed\n";
+  return all.violations == 0 ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace clearance::exact
+
+int main(int argc, char** argv) {
+  clearance::exact::Options o;
+  CLI::App app{"Puts seeded pairs of every class before the engine, judges every answer exactly, writes a table."};
+  app.add_option("--pairs", o.pairs, "pairs in all; each is asked under every setting")->check(CLI::PositiveNumber);
+  app.add_option("--seed", o.seed, "of the cases");
+  app.add_option("--threads", o.threads, "batches at a time")->check(CLI::Range(1, 256));
+  app.add_option("--columns-every", o.columns_every, "prove witness points and normals of one batch in this many")->check(CLI::Range(1, 1000000));
+  app.add_option("--csv", o.csv, "file to write; standard output if none");
+  app.add_option("--class", o.only, "only classes whose names hold this");
+  app.add_option("--failures", o.failures, "file to which cases that fail are written, in the form of mined_cases.inc");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    return clearance::exact::certify(o);
+  } catch (const std::exception& e) {
+    std::cerr << "clearance-certify: " << e.what() << '\n';
+    return 2;
+  }
+}

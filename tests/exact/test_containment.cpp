@@ -1,0 +1,45 @@
+// The engine before the judge: every class of cases, every backend, every way of asking. For every answer the exact distance
+// must lie within its bounds, its status must be true, its error within the contract's, and its columns must prove it.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "campaign.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr std::uint64_t kSeed = 20;
+constexpr int kCases = 200;
+
+class Containment : public testing::TestWithParam<std::size_t> {};
+
+TEST_P(Containment, HoldsForEveryAnswer) {
+  const CaseClass& c = case_classes()[GetParam()];
+  std::vector<Case> cases;
+  for (int i = 0; i < kCases; ++i) cases.push_back(make_case(c, kSeed, static_cast<std::uint64_t>(i)));
+  const std::vector<Setting> settings = standard_settings();
+  int shown = 0;
+  const std::vector<Tally> tallies = try_cases(
+      cases, settings, 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+        if (++shown > 5) return;
+        ADD_FAILURE() << c.name << " case " << i << " of seed " << kSeed << ", " << s.name() << ": " << v.violation << " " << v.inaccuracy
+                      << "\n  " << answer << "\n  exact " << judge(cases[i]).distance.lower() << "\n  " << as_initialiser(cases[i]);
+      });
+  for (std::size_t k = 0; k < settings.size(); ++k) {
+    const Tally& t = tallies[k];
+    std::printf("%-44s worst error %.3g and width %.3g of what is allowed; %lld contact, %lld unconverged\n", settings[k].name().c_str(),
+                t.worst_error, t.worst_width, static_cast<long long>(t.contact), static_cast<long long>(t.unconverged));
+    EXPECT_EQ(t.cases, kCases);
+    EXPECT_EQ(t.violations, 0) << settings[k].name();
+    EXPECT_EQ(t.inaccurate, 0) << settings[k].name();
+    EXPECT_LE(t.worst_width, 1.0) << settings[k].name();
+    EXPECT_EQ(t.unconverged, 0) << settings[k].name();
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Classes, Containment, testing::Range<std::size_t>(0, case_classes().size()),
+                         [](const auto& param) { return case_classes()[param.param].name; });
+
+}  // namespace
+}  // namespace clearance::exact
