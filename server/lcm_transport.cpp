@@ -169,7 +169,7 @@ class OwnSink final : public Sink {
   Take take_;
 };
 
-/// A log line at most every few seconds for each kind of trouble.
+/// A log line at most every few seconds for each kind of trouble; `more` counts those not said since the last.
 class Complaints {
  public:
   void say(const char* kind, const std::string& what) {
@@ -178,7 +178,7 @@ class Complaints {
     const auto now = Clock::now();
     if (entry.times > 1 && now - entry.last < kSayAgain) return;
     const std::uint64_t unsaid = entry.times - entry.said - 1;
-    spdlog::warn("lcm: {}{}", what, unsaid > 0 ? " (and " + std::to_string(unsaid) + " more)" : "");
+    spdlog::warn("event=lcm_{} more={} text=\"{}\"", kind, unsaid, what);
     entry.last = now;
     entry.said = entry.times;
   }
@@ -299,7 +299,7 @@ class LcmTransport final : public Transport {
     const std::string who = "publisher " + std::to_string(publisher) + " on " + channel;
     switch (note.verdict) {
       case PublisherLog::Verdict::kNew:
-        spdlog::info("lcm: {} appeared", who);
+        spdlog::info("event=lcm_publisher channel={} id={}", channel, publisher);
         break;
       case PublisherLog::Verdict::kNext:
         break;
