@@ -40,7 +40,7 @@ def test_enums(root, name):
 
 
 def test_constants(root):
-    header = (root / "client" / "protocol.h").read_text()
+    header = (root / "client" / "protocol.h").read_text() + (root / "client" / "types.h").read_text()
 
     def constant(name):
         text = re.search(rf"{name} = ([^;]+);", header).group(1)

@@ -106,6 +106,14 @@ class Result:
         return self._pairs
 
     @property
+    def neighbours(self) -> np.ndarray:
+        """(K, N) uint32, for reduce="nearest": the body that each body is nearest to; clearance.NONE where there is none."""
+        if self._reduce != Reduce.NEAREST:
+            raise AttributeError(f"neighbours: only for reduce='nearest', not for {self.reduce!r}")
+        own = np.arange(self._lead[1], dtype=np.uint32)
+        return np.where(self.pair[..., 0] == own, self.pair[..., 1], self.pair[..., 0])
+
+    @property
     def configuration(self) -> np.ndarray:
         """(R,) uint32: the configuration each row of reduce="within" is of; otherwise 0 to K - 1."""
         if self._configuration is None:

@@ -1,0 +1,119 @@
+"""Building a scene."""
+
+import numpy as np
+import pytest
+from scenes import ARM_PAIRS, IDENTITY, arm, at, box_vertices
+
+import clearance
+
+
+def test_bodies_groups_and_pairs():
+    scene = arm()
+    assert [body.name for body in scene.bodies] == ["base", "link1", "link2", "cup", "table"]
+    assert [body.id for body in scene.bodies] == [0, 1, 2, 3, 4]
+    assert [body.is_static for body in scene.bodies] == [True, False, False, False, True]
+    assert [body.parent for body in scene.bodies] == [None, None, None, 2, None]
+    assert scene.bodies[1].vertex_count == 8 and scene.bodies[3].vertex_count == 1
+    assert scene.bodies[0].extent >= np.sqrt(0.2**2 + 0.2**2 + 0.1**2)
+    assert scene.groups["arm"].tolist() == [1, 2, 3]
+    assert scene.ignored.tolist() == [[0, 1]]
+    assert len(scene) == 5 and "5 bodies, 1 groups" in repr(scene)
+    assert clearance.Engine(scene).pairs.tolist() == ARM_PAIRS
+
+
+def test_pieces_initial_poses_and_revision():
+    scene = arm()
+    (vertices, radius), = scene.pieces("link1")
+    assert radius == 0 and sorted(map(tuple, vertices)) == sorted(map(tuple, box_vertices(0.1, 0.1, 0.5)))
+    (vertices, radius), = scene.pieces("link2")
+    assert radius == 0.05 and sorted(vertices[:, 2]) == [-0.2, 0.2]
+    assert scene.initial_pose("base").tolist() == IDENTITY
+    assert scene.initial_pose("cup").tolist() == at(0, 0, 0.3)
+    assert scene.initial_pose(1) is None
+    assert scene.source("base") == "box"
+    assert scene.revision == arm().revision != clearance.Scene().revision
+    other = arm()
+    other.add_sphere("ball", 0.1)
+    assert other.revision != scene.revision
+
+
+def test_a_cylinder_publishes_its_model_error():
+    scene = clearance.Scene()
+    scene.add_cylinder("post", 0.1, 1.0)
+    assert 0 < scene.bodies[0].model_error < 0.01
+
+
+def test_matrix_as_pose_and_options_by_keyword():
+    scene = clearance.Scene()
+    matrix = np.eye(4)
+    matrix[:3, 3] = 1, 2, 3
+    assert scene.add_box("a", (1, 1, 1), pose=matrix, radius=0.1) == 0
+    assert scene.add_sphere("b", 0.5, parent="a") == 1
+    assert scene.add_sphere("c", 0.5, parent=1, static=False) == 2
+    assert scene.initial_pose("a").tolist() == [1, 2, 3, 1, 0, 0, 0]
+    assert [body.parent for body in scene.bodies] == [None, 0, 1]
+
+
+@pytest.mark.parametrize("call, error, text", [
+    (lambda s: s.add_hull("x", [[0, 0]]), ValueError, r"vertices: expected shape \(V, 3\), got \(1, 2\)"),
+    (lambda s: s.add_hull("x", "abc"), TypeError, r"vertices: expected \(V, 3\) numbers"),
+    (lambda s: s.add_hull("x", np.zeros((0, 3))), clearance.SceneError, r"x.*vert"),
+    (lambda s: s.add_hull("x", [[0, 0, np.nan]]), clearance.SceneError, r"x.*(nan|finite)"),
+    (lambda s: s.add_hull("x", [[0, 0, 0]], radius=-1), clearance.SceneError, r"radius.*-1"),
+    (lambda s: s.add_hull("x", [[0, 0, 0]], radius="big"), TypeError, r"radius: expected a number, got 'big'"),
+    (lambda s: s.add_hull(3, [[0, 0, 0]]), TypeError, r"name: expected a string, got 3"),
+    (lambda s: s.add_hull("", [[0, 0, 0]]), clearance.SceneError, r"name"),
+    (lambda s: s.add_hull("base", [[0, 0, 0]]), clearance.SceneError, r"base"),
+    (lambda s: s.add_hull("n" * 64, [[0, 0, 0]]), clearance.SceneError, r"63"),
+    (lambda s: s.add_box("x", 1), ValueError, r"size: expected three numbers, got 1"),
+    (lambda s: s.add_box("x", [1, 1]), ValueError, r"size: expected three numbers, got \[1, 1\]"),
+    (lambda s: s.add_box("x", [1, 1, -1]), clearance.SceneError, r"x"),
+    (lambda s: s.add_box("x", [1, 1, 1], pose=[0, 0, 0]), ValueError, r"pose: expected poses of 7 numbers"),
+    (lambda s: s.add_box("x", [1, 1, 1], pose=np.zeros((2, 7))), ValueError, r"pose: expected one pose, got shape \(2, 7\)"),
+    (lambda s: s.add_box("x", [1, 1, 1], pose=2 * np.eye(4)), ValueError, r"pose: not a rigid transform"),
+    (lambda s: s.add_box("x", [1, 1, 1], parent="bse"), ValueError, r"parent: no body is named 'bse'; did you mean 'base'\?"),
+    (lambda s: s.add_box("x", [1, 1, 1], parent=9), ValueError, r"parent: no body has the id 9; the scene has 5"),
+    (lambda s: s.add_sphere("x", 0), clearance.SceneError, r"x"),
+    (lambda s: s.add_mesh("x", "a.obj", convexify="hul"), ValueError, r"convexify: expected 'hull' or 'submeshes' or 'decompose', got 'hul'"),
+    (lambda s: s.add_mesh("x", "a.obj", scale=[1, 2]), ValueError, r"scale: expected one number or three, got \[1, 2\]"),
+    (lambda s: s.add_mesh("x", "/nowhere/a.obj"), clearance.SceneError, r"/nowhere/a.obj"),
+    (lambda s: s.add_group("g", "base"), TypeError, r"bodies: expected a list of names, got 'base'"),
+    (lambda s: s.add_group("g", ["bas"]), ValueError, r"bodies: no body is named 'bas'; did you mean 'base'\?"),
+    (lambda s: s.ignore("base", "lnk1"), clearance.SceneError, r"lnk1"),
+    (lambda s: s.ignore("base", 12), ValueError, r"b: no body has the id 12"),
+    (lambda s: s.pieces("lnk1"), ValueError, r"body: no body is named 'lnk1'; did you mean 'link1'"),
+    (lambda s: s.pieces(17), ValueError, r"no such id"),
+    (lambda s: clearance.Scene.load("/nowhere/scene.yaml"), clearance.SceneError, r"/nowhere/scene.yaml"),
+])  # fmt: skip
+def test_bad_input_is_named(call, error, text):
+    scene = arm()
+    with pytest.raises(error, match=text):
+        call(scene)
+    assert len(scene) == 5 and scene.revision == arm().revision, "nothing was added"
+
+
+def test_scene_file(tmp_path):
+    (tmp_path / "tet.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    (tmp_path / "scene.yaml").write_text(
+        "bodies:\n"
+        "  - {name: tet, mesh: tet.obj, scale: 2.0}\n"
+        "  - {name: ball, sphere: 0.5, pose: [5, 0, 0, 1, 0, 0, 0], static: true}\n"
+    )
+    scene = clearance.Scene.load(tmp_path / "scene.yaml")
+    (vertices, radius), = scene.pieces("tet")
+    assert radius == 0 and sorted(map(tuple, vertices)) == [(0, 0, 0), (0, 0, 2), (0, 2, 0), (2, 0, 0)]
+    vertices, triangles = scene.display_mesh("tet")
+    assert triangles.shape == (4, 3) and len(vertices) > triangles.max()
+    engine = clearance.Engine(scene)
+    engine.set_poses({"tet": IDENTITY})
+    assert engine.distances().upper[0, 0] == pytest.approx(2.5, rel=1e-9)
+
+    by_hand = clearance.Scene()
+    by_hand.add_mesh("tet", tmp_path / "tet.obj", scale=[2, 2, 2])
+    assert np.array_equal(by_hand.pieces("tet")[0][0], scene.pieces("tet")[0][0])
+
+
+def test_scene_file_error_names_file_line_and_key(tmp_path):
+    (tmp_path / "scene.yaml").write_text("bodies:\n  - {name: ball, sphere: -1}\n")
+    with pytest.raises(clearance.SceneError, match=r"scene.yaml:2.*sphere.*-1"):
+        clearance.Scene.load(str(tmp_path / "scene.yaml"))
