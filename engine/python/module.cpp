@@ -1,6 +1,7 @@
 // clearance._engine: the scene and the engine in this process. The public face is clearance/_engine_front.py.
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string_view.h>
+#include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include <chrono>
@@ -15,8 +16,6 @@ namespace {
 
 /// How often a long call looks whether Ctrl-C was pressed.
 constexpr std::chrono::milliseconds kSignalPeriod{50};
-
-class PyEngine;
 
 /// A query under way, with the memory that it writes.
 class PyJob {
@@ -148,6 +147,7 @@ class PyEngine {
         return offset < 0 ? nullptr : static_cast<std::byte*>(answer.owner.get()) + offset;
       };
       ReplyView reply;
+      reply.rows = size.rows;
       reply.distance = reinterpret_cast<double*>(column(kFieldDistance));
       reply.lower = reinterpret_cast<double*>(column(kFieldLower));
       reply.upper = reinterpret_cast<double*>(column(kFieldUpper));
@@ -162,12 +162,15 @@ class PyEngine {
       reply.configuration = reinterpret_cast<std::uint32_t*>(column(kFieldConfiguration));
       reply.compact = reinterpret_cast<CompactAnswer*>(column(kFieldCompact));
 
+      // Another thread may have attached a body since size(): then the room does not fit the answer.
       std::optional<Job> job;
-      {
+      try {
         nb::gil_scoped_release release;
         job.emplace(engine.start(view, reply));
+      } catch (const QueryError& error) {
+        if (error.code != QueryErrorCode::kWrongScene) throw;
+        continue;
       }
-      // Another thread may have attached a body since size(): then the room does not fit the answer.
       if (job->size().rows != size.rows || job->size().pairs != size.pairs) continue;
       return std::make_unique<PyJob>(engine_, guard_, std::move(*job), std::move(answer), std::move(out));
     }

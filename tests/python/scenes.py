@@ -30,7 +30,7 @@ def arm():
     return scene
 
 
-ARM_POSES = {"link1": at(0, 0, 0.4), "link2": at(0.3, 0, 0.9, (0.9, 0.1, 0.4, 0.1))}
+ARM_POSES = {"link1": at(0, 0, 0.4), "link2": at(0.3, 0, 0.9, np.array([9, 1, 4, 1]) / 99**0.5)}
 #: Enabled pairs: not base-table (static), link2-cup (parent and child), base-link1 (ignored).
 ARM_PAIRS = [[0, 2], [0, 3], [1, 2], [1, 3], [1, 4], [2, 4], [3, 4]]
 

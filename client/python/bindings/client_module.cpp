@@ -1,6 +1,7 @@
 // clearance._client: the C++ client in a Python process. The public face is clearance/_client_front.py.
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string_view.h>
+#include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
