@@ -76,6 +76,11 @@ void check_tcp(const std::string& endpoint) {
   const std::size_t colon = host.rfind(':');
   if (colon == std::string::npos)
     throw std::runtime_error(endpoint + ": the port is missing, as in tcp://127.0.0.1:5555");
+  // ZeroMQ itself would take 99999 for 34463.
+  const std::string port = host.substr(colon + 1);
+  const bool digits = !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == std::string::npos;
+  if (port != "*" && !(digits && std::stoi(port) >= 1 && std::stoi(port) <= 65535))
+    throw std::runtime_error(endpoint + ": the port must be 1 to 65535, or * for a free one; got \"" + port + "\"");
   host.resize(colon);
   if (host == "localhost" || host == "[::1]" || host == "lo" || host.rfind("127.", 0) == 0) return;
   throw std::runtime_error(

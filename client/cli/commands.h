@@ -23,6 +23,9 @@ inline CLI::Validator quiet(CLI::Validator check) {
   return check.description("");
 }
 
+/// A number, not negative.
+CLI::Validator at_least_zero();
+
 /// The options --json and --csv.
 void add_output_options(CLI::App& command, Output& output);
 

@@ -13,6 +13,16 @@ Client Connection::open() const {
   return client;
 }
 
+CLI::Validator at_least_zero() {
+  return CLI::Validator(
+      [](std::string& text) {
+        double number = 0;
+        const bool good = CLI::detail::lexical_cast(text, number) && number >= 0;
+        return good ? std::string() : "expected a number >= 0, got " + text;
+      },
+      "");
+}
+
 void add_connection_options(CLI::App& command, Connection& connection) {
   command
       .add_option("--connect", connection.url,

@@ -41,6 +41,9 @@ Exit codes
   } catch (const CLI::Success& help_or_version) {
     return app.exit(help_or_version);
   } catch (const CLI::ParseError& error) {
+    if (app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-')
+      return fail(kCommandLine,
+                  ("there is no command \"" + std::string(argv[1]) + "\"; clearance --help lists them").c_str());
     return fail(kCommandLine, error.what());
   } catch (const std::invalid_argument& error) {
     return fail(kCommandLine, error.what());

@@ -147,7 +147,7 @@ void add_query(CLI::App& app) {
       .add_option("--pairs", options->pairs, "pairs A,B of bodies or groups (* is every body); default: all enabled")
       ->type_name("A,B ...");
   command.add_option("--max-distance", q.max_distance, "pairs proved farther than so many metres are \"beyond\"")
-      ->check(quiet(CLI::NonNegativeNumber))
+      ->check(at_least_zero())
       ->type_name("M");
   command
       .add_option("--reduce", options->reduce,
@@ -161,10 +161,10 @@ void add_query(CLI::App& app) {
       ->delimiter(',')
       ->type_name("NAME,...");
   command.add_option("--abs-tol", q.abs_tol, "wanted width of the bounds, metres")
-      ->check(quiet(CLI::NonNegativeNumber))
+      ->check(at_least_zero())
       ->type_name("M");
   command.add_option("--rel-tol", q.rel_tol, "wanted width of the bounds, part of the distance (1e-6; f32: 1e-4)")
-      ->check(quiet(CLI::NonNegativeNumber))
+      ->check(at_least_zero())
       ->type_name("R");
   command.add_option("--precision", options->precision, "of the iterations; the bounds hold in either: f64, f32")
       ->check(quiet(CLI::IsMember(names_of(kPrecisionNames))))

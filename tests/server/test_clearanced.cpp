@@ -1,0 +1,311 @@
+// clearanced and clearance as a user meets them: exit codes, what they say, what they leave behind.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "client/client.h"
+#include "daemon_fixture.h"
+
+namespace clearance {
+namespace {
+
+Finished clearanced(std::vector<std::string> options, const std::vector<std::string>& environment = {}) {
+  options.insert(options.begin(), program("clearanced"));
+  return run(options, environment);
+}
+Finished clearance_cli(std::vector<std::string> options, const std::vector<std::string>& environment = {}) {
+  options.insert(options.begin(), program("clearance"));
+  return run(options, environment);
+}
+
+/// The line that is not a log line: what clearanced says to the person who started it.
+std::string sentence(const Finished& finished) {
+  std::istringstream lines(finished.err);
+  for (std::string line; std::getline(lines, line);)
+    if (line.rfind("time=", 0) != 0) return line;
+  return "";
+}
+
+testing::AssertionResult contains(const std::string& text, const std::string& part) {
+  if (text.find(part) != std::string::npos) return testing::AssertionSuccess();
+  return testing::AssertionFailure() << "\"" << part << "\" is not in:\n" << text;
+}
+
+class Clearanced : public testing::Test {
+ protected:
+  TestFolder folder_;
+  std::string scene_ = folder_.write("scene.yaml", kSmallSceneYaml);
+  std::string ipc_ = "ipc://" + (folder_ / "c.ipc");
+};
+
+TEST_F(Clearanced, HelpTellsANewcomerWhatToType) {
+  const Finished help = clearanced({"--help"});
+  EXPECT_EQ(help.code, 0);
+  EXPECT_EQ(help.err, "");
+  for (const char* part : {"Loads a scene of bodies", "--scene FILE REQUIRED", "Example\n  clearanced --scene",
+                           "Exit codes", "3 the scene cannot be loaded", "--ready-fd", "Configuration file"})
+    EXPECT_TRUE(contains(help.out, part));
+  EXPECT_EQ(clearanced({"--version"}).out.rfind("clearanced 0.", 0), 0u);
+}
+
+TEST_F(Clearanced, WrongCommandLinesEndWith2) {
+  struct Case {
+    std::vector<std::string> options;
+    std::string text;
+  };
+  const Case cases[] = {
+      {{}, "clearanced: --scene is required"},
+      {{"--scene", scene_, "--threads", "-1"}, "clearanced: --threads: Value -1 not in range 0 to 4096"},
+      {{"--scene", scene_, "--frobnicate"}, "clearanced: The following argument was not expected: --frobnicate"},
+      {{"--scene", scene_, "--log-level", "loud"}, "clearanced: --log-level: loud not in {"},
+      {{"--scene", scene_, "--ready-fd", "99"}, "clearanced: --ready-fd: descriptor 99 is not open"},
+      {{"--scene", scene_, "--config", folder_ / "none.toml"},
+       "clearanced: " + (folder_ / "none.toml") + " was not readable"},
+      {{"--config", folder_.write("bad.toml", "scene = \"x\"\nspeed = 11\n")},
+       "clearanced: INI was not able to parse speed"},
+  };
+  for (const Case& c : cases) {
+    const Finished finished = clearanced(c.options);
+    EXPECT_EQ(finished.code, 2) << finished.err;
+    EXPECT_EQ(sentence(finished).rfind(c.text, 0), 0u) << finished.err;
+  }
+}
+
+TEST_F(Clearanced, ABadSceneEndsWith3AndItsSentence) {
+  const Finished missing = clearanced({"--scene", folder_ / "none.yaml"});
+  EXPECT_EQ(missing.code, 3);
+  EXPECT_EQ(sentence(missing), "clearanced: " + (folder_ / "none.yaml") + ": No such file or directory");
+  const std::string wrong = folder_.write("wrong.yaml", "bodies:\n  - {name: cup, sphere: -1}\n");
+  const Finished bad = clearanced({"--scene", wrong});
+  EXPECT_EQ(bad.code, 3);
+  EXPECT_TRUE(contains(sentence(bad), "clearanced: " + wrong + ":2: bodies[0]"));
+}
+
+TEST_F(Clearanced, AnUnknownBackendEndsWith5BeforeTheSceneIsLoaded) {
+  const Finished unknown = clearanced({"--scene", folder_ / "none.yaml", "--backend", "quantum"});
+  EXPECT_EQ(unknown.code, 5);
+  EXPECT_EQ(sentence(unknown), "clearanced: backend: expected auto, cpu or reference, got 'quantum'");
+}
+
+TEST_F(Clearanced, AnEndpointThatCannotBeOpenedEndsWith4) {
+  const std::string file = folder_.write("a-file", "");
+  struct Case {
+    std::string endpoint, text;
+  };
+  const Case cases[] = {
+      {"tcp://0.0.0.0:5555", "tcp://0.0.0.0:5555: anyone who reaches this address could move bodies"},
+      {"tcp://*:5555", "tcp://*:5555: anyone who reaches this address could move bodies"},
+      {"tcp://127.0.0.1", "tcp://127.0.0.1: the port is missing"},
+      {"tcp://127.0.0.1:99999",
+       "tcp://127.0.0.1:99999: the port must be 1 to 65535, or * for a free one; got \"99999\""},
+      {"ipc://relative.ipc", "ipc://relative.ipc: the path of the socket must be absolute"},
+      {"ipc://@name", "ipc://@name: the path of the socket must be absolute"},
+      {"ipc:///nonexistent/c.ipc", "ipc:///nonexistent/c.ipc: there is no folder /nonexistent"},
+      {"ipc://" + file, "ipc://" + file + ": the path is taken by something that is not a socket"},
+      {"ipc:///" + std::string(200, 'x'), "ipc:///" + std::string(200, 'x') + ": a socket's path may have 107 bytes"},
+      {"inproc://x", "inproc://x: expected ipc:///path or tcp://127.0.0.1:PORT"},
+  };
+  for (const Case& c : cases) {
+    const Finished finished = clearanced({"--scene", scene_, "--zmq", c.endpoint});
+    EXPECT_EQ(finished.code, 4) << finished.err;
+    EXPECT_EQ(sentence(finished).rfind("clearanced: " + c.text, 0), 0u) << finished.err;
+  }
+}
+
+TEST_F(Clearanced, SignalsEndItCleanly) {
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) {
+    Daemon daemon({"--scene", scene_, "--zmq", ipc_});
+    EXPECT_EQ(daemon.url(), ipc_);
+    struct stat info {};
+    ASSERT_EQ(stat((folder_ / "c.ipc").c_str(), &info), 0);
+    EXPECT_EQ(info.st_mode & 0077, 0u) << "nobody else may connect";
+    EXPECT_EQ(connect(ipc_).scene().bodies.size(), 4u);
+    EXPECT_EQ(daemon.stop(signal), 0);
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "c.ipc"));
+    EXPECT_TRUE(contains(daemon.log(), "event=end signal=" + std::to_string(signal)));
+  }
+}
+
+TEST_F(Clearanced, LogSaysWhenAndWhereItServes) {
+  Daemon daemon({"--scene", scene_, "--zmq", ipc_});
+  const std::string log = daemon.log();
+  EXPECT_TRUE(
+      contains(log, "level=info event=scene_loaded scene=\"" + scene_ + "\" bodies=4 pieces=4 vertices=13 revision="));
+  EXPECT_TRUE(contains(log, "event=ready urls=\"" + ipc_ + "\" load_seconds="));
+}
+
+TEST_F(Clearanced, TheSocketOfALivingDaemonIsRefusedThatOfADeadOneReplaced) {
+  Daemon first({"--scene", scene_, "--zmq", ipc_});
+  const Finished second = clearanced({"--scene", scene_, "--zmq", ipc_});
+  EXPECT_EQ(second.code, 4);
+  EXPECT_EQ(sentence(second),
+            "clearanced: " + ipc_ + ": another process listens there; stop it, or choose another path");
+  EXPECT_EQ(connect(ipc_).scene().bodies.size(), 4u) << "the first one still serves";
+  first.stop(SIGKILL);
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "c.ipc"));
+  Daemon third({"--scene", scene_, "--zmq", ipc_});
+  EXPECT_EQ(connect(ipc_).scene().bodies.size(), 4u);
+  EXPECT_EQ(third.stop(SIGTERM), 0);
+}
+
+TEST_F(Clearanced, ReadsItsConfigurationFile) {
+  const std::string config =
+      folder_.write("c.toml", "scene = \"" + scene_ + "\"\nzmq = [\"" + ipc_ + "\", \"tcp://127.0.0.1:*\"]\n");
+  Daemon daemon({"--config", config});
+  ASSERT_EQ(daemon.urls().size(), 2u);
+  EXPECT_EQ(daemon.urls()[0], ipc_);
+  EXPECT_EQ(daemon.urls()[1].rfind("tcp://127.0.0.1:", 0), 0u) << "with the port that was free";
+  EXPECT_EQ(connect(daemon.urls()[1]).scene().bodies.size(), 4u);
+}
+
+TEST_F(Clearanced, TellsSystemd) {
+  const std::string path = folder_ / "notify";
+  const int socket = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
+  ASSERT_EQ(bind(socket, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  setenv("NOTIFY_SOCKET", path.c_str(), 1);
+  Daemon daemon({"--scene", scene_, "--zmq", ipc_});
+  unsetenv("NOTIFY_SOCKET");
+  const auto next = [&] {
+    char text[1000];
+    const ssize_t size = recv(socket, text, sizeof text, 0);
+    return std::string(text, static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
+  };
+  EXPECT_EQ(next(), "READY=1\nSTATUS=serving " + scene_ + " at " + ipc_);
+  daemon.stop(SIGTERM);
+  EXPECT_EQ(next(), "STOPPING=1");
+  close(socket);
+}
+
+TEST_F(Clearanced, IsQuietWhileNobodyAsks) {
+  Daemon daemon({"--scene", scene_, "--zmq", ipc_});
+  Client client = connect(ipc_);
+  const auto sleeps = [&] {
+    for (const auto& [name, value] : client.stats())
+      if (name == "loop.sleeps") return value;
+    return std::uint64_t{0};
+  };
+  // A tick each 100 ms wakes it, and the request itself: not thousands of times.
+  const std::uint64_t before = sleeps();
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  EXPECT_LT(sleeps() - before, 100u);
+}
+
+// --- the command line client
+// ------------------------------------------------------------------------------------------
+
+class CommandLine : public Clearanced {
+ protected:
+  Finished ask(std::vector<std::string> options) {
+    options.insert(options.end(), {"--connect", daemon_.url()});
+    return clearance_cli(options);
+  }
+  Daemon daemon_{{"--scene", scene_, "--zmq", ipc_}};
+};
+
+TEST_F(CommandLine, Bodies) {
+  const Finished table = ask({"bodies"});
+  EXPECT_EQ(table.code, 0) << table.err;
+  EXPECT_TRUE(contains(table.out, "id  body   kind     parent  pieces  vertices"));
+  EXPECT_TRUE(contains(table.out, " 0  table  static   -            1         8   1.11915              0\n"));
+  EXPECT_TRUE(contains(table.out, "group arm: link1 link2\n4 bodies, 6 enabled pairs, backend cpu, scene "));
+  EXPECT_TRUE(contains(ask({"bodies", "--csv"}).out,
+                       "id,body,kind,parent,pieces,vertices,extent_m,model_error_m\n0,table,static,,1,8,"));
+  EXPECT_TRUE(contains(ask({"bodies", "--json"}).out,
+                       "[{\"id\": 0, \"body\": \"table\", \"kind\": \"static\", \"parent\": null, \"pieces\": 1,"));
+}
+
+TEST_F(CommandLine, Query) {
+  const Finished table = ask({"query"});
+  EXPECT_EQ(table.code, 0) << table.err;
+  EXPECT_TRUE(contains(
+      table.out, "a      b      status   distance_m  lower_m  upper_m  flags\ntable  cup    ok             0.15"));
+  EXPECT_TRUE(contains(table.out, "table  link2  no_pose         nan     -inf      inf"));
+  EXPECT_TRUE(contains(table.out, "6 rows of 6 pairs, pose revision 0, backend cpu"));
+  EXPECT_TRUE(contains(ask({"query", "--limit", "2"}).out, "... and 4 rows more (--limit 0 prints them all)"));
+
+  const Finished nearest = ask({"query", "--reduce", "nearest", "--csv", "--fields", "status"});
+  EXPECT_EQ(nearest.out,
+            "body,a,b,status\ntable,table,cup,ok\ncup,table,cup,ok\nlink1,table,link1,ok\nlink2,table,link2,no_pose\n");
+  const Finished pairs =
+      ask({"query", "--pairs", "arm,table", "cup,2", "--csv", "--fields", "status", "--max-distance", "0.3"});
+  EXPECT_EQ(pairs.out, "a,b,status\ntable,link1,ok\ntable,link2,no_pose\ncup,link1,beyond\n");
+  EXPECT_TRUE(contains(ask({"query", "--reduce", "min", "--json"}).out, "\"status\": \"ok\", \"distance_m\": 0.15"));
+  EXPECT_TRUE(
+      contains(ask({"query", "--json", "--pairs", "table,link2"}).out, "\"distance_m\": null, \"lower_m\": \"-inf\""));
+}
+
+TEST_F(CommandLine, PosesAndAttachments) {
+  EXPECT_EQ(ask({"set-pose", "link2", "0.5", "0", "1.5"}).out, "pose revision 1\n");
+  EXPECT_EQ(ask({"attach", "cup", "link2"}).code, 0);
+  const Finished poses = ask({"poses", "--csv"});
+  EXPECT_TRUE(contains(poses.out, "3,link2,ok,0.5,0,1.5,1,0,0,0,"));
+  EXPECT_TRUE(contains(poses.out, ",link2\n2,link1,ok,")) << "the cup follows link2";
+  EXPECT_EQ(ask({"attach", "cup", "--free"}).code, 0);
+  EXPECT_FALSE(contains(ask({"poses", "--csv"}).out, ",link2\n2,link1,ok,"));
+}
+
+TEST_F(CommandLine, StatAndPing) {
+  EXPECT_TRUE(contains(ask({"stat", "--csv"}).out, "queries.waiting,0\n"));
+  EXPECT_TRUE(contains(ask({"ping", "--count", "10"}).out, ": 10 echoes of 64 bytes, round trip min "));
+}
+
+TEST_F(CommandLine, ErrorsSayWhatIsWrong) {
+  struct Case {
+    std::vector<std::string> options;
+    int code;
+    std::string text;
+  };
+  const Case cases[] = {
+      {{"query", "--pairs", "arm,tabel"}, 2, "clearance: no body \"tabel\" in the scene; did you mean \"table\"?\n"},
+      {{"query", "--pairs", "arm"}, 2, "clearance: --pairs: expected A,B as in arm,table; got \"arm\"\n"},
+      {{"query", "--pairs", "cup,cup"}, 1, "clearance: pairs[0]: body 1 with itself\n"},
+      {{"query", "--max-distance", "-1"}, 2, "clearance: --max-distance: expected a number >= 0, got -1\n"},
+      {{"query", "--reduce", "most"}, 2, "clearance: --reduce: most not in {"},
+      {{"query", "--fields", "colour"}, 2, "clearance: --fields: colour not in {"},
+      {{"query", "--json", "--csv"}, 2, "clearance: --json excludes --csv\n"},
+      {{"set-pose", "table", "1", "2", "3"}, 1, "clearance: \"table\" is static: it does not move\n"},
+      {{"set-pose", "cup", "nan", "2", "3"}, 1, "clearance: the pose of \"cup\" cannot be used"},
+      {{"set-pose", "cup", "1", "2", "3", "4"},
+       2,
+       "clearance: POSE: expected x y z, or x y z qw qx qy qz; got 4 numbers\n"},
+      {{"attach", "cup"}, 2, "clearance: attach: name a parent, or say --free\n"},
+      {{"attach", "cup", "cup"}, 1, "clearance: attach: 'cup' would follow itself through 'cup'\n"},
+      {{"attach", "table", "cup"}, 1, "clearance: attach: 'table' is static\n"},
+      {{"frobnicate"}, 2, "clearance: there is no command \"frobnicate\"; clearance --help lists them\n"},
+  };
+  for (const Case& c : cases) {
+    const Finished finished = ask(c.options);
+    EXPECT_EQ(finished.code, c.code) << finished.err;
+    EXPECT_EQ(finished.err.rfind(c.text, 0), 0u) << finished.err;
+  }
+}
+
+TEST_F(CommandLine, FindsTheDaemonByTheEnvironment) {
+  EXPECT_EQ(clearance_cli({"bodies"}, {"CLEARANCE_URL=" + daemon_.url()}).code, 0);
+  const Finished nowhere = clearance_cli({"bodies"}, {"CLEARANCE_URL=ipc:///nonexistent/c.ipc"});
+  EXPECT_EQ(nowhere.code, 3);
+  EXPECT_EQ(nowhere.err,
+            "clearance: ipc:///nonexistent/c.ipc: no such socket: is clearanced running, with --zmq "
+            "ipc:///nonexistent/c.ipc?\n");
+  EXPECT_EQ(clearance_cli({"bodies", "--connect", "http://x"}).code, 2);
+}
+
+TEST_F(CommandLine, HelpHasAnExample) {
+  const Finished help = clearance_cli({"--help"});
+  EXPECT_EQ(help.code, 0);
+  for (const char* part : {"bodies", "poses", "query", "stat", "ping", "set-pose", "attach",
+                           "Example\n  clearance query", "CLEARANCE_URL"})
+    EXPECT_TRUE(contains(help.out, part));
+  EXPECT_FALSE(contains(clearance_cli({"query", "--help"}).out, "Exit codes"));
+}
+
+}  // namespace
+}  // namespace clearance
