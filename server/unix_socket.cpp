@@ -31,7 +31,7 @@ FolderLock::~FolderLock() {
   if (fd_ >= 0) close(fd_);
 }
 
-void clear_stale_socket(const std::string& path, const std::string& url) {
+void clear_stale_socket(const std::string& path, const std::string& url, int type) {
   const auto fail = [&url](const std::string& cause) { throw std::runtime_error(url + ": " + cause); };
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -45,7 +45,7 @@ void clear_stale_socket(const std::string& path, const std::string& url) {
     return;
   }
   if (!S_ISSOCK(there.st_mode)) fail("the path is taken by something that is not a socket");
-  const int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const int probe = socket(AF_UNIX, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (probe < 0) fail(std::string("socket: ") + std::strerror(errno));
   const int error = connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) ? errno : 0;
   close(probe);

@@ -1,6 +1,7 @@
 // Socket files of the daemon: a dead daemon's is replaced, a living one's refused, ours removed at the end.
 #pragma once
 
+#include <sys/socket.h>
 #include <sys/types.h>
 
 #include <string>
@@ -19,9 +20,9 @@ class FolderLock {
   int fd_ = -1;
 };
 
-/// Makes way for a stream socket at `path`: removes the file that a dead daemon left. Throws std::runtime_error if
-/// somebody listens there, or if the file is no socket. \param url for the message.
-void clear_stale_socket(const std::string& path, const std::string& url);
+/// Makes way for a socket at `path`: removes the file that a dead daemon left. Throws std::runtime_error if somebody
+/// listens there, or if the file is no socket. \param url for the message. \param type of the socket to come.
+void clear_stale_socket(const std::string& path, const std::string& url, int type = SOCK_STREAM);
 
 /// A socket file that we made: removed with this object, unless another has taken its place meanwhile.
 class SocketFile {
