@@ -1,0 +1,81 @@
+// The client's side of a shared segment: its mapping, its slots and the rings in it.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "fork_guard.h"
+#include "shm_layout.h"
+#include "shm_os.h"
+
+namespace clearance {
+
+/// A mapped segment and what this side knows about its slots. Frames and the channel keep it alive together.
+///
+/// One thread at a time, except give_slot(): a frame may be let go of anywhere.
+class ClientSegment {
+ public:
+  enum class State : std::uint8_t {
+    kIdle,     ///< free, being written to, or leased to a frame
+    kPosted,   ///< the daemon has it
+    kArrived,  ///< its reply is there and was not asked for yet
+    kDropped,  ///< the daemon gave it back unanswered
+  };
+  struct Slot {
+    State state = State::kIdle;
+    bool forgotten = false;  ///< nobody wants the reply
+    bool retried = false;    ///< this request was already sent again because its reply did not fit
+    std::uint32_t generation = 0;
+    std::uint64_t request_id = 0;
+    std::uint64_t request_bytes = 0;
+    std::uint64_t reply_bytes = 0;
+  };
+
+  /// Maps what the daemon handed over. Throws ConnectionError, naming `url`, if it is not a segment of this layout.
+  ClientSegment(const shm::UniqueFd& memfd, const std::string& url);
+  ~ClientSegment();
+  ClientSegment(const ClientSegment&) = delete;
+  ClientSegment& operator=(const ClientSegment&) = delete;
+
+  std::uint32_t id() const { return id_; }
+  std::uint64_t request_capacity() const { return request_capacity_; }
+  std::uint64_t reply_capacity() const { return reply_capacity_; }
+  std::vector<Slot>& slots() { return slots_; }
+  std::byte* request_area(std::uint32_t slot) { return requests_ + slot * request_capacity_; }
+  const std::byte* reply_area(std::uint32_t slot) const { return replies_ + slot * reply_capacity_; }
+
+  /// Takes the free slot of the lowest number, whose pages are likely to be there and warm; -1: none is free.
+  int take_slot();
+  void give_slot(std::uint32_t slot) { free_.fetch_or(std::uint64_t{1} << slot, std::memory_order_release); }
+  bool all_free() const { return free_.load(std::memory_order_acquire) == all_slots_; }
+
+  /// Posts the frame in a slot's request area. Returns true if the daemon sleeps and must be woken.
+  bool post(std::uint32_t slot);
+  /// Takes in the replies that were posted since. False if what the daemon posted makes no sense.
+  bool collect();
+  /// Whether no reply was posted since the last collect().
+  bool nothing_new() const { return header_->reply_head.load(std::memory_order_acquire) == reply_tail_; }
+  /// Sleeps until a reply is posted, at most `timeout`. May return early.
+  void sleep(std::chrono::nanoseconds timeout);
+
+ private:
+  ForkGuard guard_;
+  std::byte* base_ = nullptr;
+  std::uint64_t bytes_ = 0;
+  shm::SegmentHeader* header_ = nullptr;
+  std::byte* requests_ = nullptr;
+  const std::byte* replies_ = nullptr;
+  std::uint32_t id_ = 0;
+  std::uint64_t request_capacity_ = 0, reply_capacity_ = 0;
+  std::vector<Slot> slots_;
+  std::uint64_t all_slots_ = 0;
+  std::atomic<std::uint64_t> free_{0};  ///< a bit for each slot that is neither in use nor leased to a frame
+  std::uint32_t request_head_ = 0;      ///< requests posted
+  std::uint32_t reply_tail_ = 0;        ///< replies taken in
+};
+
+}  // namespace clearance

@@ -1,0 +1,136 @@
+// The few system calls that both ends of the shared-memory transport need: descriptors, messages with descriptors,
+// futex.
+#pragma once
+
+#include <linux/futex.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <sys/un.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <utility>
+
+#include "shm_layout.h"
+
+namespace clearance::shm {
+
+/// A descriptor that is closed with its owner.
+class UniqueFd {
+ public:
+  UniqueFd() = default;
+  explicit UniqueFd(int fd) : fd_(fd) {}
+  UniqueFd(UniqueFd&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  UniqueFd& operator=(UniqueFd&& other) noexcept {
+    if (this != &other) reset(std::exchange(other.fd_, -1));
+    return *this;
+  }
+  ~UniqueFd() { reset(); }
+
+  int get() const { return fd_; }
+  explicit operator bool() const { return fd_ >= 0; }
+  void reset(int fd = -1) {
+    if (fd_ >= 0) ::close(fd_);
+    fd_ = fd;
+  }
+
+ private:
+  int fd_ = -1;
+};
+
+inline constexpr int kMaxPassedFds = 2;
+
+/// Sends one message with up to kMaxPassedFds descriptors, without blocking. False with errno set if it was not taken.
+inline bool send_message(int socket, const Message& message, std::span<const int> fds = {}) {
+  iovec data{const_cast<Message*>(&message), sizeof message};
+  alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int) * kMaxPassedFds)] = {};
+  msghdr header{};
+  header.msg_iov = &data;
+  header.msg_iovlen = 1;
+  if (!fds.empty()) {
+    header.msg_control = control;
+    header.msg_controllen = CMSG_SPACE(fds.size_bytes());
+    cmsghdr* c = CMSG_FIRSTHDR(&header);
+    c->cmsg_level = SOL_SOCKET;
+    c->cmsg_type = SCM_RIGHTS;
+    c->cmsg_len = CMSG_LEN(fds.size_bytes());
+    std::memcpy(CMSG_DATA(c), fds.data(), fds.size_bytes());
+  }
+  ssize_t sent;
+  do sent = ::sendmsg(socket, &header, MSG_NOSIGNAL | MSG_DONTWAIT);
+  while (sent < 0 && errno == EINTR);
+  return sent == static_cast<ssize_t>(sizeof message);
+}
+
+/// Receives one message without blocking, and the descriptors that came with it (all are taken in, none leaks).
+/// Returns the bytes received; 0: the peer is gone; -1 with errno: nothing there (EAGAIN) or an error.
+inline ssize_t receive_message(int socket, Message& message, std::array<UniqueFd, kMaxPassedFds>* fds = nullptr) {
+  message = Message{};
+  iovec data{&message, sizeof message};
+  alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int) * kMaxPassedFds)];
+  msghdr header{};
+  header.msg_iov = &data;
+  header.msg_iovlen = 1;
+  header.msg_control = control;
+  header.msg_controllen = sizeof control;
+  ssize_t received;
+  do received = ::recvmsg(socket, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+  while (received < 0 && errno == EINTR);
+  const int error = errno;
+  if (received >= 0) {
+    int next = 0;
+    for (cmsghdr* c = CMSG_FIRSTHDR(&header); c; c = CMSG_NXTHDR(&header, c)) {
+      if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_RIGHTS) continue;
+      const std::size_t count = (c->cmsg_len - CMSG_LEN(0)) / sizeof(int);
+      for (std::size_t i = 0; i < count; ++i) {
+        int fd;
+        std::memcpy(&fd, CMSG_DATA(c) + i * sizeof fd, sizeof fd);
+        UniqueFd owned(fd);
+        if (fds && next < kMaxPassedFds) (*fds)[next++] = std::move(owned);
+      }
+    }
+  }
+  errno = error;
+  return received;
+}
+
+/// Fills the address of a socket path. False if the path is empty or too long (107 bytes).
+inline bool socket_address(const char* path, sockaddr_un& address) {
+  address = {};
+  address.sun_family = AF_UNIX;
+  const std::size_t length = std::strlen(path);
+  if (length == 0 || length >= sizeof address.sun_path) return false;
+  std::memcpy(address.sun_path, path, length + 1);
+  return true;
+}
+
+/// Waits until `word` is no longer `seen`, at most `timeout`; may return early. Works between processes.
+inline void futex_wait(const std::atomic<std::uint32_t>& word, std::uint32_t seen, std::chrono::nanoseconds timeout) {
+  if (timeout <= std::chrono::nanoseconds::zero()) return;
+  const timespec relative{timeout.count() / 1'000'000'000, timeout.count() % 1'000'000'000};
+  ::syscall(SYS_futex, &word, FUTEX_WAIT, seen, &relative, nullptr, 0);
+}
+
+/// Wakes whoever waits on `word`.
+inline void futex_wake(const std::atomic<std::uint32_t>& word) {
+  ::syscall(SYS_futex, &word, FUTEX_WAKE, 1, nullptr, nullptr, 0);
+}
+
+/// Tells the core that this is a spin loop.
+inline void cpu_relax() {
+#if defined(__x86_64__) || defined(__i386__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+
+}  // namespace clearance::shm

@@ -1,0 +1,200 @@
+#include "shm_segment.h"
+
+#include <fcntl.h>
+#include <linux/memfd.h>
+#include <sys/mman.h>
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cassert>
+#include <cerrno>
+#include <cstring>
+
+#include "client/protocol.h"
+
+namespace clearance {
+
+namespace {
+
+/// Address space that a grown segment may take to have many slots; larger slots get fewer of them.
+constexpr std::uint64_t kRoomyBytes = std::uint64_t{256} << 20;
+/// A caller that keeps one reply while it asks for the next needs two slots.
+constexpr std::uint32_t kFewestSlots = 2;
+constexpr std::uint32_t kGrownSlots = 4;
+
+#ifndef MFD_NOEXEC_SEAL
+constexpr unsigned MFD_NOEXEC_SEAL = 0x0008U;
+#endif
+
+shm::UniqueFd make_sealed_memfd(std::uint64_t bytes, std::string& why) {
+  constexpr unsigned kFlags = MFD_CLOEXEC | MFD_ALLOW_SEALING;
+  shm::UniqueFd fd(::memfd_create("clearance-shm", kFlags | MFD_NOEXEC_SEAL));
+  if (!fd) fd.reset(::memfd_create("clearance-shm", kFlags));  // kernels before 6.3
+  if (!fd) {
+    why = std::string("memfd_create: ") + std::strerror(errno);
+    return {};
+  }
+  // Nobody can shrink the file under our mapping (SIGBUS), nor add seals of their own.
+  if (::ftruncate(fd.get(), static_cast<off_t>(bytes)) != 0 ||
+      ::fcntl(fd.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0) {
+    why = "a segment of " + std::to_string(bytes) + " bytes: " + std::strerror(errno);
+    return {};
+  }
+  return fd;
+}
+
+}  // namespace
+
+std::byte* ScratchBuffer::reserve(std::size_t bytes) {
+  if (bytes > capacity_) {
+    data_.reset();
+    capacity_ = 0;
+    const std::size_t wanted = std::bit_ceil(std::max<std::size_t>(bytes, 4096));
+    data_ = aligned_bytes(wanted);
+    capacity_ = wanted;
+  }
+  return data_.get();
+}
+
+void ScratchBuffer::trim(std::size_t bytes) {
+  if (capacity_ <= bytes) return;
+  data_.reset();
+  capacity_ = 0;
+}
+
+std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, const ShmLimits& limits, std::uint32_t id,
+                                       std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why) {
+  // The sizes come from a client: compare before adding, so that nothing wraps.
+  if (request_capacity > wire::kMaxRequestBytes) {
+    why = "a request of " + std::to_string(request_capacity) + " bytes; the limit is " +
+          std::to_string(wire::kMaxRequestBytes);
+    return nullptr;
+  }
+  if (reply_capacity > wire::kMaxFrameBytes) {
+    why =
+        "a reply of " + std::to_string(reply_capacity) + " bytes; the limit is " + std::to_string(wire::kMaxFrameBytes);
+    return nullptr;
+  }
+  const std::uint64_t request_bytes = shm::round_to_page(std::max(request_capacity, limits.request_capacity));
+  const std::uint64_t reply_bytes =
+      shm::round_to_page(std::max({reply_capacity, limits.reply_capacity, shm::kMinReplyCapacity}));
+  const std::uint64_t slot_bytes = request_bytes + reply_bytes;
+  const std::uint64_t most = limits.max_segment_bytes / slot_bytes;
+  if (most < kFewestSlots) {
+    why = "a request of " + std::to_string(request_capacity) + " and a reply of " + std::to_string(reply_capacity) +
+          " bytes need a segment of " + std::to_string(shm::segment_bytes(kFewestSlots, request_bytes, reply_bytes)) +
+          " bytes; this daemon's limit is " + std::to_string(limits.max_segment_bytes);
+    return nullptr;
+  }
+  const std::uint64_t ceiling = std::min<std::uint64_t>({limits.slots, shm::kMaxSlots, most});
+  const std::uint64_t roomy = std::max<std::uint64_t>(kRoomyBytes / slot_bytes, kGrownSlots);
+  const auto slots = static_cast<std::uint32_t>(std::max<std::uint64_t>(std::min(ceiling, roomy), 1));
+  const std::uint64_t bytes = shm::segment_bytes(slots, request_bytes, reply_bytes);
+  if (bytes > budget->limit - std::min(budget->used, budget->limit)) {
+    why = "no room for a segment of " + std::to_string(bytes) + " bytes: " + std::to_string(budget->used) + " of " +
+          std::to_string(budget->limit) + " bytes of shared memory are given out to clients";
+    return nullptr;
+  }
+
+  shm::UniqueFd memfd = make_sealed_memfd(bytes, why);
+  if (!memfd) return nullptr;
+  void* base = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, memfd.get(), 0);
+  if (base == MAP_FAILED) {
+    why = "mapping a segment of " + std::to_string(bytes) + " bytes: " + std::strerror(errno);
+    return nullptr;
+  }
+
+  std::shared_ptr<Segment> segment(new Segment);
+  segment->budget_ = std::move(budget);
+  segment->budget_->used += bytes;
+  segment->memfd_ = std::move(memfd);
+  segment->base_ = static_cast<std::byte*>(base);
+  segment->bytes_ = bytes;
+  segment->request_capacity_ = request_bytes;
+  segment->reply_capacity_ = reply_bytes;
+  segment->request_offset_ = shm::kPage;
+  segment->reply_offset_ = shm::kPage + slots * request_bytes;
+  segment->id_ = id;
+  segment->slots_.resize(slots);
+
+  auto* header = new (base) shm::SegmentHeader{};  // the file is all zeros already; this begins the objects' lifetime
+  segment->header_ = header;
+  header->magic = shm::kMagic;
+  header->segment_id = id;
+  header->slot_count = slots;
+  header->ring_entries = shm::kRingEntries;
+  header->segment_bytes = bytes;
+  header->request_capacity = request_bytes;
+  header->reply_capacity = reply_bytes;
+  header->request_offset = segment->request_offset_;
+  header->reply_offset = segment->reply_offset_;
+  header->version.store(shm::kLayoutVersion, std::memory_order_release);
+  return segment;
+}
+
+Segment::~Segment() {
+  if (base_) ::munmap(base_, bytes_);
+  if (budget_) budget_->used -= bytes_;
+}
+
+Segment::Take Segment::violation(const char* why) {
+  why_ = why;
+  return Take::kViolation;
+}
+
+Segment::Take Segment::take(ScratchBuffer& scratch, Request& request) {
+  const std::uint32_t head = header_->request_head.load(std::memory_order_acquire);
+  const std::uint32_t waiting = head - request_tail_;
+  if (waiting == 0) return Take::kNothing;
+  if (waiting > slots_.size()) return violation("request_head ran ahead of the slots");
+  const shm::RingEntry& entry = header_->requests[request_tail_ % shm::kRingEntries];
+  const std::uint64_t ticket = entry.ticket.load(std::memory_order_relaxed);
+  const std::uint64_t bytes = entry.frame_bytes.load(std::memory_order_relaxed);
+  const std::uint32_t index = shm::ticket_slot(ticket);
+  const std::uint32_t generation = shm::ticket_generation(ticket);
+  if (index >= slots_.size()) return violation("a slot that does not exist");
+  Slot& slot = slots_[index];
+  if (slot.busy) return violation("a slot that is still being answered");
+  if (generation != slot.generation + 1) return violation("a generation out of order");
+  if (bytes < sizeof(wire::FrameHeader) || bytes > request_capacity_) return violation("a frame size that cannot be");
+
+  std::byte* copy = scratch.reserve(bytes);
+  std::memcpy(copy, base_ + request_offset_ + index * request_capacity_, bytes);
+  // The compiler may not go back to the shared bytes for anything that is read from the copy.
+  std::atomic_signal_fence(std::memory_order_seq_cst);
+
+  ++request_tail_;
+  slot.busy = true;
+  slot.generation = generation;
+  request = {index, generation, {copy, bytes}};
+  return Take::kRequest;
+}
+
+bool Segment::has_request() const {
+  return header_->request_head.load(std::memory_order_seq_cst) != request_tail_;
+}
+
+void Segment::set_sleeping(bool sleeping) {
+  if (sleeping)
+    header_->daemon_sleeping.store(1, std::memory_order_seq_cst);
+  else
+    header_->daemon_sleeping.store(0, std::memory_order_relaxed);
+}
+
+std::byte* Segment::reply_area(std::uint32_t slot) {
+  return base_ + reply_offset_ + slot * reply_capacity_;
+}
+
+void Segment::post_reply(std::uint32_t slot, std::uint32_t generation, std::uint64_t frame_bytes) {
+  assert(slot < slots_.size() && slots_[slot].busy && slots_[slot].generation == generation);
+  slots_[slot].busy = false;
+  shm::RingEntry& entry = header_->replies[reply_head_ % shm::kRingEntries];
+  entry.ticket.store(shm::pack_ticket(slot, generation), std::memory_order_relaxed);
+  entry.frame_bytes.store(frame_bytes, std::memory_order_relaxed);
+  header_->reply_head.store(++reply_head_, std::memory_order_seq_cst);
+  // A client that lies about waiting only costs us a system call for each of its own requests.
+  if (header_->client_waiting.load(std::memory_order_seq_cst) != 0) shm::futex_wake(header_->reply_head);
+}
+
+}  // namespace clearance

@@ -1,0 +1,412 @@
+// Shared memory: a Unix socket where clients come and go, and for each client a segment with its requests and replies.
+// The layout and the rules are drawn in client/shm_layout.h.
+#include "shm_transport.h"
+
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cassert>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <new>
+#include <stdexcept>
+
+#include "client/shm_layout.h"
+#include "client/shm_os.h"
+#include "shm_segment.h"
+#include "unix_socket.h"
+
+namespace clearance {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using shm::Message;
+using shm::MessageKind;
+using shm::UniqueFd;
+
+constexpr int kMaxFramesPerPoll = 64;
+constexpr int kMaxFramesPerClient = 8;
+/// Requests are copied on the loop: past this much in one poll the rest waits for the next.
+constexpr std::uint64_t kMaxBytesPerPoll = std::uint64_t{4} << 20;
+constexpr std::size_t kScratchKept = std::size_t{4} << 20;
+constexpr int kMessagesPerEvent = 8;
+/// While requests keep the loop awake the sockets are looked at once in so many polls.
+constexpr int kPollsPerSocketLook = 32;
+
+[[noreturn]] void fail(const std::string& path, const std::string& what, int error = 0) {
+  throw std::runtime_error("shm://" + path + ": " + what + (error ? std::string(": ") + std::strerror(error) : ""));
+}
+
+/// One connected client.
+struct Session {
+  std::uint64_t id = 0;
+  UniqueFd socket;
+  UniqueFd wake;  ///< eventfd that the client writes to when the daemon sleeps
+  std::vector<std::shared_ptr<Segment>> segments;
+  std::uint32_t next_segment = 0;
+  Clock::time_point connected;
+  bool gone = false;
+};
+
+class ShmSink final : public ReplySink {
+ public:
+  ShmSink(std::shared_ptr<Session> session, std::shared_ptr<Segment> segment, std::uint32_t slot,
+          std::uint32_t generation)
+      : session_(std::move(session)), segment_(std::move(segment)), slot_(slot), generation_(generation) {}
+  ~ShmSink() override {
+    if (!published_) segment_->post_reply(slot_, generation_, 0);
+  }
+
+  std::byte* reserve(std::uint64_t frame_bytes) override {
+    if (frame_bytes > segment_->reply_capacity()) return nullptr;
+    reserved_ = frame_bytes;
+    return segment_->reply_area(slot_);
+  }
+  void publish(std::uint64_t frame_bytes) override {
+    assert(!published_ && frame_bytes <= reserved_ && frame_bytes >= sizeof(wire::FrameHeader));
+    published_ = true;
+    segment_->post_reply(slot_, generation_, frame_bytes);
+  }
+  bool alive() const override { return !session_->gone; }
+  std::uint64_t client() const override { return session_->id; }
+
+ private:
+  std::shared_ptr<Session> session_;
+  std::shared_ptr<Segment> segment_;  ///< stays mapped while the reply is being written, even if the client goes
+  std::uint32_t slot_, generation_;
+  std::uint64_t reserved_ = 0;
+  bool published_ = false;
+};
+
+/// The listening socket, for this user alone. A dead daemon's is replaced, a living one's refused.
+class Listener {
+ public:
+  explicit Listener(const std::string& path) {
+    sockaddr_un address;
+    if (!shm::socket_address(path.c_str(), address))
+      fail(path, "a socket's path has 1 to " + std::to_string(sizeof address.sun_path - 1) + " bytes");
+    const FolderLock lock(path);
+    clear_stale_socket(path, "shm://" + path, SOCK_SEQPACKET);
+    socket_.reset(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+    if (!socket_) fail(path, "socket", errno);
+    if (::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+      fail(path, "cannot create the socket", errno);
+    file_ = SocketFile(path);
+    // Nobody can connect before listen(), so the mode is right before the first client can come.
+    if (::chmod(path.c_str(), 0600) != 0 || ::listen(socket_.get(), 64) != 0) fail(path, "cannot listen", errno);
+  }
+
+  int get() const { return socket_.get(); }
+
+ private:
+  UniqueFd socket_;
+  SocketFile file_;
+};
+
+class ShmTransport final : public Transport {
+ public:
+  ShmTransport(const std::string& path, const ShmLimits& limits)
+      : path_(path), limits_(limits), budget_(std::make_shared<SegmentBudget>()), listener_(path) {
+    budget_->limit = limits.pool_bytes;
+    if (budget_->limit == 0)
+      budget_->limit = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
+                       static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / 2;
+    limits_.max_segment_bytes = std::min(limits_.max_segment_bytes, budget_->limit);
+    limits_.slots = std::clamp<std::uint32_t>(limits_.slots, 1, shm::kMaxSlots);
+    epoll_.reset(::epoll_create1(EPOLL_CLOEXEC));
+    if (!epoll_) fail(path, "epoll_create1", errno);
+    if (!watch(listener_.get(), EPOLLIN, 0)) fail(path, "epoll_ctl", errno);
+  }
+  ~ShmTransport() override {
+    for (auto& session : sessions_) session->gone = true;  // sinks may live longer than this
+  }
+
+  std::string url() const override { return "shm://" + path_; }
+  std::vector<int> descriptors() const override { return {epoll_.get()}; }
+
+  int poll(Inbox& inbox) override {
+    if (!counters_.connections) counters_.bind(inbox);
+    if (look_at_sockets_ || ++polls_ >= kPollsPerSocketLook) serve_sockets();
+    int frames = 0;
+    std::uint64_t bytes = 0;
+    const std::size_t count = sessions_.size();
+    for (std::size_t i = 0; i < count && frames < kMaxFramesPerPoll && bytes < kMaxBytesPerPoll; ++i)
+      frames += serve_requests(sessions_[(first_ + i) % count], inbox, bytes);
+    ++first_;  // another client is first next time
+    remove_gone();
+    return frames;
+  }
+
+  bool prepare_sleep() override {
+    for (const auto& session : sessions_)
+      for (const auto& segment : session->segments) segment->set_sleeping(true);
+    for (const auto& session : sessions_)
+      for (const auto& segment : session->segments)
+        if (segment->has_request()) {
+          finish_sleep();
+          return true;
+        }
+    return false;
+  }
+
+  void finish_sleep() override {
+    for (const auto& session : sessions_)
+      for (const auto& segment : session->segments) segment->set_sleeping(false);
+    look_at_sockets_ = true;
+  }
+
+  void tick(Inbox& inbox) override {
+    if (!counters_.connections) counters_.bind(inbox);
+    scratch_.trim(kScratchKept);
+    look_at_sockets_ = true;
+    const auto now = Clock::now();
+    for (const auto& session : sessions_)
+      if (session->segments.empty() && now - session->connected > limits_.hello_timeout) drop(*session);
+    remove_gone();
+    *counters_.segment_bytes = budget_->used;
+  }
+
+ private:
+  /// Event tags: 0 is the listener; a session's socket is 2 id, its eventfd 2 id + 1.
+  bool watch(int fd, std::uint32_t events, std::uint64_t tag) {
+    epoll_event event{};
+    event.events = events;
+    event.data.u64 = tag;
+    return ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event) == 0;
+  }
+
+  void serve_sockets() {
+    look_at_sockets_ = false;
+    polls_ = 0;
+    epoll_event events[64];
+    const int count = ::epoll_wait(epoll_.get(), events, 64, 0);
+    for (int i = 0; i < count; ++i) {
+      const std::uint64_t tag = events[i].data.u64;
+      if (tag == 0) {
+        accept_clients();
+      } else if (tag % 2 == 0) {
+        const auto session =
+            std::find_if(sessions_.begin(), sessions_.end(), [&](const auto& s) { return s->id == tag / 2; });
+        if (session != sessions_.end()) serve_socket(**session);
+      }  // else an eventfd: edge-triggered, it has done its work by waking the loop
+    }
+    if (count == 64) look_at_sockets_ = true;
+    remove_gone();
+  }
+
+  void accept_clients() {
+    for (int i = 0; i < kMessagesPerEvent; ++i) {
+      UniqueFd socket(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+      if (!socket) return;
+      ucred peer{};
+      socklen_t length = sizeof peer;
+      if (::getsockopt(socket.get(), SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0 || peer.uid != ::geteuid()) {
+        refuse(socket.get(), "user " + std::to_string(peer.uid) + " may not connect: this daemon runs as user " +
+                                 std::to_string(::geteuid()));
+        continue;
+      }
+      if (sessions_.size() >= limits_.max_clients) {
+        refuse(socket.get(),
+               "this daemon already has " + std::to_string(limits_.max_clients) + " shared-memory clients");
+        continue;
+      }
+      auto session = std::make_shared<Session>();
+      session->id = next_client_id();
+      session->socket = std::move(socket);
+      session->connected = Clock::now();
+      if (!watch(session->socket.get(), EPOLLIN | EPOLLRDHUP, 2 * session->id)) {
+        refuse(session->socket.get(), std::string("epoll_ctl: ") + std::strerror(errno));
+        continue;
+      }
+      sessions_.push_back(std::move(session));
+      ++*counters_.connections;
+    }
+  }
+
+  /// Says why and counts it. The caller decides whether the connection ends.
+  void refuse(int socket, const std::string& why) {
+    Message message = make_message(MessageKind::kRefused);
+    std::memcpy(message.text, why.data(), std::min(why.size(), sizeof message.text - 1));
+    shm::send_message(socket, message);
+    ++*counters_.refused;
+  }
+
+  static Message make_message(MessageKind kind) {
+    Message message;
+    message.wire_version = wire::kVersion;
+    message.kind = static_cast<std::uint32_t>(kind);
+    return message;
+  }
+
+  void serve_socket(Session& session) {
+    for (int i = 0; i < kMessagesPerEvent && !session.gone; ++i) {
+      Message message;
+      const ssize_t received = shm::receive_message(session.socket.get(), message);
+      if (received < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
+      if (received <= 0) return drop(session);
+      serve_message(session, message, static_cast<std::size_t>(received));
+    }
+    look_at_sockets_ = true;
+  }
+
+  void serve_message(Session& session, const Message& message, std::size_t received) {
+    if (received < shm::kMessagePrefixBytes || message.magic != shm::kMagic)
+      return violate(session, "not a message of this protocol");
+    if (message.layout_version != shm::kLayoutVersion || message.wire_version != wire::kVersion) {
+      refuse(session.socket.get(), "the client speaks shared-memory layout " + std::to_string(message.layout_version) +
+                                       " and wire version " + std::to_string(message.wire_version) +
+                                       "; this daemon speaks " + std::to_string(shm::kLayoutVersion) + " and " +
+                                       std::to_string(wire::kVersion));
+      return drop(session);
+    }
+    if (received != sizeof message) return violate(session, "a message of a wrong size");
+    const bool greeted = !session.segments.empty();
+    switch (static_cast<MessageKind>(message.kind)) {
+      case MessageKind::kHello:
+        if (greeted) return violate(session, "a second hello");
+        return give_segment(session, message, true);
+      case MessageKind::kGrow:
+        if (!greeted) return violate(session, "no hello");
+        if (session.segments.size() >= limits_.max_segments_per_client)
+          return refuse(session.socket.get(),
+                        "all " + std::to_string(limits_.max_segments_per_client) +
+                            " segments of this client still hold requests or replies; let go of some");
+        return give_segment(session, message, false);
+      case MessageKind::kRetire: {
+        auto& segments = session.segments;
+        const auto retired = std::find_if(segments.begin(), segments.end(),
+                                          [&](const auto& s) { return s->id() == message.segment_id; });
+        if (retired == segments.end() || segments.size() < 2)
+          return violate(session, "retires a segment that it does not have");
+        segments.erase(retired);
+        return;
+      }
+      default:
+        return violate(session, "a message of unknown kind");
+    }
+  }
+
+  void give_segment(Session& session, const Message& wanted, bool first) {
+    std::string why;
+    auto segment =
+        Segment::make(budget_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
+    if (segment && first) {
+      session.wake.reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+      if (!session.wake || !watch(session.wake.get(), EPOLLIN | EPOLLET, 2 * session.id + 1)) {
+        why = std::string("eventfd: ") + std::strerror(errno);
+        segment.reset();
+      }
+    }
+    if (!segment) {
+      refuse(session.socket.get(), why);
+      if (first) drop(session);
+      return;
+    }
+    ++session.next_segment;
+    Message message = make_message(MessageKind::kSegment);
+    message.segment_id = segment->id();
+    message.request_capacity = segment->request_capacity();
+    message.reply_capacity = segment->reply_capacity();
+    const int fds[2] = {segment->memfd(), session.wake.get()};
+    if (!shm::send_message(session.socket.get(), message, std::span(fds, first ? 2 : 1))) return drop(session);
+    session.segments.push_back(std::move(segment));
+  }
+
+  int serve_requests(const std::shared_ptr<Session>& session, Inbox& inbox, std::uint64_t& bytes) {
+    int frames = 0;
+    // By index: the inbox may not touch the sessions, but be safe against growth all the same.
+    for (std::size_t i = 0; i < session->segments.size(); ++i) {
+      const std::shared_ptr<Segment> segment = session->segments[i];
+      while (!session->gone && frames < kMaxFramesPerClient && bytes < kMaxBytesPerPoll) {
+        Segment::Request request;
+        try {
+          const Segment::Take taken = segment->take(scratch_, request);
+          if (taken == Segment::Take::kNothing) break;
+          if (taken == Segment::Take::kViolation) {
+            violate(*session, segment->why());
+            break;
+          }
+        } catch (const std::bad_alloc&) {
+          violate(*session, "no memory for its request");
+          break;
+        }
+        ++frames;
+        bytes += request.frame.size();
+        wire::FrameHeader header;
+        std::memcpy(&header, request.frame.data(), sizeof header);
+        inbox.on_frame(header, request.frame.subspan(sizeof header),
+                       std::make_unique<ShmSink>(session, segment, request.slot, request.generation));
+      }
+    }
+    return frames;
+  }
+
+  void violate(Session& session, const char* why) {
+    refuse(session.socket.get(), std::string("disconnected: ") + why);
+    ++*counters_.violations;
+    drop(session);
+  }
+
+  /// The session leaves the list in remove_gone(); requests under way keep its segments until they end.
+  void drop(Session& session) {
+    session.gone = true;
+    any_gone_ = true;
+  }
+
+  void remove_gone() {
+    if (any_gone_) {
+      any_gone_ = false;
+      std::erase_if(sessions_, [this](const std::shared_ptr<Session>& session) {
+        if (!session->gone) return false;
+        // The client holds the same eventfd: closing our end alone would leave it among the watched.
+        if (session->wake) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, session->wake.get(), nullptr);
+        session->wake.reset();
+        session->socket.reset();
+        session->segments.clear();
+        return true;
+      });
+    }
+    *counters_.clients = sessions_.size();
+  }
+
+  struct CounterRefs {
+    std::uint64_t *connections = nullptr, *clients = nullptr, *refused = nullptr, *violations = nullptr,
+                  *segment_bytes = nullptr;
+    void bind(Inbox& inbox) {
+      connections = &inbox.counter("shm.connections");
+      clients = &inbox.counter("shm.clients");
+      refused = &inbox.counter("shm.refused");
+      violations = &inbox.counter("shm.violations");
+      segment_bytes = &inbox.counter("shm.segment_bytes");
+    }
+  };
+
+  std::string path_;
+  ShmLimits limits_;
+  std::shared_ptr<SegmentBudget> budget_;
+  Listener listener_;
+  UniqueFd epoll_;
+  std::vector<std::shared_ptr<Session>> sessions_;
+  ScratchBuffer scratch_;
+  CounterRefs counters_;
+  std::size_t first_ = 0;
+  int polls_ = 0;
+  bool look_at_sockets_ = true;
+  bool any_gone_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path, const ShmLimits& limits) {
+  return std::make_unique<ShmTransport>(socket_path, limits);
+}
+
+std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path) {
+  return make_shm_transport(socket_path, ShmLimits{});
+}
+
+}  // namespace clearance
