@@ -6,8 +6,13 @@ installed one and the daemon is the one on PATH.
 
 import os
 import pathlib
+import random
 import shutil
+import signal
+import socket
+import subprocess
 import sys
+import tempfile
 
 import pytest
 
@@ -24,3 +29,95 @@ if not INSTALLED:
 def root() -> pathlib.Path:
     """The repository."""
     return ROOT
+
+
+class Daemon:
+    """A clearanced of the tests' own: on sockets in a folder, a free TCP port and an LCM port that nobody else has."""
+
+    def __init__(self, folder: pathlib.Path, scene: pathlib.Path, kinds, *options: str):
+        program = shutil.which("clearanced") if INSTALLED else str(BUILD / "bin" / "clearanced")
+        arguments = [program, "--scene", str(scene), "--log-level", "warn", *options]
+        group, port = "239.255.76.67", random.SystemRandom().randrange(20000, 60000)
+        for kind in kinds:
+            arguments += {
+                "shm": ["--shm", str(folder / "clearance.sock")],
+                "ipc": ["--zmq", f"ipc://{folder}/clearance.ipc"],
+                "tcp": ["--zmq", f"tcp://127.0.0.1:{free_tcp_port()}"],
+                "udpm": ["--lcm", f"udpm://{group}:{port}?ttl=0"],
+            }[kind]
+        read, write = os.pipe()
+        with open(folder / "log", "w") as log:
+            self.process = subprocess.Popen([*arguments, "--ready-fd", str(write)], stderr=log, pass_fds=[write])
+        os.close(write)
+        with os.fdopen(read) as ready:
+            urls = ready.read().split()  # until the daemon closes it: ready, or ended
+        self.log = (folder / "log").read_text
+        self.urls = {url.partition(":")[0]: url for url in urls}
+        if set(self.urls) != set(kinds):
+            self.process.kill()
+            self.process.wait()
+            raise RuntimeError(f"the daemon serves {urls}, not {kinds}: {self.log()}")
+
+    def stop(self) -> int:
+        """Ends it as an administrator would. Returns the exit code."""
+        self.process.send_signal(signal.SIGCONT)
+        self.process.terminate()
+        try:
+            return self.process.wait(timeout=30)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise
+
+
+def free_tcp_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def missing(kind: str) -> "str | None":
+    """Why this machine or build cannot serve a transport; None if it can."""
+    with tempfile.TemporaryDirectory() as folder:
+        scene = pathlib.Path(folder) / "scene.yaml"
+        scene.write_text("bodies:\n  - {name: ball, sphere: 1}\n")
+        try:
+            Daemon(pathlib.Path(folder), scene, [kind]).stop()
+            return None
+        except RuntimeError as error:
+            text = str(error)
+    if "built without" in text or "no multicast route" in text:
+        return text
+    raise AssertionError(text)
+
+
+KINDS = ["shm", "ipc", "tcp", "udpm"]
+
+
+@pytest.fixture(scope="session")
+def kinds():
+    """The transports that this machine and build have, and why the others are not there."""
+    return {kind: missing(kind) for kind in KINDS}
+
+
+@pytest.fixture(scope="session", params=KINDS)
+def kind(request, kinds):
+    """Each transport."""
+    if kinds[request.param]:
+        pytest.skip(kinds[request.param])
+    return request.param
+
+
+@pytest.fixture
+def start_daemon(tmp_path_factory):
+    """start_daemon(scene, kinds, *options) -> Daemon, stopped when the test is over."""
+    daemons = []
+
+    def start(scene, kinds, *options):
+        daemons.append(Daemon(tmp_path_factory.mktemp("daemon"), scene, kinds, *options))
+        return daemons[-1]
+
+    yield start
+    for daemon in daemons:
+        if daemon.process.poll() is None:
+            daemon.stop()

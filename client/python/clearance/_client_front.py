@@ -14,7 +14,7 @@ from ._front import BodyState, Front, PosesDone, Query, _number
 from ._future import Future
 from ._names import BodyInfo, NameTable, has_selectors
 from ._result import Result
-from ._words import DEFAULT_POINTS_ROWS, NONE, Reduce, Status
+from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce, Status
 from .wire import ErrorCode
 
 
@@ -128,7 +128,7 @@ class Client(Front):
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
         return self._guarded(self._use().pairs, raw)
 
-    def _points_by_default(self, query: Query, configurations: int) -> bool:
+    def _default_fields(self, query: Query, configurations: int) -> int:
         names = self._names
         if query.reduce == Reduce.MIN:
             rows = configurations
@@ -140,7 +140,10 @@ class Client(Front):
             rows = configurations * len(query.pairs)
         else:
             rows = configurations * len(self._table(query.pairs, query.bodies))
-        return rows <= DEFAULT_POINTS_ROWS
+        if query.reduce == Reduce.WITHIN:
+            rows = min(rows, query.max_results)
+        few = rows <= DEFAULT_POINTS_ROWS
+        return DEFAULT_FIELDS | (FIELD_MASKS["points"] | FIELD_MASKS["normal"] if few else 0)
 
     def _answer(self, query: Query) -> Any:
         return self._wait(self._submit(query), query, None)

@@ -10,11 +10,11 @@ import numpy as np
 
 from . import _engine
 from ._errors import TimeoutError
-from ._front import BodyState, Front, PosesDone, Query
+from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query
 from ._future import EngineFuture, Worker
 from ._names import NameTable
 from ._scene import Scene, name_table
-from ._words import NONE, Status
+from ._words import DEFAULT_FIELDS, NONE, Status
 
 
 class Engine(Front):
@@ -81,8 +81,8 @@ class Engine(Front):
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
         return self._engine.pairs(raw)
 
-    def _points_by_default(self, query: Query, configurations: int) -> bool:
-        return True  # the extension module looks at the number of rows
+    def _default_fields(self, query: Query, configurations: int) -> int:
+        return DEFAULT_FIELDS | POINTS_BY_DEFAULT
 
     def _answer(self, query: Query) -> Any:
         timeout = math.inf if query.timeout_s is None else query.timeout_s

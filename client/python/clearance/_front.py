@@ -24,6 +24,8 @@ BodyRef = Union[str, int]
 Pairs = Union[np.ndarray, Sequence[Tuple[BodyRef, BodyRef]], Tuple[BodyRef, BodyRef], None]
 
 _TABLES_KEPT = 16
+#: Beside the bits of columns: the extension module adds points and normal if there are few rows.
+POINTS_BY_DEFAULT = 1 << 31
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class BodyState:
 class Query:
     """A query with every argument parsed: what is sent, and what is needed to shape the answer."""
 
-    __slots__ = ("raw", "reduce", "pairs", "bodies", "out", "timeout_s", "copy")
+    __slots__ = ("raw", "reduce", "pairs", "bodies", "out", "timeout_s", "copy", "max_results")
 
     def out_list(self) -> "Optional[List[Optional[np.ndarray]]]":
         """The arrays to write into, one entry for each column, as the extension modules take them."""
@@ -81,8 +83,8 @@ class Front:
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
         raise NotImplementedError
 
-    def _points_by_default(self, query: Query, configurations: int) -> bool:
-        """Whether points and normal come without being asked for."""
+    def _default_fields(self, query: Query, configurations: int) -> int:
+        """Column bits where none are asked for: points and normal come if there are few rows."""
         raise NotImplementedError
 
     def _answer(self, query: Query) -> Any:
@@ -317,6 +319,7 @@ class Front:
         query.copy = bool(copy)
         if query.out is not None and not copy:
             raise ValueError("copy: out= is a copy; expected copy=True")
+        query.max_results = _count(max_results, "max_results")
         mask = self._mask(query, fields, format_word, count)
         query.raw = self._module.Query(
             query.pairs,
@@ -329,9 +332,9 @@ class Front:
             bool(signed),
             query.reduce,
             format_word,
-            mask & ~_BY_DEFAULT,
-            bool(mask & _BY_DEFAULT),
-            _count(max_results, "max_results"),
+            mask & ~POINTS_BY_DEFAULT,
+            bool(mask & POINTS_BY_DEFAULT),
+            query.max_results,
             _count(max_pose_age_ns, "max_pose_age_ns"),
             bool(warm),
         )
@@ -355,7 +358,7 @@ class Front:
         return poses, ids
 
     def _mask(self, query: Query, fields: Any, format_word: int, configurations: int) -> int:
-        """Column bits of the query; _BY_DEFAULT is set in it if the engine is to decide about points and normal."""
+        """Column bits of the query; POINTS_BY_DEFAULT is set if the answering side is to decide about points and normal."""
         if query.out is not None:
             held = fields_mask(tuple(query.out))
             if fields is None:
@@ -370,7 +373,7 @@ class Front:
             return fields_mask(fields)
         if format_word:
             return int(Field.COMPACT | Field.STATUS)
-        return DEFAULT_FIELDS | (_BY_DEFAULT if self._points_by_default(query, configurations) else 0)
+        return self._default_fields(query, configurations)
 
     def _result(self, query: Query, answer: Any) -> Result:
         return Result(answer, query.reduce, query.out, self._known_pairs(query), _TableOf(self, query))
@@ -395,9 +398,6 @@ class _TableOf:
         if self.front._scene_revision() != revision:
             raise QueryError(2, "pairs: the scene has changed since this answer; ask for pairs before changing it")
         return table
-
-
-_BY_DEFAULT = 1 << 31
 
 
 def _names_of(mask: int) -> List[Tuple[str, int]]:

@@ -1,0 +1,452 @@
+"""The client through a daemon, on every transport, before the engine in this process."""
+
+import gc
+import os
+import signal
+import threading
+
+import numpy as np
+import pytest
+from scenes import at, random_poses
+
+import clearance
+from clearance import Status
+from clearance.wire import ErrorCode
+
+EVERY_FIELD = ("default", "points", "normal", "pieces", "flags", "gradient")
+
+
+@pytest.fixture(scope="module")
+def cell(root):
+    return root / "scenes" / "cell" / "scene.yaml"
+
+
+@pytest.fixture(scope="module")
+def daemon(cell, kinds, tmp_path_factory):
+    """One daemon on every transport there is, for the tests that leave its scene alone."""
+    from conftest import Daemon
+
+    daemon = Daemon(tmp_path_factory.mktemp("daemon"), cell, [kind for kind, why in kinds.items() if why is None])
+    yield daemon
+    assert daemon.stop() == 0, daemon.log()
+
+
+@pytest.fixture(scope="module")
+def engine(cell):
+    return clearance.Engine(clearance.Scene.load(cell))
+
+
+@pytest.fixture
+def client(daemon, kind):
+    with clearance.connect(daemon.urls[kind], timeout_s=30) as client:
+        yield client
+
+
+@pytest.fixture
+def ipc(start_daemon, cell):
+    """A daemon that a test may do anything to."""
+    return start_daemon(cell, ["ipc"])
+
+
+def same_bits(a, b):
+    assert set(a.columns) == set(b.columns)
+    assert a.scene_revision == b.scene_revision
+    for name, column in a.columns.items():
+        other = b.columns[name]
+        assert column.dtype == other.dtype and column.shape == other.shape, name
+        assert column.tobytes() == other.tobytes(), name
+    assert np.array_equal(a.pairs, b.pairs)
+    return True
+
+
+ARM = ["shoulder", "upper_arm", "forearm"]
+
+
+def queries():
+    rng = np.random.default_rng(21)
+    configurations = random_poses(rng, 12, 0.8).reshape(4, 3, 7) + [0.4, 0, 1, 0, 0, 0, 0]
+    moved = {"configurations": configurations, "bodies": ARM}
+    return {
+        "default": {},
+        "all fields": {"fields": EVERY_FIELD},
+        "ids": {"pairs": [[1, 9], [9, 1], [1, 999]], "fields": EVERY_FIELD},
+        "no pairs": {"pairs": []},
+        "groups": {"pairs": [("arm", "clutter"), ("cup", "*")], "max_distance": 0.3},
+        "configurations": {**moved, "max_distance": 0.2, "fields": ("default", "pair", "configuration")},
+        "matrices": {"configurations": np.tile(np.eye(4), (2, 1, 1, 1)), "bodies": ["cup"], "pairs": ("cup", "*")},
+        "within": {**moved, "reduce": "within", "max_distance": 0.2, "fields": EVERY_FIELD},
+        "within few": {**moved, "reduce": "within", "max_distance": 0.2, "max_results": 5},
+        "nearest": {"reduce": "nearest"},
+        "nearest of some": {**moved, "reduce": "nearest", "pairs": ("arm", "clutter"), "fields": EVERY_FIELD},
+        "min": {**moved, "reduce": "min", "fields": EVERY_FIELD},
+        "compact": {"format": "compact", "fields": ("compact", "status", "flags")},
+        "compact within": {**moved, "reduce": "within", "max_distance": 0.2, "format": "compact"},
+        "wide": {"rel_tol": 0.5, "abs_tol": 0.01},
+        "f32": {"precision": "f32"},
+        "signed": {"signed": True, "fields": EVERY_FIELD},
+    }
+
+
+@pytest.mark.parametrize("name", queries())
+def test_answers_equal_those_of_the_engine_bit_for_bit(client, engine, name):
+    query = queries()[name]
+    expected = engine.distances(**query)
+    assert expected.lower.size or name == "no pairs"
+    assert same_bits(client.distances(**query), expected)
+    assert same_bits(client.distances(**query, copy=False), expected)
+    assert same_bits(client.submit(**query).result(), expected)
+    columns = {name: np.empty_like(column) for name, column in expected.columns.items()}
+    if name not in ("within", "within few", "compact within"):
+        query.pop("fields", None)
+        answer = client.distances(**query, out=columns)
+        assert same_bits(answer, expected) and all(answer.columns[key] is column for key, column in columns.items())
+
+
+def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
+    poses = {"bottle": at(0.3, -0.1, 0.9), "ball": at(0.1, 0.2, 1.5), "book": [np.nan] * 7}
+    clients = {kind: clearance.connect(url, timeout_s=30) for kind, url in daemon.urls.items()}
+    one = next(iter(clients.values()))
+    before = one.body_states()
+    try:
+        done, here = one.set_poses(poses, stamp_ns=77), engine.set_poses(poses, stamp_ns=77)
+        assert (done.applied, done.bad, done.unknown, done.fixed) == (here.applied, here.bad, here.unknown, here.fixed)
+        expected = engine.distances(fields=EVERY_FIELD)
+        assert Status.BAD_POSE in expected.status
+        for client in clients.values():
+            answer = client.distances(fields=EVERY_FIELD)
+            assert same_bits(answer, expected)
+            assert answer.snapshot_revision == done.revision and answer.snapshot_stamp_ns == 77
+            assert answer.backend == expected.backend and answer.server_ns >= answer.engine_ns > 0
+            states = client.body_states()
+            for mine, theirs in zip(states, engine.body_states()):
+                assert mine.status == theirs.status and mine.parent == theirs.parent and mine.stamp_ns == theirs.stamp_ns
+                assert np.array_equal(mine.pose, theirs.pose, equal_nan=True)
+            assert states[client.body_id("bottle")].age_ns > 0
+    finally:
+        back = {client_id: before[client_id].pose for client_id in map(one.body_id, poses)}
+        one.set_poses(back)
+        engine.set_poses(back)
+
+
+def test_scene_and_pairs(client, engine):
+    assert client.bodies == engine.bodies
+    assert {name: ids.tolist() for name, ids in client.groups.items()} == {
+        name: ids.tolist() for name, ids in engine.groups.items()
+    }
+    assert client.scene_revision == engine.scene_revision and client.backend == engine.backend
+    assert np.array_equal(client.pairs, engine.pairs) and client.pairs is client.pairs
+    for pairs, bodies in [(("arm", "*"), None), (None, ["cup"]), ([("cup", "arm"), (1, 9)], ["cup"])]:
+        assert np.array_equal(client.pair_table(pairs, bodies), engine.pair_table(pairs, bodies))
+    stats = client.stats()
+    assert stats["engine.bodies"] == len(client.bodies)
+    assert 0 < client.ping(b"x" * 100) < 30
+    assert repr(client) == f"<clearance.Client {client.url}>"
+
+
+def test_points_come_by_default_as_they_do_in_process(client, engine):
+    rows = len(engine.pairs)
+    few = np.tile(at(0.5), (20, 1, 1))
+    for query in ({"configurations": few, "bodies": ["ball"]}, {"pairs": ("ball", "*")}, {"reduce": "nearest"}, {"reduce": "min"}):
+        assert set(client.distances(**query).columns) == set(engine.distances(**query).columns) >= {"point_a", "normal"}
+    assert rows < 100000 < 7000 * 17
+    many = {"configurations": np.tile(at(0.5), (7000, 1, 1)), "bodies": ["ball"], "reduce": "within", "max_distance": 0.01}
+    assert "point_a" not in engine.distances(**many).columns
+    bounded = {**many, "max_results": 1000}
+    assert set(client.distances(**bounded).columns) == set(engine.distances(**bounded).columns) >= {"point_a"}
+    if not client.url.startswith("udpm"):  # seconds on LCM, where large messages go in parts
+        assert set(client.distances(**many).columns) == set(engine.distances(**many).columns)
+
+
+@pytest.mark.parametrize("query", [
+    {"pairs": [(1, 1)]},
+    {"configurations": np.zeros((1, 1, 7)), "bodies": ["table"]},
+    {"configurations": np.zeros((1, 2, 7)), "bodies": ["cup", "cup"]},
+    {"configurations": np.zeros((1, 1, 7)), "bodies": [999]},
+    {"pairs": np.array([[0x80000077, 1]], dtype=np.uint32)},
+    {"max_distance": -1},
+    {"abs_tol": -1},
+    {"rel_tol": 3},
+])  # fmt: skip
+def test_refusals_are_those_of_the_engine(client, engine, query):
+    with pytest.raises(clearance.QueryError) as theirs:
+        engine.distances(**query)
+    with pytest.raises(clearance.QueryError) as ours:
+        client.distances(**query)
+    assert ours.value.code == theirs.value.code == ErrorCode.BAD_QUERY
+    future = client.submit(fields=("lower",), **{**query})
+    with pytest.raises(clearance.QueryError):
+        future.result()
+    assert future.done()
+    with pytest.raises(clearance.QueryError):
+        future.result()
+    assert client.distances(pairs=("cup", "ball")).status.size == 1, "the daemon answers a good query after it"
+
+
+@pytest.mark.parametrize("arguments, error, text", [
+    ({"pairs": ("gripr", "*")}, ValueError, r"pairs\[0\]\[0\]: no body or group is named 'gripr'; did you mean 'gripper'"),
+    ({"fields": "lowr"}, ValueError, r"fields: no column is named 'lowr'"),
+    ({"configurations": np.zeros((1, 7))}, ValueError, r"configurations: expected shape \(K, M, 7\)"),
+    ({"out": {"lower": np.empty((3, 3))}}, ValueError, r"out\['lower'\]: expected shape \(1, \d+\), got \(3, 3\)"),
+    ({"out": {"lower": np.empty(3, np.float32)}}, TypeError, r"out\['lower'\]: expected dtype float64, got float32"),
+])  # fmt: skip
+def test_wrong_arguments_are_named(client, arguments, error, text):
+    with pytest.raises(error, match=text):
+        client.distances(**arguments)
+    assert client.distances(pairs=("cup", "ball")).status.size == 1
+
+
+# ---- answers that are views -----------------------------------------------------------------------------------------
+
+
+def test_views_are_read_only_and_outlive_result_and_client(daemon, kind):
+    client = clearance.connect(daemon.urls[kind], timeout_s=30)
+    expected = client.distances()
+    result = client.distances(copy=False)
+    lower, points = result.lower, result.point_a
+    assert not lower.flags.writeable and lower.base is not None
+    with pytest.raises(ValueError):
+        lower[0, 0] = 1
+    with pytest.raises(ValueError, match="the array is read-only"):
+        client.distances(out=result)
+    for _ in range(3):  # others come and go
+        client.distances(copy=False)
+    client.close()
+    del result, client
+    gc.collect()
+    assert np.array_equal(lower, expected.lower) and np.array_equal(points, expected.point_a)
+
+
+def test_a_leased_slot_returns_when_its_arrays_are_gone(daemon, kinds):
+    if kinds["shm"]:
+        pytest.skip(kinds["shm"])
+    client = clearance.connect(daemon.urls["shm"], timeout_s=30)
+    query = {"pairs": ("cup", "ball"), "fields": ("lower", "upper")}
+    expected = client.distances(**query).lower.tolist()
+    held = []
+    with pytest.raises(clearance.ConnectionError, match=r"all \d+ slots are taken"):
+        for _ in range(1000):
+            held.append(client.distances(**query, copy=False))
+    assert 2 <= len(held) < 1000
+    arrays = [result.lower for result in held]
+    del held
+    with pytest.raises(clearance.ConnectionError, match="slots are taken"):
+        client.distances(**query)
+    kept = arrays.pop()
+    del arrays
+    for _ in range(1000):  # far more than there are slots
+        assert client.distances(**query, copy=False).lower.tolist() == expected
+    assert kept.tolist() == expected
+
+
+def test_views_die_on_another_thread_while_the_client_works(daemon, kinds):
+    """Slots are given back by whatever thread drops the last array, also in the middle of a call."""
+    kind = "ipc" if kinds["shm"] else "shm"
+    client = clearance.connect(daemon.urls[kind], timeout_s=30)
+    expected = client.distances().lower.tobytes()
+    boxes, stop, failures = [], threading.Event(), []
+
+    def drop():
+        while not stop.is_set():
+            try:
+                boxes.pop()
+            except IndexError:
+                pass
+
+    thread = threading.Thread(target=drop)
+    thread.start()
+    try:
+        for _ in range(500):
+            result = client.distances(copy=False)
+            failures += [] if result.lower.tobytes() == expected else [result]
+            boxes.append(result)
+            del result
+            if len(boxes) > 4:
+                boxes.clear()
+    finally:
+        stop.set()
+        thread.join()
+    assert not failures
+
+
+# ---- many requests, many threads ------------------------------------------------------------------------------------
+
+
+def test_futures_in_any_order(client, engine):
+    configurations = [np.array([[at(0.1 * k, 0.2, 1.3)]]) for k in range(5)]
+    query = {"bodies": ["ball"], "max_distance": 0.5}
+    futures = [client.submit(configurations=c, **query) for c in configurations]
+    for k in (4, 0, 2, 3, 1):
+        assert same_bits(futures[k].result(timeout=30), engine.distances(configurations=configurations[k], **query))
+        assert futures[k].done() and not futures[k].cancel()
+    assert futures[2].result() is futures[2].result()
+    cancelled = client.submit(**{"reduce": "min"})
+    if cancelled.cancel():
+        import concurrent.futures
+
+        with pytest.raises(concurrent.futures.CancelledError):
+            cancelled.result()
+        assert cancelled.done()
+    assert client.distances(pairs=("cup", "ball")).status.size == 1
+
+
+def test_two_threads_on_one_client(client, engine):
+    expected = [engine.distances(pairs=(name, "*"), fields=EVERY_FIELD) for name in ("cup", "ball")]
+    failures = []
+
+    def ask(name, answer):
+        try:
+            for _ in range(20):
+                assert same_bits(client.distances(pairs=(name, "*"), fields=EVERY_FIELD), answer)
+        except BaseException as error:
+            failures.append(error)
+
+    threads = [threading.Thread(target=ask, args=pair) for pair in zip(("cup", "ball"), expected)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failures
+
+
+# ---- what goes wrong ------------------------------------------------------------------------------------------------
+
+
+def test_timeout_and_recovery(start_daemon, cell, kind):
+    daemon = start_daemon(cell, [kind])
+    client = clearance.connect(daemon.urls[kind], timeout_s=30)
+    expected = client.distances(pairs=("cup", "*"))
+    os.kill(daemon.process.pid, signal.SIGSTOP)
+    with pytest.raises(clearance.TimeoutError, match=r"no answer within 0\.05 s"):
+        client.distances(pairs=("cup", "*"), timeout_s=0.05)
+    future = client.submit(pairs=("cup", "*"), timeout_s=0.05)
+    with pytest.raises(TimeoutError):
+        future.result()
+    assert not future.done()
+    client.timeout_s = 0.05
+    assert client.timeout_s == 0.05
+    with pytest.raises(clearance.TimeoutError):
+        client.stats()
+    os.kill(daemon.process.pid, signal.SIGCONT)
+    client.timeout_s = 30
+    assert same_bits(future.result(timeout=30), expected), "result() may be called again"
+    assert same_bits(client.distances(pairs=("cup", "*")), expected)
+
+
+def test_a_daemon_that_ends_is_noticed(start_daemon, cell, kinds):
+    kind = "ipc" if kinds["shm"] else "shm"
+    daemon = start_daemon(cell, [kind])
+    client = clearance.connect(daemon.urls[kind], timeout_s=30)
+    client.distances()
+    future = client.submit()
+    future.result()
+    assert daemon.stop() == 0
+    with pytest.raises(clearance.ConnectionError) as info:
+        client.distances()
+    assert isinstance(info.value, ConnectionError) and daemon.urls[kind] in str(info.value)
+    with pytest.raises(clearance.ConnectionError):
+        clearance.connect(daemon.urls[kind], timeout_s=1)
+
+
+@pytest.mark.parametrize("url, error, text", [
+    ("ipc:///nowhere/clearance.ipc", clearance.ConnectionError, r"ipc:///nowhere/clearance.ipc: no such socket"),
+    ("shm:///nowhere/clearance.sock", clearance.ConnectionError, r"shm:///nowhere/clearance.sock"),
+    ("http://localhost", ValueError, r'"http://localhost" is no url of a daemon: expected shm:///path'),
+    ("", ValueError, r"is no url of a daemon"),
+    (b"ipc:///x", TypeError, r"url: expected a string, got b'ipc:///x'"),
+    (None, TypeError, r"url: expected a string, got None"),
+])  # fmt: skip
+def test_bad_urls(url, error, text):
+    with pytest.raises(error, match=text):
+        clearance.connect(url, timeout_s=0.2)
+
+
+@pytest.mark.parametrize("timeout, error", [(-1, ValueError), (float("nan"), ValueError), ("1", TypeError), (None, TypeError)])
+def test_bad_timeouts(timeout, error):
+    with pytest.raises(error, match="timeout_s: expected a number"):
+        clearance.connect("ipc:///nowhere", timeout_s=timeout)
+
+
+def test_closed_client(ipc):
+    client = clearance.connect(ipc.urls["ipc"])
+    client.close()
+    assert repr(client).endswith("(closed)>")
+    for call in (client.distances, client.stats, client.body_states, client.refresh):
+        with pytest.raises(clearance.ConnectionError, match="this client is closed"):
+            call()
+
+
+def test_attachments_of_another_client(ipc):
+    ours = clearance.connect(ipc.urls["ipc"], timeout_s=30)
+    theirs = clearance.connect(ipc.urls["ipc"], timeout_s=30)
+    before = ours.distances(pairs=("ball", "*"))
+    done = theirs.attach("ball", "gripper", at(0, 0.3, 0))
+    assert theirs.scene_revision == done.scene_revision != ours.scene_revision
+    assert theirs.bodies[theirs.body_id("ball")].parent == theirs.body_id("gripper")
+    with pytest.raises(clearance.QueryError) as info:
+        ours.distances(pairs=("ball", "*"))
+    assert info.value.code == ErrorCode.WRONG_SCENE
+    after = ours.distances(pairs=("ball", "*"))
+    assert after.scene_revision == done.scene_revision and after.lower.shape[1] < before.lower.shape[1]
+    with pytest.raises(clearance.QueryError, match="the scene has changed since this answer"):
+        before.pairs
+    theirs.attach("ball", None)
+    ours.refresh()
+    assert ours.bodies[ours.body_id("ball")].parent is None
+    assert ours.distances(pairs=("ball", "*")).lower.shape == before.lower.shape
+    with pytest.raises(clearance.QueryError):
+        theirs.attach("table", "gripper")
+
+
+def test_a_forked_child_must_connect_anew(daemon, kind):
+    url = daemon.urls[kind]
+    client = clearance.connect(url, timeout_s=30)
+    expected = client.distances(pairs=("cup", "*"))
+    view = client.distances(pairs=("cup", "*"), copy=False)
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            texts = []
+            for call in (client.distances, client.stats):
+                try:
+                    call()
+                    texts.append("no error")
+                except clearance.ConnectionError as error:
+                    texts.append(str(error))
+            del view, client
+            gc.collect()
+            fresh = clearance.connect(url, timeout_s=30)
+            texts.append(fresh.distances(pairs=("cup", "*")).lower.tobytes().hex())
+            os.write(write, "\n".join(texts).encode())
+        finally:
+            os._exit(0)
+    os.close(write)
+    with os.fdopen(read) as pipe:
+        lines = pipe.read().splitlines()
+    os.waitpid(child, 0)
+    assert len(lines) == 3 and all("must connect anew" in line for line in lines[:2]), lines
+    assert lines[2] == expected.lower.tobytes().hex()
+    assert same_bits(client.distances(pairs=("cup", "*")), expected), "the parent's connection is as it was"
+    assert np.array_equal(view.lower, expected.lower)
+
+
+def test_the_gil_is_released_while_waiting(ipc):
+    client = clearance.connect(ipc.urls["ipc"], timeout_s=30)
+    client.distances()
+    os.kill(ipc.process.pid, signal.SIGSTOP)
+    begun, done = threading.Event(), threading.Event()
+
+    def ask():
+        begun.set()
+        with pytest.raises(clearance.TimeoutError):
+            client.distances(timeout_s=0.3)
+        done.set()
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    begun.wait()
+    turns = 0
+    while not done.is_set():
+        turns += 1
+    thread.join()
+    assert turns > 1000
