@@ -225,6 +225,12 @@ std::string_view error_name(ErrorCode code) {
   return "unknown";
 }
 
+void append_bytes(std::vector<std::byte>& bytes, const void* data, std::size_t size) {
+  const std::size_t at = bytes.size();
+  bytes.resize(at + size);
+  if (size) std::memcpy(bytes.data() + at, data, size);
+}
+
 std::vector<std::byte> FrameBuilder::take() {
   const std::uint64_t payload_bytes = bytes_.size() - sizeof(FrameHeader);
   std::memcpy(bytes_.data() + offsetof(FrameHeader, payload_bytes), &payload_bytes, sizeof payload_bytes);

@@ -71,13 +71,12 @@ std::string type_name(std::uint16_t type);
 /// The code's name for messages and counters: "bad_query".
 std::string_view error_name(ErrorCode code);
 
-/// Appends a record to a payload under construction.
+/// Appends to a payload under construction.
+void append_bytes(std::vector<std::byte>& bytes, const void* data, std::size_t size);
 template <class T>
 void append(std::vector<std::byte>& bytes, const T& record) {
   static_assert(std::is_trivially_copyable_v<T>);
-  const std::size_t at = bytes.size();
-  bytes.resize(at + sizeof record);
-  std::memcpy(bytes.data() + at, &record, sizeof record);
+  append_bytes(bytes, &record, sizeof record);
 }
 
 /// Appends to a frame under construction; the payload's size is written into the header at the end.
@@ -91,9 +90,7 @@ class FrameBuilder {
     return *this;
   }
   FrameBuilder& add_bytes(const void* data, std::size_t size) {
-    const std::size_t at = bytes_.size();
-    bytes_.resize(at + size);
-    if (size) std::memcpy(bytes_.data() + at, data, size);
+    append_bytes(bytes_, data, size);
     return *this;
   }
   /// The whole frame.
