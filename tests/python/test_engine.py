@@ -744,26 +744,31 @@ def test_use_after_fork_is_refused(engine):
     assert lines[4] == repr(float(engine.distances(pairs=(1, 2)).upper[0, 0])), "a new engine works in the child"
 
 
-def test_interrupt(tmp_path):
-    """Ctrl-C ends a long query."""
-    import signal
+def test_interrupt():
+    """Ctrl-C ends a long query: sent once the main thread is inside the engine."""
     import subprocess
     import sys
 
     code = """
-import sys; sys.path.insert(0, sys.argv[1])
+import os, signal, sys, threading
+sys.path.insert(0, sys.argv[1])
 from test_engine import big_query
 engine, query = big_query()
-print("ready", flush=True)
+main = threading.get_ident()
+
+def interrupt():
+    while sys._current_frames()[main].f_code.co_name != "_answer":
+        pass
+    os.kill(os.getpid(), signal.SIGINT)
+
+thread = threading.Thread(target=interrupt)
 try:
+    thread.start()
     engine.distances(**query)
     print("answered")
 except KeyboardInterrupt:
     print("interrupted")
 """
-    child = subprocess.Popen(
-        [sys.executable, "-c", code, os.path.dirname(__file__)], stdout=subprocess.PIPE, text=True, bufsize=1
-    )
-    assert child.stdout.readline() == "ready\n"
-    child.send_signal(signal.SIGINT)
-    assert child.communicate(timeout=60)[0] == "interrupted\n"
+    command = [sys.executable, "-c", code, os.path.dirname(__file__)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.stdout == "interrupted\n", done.stderr
