@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test clean certify
+.PHONY: help setup build test certify clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
