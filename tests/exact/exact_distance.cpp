@@ -345,7 +345,7 @@ class Depth {
       const auto [near, id] = queue_.top();
       queue_.pop();
       if (faces_[id].dead) continue;
-      if (best_ && near > rough_best_ * (1 + 0x1p-40)) break;
+      if (best_ && near > rough_best_ + 0x1p-30) break;
       ++result_.iterations;
       // A copy: expand() moves the faces.
       const Vec3z normal = faces_[id].normal;
@@ -372,7 +372,7 @@ class Depth {
     bool dead = false;
   };
   struct Entry {
-    double near;  // offset / |normal| within a few 2^-52 of itself, in a fixed power-of-two unit
+    double near;  // log2(offset / |normal|), off by less than 2^-32: any size of number has a place
     int id;
     bool operator<(const Entry& o) const { return near > o.near || (near == o.near && id > o.id); }
   };
@@ -429,16 +429,11 @@ class Depth {
     faces_.push_back(std::move(f));
   }
 
-  double rough_distance(const Face& f) {
-    const mpz_class n2 = squared_norm(f.normal);
+  static double rough_distance(const Face& f) {
+    if (f.offset == 0) return -std::numeric_limits<double>::infinity();
     long eo, en;
-    const double o = mpz_get_d_2exp(&eo, f.offset.get_mpz_t());
-    double n = mpz_get_d_2exp(&en, n2.get_mpz_t());
-    if (en % 2 != 0) n *= 2, --en;
-    long e = eo - en / 2;
-    if (o == 0) return 0;
-    if (!unit_set_) unit_ = e, unit_set_ = true;
-    return std::ldexp(o / std::sqrt(n), static_cast<int>(std::clamp(e - unit_, -900L, 900L)));
+    const double o = mpz_get_d_2exp(&eo, f.offset.get_mpz_t()), n2 = mpz_get_d_2exp(&en, mpz_class(squared_norm(f.normal)).get_mpz_t());
+    return static_cast<double>(eo) - 0.5 * static_cast<double>(en) + std::log2(o) - 0.5 * std::log2(n2);
   }
 
   /// Replaces all faces that see c by a cone from their border to c.
@@ -475,8 +470,6 @@ class Depth {
   std::priority_queue<Entry> queue_;
   std::optional<int> best_;
   double rough_best_ = 0;
-  long unit_ = 0;
-  bool unit_set_ = false;
 };
 
 // ---- values --------------------------------------------------------------------------------------------------------

@@ -121,6 +121,30 @@ TEST(ExactDistance, HugeTinyAndMixedScales) {
   EXPECT_EQ(judge({{0, 0, 0}}, {{0, 0, denormal}}).distance.compare(denormal), 0);
 }
 
+// The first face of the polytope is 1e-324 from the origin, the answer 1: found by clearance-mine, when the two did not fit into one
+// range of doubles.
+TEST(ExactDistance, DepthBesideADenormal) {
+  const double denormal = std::numeric_limits<double>::denorm_min();
+  const Vertices cube = box({0, 0, 0}, {1, 1, 1});
+  for (int k = 0; k < 3; ++k) {
+    Pose X;
+    X.translation[k] = denormal;
+    const Value v = judge(cube, 0, {}, cube, 0, X).distance;
+    EXPECT_EQ(v.compare(-1), 1);
+    EXPECT_EQ(v.lower(), -1);
+  }
+  std::mt19937_64 random(14);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 200; ++i) {
+    Vertices a;
+    for (int k = 0; k < 10; ++k) a.push_back({normal(random), normal(random), normal(random)});
+    Pose X{{0, 0, 0}, normal(random), normal(random), normal(random), normal(random)}, Y = X;
+    Y.translation.y = denormal;
+    const Value same = exact_distance({a, 0}, X, {a, 0}, X).distance, moved = exact_distance({a, 0}, X, {a, 0}, Y).distance;
+    ASSERT_NEAR(moved.lower(), same.lower(), 1e-15 * std::abs(same.lower())) << i;
+  }
+}
+
 TEST(ExactDistance, BadInputIsRefused) {
   const Vertices p = {{0, 0, 0}};
   EXPECT_THROW(exact_distance({{}, 0}, {}, {p, 0}, {}), std::invalid_argument);
