@@ -631,4 +631,24 @@ const std::vector<CaseClass>& case_classes() {
   return kClasses;
 }
 
+const std::vector<MinedCase>& mined_cases() {
+  struct Entry {
+    Solid a;
+    Pose X_wa;
+    Solid b;
+    Pose X_wb;
+    double exact;
+  };
+  static const std::vector<MinedCase> kCases = [] {
+    const std::vector<Entry> entries = {
+#include "mined_cases.inc"
+    };
+    std::vector<MinedCase> cases;
+    for (const Entry& e : entries)
+      cases.push_back({{std::make_shared<const Solid>(e.a), std::make_shared<const Solid>(e.b), e.X_wa, e.X_wb}, e.exact});
+    return cases;
+  }();
+  return kCases;
+}
+
 }  // namespace clearance::exact

@@ -69,6 +69,14 @@ Case make_case(const CaseClass& c, std::uint64_t seed, std::uint64_t index);
 /// Shifts b along the exact normal, in doubles, so that the signed distance becomes about `gap`.
 void set_gap(Case& c, double gap);
 
+/// A case that a search found to be hard, or that once had a wrong answer.
+struct MinedCase {
+  Case pair;
+  double exact;  ///< signed distance, metres, rounded down
+};
+/// Those of mined_cases.inc.
+const std::vector<MinedCase>& mined_cases();
+
 /// Largest distance of a vertex from the body's origin, not rounded up.
 double reach(const Solid& s);
 /// S of the contract: |D| + rho_a + rho_b + r_a + r_b, metres.

@@ -85,7 +85,7 @@ std::vector<Found> score(const std::vector<Case>& cases, const std::vector<Setti
     const std::vector<Answer> answers = (s.backend == "cpu" ? cpu : reference).ask(s);
     for (std::size_t i = 0; i < cases.size(); ++i) {
       const Verdict v = hold_against(cases[i], truth[i], s, answers[i]);
-      double x = s.rel_tol == 0 || s.backend == "reference" ? std::min(v.width, 1e6) : 0;
+      double x = s.rel_tol == 0 ? std::min(v.width, 1e6) : 0;
       if (!v.inaccuracy.empty()) x += 1e6;
       if (!v.violation.empty()) x += 1e9;
       if (x > found[i].score) found[i] = {x, s.name() + ": " + v.violation + v.inaccuracy + " " + in_words(answers[i])};

@@ -38,6 +38,28 @@ TEST_P(Containment, HoldsForEveryAnswer) {
   }
 }
 
+// Pairs that the engine, or the judge, once got wrong, with their exact answers.
+TEST(MinedCases, KeepTheirExactAnswers) {
+  ASSERT_GE(mined_cases().size(), 10u);
+  for (std::size_t i = 0; i < mined_cases().size(); ++i) {
+    const MinedCase& m = mined_cases()[i];
+    EXPECT_EQ(judge(m.pair).distance.lower(), m.exact) << "case " << i;
+  }
+}
+
+TEST(MinedCases, AreAnsweredRight) {
+  std::vector<Case> cases;
+  for (const MinedCase& m : mined_cases()) cases.push_back(m.pair);
+  const std::vector<Tally> tallies = try_cases(
+      cases, standard_settings(), 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+        ADD_FAILURE() << "mined case " << i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy << "\n  " << answer;
+      });
+  for (const Tally& t : tallies) {
+    EXPECT_LE(t.worst_width, 1.0);
+    EXPECT_EQ(t.unconverged, 0);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Classes, Containment, testing::Range<std::size_t>(0, case_classes().size()),
                          [](const auto& param) { return case_classes()[param.param].name; });
 

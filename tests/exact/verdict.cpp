@@ -175,7 +175,7 @@ std::string as_initialiser(const Case& c) {
     out += text("}, %a},\n  ", s.radius);
     return out + text("{{%a, %a, %a}, %a, %a, %a, %a}", X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz);
   };
-  return "{" + one(*c.a, c.X_wa) + ",\n " + one(*c.b, c.X_wb) + "},\n";
+  return "{" + one(*c.a, c.X_wa) + ",\n " + one(*c.b, c.X_wb) + text(",\n %a},\n", judge(c).distance.lower());
 }
 
 std::string in_words(const Answer& a) {

@@ -44,7 +44,7 @@ struct Verdict {
 /// exact solutions.
 Verdict hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer, bool columns = true);
 
-/// The case as a C++ initialiser in hexadecimal floats, as mined_cases.inc holds it.
+/// The case and its exact signed distance (rounded down) as a C++ initialiser in hexadecimal floats, as mined_cases.inc holds it.
 std::string as_initialiser(const Case& c);
 /// One answer in words, for a failed test.
 std::string in_words(const Answer& a);
