@@ -1,0 +1,179 @@
+#include "bench_report.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <ctime>
+#include <fstream>
+#include <ostream>
+#include <sstream>
+#include <stdexcept>
+#include <thread>
+
+namespace clearance::cli {
+namespace {
+
+struct Quantile {
+  const char* name;
+  double part;
+};
+constexpr Quantile kQuantiles[] = {{"p50", 0.5}, {"p90", 0.9}, {"p99", 0.99}, {"p99.9", 0.999}, {"max", 1}};
+
+std::string utc_now() {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  ::gmtime_r(&now, &parts);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
+  return text;
+}
+
+/// Six significant digits, also in CSV: more would be noise.
+Cell rounded(double value) {
+  Cell cell(value, 6);
+  cell.exact = cell.text;
+  return cell;
+}
+
+double ratio(const Samples& a, const Samples& b, double part) {
+  return a.percentile_us(part) / b.percentile_us(part);
+}
+
+Table row_of(const BenchReport& r) {
+  std::vector<std::string> names{"machine",     "date",    "transport", "backend",   "bodies",       "pairs",
+                                 "configs",     "moved",   "reduce",    "precision", "mode",         "request_bytes",
+                                 "reply_bytes", "samples", "lost",      "unsent",    "throughput_hz"};
+  std::vector<Cell> cells{machine_name(),
+                          utc_now(),
+                          transport_name(r.url),
+                          r.backend,
+                          r.bodies,
+                          r.pairs,
+                          r.configurations,
+                          r.moved_bodies,
+                          r.reduce,
+                          r.precision,
+                          r.rate_hz > 0 ? Cell(r.rate_hz) : Cell("closed"),
+                          r.size.request_bytes,
+                          r.size.reply_bytes,
+                          r.ours.latency.size(),
+                          r.ours.lost,
+                          r.ours.unsent,
+                          rounded(r.ours.throughput())};
+  const auto add = [&](const std::string& name, const Samples& samples, std::initializer_list<double> parts) {
+    for (const Quantile& q : kQuantiles)
+      for (const double part : parts)
+        if (part == q.part) {
+          names.push_back(name + q.name + "_us");
+          cells.push_back(rounded(samples.percentile_us(part)));
+        }
+  };
+  add("", r.ours.latency, {0.5, 0.9, 0.99, 0.999, 1});
+  add("server_", r.ours.server, {0.5, 0.99});
+  add("engine_", r.ours.engine, {0.5, 0.99});
+  add("transport_", r.ours.transport, {0.5, 0.99});
+  add("floor_", r.floor.latency, {0.5, 0.99});
+  for (const double part : {0.5, 0.99}) {
+    names.push_back(part == 0.5 ? "transport_to_floor_p50" : "transport_to_floor_p99");
+    cells.push_back(rounded(ratio(r.ours.transport, r.floor.transport, part)));
+  }
+  names.push_back("command");
+  cells.push_back(r.command);
+  Table table(names);
+  table.add(std::move(cells));
+  return table;
+}
+
+void print_for_people(const BenchReport& r, std::ostream& out) {
+  char line[256];
+  out << r.url << ", backend " << r.backend << ", " << machine_name() << "\n";
+  std::snprintf(line, sizeof line, "%zu bodies, %llu pairs", r.bodies, static_cast<unsigned long long>(r.pairs));
+  out << line;
+  if (r.configurations > 0)
+    out << " in each of " << r.configurations << " configurations of " << r.moved_bodies << " bodies";
+  else
+    out << " at the current poses";
+  out << ", reduce " << r.reduce << ", " << r.precision << "; request " << r.size.request_bytes << " bytes, reply "
+      << r.size.reply_bytes << " bytes\n";
+  if (r.rate_hz > 0)
+    std::snprintf(line, sizeof line, "fixed rate %g Hz (latency from the moment a request was due)", r.rate_hz);
+  else
+    std::snprintf(line, sizeof line, "closed loop (one request at a time, the next as soon as the reply is there)");
+  out << line;
+  std::snprintf(line, sizeof line, ", %.1f s after %.1f s of warm-up\n\n", r.ours.seconds, r.warmup_s);
+  out << line;
+
+  std::vector<std::string> columns{"microseconds"};
+  for (const Quantile& q : kQuantiles) columns.push_back(q.name);
+  Table table(columns);
+  const auto add = [&](const char* name, auto value) {
+    std::vector<Cell> row{name};
+    for (const Quantile& q : kQuantiles) row.push_back(Cell(value(q.part), 4));
+    table.add(std::move(row));
+  };
+  const auto add_samples = [&](const char* name, const Samples& samples) {
+    add(name, [&](double part) { return samples.percentile_us(part); });
+  };
+  add_samples("latency", r.ours.latency);
+  add_samples("  server", r.ours.server);
+  add_samples("    engine", r.ours.engine);
+  add_samples("  transport", r.ours.transport);
+  add_samples("floor", r.floor.latency);
+  add("transport / floor", [&](double part) { return ratio(r.ours.transport, r.floor.transport, part); });
+  table.print(out, Output::kTable);
+
+  std::snprintf(line, sizeof line, "\n%zu answers, %.0f a second, %.3g pairs a second; %llu lost\n",
+                r.ours.latency.size(), r.ours.throughput(),
+                r.ours.throughput() * static_cast<double>(r.pairs) *
+                    static_cast<double>(std::max<std::uint64_t>(r.configurations, 1)),
+                static_cast<unsigned long long>(r.ours.lost));
+  out << line;
+  std::snprintf(line, sizeof line, "floor: the same bytes, bare: %s; %zu echoes, %llu lost\n",
+                r.floor_description.c_str(), r.floor.latency.size(), static_cast<unsigned long long>(r.floor.lost));
+  out << line;
+  if (r.ours.unsent > 0)
+    out << r.ours.unsent << " requests more were due: the daemon does not keep up with this rate\n";
+  if (r.ended_early) out << "ended early: " << Samples::kMost << " samples are the most that are kept\n";
+}
+
+}  // namespace
+
+std::string transport_name(const std::string& url) {
+  const std::string scheme = url.substr(0, url.find(':'));
+  if (scheme == "ipc" || scheme == "tcp") return "zmq-" + scheme;
+  return scheme == "udpm" ? "lcm" : scheme;
+}
+
+std::string machine_name() {
+  std::string name = "unknown CPU";
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);)
+    if (line.rfind("model name", 0) == 0 && line.find(": ") != std::string::npos) {
+      name = line.substr(line.find(": ") + 2);
+      break;
+    }
+  return name + " x" + std::to_string(std::thread::hardware_concurrency());
+}
+
+void print_report(const BenchReport& report, std::ostream& out, Output output) {
+  if (output == Output::kTable)
+    print_for_people(report, out);
+  else
+    row_of(report).print(out, output);
+}
+
+void append_csv(const BenchReport& report, const std::string& path) {
+  std::ostringstream text;
+  row_of(report).print(text, Output::kCsv);
+  const std::string both = text.str();
+  const std::size_t header_end = both.find('\n') + 1;
+  std::string header;
+  std::ifstream there(path);
+  const bool fresh = !std::getline(there, header);
+  if (!fresh && header + "\n" != both.substr(0, header_end))
+    throw std::runtime_error(path + ": its columns are not those of clearance bench; choose another file");
+  std::ofstream file(path, std::ios::app);
+  file << (fresh ? both : both.substr(header_end));
+  if (!file.flush()) throw std::runtime_error(path + ": cannot write");
+}
+
+}  // namespace clearance::cli

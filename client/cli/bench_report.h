@@ -1,0 +1,40 @@
+// What a latency benchmark found, for people and as a row of CSV.
+#pragma once
+
+#include <iosfwd>
+#include <string>
+
+#include "bench_floor.h"
+#include "bench_samples.h"
+#include "table.h"
+
+namespace clearance::cli {
+
+struct BenchReport {
+  std::string url, backend, command;
+  std::size_t bodies = 0;            ///< in the scene
+  std::uint64_t pairs = 0;           ///< of each configuration
+  std::uint64_t configurations = 0;  ///< 0: the current poses
+  std::size_t moved_bodies = 0;
+  std::string reduce, precision;
+  double rate_hz = 0;  ///< 0: closed loop
+  double warmup_s = 0;
+  EchoSize size;
+  Series ours, floor;
+  std::string floor_description;
+  bool ended_early = false;  ///< Samples::kMost was reached
+};
+
+/// "shm", "zmq-ipc", "zmq-tcp", "lcm".
+std::string transport_name(const std::string& url);
+
+/// The CPU's name and how many of it there are: "AMD EPYC x2".
+std::string machine_name();
+
+/// Aligned for people, or one row of CSV or JSON.
+void print_report(const BenchReport& report, std::ostream& out, Output output);
+
+/// Adds one row to a CSV file, with the column names if it is new. Throws std::runtime_error.
+void append_csv(const BenchReport& report, const std::string& path);
+
+}  // namespace clearance::cli

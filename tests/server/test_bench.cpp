@@ -1,0 +1,177 @@
+// clearance bench against a daemon: what it prints, what it appends, and that its echo process goes with it.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+
+#include "daemon_fixture.h"
+
+namespace clearance {
+namespace {
+
+testing::AssertionResult contains(const std::string& text, const std::string& part) {
+  if (text.find(part) != std::string::npos) return testing::AssertionSuccess();
+  return testing::AssertionFailure() << "\"" << part << "\" is not in:\n" << text;
+}
+
+std::vector<std::string> lines_of(const std::string& path) {
+  std::ifstream file(path);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(file, line);) lines.push_back(line);
+  return lines;
+}
+
+/// One row of CSV by column name. Quoted fields hold no quotes here.
+std::map<std::string, std::string> row_of(const std::string& names, const std::string& values) {
+  const auto split = [](const std::string& line) {
+    std::vector<std::string> fields(1);
+    bool quoted = false;
+    for (const char c : line) {
+      if (c == '"')
+        quoted = !quoted;
+      else if (c == ',' && !quoted)
+        fields.emplace_back();
+      else
+        fields.back() += c;
+    }
+    return fields;
+  };
+  const auto keys = split(names), cells = split(values);
+  std::map<std::string, std::string> row;
+  EXPECT_EQ(keys.size(), cells.size());
+  for (std::size_t i = 0; i < std::min(keys.size(), cells.size()); ++i) row[keys[i]] = cells[i];
+  return row;
+}
+
+/// Processes on this machine that run `clearance bench-echo`.
+int echo_processes() {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+    std::ifstream file(entry.path() / "cmdline");
+    std::stringstream text;
+    text << file.rdbuf();
+    count += text.str().find(std::string("bench-echo") + '\0' + std::to_string(::getpid())) != std::string::npos;
+  }
+  return count;
+}
+
+class Bench : public testing::Test {
+ protected:
+  Finished bench(std::vector<std::string> options) {
+    options.insert(options.begin(), {program("clearance"), "bench", "--seconds", "0.3", "--warmup", "0.05"});
+    return run(options);
+  }
+
+  TestFolder folder_;
+  std::string scene_ = folder_.write("scene.yaml", R"(bodies:
+  - {name: a, box: [1, 1, 1], pose: [0, 0, 0, 1, 0, 0, 0]}
+  - {name: b, sphere: 0.5, pose: [2, 0, 0, 1, 0, 0, 0]}
+  - {name: c, capsule: [0.2, 1], pose: [0, 2, 0, 1, 0, 0, 0]}
+  - {name: d, box: [5, 5, 0.1], static: true, pose: [0, 0, -2, 1, 0, 0, 0]}
+)");
+  std::string csv_ = folder_ / "latency.csv";
+  Daemon daemon_{{"--scene", scene_, "--shm", folder_ / "c.sock", "--zmq", "ipc://" + (folder_ / "c.ipc")}};
+};
+
+TEST_F(Bench, EachTransportIsMeasuredBesideItsFloor) {
+  const std::pair<std::string, std::string> transports[] = {{"shm", daemon_.urls().at(0)},
+                                                            {"zmq-ipc", daemon_.urls().at(1)}};
+  for (const auto& [name, url] : transports) {
+    const Finished done = bench({"--connect", url, "--csv", csv_, "--pairs", "4"});
+    ASSERT_EQ(done.code, 0) << done.err;
+    for (const char* part :
+         {"closed loop", "p50", "p99.9", "latency", "server", "engine", "transport / floor", "floor: the same bytes"})
+      EXPECT_TRUE(contains(done.out, part));
+    const auto lines = lines_of(csv_);
+    const auto row = row_of(lines.front(), lines.back());
+    EXPECT_EQ(row.at("transport"), name);
+    EXPECT_EQ(row.at("pairs"), "4");
+    EXPECT_EQ(row.at("configs"), "0");
+    EXPECT_EQ(row.at("mode"), "closed");
+    EXPECT_EQ(row.at("request_bytes"), std::to_string(64 + 128 + 4 * 8));
+    EXPECT_EQ(row.at("reply_bytes"), std::to_string(64 + 128 + 4 * 64));
+    EXPECT_EQ(row.at("lost"), "0");
+    EXPECT_GT(std::stoull(row.at("samples")), 0u);
+    EXPECT_GT(std::stod(row.at("floor_p50_us")), 0);
+    EXPECT_GT(std::stod(row.at("engine_p50_us")), 0);
+    EXPECT_GE(std::stod(row.at("server_p50_us")), std::stod(row.at("engine_p50_us")));
+    EXPECT_GT(std::stod(row.at("p50_us")), std::stod(row.at("server_p50_us")));
+    EXPECT_LE(std::stod(row.at("p50_us")), std::stod(row.at("p99_us")));
+    EXPECT_LE(std::stod(row.at("p99_us")), std::stod(row.at("max_us")));
+    EXPECT_NEAR(std::stod(row.at("transport_to_floor_p50")),
+                std::stod(row.at("transport_p50_us")) / std::stod(row.at("floor_p50_us")),
+                0.01 * std::stod(row.at("transport_to_floor_p50")));
+    EXPECT_TRUE(contains(row.at("command"), "clearance bench --connect " + url + " --pairs 4"));
+  }
+  const auto lines = lines_of(csv_);
+  ASSERT_EQ(lines.size(), 3u) << "one line of names, two rows";
+  EXPECT_EQ(lines[0].rfind("machine,date,transport,", 0), 0u);
+  EXPECT_EQ(echo_processes(), 0);
+}
+
+TEST_F(Bench, ConfigurationsReductionsAndRates) {
+  const std::string& url = daemon_.urls().at(0);
+  const Finished done = bench({"--connect", url, "--csv", csv_, "--configs", "50", "--moved", "2", "--reduce", "min",
+                               "--precision", "f32", "--rate", "100", "--json"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_TRUE(contains(done.out, "\"configs\": 50"));
+  const auto lines = lines_of(csv_);
+  const auto row = row_of(lines.front(), lines.back());
+  EXPECT_EQ(row.at("configs"), "50");
+  EXPECT_EQ(row.at("moved"), "2");
+  EXPECT_EQ(row.at("reduce"), "min");
+  EXPECT_EQ(row.at("precision"), "f32");
+  EXPECT_EQ(row.at("mode"), "100");
+  EXPECT_EQ(row.at("pairs"), "5") << "all but that of the unmoved body and the static one";
+  EXPECT_EQ(row.at("request_bytes"), std::to_string(64 + 128 + 8 + 50 * 2 * 56));
+  // Five rounds of 60 ms at 100 Hz: six requests each, sent or at least counted.
+  EXPECT_EQ(std::stoull(row.at("samples")) + std::stoull(row.at("unsent")), 30u);
+  const Finished again = bench({"--connect", url, "--pairs", "3", "--configs", "10", "--moved", "1"});
+  ASSERT_EQ(again.code, 0) << again.err;
+  EXPECT_TRUE(contains(again.out, "3 pairs in each of 10 configurations of 1 bodies"));
+}
+
+TEST_F(Bench, WhatCannotBeMeasuredIsSaid) {
+  const std::string& url = daemon_.urls().at(0);
+  struct Case {
+    std::vector<std::string> options;
+    int code;
+    std::string text;
+  };
+  const std::string other = folder_.write("other.csv", "a,b\n1,2\n");
+  const std::vector<Case> cases = {
+      {{"--rate", "fast"}, 2, "--rate: expected \"closed\" or requests a second up to 1000000, got \"fast\""},
+      {{"--rate", "-5"}, 2, "--rate: expected"},
+      {{"--rate", "10x"}, 2, "--rate: expected"},
+      {{"--pairs", "7"}, 2, "--pairs: the scene has 6 enabled pairs; 0 asks for all of them"},
+      {{"--pairs", "7", "--configs", "1", "--moved", "1"},
+       2,
+       "--pairs: the scene has 3 enabled pairs with a moved body"},
+      {{"--seconds", "0"}, 2, "--seconds"},
+      {{"--csv", other}, 1, "its columns are not those of clearance bench"},
+      {{"--csv", folder_ / "none/x.csv"}, 1, "cannot write"},
+      {{"--connect", "shm://" + (folder_ / "none")}, 3, "there is no socket: is clearanced running?"},
+  };
+  for (const Case& c : cases) {
+    std::vector<std::string> options = c.options;
+    if (options[0] != "--connect") options.insert(options.end(), {"--connect", url});
+    const Finished done = bench(options);
+    EXPECT_EQ(done.code, c.code) << c.text;
+    EXPECT_TRUE(contains(done.err, c.text));
+  }
+  EXPECT_EQ(lines_of(other).size(), 2u);
+}
+
+TEST_F(Bench, ADaemonThatIsGoneIsSaid) {
+  daemon_.stop(SIGKILL);
+  const Finished done = bench({"--connect", daemon_.urls().at(0)});
+  EXPECT_EQ(done.code, 3);
+  EXPECT_TRUE(contains(done.err, "the daemon is gone"));
+}
+
+}  // namespace
+}  // namespace clearance
