@@ -1,6 +1,7 @@
 // Exact duplicates among positions, found by hashing their bits.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -36,7 +37,7 @@ UniquePositions<T> unique_positions(std::size_t count, F&& position) {
 
   UniquePositions<T> out;
   out.index.resize(count);
-  int log2_slots = 8;
+  int log2_slots = std::clamp(static_cast<int>(std::bit_width(count / 2)), 8, 24);
   std::vector<std::uint32_t> slots(std::size_t{1} << log2_slots, kFree);
   const auto place = [&](std::uint64_t h) { return static_cast<std::size_t>(h >> (64 - log2_slots)); };
   for (std::size_t i = 0; i < count; ++i) {

@@ -56,7 +56,7 @@ Geometry geometry_of_shape(const Shape& shape, double radius, const std::string&
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
   Geometry out;
   auto display = std::make_shared<DisplayMesh>();
-  out.pieces = {make_hull_piece(points, {}, radius, 0, &display->triangles)};
+  out.pieces = {make_hull_piece(points, {}, radius, 0, false, &display->triangles)};
   display->vertices = out.pieces[0]->vertices;
   if (!display->triangles.empty()) out.display = std::move(display);
   out.source = "points";
@@ -74,12 +74,12 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
   auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, scale));
   Geometry out;
   if (convexify == Convexify::kHull) {
-    out.pieces = {make_hull_piece(whole->vertices, whole->triangles, radius, loaded)};
+    out.pieces = {make_hull_piece(whole->vertices, whole->triangles, radius, loaded, mesh.submeshes.size() == 1)};
     out.source = source + " (hull)";
   } else {
     for (const Submesh& submesh : mesh.submeshes) {
       const DisplayMesh part = joined({submesh}, scale);
-      out.pieces.push_back(make_hull_piece(part.vertices, part.triangles, radius, submesh.loaded_vertices));
+      out.pieces.push_back(make_hull_piece(part.vertices, part.triangles, radius, submesh.loaded_vertices, true));
     }
     out.source = source + " (submeshes)";
   }

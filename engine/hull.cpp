@@ -212,8 +212,12 @@ void check_vertices(std::span<const Vec3d> vertices) {
 
 }  // namespace
 
-Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> triangles) {
-  UniquePositions<double> unique = unique_positions<double>(vertices);
+Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, bool distinct) {
+  UniquePositions<double> unique;
+  if (distinct)
+    unique.positions.assign(vertices.begin(), vertices.end());
+  else
+    unique = unique_positions<double>(vertices);
   std::vector<Vec3d> points = std::move(unique.positions);
   Hull hull;
   // Coordinates that no exact test could be made of: nothing can be proved, so nothing is dropped.
@@ -224,7 +228,7 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
   if (points.size() <= kHullCheckVertices) return hull_by_qhull(std::move(points));
 
   std::vector<Triangle> faces(triangles.begin(), triangles.end());
-  rename(&faces, unique.index);
+  if (!distinct) rename(&faces, unique.index);
   unique = {};
   std::erase_if(faces, [](const Triangle& t) { return t[0] == t[1] || t[1] == t[2] || t[2] == t[0]; });
   if (const MeshRows rows(points.size(), faces, MeshRows::Ways::kOwn); rows.is_convex(points)) {
@@ -242,12 +246,12 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
 }
 
 PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
-                         std::uint64_t loaded_vertices, std::vector<Triangle>* faces) {
+                         std::uint64_t loaded_vertices, bool distinct, std::vector<Triangle>* faces) {
   check_vertices(vertices);
   Digest digest;
   digest.add(vertices);
   digest.add(radius);
-  Hull hull = reduce_to_hull(vertices, triangles);
+  Hull hull = reduce_to_hull(vertices, triangles, distinct);
   if (faces) *faces = std::move(hull.triangles);
   return make_piece(std::move(hull.vertices), radius, std::max<std::uint64_t>(loaded_vertices, vertices.size()),
                     std::move(hull.adjacency_begin), std::move(hull.adjacency), digest.value());

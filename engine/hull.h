@@ -24,7 +24,8 @@ struct Hull {
 /// Qhull guesses which vertices are needed; the proof is four exact orientation tests (orientation.h). Meshes of more than
 /// kHullCheckVertices that are seen to be convex already are taken as they are.
 /// \param vertices finite, at least one. \param triangles faces that join them, if there are any; indices among them.
-Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> triangles = {});
+/// \param distinct the caller has merged duplicates already; a few that are left do no harm.
+Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> triangles = {}, bool distinct = false);
 
 /// Meshes of more vertices are looked at for being convex before Qhull is asked.
 inline constexpr std::size_t kHullCheckVertices = 5'000;
@@ -33,9 +34,9 @@ inline constexpr std::size_t kHullMaxVertices = 150'000;
 
 /// The convex piece spanned by `vertices` and grown by `radius`, of reduce_to_hull().
 /// \param faces receives the guess of its faces, if not null.
-/// \param loaded_vertices how many there were before duplicates were merged by the caller; 0: those given.
+/// \param loaded_vertices how many there were before duplicates were merged by the caller (`distinct`); 0: those given.
 /// Throws std::invalid_argument as make_piece() does.
 PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
-                         std::uint64_t loaded_vertices = 0, std::vector<Triangle>* faces = nullptr);
+                         std::uint64_t loaded_vertices = 0, bool distinct = false, std::vector<Triangle>* faces = nullptr);
 
 }  // namespace clearance

@@ -1,0 +1,88 @@
+// A sphere of two million vertices comes through the whole way from a file to a piece, in bounded memory.
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <chrono>
+#include <fstream>
+#include <set>
+
+#include "engine/scene.h"
+#include "engine/shapes.h"
+#include "mesh_files.h"
+#include "temporary_folder.h"
+
+namespace clearance {
+namespace {
+
+// Seconds are printed, not judged: they are the machine's.
+void load_and_check(const std::string& path) {
+  const auto begin = std::chrono::steady_clock::now();
+  Scene scene;
+  scene.add_mesh("ball", path, {1, 1, 1}, Convexify::kHull, {});
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  rusage own{}, loader{};
+  getrusage(RUSAGE_SELF, &own);
+  getrusage(RUSAGE_CHILDREN, &loader);
+  const long mebibytes = (own.ru_maxrss + loader.ru_maxrss) / 1024;  // their peaks, though they come one after the other
+  std::printf("%s: %.2f s, %ld MiB\n", path.c_str() + path.rfind('.'), seconds, mebibytes);
+  ::testing::Test::RecordProperty("seconds", std::to_string(seconds));
+  EXPECT_LT(mebibytes, 2048);
+  const Piece& piece = *scene.bodies()[0].pieces.at(0);
+  EXPECT_EQ(piece.vertices.size(), 1998002u);
+  ASSERT_EQ(piece.adjacency_begin.size(), 1998003u);
+  std::uint32_t most = 0;
+  for (std::size_t v = 0; v + 1 < piece.adjacency_begin.size(); ++v) {
+    ASSERT_LT(piece.adjacency_begin[v], piece.adjacency_begin[v + 1]);
+    most = std::max(most, piece.adjacency_begin[v + 1] - piece.adjacency_begin[v]);
+  }
+  EXPECT_EQ(most, 2000u);  // around a pole
+  double farthest = 0, nearest = 3;
+  for (const Vec3d& v : piece.vertices) {
+    farthest = std::max(farthest, norm(v));
+    nearest = std::min(nearest, norm(v));
+  }
+  EXPECT_NEAR(farthest, 2, 1e-6);
+  EXPECT_NEAR(nearest, 2, 1e-6);
+}
+
+void write_large(const std::string& path, bool stl) {
+  const Shape sphere = make_uv_sphere(2, 1000);
+  std::ofstream out(path, std::ios::binary);
+  const auto put = [&](const auto& value) { out.write(reinterpret_cast<const char*>(&value), sizeof value); };
+  const auto put_point = [&](const Vec3d& v) {
+    for (int k = 0; k < 3; ++k) put(static_cast<float>(v[k]));
+  };
+  if (stl) {
+    out << std::string(80, '\0');
+    put(static_cast<std::uint32_t>(sphere.triangles.size()));
+    for (const Triangle& t : sphere.triangles) {
+      put_point({0, 0, 0});
+      for (const std::uint32_t i : t) put_point(sphere.vertices[i]);
+      put(std::uint16_t{0});
+    }
+    return;
+  }
+  out << mesh_files::print("ply\nformat binary_little_endian 1.0\nelement vertex %zu\n", sphere.vertices.size())
+      << "property float x\nproperty float y\nproperty float z\n"
+      << mesh_files::print("element face %zu\nproperty list uchar int vertex_indices\nend_header\n", sphere.triangles.size());
+  for (const Vec3d& v : sphere.vertices) put_point(v);
+  for (const Triangle& t : sphere.triangles) {
+    put(std::uint8_t{3});
+    for (const std::uint32_t i : t) put(i);
+  }
+}
+
+TEST(LargeMesh, Ply) {
+  const TemporaryFolder folder;
+  write_large(folder / "large.ply", false);
+  load_and_check(folder / "large.ply");
+}
+
+TEST(LargeMesh, BinaryStl) {
+  const TemporaryFolder folder;
+  write_large(folder / "large.stl", true);
+  load_and_check(folder / "large.stl");
+}
+
+}  // namespace
+}  // namespace clearance
