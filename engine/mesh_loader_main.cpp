@@ -365,7 +365,7 @@ int run(int argc, char** argv) {
 
 #if defined(__SANITIZE_ADDRESS__)
 // Crashes are told to the parent by their signal, as without the sanitizer, and memory is bounded in its own way.
-extern "C" const char* __asan_default_options() {
+extern "C" __attribute__((visibility("default"))) const char* __asan_default_options() {
   return "handle_segv=0:handle_abort=0:handle_sigbus=0:handle_sigfpe=0:hard_rss_limit_mb=4096:detect_leaks=0";
 }
 #endif
