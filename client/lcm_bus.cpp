@@ -136,14 +136,14 @@ LcmAddress parse_lcm_address(const std::string& url) {
 
 void check_multicast(const LcmAddress& address) {
   const auto fail = [&](const std::string& what, int error) {
-    throw std::runtime_error("LCM: " + what + (error != 0 ? std::string(" (") + std::strerror(error) + ")" : "") +
-                             remedy(address));
+    throw std::runtime_error("LCM: no multicast route to " + address.host + ": " + what +
+                             (error != 0 ? std::string(" (") + std::strerror(error) + ")" : "") + remedy(address));
   };
   const sockaddr_in group = socket_address(address.host, address.port);
   const Fd route(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (route.get() < 0) throw std::runtime_error(std::string("LCM: no UDP socket: ") + std::strerror(errno));
   if (::connect(route.get(), reinterpret_cast<const sockaddr*>(&group), sizeof group) < 0) {
-    fail("no multicast route to " + address.host, errno);
+    fail("nothing can be sent there", errno);
   }
 
   // A route alone says little: its interface may have no multicast, or a firewall may eat the packets. So send one, from
@@ -153,10 +153,10 @@ void check_multicast(const LcmAddress& address) {
   ip_mreq membership{};
   membership.imr_multiaddr = group.sin_addr;
   if (::bind(receiver.get(), reinterpret_cast<const sockaddr*>(&place), sizeof place) < 0) {
-    fail("cannot listen on " + address.host, errno);
+    fail("its address cannot be listened to", errno);
   }
   if (::setsockopt(receiver.get(), IPPROTO_IP, IP_ADD_MEMBERSHIP, &membership, sizeof membership) < 0) {
-    fail("cannot join the multicast group " + address.host, errno);
+    fail("the group cannot be joined", errno);
   }
   socklen_t size = sizeof place;
   ::getsockname(receiver.get(), reinterpret_cast<sockaddr*>(&place), &size);
@@ -166,7 +166,7 @@ void check_multicast(const LcmAddress& address) {
   const std::int64_t token = draw_lcm_id();
   for (int attempt = 0; attempt < 10; ++attempt) {
     if (::sendto(sender.get(), &token, sizeof token, 0, reinterpret_cast<const sockaddr*>(&place), sizeof place) < 0) {
-      fail("cannot send to " + address.host, errno);
+      fail("nothing can be sent there", errno);
     }
     pollfd waiting{receiver.get(), POLLIN, 0};
     while (::poll(&waiting, 1, 100) > 0) {
@@ -174,8 +174,7 @@ void check_multicast(const LcmAddress& address) {
       if (::recv(receiver.get(), &got, sizeof got, MSG_DONTWAIT) == sizeof got && got == token) return;
     }
   }
-  fail("packets to " + address.host + " do not come back: the route's interface has no multicast, or a firewall drops them",
-       0);
+  fail("packets do not come back, since the route's interface has no multicast or a firewall drops them", 0);
 }
 
 std::int64_t draw_lcm_id() {

@@ -1,0 +1,143 @@
+// clearanced as a process on an LCM network: the example planners as a user would run them, and the same bits as over ZeroMQ.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include "client/client.h"
+#include "lcm_fixture.h"
+#include "tests/server/daemon_fixture.h"
+
+namespace clearance {
+namespace {
+
+const std::string kExamples = std::string(CLEARANCE_SOURCE_DIR) + "/client/examples/";
+const std::string kPlannerCpp = std::string(CLEARANCE_BINARY_DIR) + "/examples/lcm_planner";
+const std::vector<std::string> kPythonPath{"PYTHONPATH=" CLEARANCE_BINARY_DIR "/python"};
+
+/// One line of the table that a planner prints.
+struct Line {
+  int configuration = -1;
+  std::string pair, status;
+  double distance = NAN, lower = NAN, upper = NAN;
+};
+
+std::vector<Line> table_of(const std::string& out) {
+  std::vector<Line> lines;
+  std::istringstream all(out);
+  for (std::string text; std::getline(all, text);) {
+    std::istringstream words(text);
+    Line line;
+    std::string a, dash, b;
+    if (words >> line.configuration >> a >> dash >> b >> line.distance >> line.lower >> line.upper >> line.status) {
+      line.pair = a + " - " + b;
+      lines.push_back(line);
+    }
+  }
+  return lines;
+}
+
+class LcmDaemonTest : public LcmTest {
+ protected:
+  std::string scene_file() const { return folder_.write("scene.yaml", kSmallSceneYaml); }
+  TestFolder folder_;
+};
+
+/// The planners ask about cup on a circle of 0.5 m about (0, 0, 0.3). Of the small scene's other bodies link2 has been put
+/// at x = 3 by the planner itself; the table's top is at z = 0.05, the capsule link1 stands at x = 0.5.
+void expect_circle(const Finished& planner, int count) {
+  ASSERT_EQ(planner.code, 0) << planner.out << planner.err;
+  const auto lines = table_of(planner.out);
+  ASSERT_EQ(lines.size(), static_cast<std::size_t>(count)) << planner.out;
+  int near_link = 0, near_table = 0;
+  for (int k = 0; k < count; ++k) {
+    const Line& line = lines[k];
+    EXPECT_EQ(line.configuration, k);
+    const double a = 2 * M_PI * k / count, x = 0.5 * std::cos(a), y = 0.5 * std::sin(a);
+    // The sphere (0.1) above the table (2 x 1, top at 0.05) and beside the capsule: axis z from 0.3 to 0.7, radius 0.05.
+    const double to_table = std::hypot(std::max(0.0, std::abs(x) - 1), std::max(0.0, std::abs(y) - 0.5), 0.25) - 0.1;
+    const double to_link = std::hypot(x - 0.5, y) - 0.15;
+    const double expected = std::min(to_table, to_link);
+    if (expected > 0) {
+      EXPECT_NEAR(line.distance, expected, 2e-6) << k;
+      EXPECT_EQ(line.status, "ok");
+    } else {
+      EXPECT_EQ(line.status, "overlap");
+    }
+    EXPECT_LE(line.lower, line.upper);
+    const bool link = to_link < to_table;
+    EXPECT_EQ(line.pair, link ? "cup - link1" : "table - cup") << k;
+    ++(link ? near_link : near_table);
+  }
+  EXPECT_GT(near_link, 0);
+  EXPECT_GT(near_table, 0);
+}
+
+TEST_F(LcmDaemonTest, PlannerInPython) {
+  Daemon daemon({"--scene", scene_file(), "--lcm", url()});
+  EXPECT_EQ(daemon.url(), url());
+  expect_circle(run({CLEARANCE_PYTHON, kExamples + "lcm_planner.py", "--url", url(), "--configurations", "16"}, kPythonPath), 16);
+  EXPECT_EQ(daemon.stop(SIGTERM), 0) << daemon.log();
+}
+
+TEST_F(LcmDaemonTest, PlannerInCpp) {
+  Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--lcm-prefix", "cell/"});
+  expect_circle(run({kPlannerCpp, url(), "cell/", "16"}), 16);
+  const Finished nobody = run({kPlannerCpp, url(), "other/"});
+  EXPECT_EQ(nobody.code, 1);
+  EXPECT_EQ(nobody.err, "lcm_planner: the scene did not come within 5 s; is clearanced running with this --lcm url?\n");
+}
+
+TEST_F(LcmDaemonTest, ManyConfigurationsOverLcmAlone) {
+  Daemon daemon({"--scene", scene_file(), "--lcm", url()});
+  expect_circle(run({CLEARANCE_PYTHON, kExamples + "lcm_planner.py", "--url", url(), "--configurations", "600"}, kPythonPath), 600);
+}
+
+TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTransport) {
+  const std::string ipc = "ipc://" + (folder_ / "socket");
+  Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--zmq", ipc});
+  Client over_lcm = connect(url(), std::chrono::seconds(10)), over_zmq = connect(ipc);
+  const std::uint64_t first = over_zmq.distances().snapshot_revision();
+  std::thread publisher([&] {
+    const Finished done = run({CLEARANCE_PYTHON, kExamples + "pose_publisher.py", "--url", url(), "--rate", "200", "--seconds", "3"}, kPythonPath);
+    EXPECT_EQ(done.code, 0) << done.err;
+    EXPECT_NE(done.out.find("moving 3 of 4 bodies"), std::string::npos) << done.out;
+  });
+  // While the bodies move, both transports ask; answers at one pose revision must have the same bits.
+  std::set<std::uint64_t> compared;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (compared.size() < 10 && std::chrono::steady_clock::now() < end) {
+    const Reply a = over_lcm.distances(), b = over_zmq.distances();
+    if (a.snapshot_revision() != b.snapshot_revision() || a.snapshot_revision() == first) continue;
+    compared.insert(a.snapshot_revision());
+    ASSERT_EQ(a.rows(), 6u);
+    for (const auto column : {&Reply::distance, &Reply::lower, &Reply::upper}) {
+      EXPECT_EQ(std::memcmp((a.*column)().data(), (b.*column)().data(), 6 * sizeof(double)), 0);
+    }
+    for (std::size_t i = 0; i < 6; ++i) EXPECT_NE(a.status()[i], Status::kNoPose);  // link2 had none until now
+  }
+  publisher.join();
+  EXPECT_EQ(compared.size(), 10u);
+}
+
+TEST_F(LcmDaemonTest, WithoutAMulticastRouteItSaysSoAndEnds) {
+  if (run({"/bin/sh", "-c", "unshare -n true"}).code != 0) GTEST_SKIP() << "this user may not make a network namespace";
+  const Finished daemon =
+      run({"/bin/sh", "-c", "exec unshare -n \"$0\" --scene \"$1\" --lcm \"$2\"", program("clearanced"), scene_file(), url()});
+  EXPECT_EQ(daemon.code, 4);
+  EXPECT_NE(daemon.err.find("LCM: no multicast route to 239.255.76.67: nothing can be sent there (Network is unreachable); to keep LCM "
+                            "on this host, run (as root):  ip link set lo up; ip route add 239.255.76.67/32 dev lo"),
+            std::string::npos)
+      << daemon.err;
+  const Finished wrong = run({program("clearanced"), "--scene", scene_file(), "--lcm", "udpm://127.0.0.1:7667"});
+  EXPECT_EQ(wrong.code, 4);
+  EXPECT_NE(wrong.err.find("group: expected a multicast address"), std::string::npos) << wrong.err;
+}
+
+}  // namespace
+}  // namespace clearance
