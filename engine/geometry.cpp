@@ -63,12 +63,14 @@ Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
   return out;
 }
 
-Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius, const std::string& source) {
+Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
+                          const std::string& source) {
   for (int k = 0; k < 3; ++k)
     if (!(std::abs(scale[k]) > 0 && std::abs(scale[k]) <= kMaxCoordinate))
       throw std::invalid_argument("scale: expected finite numbers other than 0, got " + std::to_string(scale[k]));
   if (convexify == Convexify::kDecompose)
-    throw std::invalid_argument("not yet: convexify: decompose (approximate convex decomposition); use hull or submeshes");
+    throw std::invalid_argument(
+        "not yet: convexify: decompose (approximate convex decomposition); use hull or submeshes");
   std::uint64_t loaded = 0;
   for (const Submesh& submesh : mesh.submeshes) loaded += submesh.loaded_vertices;
   auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, scale));

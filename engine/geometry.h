@@ -24,6 +24,7 @@ struct Geometry {
 Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source);
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
 /// \param source names the file. \param scale per axis, in the file's frame; negative mirrors.
-Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius, const std::string& source);
+Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
+                          const std::string& source);
 
 }  // namespace clearance

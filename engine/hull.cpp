@@ -23,11 +23,12 @@ constexpr std::uint32_t kNowhere = std::numeric_limits<std::uint32_t>::max();
 // Vertices of the sample whose hull sorts out the bulk of a large set before Qhull sees the rest.
 constexpr std::size_t kSampleVertices = 20'000;
 
-// A closed surface of triangles around an apex, seen from which the others tile it: each with the apex makes a tetrahedron.
+// A closed surface of triangles around an apex, seen from which the others tile it: each with the apex makes a
+// tetrahedron.
 class Fan {
  public:
-  Fan(std::span<const Vec3d> points, std::span<const Triangle> triangles, std::span<const std::array<std::uint32_t, 3>> across,
-      std::uint32_t apex)
+  Fan(std::span<const Vec3d> points, std::span<const Triangle> triangles,
+      std::span<const std::array<std::uint32_t, 3>> across, std::uint32_t apex)
       : points_(points), triangles_(triangles), across_(across), apex_(apex) {
     while (start_ + 1 < triangles_.size() && touches_apex(start_)) ++start_;
   }
@@ -35,16 +36,19 @@ class Fan {
   /// A triangle to begin from.
   std::uint32_t start() const { return start_; }
 
-  // Walks from triangle `*at` towards the one that the ray from the apex through p leaves the surface by, and tries to prove
-  // that p lies in its tetrahedron. `*at` is left where the walk ended.
+  // Walks from triangle `*at` towards the one that the ray from the apex through p leaves the surface by, and tries to
+  // prove that p lies in its tetrahedron. `*at` is left where the walk ended.
   bool holds(const Vec3d& p, std::uint32_t* at) const {
     const Vec3d& o = points_[apex_];
     std::uint32_t t = *at, before = kNowhere;
-    // A walk through well-shaped triangles takes about the square root of their number; more means that it goes in circles.
-    for (std::size_t step = 0, steps = 64 + 4 * static_cast<std::size_t>(std::sqrt(double(triangles_.size()))); step < steps; ++step) {
+    // A walk through well-shaped triangles takes about the square root of their number; more means that it goes in
+    // circles.
+    for (std::size_t step = 0, steps = 64 + 4 * static_cast<std::size_t>(std::sqrt(double(triangles_.size())));
+         step < steps; ++step) {
       *at = t;
       const Triangle& c = triangles_[t];
-      // From the apex, outside of the triangle's edge k: det[a - o, b - o, p - o] < 0 for an edge a, b. Rounded: only a walk.
+      // From the apex, outside of the triangle's edge k: det[a - o, b - o, p - o] < 0 for an edge a, b. Rounded: only a
+      // walk.
       std::uint32_t next = kNowhere;
       for (int k = 0; k < 3 && next == kNowhere; ++k) {
         const int edge = static_cast<int>((k + step) % 3);  // another edge first each time, against circles
@@ -71,8 +75,8 @@ class Fan {
     const int whole = orientation(a, b, c, o);
     if (whole == 0) return false;  // flat: no test could say on which side of it p lies
     // p on the same side of each face as the corner across from it.
-    return orientation(a, b, c, p) * whole >= 0 && orientation(a, b, p, o) * whole >= 0 && orientation(b, c, p, o) * whole >= 0 &&
-           orientation(c, a, p, o) * whole >= 0;
+    return orientation(a, b, c, p) * whole >= 0 && orientation(a, b, p, o) * whole >= 0 &&
+           orientation(b, c, p, o) * whole >= 0 && orientation(c, a, p, o) * whole >= 0;
   }
 
   std::span<const Vec3d> points_;
@@ -103,7 +107,8 @@ std::vector<std::array<std::uint32_t, 3>> triangles_across(std::span<const Trian
 }
 
 // Marks (with true) those points that are proved inside the hull of the corners of `triangles`, which are not marked.
-// near[i] is set to a triangle near point i for those that are neither. \param thorough tries again where a proof fails.
+// near[i] is set to a triangle near point i for those that are neither. \param thorough tries again where a proof
+// fails.
 std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const Triangle> triangles, bool thorough,
                                 std::vector<std::uint32_t>* near) {
   std::vector<char> is_corner(points.size(), 0), inside(points.size(), 0);
@@ -143,7 +148,8 @@ std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const T
 
 // Keeps, in order, the points that are not marked, and renames the corners of triangles accordingly.
 template <class T>
-std::vector<T> unmarked(const std::vector<T>& all, const std::vector<char>& marked, std::vector<std::uint32_t>* new_index) {
+std::vector<T> unmarked(const std::vector<T>& all, const std::vector<char>& marked,
+                        std::vector<std::uint32_t>* new_index) {
   std::vector<T> out;
   new_index->assign(all.size(), kNowhere);
   for (std::size_t i = 0; i < all.size(); ++i)
@@ -178,7 +184,8 @@ Hull hull_by_qhull(std::vector<Vec3d> points) {
   hull.vertices = unmarked(points, inside, &new_index);
   for (std::size_t i = 0; i < points.size(); ++i)
     if (!inside[i] && !is_corner[i])
-      for (const std::uint32_t corner : hull.triangles[near[i]]) extra_edges.push_back({new_index[i], new_index[corner]});
+      for (const std::uint32_t corner : hull.triangles[near[i]])
+        extra_edges.push_back({new_index[i], new_index[corner]});
   rename(&hull.triangles, new_index);
   const MeshRows rows(hull.vertices.size(), hull.triangles, MeshRows::Ways::kBoth, extra_edges);
   rows.neighbours(&hull.adjacency_begin, &hull.adjacency);
@@ -240,7 +247,8 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
   const std::size_t count = points.size();
   if (count > kSampleVertices) points = without_bulk(std::move(points));
   if (points.size() <= kHullMaxVertices) return hull_by_qhull(std::move(points));
-  if (points.size() == count) MeshRows(count, faces, MeshRows::Ways::kBoth).neighbours(&hull.adjacency_begin, &hull.adjacency);
+  if (points.size() == count)
+    MeshRows(count, faces, MeshRows::Ways::kBoth).neighbours(&hull.adjacency_begin, &hull.adjacency);
   hull.vertices = std::move(points);
   return hull;
 }

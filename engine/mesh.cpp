@@ -32,7 +32,9 @@ namespace {
 
 constexpr const char* kLoaderName = "clearance-mesh-loader";
 
-std::string reason(int error) { return std::generic_category().message(error); }
+std::string reason(int error) {
+  return std::generic_category().message(error);
+}
 
 class Fd {
  public:
@@ -164,7 +166,9 @@ class ResultReader {
   std::uint64_t size_ = 0, at_ = 0;
 };
 
-[[noreturn]] void fail_garbled() { throw MeshError("the mesh loader's result is garbled; is the file damaged?"); }
+[[noreturn]] void fail_garbled() {
+  throw MeshError("the mesh loader's result is garbled; is the file damaged?");
+}
 
 Submesh read_submesh(ResultReader* in) {
   SubmeshHeader header;
@@ -213,7 +217,8 @@ void check_file(const std::string& path, const MeshLimits& limits) {
   if (!S_ISREG(info.st_mode)) throw MeshError("expected a mesh file, got a device, pipe or socket");
   if (info.st_size == 0) throw MeshError("the file is empty");
   if (static_cast<std::uint64_t>(info.st_size) > limits.file_bytes)
-    throw MeshError(std::to_string(info.st_size) + " bytes; a mesh file may have at most " + std::to_string(limits.file_bytes));
+    throw MeshError(std::to_string(info.st_size) + " bytes; a mesh file may have at most " +
+                    std::to_string(limits.file_bytes));
   if (Fd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); fd.get() < 0) throw MeshError(reason(errno));
   constexpr const char* kKnown[] = {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb"};
   std::string extension = fs::path(path).extension().string();
@@ -235,7 +240,8 @@ std::string mesh_loader_program() {
   if (::dladdr(reinterpret_cast<const void*>(&mesh_loader_program), &self) && self.dli_fname)
     places.push_back(fs::path(self.dli_fname).parent_path());
   std::error_code error;
-  if (const fs::path program = fs::read_symlink("/proc/self/exe", error); !error) places.push_back(program.parent_path());
+  if (const fs::path program = fs::read_symlink("/proc/self/exe", error); !error)
+    places.push_back(program.parent_path());
   for (const fs::path& place : places) {
     for (const fs::path& folder : {place, place / ".." / "libexec", place / ".." / ".." / "libexec"})
       if (!place.empty() && runs(folder / kLoaderName)) return (folder / kLoaderName).string();

@@ -14,16 +14,16 @@ namespace clearance {
 
 /// A mesh of the file at one node of its scene graph; transforms of the nodes applied. Metres, if the file's unit is.
 struct Submesh {
-  std::vector<Vec3d> vertices;      ///< every position of the mesh, exact duplicates merged
-  std::vector<Triangle> triangles;  ///< polygons as fans; empty for points and lines
+  std::vector<Vec3d> vertices;        ///< every position of the mesh, exact duplicates merged
+  std::vector<Triangle> triangles;    ///< polygons as fans; empty for points and lines
   std::uint64_t loaded_vertices = 0;  ///< before exact duplicates were merged
 };
 
 /// What a mesh file holds.
 ///
-/// The reading library (assimp) gives positions in float32, whatever the file says: a coordinate is right to 6e-8 of itself.
-/// Transforms of nodes are then applied in float64. Positions that no face uses are kept where the library hands
-/// them out (PLY, OFF); those of OBJ, DAE and glTF belong to no mesh of the file and do not arrive.
+/// The reading library (assimp) gives positions in float32, whatever the file says: a coordinate is right to 6e-8 of
+/// itself. Transforms of nodes are then applied in float64. Positions that no face uses are kept where the library
+/// hands them out (PLY, OFF); those of OBJ, DAE and glTF belong to no mesh of the file and do not arrive.
 struct Mesh {
   std::vector<Submesh> submeshes;  ///< at least one, each with at least one vertex
 };

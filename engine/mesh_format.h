@@ -11,8 +11,8 @@
 namespace clearance {
 
 inline constexpr std::uint64_t kMeshMagic = 0x3130306873656d63;  // "cmesh001"
-inline constexpr int kMeshResultFd = 3;    ///< a memfd
-inline constexpr int kMeshLifetimeFd = 4;  ///< the write end of a pipe: closes with the loader
+inline constexpr int kMeshResultFd = 3;                          ///< a memfd
+inline constexpr int kMeshLifetimeFd = 4;                        ///< the write end of a pipe: closes with the loader
 inline constexpr std::uint64_t kMaxMeshErrorBytes = 4096;
 
 enum class MeshState : std::uint32_t { kUnfinished = 0, kGood = 1, kError = 2, kOutOfMemory = 3 };

@@ -1,6 +1,7 @@
 // clearance-mesh-loader: reads one mesh file through assimp and hands its vertices and triangles back (mesh_format.h).
 //
-// A process of its own, because assimp crashes, hangs or exhausts memory on some damaged files. Usage, by mesh.cpp only:
+// A process of its own, because assimp crashes, hangs or exhausts memory on some damaged files. Usage, by mesh.cpp
+// only:
 //   clearance-mesh-loader FILE MEMORY_BYTES CPU_SECONDS
 #include <assimp/DefaultIOSystem.h>
 #include <assimp/config.h>
@@ -58,7 +59,8 @@ std::string lower(std::string text) {
 class FolderOnly final : public Assimp::DefaultIOSystem {
  public:
   /// The folder that `file` is named in and, if it is a link, the one that it leads to.
-  explicit FolderOnly(const fs::path& file) : folders_{fs::canonical(file.parent_path()), fs::canonical(file).parent_path()} {}
+  explicit FolderOnly(const fs::path& file)
+      : folders_{fs::canonical(file.parent_path()), fs::canonical(file).parent_path()} {}
 
   bool Exists(const char* file) const override { return permitted(file); }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
@@ -87,8 +89,8 @@ class FolderOnly final : public Assimp::DefaultIOSystem {
   mutable std::string refused_;
 };
 
-// assimp logs some things that leave a mesh with wrong geometry, and then calls the load a success. Others that it logs,
-// such as a missing material, do no harm.
+// assimp logs some things that leave a mesh with wrong geometry, and then calls the load a success. Others that it
+// logs, such as a missing material, do no harm.
 class GeometryLog final : public Assimp::LogStream {
  public:
   void write(const char* message) override {
@@ -96,9 +98,11 @@ class GeometryLog final : public Assimp::LogStream {
     const auto speaks_of = [&](std::initializer_list<const char*> words) {
       return std::any_of(words.begin(), words.end(), [&](const char* w) { return text.find(w) != std::string::npos; });
     };
-    if (!first_.empty() || speaks_of({"material", "texture", "normal", "uv", "color", "joint", "bone", "camera", "light"})) return;
-    if (speaks_of({"out of range", "invalid face", "invalid index", "zero indices", "incorrect", "unable to find geometry",
-                   "unable to resolve reference"}))
+    if (!first_.empty() ||
+        speaks_of({"material", "texture", "normal", "uv", "color", "joint", "bone", "camera", "light"}))
+      return;
+    if (speaks_of({"out of range", "invalid face", "invalid index", "zero indices", "incorrect",
+                   "unable to find geometry", "unable to resolve reference"}))
       first_ = message;
   }
   /// The first of them; empty if there was none.
@@ -157,8 +161,9 @@ PlainMesh plain(const aiMesh& mesh, unsigned index) {
     std::snprintf(text, sizeof text, "(%g, %g, %g)", double(v.x), double(v.y), double(v.z));
     throw LoadError("vertex " + std::to_string(i) + " of " + label(mesh, index) + " is not finite: " + text);
   }
-  UniquePositions<float> unique = unique_positions<float>(
-      mesh.mNumVertices, [&](std::size_t i) { return Vec3<float>{mesh.mVertices[i].x, mesh.mVertices[i].y, mesh.mVertices[i].z}; });
+  UniquePositions<float> unique = unique_positions<float>(mesh.mNumVertices, [&](std::size_t i) {
+    return Vec3<float>{mesh.mVertices[i].x, mesh.mVertices[i].y, mesh.mVertices[i].z};
+  });
   PlainMesh out;
   out.loaded_vertices = mesh.mNumVertices;
   out.vertices = std::move(unique.positions);
@@ -168,9 +173,11 @@ PlainMesh plain(const aiMesh& mesh, unsigned index) {
     for (unsigned k = 0; k < face.mNumIndices; ++k)
       if (face.mIndices[k] >= mesh.mNumVertices)
         throw LoadError("face " + std::to_string(f) + " of " + label(mesh, index) + " points at vertex " +
-                        std::to_string(face.mIndices[k]) + ", past the end of " + std::to_string(mesh.mNumVertices) + " vertices");
+                        std::to_string(face.mIndices[k]) + ", past the end of " + std::to_string(mesh.mNumVertices) +
+                        " vertices");
     for (unsigned k = 1; k + 1 < face.mNumIndices; ++k) {
-      const Triangle t = {unique.index[face.mIndices[0]], unique.index[face.mIndices[k]], unique.index[face.mIndices[k + 1]]};
+      const Triangle t = {unique.index[face.mIndices[0]], unique.index[face.mIndices[k]],
+                          unique.index[face.mIndices[k + 1]]};
       if (t[0] != t[1] && t[1] != t[2] && t[2] != t[0]) out.triangles.push_back(t);
     }
   }
@@ -246,7 +253,8 @@ std::uint32_t write_scene(Result* result, const aiScene& scene, std::uint64_t me
     stack.pop_back();
     for (unsigned i = 0; i < visit.node->mNumMeshes; ++i) {
       const unsigned index = visit.node->mMeshes[i];
-      if (index >= scene.mNumMeshes) throw LoadError("a node names mesh " + std::to_string(index) + ", which is not there");
+      if (index >= scene.mNumMeshes)
+        throw LoadError("a node names mesh " + std::to_string(index) + ", which is not there");
       auto [at, fresh] = meshes.try_emplace(index);
       if (fresh) at->second = plain(*scene.mMeshes[index], index);
       const PlainMesh& mesh = at->second;
@@ -265,7 +273,8 @@ std::uint32_t write_scene(Result* result, const aiScene& scene, std::uint64_t me
   return count;
 }
 
-// Leaves only the importers of the file's own extension: no guessing among the forty others from what a file begins with.
+// Leaves only the importers of the file's own extension: no guessing among the forty others from what a file begins
+// with.
 void keep_importers_of(Assimp::Importer* importer, const std::string& extension) {
   for (std::size_t i = importer->GetImporterCount(); i-- > 0;) {
     const std::string list = ' ' + std::string(importer->GetImporterInfo(i)->mFileExtensions) + ' ';
@@ -294,7 +303,8 @@ std::string plainly(const std::string& text) {
   if (text.compare(0, std::strlen(kNoNumber), kNoNumber) == 0) {
     const std::string rest = text.substr(std::strlen(kNoNumber));
     const std::string word = rest.substr(0, rest.find_first_of(" \t\r\n\""));
-    return word.empty() ? "expected a number where the file ends or a line is short" : "expected a number, got \"" + word.substr(0, 40) + '"';
+    return word.empty() ? "expected a number where the file ends or a line is short"
+                        : "expected a number, got \"" + word.substr(0, 40) + '"';
   }
   return text.empty() ? "not a file of this format" : text.substr(0, 300);
 }
@@ -315,8 +325,10 @@ void load(Result* result, const fs::path& path, std::uint64_t memory_bytes) {
   const aiScene* scene = importer.ReadFile(path.string(), 0);
   if (!scene) {
     const std::string text = importer.GetErrorString();
-    if (text.find("bad_alloc") != std::string::npos || text.find("bad allocation") != std::string::npos) throw std::bad_alloc();
-    if (!files->refused().empty()) throw LoadError("it names \"" + files->refused() + "\", which lies outside its folder");
+    if (text.find("bad_alloc") != std::string::npos || text.find("bad allocation") != std::string::npos)
+      throw std::bad_alloc();
+    if (!files->refused().empty())
+      throw LoadError("it names \"" + files->refused() + "\", which lies outside its folder");
     throw LoadError(plainly(text));
   }
   if (!log->first().empty()) throw LoadError(log->first());
@@ -370,4 +382,6 @@ extern "C" __attribute__((visibility("default"))) const char* __asan_default_opt
 }
 #endif
 
-int main(int argc, char** argv) { return clearance::run(argc, argv); }
+int main(int argc, char** argv) {
+  return clearance::run(argc, argv);
+}

@@ -18,7 +18,9 @@ std::string lower(std::string_view text) {
   return out;
 }
 
-bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
+bool is_space(char c) {
+  return c == ' ' || (c >= '\t' && c <= '\r');
+}
 
 // Whitespace-separated words, front to back.
 class Words {
@@ -68,8 +70,9 @@ struct PlyElement {
 
 std::size_t ply_size(std::string_view type) {
   constexpr std::pair<std::string_view, std::size_t> kSizes[] = {
-      {"char", 1},  {"uchar", 1}, {"short", 2},  {"ushort", 2}, {"int", 4},    {"uint", 4},   {"float", 4},   {"double", 8},
-      {"int8", 1},  {"uint8", 1}, {"int16", 2},  {"uint16", 2}, {"int32", 4},  {"uint32", 4}, {"float32", 4}, {"float64", 8}};
+      {"char", 1},  {"uchar", 1},  {"short", 2},   {"ushort", 2}, {"int", 4},   {"uint", 4},
+      {"float", 4}, {"double", 8}, {"int8", 1},    {"uint8", 1},  {"int16", 2}, {"uint16", 2},
+      {"int32", 4}, {"uint32", 4}, {"float32", 4}, {"float64", 8}};
   for (const auto& [name, size] : kSizes)
     if (name == type) return size;
   return 0;
@@ -89,7 +92,8 @@ std::string check_ply_text(const std::vector<PlyElement>& elements, std::string_
         if (word.empty()) return ends_within(element, i);
         std::uint64_t length = 0;
         if (property.is_list && !parse(word, &length))
-          return element.name + " " + std::to_string(i) + ": expected the length of a list, got \"" + std::string(word.substr(0, 40)) + '"';
+          return element.name + " " + std::to_string(i) + ": expected the length of a list, got \"" +
+                 std::string(word.substr(0, 40)) + '"';
         for (std::uint64_t k = 0; k < length; ++k)
           if (words.next().empty()) return ends_within(element, i);
       }
@@ -99,7 +103,8 @@ std::string check_ply_text(const std::vector<PlyElement>& elements, std::string_
 std::string check_ply_binary(const std::vector<PlyElement>& elements, std::string_view body, bool big_endian) {
   std::size_t at = 0;
   for (const PlyElement& element : elements) {
-    const bool any_list = std::any_of(element.properties.begin(), element.properties.end(), [](const auto& p) { return p.is_list; });
+    const bool any_list =
+        std::any_of(element.properties.begin(), element.properties.end(), [](const auto& p) { return p.is_list; });
     if (!any_list) {
       std::size_t row = 0;
       for (const PlyProperty& p : element.properties) row += p.size;
@@ -143,7 +148,8 @@ std::string check_ply(std::string_view file) {
       PlyElement element;
       element.name = std::string(words.next().substr(0, 40));
       if (const std::string_view count = words.next(); !parse(count, &element.count))
-        return "its header: element " + element.name + ": expected a count, got \"" + std::string(count.substr(0, 40)) + '"';
+        return "its header: element " + element.name + ": expected a count, got \"" + std::string(count.substr(0, 40)) +
+               '"';
       elements.push_back(std::move(element));
     } else if (key == "property" && !elements.empty()) {
       PlyProperty property;
@@ -164,7 +170,8 @@ std::string check_ply(std::string_view file) {
   if (format == "ascii") return check_ply_text(elements, body);
   if (format == "binary_little_endian" || format == "binary_big_endian")
     return check_ply_binary(elements, body, format == "binary_big_endian");
-  return "its header: unknown format \"" + format.substr(0, 40) + "\"; expected ascii, binary_little_endian or binary_big_endian";
+  return "its header: unknown format \"" + format.substr(0, 40) +
+         "\"; expected ascii, binary_little_endian or binary_big_endian";
 }
 
 // --- STL -------------------------------------------------------------------------------------------------------------
@@ -177,12 +184,15 @@ std::string check_stl(std::string_view file) {
   while (begin < file.size() && is_space(file[begin])) ++begin;
   const bool text = lower(file.substr(begin, 5)) == "solid" && file.find('\0') == std::string_view::npos;
   if (!text)
-    return file.size() < kHeader ? "the file has " + std::to_string(file.size()) + " bytes, less than the header of a binary STL file"
-                                 : "its header promises " + std::to_string(facets) + " facets (" + std::to_string(kHeader + kFacet * facets) +
-                                       " bytes), the file has " + std::to_string(file.size()) + " bytes";
+    return file.size() < kHeader
+               ? "the file has " + std::to_string(file.size()) + " bytes, less than the header of a binary STL file"
+               : "its header promises " + std::to_string(facets) + " facets (" +
+                     std::to_string(kHeader + kFacet * facets) + " bytes), the file has " +
+                     std::to_string(file.size()) + " bytes";
   const std::string tail = lower(file.substr(file.size() - std::min<std::size_t>(file.size(), 4096)));
   const std::size_t end = tail.rfind("endsolid"), facet = tail.rfind("vertex");
-  if (end == std::string::npos || (facet != std::string::npos && facet > end)) return "the file ends early: no \"endsolid\" at its end";
+  if (end == std::string::npos || (facet != std::string::npos && facet > end))
+    return "the file ends early: no \"endsolid\" at its end";
   return "";
 }
 

@@ -30,7 +30,8 @@ MeshRows::MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles
   const auto count = static_cast<std::int64_t>(vertex_count);
 #pragma omp parallel for schedule(static) if (count > 10000)
   for (std::int64_t v = 0; v < count; ++v)
-    std::sort(edges_.begin() + static_cast<std::ptrdiff_t>(begin_[v]), edges_.begin() + static_cast<std::ptrdiff_t>(begin_[v + 1]),
+    std::sort(edges_.begin() + static_cast<std::ptrdiff_t>(begin_[v]),
+              edges_.begin() + static_cast<std::ptrdiff_t>(begin_[v + 1]),
               [](const Edge& a, const Edge& b) { return a.to < b.to; });
 }
 
@@ -64,7 +65,8 @@ bool MeshRows::is_convex_at(std::uint32_t a, std::span<const Vec3d> vertices, do
     const auto [b, c] = edges[i];
     if (i > 0 && edges[i - 1].to == b) return false;
     const std::span<const Edge> back = row(b);
-    const auto found = std::lower_bound(back.begin(), back.end(), a, [](const Edge& e, std::uint32_t to) { return e.to < to; });
+    const auto found =
+        std::lower_bound(back.begin(), back.end(), a, [](const Edge& e, std::uint32_t to) { return e.to < to; });
     if (found == back.end() || found->to != a) return false;
     if (b < a) continue;  // its height is looked at from there
     const Vec3d normal = cross(vertices[b] - vertices[a], vertices[c] - vertices[a]);
@@ -85,7 +87,8 @@ bool MeshRows::is_convex(std::span<const Vec3d> vertices) const {
   const double tolerance = 1e-6 * norm(high - low);
   bool convex = true;
 #pragma omp parallel for schedule(dynamic, 4096) reduction(&& : convex) if (count > 10000)
-  for (std::int64_t v = 0; v < count; ++v) convex = convex && is_convex_at(static_cast<std::uint32_t>(v), vertices, tolerance);
+  for (std::int64_t v = 0; v < count; ++v)
+    convex = convex && is_convex_at(static_cast<std::uint32_t>(v), vertices, tolerance);
   if (!convex) return false;
 
   // One surface, not several: every vertex is reached from the first.

@@ -15,7 +15,8 @@ namespace clearance {
 class MeshRows {
  public:
   enum class Ways {
-    kOwn,   ///< each edge as its triangle runs along it: all there is to a closed surface, whose edges are run along both ways
+    kOwn,  ///< each edge as its triangle runs along it: all there is to a closed surface, whose edges are run along
+           ///< both ways
     kBoth,
   };
   /// \param extra_edges further edges, both ways, of no triangle.
@@ -35,7 +36,9 @@ class MeshRows {
     std::uint32_t to;
     std::uint32_t opposite;  // third corner of the triangle
   };
-  std::span<const Edge> row(std::uint32_t v) const { return {edges_.data() + begin_[v], edges_.data() + begin_[v + 1]}; }
+  std::span<const Edge> row(std::uint32_t v) const {
+    return {edges_.data() + begin_[v], edges_.data() + begin_[v + 1]};
+  }
   bool is_convex_at(std::uint32_t a, std::span<const Vec3d> vertices, double tolerance) const;
 
   std::vector<std::uint64_t> begin_;

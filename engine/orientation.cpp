@@ -12,7 +12,9 @@ namespace {
 
 constexpr double kU = 0x1p-53;  // unit roundoff
 
-int sign(double x) { return (x > 0) - (x < 0); }
+int sign(double x) {
+  return (x > 0) - (x < 0);
+}
 
 // An exact sum of doubles that do not overlap, ascending in magnitude: its sign is that of the last.
 using Expansion = std::vector<double>;
@@ -68,7 +70,9 @@ Expansion expansion_of(const DoubleDouble& f) {
 
 using Difference = Vec3<DoubleDouble>;  // each entry exact
 
-DoubleDouble exact_difference(double a, double b) { return dd::two_sum(a, -b); }
+DoubleDouble exact_difference(double a, double b) {
+  return dd::two_sum(a, -b);
+}
 
 Difference exact_difference(const Vec3d& a, const Vec3d& b) {
   return {exact_difference(a.x, b.x), exact_difference(a.y, b.y), exact_difference(a.z, b.z)};
@@ -99,13 +103,15 @@ int orientation(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& p) 
   const Vec3d u = b - a, v = c - a, w = p - a;
   const double xy = u.x * v.y, yx = u.y * v.x, yz = u.y * v.z, zy = u.z * v.y, zx = u.z * v.x, xz = u.x * v.z;
   const double det = w.x * (yz - zy) + w.y * (zx - xz) + w.z * (xy - yx);
-  const double permanent = std::abs(w.x) * (std::abs(yz) + std::abs(zy)) + std::abs(w.y) * (std::abs(zx) + std::abs(xz)) +
+  const double permanent = std::abs(w.x) * (std::abs(yz) + std::abs(zy)) +
+                           std::abs(w.y) * (std::abs(zx) + std::abs(xz)) +
                            std::abs(w.z) * (std::abs(xy) + std::abs(yx));
   constexpr double kBound = (7 + 56 * kU) * kU;
   if (det > kBound * permanent || -det > kBound * permanent) return sign(det);
 
-  // The differences are exact now. Each of the six products of three is wrong by less than 2 * 7 u^2 of itself, and the five
-  // additions by 3 u^2 of their results: in all below 64 u^2 of the permanent, whose own rounding 1 + 2^-20 outweighs.
+  // The differences are exact now. Each of the six products of three is wrong by less than 2 * 7 u^2 of itself, and the
+  // five additions by 3 u^2 of their results: in all below 64 u^2 of the permanent, whose own rounding 1 + 2^-20
+  // outweighs.
   const Difference du = exact_difference(b, a), dv = exact_difference(c, a), dw = exact_difference(p, a);
   const DoubleDouble fine = dot(dw, cross(du, dv));
   const double bound = 64 * kU * kU * (1 + 0x1p-20) * permanent;

@@ -45,19 +45,24 @@ std::vector<Triangle> qhull_triangles(std::span<const Vec3d> points) {
   qhT* const qh = &state;
   qh_zero(qh, nowhere.get());
   char command[] = "qhull Qt Pp";
-  const int failed = qh_new_qhull(qh, 3, static_cast<int>(points.size()), coordinates.data(), False, command, nullptr, nowhere.get());
+  const int failed =
+      qh_new_qhull(qh, 3, static_cast<int>(points.size()), coordinates.data(), False, command, nullptr, nowhere.get());
   if (!failed) {
     facetT* facet;
     FORALLfacets {
       Triangle t{};
       int corners = 0;
       vertexT *vertex, **vertexp;
-      FOREACHvertex_(facet->vertices) if (corners < 3) t[corners++] = static_cast<std::uint32_t>(qh_pointid(qh, vertex->point));
+      FOREACHvertex_(facet->vertices) if (corners < 3) t[corners++] =
+          static_cast<std::uint32_t>(qh_pointid(qh, vertex->point));
       const auto inside = [&](std::uint32_t i) { return i < points.size(); };
       if (corners != 3 || !std::all_of(t.begin(), t.end(), inside)) continue;
-      const auto at = [&](std::uint32_t i) { return Vec3d{coordinates[3 * i], coordinates[3 * i + 1], coordinates[3 * i + 2]}; };
+      const auto at = [&](std::uint32_t i) {
+        return Vec3d{coordinates[3 * i], coordinates[3 * i + 1], coordinates[3 * i + 2]};
+      };
       const Vec3d normal = cross(at(t[1]) - at(t[0]), at(t[2]) - at(t[0]));
-      if (normal.x * facet->normal[0] + normal.y * facet->normal[1] + normal.z * facet->normal[2] < 0) std::swap(t[1], t[2]);
+      if (normal.x * facet->normal[0] + normal.y * facet->normal[1] + normal.z * facet->normal[2] < 0)
+        std::swap(t[1], t[2]);
       out.push_back(t);
     }
   }

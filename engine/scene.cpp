@@ -19,7 +19,9 @@ namespace {
 // Pairs that ignore() may name in all: more is a mistake in the scene file, not a wish.
 constexpr std::size_t kMaxIgnoredPairs = std::size_t{1} << 27;
 
-std::string quoted(const std::string& name) { return '"' + name + '"'; }
+std::string quoted(const std::string& name) {
+  return '"' + name + '"';
+}
 
 std::string number(double x) {
   char text[32];
@@ -126,7 +128,8 @@ std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, 
     std::shared_ptr<const Geometry>& known = meshes_[key];
     if (known) return *known;
     try {
-      known = std::make_shared<const Geometry>(geometry_of_mesh(load_mesh(path), scale, convexify, options.radius, path));
+      known =
+          std::make_shared<const Geometry>(geometry_of_mesh(load_mesh(path), scale, convexify, options.radius, path));
       return *known;
     } catch (const std::exception& e) {
       meshes_.erase(key);
@@ -167,8 +170,10 @@ std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double
 
 void Scene::check_free(const std::string& name, const char* what) const {
   check_name(name, what);
-  if (body_ids_.count(name)) throw SceneError(std::string(what) + " name " + quoted(name) + " is already that of a body");
-  if (group_ids_.count(name)) throw SceneError(std::string(what) + " name " + quoted(name) + " is already that of a group");
+  if (body_ids_.count(name))
+    throw SceneError(std::string(what) + " name " + quoted(name) + " is already that of a body");
+  if (group_ids_.count(name))
+    throw SceneError(std::string(what) + " name " + quoted(name) + " is already that of a group");
 }
 
 std::uint32_t Scene::add_body(Body body) {
@@ -236,8 +241,8 @@ void Scene::ignore(const std::string& a, const std::string& b) {
   if (a == b && of_a.size() == 1 && find_body(a) != kNone)
     throw SceneError("ignore: " + quoted(a) + " with itself: a body has no pair with itself");
   if (of_a.size() * of_b.size() > kMaxIgnoredPairs)
-    throw SceneError("ignore: " + quoted(a) + " and " + quoted(b) + " name too many pairs: " +
-                     std::to_string(of_a.size() * of_b.size()));
+    throw SceneError("ignore: " + quoted(a) + " and " + quoted(b) +
+                     " name too many pairs: " + std::to_string(of_a.size() * of_b.size()));
   std::vector<std::pair<std::uint32_t, std::uint32_t>> fresh;
   for (const std::uint32_t i : of_a)
     for (const std::uint32_t j : of_b)

@@ -21,7 +21,8 @@ namespace clearance {
 struct Geometry;  // engine/geometry.h
 struct Shape;     // engine/shapes.h
 
-/// Bad input at set-up. The text names cause and place: "scenes/a.yaml:12: bodies[3].radius: expected a number > 0, got -1".
+/// Bad input at set-up. The text names cause and place: "scenes/a.yaml:12: bodies[3].radius: expected a number > 0, got
+/// -1".
 struct SceneError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
@@ -41,12 +42,12 @@ struct DisplayMesh {
 
 struct Body {
   std::string name;
-  std::vector<PiecePtr> pieces;        ///< at least one
-  std::uint32_t parent = kNone;        ///< the body that this one follows at load
-  bool is_static = false;              ///< never moves after load
-  std::optional<Pose> pose;            ///< initial X_wb, or X_pb with a parent; none: no_pose until one arrives
-  double model_error = 0;              ///< metres: how far the pieces may stand out from the shape they were asked for
-  std::string source;                  ///< "meshes/base.stl (hull)", "box", ...: where the geometry came from
+  std::vector<PiecePtr> pieces;  ///< at least one
+  std::uint32_t parent = kNone;  ///< the body that this one follows at load
+  bool is_static = false;        ///< never moves after load
+  std::optional<Pose> pose;      ///< initial X_wb, or X_pb with a parent; none: no_pose until one arrives
+  double model_error = 0;        ///< metres: how far the pieces may stand out from the shape they were asked for
+  std::string source;            ///< "meshes/base.stl (hull)", "box", ...: where the geometry came from
   std::shared_ptr<const DisplayMesh> display;  ///< may be null
 };
 
@@ -60,8 +61,8 @@ class Scene {
  public:
   /// Options of the add_* calls. A body that is static or has a parent stays, without a pose, at the identity.
   struct BodyOptions {
-    double radius = 0;                 ///< grows every piece, metres
-    std::string parent = {};           ///< name of a body already there; empty: none
+    double radius = 0;        ///< grows every piece, metres
+    std::string parent = {};  ///< name of a body already there; empty: none
     bool is_static = false;
     std::optional<Pose> pose;
   };
@@ -72,15 +73,19 @@ class Scene {
 
   /// Each adds a body and returns its id. All throw SceneError for a bad or repeated name or bad geometry.
   std::uint32_t add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options);
-  /// \param scale per axis, not 0; negative mirrors. Bodies of the same file, scale, convexify and radius share their pieces.
+  /// \param scale per axis, not 0; negative mirrors. Bodies of the same file, scale, convexify and radius share their
+  /// pieces.
   std::uint32_t add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
                          const BodyOptions& options);
-  std::uint32_t add_uv_sphere(const std::string& name, double radius, int resolution, const BodyOptions& options);  ///< Open3D's create_sphere
-  std::uint32_t add_box(const std::string& name, Vec3d size, const BodyOptions& options);       ///< full edge lengths
+  std::uint32_t add_uv_sphere(const std::string& name, double radius, int resolution,
+                              const BodyOptions& options);                                 ///< Open3D's create_sphere
+  std::uint32_t add_box(const std::string& name, Vec3d size, const BodyOptions& options);  ///< full edge lengths
   std::uint32_t add_sphere(const std::string& name, double radius, const BodyOptions& options);
-  std::uint32_t add_capsule(const std::string& name, double radius, double length, const BodyOptions& options);   ///< along z; length between the centres of its caps
-  std::uint32_t add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options);  ///< along z; a circumscribed prism
-  std::uint32_t add_body(Body body);  ///< ready-made pieces
+  std::uint32_t add_capsule(const std::string& name, double radius, double length,
+                            const BodyOptions& options);  ///< along z; length between the centres of its caps
+  std::uint32_t add_cylinder(const std::string& name, double radius, double length,
+                             const BodyOptions& options);  ///< along z; a circumscribed prism
+  std::uint32_t add_body(Body body);                       ///< ready-made pieces
   /// Makes a body follow another from the start. Throws SceneError for an unknown body, a cycle, or a static child.
   void set_parent(const std::string& child, const std::string& parent);
 
@@ -98,7 +103,8 @@ class Scene {
   /// Index of a group; kNone if there is none.
   std::uint32_t find_group(std::string_view name) const;
 
-  /// A digest of all geometry, names, groups and initial poses: the same scene gives the same number on any machine. Never 0.
+  /// A digest of all geometry, names, groups and initial poses: the same scene gives the same number on any machine.
+  /// Never 0.
   std::uint64_t revision() const;
 
  private:
@@ -113,7 +119,8 @@ class Scene {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
   std::unordered_map<std::string, std::uint32_t> body_ids_;
   std::unordered_map<std::string, std::uint32_t> group_ids_;
-  std::unordered_map<std::string, std::shared_ptr<const Geometry>> meshes_;  ///< that add_mesh() has read, by file and options
+  std::unordered_map<std::string, std::shared_ptr<const Geometry>>
+      meshes_;  ///< that add_mesh() has read, by file and options
 };
 
 }  // namespace clearance

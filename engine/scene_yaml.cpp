@@ -91,8 +91,8 @@ class SceneReader {
  private:
   void read_body(const YamlValue& value) {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
-    value.check_keys({"name", "mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale", "convexify",
-                      "radius", "static", "pose", "parent"});
+    value.check_keys({"name", "mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale",
+                      "convexify", "radius", "static", "pose", "parent"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};
@@ -115,7 +115,8 @@ class SceneReader {
     if (!box) value.fail("expected the key \"box\"");
     const std::int64_t n = count->integer(1, kMaxBodies);
     shape->map("a shape, such as {sphere: 0.1}");
-    shape->check_keys({"mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale", "convexify", "radius"});
+    shape->check_keys(
+        {"mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale", "convexify", "radius"});
     const std::size_t geometry = read_geometry(*shape);
     const Vec3d size = read_box(*box);
     std::uint64_t seed = 0;
@@ -200,8 +201,9 @@ class SceneReader {
     if (kind == "capsule" || kind == "cylinder") {
       const bool capsule = kind == "capsule";
       const auto [r, length] = read_round(*found, capsule);
-      return shape(exact(r) + exact(length),
-                   [=, r = r, length = length] { return capsule ? make_capsule(r, length) : make_cylinder(r, length); });
+      return shape(exact(r) + exact(length), [=, r = r, length = length] {
+        return capsule ? make_capsule(r, length) : make_cylinder(r, length);
+      });
     }
     if (kind == "uv_sphere") {
       found->map("{radius: ..., resolution: ...}");
@@ -299,7 +301,7 @@ class SceneReader {
   void build_geometries() {
     const int n = static_cast<int>(geometries_.size());
     meshes_.clear();  // each is kept by the plans that need it
-    // With a single geometry this is no parallel region, and its own loops may use every core.
+                      // With a single geometry this is no parallel region, and its own loops may use every core.
 #pragma omp parallel for schedule(dynamic) if (n > 1)
     for (int i = 0; i < n; ++i) {
       GeometryPlan& plan = geometries_[i];
@@ -346,7 +348,8 @@ class SceneReader {
       for (const YamlValue& pair : ignore->list("a list of pairs [body or group, body or group]")) {
         if (!pair.is_list() || pair.size() != 2) pair.fail_expected("a pair [body or group, body or group]");
         const std::vector<YamlValue> two = pair.list("");
-        const std::string a = two[0].text("the name of a body or group"), b = two[1].text("the name of a body or group");
+        const std::string a = two[0].text("the name of a body or group"),
+                          b = two[1].text("the name of a body or group");
         placed(pair, [&] { scene.ignore(a, b); });
       }
     return scene;
@@ -364,6 +367,8 @@ class SceneReader {
 
 }  // namespace
 
-Scene Scene::load(const std::string& path, bool allow_outside) { return SceneReader(path, allow_outside).read(); }
+Scene Scene::load(const std::string& path, bool allow_outside) {
+  return SceneReader(path, allow_outside).read();
+}
 
 }  // namespace clearance

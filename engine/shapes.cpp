@@ -80,7 +80,8 @@ Shape make_uv_sphere(double radius, int resolution) {
 Shape make_box(const Vec3d& size) {
   Shape shape;
   for (int i = 0; i < 8; ++i)
-    shape.vertices.push_back({(i & 1 ? 0.5 : -0.5) * size.x, (i & 2 ? 0.5 : -0.5) * size.y, (i & 4 ? 0.5 : -0.5) * size.z});
+    shape.vertices.push_back(
+        {(i & 1 ? 0.5 : -0.5) * size.x, (i & 2 ? 0.5 : -0.5) * size.y, (i & 4 ? 0.5 : -0.5) * size.z});
   shape.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
                      {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
   return shape;
@@ -105,7 +106,8 @@ Shape make_cylinder(double radius, double length) {
   constexpr std::uint32_t n = kCylinderSides;
   double sine, cosine;
   sin_cos_pi(1, n, &sine, &cosine);
-  const double corner = radius / cosine * (1 + 8 * kEps);  // the padding outweighs every rounding: the prism holds the cylinder
+  const double corner =
+      radius / cosine * (1 + 8 * kEps);  // the padding outweighs every rounding: the prism holds the cylinder
   Shape shape;
   for (const double z : {-0.5 * length, 0.5 * length})
     for (std::uint32_t j = 0; j < n; ++j) {
@@ -142,7 +144,8 @@ Shape picture_of(const Shape& shape) {
     picture.vertices.push_back({v.x, v.y, low});
   }
   for (Triangle t : ball.triangles) {
-    const bool southern = std::any_of(t.begin(), t.end(), [](std::uint32_t i) { return i == 1 || i >= kEquator + kAround; });
+    const bool southern =
+        std::any_of(t.begin(), t.end(), [](std::uint32_t i) { return i == 1 || i >= kEquator + kAround; });
     for (std::uint32_t& i : t)
       if (southern && i >= kEquator && i < kEquator + kAround) i = doubled + (i - kEquator);
     picture.triangles.push_back(t);

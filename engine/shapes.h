@@ -28,8 +28,8 @@ inline constexpr int kMaxUvSphereResolution = 2000;
 /// Sides of the prism that stands for a cylinder: its corners stand out by 0.12 % of the radius.
 inline constexpr int kCylinderSides = 64;
 
-/// sin and cos of pi k / n, for n from 1 to 2^28 and 0 <= k <= 2 n, correct to the last bit but one and exact at multiples
-/// of a right angle.
+/// sin and cos of pi k / n, for n from 1 to 2^28 and 0 <= k <= 2 n, correct to the last bit but one and exact at
+/// multiples of a right angle.
 void sin_cos_pi(std::uint32_t k, std::uint32_t n, double* sine, double* cosine);
 
 /// The mesh of Open3D's create_sphere: both poles, then resolution - 1 rings of 2 resolution vertices each.
@@ -47,7 +47,8 @@ Shape make_cylinder(double radius, double length);
 /// Faces for a picture of a shape with a radius; those of the vertices if the radius is 0.
 Shape picture_of(const Shape& shape);
 
-/// Random numbers that are the same everywhere: std::mt19937_64's bits are fixed by the standard, its distributions are not.
+/// Random numbers that are the same everywhere: std::mt19937_64's bits are fixed by the standard, its distributions are
+/// not.
 class PortableRandom {
  public:
   explicit PortableRandom(std::uint64_t seed) : bits_(seed) {}

@@ -24,7 +24,8 @@ namespace {
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{64} << 20;
 constexpr std::size_t kMaxValues = 2'500'000;
 constexpr std::size_t kMaxDepth = 32;
-// Values read through aliases as well, over the whole file: "points: *p" in each of a thousand bodies reads p a thousand times.
+// Values read through aliases as well, over the whole file: "points: *p" in each of a thousand bodies reads p a
+// thousand times.
 constexpr std::uint64_t kMaxReads = 20'000'000;
 
 enum class Kind : std::uint8_t { kNull, kScalar, kList, kMap };
@@ -57,7 +58,8 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
         continue;
       }
       d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
+        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
     }
   return d[a.size()][b.size()];
 }
@@ -104,24 +106,28 @@ class TreeBuilder final : public YAML::EventHandler {
       fail_at(tree_->file, mark.line + 1, "an alias inside of what it stands for");
     link(mark, found->second);
   }
-  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, const std::string& value) override {
+  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                const std::string& value) override {
     Node& node = add(mark, anchor);
     node.kind = Kind::kScalar;
     node.quoted = tag == "!";
     node.scalar = value;
   }
-  void OnSequenceStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t anchor, YAML::EmitterStyle::value) override {
+  void OnSequenceStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t anchor,
+                       YAML::EmitterStyle::value) override {
     open(mark, anchor, Kind::kList);
   }
   void OnSequenceEnd() override { open_.pop_back(); }
-  void OnMapStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t anchor, YAML::EmitterStyle::value) override {
+  void OnMapStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t anchor,
+                  YAML::EmitterStyle::value) override {
     open(mark, anchor, Kind::kMap);
   }
   void OnMapEnd() override { open_.pop_back(); }
 
  private:
   void link(const YAML::Mark& mark, std::uint32_t node) {
-    if (!open_.empty()) tree_->nodes[open_.back()].children.push_back({node, static_cast<std::uint32_t>(mark.line + 1)});
+    if (!open_.empty())
+      tree_->nodes[open_.back()].children.push_back({node, static_cast<std::uint32_t>(mark.line + 1)});
   }
   Node& add(const YAML::Mark& mark, YAML::anchor_t anchor) {
     if (tree_->nodes.size() >= kMaxValues)
@@ -168,13 +174,15 @@ YamlValue YamlValue::load(const std::string& path) {
   tree->file = path;
   const std::string content = read_file(path);
   if (const std::size_t at = content.find('\0'); at != std::string::npos)
-    fail_at(path, 1 + static_cast<int>(std::count(content.begin(), content.begin() + static_cast<std::ptrdiff_t>(at), '\n')),
+    fail_at(path,
+            1 + static_cast<int>(std::count(content.begin(), content.begin() + static_cast<std::ptrdiff_t>(at), '\n')),
             "not a text file: it holds a zero byte");
   try {
     std::istringstream stream(content);
     YAML::Parser parser(stream);
     TreeBuilder builder(tree.get());
-    while (parser.HandleNextDocument(builder)) {}
+    while (parser.HandleNextDocument(builder)) {
+    }
   } catch (const YAML::ParserException& e) {
     fail_at(path, e.mark.line + 1, "not valid YAML: " + e.msg);
   } catch (const YAML::Exception& e) {
@@ -184,23 +192,35 @@ YamlValue YamlValue::load(const std::string& path) {
   return YamlValue(tree, 0, 1, "");
 }
 
-bool YamlValue::is_map() const { return tree_->nodes[node_].kind == Kind::kMap; }
-bool YamlValue::is_list() const { return tree_->nodes[node_].kind == Kind::kList; }
-bool YamlValue::is_text() const { return tree_->nodes[node_].kind == Kind::kScalar; }
+bool YamlValue::is_map() const {
+  return tree_->nodes[node_].kind == Kind::kMap;
+}
+bool YamlValue::is_list() const {
+  return tree_->nodes[node_].kind == Kind::kList;
+}
+bool YamlValue::is_text() const {
+  return tree_->nodes[node_].kind == Kind::kScalar;
+}
 
 void YamlValue::fail(const std::string& message) const {
   fail_at(tree_->file, static_cast<int>(line_), place_.empty() ? message : place_ + ": " + message);
 }
 
-void YamlValue::fail_expected(const std::string& expected) const { fail("expected " + expected + ", got " + described()); }
+void YamlValue::fail_expected(const std::string& expected) const {
+  fail("expected " + expected + ", got " + described());
+}
 
 std::string YamlValue::described() const {
   const Node& node = tree_->nodes[node_];
   switch (node.kind) {
-    case Kind::kNull: return "nothing";
-    case Kind::kList: return "a list of " + std::to_string(node.children.size());
-    case Kind::kMap: return "a map";
-    case Kind::kScalar: break;
+    case Kind::kNull:
+      return "nothing";
+    case Kind::kList:
+      return "a list of " + std::to_string(node.children.size());
+    case Kind::kMap:
+      return "a map";
+    case Kind::kScalar:
+      break;
   }
   double x;
   return !node.quoted && parse_number(node.scalar, &x) ? node.scalar : '"' + cut(node.scalar) + '"';
@@ -223,7 +243,8 @@ bool YamlValue::boolean() const {
 double YamlValue::number(const std::string& expected) const {
   const Node& node = tree_->nodes[node_];
   double x = 0;
-  if (node.kind != Kind::kScalar || node.quoted || !parse_number(node.scalar, &x) || !std::isfinite(x)) fail_expected(expected);
+  if (node.kind != Kind::kScalar || node.quoted || !parse_number(node.scalar, &x) || !std::isfinite(x))
+    fail_expected(expected);
   return x;
 }
 

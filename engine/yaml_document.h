@@ -32,10 +32,10 @@ class YamlValue {
   /// Any scalar, as it stands.
   std::string text(const std::string& expected) const;
   bool boolean() const;
-  double number(const std::string& expected = "a number") const;              ///< finite
-  double positive() const;                                                    ///< > 0
-  double not_negative() const;                                                ///< >= 0
-  std::int64_t integer(std::int64_t low, std::int64_t high) const;            ///< "1e3" is an integer as well
+  double number(const std::string& expected = "a number") const;    ///< finite
+  double positive() const;                                          ///< > 0
+  double not_negative() const;                                      ///< >= 0
+  std::int64_t integer(std::int64_t low, std::int64_t high) const;  ///< "1e3" is an integer as well
   std::uint64_t unsigned_integer() const;
   /// A list of exactly `count` numbers. \param expected "7 numbers [x, y, z, qw, qx, qy, qz]".
   std::vector<double> numbers(std::size_t count, const std::string& expected) const;

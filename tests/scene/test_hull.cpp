@@ -1,6 +1,4 @@
 // Which vertices a piece keeps: never one too few, and not needlessly many.
-#include "engine/hull.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,6 +9,7 @@
 #include <set>
 #include <span>
 
+#include "engine/hull.h"
 #include "engine/mesh_rows.h"
 #include "engine/orientation.h"
 #include "engine/pose.h"
@@ -34,8 +33,12 @@ Vec3d integer_direction(std::mt19937_64& random) {
   return {double(entry(random)), double(entry(random)), double(entry(random))};
 }
 
-double on_grid(double x) { return std::round(x * 0x1p20) * 0x1p-20; }
-Vec3d on_grid(const Vec3d& v) { return {on_grid(v.x), on_grid(v.y), on_grid(v.z)}; }
+double on_grid(double x) {
+  return std::round(x * 0x1p20) * 0x1p-20;
+}
+Vec3d on_grid(const Vec3d& v) {
+  return {on_grid(v.x), on_grid(v.y), on_grid(v.z)};
+}
 
 void expect_same_hull(const Points& all, const Hull& hull, std::mt19937_64& random) {
   for (int i = 0; i < 1000; ++i) {
@@ -53,7 +56,8 @@ void expect_adjacency_is_whole(const Hull& hull) {
       const std::uint32_t w = hull.adjacency[i];
       ASSERT_LT(w, hull.vertices.size());
       ASSERT_NE(w, v);
-      const auto back = hull.adjacency.begin() + hull.adjacency_begin[w], end = hull.adjacency.begin() + hull.adjacency_begin[w + 1];
+      const auto back = hull.adjacency.begin() + hull.adjacency_begin[w],
+                 end = hull.adjacency.begin() + hull.adjacency_begin[w + 1];
       ASSERT_NE(std::find(back, end, v), end) << "a neighbour that does not know of it";
     }
   }
@@ -96,7 +100,8 @@ TEST(Orientation, AgreesWithIntegersAndIsExactOnPlanes) {
     long long d[3][3];
     for (int r = 0; r < 3; ++r)
       for (int k = 0; k < 3; ++k) d[r][k] = p[r + 1][k] - p[0][k];
-    const long long det = d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) - d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
+    const long long det = d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) -
+                          d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
                           d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]);
     const int wanted = (det > 0) - (det < 0);
     zeros += wanted == 0;
@@ -105,7 +110,8 @@ TEST(Orientation, AgreesWithIntegersAndIsExactOnPlanes) {
     // The same far from the origin, and at other scales: exact, so the answer is the same.
     for (const auto& [scale, shift] : {std::pair{1.0, 0.0}, {1.0, 0x1p40}, {0x1p-180, 0.0}, {0x1p150, 0x1p190}}) {
       Vec3d v[4];
-      for (int r = 0; r < 4; ++r) v[r] = {double(p[r][0]) * scale + shift, double(p[r][1]) * scale - shift, double(p[r][2]) * scale + shift};
+      for (int r = 0; r < 4; ++r)
+        v[r] = {double(p[r][0]) * scale + shift, double(p[r][1]) * scale - shift, double(p[r][2]) * scale + shift};
       ASSERT_EQ(orientation(v[0], v[1], v[2], v[3]), wanted);
     }
   }
@@ -115,8 +121,9 @@ TEST(Orientation, AgreesWithIntegersAndIsExactOnPlanes) {
 }
 
 TEST(Orientation, SeesTheLastBit) {
-  // A plane through points that are no short numbers, and a point on it up to rounding: moving it by one unit in the last
-  // place of one coordinate moves it across. Differences are multiples of 2^-38: the exact answer comes from integers.
+  // A plane through points that are no short numbers, and a point on it up to rounding: moving it by one unit in the
+  // last place of one coordinate moves it across. Differences are multiples of 2^-38: the exact answer comes from
+  // integers.
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> entry(1, 2);
   int near = 0;
@@ -129,14 +136,16 @@ TEST(Orientation, SeesTheLastBit) {
     bool small = true;
     for (int r = 0; r < 3; ++r)
       for (int k = 0; k < 3; ++k) {
-        const double difference = v[r + 1][k] - v[0][k];  // exact here (Sterbenz, or the same binade), a multiple of 2^-52
+        const double difference =
+            v[r + 1][k] - v[0][k];  // exact here (Sterbenz, or the same binade), a multiple of 2^-52
         small = small && v[r + 1][k] >= 0.5 && v[r + 1][k] < 4;
         d[r][k] = static_cast<__int128>(difference * 0x1p38);  // 38 bits each: a product of three needs 114 and fits
         v[r + 1][k] = v[0][k] + static_cast<double>(d[r][k]) * 0x1p-38;
         small = small && v[r + 1][k] - v[0][k] == static_cast<double>(d[r][k]) * 0x1p-38;
       }
     if (!small) continue;
-    const __int128 det = d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) - d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
+    const __int128 det = d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) -
+                         d[0][1] * (d[1][0] * d[2][2] - d[1][2] * d[2][0]) +
                          d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]);
     near += static_cast<double>(det < 0 ? -det : det) < 0x1p80;
     ASSERT_EQ(orientation(v[0], v[1], v[2], v[3]), (det > 0) - (det < 0));
@@ -170,7 +179,8 @@ TEST(Hull, KeptAreExactlyTheCornersWhereOthersAreDeepInside) {
   EXPECT_EQ(hull.vertices.size(), 8u);
   EXPECT_EQ(hull.triangles.size(), 12u);
   double volume = 0;
-  for (const Triangle& t : hull.triangles) volume += dot(hull.vertices[t[0]], cross(hull.vertices[t[1]], hull.vertices[t[2]])) / 6;
+  for (const Triangle& t : hull.triangles)
+    volume += dot(hull.vertices[t[0]], cross(hull.vertices[t[1]], hull.vertices[t[2]])) / 6;
   EXPECT_NEAR(volume, 8, 1e-12);
 }
 
@@ -180,13 +190,16 @@ TEST(Hull, PointsOnFacesAndEdgesAreDroppedWhereExactlyThere) {
   for (int x = 0; x <= 16; ++x)
     for (int y = 0; y <= 16; ++y)
       for (int z = 0; z <= 16; ++z)
-        if (x % 16 == 0 || y % 16 == 0 || z % 16 == 0) all.push_back({x * 0.1, y * 0.25, z * 3.0});  // 0.1 x is rounded, once for all of a plane
+        if (x % 16 == 0 || y % 16 == 0 || z % 16 == 0)
+          all.push_back({x * 0.1, y * 0.25, z * 3.0});  // 0.1 x is rounded, once for all of a plane
   const Hull hull = reduce_to_hull(all);
   EXPECT_LT(hull.vertices.size(), all.size() / 20) << "of " << all.size();
   for (const double x : {0.0, 16 * 0.1})
     for (const double y : {0.0, 4.0})
       for (const double z : {0.0, 48.0})
-        EXPECT_EQ(std::count_if(hull.vertices.begin(), hull.vertices.end(), [&](const Vec3d& v) { return v.x == x && v.y == y && v.z == z; }), 1);
+        EXPECT_EQ(std::count_if(hull.vertices.begin(), hull.vertices.end(),
+                                [&](const Vec3d& v) { return v.x == x && v.y == y && v.z == z; }),
+                  1);
   std::mt19937_64 random(5);
   Points grid;
   for (const Vec3d& v : all) grid.push_back(on_grid(v));
@@ -195,8 +208,8 @@ TEST(Hull, PointsOnFacesAndEdgesAreDroppedWhereExactlyThere) {
 }
 
 TEST(Hull, NearlyCoplanarPointsAreJudgedByTheLastBit) {
-  // A rotated box whose faces carry points that lie on them only up to rounding (to 2^-52): half of them stand out by that
-  // much. Directions near the normals of faces tell which; supports are compared in integers, exactly.
+  // A rotated box whose faces carry points that lie on them only up to rounding (to 2^-52): half of them stand out by
+  // that much. Directions near the normals of faces tell which; supports are compared in integers, exactly.
   std::mt19937_64 random(6);
   std::uniform_real_distribution<double> entry(-1, 1);
   const Mat3d R = rotation_of(Pose{{0, 0, 0}, 0.9, 0.1, -0.3, 0.2});
@@ -275,7 +288,8 @@ TEST(Hull, ScalesAndPlacesMakeNoDifference) {
   for (const double scale : {0x1p-100, 0x1p-30, 0x1p40, 0x1p120})
     for (const Vec3d& stretch : {Vec3d{1, 1, 1}, Vec3d{1, 0x1p-30, 1}, Vec3d{0x1p20, 1, 0x1p-20}}) {
       Points moved;
-      for (const Vec3d& v : unit_ball) moved.push_back({scale * stretch.x * v.x, scale * stretch.y * v.y, scale * stretch.z * v.z});
+      for (const Vec3d& v : unit_ball)
+        moved.push_back({scale * stretch.x * v.x, scale * stretch.y * v.y, scale * stretch.z * v.z});
       EXPECT_EQ(reduce_to_hull(moved).vertices.size(), wanted) << scale;
     }
   Points far;
@@ -303,7 +317,8 @@ TEST(Hull, HillClimbingFindsTheFarthestVertex) {
 
 TEST(Hull, LargeConvexMeshesAreTakenAsTheyAre) {
   Shape sphere = make_uv_sphere(2, 100);
-  for (Vec3d& v : sphere.vertices) v = {double(float(v.x)), double(float(v.y)), double(float(v.z))};  // as mesh files have it
+  for (Vec3d& v : sphere.vertices)
+    v = {double(float(v.x)), double(float(v.y)), double(float(v.z))};  // as mesh files have it
   ASSERT_GT(sphere.vertices.size(), kHullCheckVertices);
   using Ways = MeshRows::Ways;
   EXPECT_TRUE(MeshRows(sphere.vertices.size(), sphere.triangles, Ways::kOwn).is_convex(sphere.vertices));

@@ -23,7 +23,8 @@ void load_and_check(const std::string& path) {
   rusage own{}, loader{};
   getrusage(RUSAGE_SELF, &own);
   getrusage(RUSAGE_CHILDREN, &loader);
-  const long mebibytes = (own.ru_maxrss + loader.ru_maxrss) / 1024;  // their peaks, though they come one after the other
+  const long mebibytes =
+      (own.ru_maxrss + loader.ru_maxrss) / 1024;  // their peaks, though they come one after the other
   std::printf("%s: %.2f s, %ld MiB\n", path.c_str() + path.rfind('.'), seconds, mebibytes);
   ::testing::Test::RecordProperty("seconds", std::to_string(seconds));
   EXPECT_LT(mebibytes, 2048);
@@ -64,7 +65,8 @@ void write_large(const std::string& path, bool stl) {
   }
   out << mesh_files::print("ply\nformat binary_little_endian 1.0\nelement vertex %zu\n", sphere.vertices.size())
       << "property float x\nproperty float y\nproperty float z\n"
-      << mesh_files::print("element face %zu\nproperty list uchar int vertex_indices\nend_header\n", sphere.triangles.size());
+      << mesh_files::print("element face %zu\nproperty list uchar int vertex_indices\nend_header\n",
+                           sphere.triangles.size());
   for (const Vec3d& v : sphere.vertices) put_point(v);
   for (const Triangle& t : sphere.triangles) {
     put(std::uint8_t{3});

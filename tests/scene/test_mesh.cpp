@@ -1,6 +1,4 @@
 // Mesh files of every format, what comes out of them, and what is said of those that are damaged.
-#include "engine/mesh.h"
-
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -11,6 +9,7 @@
 #include <functional>
 #include <set>
 
+#include "engine/mesh.h"
 #include "error_text.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
@@ -44,7 +43,9 @@ const std::vector<Format>& formats() {
 using Point = std::array<double, 3>;
 using Face = std::array<Point, 3>;  // its corners in cyclic order, the least first
 
-Point point(const Vec3d& v) { return {v.x, v.y, v.z}; }
+Point point(const Vec3d& v) {
+  return {v.x, v.y, v.z};
+}
 
 std::set<Point> points_of(const std::vector<Vec3d>& vertices) {
   std::set<Point> out;
@@ -85,7 +86,8 @@ TEST(Mesh, NoVertexAndNoFaceIsLostInAnyFormat) {
     ASSERT_EQ(mesh.submeshes.size(), 1u);
     EXPECT_TRUE(points_of(mesh.submeshes[0].vertices) == points_of(source.vertices));  // bit for bit
     EXPECT_EQ(mesh.submeshes[0].vertices.size(), source.vertices.size());
-    EXPECT_TRUE(faces_of(mesh.submeshes[0].vertices, mesh.submeshes[0].triangles) == faces_of(source.vertices, source.triangles));
+    EXPECT_TRUE(faces_of(mesh.submeshes[0].vertices, mesh.submeshes[0].triangles) ==
+                faces_of(source.vertices, source.triangles));
     EXPECT_GE(mesh.submeshes[0].loaded_vertices, source.vertices.size());
   }
 }
@@ -94,7 +96,8 @@ TEST(Mesh, CoordinatesComeAsFloat32) {
   const TemporaryFolder folder;
   Source source = tetrahedron();
   source.vertices[1].x = 1.0 / 3;
-  const Mesh mesh = load_mesh(folder.write("a.obj", "v 0 0 0\nv 0.33333333333333333 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"));
+  const Mesh mesh = load_mesh(folder.write(
+      "a.obj", "v 0 0 0\nv 0.33333333333333333 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"));
   EXPECT_EQ(points_of(mesh.submeshes[0].vertices).count({double(1.0f / 3), 0, 0}), 1u);
 }
 
@@ -103,7 +106,8 @@ TEST(Mesh, PositionsThatNoFaceUsesAreKeptWhereTheLibraryHandsThemOut) {
   Source source = tetrahedron();
   source.vertices.push_back({7, 7, 7});
   for (const char* file : {"a.off", "text.ply", "little.ply"}) {
-    const auto format = std::find_if(formats().begin(), formats().end(), [&](const Format& f) { return std::string(f.file) == file; });
+    const auto format =
+        std::find_if(formats().begin(), formats().end(), [&](const Format& f) { return std::string(f.file) == file; });
     const Mesh mesh = load_mesh(folder.write(file, format->write(source)));
     EXPECT_EQ(points_of(mesh.submeshes[0].vertices), points_of(source.vertices)) << file;
   }
@@ -132,7 +136,8 @@ TEST(Mesh, TransformsOfGltfNodesAreApplied) {
     double volume = 0;
     const Vec3d origin = submesh.vertices[0];
     for (const Triangle& t : submesh.triangles)
-      volume += dot(submesh.vertices[t[0]] - origin, cross(submesh.vertices[t[1]] - origin, submesh.vertices[t[2]] - origin));
+      volume +=
+          dot(submesh.vertices[t[0]] - origin, cross(submesh.vertices[t[1]] - origin, submesh.vertices[t[2]] - origin));
     EXPECT_GT(volume, 0);
   }
 }
@@ -145,8 +150,9 @@ TEST(Mesh, TransformsAndUnitOfDaeAreAppliedAndItsUpAxisIsNot) {
     DaeOptions options;
     options.up = up;
     options.unit = "0.001";
-    options.scene = "<node id=\"a\"><translate>10 0 5</translate><node id=\"b\"><rotate>0 0 1 90</rotate><scale>3 1 2</scale>"
-                    "<instance_geometry url=\"#g\"/></node></node>";
+    options.scene =
+        "<node id=\"a\"><translate>10 0 5</translate><node id=\"b\"><rotate>0 0 1 90</rotate><scale>3 1 2</scale>"
+        "<instance_geometry url=\"#g\"/></node></node>";
     const Mesh mesh = load_mesh(folder.write("a.dae", dae(source, options)));
     ASSERT_EQ(mesh.submeshes.size(), 1u);
     expect_near(mesh.submeshes[0].vertices, wanted, 1e-8);
@@ -157,7 +163,9 @@ TEST(Mesh, SeveralObjectsAreSeveralSubmeshes) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();
   EXPECT_EQ(load_mesh(folder.write("two.stl", stl_text(source) + stl_text(ball()))).submeshes.size(), 2u);
-  EXPECT_EQ(load_mesh(folder.write("two.obj", obj(source) + "o other\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf 5 6 7\n")).submeshes.size(), 2u);
+  EXPECT_EQ(load_mesh(folder.write("two.obj", obj(source) + "o other\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf 5 6 7\n"))
+                .submeshes.size(),
+            2u);
 }
 
 TEST(Mesh, OtherFilesAreOpenedOnlyInTheFolder) {
@@ -173,11 +181,14 @@ TEST(Mesh, OtherFilesAreOpenedOnlyInTheFolder) {
   };
   EXPECT_EQ(error("data.bin"), "");
   EXPECT_EQ(error("deeper/data.bin"), "");
-  EXPECT_EQ(error("../outside.bin"), "it names \"" + (folder / "inner/../outside.bin") + "\", which lies outside its folder");
+  EXPECT_EQ(error("../outside.bin"),
+            "it names \"" + (folder / "inner/../outside.bin") + "\", which lies outside its folder");
   EXPECT_EQ(error("link.bin"), "it names \"" + (folder / "inner/link.bin") + "\", which lies outside its folder");
   EXPECT_EQ(error("none.bin"), "GLTF: could not open referenced file \"none.bin\"");
   // A material does not matter to the shape: refused, and the mesh is read without it.
-  EXPECT_EQ(load_mesh(folder.write("inner/a.obj", "mtllib ../../../../etc/passwd\nusemtl x\n" + obj(source))).submeshes.size(), 1u);
+  EXPECT_EQ(load_mesh(folder.write("inner/a.obj", "mtllib ../../../../etc/passwd\nusemtl x\n" + obj(source)))
+                .submeshes.size(),
+            1u);
   // A file that is a link may name what lies beside its target.
   folder.write("elsewhere/data2.bin", gltf_buffer(source));
   folder.write("elsewhere/b.gltf", gltf_json(source, "data2.bin"));
@@ -186,7 +197,9 @@ TEST(Mesh, OtherFilesAreOpenedOnlyInTheFolder) {
   EXPECT_EQ(load_mesh(folder / "inner/c.gltf").submeshes.size(), 1u);
 }
 
-std::string without_end(std::string text, std::size_t n) { return text.substr(0, text.size() - n); }
+std::string without_end(std::string text, std::size_t n) {
+  return text.substr(0, text.size() - n);
+}
 
 std::string replaced(std::string text, const std::string& what, const std::string& with) {
   const std::size_t at = text.find(what);
@@ -227,19 +240,26 @@ std::vector<BadMesh> bad_meshes() {
       // OBJ
       {"nan.obj", obj(nan), "vertex 2 of mesh \"thing\" is not finite: (nan, 0, 0)"},
       {"inf.obj", obj(inf), "vertex 1 of mesh \"thing\" is not finite: (0, inf, 0)"},
-      {"too_big.obj", replaced(obj(good), "v 1 0", "v 1e60 0"), "vertex 2 of mesh \"thing\" is not finite: (inf, 0, 0)"},
+      {"too_big.obj", replaced(obj(good), "v 1 0", "v 1e60 0"),
+       "vertex 2 of mesh \"thing\" is not finite: (inf, 0, 0)"},
       {"past.obj", obj(past), "OBJ: vertex index out of range"},
       {"zero.obj", replaced(obj(good), "f 1 3 2", "f 0 3 2"), "OBJ: Invalid face index."},
       {"before.obj", replaced(obj(good), "f 1 3 2", "f -9 3 2"), "OBJ: vertex index out of range"},
       {"words.obj", replaced(obj(good), "f 1 3 2", "f a b c"), "OBJ: Invalid face index."},
       {"lines.obj", "v 0 0 0\nv 1 0 0\nl 1 2\n", "it holds points or lines only, no face with an area"},
       {"points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "it holds points or lines only, no face with an area"},
-      {"garbled.obj", "\x7f" "ELF\x02\x01\x01 nothing of ours at all, only words and \xff\xfe\xfd bytes", "it holds no mesh"},
-      {"flat_faces.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 1 2\nf 2 2 2\n", "it holds points or lines only, no face with an area"},
+      {"garbled.obj",
+       "\x7f"
+       "ELF\x02\x01\x01 nothing of ours at all, only words and \xff\xfe\xfd bytes",
+       "it holds no mesh"},
+      {"flat_faces.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 1 2\nf 2 2 2\n",
+       "it holds points or lines only, no face with an area"},
       // STL
-      {"cut.stl", without_end(stl_binary(good), 30), "its header promises 4 facets (284 bytes), the file has 254 bytes"},
+      {"cut.stl", without_end(stl_binary(good), 30),
+       "its header promises 4 facets (284 bytes), the file has 254 bytes"},
       {"long.stl", stl_binary(good) + "more", "its header promises 4 facets (284 bytes), the file has 288 bytes"},
-      {"huge.stl", stl_binary(good, 4000000000u), "its header promises 4000000000 facets (200000000084 bytes), the file has 284 bytes"},
+      {"huge.stl", stl_binary(good, 4000000000u),
+       "its header promises 4000000000 facets (200000000084 bytes), the file has 284 bytes"},
       {"short.stl", std::string(50, '\0'), "the file has 50 bytes, less than the header of a binary STL file"},
       {"none.stl", std::string(84, '\0'), "STL: file is empty. There are no facets defined"},
       {"nan.stl", stl_binary(nan), "vertex 2 of mesh 0 is not finite: (nan, 0, 0)"},
@@ -250,18 +270,28 @@ std::vector<BadMesh> bad_meshes() {
       {"words.stl", replaced(stl_text(good), "vertex 0 1 0", "vertex a b c"), "expected a number, got \"a\""},
       // PLY
       {"header.ply", ply(good, Ply::kText).substr(0, 60), "the file ends within its header: no \"end_header\""},
-      {"cut.ply", without_end(ply(good, Ply::kText), 20), "the file ends within face 1 of the 4 that its header promises"},
-      {"cut_vertices.ply", without_end(ply(good, Ply::kText), 40), "the file ends within vertex 2 of the 4 that its header promises"},
-      {"cut_binary.ply", without_end(ply(good, Ply::kLittle), 20), "the file ends within face 2 of the 4 that its header promises"},
-      {"cut_big.ply", without_end(ply(good, Ply::kBig), 60), "the file ends within vertex 3 of the 4 that its header promises"},
-      {"huge.ply", replaced(ply(good, Ply::kLittle), "vertex 4", "vertex 4000000000"), "the file ends within vertex 8 of the 4000000000 that its header promises"},
-      {"overflow.ply", replaced(ply(good, Ply::kLittle), "vertex 4", "vertex 99999999999999999999"), "its header: element vertex: expected a count, got \"99999999999999999999\""},
-      {"negative.ply", replaced(ply(good, Ply::kText), "face 4", "face -4"), "its header: element face: expected a count, got \"-4\""},
-      {"type.ply", replaced(ply(good, Ply::kText), "property float x", "property flaot x"), "its header: a property of element vertex has no known type"},
-      {"format.ply", replaced(ply(good, Ply::kText), "ascii", "utf8"), "its header: unknown format \"utf8\"; expected ascii, binary_little_endian or binary_big_endian"},
+      {"cut.ply", without_end(ply(good, Ply::kText), 20),
+       "the file ends within face 1 of the 4 that its header promises"},
+      {"cut_vertices.ply", without_end(ply(good, Ply::kText), 40),
+       "the file ends within vertex 2 of the 4 that its header promises"},
+      {"cut_binary.ply", without_end(ply(good, Ply::kLittle), 20),
+       "the file ends within face 2 of the 4 that its header promises"},
+      {"cut_big.ply", without_end(ply(good, Ply::kBig), 60),
+       "the file ends within vertex 3 of the 4 that its header promises"},
+      {"huge.ply", replaced(ply(good, Ply::kLittle), "vertex 4", "vertex 4000000000"),
+       "the file ends within vertex 8 of the 4000000000 that its header promises"},
+      {"overflow.ply", replaced(ply(good, Ply::kLittle), "vertex 4", "vertex 99999999999999999999"),
+       "its header: element vertex: expected a count, got \"99999999999999999999\""},
+      {"negative.ply", replaced(ply(good, Ply::kText), "face 4", "face -4"),
+       "its header: element face: expected a count, got \"-4\""},
+      {"type.ply", replaced(ply(good, Ply::kText), "property float x", "property flaot x"),
+       "its header: a property of element vertex has no known type"},
+      {"format.ply", replaced(ply(good, Ply::kText), "ascii", "utf8"),
+       "its header: unknown format \"utf8\"; expected ascii, binary_little_endian or binary_big_endian"},
       {"key.ply", replaced(ply(good, Ply::kText), "comment", "remark"), "its header: unexpected \"remark\""},
       {"magic.ply", replaced(ply(good, Ply::kText), "ply", "PLX"), "not a PLY file: it does not begin with \"ply\""},
-      {"garbled.ply", replaced(ply(good, Ply::kText), "3 0 2 1", "x y z w"), "face 0: expected the length of a list, got \"x\""},
+      {"garbled.ply", replaced(ply(good, Ply::kText), "3 0 2 1", "x y z w"),
+       "face 0: expected the length of a list, got \"x\""},
       {"nan.ply", ply(nan, Ply::kLittle), "vertex 1 of mesh 0 is not finite: (nan, 0, 0)"},
       {"inf.ply", ply(inf, Ply::kText), "vertex 2 of mesh 0 is not finite: (0, inf, 0)"},
       {"past.ply", ply(past, Ply::kLittle), "face 3 of mesh 0 points at vertex 99, past the end of 4 vertices"},
@@ -279,36 +309,55 @@ std::vector<BadMesh> bad_meshes() {
       // DAE
       {"cut.dae", dae(good).substr(0, 700), "Unable to read file, malformed XML"},
       {"text.dae", "no xml at all", "Unable to read file, malformed XML"},
-      {"nan.dae", dae_with([](auto& o) { o.positions = "nan 0 0 1 0 0 0 1 0 0 0 1"; }), "vertex 0 of mesh \"g\" is not finite: (nan, 0, 0)"},
-      {"few.dae", dae_with([](auto& o) { o.positions = "0 0 0 1 0 0"; }), "Expected more values while reading float_array contents."},
+      {"nan.dae", dae_with([](auto& o) { o.positions = "nan 0 0 1 0 0 0 1 0 0 0 1"; }),
+       "vertex 0 of mesh \"g\" is not finite: (nan, 0, 0)"},
+      {"few.dae", dae_with([](auto& o) { o.positions = "0 0 0 1 0 0"; }),
+       "Expected more values while reading float_array contents."},
       {"words.dae", dae_with([](auto& o) { o.positions = "a b c 1 0 0 0 1 0 0 0 1"; }), "expected a number, got \"a\""},
-      {"entity.dae", replaced(dae_with([](auto& o) { o.positions = "&e; 0 0 1 0 0 0 1 0 0 0 1"; }), "<COLLADA",
-                              "<!DOCTYPE x [<!ENTITY e SYSTEM \"file:///etc/passwd\">]><COLLADA"), "expected a number, got \"&e;\""},
+      {"entity.dae",
+       replaced(dae_with([](auto& o) { o.positions = "&e; 0 0 1 0 0 0 1 0 0 0 1"; }), "<COLLADA",
+                "<!DOCTYPE x [<!ENTITY e SYSTEM \"file:///etc/passwd\">]><COLLADA"),
+       "expected a number, got \"&e;\""},
       {"past.dae", dae(past), "Invalid data index (99/4) in primitive specification"},
-      {"few_indices.dae", dae_with([](auto& o) { o.indices = "0 2 1 0 1"; }), "Expected different index count in <p> element."},
-      {"huge.dae", replaced(dae(good), "<float_array id=\"pa\" count=\"12\"", "<float_array id=\"pa\" count=\"3000000000\""), too_much_memory},
+      {"few_indices.dae", dae_with([](auto& o) { o.indices = "0 2 1 0 1"; }),
+       "Expected different index count in <p> element."},
+      {"huge.dae",
+       replaced(dae(good), "<float_array id=\"pa\" count=\"12\"", "<float_array id=\"pa\" count=\"3000000000\""),
+       too_much_memory},
       {"nothing.dae", dae_with([](auto& o) { o.scene = "<node id=\"n\"/>"; }), "it holds no mesh"},
       {"who.dae", dae_with([](auto& o) { o.scene = "<node id=\"n\"><instance_geometry url=\"#who\"/></node>"; }),
        "Collada: Unable to find geometry for ID \"who\". Skipping."},
-      {"nan_node.dae", dae_with([](auto& o) { o.scene = "<node id=\"n\"><translate>nan 0 0</translate><instance_geometry url=\"#g\"/></node>"; }),
+      {"nan_node.dae", dae_with([](auto& o) {
+         o.scene = "<node id=\"n\"><translate>nan 0 0</translate><instance_geometry url=\"#g\"/></node>";
+       }),
        "the transform of a node is not finite"},
       {"itself.dae", dae_with([](auto& o) { o.scene = "<node id=\"n\"><instance_node url=\"#n\"/></node>"; }),
        "the mesh library crashed on it (Segmentation fault); is the file damaged?"},
       // glTF and GLB
       {"cut.gltf", gltf(good).substr(0, 300), "not a file of this format"},
       {"nan.gltf", gltf(nan), "vertex 1 of mesh \"meshes[0]\" is not finite: (nan, 0, 0)"},
-      {"no_mesh.gltf", replaced(gltf(good, "[{}]"), "\"meshes\": [{\"primitives\": [{\"attributes\": {\"POSITION\": 0}, \"indices\": 1}]}], ", ""), "it holds no mesh"},
+      {"no_mesh.gltf",
+       replaced(gltf(good, "[{}]"),
+                "\"meshes\": [{\"primitives\": [{\"attributes\": {\"POSITION\": 0}, \"indices\": 1}]}], ", ""),
+       "it holds no mesh"},
       {"which.gltf", gltf(good, "[{\"mesh\": 7}]"), "GLTF: Array index 7 is out of bounds (1) for \"meshes\""},
-      {"circle.gltf", gltf(good, "[{\"mesh\": 0, \"children\": [0]}]"), "GLTF: Object at index 0 in array \"nodes\" has recursive reference to itself"},
-      {"large_node.gltf", gltf(good, "[{\"mesh\": 0, \"scale\": [1e39, 1, 1]}]"), "the transform of a node is not finite"},
-      {"count.gltf", gltf_json(good, "data:application/octet-stream;base64," + base64(gltf_buffer(good)), "[{\"mesh\": 0}]", 4000000000u),
+      {"circle.gltf", gltf(good, "[{\"mesh\": 0, \"children\": [0]}]"),
+       "GLTF: Object at index 0 in array \"nodes\" has recursive reference to itself"},
+      {"large_node.gltf", gltf(good, "[{\"mesh\": 0, \"scale\": [1e39, 1, 1]}]"),
+       "the transform of a node is not finite"},
+      {"count.gltf",
+       gltf_json(good, "data:application/octet-stream;base64," + base64(gltf_buffer(good)), "[{\"mesh\": 0}]",
+                 4000000000u),
        "GLTF: Accessor with offset/length (0/16000000000) is out of range."},
-      {"lines.gltf", replaced(gltf(good), "\"indices\": 1", "\"indices\": 1, \"mode\": 1"), "it holds points or lines only, no face with an area"},
+      {"lines.gltf", replaced(gltf(good), "\"indices\": 1", "\"indices\": 1, \"mode\": 1"),
+       "it holds points or lines only, no face with an area"},
       {"cut.glb", without_end(glb(good), 30), "its header promises "},
       {"stub.glb", glb(good).substr(0, 10), "the file ends within its header"},
       {"magic.glb", replaced(glb(good), "glTF", "XXXX"), "not a GLB file: it does not begin with \"glTF\""},
-      {"version.glb", glb(good).substr(0, 4) + bytes(std::uint32_t{9}) + glb(good).substr(8), "version 9 of GLB; expected 2"},
-      {"chunk.glb", glb(good).substr(0, 12) + bytes(std::uint32_t{0xfffffff0}) + glb(good).substr(16), "a chunk of 4294967280 bytes goes past the end of the file"},
+      {"version.glb", glb(good).substr(0, 4) + bytes(std::uint32_t{9}) + glb(good).substr(8),
+       "version 9 of GLB; expected 2"},
+      {"chunk.glb", glb(good).substr(0, 12) + bytes(std::uint32_t{0xfffffff0}) + glb(good).substr(16),
+       "a chunk of 4294967280 bytes goes past the end of the file"},
   };
 }
 
@@ -376,22 +425,28 @@ TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
   EXPECT_EQ(error_with("echo nonsense that is longer than a header of 32 bytes >&3"),
             "the mesh loader ended with code 0 and no result; is the file damaged?");
   const std::string garbled = "the mesh loader's result is garbled; is the file damaged?";
-  // Magic, state, submeshes, bytes of the error text, bytes in all; then a submesh's vertices, triangles, loaded vertices.
+  // Magic, state, submeshes, bytes of the error text, bytes in all; then a submesh's vertices, triangles, loaded
+  // vertices.
   const std::string good_state = R"(printf 'cmesh001\001\0\0\0\001\0\0\0\0\0\0\0\0\0\0\0)";
   EXPECT_EQ(error_with(good_state + R"(\041\0\0\0\0\0\0\0' >&3)"), garbled) << "one byte promised too many";
   EXPECT_EQ(error_with(good_state + R"(\040\0\0\0\0\0\0\0' >&3)"), garbled) << "the submesh is not there";
-  EXPECT_EQ(error_with(good_state + R"(\070\0\0\0\0\0\0\0\377\377\377\377\377\377\377\377\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0' >&3)"), garbled)
+  EXPECT_EQ(error_with(good_state +
+                       R"(\070\0\0\0\0\0\0\0\377\377\377\377\377\377\377\377\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0' >&3)"),
+            garbled)
       << "2^64 - 1 vertices";
   const auto zeros = [](int n) {
     std::string out;
     while (n-- > 0) out += R"(\0)";
     return out;
   };
-  const std::string one_of_each = R"(\140\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0)" + zeros(24);
-  EXPECT_EQ(error_with(good_state + one_of_each + zeros(16) + "' >&3"), "") << "one vertex and one triangle: a good answer";
+  const std::string one_of_each =
+      R"(\140\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0)" + zeros(24);
+  EXPECT_EQ(error_with(good_state + one_of_each + zeros(16) + "' >&3"), "")
+      << "one vertex and one triangle: a good answer";
   EXPECT_EQ(error_with(good_state + one_of_each + R"(\007)" + zeros(15) + "' >&3"), garbled)
       << "a triangle past the end";
-  EXPECT_EQ(error_with(R"(printf 'cmesh001\002\0\0\0\0\0\0\0\377\377\0\0\0\0\0\0\040\0\0\0\0\0\0\0' >&3)"), garbled) << "a long error text";
+  EXPECT_EQ(error_with(R"(printf 'cmesh001\002\0\0\0\0\0\0\0\377\377\0\0\0\0\0\0\040\0\0\0\0\0\0\0' >&3)"), garbled)
+      << "a long error text";
   limits.time = std::chrono::milliseconds(200);
   EXPECT_EQ(error_with("exec sleep 1000"), "reading it took longer than 0.200 s; is the file damaged?");
   limits = {};

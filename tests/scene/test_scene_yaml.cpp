@@ -116,7 +116,9 @@ TEST(SceneFile, RandomBodiesRepeatBySeed) {
   EXPECT_EQ(a.revision(), b.revision());
   EXPECT_NE(a.revision(), c.revision());
   EXPECT_EQ(a.revision(), 4296826941829119171u) << "the same scene gives the same number on any machine";
-  const Scene d = of("[{count: 2, shape: {sphere: 1}, box: 5, seed: 1, name: ball}, {count: 3, shape: {box: 1, radius: 0.1}, box: 5, name: die, static: true}]");
+  const Scene d =
+      of("[{count: 2, shape: {sphere: 1}, box: 5, seed: 1, name: ball}, {count: 3, shape: {box: 1, radius: 0.1}, box: "
+         "5, name: die, static: true}]");
   ASSERT_EQ(d.bodies().size(), 5u);
   EXPECT_EQ(d.bodies()[1].name, "ball_1");
   EXPECT_EQ(d.bodies()[4].name, "die_2");
@@ -127,14 +129,16 @@ TEST(SceneFile, FilesFromOutsideTheFolderOnlyWhenAllowed) {
   const TemporaryFolder folder;
   folder.write("outside.obj", kTetrahedron);
   const std::string scene = folder.write("inner/scene.yaml", "bodies: [{name: a, mesh: ../outside.obj}]");
-  const std::string absolute = folder.write("inner/absolute.yaml", "bodies: [{name: a, mesh: " + (folder / "outside.obj") + "}]");
+  const std::string absolute =
+      folder.write("inner/absolute.yaml", "bodies: [{name: a, mesh: " + (folder / "outside.obj") + "}]");
   std::filesystem::create_symlink(folder / "outside.obj", folder / "inner/link.obj");
   const std::string link = folder.write("inner/link.yaml", "bodies: [{name: a, mesh: link.obj}]");
   const std::string hint = "; mesh files must lie inside it unless files from outside are allowed";
   EXPECT_EQ(error_text<SceneError>([&] { Scene::load(scene); }),
             scene + ":1: bodies[0].mesh: \"../outside.obj\" leaves the scene's folder" + hint);
   EXPECT_EQ(error_text<SceneError>([&] { Scene::load(absolute); }),
-            absolute + ":1: bodies[0].mesh: \"" + (folder / "outside.obj") + "\" is an absolute path, not one inside the scene's folder" + hint);
+            absolute + ":1: bodies[0].mesh: \"" + (folder / "outside.obj") +
+                "\" is an absolute path, not one inside the scene's folder" + hint);
   EXPECT_EQ(error_text<SceneError>([&] { Scene::load(link); }),
             link + ":1: bodies[0].mesh: \"link.obj\" leaves the scene's folder through a symbolic link" + hint);
   for (const std::string& file : {scene, absolute, link}) EXPECT_EQ(Scene::load(file, true).bodies().size(), 1u);
@@ -160,8 +164,10 @@ const BadScene kBadScenes[] = {
     {"bodies: {a: 1}", ":1: bodies: expected a list of bodies, got a map"},
     {"bodies:\n  - ball\n", ":2: bodies[0]: expected a body, such as {name: table, box: [1, 1, 0.1]}, got \"ball\""},
     {"bodies:\n  - {sphere: 1}\n", ":2: bodies[0]: expected the key \"name\""},
-    {"bodies:\n  - {name: a}\n", ":2: bodies[0]: expected one of the keys mesh, box, sphere, capsule, cylinder, points, uv_sphere"},
-    {"bodies:\n  - name: a\n    sphere: 1\n    box: 1\n", ":3: bodies[0].sphere: a body has one geometry, and \"box\" is there already"},
+    {"bodies:\n  - {name: a}\n",
+     ":2: bodies[0]: expected one of the keys mesh, box, sphere, capsule, cylinder, points, uv_sphere"},
+    {"bodies:\n  - name: a\n    sphere: 1\n    box: 1\n",
+     ":3: bodies[0].sphere: a body has one geometry, and \"box\" is there already"},
     {"bodies: [{name: a, sphere: -1}]", ":1: bodies[0].sphere: expected a number > 0, got -1"},
     {"bodies: [{name: a, sphere: big}]", ":1: bodies[0].sphere: expected a number > 0, got \"big\""},
     {"bodies: [{name: a, sphere: \"1\"}]", ":1: bodies[0].sphere: expected a number > 0, got \"1\""},
@@ -171,25 +177,30 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, sphere: 0x10}]", ":1: bodies[0].sphere: expected a number > 0, got \"0x10\""},
     {"bodies: [{name: a, sphere: 1e61}]", ":1: bodies[0].sphere: radius must be a number of metres >= 0"},
     {"bodies: [{name: a, sphere: }]", ":1: bodies[0].sphere: expected a number > 0, got nothing"},
-    {"bodies: [{name: a, box: [1, 1]}]", ":1: bodies[0].box: expected an edge length, or 3 of them [x, y, z], got a list of 2"},
+    {"bodies: [{name: a, box: [1, 1]}]",
+     ":1: bodies[0].box: expected an edge length, or 3 of them [x, y, z], got a list of 2"},
     {"bodies: [{name: a, box: [1, 1, 0]}]", ":1: bodies[0].box[2]: expected a number > 0, got 0"},
     {"bodies: [{name: a, capsule: 1}]", ":1: bodies[0].capsule: expected 2 numbers [radius, length], got 1"},
     {"bodies: [{name: a, cylinder: [1, 0]}]", ":1: bodies[0].cylinder[1]: expected a number > 0, got 0"},
     {"bodies: [{name: a, points: []}]", ":1: bodies[0].points: expected a list of points [x, y, z], got a list of 0"},
-    {"bodies: [{name: a, points: [[0, 0, 0], [0, 0]]}]", ":1: bodies[0].points[1]: expected a point [x, y, z], got a list of 2"},
-    {"bodies:\n- name: a\n  points:\n  - [0, 0, 0]\n  - [0, x, 0]\n", ":5: bodies[0].points[1][1]: expected a number, got \"x\""},
+    {"bodies: [{name: a, points: [[0, 0, 0], [0, 0]]}]",
+     ":1: bodies[0].points[1]: expected a point [x, y, z], got a list of 2"},
+    {"bodies:\n- name: a\n  points:\n  - [0, 0, 0]\n  - [0, x, 0]\n",
+     ":5: bodies[0].points[1][1]: expected a number, got \"x\""},
     {"bodies: [{name: a, uv_sphere: {radius: 1}}]", ":1: bodies[0].uv_sphere: expected the key \"resolution\""},
     {"bodies: [{name: a, uv_sphere: {radius: 1, resolution: 1e9}}]",
      ":1: bodies[0].uv_sphere.resolution: expected an integer from 2 to 2000, got 1e9"},
     {"bodies: [{name: a, uv_sphere: {radius: 1, resolution: 5.5}}]",
      ":1: bodies[0].uv_sphere.resolution: expected an integer from 2 to 2000, got 5.5"},
-    {"bodies:\n- {name: a, uv_sphere: {radius: 1, resolution: 2000}}\n- {name: b, uv_sphere: {radius: 2, resolution: 2000}}\n"
+    {"bodies:\n- {name: a, uv_sphere: {radius: 1, resolution: 2000}}\n- {name: b, uv_sphere: {radius: 2, resolution: "
+     "2000}}\n"
      "- {name: c, uv_sphere: {radius: 3, resolution: 2000}}\n",
      ":4: bodies[2].uv_sphere: the uv_spheres of this scene have more than 20000000 vertices"},
     {"bodies: [{name: a, sphere: 1, radius: -1}]", ":1: bodies[0].radius: expected a number >= 0, got -1"},
     {"bodies: [{name: a, sphere: 1, radious: 1}]", ":1: bodies[0]: unknown key \"radious\"; did you mean \"radius\"?"},
     {"bodies: [{name: a, sphere: 1}]\nbodys: []", ":2: unknown key \"bodys\"; did you mean \"bodies\"?"},
-    {"bodies: [{name: a, sphere: 1}]\nquaternions: []", ":2: unknown key \"quaternions\"; known: bodies, groups, ignore, random"},
+    {"bodies: [{name: a, sphere: 1}]\nquaternions: []",
+     ":2: unknown key \"quaternions\"; known: bodies, groups, ignore, random"},
     {"bodies: [{name: a, sphere: 1, sphere: 2}]", ":1: bodies[0]: the key \"sphere\" is there twice"},
     {"bodies: [{name: a, sphere: 1, [x]: 2}]", ":1: bodies[0]: expected a text as key, got a list of 1"},
     {"bodies: [{name: a, sphere: 1, static: yes}]", ":1: bodies[0].static: expected true or false, got \"yes\""},
@@ -197,20 +208,27 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: [a], sphere: 1}]", ":1: bodies[0].name: expected a name, got a list of 1"},
     {"bodies: [{name: \"\", sphere: 1}]", ":1: bodies[0].name: body name is empty"},
     {"bodies: [{name: \"*\", sphere: 1}]", ":1: bodies[0].name: body name \"*\" is taken: it stands for every body"},
-    {"bodies: [{name: \"a\\tb\", sphere: 1}]", ":1: bodies[0].name: body name holds an unprintable character or bad UTF-8 at byte 1"},
+    {"bodies: [{name: \"a\\tb\", sphere: 1}]",
+     ":1: bodies[0].name: body name holds an unprintable character or bad UTF-8 at byte 1"},
     {"bodies: [{name: a123456789b123456789c123456789d123456789e123456789f123456789g123, sphere: 1}]",
-     ":1: bodies[0].name: body name has 64 bytes, expected at most 63: \"a123456789b123456789c123456789d123456789\"..."},
-    {"bodies:\n- {name: a, sphere: 1}\n- {name: a, sphere: 1}\n", ":3: bodies[1].name: body name \"a\" is already that of a body"},
+     ":1: bodies[0].name: body name has 64 bytes, expected at most 63: "
+     "\"a123456789b123456789c123456789d123456789\"..."},
+    {"bodies:\n- {name: a, sphere: 1}\n- {name: a, sphere: 1}\n",
+     ":3: bodies[1].name: body name \"a\" is already that of a body"},
     {"bodies: [{name: a, sphere: 1, pose: [0, 0, 0, 1, 0, 0]}]",
      ":1: bodies[0].pose: expected 7 numbers [x, y, z, qw, qx, qy, qz], got a list of 6"},
     {"bodies: [{name: a, sphere: 1, pose: [0, 0, 0, 0, 0, 0, 0]}]",
      ":1: bodies[0].pose: expected a quaternion (qw, qx, qy, qz) of norm 1e-6 to 1e6 and coordinates up to 1e60 m"},
-    {"bodies: [{name: a, sphere: 1, pose: [0, 0, 0, .nan, 0, 0, 0]}]", ":1: bodies[0].pose[3]: expected a number, got \".nan\""},
+    {"bodies: [{name: a, sphere: 1, pose: [0, 0, 0, .nan, 0, 0, 0]}]",
+     ":1: bodies[0].pose[3]: expected a number, got \".nan\""},
     {"bodies: [{name: a, sphere: 1, pose: [1e61, 0, 0, 1, 0, 0, 0]}]",
      ":1: bodies[0].pose: expected a quaternion (qw, qx, qy, qz) of norm 1e-6 to 1e6 and coordinates up to 1e60 m"},
-    {"bodies:\n- name: a\n  sphere: 1\n  parent: b\n", ":4: bodies[0].parent: body \"a\": parent: there is no body \"b\""},
-    {"bodies: [{name: a, sphere: 1, parent: a}]", ":1: bodies[0].parent: body \"a\": parent: \"a\" follows \"a\" itself"},
-    {"bodies:\n- {name: a, sphere: 1, parent: b}\n- {name: b, sphere: 1, parent: c}\n- {name: c, sphere: 1, parent: a}\n",
+    {"bodies:\n- name: a\n  sphere: 1\n  parent: b\n",
+     ":4: bodies[0].parent: body \"a\": parent: there is no body \"b\""},
+    {"bodies: [{name: a, sphere: 1, parent: a}]",
+     ":1: bodies[0].parent: body \"a\": parent: \"a\" follows \"a\" itself"},
+    {"bodies:\n- {name: a, sphere: 1, parent: b}\n- {name: b, sphere: 1, parent: c}\n- {name: c, sphere: 1, parent: "
+     "a}\n",
      ":4: bodies[2].parent: body \"c\": parent: \"a\" follows \"c\" itself"},
     {"bodies:\n- {name: a, sphere: 1}\n- {name: b, sphere: 1, parent: a, static: true}\n",
      ":3: bodies[1].parent: body \"b\": a static body cannot follow the movable body \"a\""},
@@ -218,27 +236,39 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, mesh: \"\"}]", ":1: bodies[0].mesh: expected the path of a mesh file, got \"\""},
     {"bodies: [{name: a, mesh: [x]}]", ":1: bodies[0].mesh: expected the path of a mesh file, got a list of 1"},
     {"bodies: [{name: a, mesh: t.obj, scale: 0}]", ":1: bodies[0].scale: expected factors other than 0"},
-    {"bodies: [{name: a, mesh: t.obj, scale: [1, 2]}]", ":1: bodies[0].scale: expected a number, or 3 of them [sx, sy, sz], got a list of 2"},
-    {"bodies: [{name: a, mesh: t.obj, scale: 1e61}]", ":1: bodies[0].mesh: t.obj: scale: expected finite numbers other than 0"},
-    {"bodies: [{name: a, mesh: t.obj, convexify: hulls}]", ":1: bodies[0].convexify: expected hull, submeshes or decompose, got \"hulls\""},
+    {"bodies: [{name: a, mesh: t.obj, scale: [1, 2]}]",
+     ":1: bodies[0].scale: expected a number, or 3 of them [sx, sy, sz], got a list of 2"},
+    {"bodies: [{name: a, mesh: t.obj, scale: 1e61}]",
+     ":1: bodies[0].mesh: t.obj: scale: expected finite numbers other than 0"},
+    {"bodies: [{name: a, mesh: t.obj, convexify: hulls}]",
+     ":1: bodies[0].convexify: expected hull, submeshes or decompose, got \"hulls\""},
     {"bodies: [{name: a, mesh: t.obj, convexify: decompose}]",
      ":1: bodies[0].convexify: not yet: decompose (approximate convex decomposition); use hull or submeshes"},
     {"bodies: [{name: a, mesh: empty.obj}]", ":1: bodies[0].mesh: empty.obj: the file is empty"},
-    {"bodies: [{name: a, sphere: 1}]\ngroups: [a]", ":2: groups: expected a map of names to lists of bodies, got a list of 1"},
+    {"bodies: [{name: a, sphere: 1}]\ngroups: [a]",
+     ":2: groups: expected a map of names to lists of bodies, got a list of 1"},
     {"bodies: [{name: a, sphere: 1}]\ngroups: {g: a}", ":2: groups.g: expected a list of bodies, got \"a\""},
     {"bodies: [{name: a, sphere: 1}]\ngroups: {g: [a, b]}", ":2: groups.g[1]: there is no body \"b\""},
     {"bodies: [{name: a, sphere: 1}]\ngroups: {a: [a]}", ":2: groups.a: group name \"a\" is already that of a body"},
-    {"bodies: [{name: a, sphere: 1}]\nignore: [a]", ":2: ignore[0]: expected a pair [body or group, body or group], got \"a\""},
-    {"bodies: [{name: a, sphere: 1}]\nignore: [[a]]", ":2: ignore[0]: expected a pair [body or group, body or group], got a list of 1"},
+    {"bodies: [{name: a, sphere: 1}]\nignore: [a]",
+     ":2: ignore[0]: expected a pair [body or group, body or group], got \"a\""},
+    {"bodies: [{name: a, sphere: 1}]\nignore: [[a]]",
+     ":2: ignore[0]: expected a pair [body or group, body or group], got a list of 1"},
     {"bodies: [{name: a, sphere: 1}]\nignore: [[a, z]]", ":2: ignore[0]: there is no body or group \"z\""},
-    {"bodies: [{name: a, sphere: 1}]\nignore: [[a, a]]", ":2: ignore[0]: ignore: \"a\" with itself: a body has no pair with itself"},
-    {"random: {count: 1e12, shape: {sphere: 1}, box: 1}", ":1: random.count: expected an integer from 1 to 1000000, got 1e12"},
-    {"random: {count: 2.5, shape: {sphere: 1}, box: 1}", ":1: random.count: expected an integer from 1 to 1000000, got 2.5"},
-    {"random: [{count: 600000, shape: {sphere: 1}, box: 1, name: a}, {count: 600000, shape: {sphere: 1}, box: 1, name: b}]",
+    {"bodies: [{name: a, sphere: 1}]\nignore: [[a, a]]",
+     ":2: ignore[0]: ignore: \"a\" with itself: a body has no pair with itself"},
+    {"random: {count: 1e12, shape: {sphere: 1}, box: 1}",
+     ":1: random.count: expected an integer from 1 to 1000000, got 1e12"},
+    {"random: {count: 2.5, shape: {sphere: 1}, box: 1}",
+     ":1: random.count: expected an integer from 1 to 1000000, got 2.5"},
+    {"random: [{count: 600000, shape: {sphere: 1}, box: 1, name: a}, {count: 600000, shape: {sphere: 1}, box: 1, name: "
+     "b}]",
      ":1: random[1]: more than 1000000 bodies in one scene"},
     {"random: {shape: {sphere: 1}, box: 1}", ":1: random: expected the key \"count\""},
-    {"random: {count: 2, shape: {sphere: 1, pose: [0]}, box: 1}", ":1: random.shape: unknown key \"pose\"; known: mesh, box, sphere, capsule, cylinder, points, uv_sphere"},
-    {"random: {count: 2, shape: sphere, box: 1}", ":1: random.shape: expected a shape, such as {sphere: 0.1}, got \"sphere\""},
+    {"random: {count: 2, shape: {sphere: 1, pose: [0]}, box: 1}",
+     ":1: random.shape: unknown key \"pose\"; known: mesh, box, sphere, capsule, cylinder, points, uv_sphere"},
+    {"random: {count: 2, shape: sphere, box: 1}",
+     ":1: random.shape: expected a shape, such as {sphere: 0.1}, got \"sphere\""},
     {"random: {count: 2, shape: {sphere: 1}, box: -1}", ":1: random.box: expected a number > 0, got -1"},
     {"random: {count: 2, shape: {sphere: 1}, box: 1, seed: -1}",
      ":1: random.seed: expected an integer from 0 to 18446744073709551615, got -1"},
@@ -271,7 +301,8 @@ TEST(SceneFile, FilesThatAreNoSceneFile) {
             folder / "zero.yaml:2: not a text file: it holds a zero byte");
   std::ofstream(folder / "huge.yaml").close();
   std::filesystem::resize_file(folder / "huge.yaml", std::uintmax_t{1} << 40);
-  EXPECT_EQ(error(folder / "huge.yaml"), folder / "huge.yaml: 1099511627776 bytes; a scene file may have at most 67108864");
+  EXPECT_EQ(error(folder / "huge.yaml"),
+            folder / "huge.yaml: 1099511627776 bytes; a scene file may have at most 67108864");
 }
 
 TEST(SceneFile, FilesMadeToExhaustAreRefusedSoon) {
@@ -294,14 +325,17 @@ TEST(SceneFile, FilesMadeToExhaustAreRefusedSoon) {
   for (int i = 0; i < 20000; ++i) many += "[0, 0, 0], ";
   many += "[1, 1, 1]]}\n";
   for (int i = 0; i < 10000; ++i) many += "  - {name: b" + std::to_string(i) + ", points: *p}\n";
-  EXPECT_EQ(error(many).substr(0, 150), ":251: bodies[249].points: too many values, aliases counted each time they are used");
+  EXPECT_EQ(error(many).substr(0, 150),
+            ":251: bodies[249].points: too many values, aliases counted each time they are used");
   EXPECT_EQ(error("bodies: " + std::string(100, '[') + std::string(100, ']')), ":1: nested deeper than 32 levels");
   EXPECT_EQ(error("bodies: " + std::string(200000, '[')), ":1: nested deeper than 32 levels");
-  EXPECT_EQ(error("bodies: [" + [] {
-              std::string s;
-              for (int i = 0; i < 2'550'000; ++i) s += "a,";
-              return s;
-            }() + "]"),
+  EXPECT_EQ(error("bodies: [" +
+                  [] {
+                    std::string s;
+                    for (int i = 0; i < 2'550'000; ++i) s += "a,";
+                    return s;
+                  }() +
+                  "]"),
             ":1: more than 2500000 values in one scene file");
 }
 

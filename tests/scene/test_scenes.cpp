@@ -11,7 +11,9 @@
 namespace clearance {
 namespace {
 
-Scene load(const std::string& name) { return Scene::load(std::string(CLEARANCE_SOURCE_DIR) + "/scenes/" + name + "/scene.yaml"); }
+Scene load(const std::string& name) {
+  return Scene::load(std::string(CLEARANCE_SOURCE_DIR) + "/scenes/" + name + "/scene.yaml");
+}
 
 const Body& body(const Scene& scene, const std::string& name) {
   const std::uint32_t id = scene.find_body(name);
@@ -55,7 +57,8 @@ TEST(Scenes, NineteenHasEveryFormatAndEveryPrimitive) {
     sources.insert(dot == std::string::npos ? b.source : b.source.substr(dot, b.source.find(' ', dot) - dot));
     EXPECT_TRUE(b.pose && b.display) << b.name;
   }
-  for (const char* wanted : {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere"})
+  for (const char* wanted : {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb", "box", "sphere", "capsule",
+                             "cylinder", "points", "uv_sphere"})
     EXPECT_EQ(sources.count(wanted), 1u) << wanted;
   EXPECT_EQ(body(scene, "mug").pieces.size(), 18u);
   EXPECT_EQ(body(scene, "chair").pieces.size(), 6u);

@@ -1,5 +1,3 @@
-#include "engine/shapes.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +5,8 @@
 #include <map>
 #include <numbers>
 #include <utility>
+
+#include "engine/shapes.h"
 
 namespace clearance {
 namespace {
@@ -48,7 +48,8 @@ TEST(Shapes, UvSphereIsLaidOutAsOpen3dDoes) {
   const Shape s = make_uv_sphere(2, 5);
   ASSERT_EQ(s.vertices.size(), 42u);
   ASSERT_EQ(s.triangles.size(), 80u);
-  // create_sphere(2, 5): the poles, then ring i, vertex j at (sin(i pi/5) cos(j pi/5), sin(i pi/5) sin(j pi/5), cos(i pi/5)).
+  // create_sphere(2, 5): the poles, then ring i, vertex j at (sin(i pi/5) cos(j pi/5), sin(i pi/5) sin(j pi/5), cos(i
+  // pi/5)).
   EXPECT_EQ(s.vertices[0].z, 2);
   EXPECT_EQ(s.vertices[1].z, -2);
   for (int i = 1; i < 5; ++i)
@@ -97,8 +98,8 @@ TEST(Shapes, CapsuleOfNoLengthIsOneVertex) {
 TEST(Shapes, RandomPosesAreTheSameEverywhere) {
   PortableRandom random(1);
   const Pose X = random.pose({60, 60, 60});
-  // std::mt19937_64 seeded with 1 begins 2469588189546311528, 2516265689700432462, 8323445853463659930 (the C++ standard
-  // fixes the sequence); each number's upper 53 bits over 2^53, times 60, minus 30.
+  // std::mt19937_64 seeded with 1 begins 2469588189546311528, 2516265689700432462, 8323445853463659930 (the C++
+  // standard fixes the sequence); each number's upper 53 bits over 2^53, times 60, minus 30.
   EXPECT_EQ(X.translation.x, -30 + 60 * (double(2469588189546311528ull >> 11) * 0x1p-53));
   EXPECT_EQ(X.translation.y, -30 + 60 * (double(2516265689700432462ull >> 11) * 0x1p-53));
   EXPECT_EQ(X.translation.z, -30 + 60 * (double(8323445853463659930ull >> 11) * 0x1p-53));
