@@ -214,12 +214,26 @@ std::string check_glb(std::string_view file) {
   return "";
 }
 
+// --- DAE -------------------------------------------------------------------------------------------------------------
+
+// assimp reads a negative index as 0.
+std::string check_dae(std::string_view file) {
+  for (std::size_t at = 0; (at = file.find("<p", at)) != std::string_view::npos; at += 2) {
+    const std::size_t begin = file.find('>', at);
+    if (begin == std::string_view::npos || begin != at + 2) continue;  // <param, <polylist, ...
+    const std::string_view indices = file.substr(begin, std::min(file.find('<', begin), file.size()) - begin);
+    if (indices.find('-') != std::string_view::npos) return "a face has a negative index";
+  }
+  return "";
+}
+
 }  // namespace
 
 std::string mesh_precheck(const std::string& extension, std::string_view content) {
   if (extension == "ply") return check_ply(content);
   if (extension == "stl") return check_stl(content);
   if (extension == "glb") return check_glb(content);
+  if (extension == "dae") return check_dae(content);
   return "";
 }
 

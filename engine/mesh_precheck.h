@@ -7,7 +7,7 @@
 
 namespace clearance {
 
-/// What is wrong with the layout of a file; empty if nothing was noticed. Knows PLY, STL and GLB.
+/// What is wrong with the layout of a file; empty if nothing was noticed. Knows PLY, STL, GLB and DAE.
 /// \param extension in lower case, without the dot. \param content the whole file.
 std::string mesh_precheck(const std::string& extension, std::string_view content);
 

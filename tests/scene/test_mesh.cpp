@@ -319,6 +319,8 @@ std::vector<BadMesh> bad_meshes() {
                 "<!DOCTYPE x [<!ENTITY e SYSTEM \"file:///etc/passwd\">]><COLLADA"),
        "expected a number, got \"&e;\""},
       {"past.dae", dae(past), "Invalid data index (99/4) in primitive specification"},
+      {"negative.dae", dae_with([](auto& o) { o.indices = "0 2 1 0 1 3 1 2 3 0 -1 2"; }),
+       "a face has a negative index"},
       {"few_indices.dae", dae_with([](auto& o) { o.indices = "0 2 1 0 1"; }),
        "Expected different index count in <p> element."},
       {"huge.dae",
