@@ -1,6 +1,8 @@
 // Waiting items of several clients, taken turn by turn: a client with many of them delays no other.
+// Those of one client are taken in the order of `Before`, equal ones as they came.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <unordered_map>
@@ -8,21 +10,28 @@
 
 namespace clearance {
 
-template <class T>
+struct AsTheyCame {
+  template <class T>
+  bool operator()(const T&, const T&) const {
+    return false;
+  }
+};
+
+template <class T, class Before = AsTheyCame>
 class FairQueue {
  public:
   bool empty() const { return order_.empty(); }
   std::size_t size() const { return size_; }
 
-  /// Behind the client's own items; a client that had none goes behind the others.
+  /// Among the client's own items; a client that had none goes behind the others.
   void push(std::uint64_t client, T item) {
     auto& items = items_[client];
     if (items.empty()) order_.push_back(client);
-    items.push_back(std::move(item));
+    items.insert(std::upper_bound(items.begin(), items.end(), item, Before()), std::move(item));
     ++size_;
   }
 
-  /// The oldest item of the client whose turn it is. Not to be called on an empty queue.
+  /// The first item of the client whose turn it is. Not to be called on an empty queue.
   T pop() {
     const std::uint64_t client = order_.front();
     order_.pop_front();

@@ -1,4 +1,5 @@
-// What waits to be sent over LCM: paced, so that receivers keep up, and in turns, so that a long answer holds nobody up.
+// What waits to be sent over LCM: paced, so that receivers keep up, and in turns, so that a long answer holds nobody
+// up.
 #pragma once
 
 #include <cstddef>

@@ -12,8 +12,8 @@
 
 namespace clearance {
 
-/// Follows the sequence numbers of each publisher on each channel. UDP loses and (on real networks) reorders: the newest
-/// message wins, an older one is left out, and what is missing is counted.
+/// Follows the sequence numbers of each publisher on each channel. UDP loses and (on real networks) reorders: the
+/// newest message wins, an older one is left out, and what is missing is counted.
 class PublisherLog {
  public:
   using Clock = std::chrono::steady_clock;

@@ -91,7 +91,10 @@ class Loop final : public Inbox {
   std::uint64_t &frames_ = counters_["frames"], &queries_ = counters_["queries"],
                 &answered_ = counters_["queries.answered"], &rows_ = counters_["rows"];
 
-  FairQueue<TaskPtr> fresh_, long_;
+  struct DueFirst {
+    bool operator()(const TaskPtr& a, const TaskPtr& b) const;
+  };
+  FairQueue<TaskPtr, DueFirst> fresh_, long_;
   int fresh_in_a_row_ = 0;
   std::unordered_map<std::uint64_t, std::uint32_t> waiting_per_client_;
   std::uint64_t waiting_bytes_ = 0;

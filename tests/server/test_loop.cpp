@@ -87,6 +87,18 @@ TEST(FairQueue, ClientsTakeTurns) {
   EXPECT_EQ(order, (std::vector<int>{10, 20, 30, 11, 12}));
 }
 
+TEST(FairQueue, OneClientsItemsAreOrdered) {
+  struct ByTens {
+    bool operator()(int a, int b) const { return a / 10 < b / 10; }
+  };
+  FairQueue<int, ByTens> queue;
+  for (const int i : {31, 10, 32, 20, 11}) queue.push(1, i);
+  queue.push(2, 90);
+  std::vector<int> order;
+  while (!queue.empty()) order.push_back(queue.pop());
+  EXPECT_EQ(order, (std::vector<int>{10, 90, 11, 20, 31, 32}));
+}
+
 TEST(FairQueue, RemovesAndKeepsTheOrder) {
   FairQueue<int> queue;
   for (int i = 0; i < 6; ++i) queue.push(i % 2, i);
@@ -170,6 +182,20 @@ TEST_F(LoopTest, AnOwnSmallQueryOvertakesToo) {
   loop_->turn();
   ASSERT_EQ(a_.replies.size(), 1u);
   EXPECT_EQ(a_.replies[0]->header().request_id, 2u);
+}
+
+TEST_F(LoopTest, EqualQueriesOfOneClientEndOneAfterTheOther) {
+  start(scattered_scene(60), short_slices());
+  for (std::uint64_t i = 1; i <= 3; ++i) transport_->send(a_, large_query(60).frame(i));
+  int turns = 0, first_after = 0;
+  while (a_.replies.size() < 3) {
+    ASSERT_TRUE(loop_->turn());
+    ++turns;
+    if (a_.replies.size() == 1 && !first_after) first_after = turns;
+  }
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(a_.replies[i]->header().request_id, i + 1);
+  EXPECT_GT(turns, 300);
+  EXPECT_LT(first_after, turns / 2) << "the first one does not share its time with the others";
 }
 
 TEST_F(LoopTest, ALargeQueryIsNotStarved) {
