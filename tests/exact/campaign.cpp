@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <sstream>
 
 #include "engine/engine.h"
 #include "engine/hull.h"
@@ -136,6 +137,14 @@ std::vector<Setting> standard_settings(bool reference) {
     }
   }
   return settings;
+}
+
+std::string csv_key(const Setting& s) {
+  std::ostringstream out;
+  out << s.backend << ',' << (s.precision == Precision::kF64 ? "f64" : "f32") << ',' << (s.signed_distance ? "signed" : "unsigned") << ','
+      << (s.format == Format::kCompact ? "compact" : "full") << ',' << s.wanted_rel_tol() << ',';
+  if (s.max_distance < 1e300) out << s.max_distance;
+  return out.str();
 }
 
 std::vector<Tally> try_cases(std::span<const Case> cases, std::span<const Setting> settings, int threads, bool columns,

@@ -50,6 +50,9 @@ struct Tally {
 /// default, zero and loose tolerances; cut-off distances. \param reference also the reference backend.
 std::vector<Setting> standard_settings(bool reference = true);
 
+/// A setting as the columns backend to max_distance of docs/results/accuracy.csv.
+std::string csv_key(const Setting& s);
+
 /// Asks `cases` under each setting and holds every answer against the truth.
 /// \param columns prove witness points and normals too. \param report is called for every answer that is not good, in words.
 /// \returns one tally per setting.

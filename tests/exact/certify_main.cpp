@@ -51,18 +51,15 @@ std::vector<Batch> share_out(const Options& o) {
 
 void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& settings, const std::vector<std::vector<Tally>>& table) {
   out << "# pairs " << o.pairs << ", seed " << o.seed << ", witness points and normals proved for one batch in " << o.columns_every << "\n"
-      << "class,backend,precision,signed,format,rel_tol,max_distance,cases,apart,touching,overlapping,violations,inaccurate,"
+      << "class,backend,precision,depth,format,rel_tol,max_distance,cases,apart,touching,overlapping,violations,inaccurate,"
          "worst_error,worst_width,contact,unconverged,rounding_limited\n";
   for (std::size_t k = 0; k < table.size(); ++k)
     for (std::size_t s = 0; s < settings.size(); ++s) {
-      const Setting& x = settings[s];
       const Tally& t = table[k][s];
       if (t.cases == 0) continue;
       char numbers[160];
       std::snprintf(numbers, sizeof numbers, "%.3g,%.3g", t.worst_error, t.worst_width);
-      out << case_classes()[k].name << ',' << x.backend << ',' << (x.precision == Precision::kF64 ? "f64" : "f32") << ',' << x.signed_distance << ','
-          << (x.format == Format::kCompact ? "compact" : "full") << ',' << x.wanted_rel_tol() << ',';
-      if (x.max_distance < 1e300) out << x.max_distance;
+      out << case_classes()[k].name << ',' << csv_key(settings[s]);
       out << ',' << t.cases << ',' << t.apart << ',' << t.touching << ',' << t.overlapping << ',' << t.violations << ',' << t.inaccurate << ','
           << numbers << ',' << t.contact << ',' << t.unconverged << ',' << t.rounding_limited << '\n';
     }
