@@ -130,13 +130,14 @@ class ShmTransport final : public Transport {
 
   int poll(Inbox& inbox) override {
     if (!counters_.connections) counters_.bind(inbox);
-    if (look_at_sockets_ || ++polls_ >= kPollsPerSocketLook) serve_sockets();
     int frames = 0;
     std::uint64_t bytes = 0;
     const std::size_t count = sessions_.size();
     for (std::size_t i = 0; i < count && frames < kMaxFramesPerPoll && bytes < kMaxBytesPerPoll; ++i)
       frames += serve_requests(sessions_[(first_ + i) % count], inbox, bytes);
     ++first_;  // another client is first next time
+    // After the requests: whoever woke us waits for an answer.
+    if (look_at_sockets_ || ++polls_ >= kPollsPerSocketLook) serve_sockets();
     remove_gone();
     return frames;
   }
