@@ -129,9 +129,11 @@ void measure(Client& client, const Query& query, Floor& floor, const Options& o,
     return {.answered = answered};
   };
   Series warmup;
+  floor.tune();
   drive(echo, report.rate_hz, o.warmup_s * kFloorPart, warmup);
   drive(ask, report.rate_hz, o.warmup_s, warmup);
   for (int round = 0; round < kRounds; ++round) {
+    floor.tune();
     drive(echo, report.rate_hz, o.seconds * kFloorPart / kRounds, report.floor);
     drive(ask, report.rate_hz, o.seconds / kRounds, report.ours);
   }
@@ -171,10 +173,10 @@ void run(const Options& o) {
     report.size = size_of(q.query, reply);
   }
   const std::unique_ptr<Floor> floor = open_floor(report.url, report.size);
-  report.floor_description = floor->description();
   if (o.output == Output::kTable)
     std::cerr << "measuring for about " << (1 + kFloorPart) * (o.seconds + o.warmup_s) << " s ...\n";
   measure(client, q.query, *floor, o, report);
+  report.floor_description = floor->description();
   print_report(report, std::cout, o.output);
   if (!o.csv.empty()) append_csv(report, o.csv);
 }

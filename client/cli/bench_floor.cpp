@@ -1,14 +1,15 @@
 #include "bench_floor.h"
 
 #include <fcntl.h>
+#include <sched.h>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <stdexcept>
 
@@ -18,6 +19,17 @@ namespace clearance::cli {
 namespace {
 
 constexpr const char* kReady = "ready ";
+
+/// Where the bench was pinned to some CPUs (taskset), its echo has the others, as the daemon will have.
+void take_other_cpus() {
+  cpu_set_t ours, others;
+  if (::sched_getaffinity(0, sizeof ours, &ours) != 0) return;
+  CPU_ZERO(&others);
+  const long online = ::sysconf(_SC_NPROCESSORS_ONLN);
+  for (long cpu = 0; cpu < std::min<long>(online, CPU_SETSIZE); ++cpu)
+    if (!CPU_ISSET(cpu, &ours)) CPU_SET(cpu, &others);
+  if (CPU_COUNT(&others) > 0) ::sched_setaffinity(0, sizeof others, &others);  // if not allowed, so be it
+}
 
 }  // namespace
 
@@ -79,6 +91,7 @@ int run_echo(const std::vector<std::string>& arguments) {
   // Not to be left behind by a parent that was killed, even just now.
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != std::stoi(arguments[0])) return 1;
+  take_other_cpus();
   const std::string& kind = arguments[1];
   const std::vector<std::string> rest(arguments.begin() + 2, arguments.end());
   if (kind == "shm") return run_shm_echo(rest);

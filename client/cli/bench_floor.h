@@ -23,6 +23,8 @@ class Floor {
   virtual ~Floor() = default;
   /// Sends the request's bytes and waits for the reply's. False if nothing came in time (LCM may lose messages).
   virtual bool exchange() = 0;
+  /// Chooses what is best at the moment, by a few exchanges.
+  virtual void tune() {}
   virtual std::string description() const = 0;
 };
 

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "bench_floor.h"
+#include "bench_samples.h"
 #include "client/shm_os.h"
 
 namespace clearance::cli {
@@ -20,9 +21,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-// As the client's and the daemon's defaults.
-constexpr std::chrono::nanoseconds kClientSpin = 20us;
-constexpr std::chrono::nanoseconds kServerSpin = 50us;
+constexpr std::chrono::nanoseconds kSpins[] = {0us, 20us, 200us};
+constexpr int kTrials = 201;
 constexpr std::chrono::nanoseconds kNap = 10ms;
 constexpr std::chrono::seconds kGiveUp{5};
 constexpr std::uint64_t kPage = 4096;
@@ -33,6 +33,7 @@ struct Line {
 };
 struct Words {
   Line request, reply;
+  alignas(64) std::atomic<std::int64_t> spin_ns;  ///< of both sides
 };
 static_assert(sizeof(Words) <= kPage);
 
@@ -68,14 +69,14 @@ void post(Line& line, std::uint32_t count) {
 }
 
 /// Waits until the line's count is no longer `seen`; false after `timeout`.
-bool await(Line& line, std::uint32_t seen, std::chrono::nanoseconds spin, std::chrono::nanoseconds timeout) {
+bool await(Line& line, std::uint32_t seen, const Words& words, std::chrono::nanoseconds timeout) {
   const auto begin = Clock::now();
   do {
     for (int i = 0; i < 16; ++i) {
       if (line.count.load(std::memory_order_acquire) != seen) return true;
       shm::cpu_relax();
     }
-  } while (Clock::now() - begin < spin);
+  } while (Clock::now() - begin < std::chrono::nanoseconds(words.spin_ns.load(std::memory_order_relaxed)));
   for (;;) {
     line.waiting.store(1, std::memory_order_seq_cst);
     if (line.count.load(std::memory_order_seq_cst) == seen) shm::futex_wait(line.count, seen, kNap);
@@ -99,12 +100,30 @@ class ShmFloor final : public Floor {
     std::memcpy(memory_.request(), request_.data(), request_.size());
     const std::uint32_t seen = count_++;
     post(memory_.words().request, count_);
-    while (!await(memory_.words().reply, seen, kClientSpin, kGiveUp))
+    while (!await(memory_.words().reply, seen, memory_.words(), kGiveUp))
       if (!echo_.alive()) throw std::runtime_error("floor: the echo process is gone");
     return true;
   }
+  void tune() override {
+    Samples best;
+    for (const auto spin : kSpins) {
+      memory_.words().spin_ns = spin.count();
+      Samples samples;
+      for (int i = 0; i < kTrials; ++i) {
+        const auto begin = Clock::now();
+        exchange();
+        samples.add(std::chrono::nanoseconds(Clock::now() - begin).count());
+      }
+      if (best.size() == 0 || samples.percentile_us(0.5) < best.percentile_us(0.5)) {
+        best = samples;
+        spin_ = spin;
+      }
+    }
+    memory_.words().spin_ns = spin_.count();
+  }
   std::string description() const override {
-    return "two processes on one memory, spinning 20 us (client) and 50 us (server) before a futex";
+    return "two processes on one memory, spinning " + std::to_string(spin_.count() / 1000) +
+           " us before a futex (the best of 0, 20 and 200)";
   }
 
  private:
@@ -119,6 +138,7 @@ class ShmFloor final : public Floor {
   Memory memory_;
   std::vector<std::byte> request_;
   std::uint32_t count_ = 0;
+  std::chrono::nanoseconds spin_{0};
   EchoProcess echo_;
 };
 
@@ -135,7 +155,7 @@ int run_shm_echo(const std::vector<std::string>& arguments) {
   if (::write(STDOUT_FILENO, "ready \n", 7) != 7) return 1;
   ::close(STDOUT_FILENO);
   for (std::uint32_t count = 0;;) {
-    if (!await(memory.words().request, count, kServerSpin, kGiveUp)) continue;
+    if (!await(memory.words().request, count, memory.words(), kGiveUp)) continue;
     std::memcpy(request.data(), memory.request(), request.size());
     std::memcpy(memory.reply(), reply.data(), reply.size());
     post(memory.words().reply, ++count);
