@@ -117,3 +117,23 @@ except ImportError as error:
 def test_unknown_attribute():
     with pytest.raises(AttributeError, match="module 'clearance' has no attribute 'Enigne'"):
         clearance.Enigne
+
+
+def test_dev_link_makes_a_venv_import_a_build(root, tmp_path):
+    """What `make build` does to .venv: one line in one file, written once."""
+    import venv
+
+    venv.create(tmp_path / "venv", with_pip=False)
+    python = tmp_path / "venv" / "bin" / "python"
+    build = tmp_path / "build"
+    (build / "python" / "clearance_here").mkdir(parents=True)
+    (build / "python" / "clearance_here" / "__init__.py").write_text("")
+    command = [python, root / "client" / "python" / "dev_link.py", build / "python"]
+    environment = {"PATH": "/usr/bin:/bin"}
+    first = subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout
+    assert f"imports come from {build / 'python'}" in first
+    link = next((tmp_path / "venv").rglob("clearance_dev.pth"))
+    before = link.stat().st_mtime_ns
+    assert subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout == ""
+    assert link.stat().st_mtime_ns == before
+    subprocess.run([python, "-c", "import clearance_here"], check=True, env=environment)
