@@ -258,12 +258,12 @@ bool LcmBus::wait(std::chrono::steady_clock::time_point deadline) const {
 bool LcmPacer::ready(Clock::time_point now) {
   const double passed = std::chrono::duration<double>(now - last_).count();
   last_ = now;
-  allowance_ = std::min(kBurstBytes, allowance_ + passed * kBytesPerSecond);
+  allowance_ = std::min(kBurstBytes, allowance_ + passed * bytes_per_second_);
   return allowance_ > 0;
 }
 
 std::chrono::nanoseconds LcmPacer::pause() const {
-  const double seconds = std::max(0.0, -allowance_) / kBytesPerSecond;
+  const double seconds = std::max(0.0, -allowance_) / bytes_per_second_;
   return std::chrono::nanoseconds(static_cast<std::int64_t>(seconds * 1e9) + 100000);
 }
 

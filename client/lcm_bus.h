@@ -100,6 +100,8 @@ class LcmPacer {
   static constexpr double kBurstBytes = 96 * 1024;
   static constexpr double kBytesPerSecond = 128e6;
 
+  explicit LcmPacer(double bytes_per_second = kBytesPerSecond) : bytes_per_second_(bytes_per_second) {}
+
   /// Whether more may be sent now.
   bool ready(Clock::time_point now);
   void sent(std::size_t bytes) { allowance_ -= static_cast<double>(bytes); }
@@ -107,6 +109,7 @@ class LcmPacer {
   std::chrono::nanoseconds pause() const;
 
  private:
+  double bytes_per_second_;
   double allowance_ = kBurstBytes;
   Clock::time_point last_ = Clock::now();
 };

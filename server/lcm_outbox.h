@@ -15,6 +15,11 @@ namespace clearance {
 class LcmOutbox {
  public:
   using Clock = std::chrono::steady_clock;
+  /// What nobody waits for goes out slowly: the announcements of a large scene would fill small buffers every second.
+  static constexpr double kAnnouncedBytesPerSecond = 8e6;
+
+  explicit LcmOutbox(double bytes_per_second = LcmPacer::kBytesPerSecond) : pacer_(bytes_per_second) {}
+
   /// Sends part `i`; returns the bytes of its message, 0 if the system refused it.
   using SendPart = std::function<std::size_t(std::uint64_t i)>;
   /// Memory that may wait here.

@@ -73,7 +73,8 @@ struct Counters {
 struct Link {
   explicit Link(const LcmAddress& address) : bus(address) {}
   LcmBus bus;
-  LcmOutbox outbox;
+  LcmOutbox outbox;                                                 // answers, distances
+  LcmOutbox announcements{LcmOutbox::kAnnouncedBytesPerSecond};  // scene, states, status
   std::int64_t server_id = draw_lcm_id();
   std::int64_t last_sequence = 0;
   std::uint64_t published = 0, dropped = 0;
@@ -86,6 +87,14 @@ struct Link {
     ++published;
     if (!outbox.push(parts, bytes, std::move(send_part))) ++dropped;
     outbox.flush(Clock::now());
+  }
+  template <class Message>
+  void push_all(LcmOutbox& box, const char* channel, std::vector<Message> messages) {
+    const auto held = std::make_shared<std::vector<Message>>(std::move(messages));
+    const bool taken = box.push(held->size(), held->size() * kLcmMessageBytes,
+                                [this, channel, held](std::uint64_t i) { return send(channel, (*held)[i]); });
+    if (!taken) ++dropped;
+    box.flush(Clock::now());
   }
 };
 
@@ -409,12 +418,13 @@ class LcmTransport final : public Transport {
       ask_distances();
     }
     link_->outbox.flush(Clock::now());
+    link_->announcements.flush(Clock::now());
     counters_->publishers = publishers_.size();
     counters_->given_up = assembler_.counts().given_up;
     counters_->replies = link_->published;
     counters_->dropped = link_->dropped;
-    counters_->sent = link_->outbox.sent();
-    counters_->failed = link_->outbox.failed();
+    counters_->sent = link_->outbox.sent() + link_->announcements.sent();
+    counters_->failed = link_->outbox.failed() + link_->announcements.failed();
     arm_timer();
   }
 
@@ -434,24 +444,17 @@ class LcmTransport final : public Transport {
     };
   }
 
-  template <class Message>
-  static void push_all(Link& link, const char* channel, std::vector<Message> messages) {
-    const auto held = std::make_shared<std::vector<Message>>(std::move(messages));
-    link.push(held->size(), held->size() * kLcmMessageBytes,
-              [&link, channel, held](std::uint64_t i) { return link.send(channel, (*held)[i]); });
-  }
-
   void ask_scene() {
     ask(wire::FrameType::kDescribe, [this](Link& link, std::span<const std::byte> frame) {
       auto messages = scene_messages(frame, link.server_id);
       backend_ = messages.front().backend;
-      push_all(link, "CLEARANCE_SCENE", std::move(messages));
+      link.push_all(link.announcements, "CLEARANCE_SCENE", std::move(messages));
     });
   }
 
   void ask_states() {
     ask(wire::FrameType::kGetStates, [this](Link& link, std::span<const std::byte> frame) {
-      push_all(link, "CLEARANCE_STATES", states_messages(frame, link.server_id, ++states_sequence_, scene_revision_));
+      link.push_all(link.announcements, "CLEARANCE_STATES", states_messages(frame, link.server_id, ++states_sequence_, scene_revision_));
     });
   }
 
@@ -462,7 +465,7 @@ class LcmTransport final : public Transport {
       message.uptime_ns = (Clock::now() - opened_).count();
       message.scene_revision = static_cast<std::int64_t>(scene_revision_);
       message.backend = backend_;
-      push_all(link, "CLEARANCE_STATUS", std::vector{std::move(message)});
+      link.push_all(link.announcements, "CLEARANCE_STATUS", std::vector{std::move(message)});
     });
   }
 
@@ -475,7 +478,7 @@ class LcmTransport final : public Transport {
     asked_at_ = Clock::now();
     const auto take = guarded([this](Link& link, std::span<const std::byte> frame) {
       asked_distances_ = false;
-      push_all(link, "CLEARANCE_DISTANCES", distances_messages(frame, link.server_id, ++distances_sequence_));
+      link.push_all(link.outbox, "CLEARANCE_DISTANCES", distances_messages(frame, link.server_id, ++distances_sequence_));
     });
     hand_in(nearest_query_frame(), std::make_unique<OwnSink>(link_, own_client_, take));
   }
@@ -484,6 +487,7 @@ class LcmTransport final : public Transport {
   void arm_timer() {
     const auto now = Clock::now();
     auto due = link_->outbox.due();
+    if (const auto other = link_->announcements.due()) due = due ? std::min(*due, *other) : *other;
     if (distances_wanted()) {
       due = due ? std::min(*due, next_distances_) : next_distances_;
     }

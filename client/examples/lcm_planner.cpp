@@ -130,7 +130,7 @@ class Planner {
     subscription->setQueueCapacity(1000);  // a long answer is many messages; 30 would be kept otherwise
   }
   void on_scene(const lcm::ReceiveBuffer*, const std::string&, const scene_t* m) { scene_.keep(m->server_id, m->revision, *m); }
-  void on_states(const lcm::ReceiveBuffer*, const std::string&, const states_t* m) { states_.keep(m->server_id, m->sequence, *m); }
+  void on_states(const lcm::ReceiveBuffer*, const std::string&, const states_t* m) { states_.keep(m->server_id, m->scene_revision, *m); }
   void on_reply(const lcm::ReceiveBuffer*, const std::string&, const reply_t* m) {
     // Parts of one answer share a sequence; those of different answers never mix.
     if (m->client_id == id_ && m->request_id == request_) replies_.keep(m->server_id, m->sequence, *m);

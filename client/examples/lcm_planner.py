@@ -36,7 +36,7 @@ class Planner:
         self.published = 0.0
         self.scene_parts, self.state_parts, self.reply_parts = {}, {}, {}
         self.subscribe("CLEARANCE_SCENE", scene_t, lambda m: self.scene_parts.setdefault(m.revision, {}).update({m.part: m}))
-        self.subscribe("CLEARANCE_STATES", states_t, lambda m: self.state_parts.setdefault(m.sequence, {}).update({m.part: m}))
+        self.subscribe("CLEARANCE_STATES", states_t, lambda m: self.state_parts.setdefault(m.scene_revision, {}).update({m.part: m}))
         self.subscribe("CLEARANCE_REPLY", reply_t, self.on_reply)
 
     def subscribe(self, channel, kind, handler):

@@ -70,11 +70,11 @@ class Publisher:
         self.keep(self.scene, scene_t.decode(data), "revision")
 
     def on_states(self, _, data):
-        self.keep(self.states, states_t.decode(data), "sequence")
+        self.keep(self.states, states_t.decode(data), "scene_revision")
 
     @staticmethod
     def keep(store, message, key):
-        """Collects the parts of one revision (or sequence); a newer one begins anew."""
+        """Collects the parts of one scene (those of another begin anew); a lost one comes again the next second."""
         value = (message.server_id, getattr(message, key))
         if store.get("key") != value:
             store.clear()
@@ -87,7 +87,7 @@ class Publisher:
         if not self.scene.get("whole") or self.scene["key"] == self.revision:
             return
         revision = self.scene["key"][1]
-        if not self.states.get("whole") or self.states["parts"][0].scene_revision != revision:
+        if not self.states.get("whole") or self.states["key"] != self.scene["key"]:
             return
         extent, movable = {}, []
         for part in self.scene["parts"].values():
