@@ -1,0 +1,122 @@
+"""What the README and the pages say is true: examples run, links lead somewhere, tables are those of the result files."""
+import os
+import re
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
+
+
+def code_blocks(path, language):
+    return re.findall(rf"^```{language}\n(.*?)^```", (ROOT / path).read_text(), re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture
+def daemon(tmp_path):
+    """The daemon that the README starts, with its sockets in tmp_path. Gives a function that places a text there, too."""
+    command, = re.findall(r"^    (build/bin/clearanced .*)$", (ROOT / "README.md").read_text(), re.MULTILINE)
+
+    def place(text):
+        assert "/tmp/clearance." in text
+        return text.replace("/tmp/clearance.", f"{tmp_path}/clearance.")
+
+    arguments = place(command).replace("build/bin/", f"{BUILD}/bin/").split()
+    read_end, write_end = os.pipe()
+    process = subprocess.Popen([*arguments, "--ready-fd", str(write_end)], cwd=ROOT, pass_fds=[write_end])
+    os.close(write_end)
+    try:
+        with os.fdopen(read_end) as ready:
+            assert ready.read(), "clearanced ended before it was ready"
+        yield place
+    finally:
+        process.terminate()
+        assert process.wait(timeout=20) == 0
+
+
+@pytest.fixture
+def engine():
+    import clearance
+
+    return clearance.Engine(clearance.Scene.load(ROOT / "scenes/nineteen/scene.yaml"))
+
+
+def run_python(code, *arguments):
+    done = subprocess.run([sys.executable, "-c", code, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_python_example_of_the_readme(daemon, engine):
+    code, = code_blocks("README.md", "python")
+    printed = [line.split() for line in run_python(daemon(code)).splitlines()]
+    expected = engine.distances(reduce="within", max_distance=0.2)
+    names = [body.name for body in engine.bodies]
+    assert [(a, b) for a, b, _, _ in printed] == [(names[a], names[b]) for a, b in expected.pairs]
+    assert len(printed) > 1
+    for (_, _, low, high), lower, upper in zip(printed, expected.lower, expected.upper):
+        assert (float(low), float(high)) == (lower, upper)
+
+
+def test_cpp_example_of_the_readme(daemon, engine, tmp_path):
+    """Built as a user would: against an installed Clearance, through find_package."""
+    code, = code_blocks("README.md", "cpp")
+    prefix, source, build = tmp_path / "prefix", tmp_path / "source", tmp_path / "out"
+    source.mkdir()
+    (source / "main.cpp").write_text(daemon(code))
+    (source / "CMakeLists.txt").write_text(textwrap.dedent("""\
+        cmake_minimum_required(VERSION 3.22)
+        project(example CXX)
+        find_package(Clearance REQUIRED)
+        add_executable(example main.cpp)
+        target_link_libraries(example PRIVATE Clearance::client)
+        """))
+    for command in (["cmake", "--install", BUILD, "--prefix", prefix],
+                    ["cmake", "-S", source, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}"],
+                    ["cmake", "--build", build]):
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stdout + done.stderr
+    done = subprocess.run([build / "example"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    a, b, low, high = re.fullmatch(r"nearest: (\S+) and (\S+), between (\S+) and (\S+) m\n", done.stdout).groups()
+
+    engine.set_poses({engine.bodies[0].name: [0.5, 0, 0.3, 1, 0, 0, 0]})
+    expected = engine.distances(reduce="min")
+    assert [a, b] == [engine.bodies[i].name for i in expected.pairs[0]]
+    assert [float(low), float(high)] == pytest.approx([expected.lower[0], expected.upper[0]], rel=1e-5)
+
+
+def test_the_client_of_the_wire_page(daemon, engine, tmp_path):
+    code, = code_blocks("docs/wire.md", "python")
+    printed = [line.split() for line in run_python(code, daemon("ipc:///tmp/clearance.ipc")).splitlines()]
+    expected = engine.distances(reduce="nearest")
+    names = np.array([body.name for body in engine.bodies])
+    assert [(a, b) for a, b, _ in printed] == [tuple(pair) for pair in names[expected.pairs[0]]]
+    np.testing.assert_allclose([float(d) for _, _, d in printed], expected.distance[0], atol=5e-7)
+
+
+def test_links_lead_somewhere():
+    pages = [ROOT / name for name in subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True,
+                                                    check=True).stdout.split()] or list(ROOT.glob("*.md"))
+    checked = 0
+    for page in pages:
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
+            assert (page.parent / target).exists(), f"{page.relative_to(ROOT)} links to {target}, which is not there"
+            checked += 1
+    assert checked > 10
+
+
+def test_every_page_is_listed():
+    index = (ROOT / "docs/README.md").read_text()
+    missing = [page.name for page in (ROOT / "docs").glob("*.md") if page.name != "README.md" and f"({page.name})" not in index]
+    assert not missing, f"docs/README.md does not list {missing}"
+
+
+def test_tables_are_those_of_the_result_files():
+    done = subprocess.run([sys.executable, "tools/readme_tables.py", "--check"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -1,0 +1,309 @@
+"""The demo: a daemon, moving poses over LCM, and one question through three transports.
+
+Starts clearanced on a scene, moves its bodies from a separate process, asks for every body's nearest neighbour through
+shared memory (Python), ZeroMQ (C++) and LCM (Python) at one pose revision, compares the answers bit for bit, measures
+latency, and draws a picture. Ends by itself and leaves nothing behind.
+"""
+import argparse
+import csv
+import io
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "build/python"))
+
+import clearance  # noqa: E402
+from processes import DemoError, Stage  # noqa: E402
+from service import BIN, ROUTE, start_daemon  # noqa: E402
+
+FIELDS = ("default", "points", "pair")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--scene", default=ROOT / "scenes/nineteen/scene.yaml", type=Path)
+    parser.add_argument("--picture", default=ROOT / "out/demo.png", type=Path)
+    parser.add_argument("--seconds", default=2.0, type=float, help="of latency measurement for each transport")
+    parser.add_argument("--move", default=2.0, type=float, help="seconds that the bodies move before the question")
+    options = parser.parse_args()
+
+    stage = Stage()
+    status = 1
+    try:
+        with stage:
+            run(stage, options)
+            status = 0
+    except KeyboardInterrupt:
+        print("\nInterrupted.")
+        status = 130
+    except (DemoError, clearance.ClearanceError, OSError) as error:
+        print(f"\nThe demo failed: {error}", file=sys.stderr)
+    finally:
+        left = stage.left_behind()
+        if left:
+            print("Left behind: " + ", ".join(left), file=sys.stderr)
+            status = status or 1
+        else:
+            print("Left behind: nothing (no process, no socket, no shared memory)")
+    return status
+
+
+def run(stage, options):
+    scene = clearance.Scene.load(options.scene)
+    names = [body.name for body in scene.bodies]
+    say(f"Scene     {shown(options.scene)}: {len(names)} bodies")
+
+    daemon, urls, seconds = start_daemon(stage, options.scene)
+    say(f"Daemon    clearanced (process {daemon.pid}), ready after {seconds:.2f} s")
+    if "lcm" not in urls:
+        say("LCM       left out: this machine has no multicast route. As root, this adds one for this machine alone:")
+        say(f"              {ROUTE}")
+
+    with clearance.connect(urls["shm"]) as client:
+        mover = Mover(stage, client, urls.get("lcm"))
+        say(f"Poses     {mover.describe()}")
+        mover.move(options.move)
+        say()
+        answers, states, attempts = ask_everywhere(client, urls, mover)
+        compare(answers, attempts)
+        print_table(names, answers["shm"])
+        print_latency(urls, options.seconds)
+    draw_picture(options, scene, states, answers["shm"])
+
+
+# ---- poses ------------------------------------------------------------------------------------------------------------
+
+
+class Mover:
+    """Moves the bodies: a separate process over LCM, or, where there is no multicast, this one through shared memory."""
+
+    def __init__(self, stage, client, lcm_url):
+        self.stage, self.client, self.process = stage, client, None
+        if lcm_url:
+            script = ROOT / "client/examples/pose_publisher.py"
+            self.process = stage.start("pose_publisher", [sys.executable, script, "--lcm", lcm_url, "--rate", "100"])
+        self.first = self.revision()
+
+    def revision(self):
+        """The poses' revision as the daemon has it now."""
+        return self.client.distances(reduce="min", max_distance=0.0).snapshot_revision
+
+    def describe(self):
+        if self.process:
+            return f"pose_publisher.py (process {self.process.pid}) moves every body 100 times a second over LCM"
+        return "moved by this process through shared memory"
+
+    def move(self, seconds):
+        """Lets the bodies move for a while; with a publisher, at least until its poses have arrived."""
+        deadline = time.monotonic() + seconds
+        if self.process:
+            self.stage.wait_until(lambda: self.revision() > self.first + 10, "the publisher's poses to arrive")
+            while time.monotonic() < deadline:
+                self.stage.check()
+                time.sleep(0.05)
+            return
+        start = [(body.id, state.pose) for body, state in zip(self.client.bodies, self.client.body_states())
+                 if not body.is_static and state.status == clearance.Status.OK]
+        while (left := deadline - time.monotonic()) > 0:
+            self.client.set_poses({i: wandered(i, pose, seconds - left) for i, pose in start})
+            time.sleep(0.01)
+
+    def pause(self):
+        """Nobody moves a body until resume(). What was sent before may still arrive."""
+        if self.process:
+            os.kill(self.process.pid, signal.SIGSTOP)
+
+    def resume(self):
+        if self.process:
+            os.kill(self.process.pid, signal.SIGCONT)
+
+
+def wandered(body, pose, t):
+    """A pose a little off `pose`: a small circle for each body, with a phase of its own."""
+    moved = np.array(pose)
+    moved[:2] += 0.05 * np.array([np.cos(2 * t + body) - np.cos(body), np.sin(2 * t + body) - np.sin(body)])
+    return moved
+
+
+# ---- the question -----------------------------------------------------------------------------------------------------
+
+
+def ask_everywhere(client, urls, mover):
+    """Asks for every body's nearest neighbour through each transport, until all answers are of one pose revision.
+
+    Returns {transport: Answer}, the poses (as body states) they are of, and how often it took to ask.
+    """
+    lcm = clearance.connect(urls["lcm"]) if "lcm" in urls else None
+    mover.pause()
+    try:
+        for attempt in range(1, 101):
+            answers = {"shm": ask_python(client), "zmq": ask_cpp(client, urls["zmq"])}
+            if lcm:
+                answers["lcm"] = ask_python(lcm)
+            states = client.body_states()
+            revisions = {answer.revision for answer in answers.values()} | {mover.revision()}
+            if len(revisions) == 1:
+                return answers, states, attempt
+            time.sleep(0.01)
+        raise DemoError("poses kept changing although their publisher was stopped")
+    finally:
+        mover.resume()
+        if lcm:
+            lcm.close()
+
+
+class Answer:
+    """Every body's nearest neighbour: ids (N,) and columns (N,) or (N, 3), row i for body i."""
+
+    def __init__(self, revision, neighbour, status, distance, lower, upper, point, other_point):
+        self.revision = revision
+        self.neighbour = np.asarray(neighbour, dtype=np.uint32)
+        self.status = np.asarray(status, dtype=np.uint8)
+        self.distance, self.lower, self.upper, self.point, self.other_point = (
+            np.ascontiguousarray(column, dtype=np.float64) for column in (distance, lower, upper, point, other_point))
+
+    COLUMNS = ("neighbour", "status", "distance", "lower", "upper", "point", "other_point")
+
+    def differences(self, other):
+        """Names of the columns whose bits differ."""
+        return [name for name in self.COLUMNS if getattr(self, name).tobytes() != getattr(other, name).tobytes()]
+
+
+def ask_python(client):
+    r = client.distances(reduce="nearest", fields=FIELDS)
+    pairs = r.pairs[0]
+    bodies = np.arange(len(pairs))
+    first = pairs[:, 0] == bodies  # else the body is the second of its pair
+    return Answer(r.snapshot_revision, np.where(first, pairs[:, 1], pairs[:, 0]), r.status[0], r.distance[0], r.lower[0],
+                  r.upper[0], np.where(first[:, None], r.point_a[0], r.point_b[0]),
+                  np.where(first[:, None], r.point_b[0], r.point_a[0]))
+
+
+def ask_cpp(client, url):
+    """The same through client/examples/nearest.cpp, whose 17 digits give back the same bits."""
+    done = subprocess.run([ROOT / "build/examples/nearest", url], capture_output=True, text=True, timeout=60)
+    if done.returncode:
+        raise DemoError(done.stderr.strip())
+    first, text = done.stdout.split("\n", 1)
+    rows = list(csv.DictReader(io.StringIO(text)))
+    ids = {body.name: body.id for body in client.bodies}
+
+    def numbers(*names):
+        return np.array([[float(row[name]) for name in names] for row in rows])
+
+    return Answer(int(first.split()[-1]), [ids.get(row["neighbour"], clearance.NONE) for row in rows],
+                  [int(row["status"]) for row in rows], *numbers("distance", "lower", "upper").T,
+                  numbers("x", "y", "z"), numbers("other_x", "other_y", "other_z"))
+
+
+def compare(answers, attempts):
+    """Says whether the transports agree; raises DemoError if they do not."""
+    reference = answers["shm"]
+    say(f"Every body's nearest neighbour at pose revision {reference.revision}"
+        + (f" (asked {attempts} times until all were of one revision)" if attempts > 1 else ""))
+    for transport, answer in answers.items():
+        different = reference.differences(answer)
+        if different:
+            raise DemoError(f"{WAYS[transport]} differs from shared memory in {', '.join(different)}")
+        say(f"  {WAYS[transport]:24} {len(answer.distance)} rows"
+            + ("" if answer is reference else ", the same bits in every column"))
+    say()
+
+
+# ---- what is shown ----------------------------------------------------------------------------------------------------
+
+WAYS = {"shm": "shared memory (Python)", "zmq": "ZeroMQ (C++)", "lcm": "LCM (Python)"}
+
+
+def print_table(names, answer):
+    width = max(map(len, names + ["nearest neighbour"]))
+    say(f"  {'body':{width}}  {'nearest neighbour':{width}}  {'distance [m]':>12}  {'lower':>18}  {'upper':>18}  status")
+    for i, name in enumerate(names):
+        other = names[answer.neighbour[i]] if answer.neighbour[i] < len(names) else "(none)"
+        say(f"  {name:{width}}  {other:{width}}  {answer.distance[i]:12.6f}  {answer.lower[i]:18.15f}"
+            f"  {answer.upper[i]:18.15f}  {status_word(answer.status[i])}")
+    say()
+
+
+def print_latency(urls, seconds):
+    """Queries one after another through each transport, timed around the call of the Python client."""
+    for transport, url in urls.items():
+        with clearance.connect(url) as client:
+            if transport == "shm":
+                say(f"Latency of a query of {len(client.pairs)} pairs from Python, one after another for {seconds:g} s, "
+                    "bodies still moving")
+            for _ in range(20):
+                client.distances(fields="default")
+            times, end = [], time.perf_counter() + seconds
+            while (before := time.perf_counter()) < end:
+                client.distances(fields="default")
+                times.append(time.perf_counter() - before)
+        p50, p99 = np.percentile(times, [50, 99]) * 1e6
+        say(f"  {WAYS[transport].split(' (')[0]:24} p50 {p50:7.0f} us   p99 {p99:7.0f} us   {len(times)} queries")
+    say()
+
+
+def draw_picture(options, scene, states, answer):
+    import picture  # matplotlib takes a while to load
+
+    started = time.monotonic()
+    names = [body.name for body in scene.bodies]
+    meshes = []
+    for body, state in zip(scene.bodies, states):
+        vertices, triangles = scene.display_mesh(body.id) or hull_of(np.concatenate([v for v, _ in scene.pieces(body.id)]))
+        meshes.append((vertices @ rotation(state.pose[3:]).T + state.pose[:3], triangles))
+    rows = [{"body": i, "neighbour": int(answer.neighbour[i]), "status": status_word(answer.status[i]),
+             "distance": answer.distance[i], "point": answer.point[i], "other_point": answer.other_point[i]}
+            for i in range(len(names))]
+    options.picture.parent.mkdir(parents=True, exist_ok=True)
+    picture.draw(options.picture, names, meshes, rows, title=f"{options.scene.parent.name}: every body's nearest neighbour",
+                 footnote=f"pose revision {answer.revision}; distances with certified bounds, in metres")
+    say(f"Picture   {shown(options.picture)} ({time.monotonic() - started:.0f} s)")
+
+
+# ---- small things -----------------------------------------------------------------------------------------------------
+
+
+def say(line=""):
+    print(line, flush=True)
+
+
+def shown(path):
+    return os.path.relpath(path)
+
+
+def status_word(value):
+    return clearance.Status(value).name.lower()
+
+
+def hull_of(points):
+    """Triangles of the hull of a few points (bodies given as points have no mesh of their own), by trying all of them."""
+    points = points[:60]
+    triples = np.array(list(itertools.combinations(range(len(points)), 3)), dtype=np.int64).reshape(-1, 3)
+    a, b, c = (points[triples[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    side = np.einsum("tk,tpk->tp", normals, points[None] - a[:, None])
+    small = 1e-9 * np.abs(side).max(initial=0.0)
+    above, below = (side > small).any(1), (side < -small).any(1)
+    outward = np.where(above[:, None], triples[:, ::-1], triples)
+    return points, outward[~(above & below) & (np.abs(normals).max(1) > 0)]
+
+
+def rotation(q):
+    """(3, 3) from a quaternion w, x, y, z of any norm."""
+    w, x, y, z = q / np.linalg.norm(q)
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,61 @@
+"""Starting clearanced for the demo and the benchmark: where it listens, how it says that it is ready."""
+import os
+import random
+import socket
+import struct
+import time
+from pathlib import Path
+
+from processes import DemoError, ReadyNotice
+
+ROOT = Path(__file__).resolve().parents[1]
+BIN = ROOT / "build/bin"
+GROUP = "239.255.76.67"  # LCM's own multicast address
+ROUTE = f"ip link set lo up && ip route add {GROUP}/32 dev lo"
+
+
+def start_daemon(stage, scene):
+    """Starts clearanced on a scene file with its sockets in the stage's folder, and waits until it serves.
+
+    Returns the process, {"shm": url, "zmq": url, "lcm": url} (lcm only where multicast works), and the seconds it took.
+    """
+    urls = {"shm": f"shm://{stage.folder}/shm.sock", "zmq": f"ipc://{stage.folder}/zmq.sock"}
+    command = [BIN / "clearanced", "--scene", scene, "--shm", urls["shm"][len("shm://"):], "--zmq", urls["zmq"]]
+    port = free_udp_port()
+    if multicast_works(port):
+        urls["lcm"] = f"udpm://{GROUP}:{port}?ttl=0"
+        command += ["--lcm", urls["lcm"]]
+    notice = ReadyNotice(stage.folder)
+    started = time.monotonic()
+    process = stage.start("clearanced", command, env={**os.environ, "NOTIFY_SOCKET": notice.path})
+    stage.wait_until(notice.arrived, "clearanced to become ready")
+    return process, urls, time.monotonic() - started
+
+
+def free_udp_port():
+    """A port that no other daemon on this machine listens on at the moment."""
+    for port in random.SystemRandom().sample(range(20000, 30000), 100):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", port))
+                return port
+            except OSError:
+                continue
+    raise DemoError("found no free UDP port between 20000 and 30000")
+
+
+def multicast_works(port):
+    """True if a datagram to LCM's multicast group comes back to this machine."""
+    word = random.randbytes(16)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver, \
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        try:
+            receiver.bind(("", port))
+            receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP,
+                                struct.pack("4sI", socket.inet_aton(GROUP), socket.INADDR_ANY))
+            receiver.settimeout(1.0)
+            sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+            sender.sendto(word, (GROUP, port))
+            return receiver.recv(64) == word
+        except OSError:
+            return False
