@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test demo certify clean
+.PHONY: help setup build test demo bench certify clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -20,8 +20,11 @@ test: build  ## every test: ctest, then pytest
 	@ctest --test-dir build -j $(CORES) --output-on-failure
 	@$(PYTHON_VENV) -m pytest -q tests/python
 
-demo: build  ## 19 moving bodies asked about through all three transports; a table, latencies, out/demo.png
+demo: build  ## 19 moving bodies asked about through all three transports; out/demo.png
 	@$(PYTHON_VENV) tools/demo.py
+
+bench: build  ## latency and throughput of every transport: out/latency.csv
+	@$(PYTHON_VENV) tools/bench.py
 
 certify: build  ## a million pairs of every hard class against exact arithmetic; rewrites docs/results/accuracy.csv
 	@mkdir -p out

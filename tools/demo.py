@@ -75,7 +75,7 @@ def run(stage, options):
         answers, states, attempts = ask_everywhere(client, urls, mover)
         compare(answers, attempts)
         print_table(names, answers["shm"])
-        print_latency(urls, options.seconds)
+        print_latency(stage, urls, options.seconds)
     draw_picture(options, scene, states, answers["shm"])
 
 
@@ -233,21 +233,21 @@ def print_table(names, answer):
     say()
 
 
-def print_latency(urls, seconds):
-    """Queries one after another through each transport, timed around the call of the Python client."""
+def print_latency(stage, urls, seconds):
+    """Measures with the command line's benchmark, each transport in turn."""
+    file = stage.folder / "latency.csv"
     for transport, url in urls.items():
-        with clearance.connect(url) as client:
-            if transport == "shm":
-                say(f"Latency of a query of {len(client.pairs)} pairs from Python, one after another for {seconds:g} s, "
-                    "bodies still moving")
-            for _ in range(20):
-                client.distances(fields="default")
-            times, end = [], time.perf_counter() + seconds
-            while (before := time.perf_counter()) < end:
-                client.distances(fields="default")
-                times.append(time.perf_counter() - before)
-        p50, p99 = np.percentile(times, [50, 99]) * 1e6
-        say(f"  {WAYS[transport].split(' (')[0]:24} p50 {p50:7.0f} us   p99 {p99:7.0f} us   {len(times)} queries")
+        done = subprocess.run([BIN / "clearance", "bench", "--connect", url, "--pairs", "0", "--rate", "closed", "--seconds",
+                               str(seconds), "--csv", file], capture_output=True, text=True)
+        stage.check()
+        if done.returncode:
+            raise DemoError(f"clearance bench over {WAYS[transport]}: {done.stderr.strip()}")
+        row = list(csv.DictReader(file.open()))[-1]
+        if transport == "shm":
+            say(f"Latency of a query of {row['pairs']} pairs, one after another for {seconds:g} s, bodies still moving "
+                "(floor: a bare echo of as many bytes)")
+        say(f"  {WAYS[transport].split(' (')[0]:24} p50 {float(row['p50_us']):8.1f} us   p99 {float(row['p99_us']):8.1f} us   "
+            f"floor p50 {float(row['floor_p50_us']):6.1f} us")
     say()
 
 

@@ -4,8 +4,7 @@
     tools/readme_tables.py            write them
     tools/readme_tables.py --check    exit code 1 if they are not those of the files
 
-A table stands in the README between a line `<!-- table NAME -->` and a line `<!-- end -->`. A result file begins with lines
-`# key: value` that say what made it.
+A table stands in the README between a line `<!-- table NAME -->` and a line `<!-- end -->`.
 """
 import csv
 import sys
@@ -16,45 +15,60 @@ README = ROOT / "README.md"
 
 
 def read(name):
-    """(facts, rows) of docs/results/NAME.csv: what its first lines say about it, and its rows as dicts of strings."""
+    """(first line's remark, rows) of docs/results/NAME.csv."""
     lines = (ROOT / "docs/results" / f"{name}.csv").read_text().splitlines()
-    facts = dict(line[1:].strip().split(": ", 1) for line in lines if line.startswith("#") and ": " in line)
-    return facts, list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    remark = lines[0].lstrip("# ") if lines[0].startswith("#") else ""
+    return remark, list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
-def markdown(header, rows):
-    """A table whose first column is text and whose others are numbers."""
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" + "---:|" * (len(header) - 1)]
+def markdown(header, rows, words=1):
+    """A table whose first columns are words and whose others are numbers."""
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * words + "---:|" * (len(header) - words)]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def accuracy():
-    """Every answer of the campaign was judged by an exact oracle; one row for each kind of question."""
-    facts, rows = read("accuracy")
+    """The campaign against exact arithmetic: one row for each kind of question."""
+    remark, rows = read("accuracy")
     kinds = {}
     for row in rows:
-        kinds.setdefault((row["signed"], row["precision"], float(row["rel_tol"])), []).append(row)
+        if row["backend"] == "cpu":
+            kinds.setdefault((row["depth"] == "signed", row["precision"], float(row["rel_tol"])), []).append(row)
 
     def line(kind, rows):
         signed, precision, rel_tol = kind
-        what = "signed distance" if int(signed) else "distance"
+        what = "signed distance" if signed else "distance"
         what += ", float32 iterations" if precision == "f32" else ""
-        what += f", {rel_tol:g} relative" if rel_tol else ", as narrow as the arithmetic goes"
-        total = {key: sum(int(row[key]) for row in rows) for key in ("cases", "violations", "inaccurate", "unconverged")}
-        worst = max(float(row["worst_error"]) for row in rows)
-        return [what, f"{total['cases']:,}", str(total["violations"]), str(total["inaccurate"]), str(total["unconverged"]),
-                f"{worst:.2f}"]
+        what += f", to {rel_tol:g}" if rel_tol else ", as narrow as float64 goes"
+        total = {key: sum(int(row[key]) for row in rows) for key in ("cases", "violations", "unconverged")}
+        worst = {key: max(float(row[key]) for row in rows) for key in ("worst_error", "worst_width")}
+        return [what, f"{total['cases']:,}", str(total["violations"]), f"{worst['worst_error']:.2f}",
+                f"{worst['worst_width']:.2f}", str(total["unconverged"])]
 
-    table = markdown(["question", "answers judged", "bounds violated", "less accurate than asked", "unconverged",
-                      "worst error / allowed"], [line(kind, kinds[kind]) for kind in sorted(kinds)])
-    return f"{table}\n\n{made_by('accuracy', facts)}"
-
-
-def made_by(name, facts):
-    return f"From [docs/results/{name}.csv](docs/results/{name}.csv), made by `{facts['command']}` on {facts['machine']}."
+    table = markdown(["question", "answers judged", "intervals that miss", "worst error", "widest interval", "wider than asked"],
+                     [line(kind, kinds[kind]) for kind in sorted(kinds)])
+    return f"{table}\n\nFrom [docs/results/accuracy.csv](docs/results/accuracy.csv) ({remark}), by `build/bin/clearance-certify`."
 
 
-TABLES = {"accuracy": accuracy}
+def latency():
+    """Every transport, closed loop and at a fixed rate."""
+    _, rows = read("latency")
+    names = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
+
+    def line(row):
+        configurations = int(row["configs"])
+        question = f"{row['pairs']} pair{'s' if row['pairs'] != '1' else ''}"
+        question += f" x {configurations} configurations" if configurations else ""
+        question += "" if row["mode"] == "closed" else f", {float(row['mode']):g} a second"
+        return [question, names[row["transport"]],
+                *(f"{float(row[key]):,.0f}" for key in ("p50_us", "p99_us", "server_p50_us", "floor_p50_us"))]
+
+    table = markdown(["query", "transport", "p50 [us]", "p99 [us]", "server p50", "floor p50"], [line(row) for row in rows],
+                     words=2)
+    return f"{table}\n\nFrom [docs/results/latency.csv](docs/results/latency.csv), by `make bench` on {rows[0]['machine']}, {rows[0]['date'][:10]}."
+
+
+TABLES = {"accuracy": accuracy, "latency": latency}
 
 
 def fill(text):
