@@ -8,11 +8,11 @@ from typing import Any, Dict, List, Optional
 
 import numpy as np
 
-from . import _client
+import clearance._client as _client
 from ._errors import ConnectionError, QueryError, TimeoutError
 from ._front import BodyState, Front, PosesDone, Query, _number
 from ._future import Future
-from ._names import BodyInfo, NameTable, has_selectors
+from ._names import BodyInfo, NameTable
 from ._result import Result
 from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce, Status
 from .wire import ErrorCode
@@ -136,7 +136,7 @@ class Client(Front):
             rows = configurations * len(names.bodies)
         elif query.pairs is None and query.bodies is None:
             rows = configurations * self._pair_count
-        elif query.pairs is not None and not has_selectors(query.pairs):
+        elif query.pairs is not None and not query.selects:
             rows = configurations * len(query.pairs)
         else:
             rows = configurations * len(self._table(query.pairs, query.bodies))

@@ -8,7 +8,7 @@ from typing import Any, Dict, List, Optional
 
 import numpy as np
 
-from . import _engine
+import clearance._engine as _engine
 from ._errors import TimeoutError
 from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query
 from ._future import EngineFuture, Worker

@@ -54,7 +54,17 @@ class BodyState:
 class Query:
     """A query with every argument parsed: what is sent, and what is needed to shape the answer."""
 
-    __slots__ = ("raw", "reduce", "pairs", "bodies", "out", "timeout_s", "copy", "max_results")
+    __slots__ = ("raw", "reduce", "pairs", "selects", "bodies", "out", "timeout_s", "copy", "max_results")
+
+    raw: Any  #: the extension module's Query
+    reduce: int
+    pairs: Optional[np.ndarray]
+    selects: bool  #: some pair stands for more than one
+    bodies: Optional[np.ndarray]
+    out: Optional[Dict[str, np.ndarray]]
+    timeout_s: Optional[float]
+    copy: bool
+    max_results: int
 
     def out_list(self) -> "Optional[List[Optional[np.ndarray]]]":
         """The arrays to write into, one entry for each column, as the extension modules take them."""
@@ -301,6 +311,7 @@ class Front:
     ) -> Query:  # fmt: skip
         query = Query()
         query.pairs = None if pairs is None else self._names.pairs_array(pairs)
+        query.selects = query.pairs is not None and has_selectors(query.pairs)
         query.bodies = None
         poses = None
         count = 1
@@ -379,7 +390,7 @@ class Front:
         return Result(answer, query.reduce, query.out, self._known_pairs(query), _TableOf(self, query))
 
     def _known_pairs(self, query: Query) -> Optional[np.ndarray]:
-        if query.pairs is None or has_selectors(query.pairs):
+        if query.pairs is None or query.selects:
             return None
         return query.pairs.copy()
 
@@ -401,7 +412,7 @@ class _TableOf:
 
 
 def _names_of(mask: int) -> List[Tuple[str, int]]:
-    return [(field.name.lower(), int(field)) for field in Field if mask & field]
+    return [(str(field.name).lower(), int(field)) for field in Field if mask & field]
 
 
 def _stack_poses(poses: Mapping[Any, Any]) -> np.ndarray:

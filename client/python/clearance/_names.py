@@ -97,6 +97,8 @@ class NameTable:
 
 def has_selectors(pairs: np.ndarray) -> bool:
     """Whether some entry of (P, 2) selectors stands for more than one body."""
+    if not pairs.size or pairs.max() < GROUP_BIT:
+        return False
     return bool(((pairs >= GROUP_BIT) & (pairs != NONE)).any())
 
 

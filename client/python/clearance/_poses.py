@@ -27,7 +27,7 @@ def pose7_from_matrix(matrix: Any, what: str = "matrix") -> np.ndarray:
     m = np.asarray(matrix, dtype=np.float64)
     if m.ndim < 2 or m.shape[-2:] != (4, 4):
         raise ValueError(f"{what}: expected shape (..., 4, 4), got {m.shape}")
-    finite = np.isfinite(m).all(axis=(-2, -1))
+    finite = np.asarray(np.isfinite(m).all(axis=(-2, -1)))
     safe = m if finite.all() else np.where(finite[..., None, None], m, np.eye(4))
     _check_rigid(safe, what)
 

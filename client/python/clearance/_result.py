@@ -132,7 +132,7 @@ class Result:
     def _column(self, name: str) -> np.ndarray:
         column = COLUMNS[name]
         if not self.fields & (1 << column.bit):
-            if self.fields & Field.COMPACT and name in COMPACT_DTYPE.names:
+            if self.fields & Field.COMPACT and name in (COMPACT_DTYPE.names or ()):
                 return self.compact[name]
             have = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
             raise AttributeError(f"the column {name!r} was not asked for; fields were: {have}")

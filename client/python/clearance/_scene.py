@@ -8,7 +8,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
-from . import _engine
+import clearance._engine as _engine
 from ._front import _number
 from ._names import BodyInfo, NameTable
 from ._poses import as_pose7

@@ -1,0 +1,6 @@
+# Private: see _engine_front.py and _scene.py.
+from typing import Any
+
+Query: Any
+Engine: Any
+Scene: Any
