@@ -46,11 +46,12 @@ PlacedPair<T>::PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d&
 
 template <class T>
 double PlacedPair<T>::error(double units) const {
-  return scale > 0 ? units * Arithmetic<T>::kUnit * scale * (1 + 0x1p-49) + kUnderflowLength : 0;
+  return units * Arithmetic<T>::kUnit * scale * (1 + 0x1p-49) + kUnderflowLength;
 }
 
 template <class T>
-double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n, std::uint32_t hint_a, std::uint32_t hint_b) {
+double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& direction, std::uint32_t hint_a, std::uint32_t hint_b) {
+  const Vec3<T> n = rescaled(direction);
   const T length = norm(n);
   if (!(length > T(0))) return -kInf;
   const SupportPoint<T> sa = support(*pair.a, pair.R_wa.transpose_times(n), hint_a);
@@ -141,9 +142,10 @@ double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> ver
   edges.reserve(3 * faces.size());
   T ball = T(kInf);
   for (const CsoFace<T>& face : faces) {
-    const T length = norm(face.normal);
+    const Vec3<T> n = rescaled(face.normal);
+    const T length = norm(n);
     for (int i = 0; i < 3; ++i) {
-      const T beyond = dot(face.normal, w[face.vertex[i]]) / length;
+      const T beyond = dot(n, w[face.vertex[i]]) / length;
       if (!(beyond >= ball)) ball = beyond;  // also takes a NaN, which proves nothing below
       edges.push_back(std::uint64_t{face.vertex[i]} << 32 | face.vertex[(i + 1) % 3]);
     }

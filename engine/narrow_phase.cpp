@@ -68,7 +68,8 @@ class Answer {
   void raise_lower(double lower, const Vec3d& n) {
     if (!(lower > answer_.bounds.lower)) return;
     answer_.bounds.lower = lower;
-    answer_.normal = n * (1 / norm(n));
+    const Vec3d m = rescaled(n);
+    answer_.normal = m * (1 / norm(m));
   }
   void take_witness(const Witness& w) {
     if (!(w.upper < answer_.bounds.upper)) return;
