@@ -146,8 +146,8 @@ void check_multicast(const LcmAddress& address) {
     fail("nothing can be sent there", errno);
   }
 
-  // A route alone says little: its interface may have no multicast, or a firewall may eat the packets. So send one, from
-  // the same sockets that liblcm would open but on a port of our own, and see it come back.
+  // A route alone says little: its interface may have no multicast, or a firewall may eat the packets. So send one,
+  // from the same sockets that liblcm would open but on a port of our own, and see it come back.
   const Fd receiver(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_in place = socket_address(address.host, 0);
   ip_mreq membership{};
@@ -217,7 +217,9 @@ LcmBus::LcmBus(const LcmAddress& address) : address_(address) {
   }
 }
 
-LcmBus::~LcmBus() { lcm_destroy(lcm_); }
+LcmBus::~LcmBus() {
+  lcm_destroy(lcm_);
+}
 
 void LcmBus::subscribe(const std::string& name, int queue, Handler handler) {
   subscriptions_.push_back(std::make_unique<Subscription>(Subscription{this, std::move(handler)}));

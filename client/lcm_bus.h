@@ -29,10 +29,10 @@ inline constexpr std::size_t kLcmDatagramBytes = 65499;
 struct LcmAddress {
   std::string host = "239.255.76.67";
   std::uint16_t port = 7667;
-  int ttl = 0;                 ///< 0: stays on this host
-  long recv_buf_size = 0;      ///< bytes; 0: as much as the system grants, up to 4 MB
-  std::string prefix;          ///< before every channel's name
-  double distances_hz = -1;    ///< daemon: at most so many distances_t a second; 0: none; negative: not said
+  int ttl = 0;               ///< 0: stays on this host
+  long recv_buf_size = 0;    ///< bytes; 0: as much as the system grants, up to 4 MB
+  std::string prefix;        ///< before every channel's name
+  double distances_hz = -1;  ///< daemon: at most so many distances_t a second; 0: none; negative: not said
 
   /// What connect() takes.
   std::string url() const;
@@ -41,8 +41,8 @@ struct LcmAddress {
 /// Throws std::invalid_argument naming the url, the part and what was expected.
 LcmAddress parse_lcm_address(const std::string& url);
 
-/// Makes sure that a packet to the group comes back on this machine, within a second. Throws std::runtime_error with the
-/// cause and the commands that add a route.
+/// Makes sure that a packet to the group comes back on this machine, within a second. Throws std::runtime_error with
+/// the cause and the commands that add a route.
 void check_multicast(const LcmAddress& address);
 
 /// A number to know a client, publisher or daemon by: from the system's random source, positive, never 0.

@@ -1,7 +1,7 @@
 // A connection over LCM: frames in parts, out on CLEARANCE_FRAME_IN and back on CLEARANCE_FRAME_OUT.
 //
-// There is no connection underneath: nothing says that the daemon is gone, and any part may be lost. A frame arrives whole
-// or not at all; one that does not arrive is a deadline passed.
+// There is no connection underneath: nothing says that the daemon is gone, and any part may be lost. A frame arrives
+// whole or not at all; one that does not arrive is a deadline passed.
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -31,7 +31,9 @@ constexpr std::uint64_t kGreeting = std::uint64_t{1} << 62;
 
 class LcmFrame final : public Frame {
  public:
-  explicit LcmFrame(FrameBytes bytes) : bytes_(std::move(bytes)) { payload_ = wire::split_frame(bytes_.span(), header_); }
+  explicit LcmFrame(FrameBytes bytes) : bytes_(std::move(bytes)) {
+    payload_ = wire::split_frame(bytes_.span(), header_);
+  }
   const wire::FrameHeader& header() const override { return header_; }
   std::span<const std::byte> payload() const override { return payload_; }
 
@@ -44,7 +46,8 @@ class LcmFrame final : public Frame {
 class LcmChannel final : public Channel {
  public:
   LcmChannel(const LcmAddress& address, Deadline deadline) : bus_(address), url_(address.url()) {
-    // Our own replies are known by the client's id, the second field behind the type's hash; the others' are not decoded.
+    // Our own replies are known by the client's id, the second field behind the type's hash; the others' are not
+    // decoded.
     bus_.subscribe("CLEARANCE_FRAME_OUT", kQueue, [this](std::span<const std::byte> packet) {
       if (client_id_of(packet) == client_id_) take(packet);
     });
@@ -144,7 +147,8 @@ class LcmChannel final : public Channel {
       forget(id);
       if (answered) return;
       if (Deadline::clock::now() >= deadline) {
-        throw ConnectionError(url_ + ": no daemon answers; is clearanced running with --lcm and this group, port and prefix?");
+        throw ConnectionError(url_ +
+                              ": no daemon answers; is clearanced running with --lcm and this group, port and prefix?");
       }
     }
   }

@@ -44,8 +44,7 @@ std::optional<FrameAssembler::Whole> FrameAssembler::add(const clearance_lcm::fr
     return p.sequence == part.sequence && p.whole.client_id == part.client_id && p.whole.server_id == part.server_id;
   });
   if (it == partials_.end()) {
-    while (!partials_.empty() &&
-           (partials_.size() >= limits_.frames || bytes_ + frame_bytes > limits_.total_bytes)) {
+    while (!partials_.empty() && (partials_.size() >= limits_.frames || bytes_ + frame_bytes > limits_.total_bytes)) {
       give_up(partials_.begin());
     }
     Partial partial;

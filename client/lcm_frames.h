@@ -31,16 +31,16 @@ std::uint64_t frame_part_count(std::uint64_t frame_bytes);
 /// Part `part` of a frame; ids and sequence are the caller's to fill in.
 clearance_lcm::frame_t frame_part(std::span<const std::byte> frame, std::uint64_t part);
 
-/// Puts parts together, in whatever order they come. Only parts of one frame (sender and sequence) ever meet; a frame of
-/// which a part is missing is given up when it is old, or when younger ones need the room.
+/// Puts parts together, in whatever order they come. Only parts of one frame (sender and sequence) ever meet; a frame
+/// of which a part is missing is given up when it is old, or when younger ones need the room.
 class FrameAssembler {
  public:
   using Clock = std::chrono::steady_clock;
   struct Limits {
-    std::uint64_t frame_bytes = 0;          ///< a larger frame is refused
-    std::uint64_t total_bytes = 0;          ///< of all frames under way
-    std::size_t frames = 64;                ///< under way
-    std::chrono::milliseconds age{2000};    ///< since its last part
+    std::uint64_t frame_bytes = 0;        ///< a larger frame is refused
+    std::uint64_t total_bytes = 0;        ///< of all frames under way
+    std::size_t frames = 64;              ///< under way
+    std::chrono::milliseconds age{2000};  ///< since its last part
   };
   struct Whole {
     std::int64_t server_id = 0;
@@ -49,9 +49,9 @@ class FrameAssembler {
     FrameBytes frame;
   };
   struct Counts {
-    std::uint64_t bad = 0;         ///< parts whose numbers do not fit together, or of too large a frame
-    std::uint64_t repeated = 0;    ///< parts that were there already
-    std::uint64_t given_up = 0;    ///< frames
+    std::uint64_t bad = 0;       ///< parts whose numbers do not fit together, or of too large a frame
+    std::uint64_t repeated = 0;  ///< parts that were there already
+    std::uint64_t given_up = 0;  ///< frames
   };
 
   explicit FrameAssembler(const Limits& limits) : limits_(limits) {}

@@ -9,9 +9,8 @@ PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::
   const auto [it, is_new] = publishers_.try_emplace({publisher, channel}, Publisher{sequence, now});
   if (is_new) {
     if (publishers_.size() > kMaxPublishers) {
-      const auto silent = std::min_element(publishers_.begin(), publishers_.end(), [](const auto& a, const auto& b) {
-        return a.second.last < b.second.last;
-      });
+      const auto silent = std::min_element(publishers_.begin(), publishers_.end(),
+                                           [](const auto& a, const auto& b) { return a.second.last < b.second.last; });
       publishers_.erase(silent);
     }
     return {Verdict::kNew, 0};

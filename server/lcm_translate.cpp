@@ -41,8 +41,9 @@ class Rows {
   std::int32_t read(Field field, std::vector<Out>& out, int width, Assign assign) const {
     if ((header_.fields & field) == 0) return 0;
     using T = std::remove_cvref_t<decltype(value_type(static_cast<Out*>(nullptr)))>;
-    const auto* begin = reinterpret_cast<const T*>(columns_ + wire::column_offset(header_.rows, header_.fields, field)) +
-                        first_ * static_cast<std::uint64_t>(width);
+    const auto* begin =
+        reinterpret_cast<const T*>(columns_ + wire::column_offset(header_.rows, header_.fields, field)) +
+        first_ * static_cast<std::uint64_t>(width);
     out.resize(count_);
     for (std::uint64_t i = 0; i < count_; ++i) assign(out[i], begin + i * static_cast<std::uint64_t>(width));
     return static_cast<std::int32_t>(count_);
@@ -113,11 +114,11 @@ std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
   const std::uint64_t payload =
       wire::query_payload_bytes(header.pair_count, header.body_count, header.configuration_count);
   std::vector<std::byte> frame(sizeof(wire::FrameHeader) + payload);
-  wire::write_query(frame.data(),
-                    wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), payload,
-                                      static_cast<std::uint64_t>(query.scene_revision),
-                                      static_cast<std::uint64_t>(query.client_id)),
-                    header, pairs.data(), query.bodies.data(), poses.data());
+  wire::write_query(
+      frame.data(),
+      wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), payload,
+                        static_cast<std::uint64_t>(query.scene_revision), static_cast<std::uint64_t>(query.client_id)),
+      header, pairs.data(), query.bodies.data(), poses.data());
   return frame;
 }
 

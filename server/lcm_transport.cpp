@@ -1,8 +1,8 @@
 // The daemon on an LCM network: poses and queries in; answers, the scene, distances and counters out (lcmtypes/).
 //
-// liblcm's thread reads the socket and queues; all of this runs on the loop's thread. Requests become frames for the loop
-// and its answers become messages again. What the daemon publishes on its own it asks the loop for in the same way, so
-// that there is one source for each number.
+// liblcm's thread reads the socket and queues; all of this runs on the loop's thread. Requests become frames for the
+// loop and its answers become messages again. What the daemon publishes on its own it asks the loop for in the same
+// way, so that there is one source for each number.
 #include <spdlog/spdlog.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
@@ -19,7 +19,7 @@
 #include "client/lcm_check.h"
 #include "client/lcm_frames.h"
 #include "client/wire.h"
-#include "server/lcm_outbox.h"
+#include "server/lcm_link.h"
 #include "server/lcm_publishers.h"
 #include "server/lcm_translate.h"
 #include "server/transport.h"
@@ -36,8 +36,6 @@ using clearance_lcm::query_t;
 constexpr int kMessagesPerPoll = 64;
 /// Messages that liblcm keeps between two polls, per channel.
 constexpr int kQueue = 512;
-/// An answer that would take longer than about a second to send is refused.
-constexpr std::uint64_t kMaxReplyBytes = std::uint64_t{64} << 20;
 constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{16} << 20;
 constexpr std::chrono::seconds kPeriod{1};
 constexpr std::chrono::seconds kSayAgain{5};
@@ -69,115 +67,6 @@ struct Counters {
       &publishers, &queries, &frames, &given_up, &replies, &dropped, &sent, &failed, &other_daemons;
 };
 
-/// What sinks and transport share; sinks may outlive the transport.
-struct Link {
-  explicit Link(const LcmAddress& address) : bus(address) {}
-  LcmBus bus;
-  LcmOutbox outbox;                                                 // answers, distances
-  LcmOutbox announcements{LcmOutbox::kAnnouncedBytesPerSecond};  // scene, states, status
-  std::int64_t server_id = draw_lcm_id();
-  std::int64_t last_sequence = 0;
-  std::uint64_t published = 0, dropped = 0;
-
-  template <class Message>
-  std::size_t send(const char* channel, const Message& message) {
-    return bus.publish_message(channel, message) ? static_cast<std::size_t>(message.getEncodedSize()) : 0;
-  }
-  void push(std::uint64_t parts, std::uint64_t bytes, LcmOutbox::SendPart send_part) {
-    ++published;
-    if (!outbox.push(parts, bytes, std::move(send_part))) ++dropped;
-    outbox.flush(Clock::now());
-  }
-  template <class Message>
-  void push_all(LcmOutbox& box, const char* channel, std::vector<Message> messages) {
-    const auto held = std::make_shared<std::vector<Message>>(std::move(messages));
-    const bool taken = box.push(held->size(), held->size() * kLcmMessageBytes,
-                                [this, channel, held](std::uint64_t i) { return send(channel, (*held)[i]); });
-    if (!taken) ++dropped;
-    box.flush(Clock::now());
-  }
-};
-
-/// Keeps the frame that the loop writes; deliver() says what becomes of it.
-class Sink : public ReplySink {
- public:
-  Sink(std::weak_ptr<Link> link, std::uint64_t client) : link_(std::move(link)), client_(client) {}
-
-  std::byte* reserve(std::uint64_t frame_bytes) override {
-    frame_ = {};
-    if (frame_bytes > kMaxReplyBytes) return nullptr;
-    frame_ = FrameBytes(frame_bytes);
-    return frame_.bytes.get();
-  }
-  void publish(std::uint64_t frame_bytes) override {
-    frame_.size = std::min(frame_.size, frame_bytes);
-    if (const auto link = link_.lock()) deliver(*link, std::move(frame_));
-  }
-  bool alive() const override { return !link_.expired(); }
-  std::uint64_t client() const override { return client_; }
-
- protected:
-  virtual void deliver(Link& link, FrameBytes frame) = 0;
-
- private:
-  std::weak_ptr<Link> link_;
-  std::uint64_t client_;
-  FrameBytes frame_;
-};
-
-/// Answers a query_t by reply_t messages.
-class TypedSink final : public Sink {
- public:
-  TypedSink(std::weak_ptr<Link> link, std::uint64_t client, std::int64_t lcm_client)
-      : Sink(std::move(link), client), lcm_client_(lcm_client) {}
-
- private:
-  void deliver(Link& link, FrameBytes frame) override {
-    const std::uint64_t bytes = frame.size;
-    const auto parts =
-        std::make_shared<ReplyParts>(std::move(frame), link.server_id, ++link.last_sequence, lcm_client_);
-    link.push(parts->size(), bytes,
-              [&link, parts](std::uint64_t i) { return link.send("CLEARANCE_REPLY", (*parts)[i]); });
-  }
-  std::int64_t lcm_client_;
-};
-
-/// Answers a frame by a frame, in parts.
-class FrameSink final : public Sink {
- public:
-  FrameSink(std::weak_ptr<Link> link, std::uint64_t client, std::int64_t lcm_client, std::int64_t request)
-      : Sink(std::move(link), client), lcm_client_(lcm_client), request_(request) {}
-
- private:
-  void deliver(Link& link, FrameBytes frame) override {
-    const std::uint64_t bytes = frame.size;
-    const auto whole = std::make_shared<FrameBytes>(std::move(frame));
-    const std::int64_t sequence = ++link.last_sequence;
-    const auto send = [&link, whole, sequence, client = lcm_client_, request = request_](std::uint64_t i) {
-      frame_t part = frame_part(whole->span(), i);
-      part.server_id = link.server_id;
-      part.client_id = client;
-      part.request_id = request;
-      part.sequence = sequence;
-      return link.send("CLEARANCE_FRAME_OUT", part);
-    };
-    link.push(frame_part_count(bytes), bytes, send);
-  }
-  std::int64_t lcm_client_, request_;
-};
-
-/// Hands the frame to the transport itself.
-class OwnSink final : public Sink {
- public:
-  using Take = std::function<void(Link&, std::span<const std::byte> frame)>;
-  OwnSink(std::weak_ptr<Link> link, std::uint64_t client, Take take)
-      : Sink(std::move(link), client), take_(std::move(take)) {}
-
- private:
-  void deliver(Link& link, FrameBytes frame) override { take_(link, frame.span()); }
-  Take take_;
-};
-
 /// A log line at most every few seconds for each kind of trouble; `more` counts those not said since the last.
 class Complaints {
  public:
@@ -203,13 +92,14 @@ class Complaints {
 class LcmTransport final : public Transport {
  public:
   explicit LcmTransport(const LcmAddress& address)
-      : link_(std::make_shared<Link>(address)),
+      : link_(std::make_shared<LcmLink>(address)),
         timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)),
         assembler_({.frame_bytes = kMaxRequestBytes, .total_bytes = 4 * kMaxRequestBytes, .frames = 256}),
         distances_hz_(std::max(0.0, address.distances_hz)) {
     if (timer_ < 0) throw std::runtime_error(std::string("LCM: no timer: ") + std::strerror(errno));
     const auto listen = [this](const char* name, auto method) {
-      link_->bus.subscribe(name, kQueue, [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
+      link_->bus.subscribe(name, kQueue,
+                           [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
     };
     listen("CLEARANCE_POSES", &LcmTransport::on_poses);
     listen("CLEARANCE_POSES_NAMED", &LcmTransport::on_named_poses);
@@ -226,7 +116,7 @@ class LcmTransport final : public Transport {
   int poll(Inbox& inbox) override {
     meet(inbox);
     std::uint64_t expirations = 0;
-    (void)!::read(timer_, &expirations, sizeof expirations);
+    [[maybe_unused]] const auto ignored = ::read(timer_, &expirations, sizeof expirations);
     handed_in_ = 0;
     for (int i = 0; i < kMessagesPerPoll && link_->bus.handle(); ++i) ++counters_->messages;
     serve();
@@ -272,7 +162,8 @@ class LcmTransport final : public Transport {
       return;
     }
     poses_.clear();
-    for (std::int32_t i = 0; i < update.count; ++i) add_pose(static_cast<std::uint32_t>(update.bodies[i]), update.poses[i]);
+    for (std::int32_t i = 0; i < update.count; ++i)
+      add_pose(static_cast<std::uint32_t>(update.bodies[i]), update.poses[i]);
     apply("CLEARANCE_POSES", 0, update.publisher_id, update.sequence, update.stamp_ns);
   }
 
@@ -314,8 +205,8 @@ class LcmTransport final : public Transport {
         break;
       case PublisherLog::Verdict::kGap:
         counters_->gaps += note.missing;
-        complaints_.say("gap", who + ": " + std::to_string(note.missing) + " messages missing before " +
-                                   std::to_string(sequence));
+        complaints_.say(
+            "gap", who + ": " + std::to_string(note.missing) + " messages missing before " + std::to_string(sequence));
         break;
       case PublisherLog::Verdict::kRestart:
         ++counters_->restarts;
@@ -335,8 +226,8 @@ class LcmTransport final : public Transport {
     if (!contested.empty()) {
       counters_->contested += contested.size();
       complaints_.say("contested", "two publishers move body '" +
-                                       inbox_->engine().scene().bodies()[contested.front()].name + "' in turns; one is " +
-                                       std::to_string(publisher));
+                                       inbox_->engine().scene().bodies()[contested.front()].name +
+                                       "' in turns; one is " + std::to_string(publisher));
     }
     ++counters_->poses;
     ++handed_in_;
@@ -353,7 +244,7 @@ class LcmTransport final : public Transport {
       return;
     }
     ++counters_->queries;
-    auto sink = std::make_unique<TypedSink>(link_, client_number(query.client_id), query.client_id);
+    auto sink = std::make_unique<LcmReplySink>(link_, client_number(query.client_id), query.client_id);
     hand_in(query_frame_of(query), std::move(sink));
   }
 
@@ -370,7 +261,7 @@ class LcmTransport final : public Transport {
     if (!whole) return;
     ++counters_->frames;
     auto sink =
-        std::make_unique<FrameSink>(link_, client_number(whole->client_id), whole->client_id, whole->request_id);
+        std::make_unique<LcmFrameSink>(link_, client_number(whole->client_id), whole->client_id, whole->request_id);
     hand_in(whole->frame.span(), std::move(sink));
   }
 
@@ -421,21 +312,22 @@ class LcmTransport final : public Transport {
     link_->announcements.flush(Clock::now());
     counters_->publishers = publishers_.size();
     counters_->given_up = assembler_.counts().given_up;
-    counters_->replies = link_->published;
+    counters_->replies = link_->replies;
     counters_->dropped = link_->dropped;
     counters_->sent = link_->outbox.sent() + link_->announcements.sent();
     counters_->failed = link_->outbox.failed() + link_->announcements.failed();
     arm_timer();
   }
 
-  void ask(wire::FrameType type, OwnSink::Take take) {
+  void ask(wire::FrameType type, LcmOwnSink::Take take) {
     const wire::FrameHeader header = wire::make_header(type, 0, 0);
-    hand_in(std::as_bytes(std::span(&header, 1)), std::make_unique<OwnSink>(link_, own_client_, guarded(std::move(take))));
+    hand_in(std::as_bytes(std::span(&header, 1)),
+            std::make_unique<LcmOwnSink>(link_, own_client_, guarded(std::move(take))));
   }
 
   /// A frame of our own that is an error or damaged must not end the loop.
-  OwnSink::Take guarded(OwnSink::Take take) {
-    return [this, take = std::move(take)](Link& link, std::span<const std::byte> frame) {
+  LcmOwnSink::Take guarded(LcmOwnSink::Take take) {
+    return [this, take = std::move(take)](LcmLink& link, std::span<const std::byte> frame) {
       try {
         take(link, frame);
       } catch (const wire::WireError& error) {
@@ -445,7 +337,7 @@ class LcmTransport final : public Transport {
   }
 
   void ask_scene() {
-    ask(wire::FrameType::kDescribe, [this](Link& link, std::span<const std::byte> frame) {
+    ask(wire::FrameType::kDescribe, [this](LcmLink& link, std::span<const std::byte> frame) {
       auto messages = scene_messages(frame, link.server_id);
       backend_ = messages.front().backend;
       link.push_all(link.announcements, "CLEARANCE_SCENE", std::move(messages));
@@ -453,13 +345,14 @@ class LcmTransport final : public Transport {
   }
 
   void ask_states() {
-    ask(wire::FrameType::kGetStates, [this](Link& link, std::span<const std::byte> frame) {
-      link.push_all(link.announcements, "CLEARANCE_STATES", states_messages(frame, link.server_id, ++states_sequence_, scene_revision_));
+    ask(wire::FrameType::kGetStates, [this](LcmLink& link, std::span<const std::byte> frame) {
+      link.push_all(link.announcements, "CLEARANCE_STATES",
+                    states_messages(frame, link.server_id, ++states_sequence_, scene_revision_));
     });
   }
 
   void ask_status() {
-    ask(wire::FrameType::kGetStats, [this](Link& link, std::span<const std::byte> frame) {
+    ask(wire::FrameType::kGetStats, [this](LcmLink& link, std::span<const std::byte> frame) {
       auto message = status_message(frame, link.server_id);
       message.sequence = ++status_sequence_;
       message.uptime_ns = (Clock::now() - opened_).count();
@@ -476,11 +369,12 @@ class LcmTransport final : public Transport {
   void ask_distances() {
     asked_distances_ = true;
     asked_at_ = Clock::now();
-    const auto take = guarded([this](Link& link, std::span<const std::byte> frame) {
+    const auto take = guarded([this](LcmLink& link, std::span<const std::byte> frame) {
       asked_distances_ = false;
-      link.push_all(link.outbox, "CLEARANCE_DISTANCES", distances_messages(frame, link.server_id, ++distances_sequence_));
+      link.push_all(link.outbox, "CLEARANCE_DISTANCES",
+                    distances_messages(frame, link.server_id, ++distances_sequence_));
     });
-    hand_in(nearest_query_frame(), std::make_unique<OwnSink>(link_, own_client_, take));
+    hand_in(nearest_query_frame(), std::make_unique<LcmOwnSink>(link_, own_client_, take));
   }
 
   /// Wakes the loop when the pacer lets more out, or when distances were held back by their rate.
@@ -502,7 +396,7 @@ class LcmTransport final : public Transport {
     ::timerfd_settime(timer_, 0, &spec, nullptr);
   }
 
-  std::shared_ptr<Link> link_;
+  std::shared_ptr<LcmLink> link_;
   int timer_;
   FrameAssembler assembler_;
   double distances_hz_;

@@ -66,7 +66,8 @@ class Planner {
       revision_ = part.revision;
       for (int i = 0; i < part.body_count; ++i) {
         names_[part.ids[i]] = part.names[i];
-        if (!part.is_static[i] && part.parents[i] == scene_t::NONE) poses_[part.ids[i]] = {1.0 * part.ids[i], 0, 0, 1, 0, 0, 0};
+        if (!part.is_static[i] && part.parents[i] == scene_t::NONE)
+          poses_[part.ids[i]] = {1.0 * part.ids[i], 0, 0, 1, 0, 0, 0};
       }
     }
     for (const auto& [number, part] : *states_.whole()) {
@@ -129,8 +130,12 @@ class Planner {
     if (subscription == nullptr) give_up(std::string("cannot listen to ") + channel);
     subscription->setQueueCapacity(1000);  // a long answer is many messages; 30 would be kept otherwise
   }
-  void on_scene(const lcm::ReceiveBuffer*, const std::string&, const scene_t* m) { scene_.keep(m->server_id, m->revision, *m); }
-  void on_states(const lcm::ReceiveBuffer*, const std::string&, const states_t* m) { states_.keep(m->server_id, m->scene_revision, *m); }
+  void on_scene(const lcm::ReceiveBuffer*, const std::string&, const scene_t* m) {
+    scene_.keep(m->server_id, m->revision, *m);
+  }
+  void on_states(const lcm::ReceiveBuffer*, const std::string&, const states_t* m) {
+    states_.keep(m->server_id, m->scene_revision, *m);
+  }
   void on_reply(const lcm::ReceiveBuffer*, const std::string&, const reply_t* m) {
     // Parts of one answer share a sequence; those of different answers never mix.
     if (m->client_id == id_ && m->request_id == request_) replies_.keep(m->server_id, m->sequence, *m);
@@ -144,7 +149,8 @@ class Planner {
   void wait(Done done, const std::string& what) {
     const auto deadline = Clock::now() + std::chrono::seconds(5);
     while (!done()) {
-      if (Clock::now() > deadline) give_up(what + " did not come within 5 s; is clearanced running with this --lcm url?");
+      if (Clock::now() > deadline)
+        give_up(what + " did not come within 5 s; is clearanced running with this --lcm url?");
       spin();
     }
   }
@@ -180,7 +186,8 @@ int main(int argc, char** argv) {
   }
   query.reduce = query_t::REDUCE_MIN;  // of each configuration the nearest pair with this body
 
-  std::printf("\n%13s  %-32s %12s %12s %12s  %s\n", "configuration", "nearest pair", "distance", "lower", "upper", "status");
+  std::printf("\n%13s  %-32s %12s %12s %12s  %s\n", "configuration", "nearest pair", "distance", "lower", "upper",
+              "status");
   for (const auto& [number, part] : planner.ask(query)) {
     for (int i = 0; i < part.pair_count; ++i) {
       const std::string pair = planner.name(part.pair[i][0]) + " - " + planner.name(part.pair[i][1]);

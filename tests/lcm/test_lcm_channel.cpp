@@ -1,4 +1,5 @@
-// The client's channel over LCM against a server that loses, repeats, shuffles and forges: a reply is right or does not come.
+// The client's channel over LCM against a server that loses, repeats, shuffles and forges: a reply is right or does not
+// come.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -91,7 +92,9 @@ class ScriptedServer {
   std::thread thread_;
 };
 
-std::vector<frame_t> as_is(const Bytes&, std::vector<frame_t> parts) { return parts; }
+std::vector<frame_t> as_is(const Bytes&, std::vector<frame_t> parts) {
+  return parts;
+}
 
 Bytes random_payload(std::mt19937& random, std::size_t size) {
   Bytes bytes(size);
@@ -185,7 +188,8 @@ TEST_F(LcmChannelTest, ShuffledAndRepeatedPartsMakeOneReply) {
 }
 
 TEST_F(LcmChannelTest, HalvesOfTwoAnswersMakeNone) {
-  // The request was answered twice (a repeated datagram), the even parts of one and the odd parts of the other are lost.
+  // The request was answered twice (a repeated datagram), the even parts of one and the odd parts of the other are
+  // lost.
   ScriptedServer* self = nullptr;
   ScriptedServer server(address_, [&](const Bytes& reply, std::vector<frame_t> parts) {
     Bytes other = reply;
@@ -257,7 +261,8 @@ TEST_F(LcmChannelTest, NobodyThere) {
     open_lcm_channel(url(), "", in(milliseconds(250)));
     FAIL() << "connected to nobody";
   } catch (const ConnectionError& error) {
-    EXPECT_EQ(error.what(), url() + ": no daemon answers; is clearanced running with --lcm and this group, port and prefix?");
+    EXPECT_EQ(error.what(),
+              url() + ": no daemon answers; is clearanced running with --lcm and this group, port and prefix?");
   }
 }
 

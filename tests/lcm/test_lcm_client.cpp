@@ -1,4 +1,5 @@
-// The C++ client over LCM against the real loop: every call, the same bits as from the engine, large batches, lost daemons.
+// The C++ client over LCM against the real loop: every call, the same bits as from the engine, large batches, lost
+// daemons.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -24,7 +25,8 @@ class LcmClientTest : public LcmTest {
     LcmTest::SetUp();
     if (IsSkipped()) return;
     Scene scene;
-    for (std::uint32_t i = 0; i < kBodies; ++i) scene.add_box("box" + std::to_string(i), {0.2, 0.3, 0.1 + 0.01 * i}, {});
+    for (std::uint32_t i = 0; i < kBodies; ++i)
+      scene.add_box("box" + std::to_string(i), {0.2, 0.3, 0.1 + 0.01 * i}, {});
     const std::vector<std::string> pair{"box0", "box1"};
     scene.add_group("pair", pair);
     engine_.emplace(std::move(scene), Engine::Options{.threads = 1});
@@ -40,7 +42,9 @@ class LcmClientTest : public LcmTest {
   }
   Client connect_here() { return connect(loop_->transports()[0]->url(), std::chrono::seconds(10)); }
 
-  static Pose7 pose_of(std::uint32_t i, double t) { return {0.4 * i + 0.02 * std::sin(t + i), 0.1 * t, 0, 1, 0.1 * i, 0.2, 0}; }
+  static Pose7 pose_of(std::uint32_t i, double t) {
+    return {0.4 * i + 0.02 * std::sin(t + i), 0.1 * t, 0, 1, 0.1 * i, 0.2, 0};
+  }
   static void place(Client& client, double t) {
     std::vector<std::pair<std::uint32_t, Pose7>> poses;
     for (std::uint32_t i = 0; i < kBodies; ++i) poses.push_back({i, pose_of(i, t)});

@@ -1,4 +1,5 @@
-// clearanced as a process on an LCM network: the example planners as a user would run them, and the same bits as over ZeroMQ.
+// clearanced as a process on an LCM network: the example planners as a user would run them, and the same bits as over
+// ZeroMQ.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -48,8 +49,8 @@ class LcmDaemonTest : public LcmTest {
   TestFolder folder_;
 };
 
-/// The planners ask about cup on a circle of 0.5 m about (0, 0, 0.3). Of the small scene's other bodies link2 has been put
-/// at x = 3 by the planner itself; the table's top is at z = 0.05, the capsule link1 stands at x = 0.5.
+/// The planners ask about cup on a circle of 0.5 m about (0, 0, 0.3). Of the small scene's other bodies link2 has been
+/// put at x = 3 by the planner itself; the table's top is at z = 0.05, the capsule link1 stands at x = 0.5.
 void expect_circle(const Finished& planner, int count) {
   ASSERT_EQ(planner.code, 0) << planner.out << planner.err;
   const auto lines = table_of(planner.out);
@@ -59,7 +60,8 @@ void expect_circle(const Finished& planner, int count) {
     const Line& line = lines[k];
     EXPECT_EQ(line.configuration, k);
     const double a = 2 * M_PI * k / count, x = 0.5 * std::cos(a), y = 0.5 * std::sin(a);
-    // The sphere (0.1) above the table (2 x 1, top at 0.05) and beside the capsule: axis z from 0.3 to 0.7, radius 0.05.
+    // The sphere (0.1) above the table (2 x 1, top at 0.05) and beside the capsule: axis z from 0.3 to 0.7, radius
+    // 0.05.
     const double to_table = std::hypot(std::max(0.0, std::abs(x) - 1), std::max(0.0, std::abs(y) - 0.5), 0.25) - 0.1;
     const double to_link = std::hypot(x - 0.5, y) - 0.15;
     const double expected = std::min(to_table, to_link);
@@ -81,7 +83,8 @@ void expect_circle(const Finished& planner, int count) {
 TEST_F(LcmDaemonTest, PlannerInPython) {
   Daemon daemon({"--scene", scene_file(), "--lcm", url()});
   EXPECT_EQ(daemon.url(), url());
-  expect_circle(run({CLEARANCE_PYTHON, kExamples + "lcm_planner.py", "--url", url(), "--configurations", "16"}, kPythonPath), 16);
+  expect_circle(
+      run({CLEARANCE_PYTHON, kExamples + "lcm_planner.py", "--url", url(), "--configurations", "16"}, kPythonPath), 16);
   EXPECT_EQ(daemon.stop(SIGTERM), 0) << daemon.log();
 }
 
@@ -95,7 +98,9 @@ TEST_F(LcmDaemonTest, PlannerInCpp) {
 
 TEST_F(LcmDaemonTest, ManyConfigurationsOverLcmAlone) {
   Daemon daemon({"--scene", scene_file(), "--lcm", url()});
-  expect_circle(run({CLEARANCE_PYTHON, kExamples + "lcm_planner.py", "--url", url(), "--configurations", "600"}, kPythonPath), 600);
+  expect_circle(
+      run({CLEARANCE_PYTHON, kExamples + "lcm_planner.py", "--url", url(), "--configurations", "600"}, kPythonPath),
+      600);
 }
 
 TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTransport) {
@@ -104,7 +109,9 @@ TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTran
   Client over_lcm = connect(url(), std::chrono::seconds(10)), over_zmq = connect(ipc);
   const std::uint64_t first = over_zmq.distances().snapshot_revision();
   std::thread publisher([&] {
-    const Finished done = run({CLEARANCE_PYTHON, kExamples + "pose_publisher.py", "--url", url(), "--rate", "200", "--seconds", "3"}, kPythonPath);
+    const Finished done =
+        run({CLEARANCE_PYTHON, kExamples + "pose_publisher.py", "--url", url(), "--rate", "200", "--seconds", "3"},
+            kPythonPath);
     EXPECT_EQ(done.code, 0) << done.err;
     EXPECT_NE(done.out.find("moving 3 of 4 bodies"), std::string::npos) << done.out;
   });
@@ -127,12 +134,14 @@ TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTran
 
 TEST_F(LcmDaemonTest, WithoutAMulticastRouteItSaysSoAndEnds) {
   if (run({"/bin/sh", "-c", "unshare -n true"}).code != 0) GTEST_SKIP() << "this user may not make a network namespace";
-  const Finished daemon =
-      run({"/bin/sh", "-c", "exec unshare -n \"$0\" --scene \"$1\" --lcm \"$2\"", program("clearanced"), scene_file(), url()});
+  const Finished daemon = run({"/bin/sh", "-c", "exec unshare -n \"$0\" --scene \"$1\" --lcm \"$2\"",
+                               program("clearanced"), scene_file(), url()});
   EXPECT_EQ(daemon.code, 4);
-  EXPECT_NE(daemon.err.find("LCM: no multicast route to 239.255.76.67: nothing can be sent there (Network is unreachable); to keep LCM "
-                            "on this host, run (as root):  ip link set lo up; ip route add 239.255.76.67/32 dev lo"),
-            std::string::npos)
+  EXPECT_NE(
+      daemon.err.find(
+          "LCM: no multicast route to 239.255.76.67: nothing can be sent there (Network is unreachable); to keep LCM "
+          "on this host, run (as root):  ip link set lo up; ip route add 239.255.76.67/32 dev lo"),
+      std::string::npos)
       << daemon.err;
   const Finished wrong = run({program("clearanced"), "--scene", scene_file(), "--lcm", "udpm://127.0.0.1:7667"});
   EXPECT_EQ(wrong.code, 4);

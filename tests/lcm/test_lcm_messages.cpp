@@ -1,4 +1,5 @@
-// Packets that are not what they say: refused before decode() sees them. And frames in parts, whole again or not at all.
+// Packets that are not what they say: refused before decode() sees them. And frames in parts, whole again or not at
+// all.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -65,7 +66,8 @@ frame_t frame(int bytes) {
 
 /// Overwrites the 32-bit big-endian word at `at`.
 void put_word(std::vector<std::byte>& packet, std::size_t at, std::int32_t value) {
-  for (int i = 0; i < 4; ++i) packet[at + i] = static_cast<std::byte>(static_cast<std::uint32_t>(value) >> (24 - 8 * i));
+  for (int i = 0; i < 4; ++i)
+    packet[at + i] = static_cast<std::byte>(static_cast<std::uint32_t>(value) >> (24 - 8 * i));
 }
 
 /// A good packet passes, none of its beginnings does, nor it with a byte more, nor any with a count that does not fit.
@@ -313,7 +315,8 @@ TEST(LcmFrames, NumbersThatDoNotFitAreRefused) {
 // --- the url
 
 TEST(LcmAddress, Parts) {
-  const LcmAddress all = parse_lcm_address("udpm://239.1.2.3:1234?ttl=1&prefix=cell_&recv_buf_size=1000&distances_hz=2.5");
+  const LcmAddress all =
+      parse_lcm_address("udpm://239.1.2.3:1234?ttl=1&prefix=cell_&recv_buf_size=1000&distances_hz=2.5");
   EXPECT_EQ(all.host, "239.1.2.3");
   EXPECT_EQ(all.port, 1234);
   EXPECT_EQ(all.ttl, 1);
@@ -335,7 +338,8 @@ TEST(LcmAddress, ErrorsNameThePart) {
       {"udpm://239.255.76.67:70000", "port: expected a number from 1 to 65535, got '70000'"},
       {"udpm://239.255.76.67:7667?ttl=256", "ttl: expected 0 (this host) to 255, got '256'"},
       {"udpm://239.255.76.67:7667?ttl=", "ttl: expected 0 (this host) to 255, got ''"},
-      {"udpm://239.255.76.67:7667?ttl=0&prefix=a.*", "prefix: expected up to 40 letters, digits, '_', '-' or '/', got 'a.*'"},
+      {"udpm://239.255.76.67:7667?ttl=0&prefix=a.*",
+       "prefix: expected up to 40 letters, digits, '_', '-' or '/', got 'a.*'"},
       {"udpm://239.255.76.67:7667?recv_buf_size=-1", "recv_buf_size: expected bytes up to 1073741824, got '-1'"},
       {"udpm://239.255.76.67:7667?distances_hz=nan", "distances_hz: expected 0 (none) to 10000, got 'nan'"},
       {"udpm://239.255.76.67:7667?tll=0", "unknown option 'tll' (known: ttl, recv_buf_size, prefix, distances_hz)"},

@@ -60,7 +60,8 @@ TEST(LcmRoute, IsMissing) {
            error_of([] { open_lcm_channel("udpm://239.255.76.67:7667?ttl=0", "", Deadline::clock::now()); });
   });
   if (!text) GTEST_SKIP() << "this user may not make a network namespace";
-  const std::string what = "LCM: no multicast route to 239.255.76.67: nothing can be sent there (Network is unreachable)" + kRemedy;
+  const std::string what =
+      "LCM: no multicast route to 239.255.76.67: nothing can be sent there (Network is unreachable)" + kRemedy;
   EXPECT_EQ(*text, what + "\nudpm://239.255.76.67:7667?ttl=0: " + what);
 }
 
@@ -93,7 +94,8 @@ TEST(LcmRoute, TheGroupCannotBeJoined) {
     return error_of([] { check_multicast(LcmAddress()); });
   });
   if (!text || *text == "no ip") GTEST_SKIP() << "no network namespace, or no ip command that may change routes";
-  EXPECT_EQ(*text, "LCM: no multicast route to 239.255.76.67: the group cannot be joined (No buffer space available)" + kRemedy);
+  EXPECT_EQ(*text, "LCM: no multicast route to 239.255.76.67: the group cannot be joined (No buffer space available)" +
+                       kRemedy);
 }
 
 }  // namespace

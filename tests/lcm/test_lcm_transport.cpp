@@ -1,212 +1,8 @@
-// The daemon's loop on an LCM network, and a planner that knows nothing of ours but the message types.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cstring>
-#include <map>
-#include <optional>
-#include <random>
-#include <set>
-
-#include "clearance_lcm/distances_t.hpp"
-#include "clearance_lcm/frame_t.hpp"
-#include "clearance_lcm/named_pose_update_t.hpp"
-#include "clearance_lcm/pose_update_t.hpp"
-#include "clearance_lcm/query_t.hpp"
-#include "clearance_lcm/reply_t.hpp"
-#include "clearance_lcm/scene_t.hpp"
-#include "clearance_lcm/states_t.hpp"
-#include "clearance_lcm/status_t.hpp"
-#include "engine/engine.h"
-#include "lcm_fixture.h"
-#include "server/loop.h"
-#include "server/transport.h"
+// What the LCM transport does with poses and queries, and what it publishes by itself.
+#include "lcm_transport_fixture.h"
 
 namespace clearance {
 namespace {
-
-using clearance_lcm::distances_t;
-using clearance_lcm::named_pose_update_t;
-using clearance_lcm::pose_update_t;
-using clearance_lcm::query_t;
-using clearance_lcm::reply_t;
-using clearance_lcm::scene_t;
-using clearance_lcm::states_t;
-using clearance_lcm::status_t;
-
-constexpr int kMoving = 6;
-
-/// A static table and six balls; "arm" is the first three.
-Scene make_scene() {
-  Scene scene;
-  Scene::BodyOptions table;
-  table.is_static = true;
-  table.pose = Pose{{0, 0, -1}, 1, 0, 0, 0};
-  scene.add_box("table", {4, 4, 0.5}, table);
-  for (int i = 0; i < kMoving; ++i) scene.add_sphere("ball" + std::to_string(i), 0.1 + 0.01 * i, {});
-  const std::vector<std::string> arm{"ball0", "ball1", "ball2"};
-  scene.add_group("arm", arm);
-  return scene;
-}
-
-/// Where ball i is in step k: far enough from the others that nothing touches.
-std::vector<double> pose_of(int ball, double step) {
-  return {1.0 * ball + 0.25 * std::sin(step + ball), 0.5 * std::cos(2 * step), 0.1 * ball, 1, 0.1 * ball, 0.2, 0.3};
-}
-
-/// An answer of which all parts are there, columns joined.
-struct Answer {
-  reply_t whole;
-  std::set<int> parts;
-};
-
-class LcmTransportTest : public LcmTest {
- protected:
-  void start(const std::string& options = "") {
-    engine_.emplace(make_scene(), Engine::Options{.threads = 1});
-    loop_.emplace(*engine_);
-    loop_->add(make_lcm_transport(url(options)));
-    bus_.emplace(address_);
-    bus_->subscribe("CLEARANCE_REPLY", 4096, [this](auto packet) { on_reply(packet); });
-    bus_->subscribe("CLEARANCE_SCENE", 64, [this](auto packet) { keep(scenes_, packet); });
-    bus_->subscribe("CLEARANCE_STATUS", 64, [this](auto packet) { keep(statuses_, packet); });
-    bus_->subscribe("CLEARANCE_STATES", 64, [this](auto packet) { keep(states_, packet); });
-    bus_->subscribe("CLEARANCE_DISTANCES", 64, [this](auto packet) { keep(distances_, packet); });
-  }
-
-  /// Turns the daemon's loop and takes the planner's messages until `done`; false after ten seconds.
-  bool until(const std::function<bool()>& done) {
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
-    while (!done()) {
-      const bool worked = loop_->turn();
-      bool heard = false;
-      while (bus_->handle()) heard = true;
-      if (!worked && !heard) bus_->wait(std::chrono::steady_clock::now() + std::chrono::milliseconds(1));
-      if (std::chrono::steady_clock::now() > deadline) return false;
-    }
-    return true;
-  }
-  std::uint64_t counter(const std::string& name) { return loop_->counter(name); }
-  bool until_counter(const std::string& name, std::uint64_t value) {
-    return until([&] { return counter(name) >= value; });
-  }
-
-  pose_update_t update(std::int64_t sequence, double step, std::int64_t publisher = 1) {
-    pose_update_t message{};
-    message.publisher_id = publisher;
-    message.sequence = sequence;
-    message.stamp_ns = 1000 * sequence;
-    message.count = kMoving;
-    for (int i = 0; i < kMoving; ++i) {
-      message.bodies.push_back(1 + i);
-      message.poses.push_back(pose_of(i, step));
-    }
-    return message;
-  }
-  void publish(const pose_update_t& message) { ASSERT_TRUE(bus_->publish_message("CLEARANCE_POSES", message)); }
-  /// Publishes poses and waits until the daemon has them.
-  void set_poses(std::int64_t sequence, double step) {
-    const std::uint64_t before = counter("lcm.pose_messages");
-    publish(update(sequence, step));
-    ASSERT_TRUE(until_counter("lcm.pose_messages", before + 1));
-  }
-  std::vector<double> position(std::uint32_t body) {
-    const Pose X = engine_->body_state(body).X_wb;
-    return {X.translation.x, X.translation.y, X.translation.z};
-  }
-  static std::vector<double> position_of(int ball, double step) {
-    auto pose = pose_of(ball, step);
-    pose.resize(3);
-    return pose;
-  }
-
-  query_t question() {
-    query_t query{};
-    query.client_id = 4242;
-    query.request_id = ++last_request_;
-    return query;
-  }
-  /// The whole answer; asks again if a part was lost on the way.
-  std::optional<reply_t> ask(query_t query) {
-    for (int attempt = 0; attempt < 10; ++attempt) {
-      query.request_id = ++last_request_;
-      answers_.clear();
-      if (!bus_->publish_message("CLEARANCE_QUERY", query)) return std::nullopt;
-      const auto whole = [&]() -> const Answer* {
-        for (const auto& [sequence, answer] : answers_) {
-          if (answer.whole.request_id == query.request_id &&
-              answer.parts.size() == static_cast<std::size_t>(answer.whole.parts)) {
-            return &answer;
-          }
-        }
-        return nullptr;
-      };
-      const auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(3);
-      until([&] { return whole() != nullptr || std::chrono::steady_clock::now() > patience; });
-      if (const Answer* answer = whole()) return answer->whole;
-    }
-    return std::nullopt;
-  }
-  void expect_good_answer() {
-    query_t query = question();
-    query.pair_count = 1;
-    query.pairs = {{1, 2}};
-    const auto reply = ask(query);
-    ASSERT_TRUE(reply);
-    EXPECT_EQ(reply->error_code, 0) << reply->error_text;
-    EXPECT_EQ(reply->distance.size(), 1u);
-  }
-
-  std::optional<Engine> engine_;
-  std::optional<Loop> loop_;
-  std::optional<LcmBus> bus_;
-  std::map<std::int64_t, Answer> answers_;
-  std::vector<scene_t> scenes_;
-  std::vector<states_t> states_;
-  std::vector<status_t> statuses_;
-  std::vector<distances_t> distances_;
-  std::int64_t last_request_ = 0;
-
- private:
-  template <class Message>
-  void keep(std::vector<Message>& list, std::span<const std::byte> packet) {
-    EXPECT_LE(packet.size(), kLcmMessageBytes);
-    Message message;
-    ASSERT_EQ(message.decode(packet.data(), 0, static_cast<int>(packet.size())), static_cast<int>(packet.size()));
-    list.push_back(std::move(message));
-  }
-
-  void on_reply(std::span<const std::byte> packet) {
-    EXPECT_LE(packet.size(), kLcmMessageBytes);
-    reply_t part;
-    ASSERT_EQ(part.decode(packet.data(), 0, static_cast<int>(packet.size())), static_cast<int>(packet.size()));
-    Answer& answer = answers_[part.sequence];
-    if (answer.parts.empty()) {
-      answer.whole = part;
-      answer.parts.insert(part.part);
-      // Parts come in order on one host, so columns can simply be joined.
-      ASSERT_EQ(part.first_row, 0);
-      return;
-    }
-    ASSERT_EQ(part.part, static_cast<int>(answer.parts.size()));
-    answer.parts.insert(part.part);
-    const auto join = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
-    reply_t& whole = answer.whole;
-    join(whole.distance, part.distance);
-    join(whole.lower, part.lower);
-    join(whole.upper, part.upper);
-    join(whole.status, part.status);
-    join(whole.flags, part.flags);
-    join(whole.point_a, part.point_a);
-    join(whole.point_b, part.point_b);
-    join(whole.normal, part.normal);
-    join(whole.pieces, part.pieces);
-    join(whole.gradient, part.gradient);
-    join(whole.pair, part.pair);
-    join(whole.configuration, part.configuration);
-    join(whole.compact, part.compact);
-  }
-};
 
 // --- poses
 
@@ -249,7 +45,8 @@ TEST_F(LcmTransportTest, QueriesSeeNoHalfOfAnUpdate) {
     answers_.clear();
     std::vector<double> between;
     for (std::size_t i = 0; i < reply.distance.size(); ++i) {
-      if (reply.pair[i][0] != 0) between.push_back(reply.distance[i] + 0.2 + 0.01 * (reply.pair[i][0] + reply.pair[i][1] - 2));
+      if (reply.pair[i][0] != 0)
+        between.push_back(reply.distance[i] + 0.2 + 0.01 * (reply.pair[i][0] + reply.pair[i][1] - 2));
     }
     ASSERT_EQ(between.size(), 12u);  // of 15 pairs of balls those with one of the arm
     for (auto& d : between) d = std::round(d * 1e6) / 1e6;
@@ -417,8 +214,8 @@ TEST_F(LcmTransportTest, EveryColumn) {
   start();
   set_poses(1, 0.7);
   query_t query = question();
-  const std::uint32_t fields = kDefaultFields | kFieldFlags | kFieldPoints | kFieldNormal | kFieldPieces | kFieldGradient |
-                               kFieldPair | kFieldConfiguration;
+  const std::uint32_t fields = kDefaultFields | kFieldFlags | kFieldPoints | kFieldNormal | kFieldPieces |
+                               kFieldGradient | kFieldPair | kFieldConfiguration;
   query.fields = static_cast<std::int32_t>(fields);
   const auto reply = ask(query);
   ASSERT_TRUE(reply);
@@ -475,11 +272,13 @@ TEST_F(LcmTransportTest, ConfigurationsInManyParts) {
     for (int m = 0; m < 2; ++m) {
       const Pose X{{anywhere(random), anywhere(random), anywhere(random)}, 1, 0.1, 0.2, 0.3};
       poses.push_back(X);
-      query.configurations.back().push_back({X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz});
+      query.configurations.back().push_back(
+          {X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz});
     }
   }
   query.configuration_count = kConfigurations;
-  const std::uint32_t fields = kDefaultFields | kFieldPoints | kFieldNormal | kFieldGradient | kFieldPair | kFieldConfiguration;
+  const std::uint32_t fields =
+      kDefaultFields | kFieldPoints | kFieldNormal | kFieldGradient | kFieldPair | kFieldConfiguration;
   query.fields = static_cast<std::int32_t>(fields);
   const auto reply = ask(query);
   ASSERT_TRUE(reply);
@@ -562,8 +361,7 @@ TEST_F(LcmTransportTest, LateJoinersLearnTheScene) {
   EXPECT_EQ(heard->body_total, 7);
   EXPECT_EQ(heard->pair_total, 21);
   EXPECT_EQ(heard->ids, (std::vector<std::int32_t>{0, 1, 2, 3, 4, 5, 6}));
-  EXPECT_EQ(heard->names,
-            (std::vector<std::string>{"table", "ball0", "ball1", "ball2", "ball3", "ball4", "ball5"}));
+  EXPECT_EQ(heard->names, (std::vector<std::string>{"table", "ball0", "ball1", "ball2", "ball3", "ball4", "ball5"}));
   EXPECT_EQ(heard->is_static, (std::vector<std::int8_t>{1, 0, 0, 0, 0, 0, 0}));
   EXPECT_EQ(heard->parents, std::vector<std::int32_t>(7, scene_t::NONE));
   EXPECT_EQ(heard->group_names, (std::vector<std::string>{"arm"}));
@@ -662,100 +460,6 @@ TEST_F(LcmTransportTest, NoDistancesUnlessAskedFor) {
   const std::size_t before = statuses_.size();
   ASSERT_TRUE(until([&] { return statuses_.size() >= before + 2; }));
   EXPECT_TRUE(distances_.empty());
-}
-
-// --- hostile packets
-
-TEST_F(LcmTransportTest, HostilePacketsAndAGoodQueryAfterEach) {
-  start();
-  set_poses(1, 0.7);
-  expect_good_answer();
-  RawSender raw(address_.port);
-  std::mt19937 random(99);
-  const auto noise = [&](std::size_t size) {
-    std::vector<std::byte> bytes(size);
-    for (auto& b : bytes) b = static_cast<std::byte>(random());
-    return bytes;
-  };
-  const auto with_word = [](std::vector<std::byte> packet, std::size_t from_end, std::uint32_t word) {
-    for (int i = 0; i < 4; ++i) packet[packet.size() - from_end + i] = static_cast<std::byte>(word >> (24 - 8 * i));
-    return packet;
-  };
-  const auto cut = [](std::vector<std::byte> packet, std::size_t size) {
-    packet.resize(size);
-    return packet;
-  };
-  const auto fragment = [&](std::uint32_t bytes, std::uint32_t offset, std::uint32_t number_and_count) {
-    auto packet = RawSender::big_endian({0x4c433033, 7, bytes, offset, number_and_count});
-    const auto tail = noise(100);
-    packet.insert(packet.end(), tail.begin(), tail.end());
-    return packet;
-  };
-
-  pose_update_t no_poses{};
-  no_poses.publisher_id = 1;
-  query_t no_pairs = question();
-  clearance_lcm::frame_t no_frame{};
-  no_frame.client_id = 5;
-  named_pose_update_t no_names{};
-  const auto poses = encode(update(2, 0.8));
-  const auto query = encode(question());
-
-  // Datagrams that never become a message.
-  std::vector<std::pair<std::string, std::vector<std::byte>>> datagrams{
-      {"nothing", {}},
-      {"noise", noise(1000)},
-      {"a whole datagram of noise", noise(65000)},
-      {"a header and no more", RawSender::big_endian({0x4c433032, 1})},
-      {"a channel that does not end", cut(RawSender::datagram("CLEARANCE_QUERY", {}), 8 + 15)},
-      {"a fragment past its message", fragment(1000, 0xFFFFFFF0, 0x00010002)},
-      {"a fragment of no fragments", fragment(1000, 0, 0x00010000)},
-      {"a fragment of 4 GB", fragment(0xFFFFFFFF, 0, 0x00010002)},
-  };
-  for (const auto& [what, datagram] : datagrams) {
-    SCOPED_TRACE(what);
-    raw.send(datagram);
-    expect_good_answer();
-  }
-
-  // Messages on our channels that are not what the channel is for: each is counted.
-  std::vector<std::tuple<std::string, std::string, std::vector<std::byte>>> messages{
-      {"an empty message", "CLEARANCE_POSES", {}},
-      {"noise for poses", "CLEARANCE_POSES", noise(500)},
-      {"noise for a query", "CLEARANCE_QUERY", noise(500)},
-      {"a query on the channel of poses", "CLEARANCE_POSES", query},
-      {"poses on the channel of queries", "CLEARANCE_QUERY", poses},
-      {"37 bytes of poses", "CLEARANCE_POSES", cut(poses, 37)},
-      {"poses cut short", "CLEARANCE_POSES", cut(poses, poses.size() - 1)},
-      {"poses with bytes left over", "CLEARANCE_POSES", cut(poses, poses.size() + 8)},
-      {"2^31 - 1 poses", "CLEARANCE_POSES", with_word(encode(no_poses), 4, 0x7FFFFFFF)},
-      {"-1 poses", "CLEARANCE_POSES", with_word(encode(no_poses), 4, 0xFFFFFFFF)},
-      {"2^28 names", "CLEARANCE_POSES_NAMED", with_word(encode(no_names), 4, 0x10000000)},
-      {"2^31 - 1 pairs", "CLEARANCE_QUERY", with_word(encode(no_pairs), 12, 0x7FFFFFFF)},
-      {"2^31 - 1 bodies", "CLEARANCE_QUERY", with_word(encode(no_pairs), 8, 0x7FFFFFFF)},
-      {"2^31 - 1 configurations of no body", "CLEARANCE_QUERY", with_word(encode(no_pairs), 4, 0x7FFFFFFF)},
-      {"a frame of -1 bytes", "CLEARANCE_FRAME_IN", with_word(encode(no_frame), 4, 0xFFFFFFFF)},
-      {"a frame without parts", "CLEARANCE_FRAME_IN", encode(no_frame)},
-  };
-  for (const auto& [what, channel, packet] : messages) {
-    SCOPED_TRACE(what);
-    const std::uint64_t bad = counter("lcm.bad_messages");
-    raw.send(RawSender::datagram(channel, packet));
-    ASSERT_TRUE(until_counter("lcm.bad_messages", bad + 1));
-    expect_good_answer();
-  }
-  EXPECT_EQ(counter("lcm.bad_messages"), messages.size());
-  // Bad values in good messages, too.
-  pose_update_t bad = update(2, 0.8);
-  bad.poses[0] = {std::nan(""), 0, 0, 1, 0, 0, 0};
-  bad.poses[1] = {0, 0, 0, 0, 0, 0, 0};
-  const std::uint64_t before = counter("lcm.pose_messages");
-  publish(bad);
-  ASSERT_TRUE(until_counter("lcm.pose_messages", before + 1));
-  EXPECT_EQ(engine_->body_state(1).status, Status::kBadPose);
-  EXPECT_EQ(engine_->body_state(2).status, Status::kBadPose);
-  EXPECT_EQ(engine_->body_state(3).status, Status::kOk);
-  expect_good_answer();
 }
 
 }  // namespace
