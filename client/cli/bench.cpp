@@ -1,4 +1,8 @@
 // clearance bench: how long queries take, and how much of that is the transport's bare minimum.
+#include <sched.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <iostream>
@@ -156,6 +160,7 @@ double parse_rate(const std::string& text) {
 void run(const Options& o) {
   BenchReport report;
   report.rate_hz = parse_rate(o.rate);
+  if (!o.csv.empty()) check_csv(o.csv);
   Client client = o.connection.open();
   const BenchQuery q = make_query(client, o);
   report.url = client.url();
@@ -181,9 +186,19 @@ void run(const Options& o) {
   if (!o.csv.empty()) append_csv(report, o.csv);
 }
 
-/// The command line, as a shell would take it again.
+/// The command line, as a shell would take it again; priority and pinning, which a latency depends on, are part of it.
 std::string command_line(const CLI::App& command) {
-  std::string line = "clearance bench";
+  std::string line;
+  if (const int nice = ::getpriority(PRIO_PROCESS, 0); nice != 0) line += "nice -n " + std::to_string(nice) + " ";
+  cpu_set_t cpus;
+  const long online = ::sysconf(_SC_NPROCESSORS_ONLN);
+  if (::sched_getaffinity(0, sizeof cpus, &cpus) == 0 && CPU_COUNT(&cpus) < online) {
+    std::string list;
+    for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu)
+      if (CPU_ISSET(cpu, &cpus)) list += (list.empty() ? "" : ",") + std::to_string(cpu);
+    line += "taskset -c " + list + " ";
+  }
+  line += "clearance bench";
   for (const CLI::Option* option : command.get_options())
     for (const std::string& value : option->results())
       if (option->get_name() != "--csv" && option->get_name() != "--help")

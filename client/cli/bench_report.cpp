@@ -161,18 +161,35 @@ void print_report(const BenchReport& report, std::ostream& out, Output output) {
     row_of(report).print(out, output);
 }
 
+namespace {
+
+/// The column names in the file; empty if there is no file or nothing in it.
+std::string header_of(const std::string& path) {
+  std::ifstream file(path);
+  std::string header;
+  std::getline(file, header);
+  return header;
+}
+
+}  // namespace
+
+void check_csv(const std::string& path) {
+  std::ostringstream text;
+  row_of(BenchReport{}).print(text, Output::kCsv);
+  const std::string names = text.str().substr(0, text.str().find('\n'));
+  const std::string header = header_of(path);
+  if (!header.empty() && header != names)
+    throw std::runtime_error(path + ": its columns are not those of clearance bench; choose another file");
+  if (!std::ofstream(path, std::ios::app)) throw std::runtime_error(path + ": cannot write");
+}
+
 void append_csv(const BenchReport& report, const std::string& path) {
   std::ostringstream text;
   row_of(report).print(text, Output::kCsv);
   const std::string both = text.str();
-  const std::size_t header_end = both.find('\n') + 1;
-  std::string header;
-  std::ifstream there(path);
-  const bool fresh = !std::getline(there, header);
-  if (!fresh && header + "\n" != both.substr(0, header_end))
-    throw std::runtime_error(path + ": its columns are not those of clearance bench; choose another file");
+  const bool fresh = header_of(path).empty();
   std::ofstream file(path, std::ios::app);
-  file << (fresh ? both : both.substr(header_end));
+  file << (fresh ? both : both.substr(both.find('\n') + 1));
   if (!file.flush()) throw std::runtime_error(path + ": cannot write");
 }
 

@@ -34,7 +34,9 @@ std::string machine_name();
 /// Aligned for people, or one row of CSV or JSON.
 void print_report(const BenchReport& report, std::ostream& out, Output output);
 
-/// Adds one row to a CSV file, with the column names if it is new. Throws std::runtime_error.
+/// Throws std::runtime_error unless a row can be added to this CSV file: said before anything is measured.
+void check_csv(const std::string& path);
+/// Adds one row, with the column names if the file is new. Throws std::runtime_error.
 void append_csv(const BenchReport& report, const std::string& path);
 
 }  // namespace clearance::cli

@@ -130,6 +130,13 @@ TEST_F(Bench, ConfigurationsReductionsAndRates) {
   EXPECT_EQ(row.at("request_bytes"), std::to_string(64 + 128 + 8 + 50 * 2 * 56));
   // Five rounds of 60 ms at 100 Hz: six requests each, sent or at least counted.
   EXPECT_EQ(std::stoull(row.at("samples")) + std::stoull(row.at("unsent")), 30u);
+  // Where it ran is part of the command.
+  const Finished pinned = run({"/usr/bin/env", "taskset", "-c", "0", "nice", "-n", "3", program("clearance"), "bench",
+                               "--seconds", "0.1", "--warmup", "0", "--pairs", "1", "--connect", url, "--json"});
+  ASSERT_EQ(pinned.code, 0) << pinned.err;
+  if (::sysconf(_SC_NPROCESSORS_ONLN) > 1) {
+    EXPECT_TRUE(contains(pinned.out, "nice -n 3 taskset -c 0 clearance bench "));
+  }
   const Finished again = bench({"--connect", url, "--pairs", "3", "--configs", "10", "--moved", "1"});
   ASSERT_EQ(again.code, 0) << again.err;
   EXPECT_TRUE(contains(again.out, "3 pairs in each of 10 configurations of 1 bodies"));
