@@ -14,9 +14,10 @@ setup:  ## install what is missing: Debian packages (apt), Python packages (.ven
 	@tools/setup.sh
 
 build: setup  ## daemon and command line in build/bin, Python package in .venv
-	@tools/build.sh release
+	@tools/build.sh release product
 
-test: build  ## every test: ctest, then pytest
+test: setup  ## every test: ctest, then pytest
+	@tools/build.sh release
 	@ctest --test-dir build -j $(CORES) --output-on-failure
 	@$(PYTHON_VENV) -m pytest -q tests/python
 
@@ -26,7 +27,8 @@ demo: build  ## 19 moving bodies asked about through all three transports; out/d
 bench: build  ## latency and throughput of every transport: out/latency.csv
 	@$(PYTHON_VENV) tools/bench.py
 
-certify: build  ## a million pairs of every hard class against exact arithmetic; rewrites docs/results/accuracy.csv
+certify: setup  ## a million pairs of every hard class against exact arithmetic; rewrites docs/results/accuracy.csv
+	@tools/build.sh release clearance-certify
 	@mkdir -p out
 	@build/bin/clearance-certify --pairs 1000000 --seed 1 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
 
