@@ -254,6 +254,7 @@ def print_latency(stage, urls, seconds):
 def draw_picture(options, scene, states, answer):
     import picture  # matplotlib takes a while to load
 
+    say("Picture   being drawn ...")
     started = time.monotonic()
     names = [body.name for body in scene.bodies]
     meshes = []

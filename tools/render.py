@@ -37,12 +37,10 @@ class Camera:
         xy = self.focal * local[:, :2] / depth[:, None] * [1, -1] + self.size / 2
         return np.column_stack([xy, depth])
 
-    def rays(self):
-        """(height, width, 3) directions through the pixels' centres, with length 1 along the view."""
-        x = (np.arange(self.size[0]) + 0.5 - self.size[0] / 2) / self.focal
-        y = -(np.arange(self.size[1]) + 0.5 - self.size[1] / 2) / self.focal
-        grid = np.stack(np.broadcast_arrays(x[None, :], y[:, None], -1.0), axis=-1)
-        return grid @ self.axes
+    def rays(self, x, y):
+        """(..., 3) directions through the centres of pixels, with length 1 along the view."""
+        x, y = np.broadcast_arrays((x + 0.5 - self.size[0] / 2) / self.focal, -(y + 0.5 - self.size[1] / 2) / self.focal)
+        return np.stack([x, y, -np.ones_like(x)], axis=-1) @ self.axes
 
 
 def rasterise(screen, triangles, width, height):
@@ -144,17 +142,18 @@ def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
     index, inverse = rasterise(affine, triangles, width, height)
     hit = index >= 0
     distance = np.where(hit, -1 / np.where(hit, inverse, -1.0), np.inf)
-    rays = camera.rays()
-    image = np.broadcast_to(background, (height, width, 3)).copy()
+    image = np.full((height, width, 3), background, dtype=np.float32)
     shadow = _ShadowMap(vertices, triangles, light)
 
     # Bodies.
     t = index[hit]
-    positions = camera.eye + rays[hit] * distance[hit][:, None]
+    row, column = np.nonzero(hit)
+    rays = camera.rays(column, row)
+    positions = camera.eye + rays * distance[hit][:, None]
     weights = _barycentric(positions, vertices[triangles[t]])
     n = np.einsum("ni,nik->nk", weights, normals[t])
     n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
-    view = -rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
+    view = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     n *= np.where(np.einsum("ij,ij->i", n, view) < -0.2, -1.0, 1.0)[:, None]  # inside-out meshes
     lit = shadow.lit(positions + n * shadow.texel * 1.5, spread=1.5)
     diffuse = np.clip(n @ light, 0, 1) * lit
@@ -168,8 +167,9 @@ def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
 
     # The floor: only its shadows show, and they fade into the background far away.
     if ground is not None:
-        # Soft as they are, every second pixel of the floor is enough.
-        coarse = rays[::2, ::2]
+        # Soft as they are, every fourth pixel of the floor is enough.
+        step = 4
+        coarse = camera.rays(np.arange(0, width, step)[None, :], np.arange(0, height, step)[:, None])
         along = np.where(coarse[..., 2] < -1e-6, (ground - camera.eye[2]) / np.minimum(coarse[..., 2], -1e-6), np.nan)
         away = np.hypot(camera.eye[0] + coarse[..., 0] * along - shadow.centre[0],
                         camera.eye[1] + coarse[..., 1] * along - shadow.centre[1]) / shadow.radius
@@ -177,10 +177,10 @@ def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
         occluded = np.zeros(floor.shape)
         occluded[floor] = 1 - shadow.lit(camera.eye + coarse[floor] * along[floor][:, None], spread=16.0)
         darkness = 0.20 * occluded * np.clip(2.6 - np.nan_to_num(away, nan=9.0), 0, 1)
-        darkness = darkness.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
+        darkness = darkness.repeat(step, axis=0).repeat(step, axis=1)[:height, :width]
         image[~hit] *= 1 - darkness[~hit][:, None]
     owners = np.repeat(np.arange(len(meshes)), [len(t) for _, t, _ in meshes])
-    return image.clip(0, 1), distance, np.where(hit, owners[index], -1)
+    return image.clip(0, 1, out=image), distance, np.where(hit, owners[index], -1)
 
 
 def seen(meshes, camera):
