@@ -1,0 +1,15 @@
+#include <clearance/client.h>
+
+#include <cstdio>
+#include <cstring>
+
+// Exceptions of the shared library are caught by their type, and say what they should.
+int main() {
+  try {
+    clearance::connect("ipc:///nonexistent/c.ipc");
+  } catch (const clearance::ConnectionError& error) {
+    std::puts(error.what());
+    return std::strstr(error.what(), "no such socket") ? 0 : 2;
+  }
+  return 1;
+}
