@@ -3,7 +3,9 @@
 import gc
 import os
 import signal
+import sys
 import threading
+import traceback
 
 import numpy as np
 import pytest
@@ -431,6 +433,31 @@ def test_a_forked_child_must_connect_anew(daemon, kind):
     assert lines[2] == expected.lower.tobytes().hex()
     assert same_bits(client.distances(pairs=("cup", "*")), expected), "the parent's connection is as it was"
     assert np.array_equal(view.lower, expected.lower)
+
+
+def test_a_fork_while_another_thread_waits(ipc):
+    """The lock that the other thread held does not stop the child."""
+    client = clearance.connect(ipc.urls["ipc"], timeout_s=30)
+    view = client.distances(copy=False)
+    os.kill(ipc.process.pid, signal.SIGSTOP)
+    thread = threading.Thread(target=client.distances)
+    thread.start()
+    while "_wait" not in [frame.name for frame in traceback.extract_stack(sys._current_frames()[thread.ident])]:
+        pass
+    for _ in range(20):
+        child = os.fork()
+        if child == 0:
+            signal.alarm(20)
+            try:
+                client.distances()
+            except clearance.ConnectionError as error:
+                del view
+                os._exit(0 if "must connect anew" in str(error) else 1)
+            os._exit(2)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    os.kill(ipc.process.pid, signal.SIGCONT)
+    thread.join()
+    assert client.distances().lower.tobytes() == view.lower.tobytes()
 
 
 def test_the_gil_is_released_while_waiting(ipc):

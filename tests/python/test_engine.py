@@ -388,6 +388,10 @@ def test_read_only_out_and_disagreement_with_fields(engine):
         engine.distances(out={"lower": np.zeros((1, 7))}, fields=("lower", "upper"))
     with pytest.raises(ValueError, match=r"out: holds 'lower', which fields does not name"):
         engine.distances(out={"lower": np.zeros((1, 7)), "upper": np.zeros((1, 7))}, fields="upper")
+    both = np.zeros((2, 1, 7))
+    engine.distances(out={"lower": both[0], "upper": both[1]})
+    with pytest.raises(ValueError, match=r"out\['lower'\] and out\['upper'\] share memory"):
+        engine.distances(out={"lower": both[0], "upper": both[0]})
     with pytest.raises(ValueError, match=r"copy: out= is a copy"):
         engine.distances(out={"lower": np.zeros((1, 7))}, copy=False)
     with pytest.raises(ValueError, match=r"expected shape \(40,\) or more rows, got \(39,\)"):

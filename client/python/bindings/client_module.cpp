@@ -15,6 +15,7 @@
 #include <variant>
 
 #include "client/client.h"
+#include "client/fork_guard.h"
 #include "columns.h"
 #include "wire_layout.h"
 
@@ -37,11 +38,14 @@ std::chrono::nanoseconds duration_of(double seconds) {
 class Connection {
  public:
   Connection(const std::string& url, double timeout_s)
-      : client_(connect(url, duration_of(timeout_s))), timeout_s_(timeout_s) {}
+      : client_(connect(url, duration_of(timeout_s))), url_(client_.url()), timeout_s_(timeout_s) {}
 
   /// Runs f(client) alone, with the GIL released.
   template <class F>
   auto with(F&& f) {
+    // Before the lock: another thread may have held it at the fork, and does not exist in the child.
+    if (fork_guard_.forked())
+      throw ConnectionError(url_ + ": this connection was opened before a fork; the child process must connect anew");
     nb::gil_scoped_release release;
     const std::lock_guard lock(mutex_);
     empty_trash();
@@ -51,6 +55,10 @@ class Connection {
   /// Destroys a Reply or Pending, now or before the next call. Never blocks.
   template <class T>
   void discard(T&& object) {
+    if (fork_guard_.forked()) {
+      (void)new T(std::move(object));  // the parent's: neither used nor given back here
+      return;
+    }
     if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) {
       const T gone = std::move(object);
     } else {
@@ -59,6 +67,7 @@ class Connection {
     }
   }
 
+  const std::string& url() const { return url_; }
   double timeout_s() const { return timeout_s_; }
   void set_timeout(double seconds) {
     timeout_s_ = seconds;
@@ -72,8 +81,10 @@ class Connection {
     gone.swap(trash_);
   }
 
+  ForkGuard fork_guard_;
   std::mutex mutex_;
   Client client_;
+  std::string url_;
   double timeout_s_;
   std::mutex trash_mutex_;
   std::vector<std::variant<Reply, Pending>> trash_;
@@ -334,7 +345,7 @@ NB_MODULE(_client, m) {
 
   nb::class_<PyClient>(m, "Client")
       .def(nb::init<const std::string&, double>(), nb::arg("url"), nb::arg("timeout_s"))
-      .def_prop_ro("url", [](const PyClient& c) { return c.use().with([](Client& client) { return client.url(); }); })
+      .def_prop_ro("url", [](const PyClient& c) { return c.use().url(); })
       .def_prop_rw(
           "timeout_s", [](const PyClient& c) { return c.use().timeout_s(); },
           [](PyClient& c, double seconds) { c.use().set_timeout(seconds); })

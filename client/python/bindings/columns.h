@@ -185,8 +185,9 @@ class OutArrays {
   std::uint32_t fields() const { return fields_; }
   std::byte* data(int field) const { return static_cast<std::byte*>(view_[static_cast<std::size_t>(field)].buf); }
 
-  /// Throws ValueError unless every array has the shape of the answer (kWithin: room for all rows).
+  /// Throws ValueError unless every array has the shape of the answer (kWithin: room for all rows) and memory of its own.
   void check(Reduce reduce, std::uint64_t configurations, std::uint64_t pairs, std::uint64_t rows) const {
+    check_apart();
     for (int i = 0; i < kFieldCount; ++i) {
       if (!(fields_ >> i & 1u)) continue;
       std::vector<std::uint64_t> expected;
@@ -216,6 +217,19 @@ class OutArrays {
   }
 
  private:
+  void check_apart() const {
+    for (int i = 0; i < kFieldCount; ++i) {
+      for (int j = i + 1; j < kFieldCount; ++j) {
+        if (!(fields_ >> i & fields_ >> j & 1u)) continue;
+        const Py_buffer &a = view_[static_cast<std::size_t>(i)], &b = view_[static_cast<std::size_t>(j)];
+        if (data(i) < data(j) + b.len && data(j) < data(i) + a.len) {
+          throw nb::value_error(("out['" + std::string(kFieldNames[i]) + "'] and out['" + kFieldNames[j] +
+                                 "'] share memory").c_str());
+        }
+      }
+    }
+  }
+
   static std::string text(const std::vector<std::uint64_t>& shape) {
     std::string s = "(";
     for (std::size_t i = 0; i < shape.size(); ++i) s += (i ? ", " : "") + std::to_string(shape[i]);

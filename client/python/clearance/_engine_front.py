@@ -10,7 +10,7 @@ import numpy as np
 
 import clearance._engine as _engine
 from ._errors import TimeoutError
-from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query
+from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query, _count
 from ._future import EngineFuture, Worker
 from ._names import NameTable
 from ._scene import Scene, name_table
@@ -41,7 +41,7 @@ class Engine(Front):
         if threads < 0 or threads > 1 << 16:
             raise ValueError(f"threads: expected 0 (all cores) or more, got {threads}")
         with scene._lock:
-            self._engine = _engine.Engine(scene._scene, backend, int(threads), int(max_rows))
+            self._engine = _engine.Engine(scene._scene, backend, int(threads), _count(max_rows, "max_rows"))
         self._worker: Optional[Worker] = None
 
     @staticmethod

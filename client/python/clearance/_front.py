@@ -152,17 +152,20 @@ class Front:
         return self._table(parsed_pairs, parsed_bodies)
 
     def _table(self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray]) -> np.ndarray:
-        key = self._table_key(pairs, bodies)
-        with self._tables_lock:
-            table = self._tables.get(key)
-            if table is not None:
-                self._tables.move_to_end(key)
-                return table
         poses = None if bodies is None else np.zeros((1, len(bodies), 7))
         raw = self._module.Query(
             pairs, bodies, poses, math.inf, 0.0, -1.0, 0, False, 0, 0, DEFAULT_FIELDS, False, 1 << 20, 0, False
         )
-        table = self._fetch_pairs(raw)
+        while True:
+            key = self._table_key(pairs, bodies)
+            with self._tables_lock:
+                table = self._tables.get(key)
+                if table is not None:
+                    self._tables.move_to_end(key)
+                    return table
+            table = self._fetch_pairs(raw)
+            if self._scene_revision() == key[0]:  # else another thread has attached a body meanwhile
+                break
         table.flags.writeable = False
         with self._tables_lock:
             self._tables[key] = table
