@@ -14,7 +14,7 @@ set(CLEARANCE_PYTHON_DIR ${PROJECT_BINARY_DIR}/python/clearance)
 function(clearance_python_module name)
   cmake_parse_arguments(ARG "" "" "LIBS" ${ARGN})
   # A domain of its own: both modules bind a Query and an Answer, and share a process with others' nanobind modules.
-  nanobind_add_module(${name} NB_STATIC NB_DOMAIN clearance${name} STABLE_ABI NOMINSIZE NB_SUPPRESS_WARNINGS
+  nanobind_add_module(${name} NB_STATIC NB_DOMAIN clearance${name} NOMINSIZE NB_SUPPRESS_WARNINGS
     ${ARG_UNPARSED_ARGUMENTS})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PRIVATE clearance_options ${ARG_LIBS})
