@@ -1,17 +1,18 @@
 #!/usr/bin/env python3
-"""Writes the README's tables from the files in docs/results.
+"""Writes the tables of the README and of docs/latency.md from the files in docs/results.
 
     tools/readme_tables.py            write them
     tools/readme_tables.py --check    exit code 1 if they are not those of the files
 
-A table stands in the README between a line `<!-- table NAME -->` and a line `<!-- end -->`.
+A table stands in a page between a line `<!-- table NAME -->` and a line `<!-- end -->`.
 """
 import csv
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-README = ROOT / "README.md"
+PAGES = ["README.md", "docs/latency.md"]
+NAMES = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
 
 
 def read(name):
@@ -50,17 +51,20 @@ def accuracy():
     return f"{table}\n\nFrom [docs/results/accuracy.csv](docs/results/accuracy.csv) ({remark}), by `build/bin/clearance-certify`."
 
 
+def question(row):
+    """What a row of `clearance bench` asked."""
+    configurations = int(row["configs"])
+    text = f"{row['pairs']} pair{'s' if row['pairs'] != '1' else ''}"
+    text += f" x {configurations} configurations" if configurations else ""
+    return text + ("" if row["mode"] == "closed" else f", {float(row['mode']):g} a second")
+
+
 def latency():
     """Every transport, closed loop and at a fixed rate."""
     _, rows = read("latency")
-    names = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
 
     def line(row):
-        configurations = int(row["configs"])
-        question = f"{row['pairs']} pair{'s' if row['pairs'] != '1' else ''}"
-        question += f" x {configurations} configurations" if configurations else ""
-        question += "" if row["mode"] == "closed" else f", {float(row['mode']):g} a second"
-        return [question, names[row["transport"]],
+        return [question(row), NAMES[row["transport"]],
                 *(f"{float(row[key]):,.0f}" for key in ("p50_us", "p99_us", "server_p50_us", "floor_p50_us"))]
 
     table = markdown(["query", "transport", "p50 [us]", "p99 [us]", "server p50", "floor p50"], [line(row) for row in rows],
@@ -68,38 +72,64 @@ def latency():
     return f"{table}\n\nFrom [docs/results/latency.csv](docs/results/latency.csv), by `make bench` on {rows[0]['machine']}, {rows[0]['date'][:10]}."
 
 
-TABLES = {"accuracy": accuracy, "latency": latency}
+def latency_parts():
+    """Where the time of a query goes, for docs/latency.md."""
+    _, rows = read("latency_2core")
+
+    def line(row):
+        keys = ("p50_us", "p90_us", "p99_us", "server_p50_us", "transport_p50_us", "floor_p50_us")
+        return [question(row), NAMES[row["transport"]], *(f"{float(row[key]):,.1f}" for key in keys),
+                f"{float(row['throughput_hz']):,.0f}"]
+
+    return markdown(["query", "transport", "p50", "p90", "p99", "server p50", "transport p50", "floor p50", "queries/s"],
+                    [line(row) for row in rows], words=2)
 
 
-def fill(text):
-    """The README's text with every table made anew. Raises SystemExit naming a table that nobody can make."""
+def latency_spin():
+    """What spinning buys, for docs/latency.md."""
+    _, rows = read("latency_spin")
+
+    def line(row):
+        spin = row["command"].split("spin_us=")[1].split()[0] if "spin_us=" in row["command"] else "20 (default)"
+        keys = ("p50_us", "p99_us", "transport_p50_us", "floor_p50_us")
+        return [question(row), spin, *(f"{float(row[key]):,.1f}" for key in keys), f"{float(row['throughput_hz']):,.0f}"]
+
+    return markdown(["query", "client spins [us]", "p50", "p99", "transport p50", "floor p50", "queries/s"],
+                    [line(row) for row in rows], words=2)
+
+
+TABLES = {"accuracy": accuracy, "latency": latency, "latency_parts": latency_parts, "latency_spin": latency_spin}
+
+
+def fill(page, text):
+    """The page's text with every table made anew. Raises SystemExit naming a table that nobody can make."""
     out, lines = [], iter(text.splitlines())
     for line in lines:
         out.append(line)
         if line.startswith("<!-- table "):
             name = line.split()[2]
             if name not in TABLES:
-                sys.exit(f"README.md: no table is called {name!r}; there are {', '.join(TABLES)}")
+                sys.exit(f"{page}: no table is called {name!r}; there are {', '.join(TABLES)}")
             out.append(TABLES[name]())
             for line in lines:
                 if line == "<!-- end -->":
                     out.append(line)
                     break
             else:
-                sys.exit(f"README.md: table {name!r} has no <!-- end --> line")
+                sys.exit(f"{page}: table {name!r} has no <!-- end --> line")
     return "\n".join(out) + "\n"
 
 
 def main():
-    old = README.read_text()
-    new = fill(old)
-    if sys.argv[1:] == ["--check"]:
-        if new != old:
-            sys.exit("README.md: its tables are not those of docs/results; run tools/readme_tables.py")
-    elif sys.argv[1:]:
+    if sys.argv[1:] not in ([], ["--check"]):
         sys.exit(__doc__)
-    else:
-        README.write_text(new)
+    for page in PAGES:
+        old = (ROOT / page).read_text()
+        new = fill(page, old)
+        if not sys.argv[1:]:
+            (ROOT / page).write_text(new)
+        elif new != old:
+            sys.exit(f"{page}: its tables are not those of docs/results; run tools/readme_tables.py")
 
 
 if __name__ == "__main__":
