@@ -1,8 +1,10 @@
 """Queries on an engine in this process."""
 
 import gc
+import itertools
 import os
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -710,14 +712,18 @@ def test_poses_while_other_threads_ask(engine):
     thread.start()
     revisions = set()
     try:
-        for _ in range(300):
+        # On a busy machine the other thread may be long in getting its turn: wait for it, up to a limit.
+        deadline = time.monotonic() + 60
+        for i in itertools.count():
+            if i >= 300 and (len(revisions) > 10 or time.monotonic() > deadline):
+                break
             r = engine.distances(pairs=("link1", "link2"))
             revisions.add(r.snapshot_revision)
             failures += [] if r.upper[0, 0] == pytest.approx(1.9, abs=1e-9) or r.snapshot_revision <= 2 else [r.upper]
     finally:
         stop.set()
         thread.join()
-    assert not failures and len(revisions) > 1
+    assert not failures and len(revisions) > 10
 
 
 def test_use_after_fork_is_refused(engine):
