@@ -3,6 +3,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <cmath>
 #include <exception>
 #include <optional>
 
@@ -119,6 +120,12 @@ class ParallelJob : public Job::State {
   std::vector<std::optional<Placement>> placements_;
 };
 
+// Whether the narrow phase was asked: bodies without a pose have no distance, and pairs that boxes alone prove to be
+// beyond max_distance have no upper bound.
+bool reached_narrow_phase(const PairAnswer& answer) {
+  return !std::isnan(answer.distance) && answer.upper < std::numeric_limits<double>::infinity();
+}
+
 // One row for each configuration and pair.
 class DenseJob final : public ParallelJob {
  public:
@@ -131,17 +138,20 @@ class DenseJob final : public ParallelJob {
     const bool done = run_units(next_, blocks * plan_.size.configurations, deadline, [&](std::uint64_t unit, int worker) {
       const std::uint64_t k = unit / blocks, begin = unit % blocks * kBlock, count = std::min(kBlock, pairs - begin);
       const Placement& here = placement(worker, k);
-      std::uint64_t index = k * pairs + begin;
+      std::uint64_t index = k * pairs + begin, evaluated = 0;
       for (const BodyPair pair : plan_.pairs.slice(begin, count, rooms_[static_cast<std::size_t>(worker)])) {
         Row row{pair, static_cast<std::uint32_t>(k), evaluate(scene(), here, pair, options_), {}, {}};
         const std::size_t n = scene().bodies().size();
         if (pair.a < n) row.origin_a = here[pair.a].pose.t_w;
         if (pair.b < n) row.origin_b = here[pair.b].pose.t_w;
         write_row(reply_, index++, row);
+        evaluated += reached_narrow_phase(row.answer);
       }
+      evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
     });
     if (done) {
-      info.rows = info.total = info.pairs_evaluated = plan_.size.rows;
+      info.rows = info.total = plan_.size.rows;
+      info.pairs_evaluated = evaluated_;
       context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
     }
     return done;
@@ -149,6 +159,7 @@ class DenseJob final : public ParallelJob {
 
  private:
   std::uint64_t next_ = 0;
+  std::atomic<std::uint64_t> evaluated_{0};
   std::vector<std::vector<BodyPair>> rooms_;
 };
 

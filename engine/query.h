@@ -91,7 +91,7 @@ struct ReplyInfo {
   std::int64_t snapshot_stamp_ns = 0;     ///< newest publisher's stamp among the poses
   std::int64_t oldest_receipt_ns = 0;     ///< oldest monotonic receipt among poses of movable bodies; 0: none
   std::uint64_t scene_revision = 0;
-  std::uint64_t pairs_evaluated = 0;      ///< pair-configurations that reached the narrow phase
+  std::uint64_t pairs_evaluated = 0;      ///< pair-configurations that boxes alone did not answer
 };
 
 /// Why a query as a whole cannot be answered. A bad pose or an unknown body is a Status of its rows, not an error.
