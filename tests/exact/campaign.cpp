@@ -47,9 +47,11 @@ std::vector<Answer> Bench::ask(const Setting& setting) const {
   query.precision = setting.precision;
   query.signed_distance = setting.signed_distance;
   query.format = setting.format;
-  query.fields = kFieldStatus | kFieldFlags | (compact ? kFieldCompact : kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal);
+  query.fields = kFieldStatus | kFieldFlags |
+                 (compact ? kFieldCompact : kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal);
 
-  std::vector<double> distance(count_), lower(count_), upper(count_), points_a(3 * count_), points_b(3 * count_), normals(3 * count_);
+  std::vector<double> distance(count_), lower(count_), upper(count_), points_a(3 * count_), points_b(3 * count_),
+      normals(3 * count_);
   std::vector<std::uint8_t> status(count_);
   std::vector<std::uint16_t> flags(count_);
   std::vector<CompactAnswer> rows(count_);
@@ -65,7 +67,9 @@ std::vector<Answer> Bench::ask(const Setting& setting) const {
   Job job = engine_->start(query, reply);
   while (!job.advance()) {
   }
-  const auto at = [](const std::vector<double>& v, std::size_t i) { return Vec3d{v[3 * i], v[3 * i + 1], v[3 * i + 2]}; };
+  const auto at = [](const std::vector<double>& v, std::size_t i) {
+    return Vec3d{v[3 * i], v[3 * i + 1], v[3 * i + 2]};
+  };
   std::vector<Answer> answers(count_);
   for (std::size_t i = 0; i < count_; ++i) {
     Answer& a = answers[i];
@@ -141,14 +145,16 @@ std::vector<Setting> standard_settings(bool reference) {
 
 std::string csv_key(const Setting& s) {
   std::ostringstream out;
-  out << s.backend << ',' << (s.precision == Precision::kF64 ? "f64" : "f32") << ',' << (s.signed_distance ? "signed" : "unsigned") << ','
-      << (s.format == Format::kCompact ? "compact" : "full") << ',' << s.wanted_rel_tol() << ',';
+  out << s.backend << ',' << (s.precision == Precision::kF64 ? "f64" : "f32") << ','
+      << (s.signed_distance ? "signed" : "unsigned") << ',' << (s.format == Format::kCompact ? "compact" : "full")
+      << ',' << s.wanted_rel_tol() << ',';
   if (s.max_distance < 1e300) out << s.max_distance;
   return out.str();
 }
 
-std::vector<Tally> try_cases(std::span<const Case> cases, std::span<const Setting> settings, int threads, bool columns,
-                             const std::function<void(std::size_t, const Setting&, const Verdict&, const std::string&)>& report) {
+std::vector<Tally> try_cases(
+    std::span<const Case> cases, std::span<const Setting> settings, int threads, bool columns,
+    const std::function<void(std::size_t, const Setting&, const Verdict&, const std::string&)>& report) {
   std::vector<Result> truth;
   for (const Case& c : cases) truth.push_back(judge(c));
   std::map<std::string, Bench> benches;

@@ -34,29 +34,30 @@ class Bench {
 /// What is published of one class under one setting.
 struct Tally {
   std::int64_t cases = 0;
-  std::int64_t violations = 0;    ///< answers of which a bound, a status or a column is not true
-  std::int64_t inaccurate = 0;    ///< true, but an error or a witness is worse than promised
+  std::int64_t violations = 0;  ///< answers of which a bound, a status or a column is not true
+  std::int64_t inaccurate = 0;  ///< true, but an error or a witness is worse than promised
   std::int64_t apart = 0, touching = 0, overlapping = 0;  ///< the exact truth
-  std::int64_t contact = 0;           ///< answers
-  std::int64_t unconverged = 0;       ///< wider than asked, and wider than the arithmetic has to be
-  std::int64_t rounding_limited = 0;  ///< wider than asked, but as narrow as the arithmetic allows
-  double worst_error = 0;         ///< over what the contract allows
+  std::int64_t contact = 0;                               ///< answers
+  std::int64_t unconverged = 0;                           ///< wider than asked, and wider than the arithmetic has to be
+  std::int64_t rounding_limited = 0;                      ///< wider than asked, but as narrow as the arithmetic allows
+  double worst_error = 0;                                 ///< over what the contract allows
   double worst_width = 0;
   void add(const Result& truth, const Answer& answer, const Verdict& verdict);
   void add(const Tally& other);
 };
 
-/// The settings that tests and the campaign ask with: both backends; float64 and float32; with and without depth; full and compact;
-/// default, zero and loose tolerances; cut-off distances. \param reference also the reference backend.
+/// The settings that tests and the campaign ask with: both backends; float64 and float32; with and without depth; full
+/// and compact; default, zero and loose tolerances; cut-off distances. \param reference also the reference backend.
 std::vector<Setting> standard_settings(bool reference = true);
 
 /// A setting as the columns backend to max_distance of docs/results/accuracy.csv.
 std::string csv_key(const Setting& s);
 
 /// Asks `cases` under each setting and holds every answer against the truth.
-/// \param columns prove witness points and normals too. \param report is called for every answer that is not good, in words.
-/// \returns one tally per setting.
-std::vector<Tally> try_cases(std::span<const Case> cases, std::span<const Setting> settings, int threads, bool columns,
-                             const std::function<void(std::size_t index, const Setting&, const Verdict&, const std::string&)>& report);
+/// \param columns prove witness points and normals too. \param report is called for every answer that is not good, in
+/// words. \returns one tally per setting.
+std::vector<Tally> try_cases(
+    std::span<const Case> cases, std::span<const Setting> settings, int threads, bool columns,
+    const std::function<void(std::size_t index, const Setting&, const Verdict&, const std::string&)>& report);
 
 }  // namespace clearance::exact

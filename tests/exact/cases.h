@@ -27,7 +27,9 @@ struct Case {
   Pose X_wa, X_wb;
 };
 
-inline PieceView view(const Solid& s) { return {s.vertices, s.radius}; }
+inline PieceView view(const Solid& s) {
+  return {s.vertices, s.radius};
+}
 inline Result judge(const Case& c, bool depth = true) {
   return exact_distance(view(*c.a), c.X_wa, view(*c.b), c.X_wb, depth);
 }
@@ -39,13 +41,13 @@ class Random {
   double uniform(double low = 0, double high = 1) {
     return low + (high - low) * (static_cast<double>(bits_() >> 11) * 0x1p-53);
   }
-  double log_uniform(double low, double high);      ///< both > 0
+  double log_uniform(double low, double high);  ///< both > 0
   int integer(int low, int high) { return low + static_cast<int>(bits_() % static_cast<unsigned>(high - low + 1)); }
   bool chance(double p) { return uniform() < p; }
   double sign() { return chance(0.5) ? 1.0 : -1.0; }
   double normal();
-  Vec3d direction();                                ///< unit up to rounding, evenly distributed
-  Pose rotation(Vec3d translation = {0, 0, 0});     ///< evenly distributed, |q| = 1 up to rounding
+  Vec3d direction();                             ///< unit up to rounding, evenly distributed
+  Pose rotation(Vec3d translation = {0, 0, 0});  ///< evenly distributed, |q| = 1 up to rounding
  private:
   std::mt19937_64 bits_;
 };

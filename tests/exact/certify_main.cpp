@@ -1,6 +1,5 @@
 // clearance-certify: the case classes at scale, every answer before the judge; writes the accuracy table.
 #include <CLI/CLI.hpp>
-
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
@@ -42,16 +41,21 @@ std::vector<Batch> share_out(const Options& o) {
   for (std::size_t k = 0; k < case_classes().size(); ++k) {
     const CaseClass& c = case_classes()[k];
     if (!chosen(c)) continue;
-    const auto total = std::max<std::int64_t>(kBatch, static_cast<std::int64_t>(static_cast<double>(o.pairs) / shares / c.cost));
+    const auto total =
+        std::max<std::int64_t>(kBatch, static_cast<std::int64_t>(static_cast<double>(o.pairs) / shares / c.cost));
     for (std::int64_t first = 0; first < total; first += kBatch)
-      batches.push_back({&c, k, static_cast<std::uint64_t>(first), static_cast<int>(std::min<std::int64_t>(kBatch, total - first))});
+      batches.push_back(
+          {&c, k, static_cast<std::uint64_t>(first), static_cast<int>(std::min<std::int64_t>(kBatch, total - first))});
   }
   return batches;
 }
 
-void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& settings, const std::vector<std::vector<Tally>>& table) {
-  out << "# pairs " << o.pairs << ", seed " << o.seed << ", witness points and normals proved for one batch in " << o.columns_every << "\n"
-      << "class,backend,precision,depth,format,rel_tol,max_distance,cases,apart,touching,overlapping,violations,inaccurate,"
+void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& settings,
+               const std::vector<std::vector<Tally>>& table) {
+  out << "# pairs " << o.pairs << ", seed " << o.seed << ", witness points and normals proved for one batch in "
+      << o.columns_every << "\n"
+      << "class,backend,precision,depth,format,rel_tol,max_distance,cases,apart,touching,overlapping,violations,"
+         "inaccurate,"
          "worst_error,worst_width,contact,unconverged,rounding_limited\n";
   for (std::size_t k = 0; k < table.size(); ++k)
     for (std::size_t s = 0; s < settings.size(); ++s) {
@@ -60,8 +64,9 @@ void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& 
       char numbers[160];
       std::snprintf(numbers, sizeof numbers, "%.3g,%.3g", t.worst_error, t.worst_width);
       out << case_classes()[k].name << ',' << csv_key(settings[s]);
-      out << ',' << t.cases << ',' << t.apart << ',' << t.touching << ',' << t.overlapping << ',' << t.violations << ',' << t.inaccurate << ','
-          << numbers << ',' << t.contact << ',' << t.unconverged << ',' << t.rounding_limited << '\n';
+      out << ',' << t.cases << ',' << t.apart << ',' << t.touching << ',' << t.overlapping << ',' << t.violations << ','
+          << t.inaccurate << ',' << numbers << ',' << t.contact << ',' << t.unconverged << ',' << t.rounding_limited
+          << '\n';
     }
 }
 
@@ -80,17 +85,21 @@ int certify(const Options& o) {
     for (std::size_t k; (k = next++) < batches.size();) try {
         const Batch& b = batches[k];
         std::vector<Case> cases;
-        for (int i = 0; i < b.count; ++i) cases.push_back(make_case(*b.c, o.seed, b.first + static_cast<std::uint64_t>(i)));
+        for (int i = 0; i < b.count; ++i)
+          cases.push_back(make_case(*b.c, o.seed, b.first + static_cast<std::uint64_t>(i)));
         const bool columns = (b.first / kBatch) % static_cast<std::uint64_t>(o.columns_every) == 0;
         const std::vector<Tally> tallies =
-            try_cases(cases, settings, 1, columns, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
-              const std::lock_guard lock(mutex);
-              if (++bad <= 20)
-                std::cerr << b.c->name << ' ' << b.first + i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy << '\n';
-              if (failures)
-                failures << "// " << b.c->name << ' ' << b.first + i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy << "\n// "
-                         << answer << '\n' << as_initialiser(cases[i]);
-            });
+            try_cases(cases, settings, 1, columns,
+                      [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+                        const std::lock_guard lock(mutex);
+                        if (++bad <= 20)
+                          std::cerr << b.c->name << ' ' << b.first + i << ", " << s.name() << ": " << v.violation << ' '
+                                    << v.inaccuracy << '\n';
+                        if (failures)
+                          failures << "// " << b.c->name << ' ' << b.first + i << ", " << s.name() << ": "
+                                   << v.violation << ' ' << v.inaccuracy << "\n// " << answer << '\n'
+                                   << as_initialiser(cases[i]);
+                      });
         const std::lock_guard lock(mutex);
         for (std::size_t s = 0; s < settings.size(); ++s) table[b.row][s].add(tallies[s]);
         if (++done % 50 == 0 || done == batches.size()) std::cerr << done << " of " << batches.size() << " batches\n";
@@ -115,9 +124,9 @@ int certify(const Options& o) {
     write_csv(out, o, settings, table);
     if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
   }
-  std::cerr << all.cases << " answers: " << all.violations << " violations, " << all.inaccurate << " less accurate than promised, "
-            << all.unconverged << " unconverged; worst error " << all.worst_error << ", worst width " << all.worst_width
-            << " of what is allowed\n";
+  std::cerr << all.cases << " answers: " << all.violations << " violations, " << all.inaccurate
+            << " less accurate than promised, " << all.unconverged << " unconverged; worst error " << all.worst_error
+            << ", worst width " << all.worst_width << " of what is allowed\n";
   return all.violations == 0 ? 0 : 1;
 }
 
@@ -130,7 +139,8 @@ int main(int argc, char** argv) {
   app.add_option("--pairs", o.pairs, "pairs in all; each is asked under every setting")->check(CLI::PositiveNumber);
   app.add_option("--seed", o.seed, "of the cases");
   app.add_option("--threads", o.threads, "batches at a time")->check(CLI::Range(1, 256));
-  app.add_option("--columns-every", o.columns_every, "prove witness points and normals of one batch in this many")->check(CLI::Range(1, 1000000));
+  app.add_option("--columns-every", o.columns_every, "prove witness points and normals of one batch in this many")
+      ->check(CLI::Range(1, 1000000));
   app.add_option("--csv", o.csv, "file to write; standard output if none");
   app.add_option("--class", o.only, "only classes whose names hold this");
   app.add_option("--failures", o.failures, "file to which cases that fail are written, in the form of mined_cases.inc");

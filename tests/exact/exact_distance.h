@@ -47,16 +47,16 @@ struct VertexPair {
 };
 
 struct Result {
-  Value distance;             ///< signed distance of the grown pieces; without depth, of overlapping cores: 0 - radii
-  bool cores_overlap = false; ///< the cores (pieces without their radius) share a point
-  /// Direction that proves the value, from a towards b, not normalised: gap(direction) / |direction| is the core's distance.
-  /// Zero if the cores overlap and no depth was asked for.
+  Value distance;              ///< signed distance of the grown pieces; without depth, of overlapping cores: 0 - radii
+  bool cores_overlap = false;  ///< the cores (pieces without their radius) share a point
+  /// Direction that proves the value, from a towards b, not normalised: gap(direction) / |direction| is the core's
+  /// distance. Zero if the cores overlap and no depth was asked for.
   Vec3z direction{0, 0, 0};
   /// Cores apart: the vertices whose hull holds the nearest points, with weights > 0 (divide by their sum).
   /// Cores overlapping: vertices of the nearest facet of B - A (none if the difference is flat), without weights.
   std::vector<VertexPair> simplex;
   std::vector<mpz_class> weights;
-  int iterations = 0;         ///< exact steps taken, of both stages
+  int iterations = 0;  ///< exact steps taken, of both stages
 };
 
 /// Exact signed distance of two pieces.

@@ -1,8 +1,7 @@
-// clearance-mine: searches for pairs that are hard on the engine. Starts from the case classes and climbs: small changes to
-// vertices, poses and gap are kept when the engine's interval gets wider or its answer worse. Prints what it finds in the form of
-// mined_cases.inc, for a person to look at and keep.
+// clearance-mine: searches for pairs that are hard on the engine. Starts from the case classes and climbs: small
+// changes to vertices, poses and gap are kept when the engine's interval gets wider or its answer worse. Prints what it
+// finds in the form of mined_cases.inc, for a person to look at and keep.
 #include <CLI/CLI.hpp>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -31,14 +30,25 @@ Case changed(Random& random, const Case& from) {
   const auto change_solid = [&](SolidPtr& solid) {
     Solid s = *solid;
     Vec3d& v = s.vertices[static_cast<std::size_t>(random.integer(0, static_cast<int>(s.vertices.size()) - 1))];
-    const Vec3d other = s.vertices[static_cast<std::size_t>(random.integer(0, static_cast<int>(s.vertices.size()) - 1))];
+    const Vec3d other =
+        s.vertices[static_cast<std::size_t>(random.integer(0, static_cast<int>(s.vertices.size()) - 1))];
     const int k = random.integer(0, 2);
     switch (random.integer(0, 6)) {
-      case 0: v[k] += random.sign() * random.log_uniform(1e-17, 1) * (std::abs(v[k]) + 1e-3 * norm(v)); break;
-      case 1: v[k] = std::nextafter(v[k], random.sign() * std::numeric_limits<double>::infinity()); break;
-      case 2: v[k] = other[k]; break;                                                  // aligned
-      case 3: v = other + (v - other) * random.log_uniform(1e-9, 2); break;            // slivers
-      case 4: v[k] *= random.log_uniform(1e-6, 1e3); break;
+      case 0:
+        v[k] += random.sign() * random.log_uniform(1e-17, 1) * (std::abs(v[k]) + 1e-3 * norm(v));
+        break;
+      case 1:
+        v[k] = std::nextafter(v[k], random.sign() * std::numeric_limits<double>::infinity());
+        break;
+      case 2:
+        v[k] = other[k];
+        break;  // aligned
+      case 3:
+        v = other + (v - other) * random.log_uniform(1e-9, 2);
+        break;  // slivers
+      case 4:
+        v[k] *= random.log_uniform(1e-6, 1e3);
+        break;
       case 5:
         if (s.vertices.size() > 1) v = s.vertices.back(), s.vertices.pop_back();
         break;
@@ -51,19 +61,36 @@ Case changed(Random& random, const Case& from) {
     double* q[4] = {&X.qw, &X.qx, &X.qy, &X.qz};
     const int k = random.integer(0, 3);
     switch (random.integer(0, 3)) {
-      case 0: *q[k] += random.sign() * random.log_uniform(1e-17, 0.1); break;
-      case 1: X.translation[k % 3] += random.sign() * random.log_uniform(1e-17, 1) * (scale_of(c) + 1e-300); break;
-      case 2: X.translation[k % 3] = std::nextafter(X.translation[k % 3], random.sign() * std::numeric_limits<double>::infinity()); break;
-      default: *q[k] = random.chance(0.5) ? 0 : *q[(k + 1) % 4];
+      case 0:
+        *q[k] += random.sign() * random.log_uniform(1e-17, 0.1);
+        break;
+      case 1:
+        X.translation[k % 3] += random.sign() * random.log_uniform(1e-17, 1) * (scale_of(c) + 1e-300);
+        break;
+      case 2:
+        X.translation[k % 3] =
+            std::nextafter(X.translation[k % 3], random.sign() * std::numeric_limits<double>::infinity());
+        break;
+      default:
+        *q[k] = random.chance(0.5) ? 0 : *q[(k + 1) % 4];
     }
     if (check(X) == PoseQuality::kBad) X = Pose{X.translation};
   };
   for (int changes = random.integer(1, 3); changes > 0; --changes) switch (random.integer(0, 4)) {
-      case 0: change_solid(c.a); break;
-      case 1: change_solid(c.b); break;
-      case 2: change_pose(c.X_wa); break;
-      case 3: change_pose(c.X_wb); break;
-      default: set_gap(c, random.sign() * scale_of(c) * random.log_uniform(1e-17, 1));
+      case 0:
+        change_solid(c.a);
+        break;
+      case 1:
+        change_solid(c.b);
+        break;
+      case 2:
+        change_pose(c.X_wa);
+        break;
+      case 3:
+        change_pose(c.X_wb);
+        break;
+      default:
+        set_gap(c, random.sign() * scale_of(c) * random.log_uniform(1e-17, 1));
     }
   const double s = scale_of(c);
   return s > 1e-12 && s < 1e15 ? c : from;
@@ -74,8 +101,9 @@ struct Found {
   std::string why;
 };
 
-/// How hard each case is: the width that is left when no tolerance is granted (as a share of 32 eps S), since with a tolerance the
-/// engine stops there and shows no slope to climb; far more if an answer under any setting breaks a promise.
+/// How hard each case is: the width that is left when no tolerance is granted (as a share of 32 eps S), since with a
+/// tolerance the engine stops there and shows no slope to climb; far more if an answer under any setting breaks a
+/// promise.
 std::vector<Found> score(const std::vector<Case>& cases, const std::vector<Setting>& settings) {
   std::vector<Found> found(cases.size());
   std::vector<Result> truth;
@@ -104,7 +132,8 @@ void mine(const Options& o) {
   std::int64_t tried = 0, kept = 0;
   double best_ever = 0;
   for (std::uint64_t climb = 0; spent() < o.seconds; ++climb) {
-    const CaseClass& cls = case_classes()[static_cast<std::size_t>(random.integer(0, static_cast<int>(case_classes().size()) - 1))];
+    const CaseClass& cls =
+        case_classes()[static_cast<std::size_t>(random.integer(0, static_cast<int>(case_classes().size()) - 1))];
     if (!o.only.empty() && cls.name.find(o.only) == std::string::npos) continue;
     Case best = make_case(cls, o.seed, climb);
     if (best.a->vertices.size() > o.max_vertices || best.b->vertices.size() > o.max_vertices) continue;
@@ -115,7 +144,8 @@ void mine(const Options& o) {
       for (int i = 0; i < o.offspring; ++i) offspring.push_back(g == 0 && i == 0 ? best : changed(random, best));
       const std::vector<Found> found = score(offspring, settings);
       tried += o.offspring;
-      const auto top = std::max_element(found.begin(), found.end(), [](const Found& a, const Found& b) { return a.score < b.score; });
+      const auto top = std::max_element(found.begin(), found.end(),
+                                        [](const Found& a, const Found& b) { return a.score < b.score; });
       if (top->score > best_score) {
         best_score = top->score;
         best = offspring[static_cast<std::size_t>(top - found.begin())];
@@ -125,7 +155,8 @@ void mine(const Options& o) {
     best_ever = std::max(best_ever, best_score);
     if (best_score < o.keep) continue;
     ++kept;
-    std::cout << "// from " << cls.name << ", " << best_score << " x 32 eps S, " << why << '\n' << as_initialiser(best) << std::flush;
+    std::cout << "// from " << cls.name << ", " << best_score << " x 32 eps S, " << why << '\n'
+              << as_initialiser(best) << std::flush;
   }
   std::cerr << tried << " pairs tried, " << kept << " kept, hardest " << best_ever << " x 32 eps S\n";
 }

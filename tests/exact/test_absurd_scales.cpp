@@ -1,4 +1,5 @@
-// Sizes from denormals to the largest coordinate that is accepted: an answer may be wide there, never wrong; beyond, it is refused.
+// Sizes from denormals to the largest coordinate that is accepted: an answer may be wide there, never wrong; beyond, it
+// is refused.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -27,20 +28,23 @@ Case scaled(const Case& c, int exponent) {
 TEST(AbsurdScales, AreNeverAnsweredWrongly) {
   std::vector<Setting> settings = standard_settings();
   std::int64_t answers = 0, undecided = 0;
-  for (const int exponent : {-1070, -1000, -700, -540, -530, -520, -510, -500, -490, -480, -400, -350, -300, -280, -270, -260, -240, -200, -180, -160, -140, -120, -100, 100, 150, 160}) {
+  for (const int exponent : {-1070, -1000, -700, -540, -530, -520, -510, -500, -490, -480, -400, -350, -300,
+                             -280,  -270,  -260, -240, -200, -180, -160, -140, -120, -100, 100,  150,  160}) {
     std::vector<Case> cases;
     for (const CaseClass& cls : case_classes()) {
-      if (cls.name.starts_with("size_") || cls.name.starts_with("place_") || cls.name == "gap_far" || cls.cost > 10) continue;
+      if (cls.name.starts_with("size_") || cls.name.starts_with("place_") || cls.name == "gap_far" || cls.cost > 10)
+        continue;
       for (std::uint64_t i = 0; i < 12; ++i) {
         const Case c = make_case(cls, 41, i);
         if (exponent > 0 && scale_of(c) > 1e3) continue;
         cases.push_back(scaled(c, exponent));
       }
     }
-    const std::vector<Tally> tallies =
-        try_cases(cases, settings, 1, false, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+    const std::vector<Tally> tallies = try_cases(
+        cases, settings, 1, false, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
           if (v.violation.empty()) return;
-          ADD_FAILURE() << "2^" << exponent << " case " << i << ", " << s.name() << ": " << v.violation << "\n  " << answer << "\n"
+          ADD_FAILURE() << "2^" << exponent << " case " << i << ", " << s.name() << ": " << v.violation << "\n  "
+                        << answer << "\n"
                         << as_initialiser(cases[i]);
         });
     for (const Tally& t : tallies) answers += t.cases, undecided += t.contact;

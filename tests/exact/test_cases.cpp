@@ -53,7 +53,8 @@ TEST(Cases, HitWhatTheyAreForAndAreLegal) {
       EXPECT_EQ(touching, kCount);
     }
     // Unless a class is for one side of contact, it must show both.
-    const std::set<std::string> one_sided = {"gap_exact_contact", "gap_far", "relation_coincident", "relation_concentric", "relation_deep"};
+    const std::set<std::string> one_sided = {"gap_exact_contact", "gap_far", "relation_coincident",
+                                             "relation_concentric", "relation_deep"};
     if (!one_sided.contains(c.name)) {
       EXPECT_GE(apart, kCount / 10) << c.name;
       EXPECT_GE(deep, kCount / 20) << c.name;

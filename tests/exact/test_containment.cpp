@@ -1,5 +1,6 @@
-// The engine before the judge: every class of cases, every backend, every way of asking. For every answer the exact distance
-// must lie within its bounds, its status must be true, its error within the contract's, and its columns must prove it.
+// The engine before the judge: every class of cases, every backend, every way of asking. For every answer the exact
+// distance must lie within its bounds, its status must be true, its error within the contract's, and its columns must
+// prove it.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -49,21 +50,26 @@ TEST_P(Containment, HoldsForEveryAnswer) {
   const std::vector<Tally> tallies = try_cases(
       cases, settings, 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
         if (++shown > 5) return;
-        ADD_FAILURE() << c.name << " case " << i << " of seed " << kSeed << ", " << s.name() << ": " << v.violation << " " << v.inaccuracy
-                      << "\n  " << answer << "\n  exact " << judge(cases[i]).distance.lower() << "\n  " << as_initialiser(cases[i]);
+        ADD_FAILURE() << c.name << " case " << i << " of seed " << kSeed << ", " << s.name() << ": " << v.violation
+                      << " " << v.inaccuracy << "\n  " << answer << "\n  exact " << judge(cases[i]).distance.lower()
+                      << "\n  " << as_initialiser(cases[i]);
       });
   for (std::size_t k = 0; k < settings.size(); ++k) {
     const Tally& t = tallies[k];
-    std::printf("%-44s worst error %.3g and width %.3g of what is allowed; %lld contact, %lld unconverged\n", settings[k].name().c_str(),
-                t.worst_error, t.worst_width, static_cast<long long>(t.contact), static_cast<long long>(t.unconverged));
+    std::printf("%-44s worst error %.3g and width %.3g of what is allowed; %lld contact, %lld unconverged\n",
+                settings[k].name().c_str(), t.worst_error, t.worst_width, static_cast<long long>(t.contact),
+                static_cast<long long>(t.unconverged));
     EXPECT_EQ(t.cases, kCases);
     EXPECT_EQ(t.violations, 0) << settings[k].name();
     EXPECT_EQ(t.inaccurate, 0) << settings[k].name();
     EXPECT_LE(t.worst_width, 1.0) << settings[k].name();
     EXPECT_EQ(t.unconverged, 0) << settings[k].name();
-    // The recorded table must not be prettier than the truth, nor much uglier. Cases may differ by last bits between C libraries.
+    // The recorded table must not be prettier than the truth, nor much uglier. Cases may differ by last bits between C
+    // libraries.
     const Recorded r = recorded(c.name, settings[k]);
-    const char* advice = ": the recorded table is out of date; if this is meant, run clearance-certify --pairs 1 --csv docs/results/accuracy_sample.csv";
+    const char* advice =
+        ": the recorded table is out of date; if this is meant, run clearance-certify --pairs 1 --csv "
+        "docs/results/accuracy_sample.csv";
     EXPECT_LE(t.worst_error, 2 * r.error + 0.05) << settings[k].name() << advice;
     EXPECT_LE(t.worst_width, 2 * r.width + 0.05) << settings[k].name() << advice;
     EXPECT_LE(r.error, 4 * t.worst_error + 0.1) << settings[k].name() << advice;
@@ -83,10 +89,12 @@ TEST(MinedCases, KeepTheirExactAnswers) {
 TEST(MinedCases, AreAnsweredRight) {
   std::vector<Case> cases;
   for (const MinedCase& m : mined_cases()) cases.push_back(m.pair);
-  const std::vector<Tally> tallies = try_cases(
-      cases, standard_settings(), 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
-        ADD_FAILURE() << "mined case " << i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy << "\n  " << answer;
-      });
+  const std::vector<Tally> tallies =
+      try_cases(cases, standard_settings(), 1, true,
+                [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+                  ADD_FAILURE() << "mined case " << i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy
+                                << "\n  " << answer;
+                });
   for (const Tally& t : tallies) {
     EXPECT_LE(t.worst_width, 1.0);
     EXPECT_EQ(t.unconverged, 0);

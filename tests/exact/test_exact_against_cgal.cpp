@@ -1,8 +1,8 @@
 // The judge against CGAL's exact polytope distance and exact convex hull.
 #include <CGAL/Gmpq.h>
+#include <CGAL/Polyhedron_3.h>
 #include <CGAL/Polytope_distance_d.h>
 #include <CGAL/Polytope_distance_d_traits_3.h>
-#include <CGAL/Polyhedron_3.h>
 #include <CGAL/Simple_cartesian.h>
 #include <CGAL/convex_hull_3.h>
 #include <gtest/gtest.h>
@@ -19,7 +19,9 @@ using Kernel = CGAL::Simple_cartesian<CGAL::Gmpq>;
 using Point = Kernel::Point_3;
 using Distance = CGAL::Polytope_distance_d<CGAL::Polytope_distance_d_traits_3<Kernel, CGAL::Gmpq, CGAL::Gmpq>>;
 
-CGAL::Gmpq q(double v) { return CGAL::Gmpq(v); }
+CGAL::Gmpq q(double v) {
+  return CGAL::Gmpq(v);
+}
 CGAL::Gmpq q(const mpz_class& n, const mpz_class& d) {
   mpq_class r(n, d);
   r.canonicalize();
@@ -34,7 +36,8 @@ std::vector<Point> placed(const std::vector<Vec3d>& vertices, const Pose& X) {
     // q v q* / |q|^2 by way of t = 2 (u x v): v + w t / n + (u x t) / n.
     const CGAL::Gmpq vx = q(v.x), vy = q(v.y), vz = q(v.z), tx = 2 * (y * vz - z * vy), ty = 2 * (z * vx - x * vz),
                      tz = 2 * (x * vy - y * vx);
-    out.emplace_back(vx + (w * tx + y * tz - z * ty) / n + q(X.translation.x), vy + (w * ty + z * tx - x * tz) / n + q(X.translation.y),
+    out.emplace_back(vx + (w * tx + y * tz - z * ty) / n + q(X.translation.x),
+                     vy + (w * ty + z * tx - x * tz) / n + q(X.translation.y),
                      vz + (w * tz + x * ty - y * tx) / n + q(X.translation.z));
   }
   return out;
@@ -50,7 +53,8 @@ CGAL::Gmpq squared_depth(const std::vector<Point>& a, const std::vector<Point>& 
   std::optional<CGAL::Gmpq> best;
   for (auto f = hull.facets_begin(); f != hull.facets_end(); ++f) {
     const auto h = f->halfedge();
-    const Kernel::Plane_3 plane(h->vertex()->point(), h->next()->vertex()->point(), h->next()->next()->vertex()->point());
+    const Kernel::Plane_3 plane(h->vertex()->point(), h->next()->vertex()->point(),
+                                h->next()->next()->vertex()->point());
     const CGAL::Gmpq d = CGAL::squared_distance(Point(CGAL::ORIGIN), plane);
     if (!best || d < *best) best = d;
   }
@@ -75,11 +79,21 @@ TEST(ExactAgainstCgal, SameSquaredDistanceAndDepth) {
       return v;
     };
     const auto pose = [&](double reach) {
-      Pose X{{reach * normal(random), reach * normal(random), reach * normal(random)}, normal(random), normal(random), normal(random), normal(random)};
-      if (lattice) X = {{std::round(X.translation.x), std::round(X.translation.y), i % 2 ? 0 : std::round(X.translation.z)}, 1, 0, 0, static_cast<double>(random() % 2)};
+      Pose X{{reach * normal(random), reach * normal(random), reach * normal(random)},
+             normal(random),
+             normal(random),
+             normal(random),
+             normal(random)};
+      if (lattice)
+        X = {{std::round(X.translation.x), std::round(X.translation.y), i % 2 ? 0 : std::round(X.translation.z)},
+             1,
+             0,
+             0,
+             static_cast<double>(random() % 2)};
       return X;
     };
-    const std::vector<Vec3d> a = cloud(1 + static_cast<int>(random() % 9)), b = cloud(1 + static_cast<int>(random() % 9));
+    const std::vector<Vec3d> a = cloud(1 + static_cast<int>(random() % 9)),
+                             b = cloud(1 + static_cast<int>(random() % 9));
     const Pose Xa = pose(1), Xb = pose(1);
     const Result r = exact_distance({a, 0}, Xa, {b, 0}, Xb);
     const std::vector<Point> pa = placed(a, Xa), pb = placed(b, Xb);

@@ -1,4 +1,5 @@
-// The judge itself: known rational answers, its own proofs (the direction attains the value), and all degenerate inputs.
+// The judge itself: known rational answers, its own proofs (the direction attains the value), and all degenerate
+// inputs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,7 +21,8 @@ Vertices box(Vec3d low, Vec3d high) {
   return v;
 }
 
-/// The judge's answer, after checks that hold for every pair: the bracket is a tight one, and the direction attains the value.
+/// The judge's answer, after checks that hold for every pair: the bracket is a tight one, and the direction attains the
+/// value.
 Result judge(const Vertices& a, double ra, const Pose& Xa, const Vertices& b, double rb, const Pose& Xb) {
   const Result r = exact_distance({a, ra}, Xa, {b, rb}, Xb);
   const double low = r.distance.lower(), high = r.distance.upper();
@@ -30,7 +32,9 @@ Result judge(const Vertices& a, double ra, const Pose& Xa, const Vertices& b, do
   EXPECT_FALSE(r.direction.x == 0 && r.direction.y == 0 && r.direction.z == 0);
   return r;
 }
-Result judge(const Vertices& a, const Vertices& b) { return judge(a, 0, {}, b, 0, {}); }
+Result judge(const Vertices& a, const Vertices& b) {
+  return judge(a, 0, {}, b, 0, {});
+}
 
 const double kInf = std::numeric_limits<double>::infinity();
 
@@ -62,11 +66,11 @@ TEST(ExactDistance, SkewSegmentsAndTriangles) {
 TEST(ExactDistance, Boxes) {
   const Vertices unit = box({0, 0, 0}, {1, 1, 1});
   EXPECT_EQ(judge(unit, box({2, 0, 0}, {3, 1, 1})).distance.compare(1), 0);
-  EXPECT_EQ(judge(unit, box({4, 5, 13}, {5, 6, 14})).distance.compare(13), 0);           // corners: 3, 4, 12
-  EXPECT_EQ(judge(unit, box({1, 0, 0}, {2, 1, 1})).distance.compare(0), 0);              // faces touch
-  EXPECT_EQ(judge(unit, box({1, 1, 1}, {2, 2, 2})).distance.compare(0), 0);              // corners touch
-  EXPECT_EQ(judge(unit, box({0.75, 0.5, 0.25}, {2, 2, 2})).distance.compare(-0.25), 0);  // depth
-  EXPECT_EQ(judge(unit, unit).distance.compare(-1), 0);                                  // coincident
+  EXPECT_EQ(judge(unit, box({4, 5, 13}, {5, 6, 14})).distance.compare(13), 0);                     // corners: 3, 4, 12
+  EXPECT_EQ(judge(unit, box({1, 0, 0}, {2, 1, 1})).distance.compare(0), 0);                        // faces touch
+  EXPECT_EQ(judge(unit, box({1, 1, 1}, {2, 2, 2})).distance.compare(0), 0);                        // corners touch
+  EXPECT_EQ(judge(unit, box({0.75, 0.5, 0.25}, {2, 2, 2})).distance.compare(-0.25), 0);            // depth
+  EXPECT_EQ(judge(unit, unit).distance.compare(-1), 0);                                            // coincident
   EXPECT_EQ(judge(unit, box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75})).distance.compare(-0.75), 0);  // inside
   EXPECT_EQ(judge(unit, 0.5, {}, box({0.5, 0, 0}, {2, 1, 1}), 0.25, {}).distance.compare(-1.25), 0);
   // The last bit of a gap, and of a depth.
@@ -81,8 +85,10 @@ TEST(ExactDistance, RotationsAreExactAndOfAnyNorm) {
     const Result r = judge({{0, 0, 0}}, 0, {}, {{5, 0, 0}}, 0, {{0, 0, 0}, 2 * s, 0, 0, s});
     EXPECT_EQ(r.distance.compare(5), 0) << s;
     const Result shifted = judge({{3, 4, 0}}, 0, {}, {{5, 0, 0}}, 0, {{0, 0, 7}, 2 * s, 0, 0, s});
-    if (s == 1.0 || s == 3.0) EXPECT_EQ(shifted.distance.compare(7), 0) << s;
-    else EXPECT_NEAR(shifted.distance.lower(), 7, 1e-14);  // 2 s and s round differently
+    if (s == 1.0 || s == 3.0)
+      EXPECT_EQ(shifted.distance.compare(7), 0) << s;
+    else
+      EXPECT_NEAR(shifted.distance.lower(), 7, 1e-14);  // 2 s and s round differently
   }
   // Both turned by the same rotation: the distance in the turned frame is the same.
   const Pose X{{1e9, -1e9, 1e8}, 2, 0, 0, 1};
@@ -92,7 +98,8 @@ TEST(ExactDistance, RotationsAreExactAndOfAnyNorm) {
 
 TEST(ExactDistance, FlatDifferencesHaveDepthZero) {
   const Vertices square = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}};
-  for (const Vertices& other : {square, Vertices{{1, 1, 0}}, Vertices{{1, -1, 0}, {1, 5, 0}}, Vertices{{1, 1, 0}, {1, 1, 0}}}) {
+  for (const Vertices& other :
+       {square, Vertices{{1, 1, 0}}, Vertices{{1, -1, 0}, {1, 5, 0}}, Vertices{{1, 1, 0}, {1, 1, 0}}}) {
     const Result r = judge(square, other);
     EXPECT_TRUE(r.cores_overlap);
     EXPECT_EQ(r.distance.compare(0), 0);
@@ -121,8 +128,8 @@ TEST(ExactDistance, HugeTinyAndMixedScales) {
   EXPECT_EQ(judge({{0, 0, 0}}, {{0, 0, denormal}}).distance.compare(denormal), 0);
 }
 
-// The first face of the polytope is 1e-324 from the origin, the answer 1: found by clearance-mine, when the two did not fit into one
-// range of doubles.
+// The first face of the polytope is 1e-324 from the origin, the answer 1: found by clearance-mine, when the two did not
+// fit into one range of doubles.
 TEST(ExactDistance, DepthBesideADenormal) {
   const double denormal = std::numeric_limits<double>::denorm_min();
   const Vertices cube = box({0, 0, 0}, {1, 1, 1});
@@ -140,7 +147,8 @@ TEST(ExactDistance, DepthBesideADenormal) {
     for (int k = 0; k < 10; ++k) a.push_back({normal(random), normal(random), normal(random)});
     Pose X{{0, 0, 0}, normal(random), normal(random), normal(random), normal(random)}, Y = X;
     Y.translation.y = denormal;
-    const Value same = exact_distance({a, 0}, X, {a, 0}, X).distance, moved = exact_distance({a, 0}, X, {a, 0}, Y).distance;
+    const Value same = exact_distance({a, 0}, X, {a, 0}, X).distance,
+                moved = exact_distance({a, 0}, X, {a, 0}, Y).distance;
     ASSERT_NEAR(moved.lower(), same.lower(), 1e-15 * std::abs(same.lower())) << i;
   }
 }
@@ -174,8 +182,8 @@ std::vector<Vec3z> differences(const Vertices& a, const Vertices& b) {
   return c;
 }
 
-/// The largest support gap over every direction that can matter, by brute force over all points, pairs and triples of C:
-/// squared, with its sign, as a rational. The textbook definition, written without any of the judge's cleverness.
+/// The largest support gap over every direction that can matter, by brute force over all points, pairs and triples of
+/// C: squared, with its sign, as a rational. The textbook definition, written without any of the judge's cleverness.
 mpq_class signed_squared_gap_by_enumeration(const std::vector<Vec3z>& c) {
   std::vector<Vec3z> directions = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   for (const Vec3z& p : c) {
@@ -231,8 +239,8 @@ TEST(ExactDistance, AgreesWithEnumerationOnLattices) {
   EXPECT_GT(deep, 50);
 }
 
-// On random pairs the value is attained by its own direction (a lower bound of the truth) and, apart, by its own witness (an
-// upper bound); swapped or in other frames it stays the same.
+// On random pairs the value is attained by its own direction (a lower bound of the truth) and, apart, by its own
+// witness (an upper bound); swapped or in other frames it stays the same.
 TEST(ExactDistance, ValueIsAttainedAndSymmetric) {
   std::mt19937_64 random(12);
   std::normal_distribution<double> normal;
@@ -244,7 +252,11 @@ TEST(ExactDistance, ValueIsAttainedAndSymmetric) {
       return v;
     };
     const auto pose = [&] {
-      return Pose{{2 * normal(random), 2 * normal(random), 2 * normal(random)}, normal(random), normal(random), normal(random), normal(random)};
+      return Pose{{2 * normal(random), 2 * normal(random), 2 * normal(random)},
+                  normal(random),
+                  normal(random),
+                  normal(random),
+                  normal(random)};
     };
     const Vertices a = cloud(), b = cloud();
     const Pose Xa = pose(), Xb = pose();
@@ -252,7 +264,8 @@ TEST(ExactDistance, ValueIsAttainedAndSymmetric) {
     overlaps += r.cores_overlap;
     ASSERT_EQ(exact_distance({b, 0}, Xb, {a, 0.125}, Xa).distance.compare(r.distance), 0);
     // The direction rounded to doubles loses about 2^-53 of the extent, not more.
-    mpz_class largest = std::max({mpz_class(abs(r.direction.x)), mpz_class(abs(r.direction.y)), mpz_class(abs(r.direction.z))});
+    mpz_class largest =
+        std::max({mpz_class(abs(r.direction.x)), mpz_class(abs(r.direction.y)), mpz_class(abs(r.direction.z))});
     Vec3d n;
     for (int k = 0; k < 3; ++k) n[k] = mpf_class(mpf_class(r.direction[k], 128) / mpf_class(largest, 128)).get_d();
     const Value gap = exact_support_gap({a, 0.125}, Xa, {b, 0}, Xb, n);
@@ -260,7 +273,9 @@ TEST(ExactDistance, ValueIsAttainedAndSymmetric) {
     ASSERT_NEAR(gap.lower(), r.distance.lower(), 1e-13);
     // No other direction does better.
     for (int k = 0; k < 20; ++k)
-      ASSERT_LE(exact_support_gap({a, 0.125}, Xa, {b, 0}, Xb, {normal(random), normal(random), normal(random)}).compare(r.distance), 0);
+      ASSERT_LE(exact_support_gap({a, 0.125}, Xa, {b, 0}, Xb, {normal(random), normal(random), normal(random)})
+                    .compare(r.distance),
+                0);
   }
   EXPECT_GT(overlaps, 50);
   EXPECT_LT(overlaps, 250);

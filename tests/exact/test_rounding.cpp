@@ -1,5 +1,6 @@
-// The rounding terms of certify() against the rounding that is there: for each class of cases, the error of the computed gap and of
-// the computed witness distance, before the terms are added, in units of 2^-53 S. docs/bounds.md derives the terms.
+// The rounding terms of certify() against the rounding that is there: for each class of cases, the error of the
+// computed gap and of the computed witness distance, before the terms are added, in units of 2^-53 S. docs/bounds.md
+// derives the terms.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -29,9 +30,11 @@ struct Placed {
   PlacedPair<DoubleDouble> fine;
 
   explicit Placed(const Case& c)
-      : a(make_piece(c.a->vertices, c.a->radius)), b(make_piece(c.b->vertices, c.b->radius)),
+      : a(make_piece(c.a->vertices, c.a->radius)),
+        b(make_piece(c.b->vertices, c.b->radius)),
         pair(*a, rotation_of(c.X_wa), c.X_wa.translation, *b, rotation_of(c.X_wb), c.X_wb.translation),
-        fine(*a, rotation_of_double_double(c.X_wa), c.X_wa.translation, *b, rotation_of_double_double(c.X_wb), c.X_wb.translation) {}
+        fine(*a, rotation_of_double_double(c.X_wa), c.X_wa.translation, *b, rotation_of_double_double(c.X_wb),
+             c.X_wb.translation) {}
 };
 
 /// (x - exact) / (2^-53 S), for a value x computed in doubles.
@@ -62,7 +65,8 @@ TEST(Rounding, TheLowerTermCoversEveryErrorAndIsOfItsSize) {
       }
     }
   }
-  std::printf("lower: worst error %.3g x 2^-53 S (%s), allowed %g\n", worst, where.c_str(), RoundingUnits<double>::kLower);
+  std::printf("lower: worst error %.3g x 2^-53 S (%s), allowed %g\n", worst, where.c_str(),
+              RoundingUnits<double>::kLower);
   EXPECT_LE(worst, RoundingUnits<double>::kLower);
   EXPECT_GE(worst, RoundingUnits<double>::kLower / 10);
 }
@@ -95,7 +99,8 @@ TEST(Rounding, TheUpperTermCoversEveryErrorAndIsOfItsSize) {
       for (int k = 0; k < s.size; ++k) s.weight[k] = 1.0 / (k + 1);
       ASSERT_LE(truth.distance.compare(certify_upper(p.pair, s).upper), 0) << cls.name << ' ' << i;
     }
-  std::printf("upper: worst error %.3g x 2^-53 S (%s), allowed %g\n", worst, where.c_str(), RoundingUnits<double>::kUpper);
+  std::printf("upper: worst error %.3g x 2^-53 S (%s), allowed %g\n", worst, where.c_str(),
+              RoundingUnits<double>::kUpper);
   EXPECT_GT(solved, 1000);
   EXPECT_LE(worst, RoundingUnits<double>::kUpper);
   EXPECT_GE(worst, RoundingUnits<double>::kUpper / 10);

@@ -1,5 +1,6 @@
-// One mind about distance: along a translation the signed distance of two pieces is convex and 1-Lipschitz, of bodies of several
-// pieces 1-Lipschitz; answers must show that to within their intervals, cold and warm, and contain the exact distance all along.
+// One mind about distance: along a translation the signed distance of two pieces is convex and 1-Lipschitz, of bodies
+// of several pieces 1-Lipschitz; answers must show that to within their intervals, cold and warm, and contain the exact
+// distance all along.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,8 +32,8 @@ Body body_of(const std::string& name, const std::vector<SolidPtr>& solids, const
 }
 
 /// Moves b through kSteps positions t + i * step as configurations of one query.
-std::vector<Sample> sweep(const std::vector<SolidPtr>& a, const Pose& X_wa, const std::vector<SolidPtr>& b, Pose X_wb, Vec3d step,
-                          std::uint64_t warm_slot) {
+std::vector<Sample> sweep(const std::vector<SolidPtr>& a, const Pose& X_wa, const std::vector<SolidPtr>& b, Pose X_wb,
+                          Vec3d step, std::uint64_t warm_slot) {
   Scene scene;
   scene.add_body(body_of("a", a, X_wa));
   scene.add_body(body_of("b", b, X_wb));
@@ -82,7 +83,8 @@ void expect_lipschitz(const std::vector<Sample>& s, double rounding, const std::
 void expect_convex(const std::vector<Sample>& s, double rounding, const std::string& what) {
   for (std::size_t i = 0; i < s.size(); ++i)
     for (std::size_t half = 1; i + 2 * half < s.size(); ++half)
-      ASSERT_LE(s[i + half].lower, 0.5 * s[i].upper + 0.5 * s[i + 2 * half].upper + rounding) << what << " step " << i + half;
+      ASSERT_LE(s[i + half].lower, 0.5 * s[i].upper + 0.5 * s[i + 2 * half].upper + rounding)
+          << what << " step " << i + half;
 }
 
 /// A sweep that runs through contact and beyond both ends of it.
@@ -131,7 +133,8 @@ TEST(Sweeps, OfPiecesAreConvexAndLipschitzAndContainTheExactDistance) {
 std::vector<SolidPtr> several(Random& random, std::uint64_t seed) {
   std::vector<SolidPtr> solids;
   for (int n = random.integer(1, 4); n > 0; --n) {
-    const CaseClass& cls = case_classes()[static_cast<std::size_t>(random.integer(0, static_cast<int>(case_classes().size()) - 1))];
+    const CaseClass& cls =
+        case_classes()[static_cast<std::size_t>(random.integer(0, static_cast<int>(case_classes().size()) - 1))];
     Case c = make_case(cls, seed, static_cast<std::uint64_t>(random.integer(0, 1000)));
     const double size = reach(*c.a) + c.a->radius;
     if (c.a->vertices.size() > 500 || !(size > 1e-3 && size < 1e3)) {
@@ -153,7 +156,8 @@ TEST(Sweeps, OfBodiesOfSeveralPiecesAreLipschitzAndContainTheLeastOfTheirPairs) 
   int through_contact = 0;
   for (int i = 0; i < 40; ++i) {
     const std::vector<SolidPtr> a = several(random, kSeed), b = several(random, kSeed + 1);
-    const Pose X_wa = random.rotation({random.uniform(-1, 1), 0, 0}), X_wb = random.rotation({random.uniform(-4, 4), random.uniform(-4, 4), 0});
+    const Pose X_wa = random.rotation({random.uniform(-1, 1), 0, 0}),
+               X_wb = random.rotation({random.uniform(-4, 4), random.uniform(-4, 4), 0});
     const Vec3d step = random.direction() * (random.uniform(1, 6) / kSteps);
     for (const std::uint64_t warm : {0, 1}) {
       const std::string what = "body " + std::to_string(i) + (warm ? " warm" : " cold");

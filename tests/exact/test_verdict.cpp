@@ -55,12 +55,17 @@ TEST(Verdict, SeesEveryLie) {
   const auto up = [](double x) { return std::nextafter(x, kInf); };
   const auto down = [](double x) { return std::nextafter(x, -kInf); };
   const std::vector<Lie> lies = {
-      {"lower a bit too high", 1.0 / 3, [&](Apart& a) { a.answer.lower = a.answer.upper = a.answer.distance = up(a.answer.lower); }},
-      {"upper a bit too low", 1.0 / 3, [&](Apart& a) { a.answer.lower = a.answer.upper = a.answer.distance = down(a.answer.upper); }},
-      {"a depth a bit too small", -0.25, [&](Apart& a) { a.answer.lower = a.answer.upper = a.answer.distance = up(-0.25); }},
-      {"a depth a bit too large", -0.25, [&](Apart& a) { a.answer.lower = a.answer.upper = a.answer.distance = down(-0.25); }},
+      {"lower a bit too high", 1.0 / 3,
+       [&](Apart& a) { a.answer.lower = a.answer.upper = a.answer.distance = up(a.answer.lower); }},
+      {"upper a bit too low", 1.0 / 3,
+       [&](Apart& a) { a.answer.lower = a.answer.upper = a.answer.distance = down(a.answer.upper); }},
+      {"a depth a bit too small", -0.25,
+       [&](Apart& a) { a.answer.lower = a.answer.upper = a.answer.distance = up(-0.25); }},
+      {"a depth a bit too large", -0.25,
+       [&](Apart& a) { a.answer.lower = a.answer.upper = a.answer.distance = down(-0.25); }},
       {"NaN", 1.0 / 3, [](Apart& a) { a.answer.lower = std::nan(""); }},
-      {"bounds crossed", 1.0 / 3, [&](Apart& a) { std::swap(a.answer.lower, a.answer.upper), a.answer.lower = up(a.answer.upper); }},
+      {"bounds crossed", 1.0 / 3,
+       [&](Apart& a) { std::swap(a.answer.lower, a.answer.upper), a.answer.lower = up(a.answer.upper); }},
       {"overlap though apart", 1.0 / 3, [](Apart& a) { a.answer.status = Status::kOverlap; }},
       {"contact though apart", 1.0 / 3, [](Apart& a) { a.answer.status = Status::kContact; }},
       {"ok though overlapping", -0.25, [](Apart& a) { a.answer.status = Status::kOk; }},
@@ -70,15 +75,29 @@ TEST(Verdict, SeesEveryLie) {
       {"ok but wide", 1.0 / 3, [](Apart& a) { a.answer.lower *= 0.99; }},
       {"not clipped", -0.25, [](Apart& a) { a.setting.signed_distance = false; }},
       {"distance is not a bound", 1.0 / 3, [&](Apart& a) { a.answer.distance = up(a.answer.distance); }},
-      {"normal of length 2", 1.0 / 3, [](Apart& a) { a.answer.normal = {2, 0, 0}; }},
+      {"normal of length 2", 1.0 / 3,
+       [](Apart& a) {
+         a.answer.normal = {2, 0, 0};
+       }},
       {"a point that is NaN", 1.0 / 3, [](Apart& a) { a.answer.point_a.x = std::nan(""); }},
-      {"normal that proves nothing", 1.0 / 3, [](Apart& a) { a.answer.normal = {0, 1, 0}; }, false},
-      {"normal reversed", 1.0 / 3, [](Apart& a) { a.answer.normal = {-1, 0, 0}; }, false},
+      {"normal that proves nothing", 1.0 / 3,
+       [](Apart& a) {
+         a.answer.normal = {0, 1, 0};
+       },
+       false},
+      {"normal reversed", 1.0 / 3,
+       [](Apart& a) {
+         a.answer.normal = {-1, 0, 0};
+       },
+       false},
       {"point_a outside", 1.0 / 3, [](Apart& a) { a.answer.point_a.x += 1e-13; }, false},
       {"point_b outside", 1.0 / 3, [](Apart& a) { a.answer.point_b.x -= 1e-13; }, false},
       {"points too far apart", 1.0 / 3, [](Apart& a) { a.answer.point_b.x += 0.1; }, false},
       {"wide and unconverged", 1.0 / 3,
-       [](Apart& a) { a.answer.upper = a.answer.distance = 0.4, a.answer.point_b.x = 0.9, a.answer.status = Status::kUnconverged; }, false},
+       [](Apart& a) {
+         a.answer.upper = a.answer.distance = 0.4, a.answer.point_b.x = 0.9, a.answer.status = Status::kUnconverged;
+       },
+       false},
   };
   for (const Lie& lie : lies) {
     Apart a(lie.gap);
@@ -106,7 +125,8 @@ TEST(Verdict, SeesALastBitOnEveryClass) {
       Answer high = a, low = a;
       high.lower = high.upper = std::nextafter(a.upper, kInf);
       low.lower = low.upper = std::nextafter(a.lower, -kInf);
-      seen += !hold_against(c, truth, s, high, false).violation.empty() && !hold_against(c, truth, s, low, false).violation.empty();
+      seen += !hold_against(c, truth, s, high, false).violation.empty() &&
+              !hold_against(c, truth, s, low, false).violation.empty();
     }
     EXPECT_EQ(seen, 10) << cls.name;
   }

@@ -18,7 +18,9 @@ std::string text(const char* format, auto... values) {
   return buffer;
 }
 
-bool finite(const Vec3d& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+bool finite(const Vec3d& v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
 
 /// How far a point of the world lies outside a grown piece, at most; 0 or less inside.
 double outside(const Solid& s, const Pose& X, const Vec3d& p) {
@@ -61,14 +63,17 @@ class Judge {
     if (std::isnan(lower) || std::isnan(upper)) return violation("a bound is NaN");
     if (lower > upper) return violation(text("lower %.17g is above upper %.17g", lower, upper));
     if (exact_against(std::max(lower, -1e300)) < 0)
-      return violation(text("lower %.17g is above the exact %.17g by %.3g eps S", lower, exact_, (lower - exact_) / (kEps * scale_)));
+      return violation(text("lower %.17g is above the exact %.17g by %.3g eps S", lower, exact_,
+                            (lower - exact_) / (kEps * scale_)));
     if (exact_against(std::min(upper, 1e300)) > 0)
-      return violation(text("upper %.17g is below the exact %.17g by %.3g eps S", upper, exact_, (exact_ - upper) / (kEps * scale_)));
+      return violation(text("upper %.17g is below the exact %.17g by %.3g eps S", upper, exact_,
+                            (exact_ - upper) / (kEps * scale_)));
   }
 
   void status() {
     const double lower = answer_.lower, upper = answer_.upper;
-    const double asked = std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(compact() ? upper : answer_.distance));
+    const double asked =
+        std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(compact() ? upper : answer_.distance));
     const bool narrow = compact() || upper - lower <= asked || (answer_.flags & kFlagRoundingLimited) != 0;
     switch (answer_.status) {
       case Status::kOk:
@@ -90,12 +95,16 @@ class Judge {
         if (!(lower > setting_.max_distance) && !compact()) violation("beyond, but lower is not");
         if (truth_.distance.compare(setting_.max_distance) <= 0) violation("beyond, but nearer than max_distance");
         break;
-      case Status::kUnconverged: break;
-      default: violation(text("status %d for a pair with good poses", static_cast<int>(answer_.status)));
+      case Status::kUnconverged:
+        break;
+      default:
+        violation(text("status %d for a pair with good poses", static_cast<int>(answer_.status)));
     }
     if (compact() || answer_.status == Status::kUnconverged) return;
-    const double expected = answer_.status == Status::kBeyond || (answer_.status == Status::kOverlap && setting_.signed_distance)
-                                ? answer_.lower : answer_.upper;
+    const double expected =
+        answer_.status == Status::kBeyond || (answer_.status == Status::kOverlap && setting_.signed_distance)
+            ? answer_.lower
+            : answer_.upper;
     if (answer_.status != Status::kContact && answer_.distance != expected)
       violation(text("distance %.17g is not the bound that it should be, %.17g", answer_.distance, expected));
     if (answer_.status == Status::kContact && !(lower <= answer_.distance && answer_.distance <= upper))
@@ -109,7 +118,8 @@ class Judge {
     v_.width = (answer_.upper - answer_.lower) / (asked + 32 * kEps * scale_);
     const double distance = compact() ? answer_.upper : answer_.distance;
     v_.error = std::abs(distance - exact_) / (asked + 16 * kEps * scale_);
-    if (!(v_.error <= 1)) inaccuracy(text("distance %.17g is off the exact %.17g by %.3g of what is allowed", distance, exact_, v_.error));
+    if (!(v_.error <= 1))
+      inaccuracy(text("distance %.17g is off the exact %.17g by %.3g of what is allowed", distance, exact_, v_.error));
   }
 
   void points() {
@@ -121,26 +131,31 @@ class Judge {
       a += c_.X_wa.translation;
       b += c_.X_wb.translation;
     }
-    const double near_a = rounding + 2 * kEps * norm(c_.X_wa.translation), near_b = rounding + 2 * kEps * norm(c_.X_wb.translation);
+    const double near_a = rounding + 2 * kEps * norm(c_.X_wa.translation),
+                 near_b = rounding + 2 * kEps * norm(c_.X_wb.translation);
     if (const double out = outside(*c_.a, c_.X_wa, a); !(out <= near_a))
       inaccuracy(text("point_a is outside its piece by %.3g, rounding allows %.3g", out, near_a));
     if (const double out = outside(*c_.b, c_.X_wb, b); !(out <= near_b))
       inaccuracy(text("point_b is outside its piece by %.3g, rounding allows %.3g", out, near_b));
     const double between = norm(b - a), error = std::abs(between - std::abs(answer_.upper));
-    const double allowed = 2 * near_a + 2 * near_b + (compact() ? 4 * kEpsFloat * std::abs(exact_) : 0) +
-                           // A depth's upper bound has no witness of its own; the points are as near to it as was asked.
-                           (answer_.upper < 0 ? std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(exact_)) : 0);
+    const double allowed =
+        2 * near_a + 2 * near_b + (compact() ? 4 * kEpsFloat * std::abs(exact_) : 0) +
+        // A depth's upper bound has no witness of its own; the points are as near to it as was asked.
+        (answer_.upper < 0 ? std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(exact_)) : 0);
     if (!(error <= allowed))
-      inaccuracy(text("|p_a - p_b| = %.17g is not |upper| = %.17g; rounding allows %.3g", between, std::abs(answer_.upper), allowed));
+      inaccuracy(text("|p_a - p_b| = %.17g is not |upper| = %.17g; rounding allows %.3g", between,
+                      std::abs(answer_.upper), allowed));
   }
 
   void normal() {
     if (compact()) return;
-    if (!finite(answer_.normal) || std::abs(norm(answer_.normal) - 1) > 8 * kEps) return violation("the normal is not a unit vector");
+    if (!finite(answer_.normal) || std::abs(norm(answer_.normal) - 1) > 8 * kEps)
+      return violation("the normal is not a unit vector");
     if (!setting_.signed_distance && answer_.lower <= 0) return;  // clipped: nothing to prove
     const double gap = exact_support_gap(view(*c_.a), c_.X_wa, view(*c_.b), c_.X_wb, answer_.normal).upper();
     if (!(gap >= answer_.lower - 16 * kEps * scale_))
-      inaccuracy(text("the normal proves %.17g, lower says %.17g: %.3g eps S", gap, answer_.lower, (answer_.lower - gap) / (kEps * scale_)));
+      inaccuracy(text("the normal proves %.17g, lower says %.17g: %.3g eps S", gap, answer_.lower,
+                      (answer_.lower - gap) / (kEps * scale_)));
   }
 
   const Case& c_;
@@ -173,15 +188,18 @@ std::string as_initialiser(const Case& c) {
     std::string out = "{{";
     for (const Vec3d& v : s.vertices) out += text("{%a, %a, %a},", v.x, v.y, v.z);
     out += text("}, %a},\n  ", s.radius);
-    return out + text("{{%a, %a, %a}, %a, %a, %a, %a}", X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz);
+    return out + text("{{%a, %a, %a}, %a, %a, %a, %a}", X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx,
+                      X.qy, X.qz);
   };
   return "{" + one(*c.a, c.X_wa) + ",\n " + one(*c.b, c.X_wb) + text(",\n %a},\n", judge(c).distance.lower());
 }
 
 std::string in_words(const Answer& a) {
-  return text("status %d flags %d distance %.17g in [%.17g, %.17g], points (%.17g %.17g %.17g) (%.17g %.17g %.17g), normal (%.17g %.17g %.17g)",
-              static_cast<int>(a.status), a.flags, a.distance, a.lower, a.upper, a.point_a.x, a.point_a.y, a.point_a.z, a.point_b.x,
-              a.point_b.y, a.point_b.z, a.normal.x, a.normal.y, a.normal.z);
+  return text(
+      "status %d flags %d distance %.17g in [%.17g, %.17g], points (%.17g %.17g %.17g) (%.17g %.17g %.17g), normal "
+      "(%.17g %.17g %.17g)",
+      static_cast<int>(a.status), a.flags, a.distance, a.lower, a.upper, a.point_a.x, a.point_a.y, a.point_a.z,
+      a.point_b.x, a.point_b.y, a.point_b.z, a.normal.x, a.normal.y, a.normal.z);
 }
 
 }  // namespace clearance::exact

@@ -33,18 +33,21 @@ struct Answer {
 };
 
 struct Verdict {
-  std::string violation;  ///< what is not true of the answer; empty if all is. Anything but accuracy: bounds, status, columns
-  std::string inaccuracy; ///< where it is true but not as accurate as promised; empty if it is
-  double error = 0;       ///< |distance - exact| over what the contract allows: wanted tolerance + 16 eps S
-  double width = 0;       ///< upper - lower over wanted tolerance + 32 eps S; 0 for pairs that are beyond
+  std::string
+      violation;  ///< what is not true of the answer; empty if all is. Anything but accuracy: bounds, status, columns
+  std::string inaccuracy;  ///< where it is true but not as accurate as promised; empty if it is
+  double error = 0;        ///< |distance - exact| over what the contract allows: wanted tolerance + 16 eps S
+  double width = 0;        ///< upper - lower over wanted tolerance + 32 eps S; 0 for pairs that are beyond
   bool good() const { return violation.empty() && inaccuracy.empty(); }
 };
 
 /// Holds an answer against the exact truth. \param columns also prove witness points and normal, which costs three more
 /// exact solutions.
-Verdict hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer, bool columns = true);
+Verdict hold_against(const Case& c, const Result& truth, const Setting& setting, const Answer& answer,
+                     bool columns = true);
 
-/// The case and its exact signed distance (rounded down) as a C++ initialiser in hexadecimal floats, as mined_cases.inc holds it.
+/// The case and its exact signed distance (rounded down) as a C++ initialiser in hexadecimal floats, as mined_cases.inc
+/// holds it.
 std::string as_initialiser(const Case& c);
 /// One answer in words, for a failed test.
 std::string in_words(const Answer& a);
