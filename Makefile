@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test demo bench certify clean
+.PHONY: help setup build test demo bench certify tradeoff clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -31,6 +31,11 @@ certify: setup  ## a million pairs of every hard class against exact arithmetic;
 	@tools/build.sh release clearance-certify
 	@mkdir -p out
 	@build/bin/clearance-certify --pairs 1000000 --seed 1 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
+
+tradeoff: setup  ## time against accuracy for every setting of a query; rewrites docs/results/tradeoff.csv and docs/tradeoff.*
+	@tools/build.sh release clearance-tradeoff
+	@build/bin/clearance-tradeoff --csv docs/results/tradeoff.csv
+	@$(PYTHON_VENV) tools/tradeoff.py
 
 clean:  ## remove build folders and out/ (.venv stays)
 	@rm -rf build build-* out

@@ -1,0 +1,219 @@
+#include "sweep.h"
+
+#include <time.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <ostream>
+
+namespace clearance::tradeoff {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::size_t kTurn = 8;  // settings between two timings of the default query
+constexpr std::uint64_t kWarmSlot = 1;
+
+// Where the calling thread does all the work, its own time is that of an idle machine; a device is timed by the wall.
+double now_ns(bool by_thread) {
+  if (!by_thread)
+    return static_cast<double>(
+        std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+            .count());
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return 1e9 * static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec);
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// Gathers what a setting's answers are worth.
+class Quality {
+ public:
+  void add(const Interval& exact, double distance, double lower, double upper, Status status) {
+    ++answers_;
+    if (!(lower <= exact.upper && upper >= exact.lower)) ++violations_;
+    ++count_[static_cast<std::size_t>(status)];
+    if (status == Status::kBeyond) return;
+    const double truth = 0.5 * exact.lower + 0.5 * exact.upper;
+    const double error = std::abs(distance - truth), width = upper - lower;
+    error_.push_back(error);
+    width_.push_back(width);
+    if (exact.lower > 0) {
+      rel_error_.push_back(error / truth);
+      rel_width_.push_back(width / truth);
+    }
+  }
+
+  void finish(Point& p) {
+    p.error = spread_of(std::move(error_));
+    p.width = spread_of(std::move(width_));
+    p.rel_error = spread_of(std::move(rel_error_));
+    p.rel_width = spread_of(std::move(rel_width_));
+    const auto share = [&](Status s) { return count_[static_cast<std::size_t>(s)] / answers_; };
+    p.ok = share(Status::kOk);
+    p.overlap = share(Status::kOverlap);
+    p.contact = share(Status::kContact);
+    p.beyond = share(Status::kBeyond);
+    p.unconverged = share(Status::kUnconverged);
+    p.violations = violations_;
+  }
+
+ private:
+  double answers_ = 0;
+  std::size_t violations_ = 0;
+  double count_[16] = {};
+  std::vector<double> error_, width_, rel_error_, rel_width_;
+};
+
+/// The scene in one backend, ready to be asked in any setting.
+class Bench {
+ public:
+  Bench(const MovingScene& scene, const Truth& truth, const SweepOptions& options)
+      : scene_(scene),
+        truth_(truth),
+        engine_(scene.scene, {options.backend, 1}),
+        answers_(scene.pairs.size()),
+        by_thread_(options.backend == "cpu" || options.backend == "reference") {}
+
+  /// Goes through all steps. Returns nanoseconds for each pair. \param quality null: only time is wanted.
+  double run(const Setting& s, Quality* quality, double* evaluated) {
+    QueryView query;
+    query.all_pairs = false;
+    query.pairs = scene_.pairs;
+    query.fields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
+    query.precision = s.precision;
+    query.rel_tol = s.rel_tol;
+    query.abs_tol = s.abs_tol;
+    query.max_distance = s.reach < kInf ? s.reach * truth_.median : kInf;
+    query.warm_slot = s.warm ? kWarmSlot : 0;
+    double total = 0;
+    std::uint64_t looked_at = 0;
+    ask(query, 0);  // brings caches, and the warm state, to where a loop would have them
+    for (std::size_t step = 0; step < scene_.steps.size(); ++step) {
+      const auto [time, count] = ask(query, step);
+      total += time;
+      looked_at += count;
+      if (quality)
+        for (std::size_t i = 0; i < scene_.pairs.size(); ++i)
+          quality->add(truth_.exact[step][i], answers_.distance[i], answers_.lower[i], answers_.upper[i],
+                       static_cast<Status>(answers_.status[i]));
+    }
+    const auto questions = static_cast<double>(scene_.steps.size() * scene_.pairs.size());
+    if (evaluated) *evaluated = static_cast<double>(looked_at) / questions;
+    return total / questions;
+  }
+
+ private:
+  std::pair<double, std::uint64_t> ask(const QueryView& query, std::size_t step) {
+    engine_.set_poses(scene_.steps[step]);
+    const double begin = now_ns(by_thread_);
+    Job job = engine_.start(query, answers_.view());
+    job.advance();
+    return {now_ns(by_thread_) - begin, job.info().pairs_evaluated};
+  }
+
+  const MovingScene& scene_;
+  const Truth& truth_;
+  Engine engine_;
+  Answers answers_;
+  bool by_thread_;
+};
+
+}  // namespace
+
+std::vector<Setting> all_settings(bool brief) {
+  struct Tolerance {
+    double rel, abs;
+  };
+  std::vector<Tolerance> tolerances;
+  for (const double rel : {1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10, 1e-12}) tolerances.push_back({rel, 0});
+  for (const double abs : {1e-1, 1e-2, 1e-3, 1e-4, 1e-6}) tolerances.push_back({0, abs});
+  std::vector<double> reaches{kInf, 1, 0.1};
+  if (brief) {
+    tolerances = {{1e-1, 0}, {1e-6, 0}, {0, 1e-3}};
+    reaches = {kInf, 1};
+  }
+  std::vector<Setting> settings;
+  for (const Precision precision : {Precision::kF64, Precision::kF32})
+    for (const bool warm : {false, true})
+      for (const double reach : reaches)
+        for (const Tolerance t : tolerances) settings.push_back({precision, t.rel, t.abs, reach, warm});
+  return settings;
+}
+
+Spread spread_of(std::vector<double> values) {
+  if (values.empty()) return {};
+  std::sort(values.begin(), values.end());
+  const auto at = [&](double share) {
+    return values[std::min(values.size() - 1, static_cast<std::size_t>(share * static_cast<double>(values.size())))];
+  };
+  return {at(0.5), at(0.99), values.back()};
+}
+
+std::vector<Point> sweep(const MovingScene& scene, const Truth& truth, const SweepOptions& options) {
+  Bench bench(scene, truth, options);
+  const std::vector<Setting> settings = all_settings(options.brief);
+  std::vector<Point> points(settings.size());
+  std::vector<std::vector<double>> times(settings.size()), ratios(settings.size());
+  bench.run(kDefault, nullptr, nullptr);
+  for (int round = 0; round < options.rounds; ++round)
+    for (std::size_t first = 0; first < settings.size(); first += kTurn) {
+      const double before = bench.run(kDefault, nullptr, nullptr);
+      const std::size_t end = std::min(settings.size(), first + kTurn);
+      for (std::size_t i = first; i < end; ++i) {
+        Quality quality;
+        times[i].push_back(bench.run(settings[i], round == 0 ? &quality : nullptr, &points[i].evaluated));
+        if (round == 0) quality.finish(points[i]);
+      }
+      const double usual = 0.5 * (before + bench.run(kDefault, nullptr, nullptr));
+      for (std::size_t i = first; i < end; ++i) ratios[i].push_back(times[i].back() / usual);
+    }
+  for (std::size_t i = 0; i < settings.size(); ++i) {
+    Point& p = points[i];
+    p.setting = settings[i];
+    p.ns_per_pair = median(times[i]);
+    std::sort(times[i].begin(), times[i].end());
+    p.ns_quartiles = times[i][times[i].size() * 3 / 4] - times[i][times[i].size() / 4];
+    p.ratio = median(ratios[i]);
+  }
+  return points;
+}
+
+void write_header(std::ostream& out) {
+  out << "scene,backend,model,precision,warm,rel_tol,abs_tol,reach,max_distance,pairs,steps,ns_per_pair,ns_quartiles,"
+         "ratio,"
+         "evaluated";
+  for (const char* what : {"error", "width", "rel_error", "rel_width"})
+    for (const char* which : {"p50", "p99", "max"}) out << ',' << what << '_' << which;
+  out << ",ok,overlap,contact,beyond,unconverged,violations\n";
+}
+
+void write_rows(std::ostream& out, const MovingScene& scene, const Truth& truth, const SweepOptions& options,
+                const std::vector<Point>& points) {
+  const auto number = [&](double x) {
+    char text[32];
+    std::snprintf(text, sizeof text, ",%.4g", x);
+    out << text;
+  };
+  for (const Point& p : points) {
+    const Setting& s = p.setting;
+    out << scene.name << ',' << options.backend << ",full," << (s.precision == Precision::kF32 ? "f32" : "f64") << ','
+        << (s.warm ? "on" : "off");
+    for (const double x : {s.rel_tol, s.abs_tol, s.reach, s.reach < kInf ? s.reach * truth.median : kInf}) number(x);
+    out << ',' << scene.pairs.size() << ',' << scene.steps.size();
+    for (const double x : {p.ns_per_pair, p.ns_quartiles, p.ratio, p.evaluated}) number(x);
+    for (const Spread* spread : {&p.error, &p.width, &p.rel_error, &p.rel_width})
+      for (const double x : {spread->p50, spread->p99, spread->max}) number(x);
+    for (const double x : {p.ok, p.overlap, p.contact, p.beyond, p.unconverged}) number(x);
+    out << ',' << p.violations << '\n';
+  }
+}
+
+}  // namespace clearance::tradeoff

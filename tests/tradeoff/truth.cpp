@@ -1,0 +1,94 @@
+#include "truth.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <optional>
+#include <stdexcept>
+
+#include "tests/exact/exact_distance.h"
+
+namespace clearance::tradeoff {
+
+namespace {
+
+constexpr std::size_t kJudgeVertices = 4000;  // of a body: more take the judge too long
+constexpr std::size_t kJudgePiecePairs = 50;
+
+/// The least exact distance over the piece pairs; none if the bodies are too large to be judged.
+std::optional<exact::Value> judge(const MovingScene& scene, const Engine& engine, BodyPair pair) {
+  const Body &a = scene.scene.bodies()[pair.a], &b = scene.scene.bodies()[pair.b];
+  for (const Body* body : {&a, &b}) {
+    std::size_t vertices = 0;
+    for (const PiecePtr& piece : body->pieces) vertices += piece->vertices.size();
+    if (vertices > kJudgeVertices || body->parent != kNone) return {};  // a child's pose is composed, with rounding
+  }
+  if (a.pieces.size() * b.pieces.size() > kJudgePiecePairs) return {};
+  const BodyState at_a = engine.body_state(pair.a), at_b = engine.body_state(pair.b);
+  if (at_a.status != Status::kOk || at_b.status != Status::kOk) return {};
+  std::optional<exact::Value> least;
+  for (const PiecePtr& p : a.pieces)
+    for (const PiecePtr& q : b.pieces) {
+      const exact::Value v =
+          exact::exact_distance({p->vertices, p->radius}, at_a.X_wb, {q->vertices, q->radius}, at_b.X_wb, false)
+              .distance;
+      if (!least || v.lower() < least->lower()) least = v;
+    }
+  return least;
+}
+
+}  // namespace
+
+ReplyView Answers::view() {
+  ReplyView v;
+  v.rows = distance.size();
+  v.distance = distance.data();
+  v.lower = lower.data();
+  v.upper = upper.data();
+  v.status = status.data();
+  return v;
+}
+
+Truth find_truth(const MovingScene& scene, std::size_t judged) {
+  Engine::Options options;
+  options.backend = "reference";
+  Engine engine(scene.scene, options);
+  QueryView query;
+  query.all_pairs = false;
+  query.pairs = scene.pairs;
+  query.rel_tol = 0;
+  query.fields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
+
+  Truth truth;
+  std::vector<double> distances;
+  for (const std::vector<BodyPose>& poses : scene.steps) {
+    engine.set_poses(poses);
+    Answers answers(scene.pairs.size());
+    Job job = engine.start(query, answers.view());
+    job.advance();
+    std::vector<Interval>& exact = truth.exact.emplace_back();
+    for (std::size_t i = 0; i < scene.pairs.size(); ++i) {
+      exact.push_back({answers.lower[i], answers.upper[i]});
+      distances.push_back(answers.upper[i]);
+    }
+    if (truth.exact.size() > 1) continue;
+    const std::size_t stride = std::max<std::size_t>(1, scene.pairs.size() / std::max<std::size_t>(1, judged));
+    for (std::size_t i = 0; i < scene.pairs.size() && truth.judged < judged; i += stride)
+      if (const auto value = judge(scene, engine, scene.pairs[i])) {
+        ++truth.judged;
+        // Clipped at 0, as the answers are.
+        if (std::max(value->upper(), 0.0) < exact[i].lower || std::max(value->lower(), 0.0) > exact[i].upper) {
+          char text[200];
+          std::snprintf(text, sizeof text, "%s: the reference backend says [%.17g, %.17g] m, the exact judge %.17g m",
+                        (scene.name + ", pair " + std::to_string(i)).c_str(), exact[i].lower, exact[i].upper,
+                        value->lower());
+          throw std::logic_error(text);
+        }
+      }
+  }
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  truth.median = *middle;
+  return truth;
+}
+
+}  // namespace clearance::tradeoff

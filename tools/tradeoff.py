@@ -1,0 +1,234 @@
+#!/usr/bin/env python3
+"""Writes what docs/results/tradeoff.csv says into docs/tradeoff.md (between its markers) and draws docs/tradeoff.png.
+
+    tools/tradeoff.py            write them; exit code 1 if the page's own words no longer hold
+    tools/tradeoff.py --check    only says whether the page shows the CSV and its words hold (exit code 1 if not)
+
+The words of the page that rest on figures are marked there with <!-- claim NAME -->; CLAIMS says what each one means.
+"""
+import csv
+import math
+import re
+import statistics
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "tradeoff.md"
+PICTURE = ROOT / "docs" / "tradeoff.png"
+CSV = ROOT / "docs" / "results" / "tradeoff.csv"
+INF = math.inf
+
+
+class Sweep:
+    """The rows of one backend by scene and setting."""
+
+    def __init__(self, rows, backend):
+        self.rows = [r for r in rows if r["backend"] == backend]
+        self.backend = backend
+        self.scenes = list(dict.fromkeys(r["scene"] for r in self.rows))
+        self.by_setting = {(r["scene"], r["precision"], r["warm"] == "on", float(r["reach"]), float(r["rel_tol"]),
+                            float(r["abs_tol"])): r for r in self.rows}
+
+    def at(self, scene, rel_tol=1e-6, abs_tol=0.0, reach=INF, precision="f64", warm=False):
+        """The row of a setting; by default that of the default query."""
+        return self.by_setting[scene, precision, warm, reach, 0.0 if abs_tol else rel_tol, abs_tol]
+
+    def ratios(self, scenes=None, **setting):
+        """Time over that of the default query, of each scene."""
+        return [float(self.at(s, **setting)["ratio"]) for s in scenes or self.scenes]
+
+
+def read():
+    """(remark, rows) of the CSV."""
+    lines = CSV.read_text().splitlines()
+    return lines[0].lstrip("# "), list(csv.DictReader(lines[1:]))
+
+
+def markdown(header, rows):
+    lines = ["| " + " | ".join(header) + " |", "|---|" + "--:|" * (len(header) - 1)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+def time_table(s):
+    columns = [("`rel_tol` 1e-1", dict(rel_tol=1e-1)), ("1e-2", dict(rel_tol=1e-2)), ("1e-4", dict(rel_tol=1e-4)),
+               ("1e-8", dict(rel_tol=1e-8)), ("1e-12", dict(rel_tol=1e-12)), ("`abs_tol` 1 mm", dict(abs_tol=1e-3)),
+               ("1 µm", dict(abs_tol=1e-6)), ("f32 at 1e-4", dict(rel_tol=1e-4, precision="f32")), ("warm", dict(warm=True)),
+               ("`max_distance` median", dict(reach=1.0)), ("a tenth of it", dict(reach=0.1))]
+    rows = []
+    for scene in s.scenes:
+        default = s.at(scene)
+        rows.append([f"`{scene}`", default["pairs"], f"{float(default['ns_per_pair']):.0f}",
+                     *(f"{float(s.at(scene, **setting)['ratio']):.2f}" for _, setting in columns)])
+    return markdown(["scene", "pairs", "default [ns a pair]", *(name for name, _ in columns)], rows)
+
+
+def accuracy_table(s):
+    def cell(row, what):
+        return f"{float(row[what]):.1g}"
+
+    rows = []
+    for scene in s.scenes:
+        loose, usual, tight = (s.at(scene, rel_tol=t) for t in (1e-2, 1e-6, 1e-12))
+        rows.append([f"`{scene}`", *(f"{cell(r, 'rel_error_p99')} / {cell(r, 'rel_width_p99')}" for r in (loose, usual, tight)),
+                     cell(usual, "error_max"), cell(usual, "width_max"), f"{100 * float(usual['overlap']):.3g} %",
+                     f"{100 * float(usual['contact']):.2g} %",
+                     f"{100 * max(float(s.at(scene, rel_tol=t)['unconverged']) for t in (1e-2, 1e-6)):.2g} %",
+                     f"{100 * float(tight['unconverged']):.2g} %"])
+    return markdown(["scene", "error / width at 1e-2", "at 1e-6", "at 1e-12", "largest error at 1e-6 [m]", "largest width [m]",
+                     "overlap", "contact", "wider than asked at 1e-2 and 1e-6", "at 1e-12"], rows)
+
+
+def span(values):
+    return f"{min(values):.2f} to {max(values):.2f} (median {statistics.median(values):.2f})"
+
+
+def unused(s, **setting):
+    """Whether a setting gives the very answers of the same query without it."""
+    columns = [c for c in s.rows[0] if c.split("_")[0] in ("error", "width", "rel")]
+    plain = {k: v for k, v in setting.items() if k not in ("precision", "warm")}
+    return all(s.at(scene, **setting)[c] == s.at(scene, **plain)[c] for scene in s.scenes for c in columns if c != "rel_tol")
+
+
+def sentences(s):
+    """What the figures say, in words that hold whatever they are."""
+    others = [x for x in s.scenes if x != "touching"]
+    answers = sum(int(r["pairs"]) * int(r["steps"]) for r in s.rows)
+    wrong = sum(int(r["violations"]) for r in s.rows)
+    f32 = [a / b for a, b in zip(s.ratios(rel_tol=1e-4, precision="f32"), s.ratios(rel_tol=1e-4))]
+    warm = s.ratios(warm=True)
+    lines = [
+        f"Of {answers:,} answers, in {len(s.rows):,} settings, {wrong} intervals miss the exact distance.",
+        f"**Tolerance.** Time over that of the default (1e-6): at 1e-1 {span(s.ratios(others, rel_tol=1e-1))}, at 1e-2 "
+        f"{span(s.ratios(others, rel_tol=1e-2))}, at 1e-12 {span(s.ratios(others, rel_tol=1e-12))}; of touching pairs "
+        f"{s.ratios(['touching'], rel_tol=1e-1)[0]:.2f}, {s.ratios(['touching'], rel_tol=1e-2)[0]:.2f} and "
+        f"{s.ratios(['touching'], rel_tol=1e-12)[0]:.2f}, or {s.ratios(['touching'], abs_tol=1e-6)[0]:.2f} with `abs_tol` 1e-6 m "
+        "in place of `rel_tol`.",
+        f"**max_distance.** At the median distance {span(s.ratios(reach=1.0))}, at a tenth of it {span(s.ratios(reach=0.1))}.",
+        f"**float32 iterations.** Time over that of float64 at the same tolerance (1e-4): {span(f32)}."
+        + (" The answers are the same to the last digit: this backend iterates in float64 whatever is asked."
+           if unused(s, precision="f32", rel_tol=1e-4) else ""),
+        f"**Warm start.** Time over that of a cold start: {span(warm)}."
+        + (" The answers are the same to the last digit: this backend keeps no warm state."
+           if unused(s, warm=True) and abs(statistics.median(warm) - 1) < 0.03 else ""),
+    ]
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def generated(remark, rows):
+    """Everything between the markers."""
+    parts = [f"From `docs/results/tradeoff.csv` ({remark}), by `make tradeoff`."]
+    for backend in dict.fromkeys(r["backend"] for r in rows):
+        s = Sweep(rows, backend)
+        parts += [f"### Backend `{backend}`", sentences(s),
+                  "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, cold), each column with "
+                  "one thing changed. `max_distance` is set to the median of all distances, and to a tenth of it:", time_table(s),
+                  "Error and certified width over the exact distance, 99th percentile over the pairs that are apart, by `rel_tol`:",
+                  accuracy_table(s)]
+    return "\n\n".join(parts)
+
+
+def no_more_than(values, limit):
+    return all(v <= limit for v in values)
+
+
+# What the page says in its own words about the CPU, as conditions on the figures.
+CLAIMS = {
+    "contained": lambda s: all(r["violations"] == "0" for r in s.rows),
+    # Loosening from 1e-6 to 1e-2 saves less than a fifth wherever bodies do not touch.
+    "loose saves little": lambda s: all(r >= 0.8 for x in s.scenes if x != "touching" for r in s.ratios([x], rel_tol=1e-2)),
+    # Two digits more than the default cost less than a tenth.
+    "tight is cheap": lambda s: no_more_than(s.ratios(rel_tol=1e-8), 1.1),
+    # Nothing asked for with 1e-2 comes out slower than with 1e-6, to the noise of timing.
+    "looser is no slower": lambda s: no_more_than(s.ratios(rel_tol=1e-2) + s.ratios(rel_tol=1e-1), 1.05),
+    # Where the curve is flat, the answer is exact already at 1e-4.
+    "exact already": lambda s: all(float(s.at(x, rel_tol=1e-4)["rel_width_p99"]) < 1e-9 for x in ("near", "boxes", "spheres", "capsules")),
+    # max_distance at a tenth of the median at least halves the time, but for scenes whose boxes all overlap.
+    "max_distance is the lever": lambda s: no_more_than(
+        s.ratios([x for x in s.scenes if float(s.at(x, reach=0.1)["evaluated"]) < 0.4], reach=0.1), 0.5),
+    "boxes that overlap": lambda s: all(float(s.at(x, reach=0.1)["evaluated"]) > 0.9 and s.ratios([x], reach=0.1)[0] > 0.5
+                                        for x in ("near", "touching")),
+    # Touching pairs: an absolute tolerance of a micrometre makes them at least three times as fast.
+    "abs_tol for touching": lambda s: no_more_than(s.ratios(["touching"], abs_tol=1e-6), 1 / 3),
+    # Below rounding an absolute tolerance only costs.
+    "abs_tol below rounding": lambda s: s.ratios(["extremes"], abs_tol=1e-6)[0] > 1.5,
+    "none wider than asked": lambda s: all(float(s.at(x, rel_tol=t)["unconverged"]) == 0 for x in s.scenes for t in (1e-1, 1e-2, 1e-4, 1e-6)),
+}
+
+
+def broken_claims(text, rows):
+    """Names of the page's claims that the figures contradict."""
+    s = Sweep(rows, "cpu")
+    names = re.findall(r"<!-- claim (.*?) -->", text)
+    unknown = set(names) ^ set(CLAIMS)
+    if unknown:
+        sys.exit(f"{PAGE}: claims of the page and of tools/tradeoff.py differ: {', '.join(sorted(unknown))}")
+    return [name for name in names if not CLAIMS[name](s)]
+
+
+def draw(remark, rows):
+    import matplotlib
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    backends = list(dict.fromkeys(r["backend"] for r in rows))
+    sweeps = [Sweep(rows, b) for b in backends]
+    scenes = sweeps[0].scenes
+    columns = 5
+    figure, axes = plt.subplots(math.ceil(len(scenes) / columns), columns, figsize=(17, 3.6 * math.ceil(len(scenes) / columns)))
+    for axis, scene in zip(axes.flat, scenes):
+        for k, s in enumerate(sweeps):
+            for precision, warm, colour in (("f64", False, "C0"), ("f32", False, "C1"), ("f64", True, "C2"), ("f32", True, "C3")):
+                mine = sorted((r for r in s.rows if r["scene"] == scene and r["precision"] == precision and (r["warm"] == "on") == warm
+                               and float(r["reach"]) == INF and float(r["rel_tol"]) > 0), key=lambda r: -float(r["rel_tol"]))
+                x = [float(r["ns_per_pair"]) for r in mine]
+                label = f"{s.backend} {precision}{' warm' if warm else ''}"
+                axis.plot(x, [max(1e-16, float(r["rel_width_p99"])) for r in mine], "o-" if k == 0 else "s--", color=colour, ms=4,
+                          lw=1, label=label + ", width")
+                if not warm:
+                    axis.plot(x, [max(1e-16, float(r["rel_error_p99"])) for r in mine], ":", color=colour, lw=1, label=label + ", error")
+            for reach, mark in ((1.0, "^"), (0.1, "v")):
+                r = s.at(scene, reach=reach)
+                axis.plot([float(r["ns_per_pair"])], [max(1e-16, float(r["rel_width_p99"]))], mark, color="black", ms=6,
+                          label=f"{s.backend} f64, max_distance at {reach:g} median")
+        axis.set(yscale="log", xscale="log", title=scene, ylim=(5e-17, 1))
+        axis.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
+        axis.xaxis.set_minor_formatter(lambda v, _: f"{v:g}" if f"{v:g}"[0] in "235" else "")
+        axis.tick_params(axis="x", which="both", labelsize=7)
+        axis.grid(alpha=0.3)
+    for axis in axes.flat[len(scenes):]:
+        axis.set_visible(False)
+    for axis in axes[-1]:
+        axis.set_xlabel("ns a pair")
+    for row in axes:
+        row[0].set_ylabel("over the exact distance, 99 %")
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=4, fontsize=9, frameon=False)
+    figure.suptitle("Certified width and error against time, rel_tol from 1e-1 (top) to 1e-12 (bottom)")
+    figure.tight_layout(rect=(0, 0.09, 1, 0.98))
+    figure.savefig(PICTURE, dpi=80)
+
+
+def main():
+    if sys.argv[1:] not in ([], ["--check"]):
+        sys.exit(__doc__)
+    remark, rows = read()
+    text = PAGE.read_text()
+    begin, end = "<!-- tradeoff: begin -->\n", "\n<!-- tradeoff: end -->"
+    if begin not in text or end not in text:
+        sys.exit(f"{PAGE}: the marker {begin.strip()} or {end.strip()} is missing")
+    new = text[:text.index(begin) + len(begin)] + generated(remark, rows) + text[text.index(end):]
+    broken = broken_claims(text, rows)
+    if sys.argv[1:]:
+        if new != text:
+            sys.exit(f"{PAGE} does not show {CSV}: run tools/tradeoff.py")
+    else:
+        PAGE.write_text(new)
+        draw(remark, rows)
+    if broken:
+        sys.exit(f"{PAGE}: the figures contradict what the page says (<!-- claim ... -->): {', '.join(broken)}. Write it anew, and "
+                 "CLAIMS in tools/tradeoff.py with it")
+
+
+if __name__ == "__main__":
+    main()
