@@ -9,21 +9,22 @@
 
 namespace clearance::exact {
 
-Bench::Bench(std::span<const Case> cases, const std::string& backend, int threads) : count_(cases.size()) {
+Bench::Bench(std::span<const Case> cases, const std::string& backend, int threads, const Surgery& surgery)
+    : count_(cases.size()) {
   Scene scene;
   std::map<const Solid*, PiecePtr> pieces;  // shapes that cases share are made once
-  const auto add = [&](const std::string& name, const SolidPtr& solid, const Pose& X) {
+  const auto add = [&](std::size_t i, bool is_b, const SolidPtr& solid, const Pose& X) {
     PiecePtr& piece = pieces[solid.get()];
     if (!piece) piece = make_hull_piece(solid->vertices, {}, solid->radius);
     Body body;
-    body.name = name;
-    body.pieces = {piece};
+    body.name = (is_b ? "b" : "a") + std::to_string(i);
+    body.pieces = {surgery ? surgery(piece, i, is_b) : piece};
     body.pose = X;
     scene.add_body(std::move(body));
   };
   for (std::size_t i = 0; i < cases.size(); ++i) {
-    add("a" + std::to_string(i), cases[i].a, cases[i].X_wa);
-    add("b" + std::to_string(i), cases[i].b, cases[i].X_wb);
+    add(i, false, cases[i].a, cases[i].X_wa);
+    add(i, true, cases[i].b, cases[i].X_wb);
   }
   Engine::Options options;
   options.backend = backend;

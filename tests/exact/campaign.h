@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/piece.h"
 #include "verdict.h"
 
 namespace clearance {
@@ -15,11 +16,14 @@ class Engine;
 
 namespace clearance::exact {
 
+/// Makes another piece of one that was loaded for body a or b of a case: damage, behind the engine's back.
+using Surgery = std::function<PiecePtr(const PiecePtr& piece, std::size_t index, bool is_b)>;
+
 /// Some cases as one scene, two bodies per case, loaded into one engine.
 class Bench {
  public:
-  /// \param threads of the engine.
-  Bench(std::span<const Case> cases, const std::string& backend, int threads = 1);
+  /// \param threads of the engine. \param surgery done on every piece, if not null.
+  Bench(std::span<const Case> cases, const std::string& backend, int threads = 1, const Surgery& surgery = nullptr);
   ~Bench();
   Bench(Bench&&) noexcept;
 

@@ -1,0 +1,101 @@
+// Mutation tests: this file is linked once with the engine as it is, and once with each version of it that has one
+// proof taken out (CMakeLists.txt). The judge must find nothing wrong with the first and must find every other, on the
+// same cases.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "damage.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr std::uint64_t kSeed = 11;
+
+struct Judged {
+  std::vector<Case> cases;
+  std::vector<Result> truth;
+};
+/// Some of every class.
+const std::vector<Judged>& judged() {
+  static const std::vector<Judged> kJudged = [] {
+    std::vector<Judged> all;
+    for (const CaseClass& cls : case_classes()) {
+      Judged& j = all.emplace_back();
+      for (int i = 0; i < (cls.cost > 3 ? 10 : 40); ++i) {
+        j.cases.push_back(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
+        j.truth.push_back(judge(j.cases.back()));
+      }
+    }
+    return all;
+  }();
+  return kJudged;
+}
+
+struct Tried {
+  int answers = 0, violations = 0;
+};
+using Damage = std::function<PiecePtr(const Case&, const Result&, const PiecePtr&, bool is_b)>;
+
+/// All of them with and without depth on both backends, with tolerance 0 so that rounding decides.
+Tried try_all(const Damage& damage) {
+  Tried tried;
+  for (const Judged& j : judged())
+    for (const char* backend : {"cpu", "reference"}) {
+      const Bench bench(j.cases, backend, 1, [&](const PiecePtr& piece, std::size_t i, bool is_b) {
+        return damage ? damage(j.cases[i], j.truth[i], piece, is_b) : piece;
+      });
+      for (const bool depth : {false, true}) {
+        Setting s;
+        s.backend = backend;
+        s.signed_distance = depth;
+        s.rel_tol = 0;
+        const std::vector<Answer> answers = bench.ask(s);
+        for (std::size_t i = 0; i < j.cases.size(); ++i) {
+          ++tried.answers;
+          tried.violations += !hold_against(j.cases[i], j.truth[i], s, answers[i], false).violation.empty();
+        }
+      }
+    }
+  return tried;
+}
+
+TEST(Mutants, AreFoundByTheJudge) {
+  const Tried whole = try_all(nullptr);
+  const Tried edgeless =
+      try_all([](const Case&, const Result&, const PiecePtr& piece, bool) { return without_edges(*piece); });
+  const Tried cut = try_all([](const Case& c, const Result& truth, const PiecePtr& piece, bool is_b) {
+    return without_edges_to(*piece, decisive(c, truth, is_b));
+  });
+  std::printf("violations of %d answers: %d on pieces as loaded, %d without edges, %d without the edges that matter\n",
+              whole.answers, whole.violations, edgeless.violations, cut.violations);
+#ifdef CLEARANCE_MUTANT
+  EXPECT_GT(whole.violations + edgeless.violations + cut.violations, 0) << CLEARANCE_MUTANT;
+#else
+  EXPECT_EQ(whole.violations, 0);
+  EXPECT_EQ(edgeless.violations, 0);
+  EXPECT_EQ(cut.violations, 0);
+#endif
+}
+
+// The cases that a search kept must find the proofs that they were kept for: rounding, and radii added in double.
+TEST(Mutants, OfRoundingAreFoundByMinedCases) {
+  std::vector<Case> cases;
+  for (const MinedCase& m : mined_cases()) cases.push_back(m.pair);
+  std::vector<bool> found(cases.size());
+  try_cases(cases, standard_settings(), 1, false,
+            [&](std::size_t i, const Setting&, const Verdict& v, const std::string&) {
+              if (!v.violation.empty()) found[i] = true;
+            });
+  const auto count = std::count(found.begin(), found.end(), true);
+  std::printf("%d of %zu mined cases find a violation\n", static_cast<int>(count), cases.size());
+#ifdef CLEARANCE_MUTANT
+  const std::string mutant = CLEARANCE_MUTANT;
+  EXPECT_TRUE(count > 0 || (mutant != "rounding" && mutant != "radius"));
+#else
+  EXPECT_EQ(count, 0);
+#endif
+}
+
+}  // namespace
+}  // namespace clearance::exact
