@@ -72,4 +72,13 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   return piece;
 }
 
+std::uint64_t resident_bytes(const Piece& piece) {
+  const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
+  std::uint64_t bytes = sizeof(Piece) + held(piece.vertices) + held(piece.adjacency_begin) + held(piece.adjacency) +
+                        held(piece.x) + held(piece.y) + held(piece.z);
+  if (piece.tree)
+    bytes += sizeof(SupportTree) + held(piece.tree->nodes) + held(piece.tree->order) + held(piece.tree->points);
+  return bytes;
+}
+
 }  // namespace clearance

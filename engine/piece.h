@@ -45,4 +45,7 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint6
                     std::vector<std::uint32_t> adjacency_begin = {}, std::vector<std::uint32_t> adjacency = {},
                     std::uint64_t digest = 0);
 
+/// Memory that a piece holds, its copies and its tree included.
+std::uint64_t resident_bytes(const Piece& piece);
+
 }  // namespace clearance

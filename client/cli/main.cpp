@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
 #ifdef CLEARANCE_HAVE_BENCH
   cli::add_bench(app);
 #endif
+  cli::add_inspect(app);
   // Last: a subcommand would inherit it.
   app.footer(R"(
 Example

@@ -1,0 +1,49 @@
+// Commands that are programs of their own: what needs the engine is not linked into this client.
+#include <unistd.h>
+
+#include <cstring>
+#include <stdexcept>
+
+#include "commands.h"
+
+namespace clearance::cli {
+namespace {
+
+/// The folder of this program; empty where the system does not tell.
+std::string own_folder() {
+  char path[4096];
+  const ssize_t size = readlink("/proc/self/exe", path, sizeof path);
+  if (size <= 0 || size == static_cast<ssize_t>(sizeof path)) return {};
+  const std::string whole(path, static_cast<std::size_t>(size));
+  return whole.substr(0, whole.rfind('/'));
+}
+
+/// Goes on as another program: the one beside this one, else the one on PATH. Returns only by throwing.
+[[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments,
+                         const std::string& why) {
+  std::vector<char*> argv{const_cast<char*>(program.c_str())};
+  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+  argv.push_back(nullptr);
+  const std::string folder = own_folder();
+  if (!folder.empty()) execv((folder + "/" + program).c_str(), argv.data());
+  execvp(program.c_str(), argv.data());
+  throw std::runtime_error("the program " + program + " " + why + "; there is none in " +
+                           (folder.empty() ? std::string() : folder + " nor ") + "on PATH (" + std::strerror(errno) +
+                           ")");
+}
+
+}  // namespace
+
+void add_inspect(CLI::App& app) {
+  auto& command =
+      *app.add_subcommand("inspect", "what a scene file's bodies are modelled by, its cost, what could be left out");
+  command.prefix_command();  // every option is the program's own, --help too
+  command.set_help_flag();
+  command.callback([&command] {
+    become("clearance-inspect", command.remaining(),
+           "reads scenes; it is installed with the daemon (component server, or pip install without "
+           "CLEARANCE_CLIENT_ONLY)");
+  });
+}
+
+}  // namespace clearance::cli

@@ -1,0 +1,77 @@
+"""clearance inspect: the program behind it, found and run as a command of clearance."""
+
+import json
+import os
+import shutil
+import subprocess
+
+import pytest
+from conftest import BUILD, INSTALLED, ROOT
+
+CLEARANCE = shutil.which("clearance") if INSTALLED else str(BUILD / "bin" / "clearance")
+
+
+def run(*arguments, program=CLEARANCE, **options):
+    return subprocess.run([program, "inspect", *map(str, arguments)], capture_output=True, text=True, timeout=120, **options)
+
+
+@pytest.mark.parametrize("name, bodies, pairs", [("nineteen", 19, 171), ("cell", 23, 193), ("extremes", 20, 190)])
+def test_json_names_every_body(name, bodies, pairs):
+    answer = run(ROOT / "scenes" / name / "scene.yaml", "--json", "--no-times")
+    assert answer.returncode == 0, answer.stderr
+    report = json.loads(answer.stdout)
+    assert len(report["bodies"]) == bodies and report["pairs"] == pairs and report["ns_all_pairs"] is None
+    assert sum(body["partners"] for body in report["bodies"]) == 2 * pairs
+    assert report["bytes"] == pytest.approx(sum(body["bytes"] / body["shared_by"] for body in report["bodies"]))
+    for body in report["bodies"]:
+        assert body["ns_per_pair"] is None and body["vertices"] + (body["inside"] or 0) <= body["loaded"]
+
+
+def test_times_are_measured_unless_they_are_not_wanted():
+    answer = run(ROOT / "scenes" / "nineteen" / "scene.yaml", "--json")
+    report = json.loads(answer.stdout)
+    assert all(body["ns_per_pair"] > 0 for body in report["bodies"]) and report["ns_all_pairs"] > 0
+
+
+def test_people_get_a_table_and_sentences(tmp_path):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(
+        "bodies:\n"
+        "  - {name: globe, uv_sphere: {radius: 0.5, resolution: 40}}\n"
+        "  - {name: crate, box: 1, pose: [3, 0, 0, 1, 0, 0, 0]}\n"
+        "  - {name: crate_2, box: 1, pose: [3, 0, 0, 1, 0, 0, 0]}\n"
+    )
+    answer = run(scene)
+    assert answer.returncode == 0, answer.stderr
+    lines = answer.stdout.splitlines()
+    assert lines[0].split()[:3] == ["body", "form", "kind"]
+    assert any(line.startswith("globe: a sphere of radius 0.5 m") for line in lines)
+    assert any(line.startswith('crate_2: the same shape at the same pose as "crate"') for line in lines)
+    assert "3 bodies, 3 enabled pairs" in answer.stdout
+    assert "globe: " not in run(scene, "--within", "1e-6", "--no-times").stdout
+    assert "Nothing was found" in run(ROOT / "scenes" / "cell" / "scene.yaml", "--no-times").stdout
+    rows = run(scene, "--csv", "--no-times").stdout.splitlines()
+    assert len(rows) == 4 and len({row.count(",") for row in rows}) == 1
+
+
+def test_errors_name_their_cause(tmp_path):
+    missing = run(tmp_path / "none.yaml")
+    assert missing.returncode == 1 and "none.yaml" in missing.stderr
+    assert run().returncode == 2
+    assert run("a.yaml", "--within", "2").returncode == 2
+    assert run("--json", "--csv", "a.yaml").returncode == 2
+    assert "clearance inspect [OPTIONS]" in run("--help").stdout
+
+
+def test_a_client_alone_says_what_to_install(tmp_path):
+    alone = shutil.copy(CLEARANCE, tmp_path / "clearance")
+    answer = run("scene.yaml", program=alone, env={**os.environ, "PATH": str(tmp_path)})
+    assert answer.returncode == 1
+    assert "clearance-inspect" in answer.stderr and "installed with the daemon" in answer.stderr
+    # ... and finds the program on PATH once it is there.
+    program = tmp_path / "bin" / "clearance-inspect"
+    program.parent.mkdir()
+    program.write_text('#!/bin/sh\necho "found: $*"\n')
+    program.chmod(0o755)
+    answer = run("scene.yaml", "--json", program=alone, env={**os.environ, "PATH": f"{program.parent}:{os.environ['PATH']}"})
+    assert answer.stdout == "found: scene.yaml --json\n"
