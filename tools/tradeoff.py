@@ -27,12 +27,12 @@ class Sweep:
         self.rows = [r for r in rows if r["backend"] == backend]
         self.backend = backend
         self.scenes = list(dict.fromkeys(r["scene"] for r in self.rows))
-        self.by_setting = {(r["scene"], r["precision"], r["warm"] == "on", float(r["reach"]), float(r["rel_tol"]),
+        self.by_setting = {(r["scene"], r["precision"], r["asked"], float(r["reach"]), float(r["rel_tol"]),
                             float(r["abs_tol"])): r for r in self.rows}
 
-    def at(self, scene, rel_tol=1e-6, abs_tol=0.0, reach=INF, precision="f64", warm=False):
+    def at(self, scene, rel_tol=1e-6, abs_tol=0.0, reach=INF, precision="f64", asked="cold"):
         """The row of a setting; by default that of the default query."""
-        return self.by_setting[scene, precision, warm, reach, 0.0 if abs_tol else rel_tol, abs_tol]
+        return self.by_setting[scene, precision, asked, reach, 0.0 if abs_tol else rel_tol, abs_tol]
 
     def ratios(self, scenes=None, **setting):
         """Time over that of the default query, of each scene."""
@@ -53,7 +53,8 @@ def markdown(header, rows):
 def time_table(s):
     columns = [("`rel_tol` 1e-1", dict(rel_tol=1e-1)), ("1e-2", dict(rel_tol=1e-2)), ("1e-4", dict(rel_tol=1e-4)),
                ("1e-8", dict(rel_tol=1e-8)), ("1e-12", dict(rel_tol=1e-12)), ("`abs_tol` 1 mm", dict(abs_tol=1e-3)),
-               ("1 µm", dict(abs_tol=1e-6)), ("f32 at 1e-4", dict(rel_tol=1e-4, precision="f32")), ("warm", dict(warm=True)),
+               ("1 µm", dict(abs_tol=1e-6)), ("f32 at 1e-4", dict(rel_tol=1e-4, precision="f32")), ("warm", dict(asked="warm")), ("batch", dict(asked="batch")),
+               ("batch, f32 at 1e-4", dict(asked="batch", rel_tol=1e-4, precision="f32")),
                ("`max_distance` median", dict(reach=1.0)), ("a tenth of it", dict(reach=0.1))]
     rows = []
     for scene in s.scenes:
@@ -86,7 +87,7 @@ def span(values):
 def unused(s, **setting):
     """Whether a setting gives the very answers of the same query without it."""
     columns = [c for c in s.rows[0] if c.split("_")[0] in ("error", "width", "rel")]
-    plain = {k: v for k, v in setting.items() if k not in ("precision", "warm")}
+    plain = {k: v for k, v in setting.items() if k not in ("precision", "asked")}
     return all(s.at(scene, **setting)[c] == s.at(scene, **plain)[c] for scene in s.scenes for c in columns if c != "rel_tol")
 
 
@@ -95,8 +96,11 @@ def sentences(s):
     others = [x for x in s.scenes if x != "touching"]
     answers = sum(int(r["pairs"]) * int(r["steps"]) for r in s.rows)
     wrong = sum(int(r["violations"]) for r in s.rows)
-    f32 = [a / b for a, b in zip(s.ratios(rel_tol=1e-4, precision="f32"), s.ratios(rel_tol=1e-4))]
-    warm = s.ratios(warm=True)
+
+    def f32(asked):
+        return [a / b for a, b in zip(s.ratios(rel_tol=1e-4, precision="f32", asked=asked), s.ratios(rel_tol=1e-4, asked=asked))]
+
+    warm = s.ratios(asked="warm")
     lines = [
         f"Of {answers:,} answers, in {len(s.rows):,} settings, {wrong} intervals miss the exact distance.",
         f"**Tolerance.** Time over that of the default (1e-6): at 1e-1 {span(s.ratios(others, rel_tol=1e-1))}, at 1e-2 "
@@ -105,12 +109,14 @@ def sentences(s):
         f"{s.ratios(['touching'], rel_tol=1e-12)[0]:.2f}, or {s.ratios(['touching'], abs_tol=1e-6)[0]:.2f} with `abs_tol` 1e-6 m "
         "in place of `rel_tol`.",
         f"**max_distance.** At the median distance {span(s.ratios(reach=1.0))}, at a tenth of it {span(s.ratios(reach=0.1))}.",
-        f"**float32 iterations.** Time over that of float64 at the same tolerance (1e-4): {span(f32)}."
+        f"**float32 iterations.** Time over that of float64 at the same tolerance (1e-4): {span(f32('cold'))}; in "
+        f"batches {span(f32('batch'))}."
         + (" The answers are the same to the last digit: this backend iterates in float64 whatever is asked."
            if unused(s, precision="f32", rel_tol=1e-4) else ""),
         f"**Warm start.** Time over that of a cold start: {span(warm)}."
         + (" The answers are the same to the last digit: this backend keeps no warm state."
-           if unused(s, warm=True) and abs(statistics.median(warm) - 1) < 0.03 else ""),
+           if unused(s, asked="warm") and abs(statistics.median(warm) - 1) < 0.03 else ""),
+        f"**Batches.** All steps as the configurations of one query, over one query for each step: {span(s.ratios(asked='batch'))}.",
     ]
     return "\n".join(f"- {line}" for line in lines)
 
@@ -121,7 +127,7 @@ def generated(remark, rows):
     for backend in dict.fromkeys(r["backend"] for r in rows):
         s = Sweep(rows, backend)
         parts += [f"### Backend `{backend}`", sentences(s),
-                  "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, cold), each column with "
+                  "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, cold, one query for each step), each column with "
                   "one thing changed. `max_distance` is set to the median of all distances, and to a tenth of it:", time_table(s),
                   "Error and certified width over the exact distance, 99th percentile over the pairs that are apart, by `rel_tol`:",
                   accuracy_table(s)]
@@ -178,15 +184,17 @@ def draw(remark, rows):
     figure, axes = plt.subplots(math.ceil(len(scenes) / columns), columns, figsize=(17, 3.6 * math.ceil(len(scenes) / columns)))
     for axis, scene in zip(axes.flat, scenes):
         for k, s in enumerate(sweeps):
-            for precision, warm, colour in (("f64", False, "C0"), ("f32", False, "C1"), ("f64", True, "C2"), ("f32", True, "C3")):
-                mine = sorted((r for r in s.rows if r["scene"] == scene and r["precision"] == precision and (r["warm"] == "on") == warm
+            for colour, (precision, asked) in enumerate((("f64", "cold"), ("f32", "cold"), ("f64", "warm"), ("f64", "batch"),
+                                                         ("f32", "batch"))):
+                mine = sorted((r for r in s.rows if (r["scene"], r["precision"], r["asked"]) == (scene, precision, asked)
                                and float(r["reach"]) == INF and float(r["rel_tol"]) > 0), key=lambda r: -float(r["rel_tol"]))
                 x = [float(r["ns_per_pair"]) for r in mine]
-                label = f"{s.backend} {precision}{' warm' if warm else ''}"
-                axis.plot(x, [max(1e-16, float(r["rel_width_p99"])) for r in mine], "o-" if k == 0 else "s--", color=colour, ms=4,
-                          lw=1, label=label + ", width")
-                if not warm:
-                    axis.plot(x, [max(1e-16, float(r["rel_error_p99"])) for r in mine], ":", color=colour, lw=1, label=label + ", error")
+                label = f"{s.backend} {precision}{'' if asked == 'cold' else ' ' + asked}"
+                axis.plot(x, [max(1e-16, float(r["rel_width_p99"])) for r in mine], "o-" if k == 0 else "s--", color=f"C{colour}",
+                          ms=4, lw=1, label=label + ", width")
+                if asked == "cold":
+                    axis.plot(x, [max(1e-16, float(r["rel_error_p99"])) for r in mine], ":", color=f"C{colour}", lw=1,
+                              label=label + ", error")
             for reach, mark in ((1.0, "^"), (0.1, "v")):
                 r = s.at(scene, reach=reach)
                 axis.plot([float(r["ns_per_pair"])], [max(1e-16, float(r["rel_width_p99"]))], mark, color="black", ms=6,

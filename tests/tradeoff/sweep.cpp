@@ -79,8 +79,12 @@ class Bench {
       : scene_(scene),
         truth_(truth),
         engine_(scene.scene, {options.backend, 1}),
-        answers_(scene.pairs.size()),
-        by_thread_(options.backend == "cpu" || options.backend == "reference") {}
+        answers_(scene.pairs.size() * scene.steps.size()),
+        by_thread_(options.backend == "cpu" || options.backend == "reference") {
+    for (const BodyPose& b : scene.steps[0]) bodies_.push_back(b.body);
+    for (const std::vector<BodyPose>& step : scene.steps)
+      for (const BodyPose& b : step) configurations_.push_back(b.pose);
+  }
 
   /// Goes through all steps. Returns nanoseconds for each pair. \param quality null: only time is wanted.
   double run(const Setting& s, Quality* quality, double* evaluated) {
@@ -92,39 +96,65 @@ class Bench {
     query.rel_tol = s.rel_tol;
     query.abs_tol = s.abs_tol;
     query.max_distance = s.reach < kInf ? s.reach * truth_.median : kInf;
-    query.warm_slot = s.warm ? kWarmSlot : 0;
+    query.warm_slot = s.asked == Asked::kWarm ? kWarmSlot : 0;
+    const std::size_t pairs = scene_.pairs.size(), steps = scene_.steps.size();
+    const auto judge = [&](std::size_t step, std::size_t first) {
+      for (std::size_t i = 0; quality && i < pairs; ++i)
+        quality->add(truth_.exact[step][i], answers_.distance[first + i], answers_.lower[first + i],
+                     answers_.upper[first + i], static_cast<Status>(answers_.status[first + i]));
+    };
     double total = 0;
     std::uint64_t looked_at = 0;
-    ask(query, 0);  // brings caches, and the warm state, to where a loop would have them
-    for (std::size_t step = 0; step < scene_.steps.size(); ++step) {
-      const auto [time, count] = ask(query, step);
+    const auto ask = [&](bool counts) {
+      const double begin = now_ns(by_thread_);
+      Job job = engine_.start(query, answers_.view());
+      job.advance();
+      const double time = now_ns(by_thread_) - begin;
+      if (!counts) return;
       total += time;
-      looked_at += count;
-      if (quality)
-        for (std::size_t i = 0; i < scene_.pairs.size(); ++i)
-          quality->add(truth_.exact[step][i], answers_.distance[i], answers_.lower[i], answers_.upper[i],
-                       static_cast<Status>(answers_.status[i]));
+      looked_at += job.info().pairs_evaluated;
+    };
+    engine_.set_poses(scene_.steps[0]);
+    ask(false);  // brings caches, and the warm state, to where a loop would have them
+    if (s.asked == Asked::kBatch) {
+      query.bodies = bodies_;
+      query.configurations = configurations_;
+      query.configuration_count = static_cast<std::uint32_t>(steps);
+      ask(true);
+      for (std::size_t step = 0; step < steps; ++step) judge(step, step * pairs);
+    } else {
+      for (std::size_t step = 0; step < steps; ++step) {
+        engine_.set_poses(scene_.steps[step]);
+        ask(true);
+        judge(step, 0);
+      }
     }
-    const auto questions = static_cast<double>(scene_.steps.size() * scene_.pairs.size());
+    const auto questions = static_cast<double>(steps * pairs);
     if (evaluated) *evaluated = static_cast<double>(looked_at) / questions;
     return total / questions;
   }
 
  private:
-  std::pair<double, std::uint64_t> ask(const QueryView& query, std::size_t step) {
-    engine_.set_poses(scene_.steps[step]);
-    const double begin = now_ns(by_thread_);
-    Job job = engine_.start(query, answers_.view());
-    job.advance();
-    return {now_ns(by_thread_) - begin, job.info().pairs_evaluated};
-  }
-
   const MovingScene& scene_;
   const Truth& truth_;
   Engine engine_;
   Answers answers_;
+  std::vector<std::uint32_t> bodies_;  // that move
+  std::vector<Pose> configurations_;   // of each step, of each of them
   bool by_thread_;
 };
+
+const char* name_of(Asked asked) {
+  switch (asked) {
+    case Asked::kCold:
+      return "cold";
+    case Asked::kWarm:
+      return "warm";
+    case Asked::kBatch:
+      return "batch";
+  }
+  return "";
+}
 
 }  // namespace
 
@@ -142,9 +172,9 @@ std::vector<Setting> all_settings(bool brief) {
   }
   std::vector<Setting> settings;
   for (const Precision precision : {Precision::kF64, Precision::kF32})
-    for (const bool warm : {false, true})
+    for (const Asked asked : {Asked::kCold, Asked::kWarm, Asked::kBatch})
       for (const double reach : reaches)
-        for (const Tolerance t : tolerances) settings.push_back({precision, t.rel, t.abs, reach, warm});
+        for (const Tolerance t : tolerances) settings.push_back({precision, t.rel, t.abs, reach, asked});
   return settings;
 }
 
@@ -187,7 +217,7 @@ std::vector<Point> sweep(const MovingScene& scene, const Truth& truth, const Swe
 }
 
 void write_header(std::ostream& out) {
-  out << "scene,backend,model,precision,warm,rel_tol,abs_tol,reach,max_distance,pairs,steps,ns_per_pair,ns_quartiles,"
+  out << "scene,backend,model,precision,asked,rel_tol,abs_tol,reach,max_distance,pairs,steps,ns_per_pair,ns_quartiles,"
          "ratio,"
          "evaluated";
   for (const char* what : {"error", "width", "rel_error", "rel_width"})
@@ -205,7 +235,7 @@ void write_rows(std::ostream& out, const MovingScene& scene, const Truth& truth,
   for (const Point& p : points) {
     const Setting& s = p.setting;
     out << scene.name << ',' << options.backend << ",full," << (s.precision == Precision::kF32 ? "f32" : "f64") << ','
-        << (s.warm ? "on" : "off");
+        << name_of(s.asked);
     for (const double x : {s.rel_tol, s.abs_tol, s.reach, s.reach < kInf ? s.reach * truth.median : kInf}) number(x);
     out << ',' << scene.pairs.size() << ',' << scene.steps.size();
     for (const double x : {p.ns_per_pair, p.ns_quartiles, p.ratio, p.evaluated}) number(x);

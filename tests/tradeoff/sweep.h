@@ -10,12 +10,19 @@
 
 namespace clearance::tradeoff {
 
+/// How the steps of the motion are asked about.
+enum class Asked : std::uint8_t {
+  kCold,   ///< one query for each step
+  kWarm,   ///< the same, with warm state
+  kBatch,  ///< one query for all steps, as its configurations
+};
+
 struct Setting {
   Precision precision = Precision::kF64;
   double rel_tol = 1e-6;
   double abs_tol = 0;                                      ///< metres
   double reach = std::numeric_limits<double>::infinity();  ///< max_distance, in medians of the scene's distances
-  bool warm = false;
+  Asked asked = Asked::kCold;
 
   friend bool operator==(const Setting&, const Setting&) = default;
 };
@@ -23,7 +30,7 @@ struct Setting {
 /// The default query.
 inline constexpr Setting kDefault{};
 
-/// precision x tolerance x max_distance x warm start. \param brief a few of them, for tests.
+/// precision x tolerance x max_distance x way of asking. \param brief a few of them, for tests.
 std::vector<Setting> all_settings(bool brief);
 
 /// Of a number of values, all finite; 0 without any.
