@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <fstream>
@@ -41,8 +42,8 @@ std::vector<Batch> share_out(const Options& o) {
   for (std::size_t k = 0; k < case_classes().size(); ++k) {
     const CaseClass& c = case_classes()[k];
     if (!chosen(c)) continue;
-    const auto total =
-        std::max<std::int64_t>(kBatch, static_cast<std::int64_t>(static_cast<double>(o.pairs) / shares / c.cost));
+    const auto total = std::max<std::int64_t>(
+        kBatch, static_cast<std::int64_t>(std::ceil(static_cast<double>(o.pairs) / shares / c.cost)));
     for (std::int64_t first = 0; first < total; first += kBatch)
       batches.push_back(
           {&c, k, static_cast<std::uint64_t>(first), static_cast<int>(std::min<std::int64_t>(kBatch, total - first))});
