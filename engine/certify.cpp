@@ -10,9 +10,6 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-// Lengths below this may have lost digits to underflow when they were squared.
-constexpr double kUnderflowLength = 1e-150;
-
 // The double just below or above a value of T, so that converting never tightens a bound. A double is itself: its own
 // rounding is in the error terms.
 double round_down(double x) { return x; }
@@ -41,24 +38,27 @@ PlacedPair<T>::PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d&
                           const Mat3<T>& R_b, const Vec3d& t_b)
     : a(&piece_a), b(&piece_b), R_wa(R_a), R_wb(R_b), D(difference(t_b, t_a, T())) {
   radius = sum(piece_a.radius, piece_b.radius, T());
-  scale = (norm(to_double(D)) + piece_a.rho + piece_b.rho + (piece_a.radius + piece_b.radius)) * (1 + 0x1p-49);
+  scale = pair_scale<double>(to_double(D), piece_a.rho, piece_b.rho, piece_a.radius + piece_b.radius);
 }
 
 template <class T>
 double PlacedPair<T>::error(double units) const {
-  return units * Arithmetic<T>::kUnit * scale * (1 + 0x1p-49) + kUnderflowLength;
+  return rounding_error(units * Arithmetic<T>::kUnit / Arithmetic<double>::kUnit, scale);
+}
+
+template <class T>
+double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length) {
+  if (!(length > T(0))) return -kInf;
+  const double lower = round_down(lower_from_gap(gap, length, pair.radius, T(pair.lower_error())));
+  return std::isnan(lower) ? -kInf : lower;
 }
 
 template <class T>
 double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& direction, std::uint32_t hint_a, std::uint32_t hint_b) {
   const Vec3<T> n = rescaled(direction);
-  const T length = norm(n);
-  if (!(length > T(0))) return -kInf;
   const SupportPoint<T> sa = support(*pair.a, pair.R_wa.transpose_times(n), hint_a);
   const SupportPoint<T> sb = support(*pair.b, -pair.R_wb.transpose_times(n), hint_b);
-  const T gap = (dot(n, pair.D) - (sa.value + sb.value)) / length - pair.radius;
-  const double lower = round_down(gap - T(pair.lower_error()));
-  return std::isnan(lower) ? -kInf : lower;
+  return certify_lower(pair, dot(n, pair.D) - (sa.value + sb.value), norm(n));
 }
 
 template <class T>
@@ -68,26 +68,16 @@ Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
     simplex.size = 1;
     simplex.vertex[0].a = simplex.vertex[0].b = 0;
   }
-  T sum = T(0);
-  T weight[4] = {};
-  for (int i = 0; i < simplex.size; ++i) {
-    weight[i] = simplex.weight[i] > T(0) ? simplex.weight[i] : T(0);
-    sum += weight[i];
-  }
-  if (!(sum > T(0))) {  // no weights at all, or a NaN: any point of each piece is a witness
-    for (int i = 0; i < simplex.size; ++i) weight[i] = i == 0 ? T(1) : T(0);
-    sum = T(1);
-  }
+  for (int i = 0; i < simplex.size; ++i)
+    simplex.vertex[i].w = pair.cso_vertex(simplex.vertex[i].a, simplex.vertex[i].b);
+  const SimplexPoint<T> point(simplex);
   Vec3<T> a{T(0), T(0), T(0)}, b = a;
   for (int i = 0; i < simplex.size; ++i) {
-    const T w = weight[i] / sum;
-    a += cast<T>(pair.a->vertices[simplex.vertex[i].a]) * w;
-    b += cast<T>(pair.b->vertices[simplex.vertex[i].b]) * w;
+    a += cast<T>(pair.a->vertices[simplex.vertex[i].a]) * point.share[i];
+    b += cast<T>(pair.b->vertices[simplex.vertex[i].b]) * point.share[i];
   }
-  const Vec3<T> core_a = pair.R_wa * a, core_b = pair.R_wb * b;
-  const Vec3<T> separation = (core_b - core_a) + pair.D;
-  const double upper = round_up(norm(separation) - pair.radius + T(pair.upper_error()));
-  return {std::isnan(upper) ? kInf : upper, to_double(core_a), to_double(core_b), to_double(separation)};
+  const double upper = round_up(upper_from_point(norm(point.w), pair.radius, T(pair.upper_error())));
+  return {std::isnan(upper) ? kInf : upper, to_double(pair.R_wa * a), to_double(pair.R_wb * b), to_double(-point.w)};
 }
 
 namespace {
@@ -196,6 +186,7 @@ double certify_box_gap(const Aabb& a, const Aabb& b) {
 
 #define CLEARANCE_INSTANTIATE(T)                                                                           \
   template struct PlacedPair<T>;                                                                           \
+  template double certify_lower(const PlacedPair<T>&, const T&, const T&);                                 \
   template double certify_lower(const PlacedPair<T>&, const Vec3<T>&, std::uint32_t, std::uint32_t);       \
   template Witness certify_upper(const PlacedPair<T>&, const Simplex<T>&);                                 \
   template double certify_ball(const PlacedPair<T>&, std::span<const CsoVertex<T>>, std::span<const CsoFace<T>>)

@@ -34,6 +34,63 @@ struct RoundingUnits<DoubleDouble> {
   static constexpr double kLower = 32, kUpper = 32, kBall = 32;
 };
 
+/// S of two pieces: |D| + rho_a + rho_b + r_a + r_b, rounded up. A scalar or a pack.
+template <class T>
+inline T pair_scale(const Vec3<T>& D, const T& rho_a, const T& rho_b, const T& radius) {
+  return (norm(D) + rho_a + rho_b + radius) * T(1 + 0x1p-49);
+}
+// Lengths below this may have lost digits to underflow when they were squared.
+inline constexpr double kUnderflowLength = 1e-150;
+// Directions at least this long, squared, need no rescaling before they are squared (see rescaled()).
+inline constexpr double kSafelySquared = 1e-100;
+/// `units` rounding units of a scale S (RoundingUnits), as a length. A scalar or a pack.
+template <class T>
+inline T rounding_error(const T& units, const T& scale) {
+  return units * T(Arithmetic<T>::kUnit) * scale * T(1 + 0x1p-49) + T(kUnderflowLength);
+}
+
+/// The lower bound that a support gap proves: `gap` of the planes normal to a direction of length `length`, times that
+/// length; `error` the rounding term. A scalar or a pack.
+template <class T>
+inline T lower_from_gap(const T& gap, const T& length, const T& radius, const T& error) {
+  return (gap / length - radius) - error;
+}
+
+/// The point of the CSO that a simplex and its weights stand for: `share` of each vertex, adding up to 1 up to rounding.
+/// Weights below 0 count as 0; without any weight it is the first vertex. A scalar or a pack.
+template <class T>
+struct SimplexPoint {
+  T share[4];
+  Vec3<T> w;
+
+  explicit SimplexPoint(const Simplex<T>& s) {
+    using Count = typename Lane<T>::Count;
+    const T zero(0);
+    T sum = zero;
+    for (int i = 0; i < 4; ++i) {
+      share[i] = zero;
+      const auto there = s.size > Count(i);
+      if (!any(there)) continue;
+      share[i] = select(there & (s.weight[i] > zero), s.weight[i], zero);
+      sum = sum + share[i];
+    }
+    share[0] = select(sum > zero, share[0], T(1));
+    sum = select(sum > zero, sum, T(1));
+    w = {zero, zero, zero};
+    for (int i = 0; i < 4; ++i) {
+      const auto there = s.size > Count(i);
+      if (!any(there)) continue;
+      share[i] = share[i] / sum;
+      w = select(there, w + s.vertex[i].w * share[i], w);
+    }
+  }
+};
+/// The upper bound that a point of the CSO proves: both cores have a point, and these are `length` apart.
+template <class T>
+inline T upper_from_point(const T& length, const T& radius, const T& error) {
+  return (length - radius) + error;
+}
+
 /// Two pieces where they are, in the arithmetic T: rotations R_wa and R_wb, and D = t_b - t_a in world axes.
 template <class T>
 struct PlacedPair {
@@ -60,6 +117,10 @@ struct PlacedPair {
   double error(double units) const;
 };
 
+/// A lower bound on the signed distance from a gap that is known already: of the supporting planes normal to a direction of
+/// length `length`, times that length, from proved supports (Gjk::gap and |Gjk::v|).
+template <class T>
+double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length);
 /// A lower bound on the signed distance: the gap between the supporting planes normal to n.
 /// \param n world axes, from a towards b, any length but zero. \param hint_a, hint_b vertices to begin the supports from.
 template <class T>
@@ -72,7 +133,8 @@ struct Witness {
   Vec3d core_b;       ///< of the core of b, from the origin of b, world axes
   Vec3d separation;   ///< p_b - p_a of the cores, world axes
 };
-/// The witness that a simplex and its weights stand for. Weights below 0 count as 0; they need not add up to 1.
+/// The witness that a simplex and its weights stand for. Weights below 0 count as 0; they need not add up to 1. Reads the
+/// vertices' indices, not their `w`.
 template <class T>
 Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex);
 

@@ -19,6 +19,8 @@ struct Engine::Impl {
   Scene scene;
   Options options;
   bool reference = false;
+  const LaneKernel* lanes = nullptr;
+  bool light = false;
   PoseStore poses;
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0};
@@ -30,6 +32,11 @@ struct Engine::Impl {
   }
 };
 
+std::vector<std::string> Engine::instruction_sets() {
+  std::vector<std::string> names;
+  for (const LaneKernel& k : lane_kernels()) names.emplace_back(k.name);
+  return names;
+}
 std::vector<std::string> Engine::backends() { return {"cpu", "reference"}; }
 
 Engine::Engine(Scene scene, const Options& options) {
@@ -42,6 +49,11 @@ Engine::Engine(Scene scene, const Options& options) {
     throw std::invalid_argument("threads: expected 0 (all cores) to 4096, got " + std::to_string(options.threads));
   impl_ = std::make_unique<Impl>(std::move(scene), options);
   impl_->reference = options.backend == "reference";
+  impl_->lanes = &lane_kernel(options.instruction_set);
+  const std::vector<Body>& bodies = impl_->scene.bodies();
+  impl_->light = !impl_->reference && std::all_of(bodies.begin(), bodies.end(), [](const Body& b) {
+    return b.pieces.size() == 1 && b.pieces[0]->vertices.size() <= kLaneVertices;
+  });
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
 }
 
@@ -50,6 +62,7 @@ Engine::~Engine() = default;
 const Scene& Engine::scene() const { return impl_->scene; }
 std::uint64_t Engine::scene_revision() const { return impl_->poses.snapshot()->scene_revision; }
 std::string_view Engine::backend() const { return impl_->reference ? "reference" : "cpu"; }
+std::string_view Engine::instruction_set() const { return impl_->lanes->name; }
 std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
 
 PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) {
@@ -92,7 +105,7 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
                                                       " rows and there is room for " + std::to_string(reply.rows) +
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
-  const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, &impl_->pairs_evaluated};
+  const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, impl_->lanes, impl_->light, &impl_->pairs_evaluated};
   return Job(make_job(context, std::move(plan), reply));
 }
 

@@ -71,10 +71,13 @@ class Engine {
   struct Options {
     std::string backend = "auto";  ///< "auto", "cpu", or "reference" (brute force, the fast path's oracle)
     int threads = 0;               ///< 0: all cores
+    /// Of the CPU's SIMD lanes: "auto", "avx512", "avx2", "baseline". Only speed depends on it, not one bit of an answer.
+    std::string instruction_set = "auto";
     std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are refused
   };
 
-  /// Throws std::invalid_argument for an unknown backend, std::runtime_error for one that is absent on this machine.
+  /// Throws std::invalid_argument for an unknown backend or instruction set, std::runtime_error for one that is absent on
+  /// this machine.
   explicit Engine(Scene scene) : Engine(std::move(scene), Options()) {}
   Engine(Scene scene, const Options& options);
   ~Engine();
@@ -85,6 +88,8 @@ class Engine {
   std::uint64_t scene_revision() const;   ///< Scene::revision()
   std::string_view backend() const;       ///< the one in use, by name
   static std::vector<std::string> backends();  ///< those that can be asked for on this machine
+  std::string_view instruction_set() const;    ///< the one in use, by name
+  static std::vector<std::string> instruction_sets();  ///< those that this machine has, the fastest first
 
   /// Applies a batch of poses atomically. \param stamp_ns the publisher's clock. The receipt is taken here.
   PoseUpdateResult set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns = 0);

@@ -75,7 +75,7 @@ class Epa {
 
   // The support along d, remembering the direction along which the CSO reaches least.
   CsoVertex<T> probe(const Vec3<T>& d, T& reach) {
-    const CsoVertex<T> v = cso_(d);
+    const CsoVertex<T> v = cso_(-d).vertex;
     reach = dot(d, v.w);
     if (!have_reach_ || reach < least_reach_) {
       have_reach_ = true;

@@ -102,59 +102,81 @@ PairAnswer beyond_answer(double lower) {
 
 }  // namespace
 
-PairAnswer evaluate(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options) {
-  if (pair.a >= scene.bodies().size() || pair.b >= scene.bodies().size()) return no_answer(Status::kUnknownBody);
+namespace {
+
+// The flags of a pair's bodies, and its answer if that needs no look at the pieces.
+bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options,
+                           PairAnswer& answer) {
+  if (pair.a >= scene.bodies().size() || pair.b >= scene.bodies().size()) {
+    answer = no_answer(Status::kUnknownBody);
+    return true;
+  }
   const BodyPlacement &at_a = placement[pair.a], &at_b = placement[pair.b];
   std::uint16_t flags = at_a.renormalised || at_b.renormalised ? kFlagRenormalised : 0;
   if (!options.stale.empty() && (options.stale[pair.a] || options.stale[pair.b])) flags |= kFlagStale;
+  answer.flags = flags;
   for (const Status unusable : {Status::kBadPose, Status::kNoPose})
     if (at_a.status == unusable || at_b.status == unusable) {
-      PairAnswer answer = no_answer(unusable);
+      answer = no_answer(unusable);
       answer.flags = flags;
-      return answer;
+      return true;
     }
-  const NarrowLimits& limits = options.limits;
-  if (options.cull) {
-    const double gap = box_gap(scene, placement, pair);
-    if (gap > limits.max_distance) {
-      PairAnswer answer = beyond_answer(gap);
-      answer.flags = flags;
-      return answer;
-    }
-  }
+  if (!options.cull) return false;
+  const double gap = box_gap(scene, placement, pair);
+  if (!(gap > options.limits.max_distance)) return false;
+  answer = beyond_answer(gap);
+  answer.flags = flags;
+  return true;
+}
 
-  const Body &a = scene.bodies()[pair.a], &b = scene.bodies()[pair.b];
-  const PlacedPose &pose_a = at_a.pose, &pose_b = at_b.pose;
-  const auto narrow = options.reference
-                          ? narrow_phase_reference
-                          : +[](const Piece& p, const PlacedPose& Xp, const Piece& q, const PlacedPose& Xq,
-                                const NarrowLimits& l) { return narrow_phase(p, Xp, q, Xq, l); };
+// The narrowest intervals of two bodies' piece pairs, put together.
+struct BodiesAnswer {
   NarrowAnswer best;
   double lower = kInf;
   std::uint32_t piece_a = 0, piece_b = 0;
-  if (a.pieces.size() == 1 && b.pieces.size() == 1) {
-    best = narrow(*a.pieces[0], pose_a, *b.pieces[0], pose_b, limits);
-    lower = best.bounds.lower;
-  } else {
-    // The distance of bodies is the least over their piece pairs; a pair whose boxes are farther than a proved upper bound
-    // cannot be that one.
-    for (const PiecePair& p : piece_pairs(a, pose_a, b, pose_b)) {
-      if (!options.reference && p.gap > 0 && p.gap > best.bounds.upper) {
-        lower = std::min(lower, p.gap);
-        break;
-      }
-      const NarrowAnswer next = narrow(*a.pieces[p.a], pose_a, *b.pieces[p.b], pose_b, limits);
-      lower = std::min(lower, next.bounds.lower);
-      if (next.bounds.upper < best.bounds.upper || p.gap == kInf) {
-        best = next;
-        piece_a = p.a;
-        piece_b = p.b;
-      }
-      if (!limits.signed_distance && best.bounds.upper <= 0) break;  // overlapping: the rest cannot change that
-    }
-  }
+};
 
-  PairAnswer answer;
+BodiesAnswer narrow_bodies(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b,
+                           const EvaluateOptions& options, const Gjk<double>* done) {
+  const NarrowLimits& limits = options.limits;
+  const auto narrow = [&](const Piece& p, const Piece& q) {
+    return options.reference ? narrow_phase_reference(p, pose_a, q, pose_b, limits)
+                             : narrow_phase(p, pose_a, q, pose_b, limits, nullptr, done);
+  };
+  BodiesAnswer r;
+  if (a.pieces.size() == 1 && b.pieces.size() == 1) {
+    r.best = narrow(*a.pieces[0], *b.pieces[0]);
+    r.lower = r.best.bounds.lower;
+    return r;
+  }
+  // The distance of bodies is the least over their piece pairs; a pair whose boxes are farther than a proved upper bound
+  // cannot be that one.
+  for (const PiecePair& p : piece_pairs(a, pose_a, b, pose_b)) {
+    if (!options.reference && p.gap > 0 && p.gap > r.best.bounds.upper) {
+      r.lower = std::min(r.lower, p.gap);
+      break;
+    }
+    const NarrowAnswer next = narrow(*a.pieces[p.a], *b.pieces[p.b]);
+    r.lower = std::min(r.lower, next.bounds.lower);
+    if (next.bounds.upper < r.best.bounds.upper || p.gap == kInf) {
+      r.best = next;
+      r.piece_a = p.a;
+      r.piece_b = p.b;
+    }
+    if (!limits.signed_distance && r.best.bounds.upper <= 0) break;  // overlapping: the rest cannot change that
+  }
+  return r;
+}
+
+// \param answer holds the flags of the bodies; the rest is written here. \param done GJK's run on single pieces, or null.
+void answer_from_pieces(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options,
+                        const Gjk<double>* done, PairAnswer& answer) {
+  const NarrowLimits& limits = options.limits;
+  const Body &a = scene.bodies()[pair.a], &b = scene.bodies()[pair.b];
+  const PlacedPose &pose_a = placement[pair.a].pose, &pose_b = placement[pair.b].pose;
+  const auto [best, lower, piece_a, piece_b] = narrow_bodies(a, pose_a, b, pose_b, options, done);
+  std::uint16_t flags = answer.flags;
+
   answer.lower = lower;
   answer.upper = best.bounds.upper;
   if (!limits.signed_distance) {
@@ -191,10 +213,89 @@ PairAnswer evaluate(const Scene& scene, const Placement& placement, BodyPair pai
   }
   if (!settled && at_rounding) flags |= kFlagRoundingLimited;
   if (options.want_nonsmooth && answer.status != Status::kBeyond &&
-      (answer.lower <= 0 || witness_is_ambiguous(*a.pieces[piece_a], pose_a, *b.pieces[piece_b], pose_b, best.normal)))
+      (answer.lower <= 0 || witness_is_ambiguous(*a.pieces[piece_a], pose_a.R_wb, *b.pieces[piece_b], pose_b.R_wb, best.normal)))
     flags |= kFlagNonsmooth;
   answer.flags = flags;
+}
+
+}  // namespace
+
+PairAnswer evaluate(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options) {
+  PairAnswer answer;
+  if (!answer_without_pieces(scene, placement, pair, options, answer))
+    answer_from_pieces(scene, placement, pair, options, nullptr, answer);
   return answer;
+}
+
+void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
+  waiting_.clear();
+  for (std::uint32_t i = 0; i < pairs.size(); ++i) {
+    const auto& [pair, placement] = pairs[i];
+    if (answer_without_pieces(scene_, *placement, pair, options_, answers[i])) continue;
+    const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
+    if (options_.lanes && !options_.reference && a.size() == 1 && b.size() == 1 && a[0]->vertices.size() <= kLaneVertices &&
+        b[0]->vertices.size() <= kLaneVertices)
+      waiting_.push_back({a[0].get(), b[0].get(), i});
+    else
+      answer_from_pieces(scene_, *placement, pair, options_, nullptr, answers[i]);
+  }
+  if (!waiting_.empty()) run_in_lanes(pairs, answers);
+}
+
+// Pairs of the same two pieces go side by side. A few that have no company are faster alone.
+void Evaluator::run_in_lanes(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
+  const auto by_pieces = [](const Waiting& p, const Waiting& q) {
+    return std::tie(p.a, p.b, p.index) < std::tie(q.a, q.b, q.index);
+  };
+  if (!std::is_sorted(waiting_.begin(), waiting_.end(), by_pieces)) std::sort(waiting_.begin(), waiting_.end(), by_pieces);
+  for (std::size_t begin = 0, end; begin < waiting_.size(); begin = end) {
+    const Piece *a = waiting_[begin].a, *b = waiting_[begin].b;
+    for (end = begin; end < waiting_.size() && waiting_[end].a == a && waiting_[end].b == b;) ++end;
+    const std::size_t count = end - begin;
+    const bool side_by_side = count > static_cast<std::size_t>(options_.lanes->lanes) / 4;
+    if (side_by_side) {
+      lane_pairs_.clear();
+      for (std::size_t i = begin; i < end; ++i) {
+        const auto& [pair, placement] = pairs[waiting_[i].index];
+        const PlacedPose &pose_a = (*placement)[pair.a].pose, &pose_b = (*placement)[pair.b].pose;
+        lane_pairs_.push_back({&pose_a.R_wb, &pose_b.R_wb, &pose_a.t_w, &pose_b.t_w});
+      }
+      if (lane_answers_.size() < count) {
+        lane_answers_.resize(count);
+        lane_witnesses_.resize(count);
+        lane_unsettled_.resize(count);
+      }
+      const NarrowLimits& limits = options_.limits;
+      options_.lanes->run({LaneHull(*a), LaneHull(*b), lane_pairs_.data(), count, limits.abs_tol, limits.rel_tol, limits.max_distance, limits.max_iterations,
+                           lane_answers_.data(), options_.want_points ? lane_witnesses_.data() : nullptr,
+                           lane_unsettled_.data()});
+    }
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto& [pair, placement] = pairs[waiting_[i].index];
+      PairAnswer& answer = answers[waiting_[i].index];
+      if (side_by_side && lane_answers_[i - begin].settled)
+        take_lane(lane_answers_[i - begin], lane_witnesses_[i - begin], *a, lane_pairs_[i - begin], *b, answer);
+      else
+        answer_from_pieces(scene_, *placement, pair, options_, side_by_side ? &lane_unsettled_[i - begin] : nullptr, answer);
+    }
+  }
+}
+
+// What answer_from_pieces() would make of a settled pair.
+void Evaluator::take_lane(const LaneAnswer& lane, const LaneWitness& witness, const Piece& a, const LanePair& placed,
+                          const Piece& b, PairAnswer& answer) const {
+  const bool beyond = lane.lower > options_.limits.max_distance;
+  answer.status = beyond ? Status::kBeyond : Status::kOk;
+  answer.lower = lane.lower;
+  answer.upper = lane.upper;
+  answer.distance = beyond ? lane.lower : lane.upper;
+  if (!options_.want_points) return;
+  answer.piece_a = answer.piece_b = 0;
+  take_lane_witness(a, *placed.R_wa, b, *placed.R_wb, witness, answer.point_a, answer.point_b, answer.normal);
+  if (beyond)
+    answer.point_a = answer.point_b = kNanVec;
+  else if (options_.want_nonsmooth && witness_is_ambiguous(a, *placed.R_wa, b, *placed.R_wb, answer.normal))
+    answer.flags |= kFlagNonsmooth;
 }
 
 }  // namespace clearance

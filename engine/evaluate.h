@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "certify.h"
+#include "lanes.h"
 #include "narrow_phase.h"
 #include "plan.h"
 
@@ -44,8 +45,10 @@ Aabb body_box(const Body& body, const BodyPlacement& placement);
 /// What is asked of every pair of a query.
 struct EvaluateOptions {
   NarrowLimits limits;
+  const LaneKernel* lanes = nullptr;  ///< null: one pair after another
   bool reference = false;        ///< the brute-force oracle: no culling, double-double
   bool cull = false;             ///< compare bounding boxes with max_distance first
+  bool want_points = true;       ///< witness points, normals and pieces; without, only the interval
   bool want_nonsmooth = false;
   std::span<const std::uint8_t> stale;  ///< of each body
 };
@@ -57,6 +60,36 @@ struct PairAnswer {
   std::uint16_t flags;
   std::uint32_t piece_a, piece_b;
   Vec3d point_a, point_b, normal;
+};
+
+/// A pair in the configuration that a placement stands at.
+struct PlacedBodies {
+  BodyPair pair;
+  const Placement* placement;
+};
+
+/// Answers many pairs, whatever their ids. Each worker has its own.
+class Evaluator {
+ public:
+  Evaluator(const Scene& scene, const EvaluateOptions& options) : scene_(scene), options_(options) {}
+  void run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
+
+ private:
+  struct Waiting {  // a pair of single pieces, to be answered in lanes
+    const Piece *a, *b;
+    std::uint32_t index;
+  };
+  void take_lane(const LaneAnswer& lane, const LaneWitness& witness, const Piece& a, const LanePair& placed, const Piece& b,
+                 PairAnswer& answer) const;
+  void run_in_lanes(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
+
+  const Scene& scene_;
+  EvaluateOptions options_;
+  std::vector<Waiting> waiting_;
+  std::vector<LanePair> lane_pairs_;
+  std::vector<LaneAnswer> lane_answers_;
+  std::vector<LaneWitness> lane_witnesses_;
+  std::vector<Gjk<double>> lane_unsettled_;
 };
 
 /// Answers one pair, whatever its ids.

@@ -1,4 +1,4 @@
-// The Gilbert-Johnson-Keerthi iteration, written once over a scalar T and a support functor.
+// The Gilbert-Johnson-Keerthi iteration, written once over a scalar or a SIMD pack T, for host and device.
 //
 // Works on the configuration space obstacle (CSO) A - B = { a - b }: the bodies' distance is its distance from the origin,
 // and its point v nearest to the origin joins their nearest points. It only proposes: certify.h makes the bounds.
@@ -13,6 +13,7 @@
 #include <cstdint>
 
 #include "arithmetic.h"
+#include "lane.h"
 #include "math.h"
 
 namespace clearance {
@@ -21,20 +22,30 @@ namespace clearance {
 template <class T>
 struct CsoVertex {
   Vec3<T> w;
-  std::uint32_t a, b;
+  typename Lane<T>::Index a, b;
 
-  friend bool same(const CsoVertex& p, const CsoVertex& q) { return p.a == q.a && p.b == q.b; }
+  CLEARANCE_HD friend auto same(const CsoVertex& p, const CsoVertex& q) { return (p.a == q.a) & (p.b == q.b); }
 };
+
+template <class Mask, class T>
+CLEARANCE_HD inline CsoVertex<T> select(const Mask& mask, const CsoVertex<T>& yes, const CsoVertex<T>& no) {
+  return {select(mask, yes.w, no.w), select(mask, yes.a, no.a), select(mask, yes.b, no.b)};
+}
+template <class T>
+CLEARANCE_HD inline const CsoVertex<T>& select(bool mask, const CsoVertex<T>& yes, const CsoVertex<T>& no) {
+  return mask ? yes : no;
+}
 
 /// Up to four CSO vertices; the weights are those of the point nearest to the origin.
 template <class T>
 struct Simplex {
   CsoVertex<T> vertex[4];
   T weight[4];
-  int size = 0;
+  typename Lane<T>::Count size{0};
 };
 
 enum class GjkEnd : std::uint8_t {
+  kRunning,
   kConverged,  ///< no vertex is nearer than the tolerance asks
   kBeyond,     ///< the origin is farther than max_distance
   kEncloses,   ///< the simplex holds the origin (four vertices), or it lies on it within rounding
@@ -42,114 +53,127 @@ enum class GjkEnd : std::uint8_t {
   kLimit,      ///< iteration limit
 };
 
+/// When to stop. Lengths in metres, of the distance between the CSO and the origin.
 template <class T>
-struct GjkResult {
-  Vec3<T> v;                ///< point of the simplex nearest to the origin; along a face's normal where it lies on a face
-  T squared_distance;
-  Simplex<T> simplex;       ///< up to three vertices and their weights; four if it encloses the origin
-  CsoVertex<T> last;        ///< the last support vertex found along -v
-  GjkEnd end = GjkEnd::kLimit;
-  int iterations = 0;
-};
-
 struct GjkLimits {
-  double rel_tol = 1e-6;       ///< stop once |v| - v.w/|v| <= max(rel_tol |v|, abs_tol)
-  double abs_tol = 0;
-  double max_distance = 0;     ///< stop once the origin is proved farther, if positive and finite
+  T rel_tol{1e-6};        ///< stop once |v| - v.w/|v| <= max(rel_tol ||v| - radius|, abs_tol)
+  T abs_tol{0};
+  T radius{0};            ///< what rounded pieces take off |v| later
+  T max_distance{0};      ///< stop once the origin is proved farther
+  bool bounded = false;   ///< whether max_distance counts
+  bool squared = true;    ///< radius and abs_tol are 0 in all lanes: no root is needed
   int max_iterations = 256;
 };
 
-/// The nearest point to the origin of a simplex whose last vertex is the newest and takes part (the GJK invariant).
-/// Reduces `s` to the vertices that carry it. Returns true if the origin is inside (then `s` keeps its four vertices).
+/// What reduce_to_nearest() finds: the face, edge or vertex of a simplex that is nearest to the origin.
 template <class T>
-CLEARANCE_HD bool reduce_to_nearest(Simplex<T>& s, Vec3<T>& v, T& vv) {
-  const T flat = T(Arithmetic<T>::kFlatFace);
-  const T zero = T(0), one = T(1);
-  const int last = s.size - 1;
-  const CsoVertex<T> a = s.vertex[last];
-  const Vec3<T> q = -a.w;
+struct Nearest {
+  Simplex<T> simplex;                ///< the vertices that carry the nearest point, the newest first
+  Vec3<T> v;                         ///< that point; along a face's normal where it lies on a face
+  T squared_distance;
+  typename Lane<T>::Mask encloses;   ///< the origin is inside the tetrahedron: nothing else is set
+};
 
-  // The vertex itself, then edges from it, then faces at it: the valid one of least distance wins.
-  T best = squared_norm(a.w);
-  int kept[2] = {-1, -1};
-  T weight[2] = {zero, zero};
-  Vec3<T> nearest = a.w;
+/// The nearest point to the origin of the hull of `newest` and up to three older vertices, knowing that `newest` takes part
+/// (the GJK invariant).
+template <class T>
+CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVertex<T>& newest) {
+  using Count = typename Lane<T>::Count;
+  using Mask = typename Lane<T>::Mask;
+  const T zero(0), one(1), flat(Arithmetic<T>::kFlatFace);
+  const Vec3<T> q = -newest.w;
+  // The vertex itself, then edges from it, then faces at it: the valid one of least distance wins. `feature` says which:
+  // 1, 2, 3 the edge to old vertex 0, 1, 2; 4, 5, 6 the face with old vertices 01, 12, 02.
+  T best = squared_norm(q), first_weight = zero, second_weight = zero, scale = zero;
+  Count feature(0);
+  Vec3<T> face_normal = q;
 
   Vec3<T> e[3], m[3];
   T g[3];
-  for (int i = 0; i < last; ++i) {
-    e[i] = s.vertex[i].w - a.w;
+  for (int i = 0; i < 3; ++i) {
+    const Mask there = old.size > Count(i);
+    if (!any(there)) {
+      e[i] = m[i] = {zero, zero, zero};
+      g[i] = zero;
+      continue;
+    }
+    e[i] = old.vertex[i].w - newest.w;
     m[i] = cross(q, e[i]);
     g[i] = squared_norm(e[i]);
-    const T p = dot(q, e[i]);
-    if (!(p > zero) || !(p < g[i])) continue;
-    const T d = squared_norm(m[i]) / g[i];
-    if (!(d < best)) continue;
-    best = d;
-    kept[0] = i;
-    kept[1] = -1;
-    weight[0] = p / g[i];
-    nearest = cross(m[i], e[i]) * (one / g[i]);  // e x (a x e) / |e|^2: the part of a normal to the edge
+    const T p = dot(q, e[i]), r = one / g[i], d = squared_norm(m[i]) * r;
+    const Mask nearer = there & (p > zero) & (p < g[i]) & (d < best);
+    best = select(nearer, d, best);
+    first_weight = select(nearer, p * r, first_weight);
+    scale = select(nearer, r, scale);
+    feature = select(nearer, Count(i + 1), feature);
   }
-  int above = 0, below = 0;  // sides of the origin with regard to the three faces at `a`
-  for (int i = 0; i < last; ++i) {
-    for (int j = i + 1; j < last; ++j) {
-      const Vec3<T> n = cross(e[i], e[j]);
-      const T nn = squared_norm(n), u = dot(m[j], n), w = -dot(m[i], n), x = dot(q, n);
-      if (last == 3) {
-        const T opposite = dot(e[3 - i - j], n);
-        if (x * opposite > zero) ++above; else ++below;
+  Mask inside = old.size > Count(2);
+  const auto face = [&](int i, int j, int code, const Vec3<T>& n, const T& x) {
+    const T nn = squared_norm(n), u = dot(m[j], n), w = -dot(m[i], n), r = one / nn, d = x * x * r;
+    const Mask nearer = (old.size > Count(j)) & (u > zero) & (w > zero) & (u + w < nn) & (nn > flat * g[i] * g[j]) & (d < best);
+    best = select(nearer, d, best);
+    first_weight = select(nearer, u * r, first_weight);
+    second_weight = select(nearer, w * r, second_weight);
+    scale = select(nearer, -x * r, scale);
+    face_normal = select(nearer, n, face_normal);
+    feature = select(nearer, Count(code), feature);
+  };
+  if (any(old.size > Count(1))) {
+    const Vec3<T> n01 = cross(e[0], e[1]);
+    const T x01 = dot(q, n01);
+    face(0, 1, 4, n01, x01);
+    if (any(inside)) {
+      const Vec3<T> n12 = cross(e[1], e[2]), n02 = cross(e[0], e[2]);
+      const T x12 = dot(q, n12), x02 = dot(q, n02);
+      face(1, 2, 5, n12, x12);
+      face(0, 2, 6, n02, x02);
+      // Inside the three planes at the newest vertex, then on the inner side of the face across from it.
+      inside = inside & (x01 * dot(e[2], n01) > zero) & (x12 * dot(e[0], n12) > zero) & (x02 * dot(e[1], n02) > zero);
+      if (any(inside)) {
+        const Vec3<T> n = cross(e[1] - e[0], e[2] - e[0]);
+        inside = inside & (dot(q - e[0], n) * -dot(e[0], n) > zero);
       }
-      if (!(u > zero) || !(w > zero) || !(u + w < nn) || !(nn > flat * g[i] * g[j])) continue;
-      const T d = x * x / nn;
-      if (!(d < best)) continue;
-      best = d;
-      kept[0] = i;
-      kept[1] = j;
-      weight[0] = u / nn;
-      weight[1] = w / nn;
-      nearest = n * (-x / nn);
     }
   }
-  if (last == 3 && below == 0) {
-    // Inside the three planes at `a`; inside the tetrahedron if also on the inner side of the face across from it.
-    const Vec3<T> n = cross(e[1] - e[0], e[2] - e[0]);
-    const T origin_side = dot(q - e[0], n), a_side = -dot(e[0], n);
-    if (origin_side * a_side > zero) {
-      v = {zero, zero, zero};
-      vv = zero;
-      return true;
-    }
-  }
-  Simplex<T> r;
-  T rest = one;
-  for (int k = 0; k < 2; ++k) {
-    if (kept[k] < 0) break;
-    r.vertex[r.size] = s.vertex[kept[k]];
-    r.weight[r.size++] = weight[k];
-    rest = rest - weight[k];
-  }
-  r.vertex[r.size] = a;
-  r.weight[r.size++] = rest > zero ? rest : zero;
-  s = r;
-  v = nearest;
-  vv = squared_norm(nearest);
-  return false;
+
+  Nearest<T> r;
+  r.encloses = inside;
+  const Mask on_face = feature > Count(3), on_edge = (feature > Count(0)) & !on_face;
+  const Mask first_is_0 = (feature == Count(1)) | (feature == Count(4)) | (feature == Count(6));
+  const Mask first_is_1 = (feature == Count(2)) | (feature == Count(5));
+  const Mask second_is_1 = feature == Count(4);
+  second_weight = select(on_face, second_weight, zero);
+  const T rest = (one - first_weight) - second_weight;
+  Simplex<T>& s = r.simplex;
+  s.vertex[0] = newest;
+  s.vertex[1] = select(first_is_0, old.vertex[0], select(first_is_1, old.vertex[1], old.vertex[2]));
+  s.vertex[2] = select(second_is_1, old.vertex[1], old.vertex[2]);
+  s.weight[0] = select(rest > zero, rest, zero);
+  s.weight[1] = first_weight;
+  s.weight[2] = second_weight;
+  s.size = select(on_face, Count(3), select(on_edge, Count(2), Count(1)));
+  // e x (a x e) / |e|^2 is the part of a that is normal to the edge.
+  const Vec3<T> edge = s.vertex[1].w - newest.w;
+  const Vec3<T> on_edge_v = cross(cross(q, edge), edge) * scale;
+  r.v = select(on_face, face_normal * scale, select(on_edge, on_edge_v, newest.w));
+  r.squared_distance = squared_norm(r.v);
+  return r;
 }
 
 /// The same for the last resort, where bodies of sizes in the ratio 1e12 leave features 1e-10 wide and 1e2 long: a plane is
 /// spanned by its two shortest edges and measured from its vertex nearest to the origin, since the cross product of two long,
-/// almost parallel edges, or a far vertex, would lose that ratio's digits.
+/// almost parallel edges, or a far vertex, would lose that ratio's digits. Scalars only.
 template <class T>
-CLEARANCE_HD bool reduce_carefully(Simplex<T>& s, Vec3<T>& v, T& vv) {
+CLEARANCE_HD inline Nearest<T> reduce_carefully(const Simplex<T>& old, const CsoVertex<T>& newest) {
   const T zero = T(0);
-  const int newest = 1 << (s.size - 1);
-  Simplex<T> best;
+  Nearest<T> best;
+  best.encloses = false;
   bool found = false;
-  for (int mask = newest; mask < 2 * newest; ++mask) {
+  for (int mask = 0; mask < 1 << old.size; ++mask) {
     Simplex<T> f;
-    for (int i = 0; i < s.size; ++i)
-      if (mask >> i & 1) f.vertex[f.size++] = s.vertex[i];
+    f.vertex[f.size++] = newest;
+    for (int i = 0; i < old.size; ++i)
+      if (mask >> i & 1) f.vertex[f.size++] = old.vertex[i];
     int near = 0;  // the vertex nearest to the origin goes first
     for (int i = 1; i < f.size; ++i)
       if (squared_norm(f.vertex[i].w) < squared_norm(f.vertex[near].w)) near = i;
@@ -185,9 +209,8 @@ CLEARANCE_HD bool reduce_carefully(Simplex<T>& s, Vec3<T>& v, T& vv) {
       bool inside = true;
       for (int i = 0; i < 4; ++i) inside = inside && (positive ? w[i] > zero : w[i] < zero);
       if (!inside) continue;
-      v = {zero, zero, zero};
-      vv = zero;
-      return true;
+      best.encloses = true;
+      return best;
     }
     T sum = zero;
     bool inside = true;
@@ -196,86 +219,127 @@ CLEARANCE_HD bool reduce_carefully(Simplex<T>& s, Vec3<T>& v, T& vv) {
       sum = sum + f.weight[i];
     }
     const T d = squared_norm(point);
-    if (!inside || (found && !(d < vv))) continue;
+    if (!inside || (found && !(d < best.squared_distance))) continue;
     for (int i = 0; i < f.size; ++i) f.weight[i] = f.weight[i] / sum;
     found = true;
-    best = f;
-    v = point;
-    vv = d;
+    best.simplex = f;
+    best.v = point;
+    best.squared_distance = d;
   }
-  s = best;
-  return false;
+  return best;
 }
 
-/// Runs GJK. `cso(d)` returns the CSO's vertex farthest along d.
-/// \param v0 a first guess of v (any direction but zero). \param seed vertices to begin from, in order of age (may be empty).
+/// The state of one run (of each lane's run) of GJK.
+template <class T>
+struct Gjk {
+  using Mask = typename Lane<T>::Mask;
+  using Count = typename Lane<T>::Count;
+
+  Vec3<T> v;                 ///< point of the simplex nearest to the origin; before the first step any first guess but zero
+  T squared_distance{0};     ///< |v|^2, once the simplex has a vertex
+  Simplex<T> simplex;        ///< up to three vertices and their weights; four if it encloses the origin
+  CsoVertex<T> last;         ///< the last support vertex found along -v
+  T gap{0};                  ///< of the supporting planes normal to v, times |v|: proves a lower bound if v did not move since
+  Count end{0};              ///< a GjkEnd
+
+  /// Takes a vertex into the simplex without a test, where that brings it nearer: a seed from an earlier run.
+  /// \param running lanes for which this is meant.
+  CLEARANCE_HD void seed(const CsoVertex<T>& vertex, const Mask& running) {
+    const Nearest<T> next = reduce(vertex);
+    const Mask take = running & !next.encloses & (next.squared_distance > T(0)) &
+                      ((simplex.size == Count(0)) | (next.squared_distance < squared_distance));
+    advance(next, take);
+    last = select(take, vertex, last);
+  }
+
+  /// One step: `vertex` is the CSO's farthest along -v, and `support_gap` = v.w, by way of the support values.
+  /// \param running lanes that have not ended; the others stay as they are.
+  CLEARANCE_HD void step(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits, const Mask& running) {
+    const T zero(0), vv = squared_distance;
+    last = select(running, vertex, last);
+    gap = select(running, support_gap, gap);
+    const Mask begun = simplex.size > Count(0);
+    // The vertex is in the simplex already: the polytope has no point nearer in any direction that v can see.
+    Mask converged = ((simplex.size > Count(0)) & same(simplex.vertex[0], vertex)) |
+                     ((simplex.size > Count(1)) & same(simplex.vertex[1], vertex)) |
+                     ((simplex.size > Count(2)) & same(simplex.vertex[2], vertex));
+    // |v| - v.w/|v| is how much v could still shrink.
+    const T slack = vv - gap;
+    if (limits.squared) {
+      converged = converged | (slack <= limits.rel_tol * vv);
+    } else {
+      using std::sqrt;
+      const T length = sqrt(vv), rest = vv - limits.radius * length;
+      converged = converged | (slack <= limits.rel_tol * select(rest < zero, -rest, rest)) | (slack <= limits.abs_tol * length);
+    }
+    converged = converged & begun & running;
+    // The plane through w normal to v keeps the whole CSO farther than max_distance.
+    Mask beyond = begun & running & !converged;
+    if (limits.bounded)
+      beyond = beyond & (gap > zero) & (gap * gap > limits.max_distance * limits.max_distance * vv);
+    else
+      beyond = beyond & (zero > zero);
+    end = select(converged, code(GjkEnd::kConverged), end);
+    end = select(beyond, code(GjkEnd::kBeyond), end);
+    const Mask going = running & !converged & !beyond;
+    if (!any(going)) return;
+    const Nearest<T> next = reduce(vertex);
+    const Mask encloses = going & (next.encloses | !(next.squared_distance > zero));
+    const Mask stalled = going & !encloses & begun & !(next.squared_distance < vv);
+    if (any(encloses)) {
+      simplex.vertex[3] = select(encloses, simplex.vertex[2], simplex.vertex[3]);
+      simplex.vertex[2] = select(encloses, simplex.vertex[1], simplex.vertex[2]);
+      simplex.vertex[1] = select(encloses, simplex.vertex[0], simplex.vertex[1]);
+      simplex.vertex[0] = select(encloses, vertex, simplex.vertex[0]);
+      simplex.size = select(encloses, simplex.size + Count(1), simplex.size);
+      v = select(encloses, Vec3<T>{zero, zero, zero}, v);
+      squared_distance = select(encloses, zero, squared_distance);
+    }
+    advance(next, going & !encloses & !stalled);
+    end = select(encloses, code(GjkEnd::kEncloses), end);
+    end = select(stalled, code(GjkEnd::kStalled), end);
+  }
+
+  CLEARANCE_HD static Count code(GjkEnd e) { return Count(static_cast<int>(e)); }
+
+ private:
+  CLEARANCE_HD Nearest<T> reduce(const CsoVertex<T>& vertex) const {
+    if constexpr (Arithmetic<T>::kCareful)
+      return reduce_carefully(simplex, vertex);
+    else
+      return reduce_to_nearest(simplex, vertex);
+  }
+  CLEARANCE_HD void advance(const Nearest<T>& next, const Mask& take) {
+    for (int i = 0; i < 3; ++i) {
+      simplex.vertex[i] = select(take, next.simplex.vertex[i], simplex.vertex[i]);
+      simplex.weight[i] = select(take, next.simplex.weight[i], simplex.weight[i]);
+    }
+    simplex.size = select(take, next.simplex.size, simplex.size);
+    v = select(take, next.v, v);
+    squared_distance = select(take, next.squared_distance, squared_distance);
+  }
+};
+
+/// A CSO vertex and v.w by way of the support values.
+template <class T>
+struct CsoSupport {
+  CsoVertex<T> vertex;
+  T gap;
+};
+
+/// Runs GJK on one pair. `cso(v)` returns the CSO's vertex farthest along -v.
+/// \param v0 a first guess of v (any direction but zero). \param seed vertices to begin from (may be none).
 template <class T, class Cso>
-CLEARANCE_HD GjkResult<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& seed, const GjkLimits& limits) {
-  const T zero = T(0);
-  const auto reduce = [](Simplex<T>& s, Vec3<T>& v, T& vv) {
-    return Arithmetic<T>::kCareful ? reduce_carefully(s, v, vv) : reduce_to_nearest(s, v, vv);
-  };
-  GjkResult<T> r;
-  r.v = v0;
-  r.squared_distance = zero;
-  for (int i = 0; i < seed.size; ++i) {
-    Simplex<T> grown = r.simplex;
-    grown.vertex[grown.size++] = seed.vertex[i];
-    Vec3<T> v;
-    T vv;
-    if (reduce(grown, v, vv) || !(vv > zero)) break;
-    if (r.simplex.size > 0 && !(vv < r.squared_distance)) continue;
-    r.simplex = grown;
-    r.v = v;
-    r.squared_distance = vv;
-    r.last = seed.vertex[i];
+CLEARANCE_HD inline Gjk<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& seed, const GjkLimits<T>& limits) {
+  Gjk<T> g;
+  g.v = v0;
+  for (int i = 0; i < seed.size; ++i) g.seed(seed.vertex[i], true);
+  for (int i = 0; i < limits.max_iterations && g.end == 0; ++i) {
+    const CsoSupport<T> s = cso(g.v);
+    g.step(s.vertex, s.gap, limits, true);
   }
-  const T rel = T(limits.rel_tol), abs2 = T(limits.abs_tol) * T(limits.abs_tol);
-  const T far2 = T(limits.max_distance) * T(limits.max_distance);
-  const bool bounded = limits.max_distance > 0 && limits.max_distance < 1e150;
-  while (r.iterations < limits.max_iterations) {
-    ++r.iterations;
-    const CsoVertex<T> w = cso(-r.v);
-    r.last = w;
-    if (r.simplex.size > 0) {
-      const T vw = dot(r.v, w.w), vv = r.squared_distance, gap = vv - vw;
-      // The vertex is in the simplex already: the polytope has no point nearer in any direction that v can see.
-      for (int i = 0; i < r.simplex.size; ++i)
-        if (same(r.simplex.vertex[i], w)) {
-          r.end = GjkEnd::kConverged;
-          return r;
-        }
-      // |v| - v.w/|v| is how much v could still shrink.
-      if (gap <= rel * vv || gap * gap <= abs2 * vv) {
-        r.end = GjkEnd::kConverged;
-        return r;
-      }
-      // The plane through w normal to v keeps the whole CSO farther than max_distance.
-      if (bounded && vw > zero && vw * vw > far2 * vv) {
-        r.end = GjkEnd::kBeyond;
-        return r;
-      }
-    }
-    Simplex<T> grown = r.simplex;
-    grown.vertex[grown.size++] = w;
-    Vec3<T> v;
-    T vv;
-    if (reduce(grown, v, vv) || !(vv > zero)) {
-      r.simplex = grown;
-      r.v = {zero, zero, zero};
-      r.squared_distance = zero;
-      r.end = GjkEnd::kEncloses;
-      return r;
-    }
-    if (r.simplex.size > 0 && !(vv < r.squared_distance)) {
-      r.end = GjkEnd::kStalled;
-      return r;
-    }
-    r.simplex = grown;
-    r.v = v;
-    r.squared_distance = vv;
-  }
-  return r;
+  if (g.end == 0) g.end = g.code(GjkEnd::kLimit);
+  return g;
 }
 
 }  // namespace clearance

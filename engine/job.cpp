@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
-#include <optional>
 
 #include "broad_phase.h"
 #include "columns.h"
@@ -17,7 +16,10 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::uint64_t kBlock = 128;            // pairs of a dense answer that one unit holds
+constexpr std::uint64_t kBlock = 512, kHeavyBlock = 32;  // pair-configurations that are evaluated at a time
+constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 128;  // ... that a thread takes at a time, if there are many
+constexpr std::uint64_t kSideBySide = 64;        // configurations that a thread has placed at a time
+constexpr std::uint64_t kPlacedBodies = 8192;    // ... and bodies in them
 constexpr std::uint64_t kSerialBelow = 256;      // pair-configurations that are not worth waking threads for
 constexpr std::uint64_t kWholeConfigurations = 16384;  // pairs up to which a reduction is one unit for each configuration
 
@@ -33,9 +35,12 @@ class ParallelJob : public Job::State {
     options_.limits.rel_tol = q.rel_tol;
     options_.limits.signed_distance = q.signed_distance;
     options_.reference = context.reference;
+    options_.lanes = context.lanes;
     const bool needs_boxes = q.reduce != Reduce::kNone || q.max_distance < std::numeric_limits<double>::infinity();
     options_.cull = needs_boxes && !context.reference;
+    const std::uint32_t interval = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration;
     options_.want_nonsmooth = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
+    options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_nonsmooth;
     find_stale(snapshot);
     if (needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
       for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
@@ -55,11 +60,14 @@ class ParallelJob : public Job::State {
   const Scene& scene() const { return *context_.scene; }
   int workers() const { return static_cast<int>(placements_.size()); }
 
-  Placement& placement(int worker, std::uint64_t configuration) {
-    std::optional<Placement>& p = placements_[static_cast<std::size_t>(worker)];
-    if (!p) p.emplace(scene(), plan_, boxes_);
-    p->configure(configuration);
-    return *p;
+  const Placement& placement(int worker, std::uint64_t configuration) { return placements(worker, configuration, 1)[0]; }
+
+  // Placements of configurations [first, first + count), the worker's own.
+  std::span<const Placement> placements(int worker, std::uint64_t first, std::uint64_t count) {
+    std::vector<Placement>& p = placements_[static_cast<std::size_t>(worker)];
+    while (p.size() < count) p.emplace_back(scene(), plan_, boxes_);
+    for (std::uint64_t i = 0; i < count; ++i) p[i].configure(first + i);
+    return {p.data(), count};
   }
 
   // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed.
@@ -117,7 +125,7 @@ class ParallelJob : public Job::State {
 
   std::vector<Aabb> boxes_;
   std::vector<std::uint8_t> stale_;
-  std::vector<std::optional<Placement>> placements_;
+  std::vector<std::vector<Placement>> placements_;  // of each worker
 };
 
 // Whether the narrow phase was asked: bodies without a pose have no distance, and pairs that boxes alone prove to be
@@ -129,26 +137,15 @@ bool reached_narrow_phase(const PairAnswer& answer) {
 // One row for each configuration and pair.
 class DenseJob final : public ParallelJob {
  public:
-  using ParallelJob::ParallelJob;
+  DenseJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
+      : ParallelJob(context, std::move(plan), reply), layout_(plan_, context.light), rooms_(static_cast<std::size_t>(workers())) {
+    for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), options_);
+  }
 
   bool advance(std::chrono::nanoseconds budget) override {
     const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
-    const std::uint64_t pairs = plan_.size.pairs, blocks = (pairs + kBlock - 1) / kBlock;
-    rooms_.resize(static_cast<std::size_t>(workers()));
-    const bool done = run_units(next_, blocks * plan_.size.configurations, deadline, [&](std::uint64_t unit, int worker) {
-      const std::uint64_t k = unit / blocks, begin = unit % blocks * kBlock, count = std::min(kBlock, pairs - begin);
-      const Placement& here = placement(worker, k);
-      std::uint64_t index = k * pairs + begin, evaluated = 0;
-      for (const BodyPair pair : plan_.pairs.slice(begin, count, rooms_[static_cast<std::size_t>(worker)])) {
-        Row row{pair, static_cast<std::uint32_t>(k), evaluate(scene(), here, pair, options_), {}, {}};
-        const std::size_t n = scene().bodies().size();
-        if (pair.a < n) row.origin_a = here[pair.a].pose.t_w;
-        if (pair.b < n) row.origin_b = here[pair.b].pose.t_w;
-        write_row(reply_, index++, row);
-        evaluated += reached_narrow_phase(row.answer);
-      }
-      evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
-    });
+    const bool done = run_units(next_, layout_.pair_blocks * layout_.configuration_blocks, deadline,
+                                [&](std::uint64_t unit, int worker) { run(unit, worker); });
     if (done) {
       info.rows = info.total = plan_.size.rows;
       info.pairs_evaluated = evaluated_;
@@ -158,9 +155,67 @@ class DenseJob final : public ParallelJob {
   }
 
  private:
+  // A unit is a block of pairs in a block of configurations, so that lanes find pairs of the same two hulls.
+  struct Layout {
+    std::uint64_t configurations, pairs;  // of one unit
+    std::uint64_t configuration_blocks, pair_blocks;
+    std::uint64_t block;
+
+    Layout(const Plan& plan, bool light) : block(light ? kBlock : kHeavyBlock) {
+      const std::uint64_t unit = light ? kUnit : kHeavyUnit;
+      const std::uint64_t all_pairs = std::max<std::uint64_t>(plan.size.pairs, 1), moved = plan.moved.size() + 1;
+      configurations = std::clamp<std::uint64_t>(std::min(unit / all_pairs, kPlacedBodies / moved), 1,
+                                                 std::min(plan.size.configurations, kSideBySide));
+      pairs = std::min(all_pairs, unit / configurations);
+      if (plan.size.configurations == 1) pairs = std::min(pairs, block);
+      configuration_blocks = (plan.size.configurations + configurations - 1) / configurations;
+      pair_blocks = (all_pairs + pairs - 1) / pairs;
+    }
+  };
+  struct Room {
+    std::vector<BodyPair> pairs;
+    std::vector<PlacedBodies> asked;
+    std::vector<PairAnswer> answers;
+  };
+
+  void run(std::uint64_t unit, int worker) {
+    Room& room = rooms_[static_cast<std::size_t>(worker)];
+    const std::uint64_t first = unit / layout_.pair_blocks * layout_.configurations, begin = unit % layout_.pair_blocks * layout_.pairs;
+    const std::uint64_t configurations = std::min(layout_.configurations, plan_.size.configurations - first);
+    const std::uint64_t end = std::min(begin + layout_.pairs, plan_.size.pairs);
+    const std::span<const Placement> placed = placements(worker, first, configurations);
+    std::uint64_t evaluated = 0;
+    const std::uint64_t step = std::max<std::uint64_t>(layout_.block / configurations, 1);
+    for (std::uint64_t p = begin; p < end; p += step) {
+      const auto pairs = plan_.pairs.slice(p, std::min(step, end - p), room.pairs);
+      room.asked.clear();
+      for (const BodyPair pair : pairs)
+        for (const Placement& here : placed) room.asked.push_back({pair, &here});
+      room.answers.resize(std::max(room.answers.size(), room.asked.size()));
+      evaluators_[static_cast<std::size_t>(worker)].run(room.asked, room.answers);
+      for (std::size_t i = 0; i < room.asked.size(); ++i) {
+        const std::uint64_t k = first + i % configurations;
+        write(k * plan_.size.pairs + p + i / configurations, static_cast<std::uint32_t>(k), room.asked[i], room.answers[i]);
+        evaluated += reached_narrow_phase(room.answers[i]);
+      }
+    }
+    evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
+  }
+
+  void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& asked, const PairAnswer& answer) {
+    const auto& [pair, here] = asked;
+    Row row{pair, configuration, answer, {}, {}};
+    const std::size_t n = scene().bodies().size();
+    if (pair.a < n) row.origin_a = (*here)[pair.a].pose.t_w;
+    if (pair.b < n) row.origin_b = (*here)[pair.b].pose.t_w;
+    write_row(reply_, index, row);
+  }
+
+  Layout layout_;
   std::uint64_t next_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};
-  std::vector<std::vector<BodyPair>> rooms_;
+  std::vector<Room> rooms_;
+  std::vector<Evaluator> evaluators_;
 };
 
 // Reduced rows. Few pairs: configurations side by side, one thread each. Many: one configuration at a time, its stages

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <memory>
 
+#include "lanes.h"
 #include "engine.h"
 #include "evaluate.h"
 #include "plan.h"
@@ -16,6 +17,8 @@ struct JobContext {
   const Scene* scene;
   int threads;
   bool reference;
+  const LaneKernel* lanes;
+  bool light;                 ///< all bodies are single small pieces: a pair takes about 0.1 us, not 10
   std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
 };
 

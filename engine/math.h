@@ -12,6 +12,8 @@
 #else
 #define CLEARANCE_HD
 #endif
+/// For what is called once in a hot loop over packs: passing packs through memory would cost more than it does.
+#define CLEARANCE_INLINE CLEARANCE_HD inline __attribute__((always_inline))
 
 namespace clearance {
 

@@ -14,47 +14,41 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 enum class SupportKind { kClimb, kProved };
 
-// The CSO of two pieces in the frame of a: what GJK and EPA see.
+// Small hulls are scanned faster than climbed.
+bool can_climb(const Piece& piece) { return piece.tree && !piece.adjacency.empty(); }
+
+// The CSO of two pieces, as GJK and EPA see it: world axes, the origin of a as origin.
 template <class T>
-class RelativeCso {
+class SupportedCso {
  public:
-  RelativeCso(const PlacedPair<T>& pair, SupportKind kind, std::uint32_t hint_a, std::uint32_t hint_b)
-      : a_(*pair.a), b_(*pair.b), R_wa_(pair.R_wa), hint_a_(hint_a), hint_b_(hint_b),
-        climb_a_(kind == SupportKind::kClimb && !a_.adjacency.empty()),
-        climb_b_(kind == SupportKind::kClimb && !b_.adjacency.empty()) {
-    for (int i = 0; i < 3; ++i) {
-      const Vec3<T> column{R_wa_.row[0][i], R_wa_.row[1][i], R_wa_.row[2][i]};
-      R_ab_.row[i] = pair.R_wb.transpose_times(column);
-    }
-    t_ab_ = R_wa_.transpose_times(pair.D);
+  SupportedCso(const PlacedPair<T>& pair, SupportKind kind, std::uint32_t hint_a, std::uint32_t hint_b)
+      : pair_(pair), hint_a_(hint_a), hint_b_(hint_b),
+        climb_a_(kind == SupportKind::kClimb && can_climb(*pair.a)),
+        climb_b_(kind == SupportKind::kClimb && can_climb(*pair.b)) {}
+
+  CsoSupport<T> operator()(const Vec3<T>& v) {
+    const SupportPoint<T> a = find(*pair_.a, -pair_.R_wa.transpose_times(v), hint_a_, climb_a_);
+    const SupportPoint<T> b = find(*pair_.b, pair_.R_wb.transpose_times(v), hint_b_, climb_b_);
+    hint_a_ = a.index;
+    hint_b_ = b.index;
+    return {vertex(hint_a_, hint_b_), -dot(v, pair_.D) - (a.value + b.value)};
   }
 
-  CsoVertex<T> operator()(const Vec3<T>& d) {
-    hint_a_ = find(a_, d, hint_a_, climb_a_);
-    hint_b_ = find(b_, -R_ab_.transpose_times(d), hint_b_, climb_b_);
-    return vertex(hint_a_, hint_b_);
-  }
-
-  CsoVertex<T> vertex(std::uint32_t ia, std::uint32_t ib) const {
-    return {cast<T>(a_.vertices[ia]) - (R_ab_ * cast<T>(b_.vertices[ib]) + t_ab_), ia, ib};
-  }
+  CsoVertex<T> vertex(std::uint32_t ia, std::uint32_t ib) const { return {pair_.cso_vertex(ia, ib), ia, ib}; }
 
   /// From the centre of b to the centre of a: where the CSO's centre is.
-  Vec3<T> centre() const { return cast<T>(a_.centre) - (R_ab_ * cast<T>(b_.centre) + t_ab_); }
-  Vec3<T> to_world(const Vec3<T>& d) const { return R_wa_ * d; }
+  Vec3<T> centre() const { return pair_.R_wa * cast<T>(pair_.a->centre) - pair_.R_wb * cast<T>(pair_.b->centre) - pair_.D; }
   std::uint32_t hint_a() const { return hint_a_; }
   std::uint32_t hint_b() const { return hint_b_; }
 
  private:
-  static std::uint32_t find(const Piece& piece, const Vec3<T>& d, std::uint32_t hint, bool by_climbing) {
+  static SupportPoint<T> find(const Piece& piece, const Vec3<T>& d, std::uint32_t hint, bool by_climbing) {
     if constexpr (std::is_same_v<T, double>)
-      if (by_climbing) return climb(piece, d, hint).index;
-    return support(piece, d, hint).index;
+      if (by_climbing) return climb(piece, d, hint);
+    return support(piece, d, hint);
   }
 
-  const Piece &a_, &b_;
-  Mat3<T> R_wa_, R_ab_;
-  Vec3<T> t_ab_;
+  const PlacedPair<T>& pair_;
   std::uint32_t hint_a_, hint_b_;
   bool climb_a_, climb_b_;
 };
@@ -143,20 +137,22 @@ class Answer {
 };
 
 template <class T>
-GjkLimits gjk_limits(const NarrowLimits& limits, const PlacedPair<T>& pair) {
-  GjkLimits g;
-  // Half of the width asked is for GJK, half for the bounds' own rounding. A radius is taken off later: then the core's
-  // distance must be as exact as it can be, since it may be far larger than what remains.
-  g.rel_tol = pair.radius > T(0) ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
-  g.abs_tol = limits.abs_tol / 2;
-  g.max_distance = limits.max_distance < kInf ? limits.max_distance + static_cast<double>(pair.radius) + 2 * pair.lower_error() : 0;
+GjkLimits<T> gjk_limits(const NarrowLimits& limits, const PlacedPair<T>& pair) {
+  GjkLimits<T> g;
+  // Half of the width asked is for GJK, half for the bounds' own rounding.
+  g.rel_tol = T(limits.rel_tol / 2);
+  g.abs_tol = T(limits.abs_tol / 2);
+  g.radius = pair.radius;
+  g.squared = !(pair.radius > T(0)) && limits.abs_tol == 0;
+  g.bounded = limits.max_distance < 1e150;
+  if (g.bounded) g.max_distance = T(limits.max_distance + static_cast<double>(pair.radius) + 2 * pair.lower_error());
   g.max_iterations = limits.max_iterations;
   return g;
 }
 
 // The normals of all faces that the last simplex and the last support span: near contact they are exact where v is not.
 template <class T>
-void try_face_normals(const PlacedPair<T>& pair, const RelativeCso<T>& cso, const GjkResult<T>& g, Answer& answer) {
+void try_face_normals(const PlacedPair<T>& pair, const SupportedCso<T>& cso, const Gjk<T>& g, Answer& answer) {
   CsoVertex<T> p[4];
   int n = 0;
   for (int i = 0; i < g.simplex.size && n < 4; ++i) p[n++] = g.simplex.vertex[i];
@@ -167,8 +163,7 @@ void try_face_normals(const PlacedPair<T>& pair, const RelativeCso<T>& cso, cons
         Vec3<T> normal = cross(p[j].w - p[i].w, p[k].w - p[i].w);
         if (!(squared_norm(normal) > T(0))) continue;
         if (dot(normal, p[i].w) > T(0)) normal = -normal;
-        const Vec3<T> n_w = cso.to_world(normal);
-        answer.raise_lower(certify_lower(pair, n_w, cso.hint_a(), cso.hint_b()), cast<double>(n_w));
+        answer.raise_lower(certify_lower(pair, normal, cso.hint_a(), cso.hint_b()), cast<double>(normal));
         if (answer.settled()) return;
       }
 }
@@ -248,10 +243,9 @@ void try_witnesses(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answe
 }
 
 template <class T>
-void take_overlap(const PlacedPair<T>& pair, const RelativeCso<T>& cso, std::span<const CsoVertex<T>> vertices,
-                  std::vector<CsoFace<T>> faces, const Simplex<T>& nearest, Answer& answer) {
-  for (CsoFace<T>& f : faces) f.normal = cso.to_world(f.normal);
-  const double ball = certify_ball<T>(pair, vertices, faces);
+void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices,
+                  std::span<const CsoFace<T>> faces, const Simplex<T>& nearest, Answer& answer) {
+  const double ball = certify_ball(pair, vertices, faces);
   if (!(ball > 0)) return;
   const Witness witness = certify_upper(pair, answer.wants_depth() ? nearest : around_origin<T>(vertices, faces));
   // Rounding left the surface concave, so that its nearest point is far from its nearest plane: a matter for double-double.
@@ -264,7 +258,7 @@ void take_overlap(const PlacedPair<T>& pair, const RelativeCso<T>& cso, std::spa
 }
 
 template <class T>
-void expand_polytope(const PlacedPair<T>& pair, RelativeCso<T>& cso, const NarrowLimits& limits, const GjkResult<T>& g,
+void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const NarrowLimits& limits, const Gjk<T>& g,
                      Answer& answer) {
   EpaLimits e;
   e.rel_tol = pair.radius > T(0) ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
@@ -272,10 +266,9 @@ void expand_polytope(const PlacedPair<T>& pair, RelativeCso<T>& cso, const Narro
   e.noise = 8 * Arithmetic<T>::kUnit * pair.scale;
   if (!limits.signed_distance) e.enough = 2 * pair.ball_error();
   const Vec3<T> first = squared_norm(g.v) > T(0) ? g.v * (T(-1) / norm(g.v)) : Vec3<T>{T(1), T(0), T(0)};
-  EpaResult<T> r = Epa<T, RelativeCso<T>>(cso, e).run(g.simplex, first);
-  const Vec3<T> n_w = cso.to_world(r.direction);
-  answer.raise_lower(certify_lower(pair, n_w, cso.hint_a(), cso.hint_b()), cast<double>(n_w));
-  if (!r.faces.empty()) take_overlap<T>(pair, cso, r.vertices, std::move(r.faces), r.nearest, answer);
+  EpaResult<T> r = Epa<T, SupportedCso<T>>(cso, e).run(g.simplex, first);
+  answer.raise_lower(certify_lower(pair, r.direction, cso.hint_a(), cso.hint_b()), cast<double>(r.direction));
+  if (!r.faces.empty()) take_overlap<T>(pair, r.vertices, r.faces, r.nearest, answer);
   if (answer.bounds().upper > 0) {  // no overlap proved: touching or apart, where points prove the most
     if (r.nearest.size > 0) answer.take_witness(certify_upper(pair, r.nearest));
     try_witnesses(pair, g.simplex, answer);
@@ -284,7 +277,7 @@ void expand_polytope(const PlacedPair<T>& pair, RelativeCso<T>& cso, const Narro
 
 // The tetrahedron that GJK ended with, as a surface: outward faces.
 template <class T>
-void take_tetrahedron(const PlacedPair<T>& pair, const RelativeCso<T>& cso, const Simplex<T>& s, Answer& answer) {
+void take_tetrahedron(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
   static constexpr std::uint32_t kFaces[4][3] = {{0, 1, 2}, {1, 0, 3}, {2, 1, 3}, {0, 2, 3}};
   static constexpr int kOpposite[4] = {3, 2, 0, 1};
   std::vector<CsoFace<T>> faces;
@@ -295,31 +288,38 @@ void take_tetrahedron(const PlacedPair<T>& pair, const RelativeCso<T>& cso, cons
     if (!(squared_norm(n) > T(0))) return;
     faces.push_back({{kFaces[f][0], kFaces[f][1], kFaces[f][2]}, n});
   }
-  take_overlap<T>(pair, cso, std::span<const CsoVertex<T>>(s.vertex, 4), std::move(faces), s, answer);
+  take_overlap<T>(pair, std::span<const CsoVertex<T>>(s.vertex, 4), faces, s, answer);
 }
 
-// One attempt in one arithmetic. Returns GJK's last simplex, from which the next attempt begins.
 template <class T>
-Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportKind kind, const WarmSimplex& seed,
-                   Answer& answer) {
-  RelativeCso<T> cso(pair, kind, seed.size > 0 ? seed.a[0] : 0, seed.size > 0 ? seed.b[0] : 0);
+Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedCso<T>& cso, const WarmSimplex& seed) {
   Simplex<T> start;
   for (int i = 0; i < seed.size; ++i) start.vertex[start.size++] = cso.vertex(seed.a[i], seed.b[i]);
   Vec3<T> v0 = cso.centre();
-  if (!(squared_norm(v0) > T(0))) v0 = {T(1), T(0), T(0)};
-  const GjkResult<T> g = gjk<T>(cso, v0, start, gjk_limits(limits, pair));
+  if (!(squared_norm(v0) > T(0))) v0.x = T(1);
+  return gjk<T>(cso, v0, start, gjk_limits(limits, pair));
+}
 
-  if (g.end == GjkEnd::kEncloses && g.simplex.size == 4) {
+// One attempt in one arithmetic. Returns GJK's last simplex, from which the next attempt begins.
+// \param done a run of GJK on this pair, if there was one already.
+template <class T>
+Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportKind kind, const WarmSimplex& seed,
+                   Answer& answer, const Gjk<T>* done = nullptr) {
+  SupportedCso<T> cso(pair, kind, seed.size > 0 ? seed.a[0] : 0, seed.size > 0 ? seed.b[0] : 0);
+  const Gjk<T> g = done ? *done : run_gjk(pair, limits, cso, seed);
+  const auto end = static_cast<GjkEnd>(g.end);
+
+  if (end == GjkEnd::kEncloses && g.simplex.size == 4) {
     if (!limits.signed_distance) {
-      take_tetrahedron(pair, cso, g.simplex, answer);
+      take_tetrahedron(pair, g.simplex, answer);
       if (answer.settled()) return g.simplex;
     }
   } else {
     answer.take_witness(certify_upper(pair, g.simplex));
-    if (squared_norm(g.v) > T(0)) {
-      const Vec3<T> n_w = cso.to_world(-g.v);
-      answer.raise_lower(certify_lower(pair, n_w, cso.hint_a(), cso.hint_b()), cast<double>(n_w));
-    }
+    if (g.squared_distance > T(kSafelySquared) && end != GjkEnd::kLimit && kind == SupportKind::kProved)
+      answer.raise_lower(certify_lower(pair, g.gap, norm(g.v)), cast<double>(-g.v));
+    else if (squared_norm(g.v) > T(0))
+      answer.raise_lower(certify_lower(pair, -g.v, cso.hint_a(), cso.hint_b()), cast<double>(-g.v));
     if (answer.settled()) return g.simplex;
     if (kind == SupportKind::kProved) try_face_normals(pair, cso, g, answer);
     if (answer.settled() || answer.bounds().lower > 0) return g.simplex;
@@ -344,13 +344,12 @@ Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) { return rotat
 }  // namespace
 
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
-                          const NarrowLimits& limits, WarmSimplex* warm) {
+                          const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done) {
   Answer answer(limits, a.radius, b.radius);
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
   WarmSimplex seed = warm ? *warm : WarmSimplex{};
-  const bool can_climb = !a.adjacency.empty() || !b.adjacency.empty();
-  if (can_climb) seed = remember(attempt(pair, limits, SupportKind::kClimb, seed, answer));
-  if (!answer.settled()) seed = remember(attempt(pair, limits, SupportKind::kProved, seed, answer));
+  if (!done && (can_climb(a) || can_climb(b))) seed = remember(attempt(pair, limits, SupportKind::kClimb, seed, answer));
+  if (!answer.settled()) seed = remember(attempt(pair, limits, SupportKind::kProved, seed, answer, done));
   if (warm) *warm = seed;
   if (!answer.settled()) {
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
@@ -366,6 +365,20 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
   NarrowAnswer r = answer.finish();
   r.rounding = pair.lower_error() + pair.upper_error();
   return r;
+}
+
+void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
+                       Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
+  Vec3d core_a{0, 0, 0}, core_b = core_a;
+  for (std::uint32_t i = 0; i < lane.size; ++i) {
+    core_a += a.vertices[lane.a[i]] * lane.share[i];
+    core_b += b.vertices[lane.b[i]] * lane.share[i];
+  }
+  const Vec3d outward = lane.separation * (1 / norm(lane.separation));
+  point_a = R_wa * core_a + outward * a.radius;
+  point_b = R_wb * core_b - outward * b.radius;
+  const Vec3d n = rescaled(-lane.v);
+  normal = n * (1 / norm(n));
 }
 
 NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
@@ -391,8 +404,8 @@ struct Contact {
   Vec3d edge{0, 0, 0};
 };
 
-Contact contact_along(const Piece& piece, const PlacedPose& pose, const Vec3d& n_w) {
-  const Vec3d n = pose.R_wb.transpose_times(n_w);
+Contact contact_along(const Piece& piece, const Mat3d& R, const Vec3d& n_w) {
+  const Vec3d n = R.transpose_times(n_w);
   const SupportPoint<double> best = support(piece, n);
   const double tolerance = 1e-9 * piece.spread;
   const Vec3d& first = piece.vertices[best.index];
@@ -414,15 +427,14 @@ Contact contact_along(const Piece& piece, const PlacedPose& pose, const Vec3d& n
   c.edge = c.edge * (1 / std::sqrt(longest));
   for (const Vec3d& e : others)
     if (norm(cross(c.edge, e)) > tolerance) c.dimensions = 2;
-  c.edge = pose.R_wb * c.edge;
+  c.edge = R * c.edge;
   return c;
 }
 
 }  // namespace
 
-bool witness_is_ambiguous(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
-                          const Vec3d& n) {
-  const Contact ca = contact_along(a, pose_a, n), cb = contact_along(b, pose_b, -n);
+bool witness_is_ambiguous(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const Vec3d& n) {
+  const Contact ca = contact_along(a, R_wa, n), cb = contact_along(b, R_wb, -n);
   if (ca.dimensions == 0 || cb.dimensions == 0) return false;
   return ca.dimensions + cb.dimensions > 2 || norm(cross(ca.edge, cb.edge)) < 1e-9;
 }

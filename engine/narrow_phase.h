@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "certify.h"
+#include "lanes.h"
 
 namespace clearance {
 
@@ -41,8 +42,13 @@ struct WarmSimplex {
 
 /// Bounds the signed distance of two pieces: float64 first, double-double where float64 cannot make it narrow enough.
 /// \param warm read for a first simplex and overwritten with the last one; may be null.
+/// \param done a float64 run of GJK on this pair with proved supports (lanes.h), to begin from its end; may be null.
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
-                          const NarrowLimits& limits, WarmSimplex* warm = nullptr);
+                          const NarrowLimits& limits, WarmSimplex* warm = nullptr, const Gjk<double>* done = nullptr);
+
+/// The witness points and the normal of a pair that was settled in lanes: those of narrow_phase().
+void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
+                       Vec3d& point_a, Vec3d& point_b, Vec3d& normal);
 
 /// The oracle behind the same interface: proved supports and double-double from the start, no cut-off, no seed.
 NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
@@ -50,6 +56,6 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
 
 /// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in
 /// faces or edges that lie side by side. n: unit, world axes, from a towards b.
-bool witness_is_ambiguous(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b, const Vec3d& n);
+bool witness_is_ambiguous(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const Vec3d& n);
 
 }  // namespace clearance

@@ -12,7 +12,7 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
-constexpr std::uint64_t kEvaluate = 32;   // pairs that one unit answers
+constexpr std::uint64_t kEvaluate = 64;   // pairs that one unit answers
 
 std::uint64_t blocks(std::uint64_t count, std::uint64_t size) { return (count + size - 1) / size; }
 
@@ -23,7 +23,7 @@ Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions
       groups_(plan.query.reduce == Reduce::kNearest ? scene.bodies().size() : 1),
       by_broad_phase_(within() && plan.pairs.is_whole_table() && !options.reference &&
                       std::isfinite(plan.query.max_distance)),
-      workers_(static_cast<std::size_t>(workers)) {}
+      workers_(static_cast<std::size_t>(workers), WorkerState(scene, options)) {}
 
 template <class Visit>
 void Reduction::for_groups(BodyPair pair, Visit visit) const {
@@ -71,8 +71,11 @@ void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) 
     case kCandidates: {
       const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
       auto& answers = stage_ == kSeeds ? seed_answers_ : candidate_answers_;
-      for (std::uint64_t i = unit * kEvaluate; i < std::min<std::uint64_t>(positions.size(), (unit + 1) * kEvaluate); ++i)
-        answers[i] = evaluate(scene_, placement, plan_.pairs.at(positions[i]), options_);
+      const std::uint64_t begin = unit * kEvaluate, end = std::min<std::uint64_t>(positions.size(), begin + kEvaluate);
+      WorkerState& w = workers_[worker];
+      w.asked.clear();
+      for (std::uint64_t i = begin; i < end; ++i) w.asked.push_back({plan_.pairs.at(positions[i]), &placement});
+      w.evaluator.run(w.asked, std::span(answers).subspan(begin, end - begin));
       return;
     }
     case kDone: return;

@@ -40,10 +40,14 @@ class Reduction {
     friend auto operator<=>(const Seed&, const Seed&) = default;
   };
   struct WorkerState {
+    WorkerState(const Scene& scene, const EvaluateOptions& options) : evaluator(scene, options) {}
+
     std::vector<Seed> seed;                  // of each group
     std::vector<std::uint8_t> incomplete;    // of each group
     std::vector<std::uint64_t> candidates;   // positions
     std::vector<BodyPair> room;
+    std::vector<PlacedBodies> asked;
+    Evaluator evaluator;
   };
   bool per_body() const { return plan_.query.reduce == Reduce::kNearest; }
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }

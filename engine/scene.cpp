@@ -99,7 +99,7 @@ std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& op
   Body body = body_from(name, *this, options);
   try {
     const Geometry geometry = geometry_of();
-    body.pieces = geometry.pieces;
+    for (const PiecePtr& piece : geometry.pieces) body.pieces.push_back(shared_piece(piece));
     body.display = geometry.display;
     body.model_error = geometry.model_error;
     body.source = geometry.source;
@@ -174,6 +174,20 @@ void Scene::check_free(const std::string& name, const char* what) const {
     throw SceneError(std::string(what) + " name " + quoted(name) + " is already that of a body");
   if (group_ids_.count(name))
     throw SceneError(std::string(what) + " name " + quoted(name) + " is already that of a group");
+}
+
+// Bodies of the same shape share one piece: less memory, and their pairs can be answered side by side.
+PiecePtr Scene::shared_piece(const PiecePtr& piece) {
+  const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
+  const auto [begin, end] = pieces_.equal_range(piece->digest);
+  for (auto it = begin; it != end; ++it) {
+    const Piece& known = *it->second;
+    if (known.radius == piece->radius && known.loaded_vertices == piece->loaded_vertices &&
+        std::equal(known.vertices.begin(), known.vertices.end(), piece->vertices.begin(), piece->vertices.end(), same))
+      return it->second;
+  }
+  pieces_.emplace(piece->digest, piece);
+  return piece;
 }
 
 std::uint32_t Scene::add_body(Body body) {

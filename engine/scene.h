@@ -71,7 +71,7 @@ class Scene {
   /// \param allow_outside meshes may lie outside the scene file's folder.
   static Scene load(const std::string& path, bool allow_outside = false);
 
-  /// Each adds a body and returns its id. All throw SceneError for a bad or repeated name or bad geometry.
+  /// Each adds a body and returns its id. Bodies of the same vertices and radius share their pieces. All throw SceneError for a bad or repeated name or bad geometry.
   std::uint32_t add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options);
   /// \param scale per axis, not 0; negative mirrors. Bodies of the same file, scale, convexify and radius share their
   /// pieces.
@@ -112,6 +112,7 @@ class Scene {
   template <class F>
   std::uint32_t add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of);
   std::uint32_t add_shape(const std::string& name, const Shape& shape, const char* source, const BodyOptions& options);
+  PiecePtr shared_piece(const PiecePtr& piece);
   void check_free(const std::string& name, const char* what) const;
 
   std::vector<Body> bodies_;
@@ -119,6 +120,7 @@ class Scene {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
   std::unordered_map<std::string, std::uint32_t> body_ids_;
   std::unordered_map<std::string, std::uint32_t> group_ids_;
+  std::unordered_multimap<std::uint64_t, PiecePtr> pieces_;  ///< by digest
   std::unordered_map<std::string, std::shared_ptr<const Geometry>>
       meshes_;  ///< that add_mesh() has read, by file and options
 };

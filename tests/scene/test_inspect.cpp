@@ -235,7 +235,11 @@ TEST(Inspect, GeometryHeldTwiceIsNamedAndCounted) {
   here.pose = Pose{};
   there.pose = Pose{{2, 0, 0}};
   scene.add_hull("one", ball.vertices, here);
-  scene.add_hull("two", ball.vertices, there);
+  Body second = scene.bodies()[0];
+  second.name = "two";
+  second.pose = there.pose;
+  second.pieces = {std::make_shared<const Piece>(*second.pieces[0])};
+  scene.add_body(second);
   Body third = scene.bodies()[0];
   third.name = "three";
   third.pose = Pose{{4, 0, 0}};

@@ -1,0 +1,79 @@
+// GJK for many pairs of the same two hulls at once, one pair in each SIMD lane.
+//
+// The text is gjk.h's; what is added is how lanes are filled: a lane that ends hands its result out and takes the next pair.
+// Each lane computes exactly what one pair alone would: the bits do not depend on the instruction set or the neighbours.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "gjk.h"
+#include "piece.h"
+
+namespace clearance {
+
+/// A piece as lanes see it: plain pointers, so that files compiled for one instruction set share no code with others.
+struct LaneHull {
+  const double *x, *y, *z;  ///< (count,) the vertices
+  std::size_t count;
+  Vec3d centre;
+  double rho, radius;
+
+  explicit LaneHull(const Piece& p)
+      : x(p.x.data()), y(p.y.data()), z(p.z.data()), count(p.x.size()), centre(p.centre), rho(p.rho), radius(p.radius) {}
+};
+
+/// Where the two pieces of one pair are.
+struct LanePair {
+  const Mat3d* R_wa;
+  const Mat3d* R_wb;
+  const Vec3d* t_a;  ///< world, metres
+  const Vec3d* t_b;
+};
+
+/// What a lane proves, in the words of NarrowAnswer and GjkLimits.
+struct LaneAnswer {
+  double lower, upper;   ///< -inf, +inf where nothing is proved yet
+  bool settled;          ///< apart, and as narrow as asked or beyond max_distance: no need to look further
+};
+
+/// The witness of a settled pair: what Witness is made from.
+struct LaneWitness {
+  Vec3d v;               ///< world axes: the normal that proves `lower` points along -v
+  Vec3d separation;      ///< p_b - p_a of the cores, world axes
+  std::uint32_t size;
+  std::uint32_t a[3], b[3];  ///< the vertices that carry the points
+  double share[3];
+};
+
+struct LaneBatch {
+  LaneHull a, b;
+  const LanePair* pairs;
+  std::size_t count;            ///< of pairs
+  double abs_tol, rel_tol;      ///< wanted width, as in the query
+  double max_distance;          ///< as in the query; infinite: no cut-off
+  int max_iterations;
+  LaneAnswer* answers;          ///< (pairs,)
+  LaneWitness* witnesses;       ///< (pairs,) of the settled ones; null: not wanted
+  Gjk<double>* unsettled;       ///< (pairs,) GJK's last state where the answer is not settled
+};
+
+/// One instruction set's version.
+struct LaneKernel {
+  std::string_view name;  ///< "avx512", "avx2", "baseline"
+  int lanes;              ///< float64 pairs side by side
+  void (*run)(const LaneBatch&);
+};
+
+/// The versions that this machine can run, the fastest first.
+std::span<const LaneKernel> lane_kernels();
+/// The one of that name; "auto": the fastest. Throws std::invalid_argument for an unknown name, std::runtime_error for an
+/// instruction set that this machine lacks.
+const LaneKernel& lane_kernel(std::string_view name);
+
+/// Pieces of more vertices than this are not for lanes: each lane looks at every vertex.
+inline constexpr std::size_t kLaneVertices = 256;
+
+}  // namespace clearance

@@ -1,0 +1,9 @@
+#define CLEARANCE_ISA lanes_avx2
+#include "lanes_kernel.h"
+
+namespace clearance {
+
+void run_lanes_avx2(const LaneBatch& batch) { lanes_avx2::run_in_lanes(batch); }
+extern const int kLanes_avx2 = lanes_avx2::Pack<double>::kLanes;
+
+}  // namespace clearance

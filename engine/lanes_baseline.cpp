@@ -1,0 +1,9 @@
+#define CLEARANCE_ISA lanes_baseline
+#include "lanes_kernel.h"
+
+namespace clearance {
+
+void run_lanes_baseline(const LaneBatch& batch) { lanes_baseline::run_in_lanes(batch); }
+extern const int kLanes_baseline = lanes_baseline::Pack<double>::kLanes;
+
+}  // namespace clearance

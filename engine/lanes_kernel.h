@@ -1,0 +1,253 @@
+// The lanes' text (lanes.h), compiled once for each instruction set: see lanes_avx512.cpp and its neighbours.
+//
+// It uses nothing but packs, plain arrays and templates over them: a function shared with other files might be linked from
+// here and then use instructions that the machine does not have.
+#pragma once
+
+#include "certify.h"
+#include "lanes.h"
+#include "pack.h"
+
+namespace clearance {
+namespace CLEARANCE_ISA {
+
+// One value for each lane in memory, where single lanes are written, and as a pack, where all are worked on.
+template <class T>
+struct alignas(64) Column {
+  T at[Pack<T>::kLanes];
+  HWY_INLINE Pack<T> pack() const { return Pack<T>::load(at); }
+  HWY_INLINE void set(Pack<T> p) { p.store(at); }
+};
+
+template <class T>
+struct Columns3 {
+  Column<T> x, y, z;
+  HWY_INLINE Vec3<Pack<T>> pack() const { return {x.pack(), y.pack(), z.pack()}; }
+};
+
+template <class T>
+struct PlacedColumns {
+  Columns3<T> row[3];
+  HWY_INLINE Mat3<Pack<T>> pack() const { return {{row[0].pack(), row[1].pack(), row[2].pack()}}; }
+};
+
+template <class T>
+struct FoundVertex {
+  Vec3<Pack<T>> p;
+  Pack<T> index, value;
+};
+
+// The farthest vertex of a hull along n, by looking at each: ties to the lowest index, as support() has it.
+template <class T>
+struct Scan {
+  const T *x, *y, *z;
+  std::size_t count;
+  Vec3<Pack<T>> n;
+  Pack<T> best, index;
+
+  HWY_INLINE Scan(const T* xs, const T* ys, const T* zs, std::size_t c, const Vec3<Pack<T>>& direction)
+      : x(xs), y(ys), z(zs), count(c), n(direction), best(value(0)), index(0.0) {}
+  HWY_INLINE Pack<T> value(std::size_t i) const {
+    return n.x * Pack<T>(x[i]) + n.y * Pack<T>(y[i]) + n.z * Pack<T>(z[i]);
+  }
+  HWY_INLINE void look(std::size_t i, Pack<T> i_pack) {
+    const Pack<T> s = value(i);
+    index = select(s > best, i_pack, index);
+    best = max(s, best);
+  }
+  HWY_INLINE FoundVertex<T> found() const {
+    alignas(64) T at[Pack<T>::kLanes], px[Pack<T>::kLanes], py[Pack<T>::kLanes], pz[Pack<T>::kLanes];
+    index.store(at);
+    for (int l = 0; l < Pack<T>::kLanes; ++l) {
+      const auto i = static_cast<std::size_t>(static_cast<std::int64_t>(at[l]));
+      px[l] = x[i];
+      py[l] = y[i];
+      pz[l] = z[i];
+    }
+    return {{Pack<T>::load(px), Pack<T>::load(py), Pack<T>::load(pz)}, index, best};
+  }
+};
+
+// Both hulls' scans side by side, so that one's arithmetic fills the other's waits.
+template <class T>
+HWY_INLINE void scan_both(Scan<T>& a, Scan<T>& b) {
+  const std::size_t common = a.count < b.count ? a.count : b.count;
+  const Pack<T> one(1.0);
+  Pack<T> i_pack = one;
+  std::size_t i = 1;
+  for (; i < common; ++i, i_pack = i_pack + one) {
+    a.look(i, i_pack);
+    b.look(i, i_pack);
+  }
+  for (Pack<T> k = i_pack; i < a.count; ++i, k = k + one) a.look(i, k);
+  for (i = common; i < b.count; ++i, i_pack = i_pack + one) b.look(i, i_pack);
+}
+
+template <class T>
+HWY_INLINE void copy_lane(const Vec3<Pack<T>>& from, int lane, Vec3<T>& to) {
+  to.x = reinterpret_cast<const T*>(&from.x)[lane];
+  to.y = reinterpret_cast<const T*>(&from.y)[lane];
+  to.z = reinterpret_cast<const T*>(&from.z)[lane];
+}
+template <class T>
+HWY_INLINE T lane_of(const Pack<T>& from, int lane) {
+  return reinterpret_cast<const T*>(&from)[lane];
+}
+template <class T>
+HWY_INLINE void set_lane(Pack<T>& to, int lane, T value) {
+  reinterpret_cast<T*>(&to)[lane] = value;
+}
+template <class T>
+HWY_INLINE void copy_lane(const CsoVertex<Pack<T>>& from, int lane, CsoVertex<T>& to) {
+  copy_lane(from.w, lane, to.w);
+  to.a = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.a, lane)));
+  to.b = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.b, lane)));
+}
+
+template <class T>
+HWY_INLINE void copy_lane(const Gjk<Pack<T>>& from, int lane, Gjk<T>& to) {
+  copy_lane(from.v, lane, to.v);
+  to.squared_distance = lane_of(from.squared_distance, lane);
+  to.gap = lane_of(from.gap, lane);
+  to.end = static_cast<int>(lane_of(from.end, lane));
+  to.simplex.size = static_cast<int>(lane_of(from.simplex.size, lane));
+  for (int i = 0; i < to.simplex.size; ++i) {
+    copy_lane(from.simplex.vertex[i], lane, to.simplex.vertex[i]);
+    to.simplex.weight[i] = lane_of(from.simplex.weight[i], lane);
+  }
+  copy_lane(from.last, lane, to.last);
+}
+
+template <class T>
+HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const SimplexPoint<Pack<T>>& point, int lane, LaneWitness& to) {
+  copy_lane(from.v, lane, to.v);
+  copy_lane(point.w, lane, to.separation);
+  to.separation.x = -to.separation.x;
+  to.separation.y = -to.separation.y;
+  to.separation.z = -to.separation.z;
+  to.size = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.size, lane)));
+  for (std::uint32_t i = 0; i < to.size; ++i) {
+    to.a[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.vertex[i].a, lane)));
+    to.b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.vertex[i].b, lane)));
+    to.share[i] = lane_of(point.share[i], lane);
+  }
+}
+
+inline void run_in_lanes(const LaneBatch& batch) {
+  using T = double;
+  using P = Pack<T>;
+  constexpr int kLanes = P::kLanes;
+  const LaneHull &a = batch.a, &b = batch.b;
+
+  PlacedColumns<T> rotation_a = {}, rotation_b = {};
+  Columns3<T> offset = {};
+  Column<T> fresh = {}, steps = {};
+  GjkLimits<P> limits;
+  limits.rel_tol = P(batch.rel_tol / 2);
+  limits.abs_tol = P(batch.abs_tol / 2);
+  limits.radius = P(a.radius + b.radius);
+  limits.squared = !(a.radius + b.radius > 0) && batch.abs_tol == 0;
+  limits.bounded = batch.max_distance < 1e150;
+  limits.max_distance = P(0.0);
+  const Vec3<P> centre_a{P(a.centre.x), P(a.centre.y), P(a.centre.z)}, centre_b{P(b.centre.x), P(b.centre.y), P(b.centre.z)};
+  const P zero(0.0), one(1.0), idle(-1.0), most(static_cast<T>(batch.max_iterations)), radius(a.radius + b.radius);
+  const P infinite(__builtin_inf()), max_distance(batch.max_distance);
+  P scale = zero;
+
+  Gjk<P> g;
+  g.v = {one, zero, zero};
+  for (int i = 0; i < 4; ++i) {
+    g.simplex.vertex[i] = {{zero, zero, zero}, zero, zero};
+    g.simplex.weight[i] = zero;
+  }
+  g.last = g.simplex.vertex[0];
+  g.end = idle;
+
+  std::size_t next = 0, pair_of[kLanes] = {};
+  int busy = 0;
+  const auto fill = [&](int lane) {
+    if (next == batch.count) {
+      set_lane(g.end, lane, -1.0);
+      return;
+    }
+    const LanePair& pair = batch.pairs[next];
+    pair_of[lane] = next++;
+    ++busy;
+    for (int r = 0; r < 3; ++r) {
+      rotation_a.row[r].x.at[lane] = pair.R_wa->row[r].x;
+      rotation_a.row[r].y.at[lane] = pair.R_wa->row[r].y;
+      rotation_a.row[r].z.at[lane] = pair.R_wa->row[r].z;
+      rotation_b.row[r].x.at[lane] = pair.R_wb->row[r].x;
+      rotation_b.row[r].y.at[lane] = pair.R_wb->row[r].y;
+      rotation_b.row[r].z.at[lane] = pair.R_wb->row[r].z;
+    }
+    offset.x.at[lane] = pair.t_b->x - pair.t_a->x;
+    offset.y.at[lane] = pair.t_b->y - pair.t_a->y;
+    offset.z.at[lane] = pair.t_b->z - pair.t_a->z;
+    fresh.at[lane] = 1;
+    steps.at[lane] = 0;
+    set_lane(g.end, lane, 0.0);
+    set_lane(g.simplex.size, lane, 0.0);
+    set_lane(g.squared_distance, lane, 0.0);
+  };
+  for (int lane = 0; lane < kLanes; ++lane) fill(lane);
+
+  bool any_fresh = true;
+  while (busy > 0) {
+    const Mat3<P> R_wa = rotation_a.pack(), R_wb = rotation_b.pack();
+    const Vec3<P> D = offset.pack();
+    if (any_fresh) {
+      const auto is_fresh = fresh.pack() > zero;
+      Vec3<P> v0 = R_wa * centre_a - R_wb * centre_b - D;
+      v0.x = select(squared_norm(v0) > zero, v0.x, one);
+      g.v = select(is_fresh, v0, g.v);
+      fresh.set(zero);
+      scale = pair_scale(D, P(a.rho), P(b.rho), radius);
+      if (limits.bounded)
+        limits.max_distance = max_distance + radius + P(2.0) * rounding_error(P(RoundingUnits<T>::kLower), scale);
+      any_fresh = false;
+    }
+    const auto running = g.end == zero;
+    Scan<T> scan_a(a.x, a.y, a.z, a.count, -R_wa.transpose_times(g.v));
+    Scan<T> scan_b(b.x, b.y, b.z, b.count, R_wb.transpose_times(g.v));
+    scan_both(scan_a, scan_b);
+    const FoundVertex<T> fa = scan_a.found(), fb = scan_b.found();
+    const CsoVertex<P> vertex{R_wa * fa.p - R_wb * fb.p - D, fa.index, fb.index};
+    g.step(vertex, -dot(g.v, D) - (fa.value + fb.value), limits, running);
+    const P count = steps.pack() + one;
+    steps.set(count);
+    const auto at_limit = running & (g.end == zero) & !(count < most);
+    g.end = select(at_limit, g.code(GjkEnd::kLimit), g.end);
+    const auto ended = running & !(g.end == zero);
+    if (!any(ended)) continue;
+
+    // What narrow_phase() makes of such a run, for the pairs that need no more than that.
+    const auto open_end = (g.end == g.code(GjkEnd::kEncloses)) | (g.end == g.code(GjkEnd::kLimit));
+    const auto proved = (!open_end) & (g.squared_distance > P(kSafelySquared));
+    const P lower = lower_from_gap(g.gap, norm(g.v), radius, rounding_error(P(RoundingUnits<T>::kLower), scale));
+    const SimplexPoint<P> nearest(g.simplex);
+    const P upper = upper_from_point(norm(nearest.w), radius, rounding_error(P(RoundingUnits<T>::kUpper), scale));
+    const auto settled = proved & ((lower > max_distance) | ((lower > zero) & (upper - lower <= max(P(batch.abs_tol), P(batch.rel_tol) * upper))));
+    alignas(64) T ended_at[kLanes], settled_at[kLanes], lower_at[kLanes], upper_at[kLanes];
+    select(ended, one, zero).store(ended_at);
+    select(settled, one, zero).store(settled_at);
+    select(proved, lower, -infinite).store(lower_at);
+    select(proved, upper, infinite).store(upper_at);
+    for (int lane = 0; lane < kLanes; ++lane) {
+      if (ended_at[lane] == 0) continue;
+      const std::size_t pair = pair_of[lane];
+      const bool done = settled_at[lane] != 0;
+      batch.answers[pair] = {lower_at[lane], upper_at[lane], done};
+      if (!done)
+        copy_lane(g, lane, batch.unsettled[pair]);
+      else if (batch.witnesses)
+        copy_witness(g, nearest, lane, batch.witnesses[pair]);
+      --busy;
+      fill(lane);
+      any_fresh = true;
+    }
+  }
+}
+
+}  // namespace CLEARANCE_ISA
+}  // namespace clearance
