@@ -44,8 +44,8 @@ int run(Options o) {
   out << "# seed " << o.seed << ", " << o.steps << " steps, " << o.sweep.rounds << " rounds, 1 thread, "
       << machine_name() << "\n";
   write_header(out);
-  std::printf("%-9s %-9s %6s %6s %12s %12s %12s %11s\n", "scene", "backend", "pairs", "judged", "median m",
-              "default ns", "fastest ns", "violations");
+  std::printf("%-9s %-9s %6s %6s %12s %12s %12s %11s  %s\n", "scene", "backend", "pairs", "judged", "median m",
+              "default ns", "fastest ns", "violations", "what");
   std::size_t violations = 0;
   for (const std::string& name : o.only) {
     const MovingScene scene = make_moving_scene(name, o.scenes, o.seed, o.steps);
@@ -61,8 +61,8 @@ int run(Options o) {
         if (p.setting == kDefault) usual = p.ns_per_pair;
         fastest = std::min(fastest, p.ns_per_pair);
       }
-      std::printf("%-9s %-9s %6zu %6zu %12.4g %12.0f %12.0f %11zu\n", name.c_str(), backend.c_str(), scene.pairs.size(),
-                  truth.judged, truth.median, usual, fastest, misses);
+      std::printf("%-9s %-9s %6zu %6zu %12.4g %12.0f %12.0f %11zu  %s\n", name.c_str(), backend.c_str(), scene.pairs.size(),
+                  truth.judged, truth.median, usual, fastest, misses, scene.what.c_str());
       std::fflush(stdout);
       violations += misses;
     }
