@@ -160,6 +160,8 @@ CLAIMS = {
     "cheap forms": lambda s: all(float(s.at(x)["ns_per_pair"]) < min(0.5 * float(s.at("near")["ns_per_pair"]),
                                                                      0.1 * float(s.at("fine")["ns_per_pair"]))
                                  for x in ("spheres", "capsules")),
+    "batches": lambda s: no_more_than(s.ratios(["near", "boxes", "spheres", "capsules"], asked="batch"), 2 / 3),
+    "heavy batches": lambda s: all(r > 0.9 for r in s.ratios(["dense", "fine", "cell", "extremes"], asked="batch")),
     # Below rounding an absolute tolerance only costs.
     "abs_tol below rounding": lambda s: s.ratios(["extremes"], abs_tol=1e-6)[0] > 1.5,
     "none wider than asked": lambda s: all(float(s.at(x, rel_tol=t)["unconverged"]) == 0 for x in s.scenes for t in (1e-1, 1e-2, 1e-4, 1e-6)),
