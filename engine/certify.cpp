@@ -163,27 +163,6 @@ double certify_overlap(const Piece& a, const Piece& b, double ball) {
   return round_up(-(dd::two_sum(a.radius, b.radius) + DoubleDouble(ball)));
 }
 
-Aabb certify_box(const Piece& piece, const Mat3d& R, const Vec3d& t) {
-  const Vec3d c = R * piece.centre;
-  Aabb box;
-  for (int k = 0; k < 3; ++k) {
-    const Vec3d& row = R.row[k];
-    const double extent = std::abs(row.x) * piece.half.x + std::abs(row.y) * piece.half.y +
-                          std::abs(row.z) * piece.half.z + piece.radius;
-    // 16 units cover the rotation, the products and the sums (docs/bounds.md, boxes).
-    const double rounding = 16 * 0x1p-53 * (piece.rho + norm(piece.half) + piece.radius + std::abs(t[k])) + kUnderflowLength;
-    box.low[k] = (c[k] + t[k]) - extent - rounding;
-    box.high[k] = (c[k] + t[k]) + extent + rounding;
-  }
-  return box;
-}
-
-double certify_box_gap(const Aabb& a, const Aabb& b) {
-  Vec3d gap;
-  for (int k = 0; k < 3; ++k) gap[k] = std::max({0.0, b.low[k] - a.high[k], a.low[k] - b.high[k]});
-  return norm(gap) * (1 - 8 * 0x1p-53);
-}
-
 #define CLEARANCE_INSTANTIATE(T)                                                                           \
   template struct PlacedPair<T>;                                                                           \
   template double certify_lower(const PlacedPair<T>&, const T&, const T&);                                 \

@@ -36,7 +36,7 @@ struct RoundingUnits<DoubleDouble> {
 
 /// S of two pieces: |D| + rho_a + rho_b + r_a + r_b, rounded up. A scalar or a pack.
 template <class T>
-inline T pair_scale(const Vec3<T>& D, const T& rho_a, const T& rho_b, const T& radius) {
+CLEARANCE_HD inline T pair_scale(const Vec3<T>& D, const T& rho_a, const T& rho_b, const T& radius) {
   return (norm(D) + rho_a + rho_b + radius) * T(1 + 0x1p-49);
 }
 // Lengths below this may have lost digits to underflow when they were squared.
@@ -45,14 +45,14 @@ inline constexpr double kUnderflowLength = 1e-150;
 inline constexpr double kSafelySquared = 1e-100;
 /// `units` rounding units of a scale S (RoundingUnits), as a length. A scalar or a pack.
 template <class T>
-inline T rounding_error(const T& units, const T& scale) {
+CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {
   return units * T(Arithmetic<T>::kUnit) * scale * T(1 + 0x1p-49) + T(kUnderflowLength);
 }
 
 /// The lower bound that a support gap proves: `gap` of the planes normal to a direction of length `length`, times that
 /// length; `error` the rounding term. A scalar or a pack.
 template <class T>
-inline T lower_from_gap(const T& gap, const T& length, const T& radius, const T& error) {
+CLEARANCE_HD inline T lower_from_gap(const T& gap, const T& length, const T& radius, const T& error) {
   return (gap / length - radius) - error;
 }
 
@@ -63,7 +63,7 @@ struct SimplexPoint {
   T share[4];
   Vec3<T> w;
 
-  explicit SimplexPoint(const Simplex<T>& s) {
+  CLEARANCE_HD explicit SimplexPoint(const Simplex<T>& s) {
     using Count = typename Lane<T>::Count;
     const T zero(0);
     T sum = zero;
@@ -87,9 +87,32 @@ struct SimplexPoint {
 };
 /// The upper bound that a point of the CSO proves: both cores have a point, and these are `length` apart.
 template <class T>
-inline T upper_from_point(const T& length, const T& radius, const T& error) {
+CLEARANCE_HD inline T upper_from_point(const T& length, const T& radius, const T& error) {
   return (length - radius) + error;
 }
+
+/// What a run of GJK with proved supports shows by itself, and whether the pair needs no more than that. A scalar or a pack.
+template <class T>
+struct RunBounds {
+  using Mask = typename Lane<T>::Mask;
+  SimplexPoint<T> nearest;
+  T lower, upper;  ///< -inf, +inf where nothing is proved
+  Mask settled;    ///< apart, and as narrow as asked or beyond max_distance
+
+  CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol, const T& rel_tol)
+      : nearest(g.simplex) {
+    const T zero(0), infinite(__builtin_inf());
+    const Mask open_end = (g.end == g.code(GjkEnd::kEncloses)) | (g.end == g.code(GjkEnd::kLimit));
+    const Mask proved = (!open_end) & (g.squared_distance > T(kSafelySquared));
+    const T low = lower_from_gap(g.gap, norm(g.v), radius, rounding_error(T(RoundingUnits<T>::kLower), scale));
+    const T high = upper_from_point(norm(nearest.w), radius, rounding_error(T(RoundingUnits<T>::kUpper), scale));
+    const T relative = rel_tol * high, width = high - low;
+    const Mask narrow = (low > zero) & ((width <= abs_tol) | (width <= relative));
+    settled = proved & ((low > max_distance) | narrow);
+    lower = select(proved, low, -infinite);
+    upper = select(proved, high, infinite);
+  }
+};
 
 /// Two pieces where they are, in the arithmetic T: rotations R_wa and R_wb, and D = t_b - t_a in world axes.
 template <class T>
@@ -159,8 +182,34 @@ struct Aabb {
   Vec3d low, high;
 };
 /// A box that surely holds a placed piece, radius included. \param t_w the body's origin in the world.
-Aabb certify_box(const Piece& piece, const Mat3d& R_wb, const Vec3d& t_w);
+/// \param centre, half, rho, radius the piece's.
+CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, double rho, double radius, const Mat3d& R_wb,
+                                     const Vec3d& t_w) {
+  using std::abs;
+  const Vec3d c = R_wb * centre;
+  Aabb box;
+  for (int k = 0; k < 3; ++k) {
+    const Vec3d& row = R_wb.row[k];
+    const double extent = abs(row.x) * half.x + abs(row.y) * half.y + abs(row.z) * half.z + radius;
+    // 16 units cover the rotation, the products and the sums (docs/bounds.md, boxes).
+    const double rounding = 16 * 0x1p-53 * (rho + norm(half) + radius + abs(t_w[k])) + kUnderflowLength;
+    box.low[k] = (c[k] + t_w[k]) - extent - rounding;
+    box.high[k] = (c[k] + t_w[k]) + extent + rounding;
+  }
+  return box;
+}
+inline Aabb certify_box(const Piece& piece, const Mat3d& R_wb, const Vec3d& t_w) {
+  return certify_box(piece.centre, piece.half, piece.rho, piece.radius, R_wb, t_w);
+}
 /// A lower bound on the distance of whatever two boxes hold; 0 if they touch.
-double certify_box_gap(const Aabb& a, const Aabb& b);
+CLEARANCE_HD inline double certify_box_gap(const Aabb& a, const Aabb& b) {
+  Vec3d gap;
+  for (int k = 0; k < 3; ++k) {
+    const double ahead = b.low[k] - a.high[k], behind = a.low[k] - b.high[k];
+    gap[k] = ahead > 0 ? ahead : 0;
+    if (behind > gap[k]) gap[k] = behind;
+  }
+  return norm(gap) * (1 - 8 * 0x1p-53);
+}
 
 }  // namespace clearance

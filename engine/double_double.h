@@ -32,17 +32,14 @@ CLEARANCE_HD inline DoubleDouble fast_two_sum(double a, double b) {
   const double s = a + b;
   return {s, b - (s - a)};
 }
-/// p + e = a b exactly, barring underflow (Dekker and Veltkamp; a fused multiply-add on the device).
+/// p + e = a b exactly, barring underflow (Dekker and Veltkamp; not by a fused multiply-add, which differs
+/// where the error underflows: a pose must mean the same rotation everywhere).
 CLEARANCE_HD inline DoubleDouble two_prod(double a, double b) {
   const double p = a * b;
-#ifdef __CUDA_ARCH__
-  return {p, __fma_rn(a, b, -p)};
-#else
   constexpr double kSplit = 134217729.0;  // 2^27 + 1
   const double ca = kSplit * a, ah = ca - (ca - a), al = a - ah;
   const double cb = kSplit * b, bh = cb - (cb - b), bl = b - bh;
   return {p, ((ah * bh - p) + ah * bl + al * bh) + al * bl};
-#endif
 }
 
 }  // namespace dd
@@ -83,7 +80,8 @@ CLEARANCE_HD inline bool operator==(const DoubleDouble& a, const DoubleDouble& b
 /// Square root by one Newton step from the double one (Karp and Markstein); 0 for a <= 0.
 CLEARANCE_HD inline DoubleDouble sqrt(const DoubleDouble& a) {
   if (!(a.hi > 0)) return {0, 0};
-  const double s = std::sqrt(a.hi);
+  using std::sqrt;
+  const double s = sqrt(a.hi);
   const DoubleDouble r = a - dd::two_prod(s, s);
   return dd::fast_two_sum(s, r.hi / (2 * s));
 }

@@ -9,8 +9,6 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr Vec3d kNanVec{kNan, kNan, kNan};
 constexpr Aabb kEmptyBox{{kInf, kInf, kInf}, {-kInf, -kInf, -kInf}};
 
 struct PiecePair {
@@ -90,18 +88,6 @@ double box_gap(const Scene& scene, const Placement& placement, BodyPair pair) {
   return certify_box_gap(placement.box(pair.a), placement.box(pair.b));
 }
 
-PairAnswer no_answer(Status status) {
-  return {kNan, -kInf, kInf, status, 0, kNone, kNone, kNanVec, kNanVec, kNanVec};
-}
-
-namespace {
-
-PairAnswer beyond_answer(double lower) {
-  return {lower, lower, kInf, Status::kBeyond, 0, kNone, kNone, kNanVec, kNanVec, kNanVec};
-}
-
-}  // namespace
-
 namespace {
 
 // The flags of a pair's bodies, and its answer if that needs no look at the pieces.
@@ -115,12 +101,11 @@ bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyP
   std::uint16_t flags = at_a.renormalised || at_b.renormalised ? kFlagRenormalised : 0;
   if (!options.stale.empty() && (options.stale[pair.a] || options.stale[pair.b])) flags |= kFlagStale;
   answer.flags = flags;
-  for (const Status unusable : {Status::kBadPose, Status::kNoPose})
-    if (at_a.status == unusable || at_b.status == unusable) {
-      answer = no_answer(unusable);
-      answer.flags = flags;
-      return true;
-    }
+  if (const Status status = pair_status(at_a.status, at_b.status); status != Status::kOk) {
+    answer = no_answer(status);
+    answer.flags = flags;
+    return true;
+  }
   if (!options.cull) return false;
   const double gap = box_gap(scene, placement, pair);
   if (!(gap > options.limits.max_distance)) return false;
@@ -196,7 +181,7 @@ void answer_from_pieces(const Scene& scene, const Placement& placement, BodyPair
   if (answer.lower > limits.max_distance) {
     answer.status = Status::kBeyond;
     answer.distance = answer.lower;
-    answer.point_a = answer.point_b = kNanVec;
+    answer.point_a = answer.point_b = no_point();
   } else if (best.bounds.upper <= 0) {
     settled = !limits.signed_distance || narrow_enough(answer.lower);
     answer.status = settled ? Status::kOverlap : Status::kUnconverged;
@@ -293,7 +278,7 @@ void Evaluator::take_lane(const LaneAnswer& lane, const LaneWitness& witness, co
   answer.piece_a = answer.piece_b = 0;
   take_lane_witness(a, *placed.R_wa, b, *placed.R_wb, witness, answer.point_a, answer.point_b, answer.normal);
   if (beyond)
-    answer.point_a = answer.point_b = kNanVec;
+    answer.point_a = answer.point_b = no_point();
   else if (options_.want_nonsmooth && witness_is_ambiguous(a, *placed.R_wa, b, *placed.R_wb, answer.normal))
     answer.flags |= kFlagNonsmooth;
 }

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "answer.h"
 #include "certify.h"
 #include "lanes.h"
 #include "narrow_phase.h"
@@ -53,15 +54,6 @@ struct EvaluateOptions {
   std::span<const std::uint8_t> stale;  ///< of each body
 };
 
-/// One answer, before it is written into columns. Points are relative to their bodies' origins, world axes.
-struct PairAnswer {
-  double distance, lower, upper;
-  Status status;
-  std::uint16_t flags;
-  std::uint32_t piece_a, piece_b;
-  Vec3d point_a, point_b, normal;
-};
-
 /// A pair in the configuration that a placement stands at.
 struct PlacedBodies {
   BodyPair pair;
@@ -99,8 +91,5 @@ PairAnswer evaluate(const Scene& scene, const Placement& placement, BodyPair pai
 double box_gap(const Scene& scene, const Placement& placement, BodyPair pair);
 /// Whether a pair's answer is a bad or missing pose or an unknown body.
 bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair);
-
-/// The answer for a pair that cannot be computed: NaN, with bounds -inf and +inf.
-PairAnswer no_answer(Status status);
 
 }  // namespace clearance

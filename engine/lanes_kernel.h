@@ -9,6 +9,10 @@
 #include "pack.h"
 
 namespace clearance {
+
+template <class T>
+struct RoundingUnits<CLEARANCE_ISA::Pack<T>> : RoundingUnits<T> {};
+
 namespace CLEARANCE_ISA {
 
 // One value for each lane in memory, where single lanes are written, and as a pack, where all are worked on.
@@ -151,7 +155,7 @@ inline void run_in_lanes(const LaneBatch& batch) {
   limits.max_distance = P(0.0);
   const Vec3<P> centre_a{P(a.centre.x), P(a.centre.y), P(a.centre.z)}, centre_b{P(b.centre.x), P(b.centre.y), P(b.centre.z)};
   const P zero(0.0), one(1.0), idle(-1.0), most(static_cast<T>(batch.max_iterations)), radius(a.radius + b.radius);
-  const P infinite(__builtin_inf()), max_distance(batch.max_distance);
+  const P max_distance(batch.max_distance);
   P scale = zero;
 
   Gjk<P> g;
@@ -204,7 +208,7 @@ inline void run_in_lanes(const LaneBatch& batch) {
       fresh.set(zero);
       scale = pair_scale(D, P(a.rho), P(b.rho), radius);
       if (limits.bounded)
-        limits.max_distance = max_distance + radius + P(2.0) * rounding_error(P(RoundingUnits<T>::kLower), scale);
+        limits.max_distance = max_distance + radius + P(2.0) * rounding_error(P(RoundingUnits<P>::kLower), scale);
       any_fresh = false;
     }
     const auto running = g.end == zero;
@@ -222,17 +226,12 @@ inline void run_in_lanes(const LaneBatch& batch) {
     if (!any(ended)) continue;
 
     // What narrow_phase() makes of such a run, for the pairs that need no more than that.
-    const auto open_end = (g.end == g.code(GjkEnd::kEncloses)) | (g.end == g.code(GjkEnd::kLimit));
-    const auto proved = (!open_end) & (g.squared_distance > P(kSafelySquared));
-    const P lower = lower_from_gap(g.gap, norm(g.v), radius, rounding_error(P(RoundingUnits<T>::kLower), scale));
-    const SimplexPoint<P> nearest(g.simplex);
-    const P upper = upper_from_point(norm(nearest.w), radius, rounding_error(P(RoundingUnits<T>::kUpper), scale));
-    const auto settled = proved & ((lower > max_distance) | ((lower > zero) & (upper - lower <= max(P(batch.abs_tol), P(batch.rel_tol) * upper))));
+    const RunBounds<P> bounds(g, radius, scale, max_distance, P(batch.abs_tol), P(batch.rel_tol));
     alignas(64) T ended_at[kLanes], settled_at[kLanes], lower_at[kLanes], upper_at[kLanes];
     select(ended, one, zero).store(ended_at);
-    select(settled, one, zero).store(settled_at);
-    select(proved, lower, -infinite).store(lower_at);
-    select(proved, upper, infinite).store(upper_at);
+    select(bounds.settled, one, zero).store(settled_at);
+    bounds.lower.store(lower_at);
+    bounds.upper.store(upper_at);
     for (int lane = 0; lane < kLanes; ++lane) {
       if (ended_at[lane] == 0) continue;
       const std::size_t pair = pair_of[lane];
@@ -241,7 +240,7 @@ inline void run_in_lanes(const LaneBatch& batch) {
       if (!done)
         copy_lane(g, lane, batch.unsettled[pair]);
       else if (batch.witnesses)
-        copy_witness(g, nearest, lane, batch.witnesses[pair]);
+        copy_witness(g, bounds.nearest, lane, batch.witnesses[pair]);
       --busy;
       fill(lane);
       any_fresh = true;

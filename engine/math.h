@@ -56,14 +56,16 @@ CLEARANCE_HD inline T norm(const Vec3<T>& a) {
 /// v times a power of two, exactly, so that its squares neither overflow nor lose digits to underflow: the same direction.
 /// 0 and vectors with an infinity or a NaN stay as they are.
 template <class T>
-inline Vec3<T> rescaled(const Vec3<T>& v) {
+CLEARANCE_HD inline Vec3<T> rescaled(const Vec3<T>& v) {
   using std::abs;
+  using std::ilogb;
+  using std::ldexp;
   const double x = static_cast<double>(abs(v.x)), y = static_cast<double>(abs(v.y)), z = static_cast<double>(abs(v.z));
   const double largest = x > y ? (x > z ? x : z) : (y > z ? y : z);
   if ((largest > 1e-60 && largest < 1e60) || !(largest > 0) || !(largest <= 1.7976931348623157e308)) return v;
-  int exponent = std::ilogb(largest);
+  int exponent = ilogb(largest);
   exponent = exponent < -1000 ? -1000 : exponent;
-  return v * T(std::ldexp(1.0, -exponent));
+  return v * T(ldexp(1.0, -exponent));
 }
 
 /// Converts between scalars.

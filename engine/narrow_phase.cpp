@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "epa.h"
+#include "witness.h"
 
 namespace clearance {
 
@@ -367,18 +368,23 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
   return r;
 }
 
+namespace {
+
+// A piece in the words of witness.h.
+struct WholePiece {
+  const Piece& piece;
+  const Vec3d& vertex(std::uint32_t i) const { return piece.vertices[i]; }
+  std::uint32_t count() const { return static_cast<std::uint32_t>(piece.vertices.size()); }
+  double radius() const { return piece.radius; }
+  double spread() const { return piece.spread; }
+  SupportPoint<double> farthest(const Vec3d& n) const { return support(piece, n); }
+};
+
+}  // namespace
+
 void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
                        Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
-  Vec3d core_a{0, 0, 0}, core_b = core_a;
-  for (std::uint32_t i = 0; i < lane.size; ++i) {
-    core_a += a.vertices[lane.a[i]] * lane.share[i];
-    core_b += b.vertices[lane.b[i]] * lane.share[i];
-  }
-  const Vec3d outward = lane.separation * (1 / norm(lane.separation));
-  point_a = R_wa * core_a + outward * a.radius;
-  point_b = R_wb * core_b - outward * b.radius;
-  const Vec3d n = rescaled(-lane.v);
-  normal = n * (1 / norm(n));
+  settled_witness(WholePiece{a}, R_wa, WholePiece{b}, R_wb, lane, point_a, point_b, normal);
 }
 
 NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
@@ -396,47 +402,8 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
   return r;
 }
 
-namespace {
-
-// The vertices of a piece within rounding of its support along n: how many dimensions they span, and one edge of theirs.
-struct Contact {
-  int dimensions = 0;
-  Vec3d edge{0, 0, 0};
-};
-
-Contact contact_along(const Piece& piece, const Mat3d& R, const Vec3d& n_w) {
-  const Vec3d n = R.transpose_times(n_w);
-  const SupportPoint<double> best = support(piece, n);
-  const double tolerance = 1e-9 * piece.spread;
-  const Vec3d& first = piece.vertices[best.index];
-  Contact c;
-  double longest = 0;
-  std::vector<Vec3d> others;
-  for (const Vec3d& v : piece.vertices)
-    if (best.value - dot(n, v) <= tolerance) {
-      const Vec3d e = v - first;
-      if (squared_norm(e) <= tolerance * tolerance) continue;
-      others.push_back(e);
-      if (squared_norm(e) > longest) {
-        longest = squared_norm(e);
-        c.edge = e;
-      }
-    }
-  if (others.empty()) return c;
-  c.dimensions = 1;
-  c.edge = c.edge * (1 / std::sqrt(longest));
-  for (const Vec3d& e : others)
-    if (norm(cross(c.edge, e)) > tolerance) c.dimensions = 2;
-  c.edge = R * c.edge;
-  return c;
-}
-
-}  // namespace
-
 bool witness_is_ambiguous(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const Vec3d& n) {
-  const Contact ca = contact_along(a, R_wa, n), cb = contact_along(b, R_wb, -n);
-  if (ca.dimensions == 0 || cb.dimensions == 0) return false;
-  return ca.dimensions + cb.dimensions > 2 || norm(cross(ca.edge, cb.edge)) < 1e-9;
+  return witness_is_ambiguous(WholePiece{a}, R_wa, WholePiece{b}, R_wb, n);
 }
 
 }  // namespace clearance

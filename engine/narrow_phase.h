@@ -5,15 +5,9 @@
 
 #include "certify.h"
 #include "lanes.h"
+#include "placed.h"
 
 namespace clearance {
-
-/// A body's pose as the narrow phase wants it.
-struct PlacedPose {
-  Mat3d R_wb;     ///< rotation_of(X_wb)
-  Vec3d t_w;      ///< origin of the body in the world
-  Pose X_wb;      ///< for the double-double rotation of hard pairs
-};
 
 struct NarrowLimits {
   double max_distance = std::numeric_limits<double>::infinity();

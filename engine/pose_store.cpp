@@ -9,22 +9,6 @@ std::int64_t monotonic_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-BodyPlacement place(const Pose* local, const BodyPlacement* parent) {
-  BodyPlacement body;
-  if (!local) return body;
-  const PoseQuality quality = check(*local);
-  body.renormalised = quality == PoseQuality::kRenormalised;
-  body.status = quality == PoseQuality::kBad ? Status::kBadPose : parent ? parent->status : Status::kOk;
-  if (body.status != Status::kOk) return body;
-  const Pose X_wb = parent ? compose(parent->pose.X_wb, *local) : *local;
-  if (parent && check(X_wb) == PoseQuality::kBad) {  // a composition can overflow
-    body.status = Status::kBadPose;
-    return body;
-  }
-  body.pose = {rotation_of(X_wb), X_wb.translation, X_wb};
-  return body;
-}
-
 void PoseSnapshot::place_again(std::uint32_t body) {
   placed[body] = place(given[body] ? &local[body] : nullptr, parent[body] == kNone ? nullptr : &placed[parent[body]]);
 }

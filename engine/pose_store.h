@@ -8,20 +8,10 @@
 #include <vector>
 
 #include "engine.h"
-#include "narrow_phase.h"
 #include "pair_table.h"
+#include "placed.h"
 
 namespace clearance {
-
-/// A body in the world.
-struct BodyPlacement {
-  PlacedPose pose;                   ///< meaningful if `status` is kOk
-  Status status = Status::kNoPose;   ///< kOk, kNoPose or kBadPose
-  bool renormalised = false;         ///< the body's own quaternion was off by more than 1e-3
-};
-
-/// Places a body. \param local its pose as given; null: none was. \param parent the body that it follows, placed; null: none.
-BodyPlacement place(const Pose* local, const BodyPlacement* parent);
 
 /// The poses of all bodies at one moment, with what follows from them. Shared by jobs; never changed once published.
 struct PoseSnapshot {

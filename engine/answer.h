@@ -1,0 +1,42 @@
+// One pair's answer, and how the simple ones are made. For host and device.
+#pragma once
+
+#include <limits>
+
+#include "client/types.h"
+#include "math.h"
+
+namespace clearance {
+
+/// One answer, before it is written into columns. Points are relative to their bodies' origins, world axes.
+struct PairAnswer {
+  double distance, lower, upper;
+  Status status;
+  std::uint16_t flags;
+  std::uint32_t piece_a, piece_b;
+  Vec3d point_a, point_b, normal;
+};
+
+/// NaN in each coordinate: no such point.
+CLEARANCE_HD inline Vec3d no_point() {
+  const double nan = __builtin_nan("");
+  return {nan, nan, nan};
+}
+
+/// The answer for a pair that cannot be computed: NaN, with bounds -inf and +inf.
+CLEARANCE_HD inline PairAnswer no_answer(Status status) {
+  return {__builtin_nan(""), -__builtin_inf(), __builtin_inf(), status, 0, kNone, kNone, no_point(), no_point(), no_point()};
+}
+
+/// The answer for a pair whose boxes are farther apart than max_distance.
+CLEARANCE_HD inline PairAnswer beyond_answer(double lower) {
+  return {lower, lower, __builtin_inf(), Status::kBeyond, 0, kNone, kNone, no_point(), no_point(), no_point()};
+}
+
+/// What the poses of two bodies say of their pair: a bad one, then a missing one, else kOk.
+CLEARANCE_HD inline Status pair_status(Status a, Status b) {
+  if (a == Status::kBadPose || b == Status::kBadPose) return Status::kBadPose;
+  return a == Status::kNoPose || b == Status::kNoPose ? Status::kNoPose : Status::kOk;
+}
+
+}  // namespace clearance
