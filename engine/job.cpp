@@ -1,138 +1,21 @@
 #include "job.h"
 
-#include <omp.h>
-
 #include <algorithm>
-#include <cmath>
-#include <exception>
 
 #include "broad_phase.h"
 #include "columns.h"
+#include "parallel_job.h"
 #include "reduction.h"
 
 namespace clearance {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::uint64_t kBlock = 512, kHeavyBlock = 32;  // pair-configurations that are evaluated at a time
 constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 128;  // ... that a thread takes at a time, if there are many
 constexpr std::uint64_t kSideBySide = 64;        // configurations that a thread has placed at a time
 constexpr std::uint64_t kPlacedBodies = 8192;    // ... and bodies in them
-constexpr std::uint64_t kSerialBelow = 256;      // pair-configurations that are not worth waking threads for
 constexpr std::uint64_t kWholeConfigurations = 16384;  // pairs up to which a reduction is one unit for each configuration
-
-// A job's common part: workers with their own placements, and units run in parallel until the budget is spent.
-class ParallelJob : public Job::State {
- public:
-  ParallelJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
-      : context_(context), plan_(std::move(plan)), reply_(reply) {
-    const QueryView& q = plan_.query;
-    const PoseSnapshot& snapshot = *plan_.snapshot;
-    options_.limits.max_distance = q.max_distance;
-    options_.limits.abs_tol = q.abs_tol;
-    options_.limits.rel_tol = q.rel_tol;
-    options_.limits.signed_distance = q.signed_distance;
-    options_.reference = context.reference;
-    options_.lanes = context.lanes;
-    const bool needs_boxes = q.reduce != Reduce::kNone || q.max_distance < std::numeric_limits<double>::infinity();
-    options_.cull = needs_boxes && !context.reference;
-    const std::uint32_t interval = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration;
-    options_.want_nonsmooth = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
-    options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_nonsmooth;
-    find_stale(snapshot);
-    if (needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
-      for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
-        boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b]));
-    const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
-    placements_.resize(serial ? 1 : static_cast<std::size_t>(context.threads));
-    info.snapshot_revision = snapshot.revision;
-    info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
-    info.scene_revision = snapshot.scene_revision;
-    for (const std::int64_t r : snapshot.receipt_ns)
-      if (r != 0 && (info.oldest_receipt_ns == 0 || r < info.oldest_receipt_ns)) info.oldest_receipt_ns = r;
-  }
-
-  const QuerySize& size() const override { return plan_.size; }
-
- protected:
-  const Scene& scene() const { return *context_.scene; }
-  int workers() const { return static_cast<int>(placements_.size()); }
-
-  const Placement& placement(int worker, std::uint64_t configuration) { return placements(worker, configuration, 1)[0]; }
-
-  // Placements of configurations [first, first + count), the worker's own.
-  std::span<const Placement> placements(int worker, std::uint64_t first, std::uint64_t count) {
-    std::vector<Placement>& p = placements_[static_cast<std::size_t>(worker)];
-    while (p.size() < count) p.emplace_back(scene(), plan_, boxes_);
-    for (std::uint64_t i = 0; i < count; ++i) p[i].configure(first + i);
-    return {p.data(), count};
-  }
-
-  // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed.
-  template <class Unit>
-  bool run_units(std::uint64_t& next, std::uint64_t count, Clock::time_point deadline, Unit unit) {
-    const bool unbounded = deadline == Clock::time_point::max();
-    std::uint64_t batch = static_cast<std::uint64_t>(workers());
-    while (next < count) {
-      const std::uint64_t end = unbounded ? count : std::min(count, next + batch);
-      run_batch(next, end, unit);
-      next = end;
-      if (!unbounded && Clock::now() >= deadline) break;
-      batch *= 2;
-    }
-    return next >= count;
-  }
-
-  JobContext context_;
-  Plan plan_;
-  ReplyView reply_;
-  EvaluateOptions options_;
-
- private:
-  template <class Unit>
-  void run_batch(std::uint64_t begin, std::uint64_t end, Unit& unit) {
-    if (workers() == 1 || end - begin == 1) {
-      for (std::uint64_t i = begin; i < end; ++i) unit(i, 0);
-      return;
-    }
-    std::exception_ptr failure;  // an exception may not leave a parallel region
-#pragma omp parallel for schedule(dynamic) num_threads(workers())
-    for (std::uint64_t i = begin; i < end; ++i) {
-      try {
-        unit(i, omp_get_thread_num());
-      } catch (...) {
-#pragma omp critical(clearance_job_failure)
-        failure = std::current_exception();
-      }
-    }
-    if (failure) std::rethrow_exception(failure);
-  }
-
-  void find_stale(const PoseSnapshot& snapshot) {
-    if (plan_.query.max_pose_age_ns == 0) return;
-    const std::int64_t oldest_allowed = monotonic_ns() - plan_.query.max_pose_age_ns;
-    stale_.resize(scene().bodies().size());
-    for (std::uint32_t b = 0; b < stale_.size(); ++b) {
-      const std::int64_t receipt = snapshot.receipt_of_chain(b);
-      stale_[b] = !scene().bodies()[b].is_static && (receipt == 0 || receipt < oldest_allowed);
-    }
-    if (plan_.query.configuration_count > 0)
-      for (const std::uint32_t b : plan_.moved) stale_[b] = 0;  // the query itself says where they are
-    options_.stale = stale_;
-  }
-
-  std::vector<Aabb> boxes_;
-  std::vector<std::uint8_t> stale_;
-  std::vector<std::vector<Placement>> placements_;  // of each worker
-};
-
-// Whether the narrow phase was asked: bodies without a pose have no distance, and pairs that boxes alone prove to be
-// beyond max_distance have no upper bound.
-bool reached_narrow_phase(const PairAnswer& answer) {
-  return !std::isnan(answer.distance) && answer.upper < std::numeric_limits<double>::infinity();
-}
 
 // One row for each configuration and pair.
 class DenseJob final : public ParallelJob {
