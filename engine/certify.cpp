@@ -54,10 +54,10 @@ double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length) {
 }
 
 template <class T>
-double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& direction, std::uint32_t hint_a, std::uint32_t hint_b) {
+double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& direction) {
   const Vec3<T> n = rescaled(direction);
-  const SupportPoint<T> sa = support(*pair.a, pair.R_wa.transpose_times(n), hint_a);
-  const SupportPoint<T> sb = support(*pair.b, -pair.R_wb.transpose_times(n), hint_b);
+  const SupportPoint<T> sa = support(*pair.a, pair.R_wa.transpose_times(n));
+  const SupportPoint<T> sb = support(*pair.b, -pair.R_wb.transpose_times(n));
   return certify_lower(pair, dot(n, pair.D) - (sa.value + sb.value), norm(n));
 }
 
@@ -166,7 +166,7 @@ double certify_overlap(const Piece& a, const Piece& b, double ball) {
 #define CLEARANCE_INSTANTIATE(T)                                                                           \
   template struct PlacedPair<T>;                                                                           \
   template double certify_lower(const PlacedPair<T>&, const T&, const T&);                                 \
-  template double certify_lower(const PlacedPair<T>&, const Vec3<T>&, std::uint32_t, std::uint32_t);       \
+  template double certify_lower(const PlacedPair<T>&, const Vec3<T>&);                                     \
   template Witness certify_upper(const PlacedPair<T>&, const Simplex<T>&);                                 \
   template double certify_ball(const PlacedPair<T>&, std::span<const CsoVertex<T>>, std::span<const CsoFace<T>>)
 CLEARANCE_INSTANTIATE(double);

@@ -145,9 +145,9 @@ struct PlacedPair {
 template <class T>
 double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length);
 /// A lower bound on the signed distance: the gap between the supporting planes normal to n.
-/// \param n world axes, from a towards b, any length but zero. \param hint_a, hint_b vertices to begin the supports from.
+/// \param n world axes, from a towards b, any length but zero.
 template <class T>
-double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n, std::uint32_t hint_a = 0, std::uint32_t hint_b = 0);
+double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n);
 
 /// Two points, one of each piece (its core grown by the radius), and how far apart they are at most.
 struct Witness {

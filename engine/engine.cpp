@@ -52,7 +52,7 @@ Engine::Engine(Scene scene, const Options& options) {
   impl_->lanes = &lane_kernel(options.instruction_set);
   const std::vector<Body>& bodies = impl_->scene.bodies();
   impl_->light = !impl_->reference && std::all_of(bodies.begin(), bodies.end(), [](const Body& b) {
-    return b.pieces.size() == 1 && b.pieces[0]->vertices.size() <= kLaneVertices;
+    return b.pieces.size() == 1;
   });
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
 }

@@ -55,18 +55,23 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
     local_.push_back(plan.snapshot->local[b]);
   }
   moved_.resize(local_.size());
+  rotation_of_.resize(local_.size(), nullptr);
   moved_boxes_.resize(local_.size());
 }
 
-void Placement::configure(std::uint64_t k) {
+void Placement::configure(std::uint64_t k, std::span<const Mat3d> rotations) {
   if (moved_slot_.empty() || k == configuration_) return;
   configuration_ = k;
   const PoseSnapshot& snapshot = *plan_.snapshot;
   const std::size_t count = plan_.bodies.size();
-  for (std::size_t m = 0; m < count; ++m) local_[moved_slot_[plan_.bodies[m]]] = plan_.configurations[k * count + m];
+  for (std::size_t m = 0; m < count; ++m) {
+    const std::uint32_t slot = moved_slot_[plan_.bodies[m]];
+    local_[slot] = plan_.configurations[k * count + m];
+    rotation_of_[slot] = &rotations[m];
+  }
   for (std::size_t i = 0; i < plan_.moved.size(); ++i) {
     const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
-    moved_[i] = place(&local_[i], parent == kNone ? nullptr : &(*this)[parent]);
+    moved_[i] = place(&local_[i], parent == kNone ? nullptr : &(*this)[parent], rotation_of_[i]);
     if (!boxes_.empty()) moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i]);
   }
 }
@@ -218,8 +223,7 @@ void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> a
     const auto& [pair, placement] = pairs[i];
     if (answer_without_pieces(scene_, *placement, pair, options_, answers[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
-    if (options_.lanes && !options_.reference && a.size() == 1 && b.size() == 1 && a[0]->vertices.size() <= kLaneVertices &&
-        b[0]->vertices.size() <= kLaneVertices)
+    if (options_.lanes && !options_.reference && a.size() == 1 && b.size() == 1)
       waiting_.push_back({a[0].get(), b[0].get(), i});
     else
       answer_from_pieces(scene_, *placement, pair, options_, nullptr, answers[i]);

@@ -20,8 +20,9 @@ class Placement {
   /// \param boxes of all bodies in the snapshot; empty: made when asked for. Both must outlive this.
   Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
 
-  /// Moves to configuration k of the plan; nothing to do where it has none.
-  void configure(std::uint64_t k);
+  /// Moves to configuration k of the plan; nothing to do where it has none. \param rotations (M,) of its poses
+  void configure(std::uint64_t k, std::span<const Mat3d> rotations);
+  bool stands_at(std::uint64_t k) const { return moved_slot_.empty() || k == configuration_; }
 
   const BodyPlacement& operator[](std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
@@ -36,6 +37,7 @@ class Placement {
   std::uint64_t configuration_ = ~std::uint64_t{0};
   std::vector<std::uint32_t> moved_slot_;  // of each body: index into moved_, or kNone; empty without configurations
   std::vector<Pose> local_;                // of each moved body
+  std::vector<const Mat3d*> rotation_of_;  // of local_, while a configuration is being placed
   std::vector<BodyPlacement> moved_;
   std::vector<Aabb> moved_boxes_;
 };

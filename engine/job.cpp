@@ -11,8 +11,8 @@ namespace clearance {
 
 namespace {
 
-constexpr std::uint64_t kBlock = 512, kHeavyBlock = 32;  // pair-configurations that are evaluated at a time
-constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 128;  // ... that a thread takes at a time, if there are many
+constexpr std::uint64_t kBlock = 512, kHeavyBlock = 128;  // pair-configurations that are evaluated at a time
+constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 1024;  // ... that a thread takes at a time, if there are many
 constexpr std::uint64_t kSideBySide = 64;        // configurations that a thread has placed at a time
 constexpr std::uint64_t kPlacedBodies = 8192;    // ... and bodies in them
 constexpr std::uint64_t kWholeConfigurations = 16384;  // pairs up to which a reduction is one unit for each configuration

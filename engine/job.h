@@ -18,7 +18,7 @@ struct JobContext {
   int threads;
   bool reference;
   const LaneKernel* lanes;
-  bool light;                 ///< all bodies are single small pieces: a pair takes about 0.1 us, not 10
+  bool light;                 ///< all bodies are single pieces: a pair takes well under 1 us, not 10
   std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
 };
 

@@ -4,7 +4,14 @@
 #include <string>
 #include <vector>
 
+#include "direction_table.h"
+
 namespace clearance {
+
+LaneHull::LaneHull(const Piece& p)
+    : x(p.x.data()), y(p.y.data()), z(p.z.data()), count(p.x.size()), vertices(p.vertices.data()),
+      cells(p.table ? p.table->cells.data() : nullptr), lists(p.table ? p.table->lists.data() : nullptr),
+      grid_bits(p.table ? p.table->grid_bits : 0), has_table(p.table != nullptr), centre(p.centre), rho(p.rho), radius(p.radius) {}
 
 #ifdef CLEARANCE_LANES_X86
 void run_lanes_avx512(const LaneBatch&);

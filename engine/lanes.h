@@ -16,13 +16,16 @@ namespace clearance {
 
 /// A piece as lanes see it: plain pointers, so that files compiled for one instruction set share no code with others.
 struct LaneHull {
-  const double *x, *y, *z;  ///< (count,) the vertices
+  const double *x, *y, *z;      ///< (count,) the vertices of a small piece
   std::size_t count;
+  const Vec3d* vertices;        ///< of a larger piece, with its DirectionTable
+  const std::uint32_t *cells, *lists;
+  std::uint32_t grid_bits;
+  bool has_table;
   Vec3d centre;
   double rho, radius;
 
-  explicit LaneHull(const Piece& p)
-      : x(p.x.data()), y(p.y.data()), z(p.z.data()), count(p.x.size()), centre(p.centre), rho(p.rho), radius(p.radius) {}
+  explicit LaneHull(const Piece& piece);
 };
 
 /// Where the two pieces of one pair are.
@@ -72,8 +75,5 @@ std::span<const LaneKernel> lane_kernels();
 /// The one of that name; "auto": the fastest. Throws std::invalid_argument for an unknown name, std::runtime_error for an
 /// instruction set that this machine lacks.
 const LaneKernel& lane_kernel(std::string_view name);
-
-/// Pieces of more vertices than this are not for lanes: each lane looks at every vertex.
-inline constexpr std::size_t kLaneVertices = 256;
 
 }  // namespace clearance

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "certify.h"
+#include "direction_table.h"
 #include "lanes.h"
 #include "pack.h"
 
@@ -60,17 +61,51 @@ struct Scan {
     best = max(s, best);
   }
   HWY_INLINE FoundVertex<T> found() const {
-    alignas(64) T at[Pack<T>::kLanes], px[Pack<T>::kLanes], py[Pack<T>::kLanes], pz[Pack<T>::kLanes];
-    index.store(at);
+    Columns3<T> p;
+    Column<T> at;
+    at.set(index);
     for (int l = 0; l < Pack<T>::kLanes; ++l) {
-      const auto i = static_cast<std::size_t>(static_cast<std::int64_t>(at[l]));
-      px[l] = x[i];
-      py[l] = y[i];
-      pz[l] = z[i];
+      const auto i = static_cast<std::size_t>(static_cast<std::int64_t>(at.at[l]));
+      p.x.at[l] = x[i];
+      p.y.at[l] = y[i];
+      p.z.at[l] = z[i];
     }
-    return {{Pack<T>::load(px), Pack<T>::load(py), Pack<T>::load(pz)}, index, best};
+    return {p.pack(), index, best};
   }
 };
+
+// The same by the hull's direction table, each lane for itself.
+template <class T>
+HWY_INLINE FoundVertex<T> look_up(const LaneHull& hull, const Vec3<Pack<T>>& n) {
+  const MapPoint<Pack<T>> point = map_point(n);
+  Columns3<T> direction, p;
+  Column<T> u, v, index, value;
+  u.set(point.u);
+  v.set(point.v);
+  direction.x.set(n.x);
+  direction.y.set(n.y);
+  direction.z.set(n.z);
+  for (int l = 0; l < Pack<T>::kLanes; ++l) {
+    const std::uint32_t* list = hull.lists + find_list(hull.cells, hull.grid_bits, u.at[l], v.at[l]);
+    const T x = direction.x.at[l], y = direction.y.at[l], z = direction.z.at[l];
+    T most = 0;
+    std::uint32_t farthest = 0;
+    for (std::uint32_t i = 1; i <= list[0]; ++i) {
+      const Vec3d& w = hull.vertices[list[i]];
+      const T s = x * w.x + y * w.y + z * w.z;
+      if (i > 1 && !(s > most)) continue;
+      most = s;
+      farthest = list[i];
+    }
+    const Vec3d& w = hull.vertices[farthest];
+    index.at[l] = static_cast<T>(farthest);
+    value.at[l] = most;
+    p.x.at[l] = w.x;
+    p.y.at[l] = w.y;
+    p.z.at[l] = w.z;
+  }
+  return {p.pack(), index.pack(), value.pack()};
+}
 
 // Both hulls' scans side by side, so that one's arithmetic fills the other's waits.
 template <class T>
@@ -85,6 +120,14 @@ HWY_INLINE void scan_both(Scan<T>& a, Scan<T>& b) {
   }
   for (Pack<T> k = i_pack; i < a.count; ++i, k = k + one) a.look(i, k);
   for (i = common; i < b.count; ++i, i_pack = i_pack + one) b.look(i, i_pack);
+}
+
+template <class T>
+HWY_INLINE FoundVertex<T> scan_one(const LaneHull& hull, const Vec3<Pack<T>>& n) {
+  Scan<T> scan(hull.x, hull.y, hull.z, hull.count, n);
+  Pack<T> i_pack(1.0);
+  for (std::size_t i = 1; i < hull.count; ++i, i_pack = i_pack + Pack<T>(1.0)) scan.look(i, i_pack);
+  return scan.found();
 }
 
 template <class T>
@@ -212,10 +255,17 @@ inline void run_in_lanes(const LaneBatch& batch) {
       any_fresh = false;
     }
     const auto running = g.end == zero;
-    Scan<T> scan_a(a.x, a.y, a.z, a.count, -R_wa.transpose_times(g.v));
-    Scan<T> scan_b(b.x, b.y, b.z, b.count, R_wb.transpose_times(g.v));
-    scan_both(scan_a, scan_b);
-    const FoundVertex<T> fa = scan_a.found(), fb = scan_b.found();
+    const Vec3<P> along_a = -R_wa.transpose_times(g.v), along_b = R_wb.transpose_times(g.v);
+    FoundVertex<T> fa, fb;
+    if (a.has_table || b.has_table) {
+      fa = a.has_table ? look_up<T>(a, along_a) : scan_one<T>(a, along_a);
+      fb = b.has_table ? look_up<T>(b, along_b) : scan_one<T>(b, along_b);
+    } else {
+      Scan<T> scan_a(a.x, a.y, a.z, a.count, along_a), scan_b(b.x, b.y, b.z, b.count, along_b);
+      scan_both(scan_a, scan_b);
+      fa = scan_a.found();
+      fb = scan_b.found();
+    }
     const CsoVertex<P> vertex{R_wa * fa.p - R_wb * fb.p - D, fa.index, fb.index};
     g.step(vertex, -dot(g.v, D) - (fa.value + fb.value), limits, running);
     const P count = steps.pack() + one;

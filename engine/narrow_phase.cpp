@@ -13,45 +13,25 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-enum class SupportKind { kClimb, kProved };
-
-// Small hulls are scanned faster than climbed.
-bool can_climb(const Piece& piece) { return piece.tree && !piece.adjacency.empty(); }
-
 // The CSO of two pieces, as GJK and EPA see it: world axes, the origin of a as origin.
 template <class T>
 class SupportedCso {
  public:
-  SupportedCso(const PlacedPair<T>& pair, SupportKind kind, std::uint32_t hint_a, std::uint32_t hint_b)
-      : pair_(pair), hint_a_(hint_a), hint_b_(hint_b),
-        climb_a_(kind == SupportKind::kClimb && can_climb(*pair.a)),
-        climb_b_(kind == SupportKind::kClimb && can_climb(*pair.b)) {}
+  explicit SupportedCso(const PlacedPair<T>& pair) : pair_(pair) {}
 
-  CsoSupport<T> operator()(const Vec3<T>& v) {
-    const SupportPoint<T> a = find(*pair_.a, -pair_.R_wa.transpose_times(v), hint_a_, climb_a_);
-    const SupportPoint<T> b = find(*pair_.b, pair_.R_wb.transpose_times(v), hint_b_, climb_b_);
-    hint_a_ = a.index;
-    hint_b_ = b.index;
-    return {vertex(hint_a_, hint_b_), -dot(v, pair_.D) - (a.value + b.value)};
+  CsoSupport<T> operator()(const Vec3<T>& v) const {
+    const SupportPoint<T> a = support(*pair_.a, -pair_.R_wa.transpose_times(v));
+    const SupportPoint<T> b = support(*pair_.b, pair_.R_wb.transpose_times(v));
+    return {vertex(a.index, b.index), -dot(v, pair_.D) - (a.value + b.value)};
   }
 
   CsoVertex<T> vertex(std::uint32_t ia, std::uint32_t ib) const { return {pair_.cso_vertex(ia, ib), ia, ib}; }
 
   /// From the centre of b to the centre of a: where the CSO's centre is.
   Vec3<T> centre() const { return pair_.R_wa * cast<T>(pair_.a->centre) - pair_.R_wb * cast<T>(pair_.b->centre) - pair_.D; }
-  std::uint32_t hint_a() const { return hint_a_; }
-  std::uint32_t hint_b() const { return hint_b_; }
 
  private:
-  static SupportPoint<T> find(const Piece& piece, const Vec3<T>& d, std::uint32_t hint, bool by_climbing) {
-    if constexpr (std::is_same_v<T, double>)
-      if (by_climbing) return climb(piece, d, hint);
-    return support(piece, d, hint);
-  }
-
   const PlacedPair<T>& pair_;
-  std::uint32_t hint_a_, hint_b_;
-  bool climb_a_, climb_b_;
 };
 
 // Gathers bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower end.
@@ -153,7 +133,7 @@ GjkLimits<T> gjk_limits(const NarrowLimits& limits, const PlacedPair<T>& pair) {
 
 // The normals of all faces that the last simplex and the last support span: near contact they are exact where v is not.
 template <class T>
-void try_face_normals(const PlacedPair<T>& pair, const SupportedCso<T>& cso, const Gjk<T>& g, Answer& answer) {
+void try_face_normals(const PlacedPair<T>& pair, const Gjk<T>& g, Answer& answer) {
   CsoVertex<T> p[4];
   int n = 0;
   for (int i = 0; i < g.simplex.size && n < 4; ++i) p[n++] = g.simplex.vertex[i];
@@ -164,7 +144,7 @@ void try_face_normals(const PlacedPair<T>& pair, const SupportedCso<T>& cso, con
         Vec3<T> normal = cross(p[j].w - p[i].w, p[k].w - p[i].w);
         if (!(squared_norm(normal) > T(0))) continue;
         if (dot(normal, p[i].w) > T(0)) normal = -normal;
-        answer.raise_lower(certify_lower(pair, normal, cso.hint_a(), cso.hint_b()), cast<double>(normal));
+        answer.raise_lower(certify_lower(pair, normal), cast<double>(normal));
         if (answer.settled()) return;
       }
 }
@@ -268,7 +248,7 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
   if (!limits.signed_distance) e.enough = 2 * pair.ball_error();
   const Vec3<T> first = squared_norm(g.v) > T(0) ? g.v * (T(-1) / norm(g.v)) : Vec3<T>{T(1), T(0), T(0)};
   EpaResult<T> r = Epa<T, SupportedCso<T>>(cso, e).run(g.simplex, first);
-  answer.raise_lower(certify_lower(pair, r.direction, cso.hint_a(), cso.hint_b()), cast<double>(r.direction));
+  answer.raise_lower(certify_lower(pair, r.direction), cast<double>(r.direction));
   if (!r.faces.empty()) take_overlap<T>(pair, r.vertices, r.faces, r.nearest, answer);
   if (answer.bounds().upper > 0) {  // no overlap proved: touching or apart, where points prove the most
     if (r.nearest.size > 0) answer.take_witness(certify_upper(pair, r.nearest));
@@ -304,9 +284,9 @@ Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedC
 // One attempt in one arithmetic. Returns GJK's last simplex, from which the next attempt begins.
 // \param done a run of GJK on this pair, if there was one already.
 template <class T>
-Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportKind kind, const WarmSimplex& seed,
-                   Answer& answer, const Gjk<T>* done = nullptr) {
-  SupportedCso<T> cso(pair, kind, seed.size > 0 ? seed.a[0] : 0, seed.size > 0 ? seed.b[0] : 0);
+Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const WarmSimplex& seed, Answer& answer,
+                   const Gjk<T>* done = nullptr) {
+  SupportedCso<T> cso(pair);
   const Gjk<T> g = done ? *done : run_gjk(pair, limits, cso, seed);
   const auto end = static_cast<GjkEnd>(g.end);
 
@@ -317,15 +297,15 @@ Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, Suppor
     }
   } else {
     answer.take_witness(certify_upper(pair, g.simplex));
-    if (g.squared_distance > T(kSafelySquared) && end != GjkEnd::kLimit && kind == SupportKind::kProved)
+    if (g.squared_distance > T(kSafelySquared) && end != GjkEnd::kLimit)
       answer.raise_lower(certify_lower(pair, g.gap, norm(g.v)), cast<double>(-g.v));
     else if (squared_norm(g.v) > T(0))
-      answer.raise_lower(certify_lower(pair, -g.v, cso.hint_a(), cso.hint_b()), cast<double>(-g.v));
+      answer.raise_lower(certify_lower(pair, -g.v), cast<double>(-g.v));
     if (answer.settled()) return g.simplex;
-    if (kind == SupportKind::kProved) try_face_normals(pair, cso, g, answer);
+    try_face_normals(pair, g, answer);
     if (answer.settled() || answer.bounds().lower > 0) return g.simplex;
   }
-  if (kind == SupportKind::kProved) expand_polytope(pair, cso, limits, g, answer);
+  expand_polytope(pair, cso, limits, g, answer);
   return g.simplex;
 }
 
@@ -349,13 +329,12 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
   Answer answer(limits, a.radius, b.radius);
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
   WarmSimplex seed = warm ? *warm : WarmSimplex{};
-  if (!done && (can_climb(a) || can_climb(b))) seed = remember(attempt(pair, limits, SupportKind::kClimb, seed, answer));
-  if (!answer.settled()) seed = remember(attempt(pair, limits, SupportKind::kProved, seed, answer, done));
+  seed = remember(attempt(pair, limits, seed, answer, done));
   if (warm) *warm = seed;
   if (!answer.settled()) {
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
                                         pose_b.t_w);
-    attempt(fine, limits, SupportKind::kProved, seed, answer);
+    attempt(fine, limits, seed, answer);
   }
   if (answer.has_surface()) {
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
@@ -394,7 +373,7 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
   Answer answer(whole, a.radius, b.radius);
   const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
                                       pose_b.t_w);
-  attempt(pair, whole, SupportKind::kProved, WarmSimplex{}, answer);
+  attempt(pair, whole, WarmSimplex{}, answer);
   NarrowAnswer r = answer.finish();
   r.beyond = r.bounds.lower > limits.max_distance;
   const PlacedPair<double> coarse(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);

@@ -64,9 +64,13 @@ class ParallelJob : public Job::State {
 
   // Placements of configurations [first, first + count), the worker's own.
   std::span<const Placement> placements(int worker, std::uint64_t first, std::uint64_t count) {
-    std::vector<Placement>& p = placements_[static_cast<std::size_t>(worker)];
+    auto& [p, rotations] = placements_[static_cast<std::size_t>(worker)];
     while (p.size() < count) p.emplace_back(scene(), plan_, boxes_);
-    for (std::uint64_t i = 0; i < count; ++i) p[i].configure(first + i);
+    if (p[0].stands_at(first) && p[count - 1].stands_at(first + count - 1)) return {p.data(), count};
+    const std::size_t moved = plan_.bodies.size();
+    rotations.resize(count * moved);
+    rotations_of(std::span(plan_.configurations).subspan(first * moved, count * moved), rotations);
+    for (std::uint64_t i = 0; i < count; ++i) p[i].configure(first + i, std::span(rotations).subspan(i * moved, moved));
     return {p.data(), count};
   }
 
@@ -125,7 +129,11 @@ class ParallelJob : public Job::State {
 
   std::vector<Aabb> boxes_;
   std::vector<std::uint8_t> stale_;
-  std::vector<std::vector<Placement>> placements_;  // of each worker
+  struct WorkerPlacements {
+    std::vector<Placement> placements;
+    std::vector<Mat3d> rotations;   // of the configurations that are being placed
+  };
+  std::vector<WorkerPlacements> placements_;  // of each worker
 };
 
 }  // namespace clearance

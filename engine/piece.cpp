@@ -7,6 +7,7 @@
 #include <string>
 
 #include "digest.h"
+#include "direction_table.h"
 #include "pose.h"
 #include "support.h"
 
@@ -61,13 +62,14 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   piece->rho = padded(std::sqrt(rho2));
   piece->spread = padded(std::sqrt(spread2));
 
-  for (const Vec3d& v : vertices) {
-    piece->x.push_back(v.x);
-    piece->y.push_back(v.y);
-    piece->z.push_back(v.z);
-  }
-  if (vertices.size() > kTreeFromVertices)
-    piece->tree = std::make_shared<const SupportTree>(make_support_tree(vertices));
+  if (vertices.size() > kTableFromVertices)
+    piece->table = std::make_shared<const DirectionTable>(make_direction_table(vertices, piece->rho));
+  else
+    for (const Vec3d& v : vertices) {
+      piece->x.push_back(v.x);
+      piece->y.push_back(v.y);
+      piece->z.push_back(v.z);
+    }
   piece->vertices = std::move(vertices);
   return piece;
 }
@@ -76,8 +78,7 @@ std::uint64_t resident_bytes(const Piece& piece) {
   const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
   std::uint64_t bytes = sizeof(Piece) + held(piece.vertices) + held(piece.adjacency_begin) + held(piece.adjacency) +
                         held(piece.x) + held(piece.y) + held(piece.z);
-  if (piece.tree)
-    bytes += sizeof(SupportTree) + held(piece.tree->nodes) + held(piece.tree->order) + held(piece.tree->points);
+  if (piece.table) bytes += sizeof(DirectionTable) + piece.table->bytes();
   return bytes;
 }
 

@@ -10,7 +10,7 @@
 
 namespace clearance {
 
-struct SupportTree;  // engine/support.h
+struct DirectionTable;  // engine/direction_table.h
 
 /// Immutable geometry in the body's frame, metres.
 ///
@@ -22,7 +22,7 @@ struct Piece {
   std::uint64_t loaded_vertices = 0; ///< before duplicates and inner vertices were dropped
   std::uint64_t digest = 0;          ///< of the vertices as loaded and the radius; the same on every machine
 
-  /// Neighbour lists (compressed rows) for hill climbing: a guess, never part of a proof. Empty: support by scan.
+  /// Neighbour lists (compressed rows) for hill climbing: a guess, never part of an answer. May be empty.
   std::vector<std::uint32_t> adjacency_begin;  ///< (V + 1,)
   std::vector<std::uint32_t> adjacency;
 
@@ -32,9 +32,9 @@ struct Piece {
   double rho = 0;         ///< max |v| from the body's origin, rounded up
   double spread = 0;      ///< max |v - centre|, rounded up
 
-  /// Structure-of-arrays copy of the vertices for scans, and the bounding tree for large pieces.
+  /// For supports: a structure-of-arrays copy of the vertices of a small piece, the table of a larger one.
   std::vector<double> x, y, z;
-  std::shared_ptr<const SupportTree> tree;  ///< null for small pieces
+  std::shared_ptr<const DirectionTable> table;  ///< null for small pieces
 };
 using PiecePtr = std::shared_ptr<const Piece>;
 

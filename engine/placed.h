@@ -21,19 +21,20 @@ struct BodyPlacement {
 };
 
 /// Places a body. \param local its pose as given; null: none was. \param parent the body that it follows, placed; null: none.
-CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* parent) {
+/// \param rotation rotation_of(*local), if it is known already and there is no parent.
+CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* parent, const Mat3d* rotation = nullptr) {
   BodyPlacement body;
   if (!local) return body;
   const PoseQuality quality = check(*local);
   body.renormalised = quality == PoseQuality::kRenormalised;
   body.status = quality == PoseQuality::kBad ? Status::kBadPose : parent ? parent->status : Status::kOk;
   if (body.status != Status::kOk) return body;
-  const Pose X_wb = parent ? compose(parent->pose.X_wb, *local) : *local;
+  const Pose X_wb = parent ? compose(parent->pose.X_wb, parent->pose.R_wb, *local) : *local;
   if (parent && check(X_wb) == PoseQuality::kBad) {  // a composition can overflow
     body.status = Status::kBadPose;
     return body;
   }
-  body.pose = {rotation_of(X_wb), X_wb.translation, X_wb};
+  body.pose = {rotation && !parent ? *rotation : rotation_of(X_wb), X_wb.translation, X_wb};
   return body;
 }
 

@@ -34,11 +34,15 @@ CLEARANCE_HD PoseQuality check(const Pose& X);
 /// The pose must not be kBad. The derivation of certify()'s constant rests on this (docs/bounds.md).
 CLEARANCE_HD Mat3d rotation_of(const Pose& X);
 
+/// The same of many poses, side by side: the same bits. \param rotations (poses.size(),)
+void rotations_of(std::span<const Pose> poses, std::span<Mat3d> rotations);
+
 /// The same to about 100 bits.
 CLEARANCE_HD Mat3<DoubleDouble> rotation_of_double_double(const Pose& X);
 
-/// X_ac = X_ab X_bc, rounded; the quaternion is normalised. Neither may be kBad.
-CLEARANCE_HD Pose compose(const Pose& X_ab, const Pose& X_bc);
+/// X_ac = X_ab X_bc, rounded; the quaternion is normalised. Neither may be kBad. \param R_ab rotation_of(X_ab)
+CLEARANCE_HD Pose compose(const Pose& X_ab, const Mat3d& R_ab, const Pose& X_bc);
+CLEARANCE_HD inline Pose compose(const Pose& X_ab, const Pose& X_bc) { return compose(X_ab, rotation_of(X_ab), X_bc); }
 
 /// X_ba from X_ab, rounded. Must not be kBad.
 CLEARANCE_HD Pose inverse(const Pose& X_ab);
@@ -84,9 +88,9 @@ CLEARANCE_HD inline Mat3<DoubleDouble> rotation_of_double_double(const Pose& X) 
            {ratio(twice(xz - wy)), ratio(twice(yz + wx)), ratio((ww + zz) - (xx + yy))}}};
 }
 
-CLEARANCE_HD inline Pose compose(const Pose& a, const Pose& b) {
+CLEARANCE_HD inline Pose compose(const Pose& a, const Mat3d& R, const Pose& b) {
   const double s = 1 / (detail::quaternion_norm(a) * detail::quaternion_norm(b));
-  const Vec3d t = a.translation + rotation_of(a) * b.translation;
+  const Vec3d t = a.translation + R * b.translation;
   return {t,
           s * (a.qw * b.qw - a.qx * b.qx - a.qy * b.qy - a.qz * b.qz),
           s * (a.qw * b.qx + a.qx * b.qw + a.qy * b.qz - a.qz * b.qy),

@@ -2,10 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <random>
 
 #include "engine/pose.h"
+#include "engine_test_util.h"
 
 namespace clearance {
 namespace {
@@ -39,6 +41,23 @@ TEST(Pose, RotationEntriesAreRoundedOnce) {
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < 3; ++c)
         ASSERT_LE(std::abs(static_cast<double>(R.row[r][c] - exact[r][c])), 0x1p-53 * std::abs(R.row[r][c]) + 0x1p-60);
+  }
+}
+
+TEST(Pose, RotationsSideBySideHaveTheSameBits) {
+  test::Random random(4);
+  for (const std::size_t count : {1, 2, 7, 8, 9, 40}) {
+    std::vector<Pose> poses;
+    for (std::size_t i = 0; i < count; ++i) {
+      const double s = std::pow(10.0, static_cast<double>(i % 13) - 6);
+      poses.push_back({{1, 2, 3}, s * random.normal(), s * random.normal(), s * random.normal(), s * random.normal()});
+    }
+    std::vector<Mat3d> rotations(count);
+    rotations_of(poses, rotations);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Mat3d R = rotation_of(poses[i]);
+      EXPECT_EQ(std::memcmp(&R, &rotations[i], sizeof R), 0) << i << " of " << count;
+    }
   }
 }
 

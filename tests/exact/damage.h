@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "campaign.h"
-#include "engine/support.h"
+#include "engine/direction_table.h"
 
 namespace clearance::exact {
 
@@ -21,39 +21,20 @@ inline bool holds(const std::vector<Vec3d>& list, const Vec3d& v) {
   return std::any_of(list.begin(), list.end(), [&](const Vec3d& w) { return w.x == v.x && w.y == v.y && w.z == v.z; });
 }
 
-/// The piece without a single edge to one of `vertices`, though those keep theirs: climbing cannot come to them.
-inline PiecePtr without_edges_to(const Piece& piece, const std::vector<Vec3d>& vertices) {
+/// The piece without `vertices` in the lists of its direction table, though they are still vertices.
+inline PiecePtr without_table_entries_of(const Piece& piece, const std::vector<Vec3d>& vertices) {
   Piece cut = piece;
-  if (piece.adjacency.empty()) return std::make_shared<const Piece>(cut);
-  cut.adjacency.clear();
-  cut.adjacency_begin = {0};
-  for (std::size_t i = 0; i < piece.vertices.size(); ++i) {
-    for (std::uint32_t k = piece.adjacency_begin[i]; k < piece.adjacency_begin[i + 1]; ++k)
-      if (!holds(vertices, piece.vertices[piece.adjacency[k]])) cut.adjacency.push_back(piece.adjacency[k]);
-    cut.adjacency_begin.push_back(static_cast<std::uint32_t>(cut.adjacency.size()));
+  if (!cut.table) return std::make_shared<const Piece>(cut);
+  DirectionTable table = *cut.table;
+  const auto gone = [&](std::uint32_t i) { return holds(vertices, piece.vertices[i]); };
+  std::uint32_t other = 0;
+  while (gone(other)) ++other;
+  for (std::size_t at = 0; at < table.lists.size(); at += 1 + table.lists[at]) {
+    const auto begin = table.lists.begin() + static_cast<std::ptrdiff_t>(at) + 1, end = begin + table.lists[at];
+    const auto kept = std::find_if_not(begin, end, gone);
+    std::replace_if(begin, end, gone, kept == end ? other : *kept);
   }
-  return std::make_shared<const Piece>(cut);
-}
-
-/// The piece without any edges: supports by scan or tree alone.
-inline PiecePtr without_edges(const Piece& piece) {
-  Piece cut = piece;
-  cut.adjacency.clear();
-  cut.adjacency_begin.clear();
-  return std::make_shared<const Piece>(cut);
-}
-
-/// The piece without edges, and without `vertices` in its bounding tree, though they are still vertices.
-inline PiecePtr without_tree_entries_of(const Piece& piece, const std::vector<Vec3d>& vertices) {
-  Piece cut = *without_edges(piece);
-  if (!cut.tree) return std::make_shared<const Piece>(cut);
-  SupportTree tree = *cut.tree;
-  const auto kept = static_cast<std::size_t>(
-      std::find_if(tree.points.begin(), tree.points.end(), [&](const Vec3d& v) { return !holds(vertices, v); }) -
-      tree.points.begin());
-  for (std::size_t i = 0; i < tree.points.size(); ++i)
-    if (holds(vertices, tree.points[i])) tree.points[i] = tree.points[kept], tree.order[i] = tree.order[kept];
-  cut.tree = std::make_shared<const SupportTree>(std::move(tree));
+  cut.table = std::make_shared<const DirectionTable>(std::move(table));
   return std::make_shared<const Piece>(cut);
 }
 

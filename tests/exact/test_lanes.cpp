@@ -50,7 +50,6 @@ TEST_P(Lanes, GiveTheBitsOfOnePairAlone) {
   for (const CaseClass& cls : case_classes())
     for (int i = 0; i < kCases; ++i) {
       const Case c = make_case(cls, 5, static_cast<std::uint64_t>(i));
-      if (c.a->vertices.size() > kLaneVertices || c.b->vertices.size() > kLaneVertices) continue;
       const PiecePtr a = make_piece(c.a->vertices, c.a->radius), b = make_piece(c.b->vertices, c.b->radius);
       Random random(static_cast<std::uint64_t>(i));
       const std::vector<Placed> placed = placements(c, random);

@@ -1,0 +1,11 @@
+// Plain loops compiled for several instruction sets, the right one chosen when the program starts.
+#pragma once
+
+// No set fuses or reorders anything (-ffp-contract=off, one lane one sum), so all give the same bits. Sanitizers run before
+// such a choice can.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
+#define CLEARANCE_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define CLEARANCE_CLONES
+#endif
