@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test demo bench certify tradeoff clean
+.PHONY: help setup build test demo bench bench-peers certify tradeoff clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -26,6 +26,11 @@ demo: build  ## 19 moving bodies asked about through all three transports; out/d
 
 bench: build  ## latency and throughput of every transport: out/latency.csv
 	@$(PYTHON_VENV) tools/bench.py
+
+bench-peers:  ## ours beside Coal, FCL and Bullet, which it installs: times and errors; rewrites docs/performance.*
+	@tools/setup.sh tools/peers_packages.txt
+	@tools/build.sh release clearance-peers-export clearance-peers-ours
+	@$(PYTHON_VENV) tools/bench_peers.py
 
 certify: setup  ## a million pairs of every hard class against exact arithmetic; rewrites docs/results/accuracy.csv
 	@tools/build.sh release clearance-certify

@@ -2,10 +2,12 @@
 # Installs what the build, the tests and the demo need: Debian packages through apt, Python packages into .venv.
 # Only what is missing is installed; a second run changes nothing, and needs neither root nor a network.
 #
+#   tools/setup.sh LIST...              the Debian packages of other lists, too
 #   PYTHON=python3.12 tools/setup.sh    another Python than python3
 #   CLEARANCE_APT=0 tools/setup.sh      leave apt alone (the packages come from elsewhere)
 set -euo pipefail
 . "$(dirname "$0")/step.sh"
+lists=(tools/packages.txt "$@")
 
 python=${PYTHON:-python3}
 command -v "$python" >/dev/null || die "no $python on this machine; install it (apt-get install python3) or set PYTHON"
@@ -22,7 +24,7 @@ system_python() { "$python" -c 'import sys; print("python%d.%d" % sys.version_in
 
 missing_packages() {
   local name
-  sed 's/#.*//' tools/packages.txt | while read -r name; do
+  sed 's/#.*//' "${lists[@]}" | while read -r name; do
     [ -n "$name" ] || continue
     [ "$(dpkg-query -W -f '${db:Status-Status}' "$name" 2>/dev/null)" = installed ] || echo "$name"
   done

@@ -1,0 +1,92 @@
+// clearance-peers-ours: the engine as a contender: whole batches through its public interface, one thread, with bounds,
+// witness points and normals.
+#include "contender.h"
+#include "driver.h"
+
+namespace clearance {
+namespace {
+
+class Ours {
+ public:
+  explicit Ours(const peers::Problem& p)
+      : p_(p), engine_(scene_of(p, 0), one_thread()), pairs_(pairs_of(p)), moved_(moved_bodies(p)) {
+    for (std::uint64_t k = 0; k < p.configurations; ++k)
+      for (const std::uint32_t b : moved_) poses_.push_back(pose_of(p, k, b));
+    const bool steps = p.kind == peers::Kind::kMotion;
+    const std::size_t rows = pairs_.size() * (steps ? 1 : p.configurations);
+    lower_.resize(rows), upper_.resize(rows), status_.resize(rows);
+    points_a_.resize(3 * rows), points_b_.resize(3 * rows), normals_.resize(3 * rows);
+  }
+
+  static std::vector<std::string> settings(peers::Kind kind) {
+    if (kind == peers::Kind::kMotion) return {"f64 warm", "f32 warm", "f64", "f32"};
+    return {"f64", "f32"};
+  }
+
+  void pass(const std::string& setting, double* answers) {
+    QueryView query;
+    query.all_pairs = false;
+    query.pairs = pairs_;
+    query.max_distance = p_.max_distance;
+    query.signed_distance = p_.kind == peers::Kind::kDepth;
+    query.precision = setting.starts_with("f32") ? Precision::kF32 : Precision::kF64;
+    query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
+    query.warm_slot = setting.ends_with("warm") ? (query.precision == Precision::kF32 ? 2 : 1) : 0;
+    if (p_.kind == peers::Kind::kMotion) {
+      std::vector<BodyPose> poses(moved_.size());
+      for (std::uint64_t k = 0; k < p_.configurations; ++k) {
+        for (std::size_t i = 0; i < moved_.size(); ++i) poses[i] = {moved_[i], poses_[k * moved_.size() + i]};
+        engine_.set_poses(poses);
+        ask(query, answers + k * pairs_.size());
+      }
+    } else {
+      if (p_.configurations > 1) {
+        query.configuration_count = static_cast<std::uint32_t>(p_.configurations);
+        query.bodies = moved_;
+        query.configurations = poses_;
+      }
+      ask(query, answers);
+    }
+  }
+
+ private:
+  static Engine::Options one_thread() {
+    Engine::Options options;
+    options.threads = 1;
+    return options;
+  }
+
+  void ask(const QueryView& query, double* distance) {
+    ReplyView reply;
+    reply.distance = distance;
+    reply.lower = lower_.data(), reply.upper = upper_.data(), reply.status = status_.data();
+    reply.point_a = points_a_.data(), reply.point_b = points_b_.data(), reply.normal = normals_.data();
+    Job job = engine_.start(query, reply);
+    while (!job.advance()) {
+    }
+  }
+
+  const peers::Problem& p_;
+  Engine engine_;
+  std::vector<BodyPair> pairs_;
+  std::vector<std::uint32_t> moved_;
+  std::vector<Pose> poses_;  // (K, moved)
+  std::vector<double> lower_, upper_, points_a_, points_b_, normals_;
+  std::vector<std::uint8_t> status_;
+};
+
+}  // namespace
+}  // namespace clearance
+
+int main(int argc, char** argv) {
+  try {
+    if (argc != 2) throw std::runtime_error("usage: see driver.h; the first form only");
+    const peers::Problem p = peers::read_problem(argv[1]);
+    clearance::Ours ours(p);
+    return peers::serve(p, clearance::Ours::settings(p.kind),
+                        [&](const std::string& s, double* out) { ours.pass(s, out); });
+  } catch (const std::exception& e) {
+    std::cerr << "clearance-peers-ours: " << e.what() << '\n';
+    return 2;
+  }
+}

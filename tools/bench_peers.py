@@ -1,0 +1,428 @@
+#!/usr/bin/env python3
+"""Clearance beside Coal, FCL and Bullet: the very same vertices and poses, timed side by side and judged in the same run.
+
+    tools/bench_peers.py                     time every workload, then count wrong answers in every class of hard cases
+    tools/bench_peers.py --workload cell     some workloads only (repeat, or a part of the name); classes are left out
+    tools/bench_peers.py --classes           the classes only
+    tools/bench_peers.py --pages             only write the pages from the CSV files
+    tools/bench_peers.py --check             only say whether the pages show them (exit code 1 if not)
+
+Builds the peers in build/peers (Coal in a Python environment of its own there), asks each in a process of its own, and
+writes docs/results/peers_timing.csv, peers_accuracy.csv, docs/performance.{md,png} and the peers' table of docs/accuracy.md.
+A workload that is not asked for keeps its rows.
+"""
+import argparse
+import csv
+import datetime
+import os
+import statistics
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+BUILD = ROOT / "build/peers"
+PROBLEMS = ROOT / "out/peers"
+EXPORT = ROOT / "build/bin/clearance-peers-export"
+CONTENDERS = {
+    "Clearance": ROOT / "build/bin/clearance-peers-ours",
+    "Coal": BUILD / "coal/peer",
+    "FCL": BUILD / "fcl/peer",
+    "Bullet": BUILD / "bullet/peer",
+    "Bullet f32": BUILD / "bullet/peer_f32",
+}
+CELL_CONFIGURATIONS = 4096
+RIGHT = 1e-5  # a peer's setting counts if its worst relative error in the run is below
+
+
+def run(command, **kwargs):
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, **kwargs)
+    if done.returncode:
+        sys.exit(f"bench_peers: {' '.join(str(p) for p in command)}\n{done.stdout[-3000:]}{done.stderr[-3000:]}")
+    return done.stdout
+
+
+def set_up():
+    """Builds each peer as a project of its own. Coal's prefix holds other versions of what FCL is linked with."""
+    venv, wanted = BUILD / "venv", ROOT / "tests/peers/coal/requirements.txt"
+    stamp = venv / "installed"
+    if not stamp.exists() or stamp.read_text() != wanted.read_text():
+        print("Install Coal into build/peers/venv ...", flush=True)
+        run([sys.executable, "-m", "venv", "--clear", venv])
+        run([venv / "bin/python", "-m", "pip", "install", "--disable-pip-version-check", "-r", wanted])
+        stamp.write_text(wanted.read_text())
+    prefix = next(venv.glob("lib/python3*/site-packages/cmeel.prefix"))
+    for peer in ("coal", "fcl", "bullet"):
+        print(f"Build {peer}'s program ...", flush=True)
+        where = [f"-DCMAKE_PREFIX_PATH={prefix}"] if peer == "coal" else []
+        run(["cmake", "-S", ROOT / "tests/peers" / peer, "-B", BUILD / peer, "-G", "Ninja", *where])
+        run(["cmake", "--build", BUILD / peer])
+
+
+def versions():
+    coal = run([BUILD / "venv/bin/python", "-m", "pip", "show", "coal"]).split("Version: ")[1].split()[0]
+    debian = [run(["dpkg-query", "-W", "-f", "${source:Upstream-Version}", p]) for p in ("libfcl-dev", "libbullet-dev")]
+    return f"Coal {coal}, FCL {debian[0]}, Bullet {debian[1]}"
+
+
+def machine():
+    model = next((line.split(": ")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "?")
+    return f"{model} x{os.cpu_count()}, {datetime.date.today()}"
+
+
+# ---- problems ------------------------------------------------------------------------------------------------------------
+
+class Problem:
+    """A file of tests/peers/problem.h; read here is only what answers are judged by."""
+
+    def __init__(self, kind, name, count=0):
+        self.name, self.path = name, PROBLEMS / f"{name}.bin"
+        PROBLEMS.mkdir(parents=True, exist_ok=True)
+        if not self.path.exists() or self.path.stat().st_mtime < EXPORT.stat().st_mtime:
+            extra = link_poses() if name == "cell" else []
+            extra += ["--count", count] if kind == "class" else []
+            run([EXPORT, f"--{kind}", name, "--scenes", ROOT / "scenes", "--out", self.path, *extra])
+        with open(self.path, "rb") as f:
+            kind, self.max_distance = struct.unpack("<8xId", f.read(20))
+            self.depth = kind == 2
+            self.truth, self.scale = (np.fromfile(f, count=np.fromfile(f, np.uint64, 1)[0]) for _ in range(2))
+        self.count = len(self.truth)
+
+    def errors(self, answers):
+        """Error beyond 16 eps S, relative, of each answer whose truth is known; inf where there is none."""
+        known = ~np.isnan(self.truth) & ~(self.truth > self.max_distance)
+        truth, answers, scale = self.truth[known], answers[known], self.scale[known]
+        if not self.depth:
+            truth, answers = np.maximum(truth, 0), np.maximum(answers, 0)
+        error = np.abs(answers - truth)
+        error[np.isnan(error)] = np.inf
+        beyond = np.maximum(error - 16 * np.finfo(float).eps * scale, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.where(beyond == 0, 0, beyond / np.abs(truth))
+        return error, relative, scale
+
+
+def link_poses():
+    """Random joint angles about the cell's home position, by the cell's own arm.py."""
+    sys.path.insert(0, str(ROOT / "scenes/cell"))
+    import arm
+    turns = np.random.default_rng(1).uniform(-90, 90, (CELL_CONFIGURATIONS, len(arm.HOME)))
+    poses = [arm.link_poses(np.array(arm.HOME) + t) for t in turns]
+    path = PROBLEMS / "links.bin"
+    np.array([list(p.values()) for p in poses]).tofile(path)
+    return ["--links", ",".join(poses[0]), "--link-poses", path]
+
+
+# ---- timing --------------------------------------------------------------------------------------------------------------
+
+class Contender:
+    """A contender's program on one problem."""
+
+    def __init__(self, name, problem):
+        self.name = name
+        self.log = open(PROBLEMS / "stderr.txt", "w+")
+        self.process = subprocess.Popen([CONTENDERS[name], problem.path], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                        stderr=self.log, text=True, bufsize=1)
+        line = self.process.stdout.readline().rstrip("\n").split("\t")
+        self.settings = line[1:]  # none if it refused the problem
+        if not self.settings:
+            self.log.seek(0)
+            self.refusal = self.log.read().strip().split(": ", 1)[-1]
+
+    def _ask(self, line):
+        self.process.stdin.write(line + "\n")
+        answer = self.process.stdout.readline()
+        if not answer:
+            raise RuntimeError(f"{self.name} ended on \"{line}\"")
+        return answer
+
+    def time(self, setting, seconds):
+        return float(self._ask(f"time {seconds} {setting}").split()[1])
+
+    def answers(self, setting):
+        path = PROBLEMS / "answers.bin"
+        self._ask(f"write {path} {setting}")
+        return np.fromfile(path)
+
+    def close(self):
+        self.process.stdin.close()
+        self.process.wait()
+        self.log.close()
+
+
+def time_workload(problem, what, rounds, seconds):
+    contenders = [Contender(name, problem) for name in CONTENDERS]
+    asked = [(c, s) for c in contenders for s in c.settings]
+    load = os.getloadavg()[0]
+    times = {key: [] for key in asked}
+    for k in range(rounds + 1):
+        for c, s in asked if k % 2 else reversed(asked):
+            t = c.time(s, seconds)
+            if k > 0:  # the first round warms up
+                times[c, s].append(t)
+    rows = []
+    for c, s in asked:
+        ns = [1e9 * t / problem.count for t in times[c, s]]
+        error, relative, _ = problem.errors(c.answers(s))
+        rows.append({"workload": problem.name, "what": what, "pairs": problem.count, "contender": c.name, "setting": s,
+                     "ns_median": f"{statistics.median(ns):.4g}", "ns_least": f"{min(ns):.4g}", "ns_most": f"{max(ns):.4g}",
+                     "worst_relative_error": f"{relative.max():.2g}", "worst_error_m": f"{error.max():.2g}",
+                     "rounds": rounds, "load": f"{load:.1f}"})
+    for c in contenders:
+        if not c.settings:
+            rows.append({"workload": problem.name, "what": what, "pairs": problem.count, "contender": c.name,
+                         "setting": f"refused: {c.refusal}"[:80]})
+        c.close()
+    # Ratios round by round, so that another program's load falls on both sides of them.
+    ours = {s: times[c, s] for c, s in asked if c.name == "Clearance"}
+    for (c, s), r in zip(asked, rows):
+        for precision in ("f64", "f32"):
+            mine = ours.get(f"{precision} warm", ours[precision])
+            r[f"over_ours_{precision}"] = f"{statistics.median(t / m for t, m in zip(times[c, s], mine)):.3g}"
+    return rows
+
+
+def best(rows, contender):
+    """The contender's fastest setting that is right, or its fastest if none is; and whether it is right."""
+    mine = [r for r in rows if r["contender"] == contender and r.get("ns_median")]
+    right = [r for r in mine if float(r["worst_relative_error"]) < RIGHT]
+    rows = right or mine
+    return (min(rows, key=lambda r: float(r["ns_median"])), bool(right)) if rows else (None, False)
+
+
+def show(rows):
+    print(f"\n{rows[0]['what']} ({rows[0]['pairs']} pairs a pass, load {rows[0]['load']})")
+    for r in rows:
+        if not r.get("ns_median"):
+            print(f"  {r['contender']:11} {r['setting']}")
+            continue
+        chosen, right = best(rows, r["contender"])
+        mark = "*" if r is chosen and right else " "
+        print(f" {mark}{r['contender']:11} {r['setting']:22} {float(r['ns_median']):11.0f} ns "
+              f"[{float(r['ns_least']):.0f}, {float(r['ns_most']):.0f}]   error {float(r['worst_relative_error']):8.1e}   "
+              f"{float(r['over_ours_f64']):7.2f} x ours f64 {float(r['over_ours_f32']):7.2f} x f32", flush=True)
+
+
+# ---- classes -------------------------------------------------------------------------------------------------------------
+
+HARD = {"Clearance": ["f64"], "Coal": ["default", "default 1e-12"], "FCL": ["libccd signed"], "Bullet": ["gjk epa"],
+        "Bullet f32": ["gjk epa"]}
+PATIENCE_S = 10  # for one answer
+
+
+def answer_one_by_one(contender, problem, setting):
+    """(answers, crashes, hangs): a pair that ends the program is passed over, and another process goes on."""
+    path = PROBLEMS / "answers.bin"
+    path.unlink(missing_ok=True)
+    path.touch()
+    ends = {"crash": 0, "hang": 0}
+    done = lambda: path.stat().st_size // 8
+    while done() < problem.count:
+        process = subprocess.Popen([CONTENDERS[contender], problem.path, path, setting, str(done())],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        before, end = done(), "crash"
+        while True:
+            try:
+                process.wait(PATIENCE_S)
+                break
+            except subprocess.TimeoutExpired:
+                if done() == before:
+                    process.kill()
+                    end = "hang"
+                before = done()
+        if done() < problem.count:
+            with open(path, "ab") as f:
+                f.write(struct.pack("<d", float("nan")))
+            ends[end] += 1
+    return np.fromfile(path), ends["crash"], ends["hang"]
+
+
+def try_class(name, count):
+    problem, rows = Problem("class", name, count), []
+    for contender, settings in HARD.items():
+        for setting in settings:
+            if contender == "Clearance":
+                c = Contender(contender, problem)
+                answers, crashes, hangs = c.answers(setting), 0, 0
+                c.close()
+            else:
+                answers, crashes, hangs = answer_one_by_one(contender, problem, setting)
+            error, relative, scale = problem.errors(answers)
+            given = ~np.isnan(answers)
+            wrong, gross = relative[given] > 1e-6, relative[given] > 1e-3
+            rows.append({"class": name, "contender": contender, "setting": setting, "cases": problem.count,
+                         "refused": int((~given).sum()) - crashes - hangs, "crashed": crashes, "hung": hangs,
+                         "wrong": int(wrong.sum()), "grossly_wrong": int(gross.sum()),
+                         "apart_called_touching": int(((answers <= 0) & (problem.truth > 16 * 2**-52 * problem.scale)).sum()),
+                         "worst_relative_error": f"{relative[given].max(initial=0):.2g}",
+                         "worst_error_over_size": f"{(error / scale)[given].max(initial=0):.2g}"})
+    return rows
+
+
+# ---- pages ---------------------------------------------------------------------------------------------------------------
+
+def read_csv(path):
+    if not path.exists():
+        return "", []
+    with open(path, newline="") as f:
+        remark = f.readline().lstrip("# ").strip()
+        return remark, list(csv.DictReader(f))
+
+
+def write_csv(path, remark, rows):
+    with open(path, "w", newline="") as f:
+        f.write(f"# {remark}\n")
+        columns = list(dict.fromkeys(key for row in rows for key in row))
+        writer = csv.DictWriter(f, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def grouped(rows, key):
+    groups = {}
+    for row in rows:
+        groups.setdefault(row[key], []).append(row)
+    return groups
+
+
+def replace_table(page, name, text, check):
+    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
+    old = page.read_text()
+    head, rest = old.split(begin)
+    new = f"{head}{begin}\n{text}\n{end}{rest.split(end)[1]}"
+    if check and new != old:
+        sys.exit(f"{page} does not show what docs/results has: run tools/bench_peers.py --pages")
+    page.write_text(new) if new != old else None
+
+
+def nanoseconds(value):
+    return f"{value:,.0f} ns" if value < 1e4 else f"{value / 1e3:,.1f} us" if value < 1e7 else f"{value / 1e6:,.1f} ms"
+
+
+def figure(row):
+    error = float(row["worst_relative_error"])
+    return "0" if error == 0 else f"{error:.0e}"
+
+
+def timing_table(remark, groups):
+    lines = ["| work | ours, float64 | ours, float32 | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|--:|"]
+    for rows in groups.values():
+        cells = [rows[0]["what"]]
+        for precision in ("f64", "f32"):
+            mine = [r for r in rows if r["contender"] == "Clearance" and r["setting"].startswith(precision)]
+            r = mine[0]
+            cells.append(f"{nanoseconds(float(r['ns_median']))} ({figure(r)})")
+        for contender in ("Coal", "FCL", "Bullet"):
+            r, right = best(rows, contender)
+            if r is None:
+                cells.append("refused")
+                continue
+            ratio = float(r["over_ours_f64"])
+            cells.append(f"{nanoseconds(float(r['ns_median']))} ({figure(r)}), "
+                         + (f"**{ratio:.2g}x**" if right else f"{ratio:.2g}x, *wrong*"))
+        lines.append("| " + " | ".join(cells) + " |")
+    return f"From `docs/results/peers_timing.csv` ({remark}):\n\n" + "\n".join(lines)
+
+
+def draw(groups, path):
+    import matplotlib
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    names = ["Clearance f64", "Clearance f32", "Coal", "FCL", "Bullet"]
+    figure, axes = plt.subplots(figsize=(11, 6), layout="constrained")
+    for i, name in enumerate(names):
+        heights = []
+        for rows in groups.values():
+            if name.startswith("Clearance"):
+                r = next(r for r in rows if r["contender"] == "Clearance" and r["setting"].startswith(name[-3:]))
+                heights.append(float(r["ns_median"]))
+            else:
+                r, right = best(rows, name)
+                heights.append(float(r["ns_median"]) if right else float("nan"))
+        axes.barh([k + (i - 2) * 0.16 for k in range(len(groups))], heights, 0.16, label=name)
+    axes.set_yticks(range(len(groups)), [rows[0]["what"] for rows in groups.values()])
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    axes.set_xlabel("ns per pair, one thread; a peer's fastest setting that is right to 1e-5 (no bar: none is)")
+    axes.grid(axis="x", alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=100)
+
+
+def share(count, cases):
+    return "0" if not count else f"{100 * count / cases:.2g} %" if count < cases else "all"
+
+
+def accuracy_table(remark, rows):
+    tried = list(dict.fromkeys((r["contender"], r["setting"]) for r in rows))
+    label = {"Clearance": "ours", "Bullet": "Bullet float64", "Bullet f32": "Bullet float32"}
+    names = [label.get(c, f"{c} {s}" if c == "Coal" else c) for c, s in tried]
+    lines = ["| class | " + " | ".join(names) + " |", "|---|" + "--:|" * len(tried)]
+    groups = grouped(rows, "class")
+    for name in [*groups, None]:
+        cells = [f"`{name}`" if name else "**all**"]
+        for who in tried:
+            mine = [r for r in rows if (r["contender"], r["setting"]) == who and name in (None, r["class"])]
+            total = lambda *keys: sum(int(r[k]) for r in mine for k in keys)
+            cases, none = total("cases"), total("refused", "crashed", "hung")
+            cells.append(" / ".join(share(x, cases) for x in (total("wrong"), total("grossly_wrong"), none)))
+        lines.append("| " + " | ".join(cells) + " |")
+    return (f"From `docs/results/peers_accuracy.csv` ({remark}); of all cases: wrong by more than 1e-6 + 16 eps S / by more "
+            "than 1e-3 / without an answer (refused, crashed or hung):\n\n" + "\n".join(lines))
+
+
+def write_pages(check=False):
+    remark, rows = read_csv(TIMING)
+    if rows:
+        groups = grouped(rows, "workload")
+        replace_table(ROOT / "docs/performance.md", "peers timing", timing_table(remark, groups), check)
+        if not check:
+            draw(groups, ROOT / "docs/performance.png")
+    remark, rows = read_csv(ACCURACY)
+    if rows:
+        replace_table(ROOT / "docs/accuracy.md", "peers accuracy", accuracy_table(remark, rows), check)
+
+
+TIMING = ROOT / "docs/results/peers_timing.csv"
+ACCURACY = ROOT / "docs/results/peers_accuracy.csv"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--workload", action="append", default=[], help="only those whose names hold this")
+    parser.add_argument("--classes", action="store_true", help="only the classes of hard cases")
+    parser.add_argument("--pages", action="store_true", help="only write the pages anew")
+    parser.add_argument("--check", action="store_true", help="only say whether the pages are up to date")
+    parser.add_argument("--rounds", type=int, default=7, help="timed, after one that is not")
+    parser.add_argument("--seconds", type=float, default=0.1, help="least time of one measurement")
+    parser.add_argument("--cases", type=int, default=200, help="of each class")
+    options = parser.parse_args()
+    os.chdir(ROOT)
+    if not (options.pages or options.check):
+        set_up()
+        listed = [line.split("\t") for line in run([EXPORT, "--list"]).splitlines()]
+        where = f"{machine()}, {versions()}"
+        if not options.classes:
+            _, old = read_csv(TIMING)
+            kept = grouped(old, "workload")
+            for _, name, what in (x for x in listed if x[0] == "workload"):
+                if options.workload and not any(w in name for w in options.workload):
+                    continue
+                kept[name] = time_workload(Problem("workload", name), what, options.rounds, options.seconds)
+                show(kept[name])
+                order = [x[1] for x in listed if x[1] in kept]
+                write_csv(TIMING, f"{where}, one thread", [r for name in order for r in kept[name]])
+        if not options.workload:
+            rows = []
+            for _, name, _ in (x for x in listed if x[0] == "class"):
+                print(f"class {name} ...", flush=True)
+                rows += try_class(name, options.cases)
+                write_csv(ACCURACY, f"{options.cases} cases of each class, seed 1, {versions()}", rows)
+    write_pages(options.check)
+
+
+if __name__ == "__main__":
+    main()
