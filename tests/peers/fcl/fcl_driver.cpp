@@ -73,19 +73,21 @@ class FclPeer {
 
  private:
   double ask(const Geometry& a, const Transform& at_a, const Geometry& b, const Transform& at_b) {
-    if (collide_) {
+    // Of two spheres FCL knows distance and depth in closed form, but its signed distance iterates.
+    const bool spheres = a.moved && b.moved;
+    if (collide_ || spheres) {
       fcl::CollisionResultd result;
       fcl::collide(a.shape.get(), at_a, b.shape.get(), at_b, contacts_, result);
-      if (!result.isCollision()) return 0;
-      return -result.getContact(0).penetration_depth - a.radius - b.radius;
+      if (result.isCollision()) return -result.getContact(0).penetration_depth - a.radius - b.radius;
+      if (collide_) return 0;
     }
     fcl::DistanceResultd result;
-    fcl::distance(a.shape.get(), at_a, b.shape.get(), at_b, request_, result);
+    fcl::distance(a.shape.get(), at_a, b.shape.get(), at_b, spheres ? plain_ : request_, result);
     return result.min_distance - a.radius - b.radius;
   }
 
   bool collide_;
-  fcl::DistanceRequestd request_;
+  fcl::DistanceRequestd request_, plain_{true};
   fcl::CollisionRequestd contacts_;
 };
 
