@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test demo bench bench-peers certify tradeoff clean
+.PHONY: help setup build test demo bench bench-peers certify tradeoff gpu-test gpu-bench clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -41,6 +41,14 @@ tradeoff: setup  ## time against accuracy for every setting of a query; rewrites
 	@tools/build.sh release clearance-tradeoff
 	@build/bin/clearance-tradeoff --csv docs/results/tradeoff.csv
 	@$(PYTHON_VENV) tools/tradeoff.py
+
+gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
+	@tools/build.sh release test_cuda_backend test_cuda_classes test_engine clearance-gpu-bench
+	@tools/gpu.sh test
+
+gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine: out/gpu.csv
+	@tools/build.sh release clearance-gpu-bench
+	@tools/gpu.sh bench
 
 clean:  ## remove build folders and out/ (.venv stays)
 	@rm -rf build build-* out

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <stdexcept>
 
+#include "cuda/device_job.h"
 #include "job.h"
 #include "plan.h"
 #include "pose_store.h"
@@ -21,6 +22,7 @@ struct Engine::Impl {
   bool reference = false;
   const LaneKernel* lanes = nullptr;
   bool light = false;
+  std::unique_ptr<cuda::DeviceBackend> device;
   PoseStore poses;
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0};
@@ -37,13 +39,18 @@ std::vector<std::string> Engine::instruction_sets() {
   for (const LaneKernel& k : lane_kernels()) names.emplace_back(k.name);
   return names;
 }
-std::vector<std::string> Engine::backends() { return {"cpu", "reference"}; }
+std::vector<std::string> Engine::backends() {
+  std::vector<std::string> names{"cpu", "reference"};
+  if (cuda::device_info().present) names.push_back("cuda");
+  return names;
+}
 
 Engine::Engine(Scene scene, const Options& options) {
   const std::vector<std::string> known = backends();
   if (options.backend != "auto" && std::find(known.begin(), known.end(), options.backend) == known.end()) {
-    if (options.backend == "cuda") throw std::runtime_error("backend 'cuda' is not in this build; there are: auto, cpu, reference");
-    throw std::invalid_argument("backend: expected auto, cpu or reference, got '" + options.backend + "'");
+    if (options.backend == "cuda")
+      throw std::runtime_error("backend 'cuda' is not there (" + cuda::device_info().reason + "); there are: auto, cpu, reference");
+    throw std::invalid_argument("backend: expected auto, cpu, cuda or reference, got '" + options.backend + "'");
   }
   if (options.threads < 0 || options.threads > 4096)
     throw std::invalid_argument("threads: expected 0 (all cores) to 4096, got " + std::to_string(options.threads));
@@ -54,6 +61,7 @@ Engine::Engine(Scene scene, const Options& options) {
   impl_->light = !impl_->reference && std::all_of(bodies.begin(), bodies.end(), [](const Body& b) {
     return b.pieces.size() == 1;
   });
+  if (options.backend == "cuda") impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene);
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
 }
 
@@ -61,7 +69,7 @@ Engine::~Engine() = default;
 
 const Scene& Engine::scene() const { return impl_->scene; }
 std::uint64_t Engine::scene_revision() const { return impl_->poses.snapshot()->scene_revision; }
-std::string_view Engine::backend() const { return impl_->reference ? "reference" : "cpu"; }
+std::string_view Engine::backend() const { return impl_->reference ? "reference" : impl_->device ? "cuda" : "cpu"; }
 std::string_view Engine::instruction_set() const { return impl_->lanes->name; }
 std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
 
@@ -105,7 +113,8 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
                                                       " rows and there is room for " + std::to_string(reply.rows) +
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
-  const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, impl_->lanes, impl_->light, &impl_->pairs_evaluated};
+  const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, impl_->lanes, impl_->light, &impl_->pairs_evaluated,
+                           impl_->device.get()};
   return Job(make_job(context, std::move(plan), reply));
 }
 
@@ -117,7 +126,7 @@ Counters Engine::stats() const {
       ++pieces;
       vertices += piece->vertices.size();
     }
-  return {{"engine.bodies", impl_->scene.bodies().size()},
+  Counters counters{{"engine.bodies", impl_->scene.bodies().size()},
           {"engine.pieces", pieces},
           {"engine.vertices", vertices},
           {"engine.pairs", snapshot->pairs->size()},
@@ -127,6 +136,8 @@ Counters Engine::stats() const {
           {"engine.pose_revision", snapshot->revision},
           {"engine.pose_updates", impl_->pose_updates},
           {"engine.bad_poses", impl_->bad_poses}};
+  if (impl_->device) impl_->device->append(counters);
+  return counters;
 }
 
 Job::Job(std::unique_ptr<State> state) : state_(std::move(state)) {}

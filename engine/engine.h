@@ -69,7 +69,7 @@ class Job {
 class Engine {
  public:
   struct Options {
-    std::string backend = "auto";  ///< "auto", "cpu", or "reference" (brute force, the fast path's oracle)
+    std::string backend = "auto";  ///< "auto", "cpu", "cuda", or "reference" (brute force, the fast path's oracle)
     int threads = 0;               ///< 0: all cores
     /// Of the CPU's SIMD lanes: "auto", "avx512", "avx2", "baseline". Only speed depends on it, not one bit of an answer.
     std::string instruction_set = "auto";

@@ -4,6 +4,7 @@
 
 #include "broad_phase.h"
 #include "columns.h"
+#include "cuda/device_job.h"
 #include "parallel_job.h"
 #include "reduction.h"
 
@@ -183,6 +184,10 @@ class ReducedJob final : public ParallelJob {
 }  // namespace
 
 std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply) {
+  if (context.device) {
+    if (plan.query.reduce == Reduce::kNone) return cuda::make_device_job(context, std::move(plan), reply);
+    context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
+  }
   if (plan.query.reduce == Reduce::kNone) return std::make_unique<DenseJob>(context, std::move(plan), reply);
   return std::make_unique<ReducedJob>(context, std::move(plan), reply);
 }

@@ -12,6 +12,10 @@
 
 namespace clearance {
 
+namespace cuda {
+class DeviceBackend;  // engine/cuda/device_job.h
+}
+
 /// What the engine gives each job.
 struct JobContext {
   const Scene* scene;
@@ -20,6 +24,7 @@ struct JobContext {
   const LaneKernel* lanes;
   bool light;                 ///< all bodies are single pieces: a pair takes well under 1 us, not 10
   std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
+  cuda::DeviceBackend* device = nullptr;        ///< null: the CPU alone
 };
 
 struct Job::State {

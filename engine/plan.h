@@ -18,6 +18,7 @@ class PairList {
 
   bool is_whole_table() const { return table_ != nullptr; }
   const PairTable* table() const { return table_.get(); }
+  std::span<const BodyPair> list() const { return pairs_; }  ///< of an explicit list
   std::uint64_t size() const { return table_ ? table_->size() : pairs_.size(); }
   BodyPair at(std::uint64_t position) const;
   /// The pairs at [begin, begin + count); `room` serves where they are not stored.

@@ -1,6 +1,7 @@
 // The engine as a whole: answers, reductions, slices, snapshots, attachments, each against brute force.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -504,7 +505,10 @@ TEST_P(EngineTest, AnAnswerLargerThanItsRoomIsRefused) {
 
 TEST(Engine, UnknownBackendsAreRefusedByName) {
   EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"gpu"}), std::invalid_argument);
-  EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"cuda"}), std::runtime_error);
+  const std::vector<std::string> there = Engine::backends();
+  if (std::find(there.begin(), there.end(), "cuda") == there.end()) {
+    EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"cuda"}), std::runtime_error);
+  }
   EXPECT_EQ(Engine(mixed_scene(4, 3, 1)).backend(), "cpu");
 }
 

@@ -89,7 +89,7 @@ TEST_F(Clearanced, ABadSceneEndsWith3AndItsSentence) {
 TEST_F(Clearanced, AnUnknownBackendEndsWith5BeforeTheSceneIsLoaded) {
   const Finished unknown = clearanced({"--scene", folder_ / "none.yaml", "--backend", "quantum"});
   EXPECT_EQ(unknown.code, 5);
-  EXPECT_EQ(sentence(unknown), "clearanced: backend: expected auto, cpu or reference, got 'quantum'");
+  EXPECT_EQ(sentence(unknown), "clearanced: backend: expected auto, cpu, cuda or reference, got 'quantum'");
 }
 
 TEST_F(Clearanced, AnEndpointThatCannotBeOpenedEndsWith4) {

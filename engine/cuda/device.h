@@ -1,0 +1,129 @@
+// A CUDA device with a scene resident in its memory, in words that need no CUDA: what the engine sees of it.
+//
+// Where the build has no CUDA, absent.cpp stands in for it and says so.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "engine/query.h"
+#include "layout.h"
+
+namespace clearance {
+class Scene;
+}
+
+namespace clearance::cuda {
+
+/// The device that the backend uses: the current one of this process.
+struct DeviceInfo {
+  bool present = false;
+  std::string name;    ///< "NVIDIA H100 80GB HBM3"
+  std::string reason;  ///< why there is none: "this build has no CUDA", or what the driver says
+};
+const DeviceInfo& device_info();
+
+/// Numbers that a device keeps about itself.
+struct DeviceCounters {
+  std::uint64_t scene_bytes = 0;      ///< geometry, uploaded once
+  std::uint64_t query_bytes = 0;      ///< device memory of queries, kept for the next ones
+  std::uint64_t pinned_bytes = 0;     ///< host memory of queries, likewise
+  std::uint64_t allocations = 0;      ///< how often either had to grow
+  std::uint64_t kernel_ns = 0;        ///< time in kernels, by the device's events
+  std::uint64_t launches = 0;         ///< chunks of pair-configurations
+};
+
+/// Lists of pairs in device memory: those of all chunks of a query, one chunk after another.
+class ResidentPairs {
+ public:
+  virtual ~ResidentPairs() = default;
+};
+
+/// A query's part that stays the same for all its chunks. Spans are copied from.
+struct QuerySetup {
+  Question question;
+  std::uint32_t fields = 0;  ///< columns that come back, Field bits
+  // The snapshot's bodies, as BodiesView has them.
+  std::span<const double> fixed;
+  std::span<const std::uint8_t> fixed_state;
+  std::uint32_t components = kPoseComponents;
+  // The moved ones, as MovesView has them. Empty without configurations.
+  std::uint32_t given_count = 0;
+  std::span<const std::uint32_t> moved_body, source, chain_begin, chain;
+  std::span<const Pose> own;
+  std::span<const BodyPlacement> base;
+  std::span<const std::uint8_t> has_base;
+  const ResidentPairs* pairs = nullptr;
+};
+
+/// One chunk: a run of rows that are consecutive in every column.
+struct ChunkSetup {
+  std::span<const Pose> given;             ///< (configurations, given_count)
+  std::uint32_t configurations = 1;
+  std::uint64_t first_configuration = 0;
+  std::uint32_t first_pair = 0;            ///< in QuerySetup::pairs
+  std::uint32_t pair_count = 0;            ///< rows of one configuration
+  std::uint32_t first_group = 0, group_count = 0;
+  std::uint32_t group_tiles = 0;           ///< tiles of those groups together
+  std::uint32_t strays = kNone;            ///< the group of pairs with hulls of their own; kNone: there are none
+  std::uint32_t stray_tiles = 0;
+  std::uint64_t rows() const { return std::uint64_t{configurations} * pair_count; }
+};
+
+/// What a chunk came to. Views are valid until the slot is launched again.
+struct ChunkResult {
+  ReplyView rows;                          ///< host memory, without what went to `direct` columns
+  std::span<const std::uint32_t> rest;     ///< rows that are not settled, in no order
+  std::uint64_t settled = 0;               ///< rows that the narrow phase answered
+};
+
+/// Memory and streams for one query at a time, with two chunks under way. Errors of the device are thrown as
+/// std::runtime_error.
+class Workspace {
+ public:
+  static constexpr int kSlots = 2;
+  virtual ~Workspace() = default;
+  virtual void begin(const QuerySetup& setup) = 0;
+  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once, from row 0 on; the others
+  /// (null) wait in the workspace.
+  virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;
+  /// Waits for a slot's chunk.
+  virtual ChunkResult finish(int slot) = 0;
+};
+
+class Device {
+ public:
+  virtual ~Device() = default;
+  /// Index of the body's hull on the device; kNone: the CPU answers its pairs.
+  virtual std::uint32_t hull_of(std::uint32_t body) const = 0;
+  /// Copies pairs to the device. \param position of each within its chunk.
+  virtual std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
+                                                      std::span<const Group> groups) = 0;
+  /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.
+  virtual std::shared_ptr<Workspace> borrow() = 0;
+  virtual DeviceCounters counters() const = 0;
+};
+
+/// Copies the scene's hulls to the device. Throws std::runtime_error with the device's reason.
+std::shared_ptr<Device> make_device(const Scene& scene);
+
+/// Whether the memory is pinned, so that the device can write to it.
+bool is_pinned(const void* memory);
+
+/// Pinned host memory: replies in it need no copy on the host.
+class PinnedMemory {
+ public:
+  explicit PinnedMemory(std::size_t bytes);
+  ~PinnedMemory();
+  PinnedMemory(const PinnedMemory&) = delete;
+  PinnedMemory& operator=(const PinnedMemory&) = delete;
+  std::byte* data() const { return data_; }
+
+ private:
+  std::byte* data_ = nullptr;
+};
+
+}  // namespace clearance::cuda

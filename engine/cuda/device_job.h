@@ -1,0 +1,62 @@
+// Queries answered by a device, with the CPU finishing what the device leaves open.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "device.h"
+#include "engine/engine.h"
+#include "engine/job.h"
+
+namespace clearance::cuda {
+
+/// How a query's pairs are dealt to chunks and groups. Made once for a pair table, and kept for the next query.
+struct PairDeal {
+  struct Part {                            ///< of the pairs: the rows of a chunk are `configurations` times this
+    std::uint64_t first = 0;               ///< position of its first pair in the query
+    std::uint32_t count = 0;
+    std::uint32_t first_pair = 0;          ///< in the device's list, where the CPU's pairs are left out
+    std::vector<std::uint32_t> on_cpu;     ///< positions within the part of pairs that are not on the device
+    struct Groups {
+      std::uint32_t first = 0, count = 0, tiles = 0, strays = kNone, stray_tiles = 0;
+    } whole, last;                         ///< for chunks of `configurations`, and for the last of a query
+  };
+  std::vector<Part> parts;
+  std::uint32_t configurations = 1;        ///< of one chunk
+  std::uint32_t last_configurations = 1;   ///< of the last one
+  std::shared_ptr<const ResidentPairs> resident;
+
+  // What it was made for.
+  std::shared_ptr<const PairTable> table;  ///< or:
+  std::vector<BodyPair> pairs;
+  std::vector<std::uint32_t> moved;
+  std::uint64_t all_configurations = 1;
+};
+
+/// The engine's device and what is kept between queries.
+class DeviceBackend {
+ public:
+  explicit DeviceBackend(const Scene& scene) : scene_(scene), device_(make_device(scene)) {}
+
+  Device& device() const { return *device_; }
+  /// How this plan's pairs are dealt: the last deal if it fits.
+  std::shared_ptr<const PairDeal> deal(const Plan& plan);
+  /// Adds what stats() shows.
+  void append(Counters& counters) const;
+
+  // What became of pair-configurations and queries.
+  std::atomic<std::uint64_t> settled{0}, finished_on_cpu{0}, queries{0}, queries_on_cpu{0};
+
+ private:
+  const Scene& scene_;
+  std::shared_ptr<Device> device_;
+  std::mutex mutex_;
+  std::shared_ptr<const PairDeal> last_;
+};
+
+/// A dense query on the device.
+std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan plan, const ReplyView& reply);
+
+}  // namespace clearance::cuda

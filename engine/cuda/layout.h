@@ -1,0 +1,97 @@
+// What host and device share: how a query's hulls, poses, pairs and answers lie in device memory.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/columns.h"
+#include "engine/placed.h"
+
+namespace clearance::cuda {
+
+/// A piece as the device knows it; its vertices are [first, first + count) of the scene's coordinate arrays.
+struct HullHead {
+  Vec3d centre, half;
+  double rho, radius, spread;
+  std::uint32_t first, count;
+};
+
+/// All hulls of the scene, in device memory.
+struct HullsView {
+  const HullHead* heads;
+  const double *x, *y, *z;
+  const std::uint32_t* of_body;  ///< (bodies,) index of the body's hull; kNone: not on the device
+};
+
+/// A body in a pair: its id, or kMovedBit and its place among the bodies that the query moves.
+inline constexpr std::uint32_t kMovedBit = 1u << 31;
+struct PairRef {
+  std::uint32_t a, b;
+};
+
+/// Pairs of the same two hulls, side by side in the list of pairs. Their pair-configurations are dealt to blocks in tiles:
+/// item i is pair i / configurations in configuration i % configurations, so that neighbouring threads read neighbouring
+/// poses.
+struct Group {
+  std::uint32_t hull_a, hull_b;  ///< kNone: each pair has hulls of its own
+  std::uint32_t first, count;    ///< pairs
+  std::uint32_t first_tile;
+};
+inline constexpr std::uint32_t kTile = 128;  ///< pair-configurations of one block
+
+/// Placed bodies, one component after another (R_wb by rows, t_w, box low, box high), so that neighbouring threads read
+/// neighbouring numbers: component c of the body at `index` is at c * stride + index.
+inline constexpr std::uint32_t kPoseComponents = 12, kBoxComponents = 6;
+/// A body's state: its Status in the low bits, then these.
+inline constexpr std::uint8_t kStateStatus = 15, kStateRenormalised = 16, kStateStale = 32;
+
+struct BodiesView {
+  const double* fixed;               ///< (components, bodies) where the snapshot has them
+  const std::uint8_t* fixed_state;   ///< (bodies,)
+  std::uint32_t bodies;
+  double* moved;                     ///< (moved, components, configurations) where the query has them
+  std::uint8_t* moved_state;         ///< (moved, configurations)
+  const std::uint32_t* moved_body;   ///< (moved,) ids
+  std::uint32_t moved_count;
+  std::uint32_t components;          ///< of each body: with or without boxes
+};
+
+/// How the moved bodies get their poses. Each follows a chain of moved bodies, from the top down to itself, under a body
+/// that stays (or the world).
+struct MovesView {
+  const Pose* given;                 ///< (configurations, given_count)
+  std::uint32_t given_count;
+  const std::uint32_t* source;       ///< (moved,) which of the given poses; kNone: `own`
+  const Pose* own;                   ///< (moved,) where the query gives none
+  const std::uint32_t* chain_begin;  ///< (moved + 1,)
+  const std::uint32_t* chain;        ///< places among the moved
+  const BodyPlacement* base;         ///< (moved,) the body that the chain's top follows
+  const std::uint8_t* has_base;      ///< (moved,)
+};
+
+/// What is asked of every pair.
+struct Question {
+  double max_distance, abs_tol, rel_tol;
+  std::int32_t max_iterations;
+  bool cull;            ///< compare boxes with max_distance first
+  bool want_points;
+  bool want_nonsmooth;
+};
+
+/// One launch: some pairs in some configurations.
+struct ChunkView {
+  HullsView hulls;
+  BodiesView bodies;
+  Question question;
+  const Group* groups;
+  std::uint32_t group_count;
+  const PairRef* pairs;
+  const std::uint32_t* position;     ///< of each pair within the chunk
+  std::uint32_t pair_count;          ///< rows of one configuration
+  std::uint32_t configurations;
+  std::uint64_t first_configuration;
+  ReplyView reply;                   ///< device columns: row k * pair_count + position
+  std::uint32_t* rest;               ///< rows that are not settled, in no order
+  std::uint32_t* counts;             ///< [0]: of them; [1]: rows settled by the narrow phase
+};
+
+}  // namespace clearance::cuda

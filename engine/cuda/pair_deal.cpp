@@ -1,0 +1,148 @@
+// Dealing a query's pairs to chunks, and within a chunk to groups of the same two hulls.
+#include <algorithm>
+#include <numeric>
+
+#include "device_job.h"
+#include "engine/plan.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+constexpr std::uint64_t kChunkRows = 1u << 18;     // enough to fill a large device several times over
+constexpr std::uint64_t kCompany = kTile / 2;      // pair-configurations below which a group of its own would waste a block
+
+std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
+  return static_cast<std::uint32_t>((pairs * configurations + kTile - 1) / kTile);
+}
+
+class Dealer {
+ public:
+  Dealer(const Scene& scene, const Device& device, const Plan& plan, PairDeal& deal)
+      : device_(device), plan_(plan), deal_(deal), ref_(scene.bodies().size()), hull_(scene.bodies().size()) {
+    for (std::uint32_t b = 0; b < ref_.size(); ++b) {
+      ref_[b] = b;
+      hull_[b] = device.hull_of(b);
+    }
+    if (plan.query.configuration_count > 0)
+      for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref_[plan.moved[slot]] = slot | kMovedBit;
+  }
+
+  void run() {
+    const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
+    const std::uint64_t parts = K == 1 || P >= kChunkRows ? (P + kChunkRows - 1) / kChunkRows : 1;
+    const std::uint64_t per_part = parts == 0 ? 0 : (P + parts - 1) / parts;
+    const std::uint64_t chunks = parts > 1 ? K : (K * P + kChunkRows - 1) / kChunkRows;
+    deal_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
+    deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
+    for (std::uint64_t first = 0; first < P; first += per_part)
+      add_part(first, static_cast<std::uint32_t>(std::min(per_part, P - first)));
+    deal_.resident = const_cast<Device&>(device_).upload(refs_, position_, groups_);
+  }
+
+ private:
+  void add_part(std::uint64_t first, std::uint32_t count) {
+    PairDeal::Part part;
+    part.first = first;
+    part.count = count;
+    part.first_pair = static_cast<std::uint32_t>(refs_.size());
+    const std::span<const BodyPair> pairs = plan_.pairs.slice(first, count, room_);
+    order_.clear();
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const auto [a, b] = pairs[i];
+      if (a >= hull_.size() || b >= hull_.size() || hull_[a] == kNone || hull_[b] == kNone)
+        part.on_cpu.push_back(i);
+      else
+        order_.push_back({std::uint64_t{hull_[a]} << 32 | hull_[b], i});
+    }
+    if (!std::is_sorted(order_.begin(), order_.end())) std::sort(order_.begin(), order_.end());
+    // Groups first, then the pairs without company.
+    std::vector<Entry> strays;
+    std::vector<Group> groups;
+    for (std::size_t begin = 0, end; begin < order_.size(); begin = end) {
+      for (end = begin; end < order_.size() && order_[end].hulls == order_[begin].hulls;) ++end;
+      if ((end - begin) * deal_.configurations < kCompany) {
+        strays.insert(strays.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin), order_.begin() + static_cast<std::ptrdiff_t>(end));
+        continue;
+      }
+      groups.push_back({static_cast<std::uint32_t>(order_[begin].hulls >> 32), static_cast<std::uint32_t>(order_[begin].hulls),
+                        static_cast<std::uint32_t>(refs_.size()) - part.first_pair, static_cast<std::uint32_t>(end - begin), 0});
+      for (std::size_t i = begin; i < end; ++i) add_pair(pairs, order_[i]);
+    }
+    const Group stray_group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
+                            static_cast<std::uint32_t>(strays.size()), 0};
+    for (const Entry& e : strays) add_pair(pairs, e);
+    part.whole = add_groups(groups, stray_group, deal_.configurations);
+    part.last = add_groups(groups, stray_group, deal_.last_configurations);
+    deal_.parts.push_back(std::move(part));
+  }
+
+  struct Entry {
+    std::uint64_t hulls;
+    std::uint32_t position;
+    auto operator<=>(const Entry&) const = default;
+  };
+
+  void add_pair(std::span<const BodyPair> pairs, const Entry& e) {
+    const auto [a, b] = pairs[e.position];
+    refs_.push_back({ref_[a], ref_[b]});
+    position_.push_back(e.position);
+  }
+
+  PairDeal::Part::Groups add_groups(std::span<const Group> groups, const Group& strays, std::uint32_t configurations) {
+    PairDeal::Part::Groups g;
+    g.first = static_cast<std::uint32_t>(groups_.size());
+    g.count = static_cast<std::uint32_t>(groups.size());
+    for (Group group : groups) {
+      group.first_tile = g.tiles;
+      g.tiles += tiles(group.count, configurations);
+      groups_.push_back(group);
+    }
+    if (strays.count == 0) return g;
+    g.strays = static_cast<std::uint32_t>(groups_.size());
+    g.stray_tiles = tiles(strays.count, configurations);
+    groups_.push_back(strays);
+    return g;
+  }
+
+  const Device& device_;
+  const Plan& plan_;
+  PairDeal& deal_;
+  std::vector<std::uint32_t> ref_, hull_;
+  std::vector<BodyPair> room_;
+  std::vector<Entry> order_;
+  std::vector<PairRef> refs_;
+  std::vector<std::uint32_t> position_;
+  std::vector<Group> groups_;
+};
+
+bool fits(const PairDeal& deal, const Plan& plan) {
+  if (deal.all_configurations != plan.size.configurations) return false;
+  const bool moves = plan.query.configuration_count > 0;
+  if (moves ? deal.moved != plan.moved : !deal.moved.empty()) return false;
+  if (plan.pairs.is_whole_table()) return deal.table.get() == plan.pairs.table();
+  const std::span<const BodyPair> pairs = plan.pairs.list();
+  return !deal.table && std::equal(deal.pairs.begin(), deal.pairs.end(), pairs.begin(), pairs.end());
+}
+
+}  // namespace
+
+std::shared_ptr<const PairDeal> DeviceBackend::deal(const Plan& plan) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (last_ && fits(*last_, plan)) return last_;
+  }
+  auto next = std::make_shared<PairDeal>();
+  next->all_configurations = plan.size.configurations;
+  if (plan.query.configuration_count > 0) next->moved = plan.moved;
+  if (plan.pairs.is_whole_table())
+    next->table = plan.snapshot->pairs;
+  else
+    next->pairs.assign(plan.pairs.list().begin(), plan.pairs.list().end());
+  Dealer(scene_, *device_, plan, *next).run();
+  const std::lock_guard lock(mutex_);
+  last_ = next;
+  return next;
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,239 @@
+// One pair in one thread: gjk.h's text, bounds by certify.h's, columns by columns.h's.
+//
+// Every operation is rounded as on the CPU (--fmad=false, IEEE division and roots), so that an answer has the bits of the
+// CPU's lanes (lanes_kernel.h), whose kernel this is with a thread for a lane.
+#pragma once
+
+#include "engine/certify.h"
+#include "engine/witness.h"
+#include "layout.h"
+
+namespace clearance::cuda {
+
+// A hull whose vertices all threads of a block look at together.
+struct SharedHull {
+  const double2* xy;
+  const double* z;
+  const HullHead* head;
+  __device__ Vec3d vertex(std::uint32_t i) const {
+    const double2 p = xy[i];
+    return {p.x, p.y, z[i]};
+  }
+  __device__ std::uint32_t count() const { return head->count; }
+  __device__ double radius() const { return head->radius; }
+  __device__ double spread() const { return head->spread; }
+  __device__ SupportPoint<double> farthest(const Vec3d& n) const;
+};
+
+// A hull of this thread's own.
+struct GlobalHull {
+  const double *x, *y, *z;
+  const HullHead* head;
+  __device__ Vec3d vertex(std::uint32_t i) const { return {__ldg(x + i), __ldg(y + i), __ldg(z + i)}; }
+  __device__ std::uint32_t count() const { return head->count; }
+  __device__ double radius() const { return head->radius; }
+  __device__ double spread() const { return head->spread; }
+  __device__ SupportPoint<double> farthest(const Vec3d& n) const;
+};
+
+// The farthest vertex along n, ties to the lowest index: support()'s scan.
+template <class Hull>
+__device__ inline SupportPoint<double> scan(const Hull& hull, const Vec3d& n) {
+  SupportPoint<double> best{0, dot(n, hull.vertex(0))};
+  const std::uint32_t count = hull.count();
+#pragma unroll 4
+  for (std::uint32_t i = 1; i < count; ++i) {
+    const double s = dot(n, hull.vertex(i));
+    if (s > best.value) best = {i, s};
+  }
+  return best;
+}
+__device__ inline SupportPoint<double> SharedHull::farthest(const Vec3d& n) const { return scan(*this, n); }
+__device__ inline SupportPoint<double> GlobalHull::farthest(const Vec3d& n) const { return scan(*this, n); }
+
+// A body where this thread finds it.
+struct Where {
+  const double* components;
+  std::size_t stride;
+  std::uint8_t state;
+  std::uint32_t body;
+
+  __device__ Where(const BodiesView& bodies, std::uint32_t configurations, std::uint32_t ref, std::uint32_t k) {
+    if (ref & kMovedBit) {
+      const std::uint32_t slot = ref & ~kMovedBit;
+      components = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
+      stride = configurations;
+      state = bodies.moved_state[std::size_t{slot} * configurations + k];
+      body = bodies.moved_body[slot];
+    } else {
+      components = bodies.fixed + ref;
+      stride = bodies.bodies;
+      state = bodies.fixed_state[ref];
+      body = ref;
+    }
+  }
+  __device__ Vec3d at(std::uint32_t c) const {
+    return {components[c * stride], components[(c + 1) * stride], components[(c + 2) * stride]};
+  }
+  __device__ Mat3d rotation() const { return {{at(0), at(3), at(6)}}; }
+  __device__ Vec3d translation() const { return at(9); }
+  __device__ Aabb box() const { return {at(12), at(15)}; }
+  __device__ Status status() const { return static_cast<Status>(state & kStateStatus); }
+};
+
+// Answers one pair that has poses. False: it is not settled, and nothing is said.
+template <class Hull>
+__device__ inline bool narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
+                              PairAnswer& answer) {
+  const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
+  const Vec3d D = at_b.translation() - at_a.translation();
+  const double radius = a.radius() + b.radius();
+  const double scale = pair_scale(D, a.head->rho, b.head->rho, radius);
+  GjkLimits<double> limits;
+  limits.rel_tol = q.rel_tol / 2;
+  limits.abs_tol = q.abs_tol / 2;
+  limits.radius = radius;
+  limits.squared = !(radius > 0) && q.abs_tol == 0;
+  limits.bounded = q.max_distance < 1e150;
+  if (limits.bounded)
+    limits.max_distance = q.max_distance + radius + 2.0 * rounding_error(double(RoundingUnits<double>::kLower), scale);
+
+  Gjk<double> g;
+  g.v = R_wa * a.head->centre - R_wb * b.head->centre - D;
+  if (!(squared_norm(g.v) > 0)) g.v.x = 1;
+  for (int steps = 0; g.end == 0;) {
+    const SupportPoint<double> fa = a.farthest(-R_wa.transpose_times(g.v)), fb = b.farthest(R_wb.transpose_times(g.v));
+    const CsoVertex<double> vertex{R_wa * a.vertex(fa.index) - R_wb * b.vertex(fb.index) - D, fa.index, fb.index};
+    g.step(vertex, -dot(g.v, D) - (fa.value + fb.value), limits, true);
+    if (g.end == 0 && ++steps >= q.max_iterations) g.end = Gjk<double>::code(GjkEnd::kLimit);
+  }
+
+  const RunBounds<double> bounds(g, radius, scale, q.max_distance, q.abs_tol, q.rel_tol);
+  if (!bounds.settled) return false;
+  const bool beyond = bounds.lower > q.max_distance;
+  answer.status = beyond ? Status::kBeyond : Status::kOk;
+  answer.lower = bounds.lower;
+  answer.upper = bounds.upper;
+  answer.distance = beyond ? bounds.lower : bounds.upper;
+  if (!q.want_points) return true;
+  answer.piece_a = answer.piece_b = 0;
+  LaneWitness w;
+  w.v = g.v;
+  w.separation = -bounds.nearest.w;
+  w.size = static_cast<std::uint32_t>(g.simplex.size);
+  for (int i = 0; i < 3; ++i) {
+    w.a[i] = g.simplex.vertex[i].a;
+    w.b[i] = g.simplex.vertex[i].b;
+    w.share[i] = bounds.nearest.share[i];
+  }
+  settled_witness(a, R_wa, b, R_wb, w, answer.point_a, answer.point_b, answer.normal);
+  if (beyond)
+    answer.point_a = answer.point_b = no_point();
+  else if (q.want_nonsmooth && witness_is_ambiguous(a, R_wa, b, R_wb, answer.normal))
+    answer.flags |= kFlagNonsmooth;
+  return true;
+}
+
+enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled };
+
+// Answers one item of a chunk and writes its row, unless it is not settled.
+template <class Hull>
+__device__ inline Outcome answer_item(const ChunkView& c, const Hull& a, const Hull& b, PairRef pair, std::uint32_t k,
+                                      std::uint64_t row) {
+  const Where at_a(c.bodies, c.configurations, pair.a, k), at_b(c.bodies, c.configurations, pair.b, k);
+  const std::uint8_t states = at_a.state | at_b.state;
+  const std::uint16_t flags = (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0);
+  Outcome outcome = Outcome::kWithoutPieces;
+  PairAnswer answer;
+  if (const Status status = pair_status(at_a.status(), at_b.status()); status != Status::kOk) {
+    answer = no_answer(status);
+    answer.flags = flags;
+  } else {
+    const double gap = c.question.cull ? certify_box_gap(at_a.box(), at_b.box()) : 0;
+    if (c.question.cull && gap > c.question.max_distance) {
+      answer = beyond_answer(gap);
+      answer.flags = flags;
+    } else {
+      answer.flags = flags;
+      if (!narrow(c.question, a, at_a, b, at_b, answer)) return Outcome::kUnsettled;
+      outcome = Outcome::kSettled;
+    }
+  }
+  write_row(c.reply, row,
+            {{at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer, at_a.translation(),
+             at_b.translation()});
+  return outcome;
+}
+
+// Counts a block's outcomes and lists the rows that are not settled. All threads of the block call it.
+__device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t row) {
+  const unsigned unsettled = __ballot_sync(~0u, outcome == Outcome::kUnsettled), lane = threadIdx.x % 32;
+  std::uint32_t at = 0;
+  if (unsettled != 0 && lane == 0) at = atomicAdd(c.counts, __popc(unsettled));
+  at = __shfl_sync(~0u, at, 0);
+  if (outcome == Outcome::kUnsettled) c.rest[at + __popc(unsettled & ((1u << lane) - 1))] = static_cast<std::uint32_t>(row);
+  const int settled = __syncthreads_count(outcome == Outcome::kSettled);
+  if (threadIdx.x == 0 && settled > 0) atomicAdd(c.counts + 1, static_cast<std::uint32_t>(settled));
+}
+
+__device__ inline std::uint32_t group_of_tile(const ChunkView& c, std::uint32_t tile) {
+  std::uint32_t low = 0, high = c.group_count;
+  while (high - low > 1) {
+    const std::uint32_t middle = (low + high) / 2;
+    (c.groups[middle].first_tile <= tile ? low : high) = middle;
+  }
+  return low;
+}
+
+// Blocks of pairs of the same two hulls, whose vertices lie in shared memory.
+__global__ void __launch_bounds__(kTile) answer_groups(const __grid_constant__ ChunkView c) {
+  extern __shared__ double2 shared_vertices[];
+  const Group group = c.groups[group_of_tile(c, blockIdx.x)];
+  const HullHead* heads[2] = {c.hulls.heads + group.hull_a, c.hulls.heads + group.hull_b};
+  const std::uint32_t count_a = heads[0]->count, count_b = group.hull_a == group.hull_b ? 0 : heads[1]->count;
+  double2* xy = shared_vertices;
+  double* z = reinterpret_cast<double*>(xy + count_a + count_b);
+  for (std::uint32_t i = threadIdx.x; i < count_a + count_b; i += blockDim.x) {
+    const std::uint32_t v = i < count_a ? heads[0]->first + i : heads[1]->first + (i - count_a);
+    xy[i] = {c.hulls.x[v], c.hulls.y[v]};
+    z[i] = c.hulls.z[v];
+  }
+  __syncthreads();
+  const SharedHull a{xy, z, heads[0]};
+  const std::uint32_t skip_b = group.hull_a == group.hull_b ? 0 : count_a;
+  const SharedHull b{xy + skip_b, z + skip_b, heads[1]};
+
+  const std::uint64_t item = std::uint64_t{blockIdx.x - group.first_tile} * kTile + threadIdx.x;
+  Outcome outcome = Outcome::kNone;
+  std::uint64_t row = 0;
+  if (item < std::uint64_t{group.count} * c.configurations) {
+    const std::uint32_t pair = group.first + static_cast<std::uint32_t>(item / c.configurations);
+    const std::uint32_t k = static_cast<std::uint32_t>(item % c.configurations);
+    row = std::uint64_t{k} * c.pair_count + c.position[pair];
+    outcome = answer_item(c, a, b, c.pairs[pair], k, row);
+  }
+  report(c, outcome, row);
+}
+
+// Pairs that have too little company for that: each thread reads the hulls it needs. c.groups is the one group of them.
+__global__ void __launch_bounds__(kTile) answer_strays(const __grid_constant__ ChunkView c) {
+  const Group group = c.groups[0];
+  const std::uint64_t item = std::uint64_t{blockIdx.x} * kTile + threadIdx.x;
+  Outcome outcome = Outcome::kNone;
+  std::uint64_t row = 0;
+  if (item < std::uint64_t{group.count} * c.configurations) {
+    const std::uint32_t pair = group.first + static_cast<std::uint32_t>(item / c.configurations);
+    const std::uint32_t k = static_cast<std::uint32_t>(item % c.configurations);
+    const PairRef ref = c.pairs[pair];
+    const auto hull = [&](std::uint32_t r) {
+      const std::uint32_t body = r & kMovedBit ? c.bodies.moved_body[r & ~kMovedBit] : r;
+      const HullHead* head = c.hulls.heads + c.hulls.of_body[body];
+      return GlobalHull{c.hulls.x + head->first, c.hulls.y + head->first, c.hulls.z + head->first, head};
+    };
+    row = std::uint64_t{k} * c.pair_count + c.position[pair];
+    outcome = answer_item(c, hull(ref.a), hull(ref.b), ref, k, row);
+  }
+  report(c, outcome, row);
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,171 @@
+// Throughput of the cuda backend beside the CPU's, on the machine at hand: make gpu-bench.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+#include <thread>
+
+#include "engine/cuda/device.h"
+#include "tests/engine/engine_test_util.h"
+
+namespace clearance::test {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Workload {
+  std::string name;
+  Scene (*scene)();
+  std::uint32_t configurations;  // 0: the current poses
+  Format format;
+  std::uint32_t fields;
+};
+
+Scene spheres(int count, double box) {
+  Random random(7);
+  Scene scene;
+  for (int i = 0; i < count; ++i)
+    scene.add_uv_sphere("s" + std::to_string(i), 2, 5, {.pose = random.pose(box / 2)});
+  return scene;
+}
+
+// 30 hulls of 32 to 256 vertices within reach of each other.
+constexpr int kHulls = 30, kHullPairs = 150;
+Scene hulls() {
+  Random random(11);
+  Scene scene;
+  for (int i = 0; i < kHulls; ++i) {
+    const int count = 32 + i * (256 - 32) / (kHulls - 1);
+    std::vector<Vec3d> v = random.cloud(count, {1, 1, 1});
+    const Vec3d size{random.uniform(0.1, 0.4), random.uniform(0.1, 0.4), random.uniform(0.1, 0.4)};
+    for (Vec3d& p : v) {
+      p = p * (1 / norm(p));
+      p = {p.x * size.x, p.y * size.y, p.z * size.z};
+    }
+    scene.add_hull("h" + std::to_string(i), v, {.pose = random.pose(1)});
+  }
+  return scene;
+}
+
+constexpr std::uint32_t kBounds = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
+const std::vector<Workload>& workloads() {
+  static const std::vector<Workload> all{
+      {"1000 spheres, box 100, compact", [] { return spheres(1000, 100); }, 0, Format::kCompact, kFieldCompact},
+      {"1000 spheres, box 25, compact", [] { return spheres(1000, 25); }, 0, Format::kCompact, kFieldCompact},
+      {"1000 spheres, box 100, bounds and status", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds},
+      {"5000 spheres, box 171, compact", [] { return spheres(5000, 171); }, 0, Format::kCompact, kFieldCompact},
+      {"30 hulls, 150 pairs, 4096 configurations, compact", hulls, 4096, Format::kCompact, kFieldCompact},
+  };
+  return all;
+}
+
+struct Timing {
+  double wall_us = 0, kernel_us = 0;
+};
+
+std::uint64_t counter(const Engine& engine, const std::string& name) {
+  for (const auto& [key, value] : engine.stats())
+    if (key == name) return value;
+  return 0;
+}
+
+// Medians over queries into the same columns.
+Timing time_queries(const Engine& engine, const QueryView& q, const ReplyView& reply, int repeats) {
+  std::vector<double> walls, kernels;
+  for (int i = -2; i < repeats; ++i) {
+    const std::uint64_t before = counter(engine, "cuda.kernel_ns");
+    const auto begin = Clock::now();
+    Job job = engine.start(q, reply);
+    while (!job.advance()) {
+    }
+    const double us = std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
+    if (i < 0) continue;
+    walls.push_back(us);
+    kernels.push_back(1e-3 * static_cast<double>(counter(engine, "cuda.kernel_ns") - before));
+  }
+  const auto median = [](std::vector<double>& v) {
+    std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+    return v[v.size() / 2];
+  };
+  return {median(walls), median(kernels)};
+}
+
+void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) {
+  const Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"});
+  QueryView q;
+  q.format = w.format;
+  q.fields = w.fields;
+  std::vector<std::uint32_t> bodies;
+  std::vector<BodyPair> pairs;
+  std::vector<Pose> poses;
+  if (w.configurations > 0) {
+    for (std::uint32_t b = 0; b < kHulls; ++b) bodies.push_back(b);
+    for (std::uint32_t a = 0; a < kHulls && pairs.size() < kHullPairs; ++a)
+      for (std::uint32_t b = a + 1; b < kHulls && pairs.size() < kHullPairs; b += 2) pairs.push_back({a, b});
+    Random random(13);
+    for (std::size_t i = 0; i < std::size_t{w.configurations} * kHulls; ++i) poses.push_back(random.pose(1));
+    q.all_pairs = false;
+    q.pairs = pairs;
+    q.bodies = bodies;
+    q.configurations = poses;
+    q.configuration_count = w.configurations;
+  }
+  const QuerySize size = device.size(q);
+  std::uint64_t bytes = 0;
+  reply_view_over(nullptr, size.rows, size.fields, &bytes);
+  const cuda::PinnedMemory pinned(bytes), pinned_cpu(bytes);
+  std::vector<std::byte> pageable(bytes + 64);
+  const auto view = [&](std::byte* base) { return reply_view_over(base, size.rows, size.fields); };
+  std::byte* aligned = pageable.data() + (64 - reinterpret_cast<std::uintptr_t>(pageable.data()) % 64) % 64;
+
+  const int repeats = size.rows > 4'000'000 ? 10 : 30;
+  const Timing direct = time_queries(device, q, view(pinned.data()), repeats);
+  const std::uint64_t rest = counter(device, "cuda.pairs_finished_on_cpu") / static_cast<std::uint64_t>(repeats + 2);
+  const Timing staged = time_queries(device, q, view(aligned), repeats);
+  const Timing host = time_queries(cpu, q, view(pinned_cpu.data()), std::max(5, repeats / 5));
+  std::memset(pinned.data(), 1, bytes);
+  std::memset(pinned_cpu.data(), 1, bytes);
+  time_queries(device, q, view(pinned.data()), 1);
+  time_queries(cpu, q, view(pinned_cpu.data()), 1);
+  const bool same = std::memcmp(pinned.data(), pinned_cpu.data(), bytes) == 0;
+
+  const unsigned cores = std::thread::hardware_concurrency();
+  csv << '"' << w.name << "\"," << size.rows << ',' << direct.kernel_us << ',' << direct.wall_us << ',' << staged.wall_us << ','
+      << host.wall_us << ',' << cores << ',' << rest << ',' << (same ? "same" : "DIFFERENT") << '\n';
+  csv.flush();
+  char line[400];
+  std::snprintf(line, sizeof line, "%-50s %9llu rows | kernels %9.1f us %6.2f G/s | wall %9.1f us pinned, %9.1f us pageable | cpu %u cores %10.1f us | %5.1fx | rest %6llu | bits %s",
+                w.name.c_str(), static_cast<unsigned long long>(size.rows), direct.kernel_us, 1e-3 * static_cast<double>(size.rows) / direct.kernel_us,
+                direct.wall_us, staged.wall_us, cores, host.wall_us, host.wall_us / direct.wall_us, static_cast<unsigned long long>(rest),
+                same ? "same" : "DIFFERENT");
+  std::puts(line);
+  std::fflush(stdout);
+  table.emplace_back(line);
+}
+
+}  // namespace
+}  // namespace clearance::test
+
+int main(int argc, char** argv) {
+  using namespace clearance;
+  using namespace clearance::test;
+  const std::string path = argc > 1 ? argv[1] : "gpu.csv", filter = argc > 2 ? argv[2] : "";
+  if (!cuda::device_info().present) {
+    std::fprintf(stderr, "no CUDA device: %s\n", cuda::device_info().reason.c_str());
+    return 1;
+  }
+  if (path == "--device") {
+    std::puts(cuda::device_info().name.c_str());
+    return 0;
+  }
+  std::ofstream csv(path);
+  csv << "# device: " << cuda::device_info().name << "\n# command: clearance-gpu-bench " << path << ' ' << filter << '\n'
+      << "workload,rows,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,cpu_cores,rows_finished_on_cpu,bits_against_cpu\n";
+  std::vector<std::string> table;
+  for (const Workload& w : workloads())
+    if (w.name.find(filter) != std::string::npos) run(w, csv, table);
+  std::printf("\n%s\n", cuda::device_info().name.c_str());
+  for (const std::string& line : table) std::puts(line.c_str());
+}

@@ -1,0 +1,226 @@
+// The cuda backend against the CPU: the same bits, for every way of asking.
+#include <set>
+#include <thread>
+
+#include "same_answer.h"
+
+namespace clearance::test {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+std::vector<Vec3d> sphere(int count, double radius, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Vec3d> v = random.cloud(count, {1, 1, 1});
+  for (Vec3d& p : v) p = p * (radius / norm(p));
+  return v;
+}
+
+// Many bodies of few shapes, so that groups form; some of them rounded, some too large for the device, some of two pieces.
+Scene grouped_scene(int count, double box, std::uint64_t seed) {
+  Random random(seed);
+  Scene scene;
+  for (int i = 0; i < count; ++i) {
+    Scene::BodyOptions options;
+    options.pose = random.pose(box);
+    const std::string name = "body" + std::to_string(i);
+    if (i % 40 == 7) {
+      scene.add_hull(name, sphere(600, 0.6, 3), options);
+    } else if (i % 40 == 13) {
+      Body body;
+      body.name = name;
+      body.pose = options.pose;
+      body.pieces = {make_piece(sphere(10, 0.3, 5)), make_piece(sphere(10, 0.3, 6), 0.05)};
+      scene.add_body(std::move(body));
+    } else if (i % 4 == 0) {
+      scene.add_capsule(name, 0.2, 0.5, options);
+    } else if (i % 4 == 1) {
+      scene.add_hull(name, sphere(200, 0.5, 4), options);
+    } else {
+      scene.add_uv_sphere(name, 0.5, 5, options);
+    }
+  }
+  return scene;
+}
+
+class CudaBackend : public testing::Test {
+ protected:
+  void SetUp() override { SKIP_WITHOUT_DEVICE(); }
+};
+
+// Every way of asking that has its own path.
+std::vector<std::pair<std::string, QueryView>> questions() {
+  std::vector<std::pair<std::string, QueryView>> all;
+  const auto add = [&](const std::string& name, auto&& change) {
+    QueryView q;
+    change(q);
+    all.emplace_back(name, q);
+  };
+  add("default columns", [](QueryView&) {});
+  add("all columns", [](QueryView& q) { q.fields = kAllFields; });
+  add("compact", [](QueryView& q) { q.format = Format::kCompact, q.fields = kFieldCompact | kFieldStatus | kFieldFlags; });
+  add("no tolerance", [](QueryView& q) { q.rel_tol = 0, q.fields = kAllFields; });
+  add("loose", [](QueryView& q) { q.rel_tol = 0.1, q.abs_tol = 0.01, q.fields = kAllFields; });
+  add("near", [](QueryView& q) { q.max_distance = 1.5, q.fields = kAllFields; });
+  add("depth", [](QueryView& q) { q.signed_distance = true, q.fields = kAllFields; });
+  return all;
+}
+
+void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what) {
+  expect_same(ask(device, q), ask(cpu, q), what);
+}
+
+TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
+  for (const double box : {3.0, 20.0}) {
+    const Engine device(grouped_scene(300, box, 1), {"cuda"}), cpu(grouped_scene(300, box, 1), {"cpu"});
+    EXPECT_EQ(device.backend(), "cuda");
+    for (const auto& [name, q] : questions()) compare(device, cpu, q, name + ", box " + std::to_string(box));
+    EXPECT_GT(counter(device, "cuda.pairs_settled"), 100'000u);
+    EXPECT_GT(counter(device, "cuda.pairs_finished_on_cpu"), 1000u) << "overlaps, large hulls and bodies of two pieces";
+    EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
+  }
+}
+
+TEST_F(CudaBackend, GivesTheBitsOfTheCpuWhereEveryBodyHasItsOwnShape) {
+  const Engine device(mixed_scene(120, 4, 2), {"cuda"}), cpu(mixed_scene(120, 4, 2), {"cpu"});
+  for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
+}
+
+// Chains of followers, some of them moved by the query themselves, over several chunks with a smaller last one.
+TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
+  const auto arm = [] {
+    Scene scene = grouped_scene(60, 3, 3);
+    for (int i : {20, 21, 22, 23}) scene.set_parent("body" + std::to_string(i + 1), "body" + std::to_string(i));
+    scene.set_parent("body30", "body29");
+    return scene;
+  };
+  Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
+  const std::vector<std::uint32_t> bodies{2, 21, 23, 40, 30};
+  Random random(4);
+  for (const std::uint32_t K : {1u, 2u, 130u, 2000u}) {
+    std::vector<Pose> poses;
+    for (std::size_t i = 0; i < K * bodies.size(); ++i) poses.push_back(random.pose(3));
+    poses[3].qw = poses[3].qx = poses[3].qy = poses[3].qz = 0;
+    poses[1].translation.y = std::numeric_limits<double>::quiet_NaN();
+    poses[0].qx *= 100;
+    for (const auto& [name, question] : questions()) {
+      QueryView q = question;
+      if (K == 2000 && q.fields == kAllFields && !(q.max_distance < kInf)) continue;
+      q.configuration_count = K;
+      q.bodies = bodies;
+      q.configurations = poses;
+      compare(device, cpu, q, name + ", " + std::to_string(K) + " configurations");
+    }
+  }
+  EXPECT_GT(counter(device, "cuda.chunks"), counter(device, "cuda.queries")) << "some took several chunks";
+}
+
+TEST_F(CudaBackend, AnswersExplicitPairsInTheirOrder) {
+  const Engine device(grouped_scene(100, 4, 5), {"cuda"}), cpu(grouped_scene(100, 4, 5), {"cpu"});
+  Random random(6);
+  std::vector<BodyPair> pairs;
+  while (pairs.size() < 5000) {
+    const BodyPair p{static_cast<std::uint32_t>(random.below(103)), static_cast<std::uint32_t>(random.below(103))};
+    if (p.a != p.b) pairs.push_back(p);  // 100 to 102 are unknown bodies
+  }
+  for (const std::size_t count : {5000u, 700u, 63u, 1u, 0u}) {
+    QueryView q;
+    q.all_pairs = false;
+    q.pairs = std::span(pairs).first(count);
+    q.fields = kAllFields;
+    compare(device, cpu, q, std::to_string(count) + " pairs");
+  }
+}
+
+TEST_F(CudaBackend, SaysWhichPosesAreBadMissingRenormalisedOrStale) {
+  Scene scene = grouped_scene(50, 3, 7), same = grouped_scene(50, 3, 7);
+  for (Scene* s : {&scene, &same}) s->add_box("late", {1, 1, 1}, {});
+  Engine device(std::move(scene), {"cuda"}), cpu(std::move(same), {"cpu"});
+  std::vector<BodyPose> poses{{3, Pose{{1, 2, 3}, 0, 0, 0, 0}}, {4, Pose{{kInf, 0, 0}}}, {6, Pose{{0, 1, 0}, 2, 0, 0, 0}}};
+  for (Engine* e : {&device, &cpu}) e->set_poses(poses);
+  QueryView q;
+  q.fields = kAllFields;
+  compare(device, cpu, q, "bad poses");
+  q.max_pose_age_ns = std::int64_t{1} << 62;
+  compare(device, cpu, q, "poses that were never received are stale");
+  const Answer r = ask(device, q);
+  std::set<std::uint8_t> statuses(r.view.status, r.view.status + r.size.rows);
+  EXPECT_TRUE(statuses.count(static_cast<std::uint8_t>(Status::kBadPose)));
+  EXPECT_TRUE(statuses.count(static_cast<std::uint8_t>(Status::kNoPose)));
+}
+
+TEST_F(CudaBackend, FollowsPosesAndAttachments) {
+  Engine device(grouped_scene(80, 3, 8), {"cuda"}), cpu(grouped_scene(80, 3, 8), {"cpu"});
+  Random random(9);
+  QueryView q;
+  q.fields = kAllFields;
+  for (int round = 0; round < 4; ++round) {
+    std::vector<BodyPose> poses;
+    for (std::uint32_t b = 0; b < 80; ++b) poses.push_back({b, random.pose(3)});
+    for (Engine* e : {&device, &cpu}) {
+      e->set_poses(poses);
+      if (round == 2) e->attach(5, 6);
+    }
+    compare(device, cpu, q, "round " + std::to_string(round));
+  }
+}
+
+TEST_F(CudaBackend, WorksInSlicesAndAllocatesNothingOnceWarm) {
+  const Engine device(grouped_scene(900, 12, 10), {"cuda"}), cpu(grouped_scene(900, 12, 10), {"cpu"});
+  const Answer expected = ask(cpu, {});
+  expect_same(ask(device, {}, std::chrono::nanoseconds(1)), expected, "in slices");
+  const std::uint64_t allocations = counter(device, "cuda.allocations"), bytes = counter(device, "cuda.scene_bytes");
+  for (int i = 0; i < 3; ++i) expect_same(ask(device, {}), expected, "again");
+  EXPECT_EQ(counter(device, "cuda.allocations"), allocations);
+  EXPECT_EQ(counter(device, "cuda.scene_bytes"), bytes);
+  EXPECT_GT(bytes, 0u);
+}
+
+TEST_F(CudaBackend, WritesStraightIntoPinnedMemory) {
+  const Engine device(grouped_scene(800, 12, 11), {"cuda"}), cpu(grouped_scene(800, 12, 11), {"cpu"});
+  for (const auto& [name, q] : questions()) {
+    const Answer expected = ask(cpu, q);
+    std::uint64_t bytes = 0;
+    reply_view_over(nullptr, expected.size.rows, expected.size.fields, &bytes);
+    const cuda::PinnedMemory memory(bytes);
+    Answer direct;
+    direct.size = expected.size;
+    direct.view = reply_view_over(memory.data(), expected.size.rows, expected.size.fields);
+    ASSERT_TRUE(cuda::is_pinned(direct.view.status));
+    Job job = device.start(q, direct.view);
+    while (!job.advance(std::chrono::nanoseconds(1))) {
+    }
+    direct.info = job.info();
+    expect_same(direct, expected, name);
+  }
+}
+
+TEST_F(CudaBackend, AnswersSeveralThreadsAtOnceAndSurvivesJobsThatAreGivenUp) {
+  const Engine device(grouped_scene(400, 8, 12), {"cuda"}), cpu(grouped_scene(400, 8, 12), {"cpu"});
+  QueryView q;
+  q.fields = kAllFields;
+  const Answer expected = ask(cpu, q), room = ask(cpu, q);
+  {
+    Job given_up = device.start(q, room.view);
+    given_up.advance(std::chrono::nanoseconds(1));
+  }
+  std::vector<Answer> answers(4);
+  std::vector<std::thread> threads;
+  for (Answer& a : answers) threads.emplace_back([&] { a = ask(device, q, std::chrono::microseconds(100)); });
+  for (std::thread& t : threads) t.join();
+  for (const Answer& a : answers) expect_same(a, expected, "of a thread");
+}
+
+TEST(CudaBackendAbsent, SaysWhy) {
+  if (cuda::device_info().present) GTEST_SKIP() << "there is a device: " << cuda::device_info().name;
+  EXPECT_FALSE(cuda::device_info().reason.empty());
+  try {
+    Engine engine(mixed_scene(4, 3, 1), {"cuda"});
+    FAIL();
+  } catch (const std::runtime_error& e) {
+    EXPECT_EQ(e.what(), "backend 'cuda' is not there (" + cuda::device_info().reason + "); there are: auto, cpu, reference");
+  }
+}
+
+}  // namespace
+}  // namespace clearance::test
