@@ -249,7 +249,7 @@ Problem make(const std::string& name, const std::string& scenes, const LinkPoses
   if (name == "two_2M") {
     Problem p = of_spheres(1000, Kind::kDistance);
     add_pair(p, random.pose({0, 0, 0}), random.pose({0, 0, 0}));
-    for (int k = 1; k < 20; ++k)
+    for (int k = 1; k < 500; ++k)
       p.poses.push_back(row(random.pose({0, 0, 0}))), p.poses.push_back(row(random.pose({0, 0, 0})));
     for (std::size_t k = 1; k < p.poses.size(); k += 2) {
       const Vec3d t = direction(random) * apart();
