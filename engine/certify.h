@@ -29,6 +29,11 @@ template <>
 struct RoundingUnits<double> {
   static constexpr double kLower = 20, kUpper = 24, kBall = 24;
 };
+/// Of vertices relative to the piece's centre, each rounded to float32.
+template <>
+struct RoundingUnits<float> {
+  static constexpr double kLower = 21, kUpper = 23;
+};
 template <>
 struct RoundingUnits<DoubleDouble> {
   static constexpr double kLower = 32, kUpper = 32, kBall = 32;
@@ -37,16 +42,12 @@ struct RoundingUnits<DoubleDouble> {
 /// S of two pieces: |D| + rho_a + rho_b + r_a + r_b, rounded up. A scalar or a pack.
 template <class T>
 CLEARANCE_HD inline T pair_scale(const Vec3<T>& D, const T& rho_a, const T& rho_b, const T& radius) {
-  return (norm(D) + rho_a + rho_b + radius) * T(1 + 0x1p-49);
+  return (norm(D) + rho_a + rho_b + radius) * T(1 + 16 * Arithmetic<T>::kUnit);
 }
-// Lengths below this may have lost digits to underflow when they were squared.
-inline constexpr double kUnderflowLength = 1e-150;
-// Directions at least this long, squared, need no rescaling before they are squared (see rescaled()).
-inline constexpr double kSafelySquared = 1e-100;
 /// `units` rounding units of a scale S (RoundingUnits), as a length. A scalar or a pack.
 template <class T>
 CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {
-  return units * T(Arithmetic<T>::kUnit) * scale * T(1 + 0x1p-49) + T(kUnderflowLength);
+  return units * T(Arithmetic<T>::kUnit) * scale * T(1 + 16 * Arithmetic<T>::kUnit) + T(Arithmetic<T>::kUnderflowLength);
 }
 
 /// The lower bound that a support gap proves: `gap` of the planes normal to a direction of length `length`, times that
@@ -99,13 +100,15 @@ struct RunBounds {
   T lower, upper;  ///< -inf, +inf where nothing is proved
   Mask settled;    ///< apart, and as narrow as asked or beyond max_distance
 
-  CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol, const T& rel_tol)
+  /// \param extra error of what went into the run, metres: of float32 offsets.
+  CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol,
+                         const T& rel_tol, const T& extra = T(0))
       : nearest(g.simplex) {
     const T zero(0), infinite(__builtin_inf());
     const Mask open_end = (g.end == g.code(GjkEnd::kEncloses)) | (g.end == g.code(GjkEnd::kLimit));
-    const Mask proved = (!open_end) & (g.squared_distance > T(kSafelySquared));
-    const T low = lower_from_gap(g.gap, norm(g.v), radius, rounding_error(T(RoundingUnits<T>::kLower), scale));
-    const T high = upper_from_point(norm(nearest.w), radius, rounding_error(T(RoundingUnits<T>::kUpper), scale));
+    const Mask proved = (!open_end) & (g.squared_distance > T(Arithmetic<T>::kSafelySquared));
+    const T low = lower_from_gap(g.gap, norm(g.v), radius, rounding_error(T(RoundingUnits<T>::kLower), scale) + extra);
+    const T high = upper_from_point(norm(nearest.w), radius, rounding_error(T(RoundingUnits<T>::kUpper), scale) + extra);
     const T relative = rel_tol * high, width = high - low;
     const Mask narrow = (low > zero) & ((width <= abs_tol) | (width <= relative));
     settled = proved & ((low > max_distance) | narrow);
@@ -192,7 +195,7 @@ CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, dou
     const Vec3d& row = R_wb.row[k];
     const double extent = abs(row.x) * half.x + abs(row.y) * half.y + abs(row.z) * half.z + radius;
     // 16 units cover the rotation, the products and the sums (docs/bounds.md, boxes).
-    const double rounding = 16 * 0x1p-53 * (rho + norm(half) + radius + abs(t_w[k])) + kUnderflowLength;
+    const double rounding = 16 * 0x1p-53 * (rho + norm(half) + radius + abs(t_w[k])) + Arithmetic<double>::kUnderflowLength;
     box.low[k] = (c[k] + t_w[k]) - extent - rounding;
     box.high[k] = (c[k] + t_w[k]) + extent + rounding;
   }

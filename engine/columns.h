@@ -57,24 +57,28 @@ CLEARANCE_HD inline void write_gradient(double* g, const PairAnswer& a) {
 }  // namespace detail
 
 /// Writes one row of every column there is.
-CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, const Row& row) {
-  const PairAnswer& a = row.answer;
+/// \param origin_a, origin_b of the bodies, world frame
+CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair, std::uint32_t configuration,
+                                   const PairAnswer& a, const Vec3d& origin_a, const Vec3d& origin_b) {
   if (reply.distance) reply.distance[index] = a.distance;
   if (reply.lower) reply.lower[index] = a.lower;
   if (reply.upper) reply.upper[index] = a.upper;
   if (reply.status) reply.status[index] = static_cast<std::uint8_t>(a.status);
   if (reply.flags) reply.flags[index] = a.flags;
-  if (reply.point_a) detail::write(reply.point_a, index, row.origin_a + a.point_a);
-  if (reply.point_b) detail::write(reply.point_b, index, row.origin_b + a.point_b);
+  if (reply.point_a) detail::write(reply.point_a, index, origin_a + a.point_a);
+  if (reply.point_b) detail::write(reply.point_b, index, origin_b + a.point_b);
   if (reply.normal) detail::write(reply.normal, index, a.normal);
   if (reply.pieces) {
     reply.pieces[2 * index] = a.piece_a;
     reply.pieces[2 * index + 1] = a.piece_b;
   }
   if (reply.gradient) detail::write_gradient(reply.gradient + 12 * index, a);
-  if (reply.pair) reply.pair[index] = row.pair;
-  if (reply.configuration) reply.configuration[index] = row.configuration;
+  if (reply.pair) reply.pair[index] = pair;
+  if (reply.configuration) reply.configuration[index] = configuration;
   if (reply.compact) reply.compact[index] = detail::compact(a);
+}
+CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, const Row& row) {
+  write_row(reply, index, row.pair, row.configuration, row.answer, row.origin_a, row.origin_b);
 }
 
 }  // namespace clearance

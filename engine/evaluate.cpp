@@ -90,6 +90,8 @@ bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair) 
 double box_gap(const Scene& scene, const Placement& placement, BodyPair pair) {
   const std::size_t n = scene.bodies().size();
   if (pair.a >= n || pair.b >= n) return kInf;
+  const Aabb *a = placement.known_box(pair.a), *b = placement.known_box(pair.b);
+  if (a && b) return certify_box_gap(*a, *b);
   return certify_box_gap(placement.box(pair.a), placement.box(pair.b));
 }
 
@@ -241,7 +243,9 @@ void Evaluator::run_in_lanes(std::span<const PlacedBodies> pairs, std::span<Pair
     const Piece *a = waiting_[begin].a, *b = waiting_[begin].b;
     for (end = begin; end < waiting_.size() && waiting_[end].a == a && waiting_[end].b == b;) ++end;
     const std::size_t count = end - begin;
-    const bool side_by_side = count > static_cast<std::size_t>(options_.lanes->lanes) / 4;
+    const bool try_f32 = options_.f32 && fits_f32(*a, *b);
+    // In float32 also the few: an answer's bits must not depend on how many are asked for.
+    const bool side_by_side = try_f32 || count > static_cast<std::size_t>(options_.lanes->lanes) / 4;
     if (side_by_side) {
       lane_pairs_.clear();
       for (std::size_t i = begin; i < end; ++i) {
@@ -255,9 +259,15 @@ void Evaluator::run_in_lanes(std::span<const PlacedBodies> pairs, std::span<Pair
         lane_unsettled_.resize(count);
       }
       const NarrowLimits& limits = options_.limits;
-      options_.lanes->run({LaneHull(*a), LaneHull(*b), lane_pairs_.data(), count, limits.abs_tol, limits.rel_tol, limits.max_distance, limits.max_iterations,
-                           lane_answers_.data(), options_.want_points ? lane_witnesses_.data() : nullptr,
-                           lane_unsettled_.data()});
+      LaneBatch batch{LaneHull(*a), LaneHull(*b), lane_pairs_.data(), count, limits.abs_tol, limits.rel_tol, limits.max_distance,
+                      limits.max_iterations, lane_answers_.data(), options_.want_points ? lane_witnesses_.data() : nullptr,
+                      lane_unsettled_.data()};
+      if (try_f32) {
+        options_.lanes->run_f32(batch);
+        settle_in_f64(batch);
+      } else {
+        options_.lanes->run(batch);
+      }
     }
     for (std::size_t i = begin; i < end; ++i) {
       const auto& [pair, placement] = pairs[waiting_[i].index];
@@ -267,6 +277,37 @@ void Evaluator::run_in_lanes(std::span<const PlacedBodies> pairs, std::span<Pair
       else
         answer_from_pieces(scene_, *placement, pair, options_, side_by_side ? &lane_unsettled_[i - begin] : nullptr, answer);
     }
+  }
+}
+
+// Float64 lanes for those that float32 left open.
+void Evaluator::settle_in_f64(const LaneBatch& all) {
+  again_.clear();
+  again_pairs_.clear();
+  for (std::size_t i = 0; i < all.count; ++i)
+    if (!all.answers[i].settled) {
+      again_.push_back(i);
+      again_pairs_.push_back(all.pairs[i]);
+    }
+  if (again_.empty()) return;
+  if (again_answers_.size() < again_.size()) {
+    again_answers_.resize(again_.size());
+    again_witnesses_.resize(again_.size());
+    again_unsettled_.resize(again_.size());
+  }
+  LaneBatch batch = all;
+  batch.pairs = again_pairs_.data();
+  batch.count = again_.size();
+  batch.answers = again_answers_.data();
+  if (all.witnesses) batch.witnesses = again_witnesses_.data();
+  batch.unsettled = again_unsettled_.data();
+  options_.lanes->run(batch);
+  for (std::size_t k = 0; k < again_.size(); ++k) {
+    all.answers[again_[k]] = again_answers_[k];
+    if (!again_answers_[k].settled)
+      all.unsettled[again_[k]] = again_unsettled_[k];
+    else if (all.witnesses)
+      all.witnesses[again_[k]] = again_witnesses_[k];
   }
 }
 

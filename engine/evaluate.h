@@ -29,6 +29,11 @@ class Placement {
   }
   /// A box around the body; empty (low > high) without a usable pose.
   Aabb box(std::uint32_t body) const;
+  /// The same where it has been made already; else null.
+  const Aabb* known_box(std::uint32_t body) const {
+    if (boxes_.empty()) return nullptr;
+    return moved_slot_.empty() || moved_slot_[body] == kNone ? &boxes_[body] : &moved_boxes_[moved_slot_[body]];
+  }
 
  private:
   const Scene& scene_;
@@ -49,6 +54,7 @@ Aabb body_box(const Body& body, const BodyPlacement& placement);
 struct EvaluateOptions {
   NarrowLimits limits;
   const LaneKernel* lanes = nullptr;  ///< null: one pair after another
+  bool f32 = false;              ///< begin with float32 where it can hold the pieces
   bool reference = false;        ///< the brute-force oracle: no culling, double-double
   bool cull = false;             ///< compare bounding boxes with max_distance first
   bool want_points = true;       ///< witness points, normals and pieces; without, only the interval
@@ -75,6 +81,7 @@ class Evaluator {
   };
   void take_lane(const LaneAnswer& lane, const LaneWitness& witness, const Piece& a, const LanePair& placed, const Piece& b,
                  PairAnswer& answer) const;
+  void settle_in_f64(const LaneBatch& all);
   void run_in_lanes(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
 
   const Scene& scene_;
@@ -84,6 +91,12 @@ class Evaluator {
   std::vector<LaneAnswer> lane_answers_;
   std::vector<LaneWitness> lane_witnesses_;
   std::vector<Gjk<double>> lane_unsettled_;
+  // Of the pairs that float32 left open.
+  std::vector<std::size_t> again_;
+  std::vector<LanePair> again_pairs_;
+  std::vector<LaneAnswer> again_answers_;
+  std::vector<LaneWitness> again_witnesses_;
+  std::vector<Gjk<double>> again_unsettled_;
 };
 
 /// Answers one pair, whatever its ids.

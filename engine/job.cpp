@@ -87,12 +87,11 @@ class DenseJob final : public ParallelJob {
   }
 
   void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& asked, const PairAnswer& answer) {
+    static constexpr Vec3d kNoOrigin{0, 0, 0};
     const auto& [pair, here] = asked;
-    Row row{pair, configuration, answer, {}, {}};
     const std::size_t n = scene().bodies().size();
-    if (pair.a < n) row.origin_a = (*here)[pair.a].pose.t_w;
-    if (pair.b < n) row.origin_b = (*here)[pair.b].pose.t_w;
-    write_row(reply_, index, row);
+    write_row(reply_, index, pair, configuration, answer, pair.a < n ? (*here)[pair.a].pose.t_w : kNoOrigin,
+              pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);
   }
 
   Layout layout_;

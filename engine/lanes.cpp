@@ -1,5 +1,6 @@
 #include "lanes.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -9,16 +10,27 @@
 namespace clearance {
 
 LaneHull::LaneHull(const Piece& p)
-    : x(p.x.data()), y(p.y.data()), z(p.z.data()), count(p.x.size()), vertices(p.vertices.data()),
+    : x(p.x.data()), y(p.y.data()), z(p.z.data()), x_f32(p.x_f32.data()), y_f32(p.y_f32.data()), z_f32(p.z_f32.data()),
+      count(p.x.size()), vertices(p.vertices.data()),
       cells(p.table ? p.table->cells.data() : nullptr), lists(p.table ? p.table->lists.data() : nullptr),
-      grid_bits(p.table ? p.table->grid_bits : 0), has_table(p.table != nullptr), centre(p.centre), rho(p.rho), radius(p.radius) {}
+      grid_bits(p.table ? p.table->grid_bits : 0), has_table(p.table != nullptr), centre(p.centre), rho(p.rho),
+      spread(p.spread), radius(p.radius) {}
+
+bool fits_f32(const Piece& a, const Piece& b) {
+  const double size = std::max(a.spread + a.radius, b.spread + b.radius);
+  return !a.table && !b.table && size > 1e-5 && size < 1e5;
+}
+
 
 #ifdef CLEARANCE_LANES_X86
 void run_lanes_avx512(const LaneBatch&);
+void run_f32_lanes_avx512(const LaneBatch&);
 void run_lanes_avx2(const LaneBatch&);
+void run_f32_lanes_avx2(const LaneBatch&);
 extern const int kLanes_avx512, kLanes_avx2;
 #endif
 void run_lanes_baseline(const LaneBatch&);
+void run_f32_lanes_baseline(const LaneBatch&);
 extern const int kLanes_baseline;
 
 std::span<const LaneKernel> lane_kernels() {
@@ -27,11 +39,11 @@ std::span<const LaneKernel> lane_kernels() {
 #ifdef CLEARANCE_LANES_X86
     if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512cd") &&
         __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
-      k.push_back({"avx512", kLanes_avx512, run_lanes_avx512});
+      k.push_back({"avx512", kLanes_avx512, run_lanes_avx512, run_f32_lanes_avx512});
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2"))
-      k.push_back({"avx2", kLanes_avx2, run_lanes_avx2});
+      k.push_back({"avx2", kLanes_avx2, run_lanes_avx2, run_f32_lanes_avx2});
 #endif
-    k.push_back({"baseline", kLanes_baseline, run_lanes_baseline});
+    k.push_back({"baseline", kLanes_baseline, run_lanes_baseline, run_f32_lanes_baseline});
     return k;
   }();
   return kernels;

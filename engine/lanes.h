@@ -1,7 +1,7 @@
 // GJK for many pairs of the same two hulls at once, one pair in each SIMD lane.
 //
 // The text is gjk.h's; what is added is how lanes are filled: a lane that ends hands its result out and takes the next pair.
-// Each lane computes exactly what one pair alone would: the bits do not depend on the instruction set or the neighbours.
+// Each float64 lane computes exactly what one pair alone would: the bits do not depend on the instruction set or the neighbours.
 #pragma once
 
 #include <cstddef>
@@ -17,13 +17,14 @@ namespace clearance {
 /// A piece as lanes see it: plain pointers, so that files compiled for one instruction set share no code with others.
 struct LaneHull {
   const double *x, *y, *z;      ///< (count,) the vertices of a small piece
+  const float *x_f32, *y_f32, *z_f32;  ///< the same relative to its centre
   std::size_t count;
   const Vec3d* vertices;        ///< of a larger piece, with its DirectionTable
   const std::uint32_t *cells, *lists;
   std::uint32_t grid_bits;
   bool has_table;
   Vec3d centre;
-  double rho, radius;
+  double rho, spread, radius;
 
   explicit LaneHull(const Piece& piece);
 };
@@ -60,14 +61,18 @@ struct LaneBatch {
   int max_iterations;
   LaneAnswer* answers;          ///< (pairs,)
   LaneWitness* witnesses;       ///< (pairs,) of the settled ones; null: not wanted
-  Gjk<double>* unsettled;       ///< (pairs,) GJK's last state where the answer is not settled
+  Gjk<double>* unsettled;       ///< (pairs,) GJK's last state where the answer is not settled; not written by run_f32
 };
+
+/// Whether float32 can be tried on two pieces: small ones, of sizes whose sixth powers neither overflow nor vanish.
+bool fits_f32(const Piece& a, const Piece& b);
 
 /// One instruction set's version.
 struct LaneKernel {
   std::string_view name;  ///< "avx512", "avx2", "baseline"
-  int lanes;              ///< float64 pairs side by side
+  int lanes;              ///< float64 pairs side by side; twice as many in float32
   void (*run)(const LaneBatch&);
+  void (*run_f32)(const LaneBatch&);  ///< of pieces that fit: settles what float32 bounds can settle
 };
 
 /// The versions that this machine can run, the fastest first.

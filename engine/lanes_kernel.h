@@ -130,8 +130,8 @@ HWY_INLINE FoundVertex<T> scan_one(const LaneHull& hull, const Vec3<Pack<T>>& n)
   return scan.found();
 }
 
-template <class T>
-HWY_INLINE void copy_lane(const Vec3<Pack<T>>& from, int lane, Vec3<T>& to) {
+template <class T, class To>
+HWY_INLINE void copy_lane(const Vec3<Pack<T>>& from, int lane, Vec3<To>& to) {
   to.x = reinterpret_cast<const T*>(&from.x)[lane];
   to.y = reinterpret_cast<const T*>(&from.y)[lane];
   to.z = reinterpret_cast<const T*>(&from.z)[lane];
@@ -178,27 +178,62 @@ HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const SimplexPoint<Pack<T
     to.b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.vertex[i].b, lane)));
     to.share[i] = lane_of(point.share[i], lane);
   }
+  if (sizeof(T) == sizeof(double)) return;
+  // Float32 shares add up to 1 only in float32, which would put the points outside their pieces.
+  double sum = 0;
+  for (std::uint32_t i = 0; i < to.size; ++i) sum += to.share[i];
+  for (std::uint32_t i = 0; i < to.size; ++i) to.share[i] /= sum;
 }
 
-inline void run_in_lanes(const LaneBatch& batch) {
-  using T = double;
+// What of a hull and of a placed pair goes into the lanes: everything in float64 from the body's origin; float32 from the
+// pieces' centres, so that its digits are spent on the shapes and the gap.
+template <class T>
+struct Source;
+template <>
+struct Source<double> {
+  const double *x, *y, *z;
+  double rho;
+  Vec3d centre;
+  HWY_INLINE explicit Source(const LaneHull& h) : x(h.x), y(h.y), z(h.z), rho(h.rho), centre(h.centre) {}
+};
+template <>
+struct Source<float> {
+  const float *x, *y, *z;
+  double rho;
+  Vec3d centre;
+  HWY_INLINE explicit Source(const LaneHull& h) : x(h.x_f32), y(h.y_f32), z(h.z_f32), rho(h.spread * (1 + 0x1p-20)), centre{0, 0, 0} {}
+};
+
+HWY_INLINE void rotate(const Mat3d& R, const Vec3d& v, double (&out)[3]) {
+  for (int k = 0; k < 3; ++k) out[k] = R.row[k].x * v.x + R.row[k].y * v.y + R.row[k].z * v.z;
+}
+
+HWY_INLINE bool off_centre(const LaneHull& h) { return h.centre.x != 0 || h.centre.y != 0 || h.centre.z != 0; }
+
+template <class T>
+void run_in_lanes(const LaneBatch& batch) {
+  constexpr bool kIsF32 = sizeof(T) == sizeof(float);
   using P = Pack<T>;
   constexpr int kLanes = P::kLanes;
   const LaneHull &a = batch.a, &b = batch.b;
+  const Source<T> from_a(a), from_b(b);
+  // Comparisons in float32 err by its rounding: ask for a little more.
+  const double strict = kIsF32 ? 1 - 0x1p-20 : 1, beyond = kIsF32 ? batch.max_distance * (1 + 0x1p-20) : batch.max_distance;
 
   PlacedColumns<T> rotation_a = {}, rotation_b = {};
   Columns3<T> offset = {};
-  Column<T> fresh = {}, steps = {};
+  Column<T> fresh = {}, steps = {}, extra = {};
   GjkLimits<P> limits;
   limits.rel_tol = P(batch.rel_tol / 2);
   limits.abs_tol = P(batch.abs_tol / 2);
   limits.radius = P(a.radius + b.radius);
   limits.squared = !(a.radius + b.radius > 0) && batch.abs_tol == 0;
-  limits.bounded = batch.max_distance < 1e150;
+  limits.bounded = batch.max_distance < (kIsF32 ? 1e15 : 1e150);
   limits.max_distance = P(0.0);
-  const Vec3<P> centre_a{P(a.centre.x), P(a.centre.y), P(a.centre.z)}, centre_b{P(b.centre.x), P(b.centre.y), P(b.centre.z)};
+  const Vec3<P> centre_a{P(from_a.centre.x), P(from_a.centre.y), P(from_a.centre.z)},
+      centre_b{P(from_b.centre.x), P(from_b.centre.y), P(from_b.centre.z)};
   const P zero(0.0), one(1.0), idle(-1.0), most(static_cast<T>(batch.max_iterations)), radius(a.radius + b.radius);
-  const P max_distance(batch.max_distance);
+  const P max_distance(beyond);
   P scale = zero;
 
   Gjk<P> g;
@@ -213,29 +248,51 @@ inline void run_in_lanes(const LaneBatch& batch) {
   std::size_t next = 0, pair_of[kLanes] = {};
   int busy = 0;
   const auto fill = [&](int lane) {
-    if (next == batch.count) {
-      set_lane(g.end, lane, -1.0);
-      return;
+    set_lane(g.end, lane, T(-1));
+    double D[3] = {}, size = 0;
+    while (next < batch.count) {
+      const LanePair& pair = batch.pairs[next];
+      D[0] = pair.t_b->x - pair.t_a->x;
+      D[1] = pair.t_b->y - pair.t_a->y;
+      D[2] = pair.t_b->z - pair.t_a->z;
+      if (!kIsF32) break;
+      size = a.rho + b.rho + a.radius + b.radius;
+      for (int k = 0; k < 3; ++k) size += D[k] < 0 ? -D[k] : D[k];
+      if (size < 1e6) break;
+      batch.answers[next++] = {-__builtin_inf(), __builtin_inf(), false};
     }
+    if (next == batch.count) return;
     const LanePair& pair = batch.pairs[next];
     pair_of[lane] = next++;
     ++busy;
     for (int r = 0; r < 3; ++r) {
-      rotation_a.row[r].x.at[lane] = pair.R_wa->row[r].x;
-      rotation_a.row[r].y.at[lane] = pair.R_wa->row[r].y;
-      rotation_a.row[r].z.at[lane] = pair.R_wa->row[r].z;
-      rotation_b.row[r].x.at[lane] = pair.R_wb->row[r].x;
-      rotation_b.row[r].y.at[lane] = pair.R_wb->row[r].y;
-      rotation_b.row[r].z.at[lane] = pair.R_wb->row[r].z;
+      rotation_a.row[r].x.at[lane] = static_cast<T>(pair.R_wa->row[r].x);
+      rotation_a.row[r].y.at[lane] = static_cast<T>(pair.R_wa->row[r].y);
+      rotation_a.row[r].z.at[lane] = static_cast<T>(pair.R_wa->row[r].z);
+      rotation_b.row[r].x.at[lane] = static_cast<T>(pair.R_wb->row[r].x);
+      rotation_b.row[r].y.at[lane] = static_cast<T>(pair.R_wb->row[r].y);
+      rotation_b.row[r].z.at[lane] = static_cast<T>(pair.R_wb->row[r].z);
     }
-    offset.x.at[lane] = pair.t_b->x - pair.t_a->x;
-    offset.y.at[lane] = pair.t_b->y - pair.t_a->y;
-    offset.z.at[lane] = pair.t_b->z - pair.t_a->z;
+    if (kIsF32) {
+      double from_centre[3];
+      if (off_centre(a)) {
+        rotate(*pair.R_wa, a.centre, from_centre);
+        for (int k = 0; k < 3; ++k) D[k] -= from_centre[k];
+      }
+      if (off_centre(b)) {
+        rotate(*pair.R_wb, b.centre, from_centre);
+        for (int k = 0; k < 3; ++k) D[k] += from_centre[k];
+      }
+      extra.at[lane] = static_cast<T>(16 * 0x1p-53 * (1 + 0x1p-20) * size);
+    }
+    offset.x.at[lane] = static_cast<T>(D[0]);
+    offset.y.at[lane] = static_cast<T>(D[1]);
+    offset.z.at[lane] = static_cast<T>(D[2]);
     fresh.at[lane] = 1;
     steps.at[lane] = 0;
-    set_lane(g.end, lane, 0.0);
-    set_lane(g.simplex.size, lane, 0.0);
-    set_lane(g.squared_distance, lane, 0.0);
+    set_lane(g.end, lane, T(0));
+    set_lane(g.simplex.size, lane, T(0));
+    set_lane(g.squared_distance, lane, T(0));
   };
   for (int lane = 0; lane < kLanes; ++lane) fill(lane);
 
@@ -249,7 +306,7 @@ inline void run_in_lanes(const LaneBatch& batch) {
       v0.x = select(squared_norm(v0) > zero, v0.x, one);
       g.v = select(is_fresh, v0, g.v);
       fresh.set(zero);
-      scale = pair_scale(D, P(a.rho), P(b.rho), radius);
+      scale = pair_scale(D, P(from_a.rho), P(from_b.rho), radius);
       if (limits.bounded)
         limits.max_distance = max_distance + radius + P(2.0) * rounding_error(P(RoundingUnits<P>::kLower), scale);
       any_fresh = false;
@@ -257,11 +314,15 @@ inline void run_in_lanes(const LaneBatch& batch) {
     const auto running = g.end == zero;
     const Vec3<P> along_a = -R_wa.transpose_times(g.v), along_b = R_wb.transpose_times(g.v);
     FoundVertex<T> fa, fb;
-    if (a.has_table || b.has_table) {
-      fa = a.has_table ? look_up<T>(a, along_a) : scan_one<T>(a, along_a);
-      fb = b.has_table ? look_up<T>(b, along_b) : scan_one<T>(b, along_b);
-    } else {
-      Scan<T> scan_a(a.x, a.y, a.z, a.count, along_a), scan_b(b.x, b.y, b.z, b.count, along_b);
+    bool found = false;
+    if constexpr (!kIsF32)
+      if (a.has_table || b.has_table) {
+        fa = a.has_table ? look_up<T>(a, along_a) : scan_one<T>(a, along_a);
+        fb = b.has_table ? look_up<T>(b, along_b) : scan_one<T>(b, along_b);
+        found = true;
+      }
+    if (!found) {
+      Scan<T> scan_a(from_a.x, from_a.y, from_a.z, a.count, along_a), scan_b(from_b.x, from_b.y, from_b.z, b.count, along_b);
       scan_both(scan_a, scan_b);
       fa = scan_a.found();
       fb = scan_b.found();
@@ -276,7 +337,7 @@ inline void run_in_lanes(const LaneBatch& batch) {
     if (!any(ended)) continue;
 
     // What narrow_phase() makes of such a run, for the pairs that need no more than that.
-    const RunBounds<P> bounds(g, radius, scale, max_distance, P(batch.abs_tol), P(batch.rel_tol));
+    const RunBounds<P> bounds(g, radius, scale, max_distance, P(batch.abs_tol * strict), P(batch.rel_tol * strict), extra.pack());
     alignas(64) T ended_at[kLanes], settled_at[kLanes], lower_at[kLanes], upper_at[kLanes];
     select(ended, one, zero).store(ended_at);
     select(bounds.settled, one, zero).store(settled_at);
@@ -287,9 +348,9 @@ inline void run_in_lanes(const LaneBatch& batch) {
       const std::size_t pair = pair_of[lane];
       const bool done = settled_at[lane] != 0;
       batch.answers[pair] = {lower_at[lane], upper_at[lane], done};
-      if (!done)
-        copy_lane(g, lane, batch.unsettled[pair]);
-      else if (batch.witnesses)
+      if constexpr (!kIsF32)
+        if (!done) copy_lane(g, lane, batch.unsettled[pair]);
+      if (done && batch.witnesses)
         copy_witness(g, bounds.nearest, lane, batch.witnesses[pair]);
       --busy;
       fill(lane);

@@ -297,7 +297,7 @@ Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const 
     }
   } else {
     answer.take_witness(certify_upper(pair, g.simplex));
-    if (g.squared_distance > T(kSafelySquared) && end != GjkEnd::kLimit)
+    if (g.squared_distance > T(Arithmetic<T>::kSafelySquared) && end != GjkEnd::kLimit)
       answer.raise_lower(certify_lower(pair, g.gap, norm(g.v)), cast<double>(-g.v));
     else if (squared_norm(g.v) > T(0))
       answer.raise_lower(certify_lower(pair, -g.v), cast<double>(-g.v));

@@ -69,6 +69,9 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
       piece->x.push_back(v.x);
       piece->y.push_back(v.y);
       piece->z.push_back(v.z);
+      piece->x_f32.push_back(static_cast<float>(v.x - piece->centre.x));
+      piece->y_f32.push_back(static_cast<float>(v.y - piece->centre.y));
+      piece->z_f32.push_back(static_cast<float>(v.z - piece->centre.z));
     }
   piece->vertices = std::move(vertices);
   return piece;
@@ -77,7 +80,7 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
 std::uint64_t resident_bytes(const Piece& piece) {
   const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
   std::uint64_t bytes = sizeof(Piece) + held(piece.vertices) + held(piece.adjacency_begin) + held(piece.adjacency) +
-                        held(piece.x) + held(piece.y) + held(piece.z);
+                        held(piece.x) + held(piece.y) + held(piece.z) + held(piece.x_f32) + held(piece.y_f32) + held(piece.z_f32);
   if (piece.table) bytes += sizeof(DirectionTable) + piece.table->bytes();
   return bytes;
 }

@@ -34,6 +34,7 @@ struct Piece {
 
   /// For supports: a structure-of-arrays copy of the vertices of a small piece, the table of a larger one.
   std::vector<double> x, y, z;
+  std::vector<float> x_f32, y_f32, z_f32;  ///< the same relative to `centre`, rounded
   std::shared_ptr<const DirectionTable> table;  ///< null for small pieces
 };
 using PiecePtr = std::shared_ptr<const Piece>;
