@@ -68,6 +68,7 @@ struct SimplexPoint {
     using Count = typename Lane<T>::Count;
     const T zero(0);
     T sum = zero;
+    CLEARANCE_UNROLL
     for (int i = 0; i < 4; ++i) {
       share[i] = zero;
       const auto there = s.size > Count(i);
@@ -78,6 +79,7 @@ struct SimplexPoint {
     share[0] = select(sum > zero, share[0], T(1));
     sum = select(sum > zero, sum, T(1));
     w = {zero, zero, zero};
+    CLEARANCE_UNROLL
     for (int i = 0; i < 4; ++i) {
       const auto there = s.size > Count(i);
       if (!any(there)) continue;

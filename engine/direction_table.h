@@ -59,14 +59,16 @@ CLEARANCE_INLINE MapPoint<T> map_point(const Vec3<T>& n) {
   return {u, v};
 }
 
-/// Where the list for that point begins.
-CLEARANCE_INLINE std::uint32_t find_list(const std::uint32_t* cells, std::uint32_t grid_bits, double map_u, double map_v) {
+/// Where the list for that point begins. \param cells words of any width; the highest bit is DirectionTable::kDivided.
+template <class Word>
+CLEARANCE_INLINE std::uint32_t find_list(const Word* cells, std::uint32_t grid_bits, double map_u, double map_v) {
   const auto u = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_u)), v = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_v));
   std::uint32_t shift = DirectionTable::kDeepest - grid_bits;
+  constexpr std::uint32_t divided = std::uint32_t{1} << (8 * sizeof(Word) - 1);
   std::uint32_t word = cells[(v >> shift) << grid_bits | u >> shift];
-  while (word & DirectionTable::kDivided) {
+  while (word & divided) {
     --shift;
-    word = cells[(word & ~DirectionTable::kDivided) + ((v >> shift & 1) << 1 | (u >> shift & 1))];
+    word = cells[(word & ~divided) + ((v >> shift & 1) << 1 | (u >> shift & 1))];
   }
   return word;
 }

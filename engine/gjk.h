@@ -32,9 +32,15 @@ CLEARANCE_HD inline CsoVertex<T> select(const Mask& mask, const CsoVertex<T>& ye
   return {select(mask, yes.w, no.w), select(mask, yes.a, no.a), select(mask, yes.b, no.b)};
 }
 template <class T>
+#ifdef __CUDA_ARCH__
+CLEARANCE_HD inline CsoVertex<T> select(bool mask, const CsoVertex<T>& yes, const CsoVertex<T>& no) {
+  return {select(mask, yes.w, no.w), mask ? yes.a : no.a, mask ? yes.b : no.b};
+}
+#else
 CLEARANCE_HD inline const CsoVertex<T>& select(bool mask, const CsoVertex<T>& yes, const CsoVertex<T>& no) {
   return mask ? yes : no;
 }
+#endif
 
 /// Up to four CSO vertices; the weights are those of the point nearest to the origin.
 template <class T>
@@ -90,6 +96,7 @@ CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVe
 
   Vec3<T> e[3], m[3];
   T g[3];
+  CLEARANCE_UNROLL
   for (int i = 0; i < 3; ++i) {
     const Mask there = old.size > Count(i);
     if (!any(there)) {
@@ -310,6 +317,7 @@ struct Gjk {
       return reduce_to_nearest(simplex, vertex);
   }
   CLEARANCE_HD void advance(const Nearest<T>& next, const Mask& take) {
+    CLEARANCE_UNROLL
     for (int i = 0; i < 3; ++i) {
       simplex.vertex[i] = select(take, next.simplex.vertex[i], simplex.vertex[i]);
       simplex.weight[i] = select(take, next.simplex.weight[i], simplex.weight[i]);

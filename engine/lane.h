@@ -20,10 +20,18 @@ struct Lane {
   using Count = int;
 };
 
+// A processor chooses between addresses; a GPU thread between values, since only those live in registers.
+#ifdef __CUDA_ARCH__
+template <class T>
+CLEARANCE_HD inline T select(bool mask, const T& yes, const T& no) {
+  return mask ? yes : no;
+}
+#else
 template <class T>
 CLEARANCE_HD inline const T& select(bool mask, const T& yes, const T& no) {
   return mask ? yes : no;
 }
+#endif
 CLEARANCE_HD inline bool any(bool mask) { return mask; }
 
 template <class Mask, class T>
@@ -31,8 +39,14 @@ CLEARANCE_HD inline Vec3<T> select(const Mask& mask, const Vec3<T>& yes, const V
   return {select(mask, yes.x, no.x), select(mask, yes.y, no.y), select(mask, yes.z, no.z)};
 }
 template <class T>
+#ifdef __CUDA_ARCH__
+CLEARANCE_HD inline Vec3<T> select(bool mask, const Vec3<T>& yes, const Vec3<T>& no) {
+  return {mask ? yes.x : no.x, mask ? yes.y : no.y, mask ? yes.z : no.z};
+}
+#else
 CLEARANCE_HD inline const Vec3<T>& select(bool mask, const Vec3<T>& yes, const Vec3<T>& no) {
   return mask ? yes : no;
 }
+#endif
 
 }  // namespace clearance

@@ -12,6 +12,12 @@
 #else
 #define CLEARANCE_HD
 #endif
+/// Before a loop over the entries of a small array: where it is unrolled, a GPU can keep the array in registers.
+#ifdef __CUDA_ARCH__
+#define CLEARANCE_UNROLL _Pragma("unroll")
+#else
+#define CLEARANCE_UNROLL
+#endif
 /// For what is called once in a hot loop over packs: passing packs through memory would cost more than it does.
 #define CLEARANCE_INLINE CLEARANCE_HD inline __attribute__((always_inline))
 

@@ -15,6 +15,7 @@ template <class Hull>
 CLEARANCE_HD inline void settled_witness(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
                                          const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
   Vec3d core_a{0, 0, 0}, core_b = core_a;
+  CLEARANCE_UNROLL
   for (std::uint32_t i = 0; i < 3; ++i) {
     if (i >= lane.size) continue;
     core_a += a.vertex(lane.a[i]) * lane.share[i];

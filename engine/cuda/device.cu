@@ -15,6 +15,9 @@ namespace clearance::cuda {
 namespace {
 
 constexpr std::size_t kMostVertices = 512;   // of a hull that the device looks at vertex by vertex; the CPU answers for larger ones
+constexpr int kMostShared = 96 * 1024;       // bytes of a block: two hulls of kMostVertices
+constexpr std::size_t kTableVertices = 16;   // fewer are scanned as fast
+constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
 constexpr std::uint32_t kRestAtOnce = 4096;  // unsettled rows that come back without a second copy
 
 DeviceInfo probe() {
@@ -43,6 +46,7 @@ class ResidentHulls {
   ResidentHulls(const Scene& scene, MemoryCounters& counters) : memory_(counters) {
     std::vector<HullHead> heads;
     std::vector<double> x, y, z;
+    std::vector<std::uint16_t> words;
     std::unordered_map<const Piece*, std::uint32_t> index;
     for (const Body& body : scene.bodies()) {
       const Piece& p = *body.pieces[0];
@@ -53,30 +57,50 @@ class ResidentHulls {
       const auto [at, is_new] = index.try_emplace(&p, static_cast<std::uint32_t>(heads.size()));
       of_body_.push_back(at->second);
       if (!is_new) continue;
-      heads.push_back({p.centre, p.half, p.rho, p.radius, p.spread, static_cast<std::uint32_t>(x.size()),
-                       static_cast<std::uint32_t>(p.vertices.size())});
+      HullHead head{p.centre, p.half, p.rho, p.radius, p.spread, static_cast<std::uint32_t>(x.size()),
+                    static_cast<std::uint32_t>(p.vertices.size()), 0, 0, 0, 0};
+      add_table(p, head, words);
+      heads.push_back(head);
       for (const Vec3d& v : p.vertices) {
         x.push_back(v.x);
         y.push_back(v.y);
         z.push_back(v.z);
       }
     }
-    for (const HullHead& h : heads) counts_.push_back(h.count);
+    for (const HullHead& h : heads) shared_bytes_.push_back(shared_bytes(h));
     Upload& m = memory_;
     const std::size_t at_heads = m.add<HullHead>(heads), at_x = m.add<double>(x), at_y = m.add<double>(y),
-                      at_z = m.add<double>(z), at_of = m.add<std::uint32_t>(of_body_);
+                      at_z = m.add<double>(z), at_words = m.add<std::uint16_t>(words), at_of = m.add<std::uint32_t>(of_body_);
     m.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
     m.forget_host();
-    view_ = {m.at<HullHead>(at_heads), m.at<double>(at_x), m.at<double>(at_y), m.at<double>(at_z), m.at<std::uint32_t>(at_of)};
+    view_ = {m.at<HullHead>(at_heads), m.at<double>(at_x), m.at<double>(at_y), m.at<double>(at_z), m.at<std::uint16_t>(at_words),
+             m.at<std::uint32_t>(at_of)};
   }
   const HullsView& view() const { return view_; }
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
-  std::uint32_t vertices(std::uint32_t hull) const { return counts_[hull]; }
+  std::uint32_t bytes_in_shared_memory(std::uint32_t hull) const { return shared_bytes_[hull]; }
 
  private:
+  // Small hulls have no table on the CPU, where they are scanned.
+  static void add_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) {
+    if (p.vertices.size() < kTableVertices) return;
+    const DirectionTable made = p.table ? DirectionTable{} : make_direction_table(p.vertices, p.rho);
+    const DirectionTable& table = p.table ? *p.table : made;
+    if (std::max(table.cells.size(), table.lists.size()) >= kNarrowDivided) return;
+    words.resize((words.size() + 7) / 8 * 8);
+    head.first_word = static_cast<std::uint32_t>(words.size());
+    head.grid_bits = table.grid_bits;
+    head.cell_words = static_cast<std::uint32_t>(table.cells.size());
+    head.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
+    for (const std::uint32_t cell : table.cells)
+      words.push_back(static_cast<std::uint16_t>(cell & DirectionTable::kDivided ? kNarrowDivided | cell : cell));
+    words.insert(words.end(), table.lists.begin(), table.lists.end());
+    words.resize((words.size() + 7) / 8 * 8);
+  }
+
   Upload memory_;
-  std::vector<std::uint32_t> of_body_, counts_;
+  std::vector<std::uint32_t> of_body_, shared_bytes_;
   HullsView view_;
 };
 
@@ -94,15 +118,16 @@ class CudaPairs final : public ResidentPairs {
     groups = memory_.at<Group>(at_groups);
     for (const Group& group : g) {
       if (group.hull_a == kNone) continue;
-      const std::size_t both = hulls.vertices(group.hull_a) + (group.hull_a == group.hull_b ? 0 : hulls.vertices(group.hull_b));
-      shared_bytes = std::max(shared_bytes, both * 3 * sizeof(double));
+      const std::uint32_t both =
+          hulls.bytes_in_shared_memory(group.hull_a) + (group.hull_a == group.hull_b ? 0 : hulls.bytes_in_shared_memory(group.hull_b));
+      shared_bytes = std::max<std::size_t>(shared_bytes, both);
     }
   }
 
   const PairRef* pairs;
   const std::uint32_t* position;
   const Group* groups;
-  std::size_t shared_bytes = 0;  ///< for the vertices of any group
+  std::size_t shared_bytes = 0;  ///< for the hulls of any group
 
  private:
   Upload memory_;
@@ -283,7 +308,9 @@ class CudaWorkspace final : public Workspace {
 
 class CudaDevice final : public Device, public std::enable_shared_from_this<CudaDevice> {
  public:
-  explicit CudaDevice(const Scene& scene) : hulls_(scene, scene_memory_) {}
+  explicit CudaDevice(const Scene& scene) : hulls_(scene, scene_memory_) {
+    check(cudaFuncSetAttribute(answer_groups, cudaFuncAttributeMaxDynamicSharedMemorySize, kMostShared), "asking for shared memory");
+  }
 
   std::uint32_t hull_of(std::uint32_t body) const override { return hulls_.of_body(body); }
 

@@ -13,12 +13,15 @@ struct HullHead {
   Vec3d centre, half;
   double rho, radius, spread;
   std::uint32_t first, count;
+  /// Its direction table, narrowed to 16 bits: cells, then lists, from word `first_word` on. No words: no table.
+  std::uint32_t first_word, words, cell_words, grid_bits;
 };
 
 /// All hulls of the scene, in device memory.
 struct HullsView {
   const HullHead* heads;
   const double *x, *y, *z;
+  const std::uint16_t* words;    ///< of all tables, each from a multiple of 8 on
   const std::uint32_t* of_body;  ///< (bodies,) index of the body's hull; kNone: not on the device
 };
 

@@ -4,52 +4,70 @@
 // CPU's lanes (lanes_kernel.h), whose kernel this is with a thread for a lane.
 #pragma once
 
+#include <cstddef>
+
 #include "engine/certify.h"
+#include "engine/direction_table.h"
 #include "engine/witness.h"
 #include "layout.h"
 
+#ifndef CLEARANCE_CUDA_BLOCKS
+#define CLEARANCE_CUDA_BLOCKS 3  // of kTile threads on a multiprocessor: what the registers of one are rationed for
+#endif
+
 namespace clearance::cuda {
 
-// A hull whose vertices all threads of a block look at together.
-struct SharedHull {
+// A hull: its vertices, and its direction table if it has one. Vertices: shared by a block, or the scene's.
+template <class Vertices>
+struct Hull {
+  Vertices vertices;
+  const std::uint16_t *cells, *lists;  // null: no table
+  std::uint32_t grid_bits, size;
+  const HullHead* head;
+
+  __device__ Hull(const Vertices& v, const std::uint16_t* words, const HullHead* h)
+      : vertices(v), cells(h->words > 0 ? words : nullptr), lists(words + h->cell_words), grid_bits(h->grid_bits), size(h->count), head(h) {}
+  __device__ Vec3d vertex(std::uint32_t i) const { return vertices[i]; }
+  __device__ std::uint32_t count() const { return size; }
+  __device__ double radius() const { return head->radius; }
+  __device__ double spread() const { return head->spread; }
+
+  // The farthest vertex along n, ties to the lowest index: support()'s words.
+  __device__ SupportPoint<double> farthest(const Vec3d& n) const {
+    if (!cells) return scan(n);
+    const MapPoint<double> at = map_point(n);
+    const std::uint16_t* list = lists + find_list(cells, grid_bits, at.u, at.v);
+    const std::uint32_t candidates = list[0];
+    SupportPoint<double> best{list[1], dot(n, vertex(list[1]))};
+    for (std::uint32_t k = 2; k <= candidates; ++k) {
+      const std::uint32_t i = list[k];
+      const double s = dot(n, vertex(i));
+      if (s > best.value) best = {i, s};
+    }
+    return best;
+  }
+  __device__ SupportPoint<double> scan(const Vec3d& n) const {
+    SupportPoint<double> best{0, dot(n, vertex(0))};
+#pragma unroll 4
+    for (std::uint32_t i = 1; i < size; ++i) {
+      const double s = dot(n, vertex(i));
+      if (s > best.value) best = {i, s};
+    }
+    return best;
+  }
+};
+struct SharedVertices {
   const double2* xy;
   const double* z;
-  const HullHead* head;
-  __device__ Vec3d vertex(std::uint32_t i) const {
+  __device__ Vec3d operator[](std::uint32_t i) const {
     const double2 p = xy[i];
     return {p.x, p.y, z[i]};
   }
-  __device__ std::uint32_t count() const { return head->count; }
-  __device__ double radius() const { return head->radius; }
-  __device__ double spread() const { return head->spread; }
-  __device__ SupportPoint<double> farthest(const Vec3d& n) const;
 };
-
-// A hull of this thread's own.
-struct GlobalHull {
+struct SceneVertices {
   const double *x, *y, *z;
-  const HullHead* head;
-  __device__ Vec3d vertex(std::uint32_t i) const { return {__ldg(x + i), __ldg(y + i), __ldg(z + i)}; }
-  __device__ std::uint32_t count() const { return head->count; }
-  __device__ double radius() const { return head->radius; }
-  __device__ double spread() const { return head->spread; }
-  __device__ SupportPoint<double> farthest(const Vec3d& n) const;
+  __device__ Vec3d operator[](std::uint32_t i) const { return {__ldg(x + i), __ldg(y + i), __ldg(z + i)}; }
 };
-
-// The farthest vertex along n, ties to the lowest index: support()'s scan.
-template <class Hull>
-__device__ inline SupportPoint<double> scan(const Hull& hull, const Vec3d& n) {
-  SupportPoint<double> best{0, dot(n, hull.vertex(0))};
-  const std::uint32_t count = hull.count();
-#pragma unroll 4
-  for (std::uint32_t i = 1; i < count; ++i) {
-    const double s = dot(n, hull.vertex(i));
-    if (s > best.value) best = {i, s};
-  }
-  return best;
-}
-__device__ inline SupportPoint<double> SharedHull::farthest(const Vec3d& n) const { return scan(*this, n); }
-__device__ inline SupportPoint<double> GlobalHull::farthest(const Vec3d& n) const { return scan(*this, n); }
 
 // A body where this thread finds it.
 struct Where {
@@ -185,23 +203,34 @@ __device__ inline std::uint32_t group_of_tile(const ChunkView& c, std::uint32_t 
   return low;
 }
 
-// Blocks of pairs of the same two hulls, whose vertices lie in shared memory.
-__global__ void __launch_bounds__(kTile) answer_groups(const __grid_constant__ ChunkView c) {
-  extern __shared__ double2 shared_vertices[];
-  const Group group = c.groups[group_of_tile(c, blockIdx.x)];
-  const HullHead* heads[2] = {c.hulls.heads + group.hull_a, c.hulls.heads + group.hull_b};
-  const std::uint32_t count_a = heads[0]->count, count_b = group.hull_a == group.hull_b ? 0 : heads[1]->count;
-  double2* xy = shared_vertices;
-  double* z = reinterpret_cast<double*>(xy + count_a + count_b);
-  for (std::uint32_t i = threadIdx.x; i < count_a + count_b; i += blockDim.x) {
-    const std::uint32_t v = i < count_a ? heads[0]->first + i : heads[1]->first + (i - count_a);
-    xy[i] = {c.hulls.x[v], c.hulls.y[v]};
-    z[i] = c.hulls.z[v];
+// What a block keeps of a hull in shared memory: table, then vertices. Every part begins on 16 bytes.
+__host__ __device__ inline std::uint32_t even(std::uint32_t n) { return (n + 1) / 2 * 2; }
+__host__ __device__ inline std::uint32_t shared_bytes(const HullHead& h) {
+  return (h.words + 7) / 8 * 16 + h.count * 16 + even(h.count) * 8;
+}
+__device__ inline Hull<SharedVertices> share(const HullsView& hulls, const HullHead* head, std::byte* memory) {
+  const std::uint32_t blocks = (head->words + 7) / 8, count = head->count;
+  auto* table = reinterpret_cast<uint4*>(memory);
+  auto* xy = reinterpret_cast<double2*>(table + blocks);
+  auto* z = reinterpret_cast<double*>(xy + count);
+  const auto* words = reinterpret_cast<const uint4*>(hulls.words + head->first_word);
+  for (std::uint32_t i = threadIdx.x; i < blocks; i += blockDim.x) table[i] = words[i];
+  for (std::uint32_t i = threadIdx.x; i < count; i += blockDim.x) {
+    xy[i] = {hulls.x[head->first + i], hulls.y[head->first + i]};
+    z[i] = hulls.z[head->first + i];
   }
+  return {{xy, z}, reinterpret_cast<const std::uint16_t*>(table), head};
+}
+
+// Blocks of pairs of the same two hulls, which lie in shared memory.
+__global__ void __launch_bounds__(kTile, CLEARANCE_CUDA_BLOCKS) answer_groups(const __grid_constant__ ChunkView c) {
+  extern __shared__ uint4 shared_memory[];
+  auto* memory = reinterpret_cast<std::byte*>(shared_memory);
+  const Group group = c.groups[group_of_tile(c, blockIdx.x)];
+  const HullHead* head = c.hulls.heads + group.hull_a;
+  const Hull<SharedVertices> a = share(c.hulls, head, memory);
+  const Hull<SharedVertices> b = group.hull_a == group.hull_b ? a : share(c.hulls, c.hulls.heads + group.hull_b, memory + shared_bytes(*head));
   __syncthreads();
-  const SharedHull a{xy, z, heads[0]};
-  const std::uint32_t skip_b = group.hull_a == group.hull_b ? 0 : count_a;
-  const SharedHull b{xy + skip_b, z + skip_b, heads[1]};
 
   const std::uint64_t item = std::uint64_t{blockIdx.x - group.first_tile} * kTile + threadIdx.x;
   Outcome outcome = Outcome::kNone;
@@ -216,7 +245,7 @@ __global__ void __launch_bounds__(kTile) answer_groups(const __grid_constant__ C
 }
 
 // Pairs that have too little company for that: each thread reads the hulls it needs. c.groups is the one group of them.
-__global__ void __launch_bounds__(kTile) answer_strays(const __grid_constant__ ChunkView c) {
+__global__ void __launch_bounds__(kTile, CLEARANCE_CUDA_BLOCKS) answer_strays(const __grid_constant__ ChunkView c) {
   const Group group = c.groups[0];
   const std::uint64_t item = std::uint64_t{blockIdx.x} * kTile + threadIdx.x;
   Outcome outcome = Outcome::kNone;
@@ -228,7 +257,8 @@ __global__ void __launch_bounds__(kTile) answer_strays(const __grid_constant__ C
     const auto hull = [&](std::uint32_t r) {
       const std::uint32_t body = r & kMovedBit ? c.bodies.moved_body[r & ~kMovedBit] : r;
       const HullHead* head = c.hulls.heads + c.hulls.of_body[body];
-      return GlobalHull{c.hulls.x + head->first, c.hulls.y + head->first, c.hulls.z + head->first, head};
+      return Hull<SceneVertices>({c.hulls.x + head->first, c.hulls.y + head->first, c.hulls.z + head->first},
+                                 c.hulls.words + head->first_word, head);
     };
     row = std::uint64_t{k} * c.pair_count + c.position[pair];
     outcome = answer_item(c, hull(ref.a), hull(ref.b), ref, k, row);
