@@ -1,6 +1,8 @@
 // Compiled with -ffp-contract=off: a fused multiply-add that the derivation does not know of would void it.
 #include "certify.h"
 
+#include "overlap.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -70,45 +72,13 @@ Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
   }
   for (int i = 0; i < simplex.size; ++i)
     simplex.vertex[i].w = pair.cso_vertex(simplex.vertex[i].a, simplex.vertex[i].b);
-  const SimplexPoint<T> point(simplex);
-  Vec3<T> a{T(0), T(0), T(0)}, b = a;
-  for (int i = 0; i < simplex.size; ++i) {
-    a += cast<T>(pair.a->vertices[simplex.vertex[i].a]) * point.share[i];
-    b += cast<T>(pair.b->vertices[simplex.vertex[i].b]) * point.share[i];
-  }
+  const CsoPoint<T> point(simplex, pair.R_wa, [&](std::uint32_t k) { return cast<T>(pair.a->vertices[k]); }, pair.R_wb,
+                          [&](std::uint32_t k) { return cast<T>(pair.b->vertices[k]); });
   const double upper = round_up(upper_from_point(norm(point.w), pair.radius, T(pair.upper_error())));
-  return {std::isnan(upper) ? kInf : upper, to_double(pair.R_wa * a), to_double(pair.R_wb * b), to_double(-point.w)};
+  return {std::isnan(upper) ? kInf : upper, to_double(point.core_a), to_double(point.core_b), to_double(-point.w)};
 }
 
 namespace {
-
-// How often the surface winds around the point `o`, by counting the faces that a ray along g crosses; 0 if any sign is
-// uncertain. All faces lie beyond planes that keep them from `o`.
-template <class T>
-int winding(const std::vector<Vec3<T>>& w, std::span<const CsoFace<T>> faces, const Vec3<T>& o, const Vec3<T>& g) {
-  const T uncertain = T(32 * Arithmetic<T>::kUnit);
-  using std::abs;
-  int turns = 0;
-  for (const CsoFace<T>& face : faces) {
-    Vec3<T> q[3];
-    for (int i = 0; i < 3; ++i) q[i] = w[face.vertex[i]] - o;
-    int sign = 0;
-    bool same_side = true;
-    for (int i = 0; i < 3 && same_side; ++i) {
-      const Vec3<T>&p = q[i], &r = q[(i + 1) % 3];
-      const T side = dot(g, cross(p, r));
-      if (!(abs(side) > uncertain * (norm(p) * norm(r)))) return 0;
-      const int s = side > T(0) ? 1 : -1;
-      same_side = i == 0 || s == sign;
-      sign = s;
-    }
-    if (!same_side) continue;
-    const T ahead = dot(g, face.normal);
-    if (!(abs(ahead) > uncertain * norm(face.normal))) return 0;
-    if (ahead > T(0)) turns += sign;
-  }
-  return turns;
-}
 
 bool is_closed(std::vector<std::uint64_t>& edges) {
   std::sort(edges.begin(), edges.end());
@@ -127,36 +97,16 @@ double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> ver
   std::vector<Vec3<T>> w;
   w.reserve(vertices.size());
   for (const CsoVertex<T>& v : vertices) w.push_back(pair.cso_vertex(v.a, v.b));
-
+  const T ball = least_depth(w.data(), faces.data(), faces.size());
+  if (!(ball > T(0))) return -kInf;
+  const double radius = round_down(ball - T(pair.ball_error()));
+  if (!(radius > 0)) return -kInf;
   std::vector<std::uint64_t> edges;
   edges.reserve(3 * faces.size());
-  T ball = T(kInf);
-  for (const CsoFace<T>& face : faces) {
-    const Vec3<T> n = rescaled(face.normal);
-    const T length = norm(n);
-    for (int i = 0; i < 3; ++i) {
-      const T beyond = dot(n, w[face.vertex[i]]) / length;
-      if (!(beyond >= ball)) ball = beyond;  // also takes a NaN, which proves nothing below
-      edges.push_back(std::uint64_t{face.vertex[i]} << 32 | face.vertex[(i + 1) % 3]);
-    }
-    if (!(ball > T(0))) return -kInf;
-  }
-  const double radius = round_down(ball - T(pair.ball_error()));
-  if (!(radius > 0) || !is_closed(edges)) return -kInf;
-
-  // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain; every point within the
-  // ball is surrounded as often as the origin is, so take one off centre, in a direction without pattern.
-  static constexpr double kRays[4][2][3] = {{{0.31, -0.52, 0.79}, {0.732, 0.481, -0.4829}},
-                                            {{-0.67, 0.23, 0.21}, {-0.377, 0.618, 0.6899}},
-                                            {{0.19, 0.71, -0.43}, {0.127, -0.911, 0.3923}},
-                                            {{-0.53, -0.37, -0.59}, {-0.802, -0.2231, -0.554}}};
-  for (const auto& ray : kRays) {
-    const T step = ball * T(0.5);
-    const Vec3<T> o = Vec3<T>{T(ray[0][0]), T(ray[0][1]), T(ray[0][2])} * step;
-    const Vec3<T> g{T(ray[1][0]), T(ray[1][1]), T(ray[1][2])};
-    if (winding(w, faces, o, g) != 0) return radius;
-  }
-  return -kInf;
+  for (const CsoFace<T>& face : faces)
+    for (int i = 0; i < 3; ++i) edges.push_back(std::uint64_t{face.vertex[i]} << 32 | face.vertex[(i + 1) % 3]);
+  if (!is_closed(edges)) return -kInf;
+  return is_surrounded(w.data(), faces.data(), faces.size(), ball) ? radius : -kInf;
 }
 
 double certify_overlap(const Piece& a, const Piece& b, double ball) {

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "epa.h"
+#include "overlap.h"
 #include "witness.h"
 
 namespace clearance {
@@ -149,53 +150,6 @@ void try_face_normals(const PlacedPair<T>& pair, const Gjk<T>& g, Answer& answer
       }
 }
 
-// How the origin is made of four points: barycentric coordinates, those below 0 taken for 0. Returns how far they miss it,
-// squared. Each round takes off what the one before missed, since one alone loses the digits of the tetrahedron's aspect.
-template <class T>
-T weigh_origin(Simplex<T>& s) {
-  Vec3<T> slope[4];  // of the i-th coordinate
-  for (int i = 0; i < 4; ++i) {
-    const Vec3<T>&p = s.vertex[(i + 1) % 4].w, &q = s.vertex[(i + 2) % 4].w, &r = s.vertex[(i + 3) % 4].w;
-    const Vec3<T> n = cross(q - p, r - p);
-    slope[i] = n * (T(1) / dot(n, s.vertex[i].w - p));
-    s.weight[i] = T(0.25);
-  }
-  const auto missed = [&] {
-    Vec3<T> m = s.vertex[0].w * s.weight[0];
-    for (int i = 1; i < 4; ++i) m += s.vertex[i].w * s.weight[i];
-    return m;
-  };
-  for (int round = 0; round < 3; ++round) {
-    const Vec3<T> m = missed();
-    for (int i = 0; i < 4; ++i) s.weight[i] -= dot(slope[i], m);
-  }
-  T sum = T(0);
-  for (T& w : s.weight) {
-    if (!(w > T(0))) w = T(0);
-    sum += w;
-  }
-  for (T& w : s.weight) w = w / sum;
-  return squared_norm(missed());
-}
-
-// The tetrahedron of one vertex and a face of a surface that holds the origin best: its weights give a common point.
-template <class T>
-Simplex<T> around_origin(std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
-  Simplex<T> best;
-  T least = T(kInf);
-  for (const CsoFace<T>& f : faces) {
-    Simplex<T> s;
-    s.size = 4;
-    s.vertex[0] = vertices[faces[0].vertex[0]];
-    for (int i = 0; i < 3; ++i) s.vertex[i + 1] = vertices[f.vertex[i]];
-    if (const T miss = weigh_origin(s); miss < least) {
-      least = miss;
-      best = s;
-    }
-  }
-  return best;
-}
-
 // The nearest points of every vertex, edge and triangle of a few vertices, for simplices of which GJK kept no nearest point.
 template <class T>
 void try_witnesses(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
@@ -228,7 +182,7 @@ void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> verti
                   std::span<const CsoFace<T>> faces, const Simplex<T>& nearest, Answer& answer) {
   const double ball = certify_ball(pair, vertices, faces);
   if (!(ball > 0)) return;
-  const Witness witness = certify_upper(pair, answer.wants_depth() ? nearest : around_origin<T>(vertices, faces));
+  const Witness witness = certify_upper(pair, answer.wants_depth() ? nearest : around_origin<T>(vertices.data(), faces.data(), faces.size()));
   // Rounding left the surface concave, so that its nearest point is far from its nearest plane: a matter for double-double.
   if (std::is_same_v<T, double> && answer.wants_depth() &&
       norm(witness.separation) - ball > answer.tolerance(ball) + 2 * pair.upper_error())
@@ -259,16 +213,8 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
 // The tetrahedron that GJK ended with, as a surface: outward faces.
 template <class T>
 void take_tetrahedron(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
-  static constexpr std::uint32_t kFaces[4][3] = {{0, 1, 2}, {1, 0, 3}, {2, 1, 3}, {0, 2, 3}};
-  static constexpr int kOpposite[4] = {3, 2, 0, 1};
-  std::vector<CsoFace<T>> faces;
-  for (int f = 0; f < 4; ++f) {
-    const Vec3<T>&a = s.vertex[kFaces[f][0]].w, &b = s.vertex[kFaces[f][1]].w, &c = s.vertex[kFaces[f][2]].w;
-    Vec3<T> n = cross(b - a, c - a);
-    if (dot(n, s.vertex[kOpposite[f]].w - a) > T(0)) n = -n;
-    if (!(squared_norm(n) > T(0))) return;
-    faces.push_back({{kFaces[f][0], kFaces[f][1], kFaces[f][2]}, n});
-  }
+  CsoFace<T> faces[4];
+  if (!tetrahedron_faces(s, faces)) return;
   take_overlap<T>(pair, std::span<const CsoVertex<T>>(s.vertex, 4), faces, s, answer);
 }
 
@@ -340,7 +286,8 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
                                         pose_b.t_w);
     for (CsoVertex<DoubleDouble>& v : answer.surface_vertices()) v.w = fine.cso_vertex(v.a, v.b);
-    answer.replace_witness(certify_upper(fine, around_origin<DoubleDouble>(answer.surface_vertices(), answer.surface_faces())));
+    answer.replace_witness(certify_upper(fine, around_origin<DoubleDouble>(answer.surface_vertices().data(), answer.surface_faces().data(),
+                                                                                   answer.surface_faces().size())));
   }
   NarrowAnswer r = answer.finish();
   r.rounding = pair.lower_error() + pair.upper_error();

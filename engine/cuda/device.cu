@@ -6,6 +6,7 @@
 
 #include "engine/scene.h"
 #include "memory.cuh"
+#include "overlap_kernel.cuh"
 #include "pair_kernel.cuh"
 #include "place_kernel.cuh"
 #include "reply_columns.h"
@@ -18,6 +19,7 @@ constexpr std::size_t kMostVertices = 512;   // of a hull that the device looks 
 constexpr int kMostShared = 96 * 1024;       // bytes of a block: two hulls of kMostVertices
 constexpr std::size_t kTableVertices = 16;   // fewer are scanned as fast
 constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
+constexpr std::uint64_t kOverlapBlocks = 512;  // how many pairs overlap is not known when they start
 constexpr std::uint32_t kRestAtOnce = 4096;  // unsettled rows that come back without a second copy
 
 DeviceInfo probe() {
@@ -107,15 +109,16 @@ class ResidentHulls {
 class CudaPairs final : public ResidentPairs {
  public:
   CudaPairs(const ResidentHulls& hulls, MemoryCounters& counters, std::span<const PairRef> p, std::span<const std::uint32_t> at,
-            std::span<const Group> g)
+            std::span<const Group> g, std::span<const std::uint32_t> tiles)
       : memory_(counters) {
-    const std::size_t at_pairs = memory_.add(p), at_position = memory_.add(at), at_groups = memory_.add(g);
+    const std::size_t at_pairs = memory_.add(p), at_position = memory_.add(at), at_groups = memory_.add(g), at_tiles = memory_.add(tiles);
     memory_.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying pairs to the device");
     memory_.forget_host();
     pairs = memory_.at<PairRef>(at_pairs);
     position = memory_.at<std::uint32_t>(at_position);
     groups = memory_.at<Group>(at_groups);
+    group_of_tile = memory_.at<std::uint32_t>(at_tiles);
     for (const Group& group : g) {
       if (group.hull_a == kNone) continue;
       const std::uint32_t both =
@@ -127,6 +130,7 @@ class CudaPairs final : public ResidentPairs {
   const PairRef* pairs;
   const std::uint32_t* position;
   const Group* groups;
+  const std::uint32_t* group_of_tile;
   std::size_t shared_bytes = 0;  ///< for the hulls of any group
 
  private:
@@ -147,6 +151,7 @@ class CudaWorkspace final : public Workspace {
 
   void begin(const QuerySetup& s) override {
     wait_for_all();
+    chunks_ = 0;
     question_ = s.question;
     fields_ = s.fields;
     given_count_ = s.given_count;
@@ -176,29 +181,34 @@ class CudaWorkspace final : public Workspace {
     std::uint64_t reply_bytes = 0;
     reply_view_over(nullptr, rows, fields_, &reply_bytes);
     view.reply = reply_view_over(slot.device_reply.reserve(reply_bytes), rows, fields_);
-    const std::size_t counts_bytes = (2 + rows) * sizeof(std::uint32_t);
+    const std::size_t counts_bytes = (kCounts + rows) * sizeof(std::uint32_t);
     view.counts = reinterpret_cast<std::uint32_t*>(slot.device_rest.reserve(counts_bytes));
-    view.rest = view.counts + 2;
+    view.rest = view.counts + kCounts;
+    view.enclosed = question_.prove_overlaps ? reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(rows * sizeof(Enclosed))) : nullptr;
     view.pairs = pairs_->pairs + chunk.first_pair;
     view.position = pairs_->position + chunk.first_pair;
     view.pair_count = chunk.pair_count;
     view.configurations = chunk.configurations;
     view.first_configuration = chunk.first_configuration;
 
-    check(cudaMemsetAsync(view.counts, 0, 2 * sizeof(std::uint32_t), slot.stream), "clearing counters");
+    check(cudaMemsetAsync(view.counts, 0, kCounts * sizeof(std::uint32_t), slot.stream), "clearing counters");
     check(cudaEventRecord(slot.begun.event, slot.stream), "recording an event");
-    if (chunk.group_count > 0) {
-      view.groups = pairs_->groups + chunk.first_group;
-      view.group_count = chunk.group_count;
+    if (chunk.group_tiles > 0) {
+      view.groups = pairs_->groups;
+      view.group_of_tile = pairs_->group_of_tile + chunk.first_tile;
       answer_groups<<<chunk.group_tiles, kTile, pairs_->shared_bytes, slot.stream>>>(view);
     }
     if (chunk.strays != kNone) {
       view.groups = pairs_->groups + chunk.strays;
-      view.group_count = 1;
       answer_strays<<<chunk.stray_tiles, kTile, 0, slot.stream>>>(view);
     }
+    if (question_.prove_overlaps) {
+      const auto blocks = static_cast<unsigned>(std::min<std::uint64_t>((rows + kTile - 1) / kTile, kOverlapBlocks));
+      prove_overlaps<<<blocks, kTile, 0, slot.stream>>>(view);
+    }
     check(cudaGetLastError(), "starting a kernel");
-    check(cudaEventRecord(slot.ended.event, slot.stream), "recording an event");
+    slot.chunk = chunks_++;
+    check(cudaEventRecord(ended_[slot.chunk % (kSlots + 1)].event, slot.stream), "recording an event");
     ++launches_;
 
     slot.rows = rows;
@@ -206,23 +216,22 @@ class CudaWorkspace final : public Workspace {
     slot.host_view = reply_view_over(slot.host_reply.reserve(reply_bytes), rows, fields_);
     bring(slot, direct);
     slot.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve(counts_bytes));
-    const std::size_t at_once = (2 + std::min<std::uint64_t>(rows, kRestAtOnce)) * sizeof(std::uint32_t);
+    const std::size_t at_once = (kCounts + std::min<std::uint64_t>(rows, kRestAtOnce)) * sizeof(std::uint32_t);
     check(cudaMemcpyAsync(slot.host_counts, view.counts, at_once, cudaMemcpyDeviceToHost, slot.stream), "copying counters");
   }
 
   ChunkResult finish(int index) override {
     Slot& slot = slots_[index];
     check(cudaStreamSynchronize(slot.stream), "answering a query");
-    const std::uint32_t rest = slot.host_counts[0];
+    const std::uint32_t rest = slot.host_counts[kRest];
+    std::uint32_t* const listed = slot.host_counts + kCounts;
     if (rest > kRestAtOnce) {
-      check(cudaMemcpyAsync(slot.host_counts + 2 + kRestAtOnce, slot.device_view.rest + kRestAtOnce,
+      check(cudaMemcpyAsync(listed + kRestAtOnce, slot.device_view.rest + kRestAtOnce,
                             (rest - kRestAtOnce) * sizeof(std::uint32_t), cudaMemcpyDeviceToHost, slot.stream), "copying rows");
       check(cudaStreamSynchronize(slot.stream), "copying rows");
     }
-    float milliseconds = 0;
-    check(cudaEventElapsedTime(&milliseconds, slot.begun.event, slot.ended.event), "reading events");
-    kernel_ns_ += static_cast<std::uint64_t>(1e6 * milliseconds);
-    return {slot.host_view, {slot.host_counts + 2, rest}, slot.host_counts[1]};
+    kernel_ns_ += static_cast<std::uint64_t>(1e6 * kernel_milliseconds(slot));
+    return {slot.host_view, {listed, rest}, slot.host_counts[kSettledRows]};
   }
 
  private:
@@ -234,22 +243,33 @@ class CudaWorkspace final : public Workspace {
   };
   struct Slot {
     explicit Slot(MemoryCounters& c)
-        : poses(c), device_bodies(c), device_reply(c), device_rest(c), host_reply(c), host_rest(c) {
+        : poses(c), device_bodies(c), device_reply(c), device_rest(c), device_enclosed(c), host_reply(c), host_rest(c) {
       check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
     }
     ~Slot() { cudaStreamDestroy(stream); }
     Slot(const Slot&) = delete;
 
     cudaStream_t stream{};
-    Event begun, ended;
+    Event begun;
+    std::uint64_t chunk = 0;  // of the query
     Upload poses;
-    DeviceBuffer device_bodies, device_reply, device_rest;
+    DeviceBuffer device_bodies, device_reply, device_rest, device_enclosed;
     PinnedBuffer host_reply, host_rest;
     std::uint64_t rows = 0;
     ChunkView device_view;
     ReplyView host_view;
     std::uint32_t* host_counts = nullptr;
   };
+
+  // Since the chunk's kernels began, or since the chunk before ended if they ran side by side.
+  float kernel_milliseconds(const Slot& slot) {
+    const cudaEvent_t ended = ended_[slot.chunk % (kSlots + 1)].event;
+    float alone = 0, after = 0;
+    check(cudaEventElapsedTime(&alone, slot.begun.event, ended), "reading events");
+    if (slot.chunk == 0) return alone;
+    check(cudaEventElapsedTime(&after, ended_[(slot.chunk - 1) % (kSlots + 1)].event, ended), "reading events");
+    return std::max(0.0f, std::min(alone, after));
+  }
 
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
     slot.poses.clear();
@@ -303,6 +323,8 @@ class CudaWorkspace final : public Workspace {
   MovesView moves_;
   const CudaPairs* pairs_ = nullptr;
   Event ready_;
+  Event ended_[kSlots + 1];  // of chunks, by their number
+  std::uint64_t chunks_ = 0;
   Slot slots_[kSlots];
 };
 
@@ -315,8 +337,8 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   std::uint32_t hull_of(std::uint32_t body) const override { return hulls_.of_body(body); }
 
   std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
-                                              std::span<const Group> groups) override {
-    return std::make_shared<CudaPairs>(hulls_, query_memory_, pairs, position, groups);
+                                              std::span<const Group> groups, std::span<const std::uint32_t> group_of_tile) override {
+    return std::make_shared<CudaPairs>(hulls_, query_memory_, pairs, position, groups, group_of_tile);
   }
 
   std::shared_ptr<Workspace> borrow() override {

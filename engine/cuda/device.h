@@ -66,8 +66,8 @@ struct ChunkSetup {
   std::uint64_t first_configuration = 0;
   std::uint32_t first_pair = 0;            ///< in QuerySetup::pairs
   std::uint32_t pair_count = 0;            ///< rows of one configuration
-  std::uint32_t first_group = 0, group_count = 0;
-  std::uint32_t group_tiles = 0;           ///< tiles of those groups together
+  std::uint32_t first_tile = 0;            ///< of the list that says each tile's group
+  std::uint32_t group_tiles = 0;           ///< tiles of groups of the same two hulls
   std::uint32_t strays = kNone;            ///< the group of pairs with hulls of their own; kNone: there are none
   std::uint32_t stray_tiles = 0;
   std::uint64_t rows() const { return std::uint64_t{configurations} * pair_count; }
@@ -100,8 +100,10 @@ class Device {
   /// Index of the body's hull on the device; kNone: the CPU answers its pairs.
   virtual std::uint32_t hull_of(std::uint32_t body) const = 0;
   /// Copies pairs to the device. \param position of each within its chunk.
+  /// \param group_of_tile index into `groups` of each tile.
   virtual std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
-                                                      std::span<const Group> groups) = 0;
+                                                      std::span<const Group> groups,
+                                                      std::span<const std::uint32_t> group_of_tile) = 0;
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.
   virtual std::shared_ptr<Workspace> borrow() = 0;
   virtual DeviceCounters counters() const = 0;

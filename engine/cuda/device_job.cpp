@@ -75,7 +75,8 @@ class DeviceJob final : public ParallelJob {
   void begin() {
     QuerySetup s;
     s.question = {options_.limits.max_distance, options_.limits.abs_tol, options_.limits.rel_tol,
-                  options_.limits.max_iterations, options_.cull, options_.want_points, options_.want_nonsmooth};
+                  options_.limits.max_iterations, options_.cull, options_.want_points, options_.want_nonsmooth,
+                  !options_.limits.signed_distance};
     s.fields = fields_;
     s.components = options_.cull ? kPoseComponents + kBoxComponents : kPoseComponents;
     place_fixed(s.components);
@@ -151,8 +152,7 @@ class DeviceJob final : public ParallelJob {
     s.first_configuration = c.first_configuration;
     s.first_pair = c.part->first_pair;
     s.pair_count = c.part->count;
-    s.first_group = g.first;
-    s.group_count = g.count;
+    s.first_tile = g.first_tile;
     s.group_tiles = g.tiles;
     s.strays = g.strays;
     s.stray_tiles = g.stray_tiles;

@@ -78,7 +78,17 @@ struct Question {
   bool cull;            ///< compare boxes with max_distance first
   bool want_points;
   bool want_nonsmooth;
+  bool prove_overlaps;  ///< no depth is asked for
 };
+
+/// A pair whose simplex holds the origin: its four vertices of each hull. A kernel of its own proves the overlap.
+struct Enclosed {
+  std::uint32_t pair, configuration;  ///< within the chunk
+  std::uint16_t a[4], b[4];
+};
+
+/// Places in ChunkView::counts: rows left to the CPU; rows that the narrow phase settled; enclosed pairs.
+inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCounts = 4;
 
 /// One launch: some pairs in some configurations.
 struct ChunkView {
@@ -86,7 +96,7 @@ struct ChunkView {
   BodiesView bodies;
   Question question;
   const Group* groups;
-  std::uint32_t group_count;
+  const std::uint32_t* group_of_tile;
   const PairRef* pairs;
   const std::uint32_t* position;     ///< of each pair within the chunk
   std::uint32_t pair_count;          ///< rows of one configuration
@@ -94,7 +104,8 @@ struct ChunkView {
   std::uint64_t first_configuration;
   ReplyView reply;                   ///< device columns: row k * pair_count + position
   std::uint32_t* rest;               ///< rows that are not settled, in no order
-  std::uint32_t* counts;             ///< [0]: of them; [1]: rows settled by the narrow phase
+  Enclosed* enclosed;                ///< in no order
+  std::uint32_t* counts;             ///< kRest and so on
 };
 
 }  // namespace clearance::cuda

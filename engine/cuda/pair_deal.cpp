@@ -37,7 +37,7 @@ class Dealer {
     deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
     for (std::uint64_t first = 0; first < P; first += per_part)
       add_part(first, static_cast<std::uint32_t>(std::min(per_part, P - first)));
-    deal_.resident = const_cast<Device&>(device_).upload(refs_, position_, groups_);
+    deal_.resident = const_cast<Device&>(device_).upload(refs_, position_, groups_, group_of_tile_);
   }
 
  private:
@@ -91,11 +91,11 @@ class Dealer {
 
   PairDeal::Part::Groups add_groups(std::span<const Group> groups, const Group& strays, std::uint32_t configurations) {
     PairDeal::Part::Groups g;
-    g.first = static_cast<std::uint32_t>(groups_.size());
-    g.count = static_cast<std::uint32_t>(groups.size());
+    g.first_tile = static_cast<std::uint32_t>(group_of_tile_.size());
     for (Group group : groups) {
       group.first_tile = g.tiles;
       g.tiles += tiles(group.count, configurations);
+      group_of_tile_.insert(group_of_tile_.end(), g.tiles - group.first_tile, static_cast<std::uint32_t>(groups_.size()));
       groups_.push_back(group);
     }
     if (strays.count == 0) return g;
@@ -114,6 +114,7 @@ class Dealer {
   std::vector<PairRef> refs_;
   std::vector<std::uint32_t> position_;
   std::vector<Group> groups_;
+  std::vector<std::uint32_t> group_of_tile_;
 };
 
 bool fits(const PairDeal& deal, const Plan& plan) {

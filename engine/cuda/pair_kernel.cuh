@@ -99,10 +99,25 @@ struct Where {
   __device__ Status status() const { return static_cast<Status>(state & kStateStatus); }
 };
 
-// Answers one pair that has poses. False: it is not settled, and nothing is said.
+// The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
 template <class Hull>
-__device__ inline bool narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
-                              PairAnswer& answer) {
+__device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const Hull& b, const Where& at_b, const LaneWitness& witness,
+                                        bool want_nonsmooth, PairAnswer& answer) {
+  const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
+  answer.piece_a = answer.piece_b = 0;
+  settled_witness(a, R_wa, b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
+  if (answer.status == Status::kBeyond)
+    answer.point_a = answer.point_b = no_point();
+  else if (want_nonsmooth && witness_is_ambiguous(a, R_wa, b, R_wb, answer.normal))
+    answer.flags |= kFlagNonsmooth;
+}
+
+enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
+
+// Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the origin.
+template <class Hull>
+__device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
+                                 PairAnswer& answer, Enclosed& enclosed) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
   const Vec3d D = at_b.translation() - at_a.translation();
   const double radius = a.radius() + b.radius();
@@ -126,15 +141,22 @@ __device__ inline bool narrow(const Question& q, const Hull& a, const Where& at_
     if (g.end == 0 && ++steps >= q.max_iterations) g.end = Gjk<double>::code(GjkEnd::kLimit);
   }
 
+  if (g.end == Gjk<double>::code(GjkEnd::kEncloses) && g.simplex.size == 4 && q.prove_overlaps) {
+    CLEARANCE_UNROLL
+    for (int i = 0; i < 4; ++i) {
+      enclosed.a[i] = static_cast<std::uint16_t>(g.simplex.vertex[i].a);
+      enclosed.b[i] = static_cast<std::uint16_t>(g.simplex.vertex[i].b);
+    }
+    return Outcome::kEnclosed;
+  }
   const RunBounds<double> bounds(g, radius, scale, q.max_distance, q.abs_tol, q.rel_tol);
-  if (!bounds.settled) return false;
+  if (!bounds.settled) return Outcome::kUnsettled;
   const bool beyond = bounds.lower > q.max_distance;
   answer.status = beyond ? Status::kBeyond : Status::kOk;
   answer.lower = bounds.lower;
   answer.upper = bounds.upper;
   answer.distance = beyond ? bounds.lower : bounds.upper;
-  if (!q.want_points) return true;
-  answer.piece_a = answer.piece_b = 0;
+  if (!q.want_points) return Outcome::kSettled;
   LaneWitness w;
   w.v = g.v;
   w.separation = -bounds.nearest.w;
@@ -144,23 +166,27 @@ __device__ inline bool narrow(const Question& q, const Hull& a, const Where& at_
     w.b[i] = g.simplex.vertex[i].b;
     w.share[i] = bounds.nearest.share[i];
   }
-  settled_witness(a, R_wa, b, R_wb, w, answer.point_a, answer.point_b, answer.normal);
-  if (beyond)
-    answer.point_a = answer.point_b = no_point();
-  else if (q.want_nonsmooth && witness_is_ambiguous(a, R_wa, b, R_wb, answer.normal))
-    answer.flags |= kFlagNonsmooth;
-  return true;
+  add_points(a, at_a, b, at_b, w, q.want_nonsmooth, answer);
+  return Outcome::kSettled;
 }
 
-enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled };
+__device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
+  const std::uint8_t states = a.state | b.state;
+  return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0);
+}
+__device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a, const Where& at_b,
+                                    const PairAnswer& answer) {
+  write_row(c.reply, row,
+            {{at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer, at_a.translation(),
+             at_b.translation()});
+}
 
 // Answers one item of a chunk and writes its row, unless it is not settled.
 template <class Hull>
 __device__ inline Outcome answer_item(const ChunkView& c, const Hull& a, const Hull& b, PairRef pair, std::uint32_t k,
-                                      std::uint64_t row) {
+                                      std::uint64_t row, Enclosed& enclosed) {
   const Where at_a(c.bodies, c.configurations, pair.a, k), at_b(c.bodies, c.configurations, pair.b, k);
-  const std::uint8_t states = at_a.state | at_b.state;
-  const std::uint16_t flags = (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0);
+  const std::uint16_t flags = flags_of(at_a, at_b);
   Outcome outcome = Outcome::kWithoutPieces;
   PairAnswer answer;
   if (const Status status = pair_status(at_a.status(), at_b.status()); status != Status::kOk) {
@@ -173,34 +199,27 @@ __device__ inline Outcome answer_item(const ChunkView& c, const Hull& a, const H
       answer.flags = flags;
     } else {
       answer.flags = flags;
-      if (!narrow(c.question, a, at_a, b, at_b, answer)) return Outcome::kUnsettled;
-      outcome = Outcome::kSettled;
+      outcome = narrow(c.question, a, at_a, b, at_b, answer, enclosed);
+      if (outcome != Outcome::kSettled) return outcome;
     }
   }
-  write_row(c.reply, row,
-            {{at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer, at_a.translation(),
-             at_b.translation()});
+  write_answer(c, row, k, at_a, at_b, answer);
   return outcome;
 }
 
-// Counts a block's outcomes and lists the rows that are not settled. All threads of the block call it.
-__device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t row) {
-  const unsigned unsettled = __ballot_sync(~0u, outcome == Outcome::kUnsettled), lane = threadIdx.x % 32;
-  std::uint32_t at = 0;
-  if (unsettled != 0 && lane == 0) at = atomicAdd(c.counts, __popc(unsettled));
-  at = __shfl_sync(~0u, at, 0);
-  if (outcome == Outcome::kUnsettled) c.rest[at + __popc(unsettled & ((1u << lane) - 1))] = static_cast<std::uint32_t>(row);
-  const int settled = __syncthreads_count(outcome == Outcome::kSettled);
-  if (threadIdx.x == 0 && settled > 0) atomicAdd(c.counts + 1, static_cast<std::uint32_t>(settled));
+// Counts a warp's outcomes and lists the rows that are not settled. All its threads call it.
+__device__ inline std::uint32_t take_place(std::uint32_t* count, bool wanted) {
+  const unsigned all = __ballot_sync(~0u, wanted), lane = threadIdx.x % 32;
+  std::uint32_t first = 0;
+  if (all != 0 && lane == 0) first = atomicAdd(count, __popc(all));
+  return __shfl_sync(~0u, first, 0) + __popc(all & ((1u << lane) - 1));
 }
-
-__device__ inline std::uint32_t group_of_tile(const ChunkView& c, std::uint32_t tile) {
-  std::uint32_t low = 0, high = c.group_count;
-  while (high - low > 1) {
-    const std::uint32_t middle = (low + high) / 2;
-    (c.groups[middle].first_tile <= tile ? low : high) = middle;
-  }
-  return low;
+__device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t row, const Enclosed& enclosed) {
+  const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
+  if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
+  take_place(c.counts + kSettledRows, outcome == Outcome::kSettled);
+  const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
+  if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
 }
 
 // What a block keeps of a hull in shared memory: table, then vertices. Every part begins on 16 bytes.
@@ -226,7 +245,7 @@ __device__ inline Hull<SharedVertices> share(const HullsView& hulls, const HullH
 __global__ void __launch_bounds__(kTile, CLEARANCE_CUDA_BLOCKS) answer_groups(const __grid_constant__ ChunkView c) {
   extern __shared__ uint4 shared_memory[];
   auto* memory = reinterpret_cast<std::byte*>(shared_memory);
-  const Group group = c.groups[group_of_tile(c, blockIdx.x)];
+  const Group group = c.groups[c.group_of_tile[blockIdx.x]];
   const HullHead* head = c.hulls.heads + group.hull_a;
   const Hull<SharedVertices> a = share(c.hulls, head, memory);
   const Hull<SharedVertices> b = group.hull_a == group.hull_b ? a : share(c.hulls, c.hulls.heads + group.hull_b, memory + shared_bytes(*head));
@@ -235,13 +254,16 @@ __global__ void __launch_bounds__(kTile, CLEARANCE_CUDA_BLOCKS) answer_groups(co
   const std::uint64_t item = std::uint64_t{blockIdx.x - group.first_tile} * kTile + threadIdx.x;
   Outcome outcome = Outcome::kNone;
   std::uint64_t row = 0;
+  Enclosed enclosed;
   if (item < std::uint64_t{group.count} * c.configurations) {
     const std::uint32_t pair = group.first + static_cast<std::uint32_t>(item / c.configurations);
     const std::uint32_t k = static_cast<std::uint32_t>(item % c.configurations);
     row = std::uint64_t{k} * c.pair_count + c.position[pair];
-    outcome = answer_item(c, a, b, c.pairs[pair], k, row);
+    enclosed.pair = pair;
+    enclosed.configuration = k;
+    outcome = answer_item(c, a, b, c.pairs[pair], k, row, enclosed);
   }
-  report(c, outcome, row);
+  report(c, outcome, row, enclosed);
 }
 
 // Pairs that have too little company for that: each thread reads the hulls it needs. c.groups is the one group of them.
@@ -250,6 +272,7 @@ __global__ void __launch_bounds__(kTile, CLEARANCE_CUDA_BLOCKS) answer_strays(co
   const std::uint64_t item = std::uint64_t{blockIdx.x} * kTile + threadIdx.x;
   Outcome outcome = Outcome::kNone;
   std::uint64_t row = 0;
+  Enclosed enclosed;
   if (item < std::uint64_t{group.count} * c.configurations) {
     const std::uint32_t pair = group.first + static_cast<std::uint32_t>(item / c.configurations);
     const std::uint32_t k = static_cast<std::uint32_t>(item % c.configurations);
@@ -261,9 +284,11 @@ __global__ void __launch_bounds__(kTile, CLEARANCE_CUDA_BLOCKS) answer_strays(co
                                  c.hulls.words + head->first_word, head);
     };
     row = std::uint64_t{k} * c.pair_count + c.position[pair];
-    outcome = answer_item(c, hull(ref.a), hull(ref.b), ref, k, row);
+    enclosed.pair = pair;
+    enclosed.configuration = k;
+    outcome = answer_item(c, hull(ref.a), hull(ref.b), ref, k, row, enclosed);
   }
-  report(c, outcome, row);
+  report(c, outcome, row, enclosed);
 }
 
 }  // namespace clearance::cuda

@@ -1,0 +1,75 @@
+// Pairs whose simplex holds the origin: the proof that they overlap, and a common point. narrow_phase()'s words where no depth
+// is asked for.
+#pragma once
+
+#include "engine/overlap.h"
+#include "pair_kernel.cuh"
+
+namespace clearance::cuda {
+
+// False: the proof fails, or double-double would make a better common point; the CPU finishes the pair.
+__device__ inline bool prove_overlap(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b, PairAnswer& answer) {
+  const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
+  const Vec3d D = at_b.translation() - at_a.translation();
+  const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
+  const auto vertex_a = [&](std::uint32_t i) { return Vec3d{c.hulls.x[a.first + i], c.hulls.y[a.first + i], c.hulls.z[a.first + i]}; };
+  const auto vertex_b = [&](std::uint32_t i) { return Vec3d{c.hulls.x[b.first + i], c.hulls.y[b.first + i], c.hulls.z[b.first + i]}; };
+  const double scale = pair_scale(D, a.rho, b.rho, a.radius + b.radius);
+
+  Simplex<double> s;
+  s.size = 4;
+  Vec3d w[4];
+  for (int i = 0; i < 4; ++i) {
+    w[i] = R_wa * vertex_a(e.a[i]) - R_wb * vertex_b(e.b[i]) - D;
+    s.vertex[i] = {w[i], e.a[i], e.b[i]};
+  }
+  CsoFace<double> faces[4];
+  if (!tetrahedron_faces(s, faces)) return false;
+  const double ball = least_depth(w, faces, 4);
+  if (!(ball > 0) || !(ball - rounding_error(double(RoundingUnits<double>::kBall), scale) > 0)) return false;
+  if (!is_surrounded(w, faces, 4, ball)) return false;
+
+  answer.distance = answer.lower = answer.upper = 0;
+  answer.status = Status::kOverlap;
+  if (c.question.want_nonsmooth) answer.flags |= kFlagNonsmooth;
+  if (!c.question.want_points) return true;
+  const Simplex<double> around = around_origin(s.vertex, faces, 4);
+  if (around.size == 0) return false;
+  const CsoPoint<double> point(around, R_wa, vertex_a, R_wb, vertex_b);
+  const Vec3d separation = -point.w;
+  const double length = norm(separation), radius = a.radius + b.radius;
+  if (!(length <= 0.5 * rounding_error(double(RoundingUnits<double>::kUpper), scale))) return false;
+  const double share = radius > 0 ? a.radius / radius : 0.5;
+  answer.piece_a = answer.piece_b = 0;
+  answer.point_a = point.core_a + separation * share;
+  answer.point_b = point.core_b - separation * (1 - share);
+  answer.normal = length > 0 ? separation * (1 / length) : Vec3d{1, 0, 0};
+  return true;
+}
+
+__global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ ChunkView c) {
+  const std::uint32_t count = c.counts[kEnclosedPairs];
+  for (std::uint32_t first = blockIdx.x * kTile; first < count; first += gridDim.x * kTile) {
+    const std::uint32_t i = first + threadIdx.x;
+    Outcome outcome = Outcome::kNone;
+    std::uint64_t row = 0;
+    if (i < count) {
+      const Enclosed e = c.enclosed[i];
+      const PairRef pair = c.pairs[e.pair];
+      const Where at_a(c.bodies, c.configurations, pair.a, e.configuration), at_b(c.bodies, c.configurations, pair.b, e.configuration);
+      PairAnswer answer;
+      answer.flags = flags_of(at_a, at_b);
+      row = std::uint64_t{e.configuration} * c.pair_count + c.position[e.pair];
+      outcome = Outcome::kUnsettled;
+      if (prove_overlap(c, e, at_a, at_b, answer)) {
+        outcome = Outcome::kSettled;
+        write_answer(c, row, e.configuration, at_a, at_b, answer);
+      }
+    }
+    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
+    if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
+    take_place(c.counts + kSettledRows, outcome == Outcome::kSettled);
+  }
+}
+
+}  // namespace clearance::cuda
