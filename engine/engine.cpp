@@ -22,6 +22,7 @@ struct Engine::Impl {
   bool reference = false;
   const LaneKernel* lanes = nullptr;
   bool light = false;
+  mutable WarmStore warm;
   std::unique_ptr<cuda::DeviceBackend> device;
   PoseStore poses;
   pid_t process = getpid();
@@ -114,7 +115,7 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
   const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, impl_->lanes, impl_->light, &impl_->pairs_evaluated,
-                           impl_->device.get()};
+                           &impl_->warm, impl_->device.get()};
   return Job(make_job(context, std::move(plan), reply));
 }
 
@@ -128,6 +129,7 @@ Counters Engine::stats() const {
     }
   Counters counters{{"engine.bodies", impl_->scene.bodies().size()},
           {"engine.pieces", pieces},
+          {"engine.warm_bytes", impl_->warm.bytes()},
           {"engine.vertices", vertices},
           {"engine.pairs", snapshot->pairs->size()},
           {"engine.threads", static_cast<std::uint64_t>(impl_->options.threads)},

@@ -129,14 +129,15 @@ struct BodiesAnswer {
 };
 
 BodiesAnswer narrow_bodies(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b,
-                           const EvaluateOptions& options, const Gjk<double>* done) {
+                           const EvaluateOptions& options, const Gjk<double>* done, WarmSimplex* warm) {
   const NarrowLimits& limits = options.limits;
+  const bool single = a.pieces.size() == 1 && b.pieces.size() == 1;
   const auto narrow = [&](const Piece& p, const Piece& q) {
     return options.reference ? narrow_phase_reference(p, pose_a, q, pose_b, limits)
-                             : narrow_phase(p, pose_a, q, pose_b, limits, nullptr, done);
+                             : narrow_phase(p, pose_a, q, pose_b, limits, single ? warm : nullptr, done);
   };
   BodiesAnswer r;
-  if (a.pieces.size() == 1 && b.pieces.size() == 1) {
+  if (single) {
     r.best = narrow(*a.pieces[0], *b.pieces[0]);
     r.lower = r.best.bounds.lower;
     return r;
@@ -162,11 +163,11 @@ BodiesAnswer narrow_bodies(const Body& a, const PlacedPose& pose_a, const Body& 
 
 // \param answer holds the flags of the bodies; the rest is written here. \param done GJK's run on single pieces, or null.
 void answer_from_pieces(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options,
-                        const Gjk<double>* done, PairAnswer& answer) {
+                        const Gjk<double>* done, WarmSimplex* warm, PairAnswer& answer) {
   const NarrowLimits& limits = options.limits;
   const Body &a = scene.bodies()[pair.a], &b = scene.bodies()[pair.b];
   const PlacedPose &pose_a = placement[pair.a].pose, &pose_b = placement[pair.b].pose;
-  const auto [best, lower, piece_a, piece_b] = narrow_bodies(a, pose_a, b, pose_b, options, done);
+  const auto [best, lower, piece_a, piece_b] = narrow_bodies(a, pose_a, b, pose_b, options, done, warm);
   std::uint16_t flags = answer.flags;
 
   answer.lower = lower;
@@ -215,20 +216,20 @@ void answer_from_pieces(const Scene& scene, const Placement& placement, BodyPair
 PairAnswer evaluate(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options) {
   PairAnswer answer;
   if (!answer_without_pieces(scene, placement, pair, options, answer))
-    answer_from_pieces(scene, placement, pair, options, nullptr, answer);
+    answer_from_pieces(scene, placement, pair, options, nullptr, nullptr, answer);
   return answer;
 }
 
 void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
   waiting_.clear();
   for (std::uint32_t i = 0; i < pairs.size(); ++i) {
-    const auto& [pair, placement] = pairs[i];
+    const auto& [pair, placement, warm] = pairs[i];
     if (answer_without_pieces(scene_, *placement, pair, options_, answers[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     if (options_.lanes && !options_.reference && a.size() == 1 && b.size() == 1)
       waiting_.push_back({a[0].get(), b[0].get(), i});
     else
-      answer_from_pieces(scene_, *placement, pair, options_, nullptr, answers[i]);
+      answer_from_pieces(scene_, *placement, pair, options_, nullptr, nullptr, answers[i]);
   }
   if (!waiting_.empty()) run_in_lanes(pairs, answers);
 }
@@ -249,9 +250,9 @@ void Evaluator::run_in_lanes(std::span<const PlacedBodies> pairs, std::span<Pair
     if (side_by_side) {
       lane_pairs_.clear();
       for (std::size_t i = begin; i < end; ++i) {
-        const auto& [pair, placement] = pairs[waiting_[i].index];
+        const auto& [pair, placement, warm] = pairs[waiting_[i].index];
         const PlacedPose &pose_a = (*placement)[pair.a].pose, &pose_b = (*placement)[pair.b].pose;
-        lane_pairs_.push_back({&pose_a.R_wb, &pose_b.R_wb, &pose_a.t_w, &pose_b.t_w});
+        lane_pairs_.push_back({&pose_a.R_wb, &pose_b.R_wb, &pose_a.t_w, &pose_b.t_w, warm});
       }
       if (lane_answers_.size() < count) {
         lane_answers_.resize(count);
@@ -270,12 +271,12 @@ void Evaluator::run_in_lanes(std::span<const PlacedBodies> pairs, std::span<Pair
       }
     }
     for (std::size_t i = begin; i < end; ++i) {
-      const auto& [pair, placement] = pairs[waiting_[i].index];
+      const auto& [pair, placement, warm] = pairs[waiting_[i].index];
       PairAnswer& answer = answers[waiting_[i].index];
       if (side_by_side && lane_answers_[i - begin].settled)
         take_lane(lane_answers_[i - begin], lane_witnesses_[i - begin], *a, lane_pairs_[i - begin], *b, answer);
       else
-        answer_from_pieces(scene_, *placement, pair, options_, side_by_side ? &lane_unsettled_[i - begin] : nullptr, answer);
+        answer_from_pieces(scene_, *placement, pair, options_, side_by_side ? &lane_unsettled_[i - begin] : nullptr, warm, answer);
     }
   }
 }

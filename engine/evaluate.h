@@ -66,6 +66,7 @@ struct EvaluateOptions {
 struct PlacedBodies {
   BodyPair pair;
   const Placement* placement;
+  WarmSimplex* warm = nullptr;  ///< of a pair of single pieces; null: cold
 };
 
 /// Answers many pairs, whatever their ids. Each worker has its own.

@@ -4,6 +4,7 @@
 
 #include "broad_phase.h"
 #include "columns.h"
+#include "digest.h"
 #include "cuda/device_job.h"
 #include "parallel_job.h"
 #include "reduction.h"
@@ -24,6 +25,12 @@ class DenseJob final : public ParallelJob {
   DenseJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
       : ParallelJob(context, std::move(plan), reply), layout_(plan_, context.light), rooms_(static_cast<std::size_t>(workers())) {
     for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), options_);
+    if (const std::uint64_t client = plan_.query.warm_slot; client != 0 && !options_.reference)
+      warm_ = context_.warm->take(client, question(), plan_.size.configurations * plan_.size.pairs);
+  }
+
+  ~DenseJob() override {
+    if (warm_) context_.warm->put_back(std::move(warm_));
   }
 
   bool advance(std::chrono::nanoseconds budget) override {
@@ -56,6 +63,20 @@ class DenseJob final : public ParallelJob {
       pair_blocks = (all_pairs + pairs - 1) / pairs;
     }
   };
+  // What warm state is kept for: the same pairs in as many configurations. A false match would cost time only.
+  std::uint64_t question() const {
+    Digest d;
+    d.add(plan_.snapshot->scene_revision);
+    d.add(plan_.size.configurations);
+    d.add(plan_.size.pairs);
+    if (!plan_.pairs.is_whole_table())
+      for (std::uint64_t i = 0; i < plan_.size.pairs; ++i) {
+        const BodyPair pair = plan_.pairs.at(i);
+        d.add(std::uint64_t{pair.a} << 32 | pair.b);
+      }
+    return d.value();
+  }
+
   struct Room {
     std::vector<BodyPair> pairs;
     std::vector<PlacedBodies> asked;
@@ -73,8 +94,8 @@ class DenseJob final : public ParallelJob {
     for (std::uint64_t p = begin; p < end; p += step) {
       const auto pairs = plan_.pairs.slice(p, std::min(step, end - p), room.pairs);
       room.asked.clear();
-      for (const BodyPair pair : pairs)
-        for (const Placement& here : placed) room.asked.push_back({pair, &here});
+      for (std::size_t i = 0; i < pairs.size(); ++i)
+        for (std::size_t k = 0; k < placed.size(); ++k) room.asked.push_back({pairs[i], &placed[k], warm(first + k, p + i)});
       room.answers.resize(std::max(room.answers.size(), room.asked.size()));
       evaluators_[static_cast<std::size_t>(worker)].run(room.asked, room.answers);
       for (std::size_t i = 0; i < room.asked.size(); ++i) {
@@ -88,13 +109,18 @@ class DenseJob final : public ParallelJob {
 
   void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& asked, const PairAnswer& answer) {
     static constexpr Vec3d kNoOrigin{0, 0, 0};
-    const auto& [pair, here] = asked;
+    const auto& [pair, here, warm] = asked;
     const std::size_t n = scene().bodies().size();
     write_row(reply_, index, pair, configuration, answer, pair.a < n ? (*here)[pair.a].pose.t_w : kNoOrigin,
               pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);
   }
 
+  WarmSimplex* warm(std::uint64_t configuration, std::uint64_t pair) const {
+    return warm_ ? &warm_->simplices[configuration * plan_.size.pairs + pair] : nullptr;
+  }
+
   Layout layout_;
+  std::unique_ptr<WarmTable> warm_;
   std::uint64_t next_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};
   std::vector<Room> rooms_;

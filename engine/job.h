@@ -9,6 +9,7 @@
 #include "engine.h"
 #include "evaluate.h"
 #include "plan.h"
+#include "warm.h"
 
 namespace clearance {
 
@@ -24,6 +25,7 @@ struct JobContext {
   const LaneKernel* lanes;
   bool light;                 ///< all bodies are single pieces: a pair takes well under 1 us, not 10
   std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
+  WarmStore* warm = nullptr;
   cuda::DeviceBackend* device = nullptr;        ///< null: the CPU alone
 };
 

@@ -11,6 +11,7 @@
 
 #include "gjk.h"
 #include "piece.h"
+#include "warm.h"
 
 namespace clearance {
 
@@ -19,8 +20,9 @@ struct LaneHull {
   const double *x, *y, *z;      ///< (count,) the vertices of a small piece
   const float *x_f32, *y_f32, *z_f32;  ///< the same relative to its centre
   std::size_t count;
-  const Vec3d* vertices;        ///< of a larger piece, with its DirectionTable
-  const std::uint32_t *cells, *lists;
+  const Vec3d* vertices;        ///< (vertex_count,) of any piece
+  std::size_t vertex_count;
+  const std::uint32_t *cells, *lists;  ///< of a larger piece: its DirectionTable
   std::uint32_t grid_bits;
   bool has_table;
   Vec3d centre;
@@ -35,6 +37,7 @@ struct LanePair {
   const Mat3d* R_wb;
   const Vec3d* t_a;  ///< world, metres
   const Vec3d* t_b;
+  WarmSimplex* warm = nullptr;  ///< read for a first simplex and overwritten with the last one; may be null
 };
 
 /// What a lane proves, in the words of NarrowAnswer and GjkLimits.

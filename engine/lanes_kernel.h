@@ -195,6 +195,7 @@ struct Source<double> {
   double rho;
   Vec3d centre;
   HWY_INLINE explicit Source(const LaneHull& h) : x(h.x), y(h.y), z(h.z), rho(h.rho), centre(h.centre) {}
+  HWY_INLINE static Vec3<double> vertex(const LaneHull& h, std::uint32_t i) { return h.vertices[i]; }
 };
 template <>
 struct Source<float> {
@@ -202,6 +203,7 @@ struct Source<float> {
   double rho;
   Vec3d centre;
   HWY_INLINE explicit Source(const LaneHull& h) : x(h.x_f32), y(h.y_f32), z(h.z_f32), rho(h.spread * (1 + 0x1p-20)), centre{0, 0, 0} {}
+  HWY_INLINE static Vec3<float> vertex(const LaneHull& h, std::uint32_t i) { return {h.x_f32[i], h.y_f32[i], h.z_f32[i]}; }
 };
 
 HWY_INLINE void rotate(const Mat3d& R, const Vec3d& v, double (&out)[3]) {
@@ -222,7 +224,8 @@ void run_in_lanes(const LaneBatch& batch) {
 
   PlacedColumns<T> rotation_a = {}, rotation_b = {};
   Columns3<T> offset = {};
-  Column<T> fresh = {}, steps = {}, extra = {};
+  Column<T> fresh = {}, steps = {}, extra = {}, seeds = {};
+  std::uint32_t seed_a[3][kLanes] = {}, seed_b[3][kLanes] = {};
   GjkLimits<P> limits;
   limits.rel_tol = P(batch.rel_tol / 2);
   limits.abs_tol = P(batch.abs_tol / 2);
@@ -290,6 +293,15 @@ void run_in_lanes(const LaneBatch& batch) {
     offset.z.at[lane] = static_cast<T>(D[2]);
     fresh.at[lane] = 1;
     steps.at[lane] = 0;
+    seeds.at[lane] = 0;
+    if (pair.warm) {
+      const WarmSimplex& warm = *pair.warm;
+      for (int i = 0; i < warm.size && i < 3 && warm.a[i] < a.vertex_count && warm.b[i] < b.vertex_count; ++i) {
+        seed_a[i][lane] = warm.a[i];
+        seed_b[i][lane] = warm.b[i];
+        seeds.at[lane] = static_cast<T>(i + 1);
+      }
+    }
     set_lane(g.end, lane, T(0));
     set_lane(g.simplex.size, lane, T(0));
     set_lane(g.squared_distance, lane, T(0));
@@ -305,6 +317,20 @@ void run_in_lanes(const LaneBatch& batch) {
       Vec3<P> v0 = R_wa * centre_a - R_wb * centre_b - D;
       v0.x = select(squared_norm(v0) > zero, v0.x, one);
       g.v = select(is_fresh, v0, g.v);
+      for (int i = 0; i < 3; ++i) {
+        const auto seeded = is_fresh & (seeds.pack() > P(static_cast<double>(i)));
+        if (!any(seeded)) break;
+        Columns3<T> p, q;
+        Column<T> index_a, index_b;
+        for (int lane = 0; lane < kLanes; ++lane) {
+          const Vec3<T> v = Source<T>::vertex(a, seed_a[i][lane]), w = Source<T>::vertex(b, seed_b[i][lane]);
+          p.x.at[lane] = v.x, p.y.at[lane] = v.y, p.z.at[lane] = v.z;
+          q.x.at[lane] = w.x, q.y.at[lane] = w.y, q.z.at[lane] = w.z;
+          index_a.at[lane] = static_cast<T>(seed_a[i][lane]);
+          index_b.at[lane] = static_cast<T>(seed_b[i][lane]);
+        }
+        g.seed({R_wa * p.pack() - R_wb * q.pack() - D, index_a.pack(), index_b.pack()}, seeded);
+      }
       fresh.set(zero);
       scale = pair_scale(D, P(from_a.rho), P(from_b.rho), radius);
       if (limits.bounded)
@@ -348,6 +374,14 @@ void run_in_lanes(const LaneBatch& batch) {
       const std::size_t pair = pair_of[lane];
       const bool done = settled_at[lane] != 0;
       batch.answers[pair] = {lower_at[lane], upper_at[lane], done};
+      if (WarmSimplex* warm = batch.pairs[pair].warm) {
+        const int size = static_cast<int>(lane_of(g.simplex.size, lane));
+        warm->size = static_cast<std::uint8_t>(size < 3 ? size : 3);
+        for (int i = 0; i < warm->size; ++i) {
+          warm->a[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(g.simplex.vertex[i].a, lane)));
+          warm->b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(g.simplex.vertex[i].b, lane)));
+        }
+      }
       if constexpr (!kIsF32)
         if (!done) copy_lane(g, lane, batch.unsettled[pair]);
       if (done && batch.witnesses)

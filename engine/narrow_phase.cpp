@@ -221,7 +221,9 @@ void take_tetrahedron(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& an
 template <class T>
 Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedCso<T>& cso, const WarmSimplex& seed) {
   Simplex<T> start;
-  for (int i = 0; i < seed.size; ++i) start.vertex[start.size++] = cso.vertex(seed.a[i], seed.b[i]);
+  for (int i = 0; i < seed.size && i < 3; ++i)
+    if (seed.a[i] < pair.a->vertices.size() && seed.b[i] < pair.b->vertices.size())
+      start.vertex[start.size++] = cso.vertex(seed.a[i], seed.b[i]);
   Vec3<T> v0 = cso.centre();
   if (!(squared_norm(v0) > T(0))) v0.x = T(1);
   return gjk<T>(cso, v0, start, gjk_limits(limits, pair));

@@ -6,6 +6,7 @@
 #include "certify.h"
 #include "lanes.h"
 #include "placed.h"
+#include "warm.h"
 
 namespace clearance {
 
@@ -26,12 +27,6 @@ struct NarrowAnswer {
   bool beyond = false;      ///< bounds.lower > max_distance; not refined further
   bool settled = false;     ///< as narrow as asked
   double rounding = 0;      ///< width that float64 bounds of this pair have from rounding alone, metres
-};
-
-/// Warm state of one piece pair: the simplex it ended with.
-struct WarmSimplex {
-  std::uint32_t a[3] = {}, b[3] = {};
-  std::uint8_t size = 0;
 };
 
 /// Bounds the signed distance of two pieces: float64 first, double-double where float64 cannot make it narrow enough.

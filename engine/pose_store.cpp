@@ -9,8 +9,15 @@ std::int64_t monotonic_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-void PoseSnapshot::place_again(std::uint32_t body) {
-  placed[body] = place(given[body] ? &local[body] : nullptr, parent[body] == kNone ? nullptr : &placed[parent[body]]);
+void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
+  std::vector<Pose> poses;
+  for (const std::uint32_t b : bodies) poses.push_back(local[b]);
+  std::vector<Mat3d> rotations(poses.size());
+  rotations_of(poses, rotations);
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const std::uint32_t b = bodies[i];
+    placed[b] = place(given[b] ? &local[b] : nullptr, parent[b] == kNone ? nullptr : &placed[parent[b]], &rotations[i]);
+  }
 }
 
 std::int64_t PoseSnapshot::receipt_of_chain(std::uint32_t body) const {
@@ -80,7 +87,7 @@ PoseStore::PoseStore(const Scene& scene) : scene_(scene) {
   first->order = order_of(first->parent);
   first->scene_revision = revision_with(scene, first->parent);
   first->pairs = std::make_shared<const PairTable>(scene, first->parent);
-  for (const std::uint32_t b : *first->order) first->place_again(b);
+  first->place_again(*first->order);
   publish(std::move(first));
 }
 
@@ -118,7 +125,7 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
     ++(check(p.pose) == PoseQuality::kBad ? result.bad : result.applied);
   }
   if (!moved.empty()) {
-    for (const std::uint32_t b : next->with_followers(moved)) next->place_again(b);
+    next->place_again(next->with_followers(moved));
     next->newest_stamp_ns = std::max(next->newest_stamp_ns, stamp_ns);
     ++next->revision;
   }
@@ -153,7 +160,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   next->scene_revision = revision_with(scene_, next->parent);
   next->pairs = std::make_shared<const PairTable>(scene_, next->parent);
   const std::uint32_t moved[] = {child};
-  for (const std::uint32_t b : next->with_followers(moved)) next->place_again(b);
+  next->place_again(next->with_followers(moved));
   ++next->revision;
   PoseUpdateResult result;
   result.revision = next->revision;

@@ -28,7 +28,8 @@ struct PoseSnapshot {
   std::vector<BodyPlacement> placed;
   std::vector<std::int64_t> stamp_ns, receipt_ns;
 
-  void place_again(std::uint32_t body);
+  /// Places bodies anew, parents before children.
+  void place_again(std::span<const std::uint32_t> bodies);
   /// The oldest receipt among the body and those that it follows; 0 if none of them was ever received.
   std::int64_t receipt_of_chain(std::uint32_t body) const;
   /// `bodies` and everything that follows one of them, parents before children.

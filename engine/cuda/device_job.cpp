@@ -213,7 +213,7 @@ class DeviceJob final : public ParallelJob {
   }
 
   void write(const Chunk& c, std::uint32_t row, const PlacedBodies& asked, const PairAnswer& answer) {
-    const auto& [pair, here] = asked;
+    const auto& [pair, here, warm] = asked;
     const std::uint64_t k = c.first_configuration + row / c.part->count;
     Row whole{pair, static_cast<std::uint32_t>(k), answer, {}, {}};
     const std::size_t n = scene().bodies().size();
