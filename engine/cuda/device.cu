@@ -16,7 +16,7 @@ namespace clearance::cuda {
 namespace {
 
 constexpr std::size_t kMostVertices = 512;   // of a hull that the device looks at vertex by vertex; the CPU answers for larger ones
-constexpr int kMostShared = 96 * 1024;       // bytes of a block: two hulls of kMostVertices
+constexpr int kMostShared = 96 * 1024;       // bytes of a block's two hulls; devices that have less get smaller tables
 constexpr std::size_t kTableVertices = 16;   // fewer are scanned as fast
 constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
 constexpr std::uint64_t kOverlapBlocks = 512;  // how many pairs overlap is not known when they start
@@ -45,7 +45,8 @@ DeviceInfo probe() {
 // The scene's hulls in device memory.
 class ResidentHulls {
  public:
-  ResidentHulls(const Scene& scene, MemoryCounters& counters) : memory_(counters) {
+  /// \param most_shared bytes that two hulls may take of a block's shared memory.
+  ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters) : most_shared_(static_cast<std::uint32_t>(most_shared)), memory_(counters) {
     std::vector<HullHead> heads;
     std::vector<double> x, y, z;
     std::vector<std::uint16_t> words;
@@ -84,12 +85,15 @@ class ResidentHulls {
   std::uint32_t bytes_in_shared_memory(std::uint32_t hull) const { return shared_bytes_[hull]; }
 
  private:
-  // Small hulls have no table on the CPU, where they are scanned.
-  static void add_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) {
+  // Small hulls have no table on the CPU, where they are scanned. A table that leaves no room for another hull is left out.
+  void add_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) const {
     if (p.vertices.size() < kTableVertices) return;
     const DirectionTable made = p.table ? DirectionTable{} : make_direction_table(p.vertices, p.rho);
     const DirectionTable& table = p.table ? *p.table : made;
     if (std::max(table.cells.size(), table.lists.size()) >= kNarrowDivided) return;
+    HullHead with_table = head;
+    with_table.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
+    if (2 * shared_bytes(with_table) > most_shared_) return;
     words.resize((words.size() + 7) / 8 * 8);
     head.first_word = static_cast<std::uint32_t>(words.size());
     head.grid_bits = table.grid_bits;
@@ -101,6 +105,7 @@ class ResidentHulls {
     words.resize((words.size() + 7) / 8 * 8);
   }
 
+  std::uint32_t most_shared_;
   Upload memory_;
   std::vector<std::uint32_t> of_body_, shared_bytes_;
   HullsView view_;
@@ -167,6 +172,10 @@ class CudaWorkspace final : public Workspace {
     moves_ = {nullptr, s.given_count, setup_.at<std::uint32_t>(source), setup_.at<Pose>(own), setup_.at<std::uint32_t>(begin),
               setup_.at<std::uint32_t>(chain), setup_.at<BodyPlacement>(base), setup_.at<std::uint8_t>(has_base)};
     pairs_ = static_cast<const CudaPairs*>(s.pairs);
+  }
+
+  Pose* room_for_poses(int slot, std::size_t count) override {
+    return reinterpret_cast<Pose*>(slots_[slot].host_poses.reserve(count * sizeof(Pose)));
   }
 
   void launch(int index, const ChunkSetup& chunk, const ReplyView& direct) override {
@@ -243,7 +252,7 @@ class CudaWorkspace final : public Workspace {
   };
   struct Slot {
     explicit Slot(MemoryCounters& c)
-        : poses(c), device_bodies(c), device_reply(c), device_rest(c), device_enclosed(c), host_reply(c), host_rest(c) {
+        : device_poses(c), device_bodies(c), device_reply(c), device_rest(c), device_enclosed(c), host_poses(c), host_reply(c), host_rest(c) {
       check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
     }
     ~Slot() { cudaStreamDestroy(stream); }
@@ -252,9 +261,8 @@ class CudaWorkspace final : public Workspace {
     cudaStream_t stream{};
     Event begun;
     std::uint64_t chunk = 0;  // of the query
-    Upload poses;
-    DeviceBuffer device_bodies, device_reply, device_rest, device_enclosed;
-    PinnedBuffer host_reply, host_rest;
+    DeviceBuffer device_poses, device_bodies, device_reply, device_rest, device_enclosed;
+    PinnedBuffer host_poses, host_reply, host_rest;
     std::uint64_t rows = 0;
     ChunkView device_view;
     ReplyView host_view;
@@ -272,15 +280,15 @@ class CudaWorkspace final : public Workspace {
   }
 
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
-    slot.poses.clear();
-    const std::size_t given = slot.poses.add(chunk.given);
-    slot.poses.send(slot.stream);
+    const std::size_t given_bytes = sizeof(Pose) * given_count_ * chunk.configurations;
+    std::byte* given = slot.device_poses.reserve(given_bytes);
+    check(cudaMemcpyAsync(given, slot.host_poses.data(), given_bytes, cudaMemcpyHostToDevice, slot.stream), "copying poses");
     const std::size_t states = std::size_t{bodies.moved_count} * chunk.configurations, numbers = states * bodies.components;
     std::byte* memory = slot.device_bodies.reserve(numbers * sizeof(double) + states);
     bodies.moved = reinterpret_cast<double*>(memory);
     bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + numbers * sizeof(double));
     MovesView moves = moves_;
-    moves.given = slot.poses.at<Pose>(given);
+    moves.given = reinterpret_cast<const Pose*>(given);
     place_bodies<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves, chunk.configurations);
     check(cudaGetLastError(), "starting a kernel");
   }
@@ -328,10 +336,17 @@ class CudaWorkspace final : public Workspace {
   Slot slots_[kSlots];
 };
 
+int most_shared() {
+  int device = 0, bytes = 0;
+  check(cudaGetDevice(&device), "asking for the device");
+  check(cudaDeviceGetAttribute(&bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device), "asking for its shared memory");
+  return std::min(bytes, kMostShared);
+}
+
 class CudaDevice final : public Device, public std::enable_shared_from_this<CudaDevice> {
  public:
-  explicit CudaDevice(const Scene& scene) : hulls_(scene, scene_memory_) {
-    check(cudaFuncSetAttribute(answer_groups, cudaFuncAttributeMaxDynamicSharedMemorySize, kMostShared), "asking for shared memory");
+  explicit CudaDevice(const Scene& scene) : hulls_(scene, most_shared(), scene_memory_) {
+    check(cudaFuncSetAttribute(answer_groups, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()), "asking for shared memory");
   }
 
   std::uint32_t hull_of(std::uint32_t body) const override { return hulls_.of_body(body); }

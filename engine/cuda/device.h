@@ -61,7 +61,6 @@ struct QuerySetup {
 
 /// One chunk: a run of rows that are consecutive in every column.
 struct ChunkSetup {
-  std::span<const Pose> given;             ///< (configurations, given_count)
   std::uint32_t configurations = 1;
   std::uint64_t first_configuration = 0;
   std::uint32_t first_pair = 0;            ///< in QuerySetup::pairs
@@ -87,6 +86,8 @@ class Workspace {
   static constexpr int kSlots = 2;
   virtual ~Workspace() = default;
   virtual void begin(const QuerySetup& setup) = 0;
+  /// Where the poses of a slot's next chunk go before it is launched: (configurations, given_count).
+  virtual Pose* room_for_poses(int slot, std::size_t count) = 0;
   /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once, from row 0 on; the others
   /// (null) wait in the workspace.
   virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;

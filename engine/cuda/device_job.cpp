@@ -145,9 +145,11 @@ class DeviceJob final : public ParallelJob {
     const bool is_last = c.configurations != deal_->configurations;
     const PairDeal::Part::Groups& g = is_last ? c.part->last : c.part->whole;
     ChunkSetup s;
-    const std::uint64_t M = plan_.bodies.size();
-    if (plan_.query.configuration_count > 0)
-      s.given = std::span(plan_.configurations).subspan(c.first_configuration * M, c.configurations * M);
+    const int slot = static_cast<int>(index % Workspace::kSlots);
+    if (const std::uint64_t M = plan_.bodies.size(); plan_.query.configuration_count > 0) {
+      const std::size_t poses = c.configurations * M;
+      copy_bytes(plan_.configurations.data() + c.first_configuration * M, workspace_->room_for_poses(slot, poses), poses * sizeof(Pose));
+    }
     s.configurations = c.configurations;
     s.first_configuration = c.first_configuration;
     s.first_pair = c.part->first_pair;
@@ -163,7 +165,7 @@ class DeviceJob final : public ParallelJob {
     shift(direct_.point_b, direct.point_b, 3), shift(direct_.normal, direct.normal, 3), shift(direct_.pieces, direct.pieces, 2);
     shift(direct_.gradient, direct.gradient, 12), shift(direct_.pair, direct.pair, 1);
     shift(direct_.configuration, direct.configuration, 1), shift(direct_.compact, direct.compact, 1);
-    workspace_->launch(static_cast<int>(index % Workspace::kSlots), s, direct);
+    workspace_->launch(slot, s, direct);
   }
 
   void finish(std::uint64_t index) {
