@@ -11,7 +11,6 @@ namespace clearance {
 
 namespace {
 
-constexpr std::size_t kFew = 6;           // vertices of a list that is not worth dividing further
 constexpr std::size_t kCompareAll = 16;   // lists up to this length are compared each with each
 constexpr int kBelowGrid = 6;             // how often a cell of the grid may be divided
 constexpr double kMargin = 128 * 0x1p-53;
@@ -87,6 +86,7 @@ CLEARANCE_CLONES void compare(const double* s0, const double* s1, const double* 
 // Divides the list of a cell among its children: each leaves out the vertices that one other beats at all its corners.
 class Divider {
  public:
+  void set_few(std::size_t few) { few_ = few; }
   void operator()(std::span<const Vec3d> vertices, const std::vector<std::uint32_t>& from, const Lattice& lattice,
                   std::vector<std::uint32_t> (&children)[4]) {
     const std::size_t count = from.size(), padded = (count + kLanes - 1) / kLanes * kLanes;
@@ -126,7 +126,7 @@ class Divider {
       }
     }
     for (int child = 0; child < 4; ++child) {
-      if (kept_[child].size() > kFew && kept_[child].size() <= kCompareAll) compare_all(lattice, kCorner[child], kept_[child]);
+      if (kept_[child].size() > few_ && kept_[child].size() <= kCompareAll) compare_all(lattice, kCorner[child], kept_[child]);
       children[child].reserve(kept_[child].size());
       for (const std::uint32_t i : kept_[child]) children[child].push_back(from[i]);
     }
@@ -153,6 +153,7 @@ class Divider {
   }
 
   static constexpr std::size_t kChunk = 512;
+  std::size_t few_ = 6;
   std::vector<double> x_, y_, z_;
   double value_[9][kChunk], beaten_[kChunk];
   std::vector<std::uint32_t> kept_[4];
@@ -168,7 +169,7 @@ struct Cell {
 
 }  // namespace
 
-DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho) {
+DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, std::size_t few) {
   DirectionTable table;
   while (table.grid_bits < 10 && (std::size_t{1} << (2 * table.grid_bits)) < vertices.size()) ++table.grid_bits;
   const int grid_level = std::max<int>(static_cast<int>(table.grid_bits), 1);
@@ -193,6 +194,7 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho)
 #pragma omp parallel for schedule(dynamic, 16) if (cells.size() > 1 && vertices.size() > 1000)
     for (std::size_t k = 0; k < cells.size(); ++k) {
       static thread_local Divider divide;
+      divide.set_few(few);
       const Cell& cell = cells[k];
       std::vector<std::uint32_t> lists[4];
       divide(vertices, cell.list, lattice_of(cell.u, cell.v, level, rho), lists);
@@ -201,7 +203,7 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho)
       // Where dividing hardly shortens the lists (coplanar vertices, or all vertices alike from far away), it ends.
       const bool in_vain = level > 3 && 4 * sum > 14 * cell.list.size();
       for (std::uint32_t q = 0; q < 4; ++q) {
-        const bool final = lists[q].size() <= kFew || level + 1 >= deepest || in_vain;
+        const bool final = lists[q].size() <= few || level + 1 >= deepest || in_vain;
         children[4 * k + q] = {2 * cell.u + (q & 1), 2 * cell.v + (q >> 1), std::move(lists[q]), cell.word + q, final};
       }
     }

@@ -33,8 +33,8 @@ struct DirectionTable {
   std::size_t bytes() const { return (cells.capacity() + lists.capacity()) * sizeof(std::uint32_t); }
 };
 
-/// \param rho max |v| over the vertices. At least one vertex.
-DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho);
+/// \param rho max |v| over the vertices. At least one vertex. \param few vertices of a list that is not worth dividing further.
+DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, std::size_t few = 6);
 
 /// Where a direction lies in the unfolded square, in units of the finest cells. A scalar or a pack.
 template <class T>

@@ -18,6 +18,10 @@ namespace {
 constexpr std::size_t kMostVertices = 512;   // of a hull that the device looks at vertex by vertex; the CPU answers for larger ones
 constexpr int kMostShared = 96 * 1024;       // bytes of a block's two hulls; devices that have less get smaller tables
 constexpr std::size_t kTableVertices = 16;   // fewer are scanned as fast
+#ifndef CLEARANCE_CUDA_FEW
+#define CLEARANCE_CUDA_FEW 4
+#endif
+constexpr std::size_t kFewVertices = CLEARANCE_CUDA_FEW;      // of a list of a table that is not worth dividing further
 constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
 constexpr std::uint64_t kOverlapBlocks = 512;  // how many pairs overlap is not known when they start
 constexpr std::uint32_t kRestAtOnce = 4096;  // unsettled rows that come back without a second copy
@@ -85,11 +89,10 @@ class ResidentHulls {
   std::uint32_t bytes_in_shared_memory(std::uint32_t hull) const { return shared_bytes_[hull]; }
 
  private:
-  // Small hulls have no table on the CPU, where they are scanned. A table that leaves no room for another hull is left out.
+  // Finer than the CPU's: threads that run side by side wait for the longest list. A table that leaves no room for another hull is left out.
   void add_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) const {
     if (p.vertices.size() < kTableVertices) return;
-    const DirectionTable made = p.table ? DirectionTable{} : make_direction_table(p.vertices, p.rho);
-    const DirectionTable& table = p.table ? *p.table : made;
+    const DirectionTable table = make_direction_table(p.vertices, p.rho, kFewVertices);
     if (std::max(table.cells.size(), table.lists.size()) >= kNarrowDivided) return;
     HullHead with_table = head;
     with_table.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
