@@ -46,7 +46,7 @@ gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on thi
 	@tools/build.sh release test_cuda_backend test_cuda_classes test_engine clearance-gpu-bench
 	@tools/gpu.sh test
 
-gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine: out/gpu.csv
+gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv
 	@tools/build.sh release clearance-gpu-bench
 	@tools/gpu.sh bench
 

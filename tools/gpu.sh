@@ -19,7 +19,11 @@ case $what in
     exit $failed
     ;;
   bench)
-    "$bin/clearance-gpu-bench" "$out/gpu.csv"
+    device=$("$bin/clearance-gpu-bench" --device) || exit 1
+    name=gpu_$(echo "$device" | tr 'A-Z' 'a-z' | tr -cs 'a-z0-9' '_' | sed 's/_*$//').csv
+    results=docs/results
+    [ -d "$results" ] || results=$out
+    "$bin/clearance-gpu-bench" "$results/$name" && echo "$results/$name"
     ;;
   *) echo "gpu.sh: expected test or bench, got '$what'" >&2; exit 2 ;;
 esac

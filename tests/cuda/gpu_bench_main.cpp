@@ -161,7 +161,7 @@ int main(int argc, char** argv) {
     return 0;
   }
   std::ofstream csv(path);
-  csv << "# device: " << cuda::device_info().name << "\n# command: clearance-gpu-bench " << path << ' ' << filter << '\n'
+  csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\n"
       << "workload,rows,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,cpu_cores,rows_finished_on_cpu,bits_against_cpu\n";
   std::vector<std::string> table;
   for (const Workload& w : workloads())
