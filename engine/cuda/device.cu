@@ -1,6 +1,7 @@
 // The device's side of the cuda backend: resident hulls, workspaces, launches.
 #include "device.h"
 
+#include <memory>
 #include <mutex>
 #include <unordered_map>
 
@@ -149,12 +150,17 @@ class CudaWorkspace final : public Workspace {
  public:
   CudaWorkspace(const ResidentHulls& hulls, MemoryCounters& counters, std::atomic<std::uint64_t>& kernel_ns,
                 std::atomic<std::uint64_t>& launches)
-      : hulls_(hulls), kernel_ns_(kernel_ns), launches_(launches), setup_(counters), slots_{Slot(counters), Slot(counters)} {}
+      : hulls_(hulls), kernel_ns_(kernel_ns), launches_(launches), setup_(counters) {
+    // Blocks of the chunk that was started first go first, so that its answers are on their way while the next are computed.
+    int least = 0, greatest = 0;
+    check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking for priorities");
+    for (int i = 0; i < kSlots; ++i) slots_[i] = std::make_unique<Slot>(counters, std::max(greatest, least - (kSlots - 1 - i)));
+  }
 
   // Nothing may run on after a job that was given up.
   ~CudaWorkspace() override { wait_for_all(); }
   void wait_for_all() {
-    for (Slot& slot : slots_) cudaStreamSynchronize(slot.stream);
+    for (const auto& slot : slots_) cudaStreamSynchronize(slot->stream);
   }
 
   void begin(const QuerySetup& s) override {
@@ -167,9 +173,9 @@ class CudaWorkspace final : public Workspace {
     const std::size_t fixed = setup_.add(s.fixed), fixed_state = setup_.add(s.fixed_state), moved_body = setup_.add(s.moved_body),
                       source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
                       own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base);
-    setup_.send(slots_[0].stream);
-    check(cudaEventRecord(ready_.event, slots_[0].stream), "recording an event");
-    check(cudaStreamWaitEvent(slots_[1].stream, ready_.event), "waiting for an event");
+    setup_.send(slots_[0]->stream);
+    check(cudaEventRecord(ready_.event, slots_[0]->stream), "recording an event");
+    for (int i = 1; i < kSlots; ++i) check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
     bodies_ = {setup_.at<double>(fixed), setup_.at<std::uint8_t>(fixed_state), static_cast<std::uint32_t>(s.fixed_state.size()),
                nullptr, nullptr, setup_.at<std::uint32_t>(moved_body), static_cast<std::uint32_t>(s.moved_body.size()), s.components};
     moves_ = {nullptr, s.given_count, setup_.at<std::uint32_t>(source), setup_.at<Pose>(own), setup_.at<std::uint32_t>(begin),
@@ -178,11 +184,11 @@ class CudaWorkspace final : public Workspace {
   }
 
   Pose* room_for_poses(int slot, std::size_t count) override {
-    return reinterpret_cast<Pose*>(slots_[slot].host_poses.reserve(count * sizeof(Pose)));
+    return reinterpret_cast<Pose*>(slots_[slot]->host_poses.reserve(count * sizeof(Pose)));
   }
 
   void launch(int index, const ChunkSetup& chunk, const ReplyView& direct) override {
-    Slot& slot = slots_[index];
+    Slot& slot = *slots_[index];
     const std::uint64_t rows = chunk.rows();
     ChunkView view;
     view.hulls = hulls_.view();
@@ -233,7 +239,7 @@ class CudaWorkspace final : public Workspace {
   }
 
   ChunkResult finish(int index) override {
-    Slot& slot = slots_[index];
+    Slot& slot = *slots_[index];
     check(cudaStreamSynchronize(slot.stream), "answering a query");
     const std::uint32_t rest = slot.host_counts[kRest];
     std::uint32_t* const listed = slot.host_counts + kCounts;
@@ -254,9 +260,9 @@ class CudaWorkspace final : public Workspace {
     Event(const Event&) = delete;
   };
   struct Slot {
-    explicit Slot(MemoryCounters& c)
+    Slot(MemoryCounters& c, int priority)
         : device_poses(c), device_bodies(c), device_reply(c), device_rest(c), device_enclosed(c), host_poses(c), host_reply(c), host_rest(c) {
-      check(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking), "making a stream");
+      check(cudaStreamCreateWithPriority(&stream, cudaStreamNonBlocking, priority), "making a stream");
     }
     ~Slot() { cudaStreamDestroy(stream); }
     Slot(const Slot&) = delete;
@@ -336,7 +342,7 @@ class CudaWorkspace final : public Workspace {
   Event ready_;
   Event ended_[kSlots + 1];  // of chunks, by their number
   std::uint64_t chunks_ = 0;
-  Slot slots_[kSlots];
+  std::unique_ptr<Slot> slots_[kSlots];
 };
 
 int most_shared() {

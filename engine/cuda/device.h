@@ -79,11 +79,11 @@ struct ChunkResult {
   std::uint64_t settled = 0;               ///< rows that the narrow phase answered
 };
 
-/// Memory and streams for one query at a time, with two chunks under way. Errors of the device are thrown as
+/// Memory and streams for one query at a time, with a few chunks under way. Errors of the device are thrown as
 /// std::runtime_error.
 class Workspace {
  public:
-  static constexpr int kSlots = 2;
+  static constexpr int kSlots = 4;
   virtual ~Workspace() = default;
   virtual void begin(const QuerySetup& setup) = 0;
   /// Where the poses of a slot's next chunk go before it is launched: (configurations, given_count).

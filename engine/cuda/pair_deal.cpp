@@ -9,7 +9,9 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::uint64_t kChunkRows = 1u << 18;     // enough to fill a large device several times over
+// Rows of a chunk: enough to fill a large device several times over, and a few chunks of a query that is no larger than
+// that, so that the first answers are on their way while the last are computed.
+constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 18;
 constexpr std::uint64_t kCompany = kTile / 2;      // pair-configurations below which a group of its own would waste a block
 
 std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
@@ -30,9 +32,10 @@ class Dealer {
 
   void run() {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    const std::uint64_t parts = K == 1 || P >= kChunkRows ? (P + kChunkRows - 1) / kChunkRows : 1;
+    const std::uint64_t chunk_rows = std::clamp(K * P / Workspace::kSlots, kFewestRows, kMostRows);
+    const std::uint64_t parts = K == 1 || P >= chunk_rows ? (P + chunk_rows - 1) / chunk_rows : 1;
     const std::uint64_t per_part = parts == 0 ? 0 : (P + parts - 1) / parts;
-    const std::uint64_t chunks = parts > 1 ? K : (K * P + kChunkRows - 1) / kChunkRows;
+    const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;
     deal_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
     deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
     for (std::uint64_t first = 0; first < P; first += per_part)
