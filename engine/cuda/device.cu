@@ -19,10 +19,7 @@ namespace {
 constexpr std::size_t kMostVertices = 512;   // of a hull that the device looks at vertex by vertex; the CPU answers for larger ones
 constexpr int kMostShared = 96 * 1024;       // bytes of a block's two hulls; devices that have less get smaller tables
 constexpr std::size_t kTableVertices = 16;   // fewer are scanned as fast
-#ifndef CLEARANCE_CUDA_FEW
-#define CLEARANCE_CUDA_FEW 4
-#endif
-constexpr std::size_t kFewVertices = CLEARANCE_CUDA_FEW;      // of a list of a table that is not worth dividing further
+constexpr std::size_t kFewVertices = 4;      // of a list of a table that is not worth dividing further
 constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
 constexpr std::uint64_t kOverlapBlocks = 512;  // how many pairs overlap is not known when they start
 constexpr std::uint32_t kRestAtOnce = 4096;  // unsettled rows that come back without a second copy

@@ -11,11 +11,10 @@
 #include "engine/witness.h"
 #include "layout.h"
 
-#ifndef CLEARANCE_CUDA_BLOCKS
-#define CLEARANCE_CUDA_BLOCKS 3  // of kTile threads on a multiprocessor: what the registers of one are rationed for
-#endif
-
 namespace clearance::cuda {
+
+// Blocks of kTile threads on a multiprocessor, among which its registers are shared out: with more, they spill.
+inline constexpr int kBlocks = 3;
 
 // A hull: its vertices, and its direction table if it has one. Vertices: shared by a block, or the scene's.
 template <class Vertices>
@@ -242,7 +241,7 @@ __device__ inline Hull<SharedVertices> share(const HullsView& hulls, const HullH
 }
 
 // Blocks of pairs of the same two hulls, which lie in shared memory.
-__global__ void __launch_bounds__(kTile, CLEARANCE_CUDA_BLOCKS) answer_groups(const __grid_constant__ ChunkView c) {
+__global__ void __launch_bounds__(kTile, kBlocks) answer_groups(const __grid_constant__ ChunkView c) {
   extern __shared__ uint4 shared_memory[];
   auto* memory = reinterpret_cast<std::byte*>(shared_memory);
   const Group group = c.groups[c.group_of_tile[blockIdx.x]];
@@ -267,7 +266,7 @@ __global__ void __launch_bounds__(kTile, CLEARANCE_CUDA_BLOCKS) answer_groups(co
 }
 
 // Pairs that have too little company for that: each thread reads the hulls it needs. c.groups is the one group of them.
-__global__ void __launch_bounds__(kTile, CLEARANCE_CUDA_BLOCKS) answer_strays(const __grid_constant__ ChunkView c) {
+__global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c) {
   const Group group = c.groups[0];
   const std::uint64_t item = std::uint64_t{blockIdx.x} * kTile + threadIdx.x;
   Outcome outcome = Outcome::kNone;
