@@ -22,10 +22,17 @@ sys.exit(not os.path.exists(os.path.join(sysconfig.get_paths()["include"], "Pyth
 # pythonX.Y if it is the system's own, so that its venv and headers are Debian packages.
 system_python() { "$python" -c 'import sys; print("python%d.%d" % sys.version_info[:2] if sys.base_prefix == "/usr" else "")'; }
 
+# Whether apt's lists hold a package. (A fresh image has no lists: there they hold none, not even g++.)
+known() { apt-cache show "$1" >/dev/null 2>&1; }
+
 missing_packages() {
   local name
   sed 's/#.*//' "${lists[@]}" | while read -r name; do
     [ -n "$name" ] || continue
+    if [[ $name = *\? ]]; then  # not every distribution has it
+      name=${name%\?}
+      ! known "$name" && known g++ && continue
+    fi
     [ "$(dpkg-query -W -f '${db:Status-Status}' "$name" 2>/dev/null)" = installed ] || echo "$name"
   done
   name=$(system_python)
@@ -42,6 +49,7 @@ install_packages() {
   # The lists may be absent (a fresh image) or old (files that are gone from the mirror).
   if ! apt-get --simulate install --no-install-recommends "${missing[@]}" >/dev/null 2>&1; then
     "${apt[@]}" update
+    mapfile -t missing < <(missing_packages)
   fi
   "${apt[@]}" install -y --no-install-recommends "${missing[@]}" && return
   "${apt[@]}" update
