@@ -25,7 +25,8 @@ CLEARANCE_HD inline Vec3d no_point() {
 
 /// The answer for a pair that cannot be computed: NaN, with bounds -inf and +inf.
 CLEARANCE_HD inline PairAnswer no_answer(Status status) {
-  return {__builtin_nan(""), -__builtin_inf(), __builtin_inf(), status, 0, kNone, kNone, no_point(), no_point(), no_point()};
+  return {__builtin_nan(""), -__builtin_inf(), __builtin_inf(), status, 0, kNone, kNone,
+          no_point(),        no_point(),       no_point()};
 }
 
 /// The answer for a pair whose boxes are farther apart than max_distance.

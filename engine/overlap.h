@@ -1,4 +1,5 @@
-// What proves that two pieces overlap: a closed surface of CSO triangles with the origin well inside. For host and device.
+// What proves that two pieces overlap: a closed surface of CSO triangles with the origin well inside. For host and
+// device.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +12,8 @@ namespace clearance {
 // How often the surface winds around the point `o`, by counting the faces that a ray along g crosses; 0 if any sign is
 // uncertain. All faces lie beyond planes that keep them from `o`.
 template <class T>
-CLEARANCE_HD inline int winding(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const Vec3<T>& o, const Vec3<T>& g) {
+CLEARANCE_HD inline int winding(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const Vec3<T>& o,
+                                const Vec3<T>& g) {
   const T uncertain = T(32 * Arithmetic<T>::kUnit);
   using std::abs;
   int turns = 0;
@@ -37,8 +39,8 @@ CLEARANCE_HD inline int winding(const Vec3<T>* w, const CsoFace<T>* faces, std::
   return turns;
 }
 
-/// How far the origin is below the least distant of the faces' planes: the radius of a ball that no triangle enters. 0 or
-/// less, or NaN: there is none. \param w the vertices, world axes.
+/// How far the origin is below the least distant of the faces' planes: the radius of a ball that no triangle enters. 0
+/// or less, or NaN: there is none. \param w the vertices, world axes.
 template <class T>
 CLEARANCE_HD inline T least_depth(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count) {
   T ball = T(__builtin_inf());
@@ -57,8 +59,8 @@ CLEARANCE_HD inline T least_depth(const Vec3<T>* w, const CsoFace<T>* faces, std
 /// Whether a closed surface goes around the ball of radius `ball` that none of its triangles enters.
 template <class T>
 CLEARANCE_HD inline bool is_surrounded(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& ball) {
-  // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain; every point within the
-  // ball is surrounded as often as the origin is, so take one off centre, in a direction without pattern.
+  // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain; every point within
+  // the ball is surrounded as often as the origin is, so take one off centre, in a direction without pattern.
   const double rays[4][2][3] = {{{0.31, -0.52, 0.79}, {0.732, 0.481, -0.4829}},
                                 {{-0.67, 0.23, 0.21}, {-0.377, 0.618, 0.6899}},
                                 {{0.19, 0.71, -0.43}, {0.127, -0.911, 0.3923}},
@@ -87,8 +89,9 @@ CLEARANCE_HD inline bool tetrahedron_faces(const Simplex<T>& s, CsoFace<T> (&fac
   return true;
 }
 
-// How the origin is made of four points: barycentric coordinates, those below 0 taken for 0. Returns how far they miss it,
-// squared. Each round takes off what the one before missed, since one alone loses the digits of the tetrahedron's aspect.
+// How the origin is made of four points: barycentric coordinates, those below 0 taken for 0. Returns how far they miss
+// it, squared. Each round takes off what the one before missed, since one alone loses the digits of the tetrahedron's
+// aspect.
 template <class T>
 CLEARANCE_HD inline T weigh_origin(Simplex<T>& s) {
   Vec3<T> slope[4];  // of the i-th coordinate

@@ -61,7 +61,9 @@ class ParallelJob : public Job::State {
   const Scene& scene() const { return *context_.scene; }
   int workers() const { return static_cast<int>(placements_.size()); }
 
-  const Placement& placement(int worker, std::uint64_t configuration) { return placements(worker, configuration, 1)[0]; }
+  const Placement& placement(int worker, std::uint64_t configuration) {
+    return placements(worker, configuration, 1)[0];
+  }
 
   // Placements of configurations [first, first + count), the worker's own.
   std::span<const Placement> placements(int worker, std::uint64_t first, std::uint64_t count) {
@@ -132,7 +134,7 @@ class ParallelJob : public Job::State {
   std::vector<std::uint8_t> stale_;
   struct WorkerPlacements {
     std::vector<Placement> placements;
-    std::vector<Mat3d> rotations;   // of the configurations that are being placed
+    std::vector<Mat3d> rotations;  // of the configurations that are being placed
   };
   std::vector<WorkerPlacements> placements_;  // of each worker
 };

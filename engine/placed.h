@@ -8,21 +8,22 @@ namespace clearance {
 
 /// A body's pose as the narrow phase wants it.
 struct PlacedPose {
-  Mat3d R_wb;     ///< rotation_of(X_wb)
-  Vec3d t_w;      ///< origin of the body in the world
-  Pose X_wb;      ///< for the double-double rotation of hard pairs
+  Mat3d R_wb;  ///< rotation_of(X_wb)
+  Vec3d t_w;   ///< origin of the body in the world
+  Pose X_wb;   ///< for the double-double rotation of hard pairs
 };
 
 /// A body in the world.
 struct BodyPlacement {
-  PlacedPose pose;                   ///< meaningful if `status` is kOk
-  Status status = Status::kNoPose;   ///< kOk, kNoPose or kBadPose
-  bool renormalised = false;         ///< the body's own quaternion was off by more than 1e-3
+  PlacedPose pose;                  ///< meaningful if `status` is kOk
+  Status status = Status::kNoPose;  ///< kOk, kNoPose or kBadPose
+  bool renormalised = false;        ///< the body's own quaternion was off by more than 1e-3
 };
 
-/// Places a body. \param local its pose as given; null: none was. \param parent the body that it follows, placed; null: none.
-/// \param rotation rotation_of(*local), if it is known already and there is no parent.
-CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* parent, const Mat3d* rotation = nullptr) {
+/// Places a body. \param local its pose as given; null: none was. \param parent the body that it follows, placed; null:
+/// none. \param rotation rotation_of(*local), if it is known already and there is no parent.
+CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* parent,
+                                        const Mat3d* rotation = nullptr) {
   BodyPlacement body;
   if (!local) return body;
   const PoseQuality quality = check(*local);

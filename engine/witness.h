@@ -28,8 +28,8 @@ CLEARANCE_HD inline void settled_witness(const Hull& a, const Mat3d& R_wa, const
   normal = n * (1 / norm(n));
 }
 
-/// The vertices of a piece within rounding of its support along a direction: how many dimensions they span, and one edge of
-/// theirs in world axes.
+/// The vertices of a piece within rounding of its support along a direction: how many dimensions they span, and one
+/// edge of theirs in world axes.
 struct Contact {
   int dimensions = 0;
   Vec3d edge{0, 0, 0};
@@ -71,7 +71,8 @@ CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, cons
 /// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in
 /// faces or edges that lie side by side. n: unit, world axes, from a towards b.
 template <class Hull>
-CLEARANCE_HD inline bool witness_is_ambiguous(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb, const Vec3d& n) {
+CLEARANCE_HD inline bool witness_is_ambiguous(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
+                                              const Vec3d& n) {
   const Contact ca = contact_along(a, R_wa, n);
   if (ca.dimensions == 0) return false;
   const Contact cb = contact_along(b, R_wb, -n);

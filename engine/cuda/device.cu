@@ -1,10 +1,9 @@
 // The device's side of the cuda backend: resident hulls, workspaces, launches.
-#include "device.h"
-
 #include <memory>
 #include <mutex>
 #include <unordered_map>
 
+#include "device.h"
 #include "engine/scene.h"
 #include "memory.cuh"
 #include "overlap_kernel.cuh"
@@ -16,13 +15,14 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::size_t kMostVertices = 512;   // of a hull that the device looks at vertex by vertex; the CPU answers for larger ones
-constexpr int kMostShared = 96 * 1024;       // bytes of a block's two hulls; devices that have less get smaller tables
-constexpr std::size_t kTableVertices = 16;   // fewer are scanned as fast
-constexpr std::size_t kFewVertices = 4;      // of a list of a table that is not worth dividing further
+constexpr std::size_t kMostVertices =
+    512;  // of a hull that the device looks at vertex by vertex; the CPU answers for larger ones
+constexpr int kMostShared = 96 * 1024;      // bytes of a block's two hulls; devices that have less get smaller tables
+constexpr std::size_t kTableVertices = 16;  // fewer are scanned as fast
+constexpr std::size_t kFewVertices = 4;     // of a list of a table that is not worth dividing further
 constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
-constexpr std::uint64_t kOverlapBlocks = 512;  // how many pairs overlap is not known when they start
-constexpr std::uint32_t kRestAtOnce = 4096;  // unsettled rows that come back without a second copy
+constexpr std::uint64_t kOverlapBlocks = 512;       // how many pairs overlap is not known when they start
+constexpr std::uint32_t kRestAtOnce = 4096;         // unsettled rows that come back without a second copy
 
 DeviceInfo probe() {
   DeviceInfo info;
@@ -48,7 +48,8 @@ DeviceInfo probe() {
 class ResidentHulls {
  public:
   /// \param most_shared bytes that two hulls may take of a block's shared memory.
-  ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters) : most_shared_(static_cast<std::uint32_t>(most_shared)), memory_(counters) {
+  ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters)
+      : most_shared_(static_cast<std::uint32_t>(most_shared)), memory_(counters) {
     std::vector<HullHead> heads;
     std::vector<double> x, y, z;
     std::vector<std::uint16_t> words;
@@ -62,8 +63,17 @@ class ResidentHulls {
       const auto [at, is_new] = index.try_emplace(&p, static_cast<std::uint32_t>(heads.size()));
       of_body_.push_back(at->second);
       if (!is_new) continue;
-      HullHead head{p.centre, p.half, p.rho, p.radius, p.spread, static_cast<std::uint32_t>(x.size()),
-                    static_cast<std::uint32_t>(p.vertices.size()), 0, 0, 0, 0};
+      HullHead head{p.centre,
+                    p.half,
+                    p.rho,
+                    p.radius,
+                    p.spread,
+                    static_cast<std::uint32_t>(x.size()),
+                    static_cast<std::uint32_t>(p.vertices.size()),
+                    0,
+                    0,
+                    0,
+                    0};
       add_table(p, head, words);
       heads.push_back(head);
       for (const Vec3d& v : p.vertices) {
@@ -75,19 +85,21 @@ class ResidentHulls {
     for (const HullHead& h : heads) shared_bytes_.push_back(shared_bytes(h));
     Upload& m = memory_;
     const std::size_t at_heads = m.add<HullHead>(heads), at_x = m.add<double>(x), at_y = m.add<double>(y),
-                      at_z = m.add<double>(z), at_words = m.add<std::uint16_t>(words), at_of = m.add<std::uint32_t>(of_body_);
+                      at_z = m.add<double>(z), at_words = m.add<std::uint16_t>(words),
+                      at_of = m.add<std::uint32_t>(of_body_);
     m.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
     m.forget_host();
-    view_ = {m.at<HullHead>(at_heads), m.at<double>(at_x), m.at<double>(at_y), m.at<double>(at_z), m.at<std::uint16_t>(at_words),
-             m.at<std::uint32_t>(at_of)};
+    view_ = {m.at<HullHead>(at_heads),      m.at<double>(at_x),        m.at<double>(at_y), m.at<double>(at_z),
+             m.at<std::uint16_t>(at_words), m.at<std::uint32_t>(at_of)};
   }
   const HullsView& view() const { return view_; }
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
   std::uint32_t bytes_in_shared_memory(std::uint32_t hull) const { return shared_bytes_[hull]; }
 
  private:
-  // Finer than the CPU's: threads that run side by side wait for the longest list. A table that leaves no room for another hull is left out.
+  // Finer than the CPU's: threads that run side by side wait for the longest list. A table that leaves no room for
+  // another hull is left out.
   void add_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) const {
     if (p.vertices.size() < kTableVertices) return;
     const DirectionTable table = make_direction_table(p.vertices, p.rho, kFewVertices);
@@ -114,10 +126,11 @@ class ResidentHulls {
 
 class CudaPairs final : public ResidentPairs {
  public:
-  CudaPairs(const ResidentHulls& hulls, MemoryCounters& counters, std::span<const PairRef> p, std::span<const std::uint32_t> at,
-            std::span<const Group> g, std::span<const std::uint32_t> tiles)
+  CudaPairs(const ResidentHulls& hulls, MemoryCounters& counters, std::span<const PairRef> p,
+            std::span<const std::uint32_t> at, std::span<const Group> g, std::span<const std::uint32_t> tiles)
       : memory_(counters) {
-    const std::size_t at_pairs = memory_.add(p), at_position = memory_.add(at), at_groups = memory_.add(g), at_tiles = memory_.add(tiles);
+    const std::size_t at_pairs = memory_.add(p), at_position = memory_.add(at), at_groups = memory_.add(g),
+                      at_tiles = memory_.add(tiles);
     memory_.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying pairs to the device");
     memory_.forget_host();
@@ -127,8 +140,8 @@ class CudaPairs final : public ResidentPairs {
     group_of_tile = memory_.at<std::uint32_t>(at_tiles);
     for (const Group& group : g) {
       if (group.hull_a == kNone) continue;
-      const std::uint32_t both =
-          hulls.bytes_in_shared_memory(group.hull_a) + (group.hull_a == group.hull_b ? 0 : hulls.bytes_in_shared_memory(group.hull_b));
+      const std::uint32_t both = hulls.bytes_in_shared_memory(group.hull_a) +
+                                 (group.hull_a == group.hull_b ? 0 : hulls.bytes_in_shared_memory(group.hull_b));
       shared_bytes = std::max<std::size_t>(shared_bytes, both);
     }
   }
@@ -148,10 +161,12 @@ class CudaWorkspace final : public Workspace {
   CudaWorkspace(const ResidentHulls& hulls, MemoryCounters& counters, std::atomic<std::uint64_t>& kernel_ns,
                 std::atomic<std::uint64_t>& launches)
       : hulls_(hulls), kernel_ns_(kernel_ns), launches_(launches), setup_(counters) {
-    // Blocks of the chunk that was started first go first, so that its answers are on their way while the next are computed.
+    // Blocks of the chunk that was started first go first, so that its answers are on their way while the next are
+    // computed.
     int least = 0, greatest = 0;
     check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking for priorities");
-    for (int i = 0; i < kSlots; ++i) slots_[i] = std::make_unique<Slot>(counters, std::max(greatest, least - (kSlots - 1 - i)));
+    for (int i = 0; i < kSlots; ++i)
+      slots_[i] = std::make_unique<Slot>(counters, std::max(greatest, least - (kSlots - 1 - i)));
   }
 
   // Nothing may run on after a job that was given up.
@@ -160,23 +175,36 @@ class CudaWorkspace final : public Workspace {
     for (const auto& slot : slots_) cudaStreamSynchronize(slot->stream);
   }
 
-  void begin(const QuerySetup& s) override {
-    wait_for_all();
+  void begin(const QuerySetup& s) override {  // nothing is under way: whoever had this before waited when letting it go
     chunks_ = 0;
     question_ = s.question;
     fields_ = s.fields;
     given_count_ = s.given_count;
     setup_.clear();
-    const std::size_t fixed = setup_.add(s.fixed), fixed_state = setup_.add(s.fixed_state), moved_body = setup_.add(s.moved_body),
-                      source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
-                      own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base);
+    const std::size_t fixed = setup_.add(s.fixed), fixed_state = setup_.add(s.fixed_state),
+                      moved_body = setup_.add(s.moved_body), source = setup_.add(s.source),
+                      begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain), own = setup_.add(s.own),
+                      base = setup_.add(s.base), has_base = setup_.add(s.has_base);
     setup_.send(slots_[0]->stream);
     check(cudaEventRecord(ready_.event, slots_[0]->stream), "recording an event");
-    for (int i = 1; i < kSlots; ++i) check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
-    bodies_ = {setup_.at<double>(fixed), setup_.at<std::uint8_t>(fixed_state), static_cast<std::uint32_t>(s.fixed_state.size()),
-               nullptr, nullptr, setup_.at<std::uint32_t>(moved_body), static_cast<std::uint32_t>(s.moved_body.size()), s.components};
-    moves_ = {nullptr, s.given_count, setup_.at<std::uint32_t>(source), setup_.at<Pose>(own), setup_.at<std::uint32_t>(begin),
-              setup_.at<std::uint32_t>(chain), setup_.at<BodyPlacement>(base), setup_.at<std::uint8_t>(has_base)};
+    for (int i = 1; i < kSlots; ++i)
+      check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
+    bodies_ = {setup_.at<double>(fixed),
+               setup_.at<std::uint8_t>(fixed_state),
+               static_cast<std::uint32_t>(s.fixed_state.size()),
+               nullptr,
+               nullptr,
+               setup_.at<std::uint32_t>(moved_body),
+               static_cast<std::uint32_t>(s.moved_body.size()),
+               s.components};
+    moves_ = {nullptr,
+              s.given_count,
+              setup_.at<std::uint32_t>(source),
+              setup_.at<Pose>(own),
+              setup_.at<std::uint32_t>(begin),
+              setup_.at<std::uint32_t>(chain),
+              setup_.at<BodyPlacement>(base),
+              setup_.at<std::uint8_t>(has_base)};
     pairs_ = static_cast<const CudaPairs*>(s.pairs);
   }
 
@@ -199,7 +227,9 @@ class CudaWorkspace final : public Workspace {
     const std::size_t counts_bytes = (kCounts + rows) * sizeof(std::uint32_t);
     view.counts = reinterpret_cast<std::uint32_t*>(slot.device_rest.reserve(counts_bytes));
     view.rest = view.counts + kCounts;
-    view.enclosed = question_.prove_overlaps ? reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(rows * sizeof(Enclosed))) : nullptr;
+    view.enclosed = question_.prove_overlaps
+                        ? reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(rows * sizeof(Enclosed)))
+                        : nullptr;
     view.pairs = pairs_->pairs + chunk.first_pair;
     view.position = pairs_->position + chunk.first_pair;
     view.pair_count = chunk.pair_count;
@@ -232,7 +262,8 @@ class CudaWorkspace final : public Workspace {
     bring(slot, direct);
     slot.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve(counts_bytes));
     const std::size_t at_once = (kCounts + std::min<std::uint64_t>(rows, kRestAtOnce)) * sizeof(std::uint32_t);
-    check(cudaMemcpyAsync(slot.host_counts, view.counts, at_once, cudaMemcpyDeviceToHost, slot.stream), "copying counters");
+    check(cudaMemcpyAsync(slot.host_counts, view.counts, at_once, cudaMemcpyDeviceToHost, slot.stream),
+          "copying counters");
   }
 
   ChunkResult finish(int index) override {
@@ -242,7 +273,8 @@ class CudaWorkspace final : public Workspace {
     std::uint32_t* const listed = slot.host_counts + kCounts;
     if (rest > kRestAtOnce) {
       check(cudaMemcpyAsync(listed + kRestAtOnce, slot.device_view.rest + kRestAtOnce,
-                            (rest - kRestAtOnce) * sizeof(std::uint32_t), cudaMemcpyDeviceToHost, slot.stream), "copying rows");
+                            (rest - kRestAtOnce) * sizeof(std::uint32_t), cudaMemcpyDeviceToHost, slot.stream),
+            "copying rows");
       check(cudaStreamSynchronize(slot.stream), "copying rows");
     }
     kernel_ns_ += static_cast<std::uint64_t>(1e6 * kernel_milliseconds(slot));
@@ -258,7 +290,14 @@ class CudaWorkspace final : public Workspace {
   };
   struct Slot {
     Slot(MemoryCounters& c, int priority)
-        : device_poses(c), device_bodies(c), device_reply(c), device_rest(c), device_enclosed(c), host_poses(c), host_reply(c), host_rest(c) {
+        : device_poses(c),
+          device_bodies(c),
+          device_reply(c),
+          device_rest(c),
+          device_enclosed(c),
+          host_poses(c),
+          host_reply(c),
+          host_rest(c) {
       check(cudaStreamCreateWithPriority(&stream, cudaStreamNonBlocking, priority), "making a stream");
     }
     ~Slot() { cudaStreamDestroy(stream); }
@@ -288,14 +327,17 @@ class CudaWorkspace final : public Workspace {
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
     const std::size_t given_bytes = sizeof(Pose) * given_count_ * chunk.configurations;
     std::byte* given = slot.device_poses.reserve(given_bytes);
-    check(cudaMemcpyAsync(given, slot.host_poses.data(), given_bytes, cudaMemcpyHostToDevice, slot.stream), "copying poses");
-    const std::size_t states = std::size_t{bodies.moved_count} * chunk.configurations, numbers = states * bodies.components;
+    check(cudaMemcpyAsync(given, slot.host_poses.data(), given_bytes, cudaMemcpyHostToDevice, slot.stream),
+          "copying poses");
+    const std::size_t states = std::size_t{bodies.moved_count} * chunk.configurations,
+                      numbers = states * bodies.components;
     std::byte* memory = slot.device_bodies.reserve(numbers * sizeof(double) + states);
     bodies.moved = reinterpret_cast<double*>(memory);
     bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + numbers * sizeof(double));
     MovesView moves = moves_;
     moves.given = reinterpret_cast<const Pose*>(given);
-    place_bodies<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves, chunk.configurations);
+    place_bodies<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves,
+                                                                                       chunk.configurations);
     check(cudaGetLastError(), "starting a kernel");
   }
 
@@ -304,7 +346,8 @@ class CudaWorkspace final : public Workspace {
     const std::byte *from = nullptr, *to = nullptr;
     std::byte* target = nullptr;
     const auto flush = [&] {
-      if (from != to) check(cudaMemcpyAsync(target, from, to - from, cudaMemcpyDeviceToHost, slot.stream), "copying answers");
+      if (from != to)
+        check(cudaMemcpyAsync(target, from, to - from, cudaMemcpyDeviceToHost, slot.stream), "copying answers");
       from = to = nullptr;
     };
     const auto column = [&]<class T>(T* device, T* host, T* caller, std::size_t width) {
@@ -345,20 +388,23 @@ class CudaWorkspace final : public Workspace {
 int most_shared() {
   int device = 0, bytes = 0;
   check(cudaGetDevice(&device), "asking for the device");
-  check(cudaDeviceGetAttribute(&bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device), "asking for its shared memory");
+  check(cudaDeviceGetAttribute(&bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device),
+        "asking for its shared memory");
   return std::min(bytes, kMostShared);
 }
 
 class CudaDevice final : public Device, public std::enable_shared_from_this<CudaDevice> {
  public:
   explicit CudaDevice(const Scene& scene) : hulls_(scene, most_shared(), scene_memory_) {
-    check(cudaFuncSetAttribute(answer_groups, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()), "asking for shared memory");
+    check(cudaFuncSetAttribute(answer_groups, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()),
+          "asking for shared memory");
   }
 
   std::uint32_t hull_of(std::uint32_t body) const override { return hulls_.of_body(body); }
 
   std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
-                                              std::span<const Group> groups, std::span<const std::uint32_t> group_of_tile) override {
+                                              std::span<const Group> groups,
+                                              std::span<const std::uint32_t> group_of_tile) override {
     return std::make_shared<CudaPairs>(hulls_, query_memory_, pairs, position, groups, group_of_tile);
   }
 
@@ -421,6 +467,8 @@ bool is_pinned(const void* memory) {
 }
 
 PinnedMemory::PinnedMemory(std::size_t bytes) : data_(PinnedKind::allocate(bytes)) {}
-PinnedMemory::~PinnedMemory() { PinnedKind::release(data_); }
+PinnedMemory::~PinnedMemory() {
+  PinnedKind::release(data_);
+}
 
 }  // namespace clearance::cuda

@@ -28,12 +28,12 @@ const DeviceInfo& device_info();
 
 /// Numbers that a device keeps about itself.
 struct DeviceCounters {
-  std::uint64_t scene_bytes = 0;      ///< geometry, uploaded once
-  std::uint64_t query_bytes = 0;      ///< device memory of queries, kept for the next ones
-  std::uint64_t pinned_bytes = 0;     ///< host memory of queries, likewise
-  std::uint64_t allocations = 0;      ///< how often either had to grow
-  std::uint64_t kernel_ns = 0;        ///< time in kernels, by the device's events
-  std::uint64_t launches = 0;         ///< chunks of pair-configurations
+  std::uint64_t scene_bytes = 0;   ///< geometry, uploaded once
+  std::uint64_t query_bytes = 0;   ///< device memory of queries, kept for the next ones
+  std::uint64_t pinned_bytes = 0;  ///< host memory of queries, likewise
+  std::uint64_t allocations = 0;   ///< how often either had to grow
+  std::uint64_t kernel_ns = 0;     ///< time in kernels, by the device's events
+  std::uint64_t launches = 0;      ///< chunks of pair-configurations
 };
 
 /// Lists of pairs in device memory: those of all chunks of a query, one chunk after another.
@@ -63,20 +63,20 @@ struct QuerySetup {
 struct ChunkSetup {
   std::uint32_t configurations = 1;
   std::uint64_t first_configuration = 0;
-  std::uint32_t first_pair = 0;            ///< in QuerySetup::pairs
-  std::uint32_t pair_count = 0;            ///< rows of one configuration
-  std::uint32_t first_tile = 0;            ///< of the list that says each tile's group
-  std::uint32_t group_tiles = 0;           ///< tiles of groups of the same two hulls
-  std::uint32_t strays = kNone;            ///< the group of pairs with hulls of their own; kNone: there are none
+  std::uint32_t first_pair = 0;   ///< in QuerySetup::pairs
+  std::uint32_t pair_count = 0;   ///< rows of one configuration
+  std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
+  std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
+  std::uint32_t strays = kNone;   ///< the group of pairs with hulls of their own; kNone: there are none
   std::uint32_t stray_tiles = 0;
   std::uint64_t rows() const { return std::uint64_t{configurations} * pair_count; }
 };
 
 /// What a chunk came to. Views are valid until the slot is launched again.
 struct ChunkResult {
-  ReplyView rows;                          ///< host memory, without what went to `direct` columns
-  std::span<const std::uint32_t> rest;     ///< rows that are not settled, in no order
-  std::uint64_t settled = 0;               ///< rows that the narrow phase answered
+  ReplyView rows;                       ///< host memory, without what went to `direct` columns
+  std::span<const std::uint32_t> rest;  ///< rows that are not settled, in no order
+  std::uint64_t settled = 0;            ///< rows that the narrow phase answered
 };
 
 /// Memory and streams for one query at a time, with a few chunks under way. Errors of the device are thrown as
@@ -88,8 +88,8 @@ class Workspace {
   virtual void begin(const QuerySetup& setup) = 0;
   /// Where the poses of a slot's next chunk go before it is launched: (configurations, given_count).
   virtual Pose* room_for_poses(int slot, std::size_t count) = 0;
-  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once, from row 0 on; the others
-  /// (null) wait in the workspace.
+  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once, from row 0 on; the
+  /// others (null) wait in the workspace.
   virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;
   /// Waits for a slot's chunk.
   virtual ChunkResult finish(int slot) = 0;
@@ -102,7 +102,8 @@ class Device {
   virtual std::uint32_t hull_of(std::uint32_t body) const = 0;
   /// Copies pairs to the device. \param position of each within its chunk.
   /// \param group_of_tile index into `groups` of each tile.
-  virtual std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
+  virtual std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs,
+                                                      std::span<const std::uint32_t> position,
                                                       std::span<const Group> groups,
                                                       std::span<const std::uint32_t> group_of_tile) = 0;
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.

@@ -10,13 +10,15 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::size_t kCopyBytes = 1u << 18;      // what one thread copies at a time
-constexpr std::uint64_t kRestUnit = 16;           // rows that a thread finishes at a time
+constexpr std::size_t kCopyBytes = 1u << 18;  // what one thread copies at a time
+constexpr std::uint64_t kRestUnit = 16;       // rows that a thread finishes at a time
 
 class DeviceJob final : public ParallelJob {
  public:
   DeviceJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
-      : ParallelJob(context, std::move(plan), reply), backend_(*context.device), deal_(backend_.deal(plan_)),
+      : ParallelJob(context, std::move(plan), reply),
+        backend_(*context.device),
+        deal_(backend_.deal(plan_)),
         workspace_(backend_.device().borrow()) {
     for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), options_);
     rooms_.resize(static_cast<std::size_t>(workers()));
@@ -51,7 +53,8 @@ class DeviceJob final : public ParallelJob {
   Chunk chunk(std::uint64_t index) const {
     const std::uint64_t first = index / deal_->parts.size() * deal_->configurations;
     const PairDeal::Part& part = deal_->parts[index % deal_->parts.size()];
-    const auto configurations = static_cast<std::uint32_t>(std::min<std::uint64_t>(deal_->configurations, plan_.size.configurations - first));
+    const auto configurations =
+        static_cast<std::uint32_t>(std::min<std::uint64_t>(deal_->configurations, plan_.size.configurations - first));
     return {&part, first, configurations, first * plan_.size.pairs + part.first};
   }
 
@@ -74,8 +77,13 @@ class DeviceJob final : public ParallelJob {
 
   void begin() {
     QuerySetup s;
-    s.question = {options_.limits.max_distance, options_.limits.abs_tol, options_.limits.rel_tol,
-                  options_.limits.max_iterations, options_.cull, options_.want_points, options_.want_nonsmooth,
+    s.question = {options_.limits.max_distance,
+                  options_.limits.abs_tol,
+                  options_.limits.rel_tol,
+                  options_.limits.max_iterations,
+                  options_.cull,
+                  options_.want_points,
+                  options_.want_nonsmooth,
                   !options_.limits.signed_distance};
     s.fields = fields_;
     s.components = options_.cull ? kPoseComponents + kBoxComponents : kPoseComponents;
@@ -96,8 +104,9 @@ class DeviceJob final : public ParallelJob {
     for (std::size_t b = 0; b < n; ++b) {
       const BodyPlacement& at = placed[b];
       const bool stale = !options_.stale.empty() && options_.stale[b];
-      fixed_state_[b] = static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
-                                                  (stale ? kStateStale : 0));
+      fixed_state_[b] =
+          static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
+                                    (stale ? kStateStale : 0));
       if (at.status != Status::kOk) continue;
       const auto put = [&](std::size_t c, const Vec3d& v) {
         for (int i = 0; i < 3; ++i) fixed_[(c + static_cast<std::size_t>(i)) * n + b] = v[i];
@@ -148,7 +157,8 @@ class DeviceJob final : public ParallelJob {
     const int slot = static_cast<int>(index % Workspace::kSlots);
     if (const std::uint64_t M = plan_.bodies.size(); plan_.query.configuration_count > 0) {
       const std::size_t poses = c.configurations * M;
-      copy_bytes(plan_.configurations.data() + c.first_configuration * M, workspace_->room_for_poses(slot, poses), poses * sizeof(Pose));
+      copy_bytes(plan_.configurations.data() + c.first_configuration * M, workspace_->room_for_poses(slot, poses),
+                 poses * sizeof(Pose));
     }
     s.configurations = c.configurations;
     s.first_configuration = c.first_configuration;
@@ -159,10 +169,15 @@ class DeviceJob final : public ParallelJob {
     s.strays = g.strays;
     s.stray_tiles = g.stray_tiles;
     ReplyView direct;
-    const auto shift = [&](auto* column, auto*& to, std::uint64_t width) { to = column ? column + c.first_row * width : nullptr; };
-    shift(direct_.distance, direct.distance, 1), shift(direct_.lower, direct.lower, 1), shift(direct_.upper, direct.upper, 1);
-    shift(direct_.status, direct.status, 1), shift(direct_.flags, direct.flags, 1), shift(direct_.point_a, direct.point_a, 3);
-    shift(direct_.point_b, direct.point_b, 3), shift(direct_.normal, direct.normal, 3), shift(direct_.pieces, direct.pieces, 2);
+    const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
+      to = column ? column + c.first_row * width : nullptr;
+    };
+    shift(direct_.distance, direct.distance, 1), shift(direct_.lower, direct.lower, 1),
+        shift(direct_.upper, direct.upper, 1);
+    shift(direct_.status, direct.status, 1), shift(direct_.flags, direct.flags, 1),
+        shift(direct_.point_a, direct.point_a, 3);
+    shift(direct_.point_b, direct.point_b, 3), shift(direct_.normal, direct.normal, 3),
+        shift(direct_.pieces, direct.pieces, 2);
     shift(direct_.gradient, direct.gradient, 12), shift(direct_.pair, direct.pair, 1);
     shift(direct_.configuration, direct.configuration, 1), shift(direct_.compact, direct.compact, 1);
     workspace_->launch(slot, s, direct);

@@ -14,18 +14,18 @@ namespace clearance::cuda {
 
 /// How a query's pairs are dealt to chunks and groups. Made once for a pair table, and kept for the next query.
 struct PairDeal {
-  struct Part {                            ///< of the pairs: the rows of a chunk are `configurations` times this
-    std::uint64_t first = 0;               ///< position of its first pair in the query
+  struct Part {               ///< of the pairs: the rows of a chunk are `configurations` times this
+    std::uint64_t first = 0;  ///< position of its first pair in the query
     std::uint32_t count = 0;
-    std::uint32_t first_pair = 0;          ///< in the device's list, where the CPU's pairs are left out
-    std::vector<std::uint32_t> on_cpu;     ///< positions within the part of pairs that are not on the device
+    std::uint32_t first_pair = 0;       ///< in the device's list, where the CPU's pairs are left out
+    std::vector<std::uint32_t> on_cpu;  ///< positions within the part of pairs that are not on the device
     struct Groups {
       std::uint32_t first_tile = 0, tiles = 0, strays = kNone, stray_tiles = 0;
-    } whole, last;                         ///< for chunks of `configurations`, and for the last of a query
+    } whole, last;  ///< for chunks of `configurations`, and for the last of a query
   };
   std::vector<Part> parts;
-  std::uint32_t configurations = 1;        ///< of one chunk
-  std::uint32_t last_configurations = 1;   ///< of the last one
+  std::uint32_t configurations = 1;       ///< of one chunk
+  std::uint32_t last_configurations = 1;  ///< of the last one
   std::shared_ptr<const ResidentPairs> resident;
 
   // What it was made for.

@@ -31,9 +31,9 @@ struct PairRef {
   std::uint32_t a, b;
 };
 
-/// Pairs of the same two hulls, side by side in the list of pairs. Their pair-configurations are dealt to blocks in tiles:
-/// item i is pair i / configurations in configuration i % configurations, so that neighbouring threads read neighbouring
-/// poses.
+/// Pairs of the same two hulls, side by side in the list of pairs. Their pair-configurations are dealt to blocks in
+/// tiles: item i is pair i / configurations in configuration i % configurations, so that neighbouring threads read
+/// neighbouring poses.
 struct Group {
   std::uint32_t hull_a, hull_b;  ///< kNone: each pair has hulls of its own
   std::uint32_t first, count;    ///< pairs
@@ -48,20 +48,20 @@ inline constexpr std::uint32_t kPoseComponents = 12, kBoxComponents = 6;
 inline constexpr std::uint8_t kStateStatus = 15, kStateRenormalised = 16, kStateStale = 32;
 
 struct BodiesView {
-  const double* fixed;               ///< (components, bodies) where the snapshot has them
-  const std::uint8_t* fixed_state;   ///< (bodies,)
+  const double* fixed;              ///< (components, bodies) where the snapshot has them
+  const std::uint8_t* fixed_state;  ///< (bodies,)
   std::uint32_t bodies;
-  double* moved;                     ///< (moved, components, configurations) where the query has them
-  std::uint8_t* moved_state;         ///< (moved, configurations)
-  const std::uint32_t* moved_body;   ///< (moved,) ids
+  double* moved;                    ///< (moved, components, configurations) where the query has them
+  std::uint8_t* moved_state;        ///< (moved, configurations)
+  const std::uint32_t* moved_body;  ///< (moved,) ids
   std::uint32_t moved_count;
-  std::uint32_t components;          ///< of each body: with or without boxes
+  std::uint32_t components;  ///< of each body: with or without boxes
 };
 
-/// How the moved bodies get their poses. Each follows a chain of moved bodies, from the top down to itself, under a body
-/// that stays (or the world).
+/// How the moved bodies get their poses. Each follows a chain of moved bodies, from the top down to itself, under a
+/// body that stays (or the world).
 struct MovesView {
-  const Pose* given;                 ///< (configurations, given_count)
+  const Pose* given;  ///< (configurations, given_count)
   std::uint32_t given_count;
   const std::uint32_t* source;       ///< (moved,) which of the given poses; kNone: `own`
   const Pose* own;                   ///< (moved,) where the query gives none
@@ -75,7 +75,7 @@ struct MovesView {
 struct Question {
   double max_distance, abs_tol, rel_tol;
   std::int32_t max_iterations;
-  bool cull;            ///< compare boxes with max_distance first
+  bool cull;  ///< compare boxes with max_distance first
   bool want_points;
   bool want_nonsmooth;
   bool prove_overlaps;  ///< no depth is asked for
@@ -98,14 +98,14 @@ struct ChunkView {
   const Group* groups;
   const std::uint32_t* group_of_tile;
   const PairRef* pairs;
-  const std::uint32_t* position;     ///< of each pair within the chunk
-  std::uint32_t pair_count;          ///< rows of one configuration
+  const std::uint32_t* position;  ///< of each pair within the chunk
+  std::uint32_t pair_count;       ///< rows of one configuration
   std::uint32_t configurations;
   std::uint64_t first_configuration;
-  ReplyView reply;                   ///< device columns: row k * pair_count + position
-  std::uint32_t* rest;               ///< rows that are not settled, in no order
-  Enclosed* enclosed;                ///< in no order
-  std::uint32_t* counts;             ///< kRest and so on
+  ReplyView reply;        ///< device columns: row k * pair_count + position
+  std::uint32_t* rest;    ///< rows that are not settled, in no order
+  Enclosed* enclosed;     ///< in no order
+  std::uint32_t* counts;  ///< kRest and so on
 };
 
 }  // namespace clearance::cuda

@@ -98,7 +98,8 @@ class Upload {
     device_.reserve(bytes_);
     for (const Array& a : arrays_)
       if (a.bytes > 0) std::memcpy(host + a.at, a.data, a.bytes);
-    check(cudaMemcpyAsync(device_.data(), host, bytes_, cudaMemcpyHostToDevice, stream), "copying a query to the device");
+    check(cudaMemcpyAsync(device_.data(), host, bytes_, cudaMemcpyHostToDevice, stream),
+          "copying a query to the device");
   }
   /// For what is sent once.
   void forget_host() { host_.release(); }

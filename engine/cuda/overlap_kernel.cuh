@@ -1,5 +1,5 @@
-// Pairs whose simplex holds the origin: the proof that they overlap, and a common point. narrow_phase()'s words where no depth
-// is asked for.
+// Pairs whose simplex holds the origin: the proof that they overlap, and a common point. narrow_phase()'s words where
+// no depth is asked for.
 #pragma once
 
 #include "engine/overlap.h"
@@ -8,12 +8,17 @@
 namespace clearance::cuda {
 
 // False: the proof fails, or double-double would make a better common point; the CPU finishes the pair.
-__device__ inline bool prove_overlap(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b, PairAnswer& answer) {
+__device__ inline bool prove_overlap(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b,
+                                     PairAnswer& answer) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
   const Vec3d D = at_b.translation() - at_a.translation();
   const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
-  const auto vertex_a = [&](std::uint32_t i) { return Vec3d{c.hulls.x[a.first + i], c.hulls.y[a.first + i], c.hulls.z[a.first + i]}; };
-  const auto vertex_b = [&](std::uint32_t i) { return Vec3d{c.hulls.x[b.first + i], c.hulls.y[b.first + i], c.hulls.z[b.first + i]}; };
+  const auto vertex_a = [&](std::uint32_t i) {
+    return Vec3d{c.hulls.x[a.first + i], c.hulls.y[a.first + i], c.hulls.z[a.first + i]};
+  };
+  const auto vertex_b = [&](std::uint32_t i) {
+    return Vec3d{c.hulls.x[b.first + i], c.hulls.y[b.first + i], c.hulls.z[b.first + i]};
+  };
   const double scale = pair_scale(D, a.rho, b.rho, a.radius + b.radius);
 
   Simplex<double> s;
@@ -56,7 +61,8 @@ __global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ 
     if (i < count) {
       const Enclosed e = c.enclosed[i];
       const PairRef pair = c.pairs[e.pair];
-      const Where at_a(c.bodies, c.configurations, pair.a, e.configuration), at_b(c.bodies, c.configurations, pair.b, e.configuration);
+      const Where at_a(c.bodies, c.configurations, pair.a, e.configuration),
+          at_b(c.bodies, c.configurations, pair.b, e.configuration);
       PairAnswer answer;
       answer.flags = flags_of(at_a, at_b);
       row = std::uint64_t{e.configuration} * c.pair_count + c.position[e.pair];

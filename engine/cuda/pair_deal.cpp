@@ -12,7 +12,7 @@ namespace {
 // Rows of a chunk: enough to fill a large device several times over, and a few chunks of a query that is no larger than
 // that, so that the first answers are on their way while the last are computed.
 constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 18;
-constexpr std::uint64_t kCompany = kTile / 2;      // pair-configurations below which a group of its own would waste a block
+constexpr std::uint64_t kCompany = kTile / 2;  // pair-configurations below which a group of its own would waste a block
 
 std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
   return static_cast<std::uint32_t>((pairs * configurations + kTile - 1) / kTile);
@@ -65,11 +65,13 @@ class Dealer {
     for (std::size_t begin = 0, end; begin < order_.size(); begin = end) {
       for (end = begin; end < order_.size() && order_[end].hulls == order_[begin].hulls;) ++end;
       if ((end - begin) * deal_.configurations < kCompany) {
-        strays.insert(strays.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin), order_.begin() + static_cast<std::ptrdiff_t>(end));
+        strays.insert(strays.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin),
+                      order_.begin() + static_cast<std::ptrdiff_t>(end));
         continue;
       }
-      groups.push_back({static_cast<std::uint32_t>(order_[begin].hulls >> 32), static_cast<std::uint32_t>(order_[begin].hulls),
-                        static_cast<std::uint32_t>(refs_.size()) - part.first_pair, static_cast<std::uint32_t>(end - begin), 0});
+      groups.push_back(
+          {static_cast<std::uint32_t>(order_[begin].hulls >> 32), static_cast<std::uint32_t>(order_[begin].hulls),
+           static_cast<std::uint32_t>(refs_.size()) - part.first_pair, static_cast<std::uint32_t>(end - begin), 0});
       for (std::size_t i = begin; i < end; ++i) add_pair(pairs, order_[i]);
     }
     const Group stray_group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
@@ -98,7 +100,8 @@ class Dealer {
     for (Group group : groups) {
       group.first_tile = g.tiles;
       g.tiles += tiles(group.count, configurations);
-      group_of_tile_.insert(group_of_tile_.end(), g.tiles - group.first_tile, static_cast<std::uint32_t>(groups_.size()));
+      group_of_tile_.insert(group_of_tile_.end(), g.tiles - group.first_tile,
+                            static_cast<std::uint32_t>(groups_.size()));
       groups_.push_back(group);
     }
     if (strays.count == 0) return g;

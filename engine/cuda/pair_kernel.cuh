@@ -1,7 +1,7 @@
 // One pair in one thread: gjk.h's text, bounds by certify.h's, columns by columns.h's.
 //
-// Every operation is rounded as on the CPU (--fmad=false, IEEE division and roots), so that an answer has the bits of the
-// CPU's lanes (lanes_kernel.h), whose kernel this is with a thread for a lane.
+// Every operation is rounded as on the CPU (--fmad=false, IEEE division and roots), so that an answer has the bits of
+// the CPU's lanes (lanes_kernel.h), whose kernel this is with a thread for a lane.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +25,12 @@ struct Hull {
   const HullHead* head;
 
   __device__ Hull(const Vertices& v, const std::uint16_t* words, const HullHead* h)
-      : vertices(v), cells(h->words > 0 ? words : nullptr), lists(words + h->cell_words), grid_bits(h->grid_bits), size(h->count), head(h) {}
+      : vertices(v),
+        cells(h->words > 0 ? words : nullptr),
+        lists(words + h->cell_words),
+        grid_bits(h->grid_bits),
+        size(h->count),
+        head(h) {}
   __device__ Vec3d vertex(std::uint32_t i) const { return vertices[i]; }
   __device__ std::uint32_t count() const { return size; }
   __device__ double radius() const { return head->radius; }
@@ -100,8 +105,8 @@ struct Where {
 
 // The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
 template <class Hull>
-__device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const Hull& b, const Where& at_b, const LaneWitness& witness,
-                                        bool want_nonsmooth, PairAnswer& answer) {
+__device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
+                                        const LaneWitness& witness, bool want_nonsmooth, PairAnswer& answer) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
   answer.piece_a = answer.piece_b = 0;
   settled_witness(a, R_wa, b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
@@ -113,7 +118,8 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
 
 enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
 
-// Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the origin.
+// Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the
+// origin.
 template <class Hull>
 __device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
                                  PairAnswer& answer, Enclosed& enclosed) {
@@ -173,10 +179,13 @@ __device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
   const std::uint8_t states = a.state | b.state;
   return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0);
 }
-__device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a, const Where& at_b,
-                                    const PairAnswer& answer) {
+__device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a,
+                                    const Where& at_b, const PairAnswer& answer) {
   write_row(c.reply, row,
-            {{at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer, at_a.translation(),
+            {{at_a.body, at_b.body},
+             static_cast<std::uint32_t>(c.first_configuration + k),
+             answer,
+             at_a.translation(),
              at_b.translation()});
 }
 
@@ -222,7 +231,9 @@ __device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t
 }
 
 // What a block keeps of a hull in shared memory: table, then vertices. Every part begins on 16 bytes.
-__host__ __device__ inline std::uint32_t even(std::uint32_t n) { return (n + 1) / 2 * 2; }
+__host__ __device__ inline std::uint32_t even(std::uint32_t n) {
+  return (n + 1) / 2 * 2;
+}
 __host__ __device__ inline std::uint32_t shared_bytes(const HullHead& h) {
   return (h.words + 7) / 8 * 16 + h.count * 16 + even(h.count) * 8;
 }
@@ -247,7 +258,8 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_groups(const __grid_con
   const Group group = c.groups[c.group_of_tile[blockIdx.x]];
   const HullHead* head = c.hulls.heads + group.hull_a;
   const Hull<SharedVertices> a = share(c.hulls, head, memory);
-  const Hull<SharedVertices> b = group.hull_a == group.hull_b ? a : share(c.hulls, c.hulls.heads + group.hull_b, memory + shared_bytes(*head));
+  const Hull<SharedVertices> b =
+      group.hull_a == group.hull_b ? a : share(c.hulls, c.hulls.heads + group.hull_b, memory + shared_bytes(*head));
   __syncthreads();
 
   const std::uint64_t item = std::uint64_t{blockIdx.x - group.first_tile} * kTile + threadIdx.x;

@@ -6,9 +6,11 @@
 
 namespace clearance::cuda {
 
-__global__ void __launch_bounds__(128) place_bodies(HullsView hulls, BodiesView bodies, MovesView moves, std::uint32_t configurations) {
+__global__ void __launch_bounds__(128)
+    place_bodies(HullsView hulls, BodiesView bodies, MovesView moves, std::uint32_t configurations) {
   const std::uint64_t item = std::uint64_t{blockIdx.x} * blockDim.x + threadIdx.x;
-  const auto slot = static_cast<std::uint32_t>(item / configurations), k = static_cast<std::uint32_t>(item % configurations);
+  const auto slot = static_cast<std::uint32_t>(item / configurations),
+             k = static_cast<std::uint32_t>(item % configurations);
   if (slot >= bodies.moved_count) return;
 
   // What a body follows is placed again for each follower: chains are short, and threads need not wait for each other.

@@ -26,8 +26,7 @@ struct Workload {
 Scene spheres(int count, double box) {
   Random random(7);
   Scene scene;
-  for (int i = 0; i < count; ++i)
-    scene.add_uv_sphere("s" + std::to_string(i), 2, 5, {.pose = random.pose(box / 2)});
+  for (int i = 0; i < count; ++i) scene.add_uv_sphere("s" + std::to_string(i), 2, 5, {.pose = random.pose(box / 2)});
   return scene;
 }
 
@@ -132,13 +131,17 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   const bool same = std::memcmp(pinned.data(), pinned_cpu.data(), bytes) == 0;
 
   const unsigned cores = std::thread::hardware_concurrency();
-  csv << '"' << w.name << "\"," << size.rows << ',' << direct.kernel_us << ',' << direct.wall_us << ',' << staged.wall_us << ','
-      << host.wall_us << ',' << cores << ',' << rest << ',' << (same ? "same" : "DIFFERENT") << '\n';
+  csv << '"' << w.name << "\"," << size.rows << ',' << direct.kernel_us << ',' << direct.wall_us << ','
+      << staged.wall_us << ',' << host.wall_us << ',' << cores << ',' << rest << ',' << (same ? "same" : "DIFFERENT")
+      << '\n';
   csv.flush();
   char line[400];
-  std::snprintf(line, sizeof line, "%-50s %9llu rows | kernels %9.1f us %6.2f G/s | wall %9.1f us pinned, %9.1f us pageable | cpu %u cores %10.1f us | %5.1fx | rest %6llu | bits %s",
-                w.name.c_str(), static_cast<unsigned long long>(size.rows), direct.kernel_us, 1e-3 * static_cast<double>(size.rows) / direct.kernel_us,
-                direct.wall_us, staged.wall_us, cores, host.wall_us, host.wall_us / direct.wall_us, static_cast<unsigned long long>(rest),
+  std::snprintf(line, sizeof line,
+                "%-50s %9llu rows | kernels %9.1f us %6.2f G/s | wall %9.1f us pinned, %9.1f us pageable | cpu %u "
+                "cores %10.1f us | %5.1fx | rest %6llu | bits %s",
+                w.name.c_str(), static_cast<unsigned long long>(size.rows), direct.kernel_us,
+                1e-3 * static_cast<double>(size.rows) / direct.kernel_us, direct.wall_us, staged.wall_us, cores,
+                host.wall_us, host.wall_us / direct.wall_us, static_cast<unsigned long long>(rest),
                 same ? "same" : "DIFFERENT");
   std::puts(line);
   std::fflush(stdout);
@@ -162,7 +165,8 @@ int main(int argc, char** argv) {
   }
   std::ofstream csv(path);
   csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\n"
-      << "workload,rows,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,cpu_cores,rows_finished_on_cpu,bits_against_cpu\n";
+      << "workload,rows,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,cpu_cores,rows_finished_on_cpu,bits_"
+         "against_cpu\n";
   std::vector<std::string> table;
   for (const Workload& w : workloads())
     if (w.name.find(filter) != std::string::npos) run(w, csv, table);

@@ -23,7 +23,8 @@ bool same_bits(const T& a, const T& b) {
 }
 inline bool same_bits(const CompactAnswer& a, const CompactAnswer& b) {
   bool same = same_bits(a.lower, b.lower) && same_bits(a.upper, b.upper);
-  for (int k = 0; k < 3; ++k) same = same && same_bits(a.point_a[k], b.point_a[k]) && same_bits(a.point_b[k], b.point_b[k]);
+  for (int k = 0; k < 3; ++k)
+    same = same && same_bits(a.point_a[k], b.point_a[k]) && same_bits(a.point_b[k], b.point_b[k]);
   return same;
 }
 
@@ -44,8 +45,9 @@ inline void expect_same(const Answer& device, const Answer& cpu, const std::stri
       if (++shown > 3) continue;
       const std::uint64_t row = i / width;
       ADD_FAILURE() << what << ": column " << column << " row " << row << " differs; bounds "
-                    << (device.view.lower ? device.view.lower[row] : 0) << ' ' << (device.view.upper ? device.view.upper[row] : 0)
-                    << " and " << (cpu.view.lower ? cpu.view.lower[row] : 0) << ' ' << (cpu.view.upper ? cpu.view.upper[row] : 0);
+                    << (device.view.lower ? device.view.lower[row] : 0) << ' '
+                    << (device.view.upper ? device.view.upper[row] : 0) << " and "
+                    << (cpu.view.lower ? cpu.view.lower[row] : 0) << ' ' << (cpu.view.upper ? cpu.view.upper[row] : 0);
     }
     EXPECT_EQ(different, 0u) << what << ": of column " << column;
     ++column;

@@ -16,7 +16,8 @@ std::vector<Vec3d> sphere(int count, double radius, std::uint64_t seed) {
   return v;
 }
 
-// Many bodies of few shapes, so that groups form; some of them rounded, some too large for the device, some of two pieces.
+// Many bodies of few shapes, so that groups form; some of them rounded, some too large for the device, some of two
+// pieces.
 Scene grouped_scene(int count, double box, std::uint64_t seed) {
   Random random(seed);
   Scene scene;
@@ -58,7 +59,8 @@ std::vector<std::pair<std::string, QueryView>> questions() {
   };
   add("default columns", [](QueryView&) {});
   add("all columns", [](QueryView& q) { q.fields = kAllFields; });
-  add("compact", [](QueryView& q) { q.format = Format::kCompact, q.fields = kFieldCompact | kFieldStatus | kFieldFlags; });
+  add("compact",
+      [](QueryView& q) { q.format = Format::kCompact, q.fields = kFieldCompact | kFieldStatus | kFieldFlags; });
   add("no tolerance", [](QueryView& q) { q.rel_tol = 0, q.fields = kAllFields; });
   add("loose", [](QueryView& q) { q.rel_tol = 0.1, q.abs_tol = 0.01, q.fields = kAllFields; });
   add("near", [](QueryView& q) { q.max_distance = 1.5, q.fields = kAllFields; });
@@ -136,7 +138,8 @@ TEST_F(CudaBackend, SaysWhichPosesAreBadMissingRenormalisedOrStale) {
   Scene scene = grouped_scene(50, 3, 7), same = grouped_scene(50, 3, 7);
   for (Scene* s : {&scene, &same}) s->add_box("late", {1, 1, 1}, {});
   Engine device(std::move(scene), {"cuda"}), cpu(std::move(same), {"cpu"});
-  std::vector<BodyPose> poses{{3, Pose{{1, 2, 3}, 0, 0, 0, 0}}, {4, Pose{{kInf, 0, 0}}}, {6, Pose{{0, 1, 0}, 2, 0, 0, 0}}};
+  std::vector<BodyPose> poses{
+      {3, Pose{{1, 2, 3}, 0, 0, 0, 0}}, {4, Pose{{kInf, 0, 0}}}, {6, Pose{{0, 1, 0}, 2, 0, 0, 0}}};
   for (Engine* e : {&device, &cpu}) e->set_poses(poses);
   QueryView q;
   q.fields = kAllFields;
@@ -218,7 +221,8 @@ TEST(CudaBackendAbsent, SaysWhy) {
     Engine engine(mixed_scene(4, 3, 1), {"cuda"});
     FAIL();
   } catch (const std::runtime_error& e) {
-    EXPECT_EQ(e.what(), "backend 'cuda' is not there (" + cuda::device_info().reason + "); there are: auto, cpu, reference");
+    EXPECT_EQ(e.what(),
+              "backend 'cuda' is not there (" + cuda::device_info().reason + "); there are: auto, cpu, reference");
   }
 }
 

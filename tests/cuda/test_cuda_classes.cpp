@@ -22,10 +22,11 @@ TEST_P(CudaClasses, AreContained) {
   std::vector<Setting> settings = standard_settings(false);
   for (Setting& s : settings) s.backend = "cuda";
   int shown = 0;
-  const std::vector<Tally> tallies =
-      try_cases(cases, settings, 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+  const std::vector<Tally> tallies = try_cases(
+      cases, settings, 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
         if (++shown <= 5)
-          ADD_FAILURE() << c.name << " case " << i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy << "\n  " << answer;
+          ADD_FAILURE() << c.name << " case " << i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy
+                        << "\n  " << answer;
       });
   for (const Tally& t : tallies) {
     EXPECT_EQ(t.cases, 60);
@@ -35,8 +36,8 @@ TEST_P(CudaClasses, AreContained) {
   }
 }
 
-// The cases' bodies in many configurations: as the case has them, then moved a little and a lot, so that pairs of the same
-// two hulls fill blocks.
+// The cases' bodies in many configurations: as the case has them, then moved a little and a lot, so that pairs of the
+// same two hulls fill blocks.
 TEST_P(CudaClasses, HaveTheBitsOfTheCpuInConfigurations) {
   constexpr std::uint32_t kCases = 8, kConfigurations = 96;
   const CaseClass& c = case_classes()[GetParam()];
@@ -67,7 +68,8 @@ TEST_P(CudaClasses, HaveTheBitsOfTheCpuInConfigurations) {
   for (std::uint32_t k = 0; k < kConfigurations; ++k)
     for (const Case& one : cases) {
       Pose X_wa = one.X_wa, X_wb = one.X_wb;
-      if (k % 3 == 1) X_wb.translation += random.direction() * (random.uniform() * norm(X_wb.translation - X_wa.translation));
+      if (k % 3 == 1)
+        X_wb.translation += random.direction() * (random.uniform() * norm(X_wb.translation - X_wa.translation));
       if (k % 3 == 2) X_wa = random.rotation(X_wa.translation);
       poses.push_back(X_wa);
       poses.push_back(X_wb);
