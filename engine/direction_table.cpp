@@ -102,7 +102,9 @@ class Divider {
       middle[child] = lattice.direction[c[0]] + lattice.direction[c[1]] + lattice.direction[c[2]] + lattice.direction[c[3]];
     }
     Farthest far[9], far_middle[4];
-    for (std::size_t at = 0; at < padded; at += kChunk) {
+    // Any vertex may challenge: of a long list a part is looked through, since its cell is divided again anyway.
+    const std::size_t stride = count > kSampleFrom ? 8 * kChunk : kChunk;
+    for (std::size_t at = 0; at < padded; at += stride) {
       const std::size_t end = std::min(padded, at + kChunk);
       for (int k = 0; k < 9; ++k) farthest_along(x_.data(), y_.data(), z_.data(), at, end, lattice.direction[k], far[k]);
       for (int k = 0; k < 4; ++k) farthest_along(x_.data(), y_.data(), z_.data(), at, end, middle[k], far_middle[k]);
@@ -152,7 +154,7 @@ class Divider {
     kept.resize(end);
   }
 
-  static constexpr std::size_t kChunk = 512;
+  static constexpr std::size_t kChunk = 512, kSampleFrom = 16 * kChunk;
   std::size_t few_ = 6;
   std::vector<double> x_, y_, z_;
   double value_[9][kChunk], beaten_[kChunk];

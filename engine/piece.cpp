@@ -15,6 +15,9 @@ namespace clearance {
 
 namespace {
 
+// Lists of the direction table; longer ones of hulls whose table is large and long in the making.
+constexpr std::size_t kFew = 6, kFewOfMany = 16, kMany = 200000;
+
 // Rounds a length up past every rounding made in computing it (a few operations, each within 2^-53).
 double padded(double length) { return length * (1 + 8 * std::numeric_limits<double>::epsilon()); }
 
@@ -63,7 +66,7 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   piece->spread = padded(std::sqrt(spread2));
 
   if (vertices.size() > kTableFromVertices)
-    piece->table = std::make_shared<const DirectionTable>(make_direction_table(vertices, piece->rho));
+    piece->table = std::make_shared<const DirectionTable>(make_direction_table(vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
   else
     for (const Vec3d& v : vertices) {
       piece->x.push_back(v.x);

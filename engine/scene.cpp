@@ -19,7 +19,7 @@ namespace {
 // Pairs that ignore() may name in all: more is a mistake in the scene file, not a wish.
 constexpr std::size_t kMaxIgnoredPairs = std::size_t{1} << 27;
 
-std::string quoted(const std::string& name) {
+std::string in_quotes(const std::string& name) {
   return '"' + name + '"';
 }
 
@@ -53,7 +53,7 @@ void check_name(const std::string& name, const char* what) {
   if (name.empty()) throw SceneError(subject + " is empty");
   if (name.size() > static_cast<std::size_t>(kMaxNameBytes))
     throw SceneError(subject + " has " + std::to_string(name.size()) + " bytes, expected at most " +
-                     std::to_string(kMaxNameBytes) + ": " + quoted(name.substr(0, 40)) + "...");
+                     std::to_string(kMaxNameBytes) + ": " + in_quotes(name.substr(0, 40)) + "...");
   if (name == "*") throw SceneError(subject + " \"*\" is taken: it stands for every body");
   for (std::size_t i = 0; i < name.size();) {
     const std::size_t length = printable_character(name, i);
@@ -65,7 +65,7 @@ void check_name(const std::string& name, const char* what) {
 
 void check_positive(const std::string& name, const char* what, double x, bool zero_allowed = false) {
   if ((x > 0 || (zero_allowed && x == 0)) && x <= kMaxCoordinate) return;
-  throw SceneError("body " + quoted(name) + ": " + what + ": expected a number of metres " +
+  throw SceneError("body " + in_quotes(name) + ": " + what + ": expected a number of metres " +
                    (zero_allowed ? ">= 0" : "> 0") + ", got " + number(x));
 }
 
@@ -86,7 +86,7 @@ Body body_from(const std::string& name, const Scene& scene, const Scene::BodyOpt
   if (!options.parent.empty()) {
     body.parent = scene.find_body(options.parent);
     if (body.parent == kNone)
-      throw SceneError("body " + quoted(name) + ": parent: there is no body " + quoted(options.parent));
+      throw SceneError("body " + in_quotes(name) + ": parent: there is no body " + in_quotes(options.parent));
   }
   return body;
 }
@@ -104,9 +104,9 @@ std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& op
     body.model_error = geometry.model_error;
     body.source = geometry.source;
   } catch (const std::invalid_argument& e) {
-    throw SceneError("body " + quoted(name) + ": " + e.what());
+    throw SceneError("body " + in_quotes(name) + ": " + e.what());
   } catch (const MeshError& e) {
-    throw SceneError("body " + quoted(name) + ": " + e.what());
+    throw SceneError("body " + in_quotes(name) + ": " + e.what());
   }
   return add_body(std::move(body));
 }
@@ -141,7 +141,7 @@ std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, 
 std::uint32_t Scene::add_uv_sphere(const std::string& name, double radius, int resolution, const BodyOptions& options) {
   check_positive(name, "uv_sphere radius", radius);
   if (resolution < 2 || resolution > kMaxUvSphereResolution)
-    throw SceneError("body " + quoted(name) + ": uv_sphere resolution: expected an integer from 2 to " +
+    throw SceneError("body " + in_quotes(name) + ": uv_sphere resolution: expected an integer from 2 to " +
                      std::to_string(kMaxUvSphereResolution) + ", got " + std::to_string(resolution));
   return add_shape(name, make_uv_sphere(radius, resolution), "uv_sphere", options);
 }
@@ -171,9 +171,9 @@ std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double
 void Scene::check_free(const std::string& name, const char* what) const {
   check_name(name, what);
   if (body_ids_.count(name))
-    throw SceneError(std::string(what) + " name " + quoted(name) + " is already that of a body");
+    throw SceneError(std::string(what) + " name " + in_quotes(name) + " is already that of a body");
   if (group_ids_.count(name))
-    throw SceneError(std::string(what) + " name " + quoted(name) + " is already that of a group");
+    throw SceneError(std::string(what) + " name " + in_quotes(name) + " is already that of a group");
 }
 
 // Bodies of the same shape share one piece: less memory, and their pairs can be answered side by side.
@@ -192,7 +192,7 @@ PiecePtr Scene::shared_piece(const PiecePtr& piece) {
 
 std::uint32_t Scene::add_body(Body body) {
   check_free(body.name, "body");
-  const std::string who = "body " + quoted(body.name) + ": ";
+  const std::string who = "body " + in_quotes(body.name) + ": ";
   if (body.pieces.empty()) throw SceneError(who + "expected at least one piece");
   for (const PiecePtr& piece : body.pieces)
     if (!piece) throw SceneError(who + "a piece is null");
@@ -206,7 +206,7 @@ std::uint32_t Scene::add_body(Body body) {
   if (parent != kNone && parent >= bodies_.size())
     throw SceneError(who + "parent: there is no body with the id " + std::to_string(parent));
   if (parent != kNone && body.is_static && !bodies_[parent].is_static)
-    throw SceneError(who + "a static body cannot follow the movable body " + quoted(bodies_[parent].name));
+    throw SceneError(who + "a static body cannot follow the movable body " + in_quotes(bodies_[parent].name));
   if (!body.pose && (body.is_static || parent != kNone)) body.pose = Pose{};
   body.parent = parent;
   const auto id = static_cast<std::uint32_t>(bodies_.size());
@@ -217,13 +217,13 @@ std::uint32_t Scene::add_body(Body body) {
 
 void Scene::set_parent(const std::string& child, const std::string& parent) {
   const std::uint32_t c = find_body(child), p = find_body(parent);
-  if (c == kNone) throw SceneError("there is no body " + quoted(child));
-  const std::string who = "body " + quoted(child) + ": ";
-  if (p == kNone) throw SceneError(who + "parent: there is no body " + quoted(parent));
+  if (c == kNone) throw SceneError("there is no body " + in_quotes(child));
+  const std::string who = "body " + in_quotes(child) + ": ";
+  if (p == kNone) throw SceneError(who + "parent: there is no body " + in_quotes(parent));
   if (bodies_[c].is_static && !bodies_[p].is_static)
-    throw SceneError(who + "a static body cannot follow the movable body " + quoted(parent));
+    throw SceneError(who + "a static body cannot follow the movable body " + in_quotes(parent));
   for (std::uint32_t above = p; above != kNone; above = bodies_[above].parent)
-    if (above == c) throw SceneError(who + "parent: " + quoted(parent) + " follows " + quoted(child) + " itself");
+    if (above == c) throw SceneError(who + "parent: " + in_quotes(parent) + " follows " + in_quotes(child) + " itself");
   bodies_[c].parent = p;
   if (!bodies_[c].pose) bodies_[c].pose = Pose{};
 }
@@ -233,7 +233,7 @@ void Scene::add_group(const std::string& name, std::span<const std::string> bodi
   Group group{name, {}};
   for (const std::string& body : bodies) {
     group.bodies.push_back(find_body(body));
-    if (group.bodies.back() == kNone) throw SceneError("group " + quoted(name) + ": there is no body " + quoted(body));
+    if (group.bodies.back() == kNone) throw SceneError("group " + in_quotes(name) + ": there is no body " + in_quotes(body));
   }
   std::sort(group.bodies.begin(), group.bodies.end());
   group.bodies.erase(std::unique(group.bodies.begin(), group.bodies.end()), group.bodies.end());
@@ -244,7 +244,7 @@ void Scene::add_group(const std::string& name, std::span<const std::string> bodi
 std::vector<std::uint32_t> Scene::resolve(const std::string& body_or_group) const {
   if (const std::uint32_t id = find_body(body_or_group); id != kNone) return {id};
   if (const std::uint32_t id = find_group(body_or_group); id != kNone) return groups_[id].bodies;
-  if (body_or_group != "*") throw SceneError("there is no body or group " + quoted(body_or_group));
+  if (body_or_group != "*") throw SceneError("there is no body or group " + in_quotes(body_or_group));
   std::vector<std::uint32_t> every(bodies_.size());
   for (std::uint32_t i = 0; i < every.size(); ++i) every[i] = i;
   return every;
@@ -253,9 +253,9 @@ std::vector<std::uint32_t> Scene::resolve(const std::string& body_or_group) cons
 void Scene::ignore(const std::string& a, const std::string& b) {
   const std::vector<std::uint32_t> of_a = resolve(a), of_b = resolve(b);
   if (a == b && of_a.size() == 1 && find_body(a) != kNone)
-    throw SceneError("ignore: " + quoted(a) + " with itself: a body has no pair with itself");
+    throw SceneError("ignore: " + in_quotes(a) + " with itself: a body has no pair with itself");
   if (of_a.size() * of_b.size() > kMaxIgnoredPairs)
-    throw SceneError("ignore: " + quoted(a) + " and " + quoted(b) +
+    throw SceneError("ignore: " + in_quotes(a) + " and " + in_quotes(b) +
                      " name too many pairs: " + std::to_string(of_a.size() * of_b.size()));
   std::vector<std::pair<std::uint32_t, std::uint32_t>> fresh;
   for (const std::uint32_t i : of_a)
