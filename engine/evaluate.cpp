@@ -213,13 +213,6 @@ void answer_from_pieces(const Scene& scene, const Placement& placement, BodyPair
 
 }  // namespace
 
-PairAnswer evaluate(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options) {
-  PairAnswer answer;
-  if (!answer_without_pieces(scene, placement, pair, options, answer))
-    answer_from_pieces(scene, placement, pair, options, nullptr, nullptr, answer);
-  return answer;
-}
-
 void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
   waiting_.clear();
   for (std::uint32_t i = 0; i < pairs.size(); ++i) {

@@ -100,9 +100,6 @@ class Evaluator {
   std::vector<Gjk<double>> again_unsettled_;
 };
 
-/// Answers one pair, whatever its ids.
-PairAnswer evaluate(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options);
-
 /// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.
 double box_gap(const Scene& scene, const Placement& placement, BodyPair pair);
 /// Whether a pair's answer is a bad or missing pose or an unknown body.
