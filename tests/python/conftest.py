@@ -16,6 +16,10 @@ import tempfile
 
 import pytest
 
+# A runner in the background may have left SIGINT ignored, which the programs that tests start would inherit.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = pathlib.Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 INSTALLED = os.environ.get("CLEARANCE_INSTALLED") == "1"
