@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "broad_phase.h"
-#include "columns.h"
 #include "digest.h"
 #include "cuda/device_job.h"
 #include "parallel_job.h"
@@ -105,14 +104,6 @@ class DenseJob final : public ParallelJob {
       }
     }
     evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
-  }
-
-  void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& asked, const PairAnswer& answer) {
-    static constexpr Vec3d kNoOrigin{0, 0, 0};
-    const auto& [pair, here, warm] = asked;
-    const std::size_t n = scene().bodies().size();
-    write_row(reply_, index, pair, configuration, answer, pair.a < n ? (*here)[pair.a].pose.t_w : kNoOrigin,
-              pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);
   }
 
   WarmSimplex* warm(std::uint64_t configuration, std::uint64_t pair) const {

@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "columns.h"
 #include "job.h"
 
 namespace clearance {
@@ -75,6 +76,15 @@ class ParallelJob : public Job::State {
     rotations_of(std::span(plan_.configurations).subspan(first * moved, count * moved), rotations);
     for (std::uint64_t i = 0; i < count; ++i) p[i].configure(first + i, std::span(rotations).subspan(i * moved, moved));
     return {p.data(), count};
+  }
+
+  // Writes the answer to a pair of one configuration into row `index`.
+  void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& asked, const PairAnswer& answer) {
+    static constexpr Vec3d kNoOrigin{0, 0, 0};
+    const auto& [pair, here, warm] = asked;
+    const std::size_t n = scene().bodies().size();
+    write_row(reply_, index, pair, configuration, answer, pair.a < n ? (*here)[pair.a].pose.t_w : kNoOrigin,
+              pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);
   }
 
   // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed.

@@ -367,7 +367,7 @@ class CudaWorkspace final : public Workspace {
       to = begin + bytes;
     };
     const ReplyView &d = slot.device_view.reply, &h = slot.host_view;
-    for_each_column(d, h, direct, column);
+    for_each_column(column, d, h, direct);
     flush();
   }
 

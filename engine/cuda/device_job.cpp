@@ -59,20 +59,14 @@ class DeviceJob final : public ParallelJob {
   }
 
   void find_direct_columns() {
-    const ReplyView none;
     std::uint32_t bit = 0;
-    const auto column = [&](auto* caller, auto*, auto*, int) {
-      if (caller) fields_ |= 1u << bit;
-      ++bit;
-    };
-    for_each_column(reply_, none, none, column);
     direct_ = reply_;
-    const auto keep = [](auto*& c) {
-      if (!is_pinned(c)) c = nullptr;
+    const auto column = [&](auto*& direct, int) {
+      if (direct) fields_ |= 1u << bit;
+      ++bit;
+      if (!is_pinned(direct)) direct = nullptr;
     };
-    keep(direct_.distance), keep(direct_.lower), keep(direct_.upper), keep(direct_.status), keep(direct_.flags);
-    keep(direct_.point_a), keep(direct_.point_b), keep(direct_.normal), keep(direct_.pieces), keep(direct_.gradient);
-    keep(direct_.pair), keep(direct_.configuration), keep(direct_.compact);
+    for_each_column(column, direct_);
   }
 
   void begin() {
@@ -172,14 +166,7 @@ class DeviceJob final : public ParallelJob {
     const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
       to = column ? column + c.first_row * width : nullptr;
     };
-    shift(direct_.distance, direct.distance, 1), shift(direct_.lower, direct.lower, 1),
-        shift(direct_.upper, direct.upper, 1);
-    shift(direct_.status, direct.status, 1), shift(direct_.flags, direct.flags, 1),
-        shift(direct_.point_a, direct.point_a, 3);
-    shift(direct_.point_b, direct.point_b, 3), shift(direct_.normal, direct.normal, 3),
-        shift(direct_.pieces, direct.pieces, 2);
-    shift(direct_.gradient, direct.gradient, 12), shift(direct_.pair, direct.pair, 1);
-    shift(direct_.configuration, direct.configuration, 1), shift(direct_.compact, direct.compact, 1);
+    for_each_column(shift, direct_, direct);
     workspace_->launch(slot, s, direct);
   }
 
@@ -192,7 +179,7 @@ class DeviceJob final : public ParallelJob {
       if (!from || direct) return;
       copy_bytes(from, to + c.first_row * width, rows * width * sizeof(*from));
     };
-    for_each_column(r.rows, reply_, direct_, copy);
+    for_each_column(copy, r.rows, reply_, direct_);
     cpu_rows_.assign(r.rest.begin(), r.rest.end());
     evaluated_ += r.settled;
     backend_.settled.fetch_add(r.settled, std::memory_order_relaxed);
@@ -222,21 +209,11 @@ class DeviceJob final : public ParallelJob {
       room.answers.resize(std::max(room.answers.size(), room.asked.size()));
       evaluators_[w].run(room.asked, room.answers);
       for (std::size_t n = 0; n < room.asked.size(); ++n) {
-        write(c, cpu_rows_[i + n], room.asked[n], room.answers[n]);
+        write(c.first_row + cpu_rows_[i + n], static_cast<std::uint32_t>(c.first_configuration + k), room.asked[n], room.answers[n]);
         evaluated += reached_narrow_phase(room.answers[n]);
       }
     }
     evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
-  }
-
-  void write(const Chunk& c, std::uint32_t row, const PlacedBodies& asked, const PairAnswer& answer) {
-    const auto& [pair, here, warm] = asked;
-    const std::uint64_t k = c.first_configuration + row / c.part->count;
-    Row whole{pair, static_cast<std::uint32_t>(k), answer, {}, {}};
-    const std::size_t n = scene().bodies().size();
-    if (pair.a < n) whole.origin_a = (*here)[pair.a].pose.t_w;
-    if (pair.b < n) whole.origin_b = (*here)[pair.b].pose.t_w;
-    write_row(reply_, c.first_row + row, whole);
   }
 
   void copy_bytes(const void* from, void* to, std::size_t bytes) {
