@@ -107,10 +107,8 @@ std::vector<std::array<std::uint32_t, 3>> triangles_across(std::span<const Trian
 }
 
 // Marks (with true) those points that are proved inside the hull of the corners of `triangles`, which are not marked.
-// near[i] is set to a triangle near point i for those that are neither. \param thorough tries again where a proof
-// fails.
-std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const Triangle> triangles, bool thorough,
-                                std::vector<std::uint32_t>* near) {
+// \param thorough tries again where a proof fails.
+std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const Triangle> triangles, bool thorough) {
   std::vector<char> is_corner(points.size(), 0), inside(points.size(), 0);
   for (const Triangle& t : triangles)
     for (const std::uint32_t i : t) is_corner[i] = 1;
@@ -130,7 +128,6 @@ std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const T
   const auto across = triangles_across(triangles);
   std::vector<Fan> fans;
   for (const std::uint32_t apex : apexes) fans.emplace_back(points, triangles, across, apex);
-  near->assign(points.size(), 0);
   const auto count = static_cast<std::int64_t>(points.size());
 #pragma omp parallel if (count > 2000)
   {
@@ -140,7 +137,6 @@ std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const T
     for (std::int64_t i = 0; i < count; ++i) {
       if (is_corner[i]) continue;
       for (std::size_t f = 0; f < fans.size() && !inside[i]; ++f) inside[i] = fans[f].holds(points[i], &at[f]);
-      (*near)[i] = at[0];
     }
   }
   return inside;
@@ -174,21 +170,9 @@ Hull hull_by_qhull(std::vector<Vec3d> points) {
     hull.vertices = std::move(points);
     return hull;
   }
-  std::vector<std::uint32_t> near, new_index;
-  const std::vector<char> inside = proved_inside(points, hull.triangles, true, &near);
-  // Points that were neither proved inside nor made a corner hang on to the triangle near them.
-  std::vector<std::array<std::uint32_t, 2>> extra_edges;
-  std::vector<char> is_corner(points.size(), 0);
-  for (const Triangle& t : hull.triangles)
-    for (const std::uint32_t i : t) is_corner[i] = 1;
-  hull.vertices = unmarked(points, inside, &new_index);
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (!inside[i] && !is_corner[i])
-      for (const std::uint32_t corner : hull.triangles[near[i]])
-        extra_edges.push_back({new_index[i], new_index[corner]});
+  std::vector<std::uint32_t> new_index;
+  hull.vertices = unmarked(points, proved_inside(points, hull.triangles, true), &new_index);
   rename(&hull.triangles, new_index);
-  const MeshRows rows(hull.vertices.size(), hull.triangles, MeshRows::Ways::kBoth, extra_edges);
-  rows.neighbours(&hull.adjacency_begin, &hull.adjacency);
   return hull;
 }
 
@@ -204,8 +188,8 @@ std::vector<Vec3d> without_bulk(std::vector<Vec3d> points) {
   std::vector<Triangle> triangles = qhull_triangles(sample);
   if (triangles.size() < 4) return points;
   rename(&triangles, original);
-  std::vector<std::uint32_t> near, new_index;
-  return unmarked(points, proved_inside(points, triangles, false, &near), &new_index);
+  std::vector<std::uint32_t> new_index;
+  return unmarked(points, proved_inside(points, triangles, false), &new_index);
 }
 
 void check_vertices(std::span<const Vec3d> vertices) {
@@ -238,17 +222,13 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
   if (!distinct) rename(&faces, unique.index);
   unique = {};
   std::erase_if(faces, [](const Triangle& t) { return t[0] == t[1] || t[1] == t[2] || t[2] == t[0]; });
-  if (const MeshRows rows(points.size(), faces, MeshRows::Ways::kOwn); rows.is_convex(points)) {
-    rows.neighbours(&hull.adjacency_begin, &hull.adjacency);
+  if (MeshRows(points.size(), faces).is_convex(points)) {
     hull.triangles = std::move(faces);
     hull.vertices = std::move(points);
     return hull;
   }
-  const std::size_t count = points.size();
-  if (count > kSampleVertices) points = without_bulk(std::move(points));
+  if (points.size() > kSampleVertices) points = without_bulk(std::move(points));
   if (points.size() <= kHullMaxVertices) return hull_by_qhull(std::move(points));
-  if (points.size() == count)
-    MeshRows(count, faces, MeshRows::Ways::kBoth).neighbours(&hull.adjacency_begin, &hull.adjacency);
   hull.vertices = std::move(points);
   return hull;
 }
@@ -262,7 +242,7 @@ PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triang
   Hull hull = reduce_to_hull(vertices, triangles, distinct);
   if (faces) *faces = std::move(hull.triangles);
   return make_piece(std::move(hull.vertices), radius, std::max<std::uint64_t>(loaded_vertices, vertices.size()),
-                    std::move(hull.adjacency_begin), std::move(hull.adjacency), digest.value());
+                    digest.value());
 }
 
 }  // namespace clearance

@@ -11,13 +11,11 @@
 
 namespace clearance {
 
-/// The vertices that span a convex hull, and guesses about its edges and faces.
+/// The vertices that span a convex hull, and a guess of its faces.
 struct Hull {
   std::vector<Vec3d> vertices;  ///< distinct, in the order given
   std::vector<Triangle>
       triangles;  ///< a guess of the hull's faces, outward; empty for flat sets and where none was made
-  std::vector<std::uint32_t> adjacency_begin,
-      adjacency;  ///< neighbour lists as in Piece; empty, or every vertex has some
 };
 
 /// The hull of `vertices`: exact duplicates merged, and any other vertex left out only if it is proved to lie in a

@@ -5,15 +5,10 @@
 
 namespace clearance {
 
-MeshRows::MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles, Ways ways,
-                   std::span<const std::array<std::uint32_t, 2>> extra_edges)
+MeshRows::MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles)
     : begin_(vertex_count + 1, 0), triangle_count_(triangles.size()) {
   for (const Triangle& t : triangles)
-    for (const std::uint32_t i : t) begin_[i + 1] += ways == Ways::kBoth ? 2 : 1;
-  for (const auto& [a, b] : extra_edges) {
-    ++begin_[a + 1];
-    ++begin_[b + 1];
-  }
+    for (const std::uint32_t i : t) ++begin_[i + 1];
   for (std::size_t v = 0; v < vertex_count; ++v) begin_[v + 1] += begin_[v];
   edges_.resize(begin_.back());
   std::vector<std::uint64_t> next(begin_.begin(), begin_.end() - 1);
@@ -21,40 +16,13 @@ MeshRows::MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles
     for (int k = 0; k < 3; ++k) {
       const std::uint32_t a = t[k], b = t[(k + 1) % 3], c = t[(k + 2) % 3];
       edges_[next[a]++] = {b, c};
-      if (ways == Ways::kBoth) edges_[next[b]++] = {a, c};
     }
-  for (const auto& [a, b] : extra_edges) {
-    edges_[next[a]++] = {b, b};
-    edges_[next[b]++] = {a, a};
-  }
   const auto count = static_cast<std::int64_t>(vertex_count);
 #pragma omp parallel for schedule(static) if (count > 10000)
   for (std::int64_t v = 0; v < count; ++v)
     std::sort(edges_.begin() + static_cast<std::ptrdiff_t>(begin_[v]),
               edges_.begin() + static_cast<std::ptrdiff_t>(begin_[v + 1]),
               [](const Edge& a, const Edge& b) { return a.to < b.to; });
-}
-
-void MeshRows::neighbours(std::vector<std::uint32_t>* begin, std::vector<std::uint32_t>* out) const {
-  begin->clear();
-  out->clear();
-  const std::size_t vertex_count = begin_.size() - 1;
-  begin->reserve(vertex_count + 1);
-  out->reserve(edges_.size() / 2);
-  begin->push_back(0);
-  for (std::uint32_t v = 0; v < vertex_count; ++v) {
-    std::uint32_t last = v;
-    for (const Edge& e : row(v)) {
-      if (e.to != last) out->push_back(e.to);
-      last = e.to;
-    }
-    if (out->size() == begin->back()) {
-      begin->clear();
-      out->clear();
-      return;
-    }
-    begin->push_back(static_cast<std::uint32_t>(out->size()));
-  }
 }
 
 // Each edge from a is run along exactly once each way, and the corner across it is not above the triangle's plane.

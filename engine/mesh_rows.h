@@ -1,7 +1,6 @@
 // Which vertices a mesh joins, row by row, and whether it is closed and convex.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -11,24 +10,13 @@
 
 namespace clearance {
 
-/// Edges of triangles, by the vertex that they start from. No triangle may name a vertex twice.
+/// Edges of triangles as these run along them, by the vertex that they start from. No triangle may name a vertex twice.
 class MeshRows {
  public:
-  enum class Ways {
-    kOwn,  ///< each edge as its triangle runs along it: all there is to a closed surface, whose edges are run along
-           ///< both ways
-    kBoth,
-  };
-  /// \param extra_edges further edges, both ways, of no triangle.
-  MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles, Ways ways,
-           std::span<const std::array<std::uint32_t, 2>> extra_edges = {});
-
-  /// Distinct neighbours of each vertex, ascending, in compressed rows; both empty if some vertex has none.
-  void neighbours(std::vector<std::uint32_t>* begin, std::vector<std::uint32_t>* out) const;
+  MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles);
 
   /// Whether the triangles form one closed surface of the topology of a sphere that uses every vertex and is nowhere
   /// concave by more than 1e-6 of its size: the rounding of positions to float32 makes edges slightly concave.
-  /// Of rows made with Ways::kOwn only.
   bool is_convex(std::span<const Vec3d> vertices) const;
 
  private:

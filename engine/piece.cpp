@@ -24,7 +24,6 @@ double padded(double length) { return length * (1 + 8 * std::numeric_limits<doub
 }  // namespace
 
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
-                    std::vector<std::uint32_t> adjacency_begin, std::vector<std::uint32_t> adjacency,
                     std::uint64_t digest) {
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   if (!(radius >= 0 && radius <= kMaxCoordinate))
@@ -45,8 +44,6 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
     digest = d.value();
   }
   piece->digest = digest;
-  piece->adjacency_begin = std::move(adjacency_begin);
-  piece->adjacency = std::move(adjacency);
 
   Vec3d low = vertices[0], high = vertices[0];
   for (const Vec3d& v : vertices)
@@ -82,8 +79,7 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
 
 std::uint64_t resident_bytes(const Piece& piece) {
   const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
-  std::uint64_t bytes = sizeof(Piece) + held(piece.vertices) + held(piece.adjacency_begin) + held(piece.adjacency) +
-                        held(piece.x) + held(piece.y) + held(piece.z) + held(piece.x_f32) + held(piece.y_f32) + held(piece.z_f32);
+  std::uint64_t bytes = sizeof(Piece) + held(piece.vertices) + held(piece.x) + held(piece.y) + held(piece.z) + held(piece.x_f32) + held(piece.y_f32) + held(piece.z_f32);
   if (piece.table) bytes += sizeof(DirectionTable) + piece.table->bytes();
   return bytes;
 }

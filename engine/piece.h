@@ -22,10 +22,6 @@ struct Piece {
   std::uint64_t loaded_vertices = 0; ///< before duplicates and inner vertices were dropped
   std::uint64_t digest = 0;          ///< of the vertices as loaded and the radius; the same on every machine
 
-  /// Neighbour lists (compressed rows) for hill climbing: a guess, never part of an answer. May be empty.
-  std::vector<std::uint32_t> adjacency_begin;  ///< (V + 1,)
-  std::vector<std::uint32_t> adjacency;
-
   // Derived by make_piece().
   Vec3d centre{0, 0, 0};  ///< of the bounding box of the vertices
   Vec3d half{0, 0, 0};    ///< half extents of that box, rounded up; without radius
@@ -43,7 +39,6 @@ using PiecePtr = std::shared_ptr<const Piece>;
 /// \param digest of the vertices as loaded; 0: of `vertices` and `radius`.
 /// Throws std::invalid_argument for no vertex, a non-finite or too large coordinate, or a negative or non-finite radius.
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
-                    std::vector<std::uint32_t> adjacency_begin = {}, std::vector<std::uint32_t> adjacency = {},
                     std::uint64_t digest = 0);
 
 /// Memory that a piece holds, its copies and its tree included.

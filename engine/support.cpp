@@ -78,21 +78,4 @@ SupportPoint<DoubleDouble> support(const Piece& piece, const Vec3<DoubleDouble>&
   return best;
 }
 
-SupportPoint<double> climb(const Piece& piece, const Vec3d& n, std::uint32_t hint) {
-  SupportPoint<double> best{hint, dot(n, piece.vertices[hint])};
-  for (bool moved = true; moved;) {
-    moved = false;
-    const std::uint32_t from = best.index;
-    for (std::uint32_t k = piece.adjacency_begin[from]; k < piece.adjacency_begin[from + 1]; ++k) {
-      const std::uint32_t neighbour = piece.adjacency[k];
-      const double s = dot(n, piece.vertices[neighbour]);
-      if (s > best.value) {
-        best = {neighbour, s};
-        moved = true;
-      }
-    }
-  }
-  return best;
-}
-
 }  // namespace clearance

@@ -1,7 +1,6 @@
 // Support functions: the vertex of a piece farthest along a direction.
 //
 // support() is a proved maximum over all vertices, by scan or by a direction table: what bounds are made from.
-// climb() walks the adjacency from a hint, as the 2023 report did: a guess, and no part of the engine's answers.
 #pragma once
 
 #include <cstdint>
@@ -21,9 +20,6 @@ struct SupportPoint {
 /// most `value` + 3 u |n| rho, u the unit roundoff of T: see docs/bounds.md. n in the body's frame, of any length.
 SupportPoint<double> support(const Piece& piece, const Vec3d& n);
 SupportPoint<DoubleDouble> support(const Piece& piece, const Vec3<DoubleDouble>& n);
-
-/// A vertex with no neighbour farther along n, beginning at `hint`. Needs Piece::adjacency.
-SupportPoint<double> climb(const Piece& piece, const Vec3d& n, std::uint32_t hint);
 
 /// Pieces of more vertices than this carry a DirectionTable.
 inline constexpr std::size_t kTableFromVertices = 64;

@@ -1,4 +1,4 @@
-// Supports: scan, direction table and double-double find the true maximum over all vertices; climbing guesses.
+// Supports: scan, direction table and double-double find the true maximum over all vertices.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -119,28 +119,6 @@ TEST(DirectionTable, ListsAreShortWhateverTheMesh) {
                 longest, static_cast<double>(piece->table->bytes()) / static_cast<double>(m.vertices.size()));
     EXPECT_LT(sum / 2000, m.most) << m.what;
     EXPECT_LT(longest, 64u) << m.what;
-  }
-}
-
-TEST(Support, ClimbingReachesTheTopOfASphere) {
-  const Shape sphere = make_uv_sphere(1, 30);
-  std::vector<std::vector<std::uint32_t>> neighbours(sphere.vertices.size());
-  for (const auto& t : sphere.triangles)
-    for (int k = 0; k < 3; ++k) {
-      neighbours[t[k]].push_back(t[(k + 1) % 3]);
-      neighbours[t[(k + 1) % 3]].push_back(t[k]);
-    }
-  std::vector<std::uint32_t> begin{0}, all;
-  for (const auto& n : neighbours) {
-    all.insert(all.end(), n.begin(), n.end());
-    begin.push_back(static_cast<std::uint32_t>(all.size()));
-  }
-  const PiecePtr piece = make_piece(sphere.vertices, 0, 0, begin, all);
-  Random random(9);
-  for (int i = 0; i < 300; ++i) {
-    const Vec3d n{random.normal(), random.normal(), random.normal()};
-    const auto hint = static_cast<std::uint32_t>(random.below(piece->vertices.size()));
-    EXPECT_NEAR(climb(*piece, n, hint).value, support(*piece, n).value, 1e-12 * norm(n));
   }
 }
 

@@ -47,37 +47,6 @@ void expect_same_hull(const Points& all, const Hull& hull, std::mt19937_64& rand
   }
 }
 
-void expect_adjacency_is_whole(const Hull& hull) {
-  if (hull.adjacency_begin.empty()) return;
-  ASSERT_EQ(hull.adjacency_begin.size(), hull.vertices.size() + 1);
-  for (std::uint32_t v = 0; v < hull.vertices.size(); ++v) {
-    ASSERT_LT(hull.adjacency_begin[v], hull.adjacency_begin[v + 1]) << "a vertex without neighbours";
-    for (std::uint32_t i = hull.adjacency_begin[v]; i < hull.adjacency_begin[v + 1]; ++i) {
-      const std::uint32_t w = hull.adjacency[i];
-      ASSERT_LT(w, hull.vertices.size());
-      ASSERT_NE(w, v);
-      const auto back = hull.adjacency.begin() + hull.adjacency_begin[w],
-                 end = hull.adjacency.begin() + hull.adjacency_begin[w + 1];
-      ASSERT_NE(std::find(back, end, v), end) << "a neighbour that does not know of it";
-    }
-  }
-}
-
-// Hill climbing from vertex 0.
-double climbed(const Hull& hull, const Vec3d& n) {
-  std::uint32_t at = 0;
-  for (bool moved = true; moved;) {
-    moved = false;
-    for (std::uint32_t i = hull.adjacency_begin[at]; i < hull.adjacency_begin[at + 1]; ++i)
-      if (dot(n, hull.vertices[hull.adjacency[i]]) > dot(n, hull.vertices[at])) {
-        at = hull.adjacency[i];
-        moved = true;
-        break;
-      }
-  }
-  return dot(n, hull.vertices[at]);
-}
-
 Vec3d unit(std::mt19937_64& random) {
   std::normal_distribution<double> normal;
   const Vec3d v{normal(random), normal(random), normal(random)};
@@ -166,7 +135,6 @@ TEST(Hull, InnerPointsAreDroppedAndTheSupportIsTheSame) {
       EXPECT_LT(hull.vertices.size(), all.size() * 3 / 4) << count;
     }
     expect_same_hull(all, hull, random);
-    expect_adjacency_is_whole(hull);
   }
 }
 
@@ -204,7 +172,6 @@ TEST(Hull, PointsOnFacesAndEdgesAreDroppedWhereExactlyThere) {
   Points grid;
   for (const Vec3d& v : all) grid.push_back(on_grid(v));
   expect_same_hull(grid, reduce_to_hull(grid), random);
-  expect_adjacency_is_whole(hull);
 }
 
 TEST(Hull, NearlyCoplanarPointsAreJudgedByTheLastBit) {
@@ -272,7 +239,6 @@ TEST(Hull, FlatStraightAndSinglePointSetsAreKeptWhole) {
   for (const Points& points : {flat, tilted, line, Points{{1, 2, 3}}, Points{{0, 0, 0}, {1, 1, 1}}}) {
     const Hull hull = reduce_to_hull(points);
     EXPECT_EQ(hull.vertices.size(), points.size());
-    expect_adjacency_is_whole(hull);
   }
   const Points same(50, Vec3d{1, -0.0, 3});
   EXPECT_EQ(reduce_to_hull(same).vertices.size(), 1u);
@@ -301,42 +267,26 @@ TEST(Hull, ScalesAndPlacesMakeNoDifference) {
   EXPECT_EQ(reduce_to_hull(tiny).vertices.size(), tiny.size());
 }
 
-TEST(Hull, HillClimbingFindsTheFarthestVertex) {
-  std::mt19937_64 random(9);
-  for (const Shape& shape : {make_uv_sphere(1, 30), make_uv_sphere(1, 60), make_cylinder(1, 2)}) {
-    const Hull hull = reduce_to_hull(shape.vertices, shape.triangles);
-    EXPECT_EQ(hull.vertices.size(), shape.vertices.size());
-    expect_adjacency_is_whole(hull);
-    ASSERT_FALSE(hull.adjacency_begin.empty());
-    for (int i = 0; i < 500; ++i) {
-      const Vec3d n = unit(random);
-      EXPECT_NEAR(climbed(hull, n), exact_support(shape.vertices, n), 1e-12);
-    }
-  }
-}
-
 TEST(Hull, LargeConvexMeshesAreTakenAsTheyAre) {
   Shape sphere = make_uv_sphere(2, 100);
   for (Vec3d& v : sphere.vertices)
     v = {double(float(v.x)), double(float(v.y)), double(float(v.z))};  // as mesh files have it
   ASSERT_GT(sphere.vertices.size(), kHullCheckVertices);
-  using Ways = MeshRows::Ways;
-  EXPECT_TRUE(MeshRows(sphere.vertices.size(), sphere.triangles, Ways::kOwn).is_convex(sphere.vertices));
+  EXPECT_TRUE(MeshRows(sphere.vertices.size(), sphere.triangles).is_convex(sphere.vertices));
   const Hull hull = reduce_to_hull(sphere.vertices, sphere.triangles);
   EXPECT_EQ(hull.vertices.size(), sphere.vertices.size());
   EXPECT_EQ(hull.triangles, sphere.triangles);
-  expect_adjacency_is_whole(hull);
 
   Shape dented = sphere;
   dented.vertices[5000] = dented.vertices[5000] * 0.9;
-  EXPECT_FALSE(MeshRows(dented.vertices.size(), dented.triangles, Ways::kOwn).is_convex(dented.vertices));
+  EXPECT_FALSE(MeshRows(dented.vertices.size(), dented.triangles).is_convex(dented.vertices));
   EXPECT_EQ(reduce_to_hull(dented.vertices, dented.triangles).vertices.size(), dented.vertices.size() - 1);
   Shape open = sphere;
   open.triangles.pop_back();
-  EXPECT_FALSE(MeshRows(open.vertices.size(), open.triangles, Ways::kOwn).is_convex(open.vertices));
+  EXPECT_FALSE(MeshRows(open.vertices.size(), open.triangles).is_convex(open.vertices));
   Shape inside_out = sphere;
   for (Triangle& t : inside_out.triangles) std::swap(t[1], t[2]);
-  EXPECT_FALSE(MeshRows(inside_out.vertices.size(), inside_out.triangles, Ways::kOwn).is_convex(inside_out.vertices));
+  EXPECT_FALSE(MeshRows(inside_out.vertices.size(), inside_out.triangles).is_convex(inside_out.vertices));
 }
 
 TEST(Hull, LargeSetsLoseTheirBulk) {
@@ -352,7 +302,6 @@ TEST(Hull, LargeSetsLoseTheirBulk) {
     return corners.size();
   }());
   expect_same_hull(all, hull, random);
-  expect_adjacency_is_whole(hull);
 }
 
 }  // namespace
