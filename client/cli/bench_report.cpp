@@ -7,7 +7,8 @@
 #include <ostream>
 #include <sstream>
 #include <stdexcept>
-#include <thread>
+
+#include "machine_name.h"
 
 namespace clearance::cli {
 namespace {
@@ -141,17 +142,6 @@ std::string transport_name(const std::string& url) {
   const std::string scheme = url.substr(0, url.find(':'));
   if (scheme == "ipc" || scheme == "tcp") return "zmq-" + scheme;
   return scheme == "udpm" ? "lcm" : scheme;
-}
-
-std::string machine_name() {
-  std::string name = "unknown CPU";
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);)
-    if (line.rfind("model name", 0) == 0 && line.find(": ") != std::string::npos) {
-      name = line.substr(line.find(": ") + 2);
-      break;
-    }
-  return name + " x" + std::to_string(std::thread::hardware_concurrency());
 }
 
 void print_report(const BenchReport& report, std::ostream& out, Output output) {

@@ -28,9 +28,6 @@ struct BenchReport {
 /// "shm", "zmq-ipc", "zmq-tcp", "lcm".
 std::string transport_name(const std::string& url);
 
-/// The CPU's name and how many of it there are: "AMD EPYC x2".
-std::string machine_name();
-
 /// Aligned for people, or one row of CSV or JSON.
 void print_report(const BenchReport& report, std::ostream& out, Output output);
 

@@ -9,6 +9,7 @@
 #include "engine/digest.h"
 #include "engine/hull.h"
 #include "engine/shapes.h"
+#include "tests/exact/random_motion.h"
 
 namespace clearance {
 
@@ -22,19 +23,6 @@ constexpr double kRadius = 2;                        // of the spheres, metres
 constexpr double kNearest = 4.05, kFarthest = 8.05;  // centres of separated pairs
 constexpr std::uint64_t kTruths = 20'000;            // worked out of each workload, about
 const double kNan = std::numeric_limits<double>::quiet_NaN();
-
-Vec3d direction(Random& random) {
-  while (true) {
-    const Vec3d v{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
-    const double length = norm(v);
-    if (length > 0.1 && length <= 1) return v * (1 / length);
-  }
-}
-
-Pose turn(const Vec3d& axis, double angle) {
-  const double s = std::sin(angle / 2);
-  return {{0, 0, 0}, std::cos(angle / 2), axis.x * s, axis.y * s, axis.z * s};
-}
 
 std::array<double, 7> row(const Pose& X) {
   return {X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz};

@@ -5,6 +5,7 @@
 
 #include "engine/digest.h"
 #include "engine/shapes.h"
+#include "tests/exact/random_motion.h"
 
 namespace clearance::tradeoff {
 
@@ -14,19 +15,6 @@ using Random = PortableRandom;
 
 constexpr double kStepShare = 0.01;  // of a body's size that it moves in a step
 constexpr double kStepAngle = 0.01;  // rad that it turns in a step
-
-Vec3d direction(Random& random) {
-  while (true) {
-    const Vec3d v{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
-    const double length = norm(v);
-    if (length > 0.1 && length <= 1) return v * (1 / length);
-  }
-}
-
-Pose turn(const Vec3d& axis, double angle) {
-  const double s = std::sin(angle / 2);
-  return {{0, 0, 0}, std::cos(angle / 2), axis.x * s, axis.y * s, axis.z * s};
-}
 
 /// X turned about an axis of the world through its own origin.
 Pose turned(const Pose& X, const Vec3d& axis, double angle) {

@@ -6,8 +6,8 @@
 #include <exception>
 #include <fstream>
 #include <iostream>
-#include <thread>
 
+#include "client/cli/machine_name.h"
 #include "sweep.h"
 
 namespace clearance::tradeoff {
@@ -21,17 +21,6 @@ struct Options {
   std::size_t judged = 40;
   SweepOptions sweep;
 };
-
-std::string machine_name() {
-  std::string name = "unknown CPU";
-  std::ifstream info("/proc/cpuinfo");
-  for (std::string line; std::getline(info, line);)
-    if (line.rfind("model name", 0) == 0 && line.find(": ") != std::string::npos) {
-      name = line.substr(line.find(": ") + 2);
-      break;
-    }
-  return name + " x" + std::to_string(std::thread::hardware_concurrency());
-}
 
 int run(Options o) {
   if (o.only.empty()) o.only = scene_names();
