@@ -186,16 +186,17 @@ double certify_overlap(const Piece& a, const Piece& b, double ball);
 struct Aabb {
   Vec3d low, high;
 };
-/// A box that surely holds a placed piece, radius included. \param t_w the body's origin in the world.
-/// \param centre, half, rho, radius the piece's.
-CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, double rho, double radius, const Mat3d& R_wb,
-                                     const Vec3d& t_w) {
+/// A box that surely holds a placed piece, radius included: around the piece's own box as it stands turned and around the
+/// ball about its centre. \param t_w the body's origin in the world. \param centre, half, spread, rho, radius the piece's.
+CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, double spread, double rho, double radius,
+                                     const Mat3d& R_wb, const Vec3d& t_w) {
   using std::abs;
   const Vec3d c = R_wb * centre;
   Aabb box;
   for (int k = 0; k < 3; ++k) {
     const Vec3d& row = R_wb.row[k];
-    const double extent = abs(row.x) * half.x + abs(row.y) * half.y + abs(row.z) * half.z + radius;
+    const double turned = abs(row.x) * half.x + abs(row.y) * half.y + abs(row.z) * half.z;
+    const double extent = (turned < spread ? turned : spread) + radius;
     // 16 units cover the rotation, the products and the sums (docs/bounds.md, boxes).
     const double rounding = 16 * 0x1p-53 * (rho + norm(half) + radius + abs(t_w[k])) + Arithmetic<double>::kUnderflowLength;
     box.low[k] = (c[k] + t_w[k]) - extent - rounding;
@@ -204,7 +205,7 @@ CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, dou
   return box;
 }
 inline Aabb certify_box(const Piece& piece, const Mat3d& R_wb, const Vec3d& t_w) {
-  return certify_box(piece.centre, piece.half, piece.rho, piece.radius, R_wb, t_w);
+  return certify_box(piece.centre, piece.half, piece.spread, piece.rho, piece.radius, R_wb, t_w);
 }
 /// A lower bound on the distance of whatever two boxes hold; 0 if they touch.
 CLEARANCE_HD inline double certify_box_gap(const Aabb& a, const Aabb& b) {

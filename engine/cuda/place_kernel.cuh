@@ -40,7 +40,7 @@ __global__ void __launch_bounds__(128)
   const std::uint32_t hull = hulls.of_body[bodies.moved_body[slot]];
   if (hull == kNone || !placed) return;
   const HullHead& h = hulls.heads[hull];
-  const Aabb box = certify_box(h.centre, h.half, h.rho, h.radius, here.pose.R_wb, here.pose.t_w);
+  const Aabb box = certify_box(h.centre, h.half, h.spread, h.rho, h.radius, here.pose.R_wb, here.pose.t_w);
   put(12, box.low);
   put(15, box.high);
 }
