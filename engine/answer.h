@@ -40,4 +40,16 @@ CLEARANCE_HD inline Status pair_status(Status a, Status b) {
   return a == Status::kNoPose || b == Status::kNoPose ? Status::kNoPose : Status::kOk;
 }
 
+/// What an answer adds to the lower bound of its group, where a group's far pairs are left out by their boxes' gap: a pair
+/// that is looked at nevertheless must add no less than its gap. \param lower of the answer; \param gap 0: the boxes touch
+CLEARANCE_HD inline double lower_with_box(double lower, double gap) {
+  return gap > 0 && gap > lower ? gap : lower;
+}
+
+/// A group's winner has the least upper bound, then this, then the first place: among pairs that boxes alone prove to be
+/// beyond max_distance, the least gap.
+CLEARANCE_HD inline double nearest_beyond(const PairAnswer& answer) {
+  return answer.upper == __builtin_inf() ? answer.lower : 0;
+}
+
 }  // namespace clearance

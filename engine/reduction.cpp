@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "broad_phase.h"
 
@@ -144,10 +145,11 @@ void Reduction::end_stage() {
       cutoff_.assign(groups_, kInf);
       for (std::size_t i = 0; i < seeds_.size(); ++i)
         for_groups(plan_.pairs.at(seeds_[i]), [&](std::uint32_t g) {
-          // Where even the nearest boxes are beyond max_distance, so is every pair: nothing more to look at.
+          // Where even the nearest boxes are beyond max_distance, so is every pair: nothing more to look at. Boxes that
+          // touch do not say how deep an overlap is: its depth cuts nothing off.
           const PairAnswer& seed = seed_answers_[i];
           const bool all_beyond = seed.status == Status::kBeyond && seed.upper == kInf;
-          cutoff_[g] = std::min(cutoff_[g], all_beyond ? -1.0 : seed.upper);
+          cutoff_[g] = std::min(cutoff_[g], all_beyond ? -1.0 : std::max(seed.upper, 0.0));
         });
       stage_ = kScan;
       break;
@@ -191,14 +193,16 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
   std::vector<Best> best(groups_);
   const auto offer = [&](std::uint64_t position, const PairAnswer& answer) {
     const bool usable = !std::isnan(answer.distance);
-    for_groups(plan_.pairs.at(position), [&](std::uint32_t g) {
+    const BodyPair pair = plan_.pairs.at(position);
+    const double lower = usable && !options_.reference ? lower_with_box(answer.lower, box_gap(scene_, placement, pair)) : answer.lower;
+    for_groups(pair, [&](std::uint32_t g) {
       Best& b = best[g];
       if (!usable) incomplete_[g] = 1;
-      if (usable) b.lower = std::min(b.lower, answer.lower);
+      if (usable) b.lower = std::min(b.lower, lower);
       const bool had_usable = b.winner && !std::isnan(b.winner->distance);
       const bool better = !b.winner || (usable && !had_usable) ||
-                          (usable == had_usable && (answer.upper < b.winner->upper ||
-                                                    (answer.upper == b.winner->upper && position < b.position)));
+                          (usable == had_usable && std::tuple(answer.upper, nearest_beyond(answer), position) <
+                                                       std::tuple(b.winner->upper, nearest_beyond(*b.winner), b.position));
       if (better) b = {position, &answer, b.lower};
     });
   };

@@ -13,7 +13,8 @@ namespace clearance {
 /// Works in stages, each a number of independent units, so that a large configuration can be sliced and spread over threads
 /// and a small one run by one thread. First the pair of least box distance of each group is evaluated (a group: the pairs of
 /// a body, or all); then every pair whose boxes are not farther than the upper bound found so. A pair left out has
-/// lower > that upper bound, so that it can neither win nor lower the interval, and the result does not depend on order.
+/// lower > that upper bound, so that it can neither win nor lower the interval (see lower_with_box()): a result depends
+/// neither on order nor on which of the far pairs are left out.
 class Reduction {
  public:
   enum Stage { kSeedScan, kSeeds, kScan, kCandidates, kDone };

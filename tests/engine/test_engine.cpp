@@ -186,6 +186,28 @@ TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
   EXPECT_EQ(min.view.lower[0], *std::min_element(least_lower.begin(), least_lower.end()));
 }
 
+// Boxes that touch say nothing about which of two overlaps is the deeper one.
+TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
+  const Engine engine = make(mixed_scene(40, 1, 6));
+  QueryView q;
+  q.fields = kAllFields;
+  q.signed_distance = true;
+  const Answer dense = ask(engine, q);
+  const std::vector<BodyPair> pairs = engine.pairs(q);
+  std::vector<double> least(40, kInf);
+  int overlaps = 0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    overlaps += dense.view.upper[i] < 0;
+    for (const std::uint32_t body : {pairs[i].a, pairs[i].b}) least[body] = std::min(least[body], dense.view.upper[i]);
+  }
+  ASSERT_GT(overlaps, 100);
+  q.reduce = Reduce::kNearest;
+  const Answer nearest = ask(engine, q);
+  for (std::uint32_t body = 0; body < 40; ++body) EXPECT_EQ(nearest.view.upper[body], least[body]) << body;
+  q.reduce = Reduce::kMin;
+  EXPECT_EQ(ask(engine, q).view.upper[0], *std::min_element(least.begin(), least.end()));
+}
+
 TEST_P(EngineTest, WithinKeepsExactlyThePairsNotProvedFarther) {
   const Engine engine = make(mixed_scene(60, 4, 3));
   QueryView all;
