@@ -87,6 +87,12 @@ bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair) 
   return false;
 }
 
+std::uint16_t pose_flags(const Placement& placement, BodyPair pair, std::span<const std::uint8_t> stale) {
+  std::uint16_t flags = placement[pair.a].renormalised || placement[pair.b].renormalised ? kFlagRenormalised : 0;
+  if (!stale.empty() && (stale[pair.a] || stale[pair.b])) flags |= kFlagStale;
+  return flags;
+}
+
 double box_gap(const Scene& scene, const Placement& placement, BodyPair pair) {
   const std::size_t n = scene.bodies().size();
   if (pair.a >= n || pair.b >= n) return kInf;
@@ -104,11 +110,9 @@ bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyP
     answer = no_answer(Status::kUnknownBody);
     return true;
   }
-  const BodyPlacement &at_a = placement[pair.a], &at_b = placement[pair.b];
-  std::uint16_t flags = at_a.renormalised || at_b.renormalised ? kFlagRenormalised : 0;
-  if (!options.stale.empty() && (options.stale[pair.a] || options.stale[pair.b])) flags |= kFlagStale;
+  const std::uint16_t flags = pose_flags(placement, pair, options.stale);
   answer.flags = flags;
-  if (const Status status = pair_status(at_a.status, at_b.status); status != Status::kOk) {
+  if (const Status status = pair_status(placement[pair.a].status, placement[pair.b].status); status != Status::kOk) {
     answer = no_answer(status);
     answer.flags = flags;
     return true;

@@ -22,6 +22,8 @@ class Placement {
 
   /// Moves to configuration k of the plan; nothing to do where it has none. \param rotations (M,) of its poses
   void configure(std::uint64_t k, std::span<const Mat3d> rotations);
+  bool moves_any() const { return !moved_slot_.empty(); }
+  bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
   bool stands_at(std::uint64_t k) const { return moved_slot_.empty() || k == configuration_; }
 
   const BodyPlacement& operator[](std::uint32_t body) const {
@@ -102,6 +104,8 @@ class Evaluator {
 
 /// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.
 double box_gap(const Scene& scene, const Placement& placement, BodyPair pair);
+/// The flags that a pair of known bodies has for its poses alone: kFlagRenormalised, kFlagStale.
+std::uint16_t pose_flags(const Placement& placement, BodyPair pair, std::span<const std::uint8_t> stale);
 /// Whether a pair's answer is a bad or missing pose or an unknown body.
 bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair);
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "broad_phase.h"
+#include "box_cull.h"
 #include "digest.h"
 #include "cuda/device_job.h"
 #include "parallel_job.h"
@@ -22,8 +22,16 @@ constexpr std::uint64_t kWholeConfigurations = 16384;  // pairs up to which a re
 class DenseJob final : public ParallelJob {
  public:
   DenseJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
-      : ParallelJob(context, std::move(plan), reply), layout_(plan_, context.light), rooms_(static_cast<std::size_t>(workers())) {
-    for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), options_);
+      : ParallelJob(context, std::move(plan), reply), rooms_(static_cast<std::size_t>(workers())) {
+    // Where all boxes are made, whole blocks of pairs are compared at once; else each pair makes its own.
+    EvaluateOptions left = options_;
+    if (options_.cull && !boxes().empty()) {
+      left.cull = false;
+      columns_.assign(boxes());
+      for (int i = 0; i < workers(); ++i) culls_.emplace_back(scene(), boxes(), columns_);
+    }
+    for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), left);
+    layout_ = Layout(plan_, context.light, !culls_.empty(), workers());
     if (const std::uint64_t client = plan_.query.warm_slot; client != 0 && !options_.reference)
       warm_ = context_.warm->take(client, question(), plan_.size.configurations * plan_.size.pairs);
   }
@@ -47,17 +55,21 @@ class DenseJob final : public ParallelJob {
  private:
   // A unit is a block of pairs in a block of configurations, so that lanes find pairs of the same two hulls.
   struct Layout {
-    std::uint64_t configurations, pairs;  // of one unit
-    std::uint64_t configuration_blocks, pair_blocks;
-    std::uint64_t block;
+    std::uint64_t configurations = 1, pairs = 1;  // of one unit
+    std::uint64_t configuration_blocks = 0, pair_blocks = 0;
+    std::uint64_t block = 1;  // pair-configurations that are evaluated at a time
 
-    Layout(const Plan& plan, bool light) : block(light ? kBlock : kHeavyBlock) {
+    Layout() = default;
+    /// \param cull boxes are compared for a whole unit at a time, so that what they leave fills the lanes.
+    Layout(const Plan& plan, bool light, bool cull, int workers) : block(light ? kBlock : kHeavyBlock) {
       const std::uint64_t unit = light ? kUnit : kHeavyUnit;
       const std::uint64_t all_pairs = std::max<std::uint64_t>(plan.size.pairs, 1), moved = plan.moved.size() + 1;
       configurations = std::clamp<std::uint64_t>(std::min(unit / all_pairs, kPlacedBodies / moved), 1,
                                                  std::min(plan.size.configurations, kSideBySide));
       pairs = std::min(all_pairs, unit / configurations);
-      if (plan.size.configurations == 1) pairs = std::min(pairs, block);
+      if (plan.size.configurations == 1)
+        pairs = std::min(pairs, cull ? std::max(block, all_pairs / (8 * static_cast<std::uint64_t>(workers))) : block);
+      if (cull) block = unit;
       configuration_blocks = (plan.size.configurations + configurations - 1) / configurations;
       pair_blocks = (all_pairs + pairs - 1) / pairs;
     }
@@ -76,10 +88,16 @@ class DenseJob final : public ParallelJob {
     return d.value();
   }
 
+  struct Place {  // in a block
+    std::uint32_t configuration, pair;
+  };
   struct Room {
     std::vector<BodyPair> pairs;
     std::vector<PlacedBodies> asked;
+    std::vector<Place> places;  // of those asked
     std::vector<PairAnswer> answers;
+    std::vector<std::uint32_t> near;  // in a configuration of a block
+    std::vector<std::uint16_t> flags;
   };
 
   void run(std::uint64_t unit, int worker) {
@@ -92,18 +110,54 @@ class DenseJob final : public ParallelJob {
     const std::uint64_t step = std::max<std::uint64_t>(layout_.block / configurations, 1);
     for (std::uint64_t p = begin; p < end; p += step) {
       const auto pairs = plan_.pairs.slice(p, std::min(step, end - p), room.pairs);
-      room.asked.clear();
-      for (std::size_t i = 0; i < pairs.size(); ++i)
-        for (std::size_t k = 0; k < placed.size(); ++k) room.asked.push_back({pairs[i], &placed[k], warm(first + k, p + i)});
+      take(pairs, p, placed, first, worker);
       room.answers.resize(std::max(room.answers.size(), room.asked.size()));
       evaluators_[static_cast<std::size_t>(worker)].run(room.asked, room.answers);
       for (std::size_t i = 0; i < room.asked.size(); ++i) {
-        const std::uint64_t k = first + i % configurations;
-        write(k * plan_.size.pairs + p + i / configurations, static_cast<std::uint32_t>(k), room.asked[i], room.answers[i]);
+        const auto [k, at] = room.places[i];
+        write((first + k) * plan_.size.pairs + p + at, static_cast<std::uint32_t>(first + k), room.asked[i], room.answers[i]);
         evaluated += reached_narrow_phase(room.answers[i]);
       }
     }
     evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
+  }
+
+  // Asks for a block of pairs, from `begin` on, in configurations from `first` on: all but those that boxes answer.
+  void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const Placement> placed, std::uint64_t first,
+            int worker) {
+    Room& room = rooms_[static_cast<std::size_t>(worker)];
+    room.asked.clear();
+    room.places.clear();
+    const auto ask = [&](std::size_t i, std::size_t k) {
+      room.asked.push_back({pairs[i], &placed[k], warm(first + k, begin + i)});
+      room.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
+    };
+    if (culls_.empty()) {
+      for (std::size_t i = 0; i < pairs.size(); ++i)
+        for (std::size_t k = 0; k < placed.size(); ++k) ask(i, k);
+      return;
+    }
+    const std::span<const double> gaps = culls_[static_cast<std::size_t>(worker)].gaps(pairs, placed, first);
+    room.near.resize(std::max(room.near.size(), pairs.size()));
+    for (std::size_t k = 0; k < placed.size(); ++k) {
+      const std::size_t count = gaps_within(gaps.data() + k * pairs.size(), pairs.size(), plan_.query.max_distance, room.near.data());
+      for (std::size_t i = 0; i < count; ++i) ask(room.near[i], k);
+    }
+    if (room.asked.size() == gaps.size()) return;
+    // Rows of the others, and under those that are still to be written.
+    for (std::size_t k = 0; k < placed.size(); ++k)
+      write_beyond_rows(reply_, (first + k) * plan_.size.pairs + begin, pairs, static_cast<std::uint32_t>(first + k),
+                        gaps.data() + k * pairs.size(), flags(pairs, placed[k], room));
+  }
+
+  // Of all pairs in a configuration; null where nobody asks.
+  const std::uint16_t* flags(std::span<const BodyPair> pairs, const Placement& here, Room& room) const {
+    if (!reply_.flags) return nullptr;
+    room.flags.resize(pairs.size());
+    const std::size_t n = scene().bodies().size();
+    for (std::size_t i = 0; i < pairs.size(); ++i)
+      room.flags[i] = pairs[i].a < n && pairs[i].b < n ? pose_flags(here, pairs[i], options_.stale) : 0;
+    return room.flags.data();
   }
 
   WarmSimplex* warm(std::uint64_t configuration, std::uint64_t pair) const {
@@ -116,6 +170,8 @@ class DenseJob final : public ParallelJob {
   std::atomic<std::uint64_t> evaluated_{0};
   std::vector<Room> rooms_;
   std::vector<Evaluator> evaluators_;
+  BoxColumns columns_;
+  std::vector<BoxCull> culls_;  // of each worker; empty: the evaluators compare boxes
 };
 
 // Reduced rows. Few pairs: configurations side by side, one thread each. Many: one configuration at a time, its stages

@@ -60,6 +60,7 @@ class ParallelJob : public Job::State {
 
  protected:
   const Scene& scene() const { return *context_.scene; }
+  std::span<const Aabb> boxes() const { return boxes_; }  ///< of all bodies in the snapshot; empty: not made
   int workers() const { return static_cast<int>(placements_.size()); }
 
   const Placement& placement(int worker, std::uint64_t configuration) {

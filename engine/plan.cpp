@@ -54,6 +54,8 @@ std::vector<std::uint32_t> members(std::uint32_t selector, const Scene& scene, s
 
 // Explicit pairs as given; a pair with a group expands to its enabled pairs, each once, in lexicographic order.
 std::vector<BodyPair> expand(const QueryView& q, const Scene& scene, const PairTable& table, std::uint64_t max_pairs) {
+  const auto plain = [](BodyPair p) { return !((p.a | p.b) & kGroupBit) && p.a != p.b; };
+  if (std::all_of(q.pairs.begin(), q.pairs.end(), plain)) return {q.pairs.begin(), q.pairs.end()};
   std::vector<BodyPair> pairs;
   for (std::size_t i = 0; i < q.pairs.size(); ++i) {
     const BodyPair p = q.pairs[i];
