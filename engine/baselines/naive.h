@@ -1,0 +1,11 @@
+// The naive baselines: every face of one mesh against every face of the other.
+#pragma once
+
+#include "narrow.h"
+
+namespace clearance::baselines {
+
+/// \param threads 1: naive; else naive_omp.
+std::unique_ptr<NarrowBaseline> make_naive(int threads);
+
+}  // namespace clearance::baselines
