@@ -145,11 +145,11 @@ void Reduction::end_stage() {
       cutoff_.assign(groups_, kInf);
       for (std::size_t i = 0; i < seeds_.size(); ++i)
         for_groups(plan_.pairs.at(seeds_[i]), [&](std::uint32_t g) {
-          // Where even the nearest boxes are beyond max_distance, so is every pair: nothing more to look at. Boxes that
-          // touch do not say how deep an overlap is: its depth cuts nothing off.
+          // A seed whose boxes alone are beyond max_distance: none with boxes farther apart lowers the interval or wins.
+          // Boxes that touch do not say how deep an overlap is: its depth cuts nothing off.
           const PairAnswer& seed = seed_answers_[i];
-          const bool all_beyond = seed.status == Status::kBeyond && seed.upper == kInf;
-          cutoff_[g] = std::min(cutoff_[g], all_beyond ? -1.0 : std::max(seed.upper, 0.0));
+          const bool beyond_by_boxes = seed.status == Status::kBeyond && seed.upper == kInf;
+          cutoff_[g] = std::min(cutoff_[g], beyond_by_boxes ? seed.lower : std::max(seed.upper, 0.0));
         });
       stage_ = kScan;
       break;

@@ -186,6 +186,29 @@ TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
   EXPECT_EQ(min.view.lower[0], *std::min_element(least_lower.begin(), least_lower.end()));
 }
 
+// Of body g: the rod has the nearest box and is far; h is beyond max_distance, and g is its nearest; y is nearer than h, and
+// has a nearer neighbour than g itself.
+TEST_P(EngineTest, NearestHoldsPairsThatAreBeyondAndNobodysNearestBoxes) {
+  Scene scene;
+  const double c = std::sqrt(0.5), s = std::sin(std::atan(1) / 2);
+  scene.add_sphere("g", 0.1, {.pose = Pose{}});
+  scene.add_box("rod", {2, 0.02, 0.02}, {.pose = Pose{{0.75, 0.75, 0}, std::sqrt(1 - s * s), 0, 0, -s}});
+  scene.add_sphere("h", 0.1, {.pose = Pose{{-0.7, 0, 0}}});
+  scene.add_sphere("y", 0.1, {.pose = Pose{{0, -0.65, 0}}});
+  scene.add_sphere("z", 0.1, {.pose = Pose{{0, -0.9, 0}}});
+  const Engine engine = make(std::move(scene));
+  QueryView q;
+  q.fields = kAllFields;
+  const Answer dense = ask(engine, q);
+  ASSERT_NEAR(dense.view.distance[0], 1.5 * c - 0.1 - 0.01, 0.02) << "g and the rod";
+  q.reduce = Reduce::kNearest;
+  q.max_distance = 0.3;
+  const Answer nearest = ask(engine, q);
+  EXPECT_EQ(static_cast<Status>(nearest.view.status[0]), Status::kBeyond);
+  EXPECT_LE(nearest.view.lower[0], 0.45 + 1e-12) << "y";
+  EXPECT_GT(nearest.view.lower[0], 0.3);
+}
+
 // Boxes that touch say nothing about which of two overlaps is the deeper one.
 TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
   const Engine engine = make(mixed_scene(40, 1, 6));
