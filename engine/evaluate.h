@@ -1,67 +1,29 @@
-// One pair of bodies in one configuration: from poses to an answer.
+// Pairs of bodies in configurations: from poses to answers.
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <vector>
 
 #include "answer.h"
-#include "certify.h"
-#include "lanes.h"
-#include "narrow_phase.h"
-#include "plan.h"
+#include "piece_batch.h"
+#include "piece_boxes.h"
+#include "placement.h"
 
 namespace clearance {
 
-/// Where all bodies are in one configuration: a snapshot with some bodies moved. Each worker has its own.
-class Placement {
- public:
-  /// \param boxes of all bodies in the snapshot; empty: made when asked for. Both must outlive this.
-  Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
-
-  /// Moves to configuration k of the plan; nothing to do where it has none. \param rotations (M,) of its poses
-  void configure(std::uint64_t k, std::span<const Mat3d> rotations);
-  bool moves_any() const { return !moved_slot_.empty(); }
-  bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
-  bool stands_at(std::uint64_t k) const { return moved_slot_.empty() || k == configuration_; }
-
-  const BodyPlacement& operator[](std::uint32_t body) const {
-    return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
-  }
-  /// A box around the body; empty (low > high) without a usable pose.
-  Aabb box(std::uint32_t body) const;
-  /// The same where it has been made already; else null.
-  const Aabb* known_box(std::uint32_t body) const {
-    if (boxes_.empty()) return nullptr;
-    return moved_slot_.empty() || moved_slot_[body] == kNone ? &boxes_[body] : &moved_boxes_[moved_slot_[body]];
-  }
-
- private:
-  const Scene& scene_;
-  const Plan& plan_;
-  std::span<const Aabb> boxes_;
-  std::uint64_t configuration_ = ~std::uint64_t{0};
-  std::vector<std::uint32_t> moved_slot_;  // of each body: index into moved_, or kNone; empty without configurations
-  std::vector<Pose> local_;                // of each moved body
-  std::vector<const Mat3d*> rotation_of_;  // of local_, while a configuration is being placed
-  std::vector<BodyPlacement> moved_;
-  std::vector<Aabb> moved_boxes_;
-};
-
-/// The box of a placed body.
-Aabb body_box(const Body& body, const BodyPlacement& placement);
-
 /// What is asked of every pair of a query.
-struct EvaluateOptions {
-  NarrowLimits limits;
-  const LaneKernel* lanes = nullptr;  ///< null: one pair after another
-  bool f32 = false;              ///< begin with float32 where it can hold the pieces
-  bool reference = false;        ///< the brute-force oracle: no culling, double-double
+struct EvaluateOptions : NarrowOptions {
   bool cull = false;             ///< compare bounding boxes with max_distance first
-  bool want_points = true;       ///< witness points, normals and pieces; without, only the interval
   bool want_nonsmooth = false;
   std::span<const std::uint8_t> stale;  ///< of each body
+};
+
+/// The least of two bodies' piece pairs' intervals.
+struct BodiesAnswer {
+  NarrowAnswer best;  ///< of the piece pair whose upper bound is the least
+  double lower = std::numeric_limits<double>::infinity();
+  std::uint32_t piece_a = 0, piece_b = 0;
 };
 
 /// A pair in the configuration that a placement stands at.
@@ -74,32 +36,34 @@ struct PlacedBodies {
 /// Answers many pairs, whatever their ids. Each worker has its own.
 class Evaluator {
  public:
-  Evaluator(const Scene& scene, const EvaluateOptions& options) : scene_(scene), options_(options) {}
+  Evaluator(const Scene& scene, const EvaluateOptions& options) : scene_(scene), options_(options), batch_(options), boxes_(scene) {}
   void run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
 
  private:
-  struct Waiting {  // a pair of single pieces, to be answered in lanes
-    const Piece *a, *b;
-    std::uint32_t index;
+  // The distance of two bodies is the least over their piece pairs. These are answered in rounds, nearest boxes first, so
+  // that what one round proves spares the next: the rounds are the pair's own, whatever else is asked.
+  struct Search {
+    std::uint32_t index;         // of the pair
+    std::size_t next, end;       // of piece_pairs_: not looked at yet
+    std::size_t round, asked;    // piece pairs of a round; of those, how many wait in tasks_
+    BodiesAnswer found;
   };
-  void take_lane(const LaneAnswer& lane, const LaneWitness& witness, const Piece& a, const LanePair& placed, const Piece& b,
-                 PairAnswer& answer) const;
-  void settle_in_f64(const LaneBatch& all);
-  void run_in_lanes(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
+  struct PiecePair {
+    double gap;  // of the boxes
+    std::uint32_t a, b;
+  };
+  void begin_search(const PlacedBodies& bodies, std::uint32_t index);
+  bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
+  void take_round(Search& search, std::span<const NarrowAnswer> answers);
 
   const Scene& scene_;
   EvaluateOptions options_;
-  std::vector<Waiting> waiting_;
-  std::vector<LanePair> lane_pairs_;
-  std::vector<LaneAnswer> lane_answers_;
-  std::vector<LaneWitness> lane_witnesses_;
-  std::vector<Gjk<double>> lane_unsettled_;
-  // Of the pairs that float32 left open.
-  std::vector<std::size_t> again_;
-  std::vector<LanePair> again_pairs_;
-  std::vector<LaneAnswer> again_answers_;
-  std::vector<LaneWitness> again_witnesses_;
-  std::vector<Gjk<double>> again_unsettled_;
+  PieceBatch batch_;
+  PieceBoxes boxes_;
+  std::vector<PieceTask> tasks_;
+  std::vector<Search> searches_;
+  std::vector<PiecePair> piece_pairs_;
+  std::vector<NarrowAnswer> found_;
 };
 
 /// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.

@@ -261,7 +261,7 @@ struct Gjk {
 
   /// One step: `vertex` is the CSO's farthest along -v, and `support_gap` = v.w, by way of the support values.
   /// \param running lanes that have not ended; the others stay as they are.
-  CLEARANCE_HD void step(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits, const Mask& running) {
+  CLEARANCE_INLINE void step(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits, const Mask& running) {
     const T zero(0), vv = squared_distance;
     last = select(running, vertex, last);
     gap = select(running, support_gap, gap);

@@ -12,7 +12,7 @@ namespace clearance {
 
 namespace {
 
-constexpr std::uint64_t kBlock = 512, kHeavyBlock = 128;  // pair-configurations that are evaluated at a time
+constexpr std::uint64_t kBlock = 512, kHeavyBlock = 256;  // pair-configurations that are evaluated at a time
 constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 1024;  // ... that a thread takes at a time, if there are many
 constexpr std::uint64_t kSideBySide = 64;        // configurations that a thread has placed at a time
 constexpr std::uint64_t kPlacedBodies = 8192;    // ... and bodies in them
@@ -64,7 +64,7 @@ class DenseJob final : public ParallelJob {
     Layout(const Plan& plan, bool light, bool cull, int workers) : block(light ? kBlock : kHeavyBlock) {
       const std::uint64_t unit = light ? kUnit : kHeavyUnit;
       const std::uint64_t all_pairs = std::max<std::uint64_t>(plan.size.pairs, 1), moved = plan.moved.size() + 1;
-      configurations = std::clamp<std::uint64_t>(std::min(unit / all_pairs, kPlacedBodies / moved), 1,
+      configurations = std::clamp<std::uint64_t>(std::min(std::max<std::uint64_t>(unit / all_pairs, 32), kPlacedBodies / moved), 1,
                                                  std::min(plan.size.configurations, kSideBySide));
       pairs = std::min(all_pairs, unit / configurations);
       if (plan.size.configurations == 1)

@@ -11,7 +11,7 @@ namespace clearance {
 
 LaneHull::LaneHull(const Piece& p)
     : x(p.x.data()), y(p.y.data()), z(p.z.data()), x_f32(p.x_f32.data()), y_f32(p.y_f32.data()), z_f32(p.z_f32.data()),
-      count(p.x.size()), vertices(p.vertices.data()), vertex_count(p.vertices.size()),
+      count(p.x.empty() ? 0 : p.vertices.size()), vertices(p.vertices.data()), vertex_count(p.vertices.size()),
       cells(p.table ? p.table->cells.data() : nullptr), lists(p.table ? p.table->lists.data() : nullptr),
       grid_bits(p.table ? p.table->grid_bits : 0), has_table(p.table != nullptr), centre(p.centre), rho(p.rho),
       spread(p.spread), radius(p.radius) {}

@@ -1,11 +1,14 @@
-// GJK for many pairs of the same two hulls at once, one pair in each SIMD lane.
+// GJK for many pairs of hulls at once, one pair in each SIMD lane.
 //
 // The text is gjk.h's; what is added is how lanes are filled: a lane that ends hands its result out and takes the next pair.
+// Pairs of the same two hulls walk the same vertices, a vertex at a time for all lanes. Pairs of different hulls look for
+// their farthest vertices lane after lane, several vertices at a time, and do everything else side by side.
 // Each float64 lane computes exactly what one pair alone would: the bits do not depend on the instruction set or the neighbours.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string_view>
 
@@ -31,12 +34,14 @@ struct LaneHull {
   explicit LaneHull(const Piece& piece);
 };
 
-/// Where the two pieces of one pair are.
+/// Two pieces, where they are, and what is asked of them alone.
 struct LanePair {
+  const LaneHull *a, *b;
   const Mat3d* R_wa;
   const Mat3d* R_wb;
   const Vec3d* t_a;  ///< world, metres
   const Vec3d* t_b;
+  double max_distance = std::numeric_limits<double>::infinity();  ///< as in the query; infinite: no cut-off
   WarmSimplex* warm = nullptr;  ///< read for a first simplex and overwritten with the last one; may be null
 };
 
@@ -56,11 +61,10 @@ struct LaneWitness {
 };
 
 struct LaneBatch {
-  LaneHull a, b;
   const LanePair* pairs;
   std::size_t count;            ///< of pairs
+  bool same_hulls;              ///< all pairs are of the first one's two hulls
   double abs_tol, rel_tol;      ///< wanted width, as in the query
-  double max_distance;          ///< as in the query; infinite: no cut-off
   int max_iterations;
   LaneAnswer* answers;          ///< (pairs,)
   LaneWitness* witnesses;       ///< (pairs,) of the settled ones; null: not wanted

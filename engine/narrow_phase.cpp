@@ -296,6 +296,11 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
   return r;
 }
 
+double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b) {
+  const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
+  return pair.lower_error() + pair.upper_error();
+}
+
 namespace {
 
 // A piece in the words of witness.h.
@@ -325,8 +330,7 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
   attempt(pair, whole, WarmSimplex{}, answer);
   NarrowAnswer r = answer.finish();
   r.beyond = r.bounds.lower > limits.max_distance;
-  const PlacedPair<double> coarse(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
-  r.rounding = coarse.lower_error() + coarse.upper_error();
+  r.rounding = rounding_of(a, pose_a, b, pose_b);
   return r;
 }
 

@@ -35,6 +35,9 @@ struct NarrowAnswer {
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
                           const NarrowLimits& limits, WarmSimplex* warm = nullptr, const Gjk<double>* done = nullptr);
 
+/// NarrowAnswer::rounding of two placed pieces.
+double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b);
+
 /// The witness points and the normal of a pair that was settled in lanes: those of narrow_phase().
 void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
                        Vec3d& point_a, Vec3d& point_b, Vec3d& normal);

@@ -41,6 +41,7 @@ struct Pack {
   HWY_INLINE Pack(V x) : v(x) {}
   HWY_INLINE explicit Pack(double x) : v(hn::Set(Tag(), static_cast<T>(x))) {}
   HWY_INLINE static Pack load(const T* p) { return hn::Load(Tag(), p); }
+  HWY_INLINE static Pack load_unaligned(const T* p) { return hn::LoadU(Tag(), p); }
   HWY_INLINE void store(T* p) const { hn::Store(v, Tag(), p); }
 
   HWY_INLINE friend Pack operator+(Pack a, Pack b) { return hn::Add(a.v, b.v); }
@@ -50,6 +51,8 @@ struct Pack {
   HWY_INLINE friend Pack operator-(Pack a) { return hn::Neg(a.v); }
   HWY_INLINE friend Pack sqrt(Pack a) { return hn::Sqrt(a.v); }
   HWY_INLINE friend Pack max(Pack a, Pack b) { return hn::Max(a.v, b.v); }
+  HWY_INLINE friend T most_of(Pack a) { return hn::GetLane(hn::MaxOfLanes(Tag(), a.v)); }
+  HWY_INLINE friend T least_of(Pack a) { return hn::GetLane(hn::MinOfLanes(Tag(), a.v)); }
   HWY_INLINE friend PackMask<T> operator<(Pack a, Pack b) { return {hn::Lt(a.v, b.v)}; }
   HWY_INLINE friend PackMask<T> operator>(Pack a, Pack b) { return {hn::Gt(a.v, b.v)}; }
   HWY_INLINE friend PackMask<T> operator<=(Pack a, Pack b) { return {hn::Le(a.v, b.v)}; }

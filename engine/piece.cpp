@@ -19,7 +19,24 @@ namespace {
 constexpr std::size_t kFew = 6, kFewOfMany = 16, kMany = 200000;
 
 // Rounds a length up past every rounding made in computing it (a few operations, each within 2^-53).
+constexpr std::size_t kWidestRegister = 64;  // bytes
+
 double padded(double length) { return length * (1 + 8 * std::numeric_limits<double>::epsilon()); }
+
+void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
+  const auto padded_to = [&](std::size_t lanes) { return (vertices.size() + lanes - 1) / lanes * lanes; };
+  const std::size_t f64 = padded_to(kWidestRegister / sizeof(double)), f32 = padded_to(kWidestRegister / sizeof(float));
+  for (std::size_t i = 0; i < f32; ++i) {
+    const Vec3d& v = vertices[i < vertices.size() ? i : 0];
+    piece.x_f32.push_back(static_cast<float>(v.x - piece.centre.x));
+    piece.y_f32.push_back(static_cast<float>(v.y - piece.centre.y));
+    piece.z_f32.push_back(static_cast<float>(v.z - piece.centre.z));
+    if (i >= f64) continue;
+    piece.x.push_back(v.x);
+    piece.y.push_back(v.y);
+    piece.z.push_back(v.z);
+  }
+}
 
 }  // namespace
 
@@ -65,14 +82,7 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   if (vertices.size() > kTableFromVertices)
     piece->table = std::make_shared<const DirectionTable>(make_direction_table(vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
   else
-    for (const Vec3d& v : vertices) {
-      piece->x.push_back(v.x);
-      piece->y.push_back(v.y);
-      piece->z.push_back(v.z);
-      piece->x_f32.push_back(static_cast<float>(v.x - piece->centre.x));
-      piece->y_f32.push_back(static_cast<float>(v.y - piece->centre.y));
-      piece->z_f32.push_back(static_cast<float>(v.z - piece->centre.z));
-    }
+    fill_rows(*piece, vertices);
   piece->vertices = std::move(vertices);
   return piece;
 }

@@ -28,7 +28,8 @@ struct Piece {
   double rho = 0;         ///< max |v| from the body's origin, rounded up
   double spread = 0;      ///< max |v - centre|, rounded up
 
-  /// For supports: a structure-of-arrays copy of the vertices of a small piece, the table of a larger one.
+  /// For supports: a structure-of-arrays copy of the vertices of a small piece, the table of a larger one. The arrays are
+  /// padded with the first vertex to a multiple of the widest register.
   std::vector<double> x, y, z;
   std::vector<float> x_f32, y_f32, z_f32;  ///< the same relative to `centre`, rounded
   std::shared_ptr<const DirectionTable> table;  ///< null for small pieces

@@ -15,7 +15,7 @@ constexpr double kUnitRoundoff = 0x1p-53;
 // Eight lanes keep their own best, so that the loop has no chain of dependent comparisons and the compiler vectorises it.
 CLEARANCE_CLONES SupportPoint<double> scan(const Piece& piece, const Vec3d& n) {
   constexpr int kLanes = 8;
-  const std::size_t count = piece.x.size();
+  const std::size_t count = piece.vertices.size();
   const double *x = piece.x.data(), *y = piece.y.data(), *z = piece.z.data();
   SupportPoint<double> best{0, dot(n, Vec3d{x[0], y[0], z[0]})};
   std::size_t i = 0;

@@ -3,12 +3,12 @@
 
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <thread>
 
 #include "engine/box_cull.h"
 #include "engine_test_util.h"
+#include "same_rows.h"
 
 namespace clearance::test {
 namespace {
@@ -44,37 +44,6 @@ TEST(BoxColumns, GapsSideBySideHaveTheBitsOfOneAlone) {
   EXPECT_GT(apart, 100u);
   EXPECT_GT(touching, 100u);
   EXPECT_GT(nowhere, 100u);
-}
-
-template <class T>
-void expect_same_column(const char* name, const T* all, std::uint64_t at, const T* few, std::uint64_t count, std::uint64_t width) {
-  ASSERT_EQ(all == nullptr, few == nullptr) << name;
-  for (std::uint64_t i = 0; all && i < count * width; ++i) {
-    if constexpr (std::is_floating_point_v<T>)
-      if (std::isnan(all[at * width + i]) && std::isnan(few[i])) continue;
-    ASSERT_EQ(std::memcmp(&all[at * width + i], &few[i], sizeof(T)), 0) << name << ", row " << at + i / width;
-  }
-}
-
-std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uint64_t at, const Answer& few, std::uint64_t count) {
-  const ReplyView &v = all.view, &w = few.view;
-  expect_same_column("distance", v.distance, at, w.distance, count, 1);
-  expect_same_column("lower", v.lower, at, w.lower, count, 1);
-  expect_same_column("upper", v.upper, at, w.upper, count, 1);
-  expect_same_column("status", v.status, at, w.status, count, 1);
-  expect_same_column("flags", v.flags, at, w.flags, count, 1);
-  expect_same_column("point_a", v.point_a, at, w.point_a, count, 3);
-  expect_same_column("point_b", v.point_b, at, w.point_b, count, 3);
-  expect_same_column("normal", v.normal, at, w.normal, count, 3);
-  expect_same_column("pieces", v.pieces, at, w.pieces, count, 2);
-  expect_same_column("gradient", v.gradient, at, w.gradient, count, 12);
-  expect_same_column("pair", v.pair, at, w.pair, count, 1);
-  expect_same_column("configuration", v.configuration, at, w.configuration, count, 1);
-  if (v.compact)
-    expect_same_column("compact", reinterpret_cast<const float*>(v.compact), at, reinterpret_cast<const float*>(w.compact), count, 8);
-  std::array<std::uint64_t, 8> seen{};
-  for (std::uint64_t i = 0; i < count; ++i) ++seen[v.status[at + i]];
-  return seen;
 }
 
 // The same question about few pairs at a time, for which no block is made.

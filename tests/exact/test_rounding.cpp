@@ -120,11 +120,12 @@ TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
       const Placed p(c);
       if (!fits_f32(*p.a, *p.b)) continue;
       for (const double rel_tol : {1.0, 0.1, 1e-2, 1e-3, 1e-4}) {
-        const LanePair placed{&p.pair.R_wa, &p.pair.R_wb, &c.X_wa.translation, &c.X_wb.translation};
+        const LaneHull hull_a(*p.a), hull_b(*p.b);
+        const LanePair placed{&hull_a, &hull_b, &p.pair.R_wa, &p.pair.R_wb, &c.X_wa.translation, &c.X_wb.translation};
         LaneAnswer answer;
         LaneWitness witness;
         Gjk<double> unused;
-        lane_kernel("auto").run_f32({LaneHull(*p.a), LaneHull(*p.b), &placed, 1, 0, rel_tol, std::numeric_limits<double>::infinity(), 64, &answer, &witness, &unused});
+        lane_kernel("auto").run_f32({&placed, 1, true, 0, rel_tol, 64, &answer, &witness, &unused});
         if (!answer.settled) continue;
         ++proved;
         const Vec3d centres = p.pair.R_wa * p.a->centre - p.pair.R_wb * p.b->centre - p.pair.D;

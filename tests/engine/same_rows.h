@@ -1,0 +1,47 @@
+// Whether two answers say the same, bit for bit.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <type_traits>
+
+#include "engine_test_util.h"
+
+namespace clearance::test {
+
+template <class T>
+inline void expect_same_column(const char* name, const T* all, std::uint64_t at, const T* few, std::uint64_t count, std::uint64_t width) {
+  ASSERT_EQ(all == nullptr, few == nullptr) << name;
+  for (std::uint64_t i = 0; all && i < count * width; ++i) {
+    if constexpr (std::is_floating_point_v<T>)
+      if (std::isnan(all[at * width + i]) && std::isnan(few[i])) continue;
+    ASSERT_EQ(std::memcmp(&all[at * width + i], &few[i], sizeof(T)), 0) << name << ", row " << at + i / width;
+  }
+}
+
+/// Expects rows `at` and on of one answer to have the bits of the first rows of another. How many there are of each status.
+inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uint64_t at, const Answer& few, std::uint64_t count) {
+  const ReplyView &v = all.view, &w = few.view;
+  expect_same_column("distance", v.distance, at, w.distance, count, 1);
+  expect_same_column("lower", v.lower, at, w.lower, count, 1);
+  expect_same_column("upper", v.upper, at, w.upper, count, 1);
+  expect_same_column("status", v.status, at, w.status, count, 1);
+  expect_same_column("flags", v.flags, at, w.flags, count, 1);
+  expect_same_column("point_a", v.point_a, at, w.point_a, count, 3);
+  expect_same_column("point_b", v.point_b, at, w.point_b, count, 3);
+  expect_same_column("normal", v.normal, at, w.normal, count, 3);
+  expect_same_column("pieces", v.pieces, at, w.pieces, count, 2);
+  expect_same_column("gradient", v.gradient, at, w.gradient, count, 12);
+  expect_same_column("pair", v.pair, at, w.pair, count, 1);
+  expect_same_column("configuration", v.configuration, at, w.configuration, count, 1);
+  if (v.compact)
+    expect_same_column("compact", reinterpret_cast<const float*>(v.compact), at, reinterpret_cast<const float*>(w.compact), count, 8);
+  std::array<std::uint64_t, 8> seen{};
+  for (std::uint64_t i = 0; i < count; ++i) ++seen[v.status[at + i]];
+  return seen;
+}
+
+}  // namespace clearance::test

@@ -1,0 +1,84 @@
+// The bits of an answer do not depend on what else is asked: pairs fill lanes with whatever hulls there are, bodies of several
+// pieces search in rounds, and each gets what it would get alone.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "engine/lanes.h"
+#include "engine_test_util.h"
+#include "same_rows.h"
+
+namespace clearance::test {
+namespace {
+
+// Bodies of one to five pieces, of 1 to 150 vertices, some of them rounded; the first two share their pieces.
+Scene pieces_scene(Random& random, int count) {
+  Scene scene;
+  std::vector<PiecePtr> shared;
+  for (int i = 0; i < count; ++i) {
+    Body body;
+    body.name = "body" + std::to_string(i);
+    const int pieces = i % 3 == 0 ? 1 : 1 + static_cast<int>(random.below(5));
+    for (int p = 0; p < pieces; ++p) {
+      const int sizes[] = {1, 2, 8, 30, 64, 150};
+      std::vector<Vec3d> cloud = random.cloud(sizes[random.below(6)], {0.2, 0.2, 0.2});
+      for (Vec3d& v : cloud) v += Vec3d{0.7 * p, random.uniform(-0.3, 0.3), 0};
+      body.pieces.push_back(make_piece(std::move(cloud), random.below(3) == 0 ? 0.05 : 0));
+    }
+    if (i == 0) shared = body.pieces;
+    if (i == 1) body.pieces = shared;
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
+TEST(Batches, GiveEachPairTheBitsThatItHasAlone) {
+  constexpr std::uint32_t kBodies = 12, kConfigurations = 9;
+  Random random(3);
+  std::vector<std::uint32_t> moved;
+  std::vector<Pose> poses;
+  for (std::uint32_t b = 0; b < kBodies; ++b) moved.push_back(b);
+  for (std::uint32_t i = 0; i < kBodies * kConfigurations; ++i) poses.push_back(random.pose(2.5));
+  std::array<std::uint64_t, 8> seen{};
+  for (const LaneKernel& kernel : lane_kernels()) {
+    Random same(4);
+    Engine::Options options;
+    options.instruction_set = kernel.name;
+    const Engine engine(pieces_scene(same, kBodies), options);
+    for (const Precision precision : {Precision::kF64, Precision::kF32})
+      for (const bool signed_distance : {false, true})
+        for (const double max_distance : {1.0, std::numeric_limits<double>::infinity()}) {
+          QueryView query;
+          query.precision = precision;
+          query.signed_distance = signed_distance;
+          query.max_distance = max_distance;
+          query.fields = kAllFields;
+          query.bodies = moved;
+          query.configuration_count = kConfigurations;
+          query.configurations = poses;
+          const Answer all = ask(engine, query);
+          const std::vector<BodyPair> pairs = engine.pairs({});
+          ASSERT_EQ(all.size.rows, pairs.size() * kConfigurations);
+          for (std::uint32_t k = 0; k < kConfigurations; ++k)
+            for (std::size_t p = 0; p < pairs.size(); ++p) {
+              QueryView one = query;
+              one.all_pairs = false;
+              one.pairs = std::span(&pairs[p], 1);
+              one.configuration_count = 1;
+              one.configurations = std::span(poses).subspan(k * kBodies, kBodies);
+              const Answer alone = ask(engine, one);
+              *alone.view.configuration = k;
+              const auto seen_here = expect_same_rows(all, k * pairs.size() + p, alone, 1);
+              for (std::size_t s = 0; s < seen.size(); ++s) seen[s] += seen_here[s];
+              if (HasFatalFailure())
+                FAIL() << kernel.name << ", f32 " << (precision == Precision::kF32) << ", signed " << signed_distance << ", within "
+                       << max_distance << ", configuration " << k << ", pair " << pairs[p].a << ' ' << pairs[p].b;
+            }
+        }
+  }
+  for (const Status status : {Status::kOk, Status::kOverlap, Status::kBeyond})
+    EXPECT_GT(seen[static_cast<std::size_t>(status)], 100u) << "status " << int(status) << " was not met";
+}
+
+}  // namespace
+}  // namespace clearance::test
