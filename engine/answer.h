@@ -40,6 +40,12 @@ CLEARANCE_HD inline Status pair_status(Status a, Status b) {
   return a == Status::kNoPose || b == Status::kNoPose ? Status::kNoPose : Status::kOk;
 }
 
+/// The answer for a group without pairs: farther than anything.
+CLEARANCE_HD inline PairAnswer empty_answer() {
+  const double infinite = __builtin_inf();
+  return {infinite, infinite, infinite, Status::kBeyond, 0, kNone, kNone, no_point(), no_point(), no_point()};
+}
+
 /// What an answer adds to the lower bound of its group, where a group's far pairs are left out by their boxes' gap: a pair
 /// that is looked at nevertheless must add no less than its gap. \param lower of the answer; \param gap 0: the boxes touch
 CLEARANCE_HD inline double lower_with_box(double lower, double gap) {
@@ -50,6 +56,16 @@ CLEARANCE_HD inline double lower_with_box(double lower, double gap) {
 /// beyond max_distance, the least gap.
 CLEARANCE_HD inline double nearest_beyond(const PairAnswer& answer) {
   return answer.upper == __builtin_inf() ? answer.lower : 0;
+}
+
+/// Makes the winner's answer its group's: the interval reaches down to the group's least lower bound.
+CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double abs_tol, double rel_tol) {
+  if (answer.distance != answer.distance) return;  // no pair of the group has usable poses
+  if (lower < answer.lower) answer.lower = lower;
+  const double relative = rel_tol * (answer.upper < 0 ? -answer.upper : answer.upper);
+  const double wanted = abs_tol < relative ? relative : abs_tol;
+  if (answer.status == Status::kOk && !(answer.upper - answer.lower <= wanted)) answer.status = Status::kUnconverged;
+  if (answer.status == Status::kBeyond) answer.distance = answer.lower;
 }
 
 }  // namespace clearance

@@ -257,7 +257,7 @@ class ReducedJob final : public ParallelJob {
 
 std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   if (context.device) {
-    if (plan.query.reduce == Reduce::kNone) return cuda::make_device_job(context, std::move(plan), reply);
+    if (auto job = cuda::make_device_job(context, plan, reply)) return job;
     context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
   }
   if (plan.query.reduce == Reduce::kNone) return std::make_unique<DenseJob>(context, std::move(plan), reply);

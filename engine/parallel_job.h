@@ -27,7 +27,8 @@ inline bool reached_narrow_phase(const PairAnswer& answer) {
 /// A job's common part: workers with their own placements, and units run in parallel until the budget is spent.
 class ParallelJob : public Job::State {
  public:
-  ParallelJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
+  /// \param boxes whether boxes of all bodies are worth making beforehand, if boxes will be asked for.
+  ParallelJob(const JobContext& context, Plan&& plan, const ReplyView& reply, bool boxes = true)
       : context_(context), plan_(std::move(plan)), reply_(reply) {
     const QueryView& q = plan_.query;
     const PoseSnapshot& snapshot = *plan_.snapshot;
@@ -44,7 +45,7 @@ class ParallelJob : public Job::State {
     options_.want_nonsmooth = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
     options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_nonsmooth;
     find_stale(snapshot);
-    if (needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
+    if (boxes && needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
       for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
         boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b]));
     const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;

@@ -11,7 +11,6 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
 constexpr std::uint64_t kEvaluate = 64;   // pairs that one unit answers
 
@@ -183,8 +182,6 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
       if (candidate_answers_[i].status != Status::kBeyond) rows.push_back(row_of(plan_.pairs.at(candidates_[i]), candidate_answers_[i]));
     return rows;
   }
-  // An empty group has no pair and is farther than anything.
-  const PairAnswer nothing{kInf, kInf, kInf, Status::kBeyond, 0, kNone, kNone, {kNan, kNan, kNan}, {kNan, kNan, kNan}, {kNan, kNan, kNan}};
   struct Best {
     std::uint64_t position = ~std::uint64_t{0};
     const PairAnswer* winner = nullptr;
@@ -212,18 +209,12 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
     const Best& b = best[g];
     if (!b.winner) {
       const auto body = static_cast<std::uint32_t>(g);
-      rows.push_back(row_of({per_body() ? body : kNone, kNone}, nothing));
+      rows.push_back(row_of({per_body() ? body : kNone, kNone}, empty_answer()));
       continue;
     }
     Row row = row_of(plan_.pairs.at(b.position), *b.winner);
-    PairAnswer& answer = row.answer;
-    if (!std::isnan(answer.distance)) {
-      answer.lower = std::min(answer.lower, b.lower);
-      const double wanted = std::max(options_.limits.abs_tol, options_.limits.rel_tol * std::abs(answer.upper));
-      if (answer.status == Status::kOk && !(answer.upper - answer.lower <= wanted)) answer.status = Status::kUnconverged;
-      if (answer.status == Status::kBeyond) answer.distance = answer.lower;
-    }
-    if (incomplete_[g]) answer.flags |= kFlagIncomplete;
+    widen_to_group(row.answer, b.lower, options_.limits.abs_tol, options_.limits.rel_tol);
+    if (incomplete_[g]) row.answer.flags |= kFlagIncomplete;
     rows.push_back(row);
   }
   return rows;

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/answer.h"
 #include "engine/query.h"
 #include "layout.h"
 
@@ -49,7 +50,7 @@ struct QuerySetup {
   // The snapshot's bodies, as BodiesView has them.
   std::span<const double> fixed;
   std::span<const std::uint8_t> fixed_state;
-  std::uint32_t components = kPoseComponents;
+  bool boxes = false;  ///< whether boxes are compared
   // The moved ones, as MovesView has them. Empty without configurations.
   std::uint32_t given_count = 0;
   std::span<const std::uint32_t> moved_body, source, chain_begin, chain;
@@ -57,6 +58,10 @@ struct QuerySetup {
   std::span<const BodyPlacement> base;
   std::span<const std::uint8_t> has_base;
   const ResidentPairs* pairs = nullptr;
+  // Of a reduced query.
+  Reduce reduce = Reduce::kNone;
+  std::uint32_t groups = 1;     ///< of one configuration
+  std::uint64_t most_rows = 0;  ///< of Reduce::kWithin
 };
 
 /// One chunk: a run of rows that are consecutive in every column.
@@ -79,20 +84,49 @@ struct ChunkResult {
   std::uint64_t settled = 0;            ///< rows that the narrow phase answered
 };
 
+/// What a chunk of a reduced query came to. Views are valid until the slot is launched again.
+struct ReducedResult {
+  /// Rows that the device left open. Where there are any, nothing else is valid: see settle().
+  std::span<const std::uint32_t> rest;
+  ReplyView rows;               ///< host memory; columns that went to `direct` are those
+  std::uint64_t row_count = 0;  ///< of the reply
+  std::uint64_t total = 0;      ///< the same without the limit of Reduce::kWithin
+  std::uint64_t settled = 0;    ///< pairs that the narrow phase answered
+};
+
+inline constexpr int kChunksUnderWay = 4;  ///< slots of a workspace
+
 /// Memory and streams for one query at a time, with a few chunks under way. Errors of the device are thrown as
 /// std::runtime_error.
-class Workspace {
+class QueryWorkspace {
  public:
-  static constexpr int kSlots = 4;
-  virtual ~Workspace() = default;
+  virtual ~QueryWorkspace() = default;
   virtual void begin(const QuerySetup& setup) = 0;
   /// Where the poses of a slot's next chunk go before it is launched: (configurations, given_count).
   virtual Pose* room_for_poses(int slot, std::size_t count) = 0;
+};
+
+/// For a row of every configuration and pair.
+class Workspace : public QueryWorkspace {
+ public:
   /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once, from row 0 on; the
   /// others (null) wait in the workspace.
   virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;
   /// Waits for a slot's chunk.
   virtual ChunkResult finish(int slot) = 0;
+};
+
+/// For reduced queries. A chunk's pairs are those of ChunkSetup, all of one part; what says how they are grouped by hulls is
+/// not looked at.
+class ReducedWorkspace : public QueryWorkspace {
+ public:
+  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once; the others (null) wait in
+  /// the workspace.
+  virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;
+  /// Waits for a slot's chunk.
+  virtual ReducedResult finish(int slot) = 0;
+  /// Takes the CPU's answers to the rows that finish() named, in their order.
+  virtual ReducedResult settle(int slot, std::span<const PairAnswer> answers) = 0;
 };
 
 class Device {
@@ -108,6 +142,7 @@ class Device {
                                                       std::span<const std::uint32_t> group_of_tile) = 0;
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.
   virtual std::shared_ptr<Workspace> borrow() = 0;
+  virtual std::shared_ptr<ReducedWorkspace> borrow_reduced() = 0;
   virtual DeviceCounters counters() const = 0;
 };
 

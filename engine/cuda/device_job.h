@@ -12,7 +12,18 @@
 
 namespace clearance::cuda {
 
-/// How a query's pairs are dealt to chunks and groups. Made once for a pair table, and kept for the next query.
+/// What lists of pairs are made for, to know whether they serve the next query too.
+struct AskedPairs {
+  std::shared_ptr<const PairTable> table;  ///< or:
+  std::vector<BodyPair> pairs;
+  std::vector<std::uint32_t> moved;
+
+  AskedPairs() = default;
+  explicit AskedPairs(const Plan& plan);
+  bool fit(const Plan& plan) const;
+};
+
+/// How a dense query's pairs are dealt to chunks and groups. Made once for a pair table, and kept for the next query.
 struct PairDeal {
   struct Part {               ///< of the pairs: the rows of a chunk are `configurations` times this
     std::uint64_t first = 0;  ///< position of its first pair in the query
@@ -28,11 +39,14 @@ struct PairDeal {
   std::uint32_t last_configurations = 1;  ///< of the last one
   std::shared_ptr<const ResidentPairs> resident;
 
-  // What it was made for.
-  std::shared_ptr<const PairTable> table;  ///< or:
-  std::vector<BodyPair> pairs;
-  std::vector<std::uint32_t> moved;
+  AskedPairs asked;
   std::uint64_t all_configurations = 1;
+};
+
+/// A query's pairs on the device in the query's order, for reduced queries.
+struct PairListOnDevice {
+  std::shared_ptr<const ResidentPairs> resident;  ///< null: the device does not know a body of theirs
+  AskedPairs asked;
 };
 
 /// The engine's device and what is kept between queries.
@@ -43,6 +57,8 @@ class DeviceBackend {
   Device& device() const { return *device_; }
   /// How this plan's pairs are dealt: the last deal if it fits.
   std::shared_ptr<const PairDeal> deal(const Plan& plan);
+  /// The plan's pairs in their order: the last list if it fits.
+  std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
   /// Adds what stats() shows.
   void append(Counters& counters) const;
 
@@ -54,9 +70,12 @@ class DeviceBackend {
   std::shared_ptr<Device> device_;
   std::mutex mutex_;
   std::shared_ptr<const PairDeal> last_;
+  std::shared_ptr<const PairListOnDevice> last_list_;
 };
 
-/// A dense query on the device.
-std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan plan, const ReplyView& reply);
+/// A query on the device; null, and the plan untouched, where the CPU has to answer it.
+std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply);
+/// The same of a reduced query.
+std::unique_ptr<Job::State> make_reduced_device_job(const JobContext& context, Plan& plan, const ReplyView& reply);
 
 }  // namespace clearance::cuda

@@ -17,6 +17,11 @@ struct HullHead {
   std::uint32_t first_word, words, cell_words, grid_bits;
 };
 
+/// Bytes of a hull in a block's shared memory: table, then vertices. Every part begins on 16 bytes.
+CLEARANCE_HD inline std::uint32_t shared_bytes(const HullHead& h) {
+  return (h.words + 7) / 8 * 16 + h.count * 16 + (h.count + 1) / 2 * 16;
+}
+
 /// All hulls of the scene, in device memory.
 struct HullsView {
   const HullHead* heads;
@@ -47,10 +52,17 @@ inline constexpr std::uint32_t kPoseComponents = 12, kBoxComponents = 6;
 /// A body's state: its Status in the low bits, then these.
 inline constexpr std::uint8_t kStateStatus = 15, kStateRenormalised = 16, kStateStale = 32;
 
+/// A body's box rounded outward to float32, for tests that may be loose; low > high: the body has no usable pose.
+struct alignas(16) OuterBox {
+  float low_x, low_y, low_z, high_x, high_y, high_z, unused[2];
+};
+
 struct BodiesView {
   const double* fixed;              ///< (components, bodies) where the snapshot has them
   const std::uint8_t* fixed_state;  ///< (bodies,)
+  const OuterBox* fixed_box;        ///< (bodies,); null where boxes are not wanted
   std::uint32_t bodies;
+  OuterBox* moved_box;              ///< (configurations, moved)
   double* moved;                    ///< (moved, components, configurations) where the query has them
   std::uint8_t* moved_state;        ///< (moved, configurations)
   const std::uint32_t* moved_body;  ///< (moved,) ids
@@ -84,11 +96,13 @@ struct Question {
 /// A pair whose simplex holds the origin: its four vertices of each hull. A kernel of its own proves the overlap.
 struct Enclosed {
   std::uint32_t pair, configuration;  ///< within the chunk
+  std::uint32_t item;                 ///< of a reduced query: its place among the pairs that are looked at
   std::uint16_t a[4], b[4];
 };
 
-/// Places in ChunkView::counts: rows left to the CPU; rows that the narrow phase settled; enclosed pairs.
-inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCounts = 4;
+/// Places in ChunkView::counts: rows left to the CPU; rows that the narrow phase settled; enclosed pairs; of reduced
+/// queries pairs that are looked at, and rows that come back.
+inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4, kCounts = 8;
 
 /// One launch: some pairs in some configurations.
 struct ChunkView {
@@ -106,6 +120,28 @@ struct ChunkView {
   std::uint32_t* rest;    ///< rows that are not settled, in no order
   Enclosed* enclosed;     ///< in no order
   std::uint32_t* counts;  ///< kRest and so on
+};
+
+/// One launch of a reduced query (engine/reduction.h): its groups are bodies in each configuration, or configurations.
+/// Keys are what atomicMin() orders as their meaning; all bits set: there is none yet.
+struct ReducedView {
+  ChunkView chunk;  ///< pairs in the query's order; `rest` holds items, `reply` is host memory
+  Reduce reduce;
+  std::uint32_t groups;  ///< of one configuration
+  std::uint32_t rows;    ///< configurations * pairs
+  std::uint64_t* seed;    ///< (configurations, groups) gap of outer boxes and pair: the least
+  std::uint64_t* cutoff;  ///< (configurations, groups) a distance, float64: pairs with boxes farther apart are left out
+  std::uint64_t *upper, *lower;  ///< (configurations, groups) least bounds, order_key()
+  std::uint64_t* winner;         ///< (configurations, groups) pair and item
+  std::uint8_t* complete;        ///< (configurations, groups) 0: holds a pair without usable poses
+  std::uint32_t *candidate_words, *hit_words;  ///< of Reduce::kWithin: a bit for each row
+  std::uint32_t *candidate_ranks, *hit_ranks;  ///< how many bits are set before each word
+  std::uint32_t* items;                        ///< (capacity,) rows of the pairs that are looked at
+  PairAnswer* answers;                         ///< (capacity,)
+  std::uint32_t* rest_rows;                    ///< rows of chunk.rest
+  std::uint32_t capacity = 0;
+  std::uint64_t reply_rows;     ///< room in the reply
+  std::uint32_t* host_counts;   ///< chunk.counts in host memory, once all is done
 };
 
 }  // namespace clearance::cuda

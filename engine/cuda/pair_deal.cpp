@@ -32,7 +32,7 @@ class Dealer {
 
   void run() {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    const std::uint64_t chunk_rows = std::clamp(K * P / Workspace::kSlots, kFewestRows, kMostRows);
+    const std::uint64_t chunk_rows = std::clamp(K * P / kChunksUnderWay, kFewestRows, kMostRows);
     const std::uint64_t parts = K == 1 || P >= chunk_rows ? (P + chunk_rows - 1) / chunk_rows : 1;
     const std::uint64_t per_part = parts == 0 ? 0 : (P + parts - 1) / parts;
     const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;
@@ -123,32 +123,67 @@ class Dealer {
   std::vector<std::uint32_t> group_of_tile_;
 };
 
-bool fits(const PairDeal& deal, const Plan& plan) {
-  if (deal.all_configurations != plan.size.configurations) return false;
-  const bool moves = plan.query.configuration_count > 0;
-  if (moves ? deal.moved != plan.moved : !deal.moved.empty()) return false;
-  if (plan.pairs.is_whole_table()) return deal.table.get() == plan.pairs.table();
-  const std::span<const BodyPair> pairs = plan.pairs.list();
-  return !deal.table && std::equal(deal.pairs.begin(), deal.pairs.end(), pairs.begin(), pairs.end());
+// The pairs in their order, or nothing where the CPU has to answer one of them.
+std::vector<PairRef> refs_in_order(const Scene& scene, const Device& device, const Plan& plan) {
+  std::vector<std::uint32_t> ref(scene.bodies().size());
+  std::iota(ref.begin(), ref.end(), 0u);
+  if (plan.query.configuration_count > 0)
+    for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref[plan.moved[slot]] = slot | kMovedBit;
+  std::vector<PairRef> refs;
+  refs.reserve(plan.pairs.size());
+  std::vector<BodyPair> room;
+  constexpr std::uint64_t kSlice = 1u << 16;
+  for (std::uint64_t first = 0; first < plan.pairs.size(); first += kSlice)
+    for (const auto [a, b] : plan.pairs.slice(first, std::min(kSlice, plan.pairs.size() - first), room)) {
+      if (a >= ref.size() || b >= ref.size() || device.hull_of(a) == kNone || device.hull_of(b) == kNone) return {};
+      refs.push_back({ref[a], ref[b]});
+    }
+  return refs;
 }
 
 }  // namespace
 
+AskedPairs::AskedPairs(const Plan& plan) {
+  if (plan.query.configuration_count > 0) moved = plan.moved;
+  if (plan.pairs.is_whole_table())
+    table = plan.snapshot->pairs;
+  else
+    pairs.assign(plan.pairs.list().begin(), plan.pairs.list().end());
+}
+
+bool AskedPairs::fit(const Plan& plan) const {
+  const bool moves = plan.query.configuration_count > 0;
+  if (moves ? moved != plan.moved : !moved.empty()) return false;
+  if (plan.pairs.is_whole_table()) return table.get() == plan.pairs.table();
+  const std::span<const BodyPair> list = plan.pairs.list();
+  return !table && std::equal(pairs.begin(), pairs.end(), list.begin(), list.end());
+}
+
 std::shared_ptr<const PairDeal> DeviceBackend::deal(const Plan& plan) {
   {
     const std::lock_guard lock(mutex_);
-    if (last_ && fits(*last_, plan)) return last_;
+    if (last_ && last_->all_configurations == plan.size.configurations && last_->asked.fit(plan)) return last_;
   }
   auto next = std::make_shared<PairDeal>();
   next->all_configurations = plan.size.configurations;
-  if (plan.query.configuration_count > 0) next->moved = plan.moved;
-  if (plan.pairs.is_whole_table())
-    next->table = plan.snapshot->pairs;
-  else
-    next->pairs.assign(plan.pairs.list().begin(), plan.pairs.list().end());
+  next->asked = AskedPairs(plan);
   Dealer(scene_, *device_, plan, *next).run();
   const std::lock_guard lock(mutex_);
   last_ = next;
+  return next;
+}
+
+std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (last_list_ && last_list_->asked.fit(plan)) return last_list_;
+  }
+  auto next = std::make_shared<PairListOnDevice>();
+  next->asked = AskedPairs(plan);
+  if (const std::vector<PairRef> refs = refs_in_order(scene_, *device_, plan); !refs.empty())
+    next->resident = device_->upload(refs, {}, {}, {});
+  const std::lock_guard lock(mutex_);
+  last_list_ = next;
   return next;
 }
 

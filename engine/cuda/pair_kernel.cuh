@@ -73,6 +73,17 @@ struct SceneVertices {
   __device__ Vec3d operator[](std::uint32_t i) const { return {__ldg(x + i), __ldg(y + i), __ldg(z + i)}; }
 };
 
+__device__ inline std::uint32_t body_of(const BodiesView& bodies, std::uint32_t ref) {
+  return ref & kMovedBit ? bodies.moved_body[ref & ~kMovedBit] : ref;
+}
+// A body's hull where the scene has it.
+__device__ inline Hull<SceneVertices> scene_hull(const ChunkView& c, std::uint32_t ref) {
+  const HullHead* head = c.hulls.heads + c.hulls.of_body[body_of(c.bodies, ref)];
+  return {{c.hulls.x + head->first, c.hulls.y + head->first, c.hulls.z + head->first},
+          c.hulls.words + head->first_word,
+          head};
+}
+
 // A body where this thread finds it.
 struct Where {
   const double* components;
@@ -118,15 +129,19 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
 
 enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
 
-// Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the
-// origin.
+// One pair's run of GJK, and what its bounds need.
+struct Run {
+  Gjk<double> g;
+  double radius, scale;
+};
 template <class Hull>
-__device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
-                                 PairAnswer& answer, Enclosed& enclosed) {
+__device__ inline Run run_gjk(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
   const Vec3d D = at_b.translation() - at_a.translation();
-  const double radius = a.radius() + b.radius();
-  const double scale = pair_scale(D, a.head->rho, b.head->rho, radius);
+  Run run;
+  Gjk<double>& g = run.g;
+  const double radius = run.radius = a.radius() + b.radius();
+  const double scale = run.scale = pair_scale(D, a.head->rho, b.head->rho, radius);
   GjkLimits<double> limits;
   limits.rel_tol = q.rel_tol / 2;
   limits.abs_tol = q.abs_tol / 2;
@@ -136,7 +151,6 @@ __device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& 
   if (limits.bounded)
     limits.max_distance = q.max_distance + radius + 2.0 * rounding_error(double(RoundingUnits<double>::kLower), scale);
 
-  Gjk<double> g;
   g.v = R_wa * a.head->centre - R_wb * b.head->centre - D;
   if (!(squared_norm(g.v) > 0)) g.v.x = 1;
   for (int steps = 0; g.end == 0;) {
@@ -145,16 +159,29 @@ __device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& 
     g.step(vertex, -dot(g.v, D) - (fa.value + fb.value), limits, true);
     if (g.end == 0 && ++steps >= q.max_iterations) g.end = Gjk<double>::code(GjkEnd::kLimit);
   }
+  return run;
+}
 
-  if (g.end == Gjk<double>::code(GjkEnd::kEncloses) && g.simplex.size == 4 && q.prove_overlaps) {
-    CLEARANCE_UNROLL
-    for (int i = 0; i < 4; ++i) {
-      enclosed.a[i] = static_cast<std::uint16_t>(g.simplex.vertex[i].a);
-      enclosed.b[i] = static_cast<std::uint16_t>(g.simplex.vertex[i].b);
-    }
-    return Outcome::kEnclosed;
+// Whether the simplex holds the origin, so that its vertices may prove an overlap.
+__device__ inline bool take_enclosed(const Gjk<double>& g, Enclosed& enclosed) {
+  if (g.end != Gjk<double>::code(GjkEnd::kEncloses) || g.simplex.size != 4) return false;
+  CLEARANCE_UNROLL
+  for (int i = 0; i < 4; ++i) {
+    enclosed.a[i] = static_cast<std::uint16_t>(g.simplex.vertex[i].a);
+    enclosed.b[i] = static_cast<std::uint16_t>(g.simplex.vertex[i].b);
   }
-  const RunBounds<double> bounds(g, radius, scale, q.max_distance, q.abs_tol, q.rel_tol);
+  return true;
+}
+
+// Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the
+// origin.
+template <class Hull>
+__device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
+                                 PairAnswer& answer, Enclosed& enclosed) {
+  const Run run = run_gjk(q, a, at_a, b, at_b);
+  const Gjk<double>& g = run.g;
+  if (q.prove_overlaps && take_enclosed(g, enclosed)) return Outcome::kEnclosed;
+  const RunBounds<double> bounds(g, run.radius, run.scale, q.max_distance, q.abs_tol, q.rel_tol);
   if (!bounds.settled) return Outcome::kUnsettled;
   const bool beyond = bounds.lower > q.max_distance;
   answer.status = beyond ? Status::kBeyond : Status::kOk;
@@ -189,29 +216,34 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
              at_b.translation()});
 }
 
-// Answers one item of a chunk and writes its row, unless it is not settled.
+// Answers one item of a chunk, unless it is not settled.
+template <class Hull>
+__device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
+                                     PairAnswer& answer, Enclosed& enclosed) {
+  const std::uint16_t flags = flags_of(at_a, at_b);
+  if (const Status status = pair_status(at_a.status(), at_b.status()); status != Status::kOk) {
+    answer = no_answer(status);
+    answer.flags = flags;
+    return Outcome::kWithoutPieces;
+  }
+  const double gap = c.question.cull ? certify_box_gap(at_a.box(), at_b.box()) : 0;
+  if (c.question.cull && gap > c.question.max_distance) {
+    answer = beyond_answer(gap);
+    answer.flags = flags;
+    return Outcome::kWithoutPieces;
+  }
+  answer.flags = flags;
+  return narrow(c.question, a, at_a, b, at_b, answer, enclosed);
+}
+
+// The same, and writes its row.
 template <class Hull>
 __device__ inline Outcome answer_item(const ChunkView& c, const Hull& a, const Hull& b, PairRef pair, std::uint32_t k,
                                       std::uint64_t row, Enclosed& enclosed) {
   const Where at_a(c.bodies, c.configurations, pair.a, k), at_b(c.bodies, c.configurations, pair.b, k);
-  const std::uint16_t flags = flags_of(at_a, at_b);
-  Outcome outcome = Outcome::kWithoutPieces;
   PairAnswer answer;
-  if (const Status status = pair_status(at_a.status(), at_b.status()); status != Status::kOk) {
-    answer = no_answer(status);
-    answer.flags = flags;
-  } else {
-    const double gap = c.question.cull ? certify_box_gap(at_a.box(), at_b.box()) : 0;
-    if (c.question.cull && gap > c.question.max_distance) {
-      answer = beyond_answer(gap);
-      answer.flags = flags;
-    } else {
-      answer.flags = flags;
-      outcome = narrow(c.question, a, at_a, b, at_b, answer, enclosed);
-      if (outcome != Outcome::kSettled) return outcome;
-    }
-  }
-  write_answer(c, row, k, at_a, at_b, answer);
+  const Outcome outcome = solve_item(c, a, at_a, b, at_b, answer, enclosed);
+  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) write_answer(c, row, k, at_a, at_b, answer);
   return outcome;
 }
 
@@ -228,78 +260,6 @@ __device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t
   take_place(c.counts + kSettledRows, outcome == Outcome::kSettled);
   const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
   if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
-}
-
-// What a block keeps of a hull in shared memory: table, then vertices. Every part begins on 16 bytes.
-__host__ __device__ inline std::uint32_t even(std::uint32_t n) {
-  return (n + 1) / 2 * 2;
-}
-__host__ __device__ inline std::uint32_t shared_bytes(const HullHead& h) {
-  return (h.words + 7) / 8 * 16 + h.count * 16 + even(h.count) * 8;
-}
-__device__ inline Hull<SharedVertices> share(const HullsView& hulls, const HullHead* head, std::byte* memory) {
-  const std::uint32_t blocks = (head->words + 7) / 8, count = head->count;
-  auto* table = reinterpret_cast<uint4*>(memory);
-  auto* xy = reinterpret_cast<double2*>(table + blocks);
-  auto* z = reinterpret_cast<double*>(xy + count);
-  const auto* words = reinterpret_cast<const uint4*>(hulls.words + head->first_word);
-  for (std::uint32_t i = threadIdx.x; i < blocks; i += blockDim.x) table[i] = words[i];
-  for (std::uint32_t i = threadIdx.x; i < count; i += blockDim.x) {
-    xy[i] = {hulls.x[head->first + i], hulls.y[head->first + i]};
-    z[i] = hulls.z[head->first + i];
-  }
-  return {{xy, z}, reinterpret_cast<const std::uint16_t*>(table), head};
-}
-
-// Blocks of pairs of the same two hulls, which lie in shared memory.
-__global__ void __launch_bounds__(kTile, kBlocks) answer_groups(const __grid_constant__ ChunkView c) {
-  extern __shared__ uint4 shared_memory[];
-  auto* memory = reinterpret_cast<std::byte*>(shared_memory);
-  const Group group = c.groups[c.group_of_tile[blockIdx.x]];
-  const HullHead* head = c.hulls.heads + group.hull_a;
-  const Hull<SharedVertices> a = share(c.hulls, head, memory);
-  const Hull<SharedVertices> b =
-      group.hull_a == group.hull_b ? a : share(c.hulls, c.hulls.heads + group.hull_b, memory + shared_bytes(*head));
-  __syncthreads();
-
-  const std::uint64_t item = std::uint64_t{blockIdx.x - group.first_tile} * kTile + threadIdx.x;
-  Outcome outcome = Outcome::kNone;
-  std::uint64_t row = 0;
-  Enclosed enclosed;
-  if (item < std::uint64_t{group.count} * c.configurations) {
-    const std::uint32_t pair = group.first + static_cast<std::uint32_t>(item / c.configurations);
-    const std::uint32_t k = static_cast<std::uint32_t>(item % c.configurations);
-    row = std::uint64_t{k} * c.pair_count + c.position[pair];
-    enclosed.pair = pair;
-    enclosed.configuration = k;
-    outcome = answer_item(c, a, b, c.pairs[pair], k, row, enclosed);
-  }
-  report(c, outcome, row, enclosed);
-}
-
-// Pairs that have too little company for that: each thread reads the hulls it needs. c.groups is the one group of them.
-__global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c) {
-  const Group group = c.groups[0];
-  const std::uint64_t item = std::uint64_t{blockIdx.x} * kTile + threadIdx.x;
-  Outcome outcome = Outcome::kNone;
-  std::uint64_t row = 0;
-  Enclosed enclosed;
-  if (item < std::uint64_t{group.count} * c.configurations) {
-    const std::uint32_t pair = group.first + static_cast<std::uint32_t>(item / c.configurations);
-    const std::uint32_t k = static_cast<std::uint32_t>(item % c.configurations);
-    const PairRef ref = c.pairs[pair];
-    const auto hull = [&](std::uint32_t r) {
-      const std::uint32_t body = r & kMovedBit ? c.bodies.moved_body[r & ~kMovedBit] : r;
-      const HullHead* head = c.hulls.heads + c.hulls.of_body[body];
-      return Hull<SceneVertices>({c.hulls.x + head->first, c.hulls.y + head->first, c.hulls.z + head->first},
-                                 c.hulls.words + head->first_word, head);
-    };
-    row = std::uint64_t{k} * c.pair_count + c.position[pair];
-    enclosed.pair = pair;
-    enclosed.configuration = k;
-    outcome = answer_item(c, hull(ref.a), hull(ref.b), ref, k, row, enclosed);
-  }
-  report(c, outcome, row, enclosed);
 }
 
 }  // namespace clearance::cuda

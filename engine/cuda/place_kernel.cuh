@@ -6,6 +6,39 @@
 
 namespace clearance::cuda {
 
+__device__ inline OuterBox outer_box(const Aabb& box) {
+  return {__double2float_rd(box.low.x),  __double2float_rd(box.low.y),  __double2float_rd(box.low.z),
+          __double2float_ru(box.high.x), __double2float_ru(box.high.y), __double2float_ru(box.high.z),
+          {0, 0}};
+}
+__device__ inline OuterBox no_outer_box() {
+  constexpr float kInf = __builtin_inff();
+  return {kInf, kInf, kInf, -kInf, -kInf, -kInf, {0, 0}};
+}
+__device__ inline Aabb box_of(const HullHead& h, const Mat3d& R_wb, const Vec3d& t_w) {
+  return certify_box(h.centre, h.half, h.spread, h.rho, h.radius, R_wb, t_w);
+}
+
+// Boxes of the bodies that stay where the snapshot has them; of those that are not on the device, none.
+__global__ void __launch_bounds__(128)
+    box_fixed_bodies(HullsView hulls, BodiesView bodies, double* boxes, OuterBox* outer_boxes) {
+  const std::uint32_t body = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
+  if (body >= n) return;
+  outer_boxes[body] = no_outer_box();
+  const std::uint32_t hull = hulls.of_body[body];
+  if (hull == kNone || static_cast<Status>(bodies.fixed_state[body] & kStateStatus) != Status::kOk) return;
+  const auto at = [&](std::uint32_t c) {
+    const double* p = bodies.fixed + std::size_t{c} * n + body;
+    return Vec3d{p[0], p[n], p[2 * std::size_t{n}]};
+  };
+  const Aabb box = box_of(hulls.heads[hull], {{at(0), at(3), at(6)}}, at(9));
+  for (int i = 0; i < 3; ++i) {
+    boxes[static_cast<std::size_t>(i) * n + body] = box.low[i];
+    boxes[static_cast<std::size_t>(3 + i) * n + body] = box.high[i];
+  }
+  outer_boxes[body] = outer_box(box);
+}
+
 __global__ void __launch_bounds__(128)
     place_bodies(HullsView hulls, BodiesView bodies, MovesView moves, std::uint32_t configurations) {
   const std::uint64_t item = std::uint64_t{blockIdx.x} * blockDim.x + threadIdx.x;
@@ -38,11 +71,13 @@ __global__ void __launch_bounds__(128)
   put(9, placed ? here.pose.t_w : zero);
   if (bodies.components == kPoseComponents) return;
   const std::uint32_t hull = hulls.of_body[bodies.moved_body[slot]];
+  OuterBox& outer = bodies.moved_box[std::size_t{k} * bodies.moved_count + slot];
+  outer = no_outer_box();
   if (hull == kNone || !placed) return;
-  const HullHead& h = hulls.heads[hull];
-  const Aabb box = certify_box(h.centre, h.half, h.spread, h.rho, h.radius, here.pose.R_wb, here.pose.t_w);
+  const Aabb box = box_of(hulls.heads[hull], here.pose.R_wb, here.pose.t_w);
   put(12, box.low);
   put(15, box.high);
+  outer = outer_box(box);
 }
 
 }  // namespace clearance::cuda

@@ -21,6 +21,8 @@ struct Workload {
   std::uint32_t configurations;  // 0: the current poses
   Format format;
   std::uint32_t fields;
+  Reduce reduce = Reduce::kNone;
+  double max_distance = std::numeric_limits<double>::infinity();
 };
 
 Scene spheres(int count, double box) {
@@ -56,6 +58,11 @@ const std::vector<Workload>& workloads() {
       {"1000 spheres, box 100, bounds and status", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds},
       {"5000 spheres, box 171, compact", [] { return spheres(5000, 171); }, 0, Format::kCompact, kFieldCompact},
       {"30 hulls, 150 pairs, 4096 configurations, compact", hulls, 4096, Format::kCompact, kFieldCompact},
+      {"1000 spheres, box 100, nearest", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kNearest},
+      {"1000 spheres, box 100, within 2", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kWithin, 2},
+      {"5000 spheres, box 171, nearest", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds, Reduce::kNearest},
+      {"5000 spheres, box 171, within 2", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds, Reduce::kWithin, 2},
+      {"30 hulls, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds, Reduce::kMin},
   };
   return all;
 }
@@ -96,6 +103,8 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   QueryView q;
   q.format = w.format;
   q.fields = w.fields;
+  q.reduce = w.reduce;
+  q.max_distance = w.max_distance;
   std::vector<std::uint32_t> bodies;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;
@@ -131,16 +140,16 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   const bool same = std::memcmp(pinned.data(), pinned_cpu.data(), bytes) == 0;
 
   const unsigned cores = std::thread::hardware_concurrency();
-  csv << '"' << w.name << "\"," << size.rows << ',' << direct.kernel_us << ',' << direct.wall_us << ','
+  csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << direct.kernel_us << ',' << direct.wall_us << ','
       << staged.wall_us << ',' << host.wall_us << ',' << cores << ',' << rest << ',' << (same ? "same" : "DIFFERENT")
       << '\n';
   csv.flush();
   char line[400];
   std::snprintf(line, sizeof line,
-                "%-50s %9llu rows | kernels %9.1f us %6.2f G/s | wall %9.1f us pinned, %9.1f us pageable | cpu %u "
+                "%-50s %9llu pairs | kernels %9.1f us %6.2f G/s | wall %9.1f us pinned, %9.1f us pageable | cpu %u "
                 "cores %10.1f us | %5.1fx | rest %6llu | bits %s",
-                w.name.c_str(), static_cast<unsigned long long>(size.rows), direct.kernel_us,
-                1e-3 * static_cast<double>(size.rows) / direct.kernel_us, direct.wall_us, staged.wall_us, cores,
+                w.name.c_str(), static_cast<unsigned long long>(size.configurations * size.pairs), direct.kernel_us,
+                1e-3 * static_cast<double>(size.configurations * size.pairs) / direct.kernel_us, direct.wall_us, staged.wall_us, cores,
                 host.wall_us, host.wall_us / direct.wall_us, static_cast<unsigned long long>(rest),
                 same ? "same" : "DIFFERENT");
   std::puts(line);
@@ -165,7 +174,7 @@ int main(int argc, char** argv) {
   }
   std::ofstream csv(path);
   csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\n"
-      << "workload,rows,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,cpu_cores,rows_finished_on_cpu,bits_"
+      << "workload,pairs,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,cpu_cores,rows_finished_on_cpu,bits_"
          "against_cpu\n";
   std::vector<std::string> table;
   for (const Workload& w : workloads())

@@ -9,13 +9,6 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-std::vector<Vec3d> sphere(int count, double radius, std::uint64_t seed) {
-  Random random(seed);
-  std::vector<Vec3d> v = random.cloud(count, {1, 1, 1});
-  for (Vec3d& p : v) p = p * (radius / norm(p));
-  return v;
-}
-
 // Many bodies of few shapes, so that groups form; some of them rounded, some too large for the device, some of two
 // pieces.
 Scene grouped_scene(int count, double box, std::uint64_t seed) {
@@ -26,17 +19,17 @@ Scene grouped_scene(int count, double box, std::uint64_t seed) {
     options.pose = random.pose(box);
     const std::string name = "body" + std::to_string(i);
     if (i % 40 == 7) {
-      scene.add_hull(name, sphere(600, 0.6, 3), options);
+      scene.add_hull(name, cloud_on_sphere(600, 0.6, 3), options);
     } else if (i % 40 == 13) {
       Body body;
       body.name = name;
       body.pose = options.pose;
-      body.pieces = {make_piece(sphere(10, 0.3, 5)), make_piece(sphere(10, 0.3, 6), 0.05)};
+      body.pieces = {make_piece(cloud_on_sphere(10, 0.3, 5)), make_piece(cloud_on_sphere(10, 0.3, 6), 0.05)};
       scene.add_body(std::move(body));
     } else if (i % 4 == 0) {
       scene.add_capsule(name, 0.2, 0.5, options);
     } else if (i % 4 == 1) {
-      scene.add_hull(name, sphere(200, 0.5, 4), options);
+      scene.add_hull(name, cloud_on_sphere(200, 0.5, 4), options);
     } else {
       scene.add_uv_sphere(name, 0.5, 5, options);
     }

@@ -1,0 +1,124 @@
+#include "device_query.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "reply_columns.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+constexpr std::size_t kCopyBytes = 1u << 18;  // what one thread copies at a time
+
+}  // namespace
+
+DeviceQuery::DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply)
+    : ParallelJob(context, std::move(plan), reply, plan.query.reduce == Reduce::kNone),
+      backend_(*context.device),
+      rooms_(static_cast<std::size_t>(workers())) {
+  for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), options_);
+  find_direct_columns();
+}
+
+void DeviceQuery::find_direct_columns() {
+  std::uint32_t bit = 0;
+  direct_ = reply_;
+  const auto column = [&](auto*& direct, int) {
+    if (direct) fields_ |= 1u << bit;
+    ++bit;
+    if (!is_pinned(direct)) direct = nullptr;
+  };
+  for_each_column(column, direct_);
+}
+
+QuerySetup DeviceQuery::setup() {
+  QuerySetup s;
+  s.question = {options_.limits.max_distance,
+                options_.limits.abs_tol,
+                options_.limits.rel_tol,
+                options_.limits.max_iterations,
+                options_.cull,
+                options_.want_points,
+                options_.want_nonsmooth,
+                !options_.limits.signed_distance};
+  s.fields = fields_;
+  s.boxes = options_.cull;
+  place_fixed();
+  s.fixed = fixed_;
+  s.fixed_state = fixed_state_;
+  if (plan_.query.configuration_count > 0) chain_moved(s);
+  return s;
+}
+
+// The snapshot's bodies, one component after another.
+void DeviceQuery::place_fixed() {
+  const std::vector<BodyPlacement>& placed = plan_.snapshot->placed;
+  const std::size_t n = placed.size();
+  fixed_.resize(n * kPoseComponents);
+  fixed_state_.resize(n);
+  for (std::size_t b = 0; b < n; ++b) {
+    const BodyPlacement& at = placed[b];
+    const bool stale = !options_.stale.empty() && options_.stale[b];
+    fixed_state_[b] =
+        static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
+                                  (stale ? kStateStale : 0));
+    if (at.status != Status::kOk) continue;
+    const auto put = [&](std::size_t c, const Vec3d& v) {
+      for (int i = 0; i < 3; ++i) fixed_[(c + static_cast<std::size_t>(i)) * n + b] = v[i];
+    };
+    for (std::size_t r = 0; r < 3; ++r) put(3 * r, at.pose.R_wb.row[r]);
+    put(9, at.pose.t_w);
+  }
+}
+
+void DeviceQuery::chain_moved(QuerySetup& s) {
+  const PoseSnapshot& snapshot = *plan_.snapshot;
+  const std::vector<std::uint32_t>& moved = plan_.moved;
+  std::vector<std::uint32_t> slot_of(scene().bodies().size(), kNone);
+  for (std::uint32_t i = 0; i < moved.size(); ++i) slot_of[moved[i]] = i;
+  source_.assign(moved.size(), kNone);
+  for (std::uint32_t m = 0; m < plan_.bodies.size(); ++m) source_[slot_of[plan_.bodies[m]]] = m;
+  chain_begin_.assign(1, 0);
+  base_.resize(moved.size());
+  for (std::uint32_t i = 0; i < moved.size(); ++i) {
+    own_.push_back(snapshot.local[moved[i]]);
+    const std::size_t first = chain_.size();
+    std::uint32_t b = moved[i];
+    for (; b != kNone && slot_of[b] != kNone; b = snapshot.parent[b]) chain_.push_back(slot_of[b]);
+    std::reverse(chain_.begin() + static_cast<std::ptrdiff_t>(first), chain_.end());
+    chain_begin_.push_back(static_cast<std::uint32_t>(chain_.size()));
+    has_base_.push_back(b != kNone);
+    if (b != kNone) base_[i] = snapshot.placed[b];
+  }
+  s.given_count = static_cast<std::uint32_t>(plan_.bodies.size());
+  s.moved_body = moved;
+  s.source = source_;
+  s.chain_begin = chain_begin_;
+  s.chain = chain_;
+  s.own = own_;
+  s.base = base_;
+  s.has_base = has_base_;
+}
+
+void DeviceQuery::send_poses(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration,
+                             std::uint32_t configurations) {
+  if (plan_.query.configuration_count == 0) return;
+  const std::uint64_t M = plan_.bodies.size();
+  const std::size_t poses = configurations * M;
+  copy_bytes(plan_.configurations.data() + first_configuration * M, workspace.room_for_poses(slot, poses),
+             poses * sizeof(Pose));
+}
+
+void DeviceQuery::copy_bytes(const void* from, void* to, std::size_t bytes) {
+  const auto blocks = static_cast<std::int64_t>((bytes + kCopyBytes - 1) / kCopyBytes);
+  const auto* source = static_cast<const std::byte*>(from);
+  auto* target = static_cast<std::byte*>(to);
+#pragma omp parallel for num_threads(workers()) if (blocks > 2)
+  for (std::int64_t i = 0; i < blocks; ++i) {
+    const std::size_t at = static_cast<std::size_t>(i) * kCopyBytes;
+    std::memcpy(target + at, source + at, std::min(kCopyBytes, bytes - at));
+  }
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,80 @@
+// What dense and reduced queries on a device have in common: poses on their way there, and rows that the CPU answers.
+#pragma once
+
+#include <atomic>
+#include <vector>
+
+#include "device_job.h"
+#include "engine/parallel_job.h"
+
+namespace clearance::cuda {
+
+class DeviceQuery : public ParallelJob {
+ public:
+  DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply);
+
+ protected:
+  /// A row of some chunk: which configuration and pair of the query.
+  struct OpenRow {
+    std::uint64_t configuration, pair;
+  };
+
+  /// The query's setup; what it points to lives as long as this.
+  QuerySetup setup();
+  /// Copies the poses of configurations to where a slot's next chunk finds them.
+  void send_poses(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration, std::uint32_t configurations);
+  void copy_bytes(const void* from, void* to, std::size_t bytes);
+
+  /// Answers rows on the CPU. `open`: of each index the row, ascending; `take(index, asked, answer)`.
+  template <class Open, class Take>
+  void answer_on_cpu(std::size_t count, Open open, Take take) {
+    if (count == 0) return;
+    std::uint64_t next = 0;
+    run_units(next, (count + kRestUnit - 1) / kRestUnit, Clock::time_point::max(), [&](std::uint64_t unit, int worker) {
+      const auto w = static_cast<std::size_t>(worker);
+      Room& room = rooms_[w];
+      const std::size_t begin = unit * kRestUnit, end = std::min<std::size_t>(begin + kRestUnit, count);
+      std::uint64_t evaluated = 0;
+      for (std::size_t i = begin, j; i < end; i = j) {
+        const std::uint64_t k = open(i).configuration;
+        const Placement& here = placement(worker, k);
+        room.asked.clear();
+        for (j = i; j < end && open(j).configuration == k; ++j)
+          room.asked.push_back({plan_.pairs.at(open(j).pair), &here});
+        room.answers.resize(std::max(room.answers.size(), room.asked.size()));
+        evaluators_[w].run(room.asked, room.answers);
+        for (std::size_t n = 0; n < room.asked.size(); ++n) {
+          take(i + n, room.asked[n], room.answers[n]);
+          evaluated += reached_narrow_phase(room.answers[n]);
+        }
+      }
+      evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
+    });
+    backend_.finished_on_cpu.fetch_add(count, std::memory_order_relaxed);
+  }
+
+  DeviceBackend& backend_;
+  std::uint32_t fields_ = 0;  ///< columns that are wanted, Field bits
+  ReplyView direct_;          ///< those of them in pinned memory
+  std::atomic<std::uint64_t> evaluated_{0};
+
+ private:
+  static constexpr std::uint64_t kRestUnit = 16;  // rows that a thread finishes at a time
+  struct Room {
+    std::vector<PlacedBodies> asked;
+    std::vector<PairAnswer> answers;
+  };
+  void find_direct_columns();
+  void place_fixed();
+  void chain_moved(QuerySetup& s);
+
+  std::vector<double> fixed_;
+  std::vector<std::uint8_t> fixed_state_, has_base_;
+  std::vector<std::uint32_t> source_, chain_begin_, chain_;
+  std::vector<Pose> own_;
+  std::vector<BodyPlacement> base_;
+  std::vector<Room> rooms_;
+  std::vector<Evaluator> evaluators_;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,360 @@
+// Reduced queries on the device, in the stages of engine/reduction.h: boxes find a seed for each group, the seeds' upper
+// bounds say which pairs must be looked at, the narrow phase looks, and the groups' winners are written as rows.
+//
+// Boxes are compared in float32, rounded outward and with a margin, so that at least those pairs are looked at that the
+// CPU looks at; more of them change nothing (lower_with_box()). Keys are brought together by atomicMin(), which knows no
+// order.
+#pragma once
+
+#include "overlap_kernel.cuh"
+#include "pair_kernel.cuh"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kScanThreads = 256;                    // rows of a block, where boxes are compared
+inline constexpr std::uint32_t kItemThreads = 64, kItemBlocks = 1024;  // how many items there are is not known at launch
+
+// A pair in a configuration.
+struct Item {
+  std::uint32_t k, p;
+  PairRef ref;
+
+  __device__ Item(const ReducedView& r, std::uint32_t row)
+      : k(row / r.chunk.pair_count), p(row - k * r.chunk.pair_count), ref(r.chunk.pairs[p]) {}
+};
+
+template <class Visit>
+__device__ inline void for_groups(const ReducedView& r, const Item& item, Visit visit) {
+  if (r.reduce != Reduce::kNearest) return visit(std::size_t{item.k});
+  visit(std::size_t{item.k} * r.groups + body_of(r.chunk.bodies, item.ref.a));
+  visit(std::size_t{item.k} * r.groups + body_of(r.chunk.bodies, item.ref.b));
+}
+
+// The least of many keys. Most keys are not less than what is there already: a look spares the atomic operation.
+__device__ inline void take_least(std::uint64_t* where, std::uint64_t key) {
+  static_assert(sizeof(unsigned long long) == sizeof(std::uint64_t));
+  auto* p = reinterpret_cast<unsigned long long*>(where);
+  if (key < __ldcg(p)) atomicMin(p, static_cast<unsigned long long>(key));
+}
+// The same for a warp, whose keys are often of one group. All its threads call it; ~0: no key.
+__device__ inline void take_least_of_warp(std::uint64_t* where, std::size_t group, std::uint64_t key) {
+  const std::size_t first = __shfl_sync(~0u, group, 0);
+  if (__all_sync(~0u, group == first || key == ~std::uint64_t{0})) {
+    for (int step = 16; step > 0; step /= 2) {
+      const std::uint64_t other = __shfl_xor_sync(~0u, key, step);
+      if (other < key) key = other;
+    }
+    if (threadIdx.x % 32 == 0 && key != ~std::uint64_t{0}) take_least(where + first, key);
+  } else if (key != ~std::uint64_t{0}) {
+    take_least(where + group, key);
+  }
+}
+
+// Numbers in the order of their keys. -0 counts as 0.
+__device__ inline std::uint64_t order_key(double x) {
+  const auto bits = static_cast<std::uint64_t>(__double_as_longlong(x + 0.0));
+  return bits >> 63 ? ~bits : bits | std::uint64_t{1} << 63;
+}
+__device__ inline double from_order_key(std::uint64_t key) {
+  return __longlong_as_double(static_cast<long long>(key >> 63 ? key & ~(std::uint64_t{1} << 63) : ~key));
+}
+
+__device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref, std::uint32_t k) {
+  const OuterBox* box = ref & kMovedBit
+                            ? bodies.moved_box + std::size_t{k} * bodies.moved_count + (ref & ~kMovedBit)
+                            : bodies.fixed_box + ref;
+  const auto* halves = reinterpret_cast<const float4*>(box);
+  const float4 p = __ldg(halves), q = __ldg(halves + 1);
+  return {p.x, p.y, p.z, p.w, q.x, q.y, {0, 0}};
+}
+__device__ inline bool is_empty(const OuterBox& box) {
+  return box.low_x > box.high_x;
+}
+// No more than certify_box_gap() of the boxes: 2^-20 is more than the few roundings take. Finite.
+__device__ inline float gap_below(const OuterBox& a, const OuterBox& b) {
+  constexpr float kMost = 3.4028234e38f;
+  const float x = fmaxf(fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), 0.0f),
+              y = fmaxf(fmaxf(b.low_y - a.high_y, a.low_y - b.high_y), 0.0f),
+              z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
+  const float squared = x * x + y * y + z * z;
+  const float gap = squared < kMost ? sqrtf(squared) : fmaxf(x, fmaxf(y, z));
+  return fminf(gap, kMost) * (1 - 0x1p-20f);
+}
+
+// Of every group the pair whose boxes are nearest, and whether it holds one without usable poses.
+__global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant__ ReducedView r) {
+  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
+  std::uint64_t key = ~std::uint64_t{0};
+  std::size_t group[2] = {0, 0};
+  if (row < r.rows) {
+    const Item item(r, static_cast<std::uint32_t>(row));
+    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    int n = 0;
+    for_groups(r, item, [&](std::size_t g) { group[n++] = g; });
+    const bool usable = !is_empty(a) && !is_empty(b);
+    const float gap = usable ? gap_below(a, b) : __builtin_inff();
+    key = std::uint64_t{__float_as_uint(gap)} << 32 | item.p;
+    if (!usable) for_groups(r, item, [&](std::size_t g) { r.complete[g] = 0; });
+  }
+  take_least_of_warp(r.seed, group[0], key);
+  if (r.reduce == Reduce::kNearest && key != ~std::uint64_t{0}) take_least(r.seed + group[1], key);
+}
+
+__device__ inline bool has_usable_pair(std::uint64_t seed) {
+  return static_cast<std::uint32_t>(seed >> 32) < __float_as_uint(__builtin_inff());
+}
+
+// A distance beyond which no pair of this one's groups needs a look: its upper bound, or, where its boxes alone are
+// farther than max_distance, their gap. Not below 0: boxes that touch say nothing about depths.
+__device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
+  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k), at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const double gap = certify_box_gap(at_a.box(), at_b.box());
+  if (gap > c.question.max_distance) return gap;
+  const Run run = run_gjk(c.question, scene_hull(c, item.ref.a), at_a, scene_hull(c, item.ref.b), at_b);
+  const Simplex<double>& s = run.g.simplex;
+  Enclosed enclosed;
+  double length;
+  if (take_enclosed(run.g, enclosed)) {
+    PairAnswer overlap;
+    if (prove_overlap(c, enclosed, at_a, at_b, overlap)) return 0;
+    length = norm(s.vertex[0].w);
+  } else {
+    length = norm(SimplexPoint<double>(s).w);
+  }
+  const double upper =
+      upper_from_point(length, run.radius, rounding_error(double(RoundingUnits<double>::kUpper), run.scale));
+  return upper <= 0 ? 0 : upper < __builtin_inf() ? upper : __builtin_inf();
+}
+
+// One thread for each group. \param r without points.
+__global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constant__ ReducedView r) {
+  const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
+  if (at >= std::uint64_t{r.chunk.configurations} * r.groups) return;
+  const std::uint64_t seed = r.seed[at];
+  if (!has_usable_pair(seed)) return;
+  const auto k = static_cast<std::uint32_t>(at / r.groups);
+  const Item item(r, k * r.chunk.pair_count + static_cast<std::uint32_t>(seed));
+  bool taken = false;  // by the thread of the pair's other group
+  for_groups(r, item, [&](std::size_t g) { taken |= g < at && r.seed[g] == seed; });
+  if (taken) return;
+  const auto key = static_cast<std::uint64_t>(__double_as_longlong(cutoff_of(r.chunk, item)));
+  for_groups(r, item, [&](std::size_t g) { take_least(r.cutoff + g, key); });
+}
+
+// Lists the pairs that must be looked at, in no order.
+__global__ void __launch_bounds__(kScanThreads) find_candidates(const __grid_constant__ ReducedView r) {
+  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
+  bool wanted = false;
+  if (row < r.rows) {
+    const Item item(r, static_cast<std::uint32_t>(row));
+    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    if (!is_empty(a) && !is_empty(b)) {
+      const double gap = gap_below(a, b);
+      for_groups(r, item, [&](std::size_t g) {
+        wanted |= !(gap > __longlong_as_double(static_cast<long long>(r.cutoff[g])));
+      });
+    }
+  }
+  const std::uint32_t at = take_place(r.chunk.counts + kCandidates, wanted);
+  if (wanted && at < r.capacity) r.items[at] = static_cast<std::uint32_t>(row);
+}
+
+// Reduce::kWithin marks them, so that rows can come in order. Pairs without usable poses are among them.
+__global__ void __launch_bounds__(kScanThreads) mark_candidates(const __grid_constant__ ReducedView r) {
+  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
+  bool wanted = false;
+  if (row < r.rows) {
+    const Item item(r, static_cast<std::uint32_t>(row));
+    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    wanted = is_empty(a) || is_empty(b) || !(gap_below(a, b) > r.chunk.question.max_distance);
+  }
+  const unsigned word = __ballot_sync(~0u, wanted);
+  if (threadIdx.x % 32 == 0 && row < r.rows) r.candidate_words[row / 32] = word;
+}
+__global__ void __launch_bounds__(kScanThreads) list_candidates(const __grid_constant__ ReducedView r) {
+  const std::uint32_t words = (r.rows + 31) / 32, at = blockIdx.x * kScanThreads + threadIdx.x;
+  if (at >= words) return;
+  std::uint32_t item = r.candidate_ranks[at];
+  const std::uint32_t word = r.candidate_words[at];
+  r.hit_words[at] = word;
+  if (at == words - 1) r.chunk.counts[kCandidates] = item + __popc(word);
+  for (std::uint32_t left = word; left != 0; left &= left - 1, ++item)
+    if (item < r.capacity) r.items[item] = at * 32 + static_cast<std::uint32_t>(__ffs(static_cast<int>(left))) - 1;
+}
+
+__device__ inline std::uint32_t item_count(const ReducedView& r) {
+  const std::uint32_t count = r.chunk.counts[kCandidates];
+  return count < r.capacity ? count : r.capacity;
+}
+
+// Brings an answer before its groups.
+__device__ inline double group_lower(const PairAnswer& answer, const Where& at_a, const Where& at_b) {
+  return lower_with_box(answer.lower, certify_box_gap(at_a.box(), at_b.box()));
+}
+__device__ inline void offer(const ReducedView& r, const Item& item, std::uint32_t row, const PairAnswer& answer,
+                             const Where& at_a, const Where& at_b) {
+  if (r.reduce == Reduce::kWithin) {
+    if (answer.status == Status::kBeyond) atomicAnd(r.hit_words + row / 32, ~(1u << row % 32));
+    return;
+  }
+  if (isnan(answer.distance)) return;
+  const std::uint64_t upper = order_key(answer.upper), lower = order_key(group_lower(answer, at_a, at_b));
+  for_groups(r, item, [&](std::size_t g) {
+    take_least(r.upper + g, upper);
+    take_least(r.lower + g, lower);
+  });
+}
+
+// What became of an item. All threads of a warp call it.
+__device__ inline void report_item(const ReducedView& r, Outcome outcome, std::uint32_t i, std::uint32_t row) {
+  const std::uint32_t rest = take_place(r.chunk.counts + kRest, outcome == Outcome::kUnsettled);
+  if (outcome == Outcome::kUnsettled) {
+    r.chunk.rest[rest] = i;
+    r.rest_rows[rest] = row;
+    r.answers[i].distance = __builtin_nan("");  // the CPU's answer comes later
+  }
+  take_place(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
+}
+
+__global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_constant__ ReducedView r) {
+  const ChunkView& c = r.chunk;
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
+    const std::uint32_t i = first + threadIdx.x;
+    Outcome outcome = Outcome::kNone;
+    std::uint32_t row = 0;
+    Enclosed enclosed;
+    if (i < count) {
+      row = r.items[i];
+      const Item item(r, row);
+      const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+          at_b(c.bodies, c.configurations, item.ref.b, item.k);
+      enclosed.pair = item.p;
+      enclosed.configuration = item.k;
+      enclosed.item = i;
+      PairAnswer answer;
+      outcome = solve_item(c, scene_hull(c, item.ref.a), at_a, scene_hull(c, item.ref.b), at_b, answer, enclosed);
+      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
+        r.answers[i] = answer;
+        offer(r, item, row, answer, at_a, at_b);
+      }
+    }
+    report_item(r, outcome, i, row);
+    const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
+    if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
+  }
+}
+
+__global__ void __launch_bounds__(kItemThreads) prove_reduced_overlaps(const __grid_constant__ ReducedView r) {
+  const ChunkView& c = r.chunk;
+  const std::uint32_t count = c.counts[kEnclosedPairs];
+  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
+    const std::uint32_t i = first + threadIdx.x;
+    Outcome outcome = Outcome::kNone;
+    std::uint32_t row = 0, at = 0;
+    if (i < count) {
+      const Enclosed e = c.enclosed[i];
+      at = e.item;
+      row = r.items[at];
+      const Item item(r, row);
+      const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+          at_b(c.bodies, c.configurations, item.ref.b, item.k);
+      PairAnswer answer;
+      answer.flags = flags_of(at_a, at_b);
+      outcome = Outcome::kUnsettled;
+      if (prove_overlap(c, e, at_a, at_b, answer)) {
+        outcome = Outcome::kSettled;
+        r.answers[at] = answer;
+        offer(r, item, row, answer, at_a, at_b);
+      }
+    }
+    report_item(r, outcome, at, row);
+  }
+}
+
+// The CPU's answers to what was left open, in the order of chunk.rest.
+__global__ void __launch_bounds__(kItemThreads)
+    take_answers(const __grid_constant__ ReducedView r, const PairAnswer* answers, std::uint32_t count) {
+  const std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x;
+  if (i >= count) return;
+  const std::uint32_t at = r.chunk.rest[i], row = r.items[at];
+  const Item item(r, row);
+  const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
+      at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
+  const PairAnswer answer = answers[i];
+  r.answers[at] = answer;
+  offer(r, item, row, answer, at_a, at_b);
+}
+
+// The winner: least upper bound, then nearest_beyond(), then the first place.
+__global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_constant__ ReducedView r) {
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x; i < count; i += gridDim.x * kItemThreads) {
+    const PairAnswer& answer = r.answers[i];
+    if (isnan(answer.distance)) continue;
+    const Item item(r, r.items[i]);
+    const std::uint64_t upper = order_key(answer.upper), lower = order_key(answer.lower);
+    for_groups(r, item, [&](std::size_t g) {
+      // Where the least upper bound is infinite, so are all of the group, and each lower bound is a gap.
+      if (upper == r.upper[g] && (answer.upper < __builtin_inf() || lower == r.lower[g]))
+        take_least(r.winner + g, std::uint64_t{item.p} << 32 | i);
+    });
+  }
+}
+
+__device__ inline void pass_counts(const ReducedView& r) {
+  if (blockIdx.x == 0 && threadIdx.x < kCounts && threadIdx.x != kHits)
+    r.host_counts[threadIdx.x] = r.chunk.counts[threadIdx.x];
+}
+
+// A row for each group.
+__global__ void __launch_bounds__(kItemThreads) write_groups(const __grid_constant__ ReducedView r) {
+  pass_counts(r);
+  const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
+  if (at >= std::uint64_t{r.chunk.configurations} * r.groups) return;
+  const ChunkView& c = r.chunk;
+  const auto k = static_cast<std::uint32_t>(at / r.groups), group = static_cast<std::uint32_t>(at % r.groups);
+  const std::uint64_t seed = r.seed[at], winner = r.winner[at];
+  if (seed == ~std::uint64_t{0}) {
+    const BodyPair pair{r.reduce == Reduce::kNearest ? group : kNone, kNone};
+    write_row(c.reply, at, {pair, static_cast<std::uint32_t>(c.first_configuration + k), empty_answer()});
+    return;
+  }
+  const bool usable = winner != ~std::uint64_t{0};
+  const auto place = static_cast<std::uint32_t>(usable ? winner >> 32 : seed);
+  const PairRef ref = c.pairs[place];
+  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  PairAnswer answer;
+  if (usable) {
+    answer = r.answers[static_cast<std::uint32_t>(winner)];
+    widen_to_group(answer, from_order_key(r.lower[at]), c.question.abs_tol, c.question.rel_tol);
+  } else {
+    answer = no_answer(pair_status(at_a.status(), at_b.status()));
+    answer.flags = flags_of(at_a, at_b);
+  }
+  if (!r.complete[at]) answer.flags |= kFlagIncomplete;
+  write_answer(c, at, k, at_a, at_b, answer);
+}
+
+// A row for each pair that is not beyond, in order.
+__global__ void __launch_bounds__(kItemThreads) write_hits(const __grid_constant__ ReducedView r) {
+  pass_counts(r);
+  const ChunkView& c = r.chunk;
+  if (blockIdx.x == 0 && threadIdx.x == 0) {
+    const std::uint32_t last = (r.rows - 1) / 32;
+    r.host_counts[kHits] = r.hit_ranks[last] + __popc(r.hit_words[last]);
+  }
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x; i < count; i += gridDim.x * kItemThreads) {
+    const std::uint32_t row = r.items[i], word = r.hit_words[row / 32], bit = 1u << row % 32;
+    if (!(word & bit)) continue;
+    const std::uint64_t at = r.hit_ranks[row / 32] + __popc(word & (bit - 1));
+    if (at >= r.reply_rows) continue;
+    const Item item(r, row);
+    const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+        at_b(c.bodies, c.configurations, item.ref.b, item.k);
+    write_answer(c, at, item.k, at_a, at_b, r.answers[i]);
+  }
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,117 @@
+// Queries that are reduced on the device: nearest, least, within a distance.
+#include <algorithm>
+
+#include "device_query.h"
+#include "reply_columns.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+// Rows of a chunk of configurations: a few chunks, so that poses of the next are on their way while one is answered.
+constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 20;
+constexpr std::uint64_t kMostGroups = 1u << 20;  // of a chunk
+
+class ReducedDeviceJob final : public DeviceQuery {
+ public:
+  ReducedDeviceJob(const JobContext& context, Plan&& plan, const ReplyView& reply,
+                   std::shared_ptr<const PairListOnDevice> list)
+      : DeviceQuery(context, std::move(plan), reply),
+        list_(std::move(list)),
+        groups_(plan_.query.reduce == Reduce::kNearest ? scene().bodies().size() : 1),
+        workspace_(backend_.device().borrow_reduced()) {
+    const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
+    const std::uint64_t rows = std::clamp(K * P / kChunksUnderWay, kFewestRows, kMostRows);
+    configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);
+    chunks_ = (K + configurations_ - 1) / configurations_;
+    QuerySetup s = setup();
+    s.pairs = list_->resident.get();
+    s.reduce = plan_.query.reduce;
+    s.groups = static_cast<std::uint32_t>(groups_);
+    s.most_rows = plan_.size.rows;
+    workspace_->begin(s);
+  }
+
+  bool advance(std::chrono::nanoseconds budget) override {
+    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
+    while (finished_ < chunks_) {
+      while (launched_ < chunks_ && launched_ < finished_ + kChunksUnderWay) launch(launched_++);
+      finish(finished_++);
+      if (finished_ < chunks_ && Clock::now() >= deadline) return false;
+    }
+    info.rows = written_;
+    info.pairs_evaluated = evaluated_;
+    context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+    backend_.queries.fetch_add(1, std::memory_order_relaxed);
+    return true;
+  }
+
+ private:
+  bool within() const { return plan_.query.reduce == Reduce::kWithin; }
+
+  void launch(std::uint64_t index) {
+    const int slot = static_cast<int>(index % kChunksUnderWay);
+    ChunkSetup s;
+    s.first_configuration = index * configurations_;
+    s.configurations =
+        static_cast<std::uint32_t>(std::min(configurations_, plan_.size.configurations - s.first_configuration));
+    s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
+    send_poses(*workspace_, slot, s.first_configuration, s.configurations);
+    ReplyView direct;  // where rows go is known beforehand unless they are only those within a distance
+    const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
+      to = column && !within() ? column + s.first_configuration * groups_ * width : nullptr;
+    };
+    for_each_column(shift, direct_, direct);
+    workspace_->launch(slot, s, direct);
+  }
+
+  void finish(std::uint64_t index) {
+    const int slot = static_cast<int>(index % kChunksUnderWay);
+    ReducedResult r = workspace_->finish(slot);
+    if (!r.rest.empty()) {
+      answer_open_rows(index * configurations_, r.rest);
+      r = workspace_->settle(slot, answers_);
+    }
+    const std::uint64_t rows = std::min(r.row_count, plan_.size.rows - written_);
+    const auto copy = [&](auto* from, auto* to, auto* direct, std::size_t width) {
+      if (!from || (direct && !within())) return;
+      copy_bytes(from, to + written_ * width, rows * width * sizeof(*from));
+    };
+    for_each_column(copy, r.rows, reply_, direct_);
+    written_ += rows;
+    info.total += r.total;
+    evaluated_ += r.settled;
+    backend_.settled.fetch_add(r.settled, std::memory_order_relaxed);
+  }
+
+  // Answers what a chunk left open, in its order.
+  void answer_open_rows(std::uint64_t first_configuration, std::span<const std::uint32_t> rows) {
+    order_.clear();
+    for (std::uint32_t i = 0; i < rows.size(); ++i) order_.emplace_back(rows[i], i);
+    std::sort(order_.begin(), order_.end());
+    answers_.resize(rows.size());
+    const std::uint64_t P = plan_.size.pairs;
+    answer_on_cpu(
+        order_.size(),
+        [&](std::size_t i) { return OpenRow{first_configuration + order_[i].first / P, order_[i].first % P}; },
+        [&](std::size_t i, const PlacedBodies&, const PairAnswer& answer) { answers_[order_[i].second] = answer; });
+  }
+
+  std::shared_ptr<const PairListOnDevice> list_;
+  std::uint64_t groups_, configurations_ = 1;  // of one configuration; of one chunk
+  std::uint64_t chunks_ = 0, launched_ = 0, finished_ = 0, written_ = 0;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> order_;
+  std::vector<PairAnswer> answers_;
+  std::shared_ptr<ReducedWorkspace> workspace_;  // the last member: the first to go, and to wait for the device
+};
+
+}  // namespace
+
+std::unique_ptr<Job::State> make_reduced_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
+  if (plan.pairs.size() == 0 || plan.pairs.size() >= std::uint64_t{1} << 32) return nullptr;
+  auto list = context.device->list(plan);
+  if (!list->resident) return nullptr;
+  return std::make_unique<ReducedDeviceJob>(context, std::move(plan), reply, std::move(list));
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,255 @@
+// Reduced queries on the device: rows for groups, or for the pairs within a distance.
+#pragma once
+
+#include <thrust/iterator/transform_iterator.h>
+
+#include <cub/device/device_scan.cuh>
+
+#include "reduce_kernel.cuh"
+#include "workspace.cuh"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kFirstCapacity = 1u << 17;  // pairs that may be looked at before memory has to grow
+inline constexpr std::uint64_t kFirstHits = 1u << 14;      // rows of Reduce::kWithin, likewise
+
+struct ReducedSlot : QuerySlot {
+  ReducedSlot(MemoryCounters& c, int priority)
+      : QuerySlot(c, priority),
+        device_groups(c),
+        device_words(c),
+        device_scan(c),
+        device_items(c),
+        device_counts(c),
+        device_answers(c),
+        host_reply(c),
+        host_counts(c),
+        host_rest(c),
+        host_answers(c) {}
+
+  DeviceBuffer device_groups, device_words, device_scan, device_items, device_counts, device_answers;
+  PinnedBuffer host_reply, host_counts, host_rest, host_answers;
+  std::size_t scan_bytes = 0;
+  std::uint64_t most_rows = 0;  // that may come back
+  ReducedView view;
+  ReplyView direct;
+};
+
+  struct CountBits {
+    __host__ __device__ std::uint32_t operator()(std::uint32_t word) const {
+#ifdef __CUDA_ARCH__
+      return static_cast<std::uint32_t>(__popc(word));
+#else
+      return static_cast<std::uint32_t>(__builtin_popcount(word));
+#endif
+    }
+  };
+
+class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlot> {
+ public:
+  using QuerySide::QuerySide;
+
+  void begin(const QuerySetup& s) override {
+    QuerySide::begin(s);
+    reduce_ = s.reduce;
+    groups_ = s.groups;
+    most_rows_ = s.most_rows;
+  }
+
+  // Memory that grows, grows before anything is started.
+  void launch(int index, const ChunkSetup& chunk, const ReplyView& direct) override {
+    ReducedSlot& slot = *slots_[index];
+    ReducedView& r = slot.view;
+    r.chunk = view_of(slot, chunk);
+    r.reduce = reduce_;
+    r.groups = groups_;
+    r.rows = static_cast<std::uint32_t>(chunk.rows());
+    r.chunk.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(kCounts * sizeof(std::uint32_t)));
+    r.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
+    slot.direct = direct;
+    slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : std::uint64_t{chunk.configurations} * groups_;
+    make_room_for_items(slot, std::max<std::uint32_t>(slot.view.capacity, std::min(r.rows, kFirstCapacity)));
+    make_room_for_rows(slot, within() ? std::min(slot.most_rows, kFirstHits) : slot.most_rows);
+
+    kernels_begin(slot);
+    if (within())
+      mark(slot);
+    else
+      seed(slot);
+    solve(slot);
+    write(slot);
+    kernels_end(slot);
+  }
+
+  ReducedResult finish(int index) override {
+    ReducedSlot& slot = *slots_[index];
+    const ReducedView& r = slot.view;
+    check(cudaStreamSynchronize(slot.stream), "answering a query");
+    if (const std::uint32_t candidates = r.host_counts[kCandidates]; candidates > r.capacity) {
+      make_room_for_items(slot, candidates);
+      solve(slot);
+      write(slot);
+      check(cudaStreamSynchronize(slot.stream), "answering a query");
+    }
+    count_kernels(slot);
+    const std::uint32_t rest = r.host_counts[kRest];
+    if (rest == 0) return result(slot);
+    auto* rows = reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve(rest * sizeof(std::uint32_t)));
+    check(cudaMemcpyAsync(rows, r.rest_rows, rest * sizeof(std::uint32_t), cudaMemcpyDeviceToHost, slot.stream),
+          "copying rows");
+    check(cudaStreamSynchronize(slot.stream), "copying rows");
+    ReducedResult open;
+    open.rest = {rows, rest};
+    return open;
+  }
+
+  ReducedResult settle(int index, std::span<const PairAnswer> answers) override {
+    ReducedSlot& slot = *slots_[index];
+    const std::size_t bytes = answers.size_bytes();
+    std::byte* host = slot.host_answers.reserve(bytes);
+    std::memcpy(host, answers.data(), bytes);
+    std::byte* device = slot.device_answers.reserve(bytes);
+    check(cudaMemcpyAsync(device, host, bytes, cudaMemcpyHostToDevice, slot.stream), "copying answers");
+    const auto count = static_cast<std::uint32_t>(answers.size());
+    take_answers<<<blocks_of(count, kItemThreads), kItemThreads, 0, slot.stream>>>(
+        slot.view, reinterpret_cast<const PairAnswer*>(device), count);
+    write(slot);
+    check(cudaStreamSynchronize(slot.stream), "answering a query");
+    return result(slot);
+  }
+
+ private:
+  bool within() const { return reduce_ == Reduce::kWithin; }
+  static unsigned blocks_of(std::uint64_t count, std::uint32_t threads) {
+    return static_cast<unsigned>((count + threads - 1) / threads);
+  }
+  static unsigned item_blocks(const ReducedView& r) { return std::min(blocks_of(r.capacity, kItemThreads), kItemBlocks); }
+
+  void make_room_for_items(ReducedSlot& slot, std::uint32_t capacity) {
+    ReducedView& r = slot.view;
+    const std::size_t words = (capacity + 3) / 4 * 4;
+    std::byte* memory = slot.device_items.reserve(
+        words * (sizeof(PairAnswer) + sizeof(Enclosed) + 3 * sizeof(std::uint32_t)));
+    r.capacity = capacity;
+    r.answers = reinterpret_cast<PairAnswer*>(memory);
+    r.chunk.enclosed = reinterpret_cast<Enclosed*>(r.answers + words);
+    r.items = reinterpret_cast<std::uint32_t*>(r.chunk.enclosed + words);
+    r.chunk.rest = r.items + words;
+    r.rest_rows = r.chunk.rest + words;
+  }
+
+  // Rows are written by the kernel straight to host memory: the caller's where that is pinned.
+  void make_room_for_rows(ReducedSlot& slot, std::uint64_t rows) {
+    ReducedView& r = slot.view;
+    std::uint64_t bytes = 0;
+    reply_view_over(nullptr, rows, fields_, &bytes);
+    r.reply_rows = rows;
+    r.chunk.reply = reply_view_over(slot.host_reply.reserve(bytes), rows, fields_);
+    const auto prefer = [](auto*& column, auto* direct, int) {
+      if (direct) column = direct;
+    };
+    for_each_column(prefer, r.chunk.reply, slot.direct);
+  }
+
+  // The seeds and what they cut off.
+  void seed(ReducedSlot& slot) {
+    ReducedView& r = slot.view;
+    const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
+    const std::size_t bytes = groups * (5 * sizeof(std::uint64_t) + 1);
+    std::byte* memory = slot.device_groups.reserve(bytes);
+    r.upper = reinterpret_cast<std::uint64_t*>(memory);
+    r.lower = r.upper + groups;
+    r.winner = r.lower + groups;
+    r.seed = r.winner + groups;
+    r.cutoff = r.seed + groups;
+    r.complete = reinterpret_cast<std::uint8_t*>(r.cutoff + groups);
+    check(cudaMemsetAsync(r.seed, 0xff, groups * (2 * sizeof(std::uint64_t) + 1), slot.stream), "clearing groups");
+    if (r.rows > 0) {
+      find_seeds<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
+      ReducedView without_points = r;
+      without_points.chunk.question.want_points = false;
+      solve_seeds<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(without_points);
+    }
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  // The pairs whose boxes are within max_distance.
+  void mark(ReducedSlot& slot) {
+    ReducedView& r = slot.view;
+    const std::size_t words = (std::size_t{r.rows} + 31) / 32;
+    r.candidate_words = reinterpret_cast<std::uint32_t*>(slot.device_words.reserve(4 * words * sizeof(std::uint32_t)));
+    r.hit_words = r.candidate_words + words;
+    r.candidate_ranks = r.hit_words + words;
+    r.hit_ranks = r.candidate_ranks + words;
+    if (r.rows == 0) return;
+    slot.scan_bytes = 0;
+    rank(slot, r.candidate_words, r.candidate_ranks);  // asks for the size
+    slot.device_scan.reserve(slot.scan_bytes);
+    mark_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
+    rank(slot, r.candidate_words, r.candidate_ranks);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  // Bits set before each word; the first call for a slot finds how much memory that takes.
+  void rank(ReducedSlot& slot, const std::uint32_t* words, std::uint32_t* ranks) {
+    const auto counts = thrust::make_transform_iterator(words, CountBits());
+    void* memory = slot.scan_bytes == 0 ? nullptr : slot.device_scan.data();
+    check(cub::DeviceScan::ExclusiveSum(memory, slot.scan_bytes, counts, ranks, (slot.view.rows + 31) / 32, slot.stream),
+          "ranking rows");
+  }
+
+  void solve(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
+    check(cudaMemsetAsync(r.chunk.counts, 0, kCounts * sizeof(std::uint32_t), slot.stream), "clearing counters");
+    if (!within()) {
+      const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
+      check(cudaMemsetAsync(r.upper, 0xff, 2 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
+    }
+    if (r.rows == 0) return;
+    if (within())
+      list_candidates<<<blocks_of((std::uint64_t{r.rows} + 31) / 32, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
+    else
+      find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
+    solve_candidates<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
+    if (question_.prove_overlaps) prove_reduced_overlaps<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  void write(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
+    if (!within()) {
+      const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
+      check(cudaMemsetAsync(r.winner, 0xff, groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
+      if (r.rows > 0) choose_winners<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
+      write_groups<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
+    } else if (r.rows > 0) {
+      rank(slot, r.hit_words, r.hit_ranks);
+      write_hits<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
+    } else {
+      std::memset(r.host_counts, 0, kCounts * sizeof(std::uint32_t));
+    }
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  // The rows of a chunk that leaves nothing open.
+  ReducedResult result(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
+    ReducedResult done;
+    done.total = within() ? r.host_counts[kHits] : slot.most_rows;
+    done.row_count = std::min(done.total, slot.most_rows);
+    if (done.row_count > r.reply_rows) {
+      make_room_for_rows(slot, done.row_count);
+      write(slot);
+      check(cudaStreamSynchronize(slot.stream), "answering a query");
+    }
+    done.rows = r.chunk.reply;
+    done.settled = r.host_counts[kSettledRows];
+    return done;
+  }
+
+  Reduce reduce_ = Reduce::kMin;
+  std::uint32_t groups_ = 1;
+  std::uint64_t most_rows_ = 0;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,134 @@
+// What stays in device memory between queries: the scene's hulls, and lists of pairs.
+#pragma once
+
+#include <algorithm>
+#include <unordered_map>
+#include <vector>
+
+#include "device.h"
+#include "engine/direction_table.h"
+#include "engine/scene.h"
+#include "memory.cuh"
+#include "pair_kernel.cuh"
+
+namespace clearance::cuda {
+
+// Of a hull that the device looks at vertex by vertex; the CPU answers for larger ones.
+inline constexpr std::size_t kMostVertices = 512;
+inline constexpr std::size_t kTableVertices = 16;  // fewer are scanned as fast
+inline constexpr std::size_t kFewVertices = 4;     // of a list of a table that is not worth dividing further
+inline constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
+
+// The scene's hulls in device memory.
+class ResidentHulls {
+ public:
+  /// \param most_shared bytes that two hulls may take of a block's shared memory.
+  ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters)
+      : most_shared_(static_cast<std::uint32_t>(most_shared)), memory_(counters) {
+    std::vector<HullHead> heads;
+    std::vector<double> x, y, z;
+    std::vector<std::uint16_t> words;
+    std::unordered_map<const Piece*, std::uint32_t> index;
+    for (const Body& body : scene.bodies()) {
+      const Piece& p = *body.pieces[0];
+      if (body.pieces.size() > 1 || p.vertices.size() > kMostVertices) {
+        of_body_.push_back(kNone);
+        continue;
+      }
+      const auto [at, is_new] = index.try_emplace(&p, static_cast<std::uint32_t>(heads.size()));
+      of_body_.push_back(at->second);
+      if (!is_new) continue;
+      HullHead head{p.centre,
+                    p.half,
+                    p.rho,
+                    p.radius,
+                    p.spread,
+                    static_cast<std::uint32_t>(x.size()),
+                    static_cast<std::uint32_t>(p.vertices.size()),
+                    0,
+                    0,
+                    0,
+                    0};
+      add_table(p, head, words);
+      heads.push_back(head);
+      for (const Vec3d& v : p.vertices) {
+        x.push_back(v.x);
+        y.push_back(v.y);
+        z.push_back(v.z);
+      }
+    }
+    for (const HullHead& h : heads) shared_bytes_.push_back(shared_bytes(h));
+    Upload& m = memory_;
+    const std::size_t at_heads = m.add<HullHead>(heads), at_x = m.add<double>(x), at_y = m.add<double>(y),
+                      at_z = m.add<double>(z), at_words = m.add<std::uint16_t>(words),
+                      at_of = m.add<std::uint32_t>(of_body_);
+    m.send(nullptr);
+    check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
+    m.forget_host();
+    view_ = {m.at<HullHead>(at_heads),      m.at<double>(at_x),        m.at<double>(at_y), m.at<double>(at_z),
+             m.at<std::uint16_t>(at_words), m.at<std::uint32_t>(at_of)};
+  }
+  const HullsView& view() const { return view_; }
+  std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
+  std::uint32_t bytes_in_shared_memory(std::uint32_t hull) const { return shared_bytes_[hull]; }
+
+ private:
+  // Finer than the CPU's: threads that run side by side wait for the longest list. A table that leaves no room for
+  // another hull is left out.
+  void add_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) const {
+    if (p.vertices.size() < kTableVertices) return;
+    const DirectionTable table = make_direction_table(p.vertices, p.rho, kFewVertices);
+    if (std::max(table.cells.size(), table.lists.size()) >= kNarrowDivided) return;
+    HullHead with_table = head;
+    with_table.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
+    if (2 * shared_bytes(with_table) > most_shared_) return;
+    words.resize((words.size() + 7) / 8 * 8);
+    head.first_word = static_cast<std::uint32_t>(words.size());
+    head.grid_bits = table.grid_bits;
+    head.cell_words = static_cast<std::uint32_t>(table.cells.size());
+    head.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
+    for (const std::uint32_t cell : table.cells)
+      words.push_back(static_cast<std::uint16_t>(cell & DirectionTable::kDivided ? kNarrowDivided | cell : cell));
+    words.insert(words.end(), table.lists.begin(), table.lists.end());
+    words.resize((words.size() + 7) / 8 * 8);
+  }
+
+  std::uint32_t most_shared_;
+  Upload memory_;
+  std::vector<std::uint32_t> of_body_, shared_bytes_;
+  HullsView view_;
+};
+
+class CudaPairs final : public ResidentPairs {
+ public:
+  CudaPairs(const ResidentHulls& hulls, MemoryCounters& counters, std::span<const PairRef> p,
+            std::span<const std::uint32_t> at, std::span<const Group> g, std::span<const std::uint32_t> tiles)
+      : memory_(counters) {
+    const std::size_t at_pairs = memory_.add(p), at_position = memory_.add(at), at_groups = memory_.add(g),
+                      at_tiles = memory_.add(tiles);
+    memory_.send(nullptr);
+    check(cudaStreamSynchronize(nullptr), "copying pairs to the device");
+    memory_.forget_host();
+    pairs = memory_.at<PairRef>(at_pairs);
+    position = memory_.at<std::uint32_t>(at_position);
+    groups = memory_.at<Group>(at_groups);
+    group_of_tile = memory_.at<std::uint32_t>(at_tiles);
+    for (const Group& group : g) {
+      if (group.hull_a == kNone) continue;
+      const std::uint32_t both = hulls.bytes_in_shared_memory(group.hull_a) +
+                                 (group.hull_a == group.hull_b ? 0 : hulls.bytes_in_shared_memory(group.hull_b));
+      shared_bytes = std::max<std::size_t>(shared_bytes, both);
+    }
+  }
+
+  const PairRef* pairs;
+  const std::uint32_t* position;
+  const Group* groups;
+  const std::uint32_t* group_of_tile;
+  std::size_t shared_bytes = 0;  ///< for the hulls of any group
+
+ private:
+  Upload memory_;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,180 @@
+// A query on the device: its bodies' poses, and a few chunks under way, each in a stream of its own.
+#pragma once
+
+#include <memory>
+
+#include "device.h"
+#include "memory.cuh"
+#include "place_kernel.cuh"
+#include "resident.cuh"
+
+namespace clearance::cuda {
+
+/// What all workspaces of a device count together.
+struct WorkCounters {
+  MemoryCounters memory;
+  std::atomic<std::uint64_t> kernel_ns{0}, launches{0};
+};
+
+struct Event {
+  cudaEvent_t event{};
+  Event() { check(cudaEventCreate(&event), "making an event"); }
+  ~Event() { cudaEventDestroy(event); }
+  Event(const Event&) = delete;
+};
+
+/// What every chunk has.
+struct QuerySlot {
+  QuerySlot(MemoryCounters& c, int priority) : device_poses(c), device_bodies(c), host_poses(c) {
+    check(cudaStreamCreateWithPriority(&stream, cudaStreamNonBlocking, priority), "making a stream");
+  }
+  ~QuerySlot() { cudaStreamDestroy(stream); }
+  QuerySlot(const QuerySlot&) = delete;
+
+  cudaStream_t stream{};
+  Event begun;
+  std::uint64_t chunk = 0;  // of the query
+  DeviceBuffer device_poses, device_bodies;
+  PinnedBuffer host_poses;
+};
+
+/// The part that workspaces of dense and of reduced queries share. \param Interface of device.h. \param Slot a QuerySlot.
+template <class Interface, class Slot>
+class QuerySide : public Interface {
+ public:
+  static constexpr int kSlots = kChunksUnderWay;
+
+  QuerySide(const ResidentHulls& hulls, WorkCounters& counters)
+      : hulls_(hulls), counters_(counters), setup_(counters.memory) {
+    // Blocks of the chunk that was started first go first, so that its answers are on their way while the next are
+    // computed.
+    int least = 0, greatest = 0;
+    check(cudaDeviceGetStreamPriorityRange(&least, &greatest), "asking for priorities");
+    for (int i = 0; i < kSlots; ++i)
+      slots_[i] = std::make_unique<Slot>(counters.memory, std::max(greatest, least - (kSlots - 1 - i)));
+  }
+
+  // Nothing may run on after a job that was given up.
+  ~QuerySide() override { wait_for_all(); }
+  void wait_for_all() {
+    for (const auto& slot : slots_)
+      if (slot) cudaStreamSynchronize(slot->stream);
+  }
+
+  void begin(const QuerySetup& s) override {  // nothing is under way: whoever had this before waited when letting it go
+    chunks_ = 0;
+    question_ = s.question;
+    fields_ = s.fields;
+    given_count_ = s.given_count;
+    setup_.clear();
+    const std::size_t fixed_state = setup_.add(s.fixed_state), moved_body = setup_.add(s.moved_body),
+                      source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
+                      own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base),
+                      fixed = setup_.add(s.fixed);
+    const std::size_t bodies = s.fixed_state.size();
+    const std::size_t boxes = setup_.add_room(s.boxes ? bodies * kBoxComponents * sizeof(double) : 0, false),
+                      outer_boxes = setup_.add_room(s.boxes ? bodies * sizeof(OuterBox) : 0, true);
+    setup_.send(slots_[0]->stream);
+    bodies_ = {setup_.at<double>(fixed),
+               setup_.at<std::uint8_t>(fixed_state),
+               s.boxes ? setup_.at<OuterBox>(outer_boxes) : nullptr,
+               static_cast<std::uint32_t>(bodies),
+               nullptr,
+               nullptr,
+               nullptr,
+               setup_.at<std::uint32_t>(moved_body),
+               static_cast<std::uint32_t>(s.moved_body.size()),
+               kPoseComponents + (s.boxes ? kBoxComponents : 0)};
+    if (s.boxes && bodies > 0) {
+      box_fixed_bodies<<<static_cast<unsigned>((bodies + 127) / 128), 128, 0, slots_[0]->stream>>>(
+          hulls_.view(), bodies_, setup_.room<double>(boxes), setup_.room<OuterBox>(outer_boxes));
+      check(cudaGetLastError(), "starting a kernel");
+    }
+    check(cudaEventRecord(ready_.event, slots_[0]->stream), "recording an event");
+    for (int i = 1; i < kSlots; ++i)
+      check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
+    moves_ = {nullptr,
+              s.given_count,
+              setup_.at<std::uint32_t>(source),
+              setup_.at<Pose>(own),
+              setup_.at<std::uint32_t>(begin),
+              setup_.at<std::uint32_t>(chain),
+              setup_.at<BodyPlacement>(base),
+              setup_.at<std::uint8_t>(has_base)};
+    pairs_ = static_cast<const CudaPairs*>(s.pairs);
+  }
+
+  Pose* room_for_poses(int slot, std::size_t count) override {
+    return reinterpret_cast<Pose*>(slots_[slot]->host_poses.reserve(count * sizeof(Pose)));
+  }
+
+ protected:
+  // The view of a chunk, with its moved bodies on their way to where they are.
+  ChunkView view_of(Slot& slot, const ChunkSetup& chunk) {
+    ChunkView view;
+    view.hulls = hulls_.view();
+    view.bodies = bodies_;
+    view.question = question_;
+    view.pairs = pairs_->pairs + chunk.first_pair;
+    view.position = pairs_->position + chunk.first_pair;
+    view.pair_count = chunk.pair_count;
+    view.configurations = chunk.configurations;
+    view.first_configuration = chunk.first_configuration;
+    if (bodies_.moved_count > 0) place(slot, chunk, view.bodies);
+    return view;
+  }
+
+  void kernels_begin(Slot& slot) { check(cudaEventRecord(slot.begun.event, slot.stream), "recording an event"); }
+  void kernels_end(Slot& slot) {
+    slot.chunk = chunks_++;
+    check(cudaEventRecord(ended_[slot.chunk % (kSlots + 1)].event, slot.stream), "recording an event");
+    ++counters_.launches;
+  }
+  void count_kernels(const Slot& slot) {
+    counters_.kernel_ns += static_cast<std::uint64_t>(1e6 * kernel_milliseconds(slot));
+  }
+
+  // Since the chunk's kernels began, or since the chunk before ended if they ran side by side.
+  float kernel_milliseconds(const Slot& slot) {
+    const cudaEvent_t ended = ended_[slot.chunk % (kSlots + 1)].event;
+    float alone = 0, after = 0;
+    check(cudaEventElapsedTime(&alone, slot.begun.event, ended), "reading events");
+    if (slot.chunk == 0) return alone;
+    check(cudaEventElapsedTime(&after, ended_[(slot.chunk - 1) % (kSlots + 1)].event, ended), "reading events");
+    return std::max(0.0f, std::min(alone, after));
+  }
+
+  void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
+    const std::size_t given_bytes = sizeof(Pose) * given_count_ * chunk.configurations;
+    std::byte* given = slot.device_poses.reserve(given_bytes);
+    check(cudaMemcpyAsync(given, slot.host_poses.data(), given_bytes, cudaMemcpyHostToDevice, slot.stream),
+          "copying poses");
+    const std::size_t states = std::size_t{bodies.moved_count} * chunk.configurations,
+                      numbers = states * bodies.components * sizeof(double),
+                      boxes = bodies.fixed_box ? states * sizeof(OuterBox) : 0;
+    std::byte* memory = slot.device_bodies.reserve(boxes + numbers + states);
+    bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
+    bodies.moved = reinterpret_cast<double*>(memory + boxes);
+    bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + numbers);
+    MovesView moves = moves_;
+    moves.given = reinterpret_cast<const Pose*>(given);
+    place_bodies<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves,
+                                                                                       chunk.configurations);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
+  const ResidentHulls& hulls_;
+  WorkCounters& counters_;
+  Question question_;
+  std::uint32_t fields_ = 0, given_count_ = 0;
+  Upload setup_;
+  BodiesView bodies_;
+  MovesView moves_;
+  const CudaPairs* pairs_ = nullptr;
+  Event ready_;
+  Event ended_[kSlots + 1];  // of chunks, by their number
+  std::uint64_t chunks_ = 0;
+  std::unique_ptr<Slot> slots_[kSlots];
+};
+
+}  // namespace clearance::cuda

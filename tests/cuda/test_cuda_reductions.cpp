@@ -1,0 +1,255 @@
+// Nearest, least and within a distance on the device: the CPU's rows, bit by bit, for every way of asking.
+#include <algorithm>
+#include <thread>
+
+#include "same_answer.h"
+
+namespace clearance::test {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr Reduce kReductions[] = {Reduce::kNearest, Reduce::kMin, Reduce::kWithin};
+
+// Bodies that the device knows: few shapes, some of them rounded, some static.
+Scene simple_scene(int count, double box, std::uint64_t seed) {
+  Random random(seed);
+  Scene scene;
+  for (int i = 0; i < count; ++i) {
+    Scene::BodyOptions options;
+    options.pose = random.pose(box);
+    options.is_static = i % 7 == 3;
+    const std::string name = "body" + std::to_string(i);
+    switch (i % 4) {
+      case 0: scene.add_capsule(name, 0.2, 0.5, options); break;
+      case 1: scene.add_hull(name, cloud_on_sphere(200, 0.5, 4), options); break;
+      case 2: scene.add_box(name, {0.4, 0.7, 0.2}, options); break;
+      default: scene.add_uv_sphere(name, 0.5, 5, options);
+    }
+  }
+  return scene;
+}
+
+std::vector<std::pair<std::string, QueryView>> questions() {
+  std::vector<std::pair<std::string, QueryView>> all;
+  for (const Reduce reduce : kReductions) {
+    const auto add = [&](const std::string& name, auto&& change) {
+      QueryView q;
+      q.fields = kAllFields;
+      q.reduce = reduce;
+      if (reduce == Reduce::kWithin) q.max_distance = 0.8;
+      change(q);
+      all.emplace_back("reduction " + std::to_string(int(reduce)) + ", " + name, q);
+    };
+    add("all columns", [](QueryView&) {});
+    add("default columns", [](QueryView& q) { q.fields = kDefaultFields; });
+    add("compact", [](QueryView& q) { q.format = Format::kCompact, q.fields = kFieldCompact | kFieldFlags; });
+    add("no tolerance", [](QueryView& q) { q.rel_tol = 0; });
+    add("loose", [](QueryView& q) { q.rel_tol = 0.2, q.abs_tol = 0.01; });
+    add("near", [](QueryView& q) { q.max_distance = 0.3; });
+    add("nearer than any", [](QueryView& q) { q.max_distance = 1e-9; });
+    add("of no distance", [](QueryView& q) { q.max_distance = 0; });
+    add("depth", [](QueryView& q) { q.signed_distance = true; });
+    add("depth, near", [](QueryView& q) { q.signed_distance = true, q.max_distance = 0.2; });
+    if (reduce == Reduce::kWithin) {
+      add("all", [](QueryView& q) { q.max_distance = kInf; });
+      add("the first few", [](QueryView& q) { q.max_results = 17; });
+      add("none", [](QueryView& q) { q.max_results = 0; });
+    }
+  }
+  return all;
+}
+
+class CudaReductions : public testing::Test {
+ protected:
+  void SetUp() override { SKIP_WITHOUT_DEVICE(); }
+};
+
+void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what) {
+  expect_same(ask(device, q), ask(cpu, q), what, true);
+}
+
+TEST_F(CudaReductions, GiveTheBitsOfTheCpuForAllPairsOfAScene) {
+  for (const double box : {0.7, 3.0, 20.0}) {
+    const Engine device(simple_scene(150, box, 1), {"cuda"}), cpu(simple_scene(150, box, 1), {"cpu"});
+    for (const auto& [name, q] : questions()) compare(device, cpu, q, name + ", box " + std::to_string(box));
+    EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
+    EXPECT_GT(counter(device, "cuda.pairs_settled"), 1000u);
+    if (box < 1) {
+      EXPECT_GT(counter(device, "cuda.pairs_finished_on_cpu"), 1000u) << "depths";
+    }
+  }
+}
+
+// Bodies on a grid, so that many distances and box gaps are the same.
+TEST_F(CudaReductions, BreakTiesAsTheCpuDoes) {
+  const auto grid = [] {
+    Scene scene;
+    for (int i = 0; i < 216; ++i)
+      scene.add_box("b" + std::to_string(i), {1, 1, 1},
+                    {.pose = Pose{{2.0 * (i % 6), 2.0 * (i / 6 % 6), 2.0 * (i / 36)}}});
+    return scene;
+  };
+  const Engine device(grid(), {"cuda"}), cpu(grid(), {"cpu"});
+  for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
+  QueryView q;
+  q.fields = kAllFields;
+  for (const double max_distance : {0.5, 1.0, 1.5, 3.0})
+    for (const Reduce reduce : kReductions) {
+      q.reduce = reduce;
+      q.max_distance = max_distance;
+      compare(device, cpu, q, "max_distance " + std::to_string(max_distance));
+    }
+}
+
+TEST_F(CudaReductions, GiveTheBitsOfTheCpuForConfigurations) {
+  const auto arm = [] {
+    Scene scene = simple_scene(40, 2, 3);
+    for (int i : {20, 21, 22}) scene.set_parent("body" + std::to_string(i + 1), "body" + std::to_string(i));
+    scene.set_parent("body30", "body29");
+    return scene;
+  };
+  const Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
+  const std::vector<std::uint32_t> bodies{2, 21, 23, 39, 30};
+  Random random(4);
+  for (const std::uint32_t K : {1u, 2u, 130u, 3000u}) {
+    std::vector<Pose> poses;
+    for (std::size_t i = 0; i < K * bodies.size(); ++i) poses.push_back(random.pose(3));
+    poses[3].qw = poses[3].qx = poses[3].qy = poses[3].qz = 0;
+    poses[1].translation.y = std::numeric_limits<double>::quiet_NaN();
+    poses[0].qx *= 100;
+    for (const auto& [name, question] : questions()) {
+      QueryView q = question;
+      if (K == 3000 && (q.signed_distance || q.rel_tol == 0 || q.max_distance == kInf)) {
+        if (q.reduce != Reduce::kMin || q.signed_distance) continue;
+      }
+      q.configuration_count = K;
+      q.bodies = bodies;
+      q.configurations = poses;
+      compare(device, cpu, q, name + ", " + std::to_string(K) + " configurations");
+    }
+  }
+  EXPECT_GT(counter(device, "cuda.chunks"), counter(device, "cuda.queries")) << "some took several chunks";
+  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
+}
+
+TEST_F(CudaReductions, TakeExplicitPairsAndLeaveUnknownBodiesToTheCpu) {
+  const Engine device(simple_scene(60, 3, 5), {"cuda"}), cpu(simple_scene(60, 3, 5), {"cpu"});
+  Random random(6);
+  std::vector<BodyPair> pairs;
+  while (pairs.size() < 5000) {
+    const BodyPair p{static_cast<std::uint32_t>(random.below(50)), static_cast<std::uint32_t>(random.below(50))};
+    if (p.a != p.b) pairs.push_back(p);  // some twice, some the other way round; bodies 50 to 59 have none
+  }
+  for (const std::size_t count : {5000u, 63u, 1u, 0u})
+    for (const Reduce reduce : kReductions) {
+      QueryView q;
+      q.all_pairs = false;
+      q.pairs = std::span(pairs).first(count);
+      q.fields = kAllFields;
+      q.reduce = reduce;
+      compare(device, cpu, q, std::to_string(count) + " pairs");
+    }
+  const std::uint64_t on_cpu = counter(device, "cuda.queries_on_cpu");
+  pairs.push_back({3, 1000});
+  QueryView q;
+  q.all_pairs = false;
+  q.pairs = pairs;
+  q.fields = kAllFields;
+  q.reduce = Reduce::kWithin;
+  q.max_distance = 0.1;
+  compare(device, cpu, q, "an unknown body");
+  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), on_cpu + 1);
+}
+
+TEST_F(CudaReductions, SayWhichGroupsHoldUnusablePoses) {
+  Scene scene = simple_scene(50, 3, 7), same = simple_scene(50, 3, 7);
+  for (Scene* s : {&scene, &same}) s->add_box("late", {1, 1, 1}, {});
+  Engine device(std::move(scene), {"cuda"}), cpu(std::move(same), {"cpu"});
+  std::vector<BodyPose> poses{
+      {2, Pose{{1, 2, 3}, 0, 0, 0, 0}}, {4, Pose{{kInf, 0, 0}}}, {6, Pose{{0, 1, 0}, 2, 0, 0, 0}}};
+  for (Engine* e : {&device, &cpu}) e->set_poses(poses);
+  for (const auto& [name, question] : questions()) {
+    QueryView q = question;
+    compare(device, cpu, q, name);
+    q.max_pose_age_ns = std::int64_t{1} << 62;
+    compare(device, cpu, q, name + ", stale");
+  }
+  // Nothing but bad bodies, and bad bodies before good ones.
+  const BodyPair bad[] = {{4, 2}, {2, 50}, {50, 4}};
+  const BodyPair mixed[] = {{4, 2}, {2, 8}, {8, 12}, {12, 4}};
+  for (const auto& [name, question] : questions())
+    for (const std::span<const BodyPair> pairs : {std::span<const BodyPair>(bad), std::span<const BodyPair>(mixed)}) {
+      QueryView q = question;
+      q.all_pairs = false;
+      q.pairs = pairs;
+      compare(device, cpu, q, name + ", " + std::to_string(pairs.size()) + " pairs of bad bodies");
+    }
+}
+
+TEST_F(CudaReductions, GrowWhereAllPairsAreNearAndAllocateNothingOnceWarm) {
+  const Engine device(simple_scene(700, 1.0, 8), {"cuda"}), cpu(simple_scene(700, 1.0, 8), {"cpu"});
+  for (const Reduce reduce : kReductions) {
+    QueryView q;
+    q.reduce = reduce;
+    if (reduce == Reduce::kWithin) q.max_distance = 10;
+    const Answer expected = ask(cpu, q);
+    if (reduce == Reduce::kWithin) {
+      ASSERT_GT(expected.info.rows, std::uint64_t{1} << 17);
+    }
+    expect_same(ask(device, q, std::chrono::nanoseconds(1)), expected, "in slices", true);
+    const std::uint64_t allocations = counter(device, "cuda.allocations");
+    for (int i = 0; i < 3; ++i) expect_same(ask(device, q), expected, "again", true);
+    EXPECT_EQ(counter(device, "cuda.allocations"), allocations);
+  }
+}
+
+TEST_F(CudaReductions, WriteStraightIntoPinnedMemory) {
+  const Engine device(simple_scene(300, 6, 9), {"cuda"}), cpu(simple_scene(300, 6, 9), {"cpu"});
+  for (const auto& [name, q] : questions()) {
+    const Answer expected = ask(cpu, q);
+    std::uint64_t bytes = 0;
+    reply_view_over(nullptr, expected.size.rows, expected.size.fields, &bytes);
+    const cuda::PinnedMemory memory(bytes + 1);
+    Answer direct;
+    direct.size = expected.size;
+    direct.view = reply_view_over(memory.data(), expected.size.rows, expected.size.fields);
+    Job job = device.start(q, direct.view);
+    while (!job.advance(std::chrono::nanoseconds(1))) {
+    }
+    direct.info = job.info();
+    expect_same(direct, expected, name, true);
+  }
+}
+
+TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
+  const Engine device(simple_scene(300, 4, 12), {"cuda"}), cpu(simple_scene(300, 4, 12), {"cpu"});
+  std::vector<Answer> expected;
+  std::vector<QueryView> asked;
+  for (const auto& [name, q] : questions()) {
+    asked.push_back(q);
+    expected.push_back(ask(cpu, q));
+  }
+  for (std::size_t i = 0; i < asked.size(); i += 5) {
+    const Answer room = ask(cpu, asked[i]);
+    const Job given_up = device.start(asked[i], room.view);
+  }
+  std::vector<std::thread> threads;
+  std::vector<std::vector<Answer>> answers(4, std::vector<Answer>(asked.size()));
+  for (std::size_t t = 0; t < answers.size(); ++t)
+    threads.emplace_back([&, t] {
+      for (std::size_t i = 0; i < asked.size(); ++i)
+        answers[t][(i + t) % asked.size()] = ask(device, asked[(i + t) % asked.size()]);
+    });
+  for (std::thread& t : threads) t.join();
+  for (const auto& mine : answers)
+    for (std::size_t i = 0; i < asked.size(); ++i) expect_same(mine[i], expected[i], "of a thread", true);
+}
+
+TEST_F(CudaReductions, LeaveScenesThatTheDeviceDoesNotKnowToTheCpu) {
+  const Engine device(mixed_scene(40, 2, 13), {"cuda"}), cpu(mixed_scene(40, 2, 13), {"cpu"});
+  for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
+  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), questions().size());
+}
+
+}  // namespace
+}  // namespace clearance::test
