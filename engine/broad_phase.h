@@ -1,4 +1,5 @@
-// Pairs of bodies that may be near: brute force and a tree behind one interface.
+// All pairs of boxes that are near: brute force and the tree behind one interface, so that they can be held against each
+// other and against the baselines. Queries use NearPairs (near_pairs.h), made of the same parts.
 #pragma once
 
 #include <memory>
@@ -22,11 +23,11 @@ class BroadPhase {
   virtual void candidates(std::span<const Aabb> boxes, double margin, std::vector<BodyPair>& out) const = 0;
 };
 
-/// Every pair of boxes: O(N^2), and hard to beat below some hundred bodies.
-std::unique_ptr<BroadPhase> make_brute_force_broad_phase();
-/// A bounding volume hierarchy, built anew for each call: O(N log N) and the pairs found.
-std::unique_ptr<BroadPhase> make_tree_broad_phase();
-/// The one that is expected to be faster for so many bodies.
-const BroadPhase& broad_phase_for(std::size_t bodies);
+/// Every pair of boxes, one box against many at a time: O(N^2), and hard to beat below a hundred bodies.
+/// \param threads 0: all cores.
+std::unique_ptr<BroadPhase> make_brute_force_broad_phase(int threads = 1);
+/// A BoxTree: O(N log N) and the pairs found. \param keep follows the boxes from call to call, which then must come one
+/// after another; false: made anew each time.
+std::unique_ptr<BroadPhase> make_tree_broad_phase(int threads = 1, bool keep = false);
 
 }  // namespace clearance

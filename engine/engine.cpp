@@ -22,7 +22,9 @@ struct Engine::Impl {
   bool reference = false;
   const LaneKernel* lanes = nullptr;
   bool light = false;
+  NearBy near_by = NearBy::kAuto;
   mutable WarmStore warm;
+  mutable BoxTreeStore trees;
   std::unique_ptr<cuda::DeviceBackend> device;
   PoseStore poses;
   pid_t process = getpid();
@@ -58,6 +60,7 @@ Engine::Engine(Scene scene, const Options& options) {
   impl_ = std::make_unique<Impl>(std::move(scene), options);
   impl_->reference = options.backend == "reference";
   impl_->lanes = &lane_kernel(options.instruction_set);
+  impl_->near_by = near_by_name(options.broad_phase);
   const std::vector<Body>& bodies = impl_->scene.bodies();
   impl_->light = !impl_->reference && std::all_of(bodies.begin(), bodies.end(), [](const Body& b) {
     return b.pieces.size() == 1;
@@ -115,7 +118,7 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
   const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, impl_->lanes, impl_->light, &impl_->pairs_evaluated,
-                           &impl_->warm, impl_->device.get()};
+                           &impl_->warm, &impl_->trees, impl_->near_by, impl_->device.get()};
   return Job(make_job(context, std::move(plan), reply));
 }
 
@@ -130,6 +133,8 @@ Counters Engine::stats() const {
   Counters counters{{"engine.bodies", impl_->scene.bodies().size()},
           {"engine.pieces", pieces},
           {"engine.warm_bytes", impl_->warm.bytes()},
+          {"engine.box_trees", impl_->trees.builds()},
+          {"engine.box_tree_bytes", impl_->trees.bytes()},
           {"engine.vertices", vertices},
           {"engine.pairs", snapshot->pairs->size()},
           {"engine.threads", static_cast<std::uint64_t>(impl_->options.threads)},

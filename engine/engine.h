@@ -73,10 +73,12 @@ class Engine {
     int threads = 0;               ///< 0: all cores
     /// Of the CPU's SIMD lanes: "auto", "avx512", "avx2", "baseline". Only speed depends on it, not one bit of an answer.
     std::string instruction_set = "auto";
+    /// How reductions find near pairs: "auto", "brute" (every pair's boxes), "tree". Only speed depends on it.
+    std::string broad_phase = "auto";
     std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are refused
   };
 
-  /// Throws std::invalid_argument for an unknown backend or instruction set, std::runtime_error for one that is absent on
+  /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, std::runtime_error for one that is absent on
   /// this machine.
   explicit Engine(Scene scene) : Engine(std::move(scene), Options()) {}
   Engine(Scene scene, const Options& options);

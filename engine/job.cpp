@@ -179,9 +179,11 @@ class DenseJob final : public ParallelJob {
 class ReducedJob final : public ParallelJob {
  public:
   ReducedJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
-      : ParallelJob(context, std::move(plan), reply), whole_(plan_.size.pairs <= kWholeConfigurations) {
+      : ParallelJob(context, std::move(plan), reply), whole_(plan_.size.pairs <= kWholeConfigurations),
+        near_pairs_(scene(), plan_, boxes(), *context.trees, options_.cull ? context.near_by : NearBy::kBrute) {
+    columns_.assign(boxes());
     for (int i = 0; i < (whole_ ? workers() : 1); ++i)
-      reductions_.emplace_back(scene(), plan_, options_, whole_ ? 1 : workers());
+      reductions_.emplace_back(scene(), plan_, options_, Reduction::Boxes{boxes(), columns_, near_pairs_}, whole_ ? 1 : workers());
   }
 
   bool advance(std::chrono::nanoseconds budget) override {
@@ -246,6 +248,8 @@ class ReducedJob final : public ParallelJob {
   }
 
   bool whole_;
+  NearPairs near_pairs_;
+  BoxColumns columns_;
   std::vector<Reduction> reductions_;
   std::vector<std::vector<Row>> batch_rows_;
   std::uint64_t first_ = 0, next_ = 0, written_ = 0;

@@ -5,9 +5,10 @@
 #include <chrono>
 #include <memory>
 
-#include "lanes.h"
+#include "near_pairs.h"
 #include "engine.h"
 #include "evaluate.h"
+#include "lanes.h"
 #include "plan.h"
 #include "warm.h"
 
@@ -26,6 +27,8 @@ struct JobContext {
   bool light;                 ///< all bodies are single pieces: a pair takes well under 1 us, not 10
   std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
   WarmStore* warm = nullptr;
+  BoxTreeStore* trees = nullptr;
+  NearBy near_by = NearBy::kAuto;
   cuda::DeviceBackend* device = nullptr;        ///< null: the CPU alone
 };
 

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "box_cull.h"
+#include "near_pairs.h"
 #include "columns.h"
 #include "evaluate.h"
 #include "plan.h"
@@ -19,8 +21,13 @@ class Reduction {
  public:
   enum Stage { kSeedScan, kSeeds, kScan, kCandidates, kDone };
 
-  /// \param workers how many may run units of one stage at a time.
-  Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, int workers);
+  /// \param boxes where the pairs' boxes are; must outlive this. \param workers how many may run units of one stage at a time.
+  struct Boxes {
+    std::span<const Aabb> all;   ///< in the snapshot; empty: not made
+    const BoxColumns& columns;   ///< the same
+    const NearPairs& near_pairs;
+  };
+  Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes, int workers);
 
   /// Begins anew for another configuration.
   void begin();
@@ -35,39 +42,44 @@ class Reduction {
   std::uint64_t evaluated() const { return seeds_.size() + candidates_.size(); }
 
  private:
-  struct Seed {
-    double gap;
-    std::uint64_t position;
-    friend auto operator<=>(const Seed&, const Seed&) = default;
-  };
+  using Seed = TreeSearch::Seed;
   struct WorkerState {
-    WorkerState(const Scene& scene, const EvaluateOptions& options) : evaluator(scene, options) {}
+    WorkerState(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes)
+        : evaluator(scene, options), cull(scene, boxes.all, boxes.columns), search(scene, plan, boxes.near_pairs) {}
 
     std::vector<Seed> seed;                  // of each group
     std::vector<std::uint8_t> incomplete;    // of each group
     std::vector<std::uint64_t> candidates;   // positions
     std::vector<BodyPair> room;
     std::vector<PlacedBodies> asked;
+    std::vector<double> gaps;
     Evaluator evaluator;
+    BoxCull cull;
+    TreeSearch search;
   };
   bool per_body() const { return plan_.query.reduce == Reduce::kNearest; }
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
   template <class Visit>
   void for_groups(BodyPair pair, Visit visit) const;
-  void seed_scan(std::uint64_t block, WorkerState& worker, const Placement& placement);
-  void scan(std::uint64_t block, WorkerState& worker, const Placement& placement);
-  void scan_by_broad_phase(WorkerState& worker, const Placement& placement);
+  std::span<const double> gaps(std::span<const BodyPair> pairs, WorkerState& worker, const Placement& placement) const;
+  void seed_scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
+  void scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
+  void seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
+  void scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
+  void scan_unplaced(WorkerState& worker, const Placement& placement) const;
 
   const Scene& scene_;
   const Plan& plan_;
   EvaluateOptions options_;
   std::size_t groups_;
-  bool by_broad_phase_;  ///< all pairs within a distance: found without looking at each
+  const NearPairs& near_pairs_;
+  bool have_boxes_, by_tree_;
   Stage stage_ = kDone;
   std::vector<WorkerState> workers_;
   std::vector<std::uint8_t> incomplete_;
   std::vector<double> cutoff_;                   // of each group
   std::vector<std::uint64_t> seeds_, candidates_;  // positions, ascending
+  std::vector<BodyPair> seed_pairs_, candidate_pairs_;
   std::vector<PairAnswer> seed_answers_, candidate_answers_;
 };
 
