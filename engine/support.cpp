@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "clones.h"
 #include "direction_table.h"
@@ -12,37 +13,53 @@ namespace {
 
 constexpr double kUnitRoundoff = 0x1p-53;
 
-// Eight lanes keep their own best, so that the loop has no chain of dependent comparisons and the compiler vectorises it.
+// Eight lanes keep their own best, in vectors of the compiler's (GCC and Clang) since neither loops over arrays nor branches
+// are fast enough: which vertex is the best so far cannot be predicted.
+using Eight = double __attribute__((vector_size(64)));
+
+// n . v of eight vertices.
+inline void reach(const Vec3d& n, const double* px, const double* py, const double* pz, Eight& s) {
+  Eight x, y, z;
+  std::memcpy(&x, px, sizeof x);
+  std::memcpy(&y, py, sizeof y);
+  std::memcpy(&z, pz, sizeof z);
+  s = n.x * x + n.y * y + n.z * z;
+}
+
+// \param take takes the second into the first, lane by lane.
+template <class Take>
+inline double fold(const Eight& lanes, const Take& take) {
+  using Four = double __attribute__((vector_size(32)));
+  using Two = double __attribute__((vector_size(16)));
+  Four four[2];
+  std::memcpy(four, &lanes, sizeof lanes);
+  take(four[0], four[1]);
+  Two two[2];
+  std::memcpy(two, four, sizeof two);
+  take(two[0], two[1]);
+  double low = two[0][0];
+  take(low, double{two[0][1]});
+  return low;
+}
+
 CLEARANCE_CLONES SupportPoint<double> scan(const Piece& piece, const Vec3d& n) {
-  constexpr int kLanes = 8;
-  const std::size_t count = piece.vertices.size();
+  constexpr std::size_t kLanes = 8;
+  const std::size_t count = piece.x.size();  // padded to a multiple of eight
   const double *x = piece.x.data(), *y = piece.y.data(), *z = piece.z.data();
-  SupportPoint<double> best{0, dot(n, Vec3d{x[0], y[0], z[0]})};
-  std::size_t i = 0;
-  if (count >= 2 * kLanes) {
-    double lane_best[kLanes], lane_index[kLanes];
-    for (int k = 0; k < kLanes; ++k) {
-      lane_best[k] = n.x * x[k] + n.y * y[k] + n.z * z[k];
-      lane_index[k] = k;
-    }
-    for (i = kLanes; i + kLanes <= count; i += kLanes)
-      for (int k = 0; k < kLanes; ++k) {
-        const double s = n.x * x[i + k] + n.y * y[i + k] + n.z * z[i + k];
-        const bool better = s > lane_best[k];
-        lane_best[k] = better ? s : lane_best[k];
-        lane_index[k] = better ? static_cast<double>(i + k) : lane_index[k];
-      }
-    best = {static_cast<std::uint32_t>(lane_index[0]), lane_best[0]};
-    for (int k = 1; k < kLanes; ++k) {
-      const auto index = static_cast<std::uint32_t>(lane_index[k]);
-      if (lane_best[k] > best.value || (lane_best[k] == best.value && index < best.index)) best = {index, lane_best[k]};
-    }
+  const Eight lane{0, 1, 2, 3, 4, 5, 6, 7};
+  Eight best, index = lane;
+  reach(n, x, y, z, best);
+  for (std::size_t i = kLanes; i < count; i += kLanes) {
+    Eight s;
+    reach(n, x + i, y + i, z + i, s);
+    const Eight here = lane + static_cast<double>(i);
+    index = s > best ? here : index;
+    best = s > best ? s : best;
   }
-  for (; i < count; ++i) {
-    const double s = n.x * x[i] + n.y * y[i] + n.z * z[i];
-    if (s > best.value) best = {static_cast<std::uint32_t>(i), s};
-  }
-  return best;
+  const double top = fold(best, [](auto& p, const auto& q) { p = q > p ? q : p; });
+  const Eight none = Eight{} + static_cast<double>(count), tops = best == top ? index : none;
+  const double first = fold(tops, [](auto& p, const auto& q) { p = q < p ? q : p; });
+  return {first < static_cast<double>(count) ? static_cast<std::uint32_t>(first) : 0, top};  // 0: a direction that is no number
 }
 
 double upper_length(const Vec3d& n) { return norm(n) * (1 + 4 * kUnitRoundoff); }
