@@ -80,14 +80,16 @@ Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
 
 namespace {
 
-bool is_closed(std::vector<std::uint64_t>& edges) {
-  std::sort(edges.begin(), edges.end());
-  for (std::size_t i = 0; i < edges.size(); ++i) {
-    if (i > 0 && edges[i] == edges[i - 1]) return false;
-    const std::uint64_t reverse = edges[i] << 32 | edges[i] >> 32;
-    if (!std::binary_search(edges.begin(), edges.end(), reverse)) return false;
-  }
-  return !edges.empty();
+// Whether the edges are twins of each other, two by two and in opposite senses: the surface has no border.
+template <class T>
+bool is_closed(std::span<const CsoFace<T>> faces) {
+  for (std::uint32_t f = 0; f < faces.size(); ++f)
+    for (std::uint32_t e = 0; e < 3; ++e) {
+      const std::uint32_t twin = faces[f].twin[e], g = face_of(twin), k = edge_of(twin);
+      if (g >= faces.size() || k > 2 || faces[g].twin[k] != half_edge(f, e)) return false;
+      if (faces[g].vertex[k] != faces[f].vertex[(e + 1) % 3] || faces[g].vertex[(k + 1) % 3] != faces[f].vertex[e]) return false;
+    }
+  return !faces.empty();
 }
 
 }  // namespace
@@ -101,12 +103,8 @@ double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> ver
   if (!(ball > T(0))) return -kInf;
   const double radius = round_down(ball - T(pair.ball_error()));
   if (!(radius > 0)) return -kInf;
-  std::vector<std::uint64_t> edges;
-  edges.reserve(3 * faces.size());
-  for (const CsoFace<T>& face : faces)
-    for (int i = 0; i < 3; ++i) edges.push_back(std::uint64_t{face.vertex[i]} << 32 | face.vertex[(i + 1) % 3]);
-  if (!is_closed(edges)) return -kInf;
-  return is_surrounded(w.data(), faces.data(), faces.size(), ball) ? radius : -kInf;
+  if (!is_closed(faces)) return -kInf;
+  return is_surrounded(w.data(), faces.data(), faces.size(), ball, T(pair.scale)) ? radius : -kInf;
 }
 
 double certify_overlap(const Piece& a, const Piece& b, double ball) {

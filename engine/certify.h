@@ -166,16 +166,22 @@ struct Witness {
 template <class T>
 Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex);
 
-/// A triangle of CSO vertices (indices into a list) and a direction that it lies beyond, world axes.
+/// A triangle of CSO vertices (indices into a list), a direction that it lies beyond, world axes, and the triangles across
+/// its edges. Edge i goes from vertex i to the next; a half-edge is an edge of a face.
 template <class T>
 struct CsoFace {
   std::array<std::uint32_t, 3> vertex;
+  std::array<std::uint32_t, 3> twin;  ///< across edge i: the half-edge of the other face, from its end to its beginning
   Vec3<T> normal;
 };
+CLEARANCE_HD constexpr std::uint32_t half_edge(std::uint32_t face, std::uint32_t edge) { return face << 2 | edge; }
+CLEARANCE_HD constexpr std::uint32_t face_of(std::uint32_t half_edge) { return half_edge >> 2; }
+CLEARANCE_HD constexpr std::uint32_t edge_of(std::uint32_t half_edge) { return half_edge & 3; }
+
 /// Proves that a ball around the origin lies inside a closed surface of CSO triangles, and returns its radius (metres,
 /// rounding taken off): then the pieces' cores overlap by at least that much. Returns 0 or less if it cannot be proved.
-/// The surface is checked, not trusted: every edge must be shared by two triangles in opposite senses, every triangle must
-/// lie beyond its plane, and a ray from near the origin must leave the surface once more than it enters.
+/// The surface is checked, not trusted: every edge must have a twin in the opposite sense, every triangle must lie beyond its
+/// plane, and they must go around the origin.
 template <class T>
 double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces);
 

@@ -65,7 +65,7 @@ class Answer {
     surface_vertices_.clear();
     surface_faces_.clear();
     for (const CsoVertex<T>& v : vertices) surface_vertices_.push_back({{}, v.a, v.b});
-    for (const CsoFace<T>& f : faces) surface_faces_.push_back({f.vertex, {}});
+    for (const CsoFace<T>& f : faces) surface_faces_.push_back({f.vertex, f.twin, {}});
   }
   bool has_surface() const { return !surface_faces_.empty(); }
   std::vector<CsoVertex<DoubleDouble>>& surface_vertices() { return surface_vertices_; }
@@ -200,12 +200,12 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
   e.abs_tol = limits.abs_tol / 2;
   e.noise = 8 * Arithmetic<T>::kUnit * pair.scale;
   if (!limits.signed_distance) e.enough = 2 * pair.ball_error();
-  const Vec3<T> first = squared_norm(g.v) > T(0) ? g.v * (T(-1) / norm(g.v)) : Vec3<T>{T(1), T(0), T(0)};
-  EpaResult<T> r = Epa<T, SupportedCso<T>>(cso, e).run(g.simplex, first);
-  answer.raise_lower(certify_lower(pair, r.direction), cast<double>(r.direction));
-  if (!r.faces.empty()) take_overlap<T>(pair, r.vertices, r.faces, r.nearest, answer);
+  static thread_local Epa<T> epa;
+  epa.run(cso, e, g.simplex);
+  if (epa.probed()) answer.raise_lower(certify_lower(pair, epa.gap(), norm(epa.direction())), cast<double>(epa.direction()));
+  if (!epa.faces().empty()) take_overlap<T>(pair, epa.vertices(), epa.faces(), epa.nearest(), answer);
   if (answer.bounds().upper > 0) {  // no overlap proved: touching or apart, where points prove the most
-    if (r.nearest.size > 0) answer.take_witness(certify_upper(pair, r.nearest));
+    if (epa.nearest().size > 0) answer.take_witness(certify_upper(pair, epa.nearest()));
     try_witnesses(pair, g.simplex, answer);
   }
 }

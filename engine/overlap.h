@@ -43,22 +43,44 @@ CLEARANCE_HD inline int winding(const Vec3<T>* w, const CsoFace<T>* faces, std::
 /// or less, or NaN: there is none. \param w the vertices, world axes.
 template <class T>
 CLEARANCE_HD inline T least_depth(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count) {
-  T ball = T(__builtin_inf());
+  T ball = T(__builtin_inf()), clearly_beyond = ball;
   for (std::size_t f = 0; f < count; ++f) {
-    const Vec3<T> n = rescaled(faces[f].normal);
-    const T length = norm(n);
-    for (int i = 0; i < 3; ++i) {
-      const T beyond = dot(n, w[faces[f].vertex[i]]) / length;
-      if (!(beyond >= ball)) ball = beyond;  // also takes a NaN, which proves nothing below
+    Vec3<T> n = faces[f].normal;
+    if (const T nn = squared_norm(n); !(nn > T(1e-20) && nn < T(1e20))) n = rescaled(n);
+    T beyond = dot(n, w[faces[f].vertex[0]]);
+    for (int i = 1; i < 3; ++i) {
+      const T b = dot(n, w[faces[f].vertex[i]]);
+      if (!(b >= beyond)) beyond = b;  // also takes a NaN, which proves nothing below
     }
-    if (!(ball > T(0))) return ball;
+    if (!(beyond > T(0))) return beyond;
+    const T nn = squared_norm(n);
+    if (beyond * beyond > clearly_beyond * nn) continue;
+    using std::sqrt;
+    beyond = beyond / sqrt(nn);
+    if (!(beyond >= ball)) ball = beyond;
+    clearly_beyond = ball * ball * T(1 + 1e-9);
   }
   return ball;
 }
 
-/// Whether a closed surface goes around the ball of radius `ball` that none of its triangles enters.
+// Whether the origin sees every triangle from the same side, for certain.
 template <class T>
-CLEARANCE_HD inline bool is_surrounded(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& ball) {
+CLEARANCE_HD inline bool sees_one_side(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& scale) {
+  const T uncertain = T(32 * Arithmetic<T>::kUnit) * scale * scale * scale;
+  bool outward = true, inward = true;
+  for (std::size_t f = 0; f < count; ++f) {
+    const T volume = dot(w[faces[f].vertex[0]], cross(w[faces[f].vertex[1]], w[faces[f].vertex[2]]));
+    outward = outward && volume > uncertain;
+    inward = inward && volume < -uncertain;
+  }
+  return outward || inward;
+}
+
+/// Whether a closed surface goes around the ball of radius `ball` that none of its triangles enters.
+/// \param scale no vertex is farther from the origin.
+template <class T>
+CLEARANCE_HD inline bool is_surrounded(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& ball, const T& scale) {
+  if (sees_one_side(w, faces, count, scale)) return true;
   // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain; every point within
   // the ball is surrounded as often as the origin is, so take one off centre, in a direction without pattern.
   const double rays[4][2][3] = {{{0.31, -0.52, 0.79}, {0.732, 0.481, -0.4829}},
@@ -78,13 +100,14 @@ CLEARANCE_HD inline bool is_surrounded(const Vec3<T>* w, const CsoFace<T>* faces
 template <class T>
 CLEARANCE_HD inline bool tetrahedron_faces(const Simplex<T>& s, CsoFace<T> (&faces)[4]) {
   const std::uint32_t corners[4][3] = {{0, 1, 2}, {1, 0, 3}, {2, 1, 3}, {0, 2, 3}};
+  const std::uint32_t twins[4][3] = {{4, 8, 12}, {0, 14, 9}, {1, 6, 13}, {2, 10, 5}};
   const int opposite[4] = {3, 2, 0, 1};
   for (int f = 0; f < 4; ++f) {
     const Vec3<T>&a = s.vertex[corners[f][0]].w, &b = s.vertex[corners[f][1]].w, &c = s.vertex[corners[f][2]].w;
     Vec3<T> n = cross(b - a, c - a);
     if (dot(n, s.vertex[opposite[f]].w - a) > T(0)) n = -n;
     if (!(squared_norm(n) > T(0))) return false;
-    faces[f] = {{corners[f][0], corners[f][1], corners[f][2]}, n};
+    faces[f] = {{corners[f][0], corners[f][1], corners[f][2]}, {twins[f][0], twins[f][1], twins[f][2]}, n};
   }
   return true;
 }

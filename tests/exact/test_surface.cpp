@@ -1,0 +1,139 @@
+// The proof that a surface of CSO triangles holds a ball around the origin: what EPA makes is proved, never deeper than
+// exact, and whatever is done to the surface is noticed.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "cases.h"
+#include "engine/epa.h"
+
+namespace clearance::exact {
+namespace {
+
+constexpr std::uint64_t kSeed = 21;
+
+struct Cso {
+  const PlacedPair<double>& pair;
+
+  CsoSupport<double> operator()(const Vec3d& v) const {
+    const SupportPoint<double> a = support(*pair.a, -pair.R_wa.transpose_times(v));
+    const SupportPoint<double> b = support(*pair.b, pair.R_wb.transpose_times(v));
+    return {{pair.cso_vertex(a.index, b.index), a.index, b.index}, -dot(v, pair.D) - (a.value + b.value)};
+  }
+};
+
+/// A case and the surface that EPA leaves, from no seed.
+struct Surfaced {
+  Case c;
+  PiecePtr a, b;
+  PlacedPair<double> pair;
+  Epa<double> epa;
+  std::vector<CsoFace<double>> faces;
+
+  explicit Surfaced(const Case& from)
+      : c(from),
+        a(make_piece(c.a->vertices, c.a->radius)),
+        b(make_piece(c.b->vertices, c.b->radius)),
+        pair(*a, rotation_of(c.X_wa), c.X_wa.translation, *b, rotation_of(c.X_wb), c.X_wb.translation) {
+    EpaLimits limits;
+    limits.noise = 8 * 0x1p-53 * pair.scale;
+    epa.run(Cso{pair}, limits, {});
+    faces.assign(epa.faces().begin(), epa.faces().end());
+  }
+  double ball() const { return certify_ball<double>(pair, epa.vertices(), faces); }
+};
+
+template <class Use>
+void for_cases(const Use& use) {
+  for (const CaseClass& cls : case_classes())
+    for (int i = 0; i < (cls.cost > 3 ? 5 : 40); ++i) {
+      Surfaced s(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
+      if (!s.faces.empty()) use(s, cls.name + ' ' + std::to_string(i));
+    }
+}
+
+TEST(Surface, IsProvedAndNeverDeeperThanExact) {
+  int proved = 0, deep = 0;
+  for_cases([&](const Surfaced& s, const std::string& where) {
+    const double ball = s.ball();
+    const Result truth = judge(s.c);
+    deep += truth.cores_overlap && truth.distance.compare(-(s.pair.radius + 1e-9 * s.pair.scale)) < 0;
+    if (!(ball > 0)) return;
+    ++proved;
+    ASSERT_LE(truth.distance.compare(certify_overlap(*s.a, *s.b, ball)), 0) << where;
+  });
+  std::printf("%d surfaces proved, of %d clear overlaps\n", proved, deep);
+  EXPECT_GT(deep, 300);
+  EXPECT_GT(proved, deep * 9 / 10);
+}
+
+TEST(Surface, WithADamagedFaceIsRefused) {
+  int tried = 0;
+  for_cases([&](Surfaced& s, const std::string& where) {
+    if (!(s.ball() > 0)) return;
+    ++tried;
+    const std::vector<CsoFace<double>> whole = s.faces;
+    const std::size_t f = static_cast<std::size_t>(tried) * 7 % whole.size(), g = (f + 1) % whole.size();
+    s.faces[f] = whole[g];  // a hole, and one face twice
+    EXPECT_LE(s.ball(), 0) << where;
+    s.faces = whole;
+    s.faces.pop_back();
+    EXPECT_LE(s.ball(), 0) << where;
+    s.faces = whole;
+    std::swap(s.faces[f].vertex[0], s.faces[f].vertex[1]);
+    EXPECT_LE(s.ball(), 0) << where;
+    s.faces = whole;
+    std::swap(s.faces[f].twin[1], s.faces[f].twin[2]);
+    EXPECT_LE(s.ball(), 0) << where;
+    s.faces = whole;
+    s.faces[f].twin[0] = half_edge(static_cast<std::uint32_t>(f), 3);
+    EXPECT_LE(s.ball(), 0) << where;
+    s.faces = whole;
+    s.faces[f].normal = -s.faces[f].normal;
+    EXPECT_LE(s.ball(), 0) << where;
+    s.faces = whole;
+    for (CsoFace<double>& face : s.faces) {  // inside out it is still around the origin
+      std::swap(face.vertex[0], face.vertex[1]);
+      std::swap(face.twin[1], face.twin[2]);
+      for (std::uint32_t& t : face.twin) t = half_edge(face_of(t), edge_of(t) == 0 ? 0 : 3 - edge_of(t));
+    }
+    EXPECT_GT(s.ball(), 0) << where;
+  });
+  EXPECT_GT(tried, 300);
+}
+
+// All faces of a body that is apart lie beyond planes normal to the direction that parts it: closed, but not around.
+TEST(Surface, ThatIsClosedButElsewhereIsRefused) {
+  int tried = 0;
+  for_cases([&](Surfaced& s, const std::string& where) {
+    if (!s.epa.probed() || !(s.epa.gap() > 1e-6 * s.pair.scale)) return;
+    ++tried;
+    for (CsoFace<double>& face : s.faces) face.normal = -s.epa.direction();
+    std::vector<Vec3d> w;
+    for (const CsoVertex<double>& v : s.epa.vertices()) w.push_back(v.w);
+    ASSERT_GT(least_depth(w.data(), s.faces.data(), s.faces.size()), 0) << where;
+    EXPECT_LE(s.ball(), 0) << where;
+  });
+  EXPECT_GT(tried, 200);
+}
+
+// The rays decide where a side is uncertain; where both can tell, they agree.
+TEST(Surface, IsFoundAroundTheOriginByRaysToo) {
+  int tried = 0;
+  for_cases([&](Surfaced& s, const std::string& where) {
+    if (!(s.ball() > 0)) return;
+    std::vector<Vec3d> w;
+    for (const CsoVertex<double>& v : s.epa.vertices()) w.push_back(s.pair.cso_vertex(v.a, v.b));
+    const auto* faces = s.faces.data();
+    const std::size_t count = s.faces.size();
+    if (!sees_one_side(w.data(), faces, count, s.pair.scale)) return;
+    ++tried;
+    const double unknown = 1e100, ball = least_depth(w.data(), faces, count);
+    ASSERT_FALSE(sees_one_side(w.data(), faces, count, unknown));
+    EXPECT_TRUE(is_surrounded(w.data(), faces, count, ball, unknown)) << where;
+  });
+  EXPECT_GT(tried, 300);
+}
+
+}  // namespace
+}  // namespace clearance::exact
