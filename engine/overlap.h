@@ -107,7 +107,11 @@ CLEARANCE_HD inline bool tetrahedron_faces(const Simplex<T>& s, CsoFace<T> (&fac
     Vec3<T> n = cross(b - a, c - a);
     if (dot(n, s.vertex[opposite[f]].w - a) > T(0)) n = -n;
     if (!(squared_norm(n) > T(0))) return false;
-    faces[f] = {{corners[f][0], corners[f][1], corners[f][2]}, {twins[f][0], twins[f][1], twins[f][2]}, n};
+    faces[f].normal = n;
+    for (int i = 0; i < 3; ++i) {
+      faces[f].vertex[i] = corners[f][i];
+      faces[f].twin[i] = twins[f][i];
+    }
   }
   return true;
 }
