@@ -264,6 +264,7 @@ std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const
     if (auto job = cuda::make_device_job(context, plan, reply)) return job;
     context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
   }
+  plan.keep_configurations();
   if (plan.query.reduce == Reduce::kNone) return std::make_unique<DenseJob>(context, std::move(plan), reply);
   return std::make_unique<ReducedJob>(context, std::move(plan), reply);
 }

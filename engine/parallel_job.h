@@ -75,7 +75,7 @@ class ParallelJob : public Job::State {
     if (p[0].stands_at(first) && p[count - 1].stands_at(first + count - 1)) return {p.data(), count};
     const std::size_t moved = plan_.bodies.size();
     rotations.resize(count * moved);
-    rotations_of(std::span(plan_.configurations).subspan(first * moved, count * moved), rotations);
+    rotations_of(plan_.configurations.subspan(first * moved, count * moved), rotations);
     for (std::uint64_t i = 0; i < count; ++i) p[i].configure(first + i, std::span(rotations).subspan(i * moved, moved));
     return {p.data(), count};
   }

@@ -99,7 +99,7 @@ std::uint32_t written_fields(const QueryView& q) {
 }  // namespace
 
 Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
-               std::uint64_t max_rows, bool copy_configurations) {
+               std::uint64_t max_rows, bool with_configurations) {
   check_numbers(query);
   if (query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision)
     throw QueryError(QueryErrorCode::kWrongScene, "the scene is revision " + std::to_string(snapshot->scene_revision) +
@@ -121,13 +121,12 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
   plan.bodies.assign(query.bodies.begin(), query.bodies.end());
   plan.query.bodies = plan.bodies;
   plan.query.configurations = {};
-  if (copy_configurations) {
+  if (with_configurations) {
     const std::uint64_t wanted = std::uint64_t{query.configuration_count} * query.bodies.size();
     if (query.configurations.size() != wanted)
       refuse("configurations: expected " + std::to_string(wanted) + " poses (" + std::to_string(query.configuration_count) +
              " x " + std::to_string(query.bodies.size()) + "), got " + std::to_string(query.configurations.size()));
-    plan.configurations.assign(query.configurations.begin(), query.configurations.end());
-    plan.query.configurations = plan.configurations;
+    plan.configurations = query.configurations;
   }
 
   const PairTable& table = *plan.snapshot->pairs;
@@ -156,6 +155,11 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
                                                     std::to_string(per_configuration) + " rows are more than the limit of " +
                                                     std::to_string(max_rows));
   return plan;
+}
+
+void Plan::keep_configurations() {
+  kept_configurations.assign(configurations.begin(), configurations.end());
+  configurations = kept_configurations;
 }
 
 }  // namespace clearance

@@ -33,15 +33,19 @@ class PairList {
 struct Plan {
   QueryView query;                       ///< its spans point into the members below
   std::vector<std::uint32_t> bodies;     ///< (M,)
-  std::vector<Pose> configurations;      ///< (K, M)
+  std::span<const Pose> configurations;  ///< (K, M); the caller's until they are kept
+  std::vector<Pose> kept_configurations;
   std::vector<std::uint32_t> moved;      ///< bodies and their followers, parents first
   std::shared_ptr<const PoseSnapshot> snapshot;
   PairList pairs;
   QuerySize size;
+
+  /// Copies the configurations, whose memory is the caller's.
+  void keep_configurations();
 };
 
-/// Throws QueryError. \param copy_configurations false: only sizes and pairs are wanted.
+/// Throws QueryError. \param with_configurations false: only sizes and pairs are wanted.
 Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
-               std::uint64_t max_rows, bool copy_configurations);
+               std::uint64_t max_rows, bool with_configurations);
 
 }  // namespace clearance

@@ -43,13 +43,16 @@ class ResidentPairs {
   virtual ~ResidentPairs() = default;
 };
 
+/// Where the snapshot's bodies go, as BodiesView has them; without boxes.
+struct FixedBodies {
+  double* components;
+  std::uint8_t* state;
+};
+
 /// A query's part that stays the same for all its chunks. Spans are copied from.
 struct QuerySetup {
   Question question;
   std::uint32_t fields = 0;  ///< columns that come back, Field bits
-  // The snapshot's bodies, as BodiesView has them.
-  std::span<const double> fixed;
-  std::span<const std::uint8_t> fixed_state;
   bool boxes = false;  ///< whether boxes are compared
   // The moved ones, as MovesView has them. Empty without configurations.
   std::uint32_t given_count = 0;
@@ -70,6 +73,7 @@ struct ChunkSetup {
   std::uint64_t first_configuration = 0;
   std::uint32_t first_pair = 0;   ///< in QuerySetup::pairs
   std::uint32_t pair_count = 0;   ///< rows of one configuration
+  const Pose* poses = nullptr;    ///< (configurations, given_count), in pinned memory that stays until the chunk is finished
   std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
   std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
   std::uint32_t strays = kNone;   ///< the group of pairs with hulls of their own; kNone: there are none
@@ -101,9 +105,12 @@ inline constexpr int kChunksUnderWay = 4;  ///< slots of a workspace
 class QueryWorkspace {
  public:
   virtual ~QueryWorkspace() = default;
+  /// Where the snapshot's bodies go before begin().
+  virtual FixedBodies room_for_bodies(std::size_t bodies) = 0;
   virtual void begin(const QuerySetup& setup) = 0;
-  /// Where the poses of a slot's next chunk go before it is launched: (configurations, given_count).
+  /// Pinned memory for poses, of a slot's next chunk or of the whole query.
   virtual Pose* room_for_poses(int slot, std::size_t count) = 0;
+  virtual Pose* room_for_all_poses(std::size_t count) = 0;
 };
 
 /// For a row of every configuration and pair.

@@ -19,7 +19,7 @@ class DenseDeviceJob final : public DeviceQuery {
     const std::uint64_t rounds = (plan_.size.configurations + deal_->configurations - 1) / deal_->configurations;
     chunks_ = rounds * deal_->parts.size();
     if (chunks_ == 0) return;
-    QuerySetup s = setup();
+    QuerySetup s = setup(*workspace_);
     s.pairs = deal_->resident.get();
     workspace_->begin(s);
   }
@@ -59,7 +59,7 @@ class DenseDeviceJob final : public DeviceQuery {
     const PairDeal::Part::Groups& g = is_last ? c.part->last : c.part->whole;
     ChunkSetup s;
     const int slot = static_cast<int>(index % kChunksUnderWay);
-    send_poses(*workspace_, slot, c.first_configuration, c.configurations);
+    s.poses = poses_for(*workspace_, slot, c.first_configuration, c.configurations);
     s.configurations = c.configurations;
     s.first_configuration = c.first_configuration;
     s.first_pair = c.part->first_pair;

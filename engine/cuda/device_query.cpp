@@ -9,7 +9,8 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::size_t kCopyBytes = 1u << 18;  // what one thread copies at a time
+constexpr std::size_t kCopyBytes = 1u << 18;    // what one thread copies at a time
+constexpr std::size_t kPinnedPoses = 1u << 26;  // bytes; more go to pinned memory a chunk at a time
 
 }  // namespace
 
@@ -32,7 +33,7 @@ void DeviceQuery::find_direct_columns() {
   for_each_column(column, direct_);
 }
 
-QuerySetup DeviceQuery::setup() {
+QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   QuerySetup s;
   s.question = {options_.limits.max_distance,
                 options_.limits.abs_tol,
@@ -44,28 +45,27 @@ QuerySetup DeviceQuery::setup() {
                 !options_.limits.signed_distance};
   s.fields = fields_;
   s.boxes = options_.cull;
-  place_fixed();
-  s.fixed = fixed_;
-  s.fixed_state = fixed_state_;
-  if (plan_.query.configuration_count > 0) chain_moved(s);
+  place_fixed(workspace.room_for_bodies(plan_.snapshot->placed.size()));
+  if (plan_.query.configuration_count > 0) {
+    keep_poses(workspace);
+    chain_moved(s);
+  }
   return s;
 }
 
 // The snapshot's bodies, one component after another.
-void DeviceQuery::place_fixed() {
+void DeviceQuery::place_fixed(const FixedBodies& fixed) {
   const std::vector<BodyPlacement>& placed = plan_.snapshot->placed;
   const std::size_t n = placed.size();
-  fixed_.resize(n * kPoseComponents);
-  fixed_state_.resize(n);
   for (std::size_t b = 0; b < n; ++b) {
     const BodyPlacement& at = placed[b];
     const bool stale = !options_.stale.empty() && options_.stale[b];
-    fixed_state_[b] =
+    fixed.state[b] =
         static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
                                   (stale ? kStateStale : 0));
     if (at.status != Status::kOk) continue;
     const auto put = [&](std::size_t c, const Vec3d& v) {
-      for (int i = 0; i < 3; ++i) fixed_[(c + static_cast<std::size_t>(i)) * n + b] = v[i];
+      for (int i = 0; i < 3; ++i) fixed.components[(c + static_cast<std::size_t>(i)) * n + b] = v[i];
     };
     for (std::size_t r = 0; r < 3; ++r) put(3 * r, at.pose.R_wb.row[r]);
     put(9, at.pose.t_w);
@@ -101,13 +101,25 @@ void DeviceQuery::chain_moved(QuerySetup& s) {
   s.has_base = has_base_;
 }
 
-void DeviceQuery::send_poses(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration,
-                             std::uint32_t configurations) {
-  if (plan_.query.configuration_count == 0) return;
+// The caller's memory is free once the query has begun.
+void DeviceQuery::keep_poses(QueryWorkspace& workspace) {
+  const std::size_t bytes = plan_.configurations.size_bytes();
+  poses_are_pinned_ = bytes <= kPinnedPoses;
+  if (!poses_are_pinned_) return plan_.keep_configurations();
+  Pose* room = workspace.room_for_all_poses(plan_.configurations.size());
+  copy_bytes(plan_.configurations.data(), room, bytes);
+  plan_.configurations = {room, plan_.configurations.size()};
+}
+
+const Pose* DeviceQuery::poses_for(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration,
+                                   std::uint32_t configurations) {
   const std::uint64_t M = plan_.bodies.size();
-  const std::size_t poses = configurations * M;
-  copy_bytes(plan_.configurations.data() + first_configuration * M, workspace.room_for_poses(slot, poses),
-             poses * sizeof(Pose));
+  if (plan_.query.configuration_count == 0) return nullptr;
+  const Pose* poses = plan_.configurations.data() + first_configuration * M;
+  if (poses_are_pinned_) return poses;
+  Pose* room = workspace.room_for_poses(slot, configurations * M);
+  copy_bytes(poses, room, configurations * M * sizeof(Pose));
+  return room;
 }
 
 void DeviceQuery::copy_bytes(const void* from, void* to, std::size_t bytes) {

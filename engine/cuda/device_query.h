@@ -19,10 +19,11 @@ class DeviceQuery : public ParallelJob {
     std::uint64_t configuration, pair;
   };
 
-  /// The query's setup; what it points to lives as long as this.
-  QuerySetup setup();
-  /// Copies the poses of configurations to where a slot's next chunk finds them.
-  void send_poses(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration, std::uint32_t configurations);
+  /// Copies poses of bodies and configurations, and says what is asked. What the setup points to lives as long as this.
+  QuerySetup setup(QueryWorkspace& workspace);
+  /// The poses of a slot's next chunk, pinned.
+  const Pose* poses_for(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration,
+                        std::uint32_t configurations);
   void copy_bytes(const void* from, void* to, std::size_t bytes);
 
   /// Answers rows on the CPU. `open`: of each index the row, ascending; `take(index, asked, answer)`.
@@ -65,11 +66,12 @@ class DeviceQuery : public ParallelJob {
     std::vector<PairAnswer> answers;
   };
   void find_direct_columns();
-  void place_fixed();
+  void keep_poses(QueryWorkspace& workspace);
+  void place_fixed(const FixedBodies& fixed);
   void chain_moved(QuerySetup& s);
 
-  std::vector<double> fixed_;
-  std::vector<std::uint8_t> fixed_state_, has_base_;
+  bool poses_are_pinned_ = false;
+  std::vector<std::uint8_t> has_base_;
   std::vector<std::uint32_t> source_, chain_begin_, chain_;
   std::vector<Pose> own_;
   std::vector<BodyPlacement> base_;

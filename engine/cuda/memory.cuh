@@ -3,7 +3,6 @@
 
 #include <cuda_runtime.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cstring>
 #include <span>
@@ -84,30 +83,22 @@ class Upload {
  public:
   explicit Upload(MemoryCounters& counters) : host_(counters), device_(counters) {}
 
-  void clear() { arrays_.clear(), bytes_ = sent_bytes_ = 0; }
+  void clear() { arrays_.clear(), bytes_ = 0; }
   /// \returns the array's offset.
   template <class T>
   std::size_t add(std::span<const T> array) {
     const std::size_t at = bytes_;
     arrays_.push_back({array.data(), array.size_bytes(), at});
-    sent_bytes_ = at + array.size_bytes();
     bytes_ += (array.size_bytes() + 255) / 256 * 256;
-    return at;
-  }
-  /// Room in device memory that nothing is copied to, behind all arrays. \param aligned to 256 bytes; if not, right behind
-  /// the last array.
-  std::size_t add_room(std::size_t bytes, bool aligned) {
-    const std::size_t at = aligned ? bytes_ : sent_bytes_;
-    bytes_ = std::max(bytes_, (at + bytes + 255) / 256 * 256);
     return at;
   }
   void send(cudaStream_t stream) {
     if (bytes_ == 0) return;
-    std::byte* host = host_.reserve(sent_bytes_);
+    std::byte* host = host_.reserve(bytes_);
     device_.reserve(bytes_);
     for (const Array& a : arrays_)
       if (a.bytes > 0) std::memcpy(host + a.at, a.data, a.bytes);
-    check(cudaMemcpyAsync(device_.data(), host, sent_bytes_, cudaMemcpyHostToDevice, stream),
+    check(cudaMemcpyAsync(device_.data(), host, bytes_, cudaMemcpyHostToDevice, stream),
           "copying a query to the device");
   }
   /// For what is sent once.
@@ -116,10 +107,6 @@ class Upload {
   const T* at(std::size_t offset) const {
     return reinterpret_cast<const T*>(device_.data() + offset);
   }
-  template <class T>
-  T* room(std::size_t offset) const {
-    return reinterpret_cast<T*>(device_.data() + offset);
-  }
 
  private:
   struct Array {
@@ -127,7 +114,7 @@ class Upload {
     std::size_t bytes, at;
   };
   std::vector<Array> arrays_;
-  std::size_t bytes_ = 0, sent_bytes_ = 0;
+  std::size_t bytes_ = 0;
   PinnedBuffer host_;
   DeviceBuffer device_;
 };

@@ -11,8 +11,11 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kScanThreads = 256;                    // rows of a block, where boxes are compared
-inline constexpr std::uint32_t kItemThreads = 64, kItemBlocks = 1024;  // how many items there are is not known at launch
+inline constexpr std::uint32_t kScanThreads = 256;  // rows of a block, where boxes are compared
+inline constexpr std::uint32_t kSeedBlocks = 528;
+inline constexpr std::uint32_t kItemThreads = 64;
+inline constexpr std::uint32_t kSolveBlocks = 528, kItemBlocks = 132;  // how many items there are is not known at launch
+inline constexpr std::int32_t kSeedSteps = 2;                          // of GJK, for a bound that leaves pairs out
 
 // A pair in a configuration.
 struct Item {
@@ -55,6 +58,11 @@ __device__ inline std::uint64_t order_key(double x) {
   const auto bits = static_cast<std::uint64_t>(__double_as_longlong(x + 0.0));
   return bits >> 63 ? ~bits : bits | std::uint64_t{1} << 63;
 }
+__device__ inline std::uint32_t order_key(float x) {
+  const std::uint32_t bits = __float_as_uint(x);
+  return bits >> 31 ? ~bits : bits | 1u << 31;
+}
+inline constexpr std::uint32_t kUnusable = ~0u;  // more than any number's key
 __device__ inline double from_order_key(std::uint64_t key) {
   return __longlong_as_double(static_cast<long long>(key >> 63 ? key & ~(std::uint64_t{1} << 63) : ~key));
 }
@@ -70,38 +78,49 @@ __device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref,
 __device__ inline bool is_empty(const OuterBox& box) {
   return box.low_x > box.high_x;
 }
-// No more than certify_box_gap() of the boxes: 2^-20 is more than the few roundings take. Finite.
+// No more than certify_box_gap() of the boxes: 2^-20 is more than the few roundings take. Finite. Below 0: how far the
+// boxes overlap.
 __device__ inline float gap_below(const OuterBox& a, const OuterBox& b) {
   constexpr float kMost = 3.4028234e38f;
-  const float x = fmaxf(fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), 0.0f),
-              y = fmaxf(fmaxf(b.low_y - a.high_y, a.low_y - b.high_y), 0.0f),
-              z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
+  float x = fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), y = fmaxf(b.low_y - a.high_y, a.low_y - b.high_y),
+        z = fmaxf(b.low_z - a.high_z, a.low_z - b.high_z);
+  if (const float most = fmaxf(x, fmaxf(y, z)); most <= 0) return most;
+  x = fmaxf(x, 0.0f);
+  y = fmaxf(y, 0.0f);
+  z = fmaxf(z, 0.0f);
   const float squared = x * x + y * y + z * z;
   const float gap = squared < kMost ? sqrtf(squared) : fmaxf(x, fmaxf(y, z));
   return fminf(gap, kMost) * (1 - 0x1p-20f);
 }
 
-// Of every group the pair whose boxes are nearest, and whether it holds one without usable poses.
+__device__ inline void clear_counts(const ReducedView& r) {
+  if (blockIdx.x == 0 && threadIdx.x < kCounts) r.chunk.counts[threadIdx.x] = 0;
+}
+
+// Of every group the pair whose boxes are nearest, or overlap most, and whether it holds one without usable poses. A seed
+// is a guess, and any would do. Blocks go on to further rows, whose keys then rarely are the least.
 __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant__ ReducedView r) {
-  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
-  std::uint64_t key = ~std::uint64_t{0};
-  std::size_t group[2] = {0, 0};
-  if (row < r.rows) {
-    const Item item(r, static_cast<std::uint32_t>(row));
-    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
-    int n = 0;
-    for_groups(r, item, [&](std::size_t g) { group[n++] = g; });
-    const bool usable = !is_empty(a) && !is_empty(b);
-    const float gap = usable ? gap_below(a, b) : __builtin_inff();
-    key = std::uint64_t{__float_as_uint(gap)} << 32 | item.p;
-    if (!usable) for_groups(r, item, [&](std::size_t g) { r.complete[g] = 0; });
+  clear_counts(r);
+  for (std::uint64_t first = std::uint64_t{blockIdx.x} * kScanThreads; first < r.rows; first += gridDim.x * kScanThreads) {
+    const std::uint64_t row = first + threadIdx.x;
+    std::uint64_t key = ~std::uint64_t{0};
+    std::size_t group[2] = {0, 0};
+    if (row < r.rows) {
+      const Item item(r, static_cast<std::uint32_t>(row));
+      const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+      int n = 0;
+      for_groups(r, item, [&](std::size_t g) { group[n++] = g; });
+      const bool usable = !is_empty(a) && !is_empty(b);
+      key = std::uint64_t{usable ? order_key(gap_below(a, b)) : kUnusable} << 32 | item.p;
+      if (!usable) for_groups(r, item, [&](std::size_t g) { r.complete[g] = 0; });
+    }
+    take_least_of_warp(r.seed, group[0], key);
+    if (r.reduce == Reduce::kNearest && key != ~std::uint64_t{0}) take_least(r.seed + group[1], key);
   }
-  take_least_of_warp(r.seed, group[0], key);
-  if (r.reduce == Reduce::kNearest && key != ~std::uint64_t{0}) take_least(r.seed + group[1], key);
 }
 
 __device__ inline bool has_usable_pair(std::uint64_t seed) {
-  return static_cast<std::uint32_t>(seed >> 32) < __float_as_uint(__builtin_inff());
+  return static_cast<std::uint32_t>(seed >> 32) != kUnusable;
 }
 
 // A distance beyond which no pair of this one's groups needs a look: its upper bound, or, where its boxes alone are
@@ -112,21 +131,14 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
   if (gap > c.question.max_distance) return gap;
   const Run run = run_gjk(c.question, scene_hull(c, item.ref.a), at_a, scene_hull(c, item.ref.b), at_b);
   const Simplex<double>& s = run.g.simplex;
-  Enclosed enclosed;
-  double length;
-  if (take_enclosed(run.g, enclosed)) {
-    PairAnswer overlap;
-    if (prove_overlap(c, enclosed, at_a, at_b, overlap)) return 0;
-    length = norm(s.vertex[0].w);
-  } else {
-    length = norm(SimplexPoint<double>(s).w);
-  }
+  const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
+  const double length = norm(encloses ? s.vertex[0].w : SimplexPoint<double>(s).w);
   const double upper =
       upper_from_point(length, run.radius, rounding_error(double(RoundingUnits<double>::kUpper), run.scale));
   return upper <= 0 ? 0 : upper < __builtin_inf() ? upper : __builtin_inf();
 }
 
-// One thread for each group. \param r without points.
+// One thread for each group. \param r with few steps: a rough bound does.
 __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constant__ ReducedView r) {
   const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
   if (at >= std::uint64_t{r.chunk.configurations} * r.groups) return;
@@ -161,6 +173,7 @@ __global__ void __launch_bounds__(kScanThreads) find_candidates(const __grid_con
 
 // Reduce::kWithin marks them, so that rows can come in order. Pairs without usable poses are among them.
 __global__ void __launch_bounds__(kScanThreads) mark_candidates(const __grid_constant__ ReducedView r) {
+  clear_counts(r);
   const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
   bool wanted = false;
   if (row < r.rows) {

@@ -24,7 +24,7 @@ class ReducedDeviceJob final : public DeviceQuery {
     const std::uint64_t rows = std::clamp(K * P / kChunksUnderWay, kFewestRows, kMostRows);
     configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);
     chunks_ = (K + configurations_ - 1) / configurations_;
-    QuerySetup s = setup();
+    QuerySetup s = setup(*workspace_);
     s.pairs = list_->resident.get();
     s.reduce = plan_.query.reduce;
     s.groups = static_cast<std::uint32_t>(groups_);
@@ -56,7 +56,7 @@ class ReducedDeviceJob final : public DeviceQuery {
     s.configurations =
         static_cast<std::uint32_t>(std::min(configurations_, plan_.size.configurations - s.first_configuration));
     s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
-    send_poses(*workspace_, slot, s.first_configuration, s.configurations);
+    s.poses = poses_for(*workspace_, slot, s.first_configuration, s.configurations);
     ReplyView direct;  // where rows go is known beforehand unless they are only those within a distance
     const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
       to = column && !within() ? column + s.first_configuration * groups_ * width : nullptr;

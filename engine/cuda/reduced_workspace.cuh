@@ -87,6 +87,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     check(cudaStreamSynchronize(slot.stream), "answering a query");
     if (const std::uint32_t candidates = r.host_counts[kCandidates]; candidates > r.capacity) {
       make_room_for_items(slot, candidates);
+      clear(slot);
       solve(slot);
       write(slot);
       check(cudaStreamSynchronize(slot.stream), "answering a query");
@@ -113,6 +114,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     const auto count = static_cast<std::uint32_t>(answers.size());
     take_answers<<<blocks_of(count, kItemThreads), kItemThreads, 0, slot.stream>>>(
         slot.view, reinterpret_cast<const PairAnswer*>(device), count);
+    clear_winners(slot);
     write(slot);
     check(cudaStreamSynchronize(slot.stream), "answering a query");
     return result(slot);
@@ -123,7 +125,9 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   static unsigned blocks_of(std::uint64_t count, std::uint32_t threads) {
     return static_cast<unsigned>((count + threads - 1) / threads);
   }
-  static unsigned item_blocks(const ReducedView& r) { return std::min(blocks_of(r.capacity, kItemThreads), kItemBlocks); }
+  static unsigned item_blocks(const ReducedView& r, std::uint32_t most = kItemBlocks) {
+    return std::min(blocks_of(r.capacity, kItemThreads), most);
+  }
 
   void make_room_for_items(ReducedSlot& slot, std::uint32_t capacity) {
     ReducedView& r = slot.view;
@@ -163,13 +167,11 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     r.seed = r.winner + groups;
     r.cutoff = r.seed + groups;
     r.complete = reinterpret_cast<std::uint8_t*>(r.cutoff + groups);
-    check(cudaMemsetAsync(r.seed, 0xff, groups * (2 * sizeof(std::uint64_t) + 1), slot.stream), "clearing groups");
-    if (r.rows > 0) {
-      find_seeds<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
-      ReducedView without_points = r;
-      without_points.chunk.question.want_points = false;
-      solve_seeds<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(without_points);
-    }
+    check(cudaMemsetAsync(memory, 0xff, bytes, slot.stream), "clearing groups");
+    find_seeds<<<std::min(blocks_of(r.rows, kScanThreads), kSeedBlocks), kScanThreads, 0, slot.stream>>>(r);
+    ReducedView rough = r;
+    rough.chunk.question.max_iterations = kSeedSteps;
+    solve_seeds<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(rough);
     check(cudaGetLastError(), "starting a kernel");
   }
 
@@ -181,7 +183,6 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     r.hit_words = r.candidate_words + words;
     r.candidate_ranks = r.hit_words + words;
     r.hit_ranks = r.candidate_ranks + words;
-    if (r.rows == 0) return;
     slot.scan_bytes = 0;
     rank(slot, r.candidate_words, r.candidate_ranks);  // asks for the size
     slot.device_scan.reserve(slot.scan_bytes);
@@ -198,19 +199,28 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
           "ranking rows");
   }
 
-  void solve(ReducedSlot& slot) {
+  // Before solve() and write() are repeated.
+  void clear(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
     check(cudaMemsetAsync(r.chunk.counts, 0, kCounts * sizeof(std::uint32_t), slot.stream), "clearing counters");
-    if (!within()) {
-      const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-      check(cudaMemsetAsync(r.upper, 0xff, 2 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
-    }
-    if (r.rows == 0) return;
+    if (within()) return;
+    const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
+    check(cudaMemsetAsync(r.upper, 0xff, 3 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
+  }
+  void clear_winners(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
+    if (within()) return;
+    const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
+    check(cudaMemsetAsync(r.winner, 0xff, groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
+  }
+
+  void solve(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
     if (within())
       list_candidates<<<blocks_of((std::uint64_t{r.rows} + 31) / 32, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     else
       find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
-    solve_candidates<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
+    solve_candidates<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
     if (question_.prove_overlaps) prove_reduced_overlaps<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
     check(cudaGetLastError(), "starting a kernel");
   }
@@ -219,14 +229,11 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     const ReducedView& r = slot.view;
     if (!within()) {
       const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-      check(cudaMemsetAsync(r.winner, 0xff, groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
-      if (r.rows > 0) choose_winners<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
+      choose_winners<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
       write_groups<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
-    } else if (r.rows > 0) {
+    } else {
       rank(slot, r.hit_words, r.hit_ranks);
       write_hits<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
-    } else {
-      std::memset(r.host_counts, 0, kCounts * sizeof(std::uint32_t));
     }
     check(cudaGetLastError(), "starting a kernel");
   }

@@ -45,7 +45,12 @@ class QuerySide : public Interface {
   static constexpr int kSlots = kChunksUnderWay;
 
   QuerySide(const ResidentHulls& hulls, WorkCounters& counters)
-      : hulls_(hulls), counters_(counters), setup_(counters.memory) {
+      : hulls_(hulls),
+        counters_(counters),
+        setup_(counters.memory),
+        host_bodies_(counters.memory),
+        all_poses_(counters.memory),
+        device_bodies_(counters.memory) {
     // Blocks of the chunk that was started first go first, so that its answers are on their way while the next are
     // computed.
     int least = 0, greatest = 0;
@@ -61,38 +66,29 @@ class QuerySide : public Interface {
       if (slot) cudaStreamSynchronize(slot->stream);
   }
 
+  FixedBodies room_for_bodies(std::size_t bodies) override {
+    fixed_count_ = static_cast<std::uint32_t>(bodies);
+    std::byte* memory = host_bodies_.reserve(fixed_bytes());
+    return {reinterpret_cast<double*>(memory), reinterpret_cast<std::uint8_t*>(memory + state_offset())};
+  }
+
   void begin(const QuerySetup& s) override {  // nothing is under way: whoever had this before waited when letting it go
     chunks_ = 0;
     question_ = s.question;
     fields_ = s.fields;
     given_count_ = s.given_count;
     setup_.clear();
-    const std::size_t fixed_state = setup_.add(s.fixed_state), moved_body = setup_.add(s.moved_body),
-                      source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
-                      own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base),
-                      fixed = setup_.add(s.fixed);
-    const std::size_t bodies = s.fixed_state.size();
-    const std::size_t boxes = setup_.add_room(s.boxes ? bodies * kBoxComponents * sizeof(double) : 0, false),
-                      outer_boxes = setup_.add_room(s.boxes ? bodies * sizeof(OuterBox) : 0, true);
-    setup_.send(slots_[0]->stream);
-    bodies_ = {setup_.at<double>(fixed),
-               setup_.at<std::uint8_t>(fixed_state),
-               s.boxes ? setup_.at<OuterBox>(outer_boxes) : nullptr,
-               static_cast<std::uint32_t>(bodies),
-               nullptr,
-               nullptr,
-               nullptr,
-               setup_.at<std::uint32_t>(moved_body),
-               static_cast<std::uint32_t>(s.moved_body.size()),
-               kPoseComponents + (s.boxes ? kBoxComponents : 0)};
-    if (s.boxes && bodies > 0) {
-      box_fixed_bodies<<<static_cast<unsigned>((bodies + 127) / 128), 128, 0, slots_[0]->stream>>>(
-          hulls_.view(), bodies_, setup_.room<double>(boxes), setup_.room<OuterBox>(outer_boxes));
-      check(cudaGetLastError(), "starting a kernel");
-    }
-    check(cudaEventRecord(ready_.event, slots_[0]->stream), "recording an event");
+    const std::size_t moved_body = setup_.add(s.moved_body), source = setup_.add(s.source),
+                      begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain), own = setup_.add(s.own),
+                      base = setup_.add(s.base), has_base = setup_.add(s.has_base);
+    const cudaStream_t stream = slots_[0]->stream;
+    setup_.send(stream);
+    send_bodies(s, stream);
+    check(cudaEventRecord(ready_.event, stream), "recording an event");
     for (int i = 1; i < kSlots; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
+    bodies_.moved_body = setup_.at<std::uint32_t>(moved_body);
+    bodies_.moved_count = static_cast<std::uint32_t>(s.moved_body.size());
     moves_ = {nullptr,
               s.given_count,
               setup_.at<std::uint32_t>(source),
@@ -106,6 +102,9 @@ class QuerySide : public Interface {
 
   Pose* room_for_poses(int slot, std::size_t count) override {
     return reinterpret_cast<Pose*>(slots_[slot]->host_poses.reserve(count * sizeof(Pose)));
+  }
+  Pose* room_for_all_poses(std::size_t count) override {
+    return reinterpret_cast<Pose*>(all_poses_.reserve(count * sizeof(Pose)));
   }
 
  protected:
@@ -134,6 +133,34 @@ class QuerySide : public Interface {
     counters_.kernel_ns += static_cast<std::uint64_t>(1e6 * kernel_milliseconds(slot));
   }
 
+  // In one block: components, boxes, state, outer boxes. Only components and state come from the host, side by side.
+  std::size_t state_offset() const { return std::size_t{fixed_count_} * kPoseComponents * sizeof(double); }
+  std::size_t fixed_bytes() const { return state_offset() + fixed_count_; }
+  void send_bodies(const QuerySetup& s, cudaStream_t stream) {
+    const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
+    const std::size_t outer_at = (boxes + fixed_bytes() + 15) / 16 * 16;
+    std::byte* memory = device_bodies_.reserve(outer_at + (s.boxes ? n * sizeof(OuterBox) : 0));
+    auto* outer = reinterpret_cast<OuterBox*>(memory + outer_at);
+    const std::byte* host = host_bodies_.data();
+    bodies_ = {};
+    bodies_.fixed = reinterpret_cast<const double*>(memory);
+    bodies_.fixed_state = reinterpret_cast<const std::uint8_t*>(memory + state_offset() + boxes);
+    bodies_.fixed_box = s.boxes ? outer : nullptr;
+    bodies_.bodies = fixed_count_;
+    bodies_.components = kPoseComponents + (s.boxes ? kBoxComponents : 0);
+    if (n == 0) return;
+    if (!s.boxes) {
+      check(cudaMemcpyAsync(memory, host, fixed_bytes(), cudaMemcpyHostToDevice, stream), "copying poses");
+      return;
+    }
+    check(cudaMemcpyAsync(memory, host, state_offset(), cudaMemcpyHostToDevice, stream), "copying poses");
+    check(cudaMemcpyAsync(memory + state_offset() + boxes, host + state_offset(), n, cudaMemcpyHostToDevice, stream),
+          "copying poses");
+    box_fixed_bodies<<<static_cast<unsigned>((n + 127) / 128), 128, 0, stream>>>(
+        hulls_.view(), bodies_, reinterpret_cast<double*>(memory + state_offset()), outer);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+
   // Since the chunk's kernels began, or since the chunk before ended if they ran side by side.
   float kernel_milliseconds(const Slot& slot) {
     const cudaEvent_t ended = ended_[slot.chunk % (kSlots + 1)].event;
@@ -147,7 +174,7 @@ class QuerySide : public Interface {
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
     const std::size_t given_bytes = sizeof(Pose) * given_count_ * chunk.configurations;
     std::byte* given = slot.device_poses.reserve(given_bytes);
-    check(cudaMemcpyAsync(given, slot.host_poses.data(), given_bytes, cudaMemcpyHostToDevice, slot.stream),
+    check(cudaMemcpyAsync(given, chunk.poses, given_bytes, cudaMemcpyHostToDevice, slot.stream),
           "copying poses");
     const std::size_t states = std::size_t{bodies.moved_count} * chunk.configurations,
                       numbers = states * bodies.components * sizeof(double),
@@ -168,6 +195,9 @@ class QuerySide : public Interface {
   Question question_;
   std::uint32_t fields_ = 0, given_count_ = 0;
   Upload setup_;
+  PinnedBuffer host_bodies_, all_poses_;
+  DeviceBuffer device_bodies_;
+  std::uint32_t fixed_count_ = 0;
   BodiesView bodies_;
   MovesView moves_;
   const CudaPairs* pairs_ = nullptr;
