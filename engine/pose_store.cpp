@@ -10,13 +10,17 @@ std::int64_t monotonic_ns() {
 }
 
 void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
-  std::vector<Pose> poses;
-  for (const std::uint32_t b : bodies) poses.push_back(local[b]);
-  std::vector<Mat3d> rotations(poses.size());
-  rotations_of(poses, rotations);
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const std::uint32_t b = bodies[i];
-    placed[b] = place(given[b] ? &local[b] : nullptr, parent[b] == kNone ? nullptr : &placed[parent[b]], &rotations[i]);
+  constexpr std::size_t kAtATime = 64;
+  Pose poses[kAtATime];
+  Mat3d rotations[kAtATime];
+  for (std::size_t begin = 0; begin < bodies.size(); begin += kAtATime) {
+    const auto part = bodies.subspan(begin, std::min(kAtATime, bodies.size() - begin));
+    for (std::size_t i = 0; i < part.size(); ++i) poses[i] = local[part[i]];
+    rotations_of(std::span(poses, part.size()), std::span(rotations, part.size()));
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      const std::uint32_t b = part[i];
+      placed[b] = place(given[b] ? &local[b] : nullptr, parent[b] == kNone ? nullptr : &placed[parent[b]], &rotations[i]);
+    }
   }
 }
 
@@ -96,6 +100,25 @@ std::shared_ptr<const PoseSnapshot> PoseStore::snapshot() const {
   return current_;
 }
 
+// A copy of the current snapshot, in the memory of one that nobody reads any more if there is such a one.
+std::shared_ptr<PoseSnapshot> PoseStore::copy() {
+  std::unique_ptr<PoseSnapshot> next;
+  {
+    const std::lock_guard lock(spares_->mutex);
+    if (!spares_->snapshots.empty()) {
+      next = std::move(spares_->snapshots.back());
+      spares_->snapshots.pop_back();
+    }
+  }
+  if (!next) next = std::make_unique<PoseSnapshot>();
+  *next = *snapshot();
+  return {next.release(), [spares = spares_](PoseSnapshot* done) {
+            std::unique_ptr<PoseSnapshot> snapshot(done);
+            const std::lock_guard lock(spares->mutex);
+            if (spares->snapshots.size() < kSpares) spares->snapshots.push_back(std::move(snapshot));
+          }};
+}
+
 void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
   std::shared_ptr<const PoseSnapshot> old = std::move(next);  // freed outside the lock
   const std::lock_guard lock(current_mutex_);
@@ -104,7 +127,7 @@ void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
 
 PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns) {
   const std::lock_guard lock(writers_);
-  auto next = std::make_shared<PoseSnapshot>(*snapshot());
+  const std::shared_ptr<PoseSnapshot> next = copy();
   const std::int64_t now = monotonic_ns();
   PoseUpdateResult result;
   std::vector<std::uint32_t> moved;
@@ -130,13 +153,13 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
     ++next->revision;
   }
   result.revision = next->revision;
-  if (!moved.empty()) publish(std::move(next));
+  if (!moved.empty()) publish(next);
   return result;
 }
 
 PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc) {
   const std::lock_guard lock(writers_);
-  auto next = std::make_shared<PoseSnapshot>(*snapshot());
+  const std::shared_ptr<PoseSnapshot> next = copy();
   const auto& bodies = scene_.bodies();
   const auto refuse = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "attach: " + why); };
   if (child >= bodies.size()) refuse("unknown child, body " + std::to_string(child));
@@ -165,7 +188,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   PoseUpdateResult result;
   result.revision = next->revision;
   result.applied = 1;
-  publish(std::move(next));
+  publish(next);
   return result;
 }
 

@@ -45,12 +45,19 @@ class PoseStore {
   PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc);
 
  private:
+  static constexpr std::size_t kSpares = 2;
+  struct Spares {
+    std::mutex mutex;
+    std::vector<std::unique_ptr<PoseSnapshot>> snapshots;
+  };
+  std::shared_ptr<PoseSnapshot> copy();
   void publish(std::shared_ptr<PoseSnapshot> next);
 
   const Scene& scene_;
   std::mutex writers_;
   mutable std::mutex current_mutex_;  // held for a pointer's copy only
   std::shared_ptr<const PoseSnapshot> current_;
+  std::shared_ptr<Spares> spares_ = std::make_shared<Spares>();  // snapshots may outlive the store
 };
 
 /// Our monotonic clock, nanoseconds.
