@@ -14,8 +14,13 @@ std::unique_ptr<NarrowBaseline> make_cuda_narrow(std::string_view, const NarrowO
   throw std::runtime_error("this build has no CUDA");
 }
 
-double transfer_us(Transfer, const World&, std::size_t, int) {
+struct Transfers::Impl {};
+Transfers::Transfers(const World&, std::size_t) {
   throw std::runtime_error("this build has no CUDA");
+}
+Transfers::~Transfers() = default;
+std::size_t Transfers::run(Transfer) {
+  return 0;
 }
 
 }  // namespace clearance::baselines

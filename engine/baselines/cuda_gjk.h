@@ -18,7 +18,17 @@ enum class Transfer : std::uint8_t {
   kAnswers,     ///< a PairAnswer for each pair, back to the host
   kPoses,       ///< what remains of the way there once geometry is resident: seven numbers for each body
 };
-/// Median time of a transfer, microseconds, host memory not pinned. Throws std::runtime_error without a GPU.
-double transfer_us(Transfer transfer, const World& world, std::size_t pairs, int repeats);
+/// The memory of such copies, that of the host not pinned. Throws std::runtime_error without a GPU.
+class Transfers {
+ public:
+  Transfers(const World& world, std::size_t pairs);
+  ~Transfers();
+  /// Copies, waits, and returns the number of bytes.
+  std::size_t run(Transfer transfer);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 }  // namespace clearance::baselines

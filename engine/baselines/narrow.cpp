@@ -22,7 +22,8 @@ struct ScanSupport {
   }
 };
 
-/// The same by several threads, for meshes so large that it pays.
+/// The same by several threads, for meshes so large that it pays: waking them costs more than scanning a few thousand.
+constexpr std::size_t kParallelScan = 20'000;
 struct ParallelScanSupport {
   const Mesh& a;
   const Mesh& b;
@@ -88,7 +89,9 @@ class CpuGjk final : public NarrowBaseline {
     if (method_ == Method::kParallel && pairs.size() < static_cast<std::size_t>(threads_)) {
       for (std::size_t i = 0; i < pairs.size(); ++i) {
         const Mesh a = world.mesh(pairs[i].a), b = world.mesh(pairs[i].b);
-        answers[i] = run(a, b, ParallelScanSupport{a, b, threads_}, reduction_);
+        answers[i] = a.vertices.size() + b.vertices.size() < kParallelScan
+                         ? run(a, b, ScanSupport{a, b}, reduction_)
+                         : run(a, b, ParallelScanSupport{a, b, threads_}, reduction_);
       }
       return;
     }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "engine/hull.h"
+
 namespace clearance::baselines {
 
 namespace {
@@ -29,10 +31,21 @@ std::shared_ptr<const Connections> connect(const DisplayMesh& mesh) {
   return c;
 }
 
+/// The hull's own faces, of a body whose mesh is not just that.
+std::shared_ptr<const DisplayMesh> hull_of(const Piece& piece) {
+  auto mesh = std::make_shared<DisplayMesh>();
+  mesh->vertices = make_hull_piece(piece.vertices, {}, 0, 0, true, &mesh->triangles)->vertices;
+  return mesh;
+}
+
 }  // namespace
 
 World::World(const Scene& scene) {
-  std::map<const DisplayMesh*, std::shared_ptr<const Connections>> known;
+  struct Shared {
+    std::shared_ptr<const DisplayMesh> mesh;
+    std::shared_ptr<const Connections> connections;
+  };
+  std::map<const Piece*, Shared> known;
   std::vector<Pose> poses;
   std::uint32_t first = 0;
   for (const Body& body : scene.bodies()) {
@@ -41,12 +54,16 @@ World::World(const Scene& scene) {
     };
     if (body.pieces.size() != 1) refuse("has several pieces");
     if (body.pieces[0]->radius > 0) refuse("has a radius");
-    if (!body.display || body.display->triangles.empty()) refuse("has no triangles");
-    auto& connections = known[body.display.get()];
-    if (!connections) connections = connect(*body.display);
-    meshes_.push_back(body.display);
-    connections_.push_back(connections);
-    const auto count = static_cast<std::uint32_t>(body.display->vertices.size());
+    Shared& shared = known[body.pieces[0].get()];
+    if (!shared.mesh) {
+      const bool plain = body.display && body.display->vertices.size() == body.pieces[0]->vertices.size();
+      shared.mesh = plain ? body.display : hull_of(*body.pieces[0]);
+      shared.connections = connect(*shared.mesh);
+    }
+    if (shared.mesh->triangles.empty()) refuse("has no triangles");
+    meshes_.push_back(shared.mesh);
+    connections_.push_back(shared.connections);
+    const auto count = static_cast<std::uint32_t>(shared.mesh->vertices.size());
     ranges_.push_back({first, count});
     first += count;
     poses.push_back(body.pose.value_or(Pose{}));

@@ -38,8 +38,9 @@ struct VertexRange {
 /// All meshes of a scene where its bodies are.
 class World {
  public:
-  /// Takes each body's triangles (Body::display) and places it at its initial pose, the origin without one. Throws
-  /// std::invalid_argument for a body of several pieces, with a radius, or without triangles: the report knows neither.
+  /// Takes each body's triangles, those of its hull if its mesh has vertices inside, and places it at its initial pose,
+  /// the origin without one. Throws std::invalid_argument for a body of several pieces, with a radius, or without
+  /// triangles (a flat one): the report knows neither.
   explicit World(const Scene& scene);
 
   /// Moves every body. \param X_wb (bodies,)
@@ -49,6 +50,8 @@ class World {
   Mesh mesh(std::uint32_t body) const {
     return {std::span(vertices_).subspan(ranges_[body].first, ranges_[body].count), connections_[body].get()};
   }
+  /// In the body's frame.
+  const std::shared_ptr<const DisplayMesh>& body_mesh(std::uint32_t body) const { return meshes_[body]; }
   std::span<const Vec3d> vertices() const { return vertices_; }    ///< of all bodies, one body after another
   std::span<const VertexRange> ranges() const { return ranges_; }  ///< (bodies,)
   std::vector<Aabb> boxes() const;                                 ///< (bodies,) of their vertices

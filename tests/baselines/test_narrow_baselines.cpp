@@ -117,9 +117,18 @@ TEST_P(NarrowBaselines, AreRightOnWellConditionedClasses) {
   EXPECT_GT(overlapping, 100);
 }
 
+// As scenes/random_*.
+Scene random_spheres(int count, double box) {
+  PortableRandom random(1);
+  Scene scene;
+  for (int i = 0; i < count; ++i)
+    scene.add_uv_sphere("s" + std::to_string(i), 2, 5, {.pose = random.pose({box, box, box})});
+  return scene;
+}
+
 // Many pairs at once, so that OpenMP has some to deal out and a GPU some to batch.
 TEST_P(NarrowBaselines, AnswerManyPairsAsTheEngineDoes) {
-  Scene scene = Scene::load(CLEARANCE_SOURCE_DIR "/scenes/random_10/scene.yaml");
+  Scene scene = random_spheres(10, 13);
   scene.add_box("box", {3, 2, 1}, {.pose = Pose{{1, 2, 3}, 0.9, 0.1, 0.3, 0.2}});
   scene.add_uv_sphere("small", 0.5, 4, {.pose = Pose{{1.2, 2, 3}, 1, 0, 0, 0}});  // in the box
   const World world(scene);
@@ -168,6 +177,18 @@ TEST_P(NarrowBaselines, LoseDigitsFarFromTheWorldsOrigin) {
   EXPECT_GT(wrong, 5);
 }
 
+// So many vertices that gjk_omp scans them with all threads.
+TEST_P(NarrowBaselines, AnswerOnePairOfLargeMeshes) {
+  if (GetParam().starts_with("naive")) GTEST_SKIP() << "4e9 pairs of faces";
+  Scene scene;
+  scene.add_uv_sphere("a", 1, 120, {});
+  scene.add_uv_sphere("b", 1, 120, {.pose = Pose{{1.5, 1.5, 0.5}, 0.9, 0.1, 0.3, 0.2}});
+  const World world(scene);
+  PairAnswer expected = ask(*make_narrow("gjk"), world);
+  EXPECT_NEAR(expected.distance, 0.18, 0.01);
+  EXPECT_NEAR(ask(*baseline_, world).distance, expected.distance, 1e-12);
+}
+
 INSTANTIATE_TEST_SUITE_P(All, NarrowBaselines, testing::ValuesIn(narrow_names()),
                          [](const auto& p) { return p.param; });
 
@@ -179,6 +200,19 @@ TEST(NarrowByName, BadOptionsAndUnknownNamesAreRefused) {
       EXPECT_THROW(make_narrow(name, {.block_size = 0}), std::invalid_argument) << name;
       EXPECT_THROW(make_narrow(name, {.block_size = 1025}), std::invalid_argument) << name;
     }
+}
+
+// The second mesh of this scene has dents: it counts as its hull, for the baselines as for the engine.
+TEST(Worlds, TakeTheHullOfAMesh) {
+  const Scene scene = Scene::load(CLEARANCE_SOURCE_DIR "/scenes/benchmark_lite/scene.yaml");
+  const World world(scene);
+  for (std::uint32_t b = 0; b < world.size(); ++b)
+    EXPECT_EQ(world.mesh(b).vertices.size(), scene.bodies()[b].pieces[0]->vertices.size());
+  EXPECT_EQ(world.mesh(0).connections->triangles.size(), 2400u);
+  EXPECT_LT(world.mesh(1).vertices.size(), scene.bodies()[1].display->vertices.size());
+  const double by_scan = ask(*make_narrow("gjk"), world).distance;
+  EXPECT_NEAR(ask(*make_narrow("gjk_hill"), world).distance, by_scan, 1e-12);
+  EXPECT_NEAR(ask(*make_narrow("naive_omp"), world).distance, by_scan, 1e-12);
 }
 
 TEST(Worlds, RefuseWhatTheReportDoesNotKnow) {
@@ -197,7 +231,7 @@ TEST(CudaBlocks, OfAnySizeGiveTheBitsOfTheCpu) {
   if (std::find(narrow_names().begin(), narrow_names().end(), "cuda_batched") == narrow_names().end() ||
       !made("cuda_batched"))
     GTEST_SKIP() << "no CUDA in this build, or no GPU on this machine";
-  const World world(Scene::load(CLEARANCE_SOURCE_DIR "/scenes/random_100/scene.yaml"));
+  const World world(random_spheres(100, 28));
   std::vector<BodyPair> pairs;
   for (std::uint32_t a = 0; a < world.size(); ++a)
     for (std::uint32_t b = a + 1; b < world.size(); b += 3) pairs.push_back({a, b});
