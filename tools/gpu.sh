@@ -1,17 +1,28 @@
 #!/usr/bin/env bash
-# gpu.sh test|bench [folder of binaries]: the tests and benchmarks that need a GPU. Run by make gpu-test and make gpu-bench;
-# with a folder of binaries that were built elsewhere it needs nothing but them.
+# gpu.sh test|bench|report [folder of binaries]: the tests and benchmarks that need a GPU. Run by make gpu-test, make
+# gpu-bench and make report-gpu; with a folder of binaries that were built elsewhere it needs nothing but them (and, for the
+# report, scenes/ in the current folder).
 set -uo pipefail
-what=${1:?gpu.sh test or bench}
+what=${1:?gpu.sh test, bench or report}
 bin=${2:-build/bin}
 out=${OUT:-out}
 mkdir -p "$out"
+
+# docs/results/PREFIX_DEVICE.csv, in $out where there is no such folder.
+results_file() {
+  local device folder=docs/results
+  device=$("$bin/clearance-gpu-bench" --device) || return 1
+  [ -d "$folder" ] || folder=$out
+  echo "$folder/$1_$(echo "$device" | tr 'A-Z' 'a-z' | tr -cs 'a-z0-9' '_' | sed 's/_*$//').csv"
+}
+
 case $what in
   test)
     [ -x "$bin/test_cuda_backend" ] || { echo "gpu.sh: $bin/test_cuda_backend is not there: was nvcc found?" >&2; exit 1; }
     "$bin/clearance-gpu-bench" --device || exit 1
     failed=0
-    for run in "test_cuda_backend" "test_cuda_reductions" "test_cuda_classes" "test_engine --gtest_filter=*cuda*"; do
+    for run in "test_cuda_backend" "test_cuda_reductions" "test_cuda_classes" "test_engine --gtest_filter=*cuda*" \
+               "test_narrow_baselines --gtest_filter=*uda*:-Worlds*"; do
       # shellcheck disable=SC2086
       "$bin"/$run >"$out/gpu_test.log" 2>&1 || { failed=1; grep -E "Failure|FAILED|error" "$out/gpu_test.log" | head -20; }
       printf '%-45s %s\n' "$run" "$(grep -E '^\[  (PASSED|FAILED)  \] [0-9]+ test' "$out/gpu_test.log" | tr -d '\n')"
@@ -19,11 +30,16 @@ case $what in
     exit $failed
     ;;
   bench)
-    device=$("$bin/clearance-gpu-bench" --device) || exit 1
-    name=gpu_$(echo "$device" | tr 'A-Z' 'a-z' | tr -cs 'a-z0-9' '_' | sed 's/_*$//').csv
-    results=docs/results
-    [ -d "$results" ] || results=$out
-    "$bin/clearance-gpu-bench" "$results/$name" && echo "$results/$name"
+    file=$(results_file gpu) || exit 1
+    "$bin/clearance-gpu-bench" "$file" && echo "$file"
     ;;
-  *) echo "gpu.sh: expected test or bench, got '$what'" >&2; exit 2 ;;
+  report)
+    file=$(results_file report) || exit 1
+    coal=()
+    for program in "$bin/coal_peer" build/peers/coal/peer; do
+      [ -x "$program" ] && coal=(--coal "$program") && break
+    done
+    "$bin/clearance-report" --csv "$file" --remark "make report-gpu" --scratch "$out" "${coal[@]}" && echo "$file"
+    ;;
+  *) echo "gpu.sh: expected test, bench or report, got '$what'" >&2; exit 2 ;;
 esac
