@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test demo bench bench-peers certify tradeoff gpu-test gpu-bench clean
+.PHONY: help setup build test demo bench bench-broad bench-peers certify tradeoff gpu-test gpu-bench clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -31,6 +31,11 @@ bench-peers:  ## ours beside Coal, FCL and Bullet, which it installs: times and 
 	@tools/setup.sh tools/peers_packages.txt
 	@tools/build.sh release clearance-peers-export clearance-peers-ours
 	@$(PYTHON_VENV) tools/bench_peers.py
+
+bench-broad: setup  ## the ways to find near pairs, alone and within queries; rewrites docs/results/broad.csv and docs/performance.md
+	@tools/build.sh release clearance-broad
+	@build/bin/clearance-broad --csv docs/results/broad.csv
+	@$(PYTHON_VENV) tools/broad.py
 
 certify: setup  ## a million pairs of every hard class against exact arithmetic; rewrites docs/results/accuracy.csv
 	@tools/build.sh release clearance-certify

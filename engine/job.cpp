@@ -229,7 +229,7 @@ class ReducedJob final : public ParallelJob {
       for (; r.stage() != Reduction::kDone; r.end_stage(), next_ = 0) {
         const bool stage_done = run_units(next_, r.units(), deadline, [&](std::uint64_t unit, int worker) {
           r.run(unit, worker, placement(worker, first_));
-        });
+        }, !r.worth_threads(context_.light));
         if (!stage_done) return false;
       }
       write(r.rows(static_cast<std::uint32_t>(first_), placement(0, first_)));

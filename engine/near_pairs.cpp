@@ -13,9 +13,9 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 // Measured (docs/results/broad.csv): below so many bodies an asker's walk through a tree takes longer than comparing all.
-constexpr std::uint64_t kTreeFromBodies = 100;
+constexpr std::uint64_t kTreeFromBodies = 64;
 // A walk through a tree takes as long as comparing so many pairs of boxes.
-constexpr std::uint64_t kPairsPerWalk = 40;
+constexpr std::uint64_t kPairsPerWalk = 32;
 
 }  // namespace
 
@@ -132,14 +132,19 @@ std::uint64_t NearPairs::first_position(std::uint32_t body) const {
 }
 
 void TreeSearch::stand(const Placement& placement) {
-  const bool there = placement_ && stood_at_ == placement.configuration();
+  const bool there = placement_ && stood_at_ == placement.configuration(), first = !placement_;
   placement_ = &placement;
   stood_at_ = placement.configuration();
   if (there) return;
-  unplaced_.clear();
-  for (std::uint32_t b = 0; b < scene_.bodies().size(); ++b)
-    if (placement[b].status != Status::kOk) unplaced_.push_back(b);
+  if (first) {
+    for (std::uint32_t b = 0; b < scene_.bodies().size(); ++b)
+      if (placement[b].status != Status::kOk && !placement.moves(b)) unplaced_.push_back(b);
+    staying_unplaced_ = unplaced_.size();
+  }
   if (!placement.moves_any()) return;
+  unplaced_.resize(staying_unplaced_);
+  for (const std::uint32_t b : plan_.moved)
+    if (placement[b].status != Status::kOk) unplaced_.push_back(b);
   if (slots_.empty()) {
     slots_.resize(plan_.moved.size());
     std::iota(slots_.begin(), slots_.end(), 0u);

@@ -118,6 +118,7 @@ class TreeSearch {
   const Placement* placement_ = nullptr;
   std::uint64_t stood_at_ = 0;  // meaningful if there is a placement
   std::vector<std::uint32_t> unplaced_, slots_;
+  std::size_t staying_unplaced_ = 0;  // of unplaced_, the first
   std::vector<Aabb> boxes_;  // of plan_.moved
   BoxTree moving_;
   std::vector<BodyPair> room_;

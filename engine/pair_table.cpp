@@ -1,6 +1,8 @@
 #include "pair_table.h"
 
 #include <algorithm>
+#include <cstring>
+#include <iterator>
 
 namespace clearance {
 
@@ -49,6 +51,17 @@ bool PairTable::enabled(std::uint32_t a, std::uint32_t b) const {
   return a != b && b < bodies_ && !(is_static_[a] && is_static_[b]) && !excluded(a, b);
 }
 
+bool PairTable::is(std::span<const BodyPair> pairs) const {
+  if (pairs.size() != size()) return false;
+  BodyPair room[512];
+  for (std::uint64_t begin = 0; begin < size(); begin += std::size(room)) {
+    const std::uint64_t count = std::min<std::uint64_t>(std::size(room), size() - begin);
+    copy(begin, count, room);
+    if (std::memcmp(room, pairs.data() + begin, count * sizeof(BodyPair)) != 0) return false;
+  }
+  return true;
+}
+
 void PairTable::copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const {
   if (count == 0) return;
   auto row = static_cast<std::uint32_t>(std::upper_bound(row_begin_.begin(), row_begin_.end(), begin) - row_begin_.begin() - 1);
@@ -60,7 +73,11 @@ void PairTable::copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) co
     std::uint32_t j = row + 1;
     if (!row_is_static && next_excluded == last_excluded) {  // nothing left out of this row: jump
       j += static_cast<std::uint32_t>(skip);
-      skip = 0;
+      const std::uint64_t here = std::min<std::uint64_t>(count, bodies_ - j);
+      for (std::uint64_t i = 0; i < here; ++i) out[i] = {row, j + static_cast<std::uint32_t>(i)};
+      out += here;
+      count -= here;
+      continue;
     }
     for (; j < bodies_ && count > 0; ++j) {
       if (row_is_static && is_static_[j]) continue;

@@ -24,6 +24,8 @@ class PairTable {
   std::uint64_t position(BodyPair pair) const;
   /// Writes the pairs at positions [begin, begin + count).
   void copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
+  /// Whether a list has all of the table's pairs in its order.
+  bool is(std::span<const BodyPair> pairs) const;
 
  private:
   std::uint32_t partners_before(std::uint32_t row, std::uint32_t j) const;  // below j, exclusions included

@@ -89,14 +89,15 @@ class ParallelJob : public Job::State {
               pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);
   }
 
-  // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed.
+  // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed. \param alone without
+  // waking threads, which takes as long as some microseconds of work, and far longer where others use the cores.
   template <class Unit>
-  bool run_units(std::uint64_t& next, std::uint64_t count, Clock::time_point deadline, Unit unit) {
+  bool run_units(std::uint64_t& next, std::uint64_t count, Clock::time_point deadline, Unit unit, bool alone = false) {
     const bool unbounded = deadline == Clock::time_point::max();
     std::uint64_t batch = static_cast<std::uint64_t>(workers());
     while (next < count) {
       const std::uint64_t end = unbounded ? count : std::min(count, next + batch);
-      run_batch(next, end, unit);
+      run_batch(next, end, alone, unit);
       next = end;
       if (!unbounded && Clock::now() >= deadline) break;
       batch *= 2;
@@ -111,8 +112,8 @@ class ParallelJob : public Job::State {
 
  private:
   template <class Unit>
-  void run_batch(std::uint64_t begin, std::uint64_t end, Unit& unit) {
-    if (workers() == 1 || end - begin == 1) {
+  void run_batch(std::uint64_t begin, std::uint64_t end, bool alone, Unit& unit) {
+    if (alone || workers() == 1 || end - begin == 1) {
       for (std::uint64_t i = begin; i < end; ++i) unit(i, 0);
       return;
     }

@@ -77,14 +77,23 @@ std::vector<BodyPair> expand(const QueryView& q, const Scene& scene, const PairT
   return pairs;
 }
 
+// In lexicographic order: a moved body with all that follow it, another one with the moved that follow it.
 std::vector<BodyPair> pairs_of_moved(const std::vector<std::uint32_t>& moved, const Scene& scene, const PairTable& table) {
   const auto n = static_cast<std::uint32_t>(scene.bodies().size());
+  std::vector<std::uint32_t> ascending(moved);
+  std::sort(ascending.begin(), ascending.end());
   std::vector<BodyPair> pairs;
-  for (const std::uint32_t m : moved)
-    for (std::uint32_t b = 0; b < n; ++b)
-      if (table.enabled(m, b)) pairs.push_back({std::min(m, b), std::max(m, b)});
-  std::sort(pairs.begin(), pairs.end());
-  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  auto next = ascending.begin();  // the first that is not below a
+  for (std::uint32_t a = 0; a < n && next != ascending.end(); ++a) {
+    if (*next == a) {
+      ++next;
+      for (std::uint32_t b = a + 1; b < n; ++b)
+        if (table.enabled(a, b)) pairs.push_back({a, b});
+    } else {
+      for (auto b = next; b != ascending.end(); ++b)
+        if (table.enabled(a, *b)) pairs.push_back({a, *b});
+    }
+  }
   return pairs;
 }
 
@@ -131,7 +140,7 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
 
   const PairTable& table = *plan.snapshot->pairs;
   plan.moved = plan.snapshot->with_followers(plan.bodies);
-  if (!query.all_pairs)
+  if (!query.all_pairs && !(query.bodies.empty() && table.is(query.pairs)))  // who sends the table back means all of it
     plan.pairs = PairList(expand(query, scene, table, max_rows));
   else if (!query.bodies.empty())
     plan.pairs = PairList(pairs_of_moved(plan.moved, scene, table));

@@ -14,6 +14,9 @@ constexpr std::uint64_t kAskers = 64;     // bodies whose pairs one unit looks f
 constexpr std::uint64_t kTreeBlocks = 8;  // ... or blocks of such
 constexpr std::uint64_t kEvaluate = 256;  // pairs that one unit answers
 
+// What takes one thread a tenth of a millisecond or more.
+constexpr std::uint64_t kManyAskers = 512, kManyPairs = 65536, kManyAnswers = 1024;
+
 std::uint64_t blocks(std::uint64_t count, std::uint64_t size) { return (count + size - 1) / size; }
 
 }  // namespace
@@ -62,6 +65,18 @@ std::uint64_t Reduction::units() const {
     case kDone: break;
   }
   return 0;
+}
+
+bool Reduction::worth_threads(bool light) const {
+  const std::uint64_t many_answers = light ? kManyAnswers : kManyAnswers / 16;
+  switch (stage_) {
+    case kSeedScan:
+    case kScan: return by_tree_ ? near_pairs_.askers().size() >= kManyAskers : plan_.pairs.size() >= kManyPairs;
+    case kSeeds: return seeds_.size() >= many_answers;
+    case kCandidates: return candidates_.size() >= many_answers;
+    case kDone: break;
+  }
+  return false;
 }
 
 void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) {

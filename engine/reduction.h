@@ -33,6 +33,8 @@ class Reduction {
   void begin();
   Stage stage() const { return stage_; }
   std::uint64_t units() const;
+  /// Whether the current stage is so much work that several threads pay. \param light an answer takes well under 1 us, not 10.
+  bool worth_threads(bool light) const;
   /// Runs one unit of the current stage. The placement must be configured.
   void run(std::uint64_t unit, int worker, const Placement& placement);
   /// Ends the stage after all its units.
