@@ -48,7 +48,7 @@ tradeoff: setup  ## time against accuracy for every setting of a query; rewrites
 	@$(PYTHON_VENV) tools/tradeoff.py
 
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
-	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_classes test_engine clearance-gpu-bench
+	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_cuda_classes test_engine clearance-gpu-bench
 	@tools/gpu.sh test
 
 gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv

@@ -65,7 +65,12 @@ Engine::Engine(Scene scene, const Options& options) {
   impl_->light = !impl_->reference && std::all_of(bodies.begin(), bodies.end(), [](const Body& b) {
     return b.pieces.size() == 1;
   });
-  if (options.backend == "cuda") impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene);
+  if (options.backend == "cuda") {
+    cuda::DeviceBackend::Options device;
+    if (options.device_memory > 0) device.memory_limit = options.device_memory;
+    device.fallback = options.device_fallback;
+    impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene, device);
+  }
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
 }
 
@@ -73,7 +78,8 @@ Engine::~Engine() = default;
 
 const Scene& Engine::scene() const { return impl_->scene; }
 std::uint64_t Engine::scene_revision() const { return impl_->poses.snapshot()->scene_revision; }
-std::string_view Engine::backend() const { return impl_->reference ? "reference" : impl_->device ? "cuda" : "cpu"; }
+std::string_view Engine::backend() const { return impl_->reference ? "reference" : impl_->device && impl_->device->usable() ? "cuda" : "cpu"; }
+std::string Engine::device_error() const { return impl_->device ? impl_->device->error() : std::string(); }
 std::string_view Engine::instruction_set() const { return impl_->lanes->name; }
 std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
 

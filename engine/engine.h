@@ -76,10 +76,14 @@ class Engine {
     /// How reductions find near pairs: "auto", "brute" (every pair's boxes), "tree". Only speed depends on it.
     std::string broad_phase = "auto";
     std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are refused
+    std::uint64_t device_memory = 0;  ///< bytes of device memory that backend cuda may take; 0: what there is
+    /// Whether the CPU answers where the device cannot: it failed, or memory does not suffice. If not, such queries are
+    /// refused (kNotSupported, with the reason).
+    bool device_fallback = true;
   };
 
   /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, std::runtime_error for one that is absent on
-  /// this machine.
+  /// this machine or, without fallback, has no room for the scene.
   explicit Engine(Scene scene) : Engine(std::move(scene), Options()) {}
   Engine(Scene scene, const Options& options);
   ~Engine();
@@ -89,6 +93,8 @@ class Engine {
   const Scene& scene() const;
   std::uint64_t scene_revision() const;   ///< Scene::revision()
   std::string_view backend() const;       ///< the one in use, by name
+  /// What the device said last where it did not answer; empty: there was nothing.
+  std::string device_error() const;
   static std::vector<std::string> backends();  ///< those that can be asked for on this machine
   std::string_view instruction_set() const;    ///< the one in use, by name
   static std::vector<std::string> instruction_sets();  ///< those that this machine has, the fastest first

@@ -259,14 +259,16 @@ class ReducedJob final : public ParallelJob {
 
 }  // namespace
 
-std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply) {
-  if (context.device) {
-    if (auto job = cuda::make_device_job(context, plan, reply)) return job;
-    context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
-  }
+std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   plan.keep_configurations();
   if (plan.query.reduce == Reduce::kNone) return std::make_unique<DenseJob>(context, std::move(plan), reply);
   return std::make_unique<ReducedJob>(context, std::move(plan), reply);
+}
+
+std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply) {
+  if (context.device)
+    if (auto job = cuda::make_device_job(context, plan, reply)) return job;
+  return make_cpu_job(context, std::move(plan), reply);
 }
 
 }  // namespace clearance

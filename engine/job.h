@@ -39,6 +39,9 @@ struct Job::State {
   ReplyInfo info;
 };
 
+/// On whatever answers it.
 std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply);
+/// On the CPU.
+std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply);
 
 }  // namespace clearance

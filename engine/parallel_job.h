@@ -50,6 +50,7 @@ class ParallelJob : public Job::State {
         boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b]));
     const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
     placements_.resize(serial ? 1 : static_cast<std::size_t>(context.threads));
+    info.backend = context.reference ? "reference" : "cpu";
     info.snapshot_revision = snapshot.revision;
     info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
     info.scene_revision = snapshot.scene_revision;

@@ -167,6 +167,7 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
 }
 
 void Plan::keep_configurations() {
+  if (configurations.data() == kept_configurations.data()) return;
   kept_configurations.assign(configurations.begin(), configurations.end());
   configurations = kept_configurations;
 }

@@ -6,6 +6,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 #include "client/types.h"
 #include "pose.h"
@@ -92,6 +93,7 @@ struct ReplyInfo {
   std::int64_t oldest_receipt_ns = 0;     ///< oldest monotonic receipt among poses of movable bodies; 0: none
   std::uint64_t scene_revision = 0;
   std::uint64_t pairs_evaluated = 0;      ///< pair-configurations that boxes alone did not answer
+  std::string_view backend;               ///< that answered: "cpu", "cuda" or "reference"
 };
 
 /// Why a query as a whole cannot be answered. A bad pose or an unknown body is a Status of its rows, not an error.

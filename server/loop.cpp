@@ -295,7 +295,7 @@ void Loop::finish(Task& task) {
   reply.snapshot_stamp_ns = info.snapshot_stamp_ns;
   reply.oldest_receipt_ns = info.oldest_receipt_ns;
   reply.pairs_evaluated = info.pairs_evaluated;
-  wire::set_name(reply.backend, engine_.backend());
+  wire::set_name(reply.backend, info.backend);
   reply.engine_ns = static_cast<std::uint64_t>(task.in_engine.count());
   const auto header = wire::make_header(FrameType::kReply, task.request.request_id, bytes - sizeof(FrameHeader),
                                         info.scene_revision, task.request.client_id);

@@ -129,6 +129,8 @@ int serve(DaemonOptions options) {
   Engine::Options engine_options;
   engine_options.backend = options.backend;
   engine_options.threads = options.threads;
+  engine_options.device_memory = std::uint64_t{options.device_memory_mib} << 20;
+  engine_options.device_fallback = options.device_fallback;
   try {
     Engine probe(Scene{}, engine_options);  // a wrong backend is said before the scene is loaded, which may take long
   } catch (const std::exception& error) {

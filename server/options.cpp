@@ -61,13 +61,19 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->type_name("URL");
   app.add_option("--lcm-prefix", o.lcm_prefix, "begins the names of all LCM channels: several daemons on one bus")
       ->type_name("TEXT");
-  app.add_option("--backend", o.backend, "what computes: auto, cpu, reference (slow: brute force, to compare with)")
+  app.add_option("--backend", o.backend, "what computes: auto, cpu, cuda, reference (slow: brute force, to compare with)")
       ->type_name("NAME")
       ->capture_default_str();
   app.add_option("--threads", o.threads, "threads of the cpu backend; 0: one for each core")
       ->check(quiet(CLI::Range(0, 4096)))
       ->type_name("N")
       ->capture_default_str();
+  app.add_option("--device-memory-mib", o.device_memory_mib,
+                 "MiB of device memory that the cuda backend may take; 0: what there is")
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_flag("!--no-device-fallback", o.device_fallback,
+               "refuse what the device cannot answer; else the CPU answers it");
   app.add_option("--slice-us", o.slice_us, "microseconds that one query may take before the others get a turn")
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")

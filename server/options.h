@@ -25,6 +25,8 @@ struct DaemonOptions {
   std::string lcm_prefix;
   std::string backend = "auto";
   int threads = 0;
+  unsigned device_memory_mib = 0;
+  bool device_fallback = true;
   unsigned slice_us = 200;
   unsigned spin_us = 50;
   unsigned max_waiting = 64;

@@ -1,22 +1,20 @@
 // Stands in for device.cu where the build has no CUDA.
-#include <stdexcept>
-
 #include "device.h"
 
 namespace clearance::cuda {
 
-const DeviceInfo& device_info() {
+const DeviceInfo& installed_device() {
   static const DeviceInfo none{false, "", "this build has no CUDA"};
   return none;
 }
-std::shared_ptr<Device> make_device(const Scene&) {
-  throw std::runtime_error(device_info().reason);
+std::shared_ptr<Device> open_device(const Scene&, std::uint64_t) {
+  throw DeviceError(DeviceError::kLost, installed_device().reason);
 }
 bool is_pinned(const void*) {
   return false;
 }
 PinnedMemory::PinnedMemory(std::size_t) {
-  throw std::runtime_error(device_info().reason);
+  throw DeviceError(DeviceError::kLost, installed_device().reason);
 }
 PinnedMemory::~PinnedMemory() = default;
 

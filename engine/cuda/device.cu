@@ -75,8 +75,13 @@ class Pool {
 
 class CudaDevice final : public Device, public std::enable_shared_from_this<CudaDevice> {
  public:
-  explicit CudaDevice(const Scene& scene)
-      : hulls_(scene, most_shared(), scene_memory_), dense_(hulls_, work_), reduced_(hulls_, work_) {
+  CudaDevice(const Scene& scene, std::uint64_t memory_limit)
+      : budget_{memory_limit},
+        scene_memory_(budget_),
+        work_(budget_),
+        hulls_(scene, most_shared(), scene_memory_),
+        dense_(hulls_, work_),
+        reduced_(hulls_, work_) {
     check(cudaFuncSetAttribute(answer_groups, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()),
           "asking for shared memory");
   }
@@ -104,6 +109,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   }
 
  private:
+  MemoryBudget budget_;
   MemoryCounters scene_memory_;
   WorkCounters work_;
   ResidentHulls hulls_;
@@ -113,14 +119,14 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
 
 }  // namespace
 
-const DeviceInfo& device_info() {
+const DeviceInfo& installed_device() {
   static const DeviceInfo info = probe();
   return info;
 }
 
-std::shared_ptr<Device> make_device(const Scene& scene) {
-  if (!device_info().present) throw std::runtime_error(device_info().reason);
-  return std::make_shared<CudaDevice>(scene);
+std::shared_ptr<Device> open_device(const Scene& scene, std::uint64_t memory_limit) {
+  if (!installed_device().present) throw DeviceError(DeviceError::kLost, installed_device().reason);
+  return std::make_shared<CudaDevice>(scene, memory_limit);
 }
 
 bool is_pinned(const void* memory) {

@@ -4,11 +4,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "device_error.h"
 #include "engine/answer.h"
 #include "engine/query.h"
 #include "layout.h"
@@ -19,13 +21,12 @@ class Scene;
 
 namespace clearance::cuda {
 
-/// The device that the backend uses: the current one of this process.
+/// A device that the backend can use.
 struct DeviceInfo {
   bool present = false;
   std::string name;    ///< "NVIDIA H100 80GB HBM3"
   std::string reason;  ///< why there is none: "this build has no CUDA", or what the driver says
 };
-const DeviceInfo& device_info();
 
 /// Numbers that a device keeps about itself.
 struct DeviceCounters {
@@ -100,8 +101,7 @@ struct ReducedResult {
 
 inline constexpr int kChunksUnderWay = 4;  ///< slots of a workspace
 
-/// Memory and streams for one query at a time, with a few chunks under way. Errors of the device are thrown as
-/// std::runtime_error.
+/// Memory and streams for one query at a time, with a few chunks under way. Everything here may throw DeviceError.
 class QueryWorkspace {
  public:
   virtual ~QueryWorkspace() = default;
@@ -153,8 +153,24 @@ class Device {
   virtual DeviceCounters counters() const = 0;
 };
 
-/// Copies the scene's hulls to the device. Throws std::runtime_error with the device's reason.
-std::shared_ptr<Device> make_device(const Scene& scene);
+/// The current CUDA device of this process, if there is one.
+const DeviceInfo& installed_device();
+/// Copies the scene's hulls to it. \param memory_limit bytes of device memory that may be taken.
+std::shared_ptr<Device> open_device(const Scene& scene, std::uint64_t memory_limit);
+
+/// Stands in for the installed device while it lives: tests of what follows from a device's faults need none.
+class DeviceStandIn {
+ public:
+  using Open = std::function<std::shared_ptr<Device>(const Scene&, std::uint64_t memory_limit)>;
+  DeviceStandIn(DeviceInfo info, Open open);
+  ~DeviceStandIn();
+  DeviceStandIn(const DeviceStandIn&) = delete;
+  DeviceStandIn& operator=(const DeviceStandIn&) = delete;
+};
+
+/// The device that the backend uses: the installed one or what stands in for it.
+const DeviceInfo& device_info();
+std::shared_ptr<Device> make_device(const Scene& scene, std::uint64_t memory_limit);
 
 /// Whether the memory is pinned, so that the device can write to it.
 bool is_pinned(const void* memory);

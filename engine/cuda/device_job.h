@@ -4,6 +4,7 @@
 #include <atomic>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <vector>
 
 #include "device.h"
@@ -52,9 +53,20 @@ struct PairListOnDevice {
 /// The engine's device and what is kept between queries.
 class DeviceBackend {
  public:
-  explicit DeviceBackend(const Scene& scene) : scene_(scene), device_(make_device(scene)) {}
+  struct Options {
+    std::uint64_t memory_limit = ~std::uint64_t{0};  ///< bytes of device memory
+    bool fallback = true;                            ///< the CPU answers what the device cannot
+  };
+  /// Without fallback it throws DeviceError where the device cannot hold the scene.
+  DeviceBackend(const Scene& scene, const Options& options);
 
   Device& device() const { return *device_; }
+  bool usable() const { return usable_; }
+  bool fallback() const { return options_.fallback; }
+  /// What the device said last when it did not answer; empty: it always did.
+  std::string error() const;
+  /// Takes note of an error. A lost device is not asked again.
+  void note(const DeviceError& error);
   /// How this plan's pairs are dealt: the last deal if it fits.
   std::shared_ptr<const PairDeal> deal(const Plan& plan);
   /// The plan's pairs in their order: the last list if it fits.
@@ -63,19 +75,21 @@ class DeviceBackend {
   void append(Counters& counters) const;
 
   // What became of pair-configurations and queries.
-  std::atomic<std::uint64_t> settled{0}, finished_on_cpu{0}, queries{0}, queries_on_cpu{0};
+  std::atomic<std::uint64_t> settled{0}, finished_on_cpu{0}, queries{0}, queries_on_cpu{0}, without_room{0};
 
  private:
   const Scene& scene_;
-  std::shared_ptr<Device> device_;
-  std::mutex mutex_;
+  Options options_;
+  std::atomic<bool> usable_{false};
+  mutable std::mutex mutex_;  // of what follows
+  std::string error_;
+  std::shared_ptr<Device> device_;  // before what holds memory that it counts; set once
   std::shared_ptr<const PairDeal> last_;
   std::shared_ptr<const PairListOnDevice> last_list_;
 };
 
-/// A query on the device; null, and the plan untouched, where the CPU has to answer it.
+/// A query on the device, which the CPU takes over if the device fails in the middle of it; null, and the plan untouched,
+/// where the CPU has to answer it from the beginning. Throws QueryError where the device fails and no one may take over.
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply);
-/// The same of a reduced query.
-std::unique_ptr<Job::State> make_reduced_device_job(const JobContext& context, Plan& plan, const ReplyView& reply);
 
 }  // namespace clearance::cuda

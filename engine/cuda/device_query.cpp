@@ -18,8 +18,14 @@ DeviceQuery::DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView
     : ParallelJob(context, std::move(plan), reply, plan.query.reduce == Reduce::kNone),
       backend_(*context.device),
       rooms_(static_cast<std::size_t>(workers())) {
+  info.backend = "cuda";
   for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), options_);
   find_direct_columns();
+}
+
+Plan DeviceQuery::give_up() {
+  plan_.keep_configurations();  // they may lie in the workspace
+  return std::move(plan_);
 }
 
 void DeviceQuery::find_direct_columns() {

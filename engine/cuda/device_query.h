@@ -13,6 +13,11 @@ class DeviceQuery : public ParallelJob {
  public:
   DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply);
 
+  /// Sends what the query needs to the device. Throws DeviceError, as advance() does.
+  virtual void begin() = 0;
+  /// The plan, for the CPU to answer it from the beginning.
+  Plan give_up();
+
  protected:
   /// A row of some chunk: which configuration and pair of the query.
   struct OpenRow {
@@ -78,5 +83,9 @@ class DeviceQuery : public ParallelJob {
   std::vector<Room> rooms_;
   std::vector<Evaluator> evaluators_;
 };
+
+std::unique_ptr<DeviceQuery> make_dense_device_query(const JobContext& context, Plan&& plan, const ReplyView& reply);
+/// Null, and the plan untouched, where the device does not know all bodies.
+std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context, Plan& plan, const ReplyView& reply);
 
 }  // namespace clearance::cuda

@@ -10,13 +10,29 @@
 #include <string>
 #include <vector>
 
+#include "device_error.h"
+
 namespace clearance::cuda {
 
 inline void check(cudaError_t error, const char* what) {
-  if (error != cudaSuccess) throw std::runtime_error(std::string("CUDA: ") + what + ": " + cudaGetErrorString(error));
+  if (error == cudaSuccess) return;
+  const bool no_room = error == cudaErrorMemoryAllocation;
+  if (no_room) cudaGetLastError();  // no harm was done: the next call succeeds
+  throw DeviceError(no_room ? DeviceError::kNoRoom : DeviceError::kLost,
+                    std::string("CUDA: ") + what + ": " + cudaGetErrorString(error));
 }
 
+/// Device memory that may be taken, of the scene and of queries together.
+struct MemoryBudget {
+  std::uint64_t limit = ~std::uint64_t{0};  ///< bytes
+  std::atomic<std::uint64_t> used{0};
+};
+
 struct MemoryCounters {
+  MemoryCounters() = default;
+  explicit MemoryCounters(MemoryBudget& b) : budget(&b) {}
+
+  MemoryBudget* budget = nullptr;  ///< null: what there is
   std::atomic<std::uint64_t> device_bytes{0}, pinned_bytes{0}, allocations{0};
 };
 
@@ -33,8 +49,22 @@ class Buffer {
   std::byte* reserve(std::size_t bytes) {
     if (bytes > bytes_) {
       release();
-      const std::size_t wanted = bytes + bytes / 4;
-      data_ = Kind::allocate(wanted);
+      std::size_t wanted = bytes + bytes / 4;
+      if (!Kind::take(counters_, wanted)) {
+        wanted = bytes;
+        if (!Kind::take(counters_, wanted)) {
+          const MemoryBudget& budget = *counters_.budget;
+          throw DeviceError(DeviceError::kNoRoom, "device memory: " + std::to_string(budget.used + wanted) +
+                                                      " bytes would be needed, and the budget is " +
+                                                      std::to_string(budget.limit));
+        }
+      }
+      try {
+        data_ = Kind::allocate(wanted);
+      } catch (...) {
+        Kind::give_back(counters_, wanted);
+        throw;
+      }
       bytes_ = wanted;
       Kind::count(counters_) += bytes_;
       ++counters_.allocations;
@@ -46,6 +76,7 @@ class Buffer {
   void release() {
     if (!data_) return;
     Kind::release(data_);
+    Kind::give_back(counters_, bytes_);
     Kind::count(counters_) -= bytes_;
     data_ = nullptr;
     bytes_ = 0;
@@ -64,6 +95,16 @@ struct DeviceKind {
     return static_cast<std::byte*>(p);
   }
   static void release(std::byte* p) { cudaFree(p); }
+  static bool take(MemoryCounters& c, std::size_t bytes) {
+    if (!c.budget) return true;
+    const std::uint64_t before = c.budget->used.fetch_add(bytes);
+    if (before <= c.budget->limit && bytes <= c.budget->limit - before) return true;
+    c.budget->used -= bytes;
+    return false;
+  }
+  static void give_back(MemoryCounters& c, std::size_t bytes) {
+    if (c.budget) c.budget->used -= bytes;
+  }
   static std::atomic<std::uint64_t>& count(MemoryCounters& c) { return c.device_bytes; }
 };
 struct PinnedKind {
@@ -73,6 +114,8 @@ struct PinnedKind {
     return static_cast<std::byte*>(p);
   }
   static void release(std::byte* p) { cudaFreeHost(p); }
+  static bool take(MemoryCounters&, std::size_t) { return true; }
+  static void give_back(MemoryCounters&, std::size_t) {}
   static std::atomic<std::uint64_t>& count(MemoryCounters& c) { return c.pinned_bytes; }
 };
 using DeviceBuffer = Buffer<DeviceKind>;

@@ -12,6 +12,8 @@ namespace clearance::cuda {
 
 /// What all workspaces of a device count together.
 struct WorkCounters {
+  explicit WorkCounters(MemoryBudget& budget) : memory(budget) {}
+
   MemoryCounters memory;
   std::atomic<std::uint64_t> kernel_ns{0}, launches{0};
 };

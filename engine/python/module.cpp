@@ -55,6 +55,7 @@ class PyJob {
     a.scene_revision = info.scene_revision;
     a.snapshot_revision = info.snapshot_revision;
     a.snapshot_stamp_ns = info.snapshot_stamp_ns;
+    a.backend = info.backend;
     a.engine_ns = static_cast<std::uint64_t>(engine_ns_);
     return a;
   }
@@ -97,12 +98,15 @@ QueryView view_of(const Query& q) {
 
 class PyEngine {
  public:
-  PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows) {
+  PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows, std::uint64_t device_memory,
+           bool device_fallback) {
     nb::gil_scoped_release release;
     Engine::Options options;
     options.backend = backend;
     options.threads = threads;
     options.max_rows = max_rows;
+    options.device_memory = device_memory;
+    options.device_fallback = device_fallback;
     engine_ = std::make_shared<Engine>(scene, options);
   }
 
@@ -138,7 +142,6 @@ class PyEngine {
       answer.capacity = size.rows;
       answer.configurations = size.configurations;
       answer.pairs = size.pairs;
-      answer.backend = engine.backend();
 
       const auto column = [&](Field field) -> std::byte* {
         const int i = std::countr_zero(static_cast<std::uint32_t>(field));
@@ -265,8 +268,10 @@ NB_MODULE(_engine, m) {
       .def("answer", &PyJob::answer);
 
   nb::class_<PyEngine>(m, "Engine")
-      .def(nb::init<const Scene&, const std::string&, int, std::uint64_t>(), nb::arg("scene"), nb::arg("backend"),
-           nb::arg("threads"), nb::arg("max_rows"))
+      .def(nb::init<const Scene&, const std::string&, int, std::uint64_t, std::uint64_t, bool>(), nb::arg("scene"),
+           nb::arg("backend"), nb::arg("threads"), nb::arg("max_rows"), nb::arg("device_memory"),
+           nb::arg("device_fallback"))
+      .def_prop_ro("device_error", [](const PyEngine& e) { return e.use().device_error(); })
       .def_static("backends", &Engine::backends)
       .def_prop_ro("backend", [](const PyEngine& e) { return std::string(e.use().backend()); })
       .def_prop_ro("scene_revision", [](const PyEngine& e) { return e.use().scene_revision(); })

@@ -207,6 +207,34 @@ TEST_F(CudaBackend, AnswersSeveralThreadsAtOnceAndSurvivesJobsThatAreGivenUp) {
   for (const Answer& a : answers) expect_same(a, expected, "of a thread");
 }
 
+TEST_F(CudaBackend, StaysWithinItsMemoryBudget) {
+  const Engine free(grouped_scene(700, 12, 14), {"cuda"}), cpu(grouped_scene(700, 12, 14), {"cpu"});
+  const Answer expected = ask(cpu, {});
+  expect_same(ask(free, {}), expected, "without a budget");
+  const std::uint64_t scene = counter(free, "cuda.scene_bytes"), all = scene + counter(free, "cuda.query_bytes");
+  ASSERT_GT(all, scene + 1'000'000);
+  Engine::Options options{"cuda"};
+  for (const std::uint64_t budget : {scene / 2, scene + 1'000'000, all}) {
+    options.device_memory = budget;
+    options.device_fallback = true;
+    const Engine device(grouped_scene(700, 12, 14), options);
+    const Answer a = ask(device, {});
+    expect_same(a, expected, "budget " + std::to_string(budget));
+    EXPECT_EQ(a.info.backend, budget == all ? "cuda" : "cpu");
+    EXPECT_LE(counter(device, "cuda.scene_bytes") + counter(device, "cuda.query_bytes"), budget);
+    if (budget == all) continue;
+    EXPECT_NE(device.device_error().find("bytes would be needed, and the budget is " + std::to_string(budget)),
+              std::string::npos)
+        << device.device_error();
+    options.device_fallback = false;
+    if (budget < scene) {
+      EXPECT_THROW(Engine(grouped_scene(700, 12, 14), options), std::runtime_error);
+    } else {
+      EXPECT_THROW(ask(Engine(grouped_scene(700, 12, 14), options), {}), QueryError);
+    }
+  }
+}
+
 TEST(CudaBackendAbsent, SaysWhy) {
   if (cuda::device_info().present) GTEST_SKIP() << "there is a device: " << cuda::device_info().name;
   EXPECT_FALSE(cuda::device_info().reason.empty());

@@ -24,13 +24,16 @@ class Engine(Front):
         asking for an absent one raises.
     threads: 0: all cores.
     max_rows: larger answers are refused with QueryError.
+    device_memory: bytes of device memory that backend "cuda" may take; 0: what there is.
+    device_fallback: whether the CPU answers where the device fails or has no room; if not, QueryError says why.
 
     May be used from several threads; the GIL is released while it works. Not usable in a forked child (RuntimeError).
     """
 
     _module = _engine
 
-    def __init__(self, scene: Scene, backend: str = "auto", threads: int = 0, max_rows: int = 1 << 28):
+    def __init__(self, scene: Scene, backend: str = "auto", threads: int = 0, max_rows: int = 1 << 28,
+                 device_memory: int = 0, device_fallback: bool = True):
         super().__init__()
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: expected a clearance.Scene, got {type(scene).__name__}")
@@ -41,7 +44,8 @@ class Engine(Front):
         if threads < 0 or threads > 1 << 16:
             raise ValueError(f"threads: expected 0 (all cores) or more, got {threads}")
         with scene._lock:
-            self._engine = _engine.Engine(scene._scene, backend, int(threads), _count(max_rows, "max_rows"))
+            self._engine = _engine.Engine(scene._scene, backend, int(threads), _count(max_rows, "max_rows"),
+                                          _count(device_memory, "device_memory"), bool(device_fallback))
         self._worker: Optional[Worker] = None
 
     @staticmethod
@@ -53,6 +57,11 @@ class Engine(Front):
     def backend(self) -> str:
         """The backend in use."""
         return self._engine.backend
+
+    @property
+    def device_error(self) -> str:
+        """What the device said last where it did not answer; empty: there was nothing."""
+        return self._engine.device_error
 
     @property
     def pose_revision(self) -> int:

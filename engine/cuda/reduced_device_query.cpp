@@ -12,14 +12,16 @@ namespace {
 constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 20;
 constexpr std::uint64_t kMostGroups = 1u << 20;  // of a chunk
 
-class ReducedDeviceJob final : public DeviceQuery {
+class ReducedDeviceQuery final : public DeviceQuery {
  public:
-  ReducedDeviceJob(const JobContext& context, Plan&& plan, const ReplyView& reply,
+  ReducedDeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply,
                    std::shared_ptr<const PairListOnDevice> list)
       : DeviceQuery(context, std::move(plan), reply),
         list_(std::move(list)),
-        groups_(plan_.query.reduce == Reduce::kNearest ? scene().bodies().size() : 1),
-        workspace_(backend_.device().borrow_reduced()) {
+        groups_(plan_.query.reduce == Reduce::kNearest ? scene().bodies().size() : 1) {}
+
+  void begin() override {
+    workspace_ = backend_.device().borrow_reduced();
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
     const std::uint64_t rows = std::clamp(K * P / kChunksUnderWay, kFewestRows, kMostRows);
     configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);
@@ -107,11 +109,11 @@ class ReducedDeviceJob final : public DeviceQuery {
 
 }  // namespace
 
-std::unique_ptr<Job::State> make_reduced_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
+std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context, Plan& plan, const ReplyView& reply) {
   if (plan.pairs.size() == 0 || plan.pairs.size() >= std::uint64_t{1} << 32) return nullptr;
   auto list = context.device->list(plan);
   if (!list->resident) return nullptr;
-  return std::make_unique<ReducedDeviceJob>(context, std::move(plan), reply, std::move(list));
+  return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, std::move(list));
 }
 
 }  // namespace clearance::cuda

@@ -1,8 +1,8 @@
-#include "device_job.h"
+// Dense queries on a device: a row for every configuration and pair.
+#include "device_query.h"
 
 #include <algorithm>
 
-#include "device_query.h"
 #include "reply_columns.h"
 
 namespace clearance::cuda {
@@ -10,12 +10,14 @@ namespace clearance::cuda {
 namespace {
 
 // A row of each configuration and pair.
-class DenseDeviceJob final : public DeviceQuery {
+class DenseDeviceQuery final : public DeviceQuery {
  public:
-  DenseDeviceJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
-      : DeviceQuery(context, std::move(plan), reply),
-        deal_(backend_.deal(plan_)),
-        workspace_(backend_.device().borrow()) {
+  DenseDeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply)
+      : DeviceQuery(context, std::move(plan), reply) {}
+
+  void begin() override {
+    deal_ = backend_.deal(plan_);
+    workspace_ = backend_.device().borrow();
     const std::uint64_t rounds = (plan_.size.configurations + deal_->configurations - 1) / deal_->configurations;
     chunks_ = rounds * deal_->parts.size();
     if (chunks_ == 0) return;
@@ -112,23 +114,8 @@ class DenseDeviceJob final : public DeviceQuery {
 
 }  // namespace
 
-void DeviceBackend::append(Counters& counters) const {
-  const DeviceCounters d = device_->counters();
-  counters.insert(counters.end(), {{"cuda.scene_bytes", d.scene_bytes},
-                                   {"cuda.query_bytes", d.query_bytes},
-                                   {"cuda.pinned_bytes", d.pinned_bytes},
-                                   {"cuda.allocations", d.allocations},
-                                   {"cuda.kernel_ns", d.kernel_ns},
-                                   {"cuda.chunks", d.launches},
-                                   {"cuda.queries", queries},
-                                   {"cuda.queries_on_cpu", queries_on_cpu},
-                                   {"cuda.pairs_settled", settled},
-                                   {"cuda.pairs_finished_on_cpu", finished_on_cpu}});
-}
-
-std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
-  if (plan.query.reduce == Reduce::kNone) return std::make_unique<DenseDeviceJob>(context, std::move(plan), reply);
-  return make_reduced_device_job(context, plan, reply);
+std::unique_ptr<DeviceQuery> make_dense_device_query(const JobContext& context, Plan&& plan, const ReplyView& reply) {
+  return std::make_unique<DenseDeviceQuery>(context, std::move(plan), reply);
 }
 
 }  // namespace clearance::cuda

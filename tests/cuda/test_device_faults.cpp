@@ -1,0 +1,252 @@
+// What follows from a device's faults: right answers from the CPU or a clear refusal, wherever it fails. A device that
+// leaves all rows to the CPU stands in for a real one, so that no GPU is needed.
+#include "same_answer.h"
+
+namespace clearance::test {
+namespace {
+
+using cuda::DeviceError;
+
+// Fails at one of its calls, and, where it is lost, at all that follow.
+struct Fault {
+  int at = -1;
+  DeviceError::Kind kind = DeviceError::kLost;
+  int calls = 0;
+
+  void call(const char* what) {
+    const int now = calls++;
+    if (now == at || (kind == DeviceError::kLost && at >= 0 && now > at))
+      throw DeviceError(kind, std::string("a planted fault while ") + what);
+  }
+};
+
+template <class Interface>
+class IdleWorkspace : public Interface {
+ public:
+  explicit IdleWorkspace(Fault& fault) : fault_(fault) {}
+
+  cuda::FixedBodies room_for_bodies(std::size_t bodies) override {
+    components_.resize(bodies * cuda::kPoseComponents);
+    state_.resize(bodies);
+    return {components_.data(), state_.data()};
+  }
+  void begin(const cuda::QuerySetup&) override { fault_.call("beginning"); }
+  Pose* room_for_poses(int slot, std::size_t count) override { return room(poses_[slot], count); }
+  Pose* room_for_all_poses(std::size_t count) override { return room(all_poses_, count); }
+  void launch(int slot, const cuda::ChunkSetup& chunk, const ReplyView&) override {
+    fault_.call("launching");
+    rows_[slot].resize(chunk.rows());
+    for (std::uint32_t i = 0; i < rows_[slot].size(); ++i) rows_[slot][i] = i;
+  }
+
+ protected:
+  std::span<const std::uint32_t> all_rows(int slot) {
+    fault_.call("waiting");
+    return rows_[slot];
+  }
+  Fault& fault_;
+
+ private:
+  static Pose* room(std::vector<Pose>& poses, std::size_t count) {
+    poses.resize(count);
+    return poses.data();
+  }
+  std::vector<double> components_;
+  std::vector<std::uint8_t> state_;
+  std::vector<Pose> poses_[cuda::kChunksUnderWay], all_poses_;
+  std::vector<std::uint32_t> rows_[cuda::kChunksUnderWay];
+};
+
+class IdleDense final : public IdleWorkspace<cuda::Workspace> {
+ public:
+  using IdleWorkspace::IdleWorkspace;
+  cuda::ChunkResult finish(int slot) override {
+    cuda::ChunkResult r;
+    r.rest = all_rows(slot);
+    return r;
+  }
+};
+// Knows no reduction: it is asked to settle and cannot.
+class IdleReduced final : public IdleWorkspace<cuda::ReducedWorkspace> {
+ public:
+  using IdleWorkspace::IdleWorkspace;
+  cuda::ReducedResult finish(int slot) override {
+    cuda::ReducedResult r;
+    r.rest = all_rows(slot);
+    return r;
+  }
+  cuda::ReducedResult settle(int, std::span<const PairAnswer>) override {
+    throw DeviceError(DeviceError::kNoRoom, "a planted fault while settling");
+  }
+};
+
+class IdleDevice final : public cuda::Device {
+ public:
+  explicit IdleDevice(Fault& fault) : fault_(fault) {}
+  std::uint32_t hull_of(std::uint32_t body) const override { return body; }
+  std::shared_ptr<const cuda::ResidentPairs> upload(std::span<const cuda::PairRef>, std::span<const std::uint32_t>,
+                                                    std::span<const cuda::Group>,
+                                                    std::span<const std::uint32_t>) override {
+    fault_.call("uploading");
+    return std::make_shared<cuda::ResidentPairs>();
+  }
+  std::shared_ptr<cuda::Workspace> borrow() override {
+    fault_.call("making a workspace");
+    return std::make_shared<IdleDense>(fault_);
+  }
+  std::shared_ptr<cuda::ReducedWorkspace> borrow_reduced() override {
+    fault_.call("making a workspace");
+    return std::make_shared<IdleReduced>(fault_);
+  }
+  cuda::DeviceCounters counters() const override { return {}; }
+
+ private:
+  Fault& fault_;
+};
+
+class DeviceFaults : public testing::Test {
+ protected:
+  Fault fault_;
+  cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, std::uint64_t memory_limit) {
+                                  fault_.call("opening");
+                                  if (memory_limit < 1000)
+                                    throw DeviceError(DeviceError::kNoRoom, "1000 bytes would be needed");
+                                  return std::make_shared<IdleDevice>(fault_);
+                                }};
+
+  static Engine::Options options(bool fallback = true) {
+    Engine::Options o;
+    o.backend = "cuda";
+    o.threads = 2;
+    o.device_fallback = fallback;
+    return o;
+  }
+};
+
+constexpr std::uint32_t kConfigurations = 900;  // several chunks
+const std::vector<std::uint32_t> kMoved{3, 10};
+struct Question {
+  explicit Question(Reduce reduce) {
+    Random random(5);
+    for (std::size_t i = 0; i < kConfigurations * kMoved.size(); ++i) poses.push_back(random.pose(3));
+    q.fields = kAllFields;
+    q.configuration_count = kConfigurations;
+    q.bodies = kMoved;
+    q.configurations = poses;
+    q.reduce = reduce;
+  }
+  std::vector<Pose> poses;
+  QueryView q;
+};
+Scene scene() {
+  Scene s;
+  Random random(7);
+  for (int i = 0; i < 80; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(3)});
+  return s;
+}
+
+TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
+  const Engine device(scene(), options()), cpu(scene(), {"cpu", 2});
+  const Question dense(Reduce::kNone);
+  const Answer a = ask(device, dense.q);
+  expect_same(a, ask(cpu, dense.q), "all rows left to the CPU");
+  EXPECT_EQ(a.info.backend, "cuda");
+  EXPECT_EQ(device.backend(), "cuda");
+  EXPECT_GT(fault_.calls, 8) << "several chunks";
+}
+
+TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
+  const Engine cpu(scene(), {"cpu", 2});
+  const Question question(Reduce::kNone);
+  const Answer expected = ask(cpu, question.q);
+  bool failed = true;
+  int tried = 0;
+  for (int at = 0; failed; ++at, ++tried) {
+    fault_ = {at};
+    const Engine device(scene(), options());
+    const Answer a = ask(device, question.q, std::chrono::nanoseconds(1));
+    failed = fault_.calls > at;  // else there is no such call
+    expect_same(a, expected, "fault at call " + std::to_string(at));
+    EXPECT_EQ(a.info.backend, failed ? "cpu" : "cuda");
+    if (!failed) break;
+    EXPECT_EQ(device.backend(), "cpu");
+    EXPECT_NE(device.device_error().find("a planted fault while "), std::string::npos) << device.device_error();
+    EXPECT_EQ(counter(device, "cuda.usable"), 0u);
+    // A lost device is not asked again.
+    const int calls = fault_.calls;
+    expect_same(ask(device, question.q), expected, "the next query");
+    EXPECT_EQ(fault_.calls, calls);
+  }
+  EXPECT_GT(tried, 8);
+}
+
+TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
+  const Engine cpu(scene(), {"cpu", 2});
+  for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
+    const Question question(reduce);
+    const Answer expected = ask(cpu, question.q);
+    int at = 0;
+    for (bool failed = true; failed; ++at) {
+      fault_ = {at};
+      const Engine device(scene(), options());
+      const Answer a = ask(device, question.q);
+      failed = fault_.calls > at;
+      expect_same(a, expected, "fault at call " + std::to_string(at), true);
+      EXPECT_EQ(a.info.backend, "cpu");
+    }
+    EXPECT_GT(at, 3);
+  }
+}
+
+TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
+  const Question question(Reduce::kNone);
+  int refused = 0;
+  for (int at = 0;; ++at) {
+    fault_ = {at};
+    try {
+      const Engine device(scene(), options(false));
+      try {
+        ask(device, question.q);
+        break;  // no such call
+      } catch (const QueryError& e) {
+        EXPECT_EQ(e.code, QueryErrorCode::kNotSupported);
+        EXPECT_NE(std::string(e.what()).find("a planted fault while "), std::string::npos) << e.what();
+        ++refused;
+      }
+      EXPECT_THROW(ask(device, question.q), QueryError) << "the device is lost";
+    } catch (const DeviceError& e) {
+      EXPECT_EQ(at, 0) << "where it is opened: " << e.what();
+    }
+  }
+  EXPECT_GT(refused, 8);
+}
+
+TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
+  const Engine cpu(scene(), {"cpu", 2});
+  const Question question(Reduce::kNone);
+  const Answer expected = ask(cpu, question.q);
+  fault_ = {5, DeviceError::kNoRoom};
+  const Engine device(scene(), options());
+  const Answer first = ask(device, question.q), second = ask(device, question.q);
+  expect_same(first, expected, "without room");
+  expect_same(second, expected, "with room");
+  EXPECT_EQ(first.info.backend, "cpu");
+  EXPECT_EQ(second.info.backend, "cuda");
+  EXPECT_EQ(counter(device, "cuda.queries_without_room"), 1u);
+  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
+  EXPECT_EQ(counter(device, "cuda.usable"), 1u);
+}
+
+TEST_F(DeviceFaults, SceneThatDoesNotFitGoesToTheCpuOrIsRefused) {
+  Engine::Options small = options();
+  small.device_memory = 999;
+  const Engine device(scene(), small), cpu(scene(), {"cpu", 2});
+  EXPECT_EQ(device.backend(), "cpu");
+  EXPECT_EQ(device.device_error(), "1000 bytes would be needed");
+  expect_same(ask(device, {}), ask(cpu, {}), "on the CPU");
+  small.device_fallback = false;
+  EXPECT_THROW(Engine(scene(), small), DeviceError);
+}
+
+}  // namespace
+}  // namespace clearance::test
