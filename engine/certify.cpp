@@ -83,28 +83,28 @@ namespace {
 // Whether the edges are twins of each other, two by two and in opposite senses: the surface has no border.
 template <class T>
 bool is_closed(std::span<const CsoFace<T>> faces) {
+  std::uint32_t wrong = 0;
   for (std::uint32_t f = 0; f < faces.size(); ++f)
     for (std::uint32_t e = 0; e < 3; ++e) {
       const std::uint32_t twin = faces[f].twin[e], g = face_of(twin), k = edge_of(twin);
-      if (g >= faces.size() || k > 2 || faces[g].twin[k] != half_edge(f, e)) return false;
-      if (faces[g].vertex[k] != faces[f].vertex[(e + 1) % 3] || faces[g].vertex[(k + 1) % 3] != faces[f].vertex[e]) return false;
+      if (g >= faces.size() || k > 2) return false;
+      // The twin begins where this edge ends; that it ends where this one begins is seen when it is its turn.
+      wrong |= (faces[g].twin[k] ^ half_edge(f, e)) | (faces[g].vertex[k] ^ faces[f].vertex[e == 2 ? 0 : e + 1]);
     }
-  return !faces.empty();
+  return wrong == 0 && !faces.empty();
 }
 
 }  // namespace
 
 template <class T>
 double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
-  std::vector<Vec3<T>> w;
-  w.reserve(vertices.size());
-  for (const CsoVertex<T>& v : vertices) w.push_back(pair.cso_vertex(v.a, v.b));
-  const T ball = least_depth(w.data(), faces.data(), faces.size());
+  std::vector<Vec3<T>> w(vertices.size());
+  for (std::size_t i = 0; i < w.size(); ++i) w[i] = pair.cso_vertex(vertices[i].a, vertices[i].b);
+  const auto [ball, one_side] = view_surface(w.data(), faces.data(), faces.size(), T(pair.scale));
   if (!(ball > T(0))) return -kInf;
   const double radius = round_down(ball - T(pair.ball_error()));
-  if (!(radius > 0)) return -kInf;
-  if (!is_closed(faces)) return -kInf;
-  return is_surrounded(w.data(), faces.data(), faces.size(), ball, T(pair.scale)) ? radius : -kInf;
+  if (!(radius > 0) || !is_closed(faces)) return -kInf;
+  return one_side || is_surrounded(w.data(), faces.data(), faces.size(), ball) ? radius : -kInf;
 }
 
 double certify_overlap(const Piece& a, const Piece& b, double ball) {

@@ -6,6 +6,7 @@
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
     !defined(__SANITIZE_THREAD__)
 #define CLEARANCE_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
+#define CLEARANCE_VERSIONS  // there may be several definitions of a function, each with its own target
 #else
 #define CLEARANCE_CLONES
 #endif

@@ -199,17 +199,18 @@ class Epa {
 
   // In two halves, so that each waits less for the one before; without branches, since which is nearer cannot be predicted.
   std::uint32_t nearest_face() const {
-    const auto count = static_cast<std::uint32_t>(offsets_.size());
-    T least[2] = {offsets_[0], offsets_[1]};
-    std::uint32_t face[2] = {0, 1};
-    for (std::uint32_t f = 2; f < count; f += 2)
-      for (std::uint32_t k = 0; k < 2; ++k) {
-        const std::uint32_t at = std::min(f + k, count - 1);
-        const bool nearer = offsets_[at] < least[k];
-        least[k] = nearer ? offsets_[at] : least[k];
+    const std::size_t count = offsets_.size();
+    const T* offsets = offsets_.data();
+    T least[2] = {offsets[0], offsets[1]};
+    std::size_t face[2] = {0, 1};
+    for (std::size_t f = 2; f < count; f += 2)
+      for (std::size_t k = 0; k < 2; ++k) {
+        const std::size_t at = std::min(f + k, count - 1);
+        const bool nearer = offsets[at] < least[k];
+        least[k] = nearer ? offsets[at] : least[k];
         face[k] = nearer ? at : face[k];
       }
-    return least[1] < least[0] ? face[1] : face[0];
+    return static_cast<std::uint32_t>(least[1] < least[0] ? face[1] : face[0]);
   }
 
   template <class Cso>
@@ -254,7 +255,7 @@ class Epa {
     const std::size_t count = faces_.size();
     if (is_seen_.size() < count) {
       is_seen_.resize(2 * count);
-      seen_.resize(2 * count);
+      seen_.resize(6 * count);  // the places of a fan, too
       outline_.resize(6 * count);
     }
     const Vec3<T> p = w(apex);
@@ -262,14 +263,15 @@ class Epa {
     const CsoFace<T>* faces = faces_.data();
     const T* offsets = offsets_.data();
     std::uint8_t* is_seen = is_seen_.data();
-    std::uint32_t *seen = seen_.data(), seen_count = 0;
-    for (std::uint32_t f = 0; f < count; ++f) {
-      const bool sees = dot(faces[f].normal, p) - offsets[f] > noise;
-      is_seen[f] = sees;
-      seen[seen_count] = f;
+    std::uint32_t* seen = seen_.data();
+    std::size_t seen_count = 0;
+    for (std::size_t f = 0; f < count; ++f) {
+      const std::size_t sees = dot(faces[f].normal, p) - offsets[f] > noise;
+      is_seen[f] = static_cast<std::uint8_t>(sees);
+      seen[seen_count] = static_cast<std::uint32_t>(f);
       seen_count += sees;
     }
-    seen_count_ = seen_count;
+    seen_count_ = static_cast<std::uint32_t>(seen_count);
   }
 
   // The edges between seen faces and others, and at each vertex which of them begins there.
@@ -309,27 +311,25 @@ class Epa {
     std::sort(seen_.begin(), seen_.begin() + static_cast<std::ptrdiff_t>(seen_count_));
   }
 
-  // Where the fan's i-th face goes: in the place of a seen one, then behind the last.
-  std::uint32_t place(std::uint32_t i) const {
-    return i < seen_count_ ? seen_[i] : static_cast<std::uint32_t>(faces_.size()) + (i - seen_count_);
-  }
-
   // One triangle for each edge of the outline. False if that is not one loop, or a triangle is flat.
   bool plan_fan(std::uint32_t apex) {
     const std::uint32_t count = outline_count_;
     if (count < 3) return false;
-    fan_.resize(count);
+    if (fan_.size() < count) fan_.resize(2 * count);
+    // Where the faces go: in the places of the seen ones, then behind the last.
+    std::uint32_t* places = seen_.data();
+    for (std::uint32_t i = seen_count_; i < count; ++i) places[i] = static_cast<std::uint32_t>(faces_.size()) + (i - seen_count_);
     const CsoVertex<T>* vertices = vertices_.data();
     const OutlineEdge* outline = outline_.data();
     const std::uint32_t* begins = begins_.data();
     const Vec3<T> p = vertices[apex].w;
     Vec3<T> from = vertices[outline[0].from].w, u = from - p;
     T uu = squared_norm(u);
-    std::uint32_t at = 0, before = place(count - 1), here = place(0);
+    std::uint32_t at = 0, before = places[count - 1], here = places[0];
     bool usable = true;
     for (std::uint32_t i = 0; i < count && at < count; ++i) {
       const OutlineEdge e = outline[at];
-      const std::uint32_t after = place(i + 1 == count ? 0 : i + 1);
+      const std::uint32_t after = places[i + 1 == count ? 0 : i + 1];
       auto& [face, offset] = fan_[i];
       face.vertex = {e.from, e.to, apex};
       face.twin = {e.outside, half_edge(after, 2), half_edge(before, 1)};
@@ -348,13 +348,12 @@ class Epa {
   }
 
   void place_fan() {
-    const std::size_t old_size = faces_.size();
     if (outline_count_ > seen_count_) {
-      faces_.resize(old_size + outline_count_ - seen_count_);
+      faces_.resize(faces_.size() + outline_count_ - seen_count_);
       offsets_.resize(faces_.size());
     }
     for (std::uint32_t i = 0; i < outline_count_; ++i) {
-      const std::uint32_t f = i < seen_count_ ? seen_[i] : static_cast<std::uint32_t>(old_size) + (i - seen_count_);
+      const std::uint32_t f = seen_[i];
       faces_[f] = fan_[i].face;
       offsets_[f] = fan_[i].offset;
       link(f, 0);

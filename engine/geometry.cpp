@@ -76,12 +76,14 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
   auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, scale));
   Geometry out;
   if (convexify == Convexify::kHull) {
-    out.pieces = {make_hull_piece(whole->vertices, whole->triangles, radius, loaded, mesh.submeshes.size() == 1)};
+    out.pieces = {make_hull_piece(whole->vertices, whole->triangles, radius, loaded, mesh.submeshes.size() == 1,
+                                  nullptr, mesh.path)};
     out.source = source + " (hull)";
   } else {
     for (const Submesh& submesh : mesh.submeshes) {
       const DisplayMesh part = joined({submesh}, scale);
-      out.pieces.push_back(make_hull_piece(part.vertices, part.triangles, radius, submesh.loaded_vertices, true));
+      out.pieces.push_back(make_hull_piece(part.vertices, part.triangles, radius, submesh.loaded_vertices, true, nullptr,
+                                           mesh.path));
     }
     out.source = source + " (submeshes)";
   }

@@ -261,7 +261,9 @@ Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
   if (!wait_for(loader, limits.time, &ending))
     throw MeshError("reading it took longer than " + std::to_string(limits.time.count() / 1000.0).substr(0, 5) +
                     " s; is the file damaged?");
-  return read_result(loader.result.get(), ending);
+  Mesh mesh = read_result(loader.result.get(), ending);
+  mesh.path = path;
+  return mesh;
 }
 
 }  // namespace clearance

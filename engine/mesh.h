@@ -26,6 +26,7 @@ struct Submesh {
 /// hands them out (PLY, OFF); those of OBJ, DAE and glTF belong to no mesh of the file and do not arrive.
 struct Mesh {
   std::vector<Submesh> submeshes;  ///< at least one, each with at least one vertex
+  std::string path;                ///< of the file; may be empty
 };
 
 /// A mesh file that cannot be used: the text names the cause, not the file.

@@ -39,48 +39,48 @@ CLEARANCE_HD inline int winding(const Vec3<T>* w, const CsoFace<T>* faces, std::
   return turns;
 }
 
-/// How far the origin is below the least distant of the faces' planes: the radius of a ball that no triangle enters. 0
-/// or less, or NaN: there is none. \param w the vertices, world axes.
+/// What a surface shows of the origin, face by face.
 template <class T>
-CLEARANCE_HD inline T least_depth(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count) {
+struct SurfaceView {
+  /// How far the origin is below the least distant of the faces' planes: the radius of a ball that no triangle enters. 0 or
+  /// less, or NaN: there is none.
+  T ball;
+  /// The origin sees every triangle from the same side, for certain: a closed surface then goes around it.
+  bool one_side;
+};
+/// \param w the vertices, world axes. \param scale none is farther from the origin.
+template <class T>
+CLEARANCE_HD inline SurfaceView<T> view_surface(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& scale) {
+  const T uncertain = T(32 * Arithmetic<T>::kUnit) * scale * scale * scale;
   T ball = T(__builtin_inf()), clearly_beyond = ball;
+  bool outward = true, inward = true;
   for (std::size_t f = 0; f < count; ++f) {
+    const Vec3<T>&p = w[faces[f].vertex[0]], &q = w[faces[f].vertex[1]], &r = w[faces[f].vertex[2]];
+    const T volume = dot(p, cross(q, r));
+    outward &= volume > uncertain;
+    inward &= volume < -uncertain;
     Vec3<T> n = faces[f].normal;
-    if (const T nn = squared_norm(n); !(nn > T(1e-20) && nn < T(1e20))) n = rescaled(n);
-    T beyond = dot(n, w[faces[f].vertex[0]]);
-    for (int i = 1; i < 3; ++i) {
-      const T b = dot(n, w[faces[f].vertex[i]]);
-      if (!(b >= beyond)) beyond = b;  // also takes a NaN, which proves nothing below
+    T nn = squared_norm(n);
+    if (!(nn > T(1e-20) && nn < T(1e20))) {
+      n = rescaled(n);
+      nn = squared_norm(n);
     }
-    if (!(beyond > T(0))) return beyond;
-    const T nn = squared_norm(n);
+    const T on_p = dot(n, p), on_q = dot(n, q), on_r = dot(n, r);
+    T beyond = on_q < on_p ? on_q : on_p;
+    beyond = on_r < beyond ? on_r : beyond;
+    if (!(on_p > T(0) && on_q > T(0) && on_r > T(0))) return {T(-1), false};  // also for a NaN, which proves nothing
     if (beyond * beyond > clearly_beyond * nn) continue;
     using std::sqrt;
     beyond = beyond / sqrt(nn);
     if (!(beyond >= ball)) ball = beyond;
     clearly_beyond = ball * ball * T(1 + 1e-9);
   }
-  return ball;
+  return {ball, outward || inward};
 }
 
-// Whether the origin sees every triangle from the same side, for certain.
+/// Whether a closed surface goes around the ball of radius `ball` that none of its triangles enters: by rays.
 template <class T>
-CLEARANCE_HD inline bool sees_one_side(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& scale) {
-  const T uncertain = T(32 * Arithmetic<T>::kUnit) * scale * scale * scale;
-  bool outward = true, inward = true;
-  for (std::size_t f = 0; f < count; ++f) {
-    const T volume = dot(w[faces[f].vertex[0]], cross(w[faces[f].vertex[1]], w[faces[f].vertex[2]]));
-    outward = outward && volume > uncertain;
-    inward = inward && volume < -uncertain;
-  }
-  return outward || inward;
-}
-
-/// Whether a closed surface goes around the ball of radius `ball` that none of its triangles enters.
-/// \param scale no vertex is farther from the origin.
-template <class T>
-CLEARANCE_HD inline bool is_surrounded(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& ball, const T& scale) {
-  if (sees_one_side(w, faces, count, scale)) return true;
+CLEARANCE_HD inline bool is_surrounded(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& ball) {
   // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain; every point within
   // the ball is surrounded as often as the origin is, so take one off centre, in a direction without pattern.
   const double rays[4][2][3] = {{{0.31, -0.52, 0.79}, {0.732, 0.481, -0.4829}},

@@ -10,6 +10,7 @@
 #include "direction_table.h"
 #include "pose.h"
 #include "support.h"
+#include "table_file.h"
 
 namespace clearance {
 
@@ -18,9 +19,9 @@ namespace {
 // Lists of the direction table; longer ones of hulls whose table is large and long in the making.
 constexpr std::size_t kFew = 6, kFewOfMany = 16, kMany = 200000;
 
-// Rounds a length up past every rounding made in computing it (a few operations, each within 2^-53).
 constexpr std::size_t kWidestRegister = 64;  // bytes
 
+// Rounds a length up past every rounding made in computing it (a few operations, each within 2^-53).
 double padded(double length) { return length * (1 + 8 * std::numeric_limits<double>::epsilon()); }
 
 void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
@@ -41,7 +42,7 @@ void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
 }  // namespace
 
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
-                    std::uint64_t digest) {
+                    std::uint64_t digest, const std::string& mesh) {
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   if (!(radius >= 0 && radius <= kMaxCoordinate))
     throw std::invalid_argument("radius must be a number of metres >= 0, got " + std::to_string(radius));
@@ -80,7 +81,8 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   piece->spread = padded(std::sqrt(spread2));
 
   if (vertices.size() > kTableFromVertices)
-    piece->table = std::make_shared<const DirectionTable>(make_direction_table(vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
+    piece->table = std::make_shared<const DirectionTable>(
+        direction_table_beside(mesh, vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
   else
     fill_rows(*piece, vertices);
   piece->vertices = std::move(vertices);

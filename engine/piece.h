@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "math.h"
@@ -37,10 +38,11 @@ struct Piece {
 using PiecePtr = std::shared_ptr<const Piece>;
 
 /// Builds a piece and what is derived from it. Vertices as they come: nothing is dropped here.
-/// \param digest of the vertices as loaded; 0: of `vertices` and `radius`.
+/// \param digest of the vertices as loaded; 0: of `vertices` and `radius`. \param mesh the file that they come from, beside which
+/// the table of a large piece is kept (table_file.h); may be empty.
 /// Throws std::invalid_argument for no vertex, a non-finite or too large coordinate, or a negative or non-finite radius.
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
-                    std::uint64_t digest = 0);
+                    std::uint64_t digest = 0, const std::string& mesh = {});
 
 /// Memory that a piece holds, its copies and its tree included.
 std::uint64_t resident_bytes(const Piece& piece);

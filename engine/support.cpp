@@ -13,54 +13,82 @@ namespace {
 
 constexpr double kUnitRoundoff = 0x1p-53;
 
-// Eight lanes keep their own best, in vectors of the compiler's (GCC and Clang) since neither loops over arrays nor branches
-// are fast enough: which vertex is the best so far cannot be predicted.
+// Vectors of the compiler's (GCC and Clang), since neither loops over arrays nor branches are fast enough: which vertex is the
+// best so far cannot be predicted. Each instruction set has those that fit its registers; wider ones would come apart into
+// single numbers.
+using Two = double __attribute__((vector_size(16)));
+using Four = double __attribute__((vector_size(32)));
 using Eight = double __attribute__((vector_size(64)));
 
-// n . v of eight vertices.
-inline void reach(const Vec3d& n, const double* px, const double* py, const double* pz, Eight& s) {
-  Eight x, y, z;
-  std::memcpy(&x, px, sizeof x);
-  std::memcpy(&y, py, sizeof y);
-  std::memcpy(&z, pz, sizeof z);
-  s = n.x * x + n.y * y + n.z * z;
-}
-
-// \param take takes the second into the first, lane by lane.
+// Takes all numbers of a vector into one. \param take takes the second into the first, lane by lane.
 template <class Take>
-inline double fold(const Eight& lanes, const Take& take) {
-  using Four = double __attribute__((vector_size(32)));
-  using Two = double __attribute__((vector_size(16)));
-  Four four[2];
-  std::memcpy(four, &lanes, sizeof lanes);
-  take(four[0], four[1]);
-  Two two[2];
-  std::memcpy(two, four, sizeof two);
-  take(two[0], two[1]);
-  double low = two[0][0];
-  take(low, double{two[0][1]});
-  return low;
+__attribute__((always_inline)) inline double fold(const Two& lanes, const Take& take) {
+  double first = lanes[0];
+  take(first, double{lanes[1]});
+  return first;
+}
+template <class Half, class Vector, class Take>
+__attribute__((always_inline)) inline double fold_halves(const Vector& lanes, const Take& take) {
+  Half half[2];
+  std::memcpy(half, &lanes, sizeof lanes);
+  take(half[0], half[1]);
+  return fold(half[0], take);
+}
+template <class Take>
+__attribute__((always_inline)) inline double fold(const Four& lanes, const Take& take) {
+  return fold_halves<Two>(lanes, take);
+}
+template <class Take>
+__attribute__((always_inline)) inline double fold(const Eight& lanes, const Take& take) {
+  return fold_halves<Four>(lanes, take);
 }
 
-CLEARANCE_CLONES SupportPoint<double> scan(const Piece& piece, const Vec3d& n) {
-  constexpr std::size_t kLanes = 8;
+template <class Vector>
+__attribute__((always_inline)) inline SupportPoint<double> scan_in(const Piece& piece, const Vec3d& n) {
+  constexpr std::size_t kWidth = sizeof(Vector) / sizeof(double), kParts = 8 / kWidth;
   const std::size_t count = piece.x.size();  // padded to a multiple of eight
-  const double *x = piece.x.data(), *y = piece.y.data(), *z = piece.z.data();
-  const Eight lane{0, 1, 2, 3, 4, 5, 6, 7};
-  Eight best, index = lane;
-  reach(n, x, y, z, best);
-  for (std::size_t i = kLanes; i < count; i += kLanes) {
-    Eight s;
-    reach(n, x + i, y + i, z + i, s);
-    const Eight here = lane + static_cast<double>(i);
-    index = s > best ? here : index;
-    best = s > best ? s : best;
+  const auto reach = [&](std::size_t i, Vector& s) {
+    Vector x, y, z;
+    std::memcpy(&x, piece.x.data() + i, sizeof x);
+    std::memcpy(&y, piece.y.data() + i, sizeof y);
+    std::memcpy(&z, piece.z.data() + i, sizeof z);
+    s = n.x * x + n.y * y + n.z * z;
+  };
+  Vector lane, best[kParts], index[kParts];
+  for (std::size_t i = 0; i < kWidth; ++i) lane[i] = static_cast<double>(i);
+  for (std::size_t k = 0; k < kParts; ++k) {
+    reach(k * kWidth, best[k]);
+    index[k] = lane + static_cast<double>(k * kWidth);
   }
-  const double top = fold(best, [](auto& p, const auto& q) { p = q > p ? q : p; });
-  const Eight none = Eight{} + static_cast<double>(count), tops = best == top ? index : none;
-  const double first = fold(tops, [](auto& p, const auto& q) { p = q < p ? q : p; });
+  for (std::size_t i = 8; i < count; i += 8)
+    for (std::size_t k = 0; k < kParts; ++k) {
+      Vector s;
+      reach(i + k * kWidth, s);
+      const Vector here = lane + static_cast<double>(i + k * kWidth);
+      index[k] = s > best[k] ? here : index[k];
+      best[k] = s > best[k] ? s : best[k];
+    }
+  const auto take_more = [](auto& p, const auto& q) { p = q > p ? q : p; };
+  const auto take_less = [](auto& p, const auto& q) { p = q < p ? q : p; };
+  Vector all = best[0];
+  for (std::size_t k = 1; k < kParts; ++k) take_more(all, best[k]);
+  const double top = fold(all, take_more);
+  const Vector none = Vector{} + static_cast<double>(count);
+  Vector tops = none;
+  for (std::size_t k = 0; k < kParts; ++k) {
+    const Vector i = best[k] == top ? index[k] : none;
+    take_less(tops, i);
+  }
+  const double first = fold(tops, take_less);
   return {first < static_cast<double>(count) ? static_cast<std::uint32_t>(first) : 0, top};  // 0: a direction that is no number
 }
+
+#ifdef CLEARANCE_VERSIONS
+__attribute__((target("avx512f"))) SupportPoint<double> scan(const Piece& piece, const Vec3d& n) { return scan_in<Eight>(piece, n); }
+__attribute__((target("avx2"))) SupportPoint<double> scan(const Piece& piece, const Vec3d& n) { return scan_in<Four>(piece, n); }
+__attribute__((target("default")))
+#endif
+SupportPoint<double> scan(const Piece& piece, const Vec3d& n) { return scan_in<Two>(piece, n); }
 
 double upper_length(const Vec3d& n) { return norm(n) * (1 + 4 * kUnitRoundoff); }
 

@@ -30,9 +30,9 @@ __device__ inline bool prove_overlap(const ChunkView& c, const Enclosed& e, cons
   }
   CsoFace<double> faces[4];
   if (!tetrahedron_faces(s, faces)) return false;
-  const double ball = least_depth(w, faces, 4);
+  const auto [ball, one_side] = view_surface(w, faces, 4, scale);
   if (!(ball > 0) || !(ball - rounding_error(double(RoundingUnits<double>::kBall), scale) > 0)) return false;
-  if (!is_surrounded(w, faces, 4, ball, scale)) return false;
+  if (!one_side && !is_surrounded(w, faces, 4, ball)) return false;
 
   answer.distance = answer.lower = answer.upper = 0;
   answer.status = Status::kOverlap;

@@ -111,7 +111,7 @@ TEST(Surface, ThatIsClosedButElsewhereIsRefused) {
     for (CsoFace<double>& face : s.faces) face.normal = -s.epa.direction();
     std::vector<Vec3d> w;
     for (const CsoVertex<double>& v : s.epa.vertices()) w.push_back(v.w);
-    ASSERT_GT(least_depth(w.data(), s.faces.data(), s.faces.size()), 0) << where;
+    ASSERT_GT(view_surface(w.data(), s.faces.data(), s.faces.size(), s.pair.scale).ball, 0) << where;
     EXPECT_LE(s.ball(), 0) << where;
   });
   EXPECT_GT(tried, 200);
@@ -126,11 +126,11 @@ TEST(Surface, IsFoundAroundTheOriginByRaysToo) {
     for (const CsoVertex<double>& v : s.epa.vertices()) w.push_back(s.pair.cso_vertex(v.a, v.b));
     const auto* faces = s.faces.data();
     const std::size_t count = s.faces.size();
-    if (!sees_one_side(w.data(), faces, count, s.pair.scale)) return;
+    const auto [radius, one_side] = view_surface(w.data(), faces, count, s.pair.scale);
+    if (!one_side) return;
     ++tried;
-    const double unknown = 1e100, ball = least_depth(w.data(), faces, count);
-    ASSERT_FALSE(sees_one_side(w.data(), faces, count, unknown));
-    EXPECT_TRUE(is_surrounded(w.data(), faces, count, ball, unknown)) << where;
+    EXPECT_FALSE(view_surface(w.data(), faces, count, 1e100).one_side);
+    EXPECT_TRUE(is_surrounded(w.data(), faces, count, radius)) << where;
   });
   EXPECT_GT(tried, 300);
 }

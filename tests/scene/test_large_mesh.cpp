@@ -82,6 +82,8 @@ TEST(LargeMesh, Ply) {
   const TemporaryFolder folder;
   write_large(folder / "large.ply", false);
   load_and_check(folder / "large.ply");
+  std::printf("again, with its table beside it:\n");
+  load_and_check(folder / "large.ply");
 }
 
 TEST(LargeMesh, BinaryStl) {

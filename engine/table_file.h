@@ -1,0 +1,22 @@
+// Direction tables of large meshes, kept in files beside them: building one takes longer than reading it.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "direction_table.h"
+
+namespace clearance {
+
+/// Tables of fewer vertices are made as fast as they are read.
+inline constexpr std::size_t kTableFileFromVertices = 10'000;
+
+/// make_direction_table(), or the same from the file that an earlier call has left beside `mesh`.
+///
+/// The file, MESH.DIGEST.table, is named after the vertices and the version that it is for, and used only if it
+/// belongs to this user or to root, nobody else may write it, its length, checksum and indices are in order, and a few
+/// supports are those of the vertices. Otherwise, or where nothing can be written, the table is made anew: no error.
+/// \param mesh path of a mesh file; empty, or CLEARANCE_TABLE_FILES=off in the environment: no files.
+DirectionTable direction_table_beside(const std::string& mesh, std::span<const Vec3d> vertices, double rho, std::size_t few);
+
+}  // namespace clearance
