@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test demo bench bench-broad bench-peers certify tradeoff gpu-test gpu-bench clean
+.PHONY: help setup build test demo bench bench-broad bench-peers certify tradeoff report report-gpu gpu-test gpu-bench clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -47,8 +47,17 @@ tradeoff: setup  ## time against accuracy for every setting of a query; rewrites
 	@build/bin/clearance-tradeoff --csv docs/results/tradeoff.csv
 	@$(PYTHON_VENV) tools/tradeoff.py
 
+report: setup  ## the experiments of the 2023 report with its systems, ours and Coal; rewrites docs/report.* and docs/results/report.csv
+	@tools/build.sh release clearance-report
+	@$(PYTHON_VENV) tools/report.py --measure
+
+report-gpu: setup  ## the same with the systems on this machine's GPU; writes docs/results/report_*.csv
+	@tools/build.sh release clearance-report clearance-gpu-bench
+	@tools/gpu.sh report
+	@$(PYTHON_VENV) tools/report.py
+
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
-	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_cuda_classes test_engine clearance-gpu-bench
+	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_cuda_classes test_engine test_narrow_baselines clearance-gpu-bench
 	@tools/gpu.sh test
 
 gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv

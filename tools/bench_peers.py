@@ -46,8 +46,8 @@ def run(command, **kwargs):
     return done.stdout
 
 
-def set_up():
-    """Builds each peer as a project of its own. Coal's prefix holds other versions of what FCL is linked with."""
+def set_up(peers=("coal", "fcl", "bullet")):
+    """Builds each peer as a project of its own, Coal's prefix holds other versions of what FCL is linked with."""
     venv, wanted = BUILD / "venv", ROOT / "tests/peers/coal/requirements.txt"
     stamp = venv / "installed"
     if not stamp.exists() or stamp.read_text() != wanted.read_text():
@@ -56,7 +56,7 @@ def set_up():
         run([venv / "bin/python", "-m", "pip", "install", "--disable-pip-version-check", "-r", wanted])
         stamp.write_text(wanted.read_text())
     prefix = next(venv.glob("lib/python3*/site-packages/cmeel.prefix"))
-    for peer in ("coal", "fcl", "bullet"):
+    for peer in peers:
         print(f"Build {peer}'s program ...", flush=True)
         where = [f"-DCMAKE_PREFIX_PATH={prefix}"] if peer == "coal" else []
         run(["cmake", "-S", ROOT / "tests/peers" / peer, "-B", BUILD / peer, "-G", "Ninja", *where])

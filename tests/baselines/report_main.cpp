@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
+#include <fstream>
 #include <iostream>
 
 #include "client/cli/machine_name.h"
@@ -253,10 +255,19 @@ class Experiments {
   const Options& o_;
 };
 
+/// How busy the machine is as we begin: other programs' work slows those with several threads most.
+std::string load() {
+  std::string one = "?";
+  std::ifstream("/proc/loadavg") >> one;
+  return "load " + one;
+}
+
 int run(Options o) {
   o.contest.gpu = cuda::device_info().present && !baselines::cuda_narrow_names().empty();
   o.contest.once = o.brief;
-  Sheet sheet(o.csv, machine_name() + (o.contest.gpu ? ", " + cuda::device_info().name : "") + "; " + o.remark);
+  std::filesystem::create_directories(o.contest.scratch);
+  Sheet sheet(
+      o.csv, machine_name() + (o.contest.gpu ? ", " + cuda::device_info().name : "") + "; " + load() + "; " + o.remark);
   Experiments all(sheet, o);
   const std::pair<const char*, void (Experiments::*)()> experiments[] = {{"close_pairs", &Experiments::close_pairs},
                                                                          {"tree_profile", &Experiments::tree_profile},
