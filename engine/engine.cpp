@@ -94,6 +94,8 @@ PoseUpdateResult Engine::attach(std::uint32_t child, std::uint32_t parent, const
   return impl_->poses.attach(child, parent, X_pc);
 }
 
+void Engine::take_poses(const Engine& old) { impl_->poses.take_over(old.impl_->scene, *old.impl_->poses.snapshot()); }
+
 BodyState Engine::body_state(std::uint32_t body) const {
   const auto snapshot = impl_->poses.snapshot();
   if (body >= snapshot->placed.size()) throw std::out_of_range("unknown body " + std::to_string(body));

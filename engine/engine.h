@@ -104,6 +104,9 @@ class Engine {
   /// Makes `child` follow `parent` from where it is now, or with `X_pc` if given; kNone as parent sets it free where it is.
   /// Throws QueryError for an unknown body, a cycle, a static child, or a body without a usable pose.
   PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc = nullptr);
+  /// Takes over the poses and attachments that another engine has received, for bodies that both know by name: what a daemon
+  /// does that loads its scene anew. Other bodies stay as this scene has them.
+  void take_poses(const Engine& old);
   BodyState body_state(std::uint32_t body) const;
   std::uint64_t pose_revision() const;
 

@@ -74,6 +74,12 @@ std::uint64_t revision_with(const Scene& scene, const std::vector<std::uint32_t>
 
 }  // namespace
 
+void PoseStore::enable_pairs(PoseSnapshot& snapshot) const {
+  snapshot.order = order_of(snapshot.parent);
+  snapshot.scene_revision = revision_with(scene_, snapshot.parent);
+  snapshot.pairs = std::make_shared<const PairTable>(scene_, snapshot.parent);
+}
+
 PoseStore::PoseStore(const Scene& scene) : scene_(scene) {
   auto first = std::make_shared<PoseSnapshot>();
   const std::size_t n = scene.bodies().size();
@@ -88,9 +94,7 @@ PoseStore::PoseStore(const Scene& scene) : scene_(scene) {
     first->local[i] = body.pose.value_or(Pose{});
     first->given[i] = body.pose.has_value();
   }
-  first->order = order_of(first->parent);
-  first->scene_revision = revision_with(scene, first->parent);
-  first->pairs = std::make_shared<const PairTable>(scene, first->parent);
+  enable_pairs(*first);
   first->place_again(*first->order);
   publish(std::move(first));
 }
@@ -157,6 +161,36 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
   return result;
 }
 
+void PoseStore::take_over(const Scene& old_scene, const PoseSnapshot& old) {
+  const std::lock_guard lock(writers_);
+  const std::shared_ptr<PoseSnapshot> next = copy();
+  const std::vector<Body>&bodies = scene_.bodies(), &old_bodies = old_scene.bodies();
+  const auto follows = [&](std::uint32_t body, std::uint32_t leader) {
+    for (std::uint32_t b = body; b != kNone; b = next->parent[b])
+      if (b == leader) return true;
+    return false;
+  };
+  for (std::uint32_t was = 0; was < old_bodies.size(); ++was) {
+    const std::uint32_t now = scene_.find_body(old_bodies[was].name);
+    if (now == kNone || bodies[now].is_static || old.receipt_ns[was] == 0) continue;
+    const std::uint32_t leader = old.parent[was] == kNone ? kNone : scene_.find_body(old_bodies[old.parent[was]].name);
+    if (old.parent[was] != kNone && leader == kNone) continue;  // its pose would be relative to nothing
+    if (leader != next->parent[now]) {
+      if (leader != kNone && follows(leader, now)) continue;
+      next->parent[now] = leader;
+    }
+    next->local[now] = old.local[was];
+    next->given[now] = old.given[was];
+    next->stamp_ns[now] = old.stamp_ns[was];
+    next->receipt_ns[now] = old.receipt_ns[was];
+  }
+  enable_pairs(*next);
+  next->place_again(*next->order);
+  next->newest_stamp_ns = old.newest_stamp_ns;
+  next->revision = old.revision + 1;
+  publish(next);
+}
+
 PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc) {
   const std::lock_guard lock(writers_);
   const std::shared_ptr<PoseSnapshot> next = copy();
@@ -179,9 +213,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   next->given[child] = 1;
   next->parent[child] = parent;
   next->receipt_ns[child] = monotonic_ns();
-  next->order = order_of(next->parent);
-  next->scene_revision = revision_with(scene_, next->parent);
-  next->pairs = std::make_shared<const PairTable>(scene_, next->parent);
+  enable_pairs(*next);
   const std::uint32_t moved[] = {child};
   next->place_again(next->with_followers(moved));
   ++next->revision;

@@ -42,6 +42,8 @@ class PoseStore {
 
   std::shared_ptr<const PoseSnapshot> snapshot() const;
   PoseUpdateResult set(std::span<const BodyPose> poses, std::int64_t stamp_ns);
+  /// What was received and attached since `old` was loaded, for bodies that are in both scenes, known by their names.
+  void take_over(const Scene& old_scene, const PoseSnapshot& old);
   PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc);
 
  private:
@@ -51,6 +53,7 @@ class PoseStore {
     std::vector<std::unique_ptr<PoseSnapshot>> snapshots;
   };
   std::shared_ptr<PoseSnapshot> copy();
+  void enable_pairs(PoseSnapshot& snapshot) const;  // that follow from its parents
   void publish(std::shared_ptr<PoseSnapshot> next);
 
   const Scene& scene_;

@@ -133,9 +133,11 @@ class LcmTransport final : public Transport {
   /// The loop may only be known from its first call on.
   void meet(Inbox& inbox) {
     inbox_ = &inbox;
-    if (counters_) return;
-    counters_.emplace(inbox);
-    owners_.emplace(inbox.engine().scene().bodies().size());
+    if (!counters_) counters_.emplace(inbox);
+    const Scene* scene = &inbox.engine().scene();
+    if (scene == scene_) return;
+    scene_ = scene;  // one that was loaded anew may have other bodies
+    owners_.emplace(scene->bodies().size());
   }
 
   template <class Message>
@@ -405,6 +407,7 @@ class LcmTransport final : public Transport {
   Complaints complaints_;
   PublisherLog publishers_;
   std::optional<OwnerLog> owners_;
+  const Scene* scene_ = nullptr;
   std::vector<BodyPose> poses_;
   std::unordered_map<std::int64_t, std::uint64_t> clients_;
   std::uint64_t own_client_ = next_client_id();

@@ -101,10 +101,12 @@ struct Loop::Refusal {
 
 /// A query under way.
 struct Loop::Task {
-  Task(std::unique_ptr<ReplySink> s, const FrameHeader& r, Job j) : sink(std::move(s)), request(r), job(std::move(j)) {}
+  Task(std::unique_ptr<ReplySink> s, const FrameHeader& r, std::shared_ptr<Engine> e, Job j)
+      : sink(std::move(s)), request(r), engine(std::move(e)), job(std::move(j)) {}
 
   std::unique_ptr<ReplySink> sink;
   FrameHeader request;
+  std::shared_ptr<Engine> engine;  // the job's, though the loop may have another one by now
   Job job;
   std::byte* frame = nullptr;  // the sink's room, or `own`
   AlignedBytes own;            // where the sink has no room for the most that may come back
@@ -119,8 +121,10 @@ bool Loop::DueFirst::operator()(const TaskPtr& a, const TaskPtr& b) const {
   return a->due < b->due;
 }
 
-Loop::Loop(Engine& engine, const Options& options)
-    : engine_(engine), options_(options), started_(Clock::now()), next_tick_(started_) {
+Loop::Loop(Engine& engine, const Options& options) : Loop(std::shared_ptr<Engine>(std::shared_ptr<Engine>(), &engine), options) {}
+
+Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
+    : engine_(std::move(engine)), options_(options), started_(Clock::now()), next_tick_(started_) {
   wake_fd_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
   if (wake_fd_ < 0) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
 }
@@ -136,8 +140,38 @@ void Loop::add(std::unique_ptr<Transport> transport) {
 
 void Loop::stop() noexcept {
   stopping_ = true;
+  wake();
+}
+
+void Loop::wake() noexcept {
   const std::uint64_t one = 1;
   [[maybe_unused]] const auto written = write(wake_fd_, &one, sizeof one);
+}
+
+void Loop::reload_by(Reloader::Make make) {
+  reloader_ = std::make_unique<Reloader>(std::move(make), [this] { wake(); });
+}
+
+void Loop::reload() noexcept {
+  if (!reloader_) return;
+  reloader_->ask();
+  wake();
+}
+
+void Loop::take_new_engine() {
+  std::optional<Reloader::Outcome> outcome = reloader_->poll();
+  if (!outcome) return;
+  if (!outcome->engine) {
+    ++counter("reloads.failed");
+    spdlog::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome->seconds, outcome->error);
+    return;
+  }
+  outcome->engine->take_poses(*engine_);
+  engine_ = std::move(outcome->engine);
+  poses_changed_ = true;
+  ++counter("reloads");
+  spdlog::info("event=reloaded bodies={} revision={:016x} seconds={:.3f}", engine_->scene().bodies().size(), engine_->scene_revision(),
+               outcome->seconds);
 }
 
 void Loop::run() {
@@ -153,6 +187,7 @@ void Loop::run() {
 }
 
 bool Loop::turn() {
+  if (reloader_) take_new_engine();
   bool worked = poll_transports();
   if (poses_changed_ || Clock::now() >= next_tick_) tick();
   worked |= work_for_a_slice();
@@ -342,7 +377,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
       return answer(*sink, header, FrameType::kPong, payload);
     case FrameType::kDescribe:
       wire::parse_empty(payload, header.type);
-      return answer(*sink, header, FrameType::kScene, scene_payload(engine_));
+      return answer(*sink, header, FrameType::kScene, scene_payload(*engine_));
     case FrameType::kQuery:
       return start_query(header, payload, sink);
     case FrameType::kPairs:
@@ -353,7 +388,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
       return attach(header, payload, *sink);
     case FrameType::kGetStates:
       wire::parse_empty(payload, header.type);
-      return answer(*sink, header, FrameType::kBodyStates, states_payload(engine_));
+      return answer(*sink, header, FrameType::kBodyStates, states_payload(*engine_));
     case FrameType::kGetStats:
       wire::parse_empty(payload, header.type);
       return answer(*sink, header, FrameType::kStats, stats_payload());
@@ -380,7 +415,7 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   const wire::QueryParts parts = wire::parse_query(payload);
   QueryView query = view_of(parts, header.scene_revision);
   query.warm_slot = parts.header.warm ? client : 0;
-  const QuerySize size = engine_.size(query);
+  const QuerySize size = engine_->size(query);
   const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields);
   if (waiting_bytes_ && waiting_bytes_ + bytes > options_.max_waiting_bytes)
     throw Refusal{ErrorCode::kBusy,
@@ -397,8 +432,8 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
                   "the reply of " + std::to_string(size.rows) + " rows needs " + std::to_string(bytes) +
                       " bytes, more than this client has room for",
                   bytes};
-  Job job = engine_.start(query, reply_view_over(frame + kColumnsBegin, size.rows, size.fields));
-  auto task = std::make_unique<Task>(std::move(sink), header, std::move(job));
+  Job job = engine_->start(query, reply_view_over(frame + kColumnsBegin, size.rows, size.fields));
+  auto task = std::make_unique<Task>(std::move(sink), header, engine_, std::move(job));
   task->frame = frame;
   task->own = std::move(own);
   task->frame_bytes = bytes;
@@ -415,9 +450,9 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
 void Loop::answer_pairs(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
   std::vector<std::byte> copy(payload.begin(), payload.end());  // aligned
   const QueryView query = view_of(wire::parse_query(copy, false), header.scene_revision);
-  const std::vector<BodyPair> pairs = engine_.pairs(query);
+  const std::vector<BodyPair> pairs = engine_->pairs(query);
   wire::PairsHeader table;
-  table.scene_revision = engine_.scene_revision();
+  table.scene_revision = engine_->scene_revision();
   table.count = pairs.size();
   std::vector<std::byte> reply(sizeof table + pairs.size() * sizeof(BodyPair));
   std::memcpy(reply.data(), &table, sizeof table);
@@ -426,9 +461,9 @@ void Loop::answer_pairs(const FrameHeader& header, std::span<const std::byte> pa
 }
 
 void Loop::check_scene(const FrameHeader& header) const {
-  if (header.scene_revision && header.scene_revision != engine_.scene_revision())
+  if (header.scene_revision && header.scene_revision != engine_->scene_revision())
     throw Refusal{ErrorCode::kWrongScene, "the request is for scene revision " + std::to_string(header.scene_revision) +
-                                              ", the daemon's is " + std::to_string(engine_.scene_revision()) +
+                                              ", the daemon's is " + std::to_string(engine_->scene_revision()) +
                                               ": fetch the scene again"};
 }
 
@@ -461,12 +496,12 @@ void Loop::set_poses(const FrameHeader& header, std::span<const std::byte> paylo
     const wire::PoseRecord record = parts.poses[i];
     poses_[i] = {record.body, pose_of(record.pose)};
   }
-  const auto result = result_of(on_poses(poses_, parts.header.stamp_ns), engine_.scene_revision());
+  const auto result = result_of(on_poses(poses_, parts.header.stamp_ns), engine_->scene_revision());
   answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
 }
 
 PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) {
-  const PoseUpdateResult done = engine_.set_poses(poses, stamp_ns);
+  const PoseUpdateResult done = engine_->set_poses(poses, stamp_ns);
   ++counter("poses.batches");
   counter("poses.applied") += done.applied;
   counter("poses.bad") += done.bad;
@@ -480,10 +515,10 @@ void Loop::attach(const FrameHeader& header, std::span<const std::byte> payload,
   const wire::AttachRecord record = wire::parse_attach(payload);
   check_scene(header);
   const Pose X_pc = pose_of(record.pose);
-  const auto done = engine_.attach(record.child, record.parent, record.has_pose ? &X_pc : nullptr);
+  const auto done = engine_->attach(record.child, record.parent, record.has_pose ? &X_pc : nullptr);
   ++counter("attachments");
   poses_changed_ = true;
-  const auto result = result_of(done, engine_.scene_revision());
+  const auto result = result_of(done, engine_->scene_revision());
   answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
 }
 
@@ -499,7 +534,7 @@ std::vector<std::byte> Loop::stats_payload() const {
       static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count()));
   add("queries.waiting", waiting());
   for (const auto& [name, value] : counters_) add(name, value);
-  for (const auto& [name, value] : engine_.stats()) add(name, value);
+  for (const auto& [name, value] : engine_->stats()) add(name, value);
   return payload;
 }
 
@@ -513,7 +548,7 @@ void Loop::answer(ReplySink& sink, const FrameHeader& request, FrameType type, s
     throw Refusal{ErrorCode::kTooLarge,
                   "the reply needs " + std::to_string(bytes) + " bytes, more than this client has room for", bytes};
   const auto header =
-      wire::make_header(type, request.request_id, payload.size(), engine_.scene_revision(), request.client_id);
+      wire::make_header(type, request.request_id, payload.size(), engine_->scene_revision(), request.client_id);
   std::memcpy(frame, &header, sizeof header);
   if (!payload.empty()) std::memcpy(frame + sizeof header, payload.data(), payload.size());
   sink.publish(bytes);
@@ -525,7 +560,7 @@ void Loop::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& re
   spdlog::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
                 refusal.text);
   try {
-    if (!send_error(sink, request, engine_.scene_revision(), refusal.code, refusal.text, refusal.needed_bytes))
+    if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes))
       ++counter("errors.unsent");
   } catch (const std::exception& failure) {
     ++counter("errors.unsent");

@@ -15,6 +15,7 @@
 
 #include "client/aligned_buffer.h"
 #include "fair_queue.h"
+#include "reloader.h"
 #include "transport.h"
 
 namespace clearance {
@@ -32,11 +33,14 @@ class Loop final : public Inbox {
   };
 
   explicit Loop(Engine& engine) : Loop(engine, Options()) {}
-  Loop(Engine& engine, const Options& options);
+  Loop(Engine& engine, const Options& options);  ///< the engine must outlive the loop
+  Loop(std::shared_ptr<Engine> engine, const Options& options);
   ~Loop() override;
 
   void add(std::unique_ptr<Transport> transport);
   const std::vector<std::unique_ptr<Transport>>& transports() const { return transports_; }
+  /// Ends them all, and removes their sockets.
+  void close_transports() { transports_.clear(); }
 
   /// Serves until stop().
   void run();
@@ -45,6 +49,13 @@ class Loop final : public Inbox {
   bool turn();
   /// Makes run() return soon. From any thread, and from a signal handler.
   void stop() noexcept;
+  /// How reload() makes another engine. Before run().
+  void reload_by(Reloader::Make make);
+  /// Has the scene loaded anew, aside; queries go on. The new engine takes over the poses and the queries that come from then
+  /// on; those under way are answered by the old one. If it fails, the old one stays. Without reload_by(): nothing
+  /// happens. From any thread, and from a signal handler.
+  void reload() noexcept;
+  bool is_reloading() const { return reloader_ && reloader_->is_loading(); }
   /// Queries under way.
   std::size_t waiting() const { return fresh_.size() + long_.size(); }
 
@@ -52,7 +63,7 @@ class Loop final : public Inbox {
                 std::unique_ptr<ReplySink> sink) override;
   PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) override;
   std::uint64_t& counter(const std::string& name) override { return counters_[name]; }
-  Engine& engine() override { return engine_; }
+  Engine& engine() override { return *engine_; }
 
  private:
   struct Task;
@@ -81,9 +92,11 @@ class Loop final : public Inbox {
   void finish(Task& task);
   void forget(const Task& task);
   void tick();
+  void take_new_engine();
   void sleep();
+  void wake() noexcept;
 
-  Engine& engine_;
+  std::shared_ptr<Engine> engine_;
   Options options_;
   std::vector<std::unique_ptr<Transport>> transports_;
   std::vector<std::uint64_t*> transport_frames_;   // counters, beside transports_
@@ -106,6 +119,7 @@ class Loop final : public Inbox {
   int wakes_for_nothing_ = 0;
   std::atomic<bool> stopping_{false};
   int wake_fd_ = -1;
+  std::unique_ptr<Reloader> reloader_;  // last: its thread wakes this
 };
 
 }  // namespace clearance

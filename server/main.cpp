@@ -24,8 +24,10 @@ std::atomic<Loop*> running_loop{nullptr};
 std::atomic<int> last_signal{0};
 
 void on_signal(int number) {
+  Loop* loop = running_loop.load();
+  if (loop && number == SIGHUP) return loop->reload();
   last_signal = number;
-  if (Loop* loop = running_loop.load()) loop->stop();
+  if (loop) loop->stop();
 }
 
 void handle_signals() {
@@ -142,15 +144,18 @@ int serve(DaemonOptions options) {
   } catch (const SceneError& error) {
     return fail(kExitScene, error.what());
   }
-  Engine engine(std::move(*scene), engine_options);
+  const auto engine = std::make_shared<Engine>(std::move(*scene), engine_options);
   const double load_seconds = seconds_since(begin);
-  log_scene(options, engine, load_seconds);
+  log_scene(options, *engine, load_seconds);
 
   Loop::Options loop_options;
   loop_options.slice = std::chrono::microseconds(options.slice_us);
   loop_options.spin = std::chrono::microseconds(options.spin_us);
   loop_options.max_waiting_per_client = options.max_waiting;
   Loop loop(engine, loop_options);
+  loop.reload_by([&options, engine_options] {
+    return std::make_unique<Engine>(Scene::load(options.scene, options.allow_outside), engine_options);
+  });
   running_loop = &loop;
   handle_signals();  // from here on there are sockets to remove
   try {
@@ -174,6 +179,11 @@ int serve(DaemonOptions options) {
   running_loop = nullptr;
   spdlog::info("event=end signal={} frames={} queries={} errors={} uptime_seconds={:.1f}", last_signal.load(),
                loop.counter("frames"), loop.counter("queries"), loop.counter("errors"), seconds_since(begin));
+  if (loop.is_reloading()) {  // nobody waits for a scene that nobody will ask about
+    loop.close_transports();
+    spdlog::shutdown();
+    std::_Exit(kExitClean);
+  }
   return kExitClean;
 }
 

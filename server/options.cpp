@@ -27,6 +27,10 @@ Ready
   With Type=notify systemd is told (sd_notify). --ready-fd N gets the urls of the daemon, one on a line, and is
   then closed; the log says event=ready. SIGTERM or SIGINT end the daemon and remove its sockets.
 
+Reload
+  SIGHUP has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
+  bodies of the same names. If the scene cannot be loaded the old one stays, and the log says event=reload_failed.
+
 Exit codes
   0 ended by a signal, as it should be    3 the scene cannot be loaded
   1 an error that nobody foresaw          4 an endpoint cannot be opened

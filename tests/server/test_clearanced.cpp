@@ -118,7 +118,7 @@ TEST_F(Clearanced, AnEndpointThatCannotBeOpenedEndsWith4) {
 }
 
 TEST_F(Clearanced, SignalsEndItCleanly) {
-  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) {
+  for (const int signal : {SIGTERM, SIGINT}) {
     Daemon daemon({"--scene", scene_, "--zmq", ipc_});
     EXPECT_EQ(daemon.url(), ipc_);
     struct stat info {};

@@ -1,0 +1,80 @@
+// A loop, a transport in memory, and clients: requests in, turns of the loop, replies out, on one thread.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <memory>
+
+#include "memory_transport.h"
+#include "server/loop.h"
+#include "test_scene.h"
+
+namespace clearance {
+
+using namespace std::chrono_literals;
+
+/// A loop over an engine, with one in-memory transport and the clients of a test.
+class LoopTest : public testing::Test {
+ protected:
+  void start(Scene scene, Loop::Options options = {}, int threads = 1) {
+    Engine::Options engine_options;
+    engine_options.threads = threads;
+    engine_ = std::make_unique<Engine>(std::move(scene), engine_options);
+    loop_ = std::make_unique<Loop>(*engine_, options);
+    auto transport = std::make_unique<MemoryTransport>();
+    transport_ = transport.get();
+    loop_->add(std::move(transport));
+  }
+  /// One query in many short slices.
+  static Loop::Options short_slices() {
+    Loop::Options options;
+    options.slice = 1ns;
+    return options;
+  }
+  void turn_until_idle() {
+    while (loop_->turn()) {
+    }
+  }
+  std::unique_ptr<MemoryFrame> take(MemoryClient& client) {
+    EXPECT_FALSE(client.replies.empty());
+    if (client.replies.empty()) return nullptr;
+    auto frame = std::move(client.replies.front());
+    client.replies.pop_front();
+    return frame;
+  }
+  /// Sends, serves, and takes the one reply.
+  std::unique_ptr<MemoryFrame> ask(MemoryClient& client, std::vector<std::byte> frame) {
+    transport_->send(client, std::move(frame));
+    turn_until_idle();
+    return take(client);
+  }
+  Reply ask(MemoryClient& client, const TestQuery& query) { return Reply(ask(client, query.frame(1))); }
+  static wire::ErrorParts error_of(const std::unique_ptr<MemoryFrame>& frame) {
+    EXPECT_EQ(frame->type(), wire::FrameType::kError);
+    return wire::parse_error(frame->payload());
+  }
+
+  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<Loop> loop_;
+  MemoryTransport* transport_ = nullptr;
+  MemoryClient a_, b_, c_;
+};
+
+/// A query that takes some hundred slices in the scattered scene.
+inline TestQuery large_query(int bodies) {
+  TestQuery query;
+  for (int k = 0; k < 40; ++k)
+    for (int b = 0; b < bodies; ++b) {
+      if (k == 0) query.bodies.push_back(static_cast<std::uint32_t>(b));
+      query.configurations.push_back({0.3 * b, 0.1 * k, 0.2 * b, 1, 0, 0, 0});
+    }
+  return query;
+}
+inline TestQuery small_query() {
+  TestQuery query;
+  query.pairs = {{0, 1}};
+  return query;
+}
+
+}  // namespace clearance
