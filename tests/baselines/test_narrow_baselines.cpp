@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "engine/baselines/narrow.h"
+#include "engine/baselines/triangles.h"
 #include "engine/engine.h"
 #include "tests/exact/cases.h"
 
@@ -261,6 +262,20 @@ TEST(KnownFailures, SurfacesDoNotSeeABodyInsideAnother) {
   EXPECT_EQ(surfaces.overlap, 0);
   EXPECT_DOUBLE_EQ(surfaces.distance, 0.5);
   EXPECT_EQ(ask(*make_narrow("naive"), world).overlap, 1);
+}
+
+// Section 2.2.1 takes the least over pairs of edges alone: a vertex over the middle of a face is nearer than any edge.
+TEST(KnownFailures, EdgesAloneMissAVertexOverAFace) {
+  const PreparedTriangle floor({-3, -3, 0}, {3, -3, 0}, {0, 3, 0}), above({0, 0, 0.5}, {0.1, 0, 2}, {0, 0.1, 2});
+  double edges = 1e9;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      edges = std::min(
+          edges, nearest_on_segments(floor.corner[i], floor.edge[i], above.corner[j], above.edge[j]).squared_distance);
+  NearestPoints best{1e9, {}, {}};
+  EXPECT_FALSE(take_triangle_pair(floor, above, best));
+  EXPECT_DOUBLE_EQ(best.squared_distance, 0.25);
+  EXPECT_GT(edges, 1.0);
 }
 
 // A vertex that no face uses has no neighbours: a climb that begins there ends there.
