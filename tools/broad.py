@@ -6,7 +6,7 @@
 """
 import sys
 
-from bench_peers import ROOT, grouped, read_csv, replace_table
+from bench_peers import ROOT, grouped, read_csv, replace_table, times
 
 CSV = ROOT / "docs/results/broad.csv"
 PAGE = ROOT / "docs/performance.md"
@@ -39,7 +39,7 @@ def queries_table(rows):
             at = {r["method"]: r for r in mine if int(r["bodies"]) == n}
             if "brute" in at:
                 ratio = float(at["brute"]["ms_median"]) / float(at["tree"]["ms_median"])
-                cells.append(f"{milliseconds(at['brute'])} / {milliseconds(at['tree'])}, **{ratio:.2g}x**")
+                cells.append(f"{milliseconds(at['brute'])} / {milliseconds(at['tree'])}, **{times(ratio)}**")
             else:
                 cells.append(f"/ {milliseconds(at['tree'])}")
         lines.append(f"| {what} | {threads} | " + " | ".join(cells) + " |")

@@ -25,7 +25,7 @@ namespace {
 
 constexpr double kRadius = 2, kMargin = 2;      // metres
 constexpr double kStep = 0.05, kTurn = 0.02;    // of motion, metres and rad
-constexpr std::size_t kMostForReportsTree = 5000, kMostForBruteNearest = 5000;  // minutes, beyond
+constexpr std::size_t kMostForReport = 5000, kMostForBruteNearest = 5000;  // bodies; minutes, beyond
 
 struct Options {
   std::string csv;
@@ -134,9 +134,11 @@ std::vector<Timing> time_boxes(Motion& motion, int rounds) {
   const auto add = [&](const char* name, int threads, std::unique_ptr<BroadPhase> method) {
     methods.push_back({{"boxes", name, threads, {}}, std::move(method)});
   };
-  add("report all pairs", 1, baselines::make_close_pairs("aabb_naive"));
-  add("report all pairs", all, baselines::make_close_pairs("aabb_naive_omp"));
-  if (n <= kMostForReportsTree) add("report tree", 1, baselines::make_close_pairs("aabb_tree"));
+  if (n <= kMostForReport) {
+    add("report all pairs", 1, baselines::make_close_pairs("aabb_naive"));
+    add("report all pairs", all, baselines::make_close_pairs("aabb_naive_omp"));
+    add("report tree", 1, baselines::make_close_pairs("aabb_tree"));
+  }
   add("brute force", 1, make_brute_force_broad_phase(1));
   add("brute force", all, make_brute_force_broad_phase(all));
   add("sweep kept", 1, std::make_unique<Sweep>());
@@ -177,7 +179,7 @@ std::vector<Timing> time_queries(Motion& motion, int rounds) {
       options.broad_phase = by;
       engines.push_back(std::make_unique<Engine>(motion.scene, options));
       for (const auto& [name, reduce] : {std::pair("within", Reduce::kWithin), {"nearest", Reduce::kNearest}, {"min", Reduce::kMin}}) {
-        if (reduce == Reduce::kNearest && by == std::string("brute") && motion.poses.size() > kMostForBruteNearest) continue;
+        if (reduce != Reduce::kWithin && by == std::string("brute") && motion.poses.size() > kMostForBruteNearest) continue;
         asked.push_back({{name, by, threads, {}}, engines.back().get(), reduce});
       }
     }
@@ -209,7 +211,7 @@ std::vector<Timing> time_queries(Motion& motion, int rounds) {
 // Of the machine when the run began: 1 or less is a quiet one.
 double load_average() {
   double load = 0;
-  return getloadavg(&load, 1) == 1 ? load : -1;
+  return getloadavg(&load, 1) == 1 ? std::round(10 * load) / 10 : -1;
 }
 
 void run(const Options& o) {
@@ -219,7 +221,7 @@ void run(const Options& o) {
       << machine_name() << ", load " << load_average() << "\nsetting,bodies,what,method,threads,ms_median,ms_least,ms_most,pairs,rounds\n";
   for (const Setting& setting : kSettings)
     for (const std::size_t count : o.bodies) {
-      const int rounds = count > 10000 ? std::min(o.rounds, 3) : o.rounds;
+      const int rounds = count > 10000 ? std::min(o.rounds, 3) : count > 1000 ? o.rounds : 3 * o.rounds;
       Motion motion(count, setting.edge, o.seed);
       std::vector<Timing> timings = time_boxes(motion, rounds);
       for (Timing& t : time_queries(motion, rounds)) timings.push_back(std::move(t));
