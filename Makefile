@@ -57,7 +57,7 @@ report-gpu: setup  ## the same with the systems on this machine's GPU; writes do
 	@$(PYTHON_VENV) tools/report.py
 
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
-	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_cuda_classes test_engine test_narrow_baselines clearance-gpu-bench
+	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_router test_cuda_classes test_engine test_narrow_baselines clearance-gpu-bench
 	@tools/gpu.sh test
 
 gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv

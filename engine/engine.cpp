@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "cuda/device_job.h"
+#include "cuda/router.h"
 #include "job.h"
 #include "plan.h"
 #include "pose_store.h"
@@ -26,6 +27,7 @@ struct Engine::Impl {
   mutable WarmStore warm;
   mutable BoxTreeStore trees;
   std::unique_ptr<cuda::DeviceBackend> device;
+  std::unique_ptr<cuda::Router> router;
   PoseStore poses;
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0};
@@ -48,6 +50,22 @@ std::vector<std::string> Engine::backends() {
   return names;
 }
 
+namespace {
+
+// How long queries take on this machine, from where it was kept or measured now.
+cuda::Calibration calibration_of(const Engine::Options& options) {
+  if (options.calibration == "measure") return cuda::calibrate(options);
+  const std::string key =
+      cuda::calibration_key(cuda::device_info().name, options.threads, lane_kernel(options.instruction_set).name);
+  const std::filesystem::path file = cuda::calibration_file(key);
+  if (auto kept = cuda::load_calibration(file, key)) return *kept;
+  const cuda::Calibration measured = cuda::calibrate(options);
+  cuda::save_calibration(file, key, measured);
+  return measured;
+}
+
+}  // namespace
+
 Engine::Engine(Scene scene, const Options& options) {
   const std::vector<std::string> known = backends();
   if (options.backend != "auto" && std::find(known.begin(), known.end(), options.backend) == known.end()) {
@@ -65,20 +83,25 @@ Engine::Engine(Scene scene, const Options& options) {
   impl_->light = !impl_->reference && std::all_of(bodies.begin(), bodies.end(), [](const Body& b) {
     return b.pieces.size() == 1;
   });
-  if (options.backend == "cuda") {
+  if (options.calibration != "auto" && options.calibration != "measure" && options.calibration != "off")
+    throw std::invalid_argument("calibration: expected auto, measure or off, got '" + options.calibration + "'");
+  if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
+  const bool both = options.backend == "auto" && options.calibration != "off" && !bodies.empty() && cuda::device_info().present;
+  if (options.backend == "cuda" || both) {
     cuda::DeviceBackend::Options device;
     if (options.device_memory > 0) device.memory_limit = options.device_memory;
     device.fallback = options.device_fallback;
     impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene, device);
+    if (both && impl_->device->usable())
+      impl_->router = std::make_unique<cuda::Router>(impl_->scene, impl_->device->device(), calibration_of(impl_->options));
   }
-  if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
 }
 
 Engine::~Engine() = default;
 
 const Scene& Engine::scene() const { return impl_->scene; }
 std::uint64_t Engine::scene_revision() const { return impl_->poses.snapshot()->scene_revision; }
-std::string_view Engine::backend() const { return impl_->reference ? "reference" : impl_->device && impl_->device->usable() ? "cuda" : "cpu"; }
+std::string_view Engine::backend() const { return impl_->reference ? "reference" : !impl_->device || !impl_->device->usable() ? "cpu" : impl_->router ? "auto" : "cuda"; }
 std::string Engine::device_error() const { return impl_->device ? impl_->device->error() : std::string(); }
 std::string_view Engine::instruction_set() const { return impl_->lanes->name; }
 std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
@@ -126,7 +149,7 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
   const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, impl_->lanes, impl_->light, &impl_->pairs_evaluated,
-                           &impl_->warm, &impl_->trees, impl_->near_by, impl_->device.get()};
+                           &impl_->warm, &impl_->trees, impl_->near_by, impl_->device.get(), impl_->router.get()};
   return Job(make_job(context, std::move(plan), reply));
 }
 
@@ -152,6 +175,7 @@ Counters Engine::stats() const {
           {"engine.pose_updates", impl_->pose_updates},
           {"engine.bad_poses", impl_->bad_poses}};
   if (impl_->device) impl_->device->append(counters);
+  if (impl_->router) impl_->router->append(counters);
   return counters;
 }
 

@@ -80,6 +80,10 @@ class Engine {
     /// Whether the CPU answers where the device cannot: it failed, or memory does not suffice. If not, such queries are
     /// refused (kNotSupported, with the reason).
     bool device_fallback = true;
+    /// Of backend auto, where there is a device: "auto" looks up how long queries take on both backends where it was kept
+    /// (XDG_CACHE_HOME, or ~/.cache), and measures and keeps it if need be; "measure" measures and keeps nothing; "off":
+    /// auto means the CPU.
+    std::string calibration = "auto";
   };
 
   /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, std::runtime_error for one that is absent on
@@ -92,7 +96,7 @@ class Engine {
 
   const Scene& scene() const;
   std::uint64_t scene_revision() const;   ///< Scene::revision()
-  std::string_view backend() const;       ///< the one in use, by name
+  std::string_view backend() const;       ///< the one in use, by name; "auto": the CPU or the device, as each reply says
   /// What the device said last where it did not answer; empty: there was nothing.
   std::string device_error() const;
   static std::vector<std::string> backends();  ///< those that can be asked for on this machine

@@ -5,6 +5,7 @@
 #include "box_cull.h"
 #include "digest.h"
 #include "cuda/device_job.h"
+#include "cuda/router.h"
 #include "parallel_job.h"
 #include "reduction.h"
 
@@ -266,7 +267,7 @@ std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, c
 }
 
 std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply) {
-  if (context.device)
+  if (context.device && (!context.router || context.router->to_device(plan)))
     if (auto job = cuda::make_device_job(context, plan, reply)) return job;
   return make_cpu_job(context, std::move(plan), reply);
 }

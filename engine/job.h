@@ -16,6 +16,7 @@ namespace clearance {
 
 namespace cuda {
 class DeviceBackend;  // engine/cuda/device_job.h
+class Router;         // engine/cuda/router.h
 }
 
 /// What the engine gives each job.
@@ -30,6 +31,7 @@ struct JobContext {
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
   cuda::DeviceBackend* device = nullptr;        ///< null: the CPU alone
+  cuda::Router* router = nullptr;               ///< null: whatever the device can answer is the device's
 };
 
 struct Job::State {

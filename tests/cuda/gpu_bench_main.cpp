@@ -23,6 +23,7 @@ struct Workload {
   std::uint32_t fields;
   Reduce reduce = Reduce::kNone;
   double max_distance = std::numeric_limits<double>::infinity();
+  std::size_t first_pairs = 0;  // only so many; 0: all
 };
 
 Scene spheres(int count, double box) {
@@ -51,6 +52,17 @@ Scene hulls() {
 }
 
 constexpr std::uint32_t kBounds = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
+constexpr double kFar = std::numeric_limits<double>::infinity();
+Workload few(std::size_t pairs) {
+  return {"spheres, " + std::to_string(pairs) + (pairs == 1 ? " pair, compact" : " pairs, compact"),
+          [] { return spheres(200, 58); },
+          0,
+          Format::kCompact,
+          kFieldCompact,
+          Reduce::kNone,
+          kFar,
+          pairs};
+}
 const std::vector<Workload>& workloads() {
   static const std::vector<Workload> all{
       {"1000 spheres, box 100, compact", [] { return spheres(1000, 100); }, 0, Format::kCompact, kFieldCompact},
@@ -58,6 +70,11 @@ const std::vector<Workload>& workloads() {
       {"1000 spheres, box 100, bounds and status", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds},
       {"5000 spheres, box 171, compact", [] { return spheres(5000, 171); }, 0, Format::kCompact, kFieldCompact},
       {"30 hulls, 150 pairs, 4096 configurations, compact", hulls, 4096, Format::kCompact, kFieldCompact},
+      few(1),
+      few(10),
+      few(100),
+      few(1000),
+      few(10000),
       {"1000 spheres, box 100, nearest", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kNearest},
       {"1000 spheres, box 100, within 2", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kWithin, 2},
       {"5000 spheres, box 171, nearest", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds, Reduce::kNearest},
@@ -74,7 +91,7 @@ struct Timing {
 std::uint64_t counter(const Engine& engine, const std::string& name) {
   for (const auto& [key, value] : engine.stats())
     if (key == name) return value;
-  return 0;
+  return 0;  // a backend that does not count this
 }
 
 // Medians over queries into the same columns.
@@ -99,7 +116,7 @@ Timing time_queries(const Engine& engine, const QueryView& q, const ReplyView& r
 }
 
 void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) {
-  const Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"});
+  const Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"}), either(w.scene(), {"auto"});
   QueryView q;
   q.format = w.format;
   q.fields = w.fields;
@@ -120,6 +137,12 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
     q.configurations = poses;
     q.configuration_count = w.configurations;
   }
+  if (w.first_pairs > 0) {
+    pairs = cpu.pairs(q);
+    pairs.resize(std::min(pairs.size(), w.first_pairs));
+    q.all_pairs = false;
+    q.pairs = pairs;
+  }
   const QuerySize size = device.size(q);
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
@@ -128,11 +151,12 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   const auto view = [&](std::byte* base) { return reply_view_over(base, size.rows, size.fields); };
   std::byte* aligned = pageable.data() + (64 - reinterpret_cast<std::uintptr_t>(pageable.data()) % 64) % 64;
 
-  const int repeats = size.rows > 4'000'000 ? 10 : 30;
+  const int repeats = size.rows > 4'000'000 ? 10 : size.rows < 20'000 ? 300 : 30;
   const Timing direct = time_queries(device, q, view(pinned.data()), repeats);
   const std::uint64_t rest = counter(device, "cuda.pairs_finished_on_cpu") / static_cast<std::uint64_t>(repeats + 2);
   const Timing staged = time_queries(device, q, view(aligned), repeats);
   const Timing host = time_queries(cpu, q, view(pinned_cpu.data()), std::max(5, repeats / 5));
+  const Timing routed = time_queries(either, q, view(aligned), repeats);
   std::memset(pinned.data(), 1, bytes);
   std::memset(pinned_cpu.data(), 1, bytes);
   time_queries(device, q, view(pinned.data()), 1);
@@ -141,16 +165,16 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
 
   const unsigned cores = std::thread::hardware_concurrency();
   csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << direct.kernel_us << ',' << direct.wall_us << ','
-      << staged.wall_us << ',' << host.wall_us << ',' << cores << ',' << rest << ',' << (same ? "same" : "DIFFERENT")
+      << staged.wall_us << ',' << host.wall_us << ',' << routed.wall_us << ',' << (routed.kernel_us > 0 ? "cuda" : "cpu") << ',' << cores << ',' << rest << ',' << (same ? "same" : "DIFFERENT")
       << '\n';
   csv.flush();
   char line[400];
   std::snprintf(line, sizeof line,
                 "%-50s %9llu pairs | kernels %9.1f us %6.2f G/s | wall %9.1f us pinned, %9.1f us pageable | cpu %u "
-                "cores %10.1f us | %5.1fx | rest %6llu | bits %s",
+                "cores %10.1f us | %5.1fx | auto %9.1f us (%s) | rest %6llu | bits %s",
                 w.name.c_str(), static_cast<unsigned long long>(size.configurations * size.pairs), direct.kernel_us,
                 1e-3 * static_cast<double>(size.configurations * size.pairs) / direct.kernel_us, direct.wall_us, staged.wall_us, cores,
-                host.wall_us, host.wall_us / direct.wall_us, static_cast<unsigned long long>(rest),
+                host.wall_us, host.wall_us / direct.wall_us, routed.wall_us, routed.kernel_us > 0 ? "cuda" : "cpu", static_cast<unsigned long long>(rest),
                 same ? "same" : "DIFFERENT");
   std::puts(line);
   std::fflush(stdout);
@@ -174,11 +198,16 @@ int main(int argc, char** argv) {
   }
   std::ofstream csv(path);
   csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\n"
-      << "workload,pairs,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,cpu_cores,rows_finished_on_cpu,bits_"
+      << "workload,pairs,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,auto_wall_us,auto_backend,cpu_cores,rows_finished_on_cpu,bits_"
          "against_cpu\n";
   std::vector<std::string> table;
   for (const Workload& w : workloads())
     if (w.name.find(filter) != std::string::npos) run(w, csv, table);
   std::printf("\n%s\n", cuda::device_info().name.c_str());
+  const auto begin = Clock::now();
+  const Engine measured(spheres(10, 20), {.calibration = "measure"});
+  std::printf("calibration: %.0f ms\n", std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
+  for (const auto& [key, value] : measured.stats())
+    if (key.ends_with("cuda_from_pairs")) std::printf("%s %llu\n", key.c_str(), static_cast<unsigned long long>(value));
   for (const std::string& line : table) std::puts(line.c_str());
 }

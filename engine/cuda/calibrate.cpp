@@ -1,0 +1,173 @@
+// How long queries take on this machine's CPU and device, and where that is kept.
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <random>
+
+#include "engine/digest.h"
+#include "router.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int kResolution[kHullSizes] = {5, 13};  // of add_uv_sphere(): 42 and 314 vertices
+constexpr int kRepeats = 2;                       // of which the fastest counts
+
+// So many spheres, as close as bodies in a crowd, for each sample.
+struct Size {
+  int bodies;
+  std::uint32_t configurations;  // 0: the current poses
+};
+constexpr Size kSizes[kQueryKinds][kCostSamples] = {{{5, 0}, {15, 0}, {33, 0}, {64, 0}, {200, 0}},
+                                                    {{5, 0}, {15, 0}, {64, 0}, {128, 0}, {300, 0}},
+                                                    {{12, 1}, {12, 4}, {12, 16}, {12, 64}, {12, 300}}};
+
+Scene crowd(int bodies, const PiecePtr& piece) {
+  Scene scene;
+  std::mt19937_64 bits(1);
+  std::uniform_real_distribution<double> place(-0.5, 0.5), turn(-1, 1);
+  const double side = 2.0 * std::cbrt(bodies);
+  for (int i = 0; i < bodies; ++i) {
+    const Pose pose{{side * place(bits), side * place(bits), side * place(bits)}, 1, turn(bits), turn(bits), turn(bits)};
+    Body body;
+    body.name = "s" + std::to_string(i);
+    body.pieces = {piece};
+    body.pose = pose;
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
+PiecePtr sphere(int resolution) {
+  Scene scene;
+  scene.add_uv_sphere("one", 0.5, resolution, {});
+  return scene.bodies()[0].pieces[0];
+}
+
+struct Timed {
+  double pairs, ns;
+};
+
+Timed time_query(const Scene& scene, const Engine::Options& options, QueryKind kind, std::uint32_t configurations) {
+  const Engine engine(scene, options);
+  QueryView q;
+  if (kind == QueryKind::kTable) q.reduce = Reduce::kNearest;
+  if (kind == QueryKind::kConfigurations) q.reduce = Reduce::kMin;
+  std::vector<std::uint32_t> bodies;
+  std::vector<Pose> poses;
+  if (configurations > 0) {
+    std::mt19937_64 bits(2);
+    std::uniform_real_distribution<double> step(-0.5, 0.5);
+    for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) bodies.push_back(b);
+    for (std::uint32_t k = 0; k < configurations; ++k)
+      for (const std::uint32_t b : bodies) {
+        Pose pose = *scene.bodies()[b].pose;
+        for (int i = 0; i < 3; ++i) pose.translation[i] += step(bits);
+        poses.push_back(pose);
+      }
+    q.bodies = bodies;
+    q.configurations = poses;
+    q.configuration_count = configurations;
+  }
+  const QuerySize size = engine.size(q);
+  std::uint64_t bytes = 0;
+  reply_view_over(nullptr, size.rows, size.fields, &bytes);
+  std::vector<std::byte> memory(bytes + kColumnAlignment);
+  const auto misaligned = reinterpret_cast<std::uintptr_t>(memory.data()) % kColumnAlignment;
+  const ReplyView reply = reply_view_over(memory.data() + (kColumnAlignment - misaligned) % kColumnAlignment, size.rows, size.fields);
+  double best = INFINITY;
+  for (int i = 0; i <= kRepeats; ++i) {
+    const auto begin = Clock::now();
+    Job job = engine.start(q, reply);
+    while (!job.advance()) {
+    }
+    const std::chrono::duration<double, std::nano> taken = Clock::now() - begin;
+    if (i > 0) best = std::min(best, taken.count());  // the first one makes room
+  }
+  return {static_cast<double>(size.configurations * size.pairs), best};
+}
+
+constexpr const char* kTitle = "clearance calibration 1: pairs, CPU [ns], device [ns]";
+
+}  // namespace
+
+Calibration calibrate(const Engine::Options& like) {
+  Calibration c;
+  const PiecePtr pieces[kHullSizes] = {sphere(kResolution[0]), sphere(kResolution[1])};
+  Engine::Options cpu = like, device = like;
+  cpu.backend = "cpu";
+  device.backend = "cuda";
+  for (std::size_t kind = 0; kind < kQueryKinds; ++kind)
+    for (std::size_t hulls = 0; hulls < kHullSizes; ++hulls)
+      for (std::size_t i = 0; i < kCostSamples; ++i) {
+        const Size& size = kSizes[kind][i];
+        const Scene scene = crowd(size.bodies, pieces[hulls]);
+        const Timed on_cpu = time_query(scene, cpu, static_cast<QueryKind>(kind), size.configurations),
+                    on_device = time_query(scene, device, static_cast<QueryKind>(kind), size.configurations);
+        c.samples[kind][hulls][i] = {on_cpu.pairs, on_cpu.ns, on_device.ns};
+      }
+  return c;
+}
+
+std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set) {
+  return device_name + ", clearance " CLEARANCE_VERSION ", " + std::to_string(threads) + " threads, " +
+         std::string(instruction_set);
+}
+
+std::filesystem::path calibration_file(const std::string& key) {
+  std::filesystem::path folder;
+  const char *cache = std::getenv("XDG_CACHE_HOME"), *home = std::getenv("HOME");
+  if (cache && *cache == '/')
+    folder = cache;
+  else if (home && *home == '/')
+    folder = std::filesystem::path(home) / ".cache";
+  else
+    return {};
+  Digest digest;
+  digest.add(std::string_view(key));
+  return folder / "clearance" / ("calibration-" + std::to_string(digest.value()) + ".txt");
+}
+
+std::optional<Calibration> load_calibration(const std::filesystem::path& file, const std::string& key) {
+  if (file.empty()) return std::nullopt;
+  std::ifstream in(file);
+  std::string title, named;
+  if (!std::getline(in, title) || title != kTitle || !std::getline(in, named) || named != key) return std::nullopt;
+  Calibration c;
+  for (auto& kind : c.samples)
+    for (auto& hulls : kind) {
+      double pairs = 0;
+      for (CostSample& s : hulls) {
+        if (!(in >> s.pairs >> s.cpu_ns >> s.device_ns) || !(s.pairs > pairs) || !(s.cpu_ns > 0) || !(s.device_ns > 0))
+          return std::nullopt;
+        pairs = s.pairs;
+      }
+    }
+  return c;
+}
+
+void save_calibration(const std::filesystem::path& file, const std::string& key, const Calibration& calibration) {
+  if (file.empty()) return;
+  std::error_code failed;
+  std::filesystem::create_directories(file.parent_path(), failed);
+  std::filesystem::path fresh = file;
+  fresh += "." + std::to_string(getpid());
+  std::ofstream out(fresh);
+  out << kTitle << '\n' << key << '\n';
+  out.precision(9);
+  for (const auto& kind : calibration.samples)
+    for (const auto& hulls : kind)
+      for (const CostSample& s : hulls) out << s.pairs << ' ' << s.cpu_ns << ' ' << s.device_ns << '\n';
+  out.close();
+  if (out) std::filesystem::rename(fresh, file, failed);
+  if (!out || failed) std::filesystem::remove(fresh, failed);
+}
+
+}  // namespace clearance::cuda

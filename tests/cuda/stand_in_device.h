@@ -1,0 +1,108 @@
+// A device that leaves all rows to the CPU, and fails when told to.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "engine/cuda/device.h"
+
+namespace clearance::test {
+
+// Fails at one of its calls, and, where it is lost, at all that follow.
+struct Fault {
+  int at = -1;
+  cuda::DeviceError::Kind kind = cuda::DeviceError::kLost;
+  int calls = 0;
+
+  void call(const char* what) {
+    const int now = calls++;
+    if (now == at || (kind == cuda::DeviceError::kLost && at >= 0 && now > at))
+      throw cuda::DeviceError(kind, std::string("a planted fault while ") + what);
+  }
+};
+
+template <class Interface>
+class IdleWorkspace : public Interface {
+ public:
+  explicit IdleWorkspace(Fault& fault) : fault_(fault) {}
+
+  cuda::FixedBodies room_for_bodies(std::size_t bodies) override {
+    components_.resize(bodies * cuda::kPoseComponents);
+    state_.resize(bodies);
+    return {components_.data(), state_.data()};
+  }
+  void begin(const cuda::QuerySetup&) override { fault_.call("beginning"); }
+  Pose* room_for_poses(int slot, std::size_t count) override { return room(poses_[slot], count); }
+  Pose* room_for_all_poses(std::size_t count) override { return room(all_poses_, count); }
+  void launch(int slot, const cuda::ChunkSetup& chunk, const ReplyView&) override {
+    fault_.call("launching");
+    rows_[slot].resize(chunk.rows());
+    for (std::uint32_t i = 0; i < rows_[slot].size(); ++i) rows_[slot][i] = i;
+  }
+
+ protected:
+  std::span<const std::uint32_t> all_rows(int slot) {
+    fault_.call("waiting");
+    return rows_[slot];
+  }
+  Fault& fault_;
+
+ private:
+  static Pose* room(std::vector<Pose>& poses, std::size_t count) {
+    poses.resize(count);
+    return poses.data();
+  }
+  std::vector<double> components_;
+  std::vector<std::uint8_t> state_;
+  std::vector<Pose> poses_[cuda::kChunksUnderWay], all_poses_;
+  std::vector<std::uint32_t> rows_[cuda::kChunksUnderWay];
+};
+
+class IdleDense final : public IdleWorkspace<cuda::Workspace> {
+ public:
+  using IdleWorkspace::IdleWorkspace;
+  cuda::ChunkResult finish(int slot) override {
+    cuda::ChunkResult r;
+    r.rest = all_rows(slot);
+    return r;
+  }
+};
+// Knows no reduction: it is asked to settle and cannot.
+class IdleReduced final : public IdleWorkspace<cuda::ReducedWorkspace> {
+ public:
+  using IdleWorkspace::IdleWorkspace;
+  cuda::ReducedResult finish(int slot) override {
+    cuda::ReducedResult r;
+    r.rest = all_rows(slot);
+    return r;
+  }
+  cuda::ReducedResult settle(int, std::span<const PairAnswer>) override {
+    throw cuda::DeviceError(cuda::DeviceError::kNoRoom, "a planted fault while settling");
+  }
+};
+
+class IdleDevice final : public cuda::Device {
+ public:
+  explicit IdleDevice(Fault& fault) : fault_(fault) {}
+  std::uint32_t hull_of(std::uint32_t body) const override { return body; }
+  std::shared_ptr<const cuda::ResidentPairs> upload(std::span<const cuda::PairRef>, std::span<const std::uint32_t>,
+                                                    std::span<const cuda::Group>,
+                                                    std::span<const std::uint32_t>) override {
+    fault_.call("uploading");
+    return std::make_shared<cuda::ResidentPairs>();
+  }
+  std::shared_ptr<cuda::Workspace> borrow() override {
+    fault_.call("making a workspace");
+    return std::make_shared<IdleDense>(fault_);
+  }
+  std::shared_ptr<cuda::ReducedWorkspace> borrow_reduced() override {
+    fault_.call("making a workspace");
+    return std::make_shared<IdleReduced>(fault_);
+  }
+  cuda::DeviceCounters counters() const override { return {}; }
+
+ private:
+  Fault& fault_;
+};
+
+}  // namespace clearance::test
