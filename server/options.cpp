@@ -72,6 +72,12 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(0, 4096)))
       ->type_name("N")
       ->capture_default_str();
+  app.add_option("--calibration", o.calibration,
+                 "how backend auto knows whether CPU or device is faster: auto (measured once on this machine and kept),\n"
+                 "measure (now, and not kept), off (the CPU answers)")
+      ->check(quiet(CLI::IsMember({"auto", "measure", "off"})))
+      ->type_name("HOW")
+      ->capture_default_str();
   app.add_option("--device-memory-mib", o.device_memory_mib,
                  "MiB of device memory that the cuda backend may take; 0: what there is")
       ->type_name("N")

@@ -27,6 +27,7 @@ struct DaemonOptions {
   int threads = 0;
   unsigned device_memory_mib = 0;
   bool device_fallback = true;
+  std::string calibration = "auto";
   unsigned slice_us = 200;
   unsigned spin_us = 50;
   unsigned max_waiting = 64;

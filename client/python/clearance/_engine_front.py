@@ -21,10 +21,12 @@ class Engine(Front):
     """A scene resident in memory, the poses of its bodies, and answers to batched distance queries.
 
     backend: "auto", "cpu", "reference" (brute force, the fast path's oracle), or another that Engine.backends() names;
-        asking for an absent one raises.
+        asking for an absent one raises. "auto": the CPU, or where there is a device whichever is faster for a query.
     threads: 0: all cores.
     max_rows: larger answers are refused with QueryError.
     device_memory: bytes of device memory that backend "cuda" may take; 0: what there is.
+    calibration: how "auto" knows what is faster: "auto" (measured once on this machine and kept), "measure" (now, and not
+        kept), "off" (it does not: the CPU answers).
     device_fallback: whether the CPU answers where the device fails or has no room; if not, QueryError says why.
 
     May be used from several threads; the GIL is released while it works. Not usable in a forked child (RuntimeError).
@@ -33,7 +35,7 @@ class Engine(Front):
     _module = _engine
 
     def __init__(self, scene: Scene, backend: str = "auto", threads: int = 0, max_rows: int = 1 << 28,
-                 device_memory: int = 0, device_fallback: bool = True):
+                 device_memory: int = 0, device_fallback: bool = True, calibration: str = "auto"):
         super().__init__()
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: expected a clearance.Scene, got {type(scene).__name__}")
@@ -45,7 +47,7 @@ class Engine(Front):
             raise ValueError(f"threads: expected 0 (all cores) or more, got {threads}")
         with scene._lock:
             self._engine = _engine.Engine(scene._scene, backend, int(threads), _count(max_rows, "max_rows"),
-                                          _count(device_memory, "device_memory"), bool(device_fallback))
+                                          _count(device_memory, "device_memory"), bool(device_fallback), str(calibration))
         self._worker: Optional[Worker] = None
 
     @staticmethod
@@ -55,7 +57,7 @@ class Engine(Front):
 
     @property
     def backend(self) -> str:
-        """The backend in use."""
+        """The backend in use; "auto": a reply's `backend` says which one answered it."""
         return self._engine.backend
 
     @property
