@@ -330,7 +330,10 @@ def timing_table(remark, groups):
             cells.append(f"{nanoseconds(float(r['ns_median']))} ({figure(r)}), "
                          + (f"**{times(ratio)}**" if right else f"{times(ratio)}, *wrong*"))
         lines.append("| " + " | ".join(cells) + " |")
-    return f"From `docs/results/peers_timing.csv` ({remark}):\n\n" + "\n".join(lines)
+    faster = [f"{1 / float(r['over_ours_f64']):.2f}x ({r['what']})" for rows in groups.values() for r in rows
+              if r["setting"].endswith("two threads")]
+    threads = f"\n\nTwo threads over one, float64: {', '.join(faster)}." if faster else ""
+    return f"From `docs/results/peers_timing.csv` ({remark}):\n\n" + "\n".join(lines) + threads
 
 
 def draw(groups, path):
