@@ -5,6 +5,8 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <bit>
 #include <cstring>
 #include <stdexcept>
 
@@ -125,6 +127,8 @@ Loop::Loop(Engine& engine, const Options& options) : Loop(std::shared_ptr<Engine
 
 Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
     : engine_(std::move(engine)), options_(options), started_(Clock::now()), next_tick_(started_) {
+  for (int i = 0; i < kLatencyBuckets; ++i)
+    latency_[i] = &counter("latency_us." + (i + 1 < kLatencyBuckets ? std::to_string(1u << i) : "more"));
   wake_fd_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
   if (wake_fd_ < 0) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
 }
@@ -339,6 +343,8 @@ void Loop::finish(Task& task) {
   std::memcpy(frame + sizeof header, &reply, sizeof reply);
   task.sink->publish(bytes);
   ++answered_;
+  const std::uint64_t us = (reply.server_ns + 999) / 1000;
+  ++*latency_[std::min<int>(std::bit_width(us > 0 ? us - 1 : 0), kLatencyBuckets - 1)];
   rows_ += info.rows;
 }
 

@@ -5,6 +5,7 @@
 // behind the others of its kind, and is not forgotten however many new ones come.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <map>
@@ -103,6 +104,9 @@ class Loop final : public Inbox {
   std::map<std::string, std::uint64_t> counters_;  // a map: references stay valid
   std::uint64_t &frames_ = counters_["frames"], &queries_ = counters_["queries"],
                 &answered_ = counters_["queries.answered"], &rows_ = counters_["rows"];
+  // "latency_us.N": queries that took from arrival to reply more than N/2 and at most N microseconds; "latency_us.more".
+  static constexpr int kLatencyBuckets = 24;
+  std::array<std::uint64_t*, kLatencyBuckets> latency_;
 
   struct DueFirst {
     bool operator()(const TaskPtr& a, const TaskPtr& b) const;

@@ -1,4 +1,4 @@
-// What the daemon knows: bodies, poses, stat, ping.
+// What the daemon knows: bodies, poses, ping.
 #include <algorithm>
 #include <iostream>
 #include <memory>
@@ -64,13 +64,6 @@ void print_poses(const Options& o) {
   table.print(std::cout, o.output);
 }
 
-void print_stats(const Options& o) {
-  Client client = o.connection.open();
-  Table table({"counter", "value"});
-  for (const auto& [name, value] : client.stats()) table.add({name, value});
-  table.print(std::cout, o.output);
-}
-
 /// Like clearance::cli subcommands everywhere: options live as long as the callback that reads them.
 template <class Run>
 CLI::App& add_plain(CLI::App& app, const char* name, const char* description, Run run) {
@@ -108,9 +101,6 @@ void add_bodies(CLI::App& app) {
 }
 void add_poses(CLI::App& app) {
   add_plain(app, "poses", "where the bodies are", print_poses);
-}
-void add_stat(CLI::App& app) {
-  add_plain(app, "stat", "the daemon's counters", print_stats);
 }
 
 void add_ping(CLI::App& app) {
