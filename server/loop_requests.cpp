@@ -1,0 +1,247 @@
+// The loop's answers to requests: each is checked, then answered at once or, a query, put among those under way.
+#include <algorithm>
+#include <cstring>
+
+#include "error_frame.h"
+#include "loop_task.h"
+#include "scene_frame.h"
+
+namespace clearance {
+namespace {
+
+using wire::ErrorCode;
+using wire::FrameHeader;
+using wire::FrameType;
+
+/// What a pair is taken to cost, to tell when a query is due. A guess is enough: it only orders one client's queries.
+constexpr auto kPairCost = std::chrono::microseconds(1);
+
+/// The engine's view of a query whose payload begins on a multiple of 8.
+QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
+  const wire::QueryHeader& h = parts.header;
+  static_assert(sizeof(BodyPair) == sizeof(wire::PairRecord) && sizeof(Pose) == sizeof(wire::ConfigurationRecord));
+  QueryView q;
+  q.pairs = {reinterpret_cast<const BodyPair*>(parts.pairs.data()), static_cast<std::size_t>(parts.pairs.size())};
+  q.bodies = {reinterpret_cast<const std::uint32_t*>(parts.bodies.data()),
+              static_cast<std::size_t>(parts.bodies.size())};
+  q.configurations = {reinterpret_cast<const Pose*>(parts.configurations.data()),
+                      static_cast<std::size_t>(parts.configurations.size())};
+  q.all_pairs = h.all_pairs;
+  q.configuration_count = h.configuration_count;
+  q.max_distance = h.max_distance;
+  q.abs_tol = h.abs_tol;
+  q.rel_tol = h.rel_tol;
+  q.precision = static_cast<Precision>(h.precision);
+  q.signed_distance = h.signed_distance;
+  q.reduce = static_cast<Reduce>(h.reduce);
+  q.format = static_cast<Format>(h.format);
+  q.fields = h.fields;
+  q.max_results = h.max_results;
+  q.max_pose_age_ns = h.max_pose_age_ns;
+  q.scene_revision = scene_revision;
+  return q;
+}
+
+wire::PosesResult result_of(const PoseUpdateResult& done, std::uint64_t scene_revision) {
+  wire::PosesResult result;
+  result.revision = done.revision;
+  result.scene_revision = scene_revision;
+  result.applied = done.applied;
+  result.bad = done.bad;
+  result.unknown = done.unknown;
+  result.fixed = done.fixed;
+  return result;
+}
+
+Pose pose_of(const double (&seven)[7]) {
+  Pose pose;
+  std::memcpy(&pose, seven, sizeof pose);
+  return pose;
+}
+
+}  // namespace
+
+void Loop::on_frame(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink> sink) {
+  ++frames_;
+  ReplySink& way_back = *sink;  // lives on in a Task if a query began
+  guarded(way_back, header, [&] { handle(header, payload, sink); });
+}
+
+void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
+  wire::check_header(header, payload.size());
+  switch (static_cast<FrameType>(header.type)) {
+    case FrameType::kPing:
+      return answer(*sink, header, FrameType::kPong, payload);
+    case FrameType::kDescribe:
+      wire::parse_empty(payload, header.type);
+      return answer(*sink, header, FrameType::kScene, scene_payload(*engine_));
+    case FrameType::kQuery:
+      return start_query(header, payload, sink);
+    case FrameType::kPairs:
+      return answer_pairs(header, payload, *sink);
+    case FrameType::kSetPoses:
+      return set_poses(header, payload, *sink);
+    case FrameType::kAttach:
+      return attach(header, payload, *sink);
+    case FrameType::kGetStates:
+      wire::parse_empty(payload, header.type);
+      return answer(*sink, header, FrameType::kBodyStates, states_payload(*engine_));
+    case FrameType::kGetStats:
+      wire::parse_empty(payload, header.type);
+      return answer(*sink, header, FrameType::kStats, stats_payload());
+    default:
+      break;
+  }
+  throw Refusal{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
+}
+
+void Loop::start_query(const FrameHeader& header, std::span<const std::byte> payload,
+                       std::unique_ptr<ReplySink>& sink) {
+  const auto received = Clock::now();
+  ++queries_;
+  const std::uint64_t client = sink->client();
+  if (const auto found = waiting_per_client_.find(client);
+      found != waiting_per_client_.end() && found->second >= options_.max_waiting_per_client)
+    throw Refusal{ErrorCode::kBusy,
+                  std::to_string(found->second) + " queries of this client are under way already; ask again"};
+  if (reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t)) {
+    aligned_.resize((payload.size() + 7) / 8);
+    std::memcpy(aligned_.data(), payload.data(), payload.size());
+    payload = std::as_bytes(std::span(aligned_)).first(payload.size());
+  }
+  const wire::QueryParts parts = wire::parse_query(payload);
+  QueryView query = view_of(parts, header.scene_revision);
+  query.warm_slot = parts.header.warm ? client : 0;
+  const QuerySize size = engine_->size(query);
+  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields);
+  if (waiting_bytes_ && waiting_bytes_ + bytes > options_.max_waiting_bytes)
+    throw Refusal{ErrorCode::kBusy,
+                  "the replies under way take " + std::to_string(waiting_bytes_) + " bytes already; ask again"};
+
+  AlignedBytes own;
+  std::byte* frame = sink->reserve(bytes);
+  if (!frame && query.reduce == Reduce::kWithin) {  // what comes back may well fit
+    own = aligned_bytes(bytes);
+    frame = own.get();
+  }
+  if (!frame)
+    throw Refusal{ErrorCode::kTooLarge,
+                  "the reply of " + std::to_string(size.rows) + " rows needs " + std::to_string(bytes) +
+                      " bytes, more than this client has room for",
+                  bytes};
+  Job job = engine_->start(query, reply_view_over(frame + kColumnsBegin, size.rows, size.fields));
+  auto task = std::make_unique<Task>(std::move(sink), header, engine_, std::move(job));
+  task->frame = frame;
+  task->own = std::move(own);
+  task->frame_bytes = bytes;
+  task->reduce = query.reduce;
+  task->format = query.format;
+  task->received = received;
+  task->due = received + kPairCost * std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
+  task->in_engine = Clock::now() - received;
+  ++waiting_per_client_[client];
+  waiting_bytes_ += bytes;
+  fresh_.push(client, std::move(task));
+}
+
+void Loop::answer_pairs(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
+  std::vector<std::byte> copy(payload.begin(), payload.end());  // aligned
+  const QueryView query = view_of(wire::parse_query(copy, false), header.scene_revision);
+  const std::vector<BodyPair> pairs = engine_->pairs(query);
+  wire::PairsHeader table;
+  table.scene_revision = engine_->scene_revision();
+  table.count = pairs.size();
+  std::vector<std::byte> reply(sizeof table + pairs.size() * sizeof(BodyPair));
+  std::memcpy(reply.data(), &table, sizeof table);
+  if (!pairs.empty()) std::memcpy(reply.data() + sizeof table, pairs.data(), pairs.size() * sizeof(BodyPair));
+  answer(sink, header, FrameType::kPairTable, reply);
+}
+
+void Loop::check_scene(const FrameHeader& header) const {
+  if (header.scene_revision && header.scene_revision != engine_->scene_revision())
+    throw Refusal{ErrorCode::kWrongScene, "the request is for scene revision " + std::to_string(header.scene_revision) +
+                                              ", the daemon's is " + std::to_string(engine_->scene_revision()) +
+                                              ": fetch the scene again"};
+}
+
+void Loop::set_poses(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
+  const wire::PosesParts parts = wire::parse_poses(payload);
+  check_scene(header);
+  poses_.resize(parts.poses.size());
+  for (std::uint64_t i = 0; i < parts.poses.size(); ++i) {
+    const wire::PoseRecord record = parts.poses[i];
+    poses_[i] = {record.body, pose_of(record.pose)};
+  }
+  const auto result = result_of(on_poses(poses_, parts.header.stamp_ns), engine_->scene_revision());
+  answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
+}
+
+PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) {
+  const PoseUpdateResult done = engine_->set_poses(poses, stamp_ns);
+  ++counter("poses.batches");
+  counter("poses.applied") += done.applied;
+  counter("poses.bad") += done.bad;
+  counter("poses.unknown") += done.unknown;
+  counter("poses.fixed") += done.fixed;
+  poses_changed_ = true;
+  return done;
+}
+
+void Loop::attach(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
+  const wire::AttachRecord record = wire::parse_attach(payload);
+  check_scene(header);
+  const Pose X_pc = pose_of(record.pose);
+  const auto done = engine_->attach(record.child, record.parent, record.has_pose ? &X_pc : nullptr);
+  ++counter("attachments");
+  poses_changed_ = true;
+  const auto result = result_of(done, engine_->scene_revision());
+  answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
+}
+
+std::vector<std::byte> Loop::stats_payload() const {
+  std::vector<std::byte> payload;
+  const auto add = [&payload](const std::string& name, std::uint64_t value) {
+    wire::CounterRecord record;
+    wire::set_name(record.name, name);
+    record.value = value;
+    wire::append(payload, record);
+  };
+  add("uptime_s",
+      static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count()));
+  add("queries.waiting", waiting());
+  for (const auto& [name, value] : counters_) add(name, value);
+  for (const auto& [name, value] : engine_->stats()) add(name, value);
+  return payload;
+}
+
+void Loop::answer(ReplySink& sink, const FrameHeader& request, FrameType type, std::span<const std::byte> payload) {
+  const std::uint64_t bytes = sizeof(FrameHeader) + payload.size();
+  if (bytes > wire::kMaxFrameBytes)
+    throw Refusal{ErrorCode::kTooLarge,
+                  "the reply needs " + std::to_string(bytes) + " bytes, more than a frame may have", bytes};
+  std::byte* frame = sink.reserve(bytes);
+  if (!frame)
+    throw Refusal{ErrorCode::kTooLarge,
+                  "the reply needs " + std::to_string(bytes) + " bytes, more than this client has room for", bytes};
+  const auto header =
+      wire::make_header(type, request.request_id, payload.size(), engine_->scene_revision(), request.client_id);
+  std::memcpy(frame, &header, sizeof header);
+  if (!payload.empty()) std::memcpy(frame + sizeof header, payload.data(), payload.size());
+  sink.publish(bytes);
+}
+
+void Loop::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& refusal) {
+  ++counter("errors");
+  ++counter("errors." + std::string(wire::error_name(refusal.code)));
+  spdlog::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
+                refusal.text);
+  try {
+    if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes))
+      ++counter("errors.unsent");
+  } catch (const std::exception& failure) {
+    ++counter("errors.unsent");
+    spdlog::warn("event=error_unsent error=\"{}\" cause=\"{}\"", refusal.text, failure.what());
+  }
+}
+
+}  // namespace clearance

@@ -1,0 +1,71 @@
+// Queries under way, and requests that are refused: what the loop's own files share.
+#pragma once
+
+#include <spdlog/spdlog.h>
+
+#include <new>
+#include <string>
+#include <utility>
+
+#include "client/wire.h"
+#include "loop.h"
+
+namespace clearance {
+
+/// Where the columns of a reply begin in its frame.
+inline constexpr std::uint64_t kColumnsBegin = sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader);
+static_assert(kColumnsBegin % wire::kColumnAlignment == 0);
+
+/// Why a request is not answered.
+struct Loop::Refusal {
+  wire::ErrorCode code;
+  std::string text;
+  std::uint64_t needed_bytes = 0;
+};
+
+/// A query under way.
+struct Loop::Task {
+  Task(std::unique_ptr<ReplySink> s, const wire::FrameHeader& r, std::shared_ptr<Engine> e, Job j)
+      : sink(std::move(s)), request(r), engine(std::move(e)), job(std::move(j)) {}
+
+  std::unique_ptr<ReplySink> sink;
+  wire::FrameHeader request;
+  std::shared_ptr<Engine> engine;  // the job's, though the loop may have another one by now
+  Job job;
+  std::byte* frame = nullptr;  // the sink's room, or `own`
+  AlignedBytes own;            // where the sink has no room for the most that may come back
+  std::uint64_t frame_bytes = 0;
+  Reduce reduce = Reduce::kNone;
+  Format format = Format::kFull;
+  Clock::time_point received, due;
+  std::chrono::nanoseconds in_engine{0};
+};
+
+inline wire::ErrorCode code_of(QueryErrorCode code) {
+  return static_cast<wire::ErrorCode>(code);
+}
+static_assert(static_cast<int>(QueryErrorCode::kBadQuery) == static_cast<int>(wire::ErrorCode::kBadQuery) &&
+              static_cast<int>(QueryErrorCode::kWrongScene) == static_cast<int>(wire::ErrorCode::kWrongScene) &&
+              static_cast<int>(QueryErrorCode::kTooLarge) == static_cast<int>(wire::ErrorCode::kTooLarge) &&
+              static_cast<int>(QueryErrorCode::kNotSupported) == static_cast<int>(wire::ErrorCode::kNotSupported));
+
+template <class Work>
+void Loop::guarded(ReplySink& sink, const wire::FrameHeader& request, Work work) {
+  try {
+    work();
+    return;
+  } catch (const Refusal& refusal) {
+    refuse(sink, request, refusal);
+  } catch (const wire::WireError& error) {
+    refuse(sink, request, {error.code, error.what()});
+  } catch (const QueryError& error) {
+    refuse(sink, request, {code_of(error.code), error.what()});
+  } catch (const std::bad_alloc&) {
+    refuse(sink, request, {wire::ErrorCode::kTooLarge, "the daemon has no memory for this request"});
+  } catch (const std::exception& error) {
+    spdlog::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type), error.what());
+    refuse(sink, request, {wire::ErrorCode::kInternal, std::string("internal error of the daemon: ") + error.what()});
+  }
+}
+
+}  // namespace clearance
