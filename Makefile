@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test demo bench bench-broad bench-peers certify tradeoff report report-gpu gpu-test gpu-bench clean
+.PHONY: help setup build test demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-bench clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
