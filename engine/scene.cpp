@@ -69,6 +69,8 @@ void check_positive(const std::string& name, const char* what, double x, bool ze
                    (zero_allowed ? ">= 0" : "> 0") + ", got " + number(x));
 }
 
+constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recognised before their hulls are made
+
 // What a file is recognised by: another one, or the same one written anew, gives another key.
 std::string file_key(const std::string& path) {
   struct stat info {};
@@ -117,7 +119,17 @@ std::uint32_t Scene::add_hull(const std::string& name, std::span<const Vec3d> ve
 
 std::uint32_t Scene::add_shape(const std::string& name, const Shape& shape, const char* source,
                                const BodyOptions& options) {
-  return add_geometry(name, options, [&] { return geometry_of_shape(shape, options.radius, source); });
+  return add_geometry(name, options, [&] {
+    if (shape.vertices.size() > kRememberedVertices) return geometry_of_shape(shape, options.radius, source);
+    std::string key = std::string(source) + '\0';
+    const auto append = [&key](const auto* data, std::size_t count) { key.append(reinterpret_cast<const char*>(data), count * sizeof *data); };
+    append(&shape.radius, 1);
+    append(&options.radius, 1);
+    append(shape.vertices.data(), shape.vertices.size());
+    std::shared_ptr<const Geometry>& known = geometries_[key];
+    if (!known) known = std::make_shared<const Geometry>(geometry_of_shape(shape, options.radius, source));
+    return *known;
+  });
 }
 
 std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
@@ -125,14 +137,14 @@ std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, 
   return add_geometry(name, options, [&] {
     const std::string key = file_key(path) + number(scale.x) + ',' + number(scale.y) + ',' + number(scale.z) + ',' +
                             std::to_string(static_cast<int>(convexify)) + ',' + number(options.radius);
-    std::shared_ptr<const Geometry>& known = meshes_[key];
+    std::shared_ptr<const Geometry>& known = geometries_[key];
     if (known) return *known;
     try {
       known =
           std::make_shared<const Geometry>(geometry_of_mesh(load_mesh(path), scale, convexify, options.radius, path));
       return *known;
     } catch (const std::exception& e) {
-      meshes_.erase(key);
+      geometries_.erase(key);
       throw MeshError(path + ": " + e.what());
     }
   });

@@ -122,7 +122,7 @@ class Scene {
   std::unordered_map<std::string, std::uint32_t> group_ids_;
   std::unordered_multimap<std::uint64_t, PiecePtr> pieces_;  ///< by digest
   std::unordered_map<std::string, std::shared_ptr<const Geometry>>
-      meshes_;  ///< that add_mesh() has read, by file and options
+      geometries_;  ///< that were made before: of meshes by file and options, of shapes by what they are made of
 };
 
 }  // namespace clearance
