@@ -45,8 +45,9 @@ std::uint64_t checksum_of(const DirectionTable& table) {
 
 // Whether every path through the cells ends at a list of vertices that there are.
 bool is_sound(const DirectionTable& table, std::size_t vertices) {
+  if (table.grid_bits < 1 || table.grid_bits > DirectionTable::kDeepest) return false;
   const std::size_t grid = std::size_t{1} << (2 * table.grid_bits);
-  if (table.grid_bits < 1 || table.grid_bits > DirectionTable::kDeepest || table.cells.size() < grid) return false;
+  if (table.cells.size() < grid) return false;
   std::vector<std::uint8_t> depth(table.cells.size(), 0);
   for (std::size_t i = 0; i < table.cells.size(); ++i) {
     const std::uint32_t word = table.cells[i];
