@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "aabb.h"
 #include "clones.h"
 
 namespace clearance {
@@ -12,20 +13,10 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr Aabb kEmptyBox{{kInf, kInf, kInf}, {-kInf, -kInf, -kInf}};
 constexpr double kWorn = 1.5;       // a new order pays from about here on (docs/performance.md)
 constexpr double kMostWear = 8;     // of one block: a few that are torn apart count, but not for all
 
 bool empty(const Aabb& box) { return !(box.low.x <= box.high.x); }
-
-Aabb joined(const Aabb& a, const Aabb& b) {
-  Aabb box;
-  for (int k = 0; k < 3; ++k) {
-    box.low[k] = std::min(a.low[k], b.low[k]);
-    box.high[k] = std::max(a.high[k], b.high[k]);
-  }
-  return box;
-}
 
 double width(const Aabb& box) {
   return empty(box) ? 0 : (box.high.x - box.low.x) + (box.high.y - box.low.y) + (box.high.z - box.low.z);

@@ -1,27 +1,13 @@
 #include "placement.h"
 
-#include <algorithm>
-#include <limits>
+#include "aabb.h"
 
 namespace clearance {
-
-namespace {
-
-constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr Aabb kEmptyBox{{kInf, kInf, kInf}, {-kInf, -kInf, -kInf}};
-
-}  // namespace
 
 Aabb body_box(const Body& body, const BodyPlacement& placement) {
   Aabb box = kEmptyBox;
   if (placement.status != Status::kOk) return box;
-  for (const PiecePtr& piece : body.pieces) {
-    const Aabb p = certify_box(*piece, placement.pose.R_wb, placement.pose.t_w);
-    for (int k = 0; k < 3; ++k) {
-      box.low[k] = std::min(box.low[k], p.low[k]);
-      box.high[k] = std::max(box.high[k], p.high[k]);
-    }
-  }
+  for (const PiecePtr& piece : body.pieces) box = joined(box, certify_box(*piece, placement.pose.R_wb, placement.pose.t_w));
   return box;
 }
 

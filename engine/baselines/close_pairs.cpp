@@ -5,18 +5,11 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "engine/aabb.h"
+
 namespace clearance::baselines {
 
 namespace {
-
-Aabb joined(const Aabb& a, const Aabb& b) {
-  Aabb box;
-  for (int k = 0; k < 3; ++k) {
-    box.low[k] = std::min(a.low[k], b.low[k]);
-    box.high[k] = std::max(a.high[k], b.high[k]);
-  }
-  return box;
-}
 
 // The report does not say what its cost is; the surface is what such trees commonly use.
 double cost(const Aabb& box) {

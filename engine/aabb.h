@@ -1,0 +1,25 @@
+// Boxes put together.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+
+#include "certify.h"
+
+namespace clearance {
+
+/// Holds nothing (low > high), and adds nothing to what it is joined with.
+inline constexpr Aabb kEmptyBox{{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()},
+                                {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()}};
+
+/// The least box that holds both.
+inline Aabb joined(const Aabb& a, const Aabb& b) {
+  Aabb box;
+  for (int k = 0; k < 3; ++k) {
+    box.low[k] = std::min(a.low[k], b.low[k]);
+    box.high[k] = std::max(a.high[k], b.high[k]);
+  }
+  return box;
+}
+
+}  // namespace clearance
