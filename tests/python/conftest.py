@@ -125,3 +125,29 @@ def start_daemon(tmp_path_factory):
     for daemon in daemons:
         if daemon.process.poll() is None:
             daemon.stop()
+
+
+# Engines in this process. The package and what needs it are imported when it is known where it lies.
+
+
+@pytest.fixture
+def engine():
+    import clearance
+    from scenes import ARM_POSES, arm
+
+    engine = clearance.Engine(arm())
+    engine.set_poses(ARM_POSES)
+    return engine
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    import clearance
+    import numpy as np
+    from scenes import random_hulls, random_poses
+
+    scene, poses = random_hulls(40, seed=9)
+    engine = clearance.Engine(scene)
+    engine.set_poses(poses)
+    rng = np.random.default_rng(10)
+    return engine, np.stack([random_poses(rng, 40, 2.5) for _ in range(3)])

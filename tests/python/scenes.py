@@ -113,3 +113,10 @@ def sphere_gap_bounds_hold(lower, upper, centre_a, radius_a, centre_b, radius_b)
     radii = Fraction(float(radius_a)) + Fraction(float(radius_b))
     low, high = Fraction(float(lower)) + radii, Fraction(float(upper)) + radii
     return (low <= 0 or low**2 <= squared) and high >= 0 and high**2 >= squared
+
+
+def same(a, b, fields=None):
+    """Bit for bit, NaN included."""
+    names = set(a.columns) & set(b.columns) if fields is None else fields
+    assert names
+    return all(a.columns[name].tobytes() == b.columns[name].tobytes() for name in names)

@@ -1,41 +1,14 @@
 """Queries on an engine in this process."""
 
 import gc
-import itertools
-import os
-import threading
-import time
 
 import numpy as np
 import pytest
-from scenes import (ARM_PAIRS, ARM_POSES, IDENTITY, arm, at, hull_distance, placed, random_hulls, random_poses,
-                    sphere_gap_bounds_hold)  # fmt: skip
+from scenes import (ARM_PAIRS, ARM_POSES, IDENTITY, arm, at, hull_distance,
+                    placed, random_hulls, random_poses, sphere_gap_bounds_hold, same)  # fmt: skip
 
 import clearance
 from clearance import Flag, Status
-
-
-@pytest.fixture
-def engine():
-    engine = clearance.Engine(arm())
-    engine.set_poses(ARM_POSES)
-    return engine
-
-
-def big_query():
-    """A query of seconds: 80 bodies of 300 vertices, many configurations."""
-    scene, poses = random_hulls(80, seed=3, vertices=300, spread=2.0)
-    engine = clearance.Engine(scene)
-    engine.set_poses(poses)
-    rng = np.random.default_rng(4)
-    return engine, {"configurations": np.stack([random_poses(rng, 80, 2.0) for _ in range(1000)]), "fields": "lower"}
-
-
-def same(a, b, fields=None):
-    """Bit for bit, NaN included."""
-    names = set(a.columns) & set(b.columns) if fields is None else fields
-    assert names
-    return all(a.columns[name].tobytes() == b.columns[name].tobytes() for name in names)
 
 
 # ---- answers --------------------------------------------------------------------------------------------------------
@@ -193,15 +166,6 @@ def test_matrices_are_poses(engine):
 
 
 # ---- reductions -----------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def crowd():
-    scene, poses = random_hulls(40, seed=9)
-    engine = clearance.Engine(scene)
-    engine.set_poses(poses)
-    rng = np.random.default_rng(10)
-    return engine, np.stack([random_poses(rng, 40, 2.5) for _ in range(3)])
 
 
 def test_within(crowd):
@@ -600,185 +564,3 @@ def test_bodies_states_and_stats(engine):
     assert states[3].parent == 2 and states[1].age_ns >= 0
     stats = engine.stats()
     assert stats["engine.bodies"] == 5 and all(isinstance(value, int) for value in stats.values())
-
-
-# ---- futures, threads, processes ------------------------------------------------------------------------------------
-
-
-def test_submit_answers_the_snapshot_of_its_call(engine):
-    expected = engine.distances()
-    future = engine.submit()
-    engine.set_poses({"link1": at(0, 0, 3)})
-    r = future.result(timeout=30)
-    assert same(r, expected) and r.snapshot_revision == expected.snapshot_revision and future.done()
-    assert future.result() is r
-    assert r.pairs.tolist() == ARM_PAIRS
-    assert not future.cancel(), "too late"
-
-
-def test_many_futures_in_turn(crowd):
-    engine, configurations = crowd
-    big = engine.submit(configurations=np.concatenate([configurations] * 30))
-    small = [engine.submit(configurations=configurations[k : k + 1]) for k in range(3)]
-    dense = engine.distances(configurations=configurations)
-    for k, future in enumerate(small):
-        assert np.array_equal(future.result(timeout=60).lower[0], dense.lower[k])
-    assert np.array_equal(big.result(timeout=60).lower, np.concatenate([dense.lower] * 30))
-
-
-def test_submit_with_out_and_asyncio(engine):
-    import asyncio
-
-    out = {"lower": np.empty((1, 7))}
-    r = engine.submit(out=out).result(timeout=30)
-    assert r.lower is out["lower"] and np.array_equal(out["lower"], engine.distances().lower)
-
-    async def ask():
-        return await asyncio.wrap_future(engine.submit().concurrent)
-
-    assert same(asyncio.run(ask()), engine.distances())
-
-
-def test_timeouts_and_cancelling():
-    engine, query = big_query()
-    with pytest.raises(clearance.TimeoutError, match=r"no answer within 0\.0 s"):
-        engine.distances(**query, timeout_s=0.0)
-    with pytest.raises(TimeoutError):  # the built-in one, too
-        engine.distances(**query, timeout_s=0)
-    future = engine.submit(**query, timeout_s=0.01)
-    with pytest.raises(clearance.TimeoutError, match=r"no answer within 0\.01 s"):
-        future.result()
-    assert not future.done()
-    assert future.cancel() and future.done()
-    assert (engine.submit(pairs=(0, 1)).result(timeout=60).status != Status.NO_POSE).all(), "the worker goes on"
-
-
-def test_the_gil_is_released():
-    engine, query = big_query()
-    begun, done = threading.Event(), threading.Event()
-
-    def ask():
-        begun.set()
-        try:
-            engine.distances(**query, timeout_s=0.5)
-        except clearance.TimeoutError:
-            pass
-        done.set()
-
-    thread = threading.Thread(target=ask)
-    thread.start()
-    begun.wait()
-    turns = 0
-    while not done.is_set():
-        turns += 1
-    thread.join()
-    assert turns > 1000, "this thread ran while the other was in the engine"
-
-
-def test_two_threads_on_one_engine(crowd):
-    engine, configurations = crowd
-    expected = [engine.distances(configurations=configurations[k : k + 1]) for k in range(3)]
-    failures = []
-
-    def ask(first):
-        try:
-            for i in range(30):
-                k = (first + i) % 3
-                r = engine.distances(configurations=configurations[k : k + 1])
-                assert same(r, expected[k]) and r.pairs.shape == (780, 2)
-        except BaseException as error:
-            failures.append(error)
-
-    threads = [threading.Thread(target=ask, args=(i,)) for i in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert not failures
-
-
-def test_poses_while_other_threads_ask(engine):
-    """Each answer is of one snapshot: link2 and the cup on it are never seen apart."""
-    stop = threading.Event()
-    failures = []
-
-    def move():
-        i = 0
-        while not stop.is_set():
-            i += 1
-            engine.set_poses({"link1": at(i % 7, 0, 0), "link2": at(i % 7 + 2, 0, 0)})
-
-    thread = threading.Thread(target=move)
-    thread.start()
-    revisions = set()
-    try:
-        # On a busy machine the other thread may be long in getting its turn: wait for it, up to a limit.
-        deadline = time.monotonic() + 60
-        for i in itertools.count():
-            if i >= 300 and (len(revisions) > 10 or time.monotonic() > deadline):
-                break
-            r = engine.distances(pairs=("link1", "link2"))
-            revisions.add(r.snapshot_revision)
-            failures += [] if r.upper[0, 0] == pytest.approx(1.9, abs=1e-9) or r.snapshot_revision <= 2 else [r.upper]
-    finally:
-        stop.set()
-        thread.join()
-    assert not failures and len(revisions) > 10
-
-
-def test_use_after_fork_is_refused(engine):
-    engine.distances()
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:
-        try:
-            texts = []
-            for call in (engine.distances, engine.submit, engine.body_states, lambda: engine.set_poses(ARM_POSES)):
-                try:
-                    call()
-                    texts.append("no error")
-                except RuntimeError as error:
-                    texts.append(str(error))
-            fresh = clearance.Engine(arm(), threads=1)
-            fresh.set_poses(ARM_POSES)
-            texts.append(repr(float(fresh.distances(pairs=(1, 2)).upper[0, 0])))
-            os.write(write, "\n".join(texts).encode())
-        finally:
-            os._exit(0)
-    os.close(write)
-    with os.fdopen(read) as pipe:
-        lines = pipe.read().splitlines()
-    os.waitpid(child, 0)
-    refusal = f"this Engine was made by process {os.getpid()} and cannot be used after a fork; make a new one in the child"
-    assert lines[:4] == [refusal] * 4
-    assert lines[4] == repr(float(engine.distances(pairs=(1, 2)).upper[0, 0])), "a new engine works in the child"
-
-
-def test_interrupt():
-    """Ctrl-C ends a long query: sent once the main thread is inside the engine."""
-    import subprocess
-    import sys
-
-    code = """
-import os, signal, sys, threading
-sys.path.insert(0, sys.argv[1])
-from test_engine import big_query
-engine, query = big_query()
-main = threading.get_ident()
-
-def interrupt():
-    while sys._current_frames()[main].f_code.co_name != "_answer":
-        pass
-    os.kill(os.getpid(), signal.SIGINT)
-
-thread = threading.Thread(target=interrupt)
-try:
-    thread.start()
-    engine.distances(**query)
-    print("answered")
-except KeyboardInterrupt:
-    print("interrupted")
-"""
-    command = [sys.executable, "-c", code, os.path.dirname(__file__)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert done.stdout == "interrupted\n", done.stderr
