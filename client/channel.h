@@ -38,6 +38,9 @@ class Channel {
   virtual std::unique_ptr<Frame> receive(std::uint64_t request_id, Deadline deadline) = 0;
   /// Gives up on a request: its reply is dropped when it comes.
   virtual void forget(std::uint64_t request_id) = 0;
+  /// Whether the connection has ended for good, as far as was noticed: it sends nothing any more. Where there is no
+  /// connection underneath (LCM), never.
+  virtual bool lost() const { return false; }
   virtual std::string url() const = 0;
 };
 

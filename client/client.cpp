@@ -87,6 +87,31 @@ wire::QueryHeader header_of(const Query& query) {
   return q;
 }
 
+std::unique_ptr<Channel> open_channel(const std::string& url, Deadline deadline) {
+  const Url parsed = parse_url(url);
+  switch (parsed.kind) {
+    case UrlKind::kShm:
+#ifdef CLEARANCE_HAVE_SHM
+      return open_shm_channel(parsed.target, deadline);
+#else
+      break;
+#endif
+    case UrlKind::kZmq:
+#ifdef CLEARANCE_HAVE_ZMQ
+      return open_zmq_channel(parsed.target, deadline);
+#else
+      break;
+#endif
+    case UrlKind::kLcm:
+#ifdef CLEARANCE_HAVE_LCM
+      return open_lcm_channel(parsed.target, parsed.prefix, deadline);
+#else
+      break;
+#endif
+  }
+  throw ConnectionError(url + ": this client was built without that transport");
+}
+
 }  // namespace
 
 struct Client::Impl {
@@ -119,7 +144,24 @@ struct Client::Impl {
       throw RequestError(static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge),
                          "a request of " + std::to_string(bytes) + " bytes is more than the " +
                              std::to_string(wire::kMaxRequestBytes) + " allowed: split it");
+    if (channel->lost()) connect_anew();
     return channel->begin(bytes, reply_bytes);
+  }
+
+  /// After a call has thrown because the daemon went away. The scene that the caller knows stays what its requests are
+  /// for: a daemon that came back with another one refuses them (kWrongScene).
+  void connect_anew() {
+    channel = open_channel(url, deadline_in(timeout));
+    oldest_request_id = next_request_id;
+  }
+
+  /// The reply to a request, or null once `deadline` has passed.
+  std::unique_ptr<Frame> await(std::uint64_t request_id, Deadline deadline) {
+    check_process();
+    if (request_id < oldest_request_id)
+      throw ConnectionError(url + ": the daemon went away before request " + std::to_string(request_id) +
+                            " was answered; the connection is another one now");
+    return channel->receive(request_id, deadline);
   }
 
   /// Sends a frame that is not a query and returns its request id.
@@ -166,8 +208,7 @@ struct Client::Impl {
   }
 
   std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type) {
-    check_process();
-    std::unique_ptr<Frame> frame = channel->receive(request_id, deadline_in(timeout));
+    std::unique_ptr<Frame> frame = await(request_id, deadline_in(timeout));
     if (!frame) {
       channel->forget(request_id);
       throw TimeoutError(url + ": no " + wire::type_name(static_cast<std::uint16_t>(type)) + " within " +
@@ -202,6 +243,7 @@ struct Client::Impl {
   ForkGuard fork_guard;
   std::chrono::nanoseconds timeout = std::chrono::seconds(5);
   std::uint64_t next_request_id = 1;
+  std::uint64_t oldest_request_id = 1;  // of this channel's; older ones went out over one that was lost
   std::optional<SceneInfo> scene;
   bool scene_is_old = false;  // the daemon has said so: fetched anew before its next use
 };
@@ -439,9 +481,8 @@ bool Pending::ready() {
 bool Pending::wait_for(std::chrono::nanoseconds timeout) {
   if (!client_) throw std::logic_error("this reply was fetched already");
   if (frame_) return true;
-  client_->check_process();
   // Taken as it is, so that an error frame is thrown where the answer is asked for.
-  frame_ = client_->channel->receive(request_id_, deadline_in(timeout));
+  frame_ = client_->await(request_id_, deadline_in(timeout));
   return frame_ != nullptr;
 }
 
@@ -454,32 +495,7 @@ Reply Pending::get() {
 }
 
 Client connect(const std::string& url, std::chrono::nanoseconds timeout) {
-  const Url parsed = parse_url(url);
-  const Deadline deadline = deadline_in(timeout);
-  const auto open = [&]() -> std::unique_ptr<Channel> {
-    switch (parsed.kind) {
-      case UrlKind::kShm:
-#ifdef CLEARANCE_HAVE_SHM
-        return open_shm_channel(parsed.target, deadline);
-#else
-        break;
-#endif
-      case UrlKind::kZmq:
-#ifdef CLEARANCE_HAVE_ZMQ
-        return open_zmq_channel(parsed.target, deadline);
-#else
-        break;
-#endif
-      case UrlKind::kLcm:
-#ifdef CLEARANCE_HAVE_LCM
-        return open_lcm_channel(parsed.target, parsed.prefix, deadline);
-#else
-        break;
-#endif
-    }
-    throw ConnectionError(url + ": this client was built without that transport");
-  };
-  return Client(std::make_shared<Client::Impl>(open()));
+  return Client(std::make_shared<Client::Impl>(open_channel(url, deadline_in(timeout))));
 }
 
 }  // namespace clearance

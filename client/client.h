@@ -150,6 +150,10 @@ struct PosesDone {
 class Pending;
 
 /// Not thread-safe: one client per thread. After a fork the child must connect anew (calls throw).
+///
+/// A daemon that goes away is never passed over in silence: calls and replies under way throw ConnectionError, at least
+/// one does. The next call connects anew to whoever serves the url then, or throws ConnectionError at once if nobody
+/// does. Poses and attachments that this client had sent are gone with the daemon that had them.
 class CLEARANCE_API Client {
  public:
   using Duration = std::chrono::nanoseconds;

@@ -108,6 +108,7 @@ class ShmChannel final : public Channel {
   }
 
   std::string url() const override { return "shm://" + target_; }
+  bool lost() const override { return !dead_.empty(); }
 
   std::byte* begin(std::uint64_t frame_bytes, std::uint64_t reply_bytes) override {
     check_usable();

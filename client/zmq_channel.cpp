@@ -120,6 +120,7 @@ class ZmqChannel final : public Channel {
   }
 
   std::string url() const override { return endpoint_; }
+  bool lost() const override { return gone_; }
 
  private:
   [[noreturn]] void fail(const std::string& cause) const { throw ConnectionError(endpoint_ + ": " + cause); }

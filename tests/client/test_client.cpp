@@ -323,7 +323,11 @@ TEST(Client, ADaemonThatEndsIsNoticed) {
   Pending pending = client.submit();
   server.stop();
   EXPECT_EQ(text_of<ConnectionError>([&] { pending.get(); }), server.url() + ": the daemon has gone");
-  EXPECT_EQ(text_of<ConnectionError>([&] { client.distances(); }), server.url() + ": the daemon has gone");
+  // The next call looks for a new daemon; the dead one's socket file may still be there.
+  const std::string text = text_of<ConnectionError>([&] { client.distances(); });
+  EXPECT_TRUE(text == server.url() + ": no daemon listens there" ||
+              text.rfind(server.url() + ": no such socket: is clearanced running", 0) == 0)
+      << text;
 }
 
 TEST(Client, ConnectingToNothingFailsAtOnce) {

@@ -173,6 +173,10 @@ TEST_F(ShmDaemon, ADaemonThatIsKilledIsNoticedAndItsSuccessorTakesThePath) {
   EXPECT_TRUE(std::filesystem::exists(path_)) << "a killed daemon cannot clean up";
 
   daemon = std::make_unique<Daemon>(options());
+  const Reply again = client.distances(query);
+  ASSERT_EQ(again.rows(), distances.size()) << "the client connects anew by itself";
+  EXPECT_TRUE(std::equal(distances.begin(), distances.end(), again.distance().begin()));
+  EXPECT_THROW(pending.get(), std::logic_error);
   Client fresh = connect(daemon->url(), 30s);
   fresh.set_timeout(30s);
   const Reply after = fresh.distances(query);
