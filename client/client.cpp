@@ -207,12 +207,13 @@ struct Client::Impl {
     return frame;
   }
 
-  std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type) {
-    std::unique_ptr<Frame> frame = await(request_id, deadline_in(timeout));
+  std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type) { return receive(request_id, type, timeout); }
+  std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type, std::chrono::nanoseconds limit) {
+    std::unique_ptr<Frame> frame = await(request_id, deadline_in(limit));
     if (!frame) {
       channel->forget(request_id);
       throw TimeoutError(url + ": no " + wire::type_name(static_cast<std::uint16_t>(type)) + " within " +
-                         seconds(timeout));
+                         seconds(limit));
     }
     return interpret(std::move(frame), type);
   }
@@ -379,6 +380,14 @@ PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7*
   const auto frame = impl().call(FrameType::kAttach, payload, FrameType::kPosesDone, 0, impl().known_revision());
   impl().scene_is_old = true;
   return impl().poses_done(*frame);
+}
+
+SceneChanged Client::reload(Duration timeout) {
+  const std::uint64_t request = impl().send(FrameType::kReload, {}, 0);
+  const auto frame = impl().receive(request, FrameType::kSceneChanged, timeout);
+  impl().scene_is_old = true;
+  const auto change = impl().checked([&] { return wire::parse_scene_changed(frame->payload()); });
+  return {change.scene_revision, change.body_count, change.seconds};
 }
 
 const SceneInfo& Client::scene() {

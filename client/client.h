@@ -146,6 +146,13 @@ struct PosesDone {
   std::uint32_t applied = 0, bad = 0, unknown = 0, fixed = 0;
 };
 
+/// A scene that took the place of another.
+struct SceneChanged {
+  std::uint64_t scene_revision = 0;
+  std::uint32_t body_count = 0;
+  double seconds = 0;  ///< that it took to make
+};
+
 /// A request that is under way. Destroying it unread forgets the reply.
 class Pending;
 
@@ -170,6 +177,11 @@ class CLEARANCE_API Client {
   PosesDone set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0);
   PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0);
   PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
+
+  /// Has the daemon load its scene file anew, and waits until the new scene is in. Queries go on meanwhile; poses and
+  /// attachments stay with the bodies of the same names. Throws RequestError with the loader's words if it fails: the old
+  /// scene then stays. \param timeout of this call alone.
+  SceneChanged reload(Duration timeout = std::chrono::minutes(10));
 
   /// Fetched once, and again after an attachment or a refusal with kWrongScene; valid until then.
   const SceneInfo& scene();

@@ -43,6 +43,7 @@ enum class FrameType : std::uint16_t {
   kAttach = 6,     ///< payload AttachRecord; answered by kPosesDone
   kGetStates = 7,  ///< no payload; answered by kBodyStates
   kGetStats = 8,   ///< no payload; answered by kStats
+  kReload = 9,     ///< no payload; answered by kSceneChanged once the daemon has loaded its scene anew
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,
@@ -51,6 +52,7 @@ enum class FrameType : std::uint16_t {
   kPosesDone = 0x85,  ///< payload PosesResult
   kBodyStates = 0x87,
   kStats = 0x88,
+  kSceneChanged = 0x89,  ///< payload SceneChange
   kError = 0xFF,
 };
 
@@ -188,6 +190,14 @@ struct BodyStateRecord {
   std::uint64_t reserved[2] = {};
 };
 
+struct SceneChange {
+  std::uint64_t scene_revision = 0;  ///< that requests find from now on
+  std::uint32_t body_count = 0;
+  std::uint32_t padding = 0;
+  double seconds = 0;  ///< that it took to make the scene
+  std::uint64_t reserved[1] = {};
+};
+
 struct CounterRecord {
   char name[56] = {};
   std::uint64_t value = 0;
@@ -203,6 +213,7 @@ enum class ErrorCode : std::uint16_t {
   kUnknownType = 18,
   kBusy = 19,  ///< the queue of this client is full; ask again
   kInternal = 20,
+  kReloadFailed = 21,  ///< the old scene stays; the text is the loader's
 };
 
 struct ErrorHeader {
@@ -227,6 +238,7 @@ CLEARANCE_WIRE(GroupRecord, 80);
 CLEARANCE_WIRE(PairsHeader, 16);
 CLEARANCE_WIRE(StatesHeader, 32);
 CLEARANCE_WIRE(BodyStateRecord, 96);
+CLEARANCE_WIRE(SceneChange, 32);
 CLEARANCE_WIRE(CounterRecord, 64);
 CLEARANCE_WIRE(ErrorHeader, 16);
 #undef CLEARANCE_WIRE

@@ -181,6 +181,8 @@ std::string type_name(std::uint16_t type) {
       return "kGetStates";
     case FrameType::kGetStats:
       return "kGetStats";
+    case FrameType::kReload:
+      return "kReload";
     case FrameType::kPong:
       return "kPong";
     case FrameType::kScene:
@@ -195,6 +197,8 @@ std::string type_name(std::uint16_t type) {
       return "kBodyStates";
     case FrameType::kStats:
       return "kStats";
+    case FrameType::kSceneChanged:
+      return "kSceneChanged";
     case FrameType::kError:
       return "kError";
   }
@@ -221,6 +225,8 @@ std::string_view error_name(ErrorCode code) {
       return "busy";
     case ErrorCode::kInternal:
       return "internal";
+    case ErrorCode::kReloadFailed:
+      return "reload_failed";
   }
   return "unknown";
 }
@@ -373,6 +379,13 @@ StatesParts parse_states(std::span<const std::byte> payload) {
               sizeof(StatesHeader) + Wide(parts.header.count) * sizeof(BodyStateRecord), payload.size());
   parts.states = Records<BodyStateRecord>(payload.data() + sizeof(StatesHeader), parts.header.count);
   return parts;
+}
+
+SceneChange parse_scene_changed(std::span<const std::byte> payload) {
+  const auto change = head<SceneChange>(payload, "scene changed");
+  expect_size("scene changed", "its contents", sizeof(SceneChange), payload.size());
+  expect_zero(change.reserved, "scene changed");
+  return change;
 }
 
 Records<CounterRecord> parse_stats(std::span<const std::byte> payload) {

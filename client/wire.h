@@ -164,6 +164,8 @@ struct StatesParts {
 };
 StatesParts parse_states(std::span<const std::byte> payload);
 
+SceneChange parse_scene_changed(std::span<const std::byte> payload);
+
 /// Also checks that names end.
 Records<CounterRecord> parse_stats(std::span<const std::byte> payload);
 

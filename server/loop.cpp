@@ -98,17 +98,18 @@ void Loop::reload() noexcept {
 void Loop::take_new_engine() {
   std::optional<Reloader::Outcome> outcome = reloader_->poll();
   if (!outcome) return;
-  if (!outcome->engine) {
+  if (outcome->engine) {
+    outcome->engine->take_poses(*engine_);
+    engine_ = std::move(outcome->engine);
+    poses_changed_ = true;
+    ++counter("reloads");
+    spdlog::info("event=reloaded bodies={} revision={:016x} seconds={:.3f}", engine_->scene().bodies().size(),
+                 engine_->scene_revision(), outcome->seconds);
+  } else {
     ++counter("reloads.failed");
     spdlog::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome->seconds, outcome->error);
-    return;
   }
-  outcome->engine->take_poses(*engine_);
-  engine_ = std::move(outcome->engine);
-  poses_changed_ = true;
-  ++counter("reloads");
-  spdlog::info("event=reloaded bodies={} revision={:016x} seconds={:.3f}", engine_->scene().bodies().size(), engine_->scene_revision(),
-               outcome->seconds);
+  answer_reloads(*outcome);
 }
 
 void Loop::run() {
@@ -158,6 +159,11 @@ void Loop::tick() {
     const auto drop = [this](const TaskPtr& task) { forget(*task), ++counter("queries.dropped"); };
     fresh_.remove_if(gone, drop);
     long_.remove_if(gone, drop);
+    std::erase_if(reload_waiters_, [this](const ReloadWaiter& waiter) {
+      if (waiter.sink->alive()) return false;
+      leave(waiter.sink->client());
+      return true;
+    });
   }
   for (const auto& transport : transports_) {
     try {
@@ -233,8 +239,12 @@ bool Loop::work_for_a_slice() {
 
 void Loop::forget(const Task& task) {
   waiting_bytes_ -= task.frame_bytes;
-  const auto client = waiting_per_client_.find(task.sink->client());
-  if (--client->second == 0) waiting_per_client_.erase(client);
+  leave(task.sink->client());
+}
+
+void Loop::leave(std::uint64_t client) {
+  const auto waiting = waiting_per_client_.find(client);
+  if (--waiting->second == 0) waiting_per_client_.erase(waiting);
 }
 
 void Loop::finish(Task& task) {

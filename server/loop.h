@@ -77,6 +77,8 @@ class Loop final : public Inbox {
   void answer_pairs(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
   void set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
   void attach(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
+  void ask_reload(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink);
+  void answer_reloads(const Reloader::Outcome& outcome);
   void check_scene(const wire::FrameHeader& header) const;
   std::vector<std::byte> stats_payload() const;
 
@@ -92,6 +94,9 @@ class Loop final : public Inbox {
   TaskPtr next_task();
   void finish(Task& task);
   void forget(const Task& task);
+  /// Throws a Refusal (kBusy) if as many requests of this client are under way as may be.
+  void check_room_for(std::uint64_t client) const;
+  void leave(std::uint64_t client);
   void tick();
   void take_new_engine();
   void sleep();
@@ -107,6 +112,14 @@ class Loop final : public Inbox {
   // "latency_us.N": queries that took from arrival to reply more than N/2 and at most N microseconds; "latency_us.more".
   static constexpr int kLatencyBuckets = 24;
   std::array<std::uint64_t*, kLatencyBuckets> latency_;
+
+  /// A request for a reload, answered when the load of that number has ended.
+  struct ReloadWaiter {
+    std::unique_ptr<ReplySink> sink;
+    wire::FrameHeader request;
+    std::uint64_t load;
+  };
+  std::vector<ReloadWaiter> reload_waiters_;
 
   struct DueFirst {
     bool operator()(const TaskPtr& a, const TaskPtr& b) const;

@@ -89,10 +89,20 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
     case FrameType::kGetStats:
       wire::parse_empty(payload, header.type);
       return answer(*sink, header, FrameType::kStats, stats_payload());
+    case FrameType::kReload:
+      wire::parse_empty(payload, header.type);
+      return ask_reload(header, sink);
     default:
       break;
   }
   throw Refusal{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
+}
+
+void Loop::check_room_for(std::uint64_t client) const {
+  const auto found = waiting_per_client_.find(client);
+  if (found != waiting_per_client_.end() && found->second >= options_.max_waiting_per_client)
+    throw Refusal{ErrorCode::kBusy,
+                  std::to_string(found->second) + " queries of this client are under way already; ask again"};
 }
 
 void Loop::start_query(const FrameHeader& header, std::span<const std::byte> payload,
@@ -100,10 +110,7 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   const auto received = Clock::now();
   ++queries_;
   const std::uint64_t client = sink->client();
-  if (const auto found = waiting_per_client_.find(client);
-      found != waiting_per_client_.end() && found->second >= options_.max_waiting_per_client)
-    throw Refusal{ErrorCode::kBusy,
-                  std::to_string(found->second) + " queries of this client are under way already; ask again"};
+  check_room_for(client);
   if (reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t)) {
     aligned_.resize((payload.size() + 7) / 8);
     std::memcpy(aligned_.data(), payload.data(), payload.size());
@@ -196,6 +203,34 @@ void Loop::attach(const FrameHeader& header, std::span<const std::byte> payload,
   poses_changed_ = true;
   const auto result = result_of(done, engine_->scene_revision());
   answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
+}
+
+void Loop::ask_reload(const FrameHeader& header, std::unique_ptr<ReplySink>& sink) {
+  if (!reloader_) throw Refusal{ErrorCode::kNotSupported, "there is no scene file to load anew"};
+  const std::uint64_t client = sink->client();
+  check_room_for(client);
+  spdlog::info("event=reload_asked client={}", client);
+  reload_waiters_.push_back({std::move(sink), header, reloader_->next()});
+  ++waiting_per_client_[client];
+  reloader_->ask();
+}
+
+void Loop::answer_reloads(const Reloader::Outcome& outcome) {
+  // Those that came while it was under way wait for the next one: this one may have read the files before they changed.
+  const auto answered = std::stable_partition(reload_waiters_.begin(), reload_waiters_.end(),
+                                              [&](const ReloadWaiter& waiter) { return waiter.load > outcome.number; });
+  for (auto waiter = answered; waiter != reload_waiters_.end(); ++waiter) {
+    leave(waiter->sink->client());
+    guarded(*waiter->sink, waiter->request, [&] {
+      if (!outcome.error.empty()) throw Refusal{ErrorCode::kReloadFailed, outcome.error};
+      wire::SceneChange change;
+      change.scene_revision = engine_->scene_revision();
+      change.body_count = static_cast<std::uint32_t>(engine_->scene().bodies().size());
+      change.seconds = outcome.seconds;
+      answer(*waiter->sink, waiter->request, FrameType::kSceneChanged, std::as_bytes(std::span(&change, 1)));
+    });
+  }
+  reload_waiters_.erase(answered, reload_waiters_.end());
 }
 
 std::vector<std::byte> Loop::stats_payload() const {

@@ -28,7 +28,7 @@ Ready
   then closed; the log says event=ready. SIGTERM or SIGINT end the daemon and remove its sockets.
 
 Reload
-  SIGHUP has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
+  SIGHUP, or `clearance reload`, has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
   bodies of the same names. If the scene cannot be loaded the old one stays, and the log says event=reload_failed.
 
 Exit codes

@@ -25,7 +25,10 @@ std::optional<Reloader::Outcome> Reloader::poll() {
     outcome_ = {};
     ended_ = false;
   }
-  if (!thread_.joinable() && asked_.exchange(false)) thread_ = std::thread([this] { load(); });
+  if (!thread_.joinable() && asked_.exchange(false)) {
+    outcome_.number = ++begun_;
+    thread_ = std::thread([this] { load(); });
+  }
   return outcome;
 }
 

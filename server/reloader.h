@@ -21,6 +21,7 @@ class Reloader {
     std::unique_ptr<Engine> engine;  ///< null: it failed
     std::string error;
     double seconds = 0;
+    std::uint64_t number = 0;  ///< of the load, from 1
   };
 
   /// \param done called on the reloader's thread when an outcome is there.
@@ -34,6 +35,8 @@ class Reloader {
   /// Begins what was asked for, and hands out what has ended. From one thread.
   std::optional<Outcome> poll();
   bool is_loading() const { return thread_.joinable(); }
+  /// The number of the load that answers an ask() of now. From poll()'s thread.
+  std::uint64_t next() const { return begun_ + 1; }
 
  private:
   void load();
@@ -42,6 +45,7 @@ class Reloader {
   std::function<void()> done_;
   std::atomic<bool> asked_{false}, ended_{false};
   Outcome outcome_;
+  std::uint64_t begun_ = 0;
   std::thread thread_;
 };
 

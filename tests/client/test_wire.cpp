@@ -163,6 +163,7 @@ std::map<std::string, Kind> kinds() {
         }}},
       {"poses", {poses_payload(3), [](auto payload) { return drain(parse_poses(payload).poses); }}},
       {"attach", {single(AttachRecord{}), [](auto payload) { return std::uint64_t{parse_attach(payload).child}; }}},
+      {"scene changed", {single(SceneChange{}), [](auto payload) { return parse_scene_changed(payload).scene_revision; }}},
       {"poses done", {single(PosesResult{}), [](auto payload) { return parse_poses_done(payload).revision; }}},
       {"scene",
        {scene_payload(),

@@ -402,6 +402,25 @@ def test_attachments_of_another_client(ipc):
         theirs.attach("table", "gripper")
 
 
+def test_reload(start_daemon, tmp_path):
+    scene = tmp_path / "scene.yaml"
+    ball = "bodies:\n  - {name: ball, sphere: 1, pose: [0,0,0, 1,0,0,0]}\n"
+    scene.write_text(ball)
+    daemon = start_daemon(scene, ["ipc"])
+    with clearance.connect(daemon.urls["ipc"]) as client:
+        before = client.distances().scene_revision
+        scene.write_text(ball + "  - {name: box, box: [1, 1, 1], pose: [3,0,0, 1,0,0,0]}\n")
+        changed = client.reload()
+        assert changed.body_count == 2 and changed.scene_revision != before
+        assert client.distances(pairs=("ball", "box")).distance[0, 0] == pytest.approx(1.5)
+
+        scene.write_text("bodies: [{name: ball, sphere: -1}]")
+        with pytest.raises(clearance.RequestError, match=r"scene.yaml:1: bodies\[0\]") as refused:
+            client.reload()
+        assert refused.value.code == ErrorCode.RELOAD_FAILED
+        assert client.distances().scene_revision == changed.scene_revision
+
+
 def test_a_forked_child_must_connect_anew(daemon, kind):
     url = daemon.urls[kind]
     client = clearance.connect(url, timeout_s=30)

@@ -120,6 +120,78 @@ TEST_F(Reload, ARequestForTheOldSceneIsRefused) {
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kWrongScene);
 }
 
+TEST_F(Reload, ARequestIsAnsweredWhenTheNewSceneIsIn) {
+  start(small_scene());
+  std::atomic<int> begun{0}, may_end{0};
+  loop_->reload_by([&] {
+    const int own = ++begun;
+    while (may_end < own) std::this_thread::yield();
+    Scene scene = small_scene();
+    for (int i = 0; i < own; ++i) scene.add_box("crate" + std::to_string(i), {1, 1, 1}, at(5, 0, 0));
+    return std::make_unique<Engine>(std::move(scene));
+  });
+  const auto change_of = [this](MemoryClient& client) {
+    const auto frame = take(client);
+    EXPECT_EQ(frame->type(), FrameType::kSceneChanged);
+    return wire::parse_scene_changed(frame->payload());
+  };
+  transport_->send(a_, simple_frame(FrameType::kReload, 7));
+  while (begun < 1) loop_->turn();
+  EXPECT_TRUE(a_.replies.empty());
+  // This one may have been sent after a file was changed that the first load had read already.
+  transport_->send(b_, simple_frame(FrameType::kReload, 8));
+  loop_->turn();
+  may_end = 1;
+  while (a_.replies.empty()) loop_->turn();
+  EXPECT_EQ(a_.replies.front()->header().request_id, 7u);
+  const auto first = change_of(a_);
+  EXPECT_EQ(first.scene_revision, revision());
+  EXPECT_EQ(first.body_count, 5u);
+  EXPECT_TRUE(b_.replies.empty());
+  may_end = 2;
+  while (b_.replies.empty()) loop_->turn();
+  EXPECT_EQ(change_of(b_).body_count, 6u);
+  EXPECT_EQ(begun, 2);
+  EXPECT_EQ(a_.sinks + b_.sinks, 0);
+}
+
+TEST_F(Reload, ARequestThatFailsGetsTheLoadersWords) {
+  start(small_scene());
+  loop_->reload_by([]() -> std::unique_ptr<Engine> { throw SceneError("scene.yaml:3: no such thing"); });
+  transport_->send(a_, simple_frame(FrameType::kReload, 1));
+  while (a_.replies.empty()) loop_->turn();
+  const auto error = error_of(take(a_));
+  EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kReloadFailed);
+  EXPECT_EQ(error.text, "scene.yaml:3: no such thing");
+  EXPECT_EQ(loop_->counter("errors.reload_failed"), 1u);
+}
+
+TEST_F(Reload, RequestsAreCountedAmongThoseUnderWay) {
+  Loop::Options options;
+  options.max_waiting_per_client = 2;
+  options.tick = std::chrono::nanoseconds(0);
+  start(small_scene(), options);
+  EXPECT_EQ(static_cast<ErrorCode>(error_of(ask(a_, simple_frame(FrameType::kReload, 1))).header.code),
+            ErrorCode::kNotSupported)
+      << "a loop that was given no way to reload";
+  std::atomic<bool> may_end{false};
+  loop_->reload_by([&] {
+    while (!may_end) std::this_thread::yield();
+    return std::make_unique<Engine>(small_scene());
+  });
+  for (const std::uint64_t id : {2, 3, 4}) transport_->send(a_, simple_frame(FrameType::kReload, id));
+  loop_->turn();
+  EXPECT_EQ(static_cast<ErrorCode>(error_of(take(a_)).header.code), ErrorCode::kBusy);
+  EXPECT_EQ(a_.sinks, 2);
+  a_.alive = false;  // it has gone: what it waited for is forgotten
+  loop_->turn();
+  EXPECT_EQ(a_.sinks, 0);
+  may_end = true;
+  turn_until("reloads", 1);
+  a_.alive = true;
+  EXPECT_EQ(ask(a_, small_query()).rows(), 1u);
+}
+
 TEST(TakePoses, OfBodiesThatBothScenesKnow) {
   Engine old(small_scene());
   const Pose moved{{1, 2, 3}, 0, 1, 0, 0}, held{{0, 0, 0.2}};
@@ -191,6 +263,47 @@ TEST(ClearancedReload, ByASignal) {
   EXPECT_NE(daemon.log().find("event=reload_failed"), std::string::npos) << daemon.log();
   EXPECT_NE(daemon.log().find("scene.yaml:1"), std::string::npos) << daemon.log();
   EXPECT_EQ(daemon.stop(SIGTERM), 0);
+}
+
+TEST(ClearancedReload, ByACommand) {
+  TestFolder folder;
+  const std::string scene = folder.write("scene.yaml", kSmallSceneYaml);
+  Daemon daemon({"--scene", scene, "--zmq", "ipc://" + (folder / "c.ipc"), "--shm", folder / "c.sock"});
+  Client other = connect(daemon.url());
+  const std::uint64_t before = other.scene().revision;
+  std::string more(kSmallSceneYaml);
+  more.insert(more.find("groups:"), "  - {name: crate, box: [1, 1, 1], pose: [5,0,0, 1,0,0,0]}\n");
+  folder.write("scene.yaml", more);
+  for (const std::string& url : daemon.urls()) {
+    const Finished good = run({program("clearance"), "reload", "--connect", url});
+    EXPECT_EQ(good.code, 0) << good.err;
+    EXPECT_NE(good.out.find(", 5 bodies, loaded in "), std::string::npos) << good.out;
+  }
+  try {
+    other.distances();
+    FAIL() << "the scene that this client knows is gone";
+  } catch (const RequestError& error) {
+    EXPECT_EQ(error.code, static_cast<std::uint16_t>(ErrorCode::kWrongScene)) << error.what();
+  }
+  EXPECT_EQ(other.scene().bodies.size(), 5u);
+  const std::uint64_t after = other.scene().revision;
+  EXPECT_NE(after, before);
+
+  folder.write("scene.yaml", "bodies: [{name: x, box: [1, -1, 1]}]\n");
+  const Finished bad = run({program("clearance"), "reload", "--connect", daemon.url()});
+  EXPECT_EQ(bad.code, 1);
+  EXPECT_EQ(bad.out, "");
+  EXPECT_NE(bad.err.find("scene.yaml:1: bodies[0]"), std::string::npos) << bad.err;
+  EXPECT_EQ(other.distances().scene_revision(), after);
+  try {
+    other.reload();
+    FAIL();
+  } catch (const RequestError& error) {
+    EXPECT_EQ(error.code, static_cast<std::uint16_t>(ErrorCode::kReloadFailed)) << error.what();
+  }
+  folder.write("scene.yaml", kSmallSceneYaml);
+  EXPECT_EQ(other.reload().scene_revision, before);
+  EXPECT_EQ(other.scene().bodies.size(), 4u);
 }
 
 }  // namespace

@@ -281,6 +281,12 @@ class PyClient {
     return done(use().with([&](Client& client) { return client.attach(child, parent, pose ? &X_pc : nullptr); }));
   }
 
+  /// scene revision, bodies, seconds.
+  nb::tuple reload(double timeout_s) const {
+    const SceneChanged r = use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); });
+    return nb::make_tuple(r.scene_revision, r.body_count, r.seconds);
+  }
+
   /// revision, backend, pair count, bodies as _names.BodyInfo has them, groups.
   nb::tuple scene(bool refresh) const {
     const SceneInfo info = use().with([&](Client& client) {
@@ -353,6 +359,7 @@ NB_MODULE(_client, m) {
       .def("pairs", &PyClient::pairs, nb::arg("query"))
       .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"))
       .def("attach", &PyClient::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
+      .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("scene", &PyClient::scene, nb::arg("refresh"))
       .def("body_states", &PyClient::body_states)
       .def("stats", [](const PyClient& c) { return c.use().with([](Client& client) { return client.stats(); }); })

@@ -143,6 +143,13 @@ inline nanobind::dict wire_layout() {
   CLEARANCE_MEMBER(padding);
   CLEARANCE_MEMBER(reserved);
   CLEARANCE_END
+  CLEARANCE_BEGIN(SceneChange);
+  CLEARANCE_MEMBER(scene_revision);
+  CLEARANCE_MEMBER(body_count);
+  CLEARANCE_MEMBER(padding);
+  CLEARANCE_MEMBER(seconds);
+  CLEARANCE_MEMBER(reserved);
+  CLEARANCE_END
   CLEARANCE_BEGIN(CounterRecord);
   CLEARANCE_MEMBER(name);
   CLEARANCE_MEMBER(value);

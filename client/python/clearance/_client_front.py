@@ -10,7 +10,7 @@ import numpy as np
 
 import clearance._client as _client
 from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyState, Front, PosesDone, Query, _number
+from ._front import BodyState, Front, PosesDone, Query, SceneChanged, _number
 from ._future import Future
 from ._names import BodyInfo, NameTable
 from ._result import Result
@@ -75,6 +75,16 @@ class Client(Front):
         A query of a client that knows an older scene raises QueryError with the code WRONG_SCENE.
         """
         self._names_cache = self._fetch_names(True)
+
+    def reload(self, timeout_s: float = 600.0) -> SceneChanged:
+        """Has the daemon load its scene file anew, and waits until the new scene is in; other clients' queries go on.
+
+        Poses and attachments stay with the bodies of the same names. Raises RequestError with the code RELOAD_FAILED and
+        the loader's words if it fails: the old scene then stays. timeout_s: of this call alone.
+        """
+        changed = SceneChanged(*self._use().reload(_timeout(timeout_s)))
+        self._names_cache = None
+        return changed
 
     def body_states(self) -> List[BodyState]:
         """Where each body is now, by id."""

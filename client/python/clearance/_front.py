@@ -41,6 +41,15 @@ class PosesDone:
 
 
 @dataclass(frozen=True)
+class SceneChanged:
+    """A scene that took the place of another."""
+
+    scene_revision: int
+    body_count: int
+    seconds: float  #: that it took to make
+
+
+@dataclass(frozen=True)
 class BodyState:
     """Where a body is now."""
 

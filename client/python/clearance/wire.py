@@ -32,6 +32,7 @@ class FrameType(enum.IntEnum):
     ATTACH = 6
     GET_STATES = 7
     GET_STATS = 8
+    RELOAD = 9
     PONG = 0x81
     SCENE = 0x82
     REPLY = 0x83
@@ -39,6 +40,7 @@ class FrameType(enum.IntEnum):
     POSES_DONE = 0x85
     BODY_STATES = 0x87
     STATS = 0x88
+    SCENE_CHANGED = 0x89
     ERROR = 0xFF
 
 
@@ -54,6 +56,7 @@ class ErrorCode(enum.IntEnum):
     UNKNOWN_TYPE = 18
     BUSY = 19
     INTERNAL = 20
+    RELOAD_FAILED = 21
 
 
 FrameHeader = np.dtype(
@@ -164,6 +167,9 @@ BodyStateRecord = np.dtype(
         ("padding", "u1", 3),
         ("reserved", "<u8", 2),
     ]
+)
+SceneChange = np.dtype(
+    [("scene_revision", "<u8"), ("body_count", "<u4"), ("padding", "<u4"), ("seconds", "<f8"), ("reserved", "<u8", 1)]
 )
 CounterRecord = np.dtype([("name", "S56"), ("value", "<u8")])
 ErrorHeader = np.dtype([("code", "<u2"), ("padding", "<u2"), ("text_bytes", "<u4"), ("needed_bytes", "<u8")])
