@@ -285,6 +285,7 @@ void Loop::finish(Task& task) {
   reply.server_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(Clock::now() - task.received).count());
   std::memcpy(frame + sizeof header, &reply, sizeof reply);
   task.sink->publish(bytes);
+  ++replies_;
   ++answered_;
   const std::uint64_t us = (reply.server_ns + 999) / 1000;
   ++*latency_[std::min<int>(std::bit_width(us > 0 ? us - 1 : 0), kLatencyBuckets - 1)];

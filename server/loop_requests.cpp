@@ -263,6 +263,7 @@ void Loop::answer(ReplySink& sink, const FrameHeader& request, FrameType type, s
   std::memcpy(frame, &header, sizeof header);
   if (!payload.empty()) std::memcpy(frame + sizeof header, payload.data(), payload.size());
   sink.publish(bytes);
+  ++replies_;
 }
 
 void Loop::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& refusal) {

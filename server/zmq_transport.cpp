@@ -226,6 +226,7 @@ class ZmqTransport final : public Transport {
     auto sink = std::make_unique<ZmqSink>(*this, std::move(peer));
     if (parts != 2 || head.size() != sizeof header) {
       // No header, no request id: the answer carries 0.
+      ++inbox.counter("frames");
       ++inbox.counter("errors");
       ++inbox.counter("errors.bad_frame");
       const std::string got =
