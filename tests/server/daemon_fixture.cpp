@@ -51,6 +51,7 @@ pid_t spawn(const std::vector<std::string>& command, const std::vector<std::stri
     dup2(err_fd, 2);
     if (ready >= 0 && ready != 3) dup2(ready, 3);
     if (ready == 3) fcntl(3, F_SETFD, 0);
+    close_range(ready >= 0 ? 4 : 3, ~0u, 0);  // liblcm's descriptors in this process are inherited otherwise
     execve(arguments[0], arguments.data(), variables.data());
     _exit(127);
   }
@@ -95,12 +96,12 @@ Finished run(const std::vector<std::string>& command, const std::vector<std::str
   return {code_of(status), read_file(folder / "out"), read_file(folder / "err")};
 }
 
-Daemon::Daemon(std::vector<std::string> options) {
+Daemon::Daemon(std::vector<std::string> options, const std::vector<std::string>& environment) {
   options.insert(options.begin(), program("clearanced"));
   options.insert(options.end(), {"--ready-fd", "3"});
   int ready[2];
   if (pipe2(ready, O_CLOEXEC)) throw std::runtime_error("pipe failed");
-  pid_ = spawn(options, {}, folder_ / "out", folder_ / "err", ready[1]);
+  pid_ = spawn(options, environment, folder_ / "out", folder_ / "err", ready[1]);
   close(ready[1]);
   std::istringstream urls(read_all(ready[0]));  // ends when it is ready, or dead
   close(ready[0]);

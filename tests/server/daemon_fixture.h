@@ -39,7 +39,8 @@ Finished run(const std::vector<std::string>& command, const std::vector<std::str
 class Daemon {
  public:
   /// Starts it and waits until it is ready. Throws std::runtime_error with its log if it ends before.
-  explicit Daemon(std::vector<std::string> options);
+  /// \param environment "NAME=value", added to ours.
+  explicit Daemon(std::vector<std::string> options, const std::vector<std::string>& environment = {});
   /// Stops it, if it still runs.
   ~Daemon();
   Daemon(const Daemon&) = delete;

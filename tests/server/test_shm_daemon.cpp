@@ -15,6 +15,7 @@
 #include "client/client.h"
 #include "daemon_fixture.h"
 #include "engine/engine.h"
+#include "own_answer.h"
 
 namespace clearance {
 namespace {
@@ -25,28 +26,6 @@ const std::string kScene = std::string(CLEARANCE_SOURCE_DIR) + "/scenes/random_1
 
 Deadline soon() {
   return std::chrono::steady_clock::now() + 30s;
-}
-
-/// The engine's own answer in its own memory, as doubles of one column.
-struct Own {
-  std::vector<std::byte> memory;
-  ReplyView view;
-  QuerySize size;
-};
-Own ask(const Engine& engine, const QueryView& query) {
-  Own own;
-  own.size = engine.size(query);
-  std::uint64_t bytes = 0;
-  reply_view_over(nullptr, own.size.rows, own.size.fields, &bytes);
-  own.memory.resize(bytes + 64);
-  void* base = own.memory.data();
-  std::size_t room = own.memory.size();
-  std::align(64, bytes, base, room);
-  own.view = reply_view_over(static_cast<std::byte*>(base), own.size.rows, own.size.fields);
-  Job job = engine.start(query, own.view);
-  while (!job.advance()) {
-  }
-  return own;
 }
 
 template <class T, class U>

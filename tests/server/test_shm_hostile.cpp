@@ -1,7 +1,7 @@
 // Clients that break the rules of the shared-memory transport: the daemon lives, and others get right answers.
 #include <fcntl.h>
-#include <sys/mman.h>
 
+#include "raw_shm_client.h"
 #include "shm_echo.h"
 
 namespace clearance {
@@ -9,71 +9,6 @@ namespace {
 
 using shm::Message;
 using shm::MessageKind;
-
-/// A client by hand: says hello and maps the segment, and then does as it likes.
-class RawClient {
- public:
-  explicit RawClient(const std::string& path, bool hello = true) {
-    sockaddr_un address;
-    shm::socket_address(path.c_str(), address);
-    socket.reset(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
-    if (::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
-      throw std::runtime_error(std::string("connect: ") + std::strerror(errno));
-    if (!hello) return;
-    send(make(MessageKind::kHello));
-    std::array<shm::UniqueFd, shm::kMaxPassedFds> fds;
-    const Message answer = receive(&fds);
-    if (answer.kind != static_cast<std::uint32_t>(MessageKind::kSegment)) throw std::runtime_error(answer.text);
-    memfd = std::move(fds[0]);
-    wake = std::move(fds[1]);
-    bytes = static_cast<std::size_t>(::lseek(memfd.get(), 0, SEEK_END));
-    base = static_cast<std::byte*>(::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, memfd.get(), 0));
-    header = reinterpret_cast<shm::SegmentHeader*>(base);
-  }
-  ~RawClient() {
-    if (base) ::munmap(base, bytes);
-  }
-
-  static Message make(MessageKind kind) {
-    Message message;
-    message.wire_version = wire::kVersion;
-    message.kind = static_cast<std::uint32_t>(kind);
-    return message;
-  }
-  void send(const Message& message, std::size_t size = sizeof(Message)) {
-    ASSERT_EQ(::send(socket.get(), &message, size, MSG_NOSIGNAL), static_cast<ssize_t>(size));
-  }
-  /// The next message; its kind is 0 if the daemon hung up.
-  Message receive(std::array<shm::UniqueFd, shm::kMaxPassedFds>* fds = nullptr) {
-    for (;;) {
-      pollfd readable{socket.get(), POLLIN, 0};
-      if (::poll(&readable, 1, 30000) != 1) throw std::runtime_error("the daemon is silent");
-      Message message;
-      const ssize_t received = shm::receive_message(socket.get(), message, fds);
-      if (received < 0 && errno == ECONNRESET) continue;
-      if (received <= 0) return Message{};
-      return message;
-    }
-  }
-  /// Posts a request as the rules say, or with words of the caller's.
-  void post(std::uint64_t ticket, std::uint64_t frame_bytes, std::uint32_t head) {
-    header->requests[posted % shm::kRingEntries].ticket.store(ticket);
-    header->requests[posted % shm::kRingEntries].frame_bytes.store(frame_bytes);
-    ++posted;
-    header->request_head.store(head);
-    wake_daemon();
-  }
-  void wake_daemon() {
-    const std::uint64_t one = 1;
-    [[maybe_unused]] const ssize_t written = ::write(wake.get(), &one, sizeof one);
-  }
-
-  shm::UniqueFd socket, memfd, wake;
-  std::byte* base = nullptr;
-  std::size_t bytes = 0;
-  shm::SegmentHeader* header = nullptr;
-  std::uint32_t posted = 0;
-};
 
 class ShmHostile : public ::testing::Test {
  protected:
