@@ -1,0 +1,15 @@
+// How often faults are repeated: a few times in `make test`, as often as asked in `make soak`.
+#pragma once
+
+#include <cstdlib>
+
+namespace clearance::fire {
+
+/// \param short_run what `make test` does. CLEARANCE_FIRE_ROUNDS=N in the environment multiplies it.
+inline int rounds(int short_run) {
+  const char* times = std::getenv("CLEARANCE_FIRE_ROUNDS");
+  const int factor = times ? std::atoi(times) : 1;
+  return short_run * (factor > 0 ? factor : 1);
+}
+
+}  // namespace clearance::fire

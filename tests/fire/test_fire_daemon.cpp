@@ -1,0 +1,73 @@
+// A daemon that is killed again and again: clients come back by themselves, and nothing that it leaves is in the way.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <thread>
+
+#include "arena.h"
+#include "rounds.h"
+
+namespace clearance::fire {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
+  const Exam exam(kScene, 2);
+  Arena arena;
+  std::vector<std::unique_ptr<Witness>> witnesses;
+  const auto witness = [&](const std::string& url, std::chrono::nanoseconds timeout) {
+    witnesses.push_back(std::make_unique<Witness>(url, exam, 20 + witnesses.size(), 0.5, timeout));
+  };
+  witness(arena.shm(), 30s);
+  witness(arena.shm() + "?spin_us=0", 30s);
+  witness(arena.zmq(), 30s);
+  if (arena.has_lcm()) witness(arena.lcm(), 300ms);  // where a death is a timeout
+  const Census before = arena.census();
+
+  // No call may hang: each witness has right answers after each death, or this ends.
+  const auto await_answers = [&](std::uint64_t count) {
+    const auto deadline = std::chrono::steady_clock::now() + 60s;
+    for (const auto& w : witnesses)
+      for (const std::uint64_t begin = w->right(); w->right() < begin + count;) {
+        ASSERT_LT(std::chrono::steady_clock::now(), deadline) << w->url() << " does not come back";
+        std::this_thread::sleep_for(1ms);
+      }
+  };
+  std::mt19937_64 random(4);
+  const int kills = rounds(5);
+  for (int kill = 0; kill < kills; ++kill) {
+    await_answers(2);
+    std::this_thread::sleep_for(std::chrono::microseconds(random() % 20000));  // the moment is the fault
+    arena.kill_and_restart();
+    ASSERT_FALSE(testing::Test::HasFailure());
+  }
+  // All questions again: segments as large as before. Then the last daemon holds what the first held.
+  await_answers(3 * exam.questions().size());
+  const Census now = arena.census();
+  EXPECT_EQ(left_behind(before, now), "") << "at first " << before.text() << "; now " << now.text();
+  Client client = connect(arena.shm());
+  EXPECT_EQ(unbalanced(stats_of(client)), "");
+
+  std::uint64_t in_flight = 0;
+  for (const auto& w : witnesses) {
+    w->stop();
+    const Witness::Counts counts = w->counts();
+    EXPECT_EQ(counts.wrong + counts.busy + counts.others, 0u) << w->url();
+    const bool connected = w->url().rfind("udpm://", 0) != 0;
+    if (connected) {
+      EXPECT_GE(counts.lost, static_cast<std::uint64_t>(kills)) << w->url() << ": a death was passed over in silence";
+      EXPECT_EQ(counts.late, 0u) << w->url() << ": a death was not noticed";
+    }
+    for (const std::string& text : w->complaints())
+      in_flight += text.find("the daemon is gone") != std::string::npos || text.find("has gone") != std::string::npos;
+    if (testing::Test::HasFailure())
+      for (const std::string& text : w->complaints()) ADD_FAILURE() << text;
+  }
+  EXPECT_GT(in_flight, 0u) << "no call was ever under way when the daemon died";
+  EXPECT_EQ(arena.end(), 0);
+  EXPECT_EQ(entries_of(arena.folder()), std::vector<std::string>{}) << "the last daemon cleans up after all of them";
+}
+
+}  // namespace
+}  // namespace clearance::fire
