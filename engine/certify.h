@@ -99,18 +99,19 @@ template <class T>
 struct RunBounds {
   using Mask = typename Lane<T>::Mask;
   SimplexPoint<T> nearest;
-  T lower, upper;  ///< -inf, +inf where nothing is proved
-  Mask settled;    ///< apart, and as narrow as asked or beyond max_distance
+  T v_length, length;  ///< of the direction that proves `lower`, and of nearest.w, which proves `upper`
+  T lower, upper;      ///< -inf, +inf where nothing is proved
+  Mask settled;        ///< apart, and as narrow as asked or beyond max_distance
 
   /// \param extra error of what went into the run, metres: of float32 offsets.
   CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol,
                          const T& rel_tol, const T& extra = T(0))
-      : nearest(g.simplex) {
+      : nearest(g.simplex), v_length(norm(g.v)), length(norm(nearest.w)) {
     const T zero(0), infinite(__builtin_inf());
     const Mask open_end = (g.end == g.code(GjkEnd::kEncloses)) | (g.end == g.code(GjkEnd::kLimit));
     const Mask proved = (!open_end) & (g.squared_distance > T(Arithmetic<T>::kSafelySquared));
-    const T low = lower_from_gap(g.gap, norm(g.v), radius, rounding_error(T(RoundingUnits<T>::kLower), scale) + extra);
-    const T high = upper_from_point(norm(nearest.w), radius, rounding_error(T(RoundingUnits<T>::kUpper), scale) + extra);
+    const T low = lower_from_gap(g.gap, v_length, radius, rounding_error(T(RoundingUnits<T>::kLower), scale) + extra);
+    const T high = upper_from_point(length, radius, rounding_error(T(RoundingUnits<T>::kUpper), scale) + extra);
     const T relative = rel_tol * high, width = high - low;
     const Mask narrow = (low > zero) & ((width <= abs_tol) | (width <= relative));
     settled = proved & ((low > max_distance) | narrow);

@@ -41,7 +41,7 @@ bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyP
     answer = no_answer(Status::kUnknownBody);
     return true;
   }
-  const std::uint16_t flags = pose_flags(placement, pair, options.stale);
+  const std::uint16_t flags = options.want_flags ? pose_flags(placement, pair, options.stale) : 0;
   answer.flags = flags;
   if (const Status status = pair_status(placement[pair.a].status, placement[pair.b].status); status != Status::kOk) {
     answer = no_answer(status);
@@ -105,7 +105,7 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
     answer.distance = limits.signed_distance ? 0.5 * answer.lower + 0.5 * answer.upper : answer.upper;
   }
   if (!settled && at_rounding()) flags |= kFlagRoundingLimited;
-  if (options.want_nonsmooth && answer.status != Status::kBeyond &&
+  if (options.want_flags && answer.status != Status::kBeyond &&
       (answer.lower <= 0 || witness_is_ambiguous(*a.pieces[piece_a], pose_a.R_wb, *b.pieces[piece_b], pose_b.R_wb, best.normal)))
     flags |= kFlagNonsmooth;
   answer.flags = flags;
@@ -125,7 +125,7 @@ void take_lane(const EvaluateOptions& options, const PieceTask& task, const Lane
   take_lane_witness(*task.a, R_wa, *task.b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
   if (beyond)
     answer.point_a = answer.point_b = no_point();
-  else if (options.want_nonsmooth && witness_is_ambiguous(*task.a, R_wa, *task.b, R_wb, answer.normal))
+  else if (options.want_flags && witness_is_ambiguous(*task.a, R_wa, *task.b, R_wb, answer.normal))
     answer.flags |= kFlagNonsmooth;
 }
 

@@ -15,7 +15,7 @@ namespace clearance {
 /// What is asked of every pair of a query.
 struct EvaluateOptions : NarrowOptions {
   bool cull = false;             ///< compare bounding boxes with max_distance first
-  bool want_nonsmooth = false;
+  bool want_flags = false;
   std::span<const std::uint8_t> stale;  ///< of each body
 };
 

@@ -98,16 +98,7 @@ struct Scan {
     best = max(s, best);
   }
   HWY_INLINE FoundVertex<T> found() const {
-    Columns3<T> p;
-    Column<T> at;
-    at.set(index);
-    for (int l = 0; l < Pack<T>::kLanes; ++l) {
-      const auto i = static_cast<std::size_t>(static_cast<std::int64_t>(at.at[l]));
-      p.x.at[l] = x[i];
-      p.y.at[l] = y[i];
-      p.z.at[l] = z[i];
-    }
-    return {p.pack(), index, best};
+    return {{Pack<T>::gather(x, index), Pack<T>::gather(y, index), Pack<T>::gather(z, index)}, index, best};
   }
 };
 
@@ -221,8 +212,11 @@ HWY_INLINE void copy_lane(const Gjk<Pack<T>>& from, int lane, Gjk<T>& to) {
   copy_lane(from.last, lane, to.last);
 }
 
+HWY_INLINE double length_of(const Vec3d& v) { return __builtin_sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
+
 template <class T>
-HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const SimplexPoint<Pack<T>>& point, int lane, LaneWitness& to) {
+HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const RunBounds<Pack<T>>& bounds, int lane, LaneWitness& to) {
+  const SimplexPoint<Pack<T>>& point = bounds.nearest;
   copy_lane(from.v, lane, to.v);
   copy_lane(point.w, lane, to.separation);
   to.separation.x = -to.separation.x;
@@ -234,8 +228,14 @@ HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const SimplexPoint<Pack<T
     to.b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.vertex[i].b, lane)));
     to.share[i] = lane_of(point.share[i], lane);
   }
-  if (sizeof(T) == sizeof(double)) return;
-  // Float32 shares add up to 1 only in float32, which would put the points outside their pieces.
+  if (sizeof(T) == sizeof(double)) {
+    to.v_length = lane_of(bounds.v_length, lane);
+    to.separation_length = lane_of(bounds.length, lane);
+    return;
+  }
+  // Float32 lengths are right in float32 only. So are shares, which would put the points outside their pieces.
+  to.v_length = length_of(to.v);
+  to.separation_length = length_of(to.separation);
   double sum = 0;
   for (std::uint32_t i = 0; i < to.size; ++i) sum += to.share[i];
   for (std::uint32_t i = 0; i < to.size; ++i) to.share[i] /= sum;
@@ -446,15 +446,14 @@ void run_pairs(const LaneBatch& batch) {
 
     // What narrow_phase() makes of such a run, for the pairs that need no more than that.
     const RunBounds<P> bounds(g, limits.radius, scale, cut_off.pack(), P(batch.abs_tol * strict), P(batch.rel_tol * strict), extra.pack());
-    alignas(64) T ended_at[kLanes], settled_at[kLanes], lower_at[kLanes], upper_at[kLanes];
-    select(ended, one, zero).store(ended_at);
-    select(bounds.settled, one, zero).store(settled_at);
+    alignas(64) T lower_at[kLanes], upper_at[kLanes];
     bounds.lower.store(lower_at);
     bounds.upper.store(upper_at);
-    for (int lane = 0; lane < kLanes; ++lane) {
-      if (ended_at[lane] == 0) continue;
+    const std::uint32_t settled = bits_of(bounds.settled);
+    for (std::uint32_t left = bits_of(ended); left != 0; left &= left - 1) {
+      const int lane = __builtin_ctz(left);
       const std::size_t pair = pair_of[lane];
-      const bool done = settled_at[lane] != 0;
+      const bool done = settled >> lane & 1;
       batch.answers[pair] = {lower_at[lane], upper_at[lane], done};
       if (WarmSimplex* warm = batch.pairs[pair].warm) {
         const int size = static_cast<int>(lane_of(g.simplex.size, lane));
@@ -467,7 +466,7 @@ void run_pairs(const LaneBatch& batch) {
       if constexpr (!kIsF32)
         if (!done) copy_lane(g, lane, batch.unsettled[pair]);
       if (done && batch.witnesses)
-        copy_witness(g, bounds.nearest, lane, batch.witnesses[pair]);
+        copy_witness(g, bounds, lane, batch.witnesses[pair]);
       --busy;
       fill(lane);
       any_fresh = true;

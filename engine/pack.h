@@ -26,6 +26,12 @@ struct PackMask {
   HWY_INLINE friend PackMask operator|(PackMask a, PackMask b) { return {hn::Or(a.m, b.m)}; }
   HWY_INLINE friend PackMask operator!(PackMask a) { return {hn::Not(a.m)}; }
   HWY_INLINE friend bool any(PackMask a) { return !hn::AllFalse(hn::ScalableTag<T>(), a.m); }
+  /// Bit i: that of lane i.
+  HWY_INLINE friend std::uint32_t bits_of(PackMask a) {
+    alignas(8) std::uint8_t bytes[8] = {};
+    hn::StoreMaskBits(hn::ScalableTag<T>(), a.m, bytes);
+    return static_cast<std::uint32_t>(bytes[0] | bytes[1] << 8);
+  }
 };
 
 /// As many lanes of T as the instruction set's widest register holds.
@@ -42,6 +48,11 @@ struct Pack {
   HWY_INLINE explicit Pack(double x) : v(hn::Set(Tag(), static_cast<T>(x))) {}
   HWY_INLINE static Pack load(const T* p) { return hn::Load(Tag(), p); }
   HWY_INLINE static Pack load_unaligned(const T* p) { return hn::LoadU(Tag(), p); }
+  /// from[i] of each lane's index i.
+  HWY_INLINE static Pack gather(const T* from, Pack index) {
+    const hn::RebindToSigned<Tag> ints;
+    return hn::GatherIndex(Tag(), from, hn::ConvertTo(ints, index.v));
+  }
   HWY_INLINE void store(T* p) const { hn::Store(v, Tag(), p); }
 
   HWY_INLINE friend Pack operator+(Pack a, Pack b) { return hn::Add(a.v, b.v); }

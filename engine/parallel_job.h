@@ -42,8 +42,8 @@ class ParallelJob : public Job::State {
     const bool needs_boxes = q.reduce != Reduce::kNone || q.max_distance < std::numeric_limits<double>::infinity();
     options_.cull = needs_boxes && !context.reference;
     const std::uint32_t interval = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration;
-    options_.want_nonsmooth = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
-    options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_nonsmooth;
+    options_.want_flags = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
+    options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_flags;
     find_stale(snapshot);
     if (boxes && needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
       for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)

@@ -21,11 +21,10 @@ CLEARANCE_HD inline void settled_witness(const Hull& a, const Mat3d& R_wa, const
     core_a += a.vertex(lane.a[i]) * lane.share[i];
     core_b += b.vertex(lane.b[i]) * lane.share[i];
   }
-  const Vec3d outward = lane.separation * (1 / norm(lane.separation));
+  const Vec3d outward = lane.separation * (1 / lane.separation_length);
   point_a = R_wa * core_a + outward * a.radius();
   point_b = R_wb * core_b - outward * b.radius();
-  const Vec3d n = rescaled(-lane.v);
-  normal = n * (1 / norm(n));
+  normal = -lane.v * (1 / lane.v_length);
 }
 
 /// The vertices of a piece within rounding of its support along a direction: how many dimensions they span, and one

@@ -47,7 +47,7 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
                 options_.limits.max_iterations,
                 options_.cull,
                 options_.want_points,
-                options_.want_nonsmooth,
+                options_.want_flags,
                 !options_.limits.signed_distance};
   s.fields = fields_;
   s.boxes = options_.cull;

@@ -192,6 +192,8 @@ __device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& 
   LaneWitness w;
   w.v = g.v;
   w.separation = -bounds.nearest.w;
+  w.v_length = bounds.v_length;
+  w.separation_length = bounds.length;
   w.size = static_cast<std::uint32_t>(g.simplex.size);
   for (int i = 0; i < 3; ++i) {
     w.a[i] = g.simplex.vertex[i].a;
