@@ -20,6 +20,7 @@
 #include "shm_client_segment.h"
 #include "shm_layout.h"
 #include "shm_os.h"
+#include "spin_gate.h"
 
 namespace clearance {
 
@@ -39,10 +40,6 @@ constexpr std::uint32_t kMaxSpinUs = 1'000'000;
 constexpr std::chrono::nanoseconds kNap = 10ms;
 /// How long begin() waits for the daemon: for a larger segment, or for a slot whose reply nobody wants any more.
 constexpr std::chrono::seconds kBeginTimeout{5};
-/// Once so many waits in a row saw no reply while spinning, only one wait in kProbeEvery spins, to see if it pays
-/// again.
-constexpr int kSpinMisses = 16;
-constexpr int kProbeEvery = 64;
 constexpr int kSpinsPerClockLook = 16;
 
 struct Options {
@@ -116,17 +113,17 @@ class ShmChannel final : public Channel {
     retire_outgrown();
     if (frame_bytes < sizeof(wire::FrameHeader))
       throw std::invalid_argument(url() + ": a frame begins with its header");
-    const Deadline deadline = Clock::now() + kBeginTimeout;
     if (frame_bytes > current_->request_capacity()) {
+      const Deadline deadline = Clock::now() + kBeginTimeout;
       std::string why;
       if (!grow(frame_bytes, reply_bytes, deadline, why) && !grow(frame_bytes, 0, deadline, why))
         throw RequestError(static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge),
                            url() + ": a request of " + std::to_string(frame_bytes) + " bytes does not fit: " + why);
     } else if (reply_bytes > current_->reply_capacity() && reply_bytes < refused_reply_) {
       std::string why;  // only a guess of the caller's: if it is refused, the daemon will say what is really needed
-      if (!grow(frame_bytes, reply_bytes, deadline, why)) refused_reply_ = reply_bytes;
+      if (!grow(frame_bytes, reply_bytes, Clock::now() + kBeginTimeout, why)) refused_reply_ = reply_bytes;
     }
-    room_.slot = take_slot(deadline);
+    room_.slot = take_slot();
     room_.segment = current_;
     return current_->request_area(static_cast<std::uint32_t>(room_.slot));
   }
@@ -170,6 +167,7 @@ class ShmChannel final : public Channel {
       const auto now = Clock::now();
       if (now >= deadline) return nullptr;
       wait(*segment, now, deadline);
+      shm::prefetch_to_read(segment->reply_area(index));
     }
   }
 
@@ -360,8 +358,8 @@ class ShmChannel final : public Channel {
     room_ = {};
   }
 
-  int take_slot(Deadline deadline) {
-    for (;;) {
+  int take_slot() {
+    for (Deadline deadline{};;) {
       collect();
       if (const int slot = current_->take_slot(); slot >= 0) return slot;
       std::size_t posted = 0, arrived = 0, forgotten = 0;
@@ -377,6 +375,7 @@ class ShmChannel final : public Channel {
                               std::to_string(count - posted - arrived) + " replies still held; let go of some");
       if (!dead_.empty()) throw ConnectionError(dead_);
       const auto now = Clock::now();
+      if (deadline == Deadline{}) deadline = now + kBeginTimeout;
       if (now >= deadline)
         throw TimeoutError(url() + ": the daemon has not given back the slot of an abandoned request");
       wait(*current_, now, deadline);
@@ -400,18 +399,18 @@ class ShmChannel final : public Channel {
 
   /// Waits until something was posted to `segment`, or a while has passed.
   void wait(ClientSegment& segment, Clock::time_point now, Deadline deadline) {
-    if (options_.spin > 0ns && (misses_ < kSpinMisses || ++waits_ % kProbeEvery == 0)) {
+    if (options_.spin > 0ns && spins_.opens()) {
       const auto end = std::min<Clock::time_point>(now + options_.spin, deadline);
       do {
         for (int i = 0; i < kSpinsPerClockLook; ++i) {
           if (!segment.nothing_new()) {
-            misses_ = 0;
+            spins_.paid();
             return;
           }
           shm::cpu_relax();
         }
       } while (Clock::now() < end);
-      ++misses_;
+      spins_.missed();
     }
     segment.sleep(std::min<std::chrono::nanoseconds>(kNap, deadline - Clock::now()));
     if (segment.nothing_new()) look_at_socket();
@@ -462,8 +461,7 @@ class ShmChannel final : public Channel {
   Room room_;                                        ///< what begin() gave and send() has not taken yet
   std::string dead_;                                 ///< why the connection is of no use any more; empty: it is
   std::uint64_t refused_reply_ = ~std::uint64_t{0};  ///< a reply capacity that the daemon has refused
-  int misses_ = 0;                                   ///< waits in a row in which spinning did not pay
-  unsigned waits_ = 0;
+  SpinGate spins_;
 };
 
 }  // namespace

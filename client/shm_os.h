@@ -124,6 +124,16 @@ inline void futex_wake(const std::atomic<std::uint32_t>& word) {
   ::syscall(SYS_futex, &word, FUTEX_WAKE, 1, nullptr, nullptr, 0);
 }
 
+/// Begins to fetch the cache lines of what will soon be read or written. The lines come at the same time, where loads
+/// that wait for each other would have each take its turn between the cores.
+inline constexpr std::size_t kPrefetched = 512;
+inline void prefetch_to_read(const std::byte* begin) {
+  for (std::size_t at = 0; at < kPrefetched; at += kCacheLine) __builtin_prefetch(begin + at, 0);
+}
+inline void prefetch_to_write(const std::byte* begin) {
+  for (std::size_t at = 0; at < kPrefetched; at += kCacheLine) __builtin_prefetch(begin + at, 1);
+}
+
 /// Tells the core that this is a spin loop.
 inline void cpu_relax() {
 #if defined(__x86_64__) || defined(__i386__)

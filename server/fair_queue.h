@@ -27,7 +27,10 @@ class FairQueue {
   void push(std::uint64_t client, T item) {
     auto& items = items_[client];
     if (items.empty()) order_.push_back(client);
-    items.insert(std::upper_bound(items.begin(), items.end(), item, Before()), std::move(item));
+    if (items.empty() || !Before()(item, items.back()))
+      items.push_back(std::move(item));
+    else
+      items.insert(std::upper_bound(items.begin(), items.end(), item, Before()), std::move(item));
     ++size_;
   }
 
@@ -38,10 +41,10 @@ class FairQueue {
     const auto found = items_.find(client);
     T item = std::move(found->second.front());
     found->second.pop_front();
-    if (found->second.empty())
-      items_.erase(found);
-    else
+    if (!found->second.empty())
       order_.push_back(client);
+    else if (items_.size() > kIdleClientsKept)
+      items_.erase(found);
     --size_;
     return item;
   }
@@ -61,6 +64,8 @@ class FairQueue {
   }
 
  private:
+  /// Clients without items that keep their place in the map: one that asks again and again allocates nothing.
+  static constexpr std::size_t kIdleClientsKept = 256;
   std::unordered_map<std::uint64_t, std::deque<T>> items_;
   std::deque<std::uint64_t> order_;  // clients with items, the next one first
   std::size_t size_ = 0;

@@ -113,10 +113,14 @@ class LcmTransport final : public Transport {
 
   std::vector<int> descriptors() const override { return {link_->bus.descriptor(), timer_}; }
 
+  bool polls_by_system_call() const override { return true; }
+
   int poll(Inbox& inbox) override {
     meet(inbox);
-    std::uint64_t expirations = 0;
-    [[maybe_unused]] const auto ignored = ::read(timer_, &expirations, sizeof expirations);
+    if (armed_) {
+      std::uint64_t expirations = 0;
+      [[maybe_unused]] const auto ignored = ::read(timer_, &expirations, sizeof expirations);
+    }
     handed_in_ = 0;
     for (int i = 0; i < kMessagesPerPoll && link_->bus.handle(); ++i) ++counters_->messages;
     serve();

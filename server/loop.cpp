@@ -24,6 +24,14 @@ constexpr int kFreshBeforeLong = 4;
 /// Wake-ups that brought nothing, after which a descriptor that stays readable (a listener without descriptors left,
 /// say) may no longer keep the loop from sleeping.
 constexpr int kWakesForNothing = 100;
+/// Clients whose counts of queries under way are kept at a tick though they are 0: one that asks again and again allocates
+/// nothing.
+constexpr std::size_t kIdleClientsKept = 256;
+/// How often a loop that is kept awake looks at transports that are polled by system calls: so late may a request or a
+/// pose be seen there, while the look, of a microsecond or two, delays requests in memory that seldom.
+constexpr auto kLookEvery = std::chrono::microseconds(50);
+/// A transport that is polled in memory is in use for so long after its last frame.
+constexpr auto kInUse = std::chrono::milliseconds(100);
 
 std::string scheme_of(const std::string& url) {
   return url.substr(0, url.find(':'));
@@ -113,41 +121,71 @@ void Loop::take_new_engine() {
 }
 
 void Loop::run() {
-  Clock::time_point last_work = Clock::now();
   while (!stopping_) {
-    if (turn()) {
-      last_work = Clock::now();
-      wakes_for_nothing_ = 0;
-    } else if (Clock::now() - last_work > options_.spin) {
-      sleep();
+    if (turn()) continue;
+    if (spin_pays()) {
+      const auto end = Clock::now() + options_.spin;
+      bool paid = false;
+      while (!paid && !stopping_ && turn_began_ < end) paid = turn();
+      paid ? spins_.paid() : spins_.missed();
+      if (paid) continue;
     }
+    if (!looked_at_all_) {  // nothing that has arrived or is due may be slept over
+      next_look_ = {};
+      if (turn()) continue;
+    }
+    sleep();
+    next_look_ = {};
   }
 }
 
+/// Whether the wait that begins is to poll for a while before it sleeps: it may where somebody uses a transport that is
+/// polled in memory, and does as long as that has been seen to pay.
+bool Loop::spin_pays() {
+  return options_.spin > options_.spin.zero() && last_frame_in_memory_ + kInUse > Clock::now() && spins_.opens();
+}
+
 bool Loop::turn() {
+  turn_began_ = Clock::now();
   if (reloader_) take_new_engine();
   bool worked = poll_transports();
-  if (poses_changed_ || Clock::now() >= next_tick_) tick();
+  if (poses_changed_ || turn_began_ >= next_tick_) tick();
   worked |= work_for_a_slice();
+  if (worked) wakes_for_nothing_ = 0;
   return worked;
 }
 
 bool Loop::poll_transports() {
-  int frames = 0;
+  looked_at_all_ = turn_began_ >= next_look_;
+  int frames = 0, by_system_call = 0;
   for (std::size_t i = 0; i < transports_.size(); ++i) {
-    try {
-      const int taken = transports_[i]->poll(*this);
-      *transport_frames_[i] += static_cast<std::uint64_t>(taken);
-      frames += taken;
-    } catch (const std::exception& error) {
-      ++counter("errors.transport");
-      if (const auto now = Clock::now(); now >= next_warning_) {
-        next_warning_ = now + std::chrono::seconds(1);
-        spdlog::warn("event=poll_failed url={} error=\"{}\"", transports_[i]->url(), error.what());
-      }
-    }
+    const bool costs = transports_[i]->polls_by_system_call();
+    if (costs && !looked_at_all_) continue;
+    const int taken = poll_transport(i);
+    frames += taken;
+    if (costs)
+      by_system_call += taken;
+    else if (taken > 0)
+      last_frame_in_memory_ = turn_began_;
   }
+  // Where something arrived there may be more.
+  if (looked_at_all_) next_look_ = by_system_call > 0 ? Clock::time_point() : turn_began_ + kLookEvery;
   return frames > 0;
+}
+
+int Loop::poll_transport(std::size_t i) {
+  try {
+    const int taken = transports_[i]->poll(*this);
+    *transport_frames_[i] += static_cast<std::uint64_t>(taken);
+    return taken;
+  } catch (const std::exception& error) {
+    ++counter("errors.transport");
+    if (const auto now = Clock::now(); now >= next_warning_) {
+      next_warning_ = now + std::chrono::seconds(1);
+      spdlog::warn("event=poll_failed url={} error=\"{}\"", transports_[i]->url(), error.what());
+    }
+    return 0;
+  }
 }
 
 void Loop::tick() {
@@ -164,6 +202,8 @@ void Loop::tick() {
       leave(waiter.sink->client());
       return true;
     });
+    if (waiting_per_client_.size() > kIdleClientsKept)
+      std::erase_if(waiting_per_client_, [](const auto& client) { return client.second == 0; });
   }
   for (const auto& transport : transports_) {
     try {
@@ -226,7 +266,7 @@ bool Loop::work_for_a_slice() {
     const auto after = Clock::now();
     task->in_engine += after - now;
     now = after;
-    if (done) guarded(*task->sink, task->request, [&] { finish(*task); });
+    if (done) guarded(*task->sink, task->request, [&] { finish(*task, now); });
     if (done || failed) {
       forget(*task);
     } else {
@@ -243,11 +283,10 @@ void Loop::forget(const Task& task) {
 }
 
 void Loop::leave(std::uint64_t client) {
-  const auto waiting = waiting_per_client_.find(client);
-  if (--waiting->second == 0) waiting_per_client_.erase(waiting);
+  --waiting_per_client_.find(client)->second;
 }
 
-void Loop::finish(Task& task) {
+void Loop::finish(Task& task, Clock::time_point now) {
   const QuerySize& size = task.job.size();
   const ReplyInfo& info = task.job.info();
   std::byte* frame = task.frame;
@@ -282,7 +321,7 @@ void Loop::finish(Task& task) {
   const auto header = wire::make_header(FrameType::kReply, task.request.request_id, bytes - sizeof(FrameHeader),
                                         info.scene_revision, task.request.client_id);
   std::memcpy(frame, &header, sizeof header);
-  reply.server_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(Clock::now() - task.received).count());
+  reply.server_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(now - task.received).count());
   std::memcpy(frame + sizeof header, &reply, sizeof reply);
   task.sink->publish(bytes);
   ++replies_;

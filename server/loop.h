@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "client/aligned_buffer.h"
+#include "client/spin_gate.h"
 #include "fair_queue.h"
 #include "reloader.h"
 #include "transport.h"
@@ -27,7 +28,7 @@ class Loop final : public Inbox {
 
   struct Options {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
-    std::chrono::nanoseconds spin = std::chrono::microseconds(50);    ///< polls without sleeping after the last work
+    std::chrono::nanoseconds spin = std::chrono::microseconds(50);    ///< the most to poll in memory before going to sleep
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
     std::uint32_t max_waiting_per_client = 64;                 ///< queries of one client under way; more: kBusy
     std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< room for the replies under way; more: kBusy
@@ -90,9 +91,11 @@ class Loop final : public Inbox {
   void guarded(ReplySink& sink, const wire::FrameHeader& request, Work work);
 
   bool poll_transports();
+  int poll_transport(std::size_t i);
+  bool spin_pays();
   bool work_for_a_slice();
   TaskPtr next_task();
-  void finish(Task& task);
+  void finish(Task& task, Clock::time_point now);
   void forget(const Task& task);
   /// Throws a Refusal (kBusy) if as many requests of this client are under way as may be.
   void check_room_for(std::uint64_t client) const;
@@ -133,7 +136,11 @@ class Loop final : public Inbox {
   std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
   std::vector<BodyPose> poses_;
   bool poses_changed_ = false;
-  Clock::time_point started_, next_tick_, next_warning_;
+  Clock::time_point started_, turn_began_, next_tick_, next_warning_;
+  Clock::time_point next_look_;             // at the transports that are polled by system calls
+  bool looked_at_all_ = false;              // the last turn did
+  Clock::time_point last_frame_in_memory_;  // of a transport that is polled without
+  SpinGate spins_;
   int wakes_for_nothing_ = 0;
   std::atomic<bool> stopping_{false};
   int wake_fd_ = -1;

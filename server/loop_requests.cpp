@@ -107,7 +107,6 @@ void Loop::check_room_for(std::uint64_t client) const {
 
 void Loop::start_query(const FrameHeader& header, std::span<const std::byte> payload,
                        std::unique_ptr<ReplySink>& sink) {
-  const auto received = Clock::now();
   ++queries_;
   const std::uint64_t client = sink->client();
   check_room_for(client);
@@ -119,6 +118,7 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   const wire::QueryParts parts = wire::parse_query(payload);
   QueryView query = view_of(parts, header.scene_revision);
   query.warm_slot = parts.header.warm ? client : 0;
+  const auto begun = Clock::now();
   const QuerySize size = engine_->size(query);
   const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields);
   if (waiting_bytes_ && waiting_bytes_ + bytes > options_.max_waiting_bytes)
@@ -137,15 +137,16 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
                       " bytes, more than this client has room for",
                   bytes};
   Job job = engine_->start(query, reply_view_over(frame + kColumnsBegin, size.rows, size.fields));
+  const std::chrono::nanoseconds in_engine = Clock::now() - begun;
   auto task = std::make_unique<Task>(std::move(sink), header, engine_, std::move(job));
   task->frame = frame;
   task->own = std::move(own);
   task->frame_bytes = bytes;
   task->reduce = query.reduce;
   task->format = query.format;
-  task->received = received;
-  task->due = received + kPairCost * std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
-  task->in_engine = Clock::now() - received;
+  task->received = turn_began_;
+  task->due = begun + kPairCost * std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
+  task->in_engine = in_engine;
   ++waiting_per_client_[client];
   waiting_bytes_ += bytes;
   fresh_.push(client, std::move(task));

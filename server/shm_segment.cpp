@@ -148,6 +148,7 @@ Segment::Take Segment::take(ScratchBuffer& scratch, Request& request) {
   const std::uint32_t waiting = head - request_tail_;
   if (waiting == 0) return Take::kNothing;
   if (waiting > slots_.size()) return violation("request_head ran ahead of the slots");
+  shm::prefetch_to_read(base_ + request_offset_ + last_slot_ * request_capacity_);  // a guess: mostly the same slot again
   const shm::RingEntry& entry = header_->requests[request_tail_ % shm::kRingEntries];
   const std::uint64_t ticket = entry.ticket.load(std::memory_order_relaxed);
   const std::uint64_t bytes = entry.frame_bytes.load(std::memory_order_relaxed);
@@ -167,6 +168,8 @@ Segment::Take Segment::take(ScratchBuffer& scratch, Request& request) {
   ++request_tail_;
   slot.busy = true;
   slot.generation = generation;
+  last_slot_ = index;
+  shm::prefetch_to_write(reply_area(index));  // while the request is worked on
   request = {index, generation, {copy, bytes}};
   return Take::kRequest;
 }

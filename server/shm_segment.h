@@ -90,6 +90,7 @@ class Segment {
   std::uint32_t id_ = 0;
   std::uint32_t request_tail_ = 0;  ///< requests taken
   std::uint32_t reply_head_ = 0;    ///< replies posted
+  std::uint32_t last_slot_ = 0;     ///< of the last request taken
   std::vector<Slot> slots_;
   const char* why_ = "";
 };

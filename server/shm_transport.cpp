@@ -34,8 +34,9 @@ constexpr int kMaxFramesPerClient = 8;
 constexpr std::uint64_t kMaxBytesPerPoll = std::uint64_t{4} << 20;
 constexpr std::size_t kScratchKept = std::size_t{4} << 20;
 constexpr int kMessagesPerEvent = 8;
-/// While requests keep the loop awake the sockets are looked at once in so many polls.
-constexpr int kPollsPerSocketLook = 32;
+/// While requests keep the loop awake the sockets are looked at as often as this; the clock, once in so many polls.
+constexpr auto kSocketLookEvery = std::chrono::milliseconds(1);
+constexpr int kPollsPerClockLook = 16;
 
 [[noreturn]] void fail(const std::string& path, const std::string& what, int error = 0) {
   throw std::runtime_error("shm://" + path + ": " + what + (error ? std::string(": ") + std::strerror(error) : ""));
@@ -137,7 +138,7 @@ class ShmTransport final : public Transport {
       frames += serve_requests(sessions_[(first_ + i) % count], inbox, bytes);
     ++first_;  // another client is first next time
     // After the requests: whoever woke us waits for an answer.
-    if (look_at_sockets_ || ++polls_ >= kPollsPerSocketLook) serve_sockets();
+    if (look_at_sockets_ || (++polls_ % kPollsPerClockLook == 0 && Clock::now() >= next_socket_look_)) serve_sockets();
     remove_gone();
     return frames;
   }
@@ -182,7 +183,7 @@ class ShmTransport final : public Transport {
 
   void serve_sockets() {
     look_at_sockets_ = false;
-    polls_ = 0;
+    next_socket_look_ = Clock::now() + kSocketLookEvery;
     epoll_event events[64];
     const int count = ::epoll_wait(epoll_.get(), events, 64, 0);
     for (int i = 0; i < count; ++i) {
@@ -321,6 +322,7 @@ class ShmTransport final : public Transport {
     int frames = 0;
     // By index: the inbox may not touch the sessions, but be safe against growth all the same.
     for (std::size_t i = 0; i < session->segments.size(); ++i) {
+      if (!session->segments[i]->has_request()) continue;
       const std::shared_ptr<Segment> segment = session->segments[i];
       while (!session->gone && frames < kMaxFramesPerClient && bytes < kMaxBytesPerPoll) {
         Segment::Request request;
@@ -395,7 +397,8 @@ class ShmTransport final : public Transport {
   ScratchBuffer scratch_;
   CounterRefs counters_;
   std::size_t first_ = 0;
-  int polls_ = 0;
+  unsigned polls_ = 0;
+  Clock::time_point next_socket_look_;
   bool look_at_sockets_ = true;
   bool any_gone_ = false;
 };

@@ -66,6 +66,9 @@ class Transport {
   virtual std::vector<int> descriptors() const = 0;
   /// Takes what arrived, a bounded number of frames, without blocking. Returns how many frames it handed in.
   virtual int poll(Inbox& inbox) = 0;
+  /// Whether poll() makes system calls even where nothing has arrived. The loop then polls it less often than the others
+  /// while these keep it awake, and does not stay awake for it.
+  virtual bool polls_by_system_call() const { return false; }
   /// Called before the loop goes to sleep in epoll. Returns true if work arrived meanwhile (then the loop does not
   /// sleep).
   virtual bool prepare_sleep() { return false; }

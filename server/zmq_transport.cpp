@@ -117,6 +117,8 @@ class ZmqTransport final : public Transport {
   std::string url() const override { return url_; }
   std::vector<int> descriptors() const override { return {socket_.get(zmq::sockopt::fd)}; }
 
+  bool polls_by_system_call() const override { return true; }
+
   int poll(Inbox& inbox) override {
     dropped_ = &inbox.counter("zmq.replies_dropped");
     int frames = 0;
