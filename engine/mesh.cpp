@@ -21,6 +21,7 @@
 #include <utility>
 
 #include "mesh_format.h"
+#include "mesh_result.h"
 
 extern char** environ;
 
@@ -140,76 +141,6 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
                   " and no result; is the file damaged?");
 }
 
-// Checked reads from the loader's result, front to back.
-class ResultReader {
- public:
-  explicit ResultReader(int fd) : fd_(fd) {
-    struct stat info {};
-    if (::fstat(fd, &info) == 0) size_ = static_cast<std::uint64_t>(info.st_size);
-  }
-  std::uint64_t left() const { return size_ - at_; }
-  bool read(void* to, std::uint64_t bytes) {
-    if (bytes > left()) return false;
-    for (auto* p = static_cast<char*>(to); bytes > 0;) {
-      const ssize_t n = ::pread(fd_, p, bytes, static_cast<off_t>(at_));
-      if (n < 0 && errno == EINTR) continue;
-      if (n <= 0) return false;
-      p += n;
-      at_ += static_cast<std::uint64_t>(n);
-      bytes -= static_cast<std::uint64_t>(n);
-    }
-    return true;
-  }
-
- private:
-  int fd_;
-  std::uint64_t size_ = 0, at_ = 0;
-};
-
-[[noreturn]] void fail_garbled() {
-  throw MeshError("the mesh loader's result is garbled; is the file damaged?");
-}
-
-Submesh read_submesh(ResultReader* in) {
-  SubmeshHeader header;
-  if (!in->read(&header, sizeof header)) fail_garbled();
-  if (header.vertices == 0 || header.vertices > in->left() / sizeof(Vec3d)) fail_garbled();
-  Submesh submesh;
-  submesh.loaded_vertices = header.loaded_vertices;
-  submesh.vertices.resize(header.vertices);
-  if (!in->read(submesh.vertices.data(), header.vertices * sizeof(Vec3d))) fail_garbled();
-  if (header.triangles > in->left() / sizeof(Triangle)) fail_garbled();
-  submesh.triangles.resize(header.triangles);
-  if (!in->read(submesh.triangles.data(), header.triangles * sizeof(Triangle))) fail_garbled();
-  std::uint64_t padding;
-  if (header.triangles % 2 && !in->read(&padding, 4)) fail_garbled();
-  for (const Vec3d& v : submesh.vertices)
-    if (!std::isfinite(v.x) || !std::isfinite(v.y) || !std::isfinite(v.z)) fail_garbled();
-  for (const Triangle& t : submesh.triangles)
-    if (std::max({t[0], t[1], t[2]}) >= header.vertices) fail_garbled();
-  return submesh;
-}
-
-Mesh read_result(int fd, const Ending& ending) {
-  ResultReader in(fd);
-  const std::uint64_t size = in.left();
-  MeshHeader header;
-  if (!in.read(&header, sizeof header) || header.magic != kMeshMagic) fail_without_result(ending);
-  if (header.total_bytes != size) fail_garbled();
-  if (header.state == MeshState::kError || header.state == MeshState::kOutOfMemory) {
-    if (header.error_bytes > kMaxMeshErrorBytes) fail_garbled();
-    std::string text(header.error_bytes, '\0');
-    if (!in.read(text.data(), text.size())) fail_garbled();
-    for (char& c : text)
-      if (static_cast<unsigned char>(c) < 0x20 || static_cast<unsigned char>(c) >= 0x7f) c = '?';
-    throw MeshError(text);
-  }
-  if (header.state != MeshState::kGood || header.submeshes == 0) fail_garbled();
-  Mesh mesh;
-  for (std::uint32_t i = 0; i < header.submeshes; ++i) mesh.submeshes.push_back(read_submesh(&in));
-  return mesh;
-}
-
 void check_file(const std::string& path, const MeshLimits& limits) {
   struct stat info {};
   if (::stat(path.c_str(), &info) != 0) throw MeshError(reason(errno));
@@ -261,9 +192,10 @@ Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
   if (!wait_for(loader, limits.time, &ending))
     throw MeshError("reading it took longer than " + std::to_string(limits.time.count() / 1000.0).substr(0, 5) +
                     " s; is the file damaged?");
-  Mesh mesh = read_result(loader.result.get(), ending);
-  mesh.path = path;
-  return mesh;
+  std::optional<Mesh> mesh = read_mesh_result(loader.result.get());
+  if (!mesh) fail_without_result(ending);
+  mesh->path = path;
+  return std::move(*mesh);
 }
 
 }  // namespace clearance

@@ -119,7 +119,14 @@ class File {
 
 std::size_t bytes_of(const std::vector<std::uint32_t>& words) { return words.size() * sizeof(std::uint32_t); }
 
-std::optional<DirectionTable> read_table(const std::string& path, std::uint64_t key, std::span<const Vec3d> vertices) {
+bool wanted(const std::string& mesh, std::size_t vertices) {
+  const char* setting = std::getenv("CLEARANCE_TABLE_FILES");
+  return !mesh.empty() && vertices >= kTableFileFromVertices && !(setting && std::strcmp(setting, "off") == 0);
+}
+
+}  // namespace
+
+std::optional<DirectionTable> read_table_file(const std::string& path, std::uint64_t key, std::span<const Vec3d> vertices) {
   const File file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   struct stat info {};
   if (!file.is_open() || ::fstat(file.fd(), &info) != 0 || !S_ISREG(info.st_mode)) return {};
@@ -138,8 +145,7 @@ std::optional<DirectionTable> read_table(const std::string& path, std::uint64_t 
   return table;
 }
 
-// Under another name first, so that nobody ever reads half a file.
-void write_table(const std::string& path, std::uint64_t key, std::size_t vertices, const DirectionTable& table) {
+void write_table_file(const std::string& path, std::uint64_t key, std::size_t vertices, const DirectionTable& table) {
   const std::string unfinished = path + "." + std::to_string(::getpid());
   bool whole = false;
   {
@@ -152,22 +158,15 @@ void write_table(const std::string& path, std::uint64_t key, std::size_t vertice
   if (!whole || ::rename(unfinished.c_str(), path.c_str()) != 0) ::unlink(unfinished.c_str());
 }
 
-bool wanted(const std::string& mesh, std::size_t vertices) {
-  const char* setting = std::getenv("CLEARANCE_TABLE_FILES");
-  return !mesh.empty() && vertices >= kTableFileFromVertices && !(setting && std::strcmp(setting, "off") == 0);
-}
-
-}  // namespace
-
 DirectionTable direction_table_beside(const std::string& mesh, std::span<const Vec3d> vertices, double rho, std::size_t few) {
   if (!wanted(mesh, vertices.size())) return make_direction_table(vertices, rho, few);
   const std::uint64_t key = key_of(vertices, rho, few);
   char digest[17];
   std::snprintf(digest, sizeof digest, "%016llx", static_cast<unsigned long long>(key));
   const std::string path = mesh + "." + digest + ".table";
-  if (std::optional<DirectionTable> table = read_table(path, key, vertices)) return std::move(*table);
+  if (std::optional<DirectionTable> table = read_table_file(path, key, vertices)) return std::move(*table);
   DirectionTable table = make_direction_table(vertices, rho, few);
-  write_table(path, key, vertices.size(), table);
+  write_table_file(path, key, vertices.size(), table);
   return table;
 }
 
