@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-bench clean
+.PHONY: help setup build test fuzz demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-bench clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -20,6 +20,12 @@ test: setup  ## every test: ctest, then pytest
 	@tools/build.sh release
 	@ctest --test-dir build -j $(CORES) --output-on-failure
 	@$(PYTHON_VENV) -m pytest -q tests/python
+
+SECONDS ?= 600
+fuzz:  ## libFuzzer on all that reads others' bytes, SECONDS=600 for each target; installs clang; rewrites docs/results/fuzz.csv
+	@tools/setup.sh tools/fuzz_packages.txt
+	@tools/build.sh fuzz fuzzers
+	@$(PYTHON_VENV) tools/fuzz.py --seconds $(SECONDS) --csv docs/results/fuzz.csv
 
 demo: build  ## 19 moving bodies asked about through all three transports; out/demo.png
 	@$(PYTHON_VENV) tools/demo.py

@@ -321,7 +321,10 @@ class ShmChannel final : public Channel {
       why = answer.text;
       return false;
     }
-    outgrown_.push_back(std::exchange(current_, std::make_shared<ClientSegment>(fds[0], url())));
+    auto larger = std::make_shared<ClientSegment>(fds[0], url());
+    if (larger->request_capacity() < wanted.request_capacity || larger->reply_capacity() < wanted.reply_capacity)
+      die("the daemon handed over a smaller segment than was asked for");
+    outgrown_.push_back(std::exchange(current_, std::move(larger)));
     retire_outgrown();
     return true;
   }

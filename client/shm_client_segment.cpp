@@ -29,6 +29,7 @@ ClientSegment::ClientSegment(const shm::UniqueFd& memfd, const std::string& url)
   reply_capacity_ = header_->reply_capacity;
   if (version != shm::kLayoutVersion || header_->magic != shm::kMagic || header_->ring_entries != shm::kRingEntries ||
       slots == 0 || slots > shm::kMaxSlots || request_capacity_ > bytes_ || reply_capacity_ > bytes_ ||
+      request_capacity_ % shm::kPage != 0 || reply_capacity_ % shm::kPage != 0 || reply_capacity_ == 0 ||
       header_->segment_bytes != bytes_ || shm::segment_bytes(slots, request_capacity_, reply_capacity_) != bytes_ ||
       header_->request_offset != shm::kPage || header_->reply_offset != shm::kPage + slots * request_capacity_) {
     ::munmap(base_, bytes_);

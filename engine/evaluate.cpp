@@ -82,8 +82,8 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
   const double width = answer.upper - answer.lower;
   const auto narrow_enough = [&](double d) { return width <= std::max(limits.abs_tol, limits.rel_tol * std::abs(d)); };
   const auto at_rounding = [&] {
-    if (best.rounding > 0) return width <= 4 * best.rounding;
-    return width <= 4 * rounding_of(*a.pieces[piece_a], pose_a, *b.pieces[piece_b], pose_b);
+    if (found.best.rounding > 0) return width <= 4 * found.best.rounding;
+    return width <= 4 * rounding_of(*a.pieces[found.piece_a], pose_a, *b.pieces[found.piece_b], pose_b);
   };
   bool settled = true;
   if (answer.lower > limits.max_distance) {

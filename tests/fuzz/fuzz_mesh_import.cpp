@@ -1,0 +1,37 @@
+// Mesh files of any bytes through assimp in this process. A crash here is assimp's and costs a loader its life, no
+// more; what survives must leave a result that the reader takes.
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <assimp/DefaultLogger.hpp>
+#include <assimp/Importer.hpp>
+#include <memory>
+
+#include "engine/mesh_import.h"
+#include "engine/mesh_result.h"
+#include "mesh_extension.h"
+#include "scratch_file.h"
+
+CLEARANCE_FUZZ_TARGET(mesh_import) {
+  using namespace clearance;
+  using namespace clearance::fuzz;
+  static const ScratchFolder folder;
+  static const int fd = ::memfd_create("clearance-fuzz", MFD_CLOEXEC);
+  Input in(bytes);
+  const std::string extension = next_mesh_extension(in);
+  const std::string path = folder.write("mesh." + extension, in.rest());
+  require(::ftruncate(fd, 0) == 0, "the result is emptied");
+  {
+    std::unique_ptr<Assimp::Importer> kept;
+    require(import_mesh(&kept, path, std::uint64_t{1} << 28, fd), "the loader leaves a whole result");
+  }
+  Assimp::DefaultLogger::kill();
+  try {
+    const std::optional<Mesh> mesh = read_mesh_result(fd);
+    require(mesh.has_value(), "a whole result is read");
+    return true;
+  } catch (const MeshError& error) {
+    require(std::string(error.what()).find("garbled") == std::string::npos, "a whole result makes sense");
+    return false;
+  }
+}

@@ -1,0 +1,81 @@
+// Requests of any bytes to the daemon's loop: each is answered once, by a frame that a client takes, and a good query
+// after them is answered, too.
+#include "frames.h"
+#include "server/loop.h"
+#include "tests/server/memory_transport.h"
+#include "tests/server/test_scene.h"
+
+namespace clearance::fuzz {
+namespace {
+
+/// Every parser of a client, on what came back. A reply of ours that it refuses is a bug of ours.
+void check_reply(const MemoryFrame& frame) {
+  const auto payload = frame.payload();
+  switch (frame.type()) {
+    case wire::FrameType::kScene:
+      wire::parse_scene(payload);
+      break;
+    case wire::FrameType::kReply:
+      wire::parse_reply(payload);
+      break;
+    case wire::FrameType::kPairTable:
+      wire::parse_pair_table(payload);
+      break;
+    case wire::FrameType::kPosesDone:
+      wire::parse_poses_done(payload);
+      break;
+    case wire::FrameType::kBodyStates:
+      wire::parse_states(payload);
+      break;
+    case wire::FrameType::kStats:
+      wire::parse_stats(payload);
+      break;
+    case wire::FrameType::kError:
+      require(!wire::parse_error(payload).text.empty(), "an error says why");
+      break;
+    case wire::FrameType::kPong:
+      break;
+    default:
+      require(false, "replies are of a known type");
+  }
+}
+
+}  // namespace
+}  // namespace clearance::fuzz
+
+CLEARANCE_FUZZ_TARGET(request) {
+  using namespace clearance;
+  using namespace clearance::fuzz;
+  // An engine for each input: poses and attachments of one must not change the next.
+  Engine::Options options;
+  options.threads = 1;
+  Engine engine(small_scene(), options);
+  Loop loop(engine);
+  auto owned = std::make_unique<MemoryTransport>();
+  MemoryTransport& transport = *owned;
+  loop.add(std::move(owned));
+  MemoryClient client, other;
+  client.room = 8 << 20;
+  transport.unaligned = !bytes.empty() && (bytes[0] & std::byte{2}) != std::byte{0};
+
+  Input in(bytes);
+  std::size_t sent = 0, accepted = 0;
+  while (!in.empty() && sent < 16) {
+    transport.send(client, next_frame(in).bytes);
+    ++sent;
+  }
+  while (loop.turn()) {
+  }
+  require(client.replies.size() == sent && client.sinks == 0, "each request is answered once");
+  for (const auto& reply : client.replies) {
+    check_reply(*reply);
+    accepted += reply->type() != wire::FrameType::kError;
+  }
+  TestQuery good;
+  good.pairs = {{0, 1}};
+  transport.send(other, good.frame(7));
+  while (loop.turn()) {
+  }
+  require(other.replies.size() == 1 && other.replies[0]->type() == wire::FrameType::kReply, "a good query is answered after bad ones");
+  return sent > 0 && accepted == sent;
+}

@@ -1,0 +1,22 @@
+// Scene files of any bytes: a scene, or an error that names file and line.
+#include "engine/scene.h"
+#include "scratch_file.h"
+
+CLEARANCE_FUZZ_TARGET(scene_file) {
+  using namespace clearance;
+  using namespace clearance::fuzz;
+  static const ScratchFolder folder;
+  const std::string path = folder.write("scene.yaml", bytes);
+  try {
+    const Scene scene = Scene::load(path);
+    require(!scene.bodies().empty(), "a scene has a body");
+    for (const Body& body : scene.bodies()) {
+      require(!body.name.empty() && body.name.size() <= kMaxNameBytes, "names fit the wire");
+      require(!body.pieces.empty(), "a body has a piece");
+    }
+    return true;
+  } catch (const SceneError& error) {
+    require(std::string(error.what()).find("scene.yaml") != std::string::npos, "an error names the file");
+    return false;
+  }
+}

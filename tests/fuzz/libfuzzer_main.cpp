@@ -1,0 +1,15 @@
+// libFuzzer's entry: the one target that is linked with it.
+#include <spdlog/spdlog.h>
+
+#include "fuzz_target.h"
+
+extern "C" __attribute__((visibility("default"))) int LLVMFuzzerInitialize(int*, char***) {
+  spdlog::set_level(spdlog::level::off);
+  return 0;
+}
+
+extern "C" __attribute__((visibility("default"))) int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const clearance::fuzz::Target target = clearance::fuzz::targets().begin()->second;
+  target(std::as_bytes(std::span(data, size)));
+  return 0;
+}

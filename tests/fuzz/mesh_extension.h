@@ -1,0 +1,16 @@
+// The first byte of an input that is a mesh file says which format.
+#pragma once
+
+#include <iterator>
+
+#include "fuzz_target.h"
+
+namespace clearance::fuzz {
+
+inline constexpr const char* kMeshExtensions[] = {"obj", "stl", "ply", "off", "dae", "gltf", "glb"};
+
+inline const char* next_mesh_extension(Input& in) {
+  return kMeshExtensions[in.number<std::uint8_t>() % std::size(kMeshExtensions)];
+}
+
+}  // namespace clearance::fuzz

@@ -1,0 +1,388 @@
+// clearance-fuzz-seeds FOLDER: writes the seeds of the fuzz targets, one folder each. To be run again when the wire, a
+// message or a file format changes; tests/fuzz/corpus is what it wrote.
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <assimp/Importer.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+
+#include "clearance_lcm/frame_t.hpp"
+#include "clearance_lcm/named_pose_update_t.hpp"
+#include "clearance_lcm/pose_update_t.hpp"
+#include "clearance_lcm/query_t.hpp"
+#include "client/lcm_frames.h"
+#include "client/shm_layout.h"
+#include "engine/direction_table.h"
+#include "engine/mesh_import.h"
+#include "frames.h"
+#include "mesh_extension.h"
+#include "server/loop.h"
+#include "tests/scene/mesh_files.h"
+#include "tests/server/memory_transport.h"
+#include "tests/server/test_scene.h"
+
+namespace clearance::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+using Data = std::vector<std::byte>;
+
+fs::path root;
+
+void save(const std::string& target, const std::string& name, const Data& data) {
+  fs::create_directories(root / target);
+  std::ofstream file(root / target / name, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(data.data()), static_cast<std::streamsize>(data.size()));
+  if (!file.flush()) throw std::runtime_error("cannot write " + (root / target / name).string());
+}
+
+Data data_of(const std::string& text) {
+  const auto bytes = std::as_bytes(std::span(text));
+  return {bytes.begin(), bytes.end()};
+}
+
+template <class... Numbers>
+void add(Data& data, Numbers... numbers) {
+  (wire::append(data, numbers), ...);
+}
+
+// --- frames
+
+/// Requests by name, as a client sends them to the daemon of small_scene().
+std::vector<std::pair<std::string, Data>> requests() {
+  std::vector<std::pair<std::string, Data>> all;
+  const auto query = [&](const std::string& name, auto change) {
+    TestQuery q;
+    change(q);
+    all.emplace_back("query_" + name, q.frame(all.size() + 1));
+  };
+  const Pose7 here{0.2, 0.1, 0.4, 1, 0, 0, 0}, there{0.3, -0.1, 0.5, 0.9, 0.1, 0.2, 0.3};
+  query("all_pairs", [](TestQuery&) {});
+  query("pairs", [](TestQuery& q) { q.pairs = {{0, 1}, {1, 2}, {2, 0}}; });
+  query("group_against_all", [](TestQuery& q) { q.pairs = {{kGroupBit, kEveryBody}}; });
+  query("configurations_f32", [&](TestQuery& q) {
+    q.bodies = {1, 2};
+    q.configurations = {here, there, there, here};
+    q.header.precision = 1;
+    q.header.fields = (1u << kFieldCount) - 1 - kFieldCompact;
+  });
+  query("signed_with_points", [&](TestQuery& q) {
+    q.bodies = {1};
+    q.configurations = {{0, 0, 0, 1, 0, 0, 0}};
+    q.header.signed_distance = 1;
+    q.header.fields = kDefaultFields | kFieldPoints | kFieldNormal | kFieldGradient;
+  });
+  query("within", [](TestQuery& q) {
+    q.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
+    q.header.max_distance = 0.3;
+    q.header.max_results = 2;
+  });
+  query("nearest_stale", [](TestQuery& q) {
+    q.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
+    q.header.fields = kDefaultFields | kFieldFlags;
+    q.header.max_pose_age_ns = 1000;
+  });
+  query("least_compact_warm", [&](TestQuery& q) {
+    q.bodies = {1};
+    q.configurations = {here, there};
+    q.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
+    q.header.format = static_cast<std::uint8_t>(Format::kCompact);
+    q.header.warm = 1;
+  });
+  TestQuery pairs;
+  pairs.bodies = {1};
+  all.emplace_back("pairs", pairs.frame(20, wire::FrameType::kPairs));
+
+  const Data echo = data_of("hello");
+  all.emplace_back("ping", simple_frame(wire::FrameType::kPing, 21, echo));
+  all.emplace_back("describe", simple_frame(wire::FrameType::kDescribe, 22));
+  all.emplace_back("states", simple_frame(wire::FrameType::kGetStates, 23));
+  all.emplace_back("stats", simple_frame(wire::FrameType::kGetStats, 24));
+  Data poses;
+  wire::PosesHeader header;
+  header.count = 2;
+  header.stamp_ns = 1000;
+  add(poses, header);
+  for (const std::uint32_t body : {1u, 3u}) {
+    wire::PoseRecord record;
+    record.body = body;
+    std::copy(there.begin(), there.end(), record.pose);
+    add(poses, record);
+  }
+  all.emplace_back("poses", simple_frame(wire::FrameType::kSetPoses, 25, poses));
+  wire::AttachRecord attach;
+  attach.child = 1;
+  attach.parent = 2;
+  attach.has_pose = 1;
+  std::copy(here.begin(), here.end(), attach.pose);
+  all.emplace_back("attach", simple_frame(wire::FrameType::kAttach, 26, std::as_bytes(std::span(&attach, 1))));
+  return all;
+}
+
+void save_requests_and_replies() {
+  Engine::Options options;
+  options.threads = 1;
+  Engine engine(small_scene(), options);
+  Loop loop(engine);
+  auto owned = std::make_unique<MemoryTransport>();
+  MemoryTransport& transport = *owned;
+  loop.add(std::move(owned));
+  Data conversation;
+  for (const auto& [name, frame] : requests()) {
+    Data request, reply;
+    append_frame(request, kMendHeader, frame);
+    save("request", "good_" + name, request);
+    append_frame(conversation, 0, frame);
+    MemoryClient client;
+    transport.send(client, frame);
+    while (loop.turn()) {
+    }
+    const MemoryFrame& got = *client.replies.at(0);
+    Data bytes;
+    add(bytes, got.header());
+    wire::append_bytes(bytes, got.payload().data(), got.payload().size());
+    append_frame(reply, kMendHeader, bytes);
+    save("reply", "good_" + name, reply);
+  }
+  save("request", "good_conversation", conversation);
+  Data refused;
+  append_frame(refused, kMendHeader, simple_frame(wire::FrameType::kQuery, 1));
+  save("request", "bad_empty_query", refused);
+  Data error;
+  wire::ErrorHeader why;
+  why.code = static_cast<std::uint16_t>(wire::ErrorCode::kBusy);
+  why.text_bytes = 4;
+  Data payload;
+  add(payload, why);
+  wire::append_bytes(payload, "busy", 4);
+  append_frame(error, kMendHeader, simple_frame(wire::FrameType::kError, 1, payload));
+  save("reply", "good_error", error);
+}
+
+// --- shared memory
+
+void add_post(Data& steps, std::uint8_t slot, const Data& frame) {
+  add(steps, std::uint8_t{5}, slot);
+  append_frame(steps, kMendHeader, frame);
+}
+
+void save_shm() {
+  const std::uint8_t receive = 0, hello = 1, message = 2, raw = 3, scribble = 4, turn = 6, anew = 7;
+  const auto all = requests();
+  Data one, many, grown, hostile, garbage, again;
+  add(one, hello, receive);
+  add_post(one, 0, all[0].second);
+  save("shm_server", "good_query", one);
+  add(many, hello, receive);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    add_post(many, static_cast<std::uint8_t>(i % 4), all[i].second);
+    if (i % 4 == 3) add(many, receive);
+  }
+  save("shm_server", "good_every_request", many);
+  add(grown, hello, receive, message, std::uint8_t{2}, std::uint32_t{0}, std::uint64_t{20000}, std::uint64_t{40000}, receive,
+      message, std::uint8_t{3}, std::uint32_t{0}, std::uint64_t{0}, std::uint64_t{0}, turn);
+  add_post(grown, 1, all[1].second);
+  save("shm_server", "good_grow_and_retire", grown);
+  add(hostile, hello, receive);
+  add_post(hostile, 0, all[0].second);
+  add(hostile, scribble, std::uint32_t{128}, std::uint16_t{4}, std::uint32_t{0xFFFFFFFF}, turn);
+  save("shm_server", "bad_head_runs_ahead", hostile);
+  add(garbage, raw, std::uint16_t{16}, std::uint64_t{1}, std::uint64_t{2}, turn);
+  save("shm_server", "bad_greeting", garbage);
+  add(again, hello, receive, anew, hello, hello, receive);
+  save("shm_server", "bad_hello_twice", again);
+
+  // A daemon's side. Requests come in slot 0, with rising generations.
+  const auto daemon = [](std::uint64_t request_id, std::uint8_t generation) {
+    Data said;
+    add(said, std::uint8_t{1}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0});  // one greeting, nothing odd about it
+    for (std::uint8_t id = 0; id < 2; ++id) {
+      add(said, std::uint8_t{1}, std::uint8_t{0}, static_cast<std::uint8_t>(generation + id));
+      append_frame(said, kMendHeader, simple_frame(wire::FrameType::kPong, request_id + id, data_of("0123456789abcdef")));
+    }
+    return said;
+  };
+  save("shm_client", "good_two_answers", daemon(1, 1));
+  save("shm_client", "bad_answers_to_others", daemon(100, 1));
+  save("shm_client", "bad_generation", daemon(1, 7));
+  Data needs_room;
+  add(needs_room, std::uint8_t{2}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0});
+  wire::ErrorHeader error;
+  error.code = static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge);
+  error.needed_bytes = 5000;
+  add(needs_room, std::uint8_t{1}, std::uint8_t{0}, std::uint8_t{1});
+  append_frame(needs_room, kMendHeader, simple_frame(wire::FrameType::kError, 1, std::as_bytes(std::span(&error, 1))));
+  save("shm_client", "bad_needs_more_room", needs_room);
+  Data refused;
+  add(refused, std::uint8_t{1}, std::uint8_t{1 | 2 | 8}, std::uint8_t{64}, std::uint8_t{4});
+  wire::append_bytes(refused, "busy", 4);
+  save("shm_client", "bad_refused", refused);
+}
+
+// --- LCM
+
+template <class Message>
+Data encoded(const Message& message) {
+  Data packet(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(packet.data(), 0, static_cast<int>(packet.size()));
+  return packet;
+}
+
+void save_lcm() {
+  clearance_lcm::pose_update_t poses{};
+  poses.publisher_id = 5;
+  poses.sequence = 1;
+  poses.count = 2;
+  poses.bodies = {1, 3};
+  poses.poses.assign(2, {0.1, 0.2, 0.3, 1, 0, 0, 0});
+  clearance_lcm::named_pose_update_t named{};
+  named.publisher_id = 6;
+  named.sequence = 1;
+  named.count = 2;
+  named.names = {"cup", "link2"};
+  named.poses = poses.poses;
+  clearance_lcm::query_t query{};
+  query.client_id = 7;
+  query.pair_count = 1;
+  query.pairs = {{0, 1}};
+  query.body_count = 1;
+  query.bodies = {1};
+  query.configuration_count = 2;
+  query.configurations.assign(2, {{0, 0, 1, 1, 0, 0, 0}});
+  TestQuery large;
+  large.bodies = {1};
+  large.configurations.assign(900, {0, 0, 1, 1, 0, 0, 0});
+  const Data frame = large.frame(3);
+  std::vector<Data> parts;
+  for (std::uint64_t i = 0; i < frame_part_count(frame.size()); ++i) {
+    auto part = frame_part(frame, i);
+    part.client_id = 9;
+    part.request_id = 3;
+    part.sequence = 1;
+    parts.push_back(encoded(part));
+  }
+  const auto packet = [](std::uint8_t type, const Data& bytes) {
+    Data out;
+    add(out, type, static_cast<std::uint16_t>(bytes.size()));
+    wire::append_bytes(out, bytes.data(), bytes.size());
+    return out;
+  };
+  const auto message = [](std::uint8_t channel, const Data& bytes) {
+    Data out;
+    add(out, std::uint8_t{1}, channel, static_cast<std::uint16_t>(bytes.size()));
+    wire::append_bytes(out, bytes.data(), bytes.size());
+    return out;
+  };
+  const std::pair<const char*, Data> kinds[] = {{"poses", encoded(poses)}, {"named_poses", encoded(named)}, {"query", encoded(query)}};
+  for (std::uint8_t type = 0; type < 3; ++type) {
+    save("lcm_packet", std::string("good_") + kinds[type].first, packet(type, kinds[type].second));
+    save("lcm_udp", std::string("good_") + kinds[type].first, message(type, kinds[type].second));
+  }
+  Data packets, messages;
+  for (const Data& part : parts) {
+    const Data a = packet(3, part), b = message(3, part);
+    packets.insert(packets.end(), a.begin(), a.end());
+    messages.insert(messages.end(), b.begin(), b.end());
+  }
+  save("lcm_packet", "good_frame_in_parts", packets);
+  save("lcm_udp", "good_frame_in_parts", messages);
+  Data fragment;
+  add(fragment, std::uint8_t{2}, std::uint32_t{1}, std::uint32_t{400}, std::uint32_t{0}, std::uint32_t{2}, std::uint16_t{64});
+  wire::append_bytes(fragment, kinds[0].second.data(), 64);
+  save("lcm_udp", "bad_fragment", fragment);
+}
+
+// --- files
+
+void save_meshes() {
+  using namespace mesh_files;
+  const Source thing = tetrahedron();
+  const std::pair<const char*, std::string> files[] = {
+      {"obj", obj(thing)},        {"stl", stl_text(thing)},         {"stl", stl_binary(thing)},    {"ply", ply(thing, Ply::kText)},
+      {"ply", ply(thing, Ply::kLittle)}, {"ply", ply(thing, Ply::kBig)}, {"off", off(thing)}, {"dae", dae(thing)},
+      {"glb", glb(thing)},        {"gltf", gltf(thing)}};
+  std::map<std::string, int> count;
+  for (const auto& [extension, text] : files) {
+    Data input;
+    std::uint8_t format = 0;
+    while (std::string(kMeshExtensions[format]) != extension) ++format;
+    add(input, format);
+    wire::append_bytes(input, text.data(), text.size());
+    const std::string name = "good_" + std::string(extension) + "_" + std::to_string(++count[extension]);
+    for (const char* target : {"mesh_precheck", "mesh_child", "mesh_import"}) save(target, name, input);
+  }
+  // What a loader writes for one of them.
+  const std::string path = (root / "thing.obj").string();
+  std::ofstream(path) << obj(thing);
+  const int fd = ::memfd_create("seeds", MFD_CLOEXEC);
+  std::unique_ptr<Assimp::Importer> kept;
+  if (!import_mesh(&kept, path, 1 << 20, fd)) throw std::runtime_error("no result for a mesh");
+  fs::remove(path);
+  Data result(1);
+  result.resize(1 + static_cast<std::size_t>(::lseek(fd, 0, SEEK_END)));
+  if (::pread(fd, result.data() + 1, result.size() - 1, 0) < 0) throw std::runtime_error("the result cannot be read");
+  save("mesh_result", "good_tetrahedron", result);
+}
+
+void save_scenes() {
+  const std::pair<const char*, const char*> scenes[] = {
+      {"good_shapes",
+       "bodies:\n"
+       "  - {name: base, box: [1, 2, 0.1], static: true, pose: [0, 0, 0, 1, 0, 0, 0]}\n"
+       "  - {name: cup, sphere: 0.1, parent: gripper}\n"
+       "  - {name: gripper, capsule: [0.05, 0.2], pose: [1, 0, 0, 1, 0, 0, 0]}\n"
+       "  - {name: can, cylinder: [0.04, 0.1]}\n"
+       "  - {name: tip, points: [[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0]], radius: 0.01}\n"
+       "  - {name: ball, uv_sphere: {radius: 1, resolution: 5}}\n"
+       "groups: {arm: [gripper, cup], \"rest\": [can]}\n"
+       "ignore: [[base, can], [arm, arm]]\n"},
+      {"good_random", "random: {count: 10, shape: {box: [1, 1, 1]}, box: 60, seed: 1}\n"},
+      {"good_anchors", "bodies:\n  - &a {name: one, sphere: 1}\n  - {name: two, sphere: 1e0}\n"},
+      {"bad_mesh_elsewhere", "bodies:\n  - {name: one, mesh: ../secret.obj}\n"},
+      {"bad_mesh_missing", "bodies:\n  - {name: one, mesh: one.obj, scale: [1, 1, -1], convexify: submeshes}\n"},
+      {"bad_alias", "a: &a [*a, *a]\n"},
+      {"bad_cycle", "bodies:\n  - {name: a, sphere: 1, parent: b}\n  - {name: b, sphere: 1, parent: a}\n"}};
+  for (const auto& [name, text] : scenes) save("scene_file", name, data_of(text));
+}
+
+void save_tables() {
+  const Shape ball = make_uv_sphere(1, 5);
+  const DirectionTable table = make_direction_table(ball.vertices, 1);
+  Data input;
+  add(input, std::uint8_t{1}, static_cast<std::uint8_t>(table.grid_bits), static_cast<std::uint16_t>(table.cells.size()));
+  wire::append_bytes(input, table.cells.data(), table.cells.size() * 4);
+  wire::append_bytes(input, table.lists.data(), table.lists.size() * 4);
+  save("table_file", "good_ball", input);
+  Data coarse;
+  // One list of all vertices, whatever the direction.
+  add(coarse, std::uint8_t{1}, std::uint8_t{1}, std::uint16_t{4});
+  for (int i = 0; i < 4; ++i) add(coarse, std::uint32_t{0});
+  add(coarse, static_cast<std::uint32_t>(ball.vertices.size()));
+  for (std::uint32_t v = 0; v < ball.vertices.size(); ++v) add(coarse, v);
+  save("table_file", "good_one_list", coarse);
+  Data raw(65);
+  save("table_file", "bad_zeros", raw);
+}
+
+}  // namespace
+}  // namespace clearance::fuzz
+
+int main(int argc, char** argv) {
+  using namespace clearance::fuzz;
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: clearance-fuzz-seeds FOLDER\n");
+    return 2;
+  }
+  root = argv[1];
+  std::filesystem::create_directories(root);
+  save_requests_and_replies();
+  save_shm();
+  save_lcm();
+  save_meshes();
+  save_scenes();
+  save_tables();
+}
