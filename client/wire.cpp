@@ -49,9 +49,15 @@ T head(std::span<const std::byte> payload, const char* what) {
   return header;
 }
 
-void expect_size(const char* what, const std::string& contents, Wide expected, std::uint64_t got) {
+/// \param contents says what a payload of the expected size holds: a text made where it is wrong, not for every frame.
+template <class Contents>
+void expect_size(const char* what, const Contents& contents, Wide expected, std::uint64_t got) {
   if (expected != got)
-    bad_frame(std::string(what) + ": " + contents + " need a payload of " + str(expected) + " bytes, got " + str(got));
+    bad_frame(std::string(what) + ": " + contents() + " need a payload of " + str(expected) + " bytes, got " +
+              str(got));
+}
+std::string its_contents() {
+  return "its contents";
 }
 
 template <class T, std::size_t N>
@@ -273,10 +279,13 @@ QueryParts parse_query(std::span<const std::byte> payload, bool with_configurati
   parts.header = head<QueryHeader>(payload, "query");
   const QueryHeader& q = parts.header;
   const std::uint64_t configurations = with_configurations ? q.configuration_count : 0;
-  expect_size("query",
-              str(std::uint64_t{q.pair_count}) + " pairs, " + str(std::uint64_t{q.body_count}) + " bodies and " +
-                  str(configurations) + " configurations",
-              query_bytes(q.pair_count, q.body_count, configurations), payload.size());
+  expect_size(
+      "query",
+      [&] {
+        return str(std::uint64_t{q.pair_count}) + " pairs, " + str(std::uint64_t{q.body_count}) + " bodies and " +
+               str(configurations) + " configurations";
+      },
+      query_bytes(q.pair_count, q.body_count, configurations), payload.size());
   check_query_values(q);
   Cursor cursor(payload.data() + sizeof(QueryHeader));
   parts.pairs = cursor.take<PairRecord>(q.pair_count);
@@ -305,8 +314,9 @@ ReplyHeader parse_reply(std::span<const std::byte> payload) {
   const auto header = head<ReplyHeader>(payload, "reply");
   if (header.fields & ~kAllFields)
     bad_frame("reply: fields has unknown bits: " + str(std::uint64_t{header.fields & ~kAllFields}));
-  expect_size("reply", str(header.rows) + " rows", sizeof(ReplyHeader) + columns_wide(header.rows, header.fields),
-              payload.size());
+  expect_size(
+      "reply", [&] { return str(header.rows) + " rows"; },
+      sizeof(ReplyHeader) + columns_wide(header.rows, header.fields), payload.size());
   // The last column's end is padded too, so that the whole block has one rule.
   if (strnlen(header.backend, sizeof header.backend) == sizeof header.backend)
     bad_frame("reply: the backend's name does not end");
@@ -316,8 +326,9 @@ ReplyHeader parse_reply(std::span<const std::byte> payload) {
 PosesParts parse_poses(std::span<const std::byte> payload) {
   PosesParts parts;
   parts.header = head<PosesHeader>(payload, "poses");
-  expect_size("poses", str(parts.header.count) + " poses",
-              sizeof(PosesHeader) + Wide(parts.header.count) * sizeof(PoseRecord), payload.size());
+  expect_size(
+      "poses", [&] { return str(parts.header.count) + " poses"; },
+      sizeof(PosesHeader) + Wide(parts.header.count) * sizeof(PoseRecord), payload.size());
   expect_zero(parts.header.reserved, "poses");
   parts.poses = Records<PoseRecord>(payload.data() + sizeof(PosesHeader), parts.header.count);
   return parts;
@@ -325,14 +336,14 @@ PosesParts parse_poses(std::span<const std::byte> payload) {
 
 AttachRecord parse_attach(std::span<const std::byte> payload) {
   const auto record = head<AttachRecord>(payload, "attach");
-  expect_size("attach", "its contents", sizeof(AttachRecord), payload.size());
+  expect_size("attach", its_contents, sizeof(AttachRecord), payload.size());
   if (record.has_pose > 1) bad_frame("attach: has_pose " + std::to_string(record.has_pose) + " is neither 0 nor 1");
   return record;
 }
 
 PosesResult parse_poses_done(std::span<const std::byte> payload) {
   const auto result = head<PosesResult>(payload, "poses done");
-  expect_size("poses done", "its contents", sizeof(PosesResult), payload.size());
+  expect_size("poses done", its_contents, sizeof(PosesResult), payload.size());
   return result;
 }
 
@@ -340,12 +351,15 @@ SceneParts parse_scene(std::span<const std::byte> payload) {
   SceneParts parts;
   parts.header = head<SceneHeader>(payload, "scene");
   const SceneHeader& h = parts.header;
-  expect_size("scene",
-              str(std::uint64_t{h.body_count}) + " bodies, " + str(std::uint64_t{h.group_count}) + " groups and " +
-                  str(std::uint64_t{h.member_count}) + " members",
-              sizeof(SceneHeader) + Wide(h.body_count) * sizeof(BodyRecord) +
-                  Wide(h.group_count) * sizeof(GroupRecord) + Wide(h.member_count) * 4,
-              payload.size());
+  expect_size(
+      "scene",
+      [&] {
+        return str(std::uint64_t{h.body_count}) + " bodies, " + str(std::uint64_t{h.group_count}) + " groups and " +
+               str(std::uint64_t{h.member_count}) + " members";
+      },
+      sizeof(SceneHeader) + Wide(h.body_count) * sizeof(BodyRecord) + Wide(h.group_count) * sizeof(GroupRecord) +
+          Wide(h.member_count) * 4,
+      payload.size());
   Cursor cursor(payload.data() + sizeof(SceneHeader));
   parts.bodies = cursor.take<BodyRecord>(h.body_count);
   parts.groups = cursor.take<GroupRecord>(h.group_count);
@@ -366,8 +380,9 @@ SceneParts parse_scene(std::span<const std::byte> payload) {
 PairTableParts parse_pair_table(std::span<const std::byte> payload) {
   PairTableParts parts;
   parts.header = head<PairsHeader>(payload, "pair table");
-  expect_size("pair table", str(parts.header.count) + " pairs",
-              sizeof(PairsHeader) + Wide(parts.header.count) * sizeof(PairRecord), payload.size());
+  expect_size(
+      "pair table", [&] { return str(parts.header.count) + " pairs"; },
+      sizeof(PairsHeader) + Wide(parts.header.count) * sizeof(PairRecord), payload.size());
   parts.pairs = Records<PairRecord>(payload.data() + sizeof(PairsHeader), parts.header.count);
   return parts;
 }
@@ -375,15 +390,16 @@ PairTableParts parse_pair_table(std::span<const std::byte> payload) {
 StatesParts parse_states(std::span<const std::byte> payload) {
   StatesParts parts;
   parts.header = head<StatesHeader>(payload, "body states");
-  expect_size("body states", str(parts.header.count) + " bodies",
-              sizeof(StatesHeader) + Wide(parts.header.count) * sizeof(BodyStateRecord), payload.size());
+  expect_size(
+      "body states", [&] { return str(parts.header.count) + " bodies"; },
+      sizeof(StatesHeader) + Wide(parts.header.count) * sizeof(BodyStateRecord), payload.size());
   parts.states = Records<BodyStateRecord>(payload.data() + sizeof(StatesHeader), parts.header.count);
   return parts;
 }
 
 SceneChange parse_scene_changed(std::span<const std::byte> payload) {
   const auto change = head<SceneChange>(payload, "scene changed");
-  expect_size("scene changed", "its contents", sizeof(SceneChange), payload.size());
+  expect_size("scene changed", its_contents, sizeof(SceneChange), payload.size());
   expect_zero(change.reserved, "scene changed");
   return change;
 }
@@ -400,8 +416,9 @@ Records<CounterRecord> parse_stats(std::span<const std::byte> payload) {
 ErrorParts parse_error(std::span<const std::byte> payload) {
   ErrorParts parts;
   parts.header = head<ErrorHeader>(payload, "error");
-  expect_size("error", "a text of " + str(std::uint64_t{parts.header.text_bytes}) + " bytes and its header",
-              Wide(sizeof(ErrorHeader)) + parts.header.text_bytes, payload.size());
+  expect_size(
+      "error", [&] { return "a text of " + str(std::uint64_t{parts.header.text_bytes}) + " bytes and its header"; },
+      Wide(sizeof(ErrorHeader)) + parts.header.text_bytes, payload.size());
   const auto text = payload.subspan(sizeof(ErrorHeader));
   parts.text.assign(reinterpret_cast<const char*>(text.data()), text.size());
   return parts;

@@ -50,11 +50,12 @@ void close_up_columns(std::byte* columns, std::uint32_t fields, std::uint64_t fr
 
 /// Zeroes what lies between the columns: whatever was in that memory is nobody's business.
 void clear_gaps(std::byte* columns, std::uint32_t fields, std::uint64_t rows) {
+  std::byte* column = columns;
   for (int f = 0; f < kFieldCount; ++f) {
     if (!(fields >> f & 1)) continue;
-    const std::uint64_t used = rows * kFieldBytes[f];
-    std::byte* end = columns + wire::column_offset(rows, fields, Field(1u << f)) + used;
-    std::memset(end, 0, (wire::kColumnAlignment - used % wire::kColumnAlignment) % wire::kColumnAlignment);
+    std::byte* end = column + rows * kFieldBytes[f];
+    column += wire::columns_bytes(rows, 1u << f);
+    std::memset(end, 0, static_cast<std::size_t>(column - end));
   }
 }
 

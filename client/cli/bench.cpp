@@ -13,6 +13,7 @@
 #include "bench_floor.h"
 #include "bench_report.h"
 #include "bench_samples.h"
+#include "client/default_socket.h"
 #include "client/protocol.h"
 #include "client/wire.h"
 #include "commands.h"
@@ -23,7 +24,7 @@ namespace {
 
 /// The run is cut into so many rounds of floor and daemon by turns, so that what else the machine does hits both.
 constexpr int kRounds = 5;
-/// Time spent on the floor, as a part of the time spent on the daemon.
+/// Time spent on each of the two floors, as a part of the time spent on the daemon.
 constexpr double kFloorPart = 0.5;
 /// Lost replies in a row after which nobody is there.
 constexpr int kMostLost = 20;
@@ -43,6 +44,7 @@ struct Options {
   std::string rate = "closed", reduce = "none", precision = "f64";
   double max_distance = std::numeric_limits<double>::infinity();
   double seconds = 5, warmup_s = 1;
+  int spin_us = -1;  ///< -1: as the url says
   std::string csv;
   std::string command;  ///< as it was typed
 };
@@ -126,19 +128,24 @@ void measure(Client& client, const Query& query, Floor& floor, const Options& o,
     }
   };
   int echoes_lost_in_a_row = 0;
-  const auto echo = [&]() -> Exchanged {
-    const bool answered = floor.exchange();
+  const auto echo = [&](std::chrono::nanoseconds held) -> Exchanged {
+    const bool answered = floor.exchange(held);
     echoes_lost_in_a_row = answered ? 0 : echoes_lost_in_a_row + 1;
     if (echoes_lost_in_a_row >= kMostLost) throw std::runtime_error("floor: messages do not come back");
     return {.answered = answered};
   };
-  Series warmup;
-  floor.tune();
-  drive(echo, report.rate_hz, o.warmup_s * kFloorPart, warmup);
-  drive(ask, report.rate_hz, o.warmup_s, warmup);
+  const auto drive_floor = [&](std::chrono::nanoseconds held, double seconds, Series& series) {
+    floor.tune(held);
+    drive([&] { return echo(held); }, report.rate_hz, seconds, series);
+  };
+  Series warm, cold;
+  drive(ask, report.rate_hz, o.warmup_s, warm);
+  if (warm.engine.size() == 0) drive(ask, 0, 0.01, warm);
+  report.held = std::chrono::nanoseconds(std::llround(1e3 * warm.engine.percentile_us(0.5)));
+  drive_floor({}, o.warmup_s * kFloorPart, cold);
   for (int round = 0; round < kRounds; ++round) {
-    floor.tune();
-    drive(echo, report.rate_hz, o.seconds * kFloorPart / kRounds, report.floor);
+    drive_floor({}, o.seconds * kFloorPart / kRounds, report.floor);
+    drive_floor(report.held, o.seconds * kFloorPart / kRounds, report.held_floor);
     drive(ask, report.rate_hz, o.seconds / kRounds, report.ours);
   }
   report.ended_early = report.ours.latency.full() || report.floor.latency.full();
@@ -157,11 +164,24 @@ double parse_rate(const std::string& text) {
   return rate;
 }
 
+/// Connects, spinning as long as `--spin-us` says.
+Client open(const Options& o) {
+  Connection connection = o.connection;
+  if (o.spin_us >= 0) {
+    if (connection.url.empty()) connection.url = "shm://" + default_socket_path();
+    if (connection.url.rfind("shm://", 0) != 0)
+      throw std::invalid_argument("--spin-us: only for shared memory; the others wait in the kernel");
+    connection.url +=
+        (connection.url.find('?') == std::string::npos ? "?spin_us=" : "&spin_us=") + std::to_string(o.spin_us);
+  }
+  return connection.open();
+}
+
 void run(const Options& o) {
   BenchReport report;
   report.rate_hz = parse_rate(o.rate);
   if (!o.csv.empty()) check_csv(o.csv);
-  Client client = o.connection.open();
+  Client client = open(o);
   const BenchQuery q = make_query(client, o);
   report.url = client.url();
   report.bodies = client.scene().bodies.size();
@@ -179,7 +199,8 @@ void run(const Options& o) {
   }
   const std::unique_ptr<Floor> floor = open_floor(report.url, report.size);
   if (o.output == Output::kTable)
-    std::cerr << "measuring for about " << (1 + kFloorPart) * (o.seconds + o.warmup_s) << " s ...\n";
+    std::cerr << "measuring for about " << (1 + 2 * kFloorPart) * o.seconds + (1 + kFloorPart) * o.warmup_s
+              << " s ...\n";
   measure(client, q.query, *floor, o, report);
   report.floor_description = floor->description();
   print_report(report, std::cout, o.output);
@@ -243,6 +264,11 @@ void add_bench(CLI::App& app) {
       ->check(quiet(CLI::Range(0.0, 86400.0)))
       ->type_name("S")
       ->capture_default_str();
+  command
+      .add_option("--spin-us", options->spin_us,
+                  "microseconds that the client polls before it sleeps (shared memory);\n0: none; default 20")
+      ->check(quiet(CLI::Range(0, 1'000'000)))
+      ->type_name("N");
   command.add_option("--precision", options->precision, "f64, f32")
       ->check(quiet(CLI::IsMember({"f64", "f32"})))
       ->type_name("WORD")

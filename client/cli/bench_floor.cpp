@@ -33,6 +33,20 @@ void take_other_cpus() {
 
 }  // namespace
 
+void ask_to_hold(std::byte* request, std::chrono::nanoseconds held) {
+  const std::int64_t ns = held.count();
+  std::memcpy(request, &ns, sizeof ns);
+}
+
+void hold(const std::byte* request) {
+  std::int64_t ns = 0;
+  std::memcpy(&ns, request, sizeof ns);
+  if (ns <= 0) return;
+  using Clock = std::chrono::steady_clock;
+  for (const auto end = Clock::now() + std::chrono::nanoseconds(ns); Clock::now() < end;) {
+  }
+}
+
 EchoProcess::EchoProcess(const std::vector<std::string>& arguments, int inherited) {
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) throw std::runtime_error(std::string("floor: pipe: ") + std::strerror(errno));

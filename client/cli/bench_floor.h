@@ -4,6 +4,8 @@
 
 #include <sys/types.h>
 
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -21,10 +23,11 @@ struct EchoSize {
 class Floor {
  public:
   virtual ~Floor() = default;
-  /// Sends the request's bytes and waits for the reply's. False if nothing came in time (LCM may lose messages).
-  virtual bool exchange() = 0;
-  /// Chooses what is best at the moment, by a few exchanges.
-  virtual void tune() {}
+  /// Sends the request's bytes and waits for the reply's, which the echo holds back for `held`, computing, as the
+  /// daemon does. False if nothing came in time (LCM may lose messages).
+  virtual bool exchange(std::chrono::nanoseconds held) = 0;
+  /// Chooses what is best at the moment for such exchanges, by a few of them.
+  virtual void tune(std::chrono::nanoseconds /*held*/) {}
   virtual std::string description() const = 0;
 };
 
@@ -50,6 +53,10 @@ class EchoProcess {
   pid_t pid_ = -1;
   std::string said_;
 };
+
+/// Writes into a request how long its echo is to be held back; the echo's side: holds it.
+void ask_to_hold(std::byte* request, std::chrono::nanoseconds held);
+void hold(const std::byte* request);
 
 // One for each transport.
 std::unique_ptr<Floor> open_shm_floor(const std::string& url, const EchoSize& size);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <stdexcept>
 
 #include "bench_floor.h"
@@ -20,8 +21,11 @@ class Lcm {
  public:
   Lcm(const std::string& url, const std::string& in) : lcm_(lcm_create(url.c_str())) {
     if (!lcm_) throw std::runtime_error("floor: cannot open " + url);
-    const auto take = [](const lcm_recv_buf_t* received, const char*, void* self) {
-      static_cast<Lcm*>(self)->received_bytes_ += received->data_size;
+    const auto take = [](const lcm_recv_buf_t* received, const char*, void* user) {
+      auto* self = static_cast<Lcm*>(user);
+      if (self->received_bytes_ == 0)
+        std::memcpy(self->first_, received->data, std::min(sizeof self->first_, std::size_t{received->data_size}));
+      self->received_bytes_ += received->data_size;
     };
     lcm_subscription_set_queue_capacity(lcm_subscribe(lcm_, in.c_str(), take, this), kQueue);
   }
@@ -46,9 +50,13 @@ class Lcm {
     return true;
   }
 
+  /// How the bytes last received begin.
+  const std::byte* first() const { return first_; }
+
  private:
   lcm_t* lcm_;
   std::size_t received_bytes_ = 0;
+  std::byte first_[sizeof(std::int64_t)] = {};
 };
 
 class LcmFloor final : public Floor {
@@ -61,7 +69,8 @@ class LcmFloor final : public Floor {
         echo_({"lcm", url_, channel_, std::to_string(size.request_bytes), std::to_string(size.reply_bytes)}),
         lcm_(url_, channel_ + "_R") {}
 
-  bool exchange() override {
+  bool exchange(std::chrono::nanoseconds held) override {
+    ask_to_hold(request_.data(), held);
     lcm_.send(channel_ + "_Q", request_);
     if (lcm_.receive(reply_bytes_, kTimeout)) return true;
     if (!echo_.alive()) throw std::runtime_error("floor: the echo process is gone");
@@ -90,8 +99,11 @@ int run_lcm_echo(const std::vector<std::string>& arguments) {
   const std::vector<std::byte> reply(std::stoull(arguments.at(3)));
   if (::write(STDOUT_FILENO, "ready \n", 7) != 7) return 1;
   ::close(STDOUT_FILENO);
-  for (;;)
-    if (lcm.receive(request_bytes, std::chrono::milliseconds(100))) lcm.send(channel + "_R", reply);
+  for (;;) {
+    if (!lcm.receive(request_bytes, std::chrono::milliseconds(100))) continue;
+    hold(lcm.first());
+    lcm.send(channel + "_R", reply);
+  }
 }
 
 }  // namespace clearance::cli

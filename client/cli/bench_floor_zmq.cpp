@@ -52,7 +52,8 @@ class ZmqFloor final : public Floor {
     socket_.connect(echo_.said());
   }
 
-  bool exchange() override {
+  bool exchange(std::chrono::nanoseconds held) override {
+    ask_to_hold(request_.data() + kHeader, held);
     send_parts(socket_, request_);
     for (int part = 0; part < 2; ++part)
       if (!socket_.recv(reply_)) throw std::runtime_error("floor: the echo process does not answer");
@@ -90,6 +91,7 @@ int run_zmq_echo(const std::vector<std::string>& arguments) {
   ::close(STDOUT_FILENO);
   for (zmq::message_t identity, header, payload;;) {
     if (!socket.recv(identity) || !socket.recv(header) || !socket.recv(payload)) return 1;
+    hold(payload.data<std::byte>());
     socket.send(identity, zmq::send_flags::sndmore);
     send_parts(socket, reply);
   }

@@ -39,6 +39,11 @@ double ratio(const Samples& a, const Samples& b, double part) {
   return a.percentile_us(part) / b.percentile_us(part);
 }
 
+/// What the median takes beyond the bare floor's and the engine's own.
+double added_us(const BenchReport& r) {
+  return r.ours.latency.percentile_us(0.5) - r.floor.latency.percentile_us(0.5) - r.ours.engine.percentile_us(0.5);
+}
+
 Table row_of(const BenchReport& r) {
   std::vector<std::string> names{"machine",     "date",    "transport", "backend",   "bodies",       "pairs",
                                  "configs",     "moved",   "reduce",    "precision", "mode",         "request_bytes",
@@ -72,10 +77,19 @@ Table row_of(const BenchReport& r) {
   add("server_", r.ours.server, {0.5, 0.99});
   add("engine_", r.ours.engine, {0.5, 0.99});
   add("transport_", r.ours.transport, {0.5, 0.99});
-  add("floor_", r.floor.latency, {0.5, 0.99});
+  add("floor_", r.floor.latency, {0.5, 0.99, 0.999});
+  add("held_floor_", r.held_floor.latency, {0.5, 0.99, 0.999});
   for (const double part : {0.5, 0.99}) {
     names.push_back(part == 0.5 ? "transport_to_floor_p50" : "transport_to_floor_p99");
     cells.push_back(rounded(ratio(r.ours.transport, r.floor.transport, part)));
+  }
+  names.push_back("added_p50_us");
+  cells.push_back(rounded(added_us(r)));
+  const std::vector<Bar> bars = bars_of(r);
+  for (std::size_t i = 0; i < bars.size(); ++i) {
+    const std::string prefix = i == 0 ? "p50_bar" : "p99.9_bar";
+    names.insert(names.end(), {prefix, prefix + "_limit", prefix + "_met"});
+    cells.insert(cells.end(), {rounded(bars[i].value), rounded(bars[i].limit), Cell(bars[i].met() ? "yes" : "no")});
   }
   names.push_back("command");
   cells.push_back(r.command);
@@ -119,17 +133,30 @@ void print_for_people(const BenchReport& r, std::ostream& out) {
   add_samples("    engine", r.ours.engine);
   add_samples("  transport", r.ours.transport);
   add_samples("floor", r.floor.latency);
+  add_samples("floor + engine's time", r.held_floor.latency);
   add("transport / floor", [&](double part) { return ratio(r.ours.transport, r.floor.transport, part); });
   table.print(out, Output::kTable);
 
+  const double floor = r.floor.latency.percentile_us(0.5), engine = r.ours.engine.percentile_us(0.5);
+  std::snprintf(line, sizeof line, "\nmedians: floor %.3f + engine's own %.3f = %.3f; latency %.3f: added %.3f us\n",
+                floor, engine, floor + engine, r.ours.latency.percentile_us(0.5), added_us(r));
+  out << line;
+  for (const Bar& bar : bars_of(r)) {
+    std::snprintf(line, sizeof line, "%s: %.3f; at most %g: %s\n", bar.name.c_str(), bar.value, bar.limit,
+                  bar.met() ? "met" : "not met");
+    out << line;
+  }
   std::snprintf(line, sizeof line, "\n%zu answers, %.0f a second, %.3g pairs a second; %llu lost\n",
                 r.ours.latency.size(), r.ours.throughput(),
                 r.ours.throughput() * static_cast<double>(r.pairs) *
                     static_cast<double>(std::max<std::uint64_t>(r.configurations, 1)),
                 static_cast<unsigned long long>(r.ours.lost));
   out << line;
-  std::snprintf(line, sizeof line, "floor: the same bytes, bare: %s; %zu echoes, %llu lost\n",
-                r.floor_description.c_str(), r.floor.latency.size(), static_cast<unsigned long long>(r.floor.lost));
+  std::snprintf(line, sizeof line,
+                "floor: the same bytes, bare: %s; %zu echoes, and %zu held for %.3f us as by the engine; %llu lost\n",
+                r.floor_description.c_str(), r.floor.latency.size(), r.held_floor.latency.size(),
+                1e-3 * static_cast<double>(r.held.count()),
+                static_cast<unsigned long long>(r.floor.lost + r.held_floor.lost));
   out << line;
   if (r.ours.unsent > 0)
     out << r.ours.unsent << " requests more were due: the daemon does not keep up with this rate\n";
@@ -142,6 +169,18 @@ std::string transport_name(const std::string& url) {
   const std::string scheme = url.substr(0, url.find(':'));
   if (scheme == "ipc" || scheme == "tcp") return "zmq-" + scheme;
   return scheme == "udpm" ? "lcm" : scheme;
+}
+
+std::vector<Bar> bars_of(const BenchReport& r) {
+  constexpr double kAddedUs = 0.5, kToFloor = 1.2, kTailToFloor = 2;
+  const double tail = ratio(r.ours.latency, r.held_floor.latency, 0.999);
+  Bar median{"p50, added [us]", added_us(r), kAddedUs};
+  if (transport_name(r.url) != "shm")
+    median = {
+        "p50, (latency - engine) / floor",
+        (r.ours.latency.percentile_us(0.5) - r.ours.engine.percentile_us(0.5)) / r.floor.latency.percentile_us(0.5),
+        kToFloor};
+  return {median, {"p99.9, latency / (floor + engine's time)", tail, kTailToFloor}};
 }
 
 void print_report(const BenchReport& report, std::ostream& out, Output output) {

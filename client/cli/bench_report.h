@@ -1,8 +1,10 @@
 // What a latency benchmark found, for people and as a row of CSV.
 #pragma once
 
+#include <chrono>
 #include <iosfwd>
 #include <string>
+#include <vector>
 
 #include "bench_floor.h"
 #include "bench_samples.h"
@@ -21,9 +23,22 @@ struct BenchReport {
   double warmup_s = 0;
   EchoSize size;
   Series ours, floor;
+  Series held_floor;                 ///< the floor whose echo computes for `held` before it replies
+  std::chrono::nanoseconds held{0};  ///< the engine's own time for this query: its median as the bench warmed up
   std::string floor_description;
   bool ended_early = false;  ///< Samples::kMost was reached
 };
+
+/// A bar that we hold ourselves to, and what was measured.
+struct Bar {
+  std::string name;  ///< of what is compared, with its unit
+  double value = 0, limit = 0;
+  bool met() const { return value <= limit; }
+};
+/// The bars of this report's transport. The median: what a query takes beyond the bare floor's median and the engine's
+/// own. The tail: over that of a floor whose echo computes as long as the engine, since a query that takes longer meets
+/// more interrupts.
+std::vector<Bar> bars_of(const BenchReport& report);
 
 /// "shm", "zmq-ipc", "zmq-tcp", "lcm".
 std::string transport_name(const std::string& url);

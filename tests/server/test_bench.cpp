@@ -107,6 +107,19 @@ TEST_F(Bench, EachTransportIsMeasuredBesideItsFloor) {
     EXPECT_NEAR(std::stod(row.at("transport_to_floor_p50")),
                 std::stod(row.at("transport_p50_us")) / std::stod(row.at("floor_p50_us")),
                 0.01 * std::stod(row.at("transport_to_floor_p50")));
+    // What is compared with the bars is made of what the row says.
+    const auto of = [&](const char* column) { return std::stod(row.at(column)); };
+    EXPECT_NEAR(of("added_p50_us"), of("p50_us") - of("floor_p50_us") - of("engine_p50_us"), 1e-3 * of("p50_us"));
+    EXPECT_GE(of("held_floor_p50_us"), of("engine_p50_us") / 2) << "the echo holds the request back as long as the engine";
+    EXPECT_NEAR(of("p99.9_bar"), of("p99.9_us") / of("held_floor_p99.9_us"), 0.01 * of("p99.9_bar"));
+    const bool in_memory = name == std::string("shm");
+    EXPECT_NEAR(of("p50_bar"),
+                in_memory ? of("added_p50_us") : (of("p50_us") - of("engine_p50_us")) / of("floor_p50_us"),
+                0.01 * of("p50_us"));
+    EXPECT_EQ(of("p50_bar_limit"), in_memory ? 0.5 : 1.2);
+    for (const std::string bar : {"p50_bar", "p99.9_bar"})
+      EXPECT_EQ(row.at(bar + "_met"), of(bar.c_str()) <= of((bar + "_limit").c_str()) ? "yes" : "no");
+    EXPECT_TRUE(contains(done.out, "medians: floor "));
     EXPECT_TRUE(contains(row.at("command"), "clearance bench --connect " + url + " --pairs 4"));
   }
   const auto lines = lines_of(csv_);
@@ -162,6 +175,7 @@ TEST_F(Bench, WhatCannotBeMeasuredIsSaid) {
        2,
        "--pairs: the scene has 3 enabled pairs with a moved body"},
       {{"--seconds", "0"}, 2, "--seconds"},
+      {{"--connect", daemon_.urls().at(1), "--spin-us", "5"}, 2, "--spin-us: only for shared memory"},
       {{"--csv", other}, 1, "its columns are not those of clearance bench"},
       {{"--csv", folder_ / "none/x.csv"}, 1, "cannot write"},
       {{"--connect", "shm://" + (folder_ / "none")}, 3, "there is no socket: is clearanced running?"},
