@@ -195,12 +195,13 @@ void Loop::tick() {
   if (now >= next_tick_) {
     next_tick_ = now + options_.tick;
     const auto gone = [](const TaskPtr& task) { return !task->sink->alive(); };
-    const auto drop = [this](const TaskPtr& task) { forget(*task), ++counter("queries.dropped"); };
+    const auto drop = [this](const TaskPtr& task) { forget(*task), ++dropped_, ++counter("queries.dropped"); };
     fresh_.remove_if(gone, drop);
     long_.remove_if(gone, drop);
     std::erase_if(reload_waiters_, [this](const ReloadWaiter& waiter) {
       if (waiter.sink->alive()) return false;
       leave(waiter.sink->client());
+      ++dropped_;
       return true;
     });
     if (waiting_per_client_.size() > kIdleClientsKept)
@@ -256,6 +257,7 @@ bool Loop::work_for_a_slice() {
     TaskPtr task = next_task();
     if (!task->sink->alive()) {
       forget(*task);
+      ++dropped_;
       ++counter("queries.dropped");
       continue;
     }

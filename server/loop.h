@@ -110,8 +110,9 @@ class Loop final : public Inbox {
   std::vector<std::unique_ptr<Transport>> transports_;
   std::vector<std::uint64_t*> transport_frames_;   // counters, beside transports_
   std::map<std::string, std::uint64_t> counters_;  // a map: references stay valid
-  // frames = replies + errors + queries.dropped + those under way
-  std::uint64_t &frames_ = counters_["frames"], &replies_ = counters_["replies"], &queries_ = counters_["queries"],
+  // frames = replies + errors + requests.dropped (their client is gone) + requests.waiting
+  std::uint64_t &frames_ = counters_["frames"], &replies_ = counters_["replies"],
+                &dropped_ = counters_["requests.dropped"], &queries_ = counters_["queries"],
                 &answered_ = counters_["queries.answered"], &rows_ = counters_["rows"];
   // "latency_us.N": queries that took from arrival to reply more than N/2 and at most N microseconds; "latency_us.more".
   static constexpr int kLatencyBuckets = 24;

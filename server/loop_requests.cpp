@@ -245,6 +245,7 @@ std::vector<std::byte> Loop::stats_payload() const {
   add("uptime_s",
       static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count()));
   add("queries.waiting", waiting());
+  add("requests.waiting", waiting() + reload_waiters_.size() + 1);  // with the one that asks for this
   for (const auto& [name, value] : counters_) add(name, value);
   for (const auto& [name, value] : engine_->stats()) add(name, value);
   return payload;

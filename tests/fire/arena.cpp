@@ -142,12 +142,12 @@ std::string unbalanced(const Stats& stats) {
     const auto found = stats.find(name);
     return found == stats.end() ? 0 : found->second;
   };
-  const std::uint64_t in = of("frames");
-  const std::uint64_t out = of("replies") + of("errors") + of("queries.dropped") + of("queries.waiting");
-  if (in == out + 1) return "";  // the request for these counters was being answered
-  return std::to_string(in) + " requests came in; " + std::to_string(of("replies")) + " replies, " +
-         std::to_string(of("errors")) + " refusals, " + std::to_string(of("queries.dropped")) + " dropped with their clients, " +
-         std::to_string(of("queries.waiting")) + " waiting and 1 being answered do not make that";
+  const std::uint64_t replies = of("replies"), errors = of("errors"), dropped = of("requests.dropped"),
+                      waiting = of("requests.waiting");
+  if (of("frames") == replies + errors + dropped + waiting) return "";
+  return std::to_string(of("frames")) + " requests came in; " + std::to_string(replies) + " replies, " +
+         std::to_string(errors) + " refusals, " + std::to_string(dropped) + " dropped with their clients and " +
+         std::to_string(waiting) + " under way do not make that";
 }
 
 }  // namespace clearance::fire
