@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <optional>
 
+#include "accepting.h"
 #include "client/default_socket.h"
 #include "engine/engine.h"
 #include "loop.h"
@@ -34,8 +35,9 @@ void handle_signals() {
   struct sigaction action {};
   action.sa_handler = on_signal;
   for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
+  // A peer that is gone and a file that may not grow (a segment beyond RLIMIT_FSIZE) are errors of a call.
   action.sa_handler = SIG_IGN;
-  sigaction(SIGPIPE, &action, nullptr);
+  for (const int number : {SIGPIPE, SIGXFSZ}) sigaction(number, &action, nullptr);
 }
 
 void start_log(const DaemonOptions& options) {
@@ -99,6 +101,7 @@ std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] con
 }
 
 void open_endpoints(Loop& loop, DaemonOptions& options) {
+  reserve_descriptor();
   add_default_endpoint(options);
   for (const std::string& path : options.shm) loop.add(open_shm(path));
   for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint));

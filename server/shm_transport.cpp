@@ -14,6 +14,7 @@
 #include <new>
 #include <stdexcept>
 
+#include "accepting.h"
 #include "client/shm_layout.h"
 #include "client/shm_os.h"
 #include "shm_segment.h"
@@ -202,7 +203,9 @@ class ShmTransport final : public Transport {
 
   void accept_clients() {
     for (int i = 0; i < kMessagesPerEvent; ++i) {
-      UniqueFd socket(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+      UniqueFd socket(accept_or_refuse(listener_.get(), [this](int unwanted) {
+        refuse(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
+      }));
       if (!socket) return;
       ucred peer{};
       socklen_t length = sizeof peer;
