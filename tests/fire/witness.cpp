@@ -176,4 +176,14 @@ std::vector<std::string> Witness::complaints() const {
   return complaints_;
 }
 
+std::string await_answers(const Witnesses& witnesses, std::uint64_t count) {
+  const auto deadline = std::chrono::steady_clock::now() + 60s;
+  for (const auto& witness : witnesses)
+    for (const std::uint64_t begin = witness->right(); witness->right() < begin + count;) {
+      if (std::chrono::steady_clock::now() > deadline) return witness->url() + " gets no answers";
+      std::this_thread::sleep_for(1ms);
+    }
+  return "";
+}
+
 }  // namespace clearance::fire

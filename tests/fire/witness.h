@@ -83,4 +83,10 @@ class Witness {
   std::thread thread_;
 };
 
+using Witnesses = std::vector<std::unique_ptr<Witness>>;
+
+/// Waits until each has had so many more right answers, at most a minute. Returns whom it waited for in vain, or an
+/// empty text.
+std::string await_answers(const Witnesses& witnesses, std::uint64_t count);
+
 }  // namespace clearance::fire
