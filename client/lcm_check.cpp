@@ -1,5 +1,6 @@
 #include "lcm_check.h"
 
+#include <algorithm>
 #include <cstdint>
 
 #include "lcm_bus.h"
@@ -50,8 +51,12 @@ class Walk {
     if (size == 0 || size > limit + 1) {
       fail(std::string(what) + ": expected at most " + std::to_string(limit) + " bytes");
     } else {
+      const auto text = packet_.subspan(at_, size);
       at_ += size;
-      if (packet_[at_ - 1] != std::byte{0}) fail(std::string(what) + " does not end");
+      // Generated code reads up to the first NUL: bytes behind it would be seen by some readers only.
+      if (std::find(text.begin(), text.end(), std::byte{0}) != text.end() - 1) {
+        fail(std::string(what) + " does not end where it says");
+      }
     }
   }
   void fail(const std::string& what) {

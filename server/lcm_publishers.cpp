@@ -16,9 +16,11 @@ PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::
     return {Verdict::kNew, 0};
   }
   Publisher& known = it->second;
+  // Since it was last followed: one that has begun anew under its old id and is not silent must not wait until it has
+  // counted up to where it was.
   const bool was_silent = now - known.last > kSilence;
-  known.last = now;
   if (sequence > known.sequence) {
+    known.last = now;
     // Unsigned: sequences of the far ends of the range must not overflow.
     const std::uint64_t missing = static_cast<std::uint64_t>(sequence) - static_cast<std::uint64_t>(known.sequence) - 1;
     known.sequence = sequence;
@@ -27,6 +29,7 @@ PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::
   if (sequence == known.sequence) return {Verdict::kRepeated, 0};
   const std::uint64_t back = static_cast<std::uint64_t>(known.sequence) - static_cast<std::uint64_t>(sequence);
   if (was_silent || back >= static_cast<std::uint64_t>(kRestartStep)) {
+    known.last = now;
     known.sequence = sequence;
     return {Verdict::kRestart, 0};
   }
@@ -38,14 +41,15 @@ std::vector<std::uint32_t> OwnerLog::note(std::int64_t publisher, std::span<cons
   std::vector<std::uint32_t> contested;
   for (const BodyPose& pose : poses) {
     if (pose.body >= owners_.size()) continue;
-    Owner& owner = owners_[pose.body];
-    if (owner.now != publisher) {
-      if (owner.before == publisher && now - owner.before_last < kWindow) contested.push_back(pose.body);
-      owner.before = owner.now;
-      owner.before_last = owner.last;
-      owner.now = publisher;
+    auto& owners = owners_[pose.body];
+    auto known = std::find_if(owners.begin(), owners.end(), [&](const Owner& o) { return o.publisher == publisher; });
+    const bool was_here = known != owners.end() && now - known->last < kWindow;
+    if (known != owners.begin()) {
+      if (was_here) contested.push_back(pose.body);
+      if (known == owners.end()) --known;  // silent for longest: forgotten
+      std::rotate(owners.begin(), known, known + 1);
     }
-    owner.last = now;
+    owners.front() = {publisher, now};
   }
   return contested;
 }

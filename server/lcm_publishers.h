@@ -1,6 +1,7 @@
 // Who publishes poses over LCM: order, losses and quarrels.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <span>
@@ -19,7 +20,7 @@ class PublisherLog {
   using Clock = std::chrono::steady_clock;
   /// Publishers remembered; past that the one silent for longest is forgotten.
   static constexpr std::size_t kMaxPublishers = 256;
-  /// A publisher that was silent for so long, or went so far back, has begun to count anew.
+  /// A publisher that sent nothing newer for so long, or went so far back, has begun to count anew.
   static constexpr std::chrono::seconds kSilence{2};
   static constexpr std::int64_t kRestartStep = 1000;
 
@@ -46,29 +47,29 @@ class PublisherLog {
   };
   struct Publisher {
     std::int64_t sequence = 0;
-    Clock::time_point last;
+    Clock::time_point last;  ///< of a message that was used
   };
   std::unordered_map<Key, Publisher, Hash> publishers_;
 };
 
-/// Notices two publishers that move the same body in turns. One that takes over from another (a restart) is no quarrel.
+/// Notices publishers that move the same body in turns. One that takes over from another (a restart) is no quarrel.
 class OwnerLog {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::seconds kWindow{5};
+  static constexpr std::size_t kRemembered = 4;  ///< publishers of each body: that many may take turns and be noticed
 
   explicit OwnerLog(std::size_t bodies) : owners_(bodies) {}
 
-  /// Returns the bodies of this update that an earlier publisher had taken from this one within the window.
+  /// Returns the bodies of this update that others have moved since this publisher did, within the window.
   std::vector<std::uint32_t> note(std::int64_t publisher, std::span<const BodyPose> poses, Clock::time_point now);
 
  private:
   struct Owner {
-    std::int64_t now = 0, before = 0;
-    Clock::time_point before_last;  ///< when `before` last wrote
+    std::int64_t publisher = 0;
     Clock::time_point last;
   };
-  std::vector<Owner> owners_;  // by body id
+  std::vector<std::array<Owner, kRemembered>> owners_;  // by body id; the last to move it first
 };
 
 }  // namespace clearance

@@ -41,7 +41,7 @@ def run(target: str, seconds: int) -> dict:
     command = [str(PROGRAMS / f"fuzz_{target}"), f"-max_total_time={seconds}", f"-max_len={MAX_BYTES}", "-timeout=20",
                "-rss_limit_mb=4096", f"-artifact_prefix={findings}/"]
     if target in CONTAINED:
-        command += ["-fork=1", "-ignore_crashes=1", "-ignore_timeouts=1", "-ignore_ooms=1"]
+        command += ["-fork=1", "-ignore_crashes=1", "-ignore_timeouts=1", "-ignore_ooms=1", "-detect_leaks=0"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "UBSAN_OPTIONS": "print_stacktrace=1", "CLEARANCE_TABLE_FILES": "off"}
     log = OUT / f"{target}.log"
     begin = time.monotonic()

@@ -233,6 +233,24 @@ TEST(LcmPublishers, Verdicts) {
   EXPECT_EQ(log.note(0, 3, std::numeric_limits<std::int64_t>::min(), t).verdict, Verdict::kRestart);
 }
 
+TEST(LcmPublishers, OneThatBeginsAnewUnderItsOldIdIsFollowedWithinTwoRepeats) {
+  // At 100 Hz and at the one message a second that every publisher owes.
+  for (const int hz : {100, 1}) {
+    PublisherLog log;
+    const auto t = PublisherLog::Clock::now();
+    ASSERT_EQ(log.note(0, 1, 900, t).verdict, Verdict::kNew);
+    int restarts = 0, left_out = 0;
+    for (int k = 1; k <= 3 * hz; ++k) {
+      const auto now = t + k * std::chrono::nanoseconds(1'000'000'000 / hz);
+      const auto verdict = log.note(0, 1, k, now).verdict;
+      restarts += verdict == Verdict::kRestart;
+      left_out += verdict == Verdict::kOld;
+    }
+    EXPECT_EQ(restarts, 1);
+    EXPECT_EQ(left_out, 2 * hz);
+  }
+}
+
 TEST(LcmPublishers, ManyAreNotRememberedForever) {
   PublisherLog log;
   const auto t = PublisherLog::Clock::now();
@@ -252,6 +270,12 @@ TEST(LcmPublishers, AQuarrelIsTakingTurns) {
   EXPECT_EQ(log.note(20, one, t + std::chrono::seconds(1)), (std::vector<std::uint32_t>{1}));
   // Each in its own time is none.
   EXPECT_TRUE(log.note(10, one, t + std::chrono::seconds(20)).empty());
+  // Four in turns: noticed from the second turn on.
+  for (int turn = 0; turn < 3; ++turn)
+    for (const int publisher : {1, 2, 3, 4})
+      EXPECT_EQ(log.note(publisher, one, t + std::chrono::seconds(40)).size(), turn == 0 ? 0u : 1u) << turn << " " << publisher;
+  // One after another, none of which comes back: restarts.
+  for (int publisher = 5; publisher < 50; ++publisher) EXPECT_TRUE(log.note(publisher, one, t + std::chrono::seconds(41)).empty());
 }
 
 // --- the outbox

@@ -1,0 +1,337 @@
+// Poses over a network that loses, repeats, delays and floods: what the daemon has is the newest that was delivered, and
+// the newest that was sent after one repeat; publishers and daemons that begin anew agree within two repeats.
+#include "engine/pose_store.h"
+#include "faulty_link.h"
+#include "lcm_transport_fixture.h"
+
+namespace clearance {
+namespace {
+
+class LcmFreshness : public LcmTransportTest {
+ protected:
+  void SetUp() override {
+    LcmTransportTest::SetUp();
+    raw_.emplace(address_.port);
+  }
+
+  static double step_of(std::int64_t sequence) { return 0.01 * static_cast<double>(sequence); }
+  /// The datagram of a message of publisher 1 that says where all balls are in a step.
+  std::vector<std::byte> datagram(std::int64_t sequence, double step, bool by_name = false) {
+    const pose_update_t message = update(sequence, step);
+    if (!by_name) return RawSender::datagram("CLEARANCE_POSES", encode(message));
+    named_pose_update_t named{};
+    named.publisher_id = message.publisher_id;
+    named.sequence = sequence;
+    named.stamp_ns = message.stamp_ns;
+    named.count = kMoving;
+    for (int i = 0; i < kMoving; ++i) named.names.push_back("ball" + std::to_string(i));
+    named.poses = message.poses;
+    return RawSender::datagram("CLEARANCE_POSES_NAMED", encode(named));
+  }
+  /// Pose messages that the daemon has come across, used or left out.
+  std::uint64_t seen() { return counter("lcm.pose_messages") + counter("lcm.repeated") + counter("lcm.reordered"); }
+  bool until_seen(std::uint64_t count) {
+    return until([&] { return seen() >= count; });
+  }
+  /// Whether every ball is where message `sequence` put it, and says so: no mix of two messages.
+  bool stands_at(std::int64_t sequence, double step) {
+    for (int i = 0; i < kMoving; ++i)
+      if (position(1 + i) != position_of(i, step) || engine_->body_state(1 + i).stamp_ns != 1000 * sequence) return false;
+    return true;
+  }
+  bool stands_at(std::int64_t sequence) { return stands_at(sequence, step_of(sequence)); }
+
+  std::optional<RawSender> raw_;
+};
+
+// --- one publisher over a bad link
+
+class LcmBadLink : public LcmFreshness, public testing::WithParamInterface<std::tuple<int, bool>> {};
+
+TEST_P(LcmBadLink, TheStateIsTheNewestMessageDelivered) {
+  const auto [seed, by_name] = GetParam();
+  start();
+  FaultyLink link(static_cast<std::uint32_t>(seed), {.lose = 0.2, .duplicate = 0.2, .delay = 0.3, .most_delay = 6},
+                  [&](std::span<const std::byte> bytes) { raw_->send(bytes); });
+  constexpr std::int64_t kMessages = 300;
+  std::uint64_t gaps = 0, repeated = 0, reordered = 0, used = 0;
+  std::int64_t newest = 0;
+  std::size_t looked_at = 0;
+  int behind = 0;
+  for (std::int64_t k = 1; k <= kMessages; ++k) {
+    if (k == kMessages) link.heal();
+    link.send(k, datagram(k, step_of(k), by_name));
+    // The same rules as in the documentation, said once more.
+    for (; looked_at < link.delivered().size(); ++looked_at) {
+      const std::int64_t sequence = link.delivered()[looked_at];
+      if (newest != 0 && sequence == newest) ++repeated;
+      if (newest != 0 && sequence < newest) ++reordered;
+      if (sequence <= newest) continue;
+      if (newest != 0) gaps += static_cast<std::uint64_t>(sequence - newest - 1);
+      newest = sequence;
+      ++used;
+    }
+    ASSERT_TRUE(until_seen(link.delivered().size()));
+    if (newest == 0) continue;
+    ASSERT_TRUE(stands_at(newest)) << "after message " << k;
+    behind += newest < k;
+  }
+  // The faults were there, and the daemon's counters tell of each.
+  EXPECT_GT(link.counts().lost, 30);
+  EXPECT_GT(link.counts().duplicated, 20);
+  EXPECT_GT(link.counts().overtaken, 30);
+  EXPECT_GT(behind, 30) << "the newest message sent was never missing: the link did no harm";
+  EXPECT_EQ(counter("lcm.pose_messages"), used);
+  EXPECT_EQ(counter("lcm.gaps"), gaps);
+  EXPECT_EQ(counter("lcm.repeated"), repeated);
+  EXPECT_EQ(counter("lcm.reordered"), reordered);
+  EXPECT_EQ(counter("lcm.restarts"), 0u);
+  EXPECT_EQ(used + repeated + reordered, link.delivered().size());
+  EXPECT_GT(repeated, 0u);
+  EXPECT_EQ(counter("lcm.bad_messages"), 0u);
+}
+
+TEST_P(LcmBadLink, OneRepeatBringsTheNewestMessageSent) {
+  const auto [seed, by_name] = GetParam();
+  start();
+  int missed = 0;
+  std::int64_t sequence = 0;
+  for (int round = 0; round < 12; ++round) {
+    FaultyLink link(static_cast<std::uint32_t>(1000 * seed + round), {.lose = 0.4, .duplicate = 0.2, .delay = 0.5, .most_delay = 5},
+                    [&](std::span<const std::byte> bytes) { raw_->send(bytes); });
+    const std::uint64_t before = seen();
+    for (int k = 0; k < 10; ++k) {
+      ++sequence;
+      link.send(sequence, datagram(sequence, step_of(sequence), by_name));
+    }
+    ASSERT_TRUE(until_seen(before + link.delivered().size()));
+    missed += !stands_at(sequence);
+    // A second later: the same poses again, under the next number. What was held back comes after it.
+    const double step = step_of(sequence);
+    ++sequence;
+    raw_->send(datagram(sequence, step, by_name));
+    link.heal();
+    ASSERT_TRUE(until_seen(before + link.delivered().size() + 1));
+    EXPECT_TRUE(stands_at(sequence, step)) << "round " << round;
+  }
+  EXPECT_GT(missed, 2) << "nothing was ever missing before the repeat";
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, LcmBadLink, testing::Combine(testing::Values(1, 2, 3), testing::Bool()),
+                         [](const auto& of) {
+                           return "Seed" + std::to_string(std::get<0>(of.param)) + (std::get<1>(of.param) ? "ByName" : "ById");
+                         });
+
+// --- floods
+
+TEST_F(LcmFreshness, AFloodLosesMessagesButNeverMixesThem) {
+  start();
+  constexpr std::int64_t kFlood = 20'000;
+  raw_->send(datagram(1, step_of(1)));
+  ASSERT_TRUE(until_seen(1));
+  // Nobody serves meanwhile: the queue of the daemon's subscription overflows.
+  for (std::int64_t k = 2; k <= kFlood; ++k) raw_->send(datagram(k, step_of(k)));
+  // A question behind them all: its answer says that what was not lost has been taken.
+  query_t query = question();
+  query.pair_count = 1;
+  query.pairs = {{1, 2}};
+  std::int64_t mixed = 0, looks = 0;
+  auto again = std::chrono::steady_clock::now();
+  ASSERT_TRUE(until([&] {
+    if (const auto now = std::chrono::steady_clock::now(); now >= again) {
+      bus_->publish_message("CLEARANCE_QUERY", query);
+      again = now + std::chrono::milliseconds(200);
+    }
+    mixed += !stands_at(engine_->body_state(1).stamp_ns / 1000);
+    ++looks;
+    return !answers_.empty();
+  }));
+  EXPECT_EQ(mixed, 0);
+  EXPECT_GT(looks, 1);
+  EXPECT_LT(seen(), static_cast<std::uint64_t>(kFlood)) << "nothing was lost: this was no flood";
+  const std::int64_t newest = engine_->body_state(1).stamp_ns / 1000;
+  EXPECT_LE(seen() + counter("lcm.gaps"), static_cast<std::uint64_t>(newest)) << "every message up to the newest is seen or missing";
+  raw_->send(datagram(kFlood + 1, step_of(kFlood)));
+  ASSERT_TRUE(until([&] { return engine_->body_state(1).stamp_ns == 1000 * (kFlood + 1); }));
+  EXPECT_TRUE(stands_at(kFlood + 1, step_of(kFlood)));
+  EXPECT_EQ(seen() + counter("lcm.gaps"), static_cast<std::uint64_t>(kFlood + 1));
+  expect_good_answer();
+}
+
+TEST_F(LcmFreshness, AFloodOfPublishersIsForgottenAndReported) {
+  start();
+  set_poses(1, 0.5);
+  std::uint64_t sent = 1;
+  // Each moves ball 5, in turns with publisher 1.
+  for (std::int64_t publisher = 2; publisher <= 1000; ++publisher) {
+    pose_update_t message{};
+    message.publisher_id = publisher;
+    message.sequence = 1;
+    message.count = 1;
+    message.bodies = {6};
+    message.poses = {{9, 9, 9, 1, 0, 0, 0}};
+    publish(message);
+    ++sent;
+    if (publisher % 3 == 0) {
+      publish(update(publisher, 0.5));
+      ++sent;
+    }
+    if (publisher % 50 == 0) {
+      ASSERT_TRUE(until_seen(sent));
+    }
+  }
+  ASSERT_TRUE(until_seen(sent));
+  EXPECT_LE(counter("lcm.publishers"), 256u);
+  EXPECT_GE(counter("lcm.contested"), 1u);
+  set_poses(2000, 0.6);
+  EXPECT_TRUE(stands_at(2000, 0.6));
+}
+
+// --- beginning anew
+
+TEST_F(LcmFreshness, APublisherThatStartsAnewIsFollowedAtOnce) {
+  start();
+  FaultyLink link(7, {.lose = 0.1, .duplicate = 0.2, .delay = 0.6, .most_delay = 8},
+                  [&](std::span<const std::byte> bytes) { raw_->send(bytes); });
+  for (std::int64_t k = 1; k <= 100; ++k) link.send(k, datagram(k, step_of(k)));
+  ASSERT_TRUE(until_seen(link.delivered().size()));
+  const std::size_t before = link.delivered().size();
+  // Its successor draws another id and counts from 1.
+  publish(update(1, 50, 2));
+  ASSERT_TRUE(until_seen(before + 1));
+  EXPECT_TRUE(stands_at(1, 50));
+  // What the old one had sent and the network had kept comes now. It is another publisher's, so its newest message
+  // wins until the next repeat: the first that comes.
+  link.heal();
+  ASSERT_GT(link.delivered().size(), before);
+  ASSERT_TRUE(until_seen(link.delivered().size() + 1));
+  publish(update(2, 50, 2));
+  ASSERT_TRUE(until_seen(link.delivered().size() + 2));
+  EXPECT_TRUE(stands_at(2, 50));
+  EXPECT_EQ(counter("lcm.publishers"), 2u);
+  EXPECT_EQ(counter("lcm.restarts"), 0u);
+}
+
+TEST_F(LcmFreshness, ADaemonThatStartsLateHasAllPosesAfterOneRepeat) {
+  for (std::int64_t k = 1; k <= 50; ++k) raw_->send(datagram(k, step_of(k)));  // nobody is there
+  start();
+  EXPECT_EQ(engine_->body_state(1).status, Status::kNoPose);
+  raw_->send(datagram(51, step_of(50)));
+  ASSERT_TRUE(until_seen(1));
+  EXPECT_TRUE(stands_at(51, step_of(50)));
+  EXPECT_EQ(counter("lcm.gaps"), 0u) << "what was sent before its time is not missing";
+}
+
+TEST_F(LcmFreshness, ADaemonThatStartsAnewWithAnotherSceneHasAllPosesAfterTwoRepeats) {
+  start();
+  ASSERT_TRUE(until([&] { return !scenes_.empty(); }));
+  const std::int64_t old_scene = scenes_.back().revision;
+  // A publisher by id: it takes the ids and the revision from the last scene that it has heard of.
+  std::int64_t sequence = 0;
+  const auto repeat = [&] {
+    pose_update_t message = update(++sequence, 3);
+    message.scene_revision = scenes_.back().revision;
+    for (int i = 0; i < kMoving; ++i)
+      for (std::size_t k = 0; k < scenes_.back().names.size(); ++k)
+        if (scenes_.back().names[k] == "ball" + std::to_string(i)) message.bodies[i] = scenes_.back().ids[k];
+    publish(message);
+  };
+  repeat();
+  ASSERT_TRUE(until_seen(1));
+  EXPECT_TRUE(stands_at(1, 3));
+
+  // Another daemon, other ids: a box comes before the balls.
+  loop_.reset();
+  Scene other;
+  other.add_box("crate", {1, 1, 1}, {});
+  const Scene same = make_scene();
+  for (const Body& body : same.bodies()) other.add_body(body);
+  engine_.emplace(std::move(other), Engine::Options{.threads = 1});
+  loop_.emplace(*engine_);
+  loop_->add(make_lcm_transport(url()));
+  while (bus_->handle()) {  // what the old one had said
+  }
+  ASSERT_EQ(scenes_.back().revision, old_scene);
+  repeat();  // before the new daemon has said anything
+  ASSERT_TRUE(until_counter("lcm.wrong_scene", 1));
+  for (const char* name : {"crate", "ball0", "ball5"})
+    EXPECT_EQ(engine_->body_state(engine_->scene().find_body(name)).status, Status::kNoPose) << "ids of another scene moved something";
+  ASSERT_TRUE(until([&] { return scenes_.back().revision != old_scene; }));
+  repeat();
+  ASSERT_TRUE(until_seen(1));
+  for (int i = 0; i < kMoving; ++i) {
+    EXPECT_EQ(position(2 + i), position_of(i, 3));
+    EXPECT_EQ(engine_->body_state(2 + i).stamp_ns, 1000 * sequence);
+  }
+  EXPECT_EQ(counter("lcm.wrong_scene"), 1u);
+}
+
+TEST_F(LcmFreshness, AListenerThatJoinsLateKnowsAllAfterTwoAnnouncements) {
+  start();
+  set_poses(1, 0.7);
+  ASSERT_TRUE(until([&] { return statuses_.size() >= 2; }));
+  LcmBus late(address_);
+  std::optional<scene_t> scene;
+  std::optional<states_t> states;
+  int announcements = 0;
+  late.subscribe("CLEARANCE_SCENE", 8, [&](auto packet) { scene.emplace().decode(packet.data(), 0, static_cast<int>(packet.size())); });
+  late.subscribe("CLEARANCE_STATES", 8, [&](auto packet) { states.emplace().decode(packet.data(), 0, static_cast<int>(packet.size())); });
+  late.subscribe("CLEARANCE_STATUS", 8, [&](auto) { ++announcements; });
+  ASSERT_TRUE(until([&] {
+    while (late.handle()) {
+    }
+    return announcements >= 2;
+  }));
+  ASSERT_TRUE(scene && states);
+  EXPECT_EQ(static_cast<std::uint64_t>(scene->revision), engine_->scene_revision());
+  ASSERT_EQ(states->count, 1 + kMoving);
+  for (int i = 0; i < kMoving; ++i)
+    EXPECT_EQ(std::vector<double>(states->poses[1 + i].begin(), states->poses[1 + i].begin() + 3), position_of(i, 0.7));
+}
+
+// --- age
+
+TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
+  start();
+  set_poses(1, 0.7);
+  pose_update_t one{};
+  one.publisher_id = 1;
+  one.count = 1;
+  one.bodies = {1};
+  one.poses = {pose_of(0, 0.9)};
+  query_t query = question();
+  query.pair_count = 3;
+  query.pairs = {{1, 2}, {2, 3}, {0, 1}};
+  query.fields = kFieldDistance | kFieldStatus | kFieldFlags;
+  bool told_apart = false;
+  for (int attempt = 0; attempt < 100 && !told_apart; ++attempt) {
+    one.sequence = 2 + attempt;
+    const std::int64_t before = engine_->body_state(1).receipt_ns;
+    publish(one);
+    ASSERT_TRUE(until([&] { return engine_->body_state(1).receipt_ns != before; }));
+    const std::int64_t young = engine_->body_state(1).receipt_ns, old = engine_->body_state(2).receipt_ns;
+    // Just less than the age of the others: they are too old for certain, and ball 0 is not unless this takes longer
+    // than the others are older.
+    const std::int64_t asked = monotonic_ns();
+    query.max_pose_age_ns = asked - old - 1;
+    const auto reply = ask(query);
+    const std::int64_t answered = monotonic_ns();
+    ASSERT_TRUE(reply);
+    ASSERT_EQ(reply->error_code, 0) << reply->error_text;
+    ASSERT_EQ(reply->flags.size(), 3u);
+    EXPECT_TRUE(reply->flags[0] & reply_t::FLAG_STALE);
+    EXPECT_TRUE(reply->flags[1] & reply_t::FLAG_STALE);
+    EXPECT_EQ(reply->oldest_receipt_ns, old);
+    if (answered - asked >= young - old) continue;
+    told_apart = true;
+    EXPECT_FALSE(reply->flags[2] & reply_t::FLAG_STALE) << "the table never moves, and ball 0 is young";
+  }
+  EXPECT_TRUE(told_apart);
+  query.max_pose_age_ns = std::int64_t{3600} * 1'000'000'000;
+  const auto reply = ask(query);
+  ASSERT_TRUE(reply);
+  for (const auto flags : reply->flags) EXPECT_FALSE(flags & reply_t::FLAG_STALE);
+}
+
+}  // namespace
+}  // namespace clearance
