@@ -8,6 +8,7 @@
 #include <span>
 #include <string>
 
+#include "key_file.h"
 #include "protocol.h"
 
 namespace clearance {
@@ -44,9 +45,16 @@ class Channel {
   virtual std::string url() const = 0;
 };
 
+/// For CURVE: whom the client takes for the daemon, and who it is itself. Empty: without keys.
+struct ChannelKeys {
+  std::string server;  ///< public
+  KeyPair own;
+};
+
 /// Each connects or throws ConnectionError (client.h) naming the url and the cause.
-std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, Deadline deadline);
-/// \param socket_path may end in options: "/run/user/0/clearance.sock?spin_us=50" (0: never spin; default 20).
+std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, const ChannelKeys& keys, Deadline deadline);
+/// \param socket_path may end in options: "/run/clearance/clearance.sock?spin_us=50&user=clearance" (0: never spin; default
+/// 20. Whose daemon is meant; default our own user's).
 std::unique_ptr<Channel> open_shm_channel(const std::string& socket_path, Deadline deadline);
 std::unique_ptr<Channel> open_lcm_channel(const std::string& lcm_url, const std::string& channel_prefix,
                                           Deadline deadline);

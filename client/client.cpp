@@ -1,6 +1,7 @@
 #include "client.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <numeric>
 #include <optional>
@@ -87,7 +88,27 @@ wire::QueryHeader header_of(const Query& query) {
   return q;
 }
 
-std::unique_ptr<Channel> open_channel(const std::string& url, Deadline deadline) {
+/// The keys of a url, options or environment, in this order: whoever is more explicit has the word.
+ChannelKeys keys_of(const std::string& url, const Url& parsed, const ConnectOptions& options) {
+  const auto choose = [](const std::string& option, const std::string& in_url, const char* variable) {
+    const char* value = std::getenv(variable);
+    return !option.empty() ? option : !in_url.empty() ? in_url : value ? std::string(value) : std::string();
+  };
+  const bool tcp = url.rfind("tcp://", 0) == 0;
+  const std::string server = tcp ? choose(options.server_key, parsed.server_key, "CLEARANCE_SERVER_KEY") : "";
+  const std::string own = tcp ? choose(options.key, parsed.key, "CLEARANCE_KEY") : "";
+  if (server.empty() != own.empty())
+    throw std::invalid_argument(url + ": keys are the daemon's and one's own; " +
+                                (server.empty() ? "server_key is missing" : "key is missing"));
+  if (server.empty()) return {};
+  try {
+    return {read_public_key(server), read_key_pair(own)};
+  } catch (const std::runtime_error& error) {
+    throw ConnectionError(url + ": " + error.what());
+  }
+}
+
+std::unique_ptr<Channel> open_channel(const std::string& url, const ConnectOptions& options, Deadline deadline) {
   const Url parsed = parse_url(url);
   switch (parsed.kind) {
     case UrlKind::kShm:
@@ -98,7 +119,7 @@ std::unique_ptr<Channel> open_channel(const std::string& url, Deadline deadline)
 #endif
     case UrlKind::kZmq:
 #ifdef CLEARANCE_HAVE_ZMQ
-      return open_zmq_channel(parsed.target, deadline);
+      return open_zmq_channel(parsed.target, keys_of(url, parsed, options), deadline);
 #else
       break;
 #endif
@@ -115,7 +136,8 @@ std::unique_ptr<Channel> open_channel(const std::string& url, Deadline deadline)
 }  // namespace
 
 struct Client::Impl {
-  explicit Impl(std::unique_ptr<Channel> c) : channel(std::move(c)) {}
+  Impl(const std::string& asked, const ConnectOptions& options)
+      : asked_url(asked), asked_options(options), channel(open_channel(asked, options, deadline_in(options.timeout))) {}
   ~Impl() {
     // In a forked child the channel's sockets, threads and slots are the parent's: they are left alone, not closed.
     if (fork_guard.forked()) (void)channel.release();
@@ -151,7 +173,7 @@ struct Client::Impl {
   /// After a call has thrown because the daemon went away. The scene that the caller knows stays what its requests are
   /// for: a daemon that came back with another one refuses them (kWrongScene).
   void connect_anew() {
-    channel = open_channel(url, deadline_in(timeout));
+    channel = open_channel(asked_url, asked_options, deadline_in(timeout));
     oldest_request_id = next_request_id;
   }
 
@@ -239,6 +261,8 @@ struct Client::Impl {
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
   }
 
+  std::string asked_url;
+  ConnectOptions asked_options;
   std::unique_ptr<Channel> channel;
   std::string url = channel->url();
   ForkGuard fork_guard;
@@ -504,7 +528,11 @@ Reply Pending::get() {
 }
 
 Client connect(const std::string& url, std::chrono::nanoseconds timeout) {
-  return Client(std::make_shared<Client::Impl>(open_channel(url, deadline_in(timeout))));
+  return connect(url, ConnectOptions{timeout});
+}
+
+Client connect(const std::string& url, const ConnectOptions& options) {
+  return Client(std::make_shared<Client::Impl>(url, options));
 }
 
 }  // namespace clearance

@@ -156,6 +156,8 @@ struct SceneChanged {
 /// A request that is under way. Destroying it unread forgets the reply.
 class Pending;
 
+struct ConnectOptions;
+
 /// Not thread-safe: one client per thread. After a fork the child must connect anew (calls throw).
 ///
 /// A daemon that goes away is never passed over in silence: calls and replies under way throw ConnectionError, at least
@@ -197,7 +199,7 @@ class CLEARANCE_API Client {
   std::string url() const;
 
  private:
-  friend CLEARANCE_API Client connect(const std::string& url, Duration timeout);
+  friend CLEARANCE_API Client connect(const std::string& url, const ConnectOptions& options);
   friend class Pending;
   struct Impl;
   explicit Client(std::shared_ptr<Impl> impl);
@@ -222,9 +224,18 @@ class CLEARANCE_API Pending {
   std::unique_ptr<Frame> frame_;  // arrived, not yet fetched
 };
 
+struct ConnectOptions {
+  std::chrono::nanoseconds timeout = std::chrono::seconds(5);
+  /// Of a daemon that listens on TCP with keys: files of its public key and of this client's own pair, as `clearance
+  /// keygen` writes them. Empty: those of the url ("?server_key=FILE&key=FILE"), else of the environment
+  /// (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), else no keys.
+  std::string server_key = {}, key = {};
+};
+
 /// Connects. "shm:///run/user/0/clearance.sock", "ipc:///path", "tcp://host:port",
 /// "udpm://239.255.76.67:7667?ttl=0" (an LCM url; "&prefix=NAME_" sets the channels' prefix).
 /// Throws ConnectionError naming url and cause; std::invalid_argument for a url of no known kind.
 CLEARANCE_API Client connect(const std::string& url, std::chrono::nanoseconds timeout = std::chrono::seconds(5));
+CLEARANCE_API Client connect(const std::string& url, const ConnectOptions& options);
 
 }  // namespace clearance

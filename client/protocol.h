@@ -214,6 +214,7 @@ enum class ErrorCode : std::uint16_t {
   kBusy = 19,  ///< the queue of this client is full; ask again
   kInternal = 20,
   kReloadFailed = 21,  ///< the old scene stays; the text is the loader's
+  kForbidden = 22,     ///< this client may not do that; the text names the right that it lacks
 };
 
 struct ErrorHeader {

@@ -1,5 +1,6 @@
 // A channel over shared memory. The layout and the rules are drawn in shm_layout.h.
 #include <poll.h>
+#include <pwd.h>
 
 #include <algorithm>
 #include <array>
@@ -7,6 +8,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <thread>
@@ -45,24 +47,40 @@ constexpr int kSpinsPerClockLook = 16;
 struct Options {
   std::string path;
   std::chrono::nanoseconds spin = kDefaultSpin;
+  std::optional<uid_t> user;  ///< whose daemon it is; none: our own
 };
 
-/// "path?spin_us=20". Throws std::invalid_argument for an option that it does not know.
+/// A user's name or number.
+std::optional<uid_t> user_named(const std::string& name) {
+  if (const passwd* entry = getpwnam(name.c_str())) return entry->pw_uid;
+  uid_t number = 0;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
+  if (name.empty() || error != std::errc() || end != name.data() + name.size()) return std::nullopt;
+  return number;
+}
+
+/// "path?spin_us=20&user=clearance". Throws std::invalid_argument for an option that it does not know.
 Options parse_options(const std::string& target) {
-  constexpr std::string_view kSpin = "spin_us=";
+  constexpr std::string_view kSpin = "spin_us=", kUser = "user=";
   const std::size_t question = target.find('?');
-  Options options{target.substr(0, question), kDefaultSpin};
+  Options options{target.substr(0, question), kDefaultSpin, std::nullopt};
   for (std::size_t at = question; at != std::string::npos;) {
     const std::size_t end = target.find('&', at + 1);
     const std::string option = target.substr(at + 1, end == std::string::npos ? end : end - at - 1);
     at = end;
     if (option.empty()) continue;
+    if (option.rfind(kUser, 0) == 0) {
+      options.user = user_named(option.substr(kUser.size()));
+      if (!options.user) throw std::invalid_argument("shm://" + target + ": there is no user \"" + option.substr(kUser.size()) + "\"");
+      continue;
+    }
     std::uint32_t us = 0;
     const char* last = option.data() + option.size();
     const auto parsed = std::from_chars(option.data() + std::min(kSpin.size(), option.size()), last, us);
     if (option.rfind(kSpin, 0) != 0 || parsed.ec != std::errc{} || parsed.ptr != last || us > kMaxSpinUs)
       throw std::invalid_argument("shm://" + target + ": \"" + option +
-                                  "\" is not an option; there is spin_us=0 to spin_us=" + std::to_string(kMaxSpinUs));
+                                  "\" is not an option; there is spin_us=0 to spin_us=" + std::to_string(kMaxSpinUs) +
+                                  ", and user=NAME");
     options.spin = std::chrono::microseconds(us);
   }
   return options;
@@ -225,9 +243,12 @@ class ShmChannel final : public Channel {
     }
     ucred peer{};
     socklen_t length = sizeof peer;
-    if (::getsockopt(socket_.get(), SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0 || peer.uid != ::geteuid())
-      throw ConnectionError(url() + ": the socket is user " + std::to_string(peer.uid) + "'s, not ours (user " +
-                            std::to_string(::geteuid()) + ")");
+    if (::getsockopt(socket_.get(), SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0 ||
+        peer.uid != options_.user.value_or(::geteuid()))
+      throw ConnectionError(url() + ": the socket is user " + std::to_string(peer.uid) + "'s, not " +
+                            (options_.user ? "user " + std::to_string(*options_.user) + "'s"
+                                           : "ours (user " + std::to_string(::geteuid()) +
+                                                 "); ?user=NAME says whose daemon is meant"));
     Message hello;
     hello.wire_version = wire::kVersion;
     hello.kind = static_cast<std::uint32_t>(MessageKind::kHello);

@@ -9,42 +9,52 @@ bool starts_with(const std::string& text, const char* prefix) {
   return text.rfind(prefix, 0) == 0;
 }
 
-/// Takes "prefix=..." out of the options behind the '?' of an LCM url: LCM itself does not know it.
-std::string take_prefix(std::string& url) {
+/// Takes "NAME=..." out of the options behind the '?' of a url. Empty: it is not there.
+std::string take_option(std::string& url, const std::string& name) {
   const std::size_t question = url.find('?');
   if (question == std::string::npos) return "";
-  std::string kept, prefix;
+  std::string kept, value;
   for (std::size_t at = question + 1; at <= url.size();) {
     const std::size_t end = std::min(url.find('&', at), url.size());
     const std::string option = url.substr(at, end - at);
-    if (starts_with(option, "prefix="))
-      prefix = option.substr(7);
+    if (option.rfind(name + "=", 0) == 0)
+      value = option.substr(name.size() + 1);
     else if (!option.empty())
       kept += (kept.empty() ? "?" : "&") + option;
     at = end + 1;
   }
   url = url.substr(0, question) + kept;
-  return prefix;
+  return value;
+}
+
+Url parse_zmq(const std::string& url) {
+  Url parsed{UrlKind::kZmq, url, "", "", ""};
+  if (starts_with(url, "tcp://")) {
+    parsed.server_key = take_option(parsed.target, "server_key");
+    parsed.key = take_option(parsed.target, "key");
+    if (const std::size_t question = parsed.target.find('?'); question != std::string::npos)
+      throw std::invalid_argument("\"" + url + "\": \"" + parsed.target.substr(question + 1) +
+                                  "\" is no option of it: expected server_key=FILE&key=FILE");
+  }
+  if (parsed.target.size() == 6)
+    throw std::invalid_argument("\"" + url + "\": the endpoint is missing, as in ipc:///run/user/1000/clearance.ipc");
+  return parsed;
 }
 
 }  // namespace
 
 Url parse_url(const std::string& url) {
   if (starts_with(url, "shm://")) {
-    Url parsed{UrlKind::kShm, url.substr(6), ""};
+    Url parsed{UrlKind::kShm, url.substr(6), "", "", ""};
     if (parsed.target.empty() || parsed.target[0] != '/')
       throw std::invalid_argument(
           "\"" + url + "\": the path of the socket must be absolute, as in shm:///run/user/1000/clearance.sock");
     return parsed;
   }
-  if (starts_with(url, "ipc://") || starts_with(url, "tcp://")) {
-    if (url.size() == 6)
-      throw std::invalid_argument("\"" + url + "\": the endpoint is missing, as in ipc:///run/user/1000/clearance.ipc");
-    return {UrlKind::kZmq, url, ""};
-  }
+  if (starts_with(url, "ipc://") || starts_with(url, "tcp://")) return parse_zmq(url);
   if (starts_with(url, "udpm://")) {
-    Url parsed{UrlKind::kLcm, url, ""};
-    parsed.prefix = take_prefix(parsed.target);
+    Url parsed{UrlKind::kLcm, url, "", "", ""};
+    parsed.prefix = take_option(parsed.target, "prefix");
     return parsed;
   }
   throw std::invalid_argument("\"" + url +

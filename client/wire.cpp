@@ -233,6 +233,8 @@ std::string_view error_name(ErrorCode code) {
       return "internal";
     case ErrorCode::kReloadFailed:
       return "reload_failed";
+    case ErrorCode::kForbidden:
+      return "forbidden";
   }
   return "unknown";
 }

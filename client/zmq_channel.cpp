@@ -44,12 +44,18 @@ class ZmqFrame final : public Frame {
 
 class ZmqChannel final : public Channel {
  public:
-  ZmqChannel(const std::string& endpoint, Deadline deadline)
-      : endpoint_(endpoint), socket_(context_, zmq::socket_type::dealer), monitor_(context_, zmq::socket_type::pair) {
+  ZmqChannel(const std::string& endpoint, const ChannelKeys& keys, Deadline deadline)
+      : endpoint_(endpoint),
+        with_keys_(!keys.server.empty()), socket_(context_, zmq::socket_type::dealer), monitor_(context_, zmq::socket_type::pair) {
     socket_.set(zmq::sockopt::linger, 0);
     socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(wire::kMaxFrameBytes));
     // A daemon that went away is an error, not a pause: a new one may serve another scene.
     socket_.set(zmq::sockopt::reconnect_ivl, -1);
+    if (with_keys_) {
+      set_key(ZMQ_CURVE_SERVERKEY, keys.server);
+      set_key(ZMQ_CURVE_PUBLICKEY, keys.own.public_key);
+      set_key(ZMQ_CURVE_SECRETKEY, keys.own.secret_key);
+    }
     monitor_.set(zmq::sockopt::linger, 0);
     const int events = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
                        ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_CLOSED |
@@ -125,7 +131,24 @@ class ZmqChannel final : public Channel {
  private:
   [[noreturn]] void fail(const std::string& cause) const { throw ConnectionError(endpoint_ + ": " + cause); }
 
+  void set_key(int option, const std::string& key) {
+    if (zmq_setsockopt(socket_.handle(), option, key.data(), key.size()) != 0) fail(zmq_strerror(zmq_errno()));
+  }
+
   std::string why_refused() const {
+    // The first that went wrong: the connection is closed after it in any case.
+    switch (failure_) {
+      case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
+        return "the daemon refuses this client's key: it is not among those it has been told of (authorized)";
+      case ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL:
+      case ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL:
+      case ZMQ_EVENT_DISCONNECTED:
+        return with_keys_ ? "the daemon there has another key than server_key, or uses none"
+                          : "the daemon there wants keys: give server_key=FILE&key=FILE in the url, or "
+                            "CLEARANCE_SERVER_KEY and CLEARANCE_KEY in the environment";
+      default:
+        break;
+    }
     if (endpoint_.rfind("ipc://", 0) == 0) {
       const std::string path = endpoint_.substr(6);
       struct stat info;
@@ -185,6 +208,7 @@ class ZmqChannel final : public Channel {
       std::uint16_t what = 0;
       std::memcpy(&what, event.data(), sizeof what);
       (what == ZMQ_EVENT_HANDSHAKE_SUCCEEDED ? connected_ : gone_) = true;
+      if (!connected_ && failure_ == 0) failure_ = what;
     }
   }
   bool still_there() {
@@ -193,6 +217,8 @@ class ZmqChannel final : public Channel {
   }
 
   std::string endpoint_;
+  bool with_keys_;
+  int failure_ = 0;  ///< the event that ended the handshake
   zmq::context_t context_;
   zmq::socket_t socket_, monitor_;
   std::vector<zmq::pollitem_t> monitor_only_{{monitor_.handle(), 0, ZMQ_POLLIN, 0}};
@@ -207,8 +233,8 @@ class ZmqChannel final : public Channel {
 
 }  // namespace
 
-std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, Deadline deadline) {
-  return std::make_unique<ZmqChannel>(endpoint, deadline);
+std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, const ChannelKeys& keys, Deadline deadline) {
+  return std::make_unique<ZmqChannel>(endpoint, keys, deadline);
 }
 
 }  // namespace clearance

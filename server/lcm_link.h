@@ -55,6 +55,7 @@ class LcmSink : public ReplySink {
   void publish(std::uint64_t frame_bytes) override;
   bool alive() const override { return !link_.expired(); }
   std::uint64_t client() const override { return client_; }
+  Rights rights() const override { return kStrangersRights; }
 
  protected:
   virtual void deliver(LcmLink& link, FrameBytes frame) = 0;

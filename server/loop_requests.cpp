@@ -69,7 +69,11 @@ void Loop::on_frame(const FrameHeader& header, std::span<const std::byte> payloa
 
 void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
   wire::check_header(header, payload.size());
-  switch (static_cast<FrameType>(header.type)) {
+  const auto type = static_cast<FrameType>(header.type);
+  if (const Rights needed = right_for(type); needed & ~sink->rights())
+    throw Refusal{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" + rights_text(needed) +
+                                             "\"; this client has " + rights_text(sink->rights())};
+  switch (type) {
     case FrameType::kPing:
       return answer(*sink, header, FrameType::kPong, payload);
     case FrameType::kDescribe:

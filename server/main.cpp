@@ -14,9 +14,11 @@
 #include "accepting.h"
 #include "client/default_socket.h"
 #include "engine/engine.h"
+#include "key_ring.h"
 #include "loop.h"
 #include "options.h"
 #include "readiness.h"
+#include "shm_transport.h"
 
 namespace clearance {
 namespace {
@@ -84,9 +86,26 @@ void add_default_endpoint(DaemonOptions& options) {
   options.shm.push_back(default_socket_path());
 }
 
-std::unique_ptr<Transport> open_shm(const std::string& path) {
+/// Who may come in, as the options say. Throws std::invalid_argument, and std::runtime_error for key files.
+Access access_of(const DaemonOptions& options) {
+  Access access;
+  const auto option = [](const char* name, auto read) {
+    try {
+      return read();
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument(std::string(name) + ": " + error.what());
+    }
+  };
+  if (!options.socket_group.empty())
+    access.group = option("--socket-group", [&] { return group_named(options.socket_group); });
+  access.group_rights = option("--group-rights", [&] { return parse_rights(options.group_rights); });
+  if (!options.keys.empty()) access.keys = std::make_shared<KeyRing>(options.keys);
+  return access;
+}
+
+std::unique_ptr<Transport> open_shm(const std::string& path, [[maybe_unused]] const Access& access) {
 #ifdef CLEARANCE_HAVE_SHM
-  return make_shm_transport(path);
+  return make_shm_transport(path, ShmLimits{}, access);
 #else
   throw std::runtime_error("shm://" + path + ": this clearanced was built without shared memory");
 #endif
@@ -100,11 +119,11 @@ std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] con
 #endif
 }
 
-void open_endpoints(Loop& loop, DaemonOptions& options) {
+void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access) {
   reserve_descriptor();
   add_default_endpoint(options);
-  for (const std::string& path : options.shm) loop.add(open_shm(path));
-  for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint));
+  for (const std::string& path : options.shm) loop.add(open_shm(path, access));
+  for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));
   if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix));
 }
 
@@ -131,6 +150,14 @@ int serve(DaemonOptions options) {
   start_log(options);
   spdlog::info("event=start version={} pid={}", CLEARANCE_VERSION, getpid());
 
+  Access access;
+  try {
+    access = access_of(options);
+  } catch (const std::invalid_argument& error) {
+    return fail(kExitCommandLine, error.what());
+  } catch (const std::runtime_error& error) {
+    return fail(kExitEndpoint, "--keys: " + std::string(error.what()));
+  }
   Engine::Options engine_options;
   engine_options.backend = options.backend;
   engine_options.threads = options.threads;
@@ -163,7 +190,7 @@ int serve(DaemonOptions options) {
   running_loop = &loop;
   handle_signals();  // from here on there are sockets to remove
   try {
-    open_endpoints(loop, options);
+    open_endpoints(loop, options, access);
   } catch (const std::runtime_error& error) {
     running_loop = nullptr;
     return fail(kExitEndpoint, error.what());

@@ -27,6 +27,13 @@ Ready
   With Type=notify systemd is told (sd_notify). --ready-fd N gets the urls of the daemon, one on a line, and is
   then closed; the log says event=ready. SIGTERM or SIGINT end the daemon and remove its sockets.
 
+Who may do what
+  The daemon's own user may do everything through the Unix sockets, a group what --group-rights says. Rights are
+  query (ask), poses (move and attach bodies) and admin (reload). TCP without keys and LCM know nobody: query, poses.
+    clearance keygen keys/server.key              for the daemon; clients get keys/server.key.pub
+    clearance keygen planner.key                  for a client; prints its public key
+    echo 'KEY query,poses planner' >> keys/authorized    read again within a second of a change
+
 Reload
   SIGHUP, or `clearance reload`, has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
   bodies of the same names. If the scene cannot be loaded the old one stays, and the log says event=reload_failed.
@@ -59,8 +66,17 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
          "--shm", o.shm,
          "serve shared memory, met at this Unix socket; where no endpoint is given, at\n" + default_socket_path())
       ->type_name("PATH");
-  app.add_option("--zmq", o.zmq, "serve ZeroMQ at ipc:///path, or tcp://127.0.0.1:PORT; may be repeated")
+  app.add_option("--zmq", o.zmq, "serve ZeroMQ at ipc:///path, tcp://127.0.0.1:PORT, or with --keys tcp://ADDRESS:PORT;\nmay be repeated")
       ->type_name("ENDPOINT");
+  app.add_option("--keys", o.keys,
+                 "TCP for those alone whose keys are known (CURVE): a folder with server.key and the list `authorized`,\n"
+                 "a line for each client: KEY RIGHTS NAME (see Who may do what)")
+      ->type_name("DIR");
+  app.add_option("--socket-group", o.socket_group, "let this group's members connect to the Unix sockets (mode 0660)")
+      ->type_name("GROUP");
+  app.add_option("--group-rights", o.group_rights, "what they may do: query, poses, admin, separated by commas")
+      ->type_name("RIGHTS")
+      ->capture_default_str();
   app.add_option("--lcm", o.lcm, "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"")
       ->type_name("URL");
   app.add_option("--lcm-prefix", o.lcm_prefix, "begins the names of all LCM channels: several daemons on one bus")

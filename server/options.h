@@ -21,6 +21,9 @@ struct DaemonOptions {
   bool allow_outside = false;
   std::vector<std::string> shm;  ///< socket paths
   std::vector<std::string> zmq;  ///< endpoints
+  std::string keys;              ///< folder; empty: no keys
+  std::string socket_group;      ///< name or number; empty: none
+  std::string group_rights = "query";
   std::string lcm;               ///< url; empty: no LCM
   std::string lcm_prefix;
   std::string backend = "auto";

@@ -46,6 +46,7 @@ constexpr int kPollsPerClockLook = 16;
 /// One connected client.
 struct Session {
   std::uint64_t id = 0;
+  Rights rights = 0;
   UniqueFd socket;
   UniqueFd wake;  ///< eventfd that the client writes to when the daemon sleeps
   std::vector<std::shared_ptr<Segment>> segments;
@@ -75,6 +76,7 @@ class ShmSink final : public ReplySink {
   }
   bool alive() const override { return !session_->gone; }
   std::uint64_t client() const override { return session_->id; }
+  Rights rights() const override { return session_->rights; }
 
  private:
   std::shared_ptr<Session> session_;
@@ -84,10 +86,10 @@ class ShmSink final : public ReplySink {
   bool published_ = false;
 };
 
-/// The listening socket, for this user alone. A dead daemon's is replaced, a living one's refused.
+/// The listening socket, for this user alone or for a group too. A dead daemon's is replaced, a living one's refused.
 class Listener {
  public:
-  explicit Listener(const std::string& path) {
+  Listener(const std::string& path, const Access& access) {
     sockaddr_un address;
     if (!shm::socket_address(path.c_str(), address))
       fail(path, "a socket's path has 1 to " + std::to_string(sizeof address.sun_path - 1) + " bytes");
@@ -99,7 +101,8 @@ class Listener {
       fail(path, "cannot create the socket", errno);
     file_ = SocketFile(path);
     // Nobody can connect before listen(), so the mode is right before the first client can come.
-    if (::chmod(path.c_str(), 0600) != 0 || ::listen(socket_.get(), 64) != 0) fail(path, "cannot listen", errno);
+    set_socket_mode(path, "shm://" + path, access);
+    if (::listen(socket_.get(), 64) != 0) fail(path, "cannot listen", errno);
   }
 
   int get() const { return socket_.get(); }
@@ -111,8 +114,8 @@ class Listener {
 
 class ShmTransport final : public Transport {
  public:
-  ShmTransport(const std::string& path, const ShmLimits& limits)
-      : path_(path), limits_(limits), budget_(std::make_shared<SegmentBudget>()), listener_(path) {
+  ShmTransport(const std::string& path, const ShmLimits& limits, const Access& access)
+      : path_(path), limits_(limits), access_(access), budget_(std::make_shared<SegmentBudget>()), listener_(path, access) {
     budget_->limit = limits.pool_bytes;
     if (budget_->limit == 0)
       budget_->limit = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
@@ -207,11 +210,10 @@ class ShmTransport final : public Transport {
         refuse(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
       }));
       if (!socket) return;
-      ucred peer{};
-      socklen_t length = sizeof peer;
-      if (::getsockopt(socket.get(), SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0 || peer.uid != ::geteuid()) {
-        refuse(socket.get(), "user " + std::to_string(peer.uid) + " may not connect: this daemon runs as user " +
-                                 std::to_string(::geteuid()));
+      std::string why;
+      const std::optional<Rights> rights = rights_of_peer(socket.get(), access_, why);
+      if (!rights) {
+        refuse(socket.get(), why);
         continue;
       }
       if (sessions_.size() >= limits_.max_clients) {
@@ -221,6 +223,7 @@ class ShmTransport final : public Transport {
       }
       auto session = std::make_shared<Session>();
       session->id = next_client_id();
+      session->rights = *rights;
       session->socket = std::move(socket);
       session->connected = Clock::now();
       if (!watch(session->socket.get(), EPOLLIN | EPOLLRDHUP, 2 * session->id)) {
@@ -393,6 +396,7 @@ class ShmTransport final : public Transport {
 
   std::string path_;
   ShmLimits limits_;
+  Access access_;
   std::shared_ptr<SegmentBudget> budget_;
   Listener listener_;
   UniqueFd epoll_;
@@ -408,8 +412,9 @@ class ShmTransport final : public Transport {
 
 }  // namespace
 
-std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path, const ShmLimits& limits) {
-  return std::make_unique<ShmTransport>(socket_path, limits);
+std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path, const ShmLimits& limits,
+                                              const Access& access) {
+  return std::make_unique<ShmTransport>(socket_path, limits, access);
 }
 
 std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path) {

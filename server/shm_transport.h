@@ -23,6 +23,7 @@ struct ShmLimits {
 };
 
 /// Throws std::runtime_error with cause and place if the socket cannot be opened.
-std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path, const ShmLimits& limits);
+std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path, const ShmLimits& limits,
+                                              const Access& access = {});
 
 }  // namespace clearance

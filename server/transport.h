@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "access.h"
 #include "client/protocol.h"
 #include "engine/engine.h"
 
@@ -38,6 +39,8 @@ class ReplySink {
   virtual bool alive() const = 0;
   /// The same for every request of one client, unlike for two clients, never 0: for fairness and warm state.
   virtual std::uint64_t client() const = 0;
+  /// What this client may do, at the time of the request.
+  virtual Rights rights() const { return kAllRights; }
 };
 
 /// Where a transport hands in what arrived. Implemented by the loop.
@@ -78,7 +81,7 @@ class Transport {
 };
 
 /// Each throws std::runtime_error with cause and place if the endpoint cannot be opened.
-std::unique_ptr<Transport> make_zmq_transport(const std::string& endpoint);
+std::unique_ptr<Transport> make_zmq_transport(const std::string& endpoint, const Access& access = {});
 std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path);
 std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const std::string& channel_prefix = "");
 

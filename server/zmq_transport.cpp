@@ -1,9 +1,11 @@
 // ZeroMQ: a ROUTER that DEALER clients connect to, a frame as two message parts (header, payload).
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <cstring>
 #include <stdexcept>
+#include <optional>
 #include <unordered_map>
 #include <zmq.hpp>
 
@@ -12,6 +14,8 @@
 #include "error_frame.h"
 #include "transport.h"
 #include "unix_socket.h"
+#include "zap_handler.h"
+#include "zmq_calls.h"
 
 namespace clearance {
 namespace {
@@ -24,11 +28,13 @@ constexpr int kSendQueue = 128;
 constexpr std::uint64_t kMaxUnsentBytes = std::uint64_t{256} << 20;
 /// Replies up to this size are copied into the message, larger ones handed over.
 constexpr std::uint64_t kCopyBytes = 1024;
+constexpr auto kLookAtKeysEvery = std::chrono::seconds(1);
 constexpr auto kForgetPeerAfter = std::chrono::minutes(1);
 
 /// A client as ROUTER knows it.
 struct Peer {
   std::string identity;
+  std::string key;  ///< with which it came in; empty: without
   std::uint64_t id = next_client_id();
   bool gone = false;
   std::chrono::steady_clock::time_point last_seen;
@@ -54,7 +60,8 @@ class ZmqTransport;
 
 class ZmqSink final : public ReplySink {
  public:
-  ZmqSink(ZmqTransport& transport, PeerPtr peer) : transport_(transport), peer_(std::move(peer)) {}
+  ZmqSink(ZmqTransport& transport, PeerPtr peer, Rights rights)
+      : transport_(transport), peer_(std::move(peer)), rights_(rights) {}
   std::byte* reserve(std::uint64_t frame_bytes) override {
     if (frame_bytes > wire::kMaxFrameBytes) return nullptr;
     frame_ = aligned_bytes(frame_bytes);
@@ -63,15 +70,17 @@ class ZmqSink final : public ReplySink {
   void publish(std::uint64_t frame_bytes) override;
   bool alive() const override { return !peer_->gone; }
   std::uint64_t client() const override { return peer_->id; }
+  Rights rights() const override { return rights_; }
 
  private:
   ZmqTransport& transport_;
   PeerPtr peer_;
+  Rights rights_;
   AlignedBytes frame_;
 };
 
-/// Refuses an address that strangers could reach.
-void check_tcp(const std::string& endpoint) {
+/// Refuses an address that is none, or that strangers could reach.
+void check_tcp(const std::string& endpoint, bool with_keys) {
   std::string host = endpoint.substr(6);
   const std::size_t colon = host.rfind(':');
   if (colon == std::string::npos)
@@ -82,16 +91,30 @@ void check_tcp(const std::string& endpoint) {
   if (port != "*" && !(digits && std::stoi(port) >= 1 && std::stoi(port) <= 65535))
     throw std::runtime_error(endpoint + ": the port must be 1 to 65535, or * for a free one; got \"" + port + "\"");
   host.resize(colon);
-  if (host == "localhost" || host == "[::1]" || host == "lo" || host.rfind("127.", 0) == 0) return;
+  if (with_keys || host == "localhost" || host == "[::1]" || host == "lo" || host.rfind("127.", 0) == 0) return;
   throw std::runtime_error(
       endpoint +
-      ": anyone who reaches this address could move bodies, and keys (CURVE) are not supported yet; "
-      "use ipc://, or tcp://127.0.0.1:PORT and a tunnel");
+      ": anyone who reaches this address could move bodies; give --keys DIR (clearance keygen --help), "
+      "or use ipc:// or tcp://127.0.0.1:PORT");
+}
+
+/// Whose process is at the other end of a Unix socket, as libzmq puts it into the properties of a message
+/// ("PATH:UID:GID:PID").
+std::optional<uid_t> user_of(const zmq::message_t& message) {
+  const char* address = zmq_msg_gets(const_cast<zmq_msg_t*>(message.handle()), "Peer-Address");
+  if (!address) return std::nullopt;
+  unsigned long user = 0;
+  const std::string text(address);
+  std::size_t colon = text.size();
+  for (int i = 0; i < 3 && colon != std::string::npos; ++i) colon = colon ? text.rfind(':', colon - 1) : std::string::npos;
+  if (colon == std::string::npos || std::sscanf(text.c_str() + colon, ":%lu:", &user) != 1) return std::nullopt;
+  return static_cast<uid_t>(user);
 }
 
 class ZmqTransport final : public Transport {
  public:
-  explicit ZmqTransport(const std::string& endpoint) : socket_(context_, zmq::socket_type::router) {
+  ZmqTransport(const std::string& endpoint, const Access& access)
+      : access_(access), socket_(context_, zmq::socket_type::router) {
     socket_.set(zmq::sockopt::linger, 0);
     socket_.set(zmq::sockopt::router_mandatory, 1);
     socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(wire::kMaxRequestBytes));
@@ -100,7 +123,12 @@ class ZmqTransport final : public Transport {
     if (endpoint.rfind("ipc://", 0) == 0) {
       bind_ipc(endpoint);
     } else if (endpoint.rfind("tcp://", 0) == 0) {
-      check_tcp(endpoint);
+      is_tcp_ = true;
+      check_tcp(endpoint, access.keys != nullptr);
+      if (access.keys) {
+        door_.emplace(context_, access.keys);
+        door_->guard(socket_);
+      }
       bind(endpoint);
     } else {
       throw std::runtime_error(endpoint + ": expected ipc:///path or tcp://127.0.0.1:PORT");
@@ -109,41 +137,52 @@ class ZmqTransport final : public Transport {
   }
 
   ~ZmqTransport() override {
+    door_.reset();
     socket_.close();
     context_.close();  // its I/O thread removes the socket file; in case it does not:
     file_.remove();
   }
 
   std::string url() const override { return url_; }
-  std::vector<int> descriptors() const override { return {socket_.get(zmq::sockopt::fd)}; }
+  std::vector<int> descriptors() const override {
+    std::vector<int> all{socket_.get(zmq::sockopt::fd)};
+    if (door_)
+      for (const int fd : door_->descriptors()) all.push_back(fd);
+    return all;
+  }
 
   bool polls_by_system_call() const override { return true; }
 
   int poll(Inbox& inbox) override {
     dropped_ = &inbox.counter("zmq.replies_dropped");
+    if (door_) door_->serve(inbox);
     int frames = 0;
     zmq::message_t part;
-    while (frames < kFramesPerPoll && socket_.recv(part, zmq::recv_flags::dontwait)) {
-      PeerPtr peer = peer_of(part);
+    while (frames < kFramesPerPoll && receive(socket_, part, zmq::recv_flags::dontwait)) {
       int parts = 0;
-      zmq::message_t head, payload;
-      for (bool more = part.more(); more;) {
-        (void)socket_.recv(part, zmq::recv_flags::none);
+      zmq::message_t identity = std::move(part), head, payload;
+      for (bool more = identity.more(); more;) {
+        receive(socket_, part, zmq::recv_flags::none);
         more = part.more();
         if (++parts == 1) head = std::move(part);
         if (parts == 2) payload = std::move(part);
       }
-      hand_in(inbox, std::move(peer), parts, head, payload);
+      // Who sent it is known of the parts that came over the wire; the identity is libzmq's own.
+      hand_in(inbox, peer_of(identity, head), rights_of(head), parts, head, payload);
       ++frames;
     }
     return frames;
   }
 
   /// The descriptor only tells of changes: what had arrived before must be asked for.
-  bool prepare_sleep() override { return socket_.get(zmq::sockopt::events) & ZMQ_POLLIN; }
+  bool prepare_sleep() override { return has_input(socket_) || (door_ && door_->has_work()); }
 
   void tick(Inbox& inbox) override {
     const auto now = std::chrono::steady_clock::now();
+    if (door_ && now >= next_look_at_keys_) {
+      next_look_at_keys_ = now + kLookAtKeysEvery;
+      door_->refresh();
+    }
     for (auto peer = peers_.begin(); peer != peers_.end();) {
       const bool idle = peer->second.use_count() == 1 && now - peer->second->last_seen > kForgetPeerAfter;
       peer = idle ? peers_.erase(peer) : std::next(peer);
@@ -171,12 +210,12 @@ class ZmqTransport final : public Transport {
     // With ROUTER_MANDATORY the first part tells whether the client is there (EHOSTUNREACH) and its queue has room
     // (EAGAIN).
     try {
-      if (!socket_.send(identity, zmq::send_flags::sndmore | zmq::send_flags::dontwait)) {
+      if (!clearance::send(socket_, identity, zmq::send_flags::sndmore | zmq::send_flags::dontwait)) {
         ++*dropped_;
         return;
       }
-      (void)socket_.send(head, zmq::send_flags::sndmore);
-      (void)socket_.send(payload, zmq::send_flags::none);
+      clearance::send(socket_, head, zmq::send_flags::sndmore);
+      clearance::send(socket_, payload, zmq::send_flags::none);
     } catch (const zmq::error_t& error) {
       if (error.num() != EHOSTUNREACH) throw;
       ++*dropped_;
@@ -211,21 +250,36 @@ class ZmqTransport final : public Transport {
     }
     umask(mask);
     file_ = SocketFile(path);
+    set_socket_mode(path, endpoint, access_);
   }
 
-  PeerPtr peer_of(const zmq::message_t& identity) {
+  PeerPtr peer_of(const zmq::message_t& identity, const zmq::message_t& sent) {
     PeerPtr& peer = peers_[identity.to_string()];
+    std::string key = door_ ? ZapHandler::key_of(sent) : std::string();
+    if (peer && peer->key != key) {  // a name that another has chosen before, and given up
+      peer->gone = true;
+      peer = nullptr;
+    }
     if (!peer) {
       peer = std::make_shared<Peer>();
       peer->identity = identity.to_string();
+      peer->key = std::move(key);
     }
     peer->last_seen = std::chrono::steady_clock::now();
     return peer;
   }
 
-  void hand_in(Inbox& inbox, PeerPtr peer, int parts, const zmq::message_t& head, const zmq::message_t& payload) {
+  /// What the sender of a message may do.
+  Rights rights_of(const zmq::message_t& message) const {
+    if (door_) return door_->rights_of(message);
+    if (is_tcp_) return kStrangersRights;
+    if (!access_.group) return kAllRights;  // the socket is this user's alone
+    return user_of(message) == geteuid() ? kAllRights : access_.group_rights;
+  }
+
+  void hand_in(Inbox& inbox, PeerPtr peer, Rights rights, int parts, const zmq::message_t& head, const zmq::message_t& payload) {
     wire::FrameHeader header;
-    auto sink = std::make_unique<ZmqSink>(*this, std::move(peer));
+    auto sink = std::make_unique<ZmqSink>(*this, std::move(peer), rights);
     if (parts != 2 || head.size() != sizeof header) {
       // No header, no request id: the answer carries 0.
       ++inbox.counter("frames");
@@ -243,7 +297,11 @@ class ZmqTransport final : public Transport {
 
   std::string url_;
   SocketFile file_;
+  Access access_;
+  bool is_tcp_ = false;
   zmq::context_t context_;
+  std::optional<ZapHandler> door_;  // of TCP with keys
+  std::chrono::steady_clock::time_point next_look_at_keys_{};
   zmq::socket_t socket_;
   std::unordered_map<std::string, PeerPtr> peers_;
   std::uint64_t* dropped_ = nullptr;  // set by poll(), before any sink exists
@@ -255,8 +313,8 @@ void ZmqSink::publish(std::uint64_t frame_bytes) {
 
 }  // namespace
 
-std::unique_ptr<Transport> make_zmq_transport(const std::string& endpoint) {
-  return std::make_unique<ZmqTransport>(endpoint);
+std::unique_ptr<Transport> make_zmq_transport(const std::string& endpoint, const Access& access) {
+  return std::make_unique<ZmqTransport>(endpoint, access);
 }
 
 }  // namespace clearance

@@ -44,6 +44,7 @@ void add_set_pose(CLI::App& app);
 void add_attach(CLI::App& app);
 void add_reload(CLI::App& app);
 void add_bench(CLI::App& app);    // bench.cpp
+void add_keygen(CLI::App& app);
 void add_inspect(CLI::App& app);  // sibling.cpp
 
 }  // namespace clearance::cli

@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   cli::add_reload(app);
   cli::add_stat(app);
   cli::add_ping(app);
+  cli::add_keygen(app);
 #ifdef CLEARANCE_HAVE_BENCH
   cli::add_bench(app);
 #endif
@@ -28,7 +29,8 @@ Example
   clearance query --connect ipc:///tmp/clearance.ipc --pairs arm,table --fields distance,points
 
 The daemon is found by --connect, else by the environment variable CLEARANCE_URL, else at this user's
-default socket. `clearance COMMAND --help` lists a command's options.
+default socket. A daemon on TCP with keys wants CLEARANCE_SERVER_KEY and CLEARANCE_KEY, or both in the
+url (`clearance keygen --help`). `clearance COMMAND --help` lists a command's options.
 
 Exit codes
   0 answered    1 the daemon refused    2 the command line is wrong    3 no connection, or no answer in time)");

@@ -3,18 +3,21 @@
 import gc
 import os
 import signal
+import subprocess
 import sys
 import threading
 import traceback
 
 import numpy as np
 import pytest
+from conftest import BUILD, INSTALLED
 from scenes import at, random_poses
 
 import clearance
 from clearance import Status
 from clearance.wire import ErrorCode
 
+PROGRAM = "clearance" if INSTALLED else str(BUILD / "bin" / "clearance")
 EVERY_FIELD = ("default", "points", "normal", "pieces", "flags", "gradient")
 
 
@@ -400,6 +403,35 @@ def test_attachments_of_another_client(ipc):
     assert ours.distances(pairs=("ball", "*")).lower.shape == before.lower.shape
     with pytest.raises(clearance.QueryError):
         theirs.attach("table", "gripper")
+
+
+def test_keys(start_daemon, cell, tmp_path, monkeypatch):
+    keys = tmp_path / "keys"
+    keys.mkdir(mode=0o700)
+
+    def keygen(file):
+        return subprocess.run([PROGRAM, "keygen", file], check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
+
+    keygen(keys / "server.key")
+    (keys / "authorized").write_text(f"{keygen(tmp_path / 'asker.key')} query asker\n")
+    keygen(tmp_path / "stranger.key")
+    url = start_daemon(cell, ["tcp"], "--keys", str(keys)).urls["tcp"]
+    server = keys / "server.key.pub"
+
+    with clearance.connect(url, server_key=server, key=tmp_path / "asker.key") as client:
+        assert client.distances(reduce="min").upper.shape == (1,)
+        with pytest.raises(clearance.RequestError, match='needs the right "poses"; this client has query') as refused:
+            client.set_poses({"cup": at(0, 0, 3)})
+        assert refused.value.code == ErrorCode.FORBIDDEN
+    with pytest.raises(clearance.ConnectionError, match="refuses this client's key"):
+        clearance.connect(url, server_key=server, key=tmp_path / "stranger.key")
+    with pytest.raises(clearance.ConnectionError, match="wants keys"):
+        clearance.connect(url)
+    monkeypatch.setenv("CLEARANCE_SERVER_KEY", str(server))
+    with pytest.raises(ValueError, match="key is missing"):
+        clearance.connect(url)
+    monkeypatch.setenv("CLEARANCE_KEY", str(tmp_path / "asker.key"))
+    assert clearance.connect(url).bodies
 
 
 def test_reload(start_daemon, tmp_path):

@@ -42,6 +42,7 @@ class MemoryFrame final : public Frame {
 struct MemoryClient {
   std::uint64_t id = next_client_id();
   bool alive = true;
+  Rights rights = kAllRights;
   std::uint64_t room = std::numeric_limits<std::uint64_t>::max();  ///< bytes of the largest frame it takes
   std::deque<std::unique_ptr<MemoryFrame>> replies;
   int sinks = 0;  ///< requests that have neither been answered nor dropped
@@ -116,6 +117,7 @@ class MemoryTransport final : public Transport {
     }
     bool alive() const override { return client_.alive; }
     std::uint64_t client() const override { return client_.id; }
+    Rights rights() const override { return client_.rights; }
 
    private:
     MemoryTransport& transport_;

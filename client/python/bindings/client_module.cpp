@@ -37,8 +37,8 @@ std::chrono::nanoseconds duration_of(double seconds) {
 /// next call.
 class Connection {
  public:
-  Connection(const std::string& url, double timeout_s)
-      : client_(connect(url, duration_of(timeout_s))), url_(client_.url()), timeout_s_(timeout_s) {}
+  Connection(const std::string& url, double timeout_s, const std::string& server_key, const std::string& key)
+      : client_(connect(url, ConnectOptions{duration_of(timeout_s), server_key, key})), url_(client_.url()), timeout_s_(timeout_s) {}
 
   /// Runs f(client) alone, with the GIL released.
   template <class F>
@@ -241,9 +241,9 @@ class PyPending {
 
 class PyClient {
  public:
-  PyClient(const std::string& url, double timeout_s) {
+  PyClient(const std::string& url, double timeout_s, const std::string& server_key, const std::string& key) {
     nb::gil_scoped_release release;
-    connection_ = std::make_shared<Connection>(url, timeout_s);
+    connection_ = std::make_shared<Connection>(url, timeout_s, server_key, key);
   }
 
   Connection& use() const { return *connection_; }
@@ -350,7 +350,8 @@ NB_MODULE(_client, m) {
       .def("cancel", &PyPending::cancel);
 
   nb::class_<PyClient>(m, "Client")
-      .def(nb::init<const std::string&, double>(), nb::arg("url"), nb::arg("timeout_s"))
+      .def(nb::init<const std::string&, double, const std::string&, const std::string&>(), nb::arg("url"),
+           nb::arg("timeout_s"), nb::arg("server_key"), nb::arg("key"))
       .def_prop_ro("url", [](const PyClient& c) { return c.use().url(); })
       .def_prop_rw(
           "timeout_s", [](const PyClient& c) { return c.use().timeout_s(); },

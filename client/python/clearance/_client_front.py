@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
-from typing import Any, Dict, List, Optional
+import os
+from typing import Any, Dict, List, Optional, Union
 
 import numpy as np
 
@@ -18,16 +19,25 @@ from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Redu
 from .wire import ErrorCode
 
 
-def connect(url: str, timeout_s: float = 5.0) -> "Client":
+def connect(
+    url: str,
+    timeout_s: float = 5.0,
+    *,
+    server_key: Union[str, "os.PathLike[str]", None] = None,
+    key: Union[str, "os.PathLike[str]", None] = None,
+) -> "Client":
     """Connects to a daemon.
 
     url: "shm:///run/user/1000/clearance.sock" (shared memory, the quickest), "ipc:///path" or "tcp://host:port" (ZeroMQ),
         "udpm://239.255.76.67:7667?ttl=0" (LCM; "&prefix=NAME_" sets the channels' prefix).
     timeout_s: seconds, for this and for every later call that gives none.
+    server_key, key: of a daemon that listens on TCP with keys, files of its public key and of one's own pair, as
+        `clearance keygen` writes them. None: those of the url ("?server_key=FILE&key=FILE"), else of the environment
+        (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), else no keys.
 
     Raises ConnectionError naming url and cause; ValueError for a url of no known kind.
     """
-    return Client(url, timeout_s)
+    return Client(url, timeout_s, server_key=server_key, key=key)
 
 
 class Client(Front):
@@ -39,14 +49,23 @@ class Client(Front):
 
     _module = _client
 
-    def __init__(self, url: str, timeout_s: float = 5.0):
+    def __init__(
+        self,
+        url: str,
+        timeout_s: float = 5.0,
+        *,
+        server_key: Union[str, "os.PathLike[str]", None] = None,
+        key: Union[str, "os.PathLike[str]", None] = None,
+    ):
         super().__init__()
         self._connection: Any = None
         if not isinstance(url, str):
             raise TypeError(f"url: expected a string, got {url!r}")
         self._pair_count = 0
         self._backend = ""
-        self._connection = _client.Client(url, _timeout(timeout_s))
+        self._connection = _client.Client(
+            url, _timeout(timeout_s), os.fspath(server_key or ""), os.fspath(key or "")
+        )
         self._url = self._connection.url
 
     @property

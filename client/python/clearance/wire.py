@@ -57,6 +57,7 @@ class ErrorCode(enum.IntEnum):
     BUSY = 19
     INTERNAL = 20
     RELOAD_FAILED = 21
+    FORBIDDEN = 22
 
 
 FrameHeader = np.dtype(

@@ -1,0 +1,112 @@
+#include "access.h"
+
+#include <grp.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <stdexcept>
+#include <vector>
+
+namespace clearance {
+namespace {
+
+struct Word {
+  Right right;
+  const char* word;
+};
+constexpr Word kWords[] = {{kMayQuery, "query"}, {kMayPose, "poses"}, {kMayAdmin, "admin"}};
+
+bool is_member(int socket, gid_t primary, gid_t group) {
+  if (primary == group) return true;
+  std::vector<gid_t> groups(64);
+  socklen_t bytes = static_cast<socklen_t>(groups.size() * sizeof(gid_t));
+  if (getsockopt(socket, SOL_SOCKET, SO_PEERGROUPS, groups.data(), &bytes) != 0) {
+    if (errno != ERANGE) return false;
+    groups.resize(bytes / sizeof(gid_t));  // so many it has
+    if (getsockopt(socket, SOL_SOCKET, SO_PEERGROUPS, groups.data(), &bytes) != 0) return false;
+  }
+  groups.resize(bytes / sizeof(gid_t));
+  return std::find(groups.begin(), groups.end(), group) != groups.end();
+}
+
+}  // namespace
+
+Rights right_for(wire::FrameType request) {
+  switch (request) {
+    case wire::FrameType::kDescribe:
+    case wire::FrameType::kQuery:
+    case wire::FrameType::kPairs:
+    case wire::FrameType::kGetStates:
+    case wire::FrameType::kGetStats:
+      return kMayQuery;
+    case wire::FrameType::kSetPoses:
+    case wire::FrameType::kAttach:
+      return kMayPose;
+    case wire::FrameType::kReload:
+      return kMayAdmin;
+    default:
+      return 0;  // an echo, or no request
+  }
+}
+
+Rights parse_rights(const std::string& text) {
+  Rights rights = 0;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    const std::string word = text.substr(at, end - at);
+    const auto known = std::find_if(std::begin(kWords), std::end(kWords), [&](const Word& w) { return w.word == word; });
+    if (known == std::end(kWords))
+      throw std::invalid_argument("\"" + word + "\" is no right: expected query, poses or admin, separated by commas");
+    rights |= known->right;
+    at = end + 1;
+  }
+  return rights;
+}
+
+std::string rights_text(Rights rights) {
+  std::string text;
+  for (const Word& w : kWords)
+    if (rights & w.right) text += (text.empty() ? "" : ",") + std::string(w.word);
+  return text.empty() ? "nothing" : text;
+}
+
+gid_t group_named(const std::string& name) {
+  std::vector<char> room(64 * 1024);
+  struct group entry {};
+  struct group* found = nullptr;
+  if (getgrnam_r(name.c_str(), &entry, room.data(), room.size(), &found) == 0 && found) return found->gr_gid;
+  gid_t number = 0;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
+  if (!name.empty() && error == std::errc() && end == name.data() + name.size()) return number;
+  throw std::invalid_argument("there is no group \"" + name + "\"");
+}
+
+std::optional<Rights> rights_of_peer(int socket, const Access& access, std::string& why) {
+  ucred peer{};
+  socklen_t length = sizeof peer;
+  if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0) {
+    why = std::string("SO_PEERCRED: ") + std::strerror(errno);
+    return std::nullopt;
+  }
+  if (peer.uid == geteuid()) return kAllRights;
+  if (access.group && is_member(socket, peer.gid, *access.group)) return access.group_rights;
+  why = "user " + std::to_string(peer.uid) + " may not connect: this daemon runs as user " + std::to_string(geteuid());
+  if (access.group) why += ", and this user is not in its group " + std::to_string(*access.group);
+  return std::nullopt;
+}
+
+void set_socket_mode(const std::string& path, const std::string& url, const Access& access) {
+  const auto fail = [&url](const std::string& what) {
+    throw std::runtime_error(url + ": cannot " + what + ": " + std::strerror(errno));
+  };
+  if (access.group && chown(path.c_str(), static_cast<uid_t>(-1), *access.group) != 0)
+    fail("give the socket to group " + std::to_string(*access.group));
+  if (chmod(path.c_str(), access.group ? 0660 : 0600) != 0) fail("set the mode of the socket");
+}
+
+}  // namespace clearance

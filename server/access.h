@@ -1,0 +1,52 @@
+// Who may do what: the rights of those who connect, beside the daemon's own user, who may do everything.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "client/protocol.h"
+
+namespace clearance {
+
+/// What a client may do, as bits. The loop asks for them before it looks at a request (Loop::handle()).
+enum Right : std::uint8_t {
+  kMayQuery = 1 << 0,  ///< ask: distances, the scene, where bodies are, counters
+  kMayPose = 1 << 1,   ///< say where bodies are, attach them
+  kMayAdmin = 1 << 2,  ///< have the scene loaded anew
+};
+using Rights = std::uint8_t;
+inline constexpr Rights kAllRights = kMayQuery | kMayPose | kMayAdmin;
+/// Of those who come without any proof of who they are: the loopback, LCM.
+inline constexpr Rights kStrangersRights = kMayQuery | kMayPose;
+
+/// The right that a request needs; 0: none.
+Rights right_for(wire::FrameType request);
+/// "query,poses": words separated by commas. Throws std::invalid_argument naming the word and those that there are.
+Rights parse_rights(const std::string& text);
+/// As parse_rights() reads it; of none "nothing".
+std::string rights_text(Rights rights);
+
+class KeyRing;
+
+/// Who may come in at the endpoints of a daemon.
+struct Access {
+  std::optional<gid_t> group;         ///< whose members may connect to Unix sockets; none: this user alone
+  Rights group_rights = kMayQuery;    ///< theirs
+  std::shared_ptr<KeyRing> keys;      ///< of TCP; null: the loopback alone, without keys
+};
+
+/// The group of a name or number. Throws std::invalid_argument.
+gid_t group_named(const std::string& name);
+
+/// What the process at the other end of a Unix socket may do, by SO_PEERCRED and SO_PEERGROUPS. None, with `why`: it may not
+/// connect.
+std::optional<Rights> rights_of_peer(int socket, const Access& access, std::string& why);
+
+/// Makes a socket file this user's alone, or the group's too. Throws std::runtime_error naming `url` and the cause.
+void set_socket_mode(const std::string& path, const std::string& url, const Access& access);
+
+}  // namespace clearance
