@@ -146,9 +146,9 @@ TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
               RoundingUnits<float>::kLower, RoundingUnits<float>::kUpper);
   EXPECT_GT(proved, 1500);
   EXPECT_LE(worst_lower, RoundingUnits<float>::kLower);
-  EXPECT_GE(worst_lower, RoundingUnits<float>::kLower / 10);
+  EXPECT_GE(worst_lower, RoundingUnits<float>::kLower / 16);
   EXPECT_LE(worst_upper, RoundingUnits<float>::kUpper);
-  EXPECT_GE(worst_upper, RoundingUnits<float>::kUpper / 10);
+  EXPECT_GE(worst_upper, RoundingUnits<float>::kUpper / 16);
 }
 
 }  // namespace
