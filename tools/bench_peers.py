@@ -8,7 +8,8 @@
     tools/bench_peers.py --check             only say whether the pages show them (exit code 1 if not)
 
 Builds the peers in build/peers (Coal in a Python environment of its own there), asks each in a process of its own, and
-writes docs/results/peers_timing.csv, peers_accuracy.csv, docs/performance.{md,png} and the peers' table of docs/accuracy.md.
+writes docs/results/peers_timing.csv, peers_accuracy.csv, docs/performance.{md,png} and the peers' tables of docs/accuracy.md
+and the README.
 A workload that is not asked for keeps its rows.
 """
 import argparse
@@ -313,27 +314,44 @@ def times(ratio):
     return f"{ratio:,.0f}x" if ratio >= 10 else f"{ratio:.2g}x"
 
 
+def ours(rows, precision):
+    return next(r for r in rows if r["contender"] == "Clearance" and r["setting"].startswith(precision))
+
+
+def peer_cells(rows, show):
+    """The peers' best settings. show: what is said of one beside how many times our time it takes."""
+    cells = []
+    for contender in ("Coal", "FCL", "Bullet"):
+        r, right = best(rows, contender)
+        if r is None:
+            cells.append("left out" if (rows[0]["workload"], contender) in LEFT_OUT else "refused")
+            continue
+        ratio = times(float(r["over_ours_f64"]))
+        cells.append(f"{show(r)}, " + (f"**{ratio}**" if right else f"{ratio}, *wrong*"))
+    return cells
+
+
 def timing_table(remark, groups):
+    show = lambda r: f"{nanoseconds(float(r['ns_median']))} ({figure(r)})"
     lines = ["| work | ours, float64 | ours, float32 | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|--:|"]
     for rows in groups.values():
-        cells = [rows[0]["what"]]
-        for precision in ("f64", "f32"):
-            mine = [r for r in rows if r["contender"] == "Clearance" and r["setting"].startswith(precision)]
-            r = mine[0]
-            cells.append(f"{nanoseconds(float(r['ns_median']))} ({figure(r)})")
-        for contender in ("Coal", "FCL", "Bullet"):
-            r, right = best(rows, contender)
-            if r is None:
-                cells.append("left out" if (rows[0]["workload"], contender) in LEFT_OUT else "refused")
-                continue
-            ratio = float(r["over_ours_f64"])
-            cells.append(f"{nanoseconds(float(r['ns_median']))} ({figure(r)}), "
-                         + (f"**{times(ratio)}**" if right else f"{times(ratio)}, *wrong*"))
+        cells = [rows[0]["what"], show(ours(rows, "f64")), show(ours(rows, "f32")), *peer_cells(rows, show)]
         lines.append("| " + " | ".join(cells) + " |")
     faster = [f"{1 / float(r['over_ours_f64']):.2f}x ({r['what']})" for rows in groups.values() for r in rows
               if r["setting"].endswith("two threads")]
     threads = f"\n\nTwo threads over one, float64: {', '.join(faster)}." if faster else ""
     return f"From `docs/results/peers_timing.csv` ({remark}):\n\n" + "\n".join(lines) + threads
+
+
+def short_table(remark, groups):
+    """Some of the workloads, in float64, for the README."""
+    show = lambda r: nanoseconds(float(r["ns_median"]))
+    lines = ["| time per pair, one thread | Clearance | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|"]
+    for name in ("all_pairs", "cut", "gap_1mm_42", "motion_1202", "cell", "depth_1202", "two_2M"):
+        rows = groups[name]
+        lines.append("| " + " | ".join([rows[0]["what"], show(ours(rows, "f64")), *peer_cells(rows, show)]) + " |")
+    return ("\n".join(lines) + f"\n\nFrom [docs/results/peers_timing.csv](docs/results/peers_timing.csv) ({remark}), by `make bench-peers`."
+            "\nOurs has bounds, the peers have none; *wrong*: no setting of the peer errs by less than 1e-5 there.")
 
 
 def draw(groups, path):
@@ -390,6 +408,7 @@ def write_pages(check=False):
     if rows:
         groups = grouped(rows, "workload")
         replace_table(ROOT / "docs/performance.md", "peers timing", timing_table(remark, groups), check)
+        replace_table(ROOT / "README.md", "peers timing", short_table(remark, groups), check)
         if not check:
             draw(groups, ROOT / "docs/performance.png")
     remark, rows = read_csv(ACCURACY)
