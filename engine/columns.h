@@ -27,10 +27,16 @@ CLEARANCE_HD inline void write(double* column, std::uint64_t index, const Vec3d&
 
 // The float nearest to x on the outer side, so that the interval only grows.
 CLEARANCE_HD inline float float_below(double x) {
+#ifdef __CUDA_ARCH__
+  return __double2float_rd(x);
+#endif
   const float f = static_cast<float>(x);
   return f > x ? nextafterf(f, -__builtin_inff()) : f;
 }
 CLEARANCE_HD inline float float_above(double x) {
+#ifdef __CUDA_ARCH__
+  return __double2float_ru(x);
+#endif
   const float f = static_cast<float>(x);
   return f < x ? nextafterf(f, __builtin_inff()) : f;
 }

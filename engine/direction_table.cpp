@@ -28,12 +28,12 @@ struct Lattice {
   double margin[9];   // that a difference of two computed values must exceed to be sure
 };
 
-Lattice lattice_of(std::uint32_t u, std::uint32_t v, int level, double rho) {
+Lattice lattice_of(std::uint32_t u, std::uint32_t v, int level, double margin) {
   Lattice l;
   const double half = 1.0 / static_cast<double>(1u << level);   // of a cell's edge
   for (int k = 0; k < 9; ++k) {
     l.direction[k] = direction_at(-1 + half * (2 * u + k % 3), -1 + half * (2 * v + k / 3));
-    l.margin[k] = kMargin * rho * norm(l.direction[k]);
+    l.margin[k] = margin * norm(l.direction[k]);
   }
   return l;
 }
@@ -171,10 +171,12 @@ struct Cell {
 
 }  // namespace
 
-DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, std::size_t few) {
+DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, const TableStyle& style) {
   DirectionTable table;
+  const double margin = kMargin * rho + style.blur;
+  const std::size_t few = style.few;
   while (table.grid_bits < 10 && (std::size_t{1} << (2 * table.grid_bits)) < vertices.size()) ++table.grid_bits;
-  const int grid_level = std::max<int>(static_cast<int>(table.grid_bits), 1);
+  const int grid_level = std::max<int>(static_cast<int>(table.grid_bits + style.finer), 1);
   table.grid_bits = static_cast<std::uint32_t>(grid_level);
   const std::size_t grid = std::size_t{1} << grid_level;
   const int deepest = std::min(grid_level + kBelowGrid, DirectionTable::kDeepest);
@@ -199,7 +201,7 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho,
       divide.set_few(few);
       const Cell& cell = cells[k];
       std::vector<std::uint32_t> lists[4];
-      divide(vertices, cell.list, lattice_of(cell.u, cell.v, level, rho), lists);
+      divide(vertices, cell.list, lattice_of(cell.u, cell.v, level, margin), lists);
       std::size_t sum = 0;
       for (const auto& list : lists) sum += list.size();
       // Where dividing hardly shortens the lists (coplanar vertices, or all vertices alike from far away), it ends.

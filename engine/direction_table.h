@@ -33,8 +33,24 @@ struct DirectionTable {
   std::size_t bytes() const { return (cells.capacity() + lists.capacity()) * sizeof(std::uint32_t); }
 };
 
-/// \param rho max |v| over the vertices. At least one vertex. \param few vertices of a list that is not worth dividing further.
-DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, std::size_t few = 6);
+/// What of a table is a matter of taste.
+struct TableStyle {
+  std::size_t few = 6;     ///< vertices of a list that is not worth dividing further
+  std::uint32_t finer = 0; ///< added to grid_bits
+  /// Lists hold also what a vertex farther by this may hide, metres per length of the direction: for directions that are
+  /// looked up with an error.
+  double blur = 0;
+};
+
+/// \param rho max |v| over the vertices. At least one vertex.
+DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, const TableStyle& style);
+inline DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, std::size_t few = 6) {
+  return make_direction_table(vertices, rho, TableStyle{.few = few});
+}
+
+/// The blur that lets float32 find a direction's list, for directions of lengths from 10^-30 to 10^30: see docs/bounds.md.
+/// \param spread no vertex is farther from a point among them; metres
+constexpr double float_blur(double spread) { return 64 * 0x1p-24 * spread; }
 
 /// Where a direction lies in the unfolded square, in units of the finest cells. A scalar or a pack.
 template <class T>
@@ -59,9 +75,9 @@ CLEARANCE_INLINE MapPoint<T> map_point(const Vec3<T>& n) {
   return {u, v};
 }
 
-/// Where the list for that point begins. \param cells words of any width; the highest bit is DirectionTable::kDivided.
-template <class Word>
-CLEARANCE_INLINE std::uint32_t find_list(const Word* cells, std::uint32_t grid_bits, double map_u, double map_v) {
+/// Where the list for that point begins. \param cells words of any width; the highest bit is DirectionTable::kDivided. \param map_u, map_v scalars
+template <class Word, class T>
+CLEARANCE_INLINE std::uint32_t find_list(const Word* cells, std::uint32_t grid_bits, const T& map_u, const T& map_v) {
   const auto u = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_u)), v = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_v));
   std::uint32_t shift = DirectionTable::kDeepest - grid_bits;
   constexpr std::uint32_t divided = std::uint32_t{1} << (8 * sizeof(Word) - 1);

@@ -317,7 +317,8 @@ struct WholePiece {
 
 void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
                        Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
-  settled_witness(WholePiece{a}, R_wa, WholePiece{b}, R_wb, lane, point_a, point_b, normal);
+  settled_points(WholePiece{a}, R_wa, WholePiece{b}, R_wb, lane, point_a, point_b);
+  normal = settled_normal(lane);
 }
 
 NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,

@@ -10,10 +10,10 @@
 
 namespace clearance {
 
-/// The witness points and the normal of a settled pair. Points from their bodies' origins, world axes.
+/// The witness points of a settled pair, from their bodies' origins, world axes.
 template <class Hull>
-CLEARANCE_HD inline void settled_witness(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
-                                         const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
+CLEARANCE_HD inline void settled_points(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
+                                        const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b) {
   Vec3d core_a{0, 0, 0}, core_b = core_a;
   CLEARANCE_UNROLL
   for (std::uint32_t i = 0; i < 3; ++i) {
@@ -21,10 +21,15 @@ CLEARANCE_HD inline void settled_witness(const Hull& a, const Mat3d& R_wa, const
     core_a += a.vertex(lane.a[i]) * lane.share[i];
     core_b += b.vertex(lane.b[i]) * lane.share[i];
   }
-  const Vec3d outward = lane.separation * (1 / lane.separation_length);
+  Vec3d outward = lane.separation;  // where nothing is rounded its length does not matter
+  if (a.radius() + b.radius() > 0) outward = outward * (1 / lane.separation_length);
   point_a = R_wa * core_a + outward * a.radius();
   point_b = R_wb * core_b - outward * b.radius();
-  normal = -lane.v * (1 / lane.v_length);
+}
+
+/// And its normal.
+CLEARANCE_HD inline Vec3d settled_normal(const LaneWitness& lane) {
+  return -lane.v * (1 / lane.v_length);
 }
 
 /// The vertices of a piece within rounding of its support along a direction: how many dimensions they span, and one

@@ -42,16 +42,14 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
                         ? reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(rows * sizeof(Enclosed)))
                         : nullptr;
     check(cudaMemsetAsync(view.counts, 0, kCounts * sizeof(std::uint32_t), slot.stream), "clearing counters");
+    const bool only_compact = fields_ == kFieldCompact;
     kernels_begin(slot);
     if (chunk.group_tiles > 0) {
-      view.groups = pairs_->groups;
       view.group_of_tile = pairs_->group_of_tile + chunk.first_tile;
-      answer_groups<<<chunk.group_tiles, kTile, pairs_->shared_bytes, slot.stream>>>(view);
+      (only_compact ? answer_groups<true> : answer_groups<false>)<<<chunk.group_tiles, kTile, pairs_->shared_bytes, slot.stream>>>(view);
     }
-    if (chunk.strays != kNone) {
-      view.groups = pairs_->groups + chunk.strays;
-      answer_strays<<<chunk.stray_tiles, kTile, 0, slot.stream>>>(view);
-    }
+    if (chunk.stray_tiles > 0)
+      (only_compact ? answer_strays<true> : answer_strays<false>)<<<chunk.stray_tiles, kTile, 0, slot.stream>>>(view, chunk.strays);
     if (question_.prove_overlaps) {
       const auto blocks = static_cast<unsigned>(std::min<std::uint64_t>((rows + kTile - 1) / kTile, kOverlapBlocks));
       prove_overlaps<<<blocks, kTile, 0, slot.stream>>>(view);

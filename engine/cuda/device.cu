@@ -26,7 +26,7 @@ DeviceInfo probe() {
   if (error == cudaSuccess) error = cudaGetDeviceProperties(&properties, device);
   // Also asks whether this build has code for it.
   cudaFuncAttributes attributes{};
-  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_groups);
+  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_groups<true>);
   info.name = properties.name;
   info.present = error == cudaSuccess;
   if (!info.present) info.reason = info.name + ": " + cudaGetErrorString(error);
@@ -82,16 +82,15 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
         hulls_(scene, most_shared(), scene_memory_),
         dense_(hulls_, work_),
         reduced_(hulls_, work_) {
-    check(cudaFuncSetAttribute(answer_groups, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()),
-          "asking for shared memory");
+    for (const auto kernel : {answer_groups<true>, answer_groups<false>})
+      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()), "asking for shared memory");
   }
 
   std::uint32_t hull_of(std::uint32_t body) const override { return hulls_.of_body(body); }
 
   std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
-                                              std::span<const Group> groups,
-                                              std::span<const std::uint32_t> group_of_tile) override {
-    return std::make_shared<CudaPairs>(hulls_, work_.memory, pairs, position, groups, group_of_tile);
+                                              std::span<const Group> group_of_tile) override {
+    return std::make_shared<CudaPairs>(hulls_, work_.memory, pairs, position, group_of_tile);
   }
 
   std::shared_ptr<Workspace> borrow() override { return dense_.borrow(shared_from_this()); }

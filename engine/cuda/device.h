@@ -77,7 +77,7 @@ struct ChunkSetup {
   const Pose* poses = nullptr;    ///< (configurations, given_count), in pinned memory that stays until the chunk is finished
   std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
   std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
-  std::uint32_t strays = kNone;   ///< the group of pairs with hulls of their own; kNone: there are none
+  Group strays{};                 ///< of pairs with hulls of their own; may be empty
   std::uint32_t stray_tiles = 0;
   std::uint64_t rows() const { return std::uint64_t{configurations} * pair_count; }
 };
@@ -142,11 +142,10 @@ class Device {
   /// Index of the body's hull on the device; kNone: the CPU answers its pairs.
   virtual std::uint32_t hull_of(std::uint32_t body) const = 0;
   /// Copies pairs to the device. \param position of each within its chunk.
-  /// \param group_of_tile index into `groups` of each tile.
+  /// \param group_of_tile of each tile of 128 pair-configurations of the same two hulls.
   virtual std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs,
                                                       std::span<const std::uint32_t> position,
-                                                      std::span<const Group> groups,
-                                                      std::span<const std::uint32_t> group_of_tile) = 0;
+                                                      std::span<const Group> group_of_tile) = 0;
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.
   virtual std::shared_ptr<Workspace> borrow() = 0;
   virtual std::shared_ptr<ReducedWorkspace> borrow_reduced() = 0;

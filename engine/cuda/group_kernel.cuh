@@ -20,49 +20,62 @@ __device__ inline Hull<SharedVertices> share(const HullsView& hulls, const HullH
   return {{xy, z}, reinterpret_cast<const std::uint16_t*>(table), head};
 }
 
+// An item of a group: a pair in a configuration, and where its bodies are.
+struct GroupItem {
+  std::uint32_t pair, k;
+  PairRef ref;
+  std::uint64_t row;
+  Where at_a, at_b;
+  PlacedWhere at;
+
+  __device__ GroupItem(const ChunkView& c, const Group& group, std::uint32_t item)
+      : pair(group.first + (c.configurations == 1 ? item : item / c.configurations)),
+        k(c.configurations == 1 ? 0 : item % c.configurations),
+        ref(c.pairs[pair]),
+        row(std::uint64_t{k} * c.pair_count + c.position[pair]),
+        at_a(c.bodies, c.configurations, ref.a, k),
+        at_b(c.bodies, c.configurations, ref.b, k),
+        at(at_a, at_b) {}
+};
+
+// Answers it and writes its row, unless it is not settled.
+template <bool kCompact, class Hull>
+__device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b, Enclosed& enclosed) {
+  enclosed.pair = item.pair;
+  enclosed.configuration = item.k;
+  PairAnswer answer;
+  const Outcome outcome = solve_item<kCompact>(c, a, item.at_a, b, item.at_b, item.at, answer, enclosed);
+  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
+    write_answer<kCompact>(c, item.row, item.k, item.at_a, item.at_b, answer);
+  return outcome;
+}
+
 // Blocks of pairs of the same two hulls, which lie in shared memory.
+template <bool kCompact>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_groups(const __grid_constant__ ChunkView c) {
   extern __shared__ uint4 shared_memory[];
   auto* memory = reinterpret_cast<std::byte*>(shared_memory);
-  const Group group = c.groups[c.group_of_tile[blockIdx.x]];
+  const Group group = c.group_of_tile[blockIdx.x];
+  const std::uint32_t place = (blockIdx.x - group.first_tile) * kTile + threadIdx.x, count = group.count * c.configurations;
+  const GroupItem item(c, group, place < count ? place : count - 1);  // poses are on their way while hulls are copied
   const HullHead* head = c.hulls.heads + group.hull_a;
   const Hull<SharedVertices> a = share(c.hulls, head, memory);
   const Hull<SharedVertices> b =
       group.hull_a == group.hull_b ? a : share(c.hulls, c.hulls.heads + group.hull_b, memory + shared_bytes(*head));
   __syncthreads();
 
-  const std::uint64_t item = std::uint64_t{blockIdx.x - group.first_tile} * kTile + threadIdx.x;
-  Outcome outcome = Outcome::kNone;
-  std::uint64_t row = 0;
   Enclosed enclosed;
-  if (item < std::uint64_t{group.count} * c.configurations) {
-    const std::uint32_t pair = group.first + static_cast<std::uint32_t>(item / c.configurations);
-    const std::uint32_t k = static_cast<std::uint32_t>(item % c.configurations);
-    row = std::uint64_t{k} * c.pair_count + c.position[pair];
-    enclosed.pair = pair;
-    enclosed.configuration = k;
-    outcome = answer_item(c, a, b, c.pairs[pair], k, row, enclosed);
-  }
-  report(c, outcome, row, enclosed);
+  report(c, place < count ? answer_item<kCompact>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
 }
 
-// Pairs that have too little company for that: each thread reads the hulls it needs. c.groups is the one group of them.
-__global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c) {
-  const Group group = c.groups[0];
-  const std::uint64_t item = std::uint64_t{blockIdx.x} * kTile + threadIdx.x;
-  Outcome outcome = Outcome::kNone;
-  std::uint64_t row = 0;
+// Pairs that have too little company for that: each thread reads the hulls it needs. \param strays their group.
+template <bool kCompact>
+__global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c, Group strays) {
+  const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = strays.count * c.configurations;
+  const GroupItem item(c, strays, place < count ? place : count - 1);
+  const Hull<SceneVertices> a = scene_hull(c, item.ref.a), b = scene_hull(c, item.ref.b);
   Enclosed enclosed;
-  if (item < std::uint64_t{group.count} * c.configurations) {
-    const std::uint32_t pair = group.first + static_cast<std::uint32_t>(item / c.configurations);
-    const std::uint32_t k = static_cast<std::uint32_t>(item % c.configurations);
-    const PairRef ref = c.pairs[pair];
-    row = std::uint64_t{k} * c.pair_count + c.position[pair];
-    enclosed.pair = pair;
-    enclosed.configuration = k;
-    outcome = answer_item(c, scene_hull(c, ref.a), scene_hull(c, ref.b), ref, k, row, enclosed);
-  }
-  report(c, outcome, row, enclosed);
+  report(c, place < count ? answer_item<kCompact>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
 }
 
 }  // namespace clearance::cuda

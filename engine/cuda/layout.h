@@ -109,8 +109,7 @@ struct ChunkView {
   HullsView hulls;
   BodiesView bodies;
   Question question;
-  const Group* groups;
-  const std::uint32_t* group_of_tile;
+  const Group* group_of_tile;
   const PairRef* pairs;
   const std::uint32_t* position;  ///< of each pair within the chunk
   std::uint32_t pair_count;       ///< rows of one configuration

@@ -74,7 +74,7 @@ __global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ 
     }
     const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
     if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
-    take_place(c.counts + kSettledRows, outcome == Outcome::kSettled);
+    add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
   }
 }
 

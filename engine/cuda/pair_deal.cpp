@@ -40,7 +40,7 @@ class Dealer {
     deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
     for (std::uint64_t first = 0; first < P; first += per_part)
       add_part(first, static_cast<std::uint32_t>(std::min(per_part, P - first)));
-    deal_.resident = const_cast<Device&>(device_).upload(refs_, position_, groups_, group_of_tile_);
+    deal_.resident = const_cast<Device&>(device_).upload(refs_, position_, group_of_tile_);
   }
 
  private:
@@ -100,14 +100,10 @@ class Dealer {
     for (Group group : groups) {
       group.first_tile = g.tiles;
       g.tiles += tiles(group.count, configurations);
-      group_of_tile_.insert(group_of_tile_.end(), g.tiles - group.first_tile,
-                            static_cast<std::uint32_t>(groups_.size()));
-      groups_.push_back(group);
+      group_of_tile_.insert(group_of_tile_.end(), g.tiles - group.first_tile, group);
     }
-    if (strays.count == 0) return g;
-    g.strays = static_cast<std::uint32_t>(groups_.size());
+    g.strays = strays;
     g.stray_tiles = tiles(strays.count, configurations);
-    groups_.push_back(strays);
     return g;
   }
 
@@ -119,8 +115,7 @@ class Dealer {
   std::vector<Entry> order_;
   std::vector<PairRef> refs_;
   std::vector<std::uint32_t> position_;
-  std::vector<Group> groups_;
-  std::vector<std::uint32_t> group_of_tile_;
+  std::vector<Group> group_of_tile_;
 };
 
 // The pairs in their order, or nothing where the CPU has to answer one of them.
@@ -181,7 +176,7 @@ std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
   auto next = std::make_shared<PairListOnDevice>();
   next->asked = AskedPairs(plan);
   if (const std::vector<PairRef> refs = refs_in_order(scene_, *device_, plan); !refs.empty())
-    next->resident = device_->upload(refs, {}, {}, {});
+    next->resident = device_->upload(refs, {}, {});
   const std::lock_guard lock(mutex_);
   last_list_ = next;
   return next;

@@ -39,8 +39,7 @@ struct Hull {
   // The farthest vertex along n, ties to the lowest index: support()'s words.
   __device__ SupportPoint<double> farthest(const Vec3d& n) const {
     if (!cells) return scan(n);
-    const MapPoint<double> at = map_point(n);
-    const std::uint16_t* list = lists + find_list(cells, grid_bits, at.u, at.v);
+    const std::uint16_t* list = lists + list_along(n);
     const std::uint32_t candidates = list[0];
     SupportPoint<double> best{list[1], dot(n, vertex(list[1]))};
     for (std::uint32_t k = 2; k <= candidates; ++k) {
@@ -49,6 +48,17 @@ struct Hull {
       if (s > best.value) best = {i, s};
     }
     return best;
+  }
+  // The tables are blurred (float_blur()), so that float32 finds a list where it can hold the direction.
+  __device__ std::uint32_t list_along(const Vec3d& n) const {
+    const Vec3<float> f = cast<float>(n);
+    const float size = fabsf(f.x) + fabsf(f.y) + fabsf(f.z);
+    if (size > 1e-30f && size < 1e30f) {
+      const MapPoint<float> at = map_point(f);
+      return find_list(cells, grid_bits, at.u, at.v);
+    }
+    const MapPoint<double> at = map_point(n);
+    return find_list(cells, grid_bits, at.u, at.v);
   }
   __device__ SupportPoint<double> scan(const Vec3d& n) const {
     SupportPoint<double> best{0, dot(n, vertex(0))};
@@ -114,13 +124,23 @@ struct Where {
   __device__ Status status() const { return static_cast<Status>(state & kStateStatus); }
 };
 
+// Where both bodies of a pair are.
+struct PlacedWhere {
+  Mat3d R_wa, R_wb;
+  Vec3d D;
+
+  __device__ PlacedWhere(const Where& at_a, const Where& at_b)
+      : R_wa(at_a.rotation()), R_wb(at_b.rotation()), D(at_b.translation() - at_a.translation()) {}
+};
+
 // The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
 template <class Hull>
 __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
                                         const LaneWitness& witness, bool want_nonsmooth, PairAnswer& answer) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
   answer.piece_a = answer.piece_b = 0;
-  settled_witness(a, R_wa, b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
+  settled_points(a, R_wa, b, R_wb, witness, answer.point_a, answer.point_b);
+  answer.normal = settled_normal(witness);
   if (answer.status == Status::kBeyond)
     answer.point_a = answer.point_b = no_point();
   else if (want_nonsmooth && witness_is_ambiguous(a, R_wa, b, R_wb, answer.normal))
@@ -130,37 +150,36 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
 enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
 
 // One pair's run of GJK, and what its bounds need.
+template <class Hull>
 struct Run {
   Gjk<double> g;
   double radius, scale;
-};
-template <class Hull>
-__device__ inline Run run_gjk(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b) {
-  const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
-  const Vec3d D = at_b.translation() - at_a.translation();
-  Run run;
-  Gjk<double>& g = run.g;
-  const double radius = run.radius = a.radius() + b.radius();
-  const double scale = run.scale = pair_scale(D, a.head->rho, b.head->rho, radius);
-  GjkLimits<double> limits;
-  limits.rel_tol = q.rel_tol / 2;
-  limits.abs_tol = q.abs_tol / 2;
-  limits.radius = radius;
-  limits.squared = !(radius > 0) && q.abs_tol == 0;
-  limits.bounded = q.max_distance < 1e150;
-  if (limits.bounded)
-    limits.max_distance = q.max_distance + radius + 2.0 * rounding_error(double(RoundingUnits<double>::kLower), scale);
 
-  g.v = R_wa * a.head->centre - R_wb * b.head->centre - D;
-  if (!(squared_norm(g.v) > 0)) g.v.x = 1;
-  for (int steps = 0; g.end == 0;) {
-    const SupportPoint<double> fa = a.farthest(-R_wa.transpose_times(g.v)), fb = b.farthest(R_wb.transpose_times(g.v));
-    const CsoVertex<double> vertex{R_wa * a.vertex(fa.index) - R_wb * b.vertex(fb.index) - D, fa.index, fb.index};
-    g.step(vertex, -dot(g.v, D) - (fa.value + fb.value), limits, true);
-    if (g.end == 0 && ++steps >= q.max_iterations) g.end = Gjk<double>::code(GjkEnd::kLimit);
+  __device__ Run(const Question& q, const Hull& a, const Hull& b, const PlacedWhere& at)
+      : radius(a.radius() + b.radius()), scale(pair_scale(at.D, a.head->rho, b.head->rho, radius)), q_(q), a_(a), b_(b), at_(at) {
+    limits_.rel_tol = q.rel_tol / 2;
+    limits_.abs_tol = q.abs_tol / 2;
+    limits_.radius = radius;
+    limits_.squared = !(radius > 0) && q.abs_tol == 0;
+    limits_.bounded = q.max_distance < 1e150;
+    if (limits_.bounded)
+      limits_.max_distance = q.max_distance + radius + 2.0 * rounding_error(double(RoundingUnits<double>::kLower), scale);
+    g.v = at.R_wa * a.head->centre - at.R_wb * b.head->centre - at.D;
+    if (!(squared_norm(g.v) > 0)) g.v.x = 1;
   }
-  return run;
-}
+  __device__ void step() {
+    const SupportPoint<double> fa = a_.farthest(-at_.R_wa.transpose_times(g.v)), fb = b_.farthest(at_.R_wb.transpose_times(g.v));
+    const CsoVertex<double> vertex{at_.R_wa * a_.vertex(fa.index) - at_.R_wb * b_.vertex(fb.index) - at_.D, fa.index, fb.index};
+    g.step(vertex, -dot(g.v, at_.D) - (fa.value + fb.value), limits_, true);
+  }
+  __device__ RunBounds<double> bounds() const { return {g, radius, scale, q_.max_distance, q_.abs_tol, q_.rel_tol}; }
+
+ private:
+  const Question& q_;
+  const Hull &a_, &b_;
+  const PlacedWhere& at_;
+  GjkLimits<double> limits_;
+};
 
 // Whether the simplex holds the origin, so that its vertices may prove an overlap.
 __device__ inline bool take_enclosed(const Gjk<double>& g, Enclosed& enclosed) {
@@ -173,22 +192,17 @@ __device__ inline bool take_enclosed(const Gjk<double>& g, Enclosed& enclosed) {
   return true;
 }
 
-// Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the
-// origin.
-template <class Hull>
-__device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
-                                 PairAnswer& answer, Enclosed& enclosed) {
-  const Run run = run_gjk(q, a, at_a, b, at_b);
-  const Gjk<double>& g = run.g;
-  if (q.prove_overlaps && take_enclosed(g, enclosed)) return Outcome::kEnclosed;
-  const RunBounds<double> bounds(g, run.radius, run.scale, q.max_distance, q.abs_tol, q.rel_tol);
-  if (!bounds.settled) return Outcome::kUnsettled;
+// The answer of a run whose bounds are settled. \tparam kCompact only a compact column is wanted: no normal and no flags.
+template <bool kCompact, class Hull>
+__device__ inline void take_settled(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
+                                    const PlacedWhere& at, const Gjk<double>& g, const RunBounds<double>& bounds,
+                                    PairAnswer& answer) {
   const bool beyond = bounds.lower > q.max_distance;
   answer.status = beyond ? Status::kBeyond : Status::kOk;
   answer.lower = bounds.lower;
   answer.upper = bounds.upper;
   answer.distance = beyond ? bounds.lower : bounds.upper;
-  if (!q.want_points) return Outcome::kSettled;
+  if (!q.want_points) return;
   LaneWitness w;
   w.v = g.v;
   w.separation = -bounds.nearest.w;
@@ -200,7 +214,28 @@ __device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& 
     w.b[i] = g.simplex.vertex[i].b;
     w.share[i] = bounds.nearest.share[i];
   }
-  add_points(a, at_a, b, at_b, w, q.want_nonsmooth, answer);
+  if (!kCompact) {
+    add_points(a, at_a, b, at_b, w, q.want_nonsmooth, answer);
+  } else {
+    settled_points(a, at.R_wa, b, at.R_wb, w, answer.point_a, answer.point_b);
+    if (beyond) answer.point_a = answer.point_b = no_point();
+  }
+}
+
+// Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the
+// origin.
+template <bool kCompact, class Hull>
+__device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
+                                 const PlacedWhere& at, PairAnswer& answer, Enclosed& enclosed) {
+  Run<Hull> run(q, a, b, at);
+  for (int steps = 0; run.g.end == 0;) {
+    run.step();
+    if (run.g.end == 0 && ++steps >= q.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
+  }
+  if (q.prove_overlaps && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
+  const RunBounds<double> bounds = run.bounds();
+  if (!bounds.settled) return Outcome::kUnsettled;
+  take_settled<kCompact>(q, a, at_a, b, at_b, at, run.g, bounds, answer);
   return Outcome::kSettled;
 }
 
@@ -208,8 +243,16 @@ __device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
   const std::uint8_t states = a.state | b.state;
   return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0);
 }
+template <bool kCompact = false>
 __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a,
                                     const Where& at_b, const PairAnswer& answer) {
+  if (kCompact) {  // in two pieces of 16 bytes
+    const CompactAnswer r = detail::compact(answer);
+    auto* halves = reinterpret_cast<float4*>(c.reply.compact + row);
+    halves[0] = {r.lower, r.upper, r.point_a[0], r.point_a[1]};
+    halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
+    return;
+  }
   write_row(c.reply, row,
             {{at_a.body, at_b.body},
              static_cast<std::uint32_t>(c.first_configuration + k),
@@ -219,9 +262,9 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
 }
 
 // Answers one item of a chunk, unless it is not settled.
-template <class Hull>
+template <bool kCompact = false, class Hull>
 __device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
-                                     PairAnswer& answer, Enclosed& enclosed) {
+                                     const PlacedWhere& at, PairAnswer& answer, Enclosed& enclosed) {
   const std::uint16_t flags = flags_of(at_a, at_b);
   if (const Status status = pair_status(at_a.status(), at_b.status()); status != Status::kOk) {
     answer = no_answer(status);
@@ -235,31 +278,25 @@ __device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Wh
     return Outcome::kWithoutPieces;
   }
   answer.flags = flags;
-  return narrow(c.question, a, at_a, b, at_b, answer, enclosed);
+  return narrow<kCompact>(c.question, a, at_a, b, at_b, at, answer, enclosed);
 }
 
-// The same, and writes its row.
-template <class Hull>
-__device__ inline Outcome answer_item(const ChunkView& c, const Hull& a, const Hull& b, PairRef pair, std::uint32_t k,
-                                      std::uint64_t row, Enclosed& enclosed) {
-  const Where at_a(c.bodies, c.configurations, pair.a, k), at_b(c.bodies, c.configurations, pair.b, k);
-  PairAnswer answer;
-  const Outcome outcome = solve_item(c, a, at_a, b, at_b, answer, enclosed);
-  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) write_answer(c, row, k, at_a, at_b, answer);
-  return outcome;
-}
-
-// Counts a warp's outcomes and lists the rows that are not settled. All its threads call it.
+// Counts a warp's outcomes and lists the rows that are not settled. All its threads call these.
 __device__ inline std::uint32_t take_place(std::uint32_t* count, bool wanted) {
   const unsigned all = __ballot_sync(~0u, wanted), lane = threadIdx.x % 32;
+  if (all == 0) return 0;
   std::uint32_t first = 0;
-  if (all != 0 && lane == 0) first = atomicAdd(count, __popc(all));
+  if (lane == 0) first = atomicAdd(count, __popc(all));
   return __shfl_sync(~0u, first, 0) + __popc(all & ((1u << lane) - 1));
+}
+__device__ inline void add_count(std::uint32_t* count, bool wanted) {
+  const unsigned all = __ballot_sync(~0u, wanted);
+  if (all != 0 && threadIdx.x % 32 == 0) atomicAdd(count, __popc(all));
 }
 __device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t row, const Enclosed& enclosed) {
   const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
   if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
-  take_place(c.counts + kSettledRows, outcome == Outcome::kSettled);
+  add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
   const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
   if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
 }

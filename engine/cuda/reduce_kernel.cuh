@@ -129,8 +129,12 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k), at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.question.max_distance) return gap;
-  const Run run = run_gjk(c.question, scene_hull(c, item.ref.a), at_a, scene_hull(c, item.ref.b), at_b);
+  const Hull<SceneVertices> a = scene_hull(c, item.ref.a), b = scene_hull(c, item.ref.b);
+  const PlacedWhere at(at_a, at_b);
+  Run<Hull<SceneVertices>> run(c.question, a, b, at);
+  for (int steps = 0; run.g.end == 0 && steps < kSeedSteps; ++steps) run.step();
   const Simplex<double>& s = run.g.simplex;
+  // What has not ended has a simplex all the same.
   const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
   const double length = norm(encloses ? s.vertex[0].w : SimplexPoint<double>(s).w);
   const double upper =
@@ -138,7 +142,7 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
   return upper <= 0 ? 0 : upper < __builtin_inf() ? upper : __builtin_inf();
 }
 
-// One thread for each group. \param r with few steps: a rough bound does.
+// One thread for each group.
 __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constant__ ReducedView r) {
   const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
   if (at >= std::uint64_t{r.chunk.configurations} * r.groups) return;
@@ -226,7 +230,7 @@ __device__ inline void report_item(const ReducedView& r, Outcome outcome, std::u
     r.rest_rows[rest] = row;
     r.answers[i].distance = __builtin_nan("");  // the CPU's answer comes later
   }
-  take_place(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
+  add_count(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
 }
 
 __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_constant__ ReducedView r) {
@@ -246,7 +250,8 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       enclosed.configuration = item.k;
       enclosed.item = i;
       PairAnswer answer;
-      outcome = solve_item(c, scene_hull(c, item.ref.a), at_a, scene_hull(c, item.ref.b), at_b, answer, enclosed);
+      outcome = solve_item(c, scene_hull(c, item.ref.a), at_a, scene_hull(c, item.ref.b), at_b, PlacedWhere(at_a, at_b), answer,
+                           enclosed);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;
         offer(r, item, row, answer, at_a, at_b);

@@ -169,9 +169,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     r.complete = reinterpret_cast<std::uint8_t*>(r.cutoff + groups);
     check(cudaMemsetAsync(memory, 0xff, bytes, slot.stream), "clearing groups");
     find_seeds<<<std::min(blocks_of(r.rows, kScanThreads), kSeedBlocks), kScanThreads, 0, slot.stream>>>(r);
-    ReducedView rough = r;
-    rough.chunk.question.max_iterations = kSeedSteps;
-    solve_seeds<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(rough);
+    solve_seeds<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
     check(cudaGetLastError(), "starting a kernel");
   }
 

@@ -17,6 +17,7 @@ namespace clearance::cuda {
 inline constexpr std::size_t kMostVertices = 512;
 inline constexpr std::size_t kTableVertices = 16;  // fewer are scanned as fast
 inline constexpr std::size_t kFewVertices = 4;     // of a list of a table that is not worth dividing further
+inline constexpr std::uint32_t kFinerGrid = 1;     // than the CPU's: a list is found in fewer steps
 inline constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
 
 // The scene's hulls in device memory.
@@ -77,7 +78,7 @@ class ResidentHulls {
   // another hull is left out.
   void add_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) const {
     if (p.vertices.size() < kTableVertices) return;
-    const DirectionTable table = make_direction_table(p.vertices, p.rho, kFewVertices);
+    const DirectionTable table = make_direction_table(p.vertices, p.rho, {kFewVertices, kFinerGrid, float_blur(p.spread)});
     if (std::max(table.cells.size(), table.lists.size()) >= kNarrowDivided) return;
     HullHead with_table = head;
     with_table.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
@@ -102,19 +103,16 @@ class ResidentHulls {
 class CudaPairs final : public ResidentPairs {
  public:
   CudaPairs(const ResidentHulls& hulls, MemoryCounters& counters, std::span<const PairRef> p,
-            std::span<const std::uint32_t> at, std::span<const Group> g, std::span<const std::uint32_t> tiles)
+            std::span<const std::uint32_t> at, std::span<const Group> tiles)
       : memory_(counters) {
-    const std::size_t at_pairs = memory_.add(p), at_position = memory_.add(at), at_groups = memory_.add(g),
-                      at_tiles = memory_.add(tiles);
+    const std::size_t at_pairs = memory_.add(p), at_position = memory_.add(at), at_tiles = memory_.add(tiles);
     memory_.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying pairs to the device");
     memory_.forget_host();
     pairs = memory_.at<PairRef>(at_pairs);
     position = memory_.at<std::uint32_t>(at_position);
-    groups = memory_.at<Group>(at_groups);
-    group_of_tile = memory_.at<std::uint32_t>(at_tiles);
-    for (const Group& group : g) {
-      if (group.hull_a == kNone) continue;
+    group_of_tile = memory_.at<Group>(at_tiles);
+    for (const Group& group : tiles) {
       const std::uint32_t both = hulls.bytes_in_shared_memory(group.hull_a) +
                                  (group.hull_a == group.hull_b ? 0 : hulls.bytes_in_shared_memory(group.hull_b));
       shared_bytes = std::max<std::size_t>(shared_bytes, both);
@@ -123,8 +121,7 @@ class CudaPairs final : public ResidentPairs {
 
   const PairRef* pairs;
   const std::uint32_t* position;
-  const Group* groups;
-  const std::uint32_t* group_of_tile;
+  const Group* group_of_tile;
   std::size_t shared_bytes = 0;  ///< for the hulls of any group
 
  private:

@@ -86,8 +86,7 @@ class IdleDevice final : public cuda::Device {
   explicit IdleDevice(Fault& fault) : fault_(fault) {}
   std::uint32_t hull_of(std::uint32_t body) const override { return body; }
   std::shared_ptr<const cuda::ResidentPairs> upload(std::span<const cuda::PairRef>, std::span<const std::uint32_t>,
-                                                    std::span<const cuda::Group>,
-                                                    std::span<const std::uint32_t>) override {
+                                                    std::span<const cuda::Group>) override {
     fault_.call("uploading");
     return std::make_shared<cuda::ResidentPairs>();
   }

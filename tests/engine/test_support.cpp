@@ -83,6 +83,8 @@ TEST(DirectionTable, FindsTheVertexThatAScanFinds) {
   for (const std::vector<Vec3d>& cloud : clouds) {
     const PiecePtr piece = make_piece(cloud);
     ASSERT_TRUE(piece->table);
+    const DirectionTable blurred = make_direction_table(cloud, piece->rho, {4, 1, float_blur(piece->spread)});
+    int in_float = 0;
     for (const Vec3d& n : directions(random)) {
       std::uint32_t best = 0;
       for (std::uint32_t k = 1; k < cloud.size(); ++k)
@@ -94,7 +96,16 @@ TEST(DirectionTable, FindsTheVertexThatAScanFinds) {
         const bool may_be_farthest = dot(n, cloud[k]) >= dot(n, cloud[best]) - 32 * 0x1p-53 * norm(n) * piece->rho;
         ASSERT_TRUE(!may_be_farthest || std::binary_search(list.begin(), list.end(), k));
       }
+      // So is it where float32 looks the direction up.
+      const Vec3<float> f = cast<float>(n);
+      const float size = std::abs(f.x) + std::abs(f.y) + std::abs(f.z);
+      if (!(size > 1e-30f && size < 1e30f)) continue;
+      ++in_float;
+      const MapPoint<float> at = map_point(f);
+      const std::uint32_t* found = blurred.lists.data() + find_list(blurred.cells.data(), blurred.grid_bits, at.u, at.v);
+      ASSERT_TRUE(std::binary_search(found + 1, found + 1 + found[0], best));
     }
+    EXPECT_GT(in_float, 1000);
   }
 }
 
