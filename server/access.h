@@ -37,6 +37,7 @@ struct Access {
   std::optional<gid_t> group;         ///< whose members may connect to Unix sockets; none: this user alone
   Rights group_rights = kMayQuery;    ///< theirs
   std::shared_ptr<KeyRing> keys;      ///< of TCP; null: the loopback alone, without keys
+  std::uint32_t max_clients = 256;    ///< of one endpoint
 };
 
 /// The group of a name or number. Throws std::invalid_argument.

@@ -27,6 +27,7 @@ struct LcmLink {
   std::int64_t server_id = draw_lcm_id();
   std::int64_t last_sequence = 0;
   std::uint64_t replies = 0, dropped = 0;
+  Rights rights = kStrangersRights;  // of every client: nobody knows who it is
 
   /// Sends a message; its bytes, or 0 if the system refused it.
   template <class Message>
@@ -55,7 +56,10 @@ class LcmSink : public ReplySink {
   void publish(std::uint64_t frame_bytes) override;
   bool alive() const override { return !link_.expired(); }
   std::uint64_t client() const override { return client_; }
-  Rights rights() const override { return kStrangersRights; }
+  Rights rights() const override {
+    const auto link = link_.lock();
+    return link ? link->rights : 0;
+  }
 
  protected:
   virtual void deliver(LcmLink& link, FrameBytes frame) = 0;

@@ -54,6 +54,7 @@ struct Counters {
         repeated(inbox.counter("lcm.repeated")),
         restarts(inbox.counter("lcm.restarts")),
         contested(inbox.counter("lcm.contested")),
+        not_allowed(inbox.counter("lcm.poses_not_allowed")),
         publishers(inbox.counter("lcm.publishers")),
         queries(inbox.counter("lcm.queries")),
         frames(inbox.counter("lcm.frames")),
@@ -63,7 +64,7 @@ struct Counters {
         sent(inbox.counter("lcm.sent")),
         failed(inbox.counter("lcm.send_errors")),
         other_daemons(inbox.counter("lcm.other_daemons")) {}
-  std::uint64_t &messages, &bad, &poses, &wrong_scene, &unknown, &gaps, &reordered, &repeated, &restarts, &contested,
+  std::uint64_t &messages, &bad, &poses, &wrong_scene, &unknown, &gaps, &reordered, &repeated, &restarts, &contested, &not_allowed,
       &publishers, &queries, &frames, &given_up, &replies, &dropped, &sent, &failed, &other_daemons;
 };
 
@@ -91,12 +92,14 @@ class Complaints {
 
 class LcmTransport final : public Transport {
  public:
-  explicit LcmTransport(const LcmAddress& address)
-      : link_(std::make_shared<LcmLink>(address)),
+  LcmTransport(const LcmAddress& address, const LcmPoses& allowed_poses)
+      : allowed_poses_(allowed_poses),
+        link_(std::make_shared<LcmLink>(address)),
         timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)),
         assembler_({.frame_bytes = kMaxRequestBytes, .total_bytes = 4 * kMaxRequestBytes, .frames = 256}),
         distances_hz_(std::max(0.0, address.distances_hz)) {
     if (timer_ < 0) throw std::runtime_error(std::string("LCM: no timer: ") + std::strerror(errno));
+    if (!allowed_poses.any) link_->rights &= ~kMayPose;  // by frames, too, which name no body before they are read
     const auto listen = [this](const char* name, auto method) {
       link_->bus.subscribe(name, kQueue,
                            [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
@@ -142,6 +145,18 @@ class LcmTransport final : public Transport {
     if (scene == scene_) return;
     scene_ = scene;  // one that was loaded anew may have other bodies
     owners_.emplace(scene->bodies().size());
+    find_allowed(*scene);
+  }
+
+  void find_allowed(const Scene& scene) {
+    allowed_.assign(scene.bodies().size(), allowed_poses_.any);
+    for (const std::string& name : allowed_poses_.allowed) {
+      const std::uint32_t body = scene.find_body(name), group = scene.find_group(name);
+      if (body != kNone) allowed_[body] = true;
+      if (group != kNone)
+        for (const std::uint32_t member : scene.groups()[group].bodies) allowed_[member] = true;
+      if (body == kNone && group == kNone) spdlog::warn("event=lcm_allow_unknown name=\"{}\"", name);
+    }
   }
 
   template <class Message>
@@ -191,6 +206,12 @@ class LcmTransport final : public Transport {
   }
 
   void add_pose(std::uint32_t body, const std::vector<double>& pose) {
+    if (body < allowed_.size() && !allowed_[body]) {
+      ++counters_->not_allowed;
+      complaints_.say("not_allowed", "a pose for '" + inbox_->engine().scene().bodies()[body].name +
+                                         "', whose poses are not taken from LCM (--lcm-poses)");
+      return;
+    }
     poses_.push_back({body, {{pose[0], pose[1], pose[2]}, pose[3], pose[4], pose[5], pose[6]}});
   }
 
@@ -235,6 +256,7 @@ class LcmTransport final : public Transport {
                                        inbox_->engine().scene().bodies()[contested.front()].name +
                                        "' in turns; one is " + std::to_string(publisher));
     }
+    if (poses_.empty() && !allowed_poses_.any) return;  // nothing that would be taken
     ++counters_->poses;
     ++handed_in_;
     counters_->unknown += inbox_->on_poses(poses_, stamp_ns).unknown;
@@ -402,6 +424,8 @@ class LcmTransport final : public Transport {
     ::timerfd_settime(timer_, 0, &spec, nullptr);
   }
 
+  LcmPoses allowed_poses_;
+  std::vector<bool> allowed_;  // by body
   std::shared_ptr<LcmLink> link_;
   int timer_;
   FrameAssembler assembler_;
@@ -427,7 +451,8 @@ class LcmTransport final : public Transport {
 
 }  // namespace
 
-std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const std::string& channel_prefix) {
+std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const std::string& channel_prefix,
+                                              const LcmPoses& poses) {
   LcmAddress address = [&] {
     try {
       return parse_lcm_address(lcm_url);
@@ -436,7 +461,7 @@ std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const 
     }
   }();
   if (!channel_prefix.empty()) address.prefix = channel_prefix;
-  return std::make_unique<LcmTransport>(address);
+  return std::make_unique<LcmTransport>(address, poses);
 }
 
 }  // namespace clearance

@@ -205,7 +205,7 @@ void Loop::tick() {
       return true;
     });
     if (waiting_per_client_.size() > kIdleClientsKept)
-      std::erase_if(waiting_per_client_, [](const auto& client) { return client.second == 0; });
+      std::erase_if(waiting_per_client_, [](const auto& client) { return client.second.requests == 0; });
   }
   for (const auto& transport : transports_) {
     try {
@@ -282,11 +282,13 @@ bool Loop::work_for_a_slice() {
 
 void Loop::forget(const Task& task) {
   waiting_bytes_ -= task.frame_bytes;
-  leave(task.sink->client());
+  leave(task.sink->client(), task.frame_bytes);
 }
 
-void Loop::leave(std::uint64_t client) {
-  --waiting_per_client_.find(client)->second;
+void Loop::leave(std::uint64_t client, std::uint64_t reply_bytes) {
+  Usage& usage = waiting_per_client_.find(client)->second;
+  --usage.requests;
+  usage.bytes -= reply_bytes;
 }
 
 void Loop::finish(Task& task, Clock::time_point now) {

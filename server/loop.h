@@ -32,6 +32,8 @@ class Loop final : public Inbox {
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
     std::uint32_t max_waiting_per_client = 64;                 ///< queries of one client under way; more: kBusy
     std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< room for the replies under way; more: kBusy
+    std::uint64_t max_client_bytes = std::uint64_t{2} << 30;   ///< of one client's; one reply may always be under way
+    std::uint64_t max_pairs_per_query = 10'000'000'000;        ///< pairs times configurations; more: kTooLarge
   };
 
   explicit Loop(Engine& engine) : Loop(engine, Options()) {}
@@ -99,7 +101,7 @@ class Loop final : public Inbox {
   void forget(const Task& task);
   /// Throws a Refusal (kBusy) if as many requests of this client are under way as may be.
   void check_room_for(std::uint64_t client) const;
-  void leave(std::uint64_t client);
+  void leave(std::uint64_t client, std::uint64_t reply_bytes = 0);
   void tick();
   void take_new_engine();
   void sleep();
@@ -131,7 +133,12 @@ class Loop final : public Inbox {
   };
   FairQueue<TaskPtr, DueFirst> fresh_, long_;
   int fresh_in_a_row_ = 0;
-  std::unordered_map<std::uint64_t, std::uint32_t> waiting_per_client_;
+  /// What one client has under way.
+  struct Usage {
+    std::uint32_t requests = 0;
+    std::uint64_t bytes = 0;  ///< of the replies to come
+  };
+  std::unordered_map<std::uint64_t, Usage> waiting_per_client_;
   std::uint64_t waiting_bytes_ = 0;
 
   std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned

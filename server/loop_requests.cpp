@@ -104,9 +104,9 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
 
 void Loop::check_room_for(std::uint64_t client) const {
   const auto found = waiting_per_client_.find(client);
-  if (found != waiting_per_client_.end() && found->second >= options_.max_waiting_per_client)
-    throw Refusal{ErrorCode::kBusy,
-                  std::to_string(found->second) + " queries of this client are under way already; ask again"};
+  if (found != waiting_per_client_.end() && found->second.requests >= options_.max_waiting_per_client)
+    throw Refusal{ErrorCode::kBusy, std::to_string(found->second.requests) +
+                                        " queries of this client are under way already; ask again (--max-waiting)"};
 }
 
 void Loop::start_query(const FrameHeader& header, std::span<const std::byte> payload,
@@ -124,7 +124,16 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   query.warm_slot = parts.header.warm ? client : 0;
   const auto begun = Clock::now();
   const QuerySize size = engine_->size(query);
+  if (size.pairs && size.configurations > options_.max_pairs_per_query / size.pairs)
+    throw Refusal{ErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations of " +
+                                            std::to_string(size.pairs) + " pairs are more than the " +
+                                            std::to_string(options_.max_pairs_per_query) +
+                                            " that one query may ask about (--max-pairs): split it"};
   const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields);
+  Usage& usage = waiting_per_client_[client];
+  if (usage.bytes && usage.bytes + bytes > options_.max_client_bytes)
+    throw Refusal{ErrorCode::kBusy, "the replies of this client under way take " + std::to_string(usage.bytes) +
+                                        " bytes already; ask again (--max-client-mib)"};
   if (waiting_bytes_ && waiting_bytes_ + bytes > options_.max_waiting_bytes)
     throw Refusal{ErrorCode::kBusy,
                   "the replies under way take " + std::to_string(waiting_bytes_) + " bytes already; ask again"};
@@ -151,7 +160,8 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   task->received = turn_began_;
   task->due = begun + kPairCost * std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
   task->in_engine = in_engine;
-  ++waiting_per_client_[client];
+  ++usage.requests;
+  usage.bytes += bytes;
   waiting_bytes_ += bytes;
   fresh_.push(client, std::move(task));
 }
@@ -216,7 +226,7 @@ void Loop::ask_reload(const FrameHeader& header, std::unique_ptr<ReplySink>& sin
   check_room_for(client);
   spdlog::info("event=reload_asked client={}", client);
   reload_waiters_.push_back({std::move(sink), header, reloader_->next()});
-  ++waiting_per_client_[client];
+  ++waiting_per_client_[client].requests;
   reloader_->ask();
 }
 

@@ -99,32 +99,48 @@ Access access_of(const DaemonOptions& options) {
   if (!options.socket_group.empty())
     access.group = option("--socket-group", [&] { return group_named(options.socket_group); });
   access.group_rights = option("--group-rights", [&] { return parse_rights(options.group_rights); });
+  access.max_clients = options.max_clients;
   if (!options.keys.empty()) access.keys = std::make_shared<KeyRing>(options.keys);
   return access;
 }
 
 std::unique_ptr<Transport> open_shm(const std::string& path, [[maybe_unused]] const Access& access) {
 #ifdef CLEARANCE_HAVE_SHM
-  return make_shm_transport(path, ShmLimits{}, access);
+  ShmLimits limits;
+  limits.max_clients = access.max_clients;
+  return make_shm_transport(path, limits, access);
 #else
   throw std::runtime_error("shm://" + path + ": this clearanced was built without shared memory");
 #endif
 }
 
-std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] const std::string& prefix) {
+/// Throws std::invalid_argument for options that contradict each other or name what the scene does not have.
+LcmPoses lcm_poses_of(const DaemonOptions& options, const Scene& scene) {
+  const bool list = options.lcm_poses == "allowlist";
+  if (list == options.lcm_allow.empty())
+    throw std::invalid_argument(list ? "--lcm-poses allowlist: name bodies or groups with --lcm-allow"
+                                     : "--lcm-allow: only with --lcm-poses allowlist");
+  for (const std::string& name : options.lcm_allow)
+    if (scene.find_body(name) == kNone && scene.find_group(name) == kNone)
+      throw std::invalid_argument("--lcm-allow: the scene has no body or group \"" + name + "\"");
+  return {options.lcm_poses == "on", options.lcm_allow};
+}
+
+std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] const std::string& prefix,
+                                    [[maybe_unused]] const LcmPoses& poses) {
 #ifdef CLEARANCE_HAVE_LCM
-  return make_lcm_transport(url, prefix);
+  return make_lcm_transport(url, prefix, poses);
 #else
   throw std::runtime_error(url + ": this clearanced was built without LCM");
 #endif
 }
 
-void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access) {
+void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, const LcmPoses& lcm_poses) {
   reserve_descriptor();
   add_default_endpoint(options);
   for (const std::string& path : options.shm) loop.add(open_shm(path, access));
   for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));
-  if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix));
+  if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix, lcm_poses));
 }
 
 void log_scene(const DaemonOptions& options, const Engine& engine, double load_seconds) {
@@ -175,6 +191,12 @@ int serve(DaemonOptions options) {
   } catch (const SceneError& error) {
     return fail(kExitScene, error.what());
   }
+  LcmPoses lcm_poses;
+  try {
+    lcm_poses = lcm_poses_of(options, *scene);
+  } catch (const std::invalid_argument& error) {
+    return fail(kExitCommandLine, error.what());
+  }
   const auto engine = std::make_shared<Engine>(std::move(*scene), engine_options);
   const double load_seconds = seconds_since(begin);
   log_scene(options, *engine, load_seconds);
@@ -183,6 +205,8 @@ int serve(DaemonOptions options) {
   loop_options.slice = std::chrono::microseconds(options.slice_us);
   loop_options.spin = std::chrono::microseconds(options.spin_us);
   loop_options.max_waiting_per_client = options.max_waiting;
+  loop_options.max_client_bytes = std::uint64_t{options.max_client_mib} << 20;
+  loop_options.max_pairs_per_query = options.max_pairs;
   Loop loop(engine, loop_options);
   loop.reload_by([&options, engine_options] {
     return std::make_unique<Engine>(Scene::load(options.scene, options.allow_outside), engine_options);
@@ -190,7 +214,7 @@ int serve(DaemonOptions options) {
   running_loop = &loop;
   handle_signals();  // from here on there are sockets to remove
   try {
-    open_endpoints(loop, options, access);
+    open_endpoints(loop, options, access, lcm_poses);
   } catch (const std::runtime_error& error) {
     running_loop = nullptr;
     return fail(kExitEndpoint, error.what());

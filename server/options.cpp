@@ -81,6 +81,14 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->type_name("URL");
   app.add_option("--lcm-prefix", o.lcm_prefix, "begins the names of all LCM channels: several daemons on one bus")
       ->type_name("TEXT");
+  app.add_option("--lcm-poses", o.lcm_poses,
+                 "whose poses are taken from LCM, where anybody who reaches it may send them: on (every body's), off,\n"
+                 "allowlist (those of --lcm-allow)")
+      ->check(quiet(CLI::IsMember({"on", "off", "allowlist"})))
+      ->type_name("WHICH")
+      ->capture_default_str();
+  app.add_option("--lcm-allow", o.lcm_allow, "a body or group whose poses are taken from LCM; may be repeated")
+      ->type_name("NAME");
   app.add_option("--backend", o.backend, "what computes: auto, cpu, cuda, reference (slow: brute force, to compare with)")
       ->type_name("NAME")
       ->capture_default_str();
@@ -110,6 +118,20 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->capture_default_str();
   app.add_option("--max-waiting", o.max_waiting, "queries that one client may have under way; more are refused (busy)")
       ->check(quiet(CLI::Range(1u, 1000000u)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--max-clients", o.max_clients,
+                 "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way); more are refused")
+      ->check(quiet(CLI::Range(1u, 1000000u)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--max-client-mib", o.max_client_mib,
+                 "MiB of replies that one client may have under way; more are refused (busy), though one always may")
+      ->check(quiet(CLI::Range(1u, 1000000u)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--max-pairs", o.max_pairs, "pairs times configurations that one query may ask about; more are refused")
+      ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
       ->type_name("N")
       ->capture_default_str();
   app.add_option("--log-level", o.log_level, "what goes to standard error: debug, info, warn, error")

@@ -1,6 +1,7 @@
 // What clearanced is told on its command line or in its configuration file.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,8 @@ struct DaemonOptions {
   std::string group_rights = "query";
   std::string lcm;               ///< url; empty: no LCM
   std::string lcm_prefix;
+  std::string lcm_poses = "on";       ///< on, off, allowlist
+  std::vector<std::string> lcm_allow;  ///< bodies and groups
   std::string backend = "auto";
   int threads = 0;
   unsigned device_memory_mib = 0;
@@ -34,6 +37,9 @@ struct DaemonOptions {
   unsigned slice_us = 200;
   unsigned spin_us = 50;
   unsigned max_waiting = 64;
+  unsigned max_clients = 256;
+  unsigned max_client_mib = 2048;
+  std::uint64_t max_pairs = 10'000'000'000;
   std::string log_level = "info";
   int ready_fd = -1;
 };

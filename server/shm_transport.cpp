@@ -218,7 +218,7 @@ class ShmTransport final : public Transport {
       }
       if (sessions_.size() >= limits_.max_clients) {
         refuse(socket.get(),
-               "this daemon already has " + std::to_string(limits_.max_clients) + " shared-memory clients");
+               "this daemon already has " + std::to_string(limits_.max_clients) + " shared-memory clients (--max-clients)");
         continue;
       }
       auto session = std::make_shared<Session>();

@@ -83,6 +83,13 @@ class Transport {
 /// Each throws std::runtime_error with cause and place if the endpoint cannot be opened.
 std::unique_ptr<Transport> make_zmq_transport(const std::string& endpoint, const Access& access = {});
 std::unique_ptr<Transport> make_shm_transport(const std::string& socket_path);
-std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const std::string& channel_prefix = "");
+
+/// Which poses are taken from LCM, where whoever reaches the network may send them.
+struct LcmPoses {
+  bool any = true;                   ///< of every body
+  std::vector<std::string> allowed;  ///< not any: of these bodies and groups
+};
+std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const std::string& channel_prefix = "",
+                                              const LcmPoses& poses = {});
 
 }  // namespace clearance

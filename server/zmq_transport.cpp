@@ -168,7 +168,12 @@ class ZmqTransport final : public Transport {
         if (parts == 2) payload = std::move(part);
       }
       // Who sent it is known of the parts that came over the wire; the identity is libzmq's own.
-      hand_in(inbox, peer_of(identity, head), rights_of(head), parts, head, payload);
+      PeerPtr peer = peer_of(identity, head);
+      if (!peer) {
+        refuse_one_more(inbox, identity, head);
+      } else {
+        hand_in(inbox, std::move(peer), rights_of(head), parts, head, payload);
+      }
       ++frames;
     }
     return frames;
@@ -253,7 +258,9 @@ class ZmqTransport final : public Transport {
     set_socket_mode(path, endpoint, access_);
   }
 
+  /// The client that a message is from. Null: it is a new one, and as many as may be have requests under way.
   PeerPtr peer_of(const zmq::message_t& identity, const zmq::message_t& sent) {
+    if (peers_.size() >= access_.max_clients && !peers_.contains(identity.to_string()) && !forget_one()) return nullptr;
     PeerPtr& peer = peers_[identity.to_string()];
     std::string key = door_ ? ZapHandler::key_of(sent) : std::string();
     if (peer && peer->key != key) {  // a name that another has chosen before, and given up
@@ -267,6 +274,32 @@ class ZmqTransport final : public Transport {
     }
     peer->last_seen = std::chrono::steady_clock::now();
     return peer;
+  }
+
+  /// Forgets the client without requests that was silent for longest; it is a new one if it comes again. False: there is
+  /// none.
+  bool forget_one() {
+    auto oldest = peers_.end();
+    for (auto peer = peers_.begin(); peer != peers_.end(); ++peer)
+      if (peer->second.use_count() == 1 && (oldest == peers_.end() || peer->second->last_seen < oldest->second->last_seen))
+        oldest = peer;
+    if (oldest == peers_.end()) return false;
+    peers_.erase(oldest);
+    return true;
+  }
+
+  void refuse_one_more(Inbox& inbox, const zmq::message_t& identity, const zmq::message_t& head) {
+    ++inbox.counter("frames");
+    ++inbox.counter("errors");
+    ++inbox.counter("errors.busy");
+    wire::FrameHeader header;
+    if (head.size() == sizeof header) std::memcpy(&header, head.data(), sizeof header);
+    auto stranger = std::make_shared<Peer>();
+    stranger->identity = identity.to_string();
+    ZmqSink sink(*this, std::move(stranger), 0);
+    send_error(sink, header, inbox.engine().scene_revision(), wire::ErrorCode::kBusy,
+               "requests of " + std::to_string(peers_.size()) +
+                   " ZeroMQ clients are under way already; ask again (--max-clients)");
   }
 
   /// What the sender of a message may do.

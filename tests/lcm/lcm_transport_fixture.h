@@ -64,10 +64,10 @@ struct Answer {
 
 class LcmTransportTest : public LcmTest {
  protected:
-  void start(const std::string& options = "") {
+  void start(const std::string& options = "", const LcmPoses& poses = {}) {
     engine_.emplace(make_scene(), Engine::Options{.threads = 1});
     loop_.emplace(*engine_);
-    loop_->add(make_lcm_transport(url(options)));
+    loop_->add(make_lcm_transport(url(options), "", poses));
     bus_.emplace(address_);
     bus_->subscribe("CLEARANCE_REPLY", 4096, [this](auto packet) { on_reply(packet); });
     bus_->subscribe("CLEARANCE_SCENE", 64, [this](auto packet) { keep(scenes_, packet); });

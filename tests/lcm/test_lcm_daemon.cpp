@@ -148,5 +148,45 @@ TEST_F(LcmDaemonTest, WithoutAMulticastRouteItSaysSoAndEnds) {
   EXPECT_NE(wrong.err.find("group: expected a multicast address"), std::string::npos) << wrong.err;
 }
 
+TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayAskAlone) {
+  for (const std::vector<std::string>& how :
+       {std::vector<std::string>{"on"}, {"off"}, {"allowlist", "--lcm-allow", "arm"}}) {
+    std::vector<std::string> options{"--scene", scene_file(), "--lcm", url(), "--lcm-poses"};
+    options.insert(options.end(), how.begin(), how.end());
+    Daemon daemon(options);
+    Client client = connect(url());
+    EXPECT_EQ(client.scene().bodies.size(), 4u);
+    const auto refused = [&](auto call) -> std::string {
+      try {
+        call();
+        return "";
+      } catch (const RequestError& error) {
+        return error.what();
+      }
+    };
+    const std::string has = how[0] == "on" ? "query,poses" : "query";
+    EXPECT_EQ(refused([&] { client.reload(); }), "kReload needs the right \"admin\"; this client has " + has);
+    EXPECT_EQ(refused([&] { client.set_poses({{"cup", {0, 0, 0.5, 1, 0, 0, 0}}}); }),
+              how[0] == "on" ? "" : "kSetPoses needs the right \"poses\"; this client has query");
+    EXPECT_EQ(refused([&] { client.attach(1, 2); }),
+              how[0] == "on" ? "" : "kAttach needs the right \"poses\"; this client has query");
+  }
+}
+
+TEST_F(LcmDaemonTest, AllowListsThatMakeNoSenseEndWith2) {
+  const auto said = [&](std::vector<std::string> options) {
+    options.insert(options.begin(), {program("clearanced"), "--scene", scene_file(), "--lcm", url()});
+    const Finished ended = run(options);
+    EXPECT_EQ(ended.code, 2);
+    return ended.err;
+  };
+  const auto has = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
+  EXPECT_PRED2(has, said({"--lcm-poses", "allowlist"}), "allowlist: name bodies or groups with --lcm-allow");
+  EXPECT_PRED2(has, said({"--lcm-allow", "cup"}), "--lcm-allow: only with --lcm-poses allowlist");
+  EXPECT_PRED2(has, said({"--lcm-poses", "allowlist", "--lcm-allow", "cups"}),
+               "--lcm-allow: the scene has no body or group \"cups\"");
+  EXPECT_PRED2(has, said({"--lcm-poses", "some"}), "--lcm-poses: some not in {");
+}
+
 }  // namespace
 }  // namespace clearance

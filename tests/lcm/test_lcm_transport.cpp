@@ -143,6 +143,37 @@ TEST_F(LcmTransportTest, TwoPublishersOfOneBody) {
   EXPECT_EQ(counter("lcm.contested"), static_cast<std::uint64_t>(kMoving));
 }
 
+TEST_F(LcmTransportTest, WhereNoneAreTakenPosesChangeNothing) {
+  start("", {false, {}});
+  const std::uint64_t revision = engine_->pose_revision();
+  publish(update(1, 0.5));
+  ASSERT_TRUE(until_counter("lcm.poses_not_allowed", kMoving));
+  named_pose_update_t named{};
+  named.publisher_id = 2;
+  named.sequence = 1;
+  named.count = 1;
+  named.names = {"ball2"};
+  named.poses = {pose_of(2, 0.5)};
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_POSES_NAMED", named));
+  ASSERT_TRUE(until_counter("lcm.poses_not_allowed", kMoving + 1));
+  EXPECT_EQ(counter("lcm.pose_messages"), 0u);
+  EXPECT_EQ(engine_->pose_revision(), revision);
+  expect_good_answer();
+}
+
+TEST_F(LcmTransportTest, PosesAreTakenOfTheAllowedBodiesAlone) {
+  start("", {false, {"arm", "ball5"}});  // ball0 to ball2, and ball5: ids 1 to 3, 6
+  set_poses(1, 0.5);
+  for (int i = 0; i < kMoving; ++i) {
+    const bool allowed = i <= 2 || i == 5;
+    EXPECT_EQ(engine_->body_state(1 + i).status, allowed ? Status::kOk : Status::kNoPose) << i;
+    if (allowed) {
+      EXPECT_EQ(position(1 + i), position_of(i, 0.5));
+    }
+  }
+  EXPECT_EQ(counter("lcm.poses_not_allowed"), 2u);
+}
+
 // --- queries
 
 /// Compares each column with what the engine says itself, bit for bit.

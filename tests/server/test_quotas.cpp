@@ -1,0 +1,139 @@
+// What one client may have at most: each refusal names the limit, and the next request is answered.
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "client/client.h"
+#include "daemon_fixture.h"
+#include "loop_fixture.h"
+
+namespace clearance {
+namespace {
+
+using wire::ErrorCode;
+
+class Quotas : public LoopTest {
+ protected:
+  /// Sends without serving; the replies come by turn_until_idle().
+  void send(MemoryClient& client, const TestQuery& query, std::uint64_t id) { transport_->send(client, query.frame(id)); }
+};
+
+TEST_F(Quotas, PairsOfOneQuery) {
+  Loop::Options options;
+  options.max_pairs_per_query = 120;
+  start(small_scene(), options);
+  TestQuery query;  // six pairs
+  query.bodies = {1};
+  const auto ask_for = [&](int configurations) {
+    query.pairs = {{0, 1}, {1, 2}, {0, 2}, {2, 3}, {1, 3}, {0, 3}};
+    query.configurations.assign(static_cast<std::size_t>(configurations), {0, 0, 1, 1, 0, 0, 0});
+    return ask(a_, query.frame(1));
+  };
+  EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);
+  const auto error = error_of(ask_for(21));
+  EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kTooLarge);
+  EXPECT_EQ(error.text,
+            "21 configurations of 6 pairs are more than the 120 that one query may ask about (--max-pairs): split it");
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);  // few rows, and as many pairs
+  EXPECT_EQ(ask_for(21)->type(), wire::FrameType::kError);
+  EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);
+}
+
+TEST_F(Quotas, BytesOfOneClientsReplies) {
+  Loop::Options options = short_slices();
+  options.max_client_bytes = 100'000;
+  start(scattered_scene(20), options);
+  const TestQuery large = large_query(20);  // 40 times 190 rows of 25 bytes: more than the limit by itself
+  send(a_, large, 1);
+  loop_->turn();
+  ASSERT_EQ(loop_->waiting(), 1u) << "one may always be under way";
+  send(a_, small_query(), 2);
+  loop_->turn();
+  const auto error = error_of(take(a_));
+  EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kBusy);
+  EXPECT_NE(error.text.find("the replies of this client under way take "), std::string::npos) << error.text;
+  EXPECT_NE(error.text.find("(--max-client-mib)"), std::string::npos) << error.text;
+  send(b_, small_query(), 3);
+  turn_until_idle();
+  EXPECT_EQ(take(b_)->type(), wire::FrameType::kReply) << "others are not touched";
+  EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
+  EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "what has been answered is not counted any more";
+}
+
+TEST_F(Quotas, OfAClientThatGoesAreGivenBack) {
+  Loop::Options options = short_slices();
+  options.max_client_bytes = 100'000;
+  options.tick = std::chrono::nanoseconds(0);
+  start(scattered_scene(20), options);
+  send(a_, large_query(20), 1);
+  loop_->turn();
+  a_.alive = false;
+  turn_until_idle();
+  EXPECT_EQ(loop_->waiting(), 0u);
+  a_.alive = true;
+  send(a_, large_query(20), 2);
+  turn_until_idle();
+  EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
+}
+
+/// Options of a daemon that takes two clients on each endpoint.
+std::vector<std::string> for_two(const TestFolder& folder) {
+  const std::string scene = folder.write(
+      "scene.yaml", "random: {count: 400, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 60, seed: 1}\n");
+  return {"--scene", scene, "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc"), "--max-clients", "2", "--threads", "1"};
+}
+
+TEST(MaxClients, OverSharedMemory) {
+  const TestFolder folder;
+  Daemon daemon(for_two(folder));
+  Client first = connect(daemon.urls()[0]);
+  {
+    Client second = connect(daemon.urls()[0]);
+    try {
+      connect(daemon.urls()[0]);
+      FAIL();
+    } catch (const ConnectionError& error) {
+      EXPECT_NE(std::string(error.what()).find("already has 2 shared-memory clients (--max-clients)"), std::string::npos)
+          << error.what();
+    }
+    second.ping();
+  }
+  for (bool in = false; !in; std::this_thread::yield()) try {  // until the daemon has seen that the second has gone
+      connect(daemon.urls()[0]).ping();
+      in = true;
+    } catch (const ConnectionError&) {
+    }
+  first.ping();
+}
+
+TEST(MaxClients, OverZeroMq) {
+  const TestFolder folder;
+  Daemon daemon(for_two(folder));
+  Client first = connect(daemon.urls()[1]), second = connect(daemon.urls()[1]), third = connect(daemon.urls()[1]);
+  for (Client* client : {&first, &second, &third}) client->ping();  // one after the other any number may come
+  first.set_timeout(std::chrono::seconds(60));
+  second.set_timeout(std::chrono::seconds(60));
+  const std::uint32_t body = 1;
+  std::string said;
+  for (std::size_t configurations = 20000; said.empty(); configurations *= 2) {  // until both outlast a few echoes
+    const std::vector<Pose7> poses(configurations, {0, 0, 0, 1, 0, 0, 0});
+    Query large;
+    large.bodies = std::span(&body, 1);
+    large.configurations = poses;
+    large.reduce = Reduce::kMin;
+    Pending a = first.submit(large), b = second.submit(large);
+    while (said.empty() && !(a.ready() && b.ready())) try {
+        third.ping();
+      } catch (const RequestError& error) {
+        EXPECT_EQ(error.code, static_cast<std::uint16_t>(ErrorCode::kBusy));
+        said = error.what();
+      }
+    EXPECT_EQ(a.get().rows(), configurations);
+    EXPECT_EQ(b.get().rows(), configurations);
+  }
+  EXPECT_EQ(said, "requests of 2 ZeroMQ clients are under way already; ask again (--max-clients)");
+  third.ping();
+}
+
+}  // namespace
+}  // namespace clearance
