@@ -3,14 +3,12 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/mount.h>
-#include <sys/resource.h>
-#include <sys/stat.h>
 
 #include <fstream>
-#include <functional>
 #include <thread>
 
 #include "arena.h"
+#include "limits.h"
 #include "rounds.h"
 
 namespace clearance::fire {
@@ -18,53 +16,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// What a call throws, in words; empty: nothing.
-std::string error_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const std::runtime_error& error) {
-    return error.what();
-  }
-  return "";
-}
-
 bool contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
-}
-
-/// Lowers a limit of a running process; the destructor lifts it again.
-class Limit {
- public:
-  Limit(int pid, __rlimit_resource what, std::uint64_t value) : pid_(pid), what_(what) {
-    if (prlimit(pid_, what_, nullptr, &before_)) throw std::runtime_error("prlimit");
-    const rlimit now{value, before_.rlim_max};
-    if (prlimit(pid_, what_, &now, nullptr)) throw std::runtime_error("prlimit");
-  }
-  ~Limit() { prlimit(pid_, what_, &before_, nullptr); }
-  Limit(const Limit&) = delete;
-
- private:
-  int pid_;
-  __rlimit_resource what_;
-  rlimit before_{};
-};
-
-/// The limit of descriptors that leaves a process just so many free ones: it may have gaps.
-std::uint64_t descriptors_for(int pid, int spare) {
-  const auto is_open = [pid](std::uint64_t fd) {
-    struct stat info {};
-    return lstat(("/proc/" + std::to_string(pid) + "/fd/" + std::to_string(fd)).c_str(), &info) == 0;
-  };
-  std::uint64_t limit = 0;
-  for (int free = 0;; ++limit)
-    if (!is_open(limit) && ++free > spare) return limit;
-}
-
-std::uint64_t address_space_of(int pid) {
-  std::ifstream statm("/proc/" + std::to_string(pid) + "/statm");
-  std::uint64_t pages = 0;
-  statm >> pages;
-  return pages * 4096;
 }
 
 class FireLimits : public testing::Test {

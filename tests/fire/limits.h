@@ -1,0 +1,61 @@
+// Limits that are lowered on a running process, and what its clients are told then.
+#pragma once
+
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+#include <cstdint>
+#include <fstream>
+#include <functional>
+#include <stdexcept>
+#include <string>
+
+namespace clearance::fire {
+
+/// What a call throws, in words; empty: nothing.
+inline std::string error_of(const std::function<void()>& call) {
+  try {
+    call();
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// Lowers a limit of a running process; the destructor lifts it again.
+class Limit {
+ public:
+  Limit(int pid, __rlimit_resource what, std::uint64_t value) : pid_(pid), what_(what) {
+    if (prlimit(pid_, what_, nullptr, &before_)) throw std::runtime_error("prlimit");
+    const rlimit now{value, before_.rlim_max};
+    if (prlimit(pid_, what_, &now, nullptr)) throw std::runtime_error("prlimit");
+  }
+  ~Limit() { prlimit(pid_, what_, &before_, nullptr); }
+  Limit(const Limit&) = delete;
+
+ private:
+  int pid_;
+  __rlimit_resource what_;
+  rlimit before_{};
+};
+
+/// The limit of descriptors that leaves a process just so many free ones: it may have gaps.
+inline std::uint64_t descriptors_for(int pid, int spare) {
+  const auto is_open = [pid](std::uint64_t fd) {
+    struct stat info {};
+    return lstat(("/proc/" + std::to_string(pid) + "/fd/" + std::to_string(fd)).c_str(), &info) == 0;
+  };
+  std::uint64_t limit = 0;
+  for (int free = 0;; ++limit)
+    if (!is_open(limit) && ++free > spare) return limit;
+}
+
+/// Bytes of address space that a process has.
+inline std::uint64_t address_space_of(int pid) {
+  std::ifstream statm("/proc/" + std::to_string(pid) + "/statm");
+  std::uint64_t pages = 0;
+  statm >> pages;
+  return pages * 4096;
+}
+
+}  // namespace clearance::fire
