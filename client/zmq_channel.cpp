@@ -143,6 +143,8 @@ class ZmqChannel final : public Channel {
       case ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL:
       case ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL:
       case ZMQ_EVENT_DISCONNECTED:
+        if (endpoint_.rfind("ipc://", 0) == 0)  // where keys have no part
+          return "the daemon hung up before the first word: it is ending, or has no descriptor for another client";
         return with_keys_ ? "the daemon there has another key than server_key, or uses none"
                           : "the daemon there wants keys: give server_key=FILE&key=FILE in the url, or "
                             "CLEARANCE_SERVER_KEY and CLEARANCE_KEY in the environment";

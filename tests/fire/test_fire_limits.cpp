@@ -64,7 +64,7 @@ TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
         // ZeroMQ has nobody who could say why.
         const std::string hung_up = error_of([&] { connect(arena_.zmq(), 20s); });
         if (spare % 3 == 0) {
-          EXPECT_TRUE(contains(hung_up, "no daemon listens there")) << hung_up;
+          EXPECT_TRUE(contains(hung_up, "has no descriptor for another client")) << hung_up;
         }
         ASSERT_EQ(await_answers(witnesses_, 2), "");
         for (Client& client : clients) client.ping();
