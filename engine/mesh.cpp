@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <cmath>
 #include <cstdlib>
@@ -32,6 +33,8 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kLoaderName = "clearance-mesh-loader";
+
+std::atomic<bool> some_loader_unfiltered{false};
 
 std::string reason(int error) {
   return std::generic_category().message(error);
@@ -114,17 +117,26 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
   bool in_time = false;
   for (;;) {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now()).count();
-    pollfd pipe{loader.lifetime.get(), POLLIN, 0};
+    pollfd pipe{loader.lifetime.get(), 0, 0};  // it closes; what may be written into it says nothing
     const int ready = ::poll(&pipe, 1, static_cast<int>(std::clamp<long long>(left, 0, 1'000'000)));
     if (ready < 0 && errno == EINTR) continue;
     in_time = ready > 0;
     if (ready != 0 || left <= 0) break;
   }
-  if (!in_time) ::kill(loader.pid, SIGKILL);
   int status = 0;
-  pid_t reaped;
-  do reaped = ::waitpid(loader.pid, &status, 0);
-  while (reaped < 0 && errno == EINTR);
+  const auto reap = [&](int options) {
+    pid_t reaped;
+    do reaped = ::waitpid(loader.pid, &status, options);
+    while (reaped < 0 && errno == EINTR);
+    return reaped;
+  };
+  // The pipe closes as the loader ends; one that has closed it and goes on must not keep us here. One that is ending has
+  // its exit code already, and SIGKILL does not change it.
+  pid_t reaped = reap(WNOHANG);
+  if (reaped == 0) {
+    ::kill(loader.pid, SIGKILL);
+    reaped = reap(0);
+  }
   if (reaped == loader.pid) *ending = status;
   return in_time;
 }
@@ -185,6 +197,11 @@ std::string mesh_loader_program() {
                   " nor in a libexec folder; set CLEARANCE_MESH_LOADER to its path");
 }
 
+std::string mesh_loader_warning() {
+  if (!some_loader_unfiltered) return "";
+  return "mesh files are read without a filter of system calls, which this kernel or container refuses: time and memory are limited";
+}
+
 Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
   check_file(path, limits);
   Loader loader = start_loader(path, limits);
@@ -192,7 +209,16 @@ Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
   if (!wait_for(loader, limits.time, &ending))
     throw MeshError("reading it took longer than " + std::to_string(limits.time.count() / 1000.0).substr(0, 5) +
                     " s; is the file damaged?");
-  std::optional<Mesh> mesh = read_mesh_result(loader.result.get());
+  LoaderLimits held = LoaderLimits::kAll;
+  const auto remember = [&held] { some_loader_unfiltered = some_loader_unfiltered || held != LoaderLimits::kAll; };
+  std::optional<Mesh> mesh;
+  try {
+    mesh = read_mesh_result(loader.result.get(), &held);
+  } catch (const MeshError&) {
+    remember();
+    throw;
+  }
+  remember();
   if (!mesh) fail_without_result(ending);
   mesh->path = path;
   return std::move(*mesh);

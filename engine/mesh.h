@@ -45,6 +45,9 @@ struct MeshLimits {
 /// Throws MeshError.
 Mesh load_mesh(const std::string& path, const MeshLimits& limits = {});
 
+/// What is missing from the limits of the loaders that have run in this process so far; empty if nothing is.
+std::string mesh_loader_warning();
+
 /// The program that reads meshes: $CLEARANCE_MESH_LOADER, or `clearance-mesh-loader` beside this library or program, in
 /// the libexec folder next to it, or where this library was built. Throws MeshError if there is none.
 std::string mesh_loader_program();

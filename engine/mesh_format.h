@@ -6,16 +6,26 @@
 // The header is written last. The reader trusts nothing: the loader may have run over damaged memory.
 #pragma once
 
+#include <unistd.h>
+
+#include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 namespace clearance {
 
-inline constexpr std::uint64_t kMeshMagic = 0x3130306873656d63;  // "cmesh001"
+inline constexpr std::uint64_t kMeshMagic = 0x3230306873656d63;  // "cmesh002"
 inline constexpr int kMeshResultFd = 3;                          ///< a memfd
 inline constexpr int kMeshLifetimeFd = 4;                        ///< the write end of a pipe: closes with the loader
 inline constexpr std::uint64_t kMaxMeshErrorBytes = 4096;
 
 enum class MeshState : std::uint32_t { kUnfinished = 0, kGood = 1, kError = 2, kOutOfMemory = 3 };
+
+/// What held the loader while it read the file, by its own account.
+enum class LoaderLimits : std::uint32_t {
+  kAll = 0,
+  kNoCallFilter = 1,  ///< time and memory alone: the kernel refuses filters of system calls
+};
 
 struct MeshHeader {
   std::uint64_t magic;
@@ -23,8 +33,25 @@ struct MeshHeader {
   std::uint32_t submeshes;
   std::uint64_t error_bytes;
   std::uint64_t total_bytes;  ///< all that was written, this header included
+  LoaderLimits limits;
+  std::uint32_t padding;
 };
-static_assert(sizeof(MeshHeader) == 32);
+static_assert(sizeof(MeshHeader) == 40);
+
+/// Replaces whatever is in the result by an error. Whether it is written. Also for signal handlers.
+inline bool write_mesh_error(int fd, MeshState state, const char* text) {
+  struct {
+    MeshHeader header{};
+    char text[kMaxMeshErrorBytes];
+  } out;
+  out.header.magic = kMeshMagic;
+  out.header.state = state;
+  out.header.error_bytes = ::strnlen(text, kMaxMeshErrorBytes);
+  out.header.total_bytes = sizeof out.header + out.header.error_bytes;
+  std::memcpy(out.text, text, out.header.error_bytes);
+  return ::ftruncate(fd, 0) == 0 &&
+         ::pwrite(fd, &out, out.header.total_bytes, 0) == static_cast<ssize_t>(out.header.total_bytes);
+}
 
 struct SubmeshHeader {
   std::uint64_t vertices;         ///< three float64 each

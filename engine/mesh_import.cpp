@@ -196,13 +196,6 @@ class Result {
     header.total_bytes = std::max<std::uint64_t>(at_, sizeof header);
     return ::pwrite(fd_, &header, sizeof header, 0) == sizeof header;
   }
-  bool fail(MeshState state, std::string text) {
-    text.resize(std::min<std::size_t>(text.size(), kMaxMeshErrorBytes));
-    if (::ftruncate(fd_, 0) != 0) return false;
-    at_ = sizeof(MeshHeader);
-    write(text.data(), text.size());
-    return finish({0, state, 0, text.size(), 0});
-  }
 
  private:
   int fd_;
@@ -329,20 +322,22 @@ bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::pat
   if (!log->first().empty()) throw LoadError(log->first());
   if (!scene->mRootNode || scene->mNumMeshes == 0) throw LoadError("it holds no mesh");
   const std::uint32_t count = write_scene(result, *scene, memory_bytes);
-  return result->finish({0, MeshState::kGood, count, 0, 0});
+  return result->finish({0, MeshState::kGood, count, 0, 0, LoaderLimits::kAll, 0});
 }
 
 }  // namespace
 
-bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::uint64_t memory_bytes, int result_fd) {
+bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::uint64_t memory_bytes,
+                 int result_fd) {
   Result result(result_fd);
   try {
     return load(kept, &result, fs::absolute(path), memory_bytes);
   } catch (const std::bad_alloc&) {
-    return result.fail(MeshState::kOutOfMemory, "reading it takes more than " + std::to_string(memory_bytes >> 20) +
-                                                    " MiB of memory; is the file damaged?");
+    const std::string text =
+        "reading it takes more than " + std::to_string(memory_bytes >> 20) + " MiB of memory; is the file damaged?";
+    return write_mesh_error(result_fd, MeshState::kOutOfMemory, text.c_str());
   } catch (const std::exception& e) {
-    return result.fail(MeshState::kError, e.what());
+    return write_mesh_error(result_fd, MeshState::kError, e.what());
   }
 }
 

@@ -1,80 +1,17 @@
 // clearance-mesh-loader: reads one mesh file through assimp and hands its vertices and triangles back (mesh_format.h).
 //
-// A process of its own, because assimp crashes, hangs or exhausts memory on some damaged files. Usage, by mesh.cpp
-// only:
+// A process of its own, because assimp crashes, hangs or exhausts memory on some damaged files, and might be made to do
+// worse by others. Usage, by mesh.cpp only:
 //   clearance-mesh-loader FILE MEMORY_BYTES CPU_SECONDS
-#include <fcntl.h>
-#include <signal.h>
-#include <sys/prctl.h>
-#include <sys/resource.h>
-#include <sys/syscall.h>
-#include <unistd.h>
-
 #include <assimp/Importer.hpp>
-#include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
 
-#include "mesh_format.h"
+#include "loader_process.h"
 #include "mesh_import.h"
 
-// Clang says it in another way than GCC.
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define CLEARANCE_ASAN
-#elif __has_feature(thread_sanitizer)
-#define CLEARANCE_TSAN
-#endif
-#endif
-#if defined(__SANITIZE_ADDRESS__)
-#define CLEARANCE_ASAN
-#elif defined(__SANITIZE_THREAD__)
-#define CLEARANCE_TSAN
-#endif
-
-namespace clearance {
-
-namespace {
-
-void limit(int resource, std::uint64_t value) {
-  const rlimit both{value, value};
-  ::setrlimit(static_cast<__rlimit_resource>(resource), &both);
-}
-
-int run(int argc, char** argv) {
-  if (argc != 4 || ::fcntl(kMeshResultFd, F_GETFD) < 0) {
-    std::fprintf(stderr, "clearance-mesh-loader reads mesh files for the clearance library; it is not run by hand\n");
-    return 2;
-  }
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-#ifdef SYS_close_range
-  ::syscall(SYS_close_range, unsigned{kMeshLifetimeFd} + 1, ~0u, 0u);  // what the host process left open
-#endif
-  const std::uint64_t memory_bytes = std::strtoull(argv[2], nullptr, 10);
-  const std::uint64_t seconds = std::strtoull(argv[3], nullptr, 10);
-#if !defined(CLEARANCE_ASAN) && !defined(CLEARANCE_TSAN)
-  limit(RLIMIT_AS, memory_bytes);  // sanitizers map terabytes of shadow
-#endif
-  limit(RLIMIT_CPU, seconds);
-  limit(RLIMIT_FSIZE, memory_bytes);
-  limit(RLIMIT_CORE, 0);
-  std::unique_ptr<Assimp::Importer> kept;
-  const bool whole = import_mesh(&kept, argv[1], memory_bytes, kMeshResultFd);
-  ::_exit(whole ? 0 : 3);  // no destructors: assimp's take longer than this process has left to do
-}
-
-}  // namespace
-
-}  // namespace clearance
-
-#if defined(CLEARANCE_ASAN)
-// Crashes are told to the parent by their signal, as without the sanitizer, and memory is bounded in its own way.
-extern "C" __attribute__((visibility("default"))) const char* __asan_default_options() {
-  return "handle_segv=0:handle_abort=0:handle_sigbus=0:handle_sigfpe=0:hard_rss_limit_mb=4096:detect_leaks=0";
-}
-#endif
-
 int main(int argc, char** argv) {
-  return clearance::run(argc, argv);
+  return clearance::loader_main(argc, argv, [](const std::string& path, std::uint64_t memory_bytes, int result_fd) {
+    auto* kept = new std::unique_ptr<Assimp::Importer>;  // outlives the result
+    return clearance::import_mesh(kept, path, memory_bytes, result_fd);
+  });
 }

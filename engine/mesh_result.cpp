@@ -9,8 +9,6 @@
 #include <cstdint>
 #include <string>
 
-#include "mesh_format.h"
-
 namespace clearance {
 
 namespace {
@@ -67,12 +65,13 @@ Submesh read_submesh(ResultReader* in) {
 
 }  // namespace
 
-std::optional<Mesh> read_mesh_result(int fd) {
+std::optional<Mesh> read_mesh_result(int fd, LoaderLimits* limits) {
   ResultReader in(fd);
   const std::uint64_t size = in.left();
   MeshHeader header;
   if (!in.read(&header, sizeof header) || header.magic != kMeshMagic) return {};
   if (header.total_bytes != size) fail_garbled();
+  if (limits) *limits = header.limits;
   if (header.state == MeshState::kError || header.state == MeshState::kOutOfMemory) {
     if (header.error_bytes > kMaxMeshErrorBytes) fail_garbled();
     std::string text(header.error_bytes, '\0');

@@ -14,6 +14,7 @@
 #include "accepting.h"
 #include "client/default_socket.h"
 #include "engine/engine.h"
+#include "engine/mesh.h"
 #include "key_ring.h"
 #include "loop.h"
 #include "options.h"
@@ -143,6 +144,13 @@ void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, co
   if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix, lcm_poses));
 }
 
+Scene load_scene(const DaemonOptions& options) {
+  Scene scene = Scene::load(options.scene, options.allow_outside);
+  if (const std::string missing = mesh_loader_warning(); !missing.empty())
+    spdlog::warn("event=mesh_loader_unfiltered text=\"{}\"", missing);
+  return scene;
+}
+
 void log_scene(const DaemonOptions& options, const Engine& engine, double load_seconds) {
   std::size_t pieces = 0, vertices = 0;
   for (const Body& body : engine.scene().bodies()) {
@@ -187,7 +195,7 @@ int serve(DaemonOptions options) {
   }
   std::optional<Scene> scene;
   try {
-    scene = Scene::load(options.scene, options.allow_outside);
+    scene = load_scene(options);
   } catch (const SceneError& error) {
     return fail(kExitScene, error.what());
   }
@@ -209,7 +217,7 @@ int serve(DaemonOptions options) {
   loop_options.max_pairs_per_query = options.max_pairs;
   Loop loop(engine, loop_options);
   loop.reload_by([&options, engine_options] {
-    return std::make_unique<Engine>(Scene::load(options.scene, options.allow_outside), engine_options);
+    return std::make_unique<Engine>(load_scene(options), engine_options);
   });
   running_loop = &loop;
   handle_signals();  // from here on there are sockets to remove

@@ -50,7 +50,9 @@ class Network {
     while (loop_.waiting() > 0) loop_.turn();
   }
   std::uint64_t refused() { return loop_.counter("lcm.bad_messages"); }
-  std::uint64_t taken() { return loop_.counter("lcm.pose_messages") + loop_.counter("lcm.queries") + loop_.counter("lcm.frames"); }
+  std::uint64_t taken() {
+    return loop_.counter("lcm.pose_messages") + loop_.counter("lcm.queries") + loop_.counter("lcm.frames");
+  }
 
  private:
   static Engine::Options one_thread() {
@@ -68,7 +70,8 @@ class Network {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// Datagrams, [kind 1 B | its arguments | size 2 B | bytes]. Accepted: the daemon refused none of the messages, and took one.
+/// Datagrams, [kind 1 B | its arguments | size 2 B | bytes]. Accepted: the daemon refused none of the messages, and
+/// took one.
 CLEARANCE_FUZZ_TARGET(lcm_udp) {
   using namespace clearance;
   using namespace clearance::fuzz;
@@ -82,10 +85,11 @@ CLEARANCE_FUZZ_TARGET(lcm_udp) {
       const char* channel = kChannels[in.number<std::uint8_t>() % std::size(kChannels)];
       datagram = RawSender::datagram(channel, in.take(in.number<std::uint16_t>()));
     } else if (kind % 3 == 2) {  // a fragment: sequence, bytes of the whole, offset, number and count
-      const auto sequence = in.number<std::uint32_t>(), size = in.number<std::uint32_t>(), offset = in.number<std::uint32_t>(),
-                 numbers = in.number<std::uint32_t>();
+      const auto sequence = in.number<std::uint32_t>(), size = in.number<std::uint32_t>(),
+                 offset = in.number<std::uint32_t>(), numbers = in.number<std::uint32_t>();
       datagram = RawSender::big_endian({0x4c433033, sequence, size, offset, numbers});
-      wire::append_bytes(datagram, kChannels[kind % std::size(kChannels)], std::strlen(kChannels[kind % std::size(kChannels)]) + 1);
+      wire::append_bytes(datagram, kChannels[kind % std::size(kChannels)],
+                         std::strlen(kChannels[kind % std::size(kChannels)]) + 1);
       const Bytes tail = in.take(in.number<std::uint16_t>());
       wire::append_bytes(datagram, tail.data(), tail.size());
     } else {

@@ -17,7 +17,8 @@ CLEARANCE_FUZZ_TARGET(mesh_result) {
   const bool mend = in.number<std::uint8_t>() & 1;
   const Bytes content = in.rest();
   static const int fd = ::memfd_create("clearance-fuzz", MFD_CLOEXEC);
-  require(::ftruncate(fd, 0) == 0 && ::pwrite(fd, content.data(), content.size(), 0) == static_cast<ssize_t>(content.size()),
+  require(::ftruncate(fd, 0) == 0 &&
+              ::pwrite(fd, content.data(), content.size(), 0) == static_cast<ssize_t>(content.size()),
           "the result is written");
   MeshHeader header{};
   if (mend && content.size() >= sizeof header) {

@@ -32,7 +32,8 @@ void touch(std::span<const T> column) {
 }
 
 void use(Reply reply) {
-  require(reply.fields() == 0 || reply.rows() < (std::uint64_t{1} << 32), "a reply has no more rows than fit its frame");
+  require(reply.fields() == 0 || reply.rows() < (std::uint64_t{1} << 32),
+          "a reply has no more rows than fit its frame");
   touch(reply.distance());
   touch(reply.lower());
   touch(reply.upper());

@@ -49,7 +49,8 @@ CLEARANCE_FUZZ_TARGET(request) {
   // An engine for each input: poses and attachments of one must not change the next.
   Engine::Options options;
   options.threads = 1;
-  Engine engine(small_scene(), options);
+  static const Scene scene = small_scene();
+  Engine engine(scene, options);
   Loop loop(engine);
   auto owned = std::make_unique<MemoryTransport>();
   MemoryTransport& transport = *owned;
@@ -76,6 +77,7 @@ CLEARANCE_FUZZ_TARGET(request) {
   transport.send(other, good.frame(7));
   while (loop.turn()) {
   }
-  require(other.replies.size() == 1 && other.replies[0]->type() == wire::FrameType::kReply, "a good query is answered after bad ones");
+  require(other.replies.size() == 1 && other.replies[0]->type() == wire::FrameType::kReply,
+          "a good query is answered after bad ones");
   return sent > 0 && accepted == sent;
 }

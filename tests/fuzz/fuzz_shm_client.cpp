@@ -1,5 +1,5 @@
-// A shared-memory daemon that does anything: greetings of any bytes, segments of any contents, replies that nobody asked
-// for. The client gets a frame that lies within its segment, or an error.
+// A shared-memory daemon that does anything: greetings of any bytes, segments of any contents, replies that nobody
+// asked for. The client gets a frame that lies within its segment, or an error.
 #include <sys/mman.h>
 #include <sys/stat.h>
 
@@ -48,7 +48,8 @@ shm::UniqueFd make_segment(Input& in) {
     const Bytes bytes = in.take(in.number<std::uint8_t>());
     std::memcpy(page.data() + at, bytes.data(), std::min(bytes.size(), page.size() - at));
   }
-  require(::ftruncate(fd.get(), static_cast<off_t>(size)) == 0 && ::pwrite(fd.get(), page.data(), std::min<std::size_t>(page.size(), size), 0) >= 0,
+  require(::ftruncate(fd.get(), static_cast<off_t>(size)) == 0 &&
+              ::pwrite(fd.get(), page.data(), std::min<std::size_t>(page.size(), size), 0) >= 0,
           "a segment is made");
   return fd;
 }
@@ -79,7 +80,8 @@ class Pen {
       if (!m.segment) continue;
       const off_t size = ::lseek(m.segment.get(), 0, SEEK_END);
       if (size < static_cast<off_t>(kSegmentBytes)) return;
-      base_ = static_cast<std::byte*>(::mmap(nullptr, kSegmentBytes, PROT_READ | PROT_WRITE, MAP_SHARED, m.segment.get(), 0));
+      base_ = static_cast<std::byte*>(
+          ::mmap(nullptr, kSegmentBytes, PROT_READ | PROT_WRITE, MAP_SHARED, m.segment.get(), 0));
       require(base_ != MAP_FAILED, "a segment is mapped");
       return;
     }
@@ -97,7 +99,8 @@ class Pen {
     for (int i = 0; i < how % 4; ++i) {
       const auto slot = in.number<std::uint8_t>(), generation = in.number<std::uint8_t>();
       const std::vector<std::byte> frame = next_frame(in).bytes;
-      std::memcpy(base_ + shm::kPage + (kSlots + slot % kSlots) * kCapacity, frame.data(), std::min<std::size_t>(frame.size(), kCapacity));
+      std::memcpy(base_ + shm::kPage + (kSlots + slot % kSlots) * kCapacity, frame.data(),
+                  std::min<std::size_t>(frame.size(), kCapacity));
       header.replies[posted_ % shm::kRingEntries].ticket.store(shm::pack_ticket(slot, generation));
       header.replies[posted_ % shm::kRingEntries].frame_bytes.store(frame.size());
       header.reply_head.store(++posted_);
@@ -171,7 +174,8 @@ void talk(const std::string& path, Pen& pen, Input& in, int& answers) {
       channel->forget(id);
       continue;
     }
-    require(frame->header().request_id == id && frame->payload().size() == frame->header().payload_bytes, "a reply is the one asked for");
+    require(frame->header().request_id == id && frame->payload().size() == frame->header().payload_bytes,
+            "a reply is the one asked for");
     static volatile unsigned sink = 0;
     for (const std::byte b : frame->payload()) sink = sink + std::to_integer<unsigned>(b);
     ++answers;
@@ -181,8 +185,8 @@ void talk(const std::string& path, Pen& pen, Input& in, int& answers) {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// How many messages the daemon says, 1 B; the messages, each with the segment that it hands over; and what it writes into
-/// the first segment after each request. Accepted: two answers came.
+/// How many messages the daemon says, 1 B; the messages, each with the segment that it hands over; and what it writes
+/// into the first segment after each request. Accepted: two answers came.
 CLEARANCE_FUZZ_TARGET(shm_client) {
   using namespace clearance;
   using namespace clearance::fuzz;

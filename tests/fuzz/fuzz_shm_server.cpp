@@ -39,7 +39,9 @@ class HandClient {
   ~HandClient() { unmap(); }
   HandClient(const HandClient&) = delete;
 
-  void send(Bytes bytes) { [[maybe_unused]] const auto sent = ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL); }
+  void send(Bytes bytes) {
+    [[maybe_unused]] const auto sent = ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+  }
   void send(shm::MessageKind kind, std::uint32_t segment = 0, std::uint64_t request = 0, std::uint64_t reply = 0) {
     shm::Message message;
     message.wire_version = wire::kVersion;
@@ -99,8 +101,8 @@ class HandClient {
   std::array<std::uint32_t, shm::kMaxSlots> generations_{};
 };
 
-/// Runs the daemon until it has nothing to do. A tick makes it look at its sockets: the first time it takes a connection,
-/// then what came through it, then it lets go of what ended.
+/// Runs the daemon until it has nothing to do. A tick makes it look at its sockets: the first time it takes a
+/// connection, then what came through it, then it lets go of what ended.
 void serve(Loop& loop) {
   for (int look = 0; look < 3; ++look) {
     loop.transports()[0]->tick(loop);
@@ -120,7 +122,8 @@ CLEARANCE_FUZZ_TARGET(shm_server) {
   const std::string path = folder / "s";
   Engine::Options options;
   options.threads = 1;
-  Engine engine(small_scene(), options);
+  static const Scene scene = small_scene();
+  Engine engine(scene, options);
   Loop loop(engine);
   loop.add(make_shm_transport(path, small_limits()));
   auto client = std::make_unique<HandClient>(path);
@@ -162,8 +165,8 @@ CLEARANCE_FUZZ_TARGET(shm_server) {
         break;
     }
   serve(loop);
-  const bool accepted = client->has_segment() && loop.counter("shm.violations") == 0 && loop.counter("shm.refused") == 0 &&
-                        loop.counter("errors") == 0;
+  const bool accepted = client->has_segment() && loop.counter("shm.violations") == 0 &&
+                        loop.counter("shm.refused") == 0 && loop.counter("errors") == 0;
   client.reset();
   serve(loop);
   // What it said last may wait in its socket, more than is read at one look.

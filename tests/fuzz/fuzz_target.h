@@ -58,8 +58,8 @@ class Input {
 }  // namespace clearance::fuzz
 
 /// Begins the function of a target; `bytes` is its input.
-#define CLEARANCE_FUZZ_TARGET(name)                                                                         \
-  static bool fuzz_##name(::clearance::fuzz::Bytes bytes);                                                  \
-  [[maybe_unused]] static const bool registered_##name =                                                    \
-      ::clearance::fuzz::targets().emplace(#name, fuzz_##name).second;                                      \
+#define CLEARANCE_FUZZ_TARGET(name)                                    \
+  static bool fuzz_##name(::clearance::fuzz::Bytes bytes);             \
+  [[maybe_unused]] static const bool registered_##name =               \
+      ::clearance::fuzz::targets().emplace(#name, fuzz_##name).second; \
   static bool fuzz_##name(::clearance::fuzz::Bytes bytes)

@@ -8,7 +8,8 @@ extern "C" __attribute__((visibility("default"))) int LLVMFuzzerInitialize(int*,
   return 0;
 }
 
-extern "C" __attribute__((visibility("default"))) int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+extern "C" __attribute__((visibility("default"))) int LLVMFuzzerTestOneInput(const std::uint8_t* data,
+                                                                             std::size_t size) {
   static const clearance::fuzz::Target target = clearance::fuzz::targets().begin()->second;
   target(std::as_bytes(std::span(data, size)));
   return 0;

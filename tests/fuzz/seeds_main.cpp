@@ -183,8 +183,8 @@ void save_shm() {
     if (i % 4 == 3) add(many, receive);
   }
   save("shm_server", "good_every_request", many);
-  add(grown, hello, receive, message, std::uint8_t{2}, std::uint32_t{0}, std::uint64_t{20000}, std::uint64_t{40000}, receive,
-      message, std::uint8_t{3}, std::uint32_t{0}, std::uint64_t{0}, std::uint64_t{0}, turn);
+  add(grown, hello, receive, message, std::uint8_t{2}, std::uint32_t{0}, std::uint64_t{20000}, std::uint64_t{40000},
+      receive, message, std::uint8_t{3}, std::uint32_t{0}, std::uint64_t{0}, std::uint64_t{0}, turn);
   add_post(grown, 1, all[1].second);
   save("shm_server", "good_grow_and_retire", grown);
   add(hostile, hello, receive);
@@ -199,10 +199,12 @@ void save_shm() {
   // A daemon's side. Requests come in slot 0, with rising generations.
   const auto daemon = [](std::uint64_t request_id, std::uint8_t generation) {
     Data said;
-    add(said, std::uint8_t{1}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0});  // one greeting, nothing odd about it
+    add(said, std::uint8_t{1}, std::uint8_t{0}, std::uint8_t{0},
+        std::uint8_t{0});  // one greeting, nothing odd about it
     for (std::uint8_t id = 0; id < 2; ++id) {
       add(said, std::uint8_t{1}, std::uint8_t{0}, static_cast<std::uint8_t>(generation + id));
-      append_frame(said, kMendHeader, simple_frame(wire::FrameType::kPong, request_id + id, data_of("0123456789abcdef")));
+      append_frame(said, kMendHeader,
+                   simple_frame(wire::FrameType::kPong, request_id + id, data_of("0123456789abcdef")));
     }
     return said;
   };
@@ -210,7 +212,8 @@ void save_shm() {
   save("shm_client", "bad_answers_to_others", daemon(100, 1));
   save("shm_client", "bad_generation", daemon(1, 7));
   Data needs_room;
-  add(needs_room, std::uint8_t{2}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0});
+  add(needs_room, std::uint8_t{2}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0},
+      std::uint8_t{0});
   wire::ErrorHeader error;
   error.code = static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge);
   error.needed_bytes = 5000;
@@ -277,7 +280,8 @@ void save_lcm() {
     wire::append_bytes(out, bytes.data(), bytes.size());
     return out;
   };
-  const std::pair<const char*, Data> kinds[] = {{"poses", encoded(poses)}, {"named_poses", encoded(named)}, {"query", encoded(query)}};
+  const std::pair<const char*, Data> kinds[] = {
+      {"poses", encoded(poses)}, {"named_poses", encoded(named)}, {"query", encoded(query)}};
   for (std::uint8_t type = 0; type < 3; ++type) {
     save("lcm_packet", std::string("good_") + kinds[type].first, packet(type, kinds[type].second));
     save("lcm_udp", std::string("good_") + kinds[type].first, message(type, kinds[type].second));
@@ -291,7 +295,8 @@ void save_lcm() {
   save("lcm_packet", "good_frame_in_parts", packets);
   save("lcm_udp", "good_frame_in_parts", messages);
   Data fragment;
-  add(fragment, std::uint8_t{2}, std::uint32_t{1}, std::uint32_t{400}, std::uint32_t{0}, std::uint32_t{2}, std::uint16_t{64});
+  add(fragment, std::uint8_t{2}, std::uint32_t{1}, std::uint32_t{400}, std::uint32_t{0}, std::uint32_t{2},
+      std::uint16_t{64});
   wire::append_bytes(fragment, kinds[0].second.data(), 64);
   save("lcm_udp", "bad_fragment", fragment);
 }
@@ -301,10 +306,16 @@ void save_lcm() {
 void save_meshes() {
   using namespace mesh_files;
   const Source thing = tetrahedron();
-  const std::pair<const char*, std::string> files[] = {
-      {"obj", obj(thing)},        {"stl", stl_text(thing)},         {"stl", stl_binary(thing)},    {"ply", ply(thing, Ply::kText)},
-      {"ply", ply(thing, Ply::kLittle)}, {"ply", ply(thing, Ply::kBig)}, {"off", off(thing)}, {"dae", dae(thing)},
-      {"glb", glb(thing)},        {"gltf", gltf(thing)}};
+  const std::pair<const char*, std::string> files[] = {{"obj", obj(thing)},
+                                                       {"stl", stl_text(thing)},
+                                                       {"stl", stl_binary(thing)},
+                                                       {"ply", ply(thing, Ply::kText)},
+                                                       {"ply", ply(thing, Ply::kLittle)},
+                                                       {"ply", ply(thing, Ply::kBig)},
+                                                       {"off", off(thing)},
+                                                       {"dae", dae(thing)},
+                                                       {"glb", glb(thing)},
+                                                       {"gltf", gltf(thing)}};
   std::map<std::string, int> count;
   for (const auto& [extension, text] : files) {
     Data input;
@@ -353,7 +364,8 @@ void save_tables() {
   const Shape ball = make_uv_sphere(1, 5);
   const DirectionTable table = make_direction_table(ball.vertices, 1);
   Data input;
-  add(input, std::uint8_t{1}, static_cast<std::uint8_t>(table.grid_bits), static_cast<std::uint16_t>(table.cells.size()));
+  add(input, std::uint8_t{1}, static_cast<std::uint8_t>(table.grid_bits),
+      static_cast<std::uint16_t>(table.cells.size()));
   wire::append_bytes(input, table.cells.data(), table.cells.size() * 4);
   wire::append_bytes(input, table.lists.data(), table.lists.size() * 4);
   save("table_file", "good_ball", input);

@@ -56,7 +56,8 @@ TEST_P(FuzzReplay, KeptInputsBreakNothing) {
   target({});
   for (const fs::path& path : inputs_of(kFolder / "corpus" / GetParam())) {
     const auto bytes = contents_of(path);
-    for (const std::size_t size : {bytes.size() / 3, bytes.size() / 2, bytes.size() - 1}) target(std::span(bytes).first(size));
+    for (const std::size_t size : {bytes.size() / 3, bytes.size() / 2, bytes.size() - 1})
+      target(std::span(bytes).first(size));
   }
 }
 

@@ -1,5 +1,5 @@
-// Poses over a network that loses, repeats, delays and floods: what the daemon has is the newest that was delivered, and
-// the newest that was sent after one repeat; publishers and daemons that begin anew agree within two repeats.
+// Poses over a network that loses, repeats, delays and floods: what the daemon has is the newest that was delivered,
+// and the newest that was sent after one repeat; publishers and daemons that begin anew agree within two repeats.
 #include "engine/pose_store.h"
 #include "faulty_link.h"
 #include "lcm_transport_fixture.h"
@@ -36,7 +36,8 @@ class LcmFreshness : public LcmTransportTest {
   /// Whether every ball is where message `sequence` put it, and says so: no mix of two messages.
   bool stands_at(std::int64_t sequence, double step) {
     for (int i = 0; i < kMoving; ++i)
-      if (position(1 + i) != position_of(i, step) || engine_->body_state(1 + i).stamp_ns != 1000 * sequence) return false;
+      if (position(1 + i) != position_of(i, step) || engine_->body_state(1 + i).stamp_ns != 1000 * sequence)
+        return false;
     return true;
   }
   bool stands_at(std::int64_t sequence) { return stands_at(sequence, step_of(sequence)); }
@@ -97,7 +98,8 @@ TEST_P(LcmBadLink, OneRepeatBringsTheNewestMessageSent) {
   int missed = 0;
   std::int64_t sequence = 0;
   for (int round = 0; round < 12; ++round) {
-    FaultyLink link(static_cast<std::uint32_t>(1000 * seed + round), {.lose = 0.4, .duplicate = 0.2, .delay = 0.5, .most_delay = 5},
+    FaultyLink link(static_cast<std::uint32_t>(1000 * seed + round),
+                    {.lose = 0.4, .duplicate = 0.2, .delay = 0.5, .most_delay = 5},
                     [&](std::span<const std::byte> bytes) { raw_->send(bytes); });
     const std::uint64_t before = seen();
     for (int k = 0; k < 10; ++k) {
@@ -119,7 +121,8 @@ TEST_P(LcmBadLink, OneRepeatBringsTheNewestMessageSent) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, LcmBadLink, testing::Combine(testing::Values(1, 2, 3), testing::Bool()),
                          [](const auto& of) {
-                           return "Seed" + std::to_string(std::get<0>(of.param)) + (std::get<1>(of.param) ? "ByName" : "ById");
+                           return "Seed" + std::to_string(std::get<0>(of.param)) +
+                                  (std::get<1>(of.param) ? "ByName" : "ById");
                          });
 
 // --- floods
@@ -150,7 +153,8 @@ TEST_F(LcmFreshness, AFloodLosesMessagesButNeverMixesThem) {
   EXPECT_GT(looks, 1);
   EXPECT_LT(seen(), static_cast<std::uint64_t>(kFlood)) << "nothing was lost: this was no flood";
   const std::int64_t newest = engine_->body_state(1).stamp_ns / 1000;
-  EXPECT_LE(seen() + counter("lcm.gaps"), static_cast<std::uint64_t>(newest)) << "every message up to the newest is seen or missing";
+  EXPECT_LE(seen() + counter("lcm.gaps"), static_cast<std::uint64_t>(newest))
+      << "every message up to the newest is seen or missing";
   raw_->send(datagram(kFlood + 1, step_of(kFlood)));
   ASSERT_TRUE(until([&] { return engine_->body_state(1).stamp_ns == 1000 * (kFlood + 1); }));
   EXPECT_TRUE(stands_at(kFlood + 1, step_of(kFlood)));
@@ -255,7 +259,8 @@ TEST_F(LcmFreshness, ADaemonThatStartsAnewWithAnotherSceneHasAllPosesAfterTwoRep
   repeat();  // before the new daemon has said anything
   ASSERT_TRUE(until_counter("lcm.wrong_scene", 1));
   for (const char* name : {"crate", "ball0", "ball5"})
-    EXPECT_EQ(engine_->body_state(engine_->scene().find_body(name)).status, Status::kNoPose) << "ids of another scene moved something";
+    EXPECT_EQ(engine_->body_state(engine_->scene().find_body(name)).status, Status::kNoPose)
+        << "ids of another scene moved something";
   ASSERT_TRUE(until([&] { return scenes_.back().revision != old_scene; }));
   repeat();
   ASSERT_TRUE(until_seen(1));
@@ -274,8 +279,10 @@ TEST_F(LcmFreshness, AListenerThatJoinsLateKnowsAllAfterTwoAnnouncements) {
   std::optional<scene_t> scene;
   std::optional<states_t> states;
   int announcements = 0;
-  late.subscribe("CLEARANCE_SCENE", 8, [&](auto packet) { scene.emplace().decode(packet.data(), 0, static_cast<int>(packet.size())); });
-  late.subscribe("CLEARANCE_STATES", 8, [&](auto packet) { states.emplace().decode(packet.data(), 0, static_cast<int>(packet.size())); });
+  late.subscribe("CLEARANCE_SCENE", 8,
+                 [&](auto packet) { scene.emplace().decode(packet.data(), 0, static_cast<int>(packet.size())); });
+  late.subscribe("CLEARANCE_STATES", 8,
+                 [&](auto packet) { states.emplace().decode(packet.data(), 0, static_cast<int>(packet.size())); });
   late.subscribe("CLEARANCE_STATUS", 8, [&](auto) { ++announcements; });
   ASSERT_TRUE(until([&] {
     while (late.handle()) {

@@ -424,16 +424,17 @@ TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
   EXPECT_EQ(error_with("kill -XCPU $$"), "reading it took too much processor time; is the file damaged?");
   EXPECT_EQ(error_with("exit 3"), "the mesh loader ended with code 3 and no result; is the file damaged?");
   EXPECT_EQ(error_with("exit 0"), "the mesh loader ended with code 0 and no result; is the file damaged?");
-  EXPECT_EQ(error_with("echo nonsense that is longer than a header of 32 bytes >&3"),
+  EXPECT_EQ(error_with("echo nonsense that is longer than a header of 40 bytes >&3"),
             "the mesh loader ended with code 0 and no result; is the file damaged?");
   const std::string garbled = "the mesh loader's result is garbled; is the file damaged?";
-  // Magic, state, submeshes, bytes of the error text, bytes in all; then a submesh's vertices, triangles, loaded
+  // Magic, state, submeshes, bytes of the error text, bytes in all, limits; then a submesh's vertices, triangles, loaded
   // vertices.
-  const std::string good_state = R"(printf 'cmesh001\001\0\0\0\001\0\0\0\0\0\0\0\0\0\0\0)";
-  EXPECT_EQ(error_with(good_state + R"(\041\0\0\0\0\0\0\0' >&3)"), garbled) << "one byte promised too many";
-  EXPECT_EQ(error_with(good_state + R"(\040\0\0\0\0\0\0\0' >&3)"), garbled) << "the submesh is not there";
-  EXPECT_EQ(error_with(good_state +
-                       R"(\070\0\0\0\0\0\0\0\377\377\377\377\377\377\377\377\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0' >&3)"),
+  const std::string good_state = R"(printf 'cmesh002\001\0\0\0\001\0\0\0\0\0\0\0\0\0\0\0)";
+  const std::string limits_held = R"(\0\0\0\0\0\0\0\0)";
+  EXPECT_EQ(error_with(good_state + R"(\051\0\0\0\0\0\0\0)" + limits_held + "' >&3"), garbled) << "one byte promised too many";
+  EXPECT_EQ(error_with(good_state + R"(\050\0\0\0\0\0\0\0)" + limits_held + "' >&3"), garbled) << "the submesh is not there";
+  EXPECT_EQ(error_with(good_state + R"(\100\0\0\0\0\0\0\0)" + limits_held +
+                       R"(\377\377\377\377\377\377\377\377\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0' >&3)"),
             garbled)
       << "2^64 - 1 vertices";
   const auto zeros = [](int n) {
@@ -442,14 +443,17 @@ TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
     return out;
   };
   const std::string one_of_each =
-      R"(\140\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0)" + zeros(24);
+      R"(\150\0\0\0\0\0\0\0)" + limits_held + R"(\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0\001\0\0\0\0\0\0\0)" + zeros(24);
   EXPECT_EQ(error_with(good_state + one_of_each + zeros(16) + "' >&3"), "")
       << "one vertex and one triangle: a good answer";
   EXPECT_EQ(error_with(good_state + one_of_each + R"(\007)" + zeros(15) + "' >&3"), garbled)
       << "a triangle past the end";
-  EXPECT_EQ(error_with(R"(printf 'cmesh001\002\0\0\0\0\0\0\0\377\377\0\0\0\0\0\0\040\0\0\0\0\0\0\0' >&3)"), garbled)
+  EXPECT_EQ(error_with(R"(printf 'cmesh002\002\0\0\0\0\0\0\0\377\377\0\0\0\0\0\0\050\0\0\0\0\0\0\0)" + limits_held + "' >&3"), garbled)
       << "a long error text";
+  EXPECT_EQ(error_with("exec 4>&-; exec sleep 1000"), "the mesh loader was killed while reading it (out of memory?)")
+      << "it says that it has ended, and goes on";
   limits.time = std::chrono::milliseconds(200);
+  EXPECT_EQ(error_with("echo done >&4; exec sleep 1000"), "reading it took longer than 0.200 s; is the file damaged?");
   EXPECT_EQ(error_with("exec sleep 1000"), "reading it took longer than 0.200 s; is the file damaged?");
   limits = {};
   ::setenv("CLEARANCE_MESH_LOADER", "/no/such/program", 1);
