@@ -149,6 +149,7 @@ bool Loop::spin_pays() {
 bool Loop::turn() {
   turn_began_ = Clock::now();
   if (reloader_) take_new_engine();
+  if (figures_wanted_.load(std::memory_order_relaxed)) hand_out_figures();
   bool worked = poll_transports();
   if (poses_changed_ || turn_began_ >= next_tick_) tick();
   worked |= work_for_a_slice();

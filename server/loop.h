@@ -8,14 +8,18 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <map>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
 #include "client/aligned_buffer.h"
 #include "client/spin_gate.h"
+#include "error_log.h"
 #include "fair_queue.h"
 #include "reloader.h"
 #include "transport.h"
@@ -59,6 +63,14 @@ class Loop final : public Inbox {
   /// on; those under way are answered by the old one. If it fails, the old one stays. Without reload_by(): nothing
   /// happens. From any thread, and from a signal handler.
   void reload() noexcept;
+  /// What the daemon counts, and what it refused.
+  struct Figures {
+    std::vector<std::pair<std::string, std::uint64_t>> counters;
+    std::vector<ErrorLog::Entry> errors;
+  };
+  /// The figures as of the loop's next turn, which copies them; none if that takes longer than `patience`. From any thread
+  /// but the loop's.
+  std::optional<Figures> read_figures(std::chrono::nanoseconds patience);
   bool is_reloading() const { return reloader_ && reloader_->is_loading(); }
   /// Queries under way.
   std::size_t waiting() const { return fresh_.size() + long_.size(); }
@@ -83,7 +95,9 @@ class Loop final : public Inbox {
   void ask_reload(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink);
   void answer_reloads(const Reloader::Outcome& outcome);
   void check_scene(const wire::FrameHeader& header) const;
+  std::vector<std::pair<std::string, std::uint64_t>> all_counters() const;
   std::vector<std::byte> stats_payload() const;
+  void hand_out_figures();
 
   void answer(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type,
               std::span<const std::byte> payload);
@@ -150,6 +164,11 @@ class Loop final : public Inbox {
   Clock::time_point last_frame_in_memory_;  // of a transport that is polled without
   SpinGate spins_;
   int wakes_for_nothing_ = 0;
+  ErrorLog error_log_;
+  std::atomic<bool> figures_wanted_{false};
+  std::mutex figures_mutex_;
+  std::condition_variable figures_there_;
+  std::optional<Figures> figures_;  // with the mutex
   std::atomic<bool> stopping_{false};
   int wake_fd_ = -1;
   std::unique_ptr<Reloader> reloader_;  // last: its thread wakes this

@@ -248,21 +248,45 @@ void Loop::answer_reloads(const Reloader::Outcome& outcome) {
   reload_waiters_.erase(answered, reload_waiters_.end());
 }
 
+std::vector<std::pair<std::string, std::uint64_t>> Loop::all_counters() const {
+  std::vector<std::pair<std::string, std::uint64_t>> all;
+  all.emplace_back("uptime_s", std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count());
+  all.emplace_back("queries.waiting", waiting());
+  all.emplace_back("requests.waiting", waiting() + reload_waiters_.size());
+  all.insert(all.end(), counters_.begin(), counters_.end());
+  const auto engine = engine_->stats();
+  all.insert(all.end(), engine.begin(), engine.end());
+  return all;
+}
+
 std::vector<std::byte> Loop::stats_payload() const {
   std::vector<std::byte> payload;
-  const auto add = [&payload](const std::string& name, std::uint64_t value) {
+  for (const auto& [name, value] : all_counters()) {
     wire::CounterRecord record;
     wire::set_name(record.name, name);
-    record.value = value;
+    record.value = value + (name == "requests.waiting");  // with the one that asks for this
     wire::append(payload, record);
-  };
-  add("uptime_s",
-      static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count()));
-  add("queries.waiting", waiting());
-  add("requests.waiting", waiting() + reload_waiters_.size() + 1);  // with the one that asks for this
-  for (const auto& [name, value] : counters_) add(name, value);
-  for (const auto& [name, value] : engine_->stats()) add(name, value);
+  }
   return payload;
+}
+
+void Loop::hand_out_figures() {
+  Figures figures{all_counters(), error_log_.entries()};
+  {
+    const std::lock_guard lock(figures_mutex_);
+    figures_wanted_ = false;
+    figures_ = std::move(figures);
+  }
+  figures_there_.notify_all();
+}
+
+std::optional<Loop::Figures> Loop::read_figures(std::chrono::nanoseconds patience) {
+  std::unique_lock lock(figures_mutex_);
+  figures_.reset();
+  figures_wanted_ = true;
+  wake();
+  figures_there_.wait_for(lock, patience, [this] { return figures_.has_value(); });
+  return figures_;
 }
 
 void Loop::answer(ReplySink& sink, const FrameHeader& request, FrameType type, std::span<const std::byte> payload) {
@@ -284,6 +308,7 @@ void Loop::answer(ReplySink& sink, const FrameHeader& request, FrameType type, s
 
 void Loop::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& refusal) {
   ++counter("errors");
+  error_log_.note(std::string(wire::error_name(refusal.code)), refusal.text);
   ++counter("errors." + std::string(wire::error_name(refusal.code)));
   spdlog::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
                 refusal.text);

@@ -17,6 +17,7 @@
 #include "engine/mesh.h"
 #include "key_ring.h"
 #include "loop.h"
+#include "metrics.h"
 #include "options.h"
 #include "readiness.h"
 #include "shm_transport.h"
@@ -221,8 +222,13 @@ int serve(DaemonOptions options) {
   });
   running_loop = &loop;
   handle_signals();  // from here on there are sockets to remove
+  std::optional<MetricsServer> metrics;
   try {
     open_endpoints(loop, options, access, lcm_poses);
+    if (!options.metrics.empty()) {
+      metrics.emplace(options.metrics, [&loop] { return loop.read_figures(std::chrono::milliseconds(500)); });
+      spdlog::info("event=metrics url={}", metrics->url());
+    }
   } catch (const std::runtime_error& error) {
     running_loop = nullptr;
     return fail(kExitEndpoint, error.what());
@@ -237,6 +243,7 @@ int serve(DaemonOptions options) {
   supervisor.ready("serving " + options.scene + " at " + all);
 
   loop.run();
+  metrics.reset();
 
   supervisor.stopping();
   running_loop = nullptr;

@@ -134,6 +134,10 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
       ->type_name("N")
       ->capture_default_str();
+  app.add_option("--metrics", o.metrics,
+                 "counters in Prometheus' text format by HTTP, at 127.0.0.1:PORT/metrics or on a Unix socket (/path);\n"
+                 "the distinct errors at /errors")
+      ->type_name("ENDPOINT");
   app.add_option("--log-level", o.log_level, "what goes to standard error: debug, info, warn, error")
       ->check(quiet(CLI::IsMember({"trace", "debug", "info", "warn", "error"})))
       ->type_name("LEVEL")

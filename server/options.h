@@ -41,6 +41,7 @@ struct DaemonOptions {
   unsigned max_client_mib = 2048;
   std::uint64_t max_pairs = 10'000'000'000;
   std::string log_level = "info";
+  std::string metrics;  ///< endpoint; empty: none
   int ready_fd = -1;
 };
 

@@ -1,6 +1,5 @@
 // The daemon's counters: once, again and again with their rates, or in Prometheus' words.
 #include <algorithm>
-#include <cctype>
 #include <chrono>
 #include <iostream>
 #include <map>
@@ -8,6 +7,7 @@
 #include <optional>
 #include <thread>
 
+#include "client/prometheus.h"
 #include "commands.h"
 
 namespace clearance::cli {
@@ -23,23 +23,14 @@ struct Options {
   bool prometheus = false;
 };
 
-constexpr const char* kLatency = "latency_us.";
-
-/// Queries by how long they took: pairs of an upper bound in microseconds (none: there is none) and how many.
-using Latencies = std::vector<std::pair<std::optional<double>, std::uint64_t>>;
-
-Latencies latencies(const Counters& now, const Counters& before) {
-  Latencies all;
-  const std::string prefix = kLatency;
+/// How long those queries took that were answered between the two readings.
+Latencies latencies_between(const Counters& before, const Counters& now) {
+  std::vector<std::pair<std::string, std::uint64_t>> grown;
   for (const auto& [name, value] : now) {
-    if (name.rfind(prefix, 0) != 0) continue;
-    const std::string bound = name.substr(prefix.size());
     const auto old = before.find(name);
-    all.push_back({bound == "more" ? std::nullopt : std::optional(std::stod(bound)),
-                   value - (old == before.end() ? 0 : std::min(value, old->second))});
+    grown.emplace_back(name, value - (old == before.end() ? 0 : std::min(value, old->second)));
   }
-  std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return b.first ? a.first && *a.first < *b.first : a.first.has_value(); });
-  return all;
+  return latencies_of(grown);
 }
 
 /// The least bound that a part of them, from 0 to 1, does not pass; none if there is none.
@@ -58,7 +49,7 @@ void print(const Counters& now, const Counters& before, double seconds, Output o
   const bool rates = seconds > 0;
   Table table(rates ? std::vector<std::string>{"counter", "value", "per_s"} : std::vector<std::string>{"counter", "value"});
   for (const auto& [name, value] : now) {
-    if (name.rfind(kLatency, 0) == 0 && output == Output::kTable) continue;  // people get their quantiles
+    if (name.rfind(kLatencyCounters, 0) == 0 && output == Output::kTable) continue;  // people get their quantiles
     std::vector<Cell> row{name, value};
     if (rates) {
       const auto old = before.find(name);
@@ -67,7 +58,7 @@ void print(const Counters& now, const Counters& before, double seconds, Output o
     }
     table.add(std::move(row));
   }
-  const Latencies all = latencies(now, before);
+  const Latencies all = latencies_between(before, now);
   for (const auto& [name, part] : {std::pair{"latency_us, half at most", 0.5}, {"latency_us, 99 % at most", 0.99}, {"latency_us, all at most", 1.0}}) {
     if (output != Output::kTable) break;
     std::vector<Cell> row{name, quantile(all, part)};
@@ -75,28 +66,6 @@ void print(const Counters& now, const Counters& before, double seconds, Output o
     table.add(std::move(row));
   }
   table.print(std::cout, output);
-}
-
-/// https://prometheus.io/docs/instrumenting/exposition_formats/
-void print_prometheus(const Counters& now) {
-  for (const auto& [name, value] : now) {
-    if (name.rfind(kLatency, 0) == 0) continue;
-    std::string metric = "clearance_" + name;
-    std::replace_if(metric.begin(), metric.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
-    std::cout << metric << ' ' << value << '\n';
-  }
-  std::cout << "# HELP clearance_latency_seconds From a query's arrival to its reply.\n# TYPE clearance_latency_seconds histogram\n";
-  std::uint64_t sum = 0;
-  for (const auto& [bound, count] : latencies(now, {})) {
-    sum += count;
-    std::cout << "clearance_latency_seconds_bucket{le=\"";
-    if (bound)
-      std::cout << 1e-6 * *bound;
-    else
-      std::cout << "+Inf";
-    std::cout << "\"} " << sum << '\n';
-  }
-  std::cout << "clearance_latency_seconds_count " << sum << '\n';
 }
 
 Counters counters_of(Client& client) {
@@ -107,7 +76,10 @@ Counters counters_of(Client& client) {
 
 void stat(const Options& o) {
   Client client = o.connection.open();
-  if (o.prometheus) return print_prometheus(counters_of(client));
+  if (o.prometheus) {
+    std::cout << prometheus_text(client.stats());
+    return;
+  }
   if (o.watch_s == 0) return print(counters_of(client), {}, 0, o.output);
   using Clock = std::chrono::steady_clock;
   Counters before = counters_of(client);
