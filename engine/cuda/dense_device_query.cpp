@@ -23,6 +23,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     if (chunks_ == 0) return;
     QuerySetup s = setup(*workspace_);
     s.pairs = deal_->resident.get();
+    s.chunks = chunks_;
     workspace_->begin(s);
   }
 

@@ -62,6 +62,7 @@ struct QuerySetup {
   std::span<const BodyPlacement> base;
   std::span<const std::uint8_t> has_base;
   const ResidentPairs* pairs = nullptr;
+  std::uint64_t chunks = 1;
   // Of a reduced query.
   Reduce reduce = Reduce::kNone;
   std::uint32_t groups = 1;     ///< of one configuration

@@ -1,6 +1,7 @@
 // Dense chunks: pairs of the same two hulls in blocks of their own, and pairs without company.
 #pragma once
 
+#include "overlap_kernel.cuh"
 #include "pair_kernel.cuh"
 
 namespace clearance::cuda {
@@ -44,10 +45,22 @@ __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item,
   enclosed.pair = item.pair;
   enclosed.configuration = item.k;
   PairAnswer answer;
-  const Outcome outcome = solve_item<kCompact>(c, a, item.at_a, b, item.at_b, item.at, answer, enclosed);
+  Outcome outcome = solve_item<kCompact>(c, a, item.at_a, b, item.at_b, item.at, answer, enclosed);
+  if (outcome == Outcome::kEnclosed && c.prove_at_once) outcome = proved(c, enclosed, item.at_a, item.at_b, answer);
   if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
     write_answer<kCompact>(c, item.row, item.k, item.at_a, item.at_b, answer);
   return outcome;
+}
+
+// The last block hands the counts over and leaves them cleared for the next chunk.
+__device__ inline void hand_over_counts(const ChunkView& c) {
+  if (!c.host_counts) return;
+  __syncthreads();
+  if (threadIdx.x != 0) return;
+  __threadfence();
+  if (atomicAdd(c.counts + kBlocksDone, 1) != c.blocks - 1) return;
+  __threadfence();
+  for (std::uint32_t i = 0; i < kCounts; ++i) c.host_counts[i] = atomicExch(c.counts + i, 0);
 }
 
 // Blocks of pairs of the same two hulls, which lie in shared memory.
@@ -66,6 +79,7 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_groups(const __grid_con
 
   Enclosed enclosed;
   report(c, place < count ? answer_item<kCompact>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
+  hand_over_counts(c);
 }
 
 // Pairs that have too little company for that: each thread reads the hulls it needs. \param strays their group.
@@ -76,6 +90,7 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_con
   const Hull<SceneVertices> a = scene_hull(c, item.ref.a), b = scene_hull(c, item.ref.b);
   Enclosed enclosed;
   report(c, place < count ? answer_item<kCompact>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
+  hand_over_counts(c);
 }
 
 }  // namespace clearance::cuda

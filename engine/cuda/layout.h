@@ -93,16 +93,17 @@ struct Question {
   bool prove_overlaps;  ///< no depth is asked for
 };
 
-/// A pair whose simplex holds the origin: its four vertices of each hull. A kernel of its own proves the overlap.
+/// A pair whose simplex holds the origin: its four vertices of each hull.
 struct Enclosed {
   std::uint32_t pair, configuration;  ///< within the chunk
-  std::uint32_t item;                 ///< of a reduced query: its place among the pairs that are looked at
   std::uint16_t a[4], b[4];
 };
 
 /// Places in ChunkView::counts: rows left to the CPU; rows that the narrow phase settled; enclosed pairs; of reduced
 /// queries pairs that are looked at, and rows that come back.
-inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4, kCounts = 8;
+/// And blocks that are done, of chunks whose last block hands the counts over.
+inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4, kBlocksDone = 5,
+                               kCounts = 8;
 
 /// One launch: some pairs in some configurations.
 struct ChunkView {
@@ -119,6 +120,9 @@ struct ChunkView {
   std::uint32_t* rest;    ///< rows that are not settled, in no order
   Enclosed* enclosed;     ///< in no order
   std::uint32_t* counts;  ///< kRest and so on
+  bool prove_at_once;     ///< enclosed pairs are proved by who finds them, not by a kernel of their own
+  std::uint32_t* host_counts;  ///< where the last of `blocks` writes the counts and clears them; null: nobody does
+  std::uint32_t blocks;
 };
 
 /// One launch of a reduced query (engine/reduction.h): its groups are bodies in each configuration, or configurations.
@@ -140,7 +144,6 @@ struct ReducedView {
   std::uint32_t* rest_rows;                    ///< rows of chunk.rest
   std::uint32_t capacity = 0;
   std::uint64_t reply_rows;     ///< room in the reply
-  std::uint32_t* host_counts;   ///< chunk.counts in host memory, once all is done
 };
 
 }  // namespace clearance::cuda

@@ -7,8 +7,8 @@
 
 namespace clearance::cuda {
 
-// False: the proof fails, or double-double would make a better common point; the CPU finishes the pair.
-__device__ inline bool prove_overlap(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b,
+// Not inlined: few pairs come here. False: the proof fails, or double-double would make a better common point; the CPU finishes the pair.
+__device__ __noinline__ bool prove_overlap(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b,
                                      PairAnswer& answer) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
   const Vec3d D = at_b.translation() - at_a.translation();
@@ -52,6 +52,11 @@ __device__ inline bool prove_overlap(const ChunkView& c, const Enclosed& e, cons
   return true;
 }
 
+// What becomes of an enclosed pair.
+__device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b, PairAnswer& answer) {
+  return prove_overlap(c, e, at_a, at_b, answer) ? Outcome::kSettled : Outcome::kUnsettled;
+}
+
 __global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ ChunkView c) {
   const std::uint32_t count = c.counts[kEnclosedPairs];
   for (std::uint32_t first = blockIdx.x * kTile; first < count; first += gridDim.x * kTile) {
@@ -66,11 +71,8 @@ __global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ 
       PairAnswer answer;
       answer.flags = flags_of(at_a, at_b);
       row = std::uint64_t{e.configuration} * c.pair_count + c.position[e.pair];
-      outcome = Outcome::kUnsettled;
-      if (prove_overlap(c, e, at_a, at_b, answer)) {
-        outcome = Outcome::kSettled;
-        write_answer(c, row, e.configuration, at_a, at_b, answer);
-      }
+      outcome = proved(c, e, at_a, at_b, answer);
+      if (outcome == Outcome::kSettled) write_answer(c, row, e.configuration, at_a, at_b, answer);
     }
     const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
     if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);

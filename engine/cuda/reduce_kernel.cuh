@@ -248,45 +248,16 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       enclosed.pair = item.p;
       enclosed.configuration = item.k;
-      enclosed.item = i;
       PairAnswer answer;
       outcome = solve_item(c, scene_hull(c, item.ref.a), at_a, scene_hull(c, item.ref.b), at_b, PlacedWhere(at_a, at_b), answer,
                            enclosed);
+      if (outcome == Outcome::kEnclosed) outcome = proved(c, enclosed, at_a, at_b, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;
         offer(r, item, row, answer, at_a, at_b);
       }
     }
     report_item(r, outcome, i, row);
-    const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
-    if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
-  }
-}
-
-__global__ void __launch_bounds__(kItemThreads) prove_reduced_overlaps(const __grid_constant__ ReducedView r) {
-  const ChunkView& c = r.chunk;
-  const std::uint32_t count = c.counts[kEnclosedPairs];
-  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
-    const std::uint32_t i = first + threadIdx.x;
-    Outcome outcome = Outcome::kNone;
-    std::uint32_t row = 0, at = 0;
-    if (i < count) {
-      const Enclosed e = c.enclosed[i];
-      at = e.item;
-      row = r.items[at];
-      const Item item(r, row);
-      const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
-          at_b(c.bodies, c.configurations, item.ref.b, item.k);
-      PairAnswer answer;
-      answer.flags = flags_of(at_a, at_b);
-      outcome = Outcome::kUnsettled;
-      if (prove_overlap(c, e, at_a, at_b, answer)) {
-        outcome = Outcome::kSettled;
-        r.answers[at] = answer;
-        offer(r, item, row, answer, at_a, at_b);
-      }
-    }
-    report_item(r, outcome, at, row);
   }
 }
 
@@ -322,7 +293,7 @@ __global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_cons
 
 __device__ inline void pass_counts(const ReducedView& r) {
   if (blockIdx.x == 0 && threadIdx.x < kCounts && threadIdx.x != kHits)
-    r.host_counts[threadIdx.x] = r.chunk.counts[threadIdx.x];
+    r.chunk.host_counts[threadIdx.x] = r.chunk.counts[threadIdx.x];
 }
 
 // A row for each group.
@@ -360,7 +331,7 @@ __global__ void __launch_bounds__(kItemThreads) write_hits(const __grid_constant
   const ChunkView& c = r.chunk;
   if (blockIdx.x == 0 && threadIdx.x == 0) {
     const std::uint32_t last = (r.rows - 1) / 32;
-    r.host_counts[kHits] = r.hit_ranks[last] + __popc(r.hit_words[last]);
+    r.chunk.host_counts[kHits] = r.hit_ranks[last] + __popc(r.hit_words[last]);
   }
   const std::uint32_t count = item_count(r);
   for (std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x; i < count; i += gridDim.x * kItemThreads) {

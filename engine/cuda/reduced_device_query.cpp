@@ -28,6 +28,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     chunks_ = (K + configurations_ - 1) / configurations_;
     QuerySetup s = setup(*workspace_);
     s.pairs = list_->resident.get();
+    s.chunks = chunks_;
     s.reduce = plan_.query.reduce;
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;

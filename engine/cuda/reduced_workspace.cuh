@@ -65,7 +65,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     r.groups = groups_;
     r.rows = static_cast<std::uint32_t>(chunk.rows());
     r.chunk.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(kCounts * sizeof(std::uint32_t)));
-    r.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
+    r.chunk.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
     slot.direct = direct;
     slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : std::uint64_t{chunk.configurations} * groups_;
     make_room_for_items(slot, std::max<std::uint32_t>(slot.view.capacity, std::min(r.rows, kFirstCapacity)));
@@ -85,7 +85,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     ReducedSlot& slot = *slots_[index];
     const ReducedView& r = slot.view;
     check(cudaStreamSynchronize(slot.stream), "answering a query");
-    if (const std::uint32_t candidates = r.host_counts[kCandidates]; candidates > r.capacity) {
+    if (const std::uint32_t candidates = r.chunk.host_counts[kCandidates]; candidates > r.capacity) {
       make_room_for_items(slot, candidates);
       clear(slot);
       solve(slot);
@@ -93,7 +93,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }
     count_kernels(slot);
-    const std::uint32_t rest = r.host_counts[kRest];
+    const std::uint32_t rest = r.chunk.host_counts[kRest];
     if (rest == 0) return result(slot);
     auto* rows = reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve(rest * sizeof(std::uint32_t)));
     check(cudaMemcpyAsync(rows, r.rest_rows, rest * sizeof(std::uint32_t), cudaMemcpyDeviceToHost, slot.stream),
@@ -133,11 +133,10 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     ReducedView& r = slot.view;
     const std::size_t words = (capacity + 3) / 4 * 4;
     std::byte* memory = slot.device_items.reserve(
-        words * (sizeof(PairAnswer) + sizeof(Enclosed) + 3 * sizeof(std::uint32_t)));
+        words * (sizeof(PairAnswer) + 3 * sizeof(std::uint32_t)));
     r.capacity = capacity;
     r.answers = reinterpret_cast<PairAnswer*>(memory);
-    r.chunk.enclosed = reinterpret_cast<Enclosed*>(r.answers + words);
-    r.items = reinterpret_cast<std::uint32_t*>(r.chunk.enclosed + words);
+    r.items = reinterpret_cast<std::uint32_t*>(r.answers + words);
     r.chunk.rest = r.items + words;
     r.rest_rows = r.chunk.rest + words;
   }
@@ -219,7 +218,6 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     else
       find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     solve_candidates<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
-    if (question_.prove_overlaps) prove_reduced_overlaps<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
     check(cudaGetLastError(), "starting a kernel");
   }
 
@@ -240,7 +238,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   ReducedResult result(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
     ReducedResult done;
-    done.total = within() ? r.host_counts[kHits] : slot.most_rows;
+    done.total = within() ? r.chunk.host_counts[kHits] : slot.most_rows;
     done.row_count = std::min(done.total, slot.most_rows);
     if (done.row_count > r.reply_rows) {
       make_room_for_rows(slot, done.row_count);
@@ -248,7 +246,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }
     done.rows = r.chunk.reply;
-    done.settled = r.host_counts[kSettledRows];
+    done.settled = r.chunk.host_counts[kSettledRows];
     return done;
   }
 

@@ -71,7 +71,7 @@ class QuerySide : public Interface {
   FixedBodies room_for_bodies(std::size_t bodies) override {
     fixed_count_ = static_cast<std::uint32_t>(bodies);
     std::byte* memory = host_bodies_.reserve(fixed_bytes());
-    return {reinterpret_cast<double*>(memory), reinterpret_cast<std::uint8_t*>(memory + state_offset())};
+    return {reinterpret_cast<double*>(memory + components_offset()), reinterpret_cast<std::uint8_t*>(memory)};
   }
 
   void begin(const QuerySetup& s) override {  // nothing is under way: whoever had this before waited when letting it go
@@ -86,8 +86,8 @@ class QuerySide : public Interface {
     const cudaStream_t stream = slots_[0]->stream;
     setup_.send(stream);
     send_bodies(s, stream);
-    check(cudaEventRecord(ready_.event, stream), "recording an event");
-    for (int i = 1; i < kSlots; ++i)
+    if (s.chunks > 1) check(cudaEventRecord(ready_.event, stream), "recording an event");
+    for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
     bodies_.moved_body = setup_.at<std::uint32_t>(moved_body);
     bodies_.moved_count = static_cast<std::uint32_t>(s.moved_body.size());
@@ -112,7 +112,7 @@ class QuerySide : public Interface {
  protected:
   // The view of a chunk, with its moved bodies on their way to where they are.
   ChunkView view_of(Slot& slot, const ChunkSetup& chunk) {
-    ChunkView view;
+    ChunkView view{};
     view.hulls = hulls_.view();
     view.bodies = bodies_;
     view.question = question_;
@@ -135,31 +135,25 @@ class QuerySide : public Interface {
     counters_.kernel_ns += static_cast<std::uint64_t>(1e6 * kernel_milliseconds(slot));
   }
 
-  // In one block: components, boxes, state, outer boxes. Only components and state come from the host, side by side.
-  std::size_t state_offset() const { return std::size_t{fixed_count_} * kPoseComponents * sizeof(double); }
-  std::size_t fixed_bytes() const { return state_offset() + fixed_count_; }
+  // In one block: state, components, boxes, outer boxes. Only state and components come from the host.
+  std::size_t components_offset() const { return (std::size_t{fixed_count_} + 15) / 16 * 16; }
+  std::size_t fixed_bytes() const { return components_offset() + std::size_t{fixed_count_} * kPoseComponents * sizeof(double); }
   void send_bodies(const QuerySetup& s, cudaStream_t stream) {
     const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
-    const std::size_t outer_at = (boxes + fixed_bytes() + 15) / 16 * 16;
+    const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
     std::byte* memory = device_bodies_.reserve(outer_at + (s.boxes ? n * sizeof(OuterBox) : 0));
     auto* outer = reinterpret_cast<OuterBox*>(memory + outer_at);
-    const std::byte* host = host_bodies_.data();
     bodies_ = {};
-    bodies_.fixed = reinterpret_cast<const double*>(memory);
-    bodies_.fixed_state = reinterpret_cast<const std::uint8_t*>(memory + state_offset() + boxes);
+    bodies_.fixed = reinterpret_cast<const double*>(memory + components_offset());
+    bodies_.fixed_state = reinterpret_cast<const std::uint8_t*>(memory);
     bodies_.fixed_box = s.boxes ? outer : nullptr;
     bodies_.bodies = fixed_count_;
     bodies_.components = kPoseComponents + (s.boxes ? kBoxComponents : 0);
     if (n == 0) return;
-    if (!s.boxes) {
-      check(cudaMemcpyAsync(memory, host, fixed_bytes(), cudaMemcpyHostToDevice, stream), "copying poses");
-      return;
-    }
-    check(cudaMemcpyAsync(memory, host, state_offset(), cudaMemcpyHostToDevice, stream), "copying poses");
-    check(cudaMemcpyAsync(memory + state_offset() + boxes, host + state_offset(), n, cudaMemcpyHostToDevice, stream),
-          "copying poses");
+    check(cudaMemcpyAsync(memory, host_bodies_.data(), fixed_bytes(), cudaMemcpyHostToDevice, stream), "copying poses");
+    if (!s.boxes) return;
     box_fixed_bodies<<<static_cast<unsigned>((n + 127) / 128), 128, 0, stream>>>(
-        hulls_.view(), bodies_, reinterpret_cast<double*>(memory + state_offset()), outer);
+        hulls_.view(), bodies_, reinterpret_cast<double*>(memory + fixed_bytes()), outer);
     check(cudaGetLastError(), "starting a kernel");
   }
 
