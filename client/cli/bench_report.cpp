@@ -19,22 +19,6 @@ struct Quantile {
 };
 constexpr Quantile kQuantiles[] = {{"p50", 0.5}, {"p90", 0.9}, {"p99", 0.99}, {"p99.9", 0.999}, {"max", 1}};
 
-std::string utc_now() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  ::gmtime_r(&now, &parts);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
-  return text;
-}
-
-/// Six significant digits, also in CSV: more would be noise.
-Cell rounded(double value) {
-  Cell cell(value, 6);
-  cell.exact = cell.text;
-  return cell;
-}
-
 double ratio(const Samples& a, const Samples& b, double part) {
   return a.percentile_us(part) / b.percentile_us(part);
 }
@@ -42,60 +26,6 @@ double ratio(const Samples& a, const Samples& b, double part) {
 /// What the median takes beyond the bare floor's and the engine's own.
 double added_us(const BenchReport& r) {
   return r.ours.latency.percentile_us(0.5) - r.floor.latency.percentile_us(0.5) - r.ours.engine.percentile_us(0.5);
-}
-
-Table row_of(const BenchReport& r) {
-  std::vector<std::string> names{"machine",     "date",    "transport", "backend",   "bodies",       "pairs",
-                                 "configs",     "moved",   "reduce",    "precision", "mode",         "request_bytes",
-                                 "reply_bytes", "samples", "lost",      "unsent",    "throughput_hz"};
-  std::vector<Cell> cells{machine_name(),
-                          utc_now(),
-                          transport_name(r.url),
-                          r.backend,
-                          r.bodies,
-                          r.pairs,
-                          r.configurations,
-                          r.moved_bodies,
-                          r.reduce,
-                          r.precision,
-                          r.rate_hz > 0 ? Cell(r.rate_hz) : Cell("closed"),
-                          r.size.request_bytes,
-                          r.size.reply_bytes,
-                          r.ours.latency.size(),
-                          r.ours.lost,
-                          r.ours.unsent,
-                          rounded(r.ours.throughput())};
-  const auto add = [&](const std::string& name, const Samples& samples, std::initializer_list<double> parts) {
-    for (const Quantile& q : kQuantiles)
-      for (const double part : parts)
-        if (part == q.part) {
-          names.push_back(name + q.name + "_us");
-          cells.push_back(rounded(samples.percentile_us(part)));
-        }
-  };
-  add("", r.ours.latency, {0.5, 0.9, 0.99, 0.999, 1});
-  add("server_", r.ours.server, {0.5, 0.99});
-  add("engine_", r.ours.engine, {0.5, 0.99});
-  add("transport_", r.ours.transport, {0.5, 0.99});
-  add("floor_", r.floor.latency, {0.5, 0.99, 0.999});
-  add("held_floor_", r.held_floor.latency, {0.5, 0.99, 0.999});
-  for (const double part : {0.5, 0.99}) {
-    names.push_back(part == 0.5 ? "transport_to_floor_p50" : "transport_to_floor_p99");
-    cells.push_back(rounded(ratio(r.ours.transport, r.floor.transport, part)));
-  }
-  names.push_back("added_p50_us");
-  cells.push_back(rounded(added_us(r)));
-  const std::vector<Bar> bars = bars_of(r);
-  for (std::size_t i = 0; i < bars.size(); ++i) {
-    const std::string prefix = i == 0 ? "p50_bar" : "p99.9_bar";
-    names.insert(names.end(), {prefix, prefix + "_limit", prefix + "_met"});
-    cells.insert(cells.end(), {rounded(bars[i].value), rounded(bars[i].limit), Cell(bars[i].met() ? "yes" : "no")});
-  }
-  names.push_back("command");
-  cells.push_back(r.command);
-  Table table(names);
-  table.add(std::move(cells));
-  return table;
 }
 
 void print_for_people(const BenchReport& r, std::ostream& out) {
@@ -165,6 +95,75 @@ void print_for_people(const BenchReport& r, std::ostream& out) {
 
 }  // namespace
 
+std::string utc_now() {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  ::gmtime_r(&now, &parts);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
+  return text;
+}
+
+Cell rounded(double value) {
+  Cell cell(value, 6);
+  cell.exact = cell.text;
+  return cell;
+}
+
+Table row_of(const BenchReport& r) {
+  std::vector<std::string> names{"machine",     "date",    "transport", "backend",   "bodies",       "pairs",
+                                 "configs",     "moved",   "reduce",    "precision", "mode",         "request_bytes",
+                                 "reply_bytes", "samples", "lost",      "unsent",    "throughput_hz"};
+  std::vector<Cell> cells{machine_name(),
+                          utc_now(),
+                          transport_name(r.url),
+                          r.backend,
+                          r.bodies,
+                          r.pairs,
+                          r.configurations,
+                          r.moved_bodies,
+                          r.reduce,
+                          r.precision,
+                          r.rate_hz > 0 ? Cell(r.rate_hz) : Cell("closed"),
+                          r.size.request_bytes,
+                          r.size.reply_bytes,
+                          r.ours.latency.size(),
+                          r.ours.lost,
+                          r.ours.unsent,
+                          rounded(r.ours.throughput())};
+  const auto add = [&](const std::string& name, const Samples& samples, std::initializer_list<double> parts) {
+    for (const Quantile& q : kQuantiles)
+      for (const double part : parts)
+        if (part == q.part) {
+          names.push_back(name + q.name + "_us");
+          cells.push_back(rounded(samples.percentile_us(part)));
+        }
+  };
+  add("", r.ours.latency, {0.5, 0.9, 0.99, 0.999, 1});
+  add("server_", r.ours.server, {0.5, 0.99});
+  add("engine_", r.ours.engine, {0.5, 0.99});
+  add("transport_", r.ours.transport, {0.5, 0.99});
+  add("floor_", r.floor.latency, {0.5, 0.99, 0.999});
+  add("held_floor_", r.held_floor.latency, {0.5, 0.99, 0.999});
+  for (const double part : {0.5, 0.99}) {
+    names.push_back(part == 0.5 ? "transport_to_floor_p50" : "transport_to_floor_p99");
+    cells.push_back(rounded(ratio(r.ours.transport, r.floor.transport, part)));
+  }
+  names.push_back("added_p50_us");
+  cells.push_back(rounded(added_us(r)));
+  const std::vector<Bar> bars = bars_of(r);
+  for (std::size_t i = 0; i < bars.size(); ++i) {
+    const std::string prefix = i == 0 ? "p50_bar" : "p99.9_bar";
+    names.insert(names.end(), {prefix, prefix + "_limit", prefix + "_met"});
+    cells.insert(cells.end(), {rounded(bars[i].value), rounded(bars[i].limit), Cell(bars[i].met() ? "yes" : "no")});
+  }
+  names.push_back("command");
+  cells.push_back(r.command);
+  Table table(names);
+  table.add(std::move(cells));
+  return table;
+}
+
 std::string transport_name(const std::string& url) {
   const std::string scheme = url.substr(0, url.find(':'));
   if (scheme == "ipc" || scheme == "tcp") return "zmq-" + scheme;
@@ -202,19 +201,19 @@ std::string header_of(const std::string& path) {
 
 }  // namespace
 
-void check_csv(const std::string& path) {
+void check_csv(const Table& row, const std::string& path) {
   std::ostringstream text;
-  row_of(BenchReport{}).print(text, Output::kCsv);
+  row.print(text, Output::kCsv);
   const std::string names = text.str().substr(0, text.str().find('\n'));
   const std::string header = header_of(path);
   if (!header.empty() && header != names)
-    throw std::runtime_error(path + ": its columns are not those of clearance bench; choose another file");
+    throw std::runtime_error(path + ": its columns are not those of this benchmark; choose another file");
   if (!std::ofstream(path, std::ios::app)) throw std::runtime_error(path + ": cannot write");
 }
 
-void append_csv(const BenchReport& report, const std::string& path) {
+void append_csv(const Table& row, const std::string& path) {
   std::ostringstream text;
-  row_of(report).print(text, Output::kCsv);
+  row.print(text, Output::kCsv);
   const std::string both = text.str();
   const bool fresh = header_of(path).empty();
   std::ofstream file(path, std::ios::app);

@@ -46,9 +46,18 @@ std::string transport_name(const std::string& url);
 /// Aligned for people, or one row of CSV or JSON.
 void print_report(const BenchReport& report, std::ostream& out, Output output);
 
-/// Throws std::runtime_error unless a row can be added to this CSV file: said before anything is measured.
-void check_csv(const std::string& path);
-/// Adds one row, with the column names if the file is new. Throws std::runtime_error.
-void append_csv(const BenchReport& report, const std::string& path);
+/// The report as one row.
+Table row_of(const BenchReport& report);
+
+/// Throws std::runtime_error unless rows of these columns can be added to this CSV file: said before anything is
+/// measured.
+void check_csv(const Table& row, const std::string& path);
+/// Adds the table's rows, with the column names if the file is new. Throws std::runtime_error.
+void append_csv(const Table& row, const std::string& path);
+
+/// This moment, as in 2026-01-31T12:00:00Z.
+std::string utc_now();
+/// Six significant digits, also in CSV: more would be noise.
+Cell rounded(double value);
 
 }  // namespace clearance::cli

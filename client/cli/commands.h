@@ -43,7 +43,9 @@ void add_ping(CLI::App& app);
 void add_set_pose(CLI::App& app);
 void add_attach(CLI::App& app);
 void add_reload(CLI::App& app);
-void add_bench(CLI::App& app);    // bench.cpp
+void add_bench(CLI::App& app);             // bench.cpp
+void add_bench_throughput(CLI::App& app);  // bench_throughput.cpp
+void add_bench_loop(CLI::App& app);        // bench_loop.cpp
 void add_keygen(CLI::App& app);
 void add_inspect(CLI::App& app);  // sibling.cpp
 

@@ -21,6 +21,10 @@ int main(int argc, char** argv) {
   cli::add_keygen(app);
 #ifdef CLEARANCE_HAVE_BENCH
   cli::add_bench(app);
+  cli::add_bench_throughput(app);
+#ifdef CLEARANCE_HAVE_LCM
+  cli::add_bench_loop(app);
+#endif
 #endif
   cli::add_inspect(app);
   // Last: a subcommand would inherit it.

@@ -188,5 +188,26 @@ TEST_F(LcmDaemonTest, AllowListsThatMakeNoSenseEndWith2) {
   EXPECT_PRED2(has, said({"--lcm-poses", "some"}), "--lcm-poses: some not in {");
 }
 
+TEST_F(LcmDaemonTest, AControlLoopCountsItsCycles) {
+  const Daemon daemon({"--scene", scene_file(), "--shm", folder_ / "c.sock", "--lcm", url()});
+  const Finished done = run({program("clearance"), "bench-loop", "--connect", daemon.urls().at(0), "--lcm", url(), "--pairs", "1",
+                             "--minutes", "0.01", "--rate", "500", "--csv", folder_ / "loop.csv"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  std::uint64_t working[2] = {}, idle[2] = {};
+  std::istringstream lines(done.out);
+  for (std::string line; std::getline(lines, line);) {
+    std::sscanf(line.c_str(), "poses out, distances back %lu %lu", &working[0], &working[1]);
+    std::sscanf(line.c_str(), "idle, by turns %lu %lu", &idle[0], &idle[1]);
+  }
+  EXPECT_EQ(working[0], 300u) << "0.6 s at 500 Hz, those that were missed among them\n" << done.out;
+  EXPECT_EQ(idle[0], 75u) << "a quarter of it";
+  EXPECT_LE(working[1], working[0]);
+  std::uint64_t messages = 0;
+  Client client = connect(daemon.urls().at(0));
+  for (const auto& [name, value] : client.stats())
+    if (name == "lcm.pose_messages") messages = value;
+  EXPECT_GT(messages, 0u);
+}
+
 }  // namespace
 }  // namespace clearance

@@ -110,7 +110,8 @@ TEST_F(Bench, EachTransportIsMeasuredBesideItsFloor) {
     // What is compared with the bars is made of what the row says.
     const auto of = [&](const char* column) { return std::stod(row.at(column)); };
     EXPECT_NEAR(of("added_p50_us"), of("p50_us") - of("floor_p50_us") - of("engine_p50_us"), 1e-3 * of("p50_us"));
-    EXPECT_GE(of("held_floor_p50_us"), of("engine_p50_us") / 2) << "the echo holds the request back as long as the engine";
+    EXPECT_GE(of("held_floor_p50_us"), of("engine_p50_us") / 2)
+        << "the echo holds the request back as long as the engine";
     EXPECT_NEAR(of("p99.9_bar"), of("p99.9_us") / of("held_floor_p99.9_us"), 0.01 * of("p99.9_bar"));
     const bool in_memory = name == std::string("shm");
     EXPECT_NEAR(of("p50_bar"),
@@ -158,6 +159,32 @@ TEST_F(Bench, ConfigurationsReductionsAndRates) {
   EXPECT_TRUE(contains(again.out, "3 pairs in each of 10 configurations of 1 bodies"));
 }
 
+TEST_F(Bench, ThroughputOfSeveralClientsAndOfLargeReplies) {
+  const std::vector<std::string> throughput = {
+      program("clearance"), "bench-throughput", "--connect", daemon_.urls().at(0), "--seconds", "0.2", "--csv", csv_};
+  const auto measure = [&](std::vector<std::string> options) {
+    options.insert(options.begin(), throughput.begin(), throughput.end());
+    const Finished done = run(options);
+    EXPECT_EQ(done.code, 0) << done.err;
+    const auto lines = lines_of(csv_);
+    return row_of(lines.front(), lines.back());
+  };
+  auto row = measure({"--pairs", "1", "--clients", "3"});
+  EXPECT_EQ(row.at("clients"), "3");
+  EXPECT_GT(std::stoull(row.at("least_of_a_client")), 0u);
+  EXPECT_LE(std::stoull(row.at("least_of_a_client")), std::stoull(row.at("most_of_a_client")));
+  EXPECT_EQ(row.at("memcpy_p50_us"), "nan") << "with several clients it would be in their way";
+  row = measure({"--pairs", "1", "--depth", "4"});
+  EXPECT_EQ(row.at("depth"), "4");
+  EXPECT_GT(std::stod(row.at("queries_per_s")), 0);
+  row = measure({"--configs", "20000", "--moved", "2"});
+  EXPECT_EQ(row.at("reply_bytes"), std::to_string(64 + 128 + 3 * 100'000 * 8 + 100'032))
+      << "five pairs in each: three doubles, and a byte in a column of whole 64 bytes";
+  EXPECT_GT(std::stod(row.at("memcpy_p50_us")), 0);
+  EXPECT_NEAR(std::stod(row.at("outside_engine_p50_us")),
+              std::stod(row.at("p50_us")) - std::stod(row.at("engine_p50_us")), 0.01 * std::stod(row.at("p50_us")));
+}
+
 TEST_F(Bench, WhatCannotBeMeasuredIsSaid) {
   const std::string& url = daemon_.urls().at(0);
   struct Case {
@@ -176,7 +203,7 @@ TEST_F(Bench, WhatCannotBeMeasuredIsSaid) {
        "--pairs: the scene has 3 enabled pairs with a moved body"},
       {{"--seconds", "0"}, 2, "--seconds"},
       {{"--connect", daemon_.urls().at(1), "--spin-us", "5"}, 2, "--spin-us: only for shared memory"},
-      {{"--csv", other}, 1, "its columns are not those of clearance bench"},
+      {{"--csv", other}, 1, "its columns are not those of this benchmark"},
       {{"--csv", folder_ / "none/x.csv"}, 1, "cannot write"},
       {{"--connect", "shm://" + (folder_ / "none")}, 3, "there is no socket: is clearanced running?"},
   };

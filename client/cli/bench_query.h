@@ -1,0 +1,46 @@
+// What a benchmark asks: a query drawn from the daemon's scene.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "client/client.h"
+
+namespace clearance::cli {
+
+struct BenchQuestion {
+  std::uint64_t pairs = 0;           ///< drawn from the scene's; 0: all
+  std::uint32_t configurations = 0;  ///< 0: the current poses
+  std::uint32_t moved = 6;           ///< bodies that a configuration moves
+  double jitter_m = 0.05;
+  std::uint64_t seed = 1;
+  std::string reduce = "none", precision = "f64";
+  double max_distance = std::numeric_limits<double>::infinity();
+};
+void add_question_options(CLI::App& command, BenchQuestion& question);
+
+/// A query over real poses, with the memory that it looks at.
+struct BenchQuery {
+  std::vector<IdPair> pairs;
+  std::vector<std::uint32_t> bodies;
+  std::vector<Pose7> configurations;
+  Query query;
+};
+
+/// Draws a query. Throws std::invalid_argument if the scene has too few pairs, or nothing that moves.
+BenchQuery make_query(Client& client, const BenchQuestion& question);
+
+/// A pose moved by normal noise: `sigma_m` metres each way, as many radians about each axis.
+Pose7 jittered(const Pose7& pose, double sigma_m, std::mt19937_64& random);
+
+/// Bodies that can be moved, in the order of ids: not static, no parent, at a usable pose.
+std::vector<std::uint32_t> movable_bodies(const SceneInfo& scene, const std::vector<BodyStateInfo>& states);
+
+/// The command line, as a shell would take it again; priority and pinning, which a latency depends on, are part of it.
+std::string bench_command_line(const CLI::App& command);
+
+}  // namespace clearance::cli
