@@ -104,6 +104,12 @@ void Arena::kill_and_restart() {
   daemon_ = std::make_unique<Daemon>(command_, std::vector{"TMPDIR=" + temporary_.path()});
 }
 
+bool Arena::has_ended() const {
+  siginfo_t info{};
+  const auto pid = static_cast<id_t>(daemon_->pid());
+  return waitid(P_PID, pid, &info, WEXITED | WNOHANG | WNOWAIT) == 0 && info.si_pid != 0;
+}
+
 int Arena::end() {
   return daemon_->stop(SIGTERM);
 }

@@ -51,6 +51,8 @@ class Arena {
   Daemon& daemon() { return *daemon_; }
   /// Kills it, and starts another at the same places.
   void kill_and_restart();
+  /// Whether it has ended by itself.
+  bool has_ended() const;
   /// Ends it as it should be ended; its exit code.
   int end();
 

@@ -63,6 +63,7 @@ void Soak::expect(bool holds, const std::string& else_trouble) {
 }
 
 void Soak::fault() {
+  if (living_.has_ended()) throw std::runtime_error("the daemon that should live has ended: " + living_.daemon().log());
   release_due(Clock::now());
   const std::uint64_t drawn = below(100);
   if (drawn < 45) return kill_client(living_, "killed");

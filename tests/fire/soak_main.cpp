@@ -137,6 +137,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--csv", o.csv, "where to write what was seen; default: standard output")->type_name("FILE");
   CLI11_PARSE(app, argc, argv);
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // what went wrong is there at once, also in a file
   try {
     return clearance::fire::soak(o);
   } catch (const std::exception& error) {

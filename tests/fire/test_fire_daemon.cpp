@@ -61,5 +61,31 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   EXPECT_EQ(entries_of(arena.folder()), std::vector<std::string>{}) << "the last daemon cleans up after all of them";
 }
 
+TEST(FireDaemon, SignalledAllTheTimeItMissesNoRequest) {
+  const Exam exam(kScene, 5);
+  Arena arena;
+  Witnesses witnesses;
+  for (const std::string& url : arena.urls()) witnesses.push_back(std::make_unique<Witness>(url, exam, 40 + witnesses.size()));
+  Client client = connect(arena.zmq());
+  Stats stats;
+  std::mt19937_64 random(6);
+  do {  // SIGHUP has the scene loaded anew; what it interrupts must go on
+    for (int i = 0; i < 50; ++i) {
+      kill(arena.daemon().pid(), SIGHUP);
+      std::this_thread::sleep_for(std::chrono::microseconds(random() % 500));
+    }
+    ASSERT_EQ(await_answers(witnesses, 1), "");
+    stats = stats_of(client);
+  } while (stats["reloads"] < static_cast<std::uint64_t>(rounds(100)));
+  EXPECT_EQ(unbalanced(stats), "");
+  EXPECT_EQ(stats["errors.internal"] + stats["errors.transport"] + stats["reloads.failed"], 0u);
+  for (const auto& witness : witnesses) {
+    witness->stop();
+    const Witness::Counts counts = witness->counts();
+    EXPECT_EQ(counts.wrong + counts.lost + counts.busy + counts.others, 0u) << witness->url();
+  }
+  EXPECT_EQ(arena.end(), 0);
+}
+
 }  // namespace
 }  // namespace clearance::fire
