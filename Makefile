@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test fuzz demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-bench clean
+.PHONY: help setup build test fuzz soak demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-bench clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -26,6 +26,13 @@ fuzz:  ## libFuzzer on all that reads others' bytes, SECONDS=600 for each target
 	@tools/setup.sh tools/fuzz_packages.txt
 	@tools/build.sh fuzz fuzzers
 	@$(PYTHON_VENV) tools/fuzz.py --seconds $(SECONDS) --csv docs/results/fuzz.csv
+
+MINUTES ?= 60
+SEED ?= 1
+soak: setup  ## faults (docs/faults.md): 1000 clients killed, 130 daemons, then MINUTES=60 of all at random, SEED=1; rewrites docs/results/soak.csv
+	@tools/build.sh release test_fire_clients test_fire_daemon test_fire_limits clearance-soak
+	@for test in clients daemon limits; do CLEARANCE_FIRE_ROUNDS=26 build/bin/test_fire_$$test --gtest_brief=1 || exit 1; done
+	@build/bin/clearance-soak --minutes $(MINUTES) --seed $(SEED) --csv docs/results/soak.csv
 
 demo: build  ## 19 moving bodies asked about through all three transports; out/demo.png
 	@$(PYTHON_VENV) tools/demo.py
