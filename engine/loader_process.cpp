@@ -13,20 +13,7 @@
 
 #include "loader_sandbox.h"
 #include "mesh_format.h"
-
-// Clang says it in another way than GCC.
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define CLEARANCE_ASAN
-#elif __has_feature(thread_sanitizer)
-#define CLEARANCE_TSAN
-#endif
-#endif
-#if defined(__SANITIZE_ADDRESS__)
-#define CLEARANCE_ASAN
-#elif defined(__SANITIZE_THREAD__)
-#define CLEARANCE_TSAN
-#endif
+#include "sanitizers.h"
 
 namespace clearance {
 
