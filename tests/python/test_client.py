@@ -2,6 +2,7 @@
 
 import gc
 import os
+import pathlib
 import signal
 import subprocess
 import sys
@@ -317,6 +318,28 @@ def test_two_threads_on_one_client(client, engine):
 
 
 # ---- what goes wrong ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["shm", "ipc"])
+def test_a_client_finds_the_next_daemon(start_daemon, cell, kind):
+    first = start_daemon(cell, [kind])
+    client = clearance.connect(first.urls[kind], timeout_s=30)
+    expected = client.distances(pairs=("cup", "*"))
+    os.kill(first.process.pid, signal.SIGSTOP)
+    future = client.submit(pairs=("cup", "*"))
+    first.process.kill()
+    first.process.wait()
+    with pytest.raises(clearance.ConnectionError):
+        future.result()
+    with pytest.raises(clearance.ConnectionError):
+        client.distances(pairs=("cup", "*"))
+    second = type(first)(pathlib.Path(first.urls[kind].partition("://")[2]).parent, cell, [kind])
+    try:
+        assert same_bits(client.distances(pairs=("cup", "*")), expected)
+        with pytest.raises(clearance.ConnectionError):
+            future.result()  # what the first daemon left unanswered stays so
+    finally:
+        second.stop()
 
 
 def test_timeout_and_recovery(start_daemon, cell, kind):
