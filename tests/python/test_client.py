@@ -516,7 +516,7 @@ def test_a_fork_while_another_thread_waits(ipc):
     os.kill(ipc.process.pid, signal.SIGSTOP)
     thread = threading.Thread(target=client.distances)
     thread.start()
-    while "_wait" not in [frame.name for frame in traceback.extract_stack(sys._current_frames()[thread.ident])]:
+    while "_guarded" not in [frame.name for frame in traceback.extract_stack(sys._current_frames()[thread.ident])]:
         pass
     for _ in range(20):
         child = os.fork()

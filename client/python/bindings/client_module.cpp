@@ -183,6 +183,15 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
   return a;
 }
 
+/// A request that is forgotten if it is left.
+struct UnderWay {
+  ConnectionPtr connection;
+  std::optional<Pending> pending;
+  ~UnderWay() {
+    if (pending) connection->discard(std::move(*pending));
+  }
+};
+
 /// A request under way.
 class PyPending {
  public:
@@ -253,6 +262,25 @@ class PyClient {
     Pending pending = use().with([&](Client& client) { return client.submit(query_of(query)); });
     return std::make_unique<PyPending>(connection_, std::move(pending), static_cast<Reduce>(query.reduce), copy,
                                        std::move(out));
+  }
+
+  /// The answer, or nothing if it did not come in time: a submit, a wait and an answer in one call.
+  std::optional<Answer> ask(const Query& query, nb::handle out_list, bool copy, double timeout_s) const {
+    OutArrays out(out_list);
+    UnderWay under_way{connection_, std::nullopt};
+    std::optional<Reply> reply;
+    const auto deadline = Clock::now() + duration_of(timeout_s);
+    while (true) {
+      use().with([&](Client& client) {
+        std::optional<Pending>& pending = under_way.pending;
+        if (!pending) pending.emplace(client.submit(query_of(query)));
+        const auto left = deadline - Clock::now();
+        if (pending->wait_for(std::clamp<Clock::duration>(left, Clock::duration(0), kSlice))) reply = pending->get();
+      });
+      if (reply) return answer_of(connection_, std::move(*reply), static_cast<Reduce>(query.reduce), out, copy);
+      if (Clock::now() >= deadline) return std::nullopt;
+      if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    }
   }
 
   nb::object pairs(const Query& query) const {
@@ -357,6 +385,7 @@ NB_MODULE(_client, m) {
           "timeout_s", [](const PyClient& c) { return c.use().timeout_s(); },
           [](PyClient& c, double seconds) { c.use().set_timeout(seconds); })
       .def("submit", &PyClient::submit, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"))
+      .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"), nb::arg("timeout_s"))
       .def("pairs", &PyClient::pairs, nb::arg("query"))
       .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"))
       .def("attach", &PyClient::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import wire
 from ._errors import ClearanceError, ConnectionError, QueryError, RequestError, SceneError, TimeoutError
-from ._front import BodyState, PosesDone, SceneChanged
+from ._front import BodyState, PosesDone, Prepared, SceneChanged
 from ._future import Future
 from ._names import BodyInfo
 from ._poses import pose7_from_matrix
@@ -46,6 +46,7 @@ __all__ = [
     "NONE",
     "PosesDone",
     "Precision",
+    "Prepared",
     "QueryError",
     "Reduce",
     "RequestError",

@@ -175,7 +175,13 @@ class Client(Front):
         return DEFAULT_FIELDS | (FIELD_MASKS["points"] | FIELD_MASKS["normal"] if few else 0)
 
     def _answer(self, query: Query) -> Any:
-        return self._wait(self._submit(query), query, None)
+        self._names  # so that the scene's revision goes with the query
+        connection = self._use()
+        timeout = connection.timeout_s if query.timeout_s is None else query.timeout_s
+        answer = self._guarded(connection.ask, query.raw, query.out_list(), query.copy, timeout)
+        if answer is None:
+            raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
+        return answer
 
     def _start(self, query: Query) -> Future:
         return ClientFuture(self, self._submit(query), query)

@@ -5,6 +5,7 @@ Engine and Client differ only in who answers: each gives the few methods marked 
 
 from __future__ import annotations
 
+import inspect
 import math
 import threading
 from collections import OrderedDict
@@ -287,6 +288,19 @@ class Front:
         )  # fmt: skip
         return self._result(query, self._answer(query))
 
+    def prepare(self, **arguments: Any) -> "Prepared":
+        """Parses a query once, to be asked again and again: what a control loop wants.
+
+        arguments: those of distances(), by name. Of these, `configurations` of dtype float64, shape (K, M, 7) and C order are
+            looked at anew by each call: new poses may be written into them in between.
+
+        Raises as distances() does. Names are looked up here: prepare anew after a scene has changed.
+        """
+        arguments = {**_DEFAULTS, **arguments}
+        if isinstance(arguments["pairs"], np.ndarray):
+            arguments["pairs"] = arguments["pairs"].copy()
+        return Prepared(self, self._parse(**arguments))
+
     def submit(
         self,
         pairs: Pairs = None,
@@ -405,6 +419,28 @@ class Front:
         if query.pairs is None or query.selects:
             return None
         return query.pairs.copy()
+
+
+#: Of distances().
+_DEFAULTS = {name: p.default for name, p in inspect.signature(Front.distances).parameters.items() if name != "self"}
+
+
+class Prepared:
+    """A query that was parsed by prepare(). A call answers it, as distances() would, at the poses of that moment."""
+
+    __slots__ = ("_front", "_query", "_table", "_pairs")
+
+    def __init__(self, front: Front, query: Query):
+        self._front = front
+        self._query = query
+        self._table = _TableOf(front, query)
+        self._pairs = front._known_pairs(query)
+        if self._pairs is not None:
+            self._pairs.flags.writeable = False  # all its results share it
+
+    def __call__(self) -> Result:
+        query = self._query
+        return Result(self._front._answer(query), query.reduce, query.out, self._pairs, self._table)
 
 
 class _TableOf:

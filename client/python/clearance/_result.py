@@ -25,6 +25,19 @@ class _ColumnAttribute:
         return array
 
 
+class _AnswerAttribute:
+    """A number of the answer, looked up when it is asked for: one of a thousand answers a second is not asked for all."""
+
+    def __init__(self, doc: str):
+        self.__doc__ = doc
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, result: "Optional[Result]", owner: Optional[type] = None) -> Any:
+        return self if result is None else getattr(result._answer, self.name)
+
+
 class Result:
     """The answer to one query.
 
@@ -63,30 +76,26 @@ class Result:
         self._pairs = pairs
         self._pair_table = pair_table
         self._configuration: Optional[np.ndarray] = None
-        rows = answer.rows
-        if reduce == Reduce.NONE:
-            self._lead: Tuple[int, ...] = (answer.configurations, answer.pairs)
-        elif reduce == Reduce.NEAREST:
+
+    fields: int = _AnswerAttribute("Bits of clearance.Field: the columns that are there.")  # type: ignore[assignment]
+    configurations: int = _AnswerAttribute("K, at least 1.")  # type: ignore[assignment]
+    total: int = _AnswerAttribute("Pairs found by reduce=\"within\", also those past max_results; else the number of rows.")  # type: ignore[assignment]
+    snapshot_revision: int = _AnswerAttribute("Revision of the poses that this answer saw.")  # type: ignore[assignment]
+    snapshot_stamp_ns: int = _AnswerAttribute("Newest publisher's stamp among those poses.")  # type: ignore[assignment]
+    scene_revision: int = _AnswerAttribute("Revision of the scene.")  # type: ignore[assignment]
+    engine_ns: int = _AnswerAttribute("Nanoseconds spent in the engine.")  # type: ignore[assignment]
+    server_ns: int = _AnswerAttribute("Nanoseconds spent in the daemon as a whole (0 in process).")  # type: ignore[assignment]
+    backend: str = _AnswerAttribute("The backend that answered.")  # type: ignore[assignment]
+
+    @property
+    def _lead(self) -> Tuple[int, ...]:
+        answer = self._answer
+        if self._reduce == Reduce.NONE:
+            return (answer.configurations, answer.pairs)
+        if self._reduce == Reduce.NEAREST:
             k = answer.configurations
-            self._lead = (k, rows // k if k else 0)
-        else:
-            self._lead = (rows,)
-        #: Bits of clearance.Field: the columns that are there.
-        self.fields: int = answer.fields
-        #: K, at least 1.
-        self.configurations: int = answer.configurations
-        #: Pairs found by reduce="within", also those past max_results; else the number of rows.
-        self.total: int = answer.total
-        #: Revision of the poses that this answer saw.
-        self.snapshot_revision: int = answer.snapshot_revision
-        #: Newest publisher's stamp among those poses.
-        self.snapshot_stamp_ns: int = answer.snapshot_stamp_ns
-        self.scene_revision: int = answer.scene_revision
-        #: Nanoseconds spent in the engine, and in the daemon as a whole (0 in process).
-        self.engine_ns: int = answer.engine_ns
-        self.server_ns: int = answer.server_ns
-        #: The backend that answered.
-        self.backend: str = answer.backend
+            return (k, answer.rows // k if k else 0)
+        return (answer.rows,)
 
     @property
     def reduce(self) -> str:
