@@ -1,7 +1,10 @@
 // UDP packets of any bytes on the daemon's LCM network, past liblcm's own sender: after them it still follows poses.
+#include <poll.h>
+
 #include <chrono>
 #include <iterator>
 #include <optional>
+#include <vector>
 
 #include "clearance_lcm/pose_update_t.hpp"
 #include "frames.h"
@@ -45,7 +48,7 @@ class Network {
         sender_->send(datagram);
         again = now + std::chrono::milliseconds(200);
       }
-      loop_.turn();
+      if (!loop_.turn()) wait();
     }
     while (loop_.waiting() > 0) loop_.turn();
   }
@@ -60,6 +63,13 @@ class Network {
     options.threads = 1;
     return options;
   }
+  /// Until a packet came, and lets liblcm's thread have the core meanwhile.
+  void wait() {
+    std::vector<pollfd> readable;
+    for (const int fd : loop_.transports()[0]->descriptors()) readable.push_back({fd, POLLIN, 0});
+    ::poll(readable.data(), readable.size(), 10);
+  }
+
   LcmAddress address_;
   Engine engine_;
   Loop loop_;
