@@ -1,5 +1,6 @@
 // clearanced: loads a scene, opens its endpoints, and serves until a signal ends it.
 #include <fcntl.h>
+#include <malloc.h>
 #include <signal.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -70,6 +71,16 @@ void let_threads_sleep(char** argv) {
   path[size] = '\0';
   setenv("OMP_WAIT_POLICY", "passive", 1);
   execv(path, argv);  // if that fails, we go on as we are
+}
+
+/// Has memory that a query gave back stay with the process. By its defaults the C library returns what is free at the end
+/// of the heap to the system from 128 KB on, and a query that needs as much then has the kernel clear the same pages
+/// again: batches of 171 pairs were seen to take 200 us instead of 110. Larger blocks still come and go by mmap().
+void keep_freed_memory() {
+#ifdef __GLIBC__
+  mallopt(M_TRIM_THRESHOLD, 64 << 20);
+  mallopt(M_MMAP_THRESHOLD, 8 << 20);
+#endif
 }
 
 double seconds_since(std::chrono::steady_clock::time_point begin) {
@@ -265,6 +276,7 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   if (!clearance::parse_options(argc, argv, options, exit_code)) return exit_code;
   clearance::let_threads_sleep(argv);
+  clearance::keep_freed_memory();
   try {
     return clearance::serve(std::move(options));
   } catch (const std::exception& error) {
