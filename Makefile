@@ -37,7 +37,7 @@ soak: setup  ## faults (docs/faults.md): 1000 clients killed, 130 daemons, then 
 demo: build  ## 19 moving bodies asked about through all three transports; out/demo.png
 	@$(PYTHON_VENV) tools/demo.py
 
-bench: build  ## latency and throughput of every transport: out/latency.csv
+bench: build  ## latency and throughput of every transport, beside their floors and bars: out/latency*.csv
 	@$(PYTHON_VENV) tools/bench.py
 
 bench-peers:  ## ours beside Coal, FCL and Bullet, which it installs: times and errors; rewrites docs/performance.*

@@ -1,9 +1,11 @@
-"""Latency and throughput of every transport, measured by `clearance bench` on a daemon that this script starts.
+"""Latency and throughput of every transport, measured by `clearance bench` on daemons that this script starts.
 
-Writes one row for each measurement to out/latency.csv; docs/results/latency.csv is such a file.
+Parts: latency (every transport beside its floor), python (the client's prepared query), doorbell (spinning and sleeping
+with cores apart, shared and busy), throughput (one client and eight, replies of 16 MB). Each writes out/NAME.csv.
 """
 import argparse
 import csv
+import json
 import os
 import subprocess
 import sys
@@ -21,48 +23,156 @@ QUESTIONS = [
     {"pairs": 0, "configs": 100, "rate": "closed"},
 ]
 NAMES = {"shm": "shared memory", "zmq": "ZeroMQ", "lcm": "LCM"}
+LONG_SPIN_US = 2000  # of a client that has a core to spare
+BUSY = "while True: pass"
+
+
+class Machine:
+    """Where daemon and clients run: on cores of their own where there are two, at the priority asked for."""
+
+    def __init__(self, real_time):
+        self.cores = sorted(os.sched_getaffinity(0))
+        self.priority = ["chrt", "-f", "1"] if real_time else []
+
+    def on(self, core):
+        """A command's prefix: `core` counts those of this process; one that is not there is the last."""
+        return ["taskset", "-c", str(self.cores[min(core, len(self.cores) - 1)]), *self.priority]
+
+
+def clearance(stage, prefix, *words):
+    """Runs the command line client and returns what it printed. Raises DemoError with its complaint."""
+    done = subprocess.run([*prefix, str(BIN / "clearance"), *map(str, words)], capture_output=True, text=True)
+    stage.check()
+    if done.returncode:
+        raise DemoError(f"clearance {words[0]}: {done.stderr.strip()}")
+    return done.stdout
+
+
+def write_rows(path, rows):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def latency(machine, options, path):
+    """Each transport beside its floor, and the bars: floor, the engine's own time, what is added."""
+    path.unlink(missing_ok=True)
+    with Stage() as stage:
+        _, urls, _ = start_daemon(stage, options.scene, machine.on(0))
+        if "lcm" not in urls:
+            print(f"LCM is left out: this machine has no multicast route. As root, this adds one: {ROUTE}")
+        print(f"{'transport':14} {'pairs':>5} {'configs':>7} {'rate':>6} {'floor p50':>9} {'engine':>8} {'p50 us':>9} {'added':>8} "
+              f"{'bar: at most':>18} {'met':>4} {'p99.9':>9} {'over floor':>10} {'met':>4} {'queries/s':>9}", flush=True)
+        for question in QUESTIONS:
+            for transport, url in urls.items():
+                words = [part for key, value in question.items() for part in (f"--{key}", value)]
+                if transport == "shm":
+                    words += ["--spin-us", LONG_SPIN_US]
+                clearance(stage, machine.on(1), "bench", "--connect", url, "--seconds", options.seconds, "--csv", path, *words)
+                row = list(csv.DictReader(path.open()))[-1]
+                number = {key: float(value) for key, value in row.items() if key.endswith(("_us", "_hz", "bar", "limit"))}
+                bar = f"{number['p50_bar']:.2f} {'us' if transport == 'shm' else 'x'}: {number['p50_bar_limit']:g}"
+                print(f"{NAMES[transport]:14} {row['pairs']:>5} {row['configs']:>7} {row['mode']:>6} {number['floor_p50_us']:9.2f} "
+                      f"{number['engine_p50_us']:8.2f} {number['p50_us']:9.2f} {number['added_p50_us']:8.2f} {bar:>18} "
+                      f"{row['p50_bar_met']:>4} {number['p99.9_us']:9.1f} {number['p99.9_bar']:10.2f} {row['p99.9_bar_met']:>4} "
+                      f"{number['throughput_hz']:9.0f}", flush=True)
+
+
+def python(machine, options, path):
+    """The Python client's prepared query over shared memory, by turns with `clearance bench` of the same query."""
+    with Stage() as stage:
+        _, urls, _ = start_daemon(stage, options.scene, machine.on(0))
+        rows = []
+        for pairs in (1, 0):
+            url = f"{urls['shm']}?spin_us={LONG_SPIN_US}"
+            rounds = []
+            for _ in range(5):
+                bench = json.loads(clearance(stage, machine.on(1), "bench", "--connect", url, "--pairs", pairs, "--seconds",
+                                             options.seconds / 5, "--warmup", 0.2, "--json"))[0]
+                done = subprocess.run([*machine.on(1), sys.executable, str(ROOT / "tools/bench_python.py"), url, str(pairs),
+                                       str(options.seconds / 5)], capture_output=True, text=True)
+                if done.returncode:
+                    raise DemoError(f"bench_python: {done.stderr.strip()}")
+                rounds.append((bench, json.loads(done.stdout)))
+            median = lambda values: sorted(values)[len(rounds) // 2]  # noqa: E731
+            floor, cpp = (median(bench[key] for bench, _ in rounds) for key in ("floor_p50_us", "p50_us"))
+            row = {"machine": rounds[0][0]["machine"], "date": rounds[0][0]["date"], "pairs": rounds[0][0]["pairs"],
+                   "floor_p50_us": floor, "cpp_p50_us": cpp}
+            row.update({key: median(mine[key] for _, mine in rounds) for key in rounds[0][1]})
+            for kind in ("prepared", "distances"):
+                row[f"{kind}_added_us"] = round(row[f"{kind}_p50_us"] - floor - row["engine_p50_us"], 3)
+            row.update(bar_us=3, met="yes" if row["prepared_added_us"] <= 3 else "no", command="tools/bench.py python")
+            rows.append(row)
+            print(f"Python, {row['pairs']} pairs: floor {floor:.2f} + engine {row['engine_p50_us']:.2f}; prepared {row['prepared_p50_us']:.2f}: "
+                  f"added {row['prepared_added_us']:.2f} us, at most 3: {row['met']}; distances() added {row['distances_added_us']:.2f} us", flush=True)
+        write_rows(path, rows)
+
+
+def doorbell(machine, options, path):
+    """Spinning and sleeping: cores apart, one core for both, and other programs on every core."""
+    rows = []
+    for cores in ("apart", "together", "busy"):
+        with Stage() as stage:
+            if cores == "busy":
+                for i in range(len(machine.cores)):
+                    stage.start(f"busy{i}", [sys.executable, "-c", BUSY])
+            # Beside busy programs the scheduler is what is measured: no cores or priorities of one's own.
+            place = (lambda core: []) if cores == "busy" else (lambda core: machine.on(core if cores == "apart" else 0))
+            _, urls, _ = start_daemon(stage, options.scene, place(0))
+            for pairs in (1, 0):
+                for spin_us in (0, 20, LONG_SPIN_US):
+                    row = json.loads(clearance(stage, place(1), "bench", "--connect", urls["shm"], "--spin-us", spin_us, "--pairs", pairs,
+                                               "--seconds", options.seconds / 2, "--warmup", 0.3, "--json"))[0]
+                    rows.append({"cores": cores, "client_spin_us": spin_us, **row})
+                    print(f"cores {cores:9} {row['pairs']:>4} pairs, client spins {spin_us:>4} us: p50 {row['p50_us']:8.2f}, p99 {row['p99_us']:9.2f}, "
+                          f"transport {row['transport_p50_us']:8.2f}; floor {row['floor_p50_us']:6.2f}; {row['throughput_hz']:.0f} queries/s", flush=True)
+    write_rows(path, rows)
+
+
+def throughput(machine, options, path):
+    """Small queries of one client and of eight, and replies of 16 MB beside a memcpy of as many bytes."""
+    path.unlink(missing_ok=True)
+    with Stage() as stage:
+        _, urls, _ = start_daemon(stage, options.scene, machine.on(0))
+        for transport, url in urls.items():
+            for words in (["--pairs", 1], ["--pairs", 1, "--clients", 8], ["--configs", 7200, "--max-distance", 1e-3]):
+                if transport != "shm" and "--configs" in words:
+                    continue
+                print(clearance(stage, machine.on(1), "bench-throughput", "--connect", url, "--seconds", options.seconds, "--csv", path,
+                                *words), flush=True)
+
+
+PARTS = {"latency": latency, "python": python, "doorbell": doorbell, "throughput": throughput}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)}; none: all")
     parser.add_argument("--scene", default="scenes/nineteen/scene.yaml", type=Path, help="from the repository's folder")
     parser.add_argument("--seconds", default=5.0, type=float, help="of each measurement")
-    parser.add_argument("--csv", default="out/latency.csv", type=Path, help="written anew")
+    parser.add_argument("--out", default="out", type=Path, help="folder of the CSV files, written anew")
+    parser.add_argument("--real-time", action="store_true", help="daemon and bench at real-time priority, on a machine that is shared")
     options = parser.parse_args()
+    unknown = set(options.parts) - set(PARTS)
+    if unknown:
+        parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(PARTS)}")
     os.chdir(ROOT)
-    options.csv.parent.mkdir(parents=True, exist_ok=True)
-    options.csv.unlink(missing_ok=True)
+    options.out.mkdir(parents=True, exist_ok=True)
+    machine = Machine(options.real_time)
     try:
-        with Stage() as stage:
-            run(stage, options)
+        for part in options.parts or PARTS:
+            path = options.out / ("latency.csv" if part == "latency" else f"latency_{part}.csv")
+            print(f"{part}: {PARTS[part].__doc__} {options.scene}, {options.seconds:g} s each; load {os.getloadavg()[0]:.1f}")
+            PARTS[part](machine, options, path)
+            print(f"Written to {path}\n")
     except KeyboardInterrupt:
         return 130
     except DemoError as error:
         print(f"bench: {error}", file=sys.stderr)
         return 1
-    print(f"Written to {options.csv}")
     return 0
-
-
-def run(stage, options):
-    _, urls, _ = start_daemon(stage, options.scene)
-    if "lcm" not in urls:
-        print(f"LCM is left out: this machine has no multicast route. As root, this adds one: {ROUTE}")
-    print(f"{options.scene}, {options.seconds:g} s each\n")
-    print(f"{'transport':14} {'pairs':>6} {'configs':>7} {'rate':>7} {'p50 us':>9} {'p99 us':>9} {'p99.9 us':>9} "
-          f"{'floor p50':>9} {'queries/s':>10}", flush=True)
-    for question in QUESTIONS:
-        for transport, url in urls.items():
-            command = [BIN / "clearance", "bench", "--connect", url, "--seconds", options.seconds, "--csv", options.csv]
-            command += [part for key, value in question.items() for part in (f"--{key}", value)]
-            done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
-            stage.check()
-            if done.returncode:
-                raise DemoError(f"clearance bench over {NAMES[transport]}: {done.stderr.strip()}")
-            row = list(csv.DictReader(options.csv.open()))[-1]
-            print(f"{NAMES[transport]:14} {row['pairs']:>6} {row['configs']:>7} {row['mode']:>7} {float(row['p50_us']):9.1f} "
-                  f"{float(row['p99_us']):9.1f} {float(row['p99.9_us']):9.1f} {float(row['floor_p50_us']):9.1f} "
-                  f"{float(row['throughput_hz']):10.0f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -14,13 +14,15 @@ GROUP = "239.255.76.67"  # LCM's own multicast address
 ROUTE = f"ip link set lo up && ip route add {GROUP}/32 dev lo"
 
 
-def start_daemon(stage, scene):
+def start_daemon(stage, scene, prefix=()):
     """Starts clearanced on a scene file with its sockets in the stage's folder, and waits until it serves.
+
+    prefix: a command that runs it, such as ("taskset", "-c", "0").
 
     Returns the process, {"shm": url, "zmq": url, "lcm": url} (lcm only where multicast works), and the seconds it took.
     """
     urls = {"shm": f"shm://{stage.folder}/shm.sock", "zmq": f"ipc://{stage.folder}/zmq.sock"}
-    command = [BIN / "clearanced", "--scene", scene, "--shm", urls["shm"][len("shm://"):], "--zmq", urls["zmq"]]
+    command = [*prefix, BIN / "clearanced", "--scene", scene, "--shm", urls["shm"][len("shm://"):], "--zmq", urls["zmq"]]
     port = free_udp_port()
     if multicast_works(port):
         urls["lcm"] = f"udpm://{GROUP}:{port}?ttl=0"
