@@ -42,7 +42,7 @@ Census census_of(int pid, const std::vector<std::string>& folders) {
   for (const std::string& folder : folders)
     for (std::string& name : entries_of(folder)) census.files.push_back(std::move(name));
   for (std::string& name : entries_of("/dev/shm"))
-    if (name.find("clearance") != std::string::npos) census.files.push_back(std::move(name));
+    if (name.find("clearance-shm") != std::string::npos) census.files.push_back(std::move(name));
   return census;
 }
 

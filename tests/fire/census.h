@@ -13,12 +13,12 @@ struct Census {
   int mappings = 0;     ///< all of /proc/PID/maps
   int threads = 0;      ///< /proc/PID/task
   std::uint64_t private_kb = 0, shared_kb = 0;  ///< resident: RssAnon; RssShmem and RssFile
-  std::vector<std::string> files;               ///< of the daemon's folders, and of /dev/shm
+  std::vector<std::string> files;               ///< of the daemon's folders; segments in /dev/shm
 
   std::string text() const;
 };
 
-/// \param folders whose files are counted, with those of /dev/shm.
+/// \param folders whose files are counted, with segments in /dev/shm (there should be none: a segment has no name).
 Census census_of(int pid, const std::vector<std::string>& folders);
 
 /// What `now` holds that `before` did not, in words; empty: nothing. Descriptors, segments, threads and files must be

@@ -12,7 +12,9 @@ namespace {
 
 /// What a session writes over. The first two keep the rules of the rings, so that the daemon goes on answering from
 /// memory that changes under it; the others break them.
-enum class Target { kRequests, kReplies, kRings, kEverything };
+/// kToggle: the words of the ring that the daemon checks are now right, now wrong, as fast as a core can: whoever loaded
+/// one again after checking it would go by the wrong one.
+enum class Target { kRequests, kReplies, kRings, kEverything, kToggle };
 
 /// Values near what checks compare with, and plain chance.
 std::uint64_t nasty_word(const shm::SegmentHeader& header, std::mt19937_64& random) {
@@ -42,8 +44,34 @@ std::uint64_t nasty_word(const shm::SegmentHeader& header, std::mt19937_64& rand
   return drawn % 4 == 0 ? random() : values[drawn / 4 % std::size(values)];
 }
 
+/// Switches the entries of the request ring that the daemon takes next to and fro, until `done`.
+void toggle(const RawClient& client, const std::atomic<bool>& done, std::mt19937_64& random) {
+  shm::SegmentHeader& header = *client.header;
+  const std::uint64_t far = std::uint64_t{1} << 40;
+  while (!done) {
+    shm::RingEntry& entry = header.requests[(header.request_head.load() + random() % 2) % shm::kRingEntries];
+    for (int i = 0; i < 500; ++i) {
+      std::uint64_t bytes = entry.frame_bytes.load(), ticket = entry.ticket.load();
+      // What the client has posted meanwhile is not overwritten by what was there before.
+      if (bytes != far && entry.frame_bytes.compare_exchange_strong(bytes, far)) {
+        std::uint64_t wrong = far;
+        entry.frame_bytes.compare_exchange_strong(wrong, bytes);
+      }
+      // Right for longer than wrong, so that a first look passes and a second one might not.
+      for (int pause = 0; pause < 10; ++pause) shm::cpu_relax();
+      const std::uint64_t elsewhere = ticket | 0xFFFFFF00;
+      if (ticket != elsewhere && entry.ticket.compare_exchange_strong(ticket, elsewhere)) {
+        std::uint64_t wrong = elsewhere;
+        entry.ticket.compare_exchange_strong(wrong, ticket);
+      }
+      for (int pause = 0; pause < 10; ++pause) shm::cpu_relax();
+    }
+  }
+}
+
 void write_over(const RawClient& client, Target target, const std::atomic<bool>& done, std::uint64_t seed) {
   std::mt19937_64 random(seed);
+  if (target == Target::kToggle) return toggle(client, done, random);
   const shm::SegmentHeader& header = *client.header;
   const std::uint64_t slots = header.slot_count, request = header.request_capacity, reply = header.reply_capacity;
   const auto words = reinterpret_cast<std::atomic<std::uint64_t>*>(client.base);
@@ -68,7 +96,10 @@ void session(const std::string& socket_path, std::mt19937_64& random) {
   RawClient client(socket_path);
   const std::uint64_t request_capacity = client.header->request_capacity;
   const std::uint32_t slots = client.header->slot_count;
-  const auto target = static_cast<Target>(random() % 4);
+  // Toggling ends a connection soonest: more of those.
+  constexpr Target kTargets[] = {Target::kRequests, Target::kReplies, Target::kRings, Target::kEverything,
+                                 Target::kToggle,   Target::kToggle,  Target::kToggle, Target::kToggle};
+  const Target target = kTargets[random() % std::size(kTargets)];
   std::vector<std::vector<std::byte>> frames;
   for (std::uint64_t id = 1; id <= 4; ++id) frames.push_back(id % 2 ? request_of(id, 40, random) : large_request(id));
   std::atomic<bool> done{false};

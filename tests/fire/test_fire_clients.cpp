@@ -123,7 +123,7 @@ TEST_F(FireClients, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
       ASSERT_EQ(await_answers(witnesses_, 5), "");
       now = served();
       ASSERT_LT(std::chrono::steady_clock::now(), deadline);
-    } while (grown("shm.connections") < 30 * wanted || grown("shm.violations") < 10 * wanted ||
+    } while (grown("shm.connections") < 100 * wanted || grown("shm.violations") < 10 * wanted ||
              grown("errors.bad_frame") < 20 * wanted || grown("errors.bad_query") < 5 * wanted ||
              grown("replies") < 500 * wanted);
     one.signal(SIGKILL);
