@@ -259,6 +259,15 @@ struct Gjk {
     last = select(take, vertex, last);
   }
 
+  /// Begins at a simplex of an earlier run: `newest` and up to two more vertices. Where it does not hold the nearest point any
+  /// more, it is a worse guess, no more.
+  CLEARANCE_HD void begin(const Simplex<T>& others, const CsoVertex<T>& newest, const Mask& running) {
+    const Nearest<T> next = reduce_to_nearest(others, newest);
+    const Mask take = running & (next.squared_distance > T(0));
+    advance(next, take);
+    last = select(take, newest, last);
+  }
+
   /// One step: `vertex` is the CSO's farthest along -v, and `support_gap` = v.w, by way of the support values.
   /// \param running lanes that have not ended; the others stay as they are.
   CLEARANCE_INLINE void step(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits, const Mask& running) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "box_cull.h"
-#include "digest.h"
 #include "cuda/device_job.h"
 #include "cuda/router.h"
 #include "parallel_job.h"
@@ -34,7 +33,7 @@ class DenseJob final : public ParallelJob {
     for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), left);
     layout_ = Layout(plan_, context.light, !culls_.empty(), workers());
     if (const std::uint64_t client = plan_.query.warm_slot; client != 0 && !options_.reference)
-      warm_ = context_.warm->take(client, question(), plan_.size.configurations * plan_.size.pairs);
+      warm_ = context_.warm->take(client, warm_question(plan_), plan_.size.configurations * plan_.size.pairs);
   }
 
   ~DenseJob() override {
@@ -75,20 +74,6 @@ class DenseJob final : public ParallelJob {
       pair_blocks = (all_pairs + pairs - 1) / pairs;
     }
   };
-  // What warm state is kept for: the same pairs in as many configurations. A false match would cost time only.
-  std::uint64_t question() const {
-    Digest d;
-    d.add(plan_.snapshot->scene_revision);
-    d.add(plan_.size.configurations);
-    d.add(plan_.size.pairs);
-    if (!plan_.pairs.is_whole_table())
-      for (std::uint64_t i = 0; i < plan_.size.pairs; ++i) {
-        const BodyPair pair = plan_.pairs.at(i);
-        d.add(std::uint64_t{pair.a} << 32 | pair.b);
-      }
-    return d.value();
-  }
-
   struct Place {  // in a block
     std::uint32_t configuration, pair;
   };

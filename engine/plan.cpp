@@ -4,6 +4,8 @@
 #include <cmath>
 #include <string>
 
+#include "digest.h"
+
 namespace clearance {
 
 std::span<const BodyPair> PairList::slice(std::uint64_t begin, std::uint64_t count, std::vector<BodyPair>& room) const {
@@ -170,6 +172,15 @@ void Plan::keep_configurations() {
   if (configurations.data() == kept_configurations.data()) return;
   kept_configurations.assign(configurations.begin(), configurations.end());
   configurations = kept_configurations;
+}
+
+std::uint64_t warm_question(const Plan& plan) {
+  Digest d;
+  d.add(plan.snapshot->scene_revision);
+  d.add(plan.size.configurations);
+  d.add(plan.size.pairs);
+  for (const BodyPair pair : plan.pairs.list()) d.add(std::uint64_t{pair.a} << 32 | pair.b);
+  return d.value();
 }
 
 }  // namespace clearance

@@ -48,4 +48,7 @@ struct Plan {
 Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
                std::uint64_t max_rows, bool with_configurations);
 
+/// What warm state is kept for: the same pairs in as many configurations. A false match would cost time only.
+std::uint64_t warm_question(const Plan& plan);
+
 }  // namespace clearance

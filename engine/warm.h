@@ -1,10 +1,12 @@
 // Warm state: where GJK ended for each pair of a client's last query, to begin there in its next one.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <utility>
 #include <vector>
 
 namespace clearance {
@@ -21,7 +23,41 @@ struct WarmTable {
   std::vector<WarmSimplex> simplices;
 };
 
-/// The tables of the clients that asked last. Thread-safe; a table belongs to one job at a time.
+/// One table of each of the clients that asked last. Thread-safe; a table belongs to one job at a time.
+/// \tparam Table has a `client`.
+template <class Table>
+class LatestTables {
+ public:
+  explicit LatestTables(std::size_t clients) : clients_(clients) {}  ///< more: the one longest silent is let go
+
+  /// The table that the client left; null: there is none.
+  std::unique_ptr<Table> take(std::uint64_t client) {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::find_if(tables_.begin(), tables_.end(), [&](const auto& t) { return t->client == client; });
+    if (found == tables_.end()) return nullptr;
+    std::unique_ptr<Table> table = std::move(*found);
+    tables_.erase(found);
+    return table;
+  }
+  void put_back(std::unique_ptr<Table> table) {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(tables_, [&](const auto& t) { return t->client == table->client; });
+    if (tables_.size() >= clients_) tables_.erase(tables_.begin());
+    tables_.push_back(std::move(table));
+  }
+  template <class Visit>
+  void for_each(Visit visit) const {
+    const std::lock_guard lock(mutex_);
+    for (const auto& t : tables_) visit(*t);
+  }
+
+ private:
+  std::size_t clients_;
+  mutable std::mutex mutex_;
+  std::vector<std::unique_ptr<Table>> tables_;  // the latest last
+};
+
+/// The tables of the clients that asked last.
 class WarmStore {
  public:
   static constexpr std::size_t kClients = 64;              ///< more clients: the one longest silent begins cold again
@@ -29,12 +65,11 @@ class WarmStore {
 
   /// The table that `client` left for the same question, or an empty one of the size; null where the size is 0 or too large.
   std::unique_ptr<WarmTable> take(std::uint64_t client, std::uint64_t question, std::uint64_t size);
-  void put_back(std::unique_ptr<WarmTable> table);
+  void put_back(std::unique_ptr<WarmTable> table) { tables_.put_back(std::move(table)); }
   std::uint64_t bytes() const;
 
  private:
-  mutable std::mutex mutex_;
-  std::vector<std::unique_ptr<WarmTable>> tables_;  ///< the latest last
+  LatestTables<WarmTable> tables_{kClients};
 };
 
 }  // namespace clearance

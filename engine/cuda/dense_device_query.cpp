@@ -24,13 +24,23 @@ class DenseDeviceQuery final : public DeviceQuery {
     QuerySetup s = setup(*workspace_);
     s.pairs = deal_->resident.get();
     s.chunks = chunks_;
+    s.all_pairs = plan_.size.pairs;
+    if (plan_.query.warm_slot != 0) warm_ = backend_.take_warm(plan_);
+    if (warm_) s.warm = warm_->memory.get();
     workspace_->begin(s);
+    launch_ahead();
+    keep_poses();
+  }
+
+  ~DenseDeviceQuery() override {
+    workspace_.reset();  // waits for the device
+    if (warm_) backend_.put_back(std::move(warm_));
   }
 
   bool advance(std::chrono::nanoseconds budget) override {
     const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
     while (finished_ < chunks_) {
-      while (launched_ < chunks_ && launched_ < finished_ + kChunksUnderWay) launch(launched_++);
+      launch_ahead();
       finish(finished_++);
       if (finished_ < chunks_ && Clock::now() >= deadline) return false;
     }
@@ -56,6 +66,10 @@ class DenseDeviceQuery final : public DeviceQuery {
     return {&part, first, configurations, first * plan_.size.pairs + part.first};
   }
 
+  void launch_ahead() {
+    while (launched_ < chunks_ && launched_ < finished_ + kChunksUnderWay) launch(launched_++);
+  }
+
   void launch(std::uint64_t index) {
     const Chunk c = chunk(index);
     const bool is_last = c.configurations != deal_->configurations;
@@ -65,6 +79,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     s.poses = poses_for(*workspace_, slot, c.first_configuration, c.configurations);
     s.configurations = c.configurations;
     s.first_configuration = c.first_configuration;
+    s.first_row = c.first_row;
     s.first_pair = c.part->first_pair;
     s.pair_count = c.part->count;
     s.first_tile = g.first_tile;
@@ -110,6 +125,7 @@ class DenseDeviceQuery final : public DeviceQuery {
   std::shared_ptr<const PairDeal> deal_;
   std::uint64_t chunks_ = 0, launched_ = 0, finished_ = 0;
   std::vector<std::uint32_t> cpu_rows_;
+  std::unique_ptr<DeviceWarmTable> warm_;
   std::shared_ptr<Workspace> workspace_;  // the last member: the first to go, and to wait for the device
 };
 

@@ -29,11 +29,19 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
  public:
   using QuerySide::QuerySide;
 
+  void begin(const QuerySetup& s) override {
+    QuerySide::begin(s);
+    warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
+    all_pairs_ = s.all_pairs;
+  }
+
   void launch(int index, const ChunkSetup& chunk, const ReplyView& direct) override {
     DenseSlot& slot = *slots_[index];
     slot.rows = chunk.rows();
     slot.is_small = slot.rows <= kSmallRows;
     ChunkView& view = slot.device_view = view_of(slot, chunk);
+    view.warm = warm_ ? warm_ + chunk.first_row : nullptr;
+    view.warm_stride = all_pairs_;
     std::uint64_t reply_bytes = 0;
     reply_view_over(nullptr, slot.rows, fields_, &reply_bytes);
     slot.host_view = reply_view_over(slot.host_reply.reserve(reply_bytes), slot.rows, fields_);
@@ -109,15 +117,21 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
   }
 
   void answer(DenseSlot& slot, const ChunkSetup& chunk) {
-    ChunkView& view = slot.device_view;
     const bool only_compact = fields_ == kFieldCompact;
-    if (chunk.group_tiles > 0) {
-      view.group_of_tile = pairs_->group_of_tile + chunk.first_tile;
-      (only_compact ? answer_groups<true> : answer_groups<false>)<<<chunk.group_tiles, kTile, pairs_->shared_bytes, slot.stream>>>(view);
-    }
-    if (chunk.stray_tiles > 0)
-      (only_compact ? answer_strays<true> : answer_strays<false>)<<<chunk.stray_tiles, kTile, 0, slot.stream>>>(view, chunk.strays);
+    if (warm_)
+      only_compact ? answer_as<true, true>(slot, chunk) : answer_as<false, true>(slot, chunk);
+    else
+      only_compact ? answer_as<true, false>(slot, chunk) : answer_as<false, false>(slot, chunk);
     check(cudaGetLastError(), "starting a kernel");
+  }
+  template <bool kCompact, bool kWarm>
+  void answer_as(DenseSlot& slot, const ChunkSetup& chunk) {
+    ChunkView& view = slot.device_view;
+    view.group_of_tile = pairs_->group_of_tile + chunk.first_tile;
+    if (chunk.group_tiles > 0)
+      answer_groups<kCompact, kWarm><<<chunk.group_tiles, kTile, pairs_->shared_bytes, slot.stream>>>(view);
+    if (chunk.stray_tiles > 0)
+      answer_strays<kCompact, kWarm><<<chunk.stray_tiles, kTile, 0, slot.stream>>>(view, chunk.strays);
   }
 
   // Copies columns to where they are wanted; those that wait in the workspace lie side by side and go at once.
@@ -149,6 +163,9 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     for_each_column(column, d, h, direct);
     flush();
   }
+
+  WarmRow* warm_ = nullptr;  // of the query's rows; null: cold
+  std::uint64_t all_pairs_ = 0;
 };
 
 }  // namespace clearance::cuda

@@ -26,7 +26,7 @@ DeviceInfo probe() {
   if (error == cudaSuccess) error = cudaGetDeviceProperties(&properties, device);
   // Also asks whether this build has code for it.
   cudaFuncAttributes attributes{};
-  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_groups<true>);
+  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_groups<true, false>);
   info.name = properties.name;
   info.present = error == cudaSuccess;
   if (!info.present) info.reason = info.name + ": " + cudaGetErrorString(error);
@@ -82,7 +82,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
         hulls_(scene, most_shared(), scene_memory_),
         dense_(hulls_, work_),
         reduced_(hulls_, work_) {
-    for (const auto kernel : {answer_groups<true>, answer_groups<false>})
+    for (const auto kernel : {answer_groups<true, false>, answer_groups<false, false>, answer_groups<true, true>, answer_groups<false, true>})
       check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()), "asking for shared memory");
   }
 
@@ -93,6 +93,9 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
     return std::make_shared<CudaPairs>(hulls_, work_.memory, pairs, position, group_of_tile);
   }
 
+  std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) override {
+    return std::make_unique<CudaWarm>(work_.memory, rows);
+  }
   std::shared_ptr<Workspace> borrow() override { return dense_.borrow(shared_from_this()); }
   std::shared_ptr<ReducedWorkspace> borrow_reduced() override { return reduced_.borrow(shared_from_this()); }
 

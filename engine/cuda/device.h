@@ -44,6 +44,12 @@ class ResidentPairs {
   virtual ~ResidentPairs() = default;
 };
 
+/// Warm state of a client's dense query in device memory: a WarmRow for each of its rows.
+class ResidentWarm {
+ public:
+  virtual ~ResidentWarm() = default;
+};
+
 /// Where the snapshot's bodies go, as BodiesView has them; without boxes.
 struct FixedBodies {
   double* components;
@@ -63,6 +69,8 @@ struct QuerySetup {
   std::span<const std::uint8_t> has_base;
   const ResidentPairs* pairs = nullptr;
   std::uint64_t chunks = 1;
+  ResidentWarm* warm = nullptr;  ///< of a dense query; null: cold
+  std::uint64_t all_pairs = 0;   ///< rows of one configuration of the query
   // Of a reduced query.
   Reduce reduce = Reduce::kNone;
   std::uint32_t groups = 1;     ///< of one configuration
@@ -73,6 +81,7 @@ struct QuerySetup {
 struct ChunkSetup {
   std::uint32_t configurations = 1;
   std::uint64_t first_configuration = 0;
+  std::uint64_t first_row = 0;    ///< in the query
   std::uint32_t first_pair = 0;   ///< in QuerySetup::pairs
   std::uint32_t pair_count = 0;   ///< rows of one configuration
   const Pose* poses = nullptr;    ///< (configurations, given_count), in pinned memory that stays until the chunk is finished
@@ -147,6 +156,8 @@ class Device {
   virtual std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs,
                                                       std::span<const std::uint32_t> position,
                                                       std::span<const Group> group_of_tile) = 0;
+  /// Cold state for so many rows. Throws DeviceError where there is no room.
+  virtual std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) = 0;
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.
   virtual std::shared_ptr<Workspace> borrow() = 0;
   virtual std::shared_ptr<ReducedWorkspace> borrow_reduced() = 0;

@@ -51,6 +51,12 @@ struct PairListOnDevice {
   AskedPairs asked;
 };
 
+/// Warm state of a client's last dense query on the device.
+struct DeviceWarmTable {
+  std::uint64_t client = 0, question = 0, rows = 0;
+  std::unique_ptr<ResidentWarm> memory;
+};
+
 /// The engine's device and what is kept between queries.
 class DeviceBackend {
  public:
@@ -72,9 +78,13 @@ class DeviceBackend {
   std::shared_ptr<const PairDeal> deal(const Plan& plan);
   /// The plan's pairs in their order: the last list if it fits.
   std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
+  /// The client's warm state for this plan, cold if it asked for something else before; null where there is no room.
+  std::unique_ptr<DeviceWarmTable> take_warm(const Plan& plan);
+  void put_back(std::unique_ptr<DeviceWarmTable> table) { warm_.put_back(std::move(table)); }
   /// Adds what stats() shows.
   void append(Counters& counters) const;
 
+  static constexpr std::size_t kWarmClients = 16;
   // What became of pair-configurations and queries.
   std::atomic<std::uint64_t> settled{0}, finished_on_cpu{0}, queries{0}, queries_on_cpu{0}, without_room{0};
 
@@ -87,6 +97,7 @@ class DeviceBackend {
   std::shared_ptr<Device> device_;  // before what holds memory that it counts; set once
   std::shared_ptr<const PairDeal> last_;
   std::shared_ptr<const PairListOnDevice> last_list_;
+  LatestTables<DeviceWarmTable> warm_{kWarmClients};
 };
 
 /// A query on the device, which the CPU takes over if the device fails in the middle of it; null, and the plan untouched,

@@ -53,7 +53,10 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   s.boxes = options_.cull;
   place_fixed(workspace.room_for_bodies(plan_.snapshot->placed.size()));
   if (plan_.query.configuration_count > 0) {
-    keep_poses(workspace);
+    if (plan_.configurations.size_bytes() <= kPinnedPoses)
+      pinned_poses_ = workspace.room_for_all_poses(plan_.configurations.size());
+    else
+      plan_.keep_configurations();
     chain_moved(s);
   }
   return s;
@@ -107,22 +110,27 @@ void DeviceQuery::chain_moved(QuerySetup& s) {
   s.has_base = has_base_;
 }
 
-// The caller's memory is free once the query has begun.
-void DeviceQuery::keep_poses(QueryWorkspace& workspace) {
-  const std::size_t bytes = plan_.configurations.size_bytes();
-  poses_are_pinned_ = bytes <= kPinnedPoses;
-  if (!poses_are_pinned_) return plan_.keep_configurations();
-  Pose* room = workspace.room_for_all_poses(plan_.configurations.size());
-  copy_bytes(plan_.configurations.data(), room, bytes);
-  plan_.configurations = {room, plan_.configurations.size()};
+void DeviceQuery::keep_poses_until(std::size_t count) {
+  if (count <= kept_poses_) return;
+  copy_bytes(plan_.configurations.data() + kept_poses_, pinned_poses_ + kept_poses_, (count - kept_poses_) * sizeof(Pose));
+  kept_poses_ = count;
+}
+
+void DeviceQuery::keep_poses() {
+  if (!pinned_poses_) return;
+  keep_poses_until(plan_.configurations.size());
+  plan_.configurations = {pinned_poses_, plan_.configurations.size()};
 }
 
 const Pose* DeviceQuery::poses_for(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration,
                                    std::uint32_t configurations) {
   const std::uint64_t M = plan_.bodies.size();
   if (plan_.query.configuration_count == 0) return nullptr;
+  if (pinned_poses_) {
+    keep_poses_until((first_configuration + configurations) * M);
+    return pinned_poses_ + first_configuration * M;
+  }
   const Pose* poses = plan_.configurations.data() + first_configuration * M;
-  if (poses_are_pinned_) return poses;
   Pose* room = workspace.room_for_poses(slot, configurations * M);
   copy_bytes(poses, room, configurations * M * sizeof(Pose));
   return room;

@@ -24,9 +24,11 @@ class DeviceQuery : public ParallelJob {
     std::uint64_t configuration, pair;
   };
 
-  /// Copies poses of bodies and configurations, and says what is asked. What the setup points to lives as long as this.
+  /// Copies poses of bodies, and says what is asked. What the setup points to lives as long as this.
   QuerySetup setup(QueryWorkspace& workspace);
-  /// The poses of a slot's next chunk, pinned.
+  /// Copies the poses of configurations that no chunk has asked for yet: the caller's memory is free once the query has begun.
+  void keep_poses();
+  /// The poses of a slot's next chunk, pinned. Chunks come in order.
   const Pose* poses_for(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration,
                         std::uint32_t configurations);
   void copy_bytes(const void* from, void* to, std::size_t bytes);
@@ -71,11 +73,12 @@ class DeviceQuery : public ParallelJob {
     std::vector<PairAnswer> answers;
   };
   void find_direct_columns();
-  void keep_poses(QueryWorkspace& workspace);
+  void keep_poses_until(std::size_t count);
   void place_fixed(const FixedBodies& fixed);
   void chain_moved(QuerySetup& s);
 
-  bool poses_are_pinned_ = false;
+  Pose* pinned_poses_ = nullptr;  // of all configurations; null: too many
+  std::size_t kept_poses_ = 0;    // of them: copied
   std::vector<std::uint8_t> has_base_;
   std::vector<std::uint32_t> source_, chain_begin_, chain_;
   std::vector<Pose> own_;

@@ -40,12 +40,13 @@ struct GroupItem {
 };
 
 // Answers it and writes its row, unless it is not settled.
-template <bool kCompact, class Hull>
+template <bool kCompact, bool kWarm, class Hull>
 __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b, Enclosed& enclosed) {
   enclosed.pair = item.pair;
   enclosed.configuration = item.k;
   PairAnswer answer;
-  Outcome outcome = solve_item<kCompact>(c, a, item.at_a, b, item.at_b, item.at, answer, enclosed);
+  WarmRow* const warm = kWarm ? c.warm + item.k * c.warm_stride + c.position[item.pair] : nullptr;
+  Outcome outcome = solve_item<kCompact, kWarm>(c, a, item.at_a, b, item.at_b, item.at, answer, enclosed, warm);
   if (outcome == Outcome::kEnclosed && c.prove_at_once) outcome = proved(c, enclosed, item.at_a, item.at_b, answer);
   if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
     write_answer<kCompact>(c, item.row, item.k, item.at_a, item.at_b, answer);
@@ -64,7 +65,7 @@ __device__ inline void hand_over_counts(const ChunkView& c) {
 }
 
 // Blocks of pairs of the same two hulls, which lie in shared memory.
-template <bool kCompact>
+template <bool kCompact, bool kWarm>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_groups(const __grid_constant__ ChunkView c) {
   extern __shared__ uint4 shared_memory[];
   auto* memory = reinterpret_cast<std::byte*>(shared_memory);
@@ -78,18 +79,18 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_groups(const __grid_con
   __syncthreads();
 
   Enclosed enclosed;
-  report(c, place < count ? answer_item<kCompact>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
+  report(c, place < count ? answer_item<kCompact, kWarm>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
   hand_over_counts(c);
 }
 
 // Pairs that have too little company for that: each thread reads the hulls it needs. \param strays their group.
-template <bool kCompact>
+template <bool kCompact, bool kWarm>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c, Group strays) {
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = strays.count * c.configurations;
   const GroupItem item(c, strays, place < count ? place : count - 1);
   const Hull<SceneVertices> a = scene_hull(c, item.ref.a), b = scene_hull(c, item.ref.b);
   Enclosed enclosed;
-  report(c, place < count ? answer_item<kCompact>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
+  report(c, place < count ? answer_item<kCompact, kWarm>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
   hand_over_counts(c);
 }
 

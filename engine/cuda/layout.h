@@ -93,6 +93,11 @@ struct Question {
   bool prove_overlaps;  ///< no depth is asked for
 };
 
+/// Where the last query's run of GJK ended for a row, to begin there (WarmSimplex). Hulls have at most 2^16 vertices here.
+struct alignas(16) WarmRow {
+  std::uint16_t a[3], b[3], size, unused;
+};
+
 /// A pair whose simplex holds the origin: its four vertices of each hull.
 struct Enclosed {
   std::uint32_t pair, configuration;  ///< within the chunk
@@ -120,6 +125,8 @@ struct ChunkView {
   std::uint32_t* rest;    ///< rows that are not settled, in no order
   Enclosed* enclosed;     ///< in no order
   std::uint32_t* counts;  ///< kRest and so on
+  WarmRow* warm;               ///< of the first row; null: every pair begins cold
+  std::uint64_t warm_stride;   ///< rows of the query's configurations
   bool prove_at_once;     ///< enclosed pairs are proved by who finds them, not by a kernel of their own
   std::uint32_t* host_counts;  ///< where the last of `blocks` writes the counts and clears them; null: nobody does
   std::uint32_t blocks;

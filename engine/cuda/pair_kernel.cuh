@@ -167,14 +167,44 @@ struct Run {
     g.v = at.R_wa * a.head->centre - at.R_wb * b.head->centre - at.D;
     if (!(squared_norm(g.v) > 0)) g.v.x = 1;
   }
+  // Begins where an earlier run ended.
+  __device__ void begin_at(const WarmRow& warm) {
+    const int size = warm.size < 3 ? warm.size : 3;
+    if (size == 0) return;
+    Simplex<double> simplex;
+    CLEARANCE_UNROLL
+    for (int i = 0; i < 3; ++i) {
+      const std::uint32_t ia = i < size ? warm.a[i] : warm.a[0], ib = i < size ? warm.b[i] : warm.b[0];
+      if (ia >= a_.count() || ib >= b_.count()) return;
+      simplex.vertex[i] = cso_vertex(ia, ib);
+    }
+    const CsoVertex<double> newest = simplex.vertex[0];
+    simplex.vertex[0] = simplex.vertex[1];
+    simplex.vertex[1] = simplex.vertex[2];
+    simplex.size = size - 1;
+    g.begin(simplex, newest, true);
+  }
+  __device__ WarmRow end() const {
+    WarmRow row{};
+    row.size = static_cast<std::uint16_t>(g.simplex.size < 3 ? g.simplex.size : 3);
+    CLEARANCE_UNROLL
+    for (int i = 0; i < 3; ++i) {
+      row.a[i] = static_cast<std::uint16_t>(i < g.simplex.size ? g.simplex.vertex[i].a : 0);
+      row.b[i] = static_cast<std::uint16_t>(i < g.simplex.size ? g.simplex.vertex[i].b : 0);
+    }
+    return row;
+  }
   __device__ void step() {
     const SupportPoint<double> fa = a_.farthest(-at_.R_wa.transpose_times(g.v)), fb = b_.farthest(at_.R_wb.transpose_times(g.v));
-    const CsoVertex<double> vertex{at_.R_wa * a_.vertex(fa.index) - at_.R_wb * b_.vertex(fb.index) - at_.D, fa.index, fb.index};
-    g.step(vertex, -dot(g.v, at_.D) - (fa.value + fb.value), limits_, true);
+    g.step(cso_vertex(fa.index, fb.index), -dot(g.v, at_.D) - (fa.value + fb.value), limits_, true);
   }
   __device__ RunBounds<double> bounds() const { return {g, radius, scale, q_.max_distance, q_.abs_tol, q_.rel_tol}; }
 
  private:
+  __device__ CsoVertex<double> cso_vertex(std::uint32_t a, std::uint32_t b) const {
+    return {at_.R_wa * a_.vertex(a) - at_.R_wb * b_.vertex(b) - at_.D, a, b};
+  }
+
   const Question& q_;
   const Hull &a_, &b_;
   const PlacedWhere& at_;
@@ -223,15 +253,17 @@ __device__ inline void take_settled(const Question& q, const Hull& a, const Wher
 }
 
 // Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the
-// origin.
-template <bool kCompact, class Hull>
+// origin. \param warm with kWarm: where the run begins and what it leaves.
+template <bool kCompact, bool kWarm, class Hull>
 __device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
-                                 const PlacedWhere& at, PairAnswer& answer, Enclosed& enclosed) {
+                                 const PlacedWhere& at, PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
   Run<Hull> run(q, a, b, at);
+  if (kWarm) run.begin_at(*warm);
   for (int steps = 0; run.g.end == 0;) {
     run.step();
     if (run.g.end == 0 && ++steps >= q.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
   }
+  if (kWarm) *warm = run.end();
   if (q.prove_overlaps && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
   const RunBounds<double> bounds = run.bounds();
   if (!bounds.settled) return Outcome::kUnsettled;
@@ -262,9 +294,10 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
 }
 
 // Answers one item of a chunk, unless it is not settled.
-template <bool kCompact = false, class Hull>
+template <bool kCompact = false, bool kWarm = false, class Hull>
 __device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
-                                     const PlacedWhere& at, PairAnswer& answer, Enclosed& enclosed) {
+                                     const PlacedWhere& at, PairAnswer& answer, Enclosed& enclosed,
+                                     WarmRow* warm = nullptr) {
   const std::uint16_t flags = flags_of(at_a, at_b);
   if (const Status status = pair_status(at_a.status(), at_b.status()); status != Status::kOk) {
     answer = no_answer(status);
@@ -278,7 +311,7 @@ __device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Wh
     return Outcome::kWithoutPieces;
   }
   answer.flags = flags;
-  return narrow<kCompact>(c.question, a, at_a, b, at_b, at, answer, enclosed);
+  return narrow<kCompact, kWarm>(c.question, a, at_a, b, at_b, at, answer, enclosed, warm);
 }
 
 // Counts a warp's outcomes and lists the rows that are not settled. All its threads call these.

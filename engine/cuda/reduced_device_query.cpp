@@ -33,12 +33,14 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
     workspace_->begin(s);
+    launch_ahead();
+    keep_poses();
   }
 
   bool advance(std::chrono::nanoseconds budget) override {
     const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
     while (finished_ < chunks_) {
-      while (launched_ < chunks_ && launched_ < finished_ + kChunksUnderWay) launch(launched_++);
+      launch_ahead();
       finish(finished_++);
       if (finished_ < chunks_ && Clock::now() >= deadline) return false;
     }
@@ -51,6 +53,10 @@ class ReducedDeviceQuery final : public DeviceQuery {
 
  private:
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
+
+  void launch_ahead() {
+    while (launched_ < chunks_ && launched_ < finished_ + kChunksUnderWay) launch(launched_++);
+  }
 
   void launch(std::uint64_t index) {
     const int slot = static_cast<int>(index % kChunksUnderWay);

@@ -90,6 +90,10 @@ class IdleDevice final : public cuda::Device {
     fault_.call("uploading");
     return std::make_shared<cuda::ResidentPairs>();
   }
+  std::unique_ptr<cuda::ResidentWarm> make_warm(std::uint64_t) override {
+    fault_.call("making warm state");
+    return std::make_unique<cuda::ResidentWarm>();
+  }
   std::shared_ptr<cuda::Workspace> borrow() override {
     fault_.call("making a workspace");
     return std::make_shared<IdleDense>(fault_);
