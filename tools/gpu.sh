@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# gpu.sh test|bench|report [folder of binaries]: the tests and benchmarks that need a GPU. Run by make gpu-test, make
-# gpu-bench and make report-gpu; with a folder of binaries that were built elsewhere it needs nothing but them (and, for the
+# gpu.sh test|sanitize|bench|report [folder of binaries]: the tests and benchmarks that need a GPU. Run by make gpu-test, make
+# gpu-sanitize, make gpu-bench and make report-gpu; with a folder of binaries that were built elsewhere it needs nothing but them (and, for the
 # report, scenes/ in the current folder).
 set -uo pipefail
-what=${1:?gpu.sh test, bench or report}
+what=${1:?gpu.sh test, sanitize, bench or report}
 bin=${2:-build/bin}
 out=${OUT:-out}
 mkdir -p "$out"
@@ -21,11 +21,28 @@ case $what in
     [ -x "$bin/test_cuda_backend" ] || { echo "gpu.sh: $bin/test_cuda_backend is not there: was nvcc found?" >&2; exit 1; }
     "$bin/clearance-gpu-bench" --device || exit 1
     failed=0
-    for run in "test_cuda_backend" "test_cuda_reductions" "test_cuda_loss" "test_device_faults" "test_router" "test_cuda_classes" \
+    for run in "test_cuda_backend" "test_cuda_reductions" "test_cuda_loss" "test_device_faults" "test_router" "test_cuda_classes" "test_cuda_containment" \
                "test_engine --gtest_filter=*cuda*" "test_narrow_baselines --gtest_filter=*uda*:-Worlds*"; do
       # shellcheck disable=SC2086
       "$bin"/$run >"$out/gpu_test.log" 2>&1 || { failed=1; grep -E "Failure|FAILED|error" "$out/gpu_test.log" | head -20; }
       printf '%-45s %s\n' "$run" "$(grep -E '^\[  (PASSED|FAILED)  \] [0-9]+ test' "$out/gpu_test.log" | tr -d '\n')"
+    done
+    exit $failed
+    ;;
+  sanitize)
+    # Out of bounds, barriers that not all reach, races in shared memory. Not initcheck: rows that the CPU writes later and fields
+    # that nobody asked for are copied unwritten. Tests of moderate size: each tool slows them down a hundredfold.
+    sanitizer=$(command -v compute-sanitizer || echo /usr/local/cuda/bin/compute-sanitizer)
+    [ -x "$sanitizer" ] || { echo "gpu.sh: compute-sanitizer is not there: it comes with the CUDA toolkit" >&2; exit 1; }
+    failed=0
+    for tool in memcheck synccheck racecheck; do
+      for run in "test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LastQuery*" \
+                 "test_cuda_reductions --gtest_filter=*BreakTies*:*SayWhich*:*WriteStraight*"; do
+        # shellcheck disable=SC2086
+        "$sanitizer" --tool $tool --error-exitcode 9 "$bin"/$run >"$out/gpu_sanitize.log" 2>&1 ||
+          { failed=1; grep -E "=========|Failure" "$out/gpu_sanitize.log" | head -20; }
+        printf '%-12s %-25s %s\n' "$tool" "${run%% *}" "$(grep -E 'ERROR SUMMARY|RACECHECK SUMMARY' "$out/gpu_sanitize.log" | tail -1)"
+      done
     done
     exit $failed
     ;;
@@ -41,5 +58,5 @@ case $what in
     done
     "$bin/clearance-report" --csv "$file" --remark "make report-gpu" --scratch "$out" "${coal[@]}" && echo "$file"
     ;;
-  *) echo "gpu.sh: expected test, bench or report, got '$what'" >&2; exit 2 ;;
+  *) echo "gpu.sh: expected test, sanitize, bench or report, got '$what'" >&2; exit 2 ;;
 esac
