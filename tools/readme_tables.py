@@ -69,36 +69,39 @@ def latency():
 
     table = markdown(["query", "transport", "p50 [us]", "p99 [us]", "server p50", "floor p50"], [line(row) for row in rows],
                      words=2)
-    return f"{table}\n\nFrom [docs/results/latency.csv](docs/results/latency.csv), by `make bench` on {rows[0]['machine']}, {rows[0]['date'][:10]}."
+    return f"{table}\n\nFrom [docs/results/latency.csv](docs/results/latency.csv), by `tools/bench.py --real-time latency` on {rows[0]['machine']}, {rows[0]['date'][:10]}."
 
 
-def latency_parts():
-    """Where the time of a query goes, for docs/latency.md."""
-    _, rows = read("latency_2core")
+def latency_bars():
+    """What is added to floor and engine, and the bars, for docs/latency.md."""
+    _, rows = read("latency")
 
     def line(row):
-        keys = ("p50_us", "p90_us", "p99_us", "server_p50_us", "transport_p50_us", "floor_p50_us")
-        return [question(row), NAMES[row["transport"]], *(f"{float(row[key]):,.1f}" for key in keys),
+        keys = ("floor_p50_us", "engine_p50_us", "p50_us", "added_p50_us")
+        unit = " us" if row["transport"] == "shm" else ""
+        return [question(row), NAMES[row["transport"]], *(f"{float(row[key]):,.2f}" for key in keys),
+                f"{float(row['p50_bar']):.2f}{unit} ({float(row['p50_bar_limit']):g}): {row['p50_bar_met']}",
+                f"{float(row['p99.9_us']):,.0f}", f"{float(row['p99.9_bar']):.2f} (2): {row['p99.9_bar_met']}",
                 f"{float(row['throughput_hz']):,.0f}"]
 
-    return markdown(["query", "transport", "p50", "p90", "p99", "server p50", "transport p50", "floor p50", "queries/s"],
+    return markdown(["query", "transport", "floor", "engine", "p50", "added", "bar: met?", "p99.9", "over floor: met?", "queries/s"],
                     [line(row) for row in rows], words=2)
 
 
-def latency_spin():
-    """What spinning buys, for docs/latency.md."""
-    _, rows = read("latency_spin")
+def latency_doorbell():
+    """What spinning buys, with cores apart, shared and busy, for docs/latency.md."""
+    _, rows = read("latency_doorbell")
 
     def line(row):
-        spin = row["command"].split("spin_us=")[1].split()[0] if "spin_us=" in row["command"] else "20 (default)"
         keys = ("p50_us", "p99_us", "transport_p50_us", "floor_p50_us")
-        return [question(row), spin, *(f"{float(row[key]):,.1f}" for key in keys), f"{float(row['throughput_hz']):,.0f}"]
+        return [row["cores"], question(row), f"{int(row['client_spin_us']):,}", *(f"{float(row[key]):,.1f}" for key in keys),
+                f"{float(row['throughput_hz']):,.0f}"]
 
-    return markdown(["query", "client spins [us]", "p50", "p99", "transport p50", "floor p50", "queries/s"],
+    return markdown(["cores", "query", "client spins [us]", "p50", "p99", "transport p50", "floor p50", "queries/s"],
                     [line(row) for row in rows], words=2)
 
 
-TABLES = {"accuracy": accuracy, "latency": latency, "latency_parts": latency_parts, "latency_spin": latency_spin}
+TABLES = {"accuracy": accuracy, "latency": latency, "latency_bars": latency_bars, "latency_doorbell": latency_doorbell}
 
 
 def fill(page, text):
