@@ -14,7 +14,8 @@ inline constexpr std::uint32_t kRestAtOnce = 4096;    // unsettled rows that com
 
 struct DenseSlot : QuerySlot {
   DenseSlot(MemoryCounters& c, int priority)
-      : QuerySlot(c, priority), device_reply(c), device_rest(c), device_enclosed(c), device_counts(c), host_reply(c), host_rest(c) {}
+      : QuerySlot(c, priority),
+        device_reply(c), device_rest(c), device_enclosed(c), device_counts(c), host_reply(c), host_rest(c) {}
 
   DeviceBuffer device_reply, device_rest, device_enclosed, device_counts;
   PinnedBuffer host_reply, host_rest;

@@ -82,8 +82,10 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
         hulls_(scene, most_shared(), scene_memory_),
         dense_(hulls_, work_),
         reduced_(hulls_, work_) {
-    for (const auto kernel : {answer_groups<true, false>, answer_groups<false, false>, answer_groups<true, true>, answer_groups<false, true>})
-      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()), "asking for shared memory");
+    for (const auto kernel : {answer_groups<true, false>, answer_groups<false, false>, answer_groups<true, true>,
+                              answer_groups<false, true>})
+      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()),
+            "asking for shared memory");
   }
 
   std::uint32_t hull_of(std::uint32_t body) const override { return hulls_.of_body(body); }

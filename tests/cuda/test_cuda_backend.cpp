@@ -154,7 +154,8 @@ TEST_F(CudaBackend, BeginsWhereItsClientsLastQueryEnded) {
           const Answer cold = ask(cpu, q);
           if (compact) {
             for (std::uint64_t i = 0; i < warm.size.rows; ++i)
-              ASSERT_TRUE(warm.view.compact[i].lower <= cold.view.compact[i].upper && cold.view.compact[i].lower <= warm.view.compact[i].upper);
+              ASSERT_TRUE(warm.view.compact[i].lower <= cold.view.compact[i].upper &&
+                          cold.view.compact[i].lower <= warm.view.compact[i].upper);
             continue;
           }
           for (std::uint64_t i = 0; i < warm.size.rows; ++i) {

@@ -102,8 +102,8 @@ TEST(CudaContainment, OfAMillionPairsTheExactDistanceIsInTheInterval) {
   EXPECT_GT(apart, pairs / 4);
   EXPECT_GT(overlapping, pairs / 50);
   EXPECT_GT(near, pairs / 1000);
-  std::printf("%llu pairs: %llu apart, %llu of them by less than 0.01, %llu overlapping\n", static_cast<unsigned long long>(pairs),
-              static_cast<unsigned long long>(apart), static_cast<unsigned long long>(near), static_cast<unsigned long long>(overlapping));
+  std::printf("%zu pairs: %zu apart, %zu of them by less than 0.01, %zu overlapping\n", std::size_t{pairs}, std::size_t{apart},
+              std::size_t{near}, std::size_t{overlapping});
 }
 
 }  // namespace
