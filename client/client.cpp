@@ -88,6 +88,14 @@ wire::QueryHeader header_of(const Query& query) {
   return q;
 }
 
+/// Throws std::invalid_argument for a name that has no room.
+void set_body_name(char (&field)[64], std::string_view name) {
+  if (name.size() > static_cast<std::size_t>(kMaxNameBytes))
+    throw std::invalid_argument("name: expected at most " + std::to_string(kMaxNameBytes) + " bytes, got " +
+                                std::to_string(name.size()));
+  wire::set_name(field, name);
+}
+
 /// The keys of a url, options or environment, in this order: whoever is more explicit has the word.
 ChannelKeys keys_of(const std::string& url, const Url& parsed, const ConnectOptions& options) {
   const auto choose = [](const std::string& option, const std::string& in_url, const char* variable) {
@@ -261,6 +269,15 @@ struct Client::Impl {
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
   }
 
+  /// A request that is answered when the daemon has another scene.
+  SceneChanged change_scene(FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit) {
+    const std::uint64_t request = send(type, payload, 0, type == FrameType::kReload ? 0 : known_revision());
+    const auto frame = receive(request, FrameType::kSceneChanged, limit);
+    scene_is_old = true;
+    const auto change = checked([&] { return wire::parse_scene_changed(frame->payload()); });
+    return {change.scene_revision, change.body_count, change.body, change.seconds};
+  }
+
   std::string asked_url;
   ConnectOptions asked_options;
   std::unique_ptr<Channel> channel;
@@ -407,11 +424,41 @@ PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7*
 }
 
 SceneChanged Client::reload(Duration timeout) {
-  const std::uint64_t request = impl().send(FrameType::kReload, {}, 0);
-  const auto frame = impl().receive(request, FrameType::kSceneChanged, timeout);
-  impl().scene_is_old = true;
-  const auto change = impl().checked([&] { return wire::parse_scene_changed(frame->payload()); });
-  return {change.scene_revision, change.body_count, change.seconds};
+  return impl().change_scene(FrameType::kReload, {}, timeout);
+}
+
+SceneChanged Client::add_body(const NewBody& body) {
+  const int shapes = !body.vertices.empty() + body.box.has_value() + body.sphere.has_value() + body.capsule.has_value() +
+                     body.cylinder.has_value();
+  if (shapes != 1)
+    throw std::invalid_argument("add_body: expected one of vertices, box, sphere, capsule and cylinder, got " +
+                                std::to_string(shapes));
+  wire::NewBodyRecord record;
+  set_body_name(record.name, body.name);
+  record.parent = body.parent;
+  record.is_static = body.is_static;
+  record.has_pose = body.pose.has_value();
+  if (body.pose) std::copy(body.pose->begin(), body.pose->end(), record.pose);
+  record.radius = body.radius;
+  record.vertex_count = body.vertices.size();
+  const auto shape = [&record](wire::BodyShape kind, std::initializer_list<double> size) {
+    record.shape = static_cast<std::uint8_t>(kind);
+    std::copy(size.begin(), size.end(), record.size);
+  };
+  if (body.box) shape(wire::BodyShape::kBox, {(*body.box)[0], (*body.box)[1], (*body.box)[2]});
+  if (body.sphere) shape(wire::BodyShape::kSphere, {*body.sphere});
+  if (body.capsule) shape(wire::BodyShape::kCapsule, {(*body.capsule)[0], (*body.capsule)[1]});
+  if (body.cylinder) shape(wire::BodyShape::kCylinder, {(*body.cylinder)[0], (*body.cylinder)[1]});
+  std::vector<std::byte> payload;
+  wire::append(payload, record);
+  wire::append_bytes(payload, body.vertices.data(), body.vertices.size_bytes());
+  return impl().change_scene(FrameType::kAddBody, payload, impl().timeout);
+}
+
+SceneChanged Client::remove_body(std::string_view name) {
+  wire::RemoveBodyRecord record;
+  set_body_name(record.name, name);
+  return impl().change_scene(FrameType::kRemoveBody, std::as_bytes(std::span(&record, 1)), impl().timeout);
 }
 
 const SceneInfo& Client::scene() {

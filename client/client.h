@@ -13,6 +13,7 @@
 #include <initializer_list>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -146,10 +147,25 @@ struct PosesDone {
   std::uint32_t applied = 0, bad = 0, unknown = 0, fixed = 0;
 };
 
+/// A body to add while the daemon runs. Exactly one shape: the hull of `vertices` (body frame), or a primitive.
+struct NewBody {
+  std::string name;
+  std::span<const std::array<double, 3>> vertices = {};  ///< metres
+  std::optional<std::array<double, 3>> box = {};         ///< full edge lengths, metres
+  std::optional<double> sphere = {};                     ///< radius, metres
+  std::optional<std::array<double, 2>> capsule = {};     ///< radius, length between the centres of its caps; along z
+  std::optional<std::array<double, 2>> cylinder = {};    ///< radius, length; along z
+  double radius = 0;                                     ///< metres, grows the shape
+  std::uint32_t parent = kNone;                          ///< that it follows
+  std::optional<Pose7> pose = {};                        ///< X_world_body, with a parent X_parent_body
+  bool is_static = false;
+};
+
 /// A scene that took the place of another.
 struct SceneChanged {
   std::uint64_t scene_revision = 0;
   std::uint32_t body_count = 0;
+  std::uint32_t body = kNone;  ///< add_body(): the new one
   double seconds = 0;  ///< that it took to make
 };
 
@@ -184,6 +200,14 @@ class CLEARANCE_API Client {
   /// attachments stay with the bodies of the same names. Throws RequestError with the loader's words if it fails: the old
   /// scene then stays. \param timeout of this call alone.
   SceneChanged reload(Duration timeout = std::chrono::minutes(10));
+
+  /// Adds a body, behind those that are there, as an object that is grasped; waits until the scene has it. Other bodies keep
+  /// ids and poses, queries under way are answered for the scene they began with. Throws RequestError for a name that is
+  /// taken, a shape that is none, or too many bodies; std::invalid_argument unless there is exactly one shape.
+  SceneChanged add_body(const NewBody& body);
+  /// Removes a body that add_body() added; those added after it get other ids. Throws RequestError for any other, and for
+  /// one that another follows.
+  SceneChanged remove_body(std::string_view name);
 
   /// Fetched once, and again after an attachment or a refusal with kWrongScene; valid until then.
   const SceneInfo& scene();

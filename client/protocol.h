@@ -44,6 +44,8 @@ enum class FrameType : std::uint16_t {
   kGetStates = 7,  ///< no payload; answered by kBodyStates
   kGetStats = 8,   ///< no payload; answered by kStats
   kReload = 9,     ///< no payload; answered by kSceneChanged once the daemon has loaded its scene anew
+  kAddBody = 10,   ///< payload NewBodyRecord, vertices; answered by kSceneChanged once the body is in
+  kRemoveBody = 11,  ///< payload RemoveBodyRecord; answered by kSceneChanged
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,
@@ -190,10 +192,40 @@ struct BodyStateRecord {
   std::uint64_t reserved[2] = {};
 };
 
+enum class BodyShape : std::uint8_t {
+  kHull = 0,      ///< of the vertices that follow
+  kBox = 1,       ///< size: full edge lengths
+  kSphere = 2,    ///< size: radius
+  kCapsule = 3,   ///< size: radius, length between the centres of its caps; along z
+  kCylinder = 4,  ///< size: radius, length; along z
+};
+
+struct NewBodyRecord {
+  char name[64] = {};           ///< NUL-terminated UTF-8
+  std::uint32_t parent = kNone;  ///< that it follows
+  std::uint8_t shape = 0;        ///< BodyShape
+  std::uint8_t is_static = 0;
+  std::uint8_t has_pose = 0;  ///< 0: none until one arrives; with a parent or static: the identity
+  std::uint8_t padding = 0;
+  double size[3] = {};  ///< metres
+  double radius = 0;    ///< metres, grows the shape
+  double pose[7] = {};  ///< X_wb, with a parent X_parent_body
+  std::uint64_t vertex_count = 0;
+  std::uint64_t reserved[2] = {};
+};
+
+struct VertexRecord {
+  double xyz[3] = {};  ///< metres, in the body's frame
+};
+
+struct RemoveBodyRecord {
+  char name[64] = {};  ///< of a body that kAddBody brought
+};
+
 struct SceneChange {
   std::uint64_t scene_revision = 0;  ///< that requests find from now on
   std::uint32_t body_count = 0;
-  std::uint32_t padding = 0;
+  std::uint32_t body = kNone;  ///< kAddBody: the id of the new one
   double seconds = 0;  ///< that it took to make the scene
   std::uint64_t reserved[1] = {};
 };
@@ -239,6 +271,9 @@ CLEARANCE_WIRE(GroupRecord, 80);
 CLEARANCE_WIRE(PairsHeader, 16);
 CLEARANCE_WIRE(StatesHeader, 32);
 CLEARANCE_WIRE(BodyStateRecord, 96);
+CLEARANCE_WIRE(NewBodyRecord, 184);
+CLEARANCE_WIRE(VertexRecord, 24);
+CLEARANCE_WIRE(RemoveBodyRecord, 64);
 CLEARANCE_WIRE(SceneChange, 32);
 CLEARANCE_WIRE(CounterRecord, 64);
 CLEARANCE_WIRE(ErrorHeader, 16);

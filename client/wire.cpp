@@ -189,6 +189,10 @@ std::string type_name(std::uint16_t type) {
       return "kGetStats";
     case FrameType::kReload:
       return "kReload";
+    case FrameType::kAddBody:
+      return "kAddBody";
+    case FrameType::kRemoveBody:
+      return "kRemoveBody";
     case FrameType::kPong:
       return "kPong";
     case FrameType::kScene:
@@ -397,6 +401,30 @@ StatesParts parse_states(std::span<const std::byte> payload) {
       sizeof(StatesHeader) + Wide(parts.header.count) * sizeof(BodyStateRecord), payload.size());
   parts.states = Records<BodyStateRecord>(payload.data() + sizeof(StatesHeader), parts.header.count);
   return parts;
+}
+
+NewBodyParts parse_new_body(std::span<const std::byte> payload) {
+  NewBodyParts parts;
+  parts.record = head<NewBodyRecord>(payload, "new body");
+  const NewBodyRecord& r = parts.record;
+  expect_size("new body", [&] { return str(r.vertex_count) + " vertices"; },
+              sizeof(NewBodyRecord) + Wide(r.vertex_count) * sizeof(VertexRecord), payload.size());
+  expect_name(r.name, "new body", 0);
+  if (r.shape > static_cast<std::uint8_t>(BodyShape::kCylinder))
+    bad_query("new body: shape " + str(std::uint64_t{r.shape}) + " is none of 0 to 4");
+  if (r.shape != static_cast<std::uint8_t>(BodyShape::kHull) && r.vertex_count)
+    bad_query("new body: vertices are for a hull alone");
+  if (r.is_static > 1 || r.has_pose > 1) bad_query("new body: is_static and has_pose are 0 or 1");
+  expect_zero(r.reserved, "new body");
+  parts.vertices = Records<VertexRecord>(payload.data() + sizeof(NewBodyRecord), r.vertex_count);
+  return parts;
+}
+
+RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload) {
+  const auto record = head<RemoveBodyRecord>(payload, "remove body");
+  expect_size("remove body", its_contents, sizeof(RemoveBodyRecord), payload.size());
+  expect_name(record.name, "remove body", 0);
+  return record;
 }
 
 SceneChange parse_scene_changed(std::span<const std::byte> payload) {

@@ -164,6 +164,13 @@ struct StatesParts {
 };
 StatesParts parse_states(std::span<const std::byte> payload);
 
+struct NewBodyParts {
+  NewBodyRecord record;
+  Records<VertexRecord> vertices;
+};
+/// Also checks that the name ends, and that there is such a shape.
+NewBodyParts parse_new_body(std::span<const std::byte> payload);
+RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload);
 SceneChange parse_scene_changed(std::span<const std::byte> payload);
 
 /// Also checks that names end.

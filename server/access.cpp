@@ -46,6 +46,8 @@ Rights right_for(wire::FrameType request) {
       return kMayQuery;
     case wire::FrameType::kSetPoses:
     case wire::FrameType::kAttach:
+    case wire::FrameType::kAddBody:
+    case wire::FrameType::kRemoveBody:
       return kMayPose;
     case wire::FrameType::kReload:
       return kMayAdmin;

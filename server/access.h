@@ -15,7 +15,7 @@ namespace clearance {
 /// What a client may do, as bits. The loop asks for them before it looks at a request (Loop::handle()).
 enum Right : std::uint8_t {
   kMayQuery = 1 << 0,  ///< ask: distances, the scene, where bodies are, counters
-  kMayPose = 1 << 1,   ///< say where bodies are, attach them
+  kMayPose = 1 << 1,   ///< say where bodies are, attach them, add bodies and remove those again
   kMayAdmin = 1 << 2,  ///< have the scene loaded anew
 };
 using Rights = std::uint8_t;

@@ -94,31 +94,14 @@ void Loop::wake() noexcept {
   [[maybe_unused]] const auto written = write(wake_fd_, &one, sizeof one);
 }
 
-void Loop::reload_by(Reloader::Make make) {
-  reloader_ = std::make_unique<Reloader>(std::move(make), [this] { wake(); });
+void Loop::reload_by(Reloader::Make make, Reloader::Build build) {
+  reloader_ = std::make_unique<Reloader>(std::move(make), std::move(build), [this] { wake(); });
 }
 
 void Loop::reload() noexcept {
   if (!reloader_) return;
   reloader_->ask();
   wake();
-}
-
-void Loop::take_new_engine() {
-  std::optional<Reloader::Outcome> outcome = reloader_->poll();
-  if (!outcome) return;
-  if (outcome->engine) {
-    outcome->engine->take_poses(*engine_);
-    engine_ = std::move(outcome->engine);
-    poses_changed_ = true;
-    ++counter("reloads");
-    spdlog::info("event=reloaded bodies={} revision={:016x} seconds={:.3f}", engine_->scene().bodies().size(),
-                 engine_->scene_revision(), outcome->seconds);
-  } else {
-    ++counter("reloads.failed");
-    spdlog::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome->seconds, outcome->error);
-  }
-  answer_reloads(*outcome);
 }
 
 void Loop::run() {
@@ -199,8 +182,8 @@ void Loop::tick() {
     const auto drop = [this](const TaskPtr& task) { forget(*task), ++dropped_, ++counter("queries.dropped"); };
     fresh_.remove_if(gone, drop);
     long_.remove_if(gone, drop);
-    std::erase_if(reload_waiters_, [this](const ReloadWaiter& waiter) {
-      if (waiter.sink->alive()) return false;
+    std::erase_if(scene_waiters_, [this](const SceneWaiter& waiter) {
+      if (waiter.sink->alive() || waiter.removes) return false;  // a removal is looked at once more: why_not()
       leave(waiter.sink->client());
       ++dropped_;
       return true;

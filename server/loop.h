@@ -37,6 +37,8 @@ class Loop final : public Inbox {
     std::uint32_t max_waiting_per_client = 64;                 ///< queries of one client under way; more: kBusy
     std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< room for the replies under way; more: kBusy
     std::uint64_t max_client_bytes = std::uint64_t{2} << 30;   ///< of one client's; one reply may always be under way
+    std::uint32_t max_added_bodies = 64;                       ///< kAddBody; more: kBadQuery
+    std::uint64_t max_added_vertices = 20'000;                 ///< of each
     std::uint64_t max_pairs_per_query = 10'000'000'000;        ///< pairs times configurations; more: kTooLarge
   };
 
@@ -57,8 +59,9 @@ class Loop final : public Inbox {
   bool turn();
   /// Makes run() return soon. From any thread, and from a signal handler.
   void stop() noexcept;
-  /// How reload() makes another engine. Before run().
-  void reload_by(Reloader::Make make);
+  /// How reload() makes another engine, and how one is made of a scene with a body more or less (null: that is refused).
+  /// Before run().
+  void reload_by(Reloader::Make make, Reloader::Build build = nullptr);
   /// Has the scene loaded anew, aside; queries go on. The new engine takes over the poses and the queries that come from then
   /// on; those under way are answered by the old one. If it fails, the old one stays. Without reload_by(): nothing
   /// happens. From any thread, and from a signal handler.
@@ -71,7 +74,7 @@ class Loop final : public Inbox {
   /// The figures as of the loop's next turn, which copies them; none if that takes longer than `patience`. From any thread
   /// but the loop's.
   std::optional<Figures> read_figures(std::chrono::nanoseconds patience);
-  bool is_reloading() const { return reloader_ && reloader_->is_loading(); }
+  bool is_reloading() const { return reloader_ && reloader_->is_busy(); }
   /// Queries under way.
   std::size_t waiting() const { return fresh_.size() + long_.size(); }
 
@@ -93,7 +96,11 @@ class Loop final : public Inbox {
   void set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
   void attach(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
   void ask_reload(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink);
-  void answer_reloads(const Reloader::Outcome& outcome);
+  // body_requests.cpp
+  void add_body(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
+  void remove_body(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
+  void begin_edit(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink, const std::string& name, bool removes,
+                  Reloader::Edit edit);
   void check_scene(const wire::FrameHeader& header) const;
   std::vector<std::pair<std::string, std::uint64_t>> all_counters() const;
   std::vector<std::byte> stats_payload() const;
@@ -134,13 +141,19 @@ class Loop final : public Inbox {
   static constexpr int kLatencyBuckets = 24;
   std::array<std::uint64_t*, kLatencyBuckets> latency_;
 
-  /// A request for a reload, answered when the load of that number has ended.
-  struct ReloadWaiter {
+  /// A request that changes the scene, answered when the load or edit of that number has ended.
+  struct SceneWaiter {
     std::unique_ptr<ReplySink> sink;
     wire::FrameHeader request;
-    std::uint64_t load;
+    std::uint64_t load, edit;  ///< one of them is 0
+    std::string name;          ///< of the body that is added or removed
+    bool removes;
   };
-  std::vector<ReloadWaiter> reload_waiters_;
+  std::vector<SceneWaiter> scene_waiters_;
+  std::string why_not(const SceneWaiter& waiter) const;
+  void install(Reloader::Outcome& outcome);
+  void answer_scene_waiter(const SceneWaiter& waiter, const Reloader::Outcome& outcome);
+  SceneParts parts_;  // of the engine's scene
 
   struct DueFirst {
     bool operator()(const TaskPtr& a, const TaskPtr& b) const;

@@ -96,6 +96,10 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
     case FrameType::kReload:
       wire::parse_empty(payload, header.type);
       return ask_reload(header, sink);
+    case FrameType::kAddBody:
+      return add_body(header, payload, sink);
+    case FrameType::kRemoveBody:
+      return remove_body(header, payload, sink);
     default:
       break;
   }
@@ -220,39 +224,11 @@ void Loop::attach(const FrameHeader& header, std::span<const std::byte> payload,
   answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
 }
 
-void Loop::ask_reload(const FrameHeader& header, std::unique_ptr<ReplySink>& sink) {
-  if (!reloader_) throw Refusal{ErrorCode::kNotSupported, "there is no scene file to load anew"};
-  const std::uint64_t client = sink->client();
-  check_room_for(client);
-  spdlog::info("event=reload_asked client={}", client);
-  reload_waiters_.push_back({std::move(sink), header, reloader_->next()});
-  ++waiting_per_client_[client].requests;
-  reloader_->ask();
-}
-
-void Loop::answer_reloads(const Reloader::Outcome& outcome) {
-  // Those that came while it was under way wait for the next one: this one may have read the files before they changed.
-  const auto answered = std::stable_partition(reload_waiters_.begin(), reload_waiters_.end(),
-                                              [&](const ReloadWaiter& waiter) { return waiter.load > outcome.number; });
-  for (auto waiter = answered; waiter != reload_waiters_.end(); ++waiter) {
-    leave(waiter->sink->client());
-    guarded(*waiter->sink, waiter->request, [&] {
-      if (!outcome.error.empty()) throw Refusal{ErrorCode::kReloadFailed, outcome.error};
-      wire::SceneChange change;
-      change.scene_revision = engine_->scene_revision();
-      change.body_count = static_cast<std::uint32_t>(engine_->scene().bodies().size());
-      change.seconds = outcome.seconds;
-      answer(*waiter->sink, waiter->request, FrameType::kSceneChanged, std::as_bytes(std::span(&change, 1)));
-    });
-  }
-  reload_waiters_.erase(answered, reload_waiters_.end());
-}
-
 std::vector<std::pair<std::string, std::uint64_t>> Loop::all_counters() const {
   std::vector<std::pair<std::string, std::uint64_t>> all;
   all.emplace_back("uptime_s", std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count());
   all.emplace_back("queries.waiting", waiting());
-  all.emplace_back("requests.waiting", waiting() + reload_waiters_.size());
+  all.emplace_back("requests.waiting", waiting() + scene_waiters_.size());
   all.insert(all.end(), counters_.begin(), counters_.end());
   const auto engine = engine_->stats();
   all.insert(all.end(), engine.begin(), engine.end());

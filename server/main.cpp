@@ -226,11 +226,14 @@ int serve(DaemonOptions options) {
   loop_options.spin = std::chrono::microseconds(options.spin_us);
   loop_options.max_waiting_per_client = options.max_waiting;
   loop_options.max_client_bytes = std::uint64_t{options.max_client_mib} << 20;
+  loop_options.max_added_bodies = options.max_added_bodies;
+  loop_options.max_added_vertices = options.max_added_vertices;
   loop_options.max_pairs_per_query = options.max_pairs;
   Loop loop(engine, loop_options);
-  loop.reload_by([&options, engine_options] {
-    return std::make_unique<Engine>(load_scene(options), engine_options);
-  });
+  const auto build = [engine_options](Scene scene_to_serve) {
+    return std::make_unique<Engine>(std::move(scene_to_serve), engine_options);
+  };
+  loop.reload_by([&options, build] { return build(load_scene(options)); }, build);
   running_loop = &loop;
   handle_signals();  // from here on there are sockets to remove
   std::optional<MetricsServer> metrics;

@@ -29,7 +29,7 @@ Ready
 
 Who may do what
   The daemon's own user may do everything through the Unix sockets, a group what --group-rights says. Rights are
-  query (ask), poses (move and attach bodies) and admin (reload). TCP without keys and LCM know nobody: query, poses.
+  query (ask), poses (move, attach and add bodies) and admin (reload). TCP without keys and LCM know nobody: query, poses.
     clearance keygen keys/server.key              for the daemon; clients get keys/server.key.pub
     clearance keygen planner.key                  for a client; prints its public key
     echo 'KEY query,poses planner' >> keys/authorized    read again within a second of a change
@@ -132,6 +132,14 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->capture_default_str();
   app.add_option("--max-pairs", o.max_pairs, "pairs times configurations that one query may ask about; more are refused")
       ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--max-added-bodies", o.max_added_bodies, "bodies that clients may have added to the scene")
+      ->check(quiet(CLI::Range(0u, 100000u)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--max-added-vertices", o.max_added_vertices, "vertices that each of them may have")
+      ->check(quiet(CLI::Range(1u, 10000000u)))
       ->type_name("N")
       ->capture_default_str();
   app.add_option("--metrics", o.metrics,

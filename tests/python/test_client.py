@@ -428,6 +428,40 @@ def test_attachments_of_another_client(ipc):
         theirs.attach("table", "gripper")
 
 
+def test_bodies_come_and_go(start_daemon, cell, tmp_path):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("bodies:\n  - {name: gripper, sphere: 0.1, pose: [0,0,0, 1,0,0,0]}\n  - {name: wall, box: [1,1,1], pose: [5,0,0, 1,0,0,0]}\n")
+    daemon = start_daemon(scene, ["ipc"])
+    with clearance.connect(daemon.urls["ipc"]) as client:
+        before = client.distances().scene_revision
+        mug = client.add_body("mug", box=[0.2, 0.2, 0.2], parent="gripper", pose=at(1, 0, 0))
+        assert (mug.body, mug.body_count) == (2, 3) and mug.scene_revision != before
+        assert [body.name for body in client.bodies] == ["gripper", "wall", "mug"]
+        r = client.distances(pairs=("mug", "wall"))
+        assert r.distance[0, 0] == pytest.approx(5 - 0.5 - 1 - 0.1)
+        client.set_poses({"gripper": at(1, 0, 0)})
+        assert client.distances(pairs=("mug", "wall")).distance[0, 0] == pytest.approx(2.4)
+        client.add_body("tip", np.zeros((1, 3)), radius=0.5, pose=at(0, 0, 3))
+        assert client.distances(pairs=("tip", "gripper")).distance[0, 0] == pytest.approx(np.sqrt(10) - 0.6)
+        for shape in ({"sphere": 0.1}, {"capsule": (0.1, 0.5)}, {"cylinder": (0.1, 0.5)}):
+            client.add_body("part", **shape)
+            client.remove_body("part")
+
+        with pytest.raises(clearance.QueryError, match="is already that of a body"):
+            client.add_body("mug", sphere=1.0)
+        with pytest.raises(clearance.QueryError, match="is the scene file's"):
+            client.remove_body("wall")
+        with pytest.raises(ValueError, match="expected one of vertices, box, sphere, capsule, cylinder, got none"):
+            client.add_body("thing")
+        with pytest.raises(ValueError, match=r"box: expected shape \(3,\)"):
+            client.add_body("thing", box=[1, 2])
+        with pytest.raises(ValueError, match=r"vertices: expected shape \(V, 3\)"):
+            client.add_body("thing", [[1, 2]])
+        client.remove_body("tip")
+        assert client.remove_body("mug").body_count == 2
+        assert client.distances().scene_revision == before
+
+
 def test_keys(start_daemon, cell, tmp_path, monkeypatch):
     keys = tmp_path / "keys"
     keys.mkdir(mode=0o700)

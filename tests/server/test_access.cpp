@@ -37,6 +37,10 @@ std::vector<Request> requests() {
   wire::AttachRecord attach;
   attach.child = 1;
   attach.parent = 2;
+  wire::NewBodyRecord new_body;
+  wire::set_name(new_body.name, "ball");
+  new_body.shape = static_cast<std::uint8_t>(wire::BodyShape::kSphere);
+  new_body.size[0] = 1;
   const auto with = [](FrameType type, const auto& record) {
     return simple_frame(type, 1, std::as_bytes(std::span(&record, 1)));
   };
@@ -48,6 +52,7 @@ std::vector<Request> requests() {
           {FrameType::kAttach, kMayPose, with(FrameType::kAttach, attach)},
           {FrameType::kGetStates, kMayQuery, simple_frame(FrameType::kGetStates, 1)},
           {FrameType::kGetStats, kMayQuery, simple_frame(FrameType::kGetStats, 1)},
+          {FrameType::kAddBody, kMayPose, with(FrameType::kAddBody, new_body)},
           {FrameType::kReload, kMayAdmin, simple_frame(FrameType::kReload, 1)}};
 }
 
@@ -56,7 +61,8 @@ TEST_F(LoopTest, ARequestIsAnsweredToThoseAloneWhoHaveItsRight) {
   for (Rights rights = 0; rights <= kAllRights; ++rights)
     for (const Request& request : requests()) {
       start(small_scene());
-      loop_->reload_by([] { return std::make_unique<Engine>(small_scene()); });
+      loop_->reload_by([] { return std::make_unique<Engine>(small_scene()); },
+                       [](Scene scene) { return std::make_unique<Engine>(std::move(scene)); });
       const std::uint64_t revision = engine_->pose_revision();
       a_.rights = rights;
       transport_->send(a_, request.frame);
@@ -75,8 +81,8 @@ TEST_F(LoopTest, ARequestIsAnsweredToThoseAloneWhoHaveItsRight) {
       EXPECT_FALSE(loop_->is_reloading());
       ++refused;
     }
-  EXPECT_EQ(allowed, 8 + 8 * 4);  // the echo, and each of the others with half of the sets
-  EXPECT_EQ(refused, 8 * 4);
+  EXPECT_EQ(allowed, 8 + 9 * 4);  // the echo, and each of the others with half of the sets
+  EXPECT_EQ(refused, 9 * 4);
 }
 
 // --- Unix sockets

@@ -248,6 +248,8 @@ class PyPending {
   OutArrays out_;
 };
 
+using VertexRows = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+
 class PyClient {
  public:
   PyClient(const std::string& url, double timeout_s, const std::string& server_key, const std::string& key) {
@@ -309,10 +311,28 @@ class PyClient {
     return done(use().with([&](Client& client) { return client.attach(child, parent, pose ? &X_pc : nullptr); }));
   }
 
-  /// scene revision, bodies, seconds.
   nb::tuple reload(double timeout_s) const {
-    const SceneChanged r = use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); });
-    return nb::make_tuple(r.scene_revision, r.body_count, r.seconds);
+    return changed(use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); }));
+  }
+  /// \param shape "vertices", "box", "sphere", "capsule" or "cylinder"; \param numbers its vertices (V, 3), or sizes (1, 3).
+  nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
+                     std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose) const {
+    const auto* rows = reinterpret_cast<const std::array<double, 3>*>(numbers.data());
+    NewBody body;
+    body.name = name;
+    if (shape == "vertices") body.vertices = {rows, numbers.shape(0)};
+    if (shape == "box") body.box = rows[0];
+    if (shape == "sphere") body.sphere = rows[0][0];
+    if (shape == "capsule") body.capsule = {rows[0][0], rows[0][1]};
+    if (shape == "cylinder") body.cylinder = {rows[0][0], rows[0][1]};
+    body.radius = radius;
+    body.parent = parent;
+    body.is_static = is_static;
+    if (pose) std::copy_n(pose->data(), 7, body.pose.emplace().begin());
+    return changed(use().with([&](Client& client) { return client.add_body(body); }));
+  }
+  nb::tuple remove_body(const std::string& name) const {
+    return changed(use().with([&](Client& client) { return client.remove_body(name); }));
   }
 
   /// revision, backend, pair count, bodies as _names.BodyInfo has them, groups.
@@ -347,6 +367,10 @@ class PyClient {
   }
 
  private:
+  /// scene revision, bodies, id of the new one, seconds.
+  static nb::tuple changed(const SceneChanged& r) {
+    return nb::make_tuple(r.scene_revision, r.body_count, r.body, r.seconds);
+  }
   static nb::tuple done(const PosesDone& r) {
     return nb::make_tuple(r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed);
   }
@@ -390,6 +414,9 @@ NB_MODULE(_client, m) {
       .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"))
       .def("attach", &PyClient::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
+      .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
+           nb::arg("parent"), nb::arg("static"), nb::arg("pose").none())
+      .def("remove_body", &PyClient::remove_body, nb::arg("name"))
       .def("scene", &PyClient::scene, nb::arg("refresh"))
       .def("body_states", &PyClient::body_states)
       .def("stats", [](const PyClient& c) { return c.use().with([](Client& client) { return client.stats(); }); })

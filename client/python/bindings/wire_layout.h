@@ -143,10 +143,29 @@ inline nanobind::dict wire_layout() {
   CLEARANCE_MEMBER(padding);
   CLEARANCE_MEMBER(reserved);
   CLEARANCE_END
+  CLEARANCE_BEGIN(NewBodyRecord);
+  CLEARANCE_MEMBER(name);
+  CLEARANCE_MEMBER(parent);
+  CLEARANCE_MEMBER(shape);
+  CLEARANCE_MEMBER(is_static);
+  CLEARANCE_MEMBER(has_pose);
+  CLEARANCE_MEMBER(padding);
+  CLEARANCE_MEMBER(size);
+  CLEARANCE_MEMBER(radius);
+  CLEARANCE_MEMBER(pose);
+  CLEARANCE_MEMBER(vertex_count);
+  CLEARANCE_MEMBER(reserved);
+  CLEARANCE_END
+  CLEARANCE_BEGIN(VertexRecord);
+  CLEARANCE_MEMBER(xyz);
+  CLEARANCE_END
+  CLEARANCE_BEGIN(RemoveBodyRecord);
+  CLEARANCE_MEMBER(name);
+  CLEARANCE_END
   CLEARANCE_BEGIN(SceneChange);
   CLEARANCE_MEMBER(scene_revision);
   CLEARANCE_MEMBER(body_count);
-  CLEARANCE_MEMBER(padding);
+  CLEARANCE_MEMBER(body);
   CLEARANCE_MEMBER(seconds);
   CLEARANCE_MEMBER(reserved);
   CLEARANCE_END

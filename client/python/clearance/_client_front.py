@@ -11,9 +11,10 @@ import numpy as np
 
 import clearance._client as _client
 from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyState, Front, PosesDone, Query, SceneChanged, _number
+from ._front import BodyRef, BodyState, Front, PosesDone, Query, SceneChanged, _number
 from ._future import Future
 from ._names import BodyInfo, NameTable
+from ._poses import as_pose7
 from ._result import Result
 from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce, Status
 from .wire import ErrorCode
@@ -101,9 +102,75 @@ class Client(Front):
         Poses and attachments stay with the bodies of the same names. Raises RequestError with the code RELOAD_FAILED and
         the loader's words if it fails: the old scene then stays. timeout_s: of this call alone.
         """
-        changed = SceneChanged(*self._use().reload(_timeout(timeout_s)))
+        return self._changed(*self._use().reload(_timeout(timeout_s)))
+
+    def add_body(
+        self,
+        name: str,
+        vertices: Any = None,
+        *,
+        box: Any = None,
+        sphere: Optional[float] = None,
+        capsule: Any = None,
+        cylinder: Any = None,
+        radius: float = 0.0,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+    ) -> SceneChanged:
+        """Adds a body while the daemon runs, as an object that is grasped, and waits until the scene has it.
+
+        vertices: (V, 3) metres in the body's frame: their hull; or one of box: (x, y, z) edge lengths, sphere: radius,
+            capsule and cylinder: (radius, length), as in clearance.Scene.
+        radius: metres, grows the shape.
+        parent: a name or id that it follows.
+        pose: X_world_body, with a parent X_parent_body; None: none until one arrives (with a parent or static: the identity).
+
+        It comes behind the bodies that are there, which keep ids and poses; queries under way are answered for the scene they
+        began with. Raises QueryError for a name that is taken, a shape that is none, or too many bodies; ValueError and
+        TypeError for a wrong argument.
+        """
+        shapes = {"vertices": vertices, "box": box, "sphere": sphere, "capsule": capsule, "cylinder": cylinder}
+        given = [shape for shape, value in shapes.items() if value is not None]
+        if len(given) != 1:
+            raise ValueError(f"add_body: expected one of {', '.join(shapes)}, got {', '.join(given) or 'none'}")
+        if not isinstance(name, str):
+            raise TypeError(f"name: expected a string, got {name!r}")
+        shape = given[0]
+        numbers = np.asarray(shapes[shape], dtype=np.float64, order="C")
+        expected = {"vertices": None, "box": (3,), "sphere": (), "capsule": (2,), "cylinder": (2,)}[shape]
+        if expected is None:
+            if numbers.ndim != 2 or numbers.shape[1] != 3 or not len(numbers):
+                raise ValueError(f"vertices: expected shape (V, 3), got {numbers.shape}")
+        else:
+            if numbers.shape != expected:
+                raise ValueError(f"{shape}: expected shape {expected}, got {numbers.shape}")
+            numbers = np.resize(np.append(numbers, (0.0, 0.0)), (1, 3))
+        parent_id = NONE if parent is None else self._names.body(parent, "parent")
+        row = None
+        if pose is not None:
+            row = as_pose7(pose, "pose")
+            if row.shape != (7,):
+                raise ValueError(f"pose: expected one pose, got shape {np.shape(pose)}")
+            row = row.reshape(1, 7)
+        return self._changed(
+            *self._guarded(
+                self._use().add_body, name, shape, numbers, _number(radius, "radius"), parent_id, bool(static), row
+            )
+        )
+
+    def remove_body(self, name: str) -> SceneChanged:
+        """Removes a body that add_body() added; those that were added after it get other ids.
+
+        Raises QueryError for any other body, and for one that another follows.
+        """
+        if not isinstance(name, str):
+            raise TypeError(f"name: expected a string, got {name!r}")
+        return self._changed(*self._guarded(self._use().remove_body, name))
+
+    def _changed(self, revision: int, body_count: int, body: int, seconds: float) -> SceneChanged:
         self._names_cache = None
-        return changed
+        return SceneChanged(revision, body_count, None if body == NONE else body, seconds)
 
     def body_states(self) -> List[BodyState]:
         """Where each body is now, by id."""

@@ -47,6 +47,7 @@ class SceneChanged:
 
     scene_revision: int
     body_count: int
+    body: Optional[int]  #: the id of one that was added
     seconds: float  #: that it took to make
 
 

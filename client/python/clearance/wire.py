@@ -33,6 +33,8 @@ class FrameType(enum.IntEnum):
     GET_STATES = 7
     GET_STATS = 8
     RELOAD = 9
+    ADD_BODY = 10
+    REMOVE_BODY = 11
     PONG = 0x81
     SCENE = 0x82
     REPLY = 0x83
@@ -169,8 +171,25 @@ BodyStateRecord = np.dtype(
         ("reserved", "<u8", 2),
     ]
 )
+NewBodyRecord = np.dtype(
+    [
+        ("name", "S64"),
+        ("parent", "<u4"),
+        ("shape", "u1"),
+        ("is_static", "u1"),
+        ("has_pose", "u1"),
+        ("padding", "u1"),
+        ("size", "<f8", 3),
+        ("radius", "<f8"),
+        ("pose", "<f8", 7),
+        ("vertex_count", "<u8"),
+        ("reserved", "<u8", 2),
+    ]
+)
+VertexRecord = np.dtype([("xyz", "<f8", 3)])
+RemoveBodyRecord = np.dtype([("name", "S64")])
 SceneChange = np.dtype(
-    [("scene_revision", "<u8"), ("body_count", "<u4"), ("padding", "<u4"), ("seconds", "<f8"), ("reserved", "<u8", 1)]
+    [("scene_revision", "<u8"), ("body_count", "<u4"), ("body", "<u4"), ("seconds", "<f8"), ("reserved", "<u8", 1)]
 )
 CounterRecord = np.dtype([("name", "S56"), ("value", "<u8")])
 ErrorHeader = np.dtype([("code", "<u2"), ("padding", "<u2"), ("text_bytes", "<u4"), ("needed_bytes", "<u8")])

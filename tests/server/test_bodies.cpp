@@ -1,0 +1,226 @@
+// Bodies that come and go while the daemon serves.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <atomic>
+#include <random>
+#include <thread>
+
+#include "client/client.h"
+#include "daemon_fixture.h"
+#include "loop_fixture.h"
+
+namespace clearance {
+namespace {
+
+using wire::ErrorCode;
+using wire::FrameType;
+
+std::vector<std::byte> box_frame(const std::string& name, std::uint32_t parent = kNone) {
+  wire::NewBodyRecord record;
+  wire::set_name(record.name, name);
+  record.shape = static_cast<std::uint8_t>(wire::BodyShape::kBox);
+  record.size[0] = record.size[1] = record.size[2] = 0.2;
+  record.parent = parent;
+  record.has_pose = 1;
+  record.pose[0] = 3;
+  record.pose[3] = 1;
+  return simple_frame(FrameType::kAddBody, 1, std::as_bytes(std::span(&record, 1)));
+}
+std::vector<std::byte> remove_frame(const std::string& name) {
+  wire::RemoveBodyRecord record;
+  wire::set_name(record.name, name);
+  return simple_frame(FrameType::kRemoveBody, 2, std::as_bytes(std::span(&record, 1)));
+}
+
+class Bodies : public LoopTest {
+ protected:
+  void start_editable(Scene scene, Loop::Options options = {}) {
+    start(std::move(scene), options);
+    loop_->reload_by([] { return std::make_unique<Engine>(small_scene()); },
+                     [this](Scene next) {
+                       ++built_;
+                       while (hold_) std::this_thread::yield();
+                       return std::make_unique<Engine>(std::move(next), Engine::Options{.threads = 1});
+                     });
+  }
+  std::unique_ptr<MemoryFrame> ask_scene(MemoryClient& client, std::vector<std::byte> frame) {
+    transport_->send(client, std::move(frame));
+    while (client.replies.empty()) loop_->turn();
+    return take(client);
+  }
+  wire::SceneChange change(std::vector<std::byte> frame) {
+    const auto reply = ask_scene(a_, std::move(frame));
+    EXPECT_EQ(reply->type(), FrameType::kSceneChanged);
+    return reply->type() == FrameType::kSceneChanged ? wire::parse_scene_changed(reply->payload()) : wire::SceneChange{};
+  }
+  /// The refusal's text; the scene is as it was.
+  std::string refusal(std::vector<std::byte> frame, ErrorCode code = ErrorCode::kBadQuery) {
+    const std::uint64_t before = loop_->engine().scene_revision();
+    const auto error = error_of(ask_scene(a_, std::move(frame)));
+    EXPECT_EQ(static_cast<ErrorCode>(error.header.code), code) << error.text;
+    EXPECT_EQ(loop_->engine().scene_revision(), before);
+    return error.text;
+  }
+  const std::vector<Body>& bodies() { return loop_->engine().scene().bodies(); }
+
+  std::atomic<int> built_{0};
+  std::atomic<bool> hold_{false};
+};
+
+TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
+  start_editable(small_scene());
+  const PiecePtr cup = bodies()[1].pieces[0];
+  const std::uint64_t before = loop_->engine().scene_revision();
+  const BodyPose moved{1, Pose{{0, 0, 0.7}}};
+  loop_->on_poses(std::span(&moved, 1), 5);
+  const auto added = change(box_frame("crate", 2));  // follows link1
+  EXPECT_EQ(added.body, 4u);
+  EXPECT_EQ(added.body_count, 5u);
+  EXPECT_NE(added.scene_revision, before);
+  EXPECT_EQ(added.scene_revision, loop_->engine().scene_revision());
+  EXPECT_EQ(bodies()[1].pieces[0], cup) << "the others' geometry is shared, not made again";
+  EXPECT_EQ(loop_->engine().body_state(1).X_wb.translation.z, 0.7) << "poses stay";
+  EXPECT_EQ(loop_->engine().body_state(4).parent, 2u);
+  TestQuery every;
+  const Reply answer = ask(b_, every);
+
+  Scene whole = small_scene();
+  Scene::BodyOptions options = at(3, 0, 0);
+  options.parent = "link1";
+  whole.add_box("crate", {0.2, 0.2, 0.2}, options);
+  start(std::move(whole));
+  loop_->on_poses(std::span(&moved, 1), 5);
+  const Reply expected = ask(b_, every);
+  ASSERT_EQ(answer.rows(), expected.rows());
+  ASSERT_EQ(answer.rows(), 9u);  // ten pairs, less that of parent and child
+  for (std::size_t i = 0; i < answer.rows(); ++i) {
+    EXPECT_EQ(answer.status()[i], expected.status()[i]) << i;
+    if (answer.status()[i] == Status::kNoPose) continue;
+    EXPECT_EQ(answer.lower()[i], expected.lower()[i]) << i;
+    EXPECT_EQ(answer.upper()[i], expected.upper()[i]) << i;
+  }
+}
+
+TEST_F(Bodies, QueriesUnderWayEndWithTheSceneTheyBeganWith) {
+  start_editable(scattered_scene(20), short_slices());
+  const std::uint64_t before = loop_->engine().scene_revision();
+  hold_ = true;
+  transport_->send(b_, large_query(20).frame(1));
+  transport_->send(a_, box_frame("crate"));
+  while (built_ == 0) loop_->turn();
+  ASSERT_TRUE(loop_->is_reloading());
+  EXPECT_EQ(ask(c_, small_query()).scene_revision(), before) << "answered while the new scene is made";
+  transport_->send(b_, large_query(20).frame(2));
+  loop_->turn();
+  ASSERT_GE(loop_->waiting(), 1u);
+  hold_ = false;
+  while (a_.replies.empty()) loop_->turn();
+  EXPECT_EQ(take(a_)->type(), FrameType::kSceneChanged);
+  turn_until_idle();
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(Reply(take(b_)).scene_revision(), before) << i;
+  EXPECT_NE(ask(c_, small_query()).scene_revision(), before);
+}
+
+TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
+  start_editable(small_scene());
+  const std::uint64_t before = loop_->engine().scene_revision();
+  change(box_frame("crate"));
+  change(box_frame("lid", 4));
+  EXPECT_EQ(refusal(remove_frame("cup")), "remove_body: \"cup\" is the scene file's: change the file, and reload it");
+  EXPECT_EQ(refusal(remove_frame("cups")), "remove_body: \"cups\" is not in the scene");
+  EXPECT_EQ(refusal(remove_frame("crate")), "remove_body: \"lid\" follows \"crate\": set it free before");
+  loop_->engine().attach(5, kNone);
+  const Pose free = loop_->engine().body_state(5).X_wb;
+  EXPECT_EQ(change(remove_frame("crate")).body_count, 5u);
+  EXPECT_EQ(bodies()[4].name, "lid");
+  EXPECT_EQ(loop_->engine().body_state(4).X_wb.translation.x, free.translation.x) << "where it was set free";
+  change(remove_frame("lid"));
+  EXPECT_EQ(bodies().size(), 4u);
+  EXPECT_EQ(loop_->engine().scene().revision(), before);
+}
+
+TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
+  Loop::Options options;
+  options.max_added_bodies = 2;
+  options.max_added_vertices = 8;
+  start_editable(small_scene(), options);
+  EXPECT_NE(refusal(box_frame("cup")).find("is already that of a body"), std::string::npos);
+  EXPECT_NE(refusal(box_frame("arm")).find("is already that of a group"), std::string::npos);
+  EXPECT_NE(refusal(box_frame("")).find("name is empty"), std::string::npos);
+  EXPECT_EQ(refusal(box_frame("x", 99)), "add_body: the parent, body 99, is not in the scene");
+  const auto odd = [](auto spoil, std::size_t vertices = 0) {
+    wire::NewBodyRecord record;
+    wire::set_name(record.name, "odd");
+    record.vertex_count = vertices;
+    spoil(record);
+    std::vector<std::byte> payload;
+    wire::append(payload, record);
+    payload.resize(payload.size() + vertices * sizeof(wire::VertexRecord));
+    return simple_frame(FrameType::kAddBody, 1, payload);
+  };
+  EXPECT_NE(refusal(odd([](auto&) {})).find("body \"odd\""), std::string::npos) << "the hull of nothing";
+  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = -1; })).find("sphere radius: expected"), std::string::npos);
+  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = NAN; })).find("sphere radius: expected"), std::string::npos);
+  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"), std::string::npos)
+      << "a quaternion of zeros";
+  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 4");
+  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are for a hull alone");
+  EXPECT_EQ(refusal(odd([](auto&) {}, 9), ErrorCode::kTooLarge),
+            "add_body: 9 vertices are more than the 8 that an added body may have (--max-added-vertices)");
+  EXPECT_EQ(change(odd([](auto&) {}, 8)).body, 4u) << "eight times the origin: a point";
+  change(box_frame("crate"));
+  EXPECT_EQ(refusal(box_frame("one more")),
+            "add_body: 2 bodies were added already, and no more may be (--max-added-bodies)");
+  change(remove_frame("odd"));
+  EXPECT_EQ(change(box_frame("one more")).body, 5u);
+  EXPECT_EQ(a_.sinks, 0);
+}
+
+TEST_F(Bodies, StayThroughAReloadIfTheyFit) {
+  start_editable(small_scene());
+  change(box_frame("crate"));
+  const BodyPose moved{4, Pose{{7, 0, 0}}};
+  loop_->on_poses(std::span(&moved, 1), 5);
+  const auto reloaded = change(simple_frame(FrameType::kReload, 3));
+  EXPECT_EQ(reloaded.body_count, 5u);
+  EXPECT_EQ(bodies()[4].name, "crate");
+  EXPECT_EQ(loop_->engine().body_state(4).X_wb.translation.x, 7);
+  change(remove_frame("crate"));
+  EXPECT_EQ(bodies().size(), 4u);
+}
+
+TEST_F(Bodies, WhereNoneCanBeMadeTheyAreRefused) {
+  start(small_scene());
+  EXPECT_EQ(refusal(box_frame("crate"), ErrorCode::kNotSupported), "bodies can be neither added nor removed here");
+}
+
+TEST(ClearancedBodies, AreAskedAboutByEveryClient) {
+  const TestFolder folder;
+  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc")});
+  Client one = connect(daemon.urls()[0]), other = connect(daemon.urls()[1]);
+  other.scene();
+  NewBody ball{.name = "ball", .sphere = 0.25, .pose = Pose7{0, 0, 2, 1, 0, 0, 0}};
+  const SceneChanged added = one.add_body(ball);
+  EXPECT_EQ(added.body, one.body("ball"));
+  const IdPair pair{0, added.body};
+  Query query;
+  query.pairs = std::span(&pair, 1);
+  EXPECT_NEAR(one.distances(query).distance()[0], 2 - 0.05 - 0.25, 2e-6);
+  EXPECT_THROW(other.distances(query), RequestError) << "the scene that it knows is gone";
+  other.scene();
+  EXPECT_EQ(other.distances(query).rows(), 1u);
+
+  const std::array<double, 3> corners[] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  one.add_body({.name = "wedge", .vertices = corners, .parent = one.body("ball"), .pose = Pose7{0, 0, 1, 1, 0, 0, 0}});
+  EXPECT_EQ(one.scene().bodies[5].parent, 4u);
+  EXPECT_THROW(one.add_body({.name = "nothing"}), std::invalid_argument);
+  EXPECT_THROW(one.add_body({.name = std::string(64, 'x'), .sphere = 1.0}), std::invalid_argument);
+  EXPECT_THROW(one.remove_body("table"), RequestError);
+  one.remove_body("wedge");
+  EXPECT_EQ(one.remove_body("ball").body_count, 4u);
+  EXPECT_EQ(daemon.stop(SIGTERM), 0);
+}
+
+}  // namespace
+}  // namespace clearance
