@@ -2,6 +2,7 @@
 
 #include <thread>
 
+#include "client/spin_gate.h"
 #include "loop_fixture.h"
 #include "server/fair_queue.h"
 
@@ -11,6 +12,23 @@ namespace {
 using wire::ErrorCode;
 using wire::FrameType;
 using namespace std::chrono_literals;
+
+TEST(SpinGate, IsGivenUpWhereItDoesNotPayAndTriedAgain) {
+  SpinGate gate;
+  for (int i = 0; i < SpinGate::kMisses; ++i) {
+    EXPECT_TRUE(gate.opens()) << i;
+    gate.missed();
+  }
+  int opened = 0;
+  for (unsigned i = 0; i < 10 * SpinGate::kProbeEvery; ++i)
+    if (gate.opens()) ++opened, gate.missed();
+  EXPECT_EQ(opened, 10) << "one wait of 64";
+  while (!gate.opens()) {
+  }
+  gate.paid();
+  EXPECT_TRUE(gate.opens());
+  EXPECT_TRUE(gate.opens());
+}
 
 TEST(FairQueue, ClientsTakeTurns) {
   FairQueue<int> queue;
