@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Runs the fuzz targets of build-fuzz one after another and writes what came of each into a CSV file.
+"""Runs the fuzz targets of build-fuzz and writes what came of each into a CSV file.
 
-    tools/fuzz.py [--seconds 600] [--csv docs/results/fuzz.csv] [TARGET...]
+    tools/fuzz.py [--seconds 600] [--jobs 1] [--csv docs/results/fuzz.csv] [TARGET...]
 
 Seeds are tests/fuzz/corpus/TARGET and regressions/TARGET; what a run adds to them is kept in out/fuzz/corpus/TARGET, so
 that the next one goes on from there. An input that breaks something is left in out/fuzz/findings and ends with exit code 1;
@@ -15,6 +15,7 @@ import re
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -63,6 +64,7 @@ def run(target: str, seconds: int) -> dict:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=int, default=600, help="for each target")
+    parser.add_argument("--jobs", type=int, default=1, help="targets side by side")
     parser.add_argument("--csv", type=Path, help="rows of the targets that ran replace those that are there")
     parser.add_argument("targets", nargs="*")
     arguments = parser.parse_args()
@@ -75,8 +77,9 @@ def main() -> None:
     if arguments.csv and arguments.csv.is_file():
         with arguments.csv.open() as file:
             rows = {row["target"]: row for row in csv.DictReader(file) if row["target"] in known}
-    for target in arguments.targets or known:
-        row = run(target, arguments.seconds)
+    targets = arguments.targets or known
+    pool = ThreadPoolExecutor(arguments.jobs)
+    for target, row in zip(targets, pool.map(lambda target: run(target, arguments.seconds), targets)):
         rows[target] = row
         note = ""
         if row["findings"] and target in CONTAINED:

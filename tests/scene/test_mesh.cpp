@@ -10,6 +10,7 @@
 #include <set>
 
 #include "engine/mesh.h"
+#include "engine/sanitizers.h"
 #include "error_text.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
@@ -367,7 +368,7 @@ TEST(Mesh, EveryDamagedFileIsRefusedWithItsCause) {
   const TemporaryFolder folder;
   int cases = 0;
   for (const BadMesh& bad : bad_meshes()) {
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(CLEARANCE_ASAN)
     // The sanitizer ends the loader by itself where memory runs out or an allocation is absurd.
     if (std::string(bad.error).find("MiB of memory") != std::string::npos) continue;
 #endif
@@ -462,7 +463,7 @@ TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
   EXPECT_EQ(load_mesh(good).submeshes.size(), 1u);
 }
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if !defined(CLEARANCE_ASAN) && !defined(CLEARANCE_TSAN)
 TEST(Mesh, AFileThatNeedsMoreMemoryThanAllowedIsRefused) {
   const TemporaryFolder folder;
   const Shape shape = make_uv_sphere(1, 400);
