@@ -118,7 +118,7 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   ++queries_;
   const std::uint64_t client = sink->client();
   check_room_for(client);
-  if (reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t)) {
+  if (!payload.empty() && reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t)) {
     aligned_.resize((payload.size() + 7) / 8);
     std::memcpy(aligned_.data(), payload.data(), payload.size());
     payload = std::as_bytes(std::span(aligned_)).first(payload.size());
