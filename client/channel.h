@@ -14,6 +14,7 @@
 namespace clearance {
 
 using Deadline = std::chrono::steady_clock::time_point;
+struct ConnectOptions;
 
 /// A frame that arrived. The bytes stay valid until the frame is destroyed (shared memory: a leased slot).
 class Frame {
@@ -51,6 +52,8 @@ struct ChannelKeys {
   KeyPair own;
 };
 
+/// Connects by whatever transport the url names (client.h). Throws ConnectionError, and std::invalid_argument for a bad url.
+std::unique_ptr<Channel> open_channel(const std::string& url, const ConnectOptions& options, Deadline deadline);
 /// Each connects or throws ConnectionError (client.h) naming the url and the cause.
 std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, const ChannelKeys& keys, Deadline deadline);
 /// \param socket_path may end in options: "/run/clearance/clearance.sock?spin_us=50&user=clearance" (0: never spin; default

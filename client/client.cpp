@@ -1,14 +1,12 @@
 #include "client.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <cstring>
-#include <numeric>
 #include <optional>
 
 #include "channel.h"
 #include "fork_guard.h"
-#include "url.h"
+#include "unknown_name.h"
 #include "wire.h"
 
 namespace clearance {
@@ -26,37 +24,6 @@ std::string seconds(std::chrono::nanoseconds duration) {
   char text[32];
   std::snprintf(text, sizeof text, "%g s", std::chrono::duration<double>(duration).count());
   return text;
-}
-
-/// Letters to insert, delete or replace to make one word of the other.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), 0);
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i] != b[j]);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({row[j] + 1, row[j + 1] + 1, replaced});
-    }
-  }
-  return row.back();
-}
-
-/// "no body \"lnk1\" in the scene; did you mean \"link1\"?"
-template <class Named>
-[[noreturn]] void unknown_name(const char* what, std::string_view name, const std::vector<Named>& known) {
-  std::vector<std::pair<std::size_t, std::string_view>> near;
-  for (const Named& other : known) {
-    const std::size_t distance = edit_distance(name, other.name);
-    if (distance <= std::max<std::size_t>(2, name.size() / 3)) near.emplace_back(distance, other.name);
-  }
-  std::stable_sort(near.begin(), near.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::string text = std::string("no ") + what + " \"" + std::string(name) + "\" in the scene";
-  for (std::size_t i = 0; i < std::min<std::size_t>(near.size(), 3); ++i)
-    text += (i ? ", \"" : "; did you mean \"") + std::string(near[i].second) + "\"";
-  throw std::invalid_argument(near.empty() ? text : text + "?");
 }
 
 wire::QueryHeader header_of(const Query& query) {
@@ -94,51 +61,6 @@ void set_body_name(char (&field)[64], std::string_view name) {
     throw std::invalid_argument("name: expected at most " + std::to_string(kMaxNameBytes) + " bytes, got " +
                                 std::to_string(name.size()));
   wire::set_name(field, name);
-}
-
-/// The keys of a url, options or environment, in this order: whoever is more explicit has the word.
-ChannelKeys keys_of(const std::string& url, const Url& parsed, const ConnectOptions& options) {
-  const auto choose = [](const std::string& option, const std::string& in_url, const char* variable) {
-    const char* value = std::getenv(variable);
-    return !option.empty() ? option : !in_url.empty() ? in_url : value ? std::string(value) : std::string();
-  };
-  const bool tcp = url.rfind("tcp://", 0) == 0;
-  const std::string server = tcp ? choose(options.server_key, parsed.server_key, "CLEARANCE_SERVER_KEY") : "";
-  const std::string own = tcp ? choose(options.key, parsed.key, "CLEARANCE_KEY") : "";
-  if (server.empty() != own.empty())
-    throw std::invalid_argument(url + ": keys are the daemon's and one's own; " +
-                                (server.empty() ? "server_key is missing" : "key is missing"));
-  if (server.empty()) return {};
-  try {
-    return {read_public_key(server), read_key_pair(own)};
-  } catch (const std::runtime_error& error) {
-    throw ConnectionError(url + ": " + error.what());
-  }
-}
-
-std::unique_ptr<Channel> open_channel(const std::string& url, const ConnectOptions& options, Deadline deadline) {
-  const Url parsed = parse_url(url);
-  switch (parsed.kind) {
-    case UrlKind::kShm:
-#ifdef CLEARANCE_HAVE_SHM
-      return open_shm_channel(parsed.target, deadline);
-#else
-      break;
-#endif
-    case UrlKind::kZmq:
-#ifdef CLEARANCE_HAVE_ZMQ
-      return open_zmq_channel(parsed.target, keys_of(url, parsed, options), deadline);
-#else
-      break;
-#endif
-    case UrlKind::kLcm:
-#ifdef CLEARANCE_HAVE_LCM
-      return open_lcm_channel(parsed.target, parsed.prefix, deadline);
-#else
-      break;
-#endif
-  }
-  throw ConnectionError(url + ": this client was built without that transport");
 }
 
 }  // namespace
