@@ -127,6 +127,17 @@ def start_daemon(tmp_path_factory):
             daemon.stop()
 
 
+@pytest.fixture(scope="module")
+def cell(root):
+    return root / "scenes" / "cell" / "scene.yaml"
+
+
+@pytest.fixture
+def ipc(start_daemon, cell):
+    """A daemon that a test may do anything to."""
+    return start_daemon(cell, ["ipc"])
+
+
 # Engines in this process. The package and what needs it are imported when it is known where it lies.
 
 

@@ -4,27 +4,20 @@ import gc
 import os
 import pathlib
 import signal
-import subprocess
 import sys
 import threading
 import traceback
 
 import numpy as np
 import pytest
-from conftest import BUILD, INSTALLED
 from scenes import at, random_poses
+from threads import turns_beside
 
 import clearance
 from clearance import Status
 from clearance.wire import ErrorCode
 
-PROGRAM = "clearance" if INSTALLED else str(BUILD / "bin" / "clearance")
 EVERY_FIELD = ("default", "points", "normal", "pieces", "flags", "gradient")
-
-
-@pytest.fixture(scope="module")
-def cell(root):
-    return root / "scenes" / "cell" / "scene.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -46,12 +39,6 @@ def engine(cell):
 def client(daemon, kind):
     with clearance.connect(daemon.urls[kind], timeout_s=30) as client:
         yield client
-
-
-@pytest.fixture
-def ipc(start_daemon, cell):
-    """A daemon that a test may do anything to."""
-    return start_daemon(cell, ["ipc"])
 
 
 def same_bits(a, b):
@@ -406,110 +393,6 @@ def test_closed_client(ipc):
             call()
 
 
-def test_attachments_of_another_client(ipc):
-    ours = clearance.connect(ipc.urls["ipc"], timeout_s=30)
-    theirs = clearance.connect(ipc.urls["ipc"], timeout_s=30)
-    before = ours.distances(pairs=("ball", "*"))
-    done = theirs.attach("ball", "gripper", at(0, 0.3, 0))
-    assert theirs.scene_revision == done.scene_revision != ours.scene_revision
-    assert theirs.bodies[theirs.body_id("ball")].parent == theirs.body_id("gripper")
-    with pytest.raises(clearance.QueryError) as info:
-        ours.distances(pairs=("ball", "*"))
-    assert info.value.code == ErrorCode.WRONG_SCENE
-    after = ours.distances(pairs=("ball", "*"))
-    assert after.scene_revision == done.scene_revision and after.lower.shape[1] < before.lower.shape[1]
-    with pytest.raises(clearance.QueryError, match="the scene has changed since this answer"):
-        before.pairs
-    theirs.attach("ball", None)
-    ours.refresh()
-    assert ours.bodies[ours.body_id("ball")].parent is None
-    assert ours.distances(pairs=("ball", "*")).lower.shape == before.lower.shape
-    with pytest.raises(clearance.QueryError):
-        theirs.attach("table", "gripper")
-
-
-def test_bodies_come_and_go(start_daemon, cell, tmp_path):
-    scene = tmp_path / "scene.yaml"
-    scene.write_text("bodies:\n  - {name: gripper, sphere: 0.1, pose: [0,0,0, 1,0,0,0]}\n  - {name: wall, box: [1,1,1], pose: [5,0,0, 1,0,0,0]}\n")
-    daemon = start_daemon(scene, ["ipc"])
-    with clearance.connect(daemon.urls["ipc"]) as client:
-        before = client.distances().scene_revision
-        mug = client.add_body("mug", box=[0.2, 0.2, 0.2], parent="gripper", pose=at(1, 0, 0))
-        assert (mug.body, mug.body_count) == (2, 3) and mug.scene_revision != before
-        assert [body.name for body in client.bodies] == ["gripper", "wall", "mug"]
-        r = client.distances(pairs=("mug", "wall"))
-        assert r.distance[0, 0] == pytest.approx(5 - 0.5 - 1 - 0.1)
-        client.set_poses({"gripper": at(1, 0, 0)})
-        assert client.distances(pairs=("mug", "wall")).distance[0, 0] == pytest.approx(2.4)
-        client.add_body("tip", np.zeros((1, 3)), radius=0.5, pose=at(0, 0, 3))
-        assert client.distances(pairs=("tip", "gripper")).distance[0, 0] == pytest.approx(np.sqrt(10) - 0.6)
-        for shape in ({"sphere": 0.1}, {"capsule": (0.1, 0.5)}, {"cylinder": (0.1, 0.5)}):
-            client.add_body("part", **shape)
-            client.remove_body("part")
-
-        with pytest.raises(clearance.QueryError, match="is already that of a body"):
-            client.add_body("mug", sphere=1.0)
-        with pytest.raises(clearance.QueryError, match="is the scene file's"):
-            client.remove_body("wall")
-        with pytest.raises(ValueError, match="expected one of vertices, box, sphere, capsule, cylinder, got none"):
-            client.add_body("thing")
-        with pytest.raises(ValueError, match=r"box: expected shape \(3,\)"):
-            client.add_body("thing", box=[1, 2])
-        with pytest.raises(ValueError, match=r"vertices: expected shape \(V, 3\)"):
-            client.add_body("thing", [[1, 2]])
-        client.remove_body("tip")
-        assert client.remove_body("mug").body_count == 2
-        assert client.distances().scene_revision == before
-
-
-def test_keys(start_daemon, cell, tmp_path, monkeypatch):
-    keys = tmp_path / "keys"
-    keys.mkdir(mode=0o700)
-
-    def keygen(file):
-        return subprocess.run([PROGRAM, "keygen", file], check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
-
-    keygen(keys / "server.key")
-    (keys / "authorized").write_text(f"{keygen(tmp_path / 'asker.key')} query asker\n")
-    keygen(tmp_path / "stranger.key")
-    url = start_daemon(cell, ["tcp"], "--keys", str(keys)).urls["tcp"]
-    server = keys / "server.key.pub"
-
-    with clearance.connect(url, server_key=server, key=tmp_path / "asker.key") as client:
-        assert client.distances(reduce="min").upper.shape == (1,)
-        with pytest.raises(clearance.RequestError, match='needs the right "poses"; this client has query') as refused:
-            client.set_poses({"cup": at(0, 0, 3)})
-        assert refused.value.code == ErrorCode.FORBIDDEN
-    with pytest.raises(clearance.ConnectionError, match="refuses this client's key"):
-        clearance.connect(url, server_key=server, key=tmp_path / "stranger.key")
-    with pytest.raises(clearance.ConnectionError, match="wants keys"):
-        clearance.connect(url)
-    monkeypatch.setenv("CLEARANCE_SERVER_KEY", str(server))
-    with pytest.raises(ValueError, match="key is missing"):
-        clearance.connect(url)
-    monkeypatch.setenv("CLEARANCE_KEY", str(tmp_path / "asker.key"))
-    assert clearance.connect(url).bodies
-
-
-def test_reload(start_daemon, tmp_path):
-    scene = tmp_path / "scene.yaml"
-    ball = "bodies:\n  - {name: ball, sphere: 1, pose: [0,0,0, 1,0,0,0]}\n"
-    scene.write_text(ball)
-    daemon = start_daemon(scene, ["ipc"])
-    with clearance.connect(daemon.urls["ipc"]) as client:
-        before = client.distances().scene_revision
-        scene.write_text(ball + "  - {name: box, box: [1, 1, 1], pose: [3,0,0, 1,0,0,0]}\n")
-        changed = client.reload()
-        assert changed.body_count == 2 and changed.scene_revision != before
-        assert client.distances(pairs=("ball", "box")).distance[0, 0] == pytest.approx(1.5)
-
-        scene.write_text("bodies: [{name: ball, sphere: -1}]")
-        with pytest.raises(clearance.RequestError, match=r"scene.yaml:1: bodies\[0\]") as refused:
-            client.reload()
-        assert refused.value.code == ErrorCode.RELOAD_FAILED
-        assert client.distances().scene_revision == changed.scene_revision
-
-
 def test_a_forked_child_must_connect_anew(daemon, kind):
     url = daemon.urls[kind]
     client = clearance.connect(url, timeout_s=30)
@@ -572,19 +455,9 @@ def test_the_gil_is_released_while_waiting(ipc):
     client = clearance.connect(ipc.urls["ipc"], timeout_s=30)
     client.distances()
     os.kill(ipc.process.pid, signal.SIGSTOP)
-    begun, done = threading.Event(), threading.Event()
 
     def ask():
-        begun.set()
         with pytest.raises(clearance.TimeoutError):
             client.distances(timeout_s=0.3)
-        done.set()
 
-    thread = threading.Thread(target=ask)
-    thread.start()
-    begun.wait()
-    turns = 0
-    while not done.is_set():
-        turns += 1
-    thread.join()
-    assert turns > 1000
+    assert turns_beside(ask) > 1000
