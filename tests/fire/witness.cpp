@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "engine/engine.h"
-#include "tests/server/own_answer.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance::fire {
 namespace {
@@ -57,7 +57,7 @@ std::vector<std::byte> answer_of(const Engine& engine, const Question& question)
   view.reduce = q.reduce;
   view.format = q.format;
   view.fields = q.fields;
-  const Own mine = ask(engine, view);
+  const test::Answer mine = test::ask(engine, view);
   const ReplyView& v = mine.view;
   return bytes_of(mine.info.rows, mine.info.total, mine.size.pairs, mine.size.configurations, own(v.distance, 0),
                   own(v.lower, 1), own(v.upper, 2), own(v.status, 3), own(v.flags, 4), own(v.point_a, 5),

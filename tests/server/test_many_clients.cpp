@@ -8,7 +8,7 @@
 
 #include "client/client.h"
 #include "loop_fixture.h"
-#include "own_answer.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance {
 namespace {
@@ -94,7 +94,7 @@ TEST_F(ManyClients, ABatchOfTenMillionPairsDelaysNobodyByMoreThanItsSlices) {
 /// A query of a client, and what the engine in this process answers.
 struct Expected {
   TestQuery query;
-  Own own;
+  test::Answer own;
 };
 
 TEST_F(ManyClients, OverSharedMemoryAndZeroMqAllGetTheEnginesBits) {
@@ -124,7 +124,7 @@ TEST_F(ManyClients, OverSharedMemoryAndZeroMqAllGetTheEnginesBits) {
     view.configurations = {reinterpret_cast<const Pose*>(e.query.configurations.data()), e.query.configurations.size()};
     view.configuration_count =
         static_cast<std::uint32_t>(e.query.bodies.empty() ? 0 : e.query.configurations.size() / e.query.bodies.size());
-    e.own = clearance::ask(*engine_, view);
+    e.own = test::ask(*engine_, view);
   }
 
   std::jthread serving([this] { loop_->run(); });
