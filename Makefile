@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test fuzz soak demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-sanitize gpu-bench clean
+.PHONY: help setup build test fuzz soak demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-certify gpu-sanitize gpu-bench clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -72,6 +72,10 @@ report-gpu: setup  ## the same with the systems on this machine's GPU; writes do
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
 	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_router test_cuda_classes test_cuda_containment test_engine test_narrow_baselines clearance-gpu-bench
 	@tools/gpu.sh test
+
+gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU against exact arithmetic; writes docs/results/accuracy_*.csv
+	@tools/build.sh release clearance-certify clearance-gpu-bench
+	@tools/gpu.sh certify
 
 gpu-sanitize: setup  ## the cuda backend's tests under compute-sanitizer: memory, barriers, races
 	@tools/build.sh release test_cuda_backend test_cuda_reductions

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# gpu.sh test|sanitize|bench|report [folder of binaries]: the tests and benchmarks that need a GPU. Run by make gpu-test, make
-# gpu-sanitize, make gpu-bench and make report-gpu; with a folder of binaries that were built elsewhere it needs nothing but them (and, for the
-# report, scenes/ in the current folder).
+# gpu.sh test|certify|sanitize|bench|report [folder of binaries]: the tests and benchmarks that need a GPU, run by make gpu-test and
+# its like (report: make report-gpu). With a folder of binaries that were built elsewhere it needs nothing but them (and, for
+# the report, scenes/ in the current folder).
 set -uo pipefail
-what=${1:?gpu.sh test, sanitize, bench or report}
+what=${1:?gpu.sh test, certify, sanitize, bench or report}
 bin=${2:-build/bin}
 out=${OUT:-out}
 mkdir -p "$out"
@@ -28,6 +28,10 @@ case $what in
       printf '%-45s %s\n' "$run" "$(grep -E '^\[  (PASSED|FAILED)  \] [0-9]+ test' "$out/gpu_test.log" | tr -d '\n')"
     done
     exit $failed
+    ;;
+  certify)
+    file=$(results_file accuracy) || exit 1
+    "$bin/clearance-certify" --backend cuda --pairs 1000000 --seed 1 --csv "$file" --failures "$out/certify_failures.txt" && echo "$file"
     ;;
   sanitize)
     # Out of bounds, barriers that not all reach, races in shared memory. Not initcheck: rows that the CPU writes later and fields
@@ -58,5 +62,5 @@ case $what in
     done
     "$bin/clearance-report" --csv "$file" --remark "make report-gpu" --scratch "$out" "${coal[@]}" && echo "$file"
     ;;
-  *) echo "gpu.sh: expected test, sanitize, bench or report, got '$what'" >&2; exit 2 ;;
+  *) echo "gpu.sh: expected test, certify, sanitize, bench or report, got '$what'" >&2; exit 2 ;;
 esac

@@ -19,8 +19,7 @@ std::vector<Case> cases_of(const CaseClass& c, int count, std::uint64_t seed) {
 TEST_P(CudaClasses, AreContained) {
   const CaseClass& c = case_classes()[GetParam()];
   const std::vector<Case> cases = cases_of(c, 60, 21);
-  std::vector<Setting> settings = standard_settings(false);
-  for (Setting& s : settings) s.backend = "cuda";
+  const std::vector<Setting> settings = standard_settings({"cuda"});
   int shown = 0;
   const std::vector<Tally> tallies = try_cases(
       cases, settings, 1, true, [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {

@@ -1,10 +1,13 @@
-// A million pairs on the device, dense and reduced, against intervals that the oracle proves for the same pairs: brute force in
-// double-double, wider than the exact distance by its own rounding alone (some 1e-28 of the bodies' size).
+// A million pairs on the device, cold, warm and reduced, in float64 and float32, each before the exact judge. The same test
+// asks the CPU about a part of them.
 #include <algorithm>
+#include <atomic>
 #include <cstdlib>
 #include <numeric>
+#include <thread>
 
 #include "same_answer.h"
+#include "tests/exact/exact_distance.h"
 
 namespace clearance::test {
 namespace {
@@ -44,11 +47,46 @@ std::vector<Pose> poses_of(Random& random) {
   return poses;
 }
 
-TEST(CudaContainment, OfAMillionPairsTheExactDistanceIsInTheInterval) {
-  SKIP_WITHOUT_DEVICE();
-  const char* wanted = std::getenv("CLEARANCE_CONTAINMENT_PAIRS");
-  const std::uint64_t pairs_wanted = wanted ? std::strtoull(wanted, nullptr, 10) : 1'000'000;
-  const Engine device(bodies_of_all_kinds(), {"cuda"}), oracle(bodies_of_all_kinds(), {"reference"});
+/// The doubles on either side of a distance; of overlapping bodies it is 0.
+struct Exact {
+  double below = 0, above = 0;
+};
+
+/// The exact distance of every pair in every configuration, in the order of a query's rows.
+std::vector<Exact> judge(const Scene& scene, const std::vector<BodyPair>& pairs, const std::vector<Pose>& poses) {
+  std::vector<Exact> rows(kBatch * pairs.size());
+  std::atomic<std::size_t> next{0};
+  const auto work = [&] {
+    for (std::size_t i; (i = next++) < rows.size();) {
+      const BodyPair pair = pairs[i % pairs.size()];
+      const Pose* X = poses.data() + i / pairs.size() * kBodies;
+      const auto view = [&](std::uint32_t body) {
+        const Piece& piece = *scene.bodies()[body].pieces[0];
+        return exact::PieceView{piece.vertices, piece.radius};
+      };
+      const exact::Value d = exact::exact_distance(view(pair.a), X[pair.a], view(pair.b), X[pair.b], false).distance;
+      if (d.compare(0) > 0) rows[i] = {d.lower(), d.upper()};
+    }
+  };
+  std::vector<std::jthread> threads;
+  for (unsigned t = 0; t < std::max(1u, std::thread::hardware_concurrency()); ++t) threads.emplace_back(work);
+  threads.clear();  // waits for them
+  return rows;
+}
+
+class ManyPairs : public testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override {
+    if (GetParam() == "cuda") SKIP_WITHOUT_DEVICE();
+  }
+  std::uint64_t wanted() const {
+    const char* given = std::getenv("CLEARANCE_CONTAINMENT_PAIRS");
+    return given ? std::strtoull(given, nullptr, 10) : GetParam() == "cuda" ? 1'000'000 : 100'000;
+  }
+};
+
+TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
+  const Engine engine(bodies_of_all_kinds(), {GetParam()});
   std::vector<std::uint32_t> bodies(kBodies);
   std::iota(bodies.begin(), bodies.end(), 0u);
   Random random(32);
@@ -57,54 +95,55 @@ TEST(CudaContainment, OfAMillionPairsTheExactDistanceIsInTheInterval) {
   q.configuration_count = kBatch;
   q.fields = kDefaultFields;
   std::uint64_t pairs = 0, apart = 0, near = 0, overlapping = 0, outside = 0;
-  while (pairs < pairs_wanted) {
+  while (pairs < wanted()) {
     const std::vector<Pose> poses = poses_of(random);
     q.configurations = poses;
     q.reduce = Reduce::kNone;
-    const Answer truth = ask(oracle, q);
-    const auto hold = [&](std::uint64_t row, double lower, double upper, const char* what) {
-      const double exact_low = truth.view.lower[row], exact_high = truth.view.upper[row];
-      if (lower <= exact_low && exact_high <= upper) return;
-      // Where the answer is double-double's, too, neither needs to hold the other.
-      const bool as_fine = upper - lower <= 8 * (exact_high - exact_low);
-      if (as_fine && lower <= exact_high && exact_low <= upper) return;
-      if (++outside <= 5)
-        ADD_FAILURE() << what << ": [" << lower << ", " << upper << "] does not hold [" << exact_low << ", " << exact_high << ']';
-    };
-    for (const std::uint64_t warm : {0, 1, 1}) {  // the second warm query begins where the first has ended
-      q.warm_slot = warm;
-      const Answer answer = ask(device, q);
-      ASSERT_EQ(answer.info.backend, "cuda");
-      for (std::uint64_t i = 0; i < answer.size.rows; ++i) {
-        ASSERT_TRUE(answer.view.lower[i] <= answer.view.upper[i]);
-        hold(i, answer.view.lower[i], answer.view.upper[i], warm ? "warm" : "cold");
-      }
+    const std::vector<Exact> exact = judge(engine.scene(), engine.pairs(q), poses);
+    for (const Exact& one : exact) {
+      overlapping += !(one.above > 0);
+      apart += one.above > 0;
+      near += one.above > 0 && one.above < 1e-2;
     }
-    q.warm_slot = 0;
-    for (std::uint64_t i = 0; i < truth.size.rows; ++i) {
-      const double upper = truth.view.upper[i];
-      overlapping += !(upper > 0);
-      apart += truth.view.lower[i] > 0;
-      near += truth.view.lower[i] > 0 && upper < 1e-2;
-    }
-    pairs += truth.size.rows;
+    pairs += exact.size();
 
-    q.reduce = Reduce::kMin;
-    const Answer least = ask(device, q);
-    ASSERT_EQ(least.info.backend, "cuda");
-    const std::uint64_t P = truth.size.rows / kBatch;
-    for (std::uint64_t k = 0; k < kBatch; ++k) {
-      const auto row = std::min_element(truth.view.upper + k * P, truth.view.upper + (k + 1) * P) - truth.view.upper;
-      hold(static_cast<std::uint64_t>(row), least.view.lower[k], least.view.upper[k], "least");
+    const auto hold = [&](const Exact& one, double lower, double upper, const std::string& what) {
+      if (lower <= one.below && one.above <= upper) return;
+      if (++outside <= 5)
+        ADD_FAILURE() << what << ": [" << lower << ", " << upper << "] does not hold the exact distance, which is in ["
+                      << one.below << ", " << one.above << ']';
+    };
+    for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+      const std::string name = precision == Precision::kF64 ? "f64 " : "f32 ";
+      q.precision = precision;
+      q.reduce = Reduce::kNone;
+      for (const std::uint64_t warm : {0, 1, 1}) {  // the second warm query begins where the first has ended
+        q.warm_slot = warm;
+        const Answer answer = ask(engine, q);
+        ASSERT_EQ(answer.info.backend, GetParam());
+        ASSERT_EQ(answer.size.rows, exact.size());
+        for (std::uint64_t i = 0; i < exact.size(); ++i)
+          hold(exact[i], answer.view.lower[i], answer.view.upper[i], name + (warm ? "warm" : "cold"));
+      }
+      q.warm_slot = 0;
+      q.reduce = Reduce::kMin;
+      const Answer least = ask(engine, q);
+      ASSERT_EQ(least.info.backend, GetParam());
+      const std::size_t P = exact.size() / kBatch;
+      for (std::size_t k = 0; k < kBatch; ++k)
+        hold(*std::min_element(&exact[k * P], &exact[k * P] + P, [](auto& a, auto& b) { return a.above < b.above; }),
+             least.view.lower[k], least.view.upper[k], name + "least");
     }
   }
   EXPECT_EQ(outside, 0u);
   EXPECT_GT(apart, pairs / 4);
   EXPECT_GT(overlapping, pairs / 50);
   EXPECT_GT(near, pairs / 1000);
-  std::printf("%zu pairs: %zu apart, %zu of them by less than 0.01, %zu overlapping\n", std::size_t{pairs}, std::size_t{apart},
-              std::size_t{near}, std::size_t{overlapping});
+  std::printf("%s: %zu pairs: %zu apart, %zu of them by less than 0.01, %zu overlapping\n", GetParam().c_str(),
+              std::size_t{pairs}, std::size_t{apart}, std::size_t{near}, std::size_t{overlapping});
 }
+
+INSTANTIATE_TEST_SUITE_P(Backends, ManyPairs, testing::Values("cpu", "cuda"), [](const auto& p) { return p.param; });
 
 }  // namespace
 }  // namespace clearance::test

@@ -115,10 +115,9 @@ void Tally::add(const Tally& o) {
   worst_width = std::max(worst_width, o.worst_width);
 }
 
-std::vector<Setting> standard_settings(bool reference) {
+std::vector<Setting> standard_settings(const std::vector<std::string>& backends) {
   std::vector<Setting> settings;
-  for (const char* backend : {"cpu", "reference"}) {
-    if (!reference && std::string(backend) == "reference") continue;
+  for (const std::string& backend : backends) {
     for (const bool depth : {false, true}) {
       Setting s;
       s.backend = backend;

@@ -22,6 +22,7 @@ struct Options {
   std::uint64_t seed = 1;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   int columns_every = 10;
+  std::vector<std::string> backends{"cpu", "reference"};
   std::string csv, only, failures;
 };
 
@@ -72,7 +73,7 @@ void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& 
 }
 
 int certify(const Options& o) {
-  const std::vector<Setting> settings = standard_settings();
+  const std::vector<Setting> settings = standard_settings(o.backends);
   const std::vector<Batch> batches = share_out(o);
   std::vector<std::vector<Tally>> table(case_classes().size(), std::vector<Tally>(settings.size()));
   std::ofstream failures;
@@ -139,6 +140,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Puts seeded pairs of every class before the engine, judges every answer exactly, writes a table."};
   app.add_option("--pairs", o.pairs, "pairs in all; each is asked under every setting")->check(CLI::PositiveNumber);
   app.add_option("--seed", o.seed, "of the cases");
+  app.add_option("--backend", o.backends, "backends to ask; cpu and reference if none is named");
   app.add_option("--threads", o.threads, "batches at a time")->check(CLI::Range(1, 256));
   app.add_option("--columns-every", o.columns_every, "prove witness points and normals of one batch in this many")
       ->check(CLI::Range(1, 1000000));
