@@ -135,11 +135,12 @@ struct Client::Impl {
       throw RequestError(static_cast<std::uint16_t>(error.code), error.what());
     }
     const bool is_query = type == FrameType::kQuery;
+    const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;  // before the room: it may ask, too
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
     std::byte* room = begin(payload_bytes, is_query ? expected_reply_bytes(q, query.pairs) : 0);
     const auto header =
-        wire::make_header(type, next_request_id++, payload_bytes, query.check_scene ? known_revision() : 0);
+        wire::make_header(type, next_request_id++, payload_bytes, scene_revision);
     wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data());
     channel->send();
     return header.request_id;
@@ -175,12 +176,27 @@ struct Client::Impl {
     return receive(send(request, payload, reply_bytes, scene_revision), reply);
   }
 
+  /// The scene as the caller knows it from now on.
   const SceneInfo& get_scene() {
-    if (!scene || scene_is_old) fetch_scene();
+    if (!scene || scene_is_old) look_at_scene();
     return *scene;
   }
-  void fetch_scene();
-  std::uint64_t known_revision() const { return scene && !scene_is_old ? scene->revision : 0; }
+  void look_at_scene() {
+    scene = fetch_scene();
+    scene_is_old = changed_by_us = false;
+    known_revision = poses_revision = scene->revision;
+  }
+  SceneInfo fetch_scene();
+  /// The revision of the scene that the caller's ids are of, for a request that uses them; 0: it knows none. What somebody
+  /// else has changed is refused (kWrongScene) until the caller looks at the scene again, since its ids may mean other bodies;
+  /// what this client has changed itself is not, where they mean the same.
+  std::uint64_t revision_of_ids() {
+    if (known_revision && std::exchange(changed_by_us, false))
+      if (const SceneInfo now = fetch_scene(); ids_mean_the_same(now, false)) known_revision = poses_revision = now.revision;
+    return known_revision;
+  }
+  /// Whether the ids that both scenes have are of bodies and groups of the same names, and if asked for of the same parents.
+  bool ids_mean_the_same(const SceneInfo& now, bool parents) const;
 
   /// Room that the reply to a query may take at most, as far as the client can tell; 0: unknown.
   std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs) const;
@@ -191,11 +207,12 @@ struct Client::Impl {
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
   }
 
-  /// A request that is answered when the daemon has another scene.
-  SceneChanged change_scene(FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit) {
-    const std::uint64_t request = send(type, payload, 0, type == FrameType::kReload ? 0 : known_revision());
+  /// A request that is answered when the daemon has another scene. \param scene_revision of the ids in it; 0: there are none.
+  SceneChanged change_scene(FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit,
+                            std::uint64_t scene_revision = 0) {
+    const std::uint64_t request = send(type, payload, 0, scene_revision);
     const auto frame = receive(request, FrameType::kSceneChanged, limit);
-    scene_is_old = true;
+    scene_is_old = changed_by_us = true;
     const auto change = checked([&] { return wire::parse_scene_changed(frame->payload()); });
     return {change.scene_revision, change.body_count, change.body, change.seconds};
   }
@@ -208,11 +225,14 @@ struct Client::Impl {
   std::chrono::nanoseconds timeout = std::chrono::seconds(5);
   std::uint64_t next_request_id = 1;
   std::uint64_t oldest_request_id = 1;  // of this channel's; older ones went out over one that was lost
-  std::optional<SceneInfo> scene;
-  bool scene_is_old = false;  // the daemon has said so: fetched anew before its next use
+  std::optional<SceneInfo> scene;  // as the caller has seen it
+  bool scene_is_old = false;       // the daemon has said so: fetched anew before the caller's next look
+  bool changed_by_us = false;      // since, in a way that may have given bodies other ids
+  std::uint64_t known_revision = 0;  // of the scene that the caller's ids are of; 0: it has not looked
+  std::uint64_t poses_revision = 0;  // of the last one known in which they are of the same bodies with the same parents
 };
 
-void Client::Impl::fetch_scene() {
+SceneInfo Client::Impl::fetch_scene() {
   const auto frame = call(FrameType::kDescribe, {}, FrameType::kScene, 0);
   const auto parts = checked([&] { return wire::parse_scene(frame->payload()); });
   SceneInfo info;
@@ -231,8 +251,16 @@ void Client::Impl::fetch_scene() {
     for (std::uint32_t m = 0; m < r.member_count; ++m) group.bodies.push_back(parts.members[r.first_member + m]);
     info.groups.push_back(std::move(group));
   }
-  scene = std::move(info);
-  scene_is_old = false;
+  return info;
+}
+
+bool Client::Impl::ids_mean_the_same(const SceneInfo& now, bool parents) const {
+  const auto same = [](const auto& then, const auto& others, auto equal) {
+    return std::equal(then.begin(), then.begin() + std::min(then.size(), others.size()), others.begin(), equal);
+  };
+  return same(scene->bodies, now.bodies, [parents](const BodyInfo& a, const BodyInfo& b) {
+           return a.name == b.name && (!parents || a.parent == b.parent);
+         }) && same(scene->groups, now.groups, [](const GroupInfo& a, const GroupInfo& b) { return a.name == b.name; });
 }
 
 std::uint64_t Client::Impl::expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs) const {
@@ -280,24 +308,25 @@ PosesDone Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose
     std::memcpy(at, &record, sizeof record);
     at += sizeof record;
   }
-  const auto ask = [&] {
-    return poses_done(*call(FrameType::kSetPoses, payload, FrameType::kPosesDone, 0, known_revision()));
+  const auto ask = [&](std::uint64_t revision) {
+    return poses_done(*call(FrameType::kSetPoses, payload, FrameType::kPosesDone, 0, revision));
   };
+  revision_of_ids();
   try {
-    return ask();
+    return ask(poses_revision);
   } catch (const RequestError& error) {
     if (error.code != static_cast<std::uint16_t>(wire::ErrorCode::kWrongScene) || !scene) throw;
     // The scene changed, by an attachment perhaps. Where an id still means the same body with the same parent, so does
-    // its pose, and the update can be sent again.
-    const SceneInfo before = std::move(*scene);
-    const SceneInfo& now = get_scene();
+    // its pose, and the update can be sent again. The caller has not seen the new scene: its queries stay those for the old.
+    const SceneInfo now = fetch_scene();
     for (const auto& [body, pose] : poses) {
-      if (body >= before.bodies.size()) continue;
-      if (body >= now.bodies.size() || now.bodies[body].name != before.bodies[body].name ||
-          now.bodies[body].parent != before.bodies[body].parent)
+      if (body >= scene->bodies.size()) continue;
+      if (body >= now.bodies.size() || now.bodies[body].name != scene->bodies[body].name ||
+          now.bodies[body].parent != scene->bodies[body].parent)
         throw;
     }
-    return ask();
+    if (ids_mean_the_same(now, true)) poses_revision = now.revision;  // the next update's, too
+    return ask(now.revision);
   }
 }
 
@@ -340,9 +369,12 @@ PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7*
   record.has_pose = X_parent_child != nullptr;
   if (X_parent_child) std::copy(X_parent_child->begin(), X_parent_child->end(), record.pose);
   const auto payload = std::as_bytes(std::span(&record, 1));
-  const auto frame = impl().call(FrameType::kAttach, payload, FrameType::kPosesDone, 0, impl().known_revision());
+  const std::uint64_t revision = impl().revision_of_ids();
+  const auto frame = impl().call(FrameType::kAttach, payload, FrameType::kPosesDone, 0, revision);
   impl().scene_is_old = true;
-  return impl().poses_done(*frame);
+  const PosesDone done = impl().poses_done(*frame);
+  if (revision) impl().known_revision = impl().poses_revision = done.scene_revision;  // ids stay
+  return done;
 }
 
 SceneChanged Client::reload(Duration timeout) {
@@ -374,7 +406,7 @@ SceneChanged Client::add_body(const NewBody& body) {
   std::vector<std::byte> payload;
   wire::append(payload, record);
   wire::append_bytes(payload, body.vertices.data(), body.vertices.size_bytes());
-  return impl().change_scene(FrameType::kAddBody, payload, impl().timeout);
+  return impl().change_scene(FrameType::kAddBody, payload, impl().timeout, body.parent == kNone ? 0 : impl().revision_of_ids());
 }
 
 SceneChanged Client::remove_body(std::string_view name) {
@@ -387,7 +419,7 @@ const SceneInfo& Client::scene() {
   return impl().get_scene();
 }
 void Client::refresh() {
-  impl().fetch_scene();
+  impl().look_at_scene();
 }
 
 std::uint32_t Client::body(std::string_view name) {

@@ -209,7 +209,10 @@ class CLEARANCE_API Client {
   /// one that another follows.
   SceneChanged remove_body(std::string_view name);
 
-  /// Fetched once, and again after an attachment or a refusal with kWrongScene; valid until then.
+  /// The scene that this client's ids are of: fetched once, and again if it has changed since (a refusal with kWrongScene, or
+  /// a change that this client made); valid until then. Once it was fetched, requests with ids are for that scene: when another
+  /// client or a reload has changed it, they are refused with kWrongScene until scene(), refresh(), body() or group() is
+  /// called. Not so changes that this client made, if every id that was there means the same body still.
   const SceneInfo& scene();
   void refresh();                                      ///< fetches the scene anew
   std::uint32_t body(std::string_view name);           ///< id; throws std::invalid_argument naming near misses

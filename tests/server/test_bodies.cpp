@@ -195,6 +195,76 @@ TEST_F(Bodies, WhereNoneCanBeMadeTheyAreRefused) {
   EXPECT_EQ(refusal(box_frame("crate"), ErrorCode::kNotSupported), "bodies can be neither added nor removed here");
 }
 
+// A client that goes on after a refusal, with the ids that it has, is not told about other bodies.
+TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
+  const TestFolder folder;
+  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc")});
+  Client other = connect(daemon.url());
+  const auto ball = [](const char* name, double x) { return NewBody{.name = name, .sphere = 0.1, .pose = Pose7{x, 0, 2, 1, 0, 0, 0}}; };
+  other.add_body(ball("near", 0));
+  other.add_body(ball("far", 50));
+  for (const std::string& url : daemon.urls()) {
+    Client client = connect(url);
+    const IdPair pair{client.body("near"), client.body("far")};
+    Query query;
+    query.pairs = std::span(&pair, 1);
+    EXPECT_NEAR(client.distances(query).distance()[0], 49.8, 1e-4);
+    other.remove_body("near");
+    other.add_body(ball("near", 0));
+    ASSERT_EQ(other.body("near"), pair[1]) << "the ids have changed places";
+    other.remove_body("far");
+    other.add_body(ball("third", 7));
+    const auto refused = [&](const auto& call) {
+      try {
+        call();
+      } catch (const RequestError& error) {
+        return error.code == static_cast<std::uint16_t>(ErrorCode::kWrongScene);
+      }
+      return false;
+    };
+    const Pose7 elsewhere{0, 0, 9, 1, 0, 0, 0};
+    EXPECT_EQ(client.set_poses(std::array{std::pair{1u, elsewhere}}).applied, 1u) << "the cup is the cup still";
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_TRUE(refused([&] { client.distances(query); })) << url << ", time " << i;
+      EXPECT_TRUE(refused([&] { client.submit(query).get(); })) << url << ", time " << i;
+      EXPECT_TRUE(refused([&] { client.pairs(query); })) << url << ", time " << i;
+      EXPECT_TRUE(refused([&] { client.attach(pair[0], pair[1]); })) << url << ", time " << i;
+      EXPECT_TRUE(refused([&] { client.set_poses(std::array{std::pair{pair[1], elsewhere}}); })) << url << ", time " << i;
+    }
+    EXPECT_EQ(client.scene().bodies[pair[1]].name, "third");
+    EXPECT_NEAR(client.distances(query).distance()[0], 6.8, 1e-5) << "now it knows";
+    other.remove_body("near");
+    other.remove_body("third");
+    other.add_body(ball("near", 0));
+    other.add_body(ball("far", 50));
+  }
+}
+
+TEST(ClearancedBodies, WhatAClientChangesItselfItNeedNotLookAt) {
+  const TestFolder folder;
+  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock"});
+  Client client = connect(daemon.url());
+  const IdPair pair{client.body("table"), client.body("cup")};
+  Query query;
+  query.pairs = std::span(&pair, 1);
+  for (const char* name : {"one", "two"}) {
+    client.add_body({.name = name, .sphere = 0.1, .pose = Pose7{5, 0, 2, 1, 0, 0, 0}});
+    EXPECT_EQ(client.distances(query).rows(), 1u);
+  }
+  const std::uint32_t two = client.body("two");
+  client.attach(two, pair[1]);
+  const IdPair with_two{0, two};
+  query.pairs = std::span(&with_two, 1);
+  EXPECT_EQ(client.distances(query).rows(), 1u);
+  client.attach(two, kNone);
+  client.remove_body("one");  // and `two` has its id
+  EXPECT_THROW(client.distances(query), RequestError);
+  EXPECT_EQ(client.body("two"), two - 1);
+  EXPECT_EQ(client.distances(query).status()[0], Status::kUnknownBody);
+  client.remove_body("two");
+  EXPECT_EQ(client.distances(query).status()[0], Status::kUnknownBody) << "nobody else has its id";
+}
+
 TEST(ClearancedBodies, AreAskedAboutByEveryClient) {
   const TestFolder folder;
   Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc")});
