@@ -402,6 +402,36 @@ TEST_P(EngineTest, GroupPairsExpandToTheirEnabledPairs) {
   EXPECT_TRUE(std::is_sorted(pairs.begin(), pairs.end()));
 }
 
+TEST_P(EngineTest, GroupsThatNameMorePairsThanMemoryHoldsAreRefused) {
+  Scene scene;
+  std::vector<std::string> fixed;
+  for (int i = 0; i < 300; ++i) {
+    scene.add_sphere("s" + std::to_string(i), 0.1, {.is_static = i >= 100, .pose = Pose{{1.0 * i, 0, 0}}});
+    if (i >= 100) fixed.push_back("s" + std::to_string(i));
+  }
+  scene.add_group("fixed", fixed);
+  const Engine engine = make(std::move(scene));
+  QueryView q;
+  const std::vector<BodyPair> all = engine.pairs(q);
+  q.all_pairs = false;
+  const auto ask_for = [&](BodyPair selector, std::size_t times) {
+    const std::vector<BodyPair> selectors(times, selector);
+    q.pairs = selectors;
+    return engine.pairs(q);
+  };
+  EXPECT_EQ(ask_for({kEveryBody, kEveryBody}, 1), all);
+  EXPECT_EQ(ask_for({kEveryBody, kEveryBody}, 3).size(), 3 * all.size());
+  EXPECT_TRUE(ask_for({kGroupBit, kGroupBit}, 20).empty());
+  // 0.4 and 0.8 MB of selectors would be 35 GB of pairs, and hours of looking for pairs that are none.
+  for (const auto& [selector, times] : {std::pair{BodyPair{kEveryBody, kEveryBody}, 50'000}, {BodyPair{kGroupBit, kGroupBit}, 100'000}}) try {
+      ask_for(selector, static_cast<std::size_t>(times));
+      FAIL();
+    } catch (const QueryError& error) {
+      EXPECT_EQ(error.code, QueryErrorCode::kTooLarge);
+      EXPECT_NE(std::string(error.what()).find("more than the 33554432 of one query"), std::string::npos) << error.what();
+    }
+}
+
 TEST_P(EngineTest, ReductionsOfManyPairsGoStageByStage) {
   // More pairs than one unit takes, so that stages are spread over threads and sliced.
   Scene scene;
