@@ -16,7 +16,7 @@
 namespace clearance {
 
 struct Engine::Impl {
-  Impl(Scene&& s, const Options& o) : scene(std::move(s)), options(o), poses(scene) {}
+  Impl(Scene&& s, const Options& o) : scene(std::move(s)), options(o), warm(o.warm_memory), poses(scene) {}
 
   Scene scene;
   Options options;
@@ -153,6 +153,16 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
   return Job(make_job(context, std::move(plan), reply));
 }
 
+const std::uint64_t Engine::kMostWarmBytes = WarmStore::kMostSimplices * sizeof(WarmSimplex);
+
+std::uint64_t Engine::warm_bytes(const QueryView& query, const QuerySize& size) {
+  if (query.warm_slot == 0 || query.reduce != Reduce::kNone) return 0;
+  const std::uint64_t simplices = size.configurations * size.pairs;
+  return simplices > WarmStore::kMostSimplices ? 0 : simplices * sizeof(WarmSimplex);
+}
+
+void Engine::trim_warm(std::uint64_t client, std::uint64_t room) const { impl_->warm.trim(client, room); }
+
 Counters Engine::stats() const {
   const auto snapshot = impl_->poses.snapshot();
   std::uint64_t vertices = 0, pieces = 0;
@@ -164,6 +174,7 @@ Counters Engine::stats() const {
   Counters counters{{"engine.bodies", impl_->scene.bodies().size()},
           {"engine.pieces", pieces},
           {"engine.warm_bytes", impl_->warm.bytes()},
+          {"engine.warm_without_room", impl_->warm.without_room()},
           {"engine.box_trees", impl_->trees.builds()},
           {"engine.box_tree_bytes", impl_->trees.bytes()},
           {"engine.vertices", vertices},

@@ -76,6 +76,7 @@ class Engine {
     /// How reductions find near pairs: "auto", "brute" (every pair's boxes), "tree". Only speed depends on it.
     std::string broad_phase = "auto";
     std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are refused
+    std::uint64_t warm_memory = std::uint64_t{1} << 30;  ///< bytes of warm state on the host, of all clients together
     std::uint64_t device_memory = 0;  ///< bytes of device memory that backend cuda may take; 0: what there is
     /// Whether the CPU answers where the device cannot: it failed, or memory does not suffice. If not, such queries are
     /// refused (kNotSupported, with the reason).
@@ -120,6 +121,13 @@ class Engine {
   std::vector<BodyPair> pairs(const QueryView& query) const;
   /// Begins a query on the newest snapshot. Copies what it needs of `query`; throws QueryError.
   Job start(const QueryView& query, const ReplyView& reply) const;
+
+  /// Bytes that the warm state of a query takes on the host while it is under way, and after that until its client asks for
+  /// something else.
+  static std::uint64_t warm_bytes(const QueryView& query, const QuerySize& size);
+  static const std::uint64_t kMostWarmBytes;  ///< of one query; larger ones are always cold
+  /// Lets go of the warm state that a client's queries left on the host, if it takes more than `room` bytes.
+  void trim_warm(std::uint64_t client, std::uint64_t room) const;
 
   Counters stats() const;
 

@@ -20,7 +20,8 @@ struct WarmSimplex {
 /// Of a dense query: one for each configuration and pair, (K, P).
 struct WarmTable {
   std::uint64_t client = 0, question = 0;
-  std::vector<WarmSimplex> simplices;
+  std::vector<WarmSimplex> simplices;  // never another size
+  std::uint64_t bytes() const { return simplices.size() * sizeof(WarmSimplex); }
 };
 
 /// One table of each of the clients that asked last. Thread-safe; a table belongs to one job at a time.
@@ -45,6 +46,13 @@ class LatestTables {
     if (tables_.size() >= clients_) tables_.erase(tables_.begin());
     tables_.push_back(std::move(table));
   }
+  /// Lets go of the table of the client that was silent for longest; false: there is none.
+  bool drop_oldest() {
+    const std::lock_guard lock(mutex_);
+    if (tables_.empty()) return false;
+    tables_.erase(tables_.begin());
+    return true;
+  }
   template <class Visit>
   void for_each(Visit visit) const {
     const std::lock_guard lock(mutex_);
@@ -57,19 +65,32 @@ class LatestTables {
   std::vector<std::unique_ptr<Table>> tables_;  // the latest last
 };
 
-/// The tables of the clients that asked last.
+/// The tables of the clients that asked last, and of the jobs that work on them. A job that gets none begins cold, which
+/// costs time only. Thread-safe.
 class WarmStore {
  public:
   static constexpr std::size_t kClients = 64;              ///< more clients: the one longest silent begins cold again
   static constexpr std::size_t kMostSimplices = 1u << 22;  ///< larger questions are always cold (28 bytes each)
 
-  /// The table that `client` left for the same question, or an empty one of the size; null where the size is 0 or too large.
+  explicit WarmStore(std::uint64_t limit) : limit_(limit) {}  ///< bytes of all tables
+
+  /// The table that `client` left for the same question, or an empty one of the size; null where the size is 0 or too large,
+  /// or there is no room: what clients have left makes way, the longest silent first, but not what jobs work on.
   std::unique_ptr<WarmTable> take(std::uint64_t client, std::uint64_t question, std::uint64_t size);
-  void put_back(std::unique_ptr<WarmTable> table) { tables_.put_back(std::move(table)); }
-  std::uint64_t bytes() const;
+  void put_back(std::unique_ptr<WarmTable> table);
+  /// Lets go of what `client` left, if it takes more than `room` bytes.
+  void trim(std::uint64_t client, std::uint64_t room);
+  std::uint64_t bytes() const;         ///< of all tables
+  std::uint64_t without_room() const;  ///< times that there was no room
 
  private:
+  std::uint64_t kept_bytes() const;
+
+  const std::uint64_t limit_;
+  mutable std::mutex mutex_;  // of what follows
   LatestTables<WarmTable> tables_{kClients};
+  std::uint64_t in_use_ = 0;  // bytes, by jobs
+  std::uint64_t without_room_ = 0;
 };
 
 }  // namespace clearance

@@ -265,14 +265,14 @@ bool Loop::work_for_a_slice() {
 }
 
 void Loop::forget(const Task& task) {
-  waiting_bytes_ -= task.frame_bytes;
-  leave(task.sink->client(), task.frame_bytes);
+  waiting_bytes_ -= task.held_bytes;
+  leave(task.sink->client(), task.held_bytes);
 }
 
-void Loop::leave(std::uint64_t client, std::uint64_t reply_bytes) {
+void Loop::leave(std::uint64_t client, std::uint64_t held_bytes) {
   Usage& usage = waiting_per_client_.find(client)->second;
   --usage.requests;
-  usage.bytes -= reply_bytes;
+  usage.bytes -= held_bytes;
 }
 
 void Loop::finish(Task& task, Clock::time_point now) {

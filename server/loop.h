@@ -35,8 +35,8 @@ class Loop final : public Inbox {
     std::chrono::nanoseconds spin = std::chrono::microseconds(50);    ///< the most to poll in memory before going to sleep
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
     std::uint32_t max_waiting_per_client = 64;                 ///< queries of one client under way; more: kBusy
-    std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< room for the replies under way; more: kBusy
-    std::uint64_t max_client_bytes = std::uint64_t{2} << 30;   ///< of one client's; one reply may always be under way
+    std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< of requests and replies under way; more: kBusy
+    std::uint64_t max_client_bytes = std::uint64_t{2} << 30;   ///< of one client's; one request may always be under way
     std::uint32_t max_added_bodies = 64;                       ///< kAddBody; more: kBadQuery
     std::uint64_t max_added_vertices = 20'000;                 ///< of each
     std::uint64_t max_pairs_per_query = 10'000'000'000;        ///< pairs times configurations; more: kTooLarge
@@ -122,7 +122,7 @@ class Loop final : public Inbox {
   void forget(const Task& task);
   /// Throws a Refusal (kBusy) if as many requests of this client are under way as may be.
   void check_room_for(std::uint64_t client) const;
-  void leave(std::uint64_t client, std::uint64_t reply_bytes = 0);
+  void leave(std::uint64_t client, std::uint64_t held_bytes = 0);
   void tick();
   void take_new_engine();
   void sleep();
@@ -163,7 +163,7 @@ class Loop final : public Inbox {
   /// What one client has under way.
   struct Usage {
     std::uint32_t requests = 0;
-    std::uint64_t bytes = 0;  ///< of the replies to come
+    std::uint64_t bytes = 0;  ///< of its requests and of the replies to come
   };
   std::unordered_map<std::uint64_t, Usage> waiting_per_client_;
   std::uint64_t waiting_bytes_ = 0;

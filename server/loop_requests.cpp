@@ -134,13 +134,26 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
                                             std::to_string(options_.max_pairs_per_query) +
                                             " that one query may ask about (--max-pairs): split it"};
   const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields);
+  // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
+  const bool whole_table = parts.header.all_pairs && parts.bodies.size() == 0;
+  std::uint64_t held = bytes + payload.size() + (whole_table ? 0 : size.pairs * sizeof(BodyPair));
   Usage& usage = waiting_per_client_[client];
-  if (usage.bytes && usage.bytes + bytes > options_.max_client_bytes)
-    throw Refusal{ErrorCode::kBusy, "the replies of this client under way take " + std::to_string(usage.bytes) +
+  const std::uint64_t taken = usage.bytes + sink->unsent_bytes();
+  if (taken && taken + held > options_.max_client_bytes)
+    throw Refusal{ErrorCode::kBusy, "the requests and replies of this client under way take " + std::to_string(taken) +
                                         " bytes already; ask again (--max-client-mib)"};
-  if (waiting_bytes_ && waiting_bytes_ + bytes > options_.max_waiting_bytes)
+  if (waiting_bytes_ && waiting_bytes_ + held > options_.max_waiting_bytes)
     throw Refusal{ErrorCode::kBusy,
-                  "the replies under way take " + std::to_string(waiting_bytes_) + " bytes already; ask again"};
+                  "the requests and replies under way take " + std::to_string(waiting_bytes_) + " bytes already; ask again"};
+  // Warm state has what is left, and makes way: without it an answer takes longer, and no more.
+  const std::uint64_t left = options_.max_client_bytes - std::min(options_.max_client_bytes, taken + held);
+  std::uint64_t warm = Engine::warm_bytes(query, size);
+  if (warm > left) {
+    warm = query.warm_slot = 0;
+    ++counter("queries.cold");
+  }
+  held += warm;
+  if (warm == 0 && left < Engine::kMostWarmBytes) engine_->trim_warm(client, left);  // else the query takes what was left
 
   AlignedBytes own;
   std::byte* frame = sink->reserve(bytes);
@@ -158,15 +171,15 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   auto task = std::make_unique<Task>(std::move(sink), header, engine_, std::move(job));
   task->frame = frame;
   task->own = std::move(own);
-  task->frame_bytes = bytes;
+  task->held_bytes = held;
   task->reduce = query.reduce;
   task->format = query.format;
   task->received = turn_began_;
   task->due = begun + kPairCost * std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
   task->in_engine = in_engine;
   ++usage.requests;
-  usage.bytes += bytes;
-  waiting_bytes_ += bytes;
+  usage.bytes += held;
+  waiting_bytes_ += held;
   fresh_.push(client, std::move(task));
 }
 

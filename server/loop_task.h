@@ -34,7 +34,7 @@ struct Loop::Task {
   Job job;
   std::byte* frame = nullptr;  // the sink's room, or `own`
   AlignedBytes own;            // where the sink has no room for the most that may come back
-  std::uint64_t frame_bytes = 0;
+  std::uint64_t held_bytes = 0;  // the frame, and what the request itself takes
   Reduce reduce = Reduce::kNone;
   Format format = Format::kFull;
   Clock::time_point received, due;

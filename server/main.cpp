@@ -197,6 +197,7 @@ int serve(DaemonOptions options) {
   Engine::Options engine_options;
   engine_options.backend = options.backend;
   engine_options.threads = options.threads;
+  engine_options.warm_memory = std::uint64_t{options.max_warm_mib} << 20;
   engine_options.device_memory = std::uint64_t{options.device_memory_mib} << 20;
   engine_options.device_fallback = options.device_fallback;
   engine_options.calibration = options.calibration;

@@ -126,8 +126,14 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->type_name("N")
       ->capture_default_str();
   app.add_option("--max-client-mib", o.max_client_mib,
-                 "MiB of replies that one client may have under way; more are refused (busy), though one always may")
+                 "MiB that one client's requests and replies under way may take; more are refused (busy), though one always\n"
+                 "may. Its warm state has what is left")
       ->check(quiet(CLI::Range(1u, 1000000u)))
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--max-warm-mib", o.max_warm_mib,
+                 "MiB of all clients' warm state; beyond it, who was silent for longest begins cold again")
+      ->check(quiet(CLI::Range(0u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
   app.add_option("--max-pairs", o.max_pairs, "pairs times configurations that one query may ask about; more are refused")

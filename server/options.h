@@ -39,6 +39,7 @@ struct DaemonOptions {
   unsigned max_waiting = 64;
   unsigned max_clients = 256;
   unsigned max_client_mib = 2048;
+  unsigned max_warm_mib = 1024;
   unsigned max_added_bodies = 64;
   unsigned max_added_vertices = 20'000;
   std::uint64_t max_pairs = 10'000'000'000;

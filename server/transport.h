@@ -39,6 +39,8 @@ class ReplySink {
   virtual bool alive() const = 0;
   /// The same for every request of one client, unlike for two clients, never 0: for fairness and warm state.
   virtual std::uint64_t client() const = 0;
+  /// Bytes of replies to this client that were published and that the daemon still holds.
+  virtual std::uint64_t unsent_bytes() const { return 0; }
   /// What this client may do, at the time of the request.
   virtual Rights rights() const { return kAllRights; }
 };

@@ -70,6 +70,7 @@ class ZmqSink final : public ReplySink {
   void publish(std::uint64_t frame_bytes) override;
   bool alive() const override { return !peer_->gone; }
   std::uint64_t client() const override { return peer_->id; }
+  std::uint64_t unsent_bytes() const override { return peer_->unsent_bytes->load(std::memory_order_relaxed); }
   Rights rights() const override { return rights_; }
 
  private:

@@ -198,13 +198,13 @@ TEST_F(LoopTest, TooManyQueriesOfOneClientAreRefused) {
 
 TEST_F(LoopTest, RepliesUnderWayAreBoundedInBytes) {
   Loop::Options options = short_slices();
-  options.max_waiting_bytes = 600;
+  options.max_waiting_bytes = 700;
   start(small_scene(), options);
   for (std::uint64_t i = 1; i <= 2; ++i) transport_->send(a_, small_query().frame(i));
   loop_->turn();
   turn_until_idle();
   ASSERT_EQ(a_.replies.size(), 2u);
-  EXPECT_EQ(error_of(a_.replies[0]).text, "the replies under way take 448 bytes already; ask again");
+  EXPECT_EQ(error_of(a_.replies[0]).text, "the requests and replies under way take 592 bytes already; ask again");
   EXPECT_EQ(a_.replies[1]->type(), FrameType::kReply);
 }
 

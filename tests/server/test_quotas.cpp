@@ -51,13 +51,79 @@ TEST_F(Quotas, BytesOfOneClientsReplies) {
   loop_->turn();
   const auto error = error_of(take(a_));
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kBusy);
-  EXPECT_NE(error.text.find("the replies of this client under way take "), std::string::npos) << error.text;
+  EXPECT_NE(error.text.find("the requests and replies of this client under way take "), std::string::npos) << error.text;
   EXPECT_NE(error.text.find("(--max-client-mib)"), std::string::npos) << error.text;
   send(b_, small_query(), 3);
   turn_until_idle();
   EXPECT_EQ(take(b_)->type(), wire::FrameType::kReply) << "others are not touched";
   EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
   EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "what has been answered is not counted any more";
+}
+
+TEST_F(Quotas, BytesOfOneClientsRequests) {
+  Loop::Options options = short_slices();
+  options.max_client_bytes = 100'000;
+  start(scattered_scene(20), options);
+  TestQuery query = large_query(20);  // 800 poses of 56 bytes
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);  // and 40 rows
+  for (const std::uint64_t id : {1, 2, 3}) send(a_, query, id);
+  loop_->turn();
+  const auto error = error_of(take(a_));
+  EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kBusy);
+  EXPECT_NE(error.text.find("(--max-client-mib)"), std::string::npos) << error.text;
+  turn_until_idle();
+  EXPECT_EQ(a_.replies.size(), 2u);
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
+
+  // Groups that name far more pairs than they have bytes.
+  TestQuery named;
+  named.pairs.assign(30, {kEveryBody, kEveryBody});
+  named.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
+  for (const std::uint64_t id : {4, 5, 6}) send(a_, named, id);
+  loop_->turn();
+  EXPECT_EQ(static_cast<ErrorCode>(error_of(take(a_)).header.code), ErrorCode::kBusy);
+  turn_until_idle();
+  EXPECT_EQ(a_.replies.size(), 2u);
+}
+
+TEST_F(Quotas, WarmStateHasWhatIsLeft) {
+  TestQuery warm = large_query(20);
+  warm.header.warm = 1;
+  warm.header.fields = kFieldUpper;
+  constexpr std::uint64_t kRows = 40 * 190, kWarm = kRows * 28;
+  const auto warm_bytes = [&] {
+    for (const auto& [name, value] : engine_->stats())
+      if (name == "engine.warm_bytes") return value;
+    return ~std::uint64_t{0};
+  };
+  Loop::Options options = short_slices();
+  options.max_client_bytes = 250'000;
+  start(scattered_scene(20), options);
+  const Reply cold = ask(a_, warm);
+  EXPECT_EQ(warm_bytes(), 0u);
+  EXPECT_EQ(loop_->counter("queries.cold"), 1u);
+
+  options.max_client_bytes = 400'000;
+  start(scattered_scene(20), options);
+  for (int i = 0; i < 2; ++i) {
+    const Reply answer = ask(a_, warm);
+    EXPECT_EQ(warm_bytes(), kWarm);
+    ASSERT_EQ(answer.rows(), cold.rows());
+    for (std::size_t row = 0; i == 0 && row < cold.rows(); ++row) ASSERT_EQ(answer.upper()[row], cold.upper()[row]) << "the first is cold, too";
+  }
+  EXPECT_EQ(loop_->counter("queries.cold"), 0u);
+  // While it works on it, warm state is under way like the rest.
+  send(a_, warm, 1);
+  send(a_, large_query(20), 2);
+  loop_->turn();
+  EXPECT_EQ(static_cast<ErrorCode>(error_of(take(a_)).header.code), ErrorCode::kBusy);
+  turn_until_idle();
+  EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
+  // What it left makes way for a reply, and for nobody else's.
+  ask(b_, large_query(20));
+  EXPECT_EQ(warm_bytes(), kWarm);
+  ask(a_, large_query(20));
+  EXPECT_EQ(warm_bytes(), 0u);
 }
 
 TEST_F(Quotas, OfAClientThatGoesAreGivenBack) {

@@ -11,6 +11,7 @@
 #include "bad_requests.h"
 #include "client/client.h"
 #include "daemon_fixture.h"
+#include "memory_transport.h"
 
 namespace clearance {
 namespace {
@@ -156,6 +157,28 @@ TEST_F(ZmqTest, RepliesToAClientThatDoesNotReadAreDroppedAndCounted) {
     lazy.send(zmq::buffer(&header, sizeof header), zmq::send_flags::sndmore);
     lazy.send(zmq::buffer(payload), zmq::send_flags::none);
   }
+  EXPECT_EQ(witness.distances().rows(), 4950u);
+}
+
+TEST_F(ZmqTest, RepliesThatAClientDoesNotReadAreCountedAmongItsOwn) {
+  const Daemon daemon({"--scene", folder_.write("two.yaml", scattered_yaml(100)), "--zmq", "ipc://" + (folder_ / "d.ipc"),
+                       "--threads", "1", "--max-client-mib", "4"});
+  zmq::context_t context;
+  zmq::socket_t lazy(context, zmq::socket_type::dealer);
+  lazy.set(zmq::sockopt::linger, 0);
+  lazy.set(zmq::sockopt::rcvhwm, 1);
+  lazy.connect(daemon.url());
+  Client witness = connect(daemon.url());
+  TestQuery query;
+  query.header.fields = kDefaultFields | kFieldPoints | kFieldNormal;  // 4950 rows, 480 KB
+  for (std::uint64_t sent = 1; counter(witness, "errors.busy") == 0; ++sent) {
+    ASSERT_LT(sent, 2000u) << "never too many";
+    const std::vector<std::byte> frame = query.frame(sent);
+    lazy.send(zmq::buffer(frame.data(), sizeof(wire::FrameHeader)), zmq::send_flags::sndmore);
+    lazy.send(zmq::buffer(frame.data() + sizeof(wire::FrameHeader), frame.size() - sizeof(wire::FrameHeader)), zmq::send_flags::none);
+    while (counter(witness, "queries") < sent || counter(witness, "queries.waiting")) std::this_thread::sleep_for(1ms);
+  }
+  EXPECT_EQ(counter(witness, "zmq.replies_dropped"), 0u) << "long before that";
   EXPECT_EQ(witness.distances().rows(), 4950u);
 }
 
