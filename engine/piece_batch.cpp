@@ -86,10 +86,10 @@ void PieceBatch::run_group(std::span<const PieceTask> tasks, const Group& group)
     pairs_.push_back({hull_a, hull_b, &task.pose_a->R_wb, &task.pose_b->R_wb, &task.pose_a->t_w, &task.pose_b->t_w,
                       task.max_distance, task.warm});
   }
-  if (answers_.size() < count) {
-    answers_.resize(count);
+  if (answers_.size() < count) {  // that one last: memory may run out in between
     witnesses_.resize(count);
     unsettled_.resize(count);
+    answers_.resize(count);
   }
   const NarrowLimits& limits = options_.limits;
   const LaneBatch batch{pairs_.data(), count, group.same_hulls, limits.abs_tol, limits.rel_tol, limits.max_iterations,
@@ -113,9 +113,9 @@ void PieceBatch::settle_in_f64(const LaneBatch& all) {
     }
   if (again_.empty()) return;
   if (again_answers_.size() < again_.size()) {
-    again_answers_.resize(again_.size());
     again_witnesses_.resize(again_.size());
     again_unsettled_.resize(again_.size());
+    again_answers_.resize(again_.size());
   }
   LaneBatch batch = all;
   batch.pairs = again_pairs_.data();

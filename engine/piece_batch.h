@@ -17,6 +17,7 @@ struct NarrowOptions {
   bool f32 = false;                   ///< begin with float32 where it can hold the pieces
   bool reference = false;             ///< the brute-force oracle: double-double, one pair after another
   bool want_points = true;            ///< witness points and normals; without, only the interval
+  bool operator==(const NarrowOptions&) const = default;
 };
 
 /// Two placed pieces; all that they point to must outlive the run.

@@ -1,7 +1,7 @@
 """Latency and throughput of every transport, measured by `clearance bench` on daemons that this script starts.
 
 Parts: latency (every transport beside its floor), python (the client's prepared query), doorbell (spinning and sleeping
-with cores apart, shared and busy), throughput (one client and eight, replies of 16 MB). Each writes out/NAME.csv.
+with cores apart, shared and busy), throughput (one client, eight and 64; replies of 16 MB). Each writes out/NAME.csv.
 """
 import argparse
 import csv
@@ -132,12 +132,13 @@ def doorbell(machine, options, path):
 
 
 def throughput(machine, options, path):
-    """Small queries of one client and of eight, and replies of 16 MB beside a memcpy of as many bytes."""
+    """Small queries of one client, of eight and of 64, and replies of 16 MB beside a memcpy of as many bytes."""
     path.unlink(missing_ok=True)
     with Stage() as stage:
         _, urls, _ = start_daemon(stage, options.scene, machine.on(0))
         for transport, url in urls.items():
-            for words in (["--pairs", 1], ["--pairs", 1, "--clients", 8], ["--configs", 7200, "--max-distance", 1e-3]):
+            for words in (["--pairs", 1], ["--pairs", 1, "--depth", 8], ["--pairs", 1, "--clients", 8], ["--pairs", 8, "--clients", 64],
+                          ["--configs", 7200, "--max-distance", 1e-3]):
                 if transport != "shm" and "--configs" in words:
                     continue
                 print(clearance(stage, machine.on(1), "bench-throughput", "--connect", url, "--seconds", options.seconds, "--csv", path,

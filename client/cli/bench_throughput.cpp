@@ -98,9 +98,15 @@ Result measure(const Options& o) {
   result.answers.resize(static_cast<std::size_t>(o.clients));
   std::vector<Client> clients;
   for (int i = 0; i < o.clients; ++i) clients.push_back(o.connection.open());
-  const BenchQuery q = make_query(clients[0], o);
+  // Each client draws pairs of its own.
+  std::vector<BenchQuery> queries;
+  for (int i = 0; i < o.clients; ++i) {
+    BenchQuestion own = o;
+    own.seed += static_cast<std::uint64_t>(i);
+    queries.push_back(make_query(clients[static_cast<std::size_t>(i)], own));
+  }
   {
-    const Reply reply = clients[0].distances(q.query);
+    const Reply reply = clients[0].distances(queries[0].query);
     result.pairs = reply.pairs() * reply.configurations();
     result.reply_bytes =
         sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) + wire::columns_bytes(reply.rows(), reply.fields());
@@ -114,7 +120,7 @@ Result measure(const Options& o) {
       start.arrive_and_wait();
       try {
         // With several clients the memcpy would take time from the others.
-        result.answers[i] = drive_client(clients[i], q.query, o.depth, stop, clients.size() == 1 ? &result : nullptr);
+        result.answers[i] = drive_client(clients[i], queries[i].query, o.depth, stop, clients.size() == 1 ? &result : nullptr);
       } catch (...) {
         failures[i] = std::current_exception();
       }

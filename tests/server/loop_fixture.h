@@ -26,10 +26,11 @@ class LoopTest : public testing::Test {
     transport_ = transport.get();
     loop_->add(std::move(transport));
   }
-  /// One query in many short slices.
+  /// Each turn works on one query, for a short slice of it.
   static Loop::Options short_slices() {
     Loop::Options options;
     options.slice = 1ns;
+    options.batch_pairs = 0;
     return options;
   }
   void turn_until_idle() {
