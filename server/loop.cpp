@@ -35,6 +35,9 @@ constexpr auto kLookEvery = std::chrono::microseconds(50);
 /// A transport that is polled in memory is in use for so long after its last frame.
 constexpr auto kInUse = std::chrono::milliseconds(100);
 
+/// A device's reply from this size on is worth memory that the device writes to itself: some ten microseconds of copying.
+constexpr std::uint64_t kWorthPinning = 64 << 10;
+
 std::string scheme_of(const std::string& url) {
   return url.substr(0, url.find(':'));
 }
@@ -372,6 +375,7 @@ void Loop::finish(Task& task, Clock::time_point now) {
   std::memcpy(frame, &header, sizeof header);
   reply.server_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(now - task.received).count());
   std::memcpy(frame + sizeof header, &reply, sizeof reply);
+  if (bytes >= kWorthPinning && info.backend == "cuda") task.sink->written_by_device();
   task.sink->publish(bytes);
   ++replies_;
   ++answered_;

@@ -117,10 +117,12 @@ Access access_of(const DaemonOptions& options) {
   return access;
 }
 
-std::unique_ptr<Transport> open_shm(const std::string& path, [[maybe_unused]] const Access& access) {
+std::unique_ptr<Transport> open_shm(const std::string& path, [[maybe_unused]] const Access& access,
+                                    [[maybe_unused]] std::uint64_t pinned_bytes) {
 #ifdef CLEARANCE_HAVE_SHM
   ShmLimits limits;
   limits.max_clients = access.max_clients;
+  limits.pinned_bytes = pinned_bytes;
   return make_shm_transport(path, limits, access);
 #else
   throw std::runtime_error("shm://" + path + ": this clearanced was built without shared memory");
@@ -151,7 +153,7 @@ std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] con
 void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, const LcmPoses& lcm_poses) {
   reserve_descriptor();
   add_default_endpoint(options);
-  for (const std::string& path : options.shm) loop.add(open_shm(path, access));
+  for (const std::string& path : options.shm) loop.add(open_shm(path, access, std::uint64_t{options.pinned_mib} << 20));
   for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));
   if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix, lcm_poses));
 }

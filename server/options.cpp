@@ -108,6 +108,11 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->capture_default_str();
   app.add_flag("!--no-device-fallback", o.device_fallback,
                "refuse what the device cannot answer; else the CPU answers it");
+  app.add_option("--pinned-mib", o.pinned_mib,
+                 "MiB of clients' shared memory that are pinned where the device has large replies for them, so that it writes\n"
+                 "them there itself; 0: they are copied")
+      ->type_name("N")
+      ->capture_default_str();
   app.add_option("--slice-us", o.slice_us, "microseconds that one query may take before the others get a turn")
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")

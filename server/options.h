@@ -33,6 +33,7 @@ struct DaemonOptions {
   int threads = 0;
   unsigned device_memory_mib = 0;
   bool device_fallback = true;
+  unsigned pinned_mib = 1024;
   std::string calibration = "auto";
   unsigned slice_us = 200;
   unsigned spin_us = 50;

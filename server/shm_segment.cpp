@@ -63,7 +63,8 @@ void ScratchBuffer::trim(std::size_t bytes) {
   capacity_ = 0;
 }
 
-std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, const ShmLimits& limits, std::uint32_t id,
+std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
+                                       const ShmLimits& limits, std::uint32_t id,
                                        std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why) {
   // The sizes come from a client: compare before adding, so that nothing wraps.
   if (request_capacity > wire::kMaxRequestBytes) {
@@ -108,8 +109,10 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, co
   std::shared_ptr<Segment> segment(new Segment);
   segment->budget_ = std::move(budget);
   segment->budget_->used += bytes;
+  segment->pinner_ = std::move(pinner);
   segment->memfd_ = std::move(memfd);
   segment->base_ = static_cast<std::byte*>(base);
+  segment->mapping_ = std::make_shared<Mapping>(segment->base_, bytes);
   segment->bytes_ = bytes;
   segment->request_capacity_ = request_bytes;
   segment->reply_capacity_ = reply_bytes;
@@ -134,7 +137,8 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, co
 }
 
 Segment::~Segment() {
-  if (base_) ::munmap(base_, bytes_);
+  mapping_.reset();
+  if (pin_) pinner_->let_go(pin_);
   if (budget_) budget_->used -= bytes_;
 }
 
@@ -187,6 +191,12 @@ void Segment::set_sleeping(bool sleeping) {
 
 std::byte* Segment::reply_area(std::uint32_t slot) {
   return base_ + reply_offset_ + slot * reply_capacity_;
+}
+
+void Segment::pin() {
+  if (pin_asked_ || !pinner_) return;
+  pin_asked_ = true;
+  pin_ = pinner_->pin(mapping_);
 }
 
 void Segment::post_reply(std::uint32_t slot, std::uint32_t generation, std::uint64_t frame_bytes) {

@@ -11,6 +11,7 @@
 #include "client/aligned_buffer.h"
 #include "client/shm_layout.h"
 #include "client/shm_os.h"
+#include "segment_pinner.h"
 #include "shm_transport.h"
 
 namespace clearance {
@@ -48,7 +49,9 @@ class Segment {
 
   /// Makes and maps a segment whose slots hold at least the capacities given, with as many slots as the limits allow.
   /// Null with `why` filled if the limits or the machine forbid it.
-  static std::shared_ptr<Segment> make(std::shared_ptr<SegmentBudget> budget, const ShmLimits& limits, std::uint32_t id,
+  /// \param pinner null: the segment is never pinned.
+  static std::shared_ptr<Segment> make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
+                                       const ShmLimits& limits, std::uint32_t id,
                                        std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why);
   ~Segment();
   Segment(const Segment&) = delete;
@@ -62,6 +65,8 @@ class Segment {
 
   /// The room of a slot's reply.
   std::byte* reply_area(std::uint32_t slot);
+  /// A device's replies are to come here without a copy, from some later one on.
+  void pin();
   /// Posts a reply and wakes the client; 0 bytes gives the slot back unanswered.
   void post_reply(std::uint32_t slot, std::uint32_t generation, std::uint64_t frame_bytes);
 
@@ -82,7 +87,9 @@ class Segment {
 
   // Everything the daemon decides by is here, in private memory.
   std::shared_ptr<SegmentBudget> budget_;
+  std::shared_ptr<SegmentPinner> pinner_;
   shm::UniqueFd memfd_;
+  std::shared_ptr<Mapping> mapping_;
   std::byte* base_ = nullptr;
   shm::SegmentHeader* header_ = nullptr;
   std::uint64_t bytes_ = 0;
@@ -92,6 +99,8 @@ class Segment {
   std::uint32_t reply_head_ = 0;    ///< replies posted
   std::uint32_t last_slot_ = 0;     ///< of the last request taken
   std::vector<Slot> slots_;
+  bool pin_asked_ = false;
+  SegmentPinner::Ticket* pin_ = nullptr;
   const char* why_ = "";
 };
 

@@ -74,6 +74,7 @@ class ShmSink final : public ReplySink {
     published_ = true;
     segment_->post_reply(slot_, generation_, frame_bytes);
   }
+  void written_by_device() override { segment_->pin(); }
   bool alive() const override { return !session_->gone; }
   std::uint64_t client() const override { return session_->id; }
   Rights rights() const override { return session_->rights; }
@@ -120,6 +121,7 @@ class ShmTransport final : public Transport {
     if (budget_->limit == 0)
       budget_->limit = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
                        static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / 2;
+    if (limits_.pinned_bytes > 0) pinner_ = std::make_shared<SegmentPinner>(limits_.pinned_bytes);
     limits_.max_segment_bytes = std::min(limits_.max_segment_bytes, budget_->limit);
     limits_.slots = std::clamp<std::uint32_t>(limits_.slots, 1, shm::kMaxSlots);
     epoll_.reset(::epoll_create1(EPOLL_CLOEXEC));
@@ -174,6 +176,8 @@ class ShmTransport final : public Transport {
       if (session->segments.empty() && now - session->connected > limits_.hello_timeout) drop(*session);
     remove_gone();
     *counters_.segment_bytes = budget_->used;
+    *counters_.pinned_bytes = pinner_ ? pinner_->bytes() : 0;
+    *counters_.pin_refusals = pinner_ ? pinner_->refusals() : 0;
   }
 
  private:
@@ -301,7 +305,7 @@ class ShmTransport final : public Transport {
   void give_segment(Session& session, const Message& wanted, bool first) {
     std::string why;
     auto segment =
-        Segment::make(budget_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
+        Segment::make(budget_, pinner_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
     if (segment && first) {
       session.wake.reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
       if (!session.wake || !watch(session.wake.get(), EPOLLIN | EPOLLET, 2 * session.id + 1)) {
@@ -384,13 +388,15 @@ class ShmTransport final : public Transport {
 
   struct CounterRefs {
     std::uint64_t *connections = nullptr, *clients = nullptr, *refused = nullptr, *violations = nullptr,
-                  *segment_bytes = nullptr;
+                  *segment_bytes = nullptr, *pinned_bytes = nullptr, *pin_refusals = nullptr;
     void bind(Inbox& inbox) {
       connections = &inbox.counter("shm.connections");
       clients = &inbox.counter("shm.clients");
       refused = &inbox.counter("shm.refused");
       violations = &inbox.counter("shm.violations");
       segment_bytes = &inbox.counter("shm.segment_bytes");
+      pinned_bytes = &inbox.counter("shm.pinned_bytes");
+      pin_refusals = &inbox.counter("shm.pin_refusals");
     }
   };
 
@@ -398,6 +404,7 @@ class ShmTransport final : public Transport {
   ShmLimits limits_;
   Access access_;
   std::shared_ptr<SegmentBudget> budget_;
+  std::shared_ptr<SegmentPinner> pinner_;
   Listener listener_;
   UniqueFd epoll_;
   std::vector<std::shared_ptr<Session>> sessions_;

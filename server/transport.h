@@ -35,6 +35,8 @@ class ReplySink {
   /// Sends the frame written into the reserved room; its size is read from `header_bytes + payload_bytes`, never more
   /// than was reserved. Called once.
   virtual void publish(std::uint64_t frame_bytes) = 0;
+  /// A device wrote much of this reply: it is worth a delay, once, that it reaches the room of the next ones without a copy.
+  virtual void written_by_device() {}
   /// False once the client is known to be gone: its job is then dropped.
   virtual bool alive() const = 0;
   /// The same for every request of one client, unlike for two clients, never 0: for fairness and warm state.

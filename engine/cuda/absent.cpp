@@ -13,6 +13,10 @@ std::shared_ptr<Device> open_device(const Scene&, std::uint64_t) {
 bool is_pinned(const void*) {
   return false;
 }
+RegisteredMemory::RegisteredMemory(std::byte*, std::size_t) : memory_(nullptr) {
+  throw DeviceError(DeviceError::kLost, installed_device().reason);
+}
+RegisteredMemory::~RegisteredMemory() = default;
 PinnedMemory::PinnedMemory(std::size_t) {
   throw DeviceError(DeviceError::kLost, installed_device().reason);
 }

@@ -100,7 +100,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     const std::uint64_t rows = std::uint64_t{c.configurations} * c.part->count;
     const auto copy = [&](auto* from, auto* to, auto* direct, std::size_t width) {
       if (!from || direct) return;
-      copy_bytes(from, to + c.first_row * width, rows * width * sizeof(*from));
+      copy_column(from, to + c.first_row * width, rows * width * sizeof(*from));
     };
     for_each_column(copy, r.rows, reply_, direct_);
     cpu_rows_.assign(r.rest.begin(), r.rest.end());

@@ -142,6 +142,14 @@ bool is_pinned(const void* memory) {
   return attributes.type == cudaMemoryTypeHost && attributes.devicePointer == memory;
 }
 
+RegisteredMemory::RegisteredMemory(std::byte* memory, std::size_t bytes) : memory_(memory) {
+  check(cudaHostRegister(memory, bytes, cudaHostRegisterPortable),
+        ("pinning " + std::to_string(bytes) + " bytes of host memory").c_str());
+}
+RegisteredMemory::~RegisteredMemory() {
+  cudaHostUnregister(memory_);
+}
+
 PinnedMemory::PinnedMemory(std::size_t bytes) : data_(PinnedKind::allocate(bytes)) {}
 PinnedMemory::~PinnedMemory() {
   PinnedKind::release(data_);

@@ -186,6 +186,19 @@ std::shared_ptr<Device> make_device(const Scene& scene, std::uint64_t memory_lim
 /// Whether the memory is pinned, so that the device can write to it.
 bool is_pinned(const void* memory);
 
+/// Makes memory that is there already pinned while it lives, whichever the devices of this process.
+class RegisteredMemory {
+ public:
+  /// \param memory a mapping, from its beginning. All its pages are taken now, which lasts milliseconds. Throws DeviceError.
+  RegisteredMemory(std::byte* memory, std::size_t bytes);
+  ~RegisteredMemory();
+  RegisteredMemory(const RegisteredMemory&) = delete;
+  RegisteredMemory& operator=(const RegisteredMemory&) = delete;
+
+ private:
+  std::byte* memory_;
+};
+
 /// Pinned host memory: replies in it need no copy on the host.
 class PinnedMemory {
  public:

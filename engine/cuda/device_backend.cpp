@@ -79,7 +79,8 @@ void DeviceBackend::append(Counters& counters) const {
                                    {"cuda.queries_without_room", without_room},
                                    {"cuda.usable", usable_ ? 1u : 0u},
                                    {"cuda.pairs_settled", settled},
-                                   {"cuda.pairs_finished_on_cpu", finished_on_cpu}});
+                                   {"cuda.pairs_finished_on_cpu", finished_on_cpu},
+                                   {"cuda.reply_bytes_copied", reply_bytes_copied}});
 }
 
 }  // namespace clearance::cuda

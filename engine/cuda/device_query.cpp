@@ -136,6 +136,11 @@ const Pose* DeviceQuery::poses_for(QueryWorkspace& workspace, int slot, std::uin
   return room;
 }
 
+void DeviceQuery::copy_column(const void* from, void* to, std::size_t bytes) {
+  copy_bytes(from, to, bytes);
+  backend_.reply_bytes_copied.fetch_add(bytes, std::memory_order_relaxed);
+}
+
 void DeviceQuery::copy_bytes(const void* from, void* to, std::size_t bytes) {
   const auto blocks = static_cast<std::int64_t>((bytes + kCopyBytes - 1) / kCopyBytes);
   const auto* source = static_cast<const std::byte*>(from);

@@ -31,7 +31,8 @@ class DeviceQuery : public ParallelJob {
   /// The poses of a slot's next chunk, pinned. Chunks come in order.
   const Pose* poses_for(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration,
                         std::uint32_t configurations);
-  void copy_bytes(const void* from, void* to, std::size_t bytes);
+  /// Copies rows of a column that the device could not write itself.
+  void copy_column(const void* from, void* to, std::size_t bytes);
 
   /// Answers rows on the CPU. `open`: of each index the row, ascending; `take(index, asked, answer)`.
   template <class Open, class Take>
@@ -73,6 +74,7 @@ class DeviceQuery : public ParallelJob {
     std::vector<PairAnswer> answers;
   };
   void find_direct_columns();
+  void copy_bytes(const void* from, void* to, std::size_t bytes);
   void keep_poses_until(std::size_t count);
   void place_fixed(const FixedBodies& fixed);
   void chain_moved(QuerySetup& s);
