@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
 #include "client/client.h"
 #include "table.h"
@@ -33,6 +34,8 @@ void add_output_options(CLI::App& command, Output& output);
 std::uint32_t body_of(Client& client, const std::string& text);
 /// A body, a group, or "*".
 std::uint32_t selector_of(Client& client, const std::string& text);
+/// A pose given as x y z [qw qx qy qz]; the identity where nothing was given. Throws std::invalid_argument.
+Pose7 pose_of(const std::string& option, const std::vector<double>& numbers);
 std::string name_of(const SceneInfo& scene, std::uint32_t body);
 
 void add_bodies(CLI::App& app);
@@ -43,6 +46,8 @@ void add_ping(CLI::App& app);
 void add_set_pose(CLI::App& app);
 void add_attach(CLI::App& app);
 void add_reload(CLI::App& app);
+void add_add_body(CLI::App& app);
+void add_remove_body(CLI::App& app);
 void add_bench(CLI::App& app);             // bench.cpp
 void add_bench_throughput(CLI::App& app);  // bench_throughput.cpp
 void add_bench_loop(CLI::App& app);        // bench_loop.cpp

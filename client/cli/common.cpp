@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <charconv>
 #include <chrono>
 
@@ -73,6 +74,15 @@ std::uint32_t selector_of(Client& client, const std::string& text) {
   for (std::size_t i = 0; i < groups.size(); ++i)
     if (groups[i].name == text) return kGroupBit | static_cast<std::uint32_t>(i);
   return body_of(client, text);
+}
+
+Pose7 pose_of(const std::string& option, const std::vector<double>& numbers) {
+  if (!numbers.empty() && numbers.size() != 3 && numbers.size() != 7)
+    throw std::invalid_argument(option + ": expected x y z, or x y z qw qx qy qz; got " + std::to_string(numbers.size()) +
+                                " numbers");
+  Pose7 pose{0, 0, 0, 1, 0, 0, 0};
+  std::copy(numbers.begin(), numbers.end(), pose.begin());
+  return pose;
 }
 
 std::string name_of(const SceneInfo& scene, std::uint32_t body) {

@@ -16,6 +16,8 @@ int main(int argc, char** argv) {
   cli::add_set_pose(app);
   cli::add_attach(app);
   cli::add_reload(app);
+  cli::add_add_body(app);
+  cli::add_remove_body(app);
   cli::add_stat(app);
   cli::add_ping(app);
   cli::add_keygen(app);

@@ -7,18 +7,6 @@
 namespace clearance::cli {
 namespace {
 
-Pose7 pose_of(const std::vector<double>& numbers) {
-  Pose7 pose{0, 0, 0, 1, 0, 0, 0};
-  std::copy(numbers.begin(), numbers.end(), pose.begin());
-  return pose;
-}
-
-std::string check_pose(const std::string& option, std::size_t count) {
-  return count == 0 || count == 3 || count == 7
-             ? ""
-             : option + ": expected x y z, or x y z qw qx qy qz; got " + std::to_string(count) + " numbers";
-}
-
 struct SetPoseOptions {
   Connection connection;
   std::string body;
@@ -26,9 +14,9 @@ struct SetPoseOptions {
 };
 
 void set_pose(const SetPoseOptions& o) {
-  if (const auto error = check_pose("POSE", o.pose.size()); !error.empty()) throw std::invalid_argument(error);
+  const Pose7 wanted = pose_of("POSE", o.pose);
   Client client = o.connection.open();
-  const std::pair<std::uint32_t, Pose7> pose{body_of(client, o.body), pose_of(o.pose)};
+  const std::pair<std::uint32_t, Pose7> pose{body_of(client, o.body), wanted};
   const PosesDone done = client.set_poses(std::span(&pose, 1));
   if (done.fixed) throw RequestError(0, "\"" + o.body + "\" is static: it does not move");
   if (done.bad)
@@ -45,10 +33,9 @@ struct AttachOptions {
 };
 
 void attach(const AttachOptions& o) {
-  if (const auto error = check_pose("--pose", o.pose.size()); !error.empty()) throw std::invalid_argument(error);
+  const Pose7 pose = pose_of("--pose", o.pose);
   if (o.free == !o.parent.empty()) throw std::invalid_argument("attach: name a parent, or say --free");
   Client client = o.connection.open();
-  const Pose7 pose = pose_of(o.pose);
   const PosesDone done = client.attach(body_of(client, o.child), o.free ? kNone : body_of(client, o.parent),
                                        o.pose.empty() ? nullptr : &pose);
   std::cout << "pose revision " << done.revision << "\n";

@@ -1,24 +1,118 @@
-// What changes the scene: reload.
+// What changes the scene: reload, add-body, remove-body.
 #include <cstdio>
+#include <fstream>
 #include <iostream>
 #include <memory>
+#include <sstream>
+#include <stdexcept>
 
 #include "commands.h"
 
 namespace clearance::cli {
 namespace {
 
-void reload(const Connection& connection) {
-  Client client = connection.open();
-  const auto timeout = std::chrono::duration<double>(connection.timeout_s);
-  const SceneChanged changed = client.reload(std::chrono::duration_cast<Client::Duration>(timeout));
+void print(const SceneChanged& changed, const char* how) {
   char text[96];
-  std::snprintf(text, sizeof text, "scene revision %016llx, %u bodies, loaded in %.3g s",
-                static_cast<unsigned long long>(changed.scene_revision), changed.body_count, changed.seconds);
+  std::snprintf(text, sizeof text, "scene revision %016llx, %u bodies, %s in %.3g s",
+                static_cast<unsigned long long>(changed.scene_revision), changed.body_count, how, changed.seconds);
   std::cout << text << "\n";
 }
 
+void reload(const Connection& connection) {
+  Client client = connection.open();
+  const auto timeout = std::chrono::duration<double>(connection.timeout_s);
+  print(client.reload(std::chrono::duration_cast<Client::Duration>(timeout)), "loaded");
+}
+
+struct AddBodyOptions {
+  Connection connection;
+  std::string name, vertices, parent;
+  std::vector<double> box, capsule, cylinder, pose;
+  double sphere = 0, radius = 0;
+  bool is_static = false;
+};
+
+/// Vertices from a file of numbers, three each, separated by white space or commas; "-": standard input.
+std::vector<std::array<double, 3>> read_vertices(const std::string& path) {
+  std::ifstream file;
+  if (path != "-") file.open(path);
+  std::istream& in = path == "-" ? std::cin : file;
+  if (!in) throw std::invalid_argument("--vertices " + path + ": cannot be read");
+  std::vector<std::array<double, 3>> vertices;
+  std::size_t line_number = 0;
+  for (std::string line; std::getline(in, line);) {
+    ++line_number;
+    for (char& c : line)
+      if (c == ',') c = ' ';
+    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
+    std::istringstream words(line);
+    std::array<double, 3> vertex{};
+    std::string rest;
+    if (!(words >> vertex[0] >> vertex[1] >> vertex[2]) || words >> rest)
+      throw std::invalid_argument("--vertices " + path + ":" + std::to_string(line_number) + ": expected three numbers, got \"" +
+                                  line.substr(0, 60) + '"');
+    vertices.push_back(vertex);
+  }
+  if (vertices.empty()) throw std::invalid_argument("--vertices " + path + ": there are none");
+  return vertices;
+}
+
+void add_body(const CLI::App& command, const AddBodyOptions& o) {
+  const auto pose = pose_of("--pose", o.pose);
+  std::vector<std::array<double, 3>> vertices;
+  if (!o.vertices.empty()) vertices = read_vertices(o.vertices);
+  NewBody body;
+  body.name = o.name;
+  body.vertices = vertices;
+  if (!o.box.empty()) body.box = {o.box[0], o.box[1], o.box[2]};
+  if (command.count("--sphere")) body.sphere = o.sphere;
+  if (!o.capsule.empty()) body.capsule = {o.capsule[0], o.capsule[1]};
+  if (!o.cylinder.empty()) body.cylinder = {o.cylinder[0], o.cylinder[1]};
+  body.radius = o.radius;
+  body.is_static = o.is_static;
+  if (!o.pose.empty()) body.pose = pose;
+  Client client = o.connection.open();
+  if (!o.parent.empty()) body.parent = body_of(client, o.parent);
+  print(client.add_body(body), "added");
+}
+
+void remove_body(const Connection& connection, const std::string& name) {
+  print(connection.open().remove_body(name), "removed");
+}
+
 }  // namespace
+
+void add_add_body(CLI::App& app) {
+  auto& command = *app.add_subcommand("add-body", "add a body to the daemon's scene, as an object that is grasped");
+  auto options = std::make_shared<AddBodyOptions>();
+  command.add_option("NAME", options->name, "that no body has")->required();
+  auto& shape = *command.add_option_group("Shape", "one of them; lengths in metres");
+  shape.require_option(1);
+  shape.add_option("--box", options->box, "edge lengths x y z")->expected(3)->type_name("X");
+  shape.add_option("--sphere", options->sphere, "radius")->type_name("R");
+  shape.add_option("--capsule", options->capsule, "radius, and length between the centres of its caps, along z")->expected(2)->type_name("X");
+  shape.add_option("--cylinder", options->cylinder, "radius, and length along z")->expected(2)->type_name("X");
+  shape.add_option("--vertices", options->vertices, "the convex hull of the vertices in this file, x y z on a line; -: standard input")
+      ->type_name("FILE");
+  command.add_option("--radius", options->radius, "grows the shape")->type_name("R");
+  command.add_option("--parent", options->parent, "a body, by name or number, that it follows")->type_name("BODY");
+  command.add_option("--pose", options->pose, "x y z [qw qx qy qz]; with a parent: relative to it. Default: none until one arrives\n"
+                                              "(with a parent or static: the origin)")
+      ->expected(3, 7)
+      ->type_name("X");
+  command.add_flag("--static", options->is_static, "it never moves");
+  add_connection_options(command, options->connection);
+  command.callback([&command, options] { add_body(command, *options); });
+}
+
+void add_remove_body(CLI::App& app) {
+  auto& command = *app.add_subcommand("remove-body", "remove a body that was added while the daemon ran");
+  auto connection = std::make_shared<Connection>();
+  auto name = std::make_shared<std::string>();
+  command.add_option("NAME", *name, "of the body")->required();
+  add_connection_options(command, *connection);
+  command.callback([connection, name] { remove_body(*connection, *name); });
+}
 
 void add_reload(CLI::App& app) {
   auto& command = *app.add_subcommand("reload", "have the daemon load its scene file anew; the old scene stays if it cannot");

@@ -252,6 +252,48 @@ TEST_F(CommandLine, PosesAndAttachments) {
   EXPECT_FALSE(contains(ask({"poses", "--csv"}).out, ",link2\n2,link1,ok,"));
 }
 
+TEST_F(CommandLine, BodiesComeAndGo) {
+  const Finished added = ask({"add-body", "mug", "--cylinder", "0.04", "0.1", "--parent", "link1", "--pose", "0", "0", "0.3"});
+  EXPECT_TRUE(contains(added.out, ", 5 bodies, added in ")) << added.out << added.err;
+  EXPECT_TRUE(contains(ask({"poses", "--csv"}).out, "4,mug,ok,"));
+  EXPECT_EQ(ask({"add-body", "ball", "--sphere", "0.25", "--pose", "0", "0", "2"}).code, 0);
+  EXPECT_TRUE(contains(ask({"query", "--pairs", "table,ball", "--csv", "--fields", "distance"}).out, "table,ball,1.7"));
+  EXPECT_EQ(ask({"add-body", "plate", "--box", "0.1", "0.1", "0.01", "--radius", "0.005", "--static"}).code, 0);
+  EXPECT_EQ(ask({"add-body", "rod", "--capsule", "0.01", "0.5"}).code, 0);
+  const std::string wedge = folder_.write("wedge.txt", "0 0 0\n1, 0, 0\n\n0\t1 0\r\n0 0 1\n");
+  const Finished hull = ask({"add-body", "wedge", "--vertices", wedge, "--pose", "0", "0", "5", "0", "1", "0", "0"});
+  EXPECT_TRUE(contains(hull.out, ", 9 bodies, added in ")) << hull.out << hull.err;
+  EXPECT_TRUE(contains(ask({"query", "--pairs", "table,wedge", "--csv", "--fields", "distance"}).out, "table,wedge,3.95"));
+
+  EXPECT_TRUE(contains(ask({"remove-body", "ball"}).out, ", 8 bodies, removed in "));
+  const std::string bad = folder_.write("bad.txt", "0 0 0\n1 0\n"), empty = folder_.write("empty.txt", "\n");
+  struct Case {
+    std::vector<std::string> options;
+    int code;
+    std::string text;
+  };
+  const Case cases[] = {
+      {{"remove-body", "ball"}, 1, "clearance: remove_body: \"ball\" is not in the scene\n"},
+      {{"remove-body", "cup"}, 1, "clearance: remove_body: \"cup\" is the scene file's: change the file, and reload it\n"},
+      {{"add-body", "mug", "--sphere", "1"}, 1, "clearance: body name \"mug\" is already that of a body\n"},
+      {{"add-body", "x", "--sphere", "-1"}, 1, "clearance: body \"x\": sphere radius: expected a number of metres > 0, got -1\n"},
+      {{"add-body", "x"}, 2, "clearance: "},
+      {{"add-body", "x", "--sphere", "1", "--box", "1", "1", "1"}, 2, "clearance: "},
+      {{"add-body", "x", "--box", "1", "1"}, 2, "clearance: --box: At least 3 required but received 2\n"},
+      {{"add-body", "x", "--sphere", "1", "--parent", "link9"}, 2, "clearance: no body \"link9\" in the scene; did you mean"},
+      {{"add-body", "x", "--sphere", "1", "--pose", "1", "2", "3", "4"}, 2, "clearance: --pose: expected x y z, or x y z qw qx qy qz; got 4 numbers\n"},
+      {{"add-body", "x", "--vertices", bad}, 2, "clearance: --vertices " + bad + ":2: expected three numbers, got \"1 0\"\n"},
+      {{"add-body", "x", "--vertices", empty}, 2, "clearance: --vertices " + empty + ": there are none\n"},
+      {{"add-body", "x", "--vertices", folder_ / "nowhere"}, 2, "clearance: --vertices " + (folder_ / "nowhere") + ": cannot be read\n"},
+  };
+  for (const Case& c : cases) {
+    const Finished finished = ask(c.options);
+    EXPECT_EQ(finished.code, c.code) << finished.err;
+    EXPECT_EQ(finished.err.rfind(c.text, 0), 0u) << finished.err;
+  }
+  EXPECT_TRUE(contains(ask({"bodies", "--csv"}).out, "wedge")) << "the rest is there still";
+}
+
 TEST_F(CommandLine, StatAndPing) {
   EXPECT_TRUE(contains(ask({"stat", "--csv"}).out, "queries.waiting,0\n"));
   for (int i = 0; i < 3; ++i) ask({"query"});
@@ -311,7 +353,7 @@ TEST_F(CommandLine, FindsTheDaemonByTheEnvironment) {
 TEST_F(CommandLine, HelpHasAnExample) {
   const Finished help = clearance_cli({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* part : {"bodies", "poses", "query", "stat", "ping", "set-pose", "attach",
+  for (const char* part : {"bodies", "poses", "query", "stat", "ping", "set-pose", "attach", "reload", "add-body", "remove-body",
                            "Example\n  clearance query", "CLEARANCE_URL"})
     EXPECT_TRUE(contains(help.out, part));
   EXPECT_FALSE(contains(clearance_cli({"query", "--help"}).out, "Exit codes"));
