@@ -55,13 +55,32 @@ namespace {
 // How long queries take on this machine, from where it was kept or measured now.
 cuda::Calibration calibration_of(const Engine::Options& options) {
   if (options.calibration == "measure") return cuda::calibrate(options);
-  const std::string key =
-      cuda::calibration_key(cuda::device_info().name, options.threads, lane_kernel(options.instruction_set).name);
+  std::string devices = options.devices.empty() ? cuda::device_info().name : std::string();
+  for (const int device : options.devices) devices += (devices.empty() ? "" : " and ") + cuda::device_name(device);
+  const std::string key = cuda::calibration_key(devices, options.threads, lane_kernel(options.instruction_set).name);
   const std::filesystem::path file = cuda::calibration_file(key);
   if (auto kept = cuda::load_calibration(file, key)) return *kept;
   const cuda::Calibration measured = cuda::calibrate(options);
   cuda::save_calibration(file, key, measured);
   return measured;
+}
+
+void check_devices(const Engine::Options& options) {
+  if (options.devices.empty()) return;
+  if (options.backend != "auto" && options.backend != "cuda")
+    throw std::invalid_argument("devices: backend '" + options.backend + "' uses none");
+  const cuda::DeviceInfo& info = cuda::device_info();
+  std::vector<int> seen;
+  for (const int device : options.devices) {
+    if (!info.present) throw std::runtime_error("devices: " + std::to_string(device) + " is not there (" + info.reason + ")");
+    if (device < 0 || device >= info.count)
+      throw std::runtime_error("devices: " + std::to_string(device) + " is not there; there " +
+                               (info.count == 1 ? "is one, number 0"
+                                                : "are " + std::to_string(info.count) + ", 0 to " + std::to_string(info.count - 1)));
+    if (std::find(seen.begin(), seen.end(), device) != seen.end())
+      throw std::invalid_argument("devices: " + std::to_string(device) + " is named twice");
+    seen.push_back(device);
+  }
 }
 
 }  // namespace
@@ -85,12 +104,14 @@ Engine::Engine(Scene scene, const Options& options) {
   });
   if (options.calibration != "auto" && options.calibration != "measure" && options.calibration != "off")
     throw std::invalid_argument("calibration: expected auto, measure or off, got '" + options.calibration + "'");
+  check_devices(options);
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
   const bool both = options.backend == "auto" && options.calibration != "off" && !bodies.empty() && cuda::device_info().present;
   if (options.backend == "cuda" || both) {
     cuda::DeviceBackend::Options device;
     if (options.device_memory > 0) device.memory_limit = options.device_memory;
     device.fallback = options.device_fallback;
+    device.devices = options.devices;
     impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene, device);
     if (both && impl_->device->usable())
       impl_->router = std::make_unique<cuda::Router>(impl_->scene, impl_->device->device(), calibration_of(impl_->options));

@@ -84,7 +84,7 @@ class Engine {
     std::string broad_phase = "auto";
     std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are refused
     std::uint64_t warm_memory = std::uint64_t{1} << 30;  ///< bytes of warm state on the host, of all clients together
-    std::uint64_t device_memory = 0;  ///< bytes of device memory that backend cuda may take; 0: what there is
+    std::uint64_t device_memory = 0;  ///< bytes of each device's memory that backend cuda may take; 0: what there is
     /// Whether the CPU answers where the device cannot: it failed, or memory does not suffice. If not, such queries are
     /// refused (kNotSupported, with the reason).
     bool device_fallback = true;
@@ -92,10 +92,13 @@ class Engine {
     /// (XDG_CACHE_HOME, or ~/.cache), and measures and keeps it if need be; "measure" measures and keeps nothing; "off":
     /// auto means the CPU.
     std::string calibration = "auto";
+    /// CUDA devices of backends cuda and auto, by their numbers; none: the calling thread's current one. Each holds the scene,
+    /// and queries are shared out among them; answers do not depend on how many there are.
+    std::vector<int> devices{};
   };
 
-  /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, std::runtime_error for one that is absent on
-  /// this machine or, without fallback, has no room for the scene.
+  /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, and for a device named twice;
+  /// std::runtime_error for a backend or device that is absent on this machine or, without fallback, has no room for the scene.
   explicit Engine(Scene scene) : Engine(std::move(scene), Options()) {}
   Engine(Scene scene, const Options& options);
   ~Engine();

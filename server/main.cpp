@@ -203,6 +203,7 @@ int serve(DaemonOptions options) {
   engine_options.device_memory = std::uint64_t{options.device_memory_mib} << 20;
   engine_options.device_fallback = options.device_fallback;
   engine_options.calibration = options.calibration;
+  engine_options.devices = options.devices;
   try {
     Engine probe(Scene{}, engine_options);  // a wrong backend is said before the scene is loaded, which may take long
   } catch (const std::exception& error) {

@@ -102,8 +102,14 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::IsMember({"auto", "measure", "off"})))
       ->type_name("HOW")
       ->capture_default_str();
+  app.add_option("--devices", o.devices,
+                 "GPUs of the cuda backend by number, as in 0,1: each holds the scene, and queries are shared out among\n"
+                 "them; where none is named, the first")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("N,N");
   app.add_option("--device-memory-mib", o.device_memory_mib,
-                 "MiB of device memory that the cuda backend may take; 0: what there is")
+                 "MiB of each GPU's memory that the cuda backend may take; 0: what there is")
       ->type_name("N")
       ->capture_default_str();
   app.add_flag("!--no-device-fallback", o.device_fallback,

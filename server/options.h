@@ -31,6 +31,7 @@ struct DaemonOptions {
   std::vector<std::string> lcm_allow;  ///< bodies and groups
   std::string backend = "auto";
   int threads = 0;
+  std::vector<int> devices;  ///< numbers; empty: the current one
   unsigned device_memory_mib = 0;
   bool device_fallback = true;
   unsigned pinned_mib = 1024;

@@ -103,6 +103,7 @@ Calibration calibrate(const Engine::Options& like) {
   const PiecePtr pieces[kHullSizes] = {sphere(kResolution[0]), sphere(kResolution[1])};
   Engine::Options cpu = like, device = like;
   cpu.backend = "cpu";
+  cpu.devices.clear();
   device.backend = "cuda";
   for (std::size_t kind = 0; kind < kQueryKinds; ++kind)
     for (std::size_t hulls = 0; hulls < kHullSizes; ++hulls)

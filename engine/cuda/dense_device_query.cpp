@@ -28,6 +28,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     if (plan_.query.warm_slot != 0) warm_ = backend_.take_warm(plan_);
     if (warm_) s.warm = warm_->memory.get();
     workspace_->begin(s);
+    slots_ = static_cast<std::uint64_t>(workspace_->slots());
     launch_ahead();
     keep_poses();
   }
@@ -67,7 +68,7 @@ class DenseDeviceQuery final : public DeviceQuery {
   }
 
   void launch_ahead() {
-    while (launched_ < chunks_ && launched_ < finished_ + kChunksUnderWay) launch(launched_++);
+    while (launched_ < chunks_ && launched_ < finished_ + slots_) launch(launched_++);
   }
 
   void launch(std::uint64_t index) {
@@ -75,7 +76,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     const bool is_last = c.configurations != deal_->configurations;
     const PairDeal::Part::Groups& g = is_last ? c.part->last : c.part->whole;
     ChunkSetup s;
-    const int slot = static_cast<int>(index % kChunksUnderWay);
+    const int slot = static_cast<int>(index % slots_);
     s.poses = poses_for(*workspace_, slot, c.first_configuration, c.configurations);
     s.configurations = c.configurations;
     s.first_configuration = c.first_configuration;
@@ -96,7 +97,7 @@ class DenseDeviceQuery final : public DeviceQuery {
 
   void finish(std::uint64_t index) {
     const Chunk c = chunk(index);
-    const ChunkResult r = workspace_->finish(static_cast<int>(index % kChunksUnderWay));
+    const ChunkResult r = workspace_->finish(static_cast<int>(index % slots_));
     const std::uint64_t rows = std::uint64_t{c.configurations} * c.part->count;
     const auto copy = [&](auto* from, auto* to, auto* direct, std::size_t width) {
       if (!from || direct) return;
@@ -123,7 +124,7 @@ class DenseDeviceQuery final : public DeviceQuery {
   }
 
   std::shared_ptr<const PairDeal> deal_;
-  std::uint64_t chunks_ = 0, launched_ = 0, finished_ = 0;
+  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0;
   std::vector<std::uint32_t> cpu_rows_;
   std::unique_ptr<DeviceWarmTable> warm_;
   std::shared_ptr<Workspace> workspace_;  // the last member: the first to go, and to wait for the device

@@ -37,6 +37,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
   }
 
   void launch(int index, const ChunkSetup& chunk, const ReplyView& direct) override {
+    const OnDevice here = on_device();
     DenseSlot& slot = *slots_[index];
     slot.rows = chunk.rows();
     slot.is_small = slot.rows <= kSmallRows;

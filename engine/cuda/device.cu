@@ -28,6 +28,7 @@ DeviceInfo probe() {
   cudaFuncAttributes attributes{};
   if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_groups<true, false>);
   info.name = properties.name;
+  info.count = count;
   info.present = error == cudaSuccess;
   if (!info.present) info.reason = info.name + ": " + cudaGetErrorString(error);
   return info;
@@ -57,7 +58,10 @@ class Pool {
         free_.pop_back();
       }
     }
-    if (!workspace) workspace = std::make_unique<Kind>(hulls_, counters_);
+    if (!workspace) {
+      const OnDevice here(hulls_.device());
+      workspace = std::make_unique<Kind>(hulls_, counters_);
+    }
     return {workspace.release(), [this, owner = std::move(owner)](Kind* w) {
               std::unique_ptr<Kind> returned(w);
               returned->wait_for_all();  // a job that was given up may still write to its caller's memory
@@ -73,6 +77,7 @@ class Pool {
   std::vector<std::unique_ptr<Kind>> free_;
 };
 
+// On the calling thread's device.
 class CudaDevice final : public Device, public std::enable_shared_from_this<CudaDevice> {
  public:
   CudaDevice(const Scene& scene, std::uint64_t memory_limit)
@@ -92,10 +97,12 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
 
   std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
                                               std::span<const Group> group_of_tile) override {
+    const OnDevice here(hulls_.device());
     return std::make_shared<CudaPairs>(hulls_, work_.memory, pairs, position, group_of_tile);
   }
 
   std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) override {
+    const OnDevice here(hulls_.device());
     return std::make_unique<CudaWarm>(work_.memory, rows);
   }
   std::shared_ptr<Workspace> borrow() override { return dense_.borrow(shared_from_this()); }
@@ -128,8 +135,16 @@ const DeviceInfo& installed_device() {
   return info;
 }
 
-std::shared_ptr<Device> open_device(const Scene& scene, std::uint64_t memory_limit) {
+std::string installed_device_name(int number) {
+  cudaDeviceProp properties{};
+  check(cudaGetDeviceProperties(&properties, number), "asking for the device's name");
+  return properties.name;
+}
+
+std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_t memory_limit) {
   if (!installed_device().present) throw DeviceError(DeviceError::kLost, installed_device().reason);
+  if (number == kCurrentDevice) check(cudaGetDevice(&number), "asking for the device");
+  const OnDevice here(number);
   return std::make_shared<CudaDevice>(scene, memory_limit);
 }
 

@@ -26,7 +26,9 @@ struct DeviceInfo {
   bool present = false;
   std::string name;    ///< "NVIDIA H100 80GB HBM3"
   std::string reason;  ///< why there is none: "this build has no CUDA", or what the driver says
+  int count = 0;       ///< how many there are, numbered from 0
 };
+inline constexpr int kCurrentDevice = -1;  ///< in place of a number: the calling thread's
 
 /// Numbers that a device keeps about itself.
 struct DeviceCounters {
@@ -109,12 +111,14 @@ struct ReducedResult {
   std::uint64_t settled = 0;    ///< pairs that the narrow phase answered
 };
 
-inline constexpr int kChunksUnderWay = 4;  ///< slots of a workspace
+inline constexpr int kChunksUnderWay = 4;  ///< on each device
 
 /// Memory and streams for one query at a time, with a few chunks under way. Everything here may throw DeviceError.
 class QueryWorkspace {
  public:
   virtual ~QueryWorkspace() = default;
+  /// Slots for chunks, once begin() was called. The query's chunks take them in turn.
+  virtual int slots() const { return kChunksUnderWay; }
   /// Where the snapshot's bodies go before begin().
   virtual FixedBodies room_for_bodies(std::size_t bodies) = 0;
   virtual void begin(const QuerySetup& setup) = 0;
@@ -149,6 +153,8 @@ class ReducedWorkspace : public QueryWorkspace {
 class Device {
  public:
   virtual ~Device() = default;
+  /// Chunks that a large query should have at least, to keep all of it busy.
+  virtual int chunks_wanted() const { return kChunksUnderWay; }
   /// Index of the body's hull on the device; kNone: the CPU answers its pairs.
   virtual std::uint32_t hull_of(std::uint32_t body) const = 0;
   /// Copies pairs to the device. \param position of each within its chunk.
@@ -166,22 +172,25 @@ class Device {
 
 /// The current CUDA device of this process, if there is one.
 const DeviceInfo& installed_device();
-/// Copies the scene's hulls to it. \param memory_limit bytes of device memory that may be taken.
-std::shared_ptr<Device> open_device(const Scene& scene, std::uint64_t memory_limit);
+std::string installed_device_name(int number);
+/// Copies the scene's hulls to a device. \param number of the device, or kCurrentDevice. \param memory_limit bytes of its
+/// memory that may be taken.
+std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_t memory_limit);
 
-/// Stands in for the installed device while it lives: tests of what follows from a device's faults need none.
+/// Stands in for the installed devices while it lives: tests of what follows from a device's faults need none.
 class DeviceStandIn {
  public:
-  using Open = std::function<std::shared_ptr<Device>(const Scene&, std::uint64_t memory_limit)>;
+  using Open = std::function<std::shared_ptr<Device>(const Scene&, int number, std::uint64_t memory_limit)>;
   DeviceStandIn(DeviceInfo info, Open open);
   ~DeviceStandIn();
   DeviceStandIn(const DeviceStandIn&) = delete;
   DeviceStandIn& operator=(const DeviceStandIn&) = delete;
 };
 
-/// The device that the backend uses: the installed one or what stands in for it.
+/// The devices that the backend uses: the installed ones or what stands in for them.
 const DeviceInfo& device_info();
-std::shared_ptr<Device> make_device(const Scene& scene, std::uint64_t memory_limit);
+std::string device_name(int number);
+std::shared_ptr<Device> make_device(const Scene& scene, int number, std::uint64_t memory_limit);
 
 /// Whether the memory is pinned, so that the device can write to it.
 bool is_pinned(const void* memory);

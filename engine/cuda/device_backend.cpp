@@ -1,5 +1,8 @@
 // The engine's device: opened, lost, counted; and what may stand in for it.
+#include <algorithm>
+
 #include "device_job.h"
+#include "several_devices.h"
 
 namespace clearance::cuda {
 
@@ -20,18 +23,30 @@ DeviceStandIn::DeviceStandIn(DeviceInfo info, Open open) { stand_in() = {std::mo
 DeviceStandIn::~DeviceStandIn() { stand_in() = {}; }
 
 const DeviceInfo& device_info() { return stand_in().open ? stand_in().info : installed_device(); }
-std::shared_ptr<Device> make_device(const Scene& scene, std::uint64_t memory_limit) {
-  return stand_in().open ? stand_in().open(scene, memory_limit) : open_device(scene, memory_limit);
+std::string device_name(int number) {
+  return stand_in().open ? stand_in().info.name : installed_device_name(number);
+}
+std::shared_ptr<Device> make_device(const Scene& scene, int number, std::uint64_t memory_limit) {
+  return stand_in().open ? stand_in().open(scene, number, memory_limit) : open_device(scene, number, memory_limit);
 }
 
 DeviceBackend::DeviceBackend(const Scene& scene, const Options& options) : scene_(scene), options_(options) {
-  try {
-    device_ = make_device(scene, options.memory_limit);
-    usable_ = true;
-  } catch (const DeviceError& error) {
-    if (!options.fallback) throw;
-    error_ = error.what();
+  const std::vector<int> numbers = options.devices.empty() ? std::vector<int>{kCurrentDevice} : options.devices;
+  std::vector<NumberedDevice> devices;
+  for (const int number : numbers) {
+    try {
+      devices.push_back({number, make_device(scene, number, options.memory_limit)});
+    } catch (const DeviceError& error) {
+      const DeviceError named = numbers.size() > 1 ? of_device(number, error) : error;
+      if (!options.fallback) throw named;
+      error_ = named.what();
+      devices.push_back({number, nullptr});
+    }
   }
+  usable_ = std::any_of(devices.begin(), devices.end(), [](const NumberedDevice& d) { return d.device != nullptr; });
+  if (!usable_) return;
+  if (devices.size() > 1) several_ = std::make_shared<SeveralDevices>(std::move(devices));
+  device_ = several_ ? several_ : devices[0].device;
 }
 
 std::string DeviceBackend::error() const {
@@ -40,10 +55,8 @@ std::string DeviceBackend::error() const {
 }
 
 void DeviceBackend::note(const DeviceError& error) {
-  if (error.kind == DeviceError::kLost)
-    usable_ = false;
-  else
-    ++without_room;
+  if (error.kind == DeviceError::kLost) usable_ = false;
+  if (error.kind == DeviceError::kNoRoom) ++without_room;
   const std::lock_guard lock(mutex_);
   error_ = error.what();
 }
@@ -60,7 +73,7 @@ std::unique_ptr<DeviceWarmTable> DeviceBackend::take_warm(const Plan& plan) {
   try {
     table->memory = device_->make_warm(rows);
   } catch (const DeviceError& error) {
-    if (error.kind == DeviceError::kLost) throw;
+    if (error.kind != DeviceError::kNoRoom) throw;
     return nullptr;
   }
   return table;
@@ -81,6 +94,7 @@ void DeviceBackend::append(Counters& counters) const {
                                    {"cuda.pairs_settled", settled},
                                    {"cuda.pairs_finished_on_cpu", finished_on_cpu},
                                    {"cuda.reply_bytes_copied", reply_bytes_copied}});
+  if (several_) several_->append(counters);
 }
 
 }  // namespace clearance::cuda

@@ -57,14 +57,17 @@ struct DeviceWarmTable {
   std::unique_ptr<ResidentWarm> memory;
 };
 
-/// The engine's device and what is kept between queries.
+class SeveralDevices;
+
+/// The engine's device, or devices, and what is kept between queries.
 class DeviceBackend {
  public:
   struct Options {
-    std::uint64_t memory_limit = ~std::uint64_t{0};  ///< bytes of device memory
+    std::vector<int> devices;                        ///< numbers; none: the current device
+    std::uint64_t memory_limit = ~std::uint64_t{0};  ///< bytes of each device's memory
     bool fallback = true;                            ///< the CPU answers what the device cannot
   };
-  /// Without fallback it throws DeviceError where the device cannot hold the scene.
+  /// Without fallback it throws DeviceError where a device cannot hold the scene.
   DeviceBackend(const Scene& scene, const Options& options);
 
   Device& device() const { return *device_; }
@@ -72,7 +75,7 @@ class DeviceBackend {
   bool fallback() const { return options_.fallback; }
   /// What the device said last when it did not answer; empty: it always did.
   std::string error() const;
-  /// Takes note of an error. A lost device is not asked again.
+  /// Takes note of an error. Where all devices are lost, none is asked again.
   void note(const DeviceError& error);
   /// How this plan's pairs are dealt: the last deal if it fits.
   std::shared_ptr<const PairDeal> deal(const Plan& plan);
@@ -95,6 +98,7 @@ class DeviceBackend {
   mutable std::mutex mutex_;  // of what follows
   std::string error_;
   std::shared_ptr<Device> device_;  // before what holds memory that it counts; set once
+  std::shared_ptr<SeveralDevices> several_;  // the same; null: it is one
   std::shared_ptr<const PairDeal> last_;
   std::shared_ptr<const PairListOnDevice> last_list_;
   LatestTables<DeviceWarmTable> warm_{kWarmClients};

@@ -17,10 +17,29 @@ namespace clearance::cuda {
 inline void check(cudaError_t error, const char* what) {
   if (error == cudaSuccess) return;
   const bool no_room = error == cudaErrorMemoryAllocation;
-  if (no_room) cudaGetLastError();  // no harm was done: the next call succeeds
+  cudaGetLastError();  // else the next call of this thread is told so too, which may be for another device
   throw DeviceError(no_room ? DeviceError::kNoRoom : DeviceError::kLost,
                     std::string("CUDA: ") + what + ": " + cudaGetErrorString(error));
 }
+
+/// Makes a device the calling thread's while it lives: kernels, events and memory go to that one.
+class OnDevice {
+ public:
+  explicit OnDevice(int number) {
+    check(cudaGetDevice(&before_), "asking for the device");
+    if (number != before_) check(cudaSetDevice(number), "choosing a device");
+    moved_ = number != before_;
+  }
+  ~OnDevice() {
+    if (moved_) cudaSetDevice(before_);
+  }
+  OnDevice(const OnDevice&) = delete;
+  OnDevice& operator=(const OnDevice&) = delete;
+
+ private:
+  int before_ = 0;
+  bool moved_ = false;
+};
 
 /// Device memory that may be taken, of the scene and of queries together.
 struct MemoryBudget {

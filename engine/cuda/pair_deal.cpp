@@ -32,7 +32,7 @@ class Dealer {
 
   void run() {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    const std::uint64_t chunk_rows = std::clamp(K * P / kChunksUnderWay, kFewestRows, kMostRows);
+    const std::uint64_t chunk_rows = std::clamp(K * P / static_cast<std::uint64_t>(device_.chunks_wanted()), kFewestRows, kMostRows);
     const std::uint64_t parts = K == 1 || P >= chunk_rows ? (P + chunk_rows - 1) / chunk_rows : 1;
     const std::uint64_t per_part = parts == 0 ? 0 : (P + parts - 1) / parts;
     const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;

@@ -23,7 +23,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
   void begin() override {
     workspace_ = backend_.device().borrow_reduced();
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    const std::uint64_t rows = std::clamp(K * P / kChunksUnderWay, kFewestRows, kMostRows);
+    const std::uint64_t rows = std::clamp(K * P / static_cast<std::uint64_t>(backend_.device().chunks_wanted()), kFewestRows, kMostRows);
     configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);
     chunks_ = (K + configurations_ - 1) / configurations_;
     QuerySetup s = setup(*workspace_);
@@ -33,6 +33,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
     workspace_->begin(s);
+    slots_ = static_cast<std::uint64_t>(workspace_->slots());
     launch_ahead();
     keep_poses();
   }
@@ -55,11 +56,11 @@ class ReducedDeviceQuery final : public DeviceQuery {
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
 
   void launch_ahead() {
-    while (launched_ < chunks_ && launched_ < finished_ + kChunksUnderWay) launch(launched_++);
+    while (launched_ < chunks_ && launched_ < finished_ + slots_) launch(launched_++);
   }
 
   void launch(std::uint64_t index) {
-    const int slot = static_cast<int>(index % kChunksUnderWay);
+    const int slot = static_cast<int>(index % slots_);
     ChunkSetup s;
     s.first_configuration = index * configurations_;
     s.configurations =
@@ -75,7 +76,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
   }
 
   void finish(std::uint64_t index) {
-    const int slot = static_cast<int>(index % kChunksUnderWay);
+    const int slot = static_cast<int>(index % slots_);
     ReducedResult r = workspace_->finish(slot);
     if (!r.rest.empty()) {
       answer_open_rows(index * configurations_, r.rest);
@@ -108,7 +109,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
 
   std::shared_ptr<const PairListOnDevice> list_;
   std::uint64_t groups_, configurations_ = 1;  // of one configuration; of one chunk
-  std::uint64_t chunks_ = 0, launched_ = 0, finished_ = 0, written_ = 0;
+  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0, written_ = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> order_;
   std::vector<PairAnswer> answers_;
   std::shared_ptr<ReducedWorkspace> workspace_;  // the last member: the first to go, and to wait for the device

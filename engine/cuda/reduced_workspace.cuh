@@ -58,6 +58,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
 
   // Memory that grows, grows before anything is started.
   void launch(int index, const ChunkSetup& chunk, const ReplyView& direct) override {
+    const OnDevice here = on_device();
     ReducedSlot& slot = *slots_[index];
     ReducedView& r = slot.view;
     r.chunk = view_of(slot, chunk);
@@ -82,6 +83,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   }
 
   ReducedResult finish(int index) override {
+    const OnDevice here = on_device();
     ReducedSlot& slot = *slots_[index];
     const ReducedView& r = slot.view;
     check(cudaStreamSynchronize(slot.stream), "answering a query");
@@ -105,6 +107,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   }
 
   ReducedResult settle(int index, std::span<const PairAnswer> answers) override {
+    const OnDevice here = on_device();
     ReducedSlot& slot = *slots_[index];
     const std::size_t bytes = answers.size_bytes();
     std::byte* host = slot.host_answers.reserve(bytes);

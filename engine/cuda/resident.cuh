@@ -23,9 +23,10 @@ inline constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kD
 // The scene's hulls in device memory.
 class ResidentHulls {
  public:
-  /// \param most_shared bytes that two hulls may take of a block's shared memory.
+  /// On the calling thread's device. \param most_shared bytes that two hulls may take of a block's shared memory.
   ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters)
       : most_shared_(static_cast<std::uint32_t>(most_shared)), memory_(counters) {
+    check(cudaGetDevice(&device_), "asking for the device");
     std::vector<HullHead> heads;
     std::vector<double> x, y, z;
     std::vector<std::uint16_t> words;
@@ -70,6 +71,7 @@ class ResidentHulls {
              m.at<std::uint16_t>(at_words), m.at<std::uint32_t>(at_of)};
   }
   const HullsView& view() const { return view_; }
+  int device() const { return device_; }  ///< its number
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
   std::uint32_t bytes_in_shared_memory(std::uint32_t hull) const { return shared_bytes_[hull]; }
 
@@ -94,6 +96,7 @@ class ResidentHulls {
     words.resize((words.size() + 7) / 8 * 8);
   }
 
+  int device_ = 0;
   std::uint32_t most_shared_;
   Upload memory_;
   std::vector<std::uint32_t> of_body_, shared_bytes_;

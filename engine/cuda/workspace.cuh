@@ -69,12 +69,14 @@ class QuerySide : public Interface {
   }
 
   FixedBodies room_for_bodies(std::size_t bodies) override {
+    const OnDevice here = on_device();
     fixed_count_ = static_cast<std::uint32_t>(bodies);
     std::byte* memory = host_bodies_.reserve(fixed_bytes());
     return {reinterpret_cast<double*>(memory + components_offset()), reinterpret_cast<std::uint8_t*>(memory)};
   }
 
   void begin(const QuerySetup& s) override {  // nothing is under way: whoever had this before waited when letting it go
+    const OnDevice here = on_device();
     chunks_ = 0;
     question_ = s.question;
     fields_ = s.fields;
@@ -103,13 +105,18 @@ class QuerySide : public Interface {
   }
 
   Pose* room_for_poses(int slot, std::size_t count) override {
+    const OnDevice here = on_device();
     return reinterpret_cast<Pose*>(slots_[slot]->host_poses.reserve(count * sizeof(Pose)));
   }
   Pose* room_for_all_poses(std::size_t count) override {
+    const OnDevice here = on_device();
     return reinterpret_cast<Pose*>(all_poses_.reserve(count * sizeof(Pose)));
   }
 
  protected:
+  // Whatever starts a kernel, records an event or makes room does so on the scene's device.
+  OnDevice on_device() const { return OnDevice(hulls_.device()); }
+
   // The view of a chunk, with its moved bodies on their way to where they are.
   ChunkView view_of(Slot& slot, const ChunkSetup& chunk) {
     ChunkView view{};

@@ -1,7 +1,10 @@
 // A device that leaves all rows to the CPU, and fails when told to.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/cuda/device.h"
@@ -13,12 +16,22 @@ struct Fault {
   int at = -1;
   cuda::DeviceError::Kind kind = cuda::DeviceError::kLost;
   int calls = 0;
+  int launches = 0;              // chunks that were begun
+  std::vector<double> bodies{};  // of the query that was begun last: components
 
   void call(const char* what) {
     const int now = calls++;
     if (now == at || (kind == cuda::DeviceError::kLost && at >= 0 && now > at))
       throw cuda::DeviceError(kind, std::string("a planted fault while ") + what);
   }
+};
+
+// Whose they are: a device must not be given another one's.
+struct IdlePairs : cuda::ResidentPairs {
+  const Fault* of = nullptr;
+};
+struct IdleWarm : cuda::ResidentWarm {
+  const Fault* of = nullptr;
 };
 
 template <class Interface>
@@ -31,11 +44,20 @@ class IdleWorkspace : public Interface {
     state_.resize(bodies);
     return {components_.data(), state_.data()};
   }
-  void begin(const cuda::QuerySetup&) override { fault_.call("beginning"); }
+  void begin(const cuda::QuerySetup& setup) override {
+    fault_.call("beginning");
+    fault_.bodies = components_;
+    EXPECT_EQ(static_cast<const IdlePairs*>(setup.pairs)->of, &fault_);
+    if (setup.warm) {
+      EXPECT_EQ(static_cast<const IdleWarm*>(setup.warm)->of, &fault_);
+    }
+  }
   Pose* room_for_poses(int slot, std::size_t count) override { return room(poses_[slot], count); }
   Pose* room_for_all_poses(std::size_t count) override { return room(all_poses_, count); }
   void launch(int slot, const cuda::ChunkSetup& chunk, const ReplyView&) override {
     fault_.call("launching");
+    ++fault_.launches;
+    EXPECT_TRUE(slot >= 0 && slot < cuda::kChunksUnderWay && rows_[slot].empty()) << "slot " << slot;
     rows_[slot].resize(chunk.rows());
     for (std::uint32_t i = 0; i < rows_[slot].size(); ++i) rows_[slot][i] = i;
   }
@@ -43,7 +65,9 @@ class IdleWorkspace : public Interface {
  protected:
   std::span<const std::uint32_t> all_rows(int slot) {
     fault_.call("waiting");
-    return rows_[slot];
+    EXPECT_FALSE(rows_[slot].empty()) << "slot " << slot;
+    finished_[slot] = std::exchange(rows_[slot], {});
+    return finished_[slot];
   }
   Fault& fault_;
 
@@ -55,7 +79,7 @@ class IdleWorkspace : public Interface {
   std::vector<double> components_;
   std::vector<std::uint8_t> state_;
   std::vector<Pose> poses_[cuda::kChunksUnderWay], all_poses_;
-  std::vector<std::uint32_t> rows_[cuda::kChunksUnderWay];
+  std::vector<std::uint32_t> rows_[cuda::kChunksUnderWay], finished_[cuda::kChunksUnderWay];
 };
 
 class IdleDense final : public IdleWorkspace<cuda::Workspace> {
@@ -88,11 +112,15 @@ class IdleDevice final : public cuda::Device {
   std::shared_ptr<const cuda::ResidentPairs> upload(std::span<const cuda::PairRef>, std::span<const std::uint32_t>,
                                                     std::span<const cuda::Group>) override {
     fault_.call("uploading");
-    return std::make_shared<cuda::ResidentPairs>();
+    auto pairs = std::make_shared<IdlePairs>();
+    pairs->of = &fault_;
+    return pairs;
   }
   std::unique_ptr<cuda::ResidentWarm> make_warm(std::uint64_t) override {
     fault_.call("making warm state");
-    return std::make_unique<cuda::ResidentWarm>();
+    auto warm = std::make_unique<IdleWarm>();
+    warm->of = &fault_;
+    return warm;
   }
   std::shared_ptr<cuda::Workspace> borrow() override {
     fault_.call("making a workspace");

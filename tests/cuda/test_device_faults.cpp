@@ -11,7 +11,7 @@ using cuda::DeviceError;
 class DeviceFaults : public testing::Test {
  protected:
   Fault fault_;
-  cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, std::uint64_t memory_limit) {
+  cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t memory_limit) {
                                   fault_.call("opening");
                                   if (memory_limit < 1000)
                                     throw DeviceError(DeviceError::kNoRoom, "1000 bytes would be needed");

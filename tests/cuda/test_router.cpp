@@ -76,7 +76,7 @@ class RouterTest : public testing::Test {
 
   std::filesystem::path folder_;
   Fault fault_;
-  cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, std::uint64_t) {
+  cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t) {
                                   fault_.call("opening");
                                   return std::make_shared<IdleDevice>(fault_);
                                 }};

@@ -502,6 +502,10 @@ def test_empty_update(engine):
     ({"backend": 3}, TypeError, r"backend: expected a name, got 3"),
     ({"threads": -1}, ValueError, r"threads: expected 0 \(all cores\) or more, got -1"),
     ({"threads": 1.5}, TypeError, r"threads: expected an integer, got 1\.5"),
+    ({"backend": "cpu", "devices": [0]}, ValueError, r"devices: backend 'cpu' uses none"),
+    ({"devices": [1.5]}, TypeError, r"devices\[0\]: expected an integer, got 1\.5"),
+    ({"devices": [0, -1]}, ValueError, r"devices\[1\]: expected an integer >= 0, got -1"),
+    ({"devices": [99]}, RuntimeError, r"devices: 99 is not there"),
 ])  # fmt: skip
 def test_bad_engines_are_named(arguments, error, text):
     with pytest.raises(error, match=text):

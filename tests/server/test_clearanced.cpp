@@ -90,6 +90,13 @@ TEST_F(Clearanced, AnUnknownBackendEndsWith5BeforeTheSceneIsLoaded) {
   const Finished unknown = clearanced({"--scene", folder_ / "none.yaml", "--backend", "quantum"});
   EXPECT_EQ(unknown.code, 5);
   EXPECT_EQ(sentence(unknown), "clearanced: backend: expected auto, cpu, cuda or reference, got 'quantum'");
+  const Finished no_gpu = clearanced({"--scene", folder_ / "none.yaml", "--devices", "0,77"});
+  EXPECT_EQ(no_gpu.code, 5);
+  EXPECT_TRUE(sentence(no_gpu).starts_with("clearanced: devices: ")) << sentence(no_gpu);
+  EXPECT_TRUE(contains(sentence(no_gpu), " is not there")) << sentence(no_gpu);
+  const Finished word = clearanced({"--scene", folder_ / "none.yaml", "--devices", "all"});
+  EXPECT_EQ(word.code, 2);
+  EXPECT_TRUE(contains(word.err, "--devices")) << word.err;
 }
 
 TEST_F(Clearanced, AnEndpointThatCannotBeOpenedEndsWith4) {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Optional, Sequence
 
 import numpy as np
 
@@ -24,7 +24,9 @@ class Engine(Front):
         asking for an absent one raises. "auto": the CPU, or where there is a device whichever is faster for a query.
     threads: 0: all cores.
     max_rows: larger answers are refused with QueryError.
-    device_memory: bytes of device memory that backend "cuda" may take; 0: what there is.
+    device_memory: bytes of each device's memory that backend "cuda" may take; 0: what there is.
+    devices: CUDA devices of backends "cuda" and "auto", by number, as in [0, 1]: each holds the scene, and queries are shared
+        out among them; empty: the current one. Naming one twice raises ValueError, one that is absent RuntimeError.
     calibration: how "auto" knows what is faster: "auto" (measured once on this machine and kept), "measure" (now, and not
         kept), "off" (it does not: the CPU answers).
     device_fallback: whether the CPU answers where the device fails or has no room; if not, QueryError says why.
@@ -35,7 +37,8 @@ class Engine(Front):
     _module = _engine
 
     def __init__(self, scene: Scene, backend: str = "auto", threads: int = 0, max_rows: int = 1 << 28,
-                 device_memory: int = 0, device_fallback: bool = True, calibration: str = "auto"):
+                 device_memory: int = 0, device_fallback: bool = True, calibration: str = "auto",
+                 devices: Sequence[int] = ()):
         super().__init__()
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: expected a clearance.Scene, got {type(scene).__name__}")
@@ -45,9 +48,11 @@ class Engine(Front):
             raise TypeError(f"threads: expected an integer, got {threads!r}")
         if threads < 0 or threads > 1 << 16:
             raise ValueError(f"threads: expected 0 (all cores) or more, got {threads}")
+        numbers = [_count(device, f"devices[{i}]") for i, device in enumerate(devices)]
         with scene._lock:
             self._engine = _engine.Engine(scene._scene, backend, int(threads), _count(max_rows, "max_rows"),
-                                          _count(device_memory, "device_memory"), bool(device_fallback), str(calibration))
+                                          _count(device_memory, "device_memory"), bool(device_fallback), str(calibration),
+                                          numbers)
         self._worker: Optional[Worker] = None
 
     @staticmethod
