@@ -91,8 +91,8 @@ int Victim::await_end() {
 
 // --- Arena
 
-Arena::Arena(std::vector<std::string> options) : command_(std::move(options)) {
-  command_.insert(command_.begin(), {"--scene", kScene, "--backend", "cpu", "--threads", "1", "--log-level", "warn",
+Arena::Arena(std::vector<std::string> options, const std::string& scene) : command_(std::move(options)) {
+  command_.insert(command_.begin(), {"--scene", scene, "--backend", "cpu", "--threads", "1", "--log-level", "warn",
                                      "--shm", folder_ / "c.sock", "--zmq", "ipc://" + (folder_ / "c.ipc")});
   if (const std::string lcm = lcm_url(); !lcm.empty()) command_.insert(command_.end(), {"--lcm", lcm});
   daemon_ = std::make_unique<Daemon>(command_, std::vector{"TMPDIR=" + temporary_.path()});

@@ -39,7 +39,7 @@ class Victim {
 class Arena {
  public:
   /// Starts a daemon. \param options more of its command line.
-  explicit Arena(std::vector<std::string> options = {});
+  explicit Arena(std::vector<std::string> options = {}, const std::string& scene = kScene);
 
   const std::string& shm() const { return urls_[0]; }
   const std::string& zmq() const { return urls_[1]; }
