@@ -84,6 +84,9 @@ void interpret(Bytes frame) {
       for (std::uint64_t i = 0; i < counters.size(); ++i) wire::name_of(counters[i].name);
       return;
     }
+    case wire::FrameType::kSceneChanged:
+      wire::parse_scene_changed(payload);
+      return;
     case wire::FrameType::kPong:
       return touch(payload);
     case wire::FrameType::kError:

@@ -1,9 +1,8 @@
 // Requests of any bytes to the daemon's loop: each is answered once, by a frame that a client takes, and a good query
 // after them is answered, too.
+#include "changing_scene.h"
 #include "frames.h"
-#include "server/loop.h"
 #include "tests/server/memory_transport.h"
-#include "tests/server/test_scene.h"
 
 namespace clearance::fuzz {
 namespace {
@@ -30,6 +29,9 @@ void check_reply(const MemoryFrame& frame) {
     case wire::FrameType::kStats:
       wire::parse_stats(payload);
       break;
+    case wire::FrameType::kSceneChanged:
+      wire::parse_scene_changed(payload);
+      break;
     case wire::FrameType::kError:
       require(!wire::parse_error(payload).text.empty(), "an error says why");
       break;
@@ -52,6 +54,7 @@ CLEARANCE_FUZZ_TARGET(request) {
   static const Scene scene = small_scene();
   Engine engine(scene, options);
   Loop loop(engine);
+  serve_changing_scenes(loop);
   auto owned = std::make_unique<MemoryTransport>();
   MemoryTransport& transport = *owned;
   loop.add(std::move(owned));
@@ -65,8 +68,7 @@ CLEARANCE_FUZZ_TARGET(request) {
     transport.send(client, next_frame(in).bytes);
     ++sent;
   }
-  while (loop.turn()) {
-  }
+  turn_until_idle(loop);
   require(client.replies.size() == sent && client.sinks == 0, "each request is answered once");
   for (const auto& reply : client.replies) {
     check_reply(*reply);

@@ -14,6 +14,7 @@
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
+#include "changing_scene.h"
 #include "client/lcm_frames.h"
 #include "client/shm_layout.h"
 #include "engine/direction_table.h"
@@ -119,6 +120,24 @@ std::vector<std::pair<std::string, Data>> requests() {
   attach.parent = 2;
   attach.has_pose = 1;
   std::copy(here.begin(), here.end(), attach.pose);
+  const auto new_body = [&](const std::string& name, wire::BodyShape shape, std::span<const wire::VertexRecord> vertices) {
+    wire::NewBodyRecord record;
+    wire::set_name(record.name, name);
+    record.shape = static_cast<std::uint8_t>(shape);
+    record.parent = 2;
+    if (shape != wire::BodyShape::kHull) std::fill(std::begin(record.size), std::end(record.size), 0.1);
+    record.has_pose = 1;
+    std::copy(here.begin(), here.end(), record.pose);
+    record.vertex_count = vertices.size();
+    Data payload;
+    add(payload, record);
+    wire::append_bytes(payload, vertices.data(), vertices.size_bytes());
+    all.emplace_back("add_" + name, simple_frame(wire::FrameType::kAddBody, all.size() + 1, payload));
+  };
+  new_body("capsule", wire::BodyShape::kCapsule, {});
+  const wire::VertexRecord corners[] = {{{0, 0, 0}}, {{1, 0, 0}}, {{0, 1, 0}}, {{0, 0, 1}}, {{0.2, 0.2, 0.2}}, {{1, 1, 1}}};
+  new_body("hull", wire::BodyShape::kHull, corners);
+  all.emplace_back("reload", simple_frame(wire::FrameType::kReload, 27));
   all.emplace_back("attach", simple_frame(wire::FrameType::kAttach, 26, std::as_bytes(std::span(&attach, 1))));
   return all;
 }
@@ -128,6 +147,7 @@ void save_requests_and_replies() {
   options.threads = 1;
   Engine engine(small_scene(), options);
   Loop loop(engine);
+  serve_changing_scenes(loop);
   auto owned = std::make_unique<MemoryTransport>();
   MemoryTransport& transport = *owned;
   loop.add(std::move(owned));
@@ -139,8 +159,7 @@ void save_requests_and_replies() {
     append_frame(conversation, 0, frame);
     MemoryClient client;
     transport.send(client, frame);
-    while (loop.turn()) {
-    }
+    turn_until_idle(loop);
     const MemoryFrame& got = *client.replies.at(0);
     Data bytes;
     add(bytes, got.header());
@@ -149,6 +168,15 @@ void save_requests_and_replies() {
     save("reply", "good_" + name, reply);
   }
   save("request", "good_conversation", conversation);
+  // A body that comes, is asked about, and goes.
+  Data come_and_go;
+  for (const auto& [name, frame] : requests())
+    if (name == "add_capsule" || name == "query_all_pairs") append_frame(come_and_go, kMendHeader, frame);
+  wire::RemoveBodyRecord gone;
+  wire::set_name(gone.name, "capsule");
+  const Data remove = simple_frame(wire::FrameType::kRemoveBody, 30, std::as_bytes(std::span(&gone, 1)));
+  append_frame(come_and_go, kMendHeader, remove);
+  save("request", "good_come_and_go", come_and_go);
   Data refused;
   append_frame(refused, kMendHeader, simple_frame(wire::FrameType::kQuery, 1));
   save("request", "bad_empty_query", refused);
@@ -163,6 +191,37 @@ void save_requests_and_replies() {
   save("reply", "good_error", error);
 }
 
+// --- ZeroMQ
+
+void save_zmq() {
+  const std::uint8_t no_name = 0, frame = 0, parts = 1, noise = 2, same_name = 3;
+  const auto all = requests();
+  Data every, named, odd, strangers, twice;
+  add(every, no_name);
+  for (const auto& [name, request] : all)
+    if (name == "ping" || name == "query_pairs" || name == "stats") {
+      add(every, frame);
+      append_frame(every, kMendHeader, request);
+    }
+  save("zmq_server", "good_requests", every);
+  add(named, std::uint8_t{7});
+  wire::append_bytes(named, "planner", 7);
+  twice = named;
+  add(named, frame);
+  append_frame(named, kMendHeader, all[0].second);
+  save("zmq_server", "good_name", named);
+  add(odd, no_name, parts, std::uint8_t{0}, std::uint16_t{0}, parts, std::uint8_t{2}, std::uint16_t{3});
+  wire::append_bytes(odd, "abc", 3);
+  add(odd, std::uint16_t{0}, std::uint16_t{0});
+  save("zmq_server", "bad_parts", odd);
+  add(strangers, no_name, noise, std::uint16_t{10}, std::uint64_t{0xFF}, std::uint16_t{0x037F}, noise, std::uint16_t{3});
+  wire::append_bytes(strangers, "GET", 3);
+  save("zmq_server", "bad_strangers", strangers);
+  add(twice, same_name);
+  append_frame(twice, kMendHeader, all[0].second);
+  save("zmq_server", "bad_same_name", twice);
+}
+
 // --- shared memory
 
 void add_post(Data& steps, std::uint8_t slot, const Data& frame) {
@@ -172,7 +231,8 @@ void add_post(Data& steps, std::uint8_t slot, const Data& frame) {
 
 void save_shm() {
   const std::uint8_t receive = 0, hello = 1, message = 2, raw = 3, scribble = 4, turn = 6, anew = 7;
-  const auto all = requests();
+  auto all = requests();
+  std::erase_if(all, [](const auto& request) { return request.first.starts_with("add_") || request.first == "reload"; });
   Data one, many, grown, hostile, garbage, again;
   add(one, hello, receive);
   add_post(one, 0, all[0].second);
@@ -393,6 +453,7 @@ int main(int argc, char** argv) {
   std::filesystem::create_directories(root);
   save_requests_and_replies();
   save_shm();
+  save_zmq();
   save_lcm();
   save_meshes();
   save_scenes();
