@@ -1,4 +1,4 @@
-// One daemon, some thousand inputs that nobody should send over each transport and through its files, and after each of
+// One daemon, more than a thousand inputs that nobody should send, over each transport and through its files, and after each of
 // them a good query whose every bit must be right.
 #include <gtest/gtest.h>
 #include <sys/socket.h>
