@@ -22,6 +22,8 @@ constexpr std::uint64_t kRoomyBytes = std::uint64_t{256} << 20;
 /// A caller that keeps one reply while it asks for the next needs two slots.
 constexpr std::uint32_t kFewestSlots = 2;
 constexpr std::uint32_t kGrownSlots = 4;
+/// This part of all shared memory is for the first segments of clients, of the usual size: few that grow shut nobody out.
+constexpr std::uint64_t kKeptForNewcomers = 4;
 
 #ifndef MFD_NOEXEC_SEAL
 constexpr unsigned MFD_NOEXEC_SEAL = 0x0008U;
@@ -92,9 +94,12 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, st
   const std::uint64_t roomy = std::max<std::uint64_t>(kRoomyBytes / slot_bytes, kGrownSlots);
   const auto slots = static_cast<std::uint32_t>(std::max<std::uint64_t>(std::min(ceiling, roomy), 1));
   const std::uint64_t bytes = shm::segment_bytes(slots, request_bytes, reply_bytes);
-  if (bytes > budget->limit - std::min(budget->used, budget->limit)) {
+  // Whoever grows leaves room for those who come in.
+  const bool is_usual = id == 0 && request_capacity <= limits.request_capacity && reply_capacity <= limits.reply_capacity;
+  const std::uint64_t limit = budget->limit - (is_usual ? 0 : budget->limit / kKeptForNewcomers);
+  if (bytes > limit - std::min(budget->used, limit)) {
     why = "no room for a segment of " + std::to_string(bytes) + " bytes: " + std::to_string(budget->used) + " of " +
-          std::to_string(budget->limit) + " bytes of shared memory are given out to clients";
+          std::to_string(limit) + " bytes of shared memory are given out to clients";
     return nullptr;
   }
 

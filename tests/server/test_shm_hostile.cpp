@@ -149,6 +149,35 @@ TEST_F(ShmHostile, AbsurdSizesAreRefusedAndTheConnectionGoesOn) {
   expect_good_service();
 }
 
+TEST_F(ShmHostile, ClientsThatHoardSegmentsLeaveRoomForNewOnes) {
+  ShmLimits limits;
+  limits.pool_bytes = std::uint64_t{400} << 20;  // a usual segment takes 20 MiB
+  const std::string path = folder_ / "hoard.sock";
+  EchoThread server(path, limits);
+  std::vector<std::unique_ptr<RawClient>> hoarders;
+  std::string said;
+  for (int i = 0; i < 8 && said.find("are given out to clients") == std::string::npos; ++i) {
+    hoarders.push_back(std::make_unique<RawClient>(path));
+    for (Message answer = RawClient::make(MessageKind::kSegment); answer.kind == static_cast<std::uint32_t>(MessageKind::kSegment);) {
+      hoarders.back()->send(RawClient::make(MessageKind::kGrow));
+      answer = hoarders.back()->receive();
+      said = answer.text;
+    }
+  }
+  EXPECT_NE(said.find("of 314572800 bytes of shared memory are given out to clients"), std::string::npos) << said;
+  Message large = RawClient::make(MessageKind::kHello);
+  large.reply_capacity = 2 << 20;
+  RawClient greedy(path, false);
+  greedy.send(large);
+  EXPECT_NE(std::string(greedy.receive().text).find("are given out to clients"), std::string::npos) << "nor at the door";
+  std::vector<std::unique_ptr<Channel>> newcomers;
+  for (std::uint64_t i = 1; i <= 4; ++i) {
+    newcomers.push_back(open_shm_channel(path, soon()));
+    send_ping(*newcomers.back(), i, random_bytes(100, i));
+    EXPECT_TRUE(echoes(*newcomers.back(), i, random_bytes(100, i)));
+  }
+}
+
 TEST_F(ShmHostile, AnotherVersionIsRefusedWithBothVersions) {
   for (const bool layout : {false, true}) {
     RawClient client(path_, false);
