@@ -10,14 +10,19 @@ namespace clearance::cuda {
 
 inline constexpr std::uint64_t kOverlapBlocks = 512;  // how many pairs overlap is not known when they start
 inline constexpr std::uint64_t kSmallRows = 16384;    // of a chunk that is answered with as few calls as can be
-inline constexpr std::uint32_t kRestAtOnce = 4096;    // unsettled rows that come back without a second copy
+inline constexpr std::uint32_t kOpenBlocks = 264;     // how many pairs float32 leaves open is not known either
 
 struct DenseSlot : QuerySlot {
   DenseSlot(MemoryCounters& c, int priority)
       : QuerySlot(c, priority),
-        device_reply(c), device_rest(c), device_enclosed(c), device_counts(c), host_reply(c), host_rest(c) {}
+        device_reply(c),
+        device_enclosed(c),
+        device_open(c),
+        device_counts(c),
+        host_reply(c),
+        host_rest(c) {}
 
-  DeviceBuffer device_reply, device_rest, device_enclosed, device_counts;
+  DeviceBuffer device_reply, device_enclosed, device_open, device_counts;
   PinnedBuffer host_reply, host_rest;
   std::uint64_t rows = 0;
   bool is_small = false;
@@ -47,75 +52,48 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     std::uint64_t reply_bytes = 0;
     reply_view_over(nullptr, slot.rows, fields_, &reply_bytes);
     slot.host_view = reply_view_over(slot.host_reply.reserve(reply_bytes), slot.rows, fields_);
-    const std::size_t counts_bytes = (kCounts + slot.rows) * sizeof(std::uint32_t);
-    slot.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve(counts_bytes));
-    if (slot.is_small)
-      launch_small(slot, chunk, direct);
-    else
-      launch_large(slot, chunk, direct, reply_bytes, counts_bytes);
-  }
-
-  ChunkResult finish(int index) override {
-    DenseSlot& slot = *slots_[index];
-    check(cudaStreamSynchronize(slot.stream), "answering a query");
-    const std::uint32_t rest = slot.host_counts[kRest];
-    std::uint32_t* const listed = slot.host_counts + kCounts;
-    if (rest > kRestAtOnce && !slot.is_small) {
-      check(cudaMemcpyAsync(listed + kRestAtOnce, slot.device_view.rest + kRestAtOnce,
-                            (rest - kRestAtOnce) * sizeof(std::uint32_t), cudaMemcpyDeviceToHost, slot.stream),
-            "copying rows");
-      check(cudaStreamSynchronize(slot.stream), "copying rows");
-    }
-    count_kernels(slot);
-    return {slot.host_view, {listed, rest}, slot.host_counts[kSettledRows]};
-  }
-
- private:
-  // One kernel, which writes straight to host memory: a copy, a kernel more and clearing would each take as long as it does.
-  void launch_small(DenseSlot& slot, const ChunkSetup& chunk, const ReplyView& direct) {
-    ChunkView& view = slot.device_view;
-    view.reply = slot.host_view;
-    const auto prefer = [](auto*& column, auto* to, int) {
-      if (to) column = to;
-    };
-    for_each_column(prefer, view.reply, direct);
+    slot.host_counts =
+        reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve((kCounts + slot.rows) * sizeof(std::uint32_t)));
+    // Counts and rows that are left to the CPU go straight to host memory, and counts are left cleared: calls less for
+    // each chunk.
     if (!slot.device_counts.data()) {
       const std::size_t bytes = kCounts * sizeof(std::uint32_t);
       check(cudaMemsetAsync(slot.device_counts.reserve(bytes), 0, bytes, slot.stream), "clearing counters");
     }
     view.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.data());
     view.rest = slot.host_counts + kCounts;
-    view.prove_at_once = question_.prove_overlaps;
     view.host_counts = slot.host_counts;
-    view.blocks = chunk.group_tiles + chunk.stray_tiles;
-    if (view.blocks == 0) std::fill_n(slot.host_counts, kCounts, 0u);
+    if (chunk.group_tiles + chunk.stray_tiles == 0) std::fill_n(slot.host_counts, kCounts, 0u);
+    if (slot.is_small) {  // so do the answers: a copy would take as long as the kernel
+      view.reply = slot.host_view;
+      const auto prefer = [](auto*& column, auto* to, int) {
+        if (to) column = to;
+      };
+      for_each_column(prefer, view.reply, direct);
+    } else {
+      view.reply = reply_view_over(slot.device_reply.reserve(reply_bytes), slot.rows, fields_);
+    }
+    if (question_.prove_overlaps && !slot.is_small)
+      view.enclosed = reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(slot.rows * sizeof(Enclosed)));
+    view.prove_at_once = question_.prove_overlaps && slot.is_small;
+    if (f32_goes_first(chunk))
+      view.left_open = reinterpret_cast<LeftOpen*>(slot.device_open.reserve(slot.rows * sizeof(LeftOpen)));
     kernels_begin(slot);
-    answer(slot, chunk);
+    if (chunk.group_tiles + chunk.stray_tiles > 0) answer(slot, chunk);
     kernels_end(slot);
+    if (!slot.is_small) bring(slot, direct);
   }
 
-  void launch_large(DenseSlot& slot, const ChunkSetup& chunk, const ReplyView& direct, std::uint64_t reply_bytes,
-                    std::size_t counts_bytes) {
-    ChunkView& view = slot.device_view;
-    view.reply = reply_view_over(slot.device_reply.reserve(reply_bytes), slot.rows, fields_);
-    view.counts = reinterpret_cast<std::uint32_t*>(slot.device_rest.reserve(counts_bytes));
-    view.rest = view.counts + kCounts;
-    view.enclosed = question_.prove_overlaps
-                        ? reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(slot.rows * sizeof(Enclosed)))
-                        : nullptr;
-    check(cudaMemsetAsync(view.counts, 0, kCounts * sizeof(std::uint32_t), slot.stream), "clearing counters");
-    kernels_begin(slot);
-    answer(slot, chunk);
-    if (question_.prove_overlaps) {
-      const auto blocks = static_cast<unsigned>(std::min<std::uint64_t>((slot.rows + kTile - 1) / kTile, kOverlapBlocks));
-      prove_overlaps<<<blocks, kTile, 0, slot.stream>>>(view);
-      check(cudaGetLastError(), "starting a kernel");
-    }
-    kernels_end(slot);
-    bring(slot, direct);
-    const std::size_t at_once = (kCounts + std::min<std::uint64_t>(slot.rows, kRestAtOnce)) * sizeof(std::uint32_t);
-    check(cudaMemcpyAsync(slot.host_counts, view.counts, at_once, cudaMemcpyDeviceToHost, slot.stream),
-          "copying counters");
+  ChunkResult finish(int index) override {
+    DenseSlot& slot = *slots_[index];
+    check(cudaStreamSynchronize(slot.stream), "answering a query");
+    count_kernels(slot);
+    return {slot.host_view, {slot.host_counts + kCounts, slot.host_counts[kRest]}, slot.host_counts[kSettledRows]};
+  }
+
+ private:
+  bool f32_goes_first(const ChunkSetup& chunk) const {
+    return question_.f32 && chunk.group_tiles > 0 && pairs_->most_shared_f32 > 0;
   }
 
   void answer(DenseSlot& slot, const ChunkSetup& chunk) {
@@ -126,14 +104,36 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
       only_compact ? answer_as<true, false>(slot, chunk) : answer_as<false, false>(slot, chunk);
     check(cudaGetLastError(), "starting a kernel");
   }
+  // The last kernel hands the counts over.
   template <bool kCompact, bool kWarm>
   void answer_as(DenseSlot& slot, const ChunkSetup& chunk) {
     ChunkView& view = slot.device_view;
     view.group_of_tile = pairs_->group_of_tile + chunk.first_tile;
-    if (chunk.group_tiles > 0)
-      answer_groups<kCompact, kWarm><<<chunk.group_tiles, kTile, pairs_->shared_bytes, slot.stream>>>(view);
-    if (chunk.stray_tiles > 0)
-      answer_strays<kCompact, kWarm><<<chunk.stray_tiles, kTile, 0, slot.stream>>>(view, chunk.strays);
+    const bool f32_first = f32_goes_first(chunk), only_f32 = f32_first && pairs_->all_fit_f32;
+    const bool proof_follows = view.enclosed && (chunk.stray_tiles > 0 || !only_f32);
+    ChunkView before = view;  // of a kernel that another follows
+    before.host_counts = nullptr;
+    view.blocks = chunk.group_tiles + chunk.stray_tiles;
+    const ChunkView& first = f32_first || proof_follows ? before : view;
+    if (f32_first)
+      answer_groups<float, kCompact, kWarm><<<chunk.group_tiles, kTile, pairs_->most_shared_f32, slot.stream>>>(first);
+    if (chunk.group_tiles > 0 && !only_f32)
+      answer_groups<double, kCompact, kWarm><<<chunk.group_tiles, kTile, pairs_->most_shared, slot.stream>>>(first);
+    if (chunk.stray_tiles > 0) {
+      const auto kernel = question_.f32 ? answer_strays<true, kCompact, kWarm> : answer_strays<false, kCompact, kWarm>;
+      kernel<<<chunk.stray_tiles, kTile, 0, slot.stream>>>(first, chunk.strays);
+    }
+    if (f32_first) {
+      ChunkView open = proof_follows ? before : view;
+      open.prove_at_once = question_.prove_overlaps;
+      open.blocks = std::min(chunk.group_tiles, kOpenBlocks);
+      answer_open<kCompact, kWarm><<<open.blocks, kTile, 0, slot.stream>>>(open);
+    }
+    if (proof_follows) {
+      view.blocks =
+          static_cast<std::uint32_t>(std::min<std::uint64_t>((slot.rows + kTile - 1) / kTile, kOverlapBlocks));
+      prove_overlaps<<<view.blocks, kTile, 0, slot.stream>>>(view);
+    }
   }
 
   // Copies columns to where they are wanted; those that wait in the workspace lie side by side and go at once.

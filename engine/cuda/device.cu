@@ -26,7 +26,7 @@ DeviceInfo probe() {
   if (error == cudaSuccess) error = cudaGetDeviceProperties(&properties, device);
   // Also asks whether this build has code for it.
   cudaFuncAttributes attributes{};
-  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_groups<true, false>);
+  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_groups<double, true, false>);
   info.name = properties.name;
   info.count = count;
   info.present = error == cudaSuccess;
@@ -34,12 +34,21 @@ DeviceInfo probe() {
   return info;
 }
 
+// Of a block, for its two hulls.
 int most_shared() {
   int device = 0, bytes = 0;
   check(cudaGetDevice(&device), "asking for the device");
   check(cudaDeviceGetAttribute(&bytes, cudaDevAttrMaxSharedMemoryPerBlockOptin, device),
         "asking for its shared memory");
   return std::min(bytes, kMostShared);
+}
+
+template <class T>
+void allow_shared_memory() {
+  for (const auto kernel : {answer_groups<T, true, false>, answer_groups<T, false, false>, answer_groups<T, true, true>,
+                            answer_groups<T, false, true>})
+    check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()),
+          "asking for shared memory");
 }
 
 // Workspaces that nobody uses.
@@ -87,10 +96,8 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
         hulls_(scene, most_shared(), scene_memory_),
         dense_(hulls_, work_),
         reduced_(hulls_, work_) {
-    for (const auto kernel : {answer_groups<true, false>, answer_groups<false, false>, answer_groups<true, true>,
-                              answer_groups<false, true>})
-      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()),
-            "asking for shared memory");
+    allow_shared_memory<double>();
+    allow_shared_memory<float>();
   }
 
   std::uint32_t hull_of(std::uint32_t body) const override { return hulls_.of_body(body); }

@@ -48,7 +48,8 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
                 options_.cull,
                 options_.want_points,
                 options_.want_flags,
-                !options_.limits.signed_distance};
+                !options_.limits.signed_distance,
+                options_.f32};
   s.fields = fields_;
   s.boxes = options_.cull;
   place_fixed(workspace.room_for_bodies(plan_.snapshot->placed.size()));

@@ -7,18 +7,26 @@
 namespace clearance::cuda {
 
 // A hull copied to a block's shared memory.
-__device__ inline Hull<SharedVertices> share(const HullsView& hulls, const HullHead* head, std::byte* memory) {
+struct SharedHull {
+  Hull<SharedVertices> hull;
+  Hull<SharedFloats> hull_f32;
+};
+template <class T>
+__device__ inline SharedHull share(const HullsView& hulls, const HullHead* head, std::byte* memory) {
   const std::uint32_t blocks = (head->words + 7) / 8, count = head->count;
   auto* table = reinterpret_cast<uint4*>(memory);
   auto* xy = reinterpret_cast<double2*>(table + blocks);
   auto* z = reinterpret_cast<double*>(xy + count);
+  auto* f32 = reinterpret_cast<float4*>(memory + shared_bytes(*head));
   const auto* words = reinterpret_cast<const uint4*>(hulls.words + head->first_word);
   for (std::uint32_t i = threadIdx.x; i < blocks; i += blockDim.x) table[i] = words[i];
   for (std::uint32_t i = threadIdx.x; i < count; i += blockDim.x) {
     xy[i] = {hulls.x[head->first + i], hulls.y[head->first + i]};
     z[i] = hulls.z[head->first + i];
+    if (kIsF32<T>) f32[i] = reinterpret_cast<const float4*>(hulls.f32)[head->first + i];
   }
-  return {{xy, z}, reinterpret_cast<const std::uint16_t*>(table), head};
+  const auto* lists = reinterpret_cast<const std::uint16_t*>(table);
+  return {{{xy, z}, lists, head}, {{f32}, lists, head}};
 }
 
 // An item of a group: a pair in a configuration, and where its bodies are.
@@ -27,70 +35,111 @@ struct GroupItem {
   PairRef ref;
   std::uint64_t row;
   Where at_a, at_b;
-  PlacedWhere at;
 
-  __device__ GroupItem(const ChunkView& c, const Group& group, std::uint32_t item)
-      : pair(group.first + (c.configurations == 1 ? item : item / c.configurations)),
-        k(c.configurations == 1 ? 0 : item % c.configurations),
+  __device__ GroupItem(const ChunkView& c, std::uint32_t p, std::uint32_t configuration)
+      : pair(p),
+        k(configuration),
         ref(c.pairs[pair]),
         row(std::uint64_t{k} * c.pair_count + c.position[pair]),
         at_a(c.bodies, c.configurations, ref.a, k),
-        at_b(c.bodies, c.configurations, ref.b, k),
-        at(at_a, at_b) {}
+        at_b(c.bodies, c.configurations, ref.b, k) {}
+  __device__ GroupItem(const ChunkView& c, const Group& group, std::uint32_t item)
+      : GroupItem(c, group.first + (c.configurations == 1 ? item : item / c.configurations),
+                  c.configurations == 1 ? 0 : item % c.configurations) {}
 };
 
 // Answers it and writes its row, unless it is not settled.
-template <bool kCompact, bool kWarm, class Hull>
-__device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b, Enclosed& enclosed) {
+template <bool kCompact, bool kWarm, class Hull, class PointHull>
+__device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,
+                                      const PairHulls<PointHull>& hulls, const Place<typename Hull::T>& at,
+                                      Enclosed& enclosed) {
   enclosed.pair = item.pair;
   enclosed.configuration = item.k;
   PairAnswer answer;
   WarmRow* const warm = kWarm ? c.warm + item.k * c.warm_stride + c.position[item.pair] : nullptr;
-  Outcome outcome = solve_item<kCompact, kWarm>(c, a, item.at_a, b, item.at_b, item.at, answer, enclosed, warm);
+  Outcome outcome = solve_item<kCompact, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm);
   if (outcome == Outcome::kEnclosed && c.prove_at_once) outcome = proved(c, enclosed, item.at_a, item.at_b, answer);
   if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
     write_answer<kCompact>(c, item.row, item.k, item.at_a, item.at_b, answer);
   return outcome;
 }
 
-// The last block hands the counts over and leaves them cleared for the next chunk.
-__device__ inline void hand_over_counts(const ChunkView& c) {
-  if (!c.host_counts) return;
-  __syncthreads();
-  if (threadIdx.x != 0) return;
-  __threadfence();
-  if (atomicAdd(c.counts + kBlocksDone, 1) != c.blocks - 1) return;
-  __threadfence();
-  for (std::uint32_t i = 0; i < kCounts; ++i) c.host_counts[i] = atomicExch(c.counts + i, 0);
-}
-
-// Blocks of pairs of the same two hulls, which lie in shared memory.
-template <bool kCompact, bool kWarm>
-__global__ void __launch_bounds__(kTile, kBlocks) answer_groups(const __grid_constant__ ChunkView c) {
+// Blocks of pairs of the same two hulls, which lie in shared memory. In float32 those of hulls that it fits; what it
+// leaves open is listed. \tparam T of the iteration
+template <class T, bool kCompact, bool kWarm>
+__global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
+    answer_groups(const __grid_constant__ ChunkView c) {
   extern __shared__ uint4 shared_memory[];
-  auto* memory = reinterpret_cast<std::byte*>(shared_memory);
+  auto* const memory = reinterpret_cast<std::byte*>(shared_memory);
   const Group group = c.group_of_tile[blockIdx.x];
-  const std::uint32_t place = (blockIdx.x - group.first_tile) * kTile + threadIdx.x, count = group.count * c.configurations;
-  const GroupItem item(c, group, place < count ? place : count - 1);  // poses are on their way while hulls are copied
-  const HullHead* head = c.hulls.heads + group.hull_a;
-  const Hull<SharedVertices> a = share(c.hulls, head, memory);
-  const Hull<SharedVertices> b =
-      group.hull_a == group.hull_b ? a : share(c.hulls, c.hulls.heads + group.hull_b, memory + shared_bytes(*head));
+  const HullHead *head_a = c.hulls.heads + group.hull_a, *head_b = c.hulls.heads + group.hull_b;
+  if (kIsF32<T> != (c.question.f32 && fit_f32(*head_a, *head_b))) return;  // the other kernel's
+  const std::uint32_t place = (blockIdx.x - group.first_tile) * kTile + threadIdx.x,
+                      count = group.count * c.configurations;
+  const GroupItem item(c, group, place < count ? place : count - 1);
+  // Poses are on their way while hulls are copied.
+  const Place<T> at = place_pair<T>(item.at_a, *head_a, item.at_b, *head_b);
+  const SharedHull a = share<T>(c.hulls, head_a, memory);
+  const SharedHull b =
+      group.hull_a == group.hull_b
+          ? a
+          : share<T>(c.hulls, head_b, memory + (kIsF32<T> ? shared_bytes_f32(*head_a) : shared_bytes(*head_a)));
   __syncthreads();
 
   Enclosed enclosed;
-  report(c, place < count ? answer_item<kCompact, kWarm>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
+  Outcome outcome = Outcome::kNone;
+  const PairHulls<Hull<SharedVertices>> hulls{a.hull, b.hull};
+  if (place < count) {
+    if constexpr (kIsF32<T>)
+      outcome = answer_item<kCompact, kWarm>(c, item, a.hull_f32, b.hull_f32, hulls, at, enclosed);
+    else
+      outcome = answer_item<kCompact, kWarm>(c, item, a.hull, b.hull, hulls, at, enclosed);
+  }
+  report<kIsF32<T>>(c, outcome, item.row, enclosed);
   hand_over_counts(c);
 }
 
-// Pairs that have too little company for that: each thread reads the hulls it needs. \param strays their group.
-template <bool kCompact, bool kWarm>
+// One item whose hulls are read where the scene has them. \tparam kBoth float32 goes first where it is asked for and
+// fits.
+template <bool kBoth, bool kCompact, bool kWarm>
+__device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, bool is_there) {
+  const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
+  const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
+  const PairHulls<Hull<SceneVertices>> hulls{a, b};
+  Enclosed enclosed;
+  Outcome outcome = Outcome::kNone;
+  if (is_there) {
+    outcome = Outcome::kUnsettled;
+    if (kBoth && fit_f32(*head_a, *head_b)) {
+      const Place<float> at = place_pair<float>(item.at_a, *head_a, item.at_b, *head_b);
+      outcome = answer_item<kCompact, kWarm>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
+                                             hulls, at, enclosed);
+    }
+    if (outcome == Outcome::kUnsettled) {
+      const Place<double> at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
+      outcome = answer_item<kCompact, kWarm>(c, item, a, b, hulls, at, enclosed);
+    }
+  }
+  report(c, outcome, item.row, enclosed);
+}
+
+// Pairs that have too little company for a block of their own. \param strays their group.
+template <bool kBoth, bool kCompact, bool kWarm>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c, Group strays) {
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = strays.count * c.configurations;
-  const GroupItem item(c, strays, place < count ? place : count - 1);
-  const Hull<SceneVertices> a = scene_hull(c, item.ref.a), b = scene_hull(c, item.ref.b);
-  Enclosed enclosed;
-  report(c, place < count ? answer_item<kCompact, kWarm>(c, item, a, b, enclosed) : Outcome::kNone, item.row, enclosed);
+  answer_alone<kBoth, kCompact, kWarm>(c, GroupItem(c, strays, place < count ? place : count - 1), place < count);
+  hand_over_counts(c);
+}
+
+// What float32 has left open, in float64.
+template <bool kCompact, bool kWarm>
+__global__ void __launch_bounds__(kTile, kBlocks) answer_open(const __grid_constant__ ChunkView c) {
+  const std::uint32_t count = c.counts[kLeftOpen];
+  for (std::uint32_t first = blockIdx.x * kTile; first < count; first += gridDim.x * kTile) {
+    const bool is_there = first + threadIdx.x < count;
+    const LeftOpen open = c.left_open[is_there ? first + threadIdx.x : count - 1];
+    answer_alone<false, kCompact, kWarm>(c, GroupItem(c, open.pair, open.configuration), is_there);
+  }
   hand_over_counts(c);
 }
 

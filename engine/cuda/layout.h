@@ -12,6 +12,7 @@ namespace clearance::cuda {
 struct HullHead {
   Vec3d centre, half;
   double rho, radius, spread;
+  double f32_size;  ///< spread + radius, for fits_f32(); infinite: float32 is not tried
   std::uint32_t first, count;
   /// Its direction table, narrowed to 16 bits: cells, then lists, from word `first_word` on. No words: no table.
   std::uint32_t first_word, words, cell_words, grid_bits;
@@ -22,10 +23,21 @@ CLEARANCE_HD inline std::uint32_t shared_bytes(const HullHead& h) {
   return (h.words + 7) / 8 * 16 + h.count * 16 + (h.count + 1) / 2 * 16;
 }
 
+/// The same where float32 goes first: the vertices in float32 follow, four numbers each.
+CLEARANCE_HD inline std::uint32_t shared_bytes_f32(const HullHead& h) {
+  return shared_bytes(h) + h.count * 16;
+}
+/// Whether float32 can be tried on two hulls: fits_f32() of their pieces.
+CLEARANCE_HD inline bool fit_f32(const HullHead& a, const HullHead& b) {
+  const double size = a.f32_size < b.f32_size ? b.f32_size : a.f32_size;
+  return size > 1e-5 && size < 1e5;
+}
+
 /// All hulls of the scene, in device memory.
 struct HullsView {
   const HullHead* heads;
   const double *x, *y, *z;
+  const float* f32;              ///< (vertices, 4) relative to the hull's centre; the fourth is of no use
   const std::uint16_t* words;    ///< of all tables, each from a multiple of 8 on
   const std::uint32_t* of_body;  ///< (bodies,) index of the body's hull; kNone: not on the device
 };
@@ -91,6 +103,7 @@ struct Question {
   bool want_points;
   bool want_nonsmooth;
   bool prove_overlaps;  ///< no depth is asked for
+  bool f32;             ///< float32 goes first where it fits
 };
 
 /// Where the last query's run of GJK ended for a row, to begin there (WarmSimplex). Hulls have at most 2^16 vertices here.
@@ -104,11 +117,16 @@ struct Enclosed {
   std::uint16_t a[4], b[4];
 };
 
+/// A pair that float32 has left open.
+struct LeftOpen {
+  std::uint32_t pair, configuration;  ///< within the chunk
+};
+
 /// Places in ChunkView::counts: rows left to the CPU; rows that the narrow phase settled; enclosed pairs; of reduced
 /// queries pairs that are looked at, and rows that come back.
-/// And blocks that are done, of chunks whose last block hands the counts over.
-inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4, kBlocksDone = 5,
-                               kCounts = 8;
+/// And blocks that are done, of chunks whose last block hands the counts over; pairs that float32 has left open.
+inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
+                               kBlocksDone = 5, kLeftOpen = 6, kCounts = 8;
 
 /// One launch: some pairs in some configurations.
 struct ChunkView {
@@ -124,6 +142,7 @@ struct ChunkView {
   ReplyView reply;        ///< device columns: row k * pair_count + position
   std::uint32_t* rest;    ///< rows that are not settled, in no order
   Enclosed* enclosed;     ///< in no order
+  LeftOpen* left_open;    ///< in no order
   std::uint32_t* counts;  ///< kRest and so on
   WarmRow* warm;               ///< of the first row; null: every pair begins cold
   std::uint64_t warm_stride;   ///< rows of the query's configurations

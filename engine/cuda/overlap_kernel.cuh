@@ -78,6 +78,7 @@ __global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ 
     if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
     add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
   }
+  hand_over_counts(c);
 }
 
 }  // namespace clearance::cuda

@@ -1,137 +1,53 @@
 // One pair in one thread: gjk.h's text, bounds by certify.h's, columns by columns.h's.
 //
 // Every operation is rounded as on the CPU (--fmad=false, IEEE division and roots), so that an answer has the bits of
-// the CPU's lanes (lanes_kernel.h), whose kernel this is with a thread for a lane.
+// the CPU's lanes (lanes_kernel.h), in float64 and in float32, whose kernel this is with a thread for a lane.
 #pragma once
 
-#include <cstddef>
+#include <type_traits>
 
-#include "engine/certify.h"
-#include "engine/direction_table.h"
 #include "engine/witness.h"
-#include "layout.h"
+#include "hull.cuh"
 
 namespace clearance::cuda {
 
 // Blocks of kTile threads on a multiprocessor, among which its registers are shared out: with more, they spill.
-inline constexpr int kBlocks = 3;
+inline constexpr int kBlocks = 3, kBlocksF32 = 5;
 
-// A hull: its vertices, and its direction table if it has one. Vertices: shared by a block, or the scene's.
-template <class Vertices>
-struct Hull {
-  Vertices vertices;
-  const std::uint16_t *cells, *lists;  // null: no table
-  std::uint32_t grid_bits, size;
-  const HullHead* head;
+template <class T>
+inline constexpr bool kIsF32 = std::is_same_v<T, float>;
 
-  __device__ Hull(const Vertices& v, const std::uint16_t* words, const HullHead* h)
-      : vertices(v),
-        cells(h->words > 0 ? words : nullptr),
-        lists(words + h->cell_words),
-        grid_bits(h->grid_bits),
-        size(h->count),
-        head(h) {}
-  __device__ Vec3d vertex(std::uint32_t i) const { return vertices[i]; }
-  __device__ std::uint32_t count() const { return size; }
-  __device__ double radius() const { return head->radius; }
-  __device__ double spread() const { return head->spread; }
-
-  // The farthest vertex along n, ties to the lowest index: support()'s words.
-  __device__ SupportPoint<double> farthest(const Vec3d& n) const {
-    if (!cells) return scan(n);
-    const std::uint16_t* list = lists + list_along(n);
-    const std::uint32_t candidates = list[0];
-    SupportPoint<double> best{list[1], dot(n, vertex(list[1]))};
-    for (std::uint32_t k = 2; k <= candidates; ++k) {
-      const std::uint32_t i = list[k];
-      const double s = dot(n, vertex(i));
-      if (s > best.value) best = {i, s};
-    }
-    return best;
-  }
-  // The tables are blurred (float_blur()), so that float32 finds a list where it can hold the direction.
-  __device__ std::uint32_t list_along(const Vec3d& n) const {
-    const Vec3<float> f = cast<float>(n);
-    const float size = fabsf(f.x) + fabsf(f.y) + fabsf(f.z);
-    if (size > 1e-30f && size < 1e30f) {
-      const MapPoint<float> at = map_point(f);
-      return find_list(cells, grid_bits, at.u, at.v);
-    }
-    const MapPoint<double> at = map_point(n);
-    return find_list(cells, grid_bits, at.u, at.v);
-  }
-  __device__ SupportPoint<double> scan(const Vec3d& n) const {
-    SupportPoint<double> best{0, dot(n, vertex(0))};
-#pragma unroll 4
-    for (std::uint32_t i = 1; i < size; ++i) {
-      const double s = dot(n, vertex(i));
-      if (s > best.value) best = {i, s};
-    }
-    return best;
-  }
+// Where both bodies of a pair are, in the arithmetic T: rotations, and the offset of the bodies (float32: of their
+// centres).
+template <class T>
+struct Place {
+  Mat3<T> R_wa, R_wb;
+  Vec3<T> D;
+  T extra{0};        // what the offset errs by
+  bool fits = true;  // float32 can hold it
 };
-struct SharedVertices {
-  const double2* xy;
-  const double* z;
-  __device__ Vec3d operator[](std::uint32_t i) const {
-    const double2 p = xy[i];
-    return {p.x, p.y, z[i]};
-  }
-};
-struct SceneVertices {
-  const double *x, *y, *z;
-  __device__ Vec3d operator[](std::uint32_t i) const { return {__ldg(x + i), __ldg(y + i), __ldg(z + i)}; }
-};
-
-__device__ inline std::uint32_t body_of(const BodiesView& bodies, std::uint32_t ref) {
-  return ref & kMovedBit ? bodies.moved_body[ref & ~kMovedBit] : ref;
+template <class T>
+__device__ inline Mat3<T> cast(const Mat3d& m) {
+  return {{clearance::cast<T>(m.row[0]), clearance::cast<T>(m.row[1]), clearance::cast<T>(m.row[2])}};
 }
-// A body's hull where the scene has it.
-__device__ inline Hull<SceneVertices> scene_hull(const ChunkView& c, std::uint32_t ref) {
-  const HullHead* head = c.hulls.heads + c.hulls.of_body[body_of(c.bodies, ref)];
-  return {{c.hulls.x + head->first, c.hulls.y + head->first, c.hulls.z + head->first},
-          c.hulls.words + head->first_word,
-          head};
+__device__ inline bool is_zero(const Vec3d& v) {
+  return v.x == 0 && v.y == 0 && v.z == 0;
 }
 
-// A body where this thread finds it.
-struct Where {
-  const double* components;
-  std::size_t stride;
-  std::uint8_t state;
-  std::uint32_t body;
-
-  __device__ Where(const BodiesView& bodies, std::uint32_t configurations, std::uint32_t ref, std::uint32_t k) {
-    if (ref & kMovedBit) {
-      const std::uint32_t slot = ref & ~kMovedBit;
-      components = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
-      stride = configurations;
-      state = bodies.moved_state[std::size_t{slot} * configurations + k];
-      body = bodies.moved_body[slot];
-    } else {
-      components = bodies.fixed + ref;
-      stride = bodies.bodies;
-      state = bodies.fixed_state[ref];
-      body = ref;
-    }
+template <class T>
+__device__ inline Place<T> place_pair(const Where& at_a, const HullHead& a, const Where& at_b, const HullHead& b) {
+  const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
+  Vec3d D = at_b.translation() - at_a.translation();
+  if constexpr (!kIsF32<T>) {
+    return {R_wa, R_wb, D};
+  } else {
+    const double size = a.rho + b.rho + a.radius + b.radius + fabs(D.x) + fabs(D.y) + fabs(D.z);
+    if (!is_zero(a.centre)) D -= R_wa * a.centre;
+    if (!is_zero(b.centre)) D += R_wb * b.centre;
+    return {cast<float>(R_wa), cast<float>(R_wb), clearance::cast<float>(D),
+            static_cast<float>(16 * 0x1p-53 * (1 + 0x1p-20) * size), size < 1e6};
   }
-  __device__ Vec3d at(std::uint32_t c) const {
-    return {components[c * stride], components[(c + 1) * stride], components[(c + 2) * stride]};
-  }
-  __device__ Mat3d rotation() const { return {{at(0), at(3), at(6)}}; }
-  __device__ Vec3d translation() const { return at(9); }
-  __device__ Aabb box() const { return {at(12), at(15)}; }
-  __device__ Status status() const { return static_cast<Status>(state & kStateStatus); }
-};
-
-// Where both bodies of a pair are.
-struct PlacedWhere {
-  Mat3d R_wa, R_wb;
-  Vec3d D;
-
-  __device__ PlacedWhere(const Where& at_a, const Where& at_b)
-      : R_wa(at_a.rotation()), R_wb(at_b.rotation()), D(at_b.translation() - at_a.translation()) {}
-};
+}
 
 // The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
 template <class Hull>
@@ -152,33 +68,39 @@ enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
 // One pair's run of GJK, and what its bounds need.
 template <class Hull>
 struct Run {
-  Gjk<double> g;
-  double radius, scale;
+  using T = typename Hull::T;
+  Gjk<T> g;
+  T radius, scale;
 
-  __device__ Run(const Question& q, const Hull& a, const Hull& b, const PlacedWhere& at)
-      : radius(a.radius() + b.radius()), scale(pair_scale(at.D, a.head->rho, b.head->rho, radius)), q_(q), a_(a), b_(b), at_(at) {
-    limits_.rel_tol = q.rel_tol / 2;
-    limits_.abs_tol = q.abs_tol / 2;
+  __device__ Run(const Question& q, const Hull& a, const Hull& b, const Place<T>& at)
+      : radius(static_cast<T>(a.radius() + b.radius())), q_(q), a_(a), b_(b), at_(at) {
+    const Vec3<T>& D = at.D;
+    scale = pair_scale(D, size_of(*a.head), size_of(*b.head), radius);
+    limits_.rel_tol = static_cast<T>(q.rel_tol / 2);
+    limits_.abs_tol = static_cast<T>(q.abs_tol / 2);
     limits_.radius = radius;
     limits_.squared = !(radius > 0) && q.abs_tol == 0;
-    limits_.bounded = q.max_distance < 1e150;
+    limits_.bounded = q.max_distance < (kIsF32<T> ? 1e15 : 1e150);
     if (limits_.bounded)
-      limits_.max_distance = q.max_distance + radius + 2.0 * rounding_error(double(RoundingUnits<double>::kLower), scale);
-    g.v = at.R_wa * a.head->centre - at.R_wb * b.head->centre - at.D;
+      limits_.max_distance = cut_off() + radius + T(2) * rounding_error(T(RoundingUnits<T>::kLower), scale);
+    if constexpr (kIsF32<T>)
+      g.v = Vec3<T>{0, 0, 0} - D;
+    else
+      g.v = at.R_wa * a.head->centre - at.R_wb * b.head->centre - D;
     if (!(squared_norm(g.v) > 0)) g.v.x = 1;
   }
   // Begins where an earlier run ended.
   __device__ void begin_at(const WarmRow& warm) {
     const int size = warm.size < 3 ? warm.size : 3;
     if (size == 0) return;
-    Simplex<double> simplex;
+    Simplex<T> simplex;
     CLEARANCE_UNROLL
     for (int i = 0; i < 3; ++i) {
       const std::uint32_t ia = i < size ? warm.a[i] : warm.a[0], ib = i < size ? warm.b[i] : warm.b[0];
       if (ia >= a_.count() || ib >= b_.count()) return;
       simplex.vertex[i] = cso_vertex(ia, ib);
     }
-    const CsoVertex<double> newest = simplex.vertex[0];
+    const CsoVertex<T> newest = simplex.vertex[0];
     simplex.vertex[0] = simplex.vertex[1];
     simplex.vertex[1] = simplex.vertex[2];
     simplex.size = size - 1;
@@ -194,21 +116,33 @@ struct Run {
     }
     return row;
   }
-  __device__ void step() {
-    const SupportPoint<double> fa = a_.farthest(-at_.R_wa.transpose_times(g.v)), fb = b_.farthest(at_.R_wb.transpose_times(g.v));
+  __device__ __forceinline__ void step() {
+    SupportPoint<T> fa, fb;
+    find_farthest(a_, -at_.R_wa.transpose_times(g.v), fa, b_, at_.R_wb.transpose_times(g.v), fb);
     g.step(cso_vertex(fa.index, fb.index), -dot(g.v, at_.D) - (fa.value + fb.value), limits_, true);
   }
-  __device__ RunBounds<double> bounds() const { return {g, radius, scale, q_.max_distance, q_.abs_tol, q_.rel_tol}; }
+  __device__ RunBounds<T> bounds() const {
+    return {
+        g,        radius, scale, cut_off(), static_cast<T>(q_.abs_tol * kStrict), static_cast<T>(q_.rel_tol * kStrict),
+        at_.extra};
+  }
 
  private:
-  __device__ CsoVertex<double> cso_vertex(std::uint32_t a, std::uint32_t b) const {
+  // Comparisons in float32 err by its rounding: ask for a little more.
+  static constexpr double kStrict = kIsF32<T> ? 1 - 0x1p-20 : 1, kMore = kIsF32<T> ? 1 + 0x1p-20 : 1;
+
+  __device__ T cut_off() const { return static_cast<T>(q_.max_distance * kMore); }
+  __device__ static T size_of(const HullHead& h) {
+    return static_cast<T>(kIsF32<T> ? h.spread * (1 + 0x1p-20) : h.rho);
+  }
+  __device__ CsoVertex<T> cso_vertex(std::uint32_t a, std::uint32_t b) const {
     return {at_.R_wa * a_.vertex(a) - at_.R_wb * b_.vertex(b) - at_.D, a, b};
   }
 
   const Question& q_;
   const Hull &a_, &b_;
-  const PlacedWhere& at_;
-  GjkLimits<double> limits_;
+  const Place<T>& at_;
+  GjkLimits<T> limits_;
 };
 
 // Whether the simplex holds the origin, so that its vertices may prove an overlap.
@@ -222,52 +156,88 @@ __device__ inline bool take_enclosed(const Gjk<double>& g, Enclosed& enclosed) {
   return true;
 }
 
-// The answer of a run whose bounds are settled. \tparam kCompact only a compact column is wanted: no normal and no flags.
-template <bool kCompact, class Hull>
-__device__ inline void take_settled(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
-                                    const PlacedWhere& at, const Gjk<double>& g, const RunBounds<double>& bounds,
-                                    PairAnswer& answer) {
-  const bool beyond = bounds.lower > q.max_distance;
-  answer.status = beyond ? Status::kBeyond : Status::kOk;
-  answer.lower = bounds.lower;
-  answer.upper = bounds.upper;
-  answer.distance = beyond ? bounds.lower : bounds.upper;
-  if (!q.want_points) return;
+// What copy_witness() of the lanes makes of a settled run.
+template <class T>
+__device__ inline LaneWitness witness_of(const Gjk<T>& g, const RunBounds<T>& bounds) {
   LaneWitness w;
-  w.v = g.v;
-  w.separation = -bounds.nearest.w;
-  w.v_length = bounds.v_length;
-  w.separation_length = bounds.length;
+  w.v = clearance::cast<double>(g.v);
+  w.separation = -clearance::cast<double>(bounds.nearest.w);
   w.size = static_cast<std::uint32_t>(g.simplex.size);
+  CLEARANCE_UNROLL
   for (int i = 0; i < 3; ++i) {
     w.a[i] = g.simplex.vertex[i].a;
     w.b[i] = g.simplex.vertex[i].b;
     w.share[i] = bounds.nearest.share[i];
   }
-  if (!kCompact) {
-    add_points(a, at_a, b, at_b, w, q.want_nonsmooth, answer);
+  if constexpr (!kIsF32<T>) {
+    w.v_length = bounds.v_length;
+    w.separation_length = bounds.length;
   } else {
-    settled_points(a, at.R_wa, b, at.R_wb, w, answer.point_a, answer.point_b);
+    // Float32 lengths are right in float32 only. So are shares, which would put the points outside their pieces.
+    w.v_length = norm(w.v);
+    w.separation_length = norm(w.separation);
+    double sum = 0;
+    CLEARANCE_UNROLL
+    for (std::uint32_t i = 0; i < 3; ++i)
+      if (i < w.size) sum += w.share[i];
+    CLEARANCE_UNROLL
+    for (std::uint32_t i = 0; i < 3; ++i)
+      if (i < w.size) w.share[i] /= sum;
+  }
+  return w;
+}
+
+// A pair's two hulls for points, in float64.
+template <class Hull>
+struct PairHulls {
+  const Hull &a, &b;
+};
+
+// The answer of a run whose bounds are settled. \tparam kCompact only a compact column is wanted: no normal and no
+// flags.
+template <bool kCompact, class T, class Hull>
+__device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hulls, const Where& at_a,
+                                    const Where& at_b, const Place<T>& at, const Gjk<T>& g, const RunBounds<T>& bounds,
+                                    PairAnswer& answer) {
+  const double lower = bounds.lower, upper = bounds.upper;
+  const bool beyond = lower > q.max_distance;
+  answer.status = beyond ? Status::kBeyond : Status::kOk;
+  answer.lower = lower;
+  answer.upper = upper;
+  answer.distance = beyond ? lower : upper;
+  if (!q.want_points) return;
+  const LaneWitness w = witness_of(g, bounds);
+  if (!kCompact) {
+    add_points(hulls.a, at_a, hulls.b, at_b, w, q.want_nonsmooth, answer);
+  } else {
+    if constexpr (kIsF32<T>)
+      settled_points(hulls.a, at_a.rotation(), hulls.b, at_b.rotation(), w, answer.point_a, answer.point_b);
+    else
+      settled_points(hulls.a, at.R_wa, hulls.b, at.R_wb, w, answer.point_a, answer.point_b);
     if (beyond) answer.point_a = answer.point_b = no_point();
   }
 }
 
 // Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the
 // origin. \param warm with kWarm: where the run begins and what it leaves.
-template <bool kCompact, bool kWarm, class Hull>
-__device__ inline Outcome narrow(const Question& q, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
-                                 const PlacedWhere& at, PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
+template <bool kCompact, bool kWarm, class Hull, class PointHull>
+__device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
+                                 const Where& at_a, const Where& at_b, const Place<typename Hull::T>& at,
+                                 PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
+  using T = typename Hull::T;
+  if (kIsF32<T> && !at.fits) return Outcome::kUnsettled;
   Run<Hull> run(q, a, b, at);
   if (kWarm) run.begin_at(*warm);
   for (int steps = 0; run.g.end == 0;) {
     run.step();
-    if (run.g.end == 0 && ++steps >= q.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
+    if (run.g.end == 0 && ++steps >= q.max_iterations) run.g.end = Gjk<T>::code(GjkEnd::kLimit);
   }
   if (kWarm) *warm = run.end();
-  if (q.prove_overlaps && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
-  const RunBounds<double> bounds = run.bounds();
+  if constexpr (!kIsF32<T>)
+    if (q.prove_overlaps && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
+  const RunBounds<T> bounds = run.bounds();
   if (!bounds.settled) return Outcome::kUnsettled;
-  take_settled<kCompact>(q, a, at_a, b, at_b, at, run.g, bounds, answer);
+  take_settled<kCompact>(q, hulls, at_a, at_b, at, run.g, bounds, answer);
   return Outcome::kSettled;
 }
 
@@ -293,25 +263,32 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
              at_b.translation()});
 }
 
-// Answers one item of a chunk, unless it is not settled.
-template <bool kCompact = false, bool kWarm = false, class Hull>
-__device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Where& at_a, const Hull& b, const Where& at_b,
-                                     const PlacedWhere& at, PairAnswer& answer, Enclosed& enclosed,
-                                     WarmRow* warm = nullptr) {
+// The answer of an item of a chunk that needs no look at the hulls, if it has one, and the flags of its bodies.
+__device__ inline bool answer_without_pieces(const Question& q, const Where& at_a, const Where& at_b,
+                                             PairAnswer& answer) {
   const std::uint16_t flags = flags_of(at_a, at_b);
+  answer.flags = flags;
   if (const Status status = pair_status(at_a.status(), at_b.status()); status != Status::kOk) {
     answer = no_answer(status);
     answer.flags = flags;
-    return Outcome::kWithoutPieces;
+    return true;
   }
-  const double gap = c.question.cull ? certify_box_gap(at_a.box(), at_b.box()) : 0;
-  if (c.question.cull && gap > c.question.max_distance) {
-    answer = beyond_answer(gap);
-    answer.flags = flags;
-    return Outcome::kWithoutPieces;
-  }
+  if (!q.cull) return false;
+  const double gap = certify_box_gap(at_a.box(), at_b.box());
+  if (!(gap > q.max_distance)) return false;
+  answer = beyond_answer(gap);
   answer.flags = flags;
-  return narrow<kCompact, kWarm>(c.question, a, at_a, b, at_b, at, answer, enclosed, warm);
+  return true;
+}
+
+// Answers one item of a chunk, unless it is not settled.
+template <bool kCompact, bool kWarm, class Hull, class PointHull>
+__device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
+                                     const PairHulls<PointHull>& hulls, const Where& at_a, const Where& at_b,
+                                     const Place<typename Hull::T>& at, PairAnswer& answer, Enclosed& enclosed,
+                                     WarmRow* warm = nullptr) {
+  if (answer_without_pieces(c.question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
+  return narrow<kCompact, kWarm>(c.question, a, b, hulls, at_a, at_b, at, answer, enclosed, warm);
 }
 
 // Counts a warp's outcomes and lists the rows that are not settled. All its threads call these.
@@ -326,12 +303,30 @@ __device__ inline void add_count(std::uint32_t* count, bool wanted) {
   const unsigned all = __ballot_sync(~0u, wanted);
   if (all != 0 && threadIdx.x % 32 == 0) atomicAdd(count, __popc(all));
 }
+// \tparam kIsFirst float32 went first: what it left open is listed for float64.
+template <bool kIsFirst = false>
 __device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t row, const Enclosed& enclosed) {
-  const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
-  if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
+  if (kIsFirst) {
+    const std::uint32_t open = take_place(c.counts + kLeftOpen, outcome == Outcome::kUnsettled);
+    if (outcome == Outcome::kUnsettled) c.left_open[open] = {enclosed.pair, enclosed.configuration};
+  } else {
+    const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
+    if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);
+    const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
+    if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
+  }
   add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
-  const std::uint32_t at = take_place(c.counts + kEnclosedPairs, outcome == Outcome::kEnclosed);
-  if (outcome == Outcome::kEnclosed) c.enclosed[at] = enclosed;
+}
+
+// The last block hands the counts over and leaves them cleared for the next chunk.
+__device__ inline void hand_over_counts(const ChunkView& c) {
+  if (!c.host_counts) return;
+  __syncthreads();
+  if (threadIdx.x != 0) return;
+  __threadfence();
+  if (atomicAdd(c.counts + kBlocksDone, 1) != c.blocks - 1) return;
+  __threadfence();
+  for (std::uint32_t i = 0; i < kCounts; ++i) c.host_counts[i] = atomicExch(c.counts + i, 0);
 }
 
 }  // namespace clearance::cuda

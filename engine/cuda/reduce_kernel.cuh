@@ -129,8 +129,9 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k), at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.question.max_distance) return gap;
-  const Hull<SceneVertices> a = scene_hull(c, item.ref.a), b = scene_hull(c, item.ref.b);
-  const PlacedWhere at(at_a, at_b);
+  const Hull<SceneVertices> a = scene_hull(c.hulls, head_of(c, item.ref.a)),
+                            b = scene_hull(c.hulls, head_of(c, item.ref.b));
+  const auto at = place_pair<double>(at_a, *a.head, at_b, *b.head);
   Run<Hull<SceneVertices>> run(c.question, a, b, at);
   for (int steps = 0; run.g.end == 0 && steps < kSeedSteps; ++steps) run.step();
   const Simplex<double>& s = run.g.simplex;
@@ -233,6 +234,21 @@ __device__ inline void report_item(const ReducedView& r, Outcome outcome, std::u
   add_count(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
 }
 
+__device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, const Where& at_a, const Where& at_b,
+                                          PairAnswer& answer, Enclosed& enclosed) {
+  const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
+  const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
+  const PairHulls<Hull<SceneVertices>> hulls{a, b};
+  if (c.question.f32 && fit_f32(*head_a, *head_b)) {
+    const Place<float> at = place_pair<float>(at_a, *head_a, at_b, *head_b);
+    const Outcome outcome = solve_item<false, false>(
+        c, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b), hulls, at_a, at_b, at, answer, enclosed);
+    if (outcome != Outcome::kUnsettled) return outcome;
+  }
+  const Place<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
+  return solve_item<false, false>(c, a, b, hulls, at_a, at_b, at, answer, enclosed);
+}
+
 __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
   const std::uint32_t count = item_count(r);
@@ -249,8 +265,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       enclosed.pair = item.p;
       enclosed.configuration = item.k;
       PairAnswer answer;
-      outcome = solve_item(c, scene_hull(c, item.ref.a), at_a, scene_hull(c, item.ref.b), at_b, PlacedWhere(at_a, at_b), answer,
-                           enclosed);
+      outcome = solve_candidate(c, item, at_a, at_b, answer, enclosed);
       if (outcome == Outcome::kEnclosed) outcome = proved(c, enclosed, at_a, at_b, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;

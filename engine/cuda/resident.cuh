@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <unordered_map>
 #include <vector>
 
@@ -29,6 +30,7 @@ class ResidentHulls {
     check(cudaGetDevice(&device_), "asking for the device");
     std::vector<HullHead> heads;
     std::vector<double> x, y, z;
+    std::vector<float> f32;
     std::vector<std::uint16_t> words;
     std::unordered_map<const Piece*, std::uint32_t> index;
     for (const Body& body : scene.bodies()) {
@@ -45,6 +47,7 @@ class ResidentHulls {
                     p.rho,
                     p.radius,
                     p.spread,
+                    p.table ? std::numeric_limits<double>::infinity() : p.spread + p.radius,
                     static_cast<std::uint32_t>(x.size()),
                     static_cast<std::uint32_t>(p.vertices.size()),
                     0,
@@ -57,23 +60,25 @@ class ResidentHulls {
         x.push_back(v.x);
         y.push_back(v.y);
         z.push_back(v.z);
+        for (int i = 0; i < 3; ++i) f32.push_back(static_cast<float>(v[i] - p.centre[i]));
+        f32.push_back(0);
       }
     }
-    for (const HullHead& h : heads) shared_bytes_.push_back(shared_bytes(h));
+    heads_ = heads;
     Upload& m = memory_;
     const std::size_t at_heads = m.add<HullHead>(heads), at_x = m.add<double>(x), at_y = m.add<double>(y),
-                      at_z = m.add<double>(z), at_words = m.add<std::uint16_t>(words),
+                      at_z = m.add<double>(z), at_f32 = m.add<float>(f32), at_words = m.add<std::uint16_t>(words),
                       at_of = m.add<std::uint32_t>(of_body_);
     m.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
     m.forget_host();
-    view_ = {m.at<HullHead>(at_heads),      m.at<double>(at_x),        m.at<double>(at_y), m.at<double>(at_z),
+    view_ = {m.at<HullHead>(at_heads),      m.at<double>(at_x),        m.at<double>(at_y), m.at<double>(at_z), m.at<float>(at_f32),
              m.at<std::uint16_t>(at_words), m.at<std::uint32_t>(at_of)};
   }
   const HullsView& view() const { return view_; }
   int device() const { return device_; }  ///< its number
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
-  std::uint32_t bytes_in_shared_memory(std::uint32_t hull) const { return shared_bytes_[hull]; }
+  const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
 
  private:
   // Finer than the CPU's: threads that run side by side wait for the longest list. A table that leaves no room for
@@ -84,7 +89,7 @@ class ResidentHulls {
     if (std::max(table.cells.size(), table.lists.size()) >= kNarrowDivided) return;
     HullHead with_table = head;
     with_table.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
-    if (2 * shared_bytes(with_table) > most_shared_) return;
+    if (2 * (p.table ? shared_bytes(with_table) : shared_bytes_f32(with_table)) > most_shared_) return;
     words.resize((words.size() + 7) / 8 * 8);
     head.first_word = static_cast<std::uint32_t>(words.size());
     head.grid_bits = table.grid_bits;
@@ -99,7 +104,8 @@ class ResidentHulls {
   int device_ = 0;
   std::uint32_t most_shared_;
   Upload memory_;
-  std::vector<std::uint32_t> of_body_, shared_bytes_;
+  std::vector<std::uint32_t> of_body_;
+  std::vector<HullHead> heads_;
   HullsView view_;
 };
 
@@ -116,16 +122,22 @@ class CudaPairs final : public ResidentPairs {
     position = memory_.at<std::uint32_t>(at_position);
     group_of_tile = memory_.at<Group>(at_tiles);
     for (const Group& group : tiles) {
-      const std::uint32_t both = hulls.bytes_in_shared_memory(group.hull_a) +
-                                 (group.hull_a == group.hull_b ? 0 : hulls.bytes_in_shared_memory(group.hull_b));
-      shared_bytes = std::max<std::size_t>(shared_bytes, both);
+      const HullHead &a = hulls.head(group.hull_a), &b = hulls.head(group.hull_b);
+      const bool same = group.hull_a == group.hull_b;
+      most_shared = std::max<std::size_t>(most_shared, shared_bytes(a) + (same ? 0 : shared_bytes(b)));
+      if (fit_f32(a, b))
+        most_shared_f32 = std::max<std::size_t>(most_shared_f32, shared_bytes_f32(a) + (same ? 0 : shared_bytes_f32(b)));
+      else
+        all_fit_f32 = false;
     }
   }
 
   const PairRef* pairs;
   const std::uint32_t* position;
   const Group* group_of_tile;
-  std::size_t shared_bytes = 0;  ///< for the hulls of any group
+  std::size_t most_shared = 0;      ///< bytes for the hulls of any group
+  std::size_t most_shared_f32 = 0;  ///< for those of any that float32 fits; 0: there is none
+  bool all_fit_f32 = true;
 
  private:
   Upload memory_;

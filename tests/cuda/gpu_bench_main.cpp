@@ -25,6 +25,7 @@ struct Workload {
   double max_distance = std::numeric_limits<double>::infinity();
   std::size_t first_pairs = 0;  // only so many; 0: all
   bool warm = false;            // every query's poses are 0.01 rad from those of the one before
+  Precision precision = Precision::kF64;
 };
 
 Scene spheres(int count, double box) {
@@ -68,20 +69,28 @@ const std::vector<Workload>& workloads() {
   static const std::vector<Workload> all{
       {"1000 spheres, box 100, compact", [] { return spheres(1000, 100); }, 0, Format::kCompact, kFieldCompact},
       {"1000 spheres, box 25, compact", [] { return spheres(1000, 25); }, 0, Format::kCompact, kFieldCompact},
+      {"1000 spheres, box 100, compact, f32", [] { return spheres(1000, 100); }, 0, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, false, Precision::kF32},
+      {"1000 spheres, box 25, compact, f32", [] { return spheres(1000, 25); }, 0, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, false, Precision::kF32},
       {"1000 spheres, box 100, bounds and status", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds},
       {"5000 spheres, box 171, compact", [] { return spheres(5000, 171); }, 0, Format::kCompact, kFieldCompact},
       {"30 hulls, 150 pairs, 4096 configurations, compact", hulls, 4096, Format::kCompact, kFieldCompact},
-      {"30 hulls, 150 pairs, 4096 configurations, compact, warm", hulls, 4096, Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0,
-       true},
+      {"30 hulls, 150 pairs, 4096 configurations, compact, warm", hulls, 4096, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, true},
       few(1),
       few(10),
       few(100),
       few(1000),
       few(10000),
-      {"1000 spheres, box 100, nearest", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kNearest},
-      {"1000 spheres, box 100, within 2", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kWithin, 2},
-      {"5000 spheres, box 171, nearest", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds, Reduce::kNearest},
-      {"5000 spheres, box 171, within 2", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds, Reduce::kWithin, 2},
+      {"1000 spheres, box 100, nearest", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds,
+       Reduce::kNearest},
+      {"1000 spheres, box 100, within 2", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kWithin,
+       2},
+      {"5000 spheres, box 171, nearest", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds,
+       Reduce::kNearest},
+      {"5000 spheres, box 171, within 2", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds, Reduce::kWithin,
+       2},
       {"30 hulls, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds, Reduce::kMin},
   };
   return all;
@@ -128,6 +137,7 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   q.fields = w.fields;
   q.reduce = w.reduce;
   q.max_distance = w.max_distance;
+  q.precision = w.precision;
   std::vector<std::uint32_t> bodies;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;

@@ -59,6 +59,15 @@ std::vector<std::pair<std::string, QueryView>> questions() {
   add("loose", [](QueryView& q) { q.rel_tol = 0.1, q.abs_tol = 0.01, q.fields = kAllFields; });
   add("near", [](QueryView& q) { q.max_distance = 1.5, q.fields = kAllFields; });
   add("depth", [](QueryView& q) { q.signed_distance = true, q.fields = kAllFields; });
+  add("f32", [](QueryView& q) { q.precision = Precision::kF32, q.fields = kAllFields; });
+  add("f32, compact",
+      [](QueryView& q) { q.precision = Precision::kF32, q.format = Format::kCompact, q.fields = kFieldCompact; });
+  add("f32, bounds", [](QueryView& q) { q.precision = Precision::kF32, q.fields = kFieldLower | kFieldUpper; });
+  add("f32, hardly attainable",
+      [](QueryView& q) { q.precision = Precision::kF32, q.rel_tol = 1e-5, q.fields = kAllFields; });
+  add("f32, near", [](QueryView& q) { q.precision = Precision::kF32, q.max_distance = 1.5, q.fields = kAllFields; });
+  add("f32, depth",
+      [](QueryView& q) { q.precision = Precision::kF32, q.signed_distance = true, q.fields = kAllFields; });
   return all;
 }
 
@@ -249,7 +258,7 @@ TEST_F(CudaBackend, WritesStraightIntoPinnedMemory) {
     Answer direct;
     direct.size = expected.size;
     direct.view = reply_view_over(memory.data(), expected.size.rows, expected.size.fields);
-    ASSERT_TRUE(cuda::is_pinned(direct.view.status));
+    ASSERT_TRUE(cuda::is_pinned(memory.data()));
     Job job = device.start(q, direct.view);
     while (!job.advance(std::chrono::nanoseconds(1))) {
     }

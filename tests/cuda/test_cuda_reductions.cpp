@@ -50,6 +50,9 @@ std::vector<std::pair<std::string, QueryView>> questions() {
     add("of no distance", [](QueryView& q) { q.max_distance = 0; });
     add("depth", [](QueryView& q) { q.signed_distance = true; });
     add("depth, near", [](QueryView& q) { q.signed_distance = true, q.max_distance = 0.2; });
+    add("f32", [](QueryView& q) { q.precision = Precision::kF32; });
+    add("f32, loose", [](QueryView& q) { q.precision = Precision::kF32, q.rel_tol = 0.2, q.abs_tol = 0.01; });
+    add("f32, near", [](QueryView& q) { q.precision = Precision::kF32, q.max_distance = 0.3; });
     if (reduce == Reduce::kWithin) {
       add("all", [](QueryView& q) { q.max_distance = kInf; });
       add("the first few", [](QueryView& q) { q.max_results = 17; });
