@@ -82,7 +82,7 @@ gpu-sanitize: setup  ## the cuda backend's tests under compute-sanitizer: memory
 	@tools/gpu.sh sanitize
 
 gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv
-	@tools/build.sh release clearance-gpu-bench
+	@tools/build.sh release clearance-gpu-bench clearanced clearance_cli
 	@tools/gpu.sh bench
 
 clean:  ## remove build folders and out/ (.venv stays)

@@ -16,6 +16,24 @@ results_file() {
   echo "$folder/$1_$(echo "$device" | tr 'A-Z' 'a-z' | tr -cs 'a-z0-9' '_' | sed 's/_*$//').csv"
 }
 
+# All pairs of a thousand bodies through the daemon, copied and then written by the device into the client's memory.
+bench_service() {
+  local file folder daemon pinned
+  file=$(results_file gpu_service) && folder=$(mktemp -d) && rm -f "$file"
+  for way in copied pinned; do
+    [ $way = pinned ] && pinned=1024 || pinned=0
+    "$bin/clearanced" --scene scenes/random_1000/scene.yaml --backend cuda --shm "$folder/$way" --pinned-mib $pinned \
+      --log-level warn &
+    daemon=$!
+    until [ -S "$folder/$way" ] || ! kill -0 $daemon 2>/dev/null; do sleep 0.1; done
+    echo "$way:"
+    "$bin/clearance" bench --connect "shm://$folder/$way" --seconds 3 --timeout 30 --csv "$file" | grep -E "^latency|engine  "
+    kill $daemon && wait $daemon
+  done
+  rm -r "$folder"
+  echo "$file"
+}
+
 case $what in
   test)
     [ -x "$bin/test_cuda_backend" ] || { echo "gpu.sh: $bin/test_cuda_backend is not there: was nvcc found?" >&2; exit 1; }
@@ -53,6 +71,7 @@ case $what in
   bench)
     file=$(results_file gpu) || exit 1
     "$bin/clearance-gpu-bench" "$file" && echo "$file"
+    [ -x "$bin/clearanced" ] && bench_service
     ;;
   report)
     file=$(results_file report) || exit 1
