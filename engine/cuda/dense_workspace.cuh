@@ -8,7 +8,7 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint64_t kOverlapBlocks = 512;  // how many pairs overlap is not known when they start
+inline constexpr std::uint64_t kOverlapBlocks = 264;  // how many pairs overlap is not known when they start
 inline constexpr std::uint64_t kSmallRows = 16384;    // of a chunk that is answered with as few calls as can be
 inline constexpr std::uint32_t kOpenBlocks = 264;     // how many pairs float32 leaves open is not known either
 

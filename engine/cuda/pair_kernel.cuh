@@ -318,15 +318,20 @@ __device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t
   add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
 }
 
-// The last block hands the counts over and leaves them cleared for the next chunk.
+// The last block hands the counts over, each by a thread of its own, and leaves them cleared for the next chunk. All
+// threads of a block call it.
 __device__ inline void hand_over_counts(const ChunkView& c) {
   if (!c.host_counts) return;
+  __shared__ bool is_last;
   __syncthreads();
-  if (threadIdx.x != 0) return;
+  if (threadIdx.x == 0) {
+    __threadfence();
+    is_last = atomicAdd(c.counts + kBlocksDone, 1) == c.blocks - 1;
+  }
+  __syncthreads();
+  if (!is_last || threadIdx.x >= kCounts) return;
   __threadfence();
-  if (atomicAdd(c.counts + kBlocksDone, 1) != c.blocks - 1) return;
-  __threadfence();
-  for (std::uint32_t i = 0; i < kCounts; ++i) c.host_counts[i] = atomicExch(c.counts + i, 0);
+  c.host_counts[threadIdx.x] = atomicExch(c.counts + threadIdx.x, 0);
 }
 
 }  // namespace clearance::cuda
