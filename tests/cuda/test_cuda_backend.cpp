@@ -221,6 +221,27 @@ TEST_F(CudaBackend, SaysWhichPosesAreBadMissingRenormalisedOrStale) {
   EXPECT_TRUE(statuses.count(static_cast<std::uint8_t>(Status::kNoPose)));
 }
 
+// Where float32 hardly reaches the tolerance, some pairs stay with its answer and some get float64's.
+TEST_F(CudaBackend, LeavesToFloat64WhatFloat32CannotSettle) {
+  const Engine device(grouped_scene(300, 3, 15), {"cuda"}), cpu(grouped_scene(300, 3, 15), {"cpu"});
+  QueryView q;
+  q.rel_tol = 1e-5;
+  const Answer f64 = ask(device, q);
+  q.precision = Precision::kF32;
+  const Answer f32 = ask(device, q);
+  expect_same(f32, ask(cpu, q), "float32");
+  const std::vector<BodyPair> pairs = device.pairs(q);
+  std::uint64_t settled = 0, finished = 0;
+  const auto may_begin_in_f32 = [](std::uint32_t body) { return body % 4 != 1 && body % 40 != 7; };
+  for (std::uint64_t i = 0; i < f32.size.rows; ++i) {
+    const BodyPair pair = pairs[i];
+    if (!may_begin_in_f32(pair.a) || !may_begin_in_f32(pair.b) || !(f64.view.lower[i] > 0)) continue;
+    ++(same_bits(f32.view.lower[i], f64.view.lower[i]) ? finished : settled);
+  }
+  EXPECT_GT(settled, 500u);
+  EXPECT_GT(finished, 500u);
+}
+
 TEST_F(CudaBackend, FollowsPosesAndAttachments) {
   Engine device(grouped_scene(80, 3, 8), {"cuda"}), cpu(grouped_scene(80, 3, 8), {"cpu"});
   Random random(9);
