@@ -4,6 +4,16 @@
 
 namespace clearance::cuda {
 
+QueryKind kind_of(const QueryView& q) {
+  if (q.reduce != Reduce::kNone) {
+    if (q.configuration_count > 0) return QueryKind::kConfigurations;
+    return q.reduce == Reduce::kWithin ? QueryKind::kWithin : QueryKind::kTable;
+  }
+  if (q.signed_distance) return QueryKind::kDepth;
+  if (q.max_distance < INFINITY) return QueryKind::kNear;
+  return q.warm_slot != 0 ? QueryKind::kWarm : QueryKind::kDense;
+}
+
 std::optional<double> Calibration::device_from(QueryKind kind, int hull_size, double open_share) const {
   const auto& all = samples[static_cast<std::size_t>(kind)][static_cast<std::size_t>(hull_size)];
   const auto lost_ns = [&](const CostSample& s) { return s.device_ns + open_share * s.cpu_ns - s.cpu_ns; };
@@ -34,10 +44,7 @@ Router::Router(const Scene& scene, const Device& device, const Calibration& cali
 }
 
 bool Router::to_device(const Plan& plan) {
-  const QueryKind kind = plan.query.reduce == Reduce::kNone     ? QueryKind::kDense
-                         : plan.query.configuration_count == 0 ? QueryKind::kTable
-                                                               : QueryKind::kConfigurations;
-  Choice& choice = choices_[static_cast<std::size_t>(kind)];
+  Choice& choice = choices_[static_cast<std::size_t>(kind_of(plan.query))];
   const double pairs = static_cast<double>(plan.size.configurations) * static_cast<double>(plan.size.pairs);
   const bool device = choice.device_from && pairs >= *choice.device_from;
   ++(device ? choice.to_device : choice.to_cpu);
@@ -45,7 +52,7 @@ bool Router::to_device(const Plan& plan) {
 }
 
 void Router::append(Counters& counters) const {
-  static constexpr const char* kNames[kQueryKinds] = {"dense", "table", "configurations"};
+  static constexpr const char* kNames[kQueryKinds] = {"dense", "warm", "near", "depth", "table", "within", "configurations"};
   for (int kind = 0; kind < kQueryKinds; ++kind) {
     const Choice& choice = choices_[static_cast<std::size_t>(kind)];
     const std::string name = std::string("route.") + kNames[kind];

@@ -20,9 +20,19 @@ struct CostSample {
 };
 inline constexpr int kCostSamples = 5;
 
-/// Kinds of queries that take different time: dense; reduced over a table of pairs; reduced over configurations.
-enum class QueryKind : std::uint8_t { kDense, kTable, kConfigurations };
-inline constexpr int kQueryKinds = 3;
+/// Kinds of queries that take different time.
+enum class QueryKind : std::uint8_t {
+  kDense,           ///< a row for each pair
+  kWarm,            ///< the same, begun where the client's last one ended
+  kNear,            ///< the same, with a max_distance
+  kDepth,           ///< the same, with penetration depths
+  kTable,           ///< nearest, or least, of the current poses
+  kWithin,          ///< within a distance, likewise
+  kConfigurations,  ///< reduced, over configurations
+};
+inline constexpr int kQueryKinds = 7;
+/// Depth before max_distance before warm: what costs most decides.
+QueryKind kind_of(const QueryView& query);
 /// Hulls of few vertices and of more.
 inline constexpr int kHullSizes = 2;
 inline constexpr double kSmallHull = 110;  ///< mean vertices up to which hulls are small

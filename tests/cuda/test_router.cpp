@@ -42,7 +42,7 @@ TEST(Calibration, SaysFromHowManyPairsOnTheDeviceIsFaster) {
   EXPECT_EQ(from({2, 2, 2, 2, 2}, {1, 1, 1, 1, 1}), 0);
   EXPECT_EQ(from({1, 1, 1, 1, 3}, {2, 2, 2, 2, 2}), 55000);
   Calibration c = same_for_all({1, 1, 1, 1, 1}, {2, 2, 2, 2, 2});
-  for (auto& s : c.samples[2][0]) s.device_ns = 0.5;
+  for (auto& s : c.samples[std::size_t(QueryKind::kConfigurations)][0]) s.device_ns = 0.5;
   EXPECT_EQ(c.device_from(QueryKind::kConfigurations, 0, 0), 0);
   EXPECT_EQ(c.device_from(QueryKind::kConfigurations, 1, 0), std::nullopt);
 }
@@ -120,6 +120,41 @@ TEST_F(RouterTest, KnowsKindsOfQueries) {
   EXPECT_EQ(counter(engine, "route.table.cuda_from_pairs"), kNever);
   EXPECT_EQ(counter(engine, "route.configurations.to_cuda"), 1u);
   EXPECT_EQ(counter(engine, "route.configurations.cuda_from_pairs"), 0u);
+}
+
+TEST_F(RouterTest, TellsKindsApartByWhatIsAsked) {
+  Calibration c = same_for_all({1, 1, 1, 1, 1}, {2, 2, 2, 2, 2});
+  const auto wins = [&](QueryKind kind) {
+    for (auto& hulls : c.samples[std::size_t(kind)])
+      for (CostSample& sample : hulls) sample.device_ns = 0.5;
+  };
+  for (const QueryKind kind : {QueryKind::kWarm, QueryKind::kDepth, QueryKind::kWithin}) wins(kind);
+  save_calibration(cuda::calibration_file(key()), key(), c);
+  const Engine engine(scene(20), options());
+  struct Case {
+    std::string name;
+    bool to_device;
+    QueryView q;
+  };
+  std::vector<Case> cases{{"dense", false, {}}, {"warm", true, {}}, {"near", false, {}}, {"depth", true, {}}, {"depth", true, {}},
+                          {"near", false, {}}, {"table", false, {}}, {"table", false, {}}, {"within", true, {}}};
+  cases[1].q.warm_slot = 1;
+  cases[2].q.max_distance = 1;
+  cases[3].q.signed_distance = true;
+  cases[4].q.signed_distance = true, cases[4].q.max_distance = 1, cases[4].q.warm_slot = 1;
+  cases[5].q.max_distance = 1, cases[5].q.warm_slot = 1;
+  cases[6].q.reduce = Reduce::kMin;
+  cases[7].q.reduce = Reduce::kNearest, cases[7].q.max_distance = 1;
+  cases[8].q.reduce = Reduce::kWithin, cases[8].q.max_distance = 1;
+  for (const auto& [name, to_device, q] : cases) {
+    const std::string counted = "route." + name + (to_device ? ".to_cuda" : ".to_cpu");
+    const std::uint64_t before = counter(engine, counted);
+    const Answer a = ask(engine, q);
+    EXPECT_EQ(counter(engine, counted), before + 1) << name;
+    if (q.reduce == Reduce::kNone) {
+      EXPECT_EQ(a.info.backend, to_device ? "cuda" : "cpu") << name;  // the stand-in cannot reduce
+    }
+  }
 }
 
 TEST_F(RouterTest, MeasuresOnceAndKeepsIt) {
