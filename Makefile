@@ -70,7 +70,7 @@ report-gpu: setup  ## the same with the systems on this machine's GPU; writes do
 	@$(PYTHON_VENV) tools/report.py
 
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
-	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_router test_cuda_classes test_cuda_containment test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench
+	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench
 	@tools/gpu.sh test
 
 gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU against exact arithmetic; writes docs/results/accuracy_*.csv

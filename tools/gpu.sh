@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# gpu.sh test|certify|sanitize|bench|report [folder of binaries]: the tests and benchmarks that need a GPU, run by make gpu-test and
+# gpu.sh test|certify|sanitize|bench|several|report [folder of binaries]: the tests and benchmarks that need a GPU, run by make gpu-test and
 # its like (report: make report-gpu). With a folder of binaries that were built elsewhere it needs nothing but them (and, for
 # the report, scenes/ in the current folder).
 set -uo pipefail
-what=${1:?gpu.sh test, certify, sanitize, bench or report}
+what=${1:?gpu.sh test, certify, sanitize, bench, several or report}
 bin=${2:-build/bin}
 out=${OUT:-out}
 mkdir -p "$out"
@@ -73,6 +73,10 @@ case $what in
     "$bin/clearance-gpu-bench" "$file" && echo "$file"
     [ -x "$bin/clearanced" ] && bench_service
     ;;
+  several)
+    file=$(results_file gpus) || exit 1
+    "$bin/clearance-gpu-bench" --several "$file" && echo "$file"
+    ;;
   report)
     file=$(results_file report) || exit 1
     coal=()
@@ -81,5 +85,5 @@ case $what in
     done
     "$bin/clearance-report" --csv "$file" --remark "make report-gpu" --scratch "$out" "${coal[@]}" && echo "$file"
     ;;
-  *) echo "gpu.sh: expected test, certify, sanitize, bench or report, got '$what'" >&2; exit 2 ;;
+  *) echo "gpu.sh: expected test, certify, sanitize, bench, several or report, got '$what'" >&2; exit 2 ;;
 esac

@@ -101,11 +101,17 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   }
 
   std::uint32_t hull_of(std::uint32_t body) const override { return hulls_.of_body(body); }
+  bool shares(std::uint32_t hull) const override { return hulls_.is_shared(hull); }
 
   std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
                                               std::span<const Group> group_of_tile) override {
     const OnDevice here(hulls_.device());
     return std::make_shared<CudaPairs>(hulls_, work_.memory, pairs, position, group_of_tile);
+  }
+
+  std::shared_ptr<const ResidentTable> upload(const PairTable& table) override {
+    const OnDevice here(hulls_.device());
+    return std::make_shared<CudaTable>(work_.memory, table);
   }
 
   std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) override {
@@ -122,6 +128,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
     c.pinned_bytes = work_.memory.pinned_bytes;
     c.allocations = work_.memory.allocations;
     c.kernel_ns = work_.kernel_ns;
+    c.broad_phase_ns = work_.broad_phase_ns;
     c.launches = work_.launches;
     return c;
   }

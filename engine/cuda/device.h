@@ -16,6 +16,7 @@
 #include "layout.h"
 
 namespace clearance {
+class PairTable;
 class Scene;
 }
 
@@ -37,6 +38,7 @@ struct DeviceCounters {
   std::uint64_t pinned_bytes = 0;  ///< host memory of queries, likewise
   std::uint64_t allocations = 0;   ///< how often either had to grow
   std::uint64_t kernel_ns = 0;     ///< time in kernels, by the device's events
+  std::uint64_t broad_phase_ns = 0;  ///< of it, of queries over a whole table: from poses to the list of near pairs
   std::uint64_t launches = 0;      ///< chunks of pair-configurations
 };
 
@@ -44,6 +46,12 @@ struct DeviceCounters {
 class ResidentPairs {
  public:
   virtual ~ResidentPairs() = default;
+};
+
+/// A scene's table of pairs in device memory, which knows each pair and lists none.
+class ResidentTable {
+ public:
+  virtual ~ResidentTable() = default;
 };
 
 /// Warm state of a client's dense query in device memory: a WarmRow for each of its rows.
@@ -70,6 +78,7 @@ struct QuerySetup {
   std::span<const BodyPlacement> base;
   std::span<const std::uint8_t> has_base;
   const ResidentPairs* pairs = nullptr;
+  const ResidentTable* table = nullptr;  ///< of Reduce::kWithin over a whole table, in place of pairs
   std::uint64_t chunks = 1;
   ResidentWarm* warm = nullptr;  ///< of a dense query; null: cold
   std::uint64_t all_pairs = 0;   ///< rows of one configuration of the query
@@ -157,11 +166,14 @@ class Device {
   virtual int chunks_wanted() const { return kChunksUnderWay; }
   /// Index of the body's hull on the device; kNone: the CPU answers its pairs.
   virtual std::uint32_t hull_of(std::uint32_t body) const = 0;
+  /// Whether blocks of threads can hold the hull in their shared memory, beside another one.
+  virtual bool shares(std::uint32_t) const { return true; }
   /// Copies pairs to the device. \param position of each within its chunk.
   /// \param group_of_tile of each tile of 128 pair-configurations of the same two hulls.
   virtual std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs,
                                                       std::span<const std::uint32_t> position,
                                                       std::span<const Group> group_of_tile) = 0;
+  virtual std::shared_ptr<const ResidentTable> upload(const PairTable& table) = 0;
   /// Cold state for so many rows. Throws DeviceError where there is no room.
   virtual std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) = 0;
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.

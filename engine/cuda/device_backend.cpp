@@ -86,6 +86,7 @@ void DeviceBackend::append(Counters& counters) const {
                                    {"cuda.pinned_bytes", d.pinned_bytes},
                                    {"cuda.allocations", d.allocations},
                                    {"cuda.kernel_ns", d.kernel_ns},
+                                   {"cuda.broad_phase_ns", d.broad_phase_ns},
                                    {"cuda.chunks", d.launches},
                                    {"cuda.queries", queries},
                                    {"cuda.queries_on_cpu", queries_on_cpu},

@@ -51,6 +51,12 @@ struct PairListOnDevice {
   AskedPairs asked;
 };
 
+/// A scene's table of pairs on the device, for reduced queries over all of it.
+struct TableOnDevice {
+  std::shared_ptr<const PairTable> table;
+  std::shared_ptr<const ResidentTable> resident;  ///< null: the device does not know all bodies
+};
+
 /// Warm state of a client's last dense query on the device.
 struct DeviceWarmTable {
   std::uint64_t client = 0, question = 0, rows = 0;
@@ -81,6 +87,8 @@ class DeviceBackend {
   std::shared_ptr<const PairDeal> deal(const Plan& plan);
   /// The plan's pairs in their order: the last list if it fits.
   std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
+  /// The plan's whole table: the last one if it is the same.
+  std::shared_ptr<const TableOnDevice> table(const Plan& plan);
   /// The client's warm state for this plan, cold if it asked for something else before; null where there is no room.
   std::unique_ptr<DeviceWarmTable> take_warm(const Plan& plan);
   void put_back(std::unique_ptr<DeviceWarmTable> table) { warm_.put_back(std::move(table)); }
@@ -101,6 +109,7 @@ class DeviceBackend {
   std::shared_ptr<SeveralDevices> several_;  // the same; null: it is one
   std::shared_ptr<const PairDeal> last_;
   std::shared_ptr<const PairListOnDevice> last_list_;
+  std::shared_ptr<const TableOnDevice> last_table_;
   LatestTables<DeviceWarmTable> warm_{kWarmClients};
 };
 

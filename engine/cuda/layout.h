@@ -151,6 +151,14 @@ struct ChunkView {
   std::uint32_t blocks;
 };
 
+/// engine/pair_table.h in device memory: PairTable::Arrays.
+struct TableView {
+  const std::uint8_t* is_static;
+  const std::uint32_t* movable_before;
+  const std::uint64_t* row_begin;
+  const std::uint32_t *excluded_begin, *excluded;
+};
+
 /// One launch of a reduced query (engine/reduction.h): its groups are bodies in each configuration, or configurations.
 /// Keys are what atomicMin() orders as their meaning; all bits set: there is none yet.
 struct ReducedView {
@@ -164,12 +172,16 @@ struct ReducedView {
   std::uint64_t* winner;         ///< (configurations, groups) pair and item
   std::uint8_t* complete;        ///< (configurations, groups) 0: holds a pair without usable poses
   std::uint32_t *candidate_words, *hit_words;  ///< of Reduce::kWithin: a bit for each row
-  std::uint32_t *candidate_ranks, *hit_ranks;  ///< how many bits are set before each word
+  std::uint32_t *candidate_ranks, *hit_ranks;  ///< how many bits are set before each word; null: they are few, and counted
   std::uint32_t* items;                        ///< (capacity,) rows of the pairs that are looked at
   PairAnswer* answers;                         ///< (capacity,)
   std::uint32_t* rest_rows;                    ///< rows of chunk.rest
   std::uint32_t capacity = 0;
   std::uint64_t reply_rows;     ///< room in the reply
+  // Of a whole table within a distance. Places in the list of pairs that are looked at stand for rows everywhere else.
+  TableView table;
+  std::uint64_t *found, *keys;  ///< (capacity,) a << key_bits | b: in no order, in order; null: rows are listed in `items`
+  std::uint32_t key_bits;
 };
 
 }  // namespace clearance::cuda

@@ -22,6 +22,18 @@ inline void check(cudaError_t error, const char* what) {
                     std::string("CUDA: ") + what + ": " + cudaGetErrorString(error));
 }
 
+struct Event {
+  cudaEvent_t event{};
+  Event() { check(cudaEventCreate(&event), "making an event"); }
+  ~Event() { cudaEventDestroy(event); }
+  Event(const Event&) = delete;
+};
+
+/// Blocks of so many threads for so many of something.
+inline unsigned blocks_of(std::uint64_t count, std::uint32_t threads) {
+  return static_cast<unsigned>((count + threads - 1) / threads);
+}
+
 /// Makes a device the calling thread's while it lives: kernels, events and memory go to that one.
 class OnDevice {
  public:

@@ -64,14 +64,13 @@ class Dealer {
     std::vector<Group> groups;
     for (std::size_t begin = 0, end; begin < order_.size(); begin = end) {
       for (end = begin; end < order_.size() && order_[end].hulls == order_[begin].hulls;) ++end;
-      if ((end - begin) * deal_.configurations < kCompany) {
+      const auto one = static_cast<std::uint32_t>(order_[begin].hulls >> 32), other = static_cast<std::uint32_t>(order_[begin].hulls);
+      if ((end - begin) * deal_.configurations < kCompany || !device_.shares(one) || !device_.shares(other)) {
         strays.insert(strays.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin),
                       order_.begin() + static_cast<std::ptrdiff_t>(end));
         continue;
       }
-      groups.push_back(
-          {static_cast<std::uint32_t>(order_[begin].hulls >> 32), static_cast<std::uint32_t>(order_[begin].hulls),
-           static_cast<std::uint32_t>(refs_.size()) - part.first_pair, static_cast<std::uint32_t>(end - begin), 0});
+      groups.push_back({one, other, static_cast<std::uint32_t>(refs_.size()) - part.first_pair, static_cast<std::uint32_t>(end - begin), 0});
       for (std::size_t i = begin; i < end; ++i) add_pair(pairs, order_[i]);
     }
     const Group stray_group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
@@ -179,6 +178,22 @@ std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
     next->resident = device_->upload(refs, {}, {});
   const std::lock_guard lock(mutex_);
   last_list_ = next;
+  return next;
+}
+
+std::shared_ptr<const TableOnDevice> DeviceBackend::table(const Plan& plan) {
+  const std::shared_ptr<const PairTable>& wanted = plan.snapshot->pairs;
+  {
+    const std::lock_guard lock(mutex_);
+    if (last_table_ && last_table_->table == wanted) return last_table_;
+  }
+  auto next = std::make_shared<TableOnDevice>();
+  next->table = wanted;
+  bool all_known = true;
+  for (std::uint32_t b = 0; b < scene_.bodies().size(); ++b) all_known = all_known && device_->hull_of(b) != kNone;
+  if (all_known) next->resident = device_->upload(*wanted);
+  const std::lock_guard lock(mutex_);
+  last_table_ = next;
   return next;
 }
 

@@ -8,6 +8,7 @@
 
 #include "overlap_kernel.cuh"
 #include "pair_kernel.cuh"
+#include "pair_table.cuh"
 
 namespace clearance::cuda {
 
@@ -24,7 +25,23 @@ struct Item {
 
   __device__ Item(const ReducedView& r, std::uint32_t row)
       : k(row / r.chunk.pair_count), p(row - k * r.chunk.pair_count), ref(r.chunk.pairs[p]) {}
+  __device__ explicit Item(PairRef of_table) : k(0), p(0), ref(of_table) {}
 };
+
+// The pair at a place of the list of those that are looked at.
+__device__ inline Item listed_item(const ReducedView& r, std::uint32_t i) {
+  if (!r.keys) return Item(r, r.items[i]);
+  return Item(PairRef{static_cast<std::uint32_t>(r.keys[i] >> r.key_bits),
+                      static_cast<std::uint32_t>(r.keys[i]) & ((1u << r.key_bits) - 1)});
+}
+// What stands for it in Reduce::kWithin's words.
+__device__ inline std::uint32_t listed_bit(const ReducedView& r, std::uint32_t i) { return r.keys ? i : r.items[i]; }
+// Its row in a reply that holds all.
+__device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i) {
+  if (!r.keys) return r.items[i];
+  const PairRef ref = listed_item(r, i).ref;
+  return position_of(r.table, ref.a, ref.b);
+}
 
 template <class Visit>
 __device__ inline void for_groups(const ReducedView& r, const Item& item, Visit visit) {
@@ -65,6 +82,9 @@ __device__ inline std::uint32_t order_key(float x) {
 inline constexpr std::uint32_t kUnusable = ~0u;  // more than any number's key
 __device__ inline double from_order_key(std::uint64_t key) {
   return __longlong_as_double(static_cast<long long>(key >> 63 ? key & ~(std::uint64_t{1} << 63) : ~key));
+}
+__device__ inline float from_order_key(std::uint32_t key) {
+  return __uint_as_float(key >> 31 ? key & ~(1u << 31) : ~key);
 }
 
 __device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref, std::uint32_t k) {
@@ -200,6 +220,9 @@ __global__ void __launch_bounds__(kScanThreads) list_candidates(const __grid_con
     if (item < r.capacity) r.items[item] = at * 32 + static_cast<std::uint32_t>(__ffs(static_cast<int>(left))) - 1;
 }
 
+// Of Reduce::kWithin: a bit for each row, or of a table for each place in the list.
+__host__ __device__ inline std::uint32_t hit_word_count(const ReducedView& r) { return ((r.keys ? r.capacity : r.rows) + 31) / 32; }
+
 __device__ inline std::uint32_t item_count(const ReducedView& r) {
   const std::uint32_t count = r.chunk.counts[kCandidates];
   return count < r.capacity ? count : r.capacity;
@@ -209,10 +232,11 @@ __device__ inline std::uint32_t item_count(const ReducedView& r) {
 __device__ inline double group_lower(const PairAnswer& answer, const Where& at_a, const Where& at_b) {
   return lower_with_box(answer.lower, certify_box_gap(at_a.box(), at_b.box()));
 }
-__device__ inline void offer(const ReducedView& r, const Item& item, std::uint32_t row, const PairAnswer& answer,
+__device__ inline void offer(const ReducedView& r, const Item& item, std::uint32_t i, const PairAnswer& answer,
                              const Where& at_a, const Where& at_b) {
   if (r.reduce == Reduce::kWithin) {
-    if (answer.status == Status::kBeyond) atomicAnd(r.hit_words + row / 32, ~(1u << row % 32));
+    const std::uint32_t bit = listed_bit(r, i);
+    if (answer.status == Status::kBeyond) atomicAnd(r.hit_words + bit / 32, ~(1u << bit % 32));
     return;
   }
   if (isnan(answer.distance)) return;
@@ -224,11 +248,11 @@ __device__ inline void offer(const ReducedView& r, const Item& item, std::uint32
 }
 
 // What became of an item. All threads of a warp call it.
-__device__ inline void report_item(const ReducedView& r, Outcome outcome, std::uint32_t i, std::uint32_t row) {
+__device__ inline void report_item(const ReducedView& r, Outcome outcome, std::uint32_t i) {
   const std::uint32_t rest = take_place(r.chunk.counts + kRest, outcome == Outcome::kUnsettled);
   if (outcome == Outcome::kUnsettled) {
     r.chunk.rest[rest] = i;
-    r.rest_rows[rest] = row;
+    r.rest_rows[rest] = listed_row(r, i);
     r.answers[i].distance = __builtin_nan("");  // the CPU's answer comes later
   }
   add_count(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
@@ -255,11 +279,9 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
     const std::uint32_t i = first + threadIdx.x;
     Outcome outcome = Outcome::kNone;
-    std::uint32_t row = 0;
     Enclosed enclosed;
     if (i < count) {
-      row = r.items[i];
-      const Item item(r, row);
+      const Item item = listed_item(r, i);
       const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       enclosed.pair = item.p;
@@ -269,10 +291,10 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       if (outcome == Outcome::kEnclosed) outcome = proved(c, enclosed, at_a, at_b, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;
-        offer(r, item, row, answer, at_a, at_b);
+        offer(r, item, i, answer, at_a, at_b);
       }
     }
-    report_item(r, outcome, i, row);
+    report_item(r, outcome, i);
   }
 }
 
@@ -281,13 +303,13 @@ __global__ void __launch_bounds__(kItemThreads)
     take_answers(const __grid_constant__ ReducedView r, const PairAnswer* answers, std::uint32_t count) {
   const std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x;
   if (i >= count) return;
-  const std::uint32_t at = r.chunk.rest[i], row = r.items[at];
-  const Item item(r, row);
+  const std::uint32_t at = r.chunk.rest[i];
+  const Item item = listed_item(r, at);
   const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
       at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
   const PairAnswer answer = answers[i];
   r.answers[at] = answer;
-  offer(r, item, row, answer, at_a, at_b);
+  offer(r, item, at, answer, at_a, at_b);
 }
 
 // The winner: least upper bound, then nearest_beyond(), then the first place.
@@ -340,21 +362,29 @@ __global__ void __launch_bounds__(kItemThreads) write_groups(const __grid_consta
   write_answer(c, at, k, at_a, at_b, answer);
 }
 
+__device__ inline std::uint32_t hits_before(const ReducedView& r, std::uint32_t word) {
+  if (r.hit_ranks) return r.hit_ranks[word];
+  std::uint32_t sum = 0;
+#pragma unroll 8
+  for (std::uint32_t i = 0; i < word; ++i) sum += __popc(r.hit_words[i]);
+  return sum;
+}
+
 // A row for each pair that is not beyond, in order.
 __global__ void __launch_bounds__(kItemThreads) write_hits(const __grid_constant__ ReducedView r) {
   pass_counts(r);
   const ChunkView& c = r.chunk;
   if (blockIdx.x == 0 && threadIdx.x == 0) {
-    const std::uint32_t last = (r.rows - 1) / 32;
-    r.chunk.host_counts[kHits] = r.hit_ranks[last] + __popc(r.hit_words[last]);
+    const std::uint32_t last = hit_word_count(r) - 1;
+    r.chunk.host_counts[kHits] = hits_before(r, last) + __popc(r.hit_words[last]);
   }
   const std::uint32_t count = item_count(r);
   for (std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x; i < count; i += gridDim.x * kItemThreads) {
-    const std::uint32_t row = r.items[i], word = r.hit_words[row / 32], bit = 1u << row % 32;
+    const std::uint32_t place = listed_bit(r, i), word = r.hit_words[place / 32], bit = 1u << place % 32;
     if (!(word & bit)) continue;
-    const std::uint64_t at = r.hit_ranks[row / 32] + __popc(word & (bit - 1));
+    const std::uint64_t at = hits_before(r, place / 32) + __popc(word & (bit - 1));
     if (at >= r.reply_rows) continue;
-    const Item item(r, row);
+    const Item item = listed_item(r, i);
     const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
         at_b(c.bodies, c.configurations, item.ref.b, item.k);
     write_answer(c, at, item.k, at_a, at_b, r.answers[i]);

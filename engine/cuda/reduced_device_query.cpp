@@ -14,10 +14,12 @@ constexpr std::uint64_t kMostGroups = 1u << 20;  // of a chunk
 
 class ReducedDeviceQuery final : public DeviceQuery {
  public:
+  /// \param list of the pairs, or their \param table.
   ReducedDeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply,
-                   std::shared_ptr<const PairListOnDevice> list)
+                     std::shared_ptr<const PairListOnDevice> list, std::shared_ptr<const TableOnDevice> table)
       : DeviceQuery(context, std::move(plan), reply),
         list_(std::move(list)),
+        table_(std::move(table)),
         groups_(plan_.query.reduce == Reduce::kNearest ? scene().bodies().size() : 1) {}
 
   void begin() override {
@@ -27,7 +29,8 @@ class ReducedDeviceQuery final : public DeviceQuery {
     configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);
     chunks_ = (K + configurations_ - 1) / configurations_;
     QuerySetup s = setup(*workspace_);
-    s.pairs = list_->resident.get();
+    if (list_) s.pairs = list_->resident.get();
+    if (table_) s.table = table_->resident.get();
     s.chunks = chunks_;
     s.reduce = plan_.query.reduce;
     s.groups = static_cast<std::uint32_t>(groups_);
@@ -107,7 +110,8 @@ class ReducedDeviceQuery final : public DeviceQuery {
         [&](std::size_t i, const PlacedBodies&, const PairAnswer& answer) { answers_[order_[i].second] = answer; });
   }
 
-  std::shared_ptr<const PairListOnDevice> list_;
+  std::shared_ptr<const PairListOnDevice> list_;  // one of the two
+  std::shared_ptr<const TableOnDevice> table_;
   std::uint64_t groups_, configurations_ = 1;  // of one configuration; of one chunk
   std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0, written_ = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> order_;
@@ -119,9 +123,14 @@ class ReducedDeviceQuery final : public DeviceQuery {
 
 std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context, Plan& plan, const ReplyView& reply) {
   if (plan.pairs.size() == 0 || plan.pairs.size() >= std::uint64_t{1} << 32) return nullptr;
+  if (plan.query.reduce == Reduce::kWithin && plan.pairs.is_whole_table() && plan.query.configuration_count == 0) {
+    auto table = context.device->table(plan);
+    if (!table->resident) return nullptr;
+    return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, nullptr, std::move(table));
+  }
   auto list = context.device->list(plan);
   if (!list->resident) return nullptr;
-  return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, std::move(list));
+  return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, std::move(list), nullptr);
 }
 
 }  // namespace clearance::cuda

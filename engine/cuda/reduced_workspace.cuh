@@ -6,6 +6,7 @@
 #include <cub/device/device_scan.cuh>
 
 #include "reduce_kernel.cuh"
+#include "table_search.cuh"
 #include "workspace.cuh"
 
 namespace clearance::cuda {
@@ -25,10 +26,13 @@ struct ReducedSlot : QuerySlot {
         host_reply(c),
         host_counts(c),
         host_rest(c),
-        host_answers(c) {}
+        host_answers(c),
+        table(c) {}
 
   DeviceBuffer device_groups, device_words, device_scan, device_items, device_counts, device_answers;
   PinnedBuffer host_reply, host_counts, host_rest, host_answers;
+  TableSearch table;
+  std::uint32_t listed = 0;  // rows that there was room for so far, where pairs are listed
   std::size_t scan_bytes = 0;
   std::uint64_t most_rows = 0;  // that may come back
   ReducedView view;
@@ -50,6 +54,8 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   using QuerySide::QuerySide;
 
   void begin(const QuerySetup& s) override {
+    table_ = static_cast<const CudaTable*>(s.table);
+    if (table_) clear_counts(*slots_[0]);  // now, so that it does not stand between boxes and near pairs
     QuerySide::begin(s);
     reduce_ = s.reduce;
     groups_ = s.groups;
@@ -69,11 +75,15 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     r.chunk.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
     slot.direct = direct;
     slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : std::uint64_t{chunk.configurations} * groups_;
-    make_room_for_items(slot, std::max<std::uint32_t>(slot.view.capacity, std::min(r.rows, kFirstCapacity)));
+    r.keys = nullptr;
+    if (!table_) slot.listed = std::max(slot.listed, std::min(r.rows, kFirstCapacity));
+    make_room_for_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
     make_room_for_rows(slot, within() ? std::min(slot.most_rows, kFirstHits) : slot.most_rows);
 
     kernels_begin(slot);
-    if (within())
+    if (table_)
+      slot.table.prepare(slot.stream);
+    else if (within())
       mark(slot);
     else
       seed(slot);
@@ -88,6 +98,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     const ReducedView& r = slot.view;
     check(cudaStreamSynchronize(slot.stream), "answering a query");
     if (const std::uint32_t candidates = r.chunk.host_counts[kCandidates]; candidates > r.capacity) {
+      if (!table_) slot.listed = candidates;
       make_room_for_items(slot, candidates);
       clear(slot);
       solve(slot);
@@ -95,6 +106,10 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }
     count_kernels(slot);
+    if (table_) {
+      slot.table.found(r.chunk.host_counts[kCandidates]);
+      counters_.broad_phase_ns += slot.table.nanoseconds_since(boxes_begun_);
+    }
     const std::uint32_t rest = r.chunk.host_counts[kRest];
     if (rest == 0) return result(slot);
     auto* rows = reinterpret_cast<std::uint32_t*>(slot.host_rest.reserve(rest * sizeof(std::uint32_t)));
@@ -125,9 +140,6 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
 
  private:
   bool within() const { return reduce_ == Reduce::kWithin; }
-  static unsigned blocks_of(std::uint64_t count, std::uint32_t threads) {
-    return static_cast<unsigned>((count + threads - 1) / threads);
-  }
   static unsigned item_blocks(const ReducedView& r, std::uint32_t most = kItemBlocks) {
     return std::min(blocks_of(r.capacity, kItemThreads), most);
   }
@@ -142,6 +154,9 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     r.items = reinterpret_cast<std::uint32_t*>(r.answers + words);
     r.chunk.rest = r.items + words;
     r.rest_rows = r.chunk.rest + words;
+    if (!table_) return;
+    slot.table.make_room(r, *table_, slot.stream);
+    if (r.hit_ranks) make_room_for_ranks(slot);
   }
 
   // Rows are written by the kernel straight to host memory: the caller's where that is pinned.
@@ -183,26 +198,35 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     r.hit_words = r.candidate_words + words;
     r.candidate_ranks = r.hit_words + words;
     r.hit_ranks = r.candidate_ranks + words;
-    slot.scan_bytes = 0;
-    rank(slot, r.candidate_words, r.candidate_ranks);  // asks for the size
-    slot.device_scan.reserve(slot.scan_bytes);
+    make_room_for_ranks(slot);
     mark_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     rank(slot, r.candidate_words, r.candidate_ranks);
     check(cudaGetLastError(), "starting a kernel");
+  }
+
+  void make_room_for_ranks(ReducedSlot& slot) {
+    slot.scan_bytes = 0;
+    rank(slot, slot.view.hit_words, slot.view.hit_ranks);  // asks for the size
+    slot.device_scan.reserve(slot.scan_bytes);
   }
 
   // Bits set before each word; the first call for a slot finds how much memory that takes.
   void rank(ReducedSlot& slot, const std::uint32_t* words, std::uint32_t* ranks) {
     const auto counts = thrust::make_transform_iterator(words, CountBits());
     void* memory = slot.scan_bytes == 0 ? nullptr : slot.device_scan.data();
-    check(cub::DeviceScan::ExclusiveSum(memory, slot.scan_bytes, counts, ranks, (slot.view.rows + 31) / 32, slot.stream),
+    check(cub::DeviceScan::ExclusiveSum(memory, slot.scan_bytes, counts, ranks, hit_word_count(slot.view), slot.stream),
           "ranking rows");
   }
 
+  void clear_counts(ReducedSlot& slot) {
+    const OnDevice here = on_device();
+    constexpr std::size_t bytes = kCounts * sizeof(std::uint32_t);
+    check(cudaMemsetAsync(slot.device_counts.reserve(bytes), 0, bytes, slot.stream), "clearing counters");
+  }
   // Before solve() and write() are repeated.
   void clear(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
-    check(cudaMemsetAsync(r.chunk.counts, 0, kCounts * sizeof(std::uint32_t), slot.stream), "clearing counters");
+    clear_counts(slot);
     if (within()) return;
     const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
     check(cudaMemsetAsync(r.upper, 0xff, 3 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
@@ -216,7 +240,9 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
 
   void solve(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
-    if (within())
+    if (table_)
+      slot.table.run(r, slot.stream);
+    else if (within())
       list_candidates<<<blocks_of((std::uint64_t{r.rows} + 31) / 32, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     else
       find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
@@ -231,7 +257,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
       choose_winners<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
       write_groups<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
     } else {
-      rank(slot, r.hit_words, r.hit_ranks);
+      if (r.hit_ranks) rank(slot, r.hit_words, r.hit_ranks);
       write_hits<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
     }
     check(cudaGetLastError(), "starting a kernel");
@@ -256,6 +282,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   Reduce reduce_ = Reduce::kMin;
   std::uint32_t groups_ = 1;
   std::uint64_t most_rows_ = 0;
+  const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
 };
 
 }  // namespace clearance::cuda

@@ -8,14 +8,15 @@
 
 #include "device.h"
 #include "engine/direction_table.h"
+#include "engine/pair_table.h"
 #include "engine/scene.h"
 #include "memory.cuh"
 #include "pair_kernel.cuh"
 
 namespace clearance::cuda {
 
-// Of a hull that the device looks at vertex by vertex; the CPU answers for larger ones.
-inline constexpr std::size_t kMostVertices = 512;
+inline constexpr std::size_t kMostVertices = 1u << 16;     // that 16 bits can name
+inline constexpr std::size_t kMostSharedVertices = 512;           // of a hull in shared memory; larger ones are read where the scene has them
 inline constexpr std::size_t kTableVertices = 16;  // fewer are scanned as fast
 inline constexpr std::size_t kFewVertices = 4;     // of a list of a table that is not worth dividing further
 inline constexpr std::uint32_t kFinerGrid = 1;     // than the CPU's: a list is found in fewer steps
@@ -40,8 +41,10 @@ class ResidentHulls {
         continue;
       }
       const auto [at, is_new] = index.try_emplace(&p, static_cast<std::uint32_t>(heads.size()));
-      of_body_.push_back(at->second);
-      if (!is_new) continue;
+      if (!is_new) {
+        of_body_.push_back(at->second);
+        continue;
+      }
       HullHead head{p.centre,
                     p.half,
                     p.rho,
@@ -54,7 +57,14 @@ class ResidentHulls {
                     0,
                     0,
                     0};
-      add_table(p, head, words);
+      if (p.vertices.size() <= kMostSharedVertices) {
+        add_table(p, head, words);
+      } else if (!add_large_table(p, head, words)) {
+        at->second = kNone;
+        of_body_.push_back(kNone);
+        continue;
+      }
+      of_body_.push_back(at->second);
       heads.push_back(head);
       for (const Vec3d& v : p.vertices) {
         x.push_back(v.x);
@@ -79,6 +89,7 @@ class ResidentHulls {
   int device() const { return device_; }  ///< its number
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
   const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
+  bool is_shared(std::uint32_t hull) const { return heads_[hull].count <= kMostSharedVertices; }
 
  private:
   // Finer than the CPU's: threads that run side by side wait for the longest list. A table that leaves no room for
@@ -86,10 +97,23 @@ class ResidentHulls {
   void add_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) const {
     if (p.vertices.size() < kTableVertices) return;
     const DirectionTable table = make_direction_table(p.vertices, p.rho, {kFewVertices, kFinerGrid, float_blur(p.spread)});
-    if (std::max(table.cells.size(), table.lists.size()) >= kNarrowDivided) return;
+    if (!is_narrow(table)) return;
     HullHead with_table = head;
     with_table.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
-    if (2 * (p.table ? shared_bytes(with_table) : shared_bytes_f32(with_table)) > most_shared_) return;
+    if (2 * (p.table ? shared_bytes(with_table) : shared_bytes_f32(with_table)) <= most_shared_) put_table(table, head, words);
+  }
+  // The finest of a few that 16 bits can index. False: none, and vertex by vertex the device would be slower than the CPU.
+  static bool add_large_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) {
+    for (const auto& [few, finer] : {std::pair{kFewVertices, kFinerGrid}, {std::size_t{6}, 0u}, {std::size_t{16}, 0u}, {std::size_t{40}, 0u}}) {
+      const DirectionTable table = make_direction_table(p.vertices, p.rho, {few, finer, float_blur(p.spread)});
+      if (!is_narrow(table)) continue;
+      put_table(table, head, words);
+      return true;
+    }
+    return false;
+  }
+  static bool is_narrow(const DirectionTable& table) { return std::max(table.cells.size(), table.lists.size()) < kNarrowDivided; }
+  static void put_table(const DirectionTable& table, HullHead& head, std::vector<std::uint16_t>& words) {
     words.resize((words.size() + 7) / 8 * 8);
     head.first_word = static_cast<std::uint32_t>(words.size());
     head.grid_bits = table.grid_bits;
@@ -138,6 +162,26 @@ class CudaPairs final : public ResidentPairs {
   std::size_t most_shared = 0;      ///< bytes for the hulls of any group
   std::size_t most_shared_f32 = 0;  ///< for those of any that float32 fits; 0: there is none
   bool all_fit_f32 = true;
+
+ private:
+  Upload memory_;
+};
+
+class CudaTable final : public ResidentTable {
+ public:
+  CudaTable(MemoryCounters& counters, const PairTable& table) : memory_(counters) {
+    const PairTable::Arrays a = table.arrays();
+    const std::size_t at_static = memory_.add(a.is_static), at_movable = memory_.add(a.movable_before),
+                      at_rows = memory_.add(a.row_begin), at_begin = memory_.add(a.excluded_begin),
+                      at_excluded = memory_.add(a.excluded);
+    memory_.send(nullptr);
+    check(cudaStreamSynchronize(nullptr), "copying a table of pairs to the device");
+    memory_.forget_host();
+    view = {memory_.at<std::uint8_t>(at_static), memory_.at<std::uint32_t>(at_movable), memory_.at<std::uint64_t>(at_rows),
+            memory_.at<std::uint32_t>(at_begin), memory_.at<std::uint32_t>(at_excluded)};
+  }
+
+  TableView view;
 
  private:
   Upload memory_;

@@ -10,6 +10,9 @@ namespace {
 struct PairsOfAll final : ResidentPairs {
   std::vector<std::shared_ptr<const ResidentPairs>> of;  // each member; null: it is lost
 };
+struct TablesOfAll final : ResidentTable {
+  std::vector<std::shared_ptr<const ResidentTable>> of;
+};
 struct WarmOfAll final : ResidentWarm {
   std::vector<std::unique_ptr<ResidentWarm>> of;  // each member, likewise
   std::vector<std::size_t> order;                 // in which they get chunks, so that rows come to the same ones again
@@ -45,7 +48,8 @@ class WorkspaceOfAll : public Interface {
     for (std::size_t i = 0; i < order_.size(); ++i) {
       const std::size_t m = order_[i];
       QuerySetup s = all;
-      s.pairs = static_cast<const PairsOfAll*>(all.pairs)->of[m].get();
+      if (all.pairs) s.pairs = static_cast<const PairsOfAll*>(all.pairs)->of[m].get();
+      if (all.table) s.table = static_cast<const TablesOfAll*>(all.table)->of[m].get();
       s.chunks = (all.chunks - i + order_.size() - 1) / order_.size();
       s.warm = warm ? warm->of[m].get() : nullptr;
       ask(m, [&](Interface& w) {
@@ -143,12 +147,14 @@ std::vector<std::size_t> SeveralDevices::usable_from(std::size_t turn) const {
   return usable;
 }
 
-int SeveralDevices::chunks_wanted() const { return kChunksUnderWay * static_cast<int>(members_.size()); }
+// Each chunk takes the one host thread some time: no more of them than let every device begin a second while it ends the first.
+int SeveralDevices::chunks_wanted() const { return std::max(kChunksUnderWay, 2 * static_cast<int>(members_.size())); }
 
-std::uint32_t SeveralDevices::hull_of(std::uint32_t body) const {  // the same on each
-  const auto opened = std::find_if(members_.begin(), members_.end(), [](const auto& m) { return m->opened.device != nullptr; });
-  return (*opened)->opened.device->hull_of(body);
+const Device& SeveralDevices::any() const {
+  return *(*std::find_if(members_.begin(), members_.end(), [](const auto& m) { return m->opened.device != nullptr; }))->opened.device;
 }
+std::uint32_t SeveralDevices::hull_of(std::uint32_t body) const { return any().hull_of(body); }
+bool SeveralDevices::shares(std::uint32_t hull) const { return any().shares(hull); }
 
 std::shared_ptr<const ResidentPairs> SeveralDevices::upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
                                                             std::span<const Group> group_of_tile) {
@@ -156,6 +162,13 @@ std::shared_ptr<const ResidentPairs> SeveralDevices::upload(std::span<const Pair
   all->of.resize(members_.size());
   for (const std::size_t m : usable_from(0))
     all->of[m] = ask(*members_[m], [&] { return members_[m]->opened.device->upload(pairs, position, group_of_tile); });
+  return all;
+}
+
+std::shared_ptr<const ResidentTable> SeveralDevices::upload(const PairTable& table) {
+  auto all = std::make_shared<TablesOfAll>();
+  all->of.resize(members_.size());
+  for (const std::size_t m : usable_from(0)) all->of[m] = ask(*members_[m], [&] { return members_[m]->opened.device->upload(table); });
   return all;
 }
 
@@ -184,6 +197,7 @@ DeviceCounters SeveralDevices::counters() const {
     sum.pinned_bytes += c.pinned_bytes;
     sum.allocations += c.allocations;
     sum.kernel_ns += c.kernel_ns;
+    sum.broad_phase_ns += c.broad_phase_ns;
     sum.launches += c.launches;
   }
   return sum;

@@ -27,8 +27,10 @@ class SeveralDevices final : public Device, public std::enable_shared_from_this<
 
   int chunks_wanted() const override;
   std::uint32_t hull_of(std::uint32_t body) const override;
+  bool shares(std::uint32_t hull) const override;
   std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
                                               std::span<const Group> group_of_tile) override;
+  std::shared_ptr<const ResidentTable> upload(const PairTable& table) override;
   /// For all rows on every device: which of them go where is known when the query begins.
   std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) override;
   std::shared_ptr<Workspace> borrow() override;
@@ -57,6 +59,7 @@ class SeveralDevices final : public Device, public std::enable_shared_from_this<
 
  private:
   std::vector<std::size_t> usable_from(std::size_t turn) const;
+  const Device& any() const;  // what is known of the scene is the same on each
   [[noreturn]] void fail(Member& member, const DeviceError& error);
 
   std::vector<std::unique_ptr<Member>> members_;

@@ -15,14 +15,7 @@ struct WorkCounters {
   explicit WorkCounters(MemoryBudget& budget) : memory(budget) {}
 
   MemoryCounters memory;
-  std::atomic<std::uint64_t> kernel_ns{0}, launches{0};
-};
-
-struct Event {
-  cudaEvent_t event{};
-  Event() { check(cudaEventCreate(&event), "making an event"); }
-  ~Event() { cudaEventDestroy(event); }
-  Event(const Event&) = delete;
+  std::atomic<std::uint64_t> kernel_ns{0}, broad_phase_ns{0}, launches{0};
 };
 
 /// What every chunk has.
@@ -123,8 +116,10 @@ class QuerySide : public Interface {
     view.hulls = hulls_.view();
     view.bodies = bodies_;
     view.question = question_;
-    view.pairs = pairs_->pairs + chunk.first_pair;
-    view.position = pairs_->position + chunk.first_pair;
+    if (pairs_) {
+      view.pairs = pairs_->pairs + chunk.first_pair;
+      view.position = pairs_->position + chunk.first_pair;
+    }
     view.pair_count = chunk.pair_count;
     view.configurations = chunk.configurations;
     view.first_configuration = chunk.first_configuration;
@@ -159,6 +154,7 @@ class QuerySide : public Interface {
     if (n == 0) return;
     check(cudaMemcpyAsync(memory, host_bodies_.data(), fixed_bytes(), cudaMemcpyHostToDevice, stream), "copying poses");
     if (!s.boxes) return;
+    check(cudaEventRecord(boxes_begun_.event, stream), "recording an event");
     box_fixed_bodies<<<static_cast<unsigned>((n + 127) / 128), 128, 0, stream>>>(
         hulls_.view(), bodies_, reinterpret_cast<double*>(memory + fixed_bytes()), outer);
     check(cudaGetLastError(), "starting a kernel");
@@ -204,7 +200,7 @@ class QuerySide : public Interface {
   BodiesView bodies_;
   MovesView moves_;
   const CudaPairs* pairs_ = nullptr;
-  Event ready_;
+  Event ready_, boxes_begun_;
   Event ended_[kSlots + 1];  // of chunks, by their number
   std::uint64_t chunks_ = 0;
   std::unique_ptr<Slot> slots_[kSlots];

@@ -30,18 +30,25 @@ struct Workload {
 
 Scene spheres(int count, double box) {
   Random random(7);
-  Scene scene;
-  for (int i = 0; i < count; ++i) scene.add_uv_sphere("s" + std::to_string(i), 2, 5, {.pose = random.pose(box / 2)});
+  Scene scene, one;
+  one.add_uv_sphere("one", 2, 5, {});
+  for (int i = 0; i < count; ++i) {
+    Body body;
+    body.name = "s" + std::to_string(i);
+    body.pieces = one.bodies()[0].pieces;
+    body.pose = random.pose(box / 2);
+    scene.add_body(std::move(body));
+  }
   return scene;
 }
 
 // 30 hulls of 32 to 256 vertices within reach of each other.
 constexpr int kHulls = 30, kHullPairs = 150;
-Scene hulls() {
+Scene hulls(int fewest, int most) {
   Random random(11);
   Scene scene;
   for (int i = 0; i < kHulls; ++i) {
-    const int count = 32 + i * (256 - 32) / (kHulls - 1);
+    const int count = fewest + i * (most - fewest) / (kHulls - 1);
     std::vector<Vec3d> v = random.cloud(count, {1, 1, 1});
     const Vec3d size{random.uniform(0.1, 0.4), random.uniform(0.1, 0.4), random.uniform(0.1, 0.4)};
     for (Vec3d& p : v) {
@@ -52,6 +59,9 @@ Scene hulls() {
   }
   return scene;
 }
+
+Scene hulls() { return hulls(32, 256); }
+Scene large_hulls() { return hulls(600, 4000); }
 
 constexpr std::uint32_t kBounds = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -78,6 +88,8 @@ const std::vector<Workload>& workloads() {
       {"30 hulls, 150 pairs, 4096 configurations, compact", hulls, 4096, Format::kCompact, kFieldCompact},
       {"30 hulls, 150 pairs, 4096 configurations, compact, warm", hulls, 4096, Format::kCompact, kFieldCompact,
        Reduce::kNone, kFar, 0, true},
+      {"30 hulls of 600 to 4000 vertices, 4096 configurations, compact", large_hulls, 4096, Format::kCompact,
+       kFieldCompact},
       few(1),
       few(10),
       few(100),
@@ -91,13 +103,15 @@ const std::vector<Workload>& workloads() {
        Reduce::kNearest},
       {"5000 spheres, box 171, within 2", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds, Reduce::kWithin,
        2},
+      {"50000 spheres, box 368, within 2", [] { return spheres(50000, 368); }, 0, Format::kFull, kBounds,
+       Reduce::kWithin, 2},
       {"30 hulls, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds, Reduce::kMin},
   };
   return all;
 }
 
 struct Timing {
-  double wall_us = 0, kernel_us = 0;
+  double wall_us = 0, kernel_us = 0, broad_phase_us = 0;
 };
 
 std::uint64_t counter(const Engine& engine, const std::string& name) {
@@ -110,10 +124,10 @@ std::uint64_t counter(const Engine& engine, const std::string& name) {
 Timing time_queries(const Engine& engine, const QueryView& query, const ReplyView& reply, int repeats,
                     std::span<const Pose> next = {}) {
   QueryView q = query;
-  std::vector<double> walls, kernels;
+  std::vector<double> walls, kernels, broad_phases;
   for (int i = -2; i < repeats; ++i) {
     if (!next.empty()) q.configurations = i % 2 ? next : query.configurations;
-    const std::uint64_t before = counter(engine, "cuda.kernel_ns");
+    const std::uint64_t before = counter(engine, "cuda.kernel_ns"), broad_before = counter(engine, "cuda.broad_phase_ns");
     const auto begin = Clock::now();
     Job job = engine.start(q, reply);
     while (!job.advance()) {
@@ -122,43 +136,84 @@ Timing time_queries(const Engine& engine, const QueryView& query, const ReplyVie
     if (i < 0) continue;
     walls.push_back(us);
     kernels.push_back(1e-3 * static_cast<double>(counter(engine, "cuda.kernel_ns") - before));
+    broad_phases.push_back(1e-3 * static_cast<double>(counter(engine, "cuda.broad_phase_ns") - broad_before));
   }
   const auto median = [](std::vector<double>& v) {
     std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
     return v[v.size() / 2];
   };
-  return {median(walls), median(kernels)};
+  return {median(walls), median(kernels), median(broad_phases)};
+}
+
+// What a workload asks. Not to be moved: the query points into it.
+struct Asked {
+  QueryView q;
+  std::vector<std::uint32_t> bodies;
+  std::vector<BodyPair> pairs;
+  std::vector<Pose> poses;
+
+  Asked(const Workload& w, const Engine& cpu) {
+    q.format = w.format;
+    q.fields = w.fields;
+    q.reduce = w.reduce;
+    q.max_distance = w.max_distance;
+    q.precision = w.precision;
+    if (w.configurations > 0) {
+      for (std::uint32_t b = 0; b < kHulls; ++b) bodies.push_back(b);
+      for (std::uint32_t a = 0; a < kHulls && pairs.size() < kHullPairs; ++a)
+        for (std::uint32_t b = a + 1; b < kHulls && pairs.size() < kHullPairs; b += 2) pairs.push_back({a, b});
+      Random random(13);
+      for (std::size_t i = 0; i < std::size_t{w.configurations} * kHulls; ++i) poses.push_back(random.pose(1));
+      q.all_pairs = false;
+      q.pairs = pairs;
+      q.bodies = bodies;
+      q.configurations = poses;
+      q.configuration_count = w.configurations;
+    }
+    if (w.first_pairs > 0) {
+      pairs = cpu.pairs(q);
+      pairs.resize(std::min(pairs.size(), w.first_pairs));
+      q.all_pairs = false;
+      q.pairs = pairs;
+    }
+  }
+  Asked(const Asked&) = delete;
+};
+
+// One GPU and all of them, the same query into pinned memory.
+void run_several(const Workload& w, std::ostream& csv) {
+  const int count = cuda::device_info().count;
+  Engine::Options one{"cuda"}, all{"cuda"};
+  one.devices = {0};
+  for (int i = 0; i < count; ++i) all.devices.push_back(i);
+  const Engine single(w.scene(), one), several(w.scene(), all);
+  const Asked asked(w, single);
+  const QuerySize size = single.size(asked.q);
+  std::uint64_t bytes = 0;
+  reply_view_over(nullptr, size.rows, size.fields, &bytes);
+  const cuda::PinnedMemory room(bytes), room_several(bytes);
+  const ReplyView reply = reply_view_over(room.data(), size.rows, size.fields),
+                  reply_several = reply_view_over(room_several.data(), size.rows, size.fields);
+  const int repeats = size.rows > 4'000'000 ? 10 : 30;
+  const Timing with_one = time_queries(single, asked.q, reply, repeats),
+               with_all = time_queries(several, asked.q, reply_several, repeats);
+  std::memset(room.data(), 1, bytes);
+  std::memset(room_several.data(), 1, bytes);
+  time_queries(single, asked.q, reply, 1);
+  time_queries(several, asked.q, reply_several, 1);
+  const bool same = std::memcmp(room.data(), room_several.data(), bytes) == 0;
+  csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << count << ',' << with_one.wall_us << ','
+      << with_all.wall_us << ',' << with_one.wall_us / with_all.wall_us << ',' << (same ? "same" : "DIFFERENT") << '\n';
+  csv.flush();
+  std::printf("%-50s one %9.1f us | %d %9.1f us | %5.2fx | bits %s\n", w.name.c_str(), with_one.wall_us, count, with_all.wall_us,
+              with_one.wall_us / with_all.wall_us, same ? "same" : "DIFFERENT");
+  std::fflush(stdout);
 }
 
 void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) {
   const Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"}), either(w.scene(), {"auto"});
-  QueryView q;
-  q.format = w.format;
-  q.fields = w.fields;
-  q.reduce = w.reduce;
-  q.max_distance = w.max_distance;
-  q.precision = w.precision;
-  std::vector<std::uint32_t> bodies;
-  std::vector<BodyPair> pairs;
-  std::vector<Pose> poses;
-  if (w.configurations > 0) {
-    for (std::uint32_t b = 0; b < kHulls; ++b) bodies.push_back(b);
-    for (std::uint32_t a = 0; a < kHulls && pairs.size() < kHullPairs; ++a)
-      for (std::uint32_t b = a + 1; b < kHulls && pairs.size() < kHullPairs; b += 2) pairs.push_back({a, b});
-    Random random(13);
-    for (std::size_t i = 0; i < std::size_t{w.configurations} * kHulls; ++i) poses.push_back(random.pose(1));
-    q.all_pairs = false;
-    q.pairs = pairs;
-    q.bodies = bodies;
-    q.configurations = poses;
-    q.configuration_count = w.configurations;
-  }
-  if (w.first_pairs > 0) {
-    pairs = cpu.pairs(q);
-    pairs.resize(std::min(pairs.size(), w.first_pairs));
-    q.all_pairs = false;
-    q.pairs = pairs;
-  }
+  const Asked asked(w, cpu);
+  QueryView q = asked.q;
   const QuerySize size = device.size(q);
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
@@ -171,7 +226,7 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   if (w.warm) {
     Random random(17);
     q.warm_slot = 1;
-    for (const Pose& p : poses) {
+    for (const Pose& p : asked.poses) {
       const Vec3d axis{random.normal(), random.normal(), random.normal()};
       const Vec3d u = axis * (0.005 / norm(axis));
       const Vec3d v{p.qx, p.qy, p.qz}, turned = u * p.qw + v + cross(u, v);
@@ -201,7 +256,7 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   const unsigned cores = std::thread::hardware_concurrency();
   csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << direct.kernel_us << ',' << direct.wall_us << ','
       << staged.wall_us << ',' << host.wall_us << ',' << routed.wall_us << ',' << (routed.kernel_us > 0 ? "cuda" : "cpu") << ',' << cores << ',' << rest << ',' << agreement
-      << '\n';
+      << ',' << direct.broad_phase_us << '\n';
   csv.flush();
   char line[400];
   std::snprintf(line, sizeof line,
@@ -211,9 +266,11 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
                 1e-3 * static_cast<double>(size.configurations * size.pairs) / direct.kernel_us, direct.wall_us, staged.wall_us, cores,
                 host.wall_us, host.wall_us / direct.wall_us, routed.wall_us, routed.kernel_us > 0 ? "cuda" : "cpu", static_cast<unsigned long long>(rest),
                 agreement);
-  std::puts(line);
+  std::string said = line;
+  if (direct.broad_phase_us > 0) said += " | poses to near pairs " + std::to_string(direct.broad_phase_us) + " us";
+  std::puts(said.c_str());
   std::fflush(stdout);
-  table.emplace_back(line);
+  table.push_back(said);
 }
 
 }  // namespace
@@ -231,10 +288,23 @@ int main(int argc, char** argv) {
     std::puts(cuda::device_info().name.c_str());
     return 0;
   }
+  if (path == "--several") {
+    const int count = cuda::device_info().count;
+    if (count < 2) {
+      std::fprintf(stderr, "there is one CUDA device alone\n");
+      return 1;
+    }
+    std::ofstream csv(filter);
+    csv << "# devices: " << count << " x " << cuda::device_info().name << "\n# command: tools/gpu.sh several\n"
+        << "workload,pairs,devices,wall_one_us,wall_all_us,ratio,bits\n";
+    for (const Workload& w : workloads())
+      if (w.configurations > 0 || (w.reduce == Reduce::kNone && w.name.starts_with("5000"))) run_several(w, csv);
+    return 0;
+  }
   std::ofstream csv(path);
   csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\n"
       << "workload,pairs,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,auto_wall_us,auto_backend,cpu_cores,rows_finished_on_cpu,bits_"
-         "against_cpu\n";
+         "against_cpu,broad_phase_us\n";
   std::vector<std::string> table;
   for (const Workload& w : workloads())
     if (w.name.find(filter) != std::string::npos) run(w, csv, table);

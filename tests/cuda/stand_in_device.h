@@ -30,6 +30,9 @@ struct Fault {
 struct IdlePairs : cuda::ResidentPairs {
   const Fault* of = nullptr;
 };
+struct IdleTable : cuda::ResidentTable {
+  const Fault* of = nullptr;
+};
 struct IdleWarm : cuda::ResidentWarm {
   const Fault* of = nullptr;
 };
@@ -47,7 +50,8 @@ class IdleWorkspace : public Interface {
   void begin(const cuda::QuerySetup& setup) override {
     fault_.call("beginning");
     fault_.bodies = components_;
-    EXPECT_EQ(static_cast<const IdlePairs*>(setup.pairs)->of, &fault_);
+    EXPECT_NE(setup.pairs == nullptr, setup.table == nullptr) << "one of the two";
+    EXPECT_EQ(setup.pairs ? static_cast<const IdlePairs*>(setup.pairs)->of : static_cast<const IdleTable*>(setup.table)->of, &fault_);
     if (setup.warm) {
       EXPECT_EQ(static_cast<const IdleWarm*>(setup.warm)->of, &fault_);
     }
@@ -115,6 +119,12 @@ class IdleDevice final : public cuda::Device {
     auto pairs = std::make_shared<IdlePairs>();
     pairs->of = &fault_;
     return pairs;
+  }
+  std::shared_ptr<const cuda::ResidentTable> upload(const PairTable&) override {
+    fault_.call("uploading");
+    auto table = std::make_shared<IdleTable>();
+    table->of = &fault_;
+    return table;
   }
   std::unique_ptr<cuda::ResidentWarm> make_warm(std::uint64_t) override {
     fault_.call("making warm state");

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Many bodies of few shapes, so that groups form; some of them rounded, some too large for the device, some of two
+// Many bodies of few shapes, so that groups form; some of them rounded, some too large for shared memory, some of two
 // pieces.
 Scene grouped_scene(int count, double box, std::uint64_t seed) {
   Random random(seed);
@@ -81,7 +81,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
     EXPECT_EQ(device.backend(), "cuda");
     for (const auto& [name, q] : questions()) compare(device, cpu, q, name + ", box " + std::to_string(box));
     EXPECT_GT(counter(device, "cuda.pairs_settled"), 100'000u);
-    EXPECT_GT(counter(device, "cuda.pairs_finished_on_cpu"), 1000u) << "overlaps, large hulls and bodies of two pieces";
+    EXPECT_GT(counter(device, "cuda.pairs_finished_on_cpu"), 1000u) << "overlaps and bodies of two pieces";
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
   }
 }
@@ -92,6 +92,50 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuWhereEveryBodyHasItsOwnShape) {
 }
 
 // Chains of followers, some of them moved by the query themselves, over several chunks with a smaller last one.
+// Hulls that do not fit in shared memory are read where the scene has them, by tables coarse enough for 16 bits; of the largest
+// there is none, and the CPU answers.
+TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
+  const auto large = [](bool with_largest) {
+    Random random(31);
+    Scene scene, shapes;
+    for (const int vertices : {513, 900, 2500, 6000, 42}) shapes.add_hull("h" + std::to_string(vertices), cloud_on_sphere(vertices, 0.6, 6), {});
+    if (with_largest) shapes.add_uv_sphere("largest", 0.6, 200, {});  // 79,602 vertices
+    for (int i = 0; i < 60; ++i) {
+      Body body;
+      body.name = "b" + std::to_string(i);
+      body.pieces = shapes.bodies()[static_cast<std::size_t>(i) % shapes.bodies().size()].pieces;
+      body.pose = random.pose(4);
+      scene.add_body(std::move(body));
+    }
+    return scene;
+  };
+  Random random(32);
+  const std::vector<std::uint32_t> bodies{2, 3, 14};
+  std::vector<Pose> poses;
+  for (std::size_t i = 0; i < 100 * bodies.size(); ++i) poses.push_back(random.pose(4));
+  for (const bool with_largest : {false, true}) {
+    const Engine device(large(with_largest), {"cuda"}), cpu(large(with_largest), {"cpu"});
+    const std::string scene = with_largest ? "with the largest" : "large";
+    for (auto [name, q] : questions()) {
+      compare(device, cpu, q, scene + ", " + name);
+      q.bodies = bodies;
+      q.configurations = poses;
+      q.configuration_count = 100;
+      compare(device, cpu, q, scene + ", configurations, " + name);
+      if (q.signed_distance) continue;  // overlaps are the CPU's
+      for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin}) {
+        q.reduce = reduce;
+        expect_same(ask(device, q), ask(cpu, q), scene + ", reduced, " + name, true);
+      }
+    }
+    if (with_largest)
+      EXPECT_GT(counter(device, "cuda.queries_on_cpu"), 0u);
+    else
+      EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
+    EXPECT_GT(counter(device, "cuda.pairs_settled"), 50'000u);
+  }
+}
+
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
   const auto arm = [] {
     Scene scene = grouped_scene(60, 3, 3);

@@ -83,6 +83,47 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForAllPairsOfAScene) {
   }
 }
 
+// Many bodies, in tiles with and without an order, some without poses, some pairs excluded, and a last tile that is not full.
+TEST_F(CudaReductions, FindNearPairsOfLargeScenes) {
+  for (const int count : {3, 33, 1000, 6200, 9001}) {
+    const auto crowd = [&] {
+      Random random(8);
+      Scene scene, shapes = simple_scene(4, 1, 2);
+      const double side = 0.7 * std::cbrt(count);
+      for (int i = 0; i < count; ++i) {
+        Body body;
+        body.name = "b" + std::to_string(i);
+        body.pieces = shapes.bodies()[static_cast<std::size_t>(i % 4)].pieces;
+        body.is_static = i % 9 == 4;
+        if (i % 500 != 33) body.pose = random.pose(side);
+        scene.add_body(std::move(body));
+      }
+      for (int i = 0; i + 1 < count; i += 3) scene.ignore("b" + std::to_string(i), "b" + std::to_string((i + 5) % count));
+      for (int i = 50; i + 1 < count; i += 90) scene.set_parent("b" + std::to_string(i + 1), "b" + std::to_string(i));
+      return scene;
+    };
+    const Engine device(crowd(), {"cuda"}), cpu(crowd(), {"cpu"});
+    QueryView q;
+    q.reduce = Reduce::kWithin;
+    q.fields = kAllFields;
+    for (const double distance : {0.0, 0.2, 1.0}) {
+      q.max_distance = distance;
+      const Answer a = ask(device, q), expected = ask(cpu, q);
+      expect_same(a, expected, std::to_string(count) + " bodies within " + std::to_string(distance), true);
+      EXPECT_EQ(a.info.backend, "cuda");
+      if (count >= 1000 && distance > 0) {
+        EXPECT_GT(a.info.total, static_cast<std::uint64_t>(count) / 4);
+      }
+    }
+    q.signed_distance = true;  // the CPU finishes what overlaps: it is told the pairs' places in the table
+    compare(device, cpu, q, std::to_string(count) + " bodies with depths");
+    if (count >= 1000) {
+      EXPECT_GT(counter(device, "cuda.pairs_finished_on_cpu"), 20u);
+    }
+    EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
+  }
+}
+
 // Bodies on a grid, so that many distances and box gaps are the same.
 TEST_F(CudaReductions, BreakTiesAsTheCpuDoes) {
   const auto grid = [] {

@@ -39,6 +39,15 @@ struct Question {
     q.configurations = poses;
     q.reduce = reduce;
   }
+  // Of the current poses: a whole table.
+  static Question of_table(Reduce reduce) {
+    Question question(reduce);
+    question.q.configuration_count = 0;
+    question.q.configurations = {};
+    question.q.bodies = {};
+    question.q.max_distance = 0.5;
+    return question;
+  }
   std::vector<Pose> poses;
   QueryView q;
 };
@@ -86,8 +95,9 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
 
 TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
-  for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
-    const Question question(reduce);
+  const Question questions[] = {Question(Reduce::kNearest), Question(Reduce::kMin), Question(Reduce::kWithin),
+                                Question::of_table(Reduce::kWithin)};
+  for (const Question& question : questions) {
     const Answer expected = ask(cpu, question.q);
     int at = 0;
     for (bool failed = true; failed; ++at) {

@@ -53,18 +53,18 @@ class SeveralDevices : public testing::Test {
 };
 
 TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
-  const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({2, 0, 1}));
-  Question question(5500);  // more chunks than three devices have under way
+  const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({2, 0}));
+  Question question(15'000);  // more chunks than two devices have under way
   question.q.fields = kDefaultFields;
   const Answer expected = ask(cpu, question.q);
   int most = 0;
-  for (const std::uint64_t warm : {0u, 1u, 1u}) {
+  for (const std::uint64_t warm : {0u, 1u}) {
     question.q.warm_slot = warm;
     for (Fault& fault : faults_) fault.launches = 0;
     const Answer a = ask(device, question.q);
     EXPECT_EQ(a.info.backend, "cuda");
-    if (warm == 0) expect_same(a, expected, "on three devices");
-    for (const Fault& fault : faults_) {
+    if (warm == 0) expect_same(a, expected, "on two devices");
+    for (const Fault& fault : {faults_[0], faults_[2]}) {
       EXPECT_NEAR(fault.launches, 5, 1) << "shared out evenly";
       most = std::max(most, fault.launches);
       EXPECT_EQ(fault.bodies, faults_[0].bodies);
@@ -72,7 +72,7 @@ TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
   }
   EXPECT_GT(most, cuda::kChunksUnderWay) << "slots are used again";
   EXPECT_NE(faults_[0].bodies[9 * 80], 0) << "a body's place";
-  EXPECT_EQ(counter(device, "cuda.queries"), 3u);
+  EXPECT_EQ(counter(device, "cuda.queries"), 2u);
   EXPECT_EQ(counter(device, "cuda.2.usable"), 1u);
 }
 
