@@ -131,6 +131,16 @@ void take_lane(const EvaluateOptions& options, const PieceTask& task, const Lane
 
 }  // namespace
 
+namespace {
+
+// How many bodies there may be in so many pairs; one in two placements counts as two.
+std::size_t most_bodies(const Scene& scene, std::span<const PlacedBodies> pairs) {
+  const bool one_placement = std::all_of(pairs.begin(), pairs.end(), [&](const PlacedBodies& p) { return p.placement == pairs[0].placement; });
+  return one_placement ? std::min(2 * pairs.size(), scene.bodies().size()) : 2 * pairs.size();
+}
+
+}  // namespace
+
 void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
   tasks_.clear();
   searches_.clear();
@@ -143,6 +153,7 @@ void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> a
       tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
                         options_.limits.max_distance, i, warm});
     } else {
+      if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs));
       begin_search(pairs[i], i);
     }
   }

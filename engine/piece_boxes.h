@@ -1,6 +1,8 @@
 // Boxes around the pieces of bodies where they stand.
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -16,10 +18,17 @@ class PieceBoxes {
  public:
   explicit PieceBoxes(const Scene& scene) : scene_(scene) {}
 
+  /// Boxes of so many bodies are about to be asked for: room is made for them, up to a bound, and what was remembered may be
+  /// forgotten. A few bodies would not pay for the room that thousands want.
+  void expect(std::size_t bodies) {
+    const std::size_t slots = std::clamp(std::bit_ceil(2 * bodies), kFewestSlots, kMostSlots);
+    if (slots > slots_.size()) slots_ = std::vector<Slot>(slots);
+  }
+
   /// A box for each piece of a body that has a usable pose; valid until the next call but one.
   std::span<const Aabb> at(const Placement& placement, std::uint32_t body) {
-    if (slots_.empty()) slots_.resize(kSlots);
-    const std::size_t home = (reinterpret_cast<std::uintptr_t>(&placement) / sizeof(Placement) * 64 + body) % (kSlots / 2) * 2;
+    if (slots_.empty()) expect(1);
+    const std::size_t home = (reinterpret_cast<std::uintptr_t>(&placement) / sizeof(Placement) * 64 + body) % (slots_.size() / 2) * 2;
     for (std::size_t i = home; i < home + 2; ++i)
       if (slots_[i].holds(placement, body)) {
         slots_[i].used = ++count_;
@@ -37,7 +46,7 @@ class PieceBoxes {
   }
 
  private:
-  static constexpr std::size_t kSlots = 2048;
+  static constexpr std::size_t kFewestSlots = 16, kMostSlots = 2048;
   struct Slot {
     const Placement* placement = nullptr;
     std::uint64_t configuration = 0, used = 0;
