@@ -52,6 +52,9 @@ wire::QueryHeader header_of(const Query& query) {
   q.reduce = static_cast<std::uint8_t>(query.reduce);
   q.format = static_cast<std::uint8_t>(query.format);
   q.warm = query.warm;
+  q.min_pose_stamp_ns = query.min_pose_stamp_ns;
+  q.pose_wait_ns = query.pose_wait_ns;
+  q.wait_for = query.wait_for;
   return q;
 }
 
@@ -201,7 +204,7 @@ struct Client::Impl {
   /// Room that the reply to a query may take at most, as far as the client can tell; 0: unknown.
   std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs) const;
 
-  PosesDone send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns);
+  PosesDone send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns, std::int64_t sequence);
   PosesDone poses_done(const Frame& frame) const {
     const auto r = checked([&] { return wire::parse_poses_done(frame.payload()); });
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
@@ -294,11 +297,13 @@ std::uint64_t Client::Impl::expected_reply_bytes(const wire::QueryHeader& q, std
   }
 }
 
-PosesDone Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns) {
+PosesDone Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
+                                   std::int64_t sequence) {
   std::vector<std::byte> payload(sizeof(wire::PosesHeader) + poses.size() * sizeof(wire::PoseRecord));
   wire::PosesHeader header;
   header.count = poses.size();
   header.stamp_ns = stamp_ns;
+  header.sequence = sequence;
   std::memcpy(payload.data(), &header, sizeof header);
   std::byte* at = payload.data() + sizeof header;
   for (const auto& [body, pose] : poses) {
@@ -351,15 +356,17 @@ Pending Client::submit(const Query& query) {
   return Pending(impl_, impl().send_query(FrameType::kQuery, query));
 }
 
-PosesDone Client::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns) {
-  return impl().send_poses(poses, stamp_ns);
+PosesDone Client::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
+                            std::int64_t sequence) {
+  return impl().send_poses(poses, stamp_ns, sequence);
 }
 
-PosesDone Client::set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns) {
+PosesDone Client::set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns,
+                            std::int64_t sequence) {
   std::vector<std::pair<std::uint32_t, Pose7>> by_id;
   by_id.reserve(poses.size());
   for (const auto& [name, pose] : poses) by_id.emplace_back(body(name), pose);
-  return impl().send_poses(by_id, stamp_ns);
+  return impl().send_poses(by_id, stamp_ns, sequence);
 }
 
 PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child) {

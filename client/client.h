@@ -66,6 +66,11 @@ struct Query {
   std::uint64_t max_results = 1u << 20;
   std::int64_t max_pose_age_ns = 0;
   bool warm = false;
+  /// Begin once poses with this stamp or a newer one are there (publisher's clock): of the body or group `wait_for`, those of
+  /// its bodies that ever had a stamp, and one at least. 0: at once.
+  std::int64_t min_pose_stamp_ns = 0;
+  std::int64_t pose_wait_ns = 0;  ///< wait so long for them, at most 10 s; then RequestError with code kPosesLate
+  std::uint32_t wait_for = kEveryBody;
   bool check_scene = true;  ///< refuse an answer for another scene than the one this client fetched
 };
 
@@ -101,7 +106,10 @@ class CLEARANCE_API Reply {
 
   std::uint64_t scene_revision() const;
   std::uint64_t snapshot_revision() const;
-  std::int64_t snapshot_stamp_ns() const;
+  std::int64_t snapshot_stamp_ns() const;  ///< publisher's clock: the newest stamp among the poses
+  std::int64_t snapshot_sequence() const;  ///< its publisher's count of the update with that stamp; 0: not counted
+  /// Nanoseconds from the daemon's receipt of the oldest of all poses to the begin of the query; -1: none was received.
+  std::int64_t pose_age_ns() const;
   std::uint64_t engine_ns() const;
   std::uint64_t server_ns() const;
   std::string_view backend() const;
@@ -192,8 +200,10 @@ class CLEARANCE_API Client {
   /// Sends a query and returns at once.
   Pending submit(const Query& query = {});
 
-  PosesDone set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0);
-  PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0);
+  /// \param stamp_ns, sequence the caller's clock and its count of updates, which replies then carry; 0: none.
+  PosesDone set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0, std::int64_t sequence = 0);
+  PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0,
+                      std::int64_t sequence = 0);
   PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
 
   /// Has the daemon load its scene file anew, and waits until the new scene is in. Queries go on meanwhile; poses and

@@ -32,6 +32,8 @@ using clearance::kColumnAlignment;
 inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 31;
 /// A request larger than this is refused by clients before it is sent; ZeroMQ closes the connection of one who tries.
 inline constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{1} << 28;
+/// A query waits no longer for poses.
+inline constexpr std::int64_t kMaxPoseWaitNs = 10'000'000'000;
 
 enum class FrameType : std::uint16_t {
   // client to daemon
@@ -87,7 +89,11 @@ struct QueryHeader {
   std::uint8_t format = 0;  ///< Format
   std::uint8_t warm = 0;    ///< keep warm state for this client
   std::uint8_t padding[2] = {};
-  std::uint64_t reserved[8] = {};
+  std::int64_t min_pose_stamp_ns = 0;  ///< begin once the poses of wait_for have this stamp or a newer one; 0: at once
+  std::int64_t pose_wait_ns = 0;       ///< at most so long, 0 to kMaxPoseWaitNs; then kPosesLate
+  std::uint32_t wait_for = kEveryBody;  ///< body, or group selector: those of its bodies that ever had a stamp, and one at least
+  std::uint32_t padding2[1] = {};
+  std::uint64_t reserved[5] = {};
 };
 
 struct ReplyHeader {
@@ -107,13 +113,15 @@ struct ReplyHeader {
   std::uint64_t engine_ns = 0;  ///< inside the engine
   std::uint64_t server_ns = 0;  ///< from receipt of the request to the reply being whole
   char backend[16] = {};        ///< NUL-terminated
-  std::uint64_t reserved[2] = {};
+  std::int64_t snapshot_sequence = 0;  ///< its publisher's count of the update with snapshot_stamp_ns; 0: not counted
+  std::int64_t pose_age_ns = 0;  ///< from oldest_receipt_ns to the query's begin; -1: no pose was received
 };
 
 struct PosesHeader {
   std::uint64_t count = 0;
   std::int64_t stamp_ns = 0;  ///< publisher's clock
-  std::uint64_t reserved[2] = {};
+  std::int64_t sequence = 0;  ///< publisher's count of its updates; 0: it keeps none
+  std::uint64_t reserved[1] = {};
 };
 
 struct PoseRecord {
@@ -247,6 +255,7 @@ enum class ErrorCode : std::uint16_t {
   kInternal = 20,
   kReloadFailed = 21,  ///< the old scene stays; the text is the loader's
   kForbidden = 22,     ///< this client may not do that; the text names the right that it lacks
+  kPosesLate = 23,     ///< the poses that the query waits for have not come in time
 };
 
 struct ErrorHeader {

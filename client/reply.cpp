@@ -101,6 +101,12 @@ std::uint64_t Reply::snapshot_revision() const {
 std::int64_t Reply::snapshot_stamp_ns() const {
   return header_of(*frame_).snapshot_stamp_ns;
 }
+std::int64_t Reply::snapshot_sequence() const {
+  return header_of(*frame_).snapshot_sequence;
+}
+std::int64_t Reply::pose_age_ns() const {
+  return header_of(*frame_).pose_age_ns;
+}
 std::uint64_t Reply::engine_ns() const {
   return header_of(*frame_).engine_ns;
 }

@@ -125,7 +125,13 @@ void check_query_values(const QueryHeader& q) {
     bad_query("query: all_pairs is set, yet " + str(std::uint64_t{q.pair_count}) + " pairs are named");
   if (q.configuration_count && !q.body_count)
     bad_query("query: " + str(std::uint64_t{q.configuration_count}) + " configurations of no bodies");
+  if (q.min_pose_stamp_ns < 0)
+    bad_query("query: min_pose_stamp_ns must be >= 0, got " + std::to_string(q.min_pose_stamp_ns));
+  if (q.pose_wait_ns < 0 || q.pose_wait_ns > kMaxPoseWaitNs)
+    bad_query("query: pose_wait_ns must be 0 to " + std::to_string(kMaxPoseWaitNs) + ", got " + std::to_string(q.pose_wait_ns));
+  if (q.pose_wait_ns && !q.min_pose_stamp_ns) bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");
   expect_zero(q.padding, "query");
+  expect_zero(q.padding2, "query");
   expect_zero(q.reserved, "query");
 }
 
@@ -235,6 +241,8 @@ std::string_view error_name(ErrorCode code) {
       return "busy";
     case ErrorCode::kInternal:
       return "internal";
+    case ErrorCode::kPosesLate:
+      return "poses_late";
     case ErrorCode::kReloadFailed:
       return "reload_failed";
     case ErrorCode::kForbidden:

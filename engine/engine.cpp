@@ -127,8 +127,8 @@ std::string Engine::device_error() const { return impl_->device ? impl_->device-
 std::string_view Engine::instruction_set() const { return impl_->lanes->name; }
 std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
 
-PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) {
-  const PoseUpdateResult result = impl_->poses.set(poses, stamp_ns);
+PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence) {
+  const PoseUpdateResult result = impl_->poses.set(poses, stamp_ns, sequence);
   impl_->pose_updates.fetch_add(result.applied, std::memory_order_relaxed);
   impl_->bad_poses.fetch_add(result.bad, std::memory_order_relaxed);
   return result;
@@ -145,6 +145,30 @@ BodyState Engine::body_state(std::uint32_t body) const {
   if (body >= snapshot->placed.size()) throw std::out_of_range("unknown body " + std::to_string(body));
   const BodyPlacement& p = snapshot->placed[body];
   return {p.pose.X_wb, p.status, snapshot->parent[body], snapshot->stamp_ns[body], snapshot->receipt_ns[body]};
+}
+
+bool Engine::poses_reach(std::uint32_t bodies, std::int64_t stamp_ns) const {
+  const auto snapshot = impl_->poses.snapshot();
+  const std::vector<Group>& groups = impl_->scene.groups();
+  const bool is_group = bodies != kEveryBody && (bodies & kGroupBit);
+  if (is_group && (bodies & ~kGroupBit) >= groups.size())
+    throw QueryError(QueryErrorCode::kBadQuery, "wait_for: unknown group " + std::to_string(bodies & ~kGroupBit));
+  if (!is_group && bodies != kEveryBody && bodies >= snapshot->stamp_ns.size())
+    throw QueryError(QueryErrorCode::kBadQuery, "wait_for: unknown body " + std::to_string(bodies));
+  bool any = false;
+  const auto is_late = [&](std::int64_t stamp) {
+    any |= stamp != 0;
+    return stamp != 0 && stamp < stamp_ns;
+  };
+  if (is_group) {
+    for (const std::uint32_t b : groups[bodies & ~kGroupBit].bodies)
+      if (is_late(snapshot->stamp_ns[b])) return false;
+  } else if (bodies == kEveryBody) {
+    if (std::any_of(snapshot->stamp_ns.begin(), snapshot->stamp_ns.end(), is_late)) return false;
+  } else if (is_late(snapshot->stamp_ns[bodies])) {
+    return false;
+  }
+  return any;
 }
 
 QuerySize Engine::size(const QueryView& query) const {

@@ -114,8 +114,9 @@ class Engine {
   std::string_view instruction_set() const;    ///< the one in use, by name
   static std::vector<std::string> instruction_sets();  ///< those that this machine has, the fastest first
 
-  /// Applies a batch of poses atomically. \param stamp_ns the publisher's clock. The receipt is taken here.
-  PoseUpdateResult set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns = 0);
+  /// Applies a batch of poses atomically. \param stamp_ns the publisher's clock. \param sequence the publisher's count of its
+  /// updates; 0: it keeps none. The receipt is taken here.
+  PoseUpdateResult set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns = 0, std::int64_t sequence = 0);
   /// Makes `child` follow `parent` from where it is now, or with `X_pc` if given; kNone as parent sets it free where it is.
   /// Throws QueryError for an unknown body, a cycle, a static child, or a body without a usable pose.
   PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc = nullptr);
@@ -123,6 +124,9 @@ class Engine {
   /// does that loads its scene anew. Other bodies stay as this scene has them.
   void take_poses(const Engine& old);
   BodyState body_state(std::uint32_t body) const;
+  /// Whether the poses of a body, or of a group (selector), have this stamp or a newer one: those of its bodies that ever had
+  /// a stamp, and one at least. Throws QueryError for an unknown one.
+  bool poses_reach(std::uint32_t bodies, std::int64_t stamp_ns) const;
   std::uint64_t pose_revision() const;
 
   /// The size of the answer. Throws QueryError.

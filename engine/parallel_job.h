@@ -53,9 +53,10 @@ class ParallelJob : public Job::State {
     info.backend = context.reference ? "reference" : "cpu";
     info.snapshot_revision = snapshot.revision;
     info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
+    info.snapshot_sequence = snapshot.newest_sequence;
     info.scene_revision = snapshot.scene_revision;
-    for (const std::int64_t r : snapshot.receipt_ns)
-      if (r != 0 && (info.oldest_receipt_ns == 0 || r < info.oldest_receipt_ns)) info.oldest_receipt_ns = r;
+    info.oldest_receipt_ns = snapshot.oldest_receipt_ns;
+    if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = begun_ns_ - snapshot.oldest_receipt_ns;
   }
 
   const QuerySize& size() const override { return plan_.size; }
@@ -133,7 +134,7 @@ class ParallelJob : public Job::State {
 
   void find_stale(const PoseSnapshot& snapshot) {
     if (plan_.query.max_pose_age_ns == 0) return;
-    const std::int64_t oldest_allowed = monotonic_ns() - plan_.query.max_pose_age_ns;
+    const std::int64_t oldest_allowed = begun_ns_ - plan_.query.max_pose_age_ns;
     stale_.resize(scene().bodies().size());
     for (std::uint32_t b = 0; b < stale_.size(); ++b) {
       const std::int64_t receipt = snapshot.receipt_of_chain(b);
@@ -144,6 +145,7 @@ class ParallelJob : public Job::State {
     options_.stale = stale_;
   }
 
+  std::int64_t begun_ns_ = monotonic_ns();  // ages of poses are as of then
   std::vector<Aabb> boxes_;
   std::vector<std::uint8_t> stale_;
   struct WorkerPlacements {

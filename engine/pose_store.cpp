@@ -124,12 +124,15 @@ std::shared_ptr<PoseSnapshot> PoseStore::copy() {
 }
 
 void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
+  next->oldest_receipt_ns = 0;
+  for (const std::int64_t receipt : next->receipt_ns)
+    if (receipt != 0 && (next->oldest_receipt_ns == 0 || receipt < next->oldest_receipt_ns)) next->oldest_receipt_ns = receipt;
   std::shared_ptr<const PoseSnapshot> old = std::move(next);  // freed outside the lock
   const std::lock_guard lock(current_mutex_);
   current_.swap(old);
 }
 
-PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns) {
+PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence) {
   const std::lock_guard lock(writers_);
   const std::shared_ptr<PoseSnapshot> next = copy();
   const std::int64_t now = monotonic_ns();
@@ -153,7 +156,10 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
   }
   if (!moved.empty()) {
     next->place_again(next->with_followers(moved));
-    next->newest_stamp_ns = std::max(next->newest_stamp_ns, stamp_ns);
+    if (stamp_ns >= next->newest_stamp_ns) {
+      next->newest_stamp_ns = stamp_ns;
+      next->newest_sequence = sequence;
+    }
     ++next->revision;
   }
   result.revision = next->revision;
@@ -187,6 +193,7 @@ void PoseStore::take_over(const Scene& old_scene, const PoseSnapshot& old) {
   enable_pairs(*next);
   next->place_again(*next->order);
   next->newest_stamp_ns = old.newest_stamp_ns;
+  next->newest_sequence = old.newest_sequence;
   next->revision = old.revision + 1;
   publish(next);
 }

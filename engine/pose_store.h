@@ -16,7 +16,9 @@ namespace clearance {
 /// The poses of all bodies at one moment, with what follows from them. Shared by jobs; never changed once published.
 struct PoseSnapshot {
   std::uint64_t revision = 0;
-  std::int64_t newest_stamp_ns = 0;
+  std::int64_t newest_stamp_ns = 0;        ///< publisher's clock
+  std::int64_t newest_sequence = 0;        ///< of the update that brought it; 0: its publisher does not count
+  std::int64_t oldest_receipt_ns = 0;      ///< 0: none was received
   std::uint64_t scene_revision = 0;        ///< changes with attachments
   std::shared_ptr<const PairTable> pairs;
 
@@ -41,7 +43,7 @@ class PoseStore {
   explicit PoseStore(const Scene& scene);
 
   std::shared_ptr<const PoseSnapshot> snapshot() const;
-  PoseUpdateResult set(std::span<const BodyPose> poses, std::int64_t stamp_ns);
+  PoseUpdateResult set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence);
   /// What was received and attached since `old` was loaded, for bodies that are in both scenes, known by their names.
   void take_over(const Scene& old_scene, const PoseSnapshot& old);
   PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc);

@@ -90,7 +90,9 @@ struct ReplyInfo {
   std::uint64_t total = 0;                ///< Reduce::kWithin: pairs found, also those past max_results; else rows
   std::uint64_t snapshot_revision = 0;    ///< of the poses
   std::int64_t snapshot_stamp_ns = 0;     ///< newest publisher's stamp among the poses
+  std::int64_t snapshot_sequence = 0;     ///< its publisher's count of the update that brought that stamp; 0: not counted
   std::int64_t oldest_receipt_ns = 0;     ///< oldest monotonic receipt among poses of movable bodies; 0: none
+  std::int64_t pose_age_ns = -1;          ///< from that receipt to the query's begin, which kFlagStale goes by; -1: none
   std::uint64_t scene_revision = 0;
   std::uint64_t pairs_evaluated = 0;      ///< pair-configurations that boxes alone did not answer
   std::string_view backend;               ///< that answered: "cpu", "cuda" or "reference"

@@ -259,7 +259,7 @@ class LcmTransport final : public Transport {
     if (poses_.empty() && !allowed_poses_.any) return;  // nothing that would be taken
     ++counters_->poses;
     ++handed_in_;
-    counters_->unknown += inbox_->on_poses(poses_, stamp_ns).unknown;
+    counters_->unknown += inbox_->on_poses(poses_, stamp_ns, sequence).unknown;
   }
 
   // --- requests

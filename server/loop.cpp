@@ -141,6 +141,7 @@ bool Loop::turn() {
   if (reloader_) take_new_engine();
   if (figures_wanted_.load(std::memory_order_relaxed)) hand_out_figures();
   bool worked = poll_transports();
+  if (!held_.empty()) worked |= look_at_held();
   if (poses_changed_ || turn_began_ >= next_tick_) tick();
   worked |= work_for_a_slice();
   if (worked) wakes_for_nothing_ = 0;
@@ -148,7 +149,7 @@ bool Loop::turn() {
 }
 
 bool Loop::poll_transports() {
-  looked_at_all_ = turn_began_ >= next_look_;
+  looked_at_all_ = turn_began_ >= next_look_ || !held_.empty();  // by whichever the poses come
   int frames = 0, by_system_call = 0;
   for (std::size_t i = 0; i < transports_.size(); ++i) {
     const bool costs = transports_[i]->polls_by_system_call();
@@ -189,6 +190,7 @@ void Loop::tick() {
     const auto drop = [this](const TaskPtr& task) { forget(*task), ++dropped_, ++counter("queries.dropped"); };
     fresh_.remove_if(gone, drop);
     long_.remove_if(gone, drop);
+    drop_held_of_the_gone();
     std::erase_if(scene_waiters_, [this](const SceneWaiter& waiter) {
       if (waiter.sink->alive() || waiter.removes) return false;  // a removal is looked at once more: why_not()
       leave(waiter.sink->client());
@@ -219,7 +221,8 @@ void Loop::sleep() {
   bool work = false;
   while (prepared < transports_.size() && !work) work = transports_[prepared++]->prepare_sleep();
   if (!work && !stopping_) {
-    const auto left = std::max<std::chrono::nanoseconds>(next_tick_ - Clock::now(), std::chrono::nanoseconds(0));
+    const auto until = held_.empty() ? next_tick_ : std::min(next_tick_, held_deadline_);
+    const auto left = std::max<std::chrono::nanoseconds>(until - Clock::now(), std::chrono::nanoseconds(0));
     timespec timeout{left.count() / 1'000'000'000, left.count() % 1'000'000'000};
     // A descriptor that stays readable though there is nothing to take is not listened to for a while.
     const bool nagged = ++wakes_for_nothing_ > kWakesForNothing;
@@ -367,6 +370,8 @@ void Loop::finish(Task& task, Clock::time_point now) {
   reply.snapshot_revision = info.snapshot_revision;
   reply.snapshot_stamp_ns = info.snapshot_stamp_ns;
   reply.oldest_receipt_ns = info.oldest_receipt_ns;
+  reply.snapshot_sequence = info.snapshot_sequence;
+  reply.pose_age_ns = info.pose_age_ns;
   reply.pairs_evaluated = info.pairs_evaluated;
   wire::set_name(reply.backend, info.backend);
   reply.engine_ns = static_cast<std::uint64_t>(task.in_engine.count());

@@ -19,6 +19,7 @@
 
 #include "client/aligned_buffer.h"
 #include "client/spin_gate.h"
+#include "client/wire.h"
 #include "error_log.h"
 #include "fair_queue.h"
 #include "reloader.h"
@@ -78,21 +79,31 @@ class Loop final : public Inbox {
   bool is_reloading() const { return reloader_ && reloader_->is_busy(); }
   /// Queries under way.
   std::size_t waiting() const { return fresh_.size() + long_.size(); }
+  /// Queries that wait for poses.
+  std::size_t held() const;
 
   void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
                 std::unique_ptr<ReplySink> sink) override;
-  PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) override;
+  PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0) override;
   std::uint64_t& counter(const std::string& name) override { return counters_[name]; }
   Engine& engine() override { return *engine_; }
 
  private:
   struct Task;
+  struct Held;
   struct Refusal;
   using TaskPtr = std::unique_ptr<Task>;
 
   void handle(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
   void start_query(const wire::FrameHeader& header, std::span<const std::byte> payload,
                    std::unique_ptr<ReplySink>& sink);
+  void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::uint64_t payload_bytes,
+                   std::unique_ptr<ReplySink>& sink, Clock::time_point received);
+  // held_queries.cpp
+  void hold_query(const wire::FrameHeader& header, const wire::QueryHeader& query, std::span<const std::byte> payload,
+                  std::unique_ptr<ReplySink>& sink);
+  bool look_at_held();
+  void drop_held_of_the_gone();
   void answer_pairs(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
   void set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
   void attach(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
@@ -174,6 +185,10 @@ class Loop final : public Inbox {
   };
   std::unordered_map<std::uint64_t, Usage> waiting_per_client_;
   std::uint64_t waiting_bytes_ = 0;
+
+  std::vector<Held> held_;
+  std::uint64_t held_until_revision_ = 0;  // of the poses when held_ was last looked at
+  Clock::time_point held_deadline_;        // the first of theirs
 
   std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
   std::vector<BodyPose> poses_;

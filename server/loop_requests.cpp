@@ -116,14 +116,24 @@ void Loop::check_room_for(std::uint64_t client) const {
 void Loop::start_query(const FrameHeader& header, std::span<const std::byte> payload,
                        std::unique_ptr<ReplySink>& sink) {
   ++queries_;
-  const std::uint64_t client = sink->client();
-  check_room_for(client);
+  check_room_for(sink->client());
   if (!payload.empty() && reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t)) {
     aligned_.resize((payload.size() + 7) / 8);
     std::memcpy(aligned_.data(), payload.data(), payload.size());
     payload = std::as_bytes(std::span(aligned_)).first(payload.size());
   }
   const wire::QueryParts parts = wire::parse_query(payload);
+  const wire::QueryHeader& q = parts.header;
+  if (q.min_pose_stamp_ns != 0 && !engine_->poses_reach(q.wait_for, q.min_pose_stamp_ns)) {
+    engine_->size(view_of(parts, header.scene_revision));  // what is wrong with it is said at once
+    return hold_query(header, q, payload, sink);
+  }
+  begin_query(header, parts, payload.size(), sink, turn_began_);
+}
+
+void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts, std::uint64_t payload_bytes,
+                       std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
+  const std::uint64_t client = sink->client();
   QueryView query = view_of(parts, header.scene_revision);
   query.warm_slot = parts.header.warm ? client : 0;
   const auto begun = Clock::now();
@@ -136,7 +146,7 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields);
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   const bool whole_table = parts.header.all_pairs && parts.bodies.size() == 0;
-  std::uint64_t held = bytes + payload.size() + (whole_table ? 0 : size.pairs * sizeof(BodyPair));
+  std::uint64_t held = bytes + payload_bytes + (whole_table ? 0 : size.pairs * sizeof(BodyPair));
   Usage& usage = waiting_per_client_[client];
   const std::uint64_t taken = usage.bytes + sink->unsent_bytes();
   if (taken && taken + held > options_.max_client_bytes)
@@ -174,7 +184,7 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   task->held_bytes = held;
   task->reduce = query.reduce;
   task->format = query.format;
-  task->received = turn_began_;
+  task->received = received;
   task->due = begun + kPairCost * std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
   task->in_engine = in_engine;
   ++usage.requests;
@@ -211,12 +221,12 @@ void Loop::set_poses(const FrameHeader& header, std::span<const std::byte> paylo
     const wire::PoseRecord record = parts.poses[i];
     poses_[i] = {record.body, pose_of(record.pose)};
   }
-  const auto result = result_of(on_poses(poses_, parts.header.stamp_ns), engine_->scene_revision());
+  const auto result = result_of(on_poses(poses_, parts.header.stamp_ns, parts.header.sequence), engine_->scene_revision());
   answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
 }
 
-PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns) {
-  const PoseUpdateResult done = engine_->set_poses(poses, stamp_ns);
+PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence) {
+  const PoseUpdateResult done = engine_->set_poses(poses, stamp_ns, sequence);
   ++counter("poses.batches");
   counter("poses.applied") += done.applied;
   counter("poses.bad") += done.bad;
@@ -241,7 +251,8 @@ std::vector<std::pair<std::string, std::uint64_t>> Loop::all_counters() const {
   std::vector<std::pair<std::string, std::uint64_t>> all;
   all.emplace_back("uptime_s", std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count());
   all.emplace_back("queries.waiting", waiting());
-  all.emplace_back("requests.waiting", waiting() + scene_waiters_.size());
+  all.emplace_back("queries.held", held_.size());
+  all.emplace_back("requests.waiting", waiting() + held_.size() + scene_waiters_.size());
   all.insert(all.end(), counters_.begin(), counters_.end());
   const auto engine = engine_->stats();
   all.insert(all.end(), engine.begin(), engine.end());

@@ -42,6 +42,16 @@ struct Loop::Task {
   std::chrono::nanoseconds in_engine{0};
 };
 
+/// A query that waits for poses.
+struct Loop::Held {
+  std::unique_ptr<ReplySink> sink;
+  wire::FrameHeader request;
+  std::vector<std::uint64_t> payload;  // aligned; the frame's own ends with its client's call
+  std::uint64_t payload_bytes;
+  wire::QueryHeader query;
+  Clock::time_point received, deadline;
+};
+
 inline wire::ErrorCode code_of(QueryErrorCode code) {
   return static_cast<wire::ErrorCode>(code);
 }

@@ -13,6 +13,7 @@
 #include "bench_report.h"
 #include "bench_samples.h"
 #include "client/lcm_bus.h"
+#include "client/protocol.h"
 #include "commands.h"
 #include "machine_name.h"
 
@@ -32,6 +33,7 @@ struct Options : BenchQuestion {
   Connection connection;
   std::string lcm;
   double minutes = 1, rate_hz = 1000;
+  std::int64_t wait_us = 0;
   std::string csv, command;
 };
 
@@ -69,7 +71,7 @@ void run_cycles(double seconds, std::chrono::nanoseconds period, Cycles& cycles,
 class Controller {
  public:
   Controller(Client& client, const Options& o)
-      : client_(client), query_(make_query(client, o)), bus_(parse_lcm_address(o.lcm)) {
+      : client_(client), query_(make_query(client, o)), bus_(parse_lcm_address(o.lcm)), wait_ns_(1000 * o.wait_us) {
     const std::vector<BodyStateInfo> states = client.body_states();
     const std::vector<std::uint32_t> bodies = movable_bodies(client.scene(), states);
     if (bodies.empty() || bodies.size() > kMostBodies)
@@ -93,20 +95,32 @@ class Controller {
     ++message_.sequence;
     message_.stamp_ns = Clock::now().time_since_epoch().count();
     if (!bus_.publish_message("CLEARANCE_POSES", message_)) ++unsent_;
-    const Reply reply = client_.distances(query_.query);
-    const std::int64_t age = message_.stamp_ns - reply.snapshot_stamp_ns();
-    if (age == 0) ++fresh_;
-    engine_.add(static_cast<std::int64_t>(reply.engine_ns()));
-    pairs_ = reply.pairs();
+    if (wait_ns_ > 0) {
+      query_.query.min_pose_stamp_ns = message_.stamp_ns;
+      query_.query.pose_wait_ns = wait_ns_;
+    }
+    try {
+      take(client_.distances(query_.query));
+    } catch (const RequestError& error) {
+      if (error.code != static_cast<std::uint16_t>(wire::ErrorCode::kPosesLate)) throw;
+      ++late_poses_;
+    }
   }
 
   std::size_t bodies() const { return message_.bodies.size(); }
   std::uint64_t pairs() const { return pairs_; }
   std::uint64_t fresh() const { return fresh_; }
   std::uint64_t unsent() const { return unsent_; }
+  std::uint64_t late_poses() const { return late_poses_; }
   const Samples& engine() const { return engine_; }
 
  private:
+  void take(const Reply& reply) {
+    if (reply.snapshot_stamp_ns() == message_.stamp_ns) ++fresh_;
+    engine_.add(static_cast<std::int64_t>(reply.engine_ns()));
+    pairs_ = reply.pairs();
+  }
+
   Client& client_;
   BenchQuery query_;
   LcmBus bus_;
@@ -114,6 +128,8 @@ class Controller {
   std::vector<std::vector<double>> sets_[kPoseSets];
   std::uint64_t fresh_ = 0;   ///< answers that saw the poses of their own cycle; the others, earlier ones
   std::uint64_t unsent_ = 0;  ///< messages that the system refused
+  std::uint64_t late_poses_ = 0;  ///< cycles without an answer: their poses did not come in time
+  std::int64_t wait_ns_;
   std::uint64_t pairs_ = 0;
   Samples engine_;
 };
@@ -136,9 +152,10 @@ Table result_of(const Options& o, const std::string& url, const Controller& cont
   };
   add("", working);
   add("idle_", idle);
-  names.insert(names.end(), {"engine_p50_us", "fresh_answers", "unsent_poses", "command"});
+  names.insert(names.end(), {"engine_p50_us", "wait_us", "fresh_answers", "late_poses", "unsent_poses", "command"});
   cells.insert(cells.end(),
-               {rounded(controller.engine().percentile_us(0.5)), controller.fresh(), controller.unsent(), o.command});
+               {rounded(controller.engine().percentile_us(0.5)), o.wait_us, controller.fresh(), controller.late_poses(),
+                controller.unsent(), o.command});
   Table table(names);
   table.add(std::move(cells));
   return table;
@@ -174,7 +191,8 @@ void run(const Options& o) {
   table.print(std::cout, Output::kTable);
   std::cout
       << "\nfrom the moment a cycle was due to its end; a miss: it ended after the next one was due, or did not begin\n"
-      << controller.fresh() << " answers saw the poses of their own cycle, the others those of an earlier one\n";
+      << controller.fresh() << " answers saw the poses of their own cycle, the others those of an earlier one; "
+      << controller.late_poses() << " cycles had none, since their poses came too late\n";
   if (!o.csv.empty()) append_csv(result_of(o, client.url(), controller, working, idle), o.csv);
 }
 
@@ -196,6 +214,12 @@ void add_bench_loop(CLI::App& app) {
   command.add_option("--rate", options->rate_hz, "cycles a second")
       ->check(quiet(CLI::Range(1.0, 20'000.0)))
       ->type_name("HZ")
+      ->capture_default_str();
+  command
+      .add_option("--wait-us", options->wait_us,
+                  "let the query wait so long for the poses of its own cycle; 0: it takes those that are there")
+      ->check(quiet(CLI::Range(0, 10'000'000)))
+      ->type_name("N")
       ->capture_default_str();
   add_question_options(command, *options);
   command.add_option("--csv", options->csv, "add a row to this file")->type_name("FILE");

@@ -55,6 +55,8 @@ class PyJob {
     a.scene_revision = info.scene_revision;
     a.snapshot_revision = info.snapshot_revision;
     a.snapshot_stamp_ns = info.snapshot_stamp_ns;
+    a.snapshot_sequence = info.snapshot_sequence;
+    a.pose_age_ns = info.pose_age_ns;
     a.backend = info.backend;
     a.engine_ns = static_cast<std::uint64_t>(engine_ns_);
     return a;
@@ -197,7 +199,7 @@ class PyEngine {
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
 
-  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns) const {
+  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns, std::int64_t sequence) const {
     if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
     std::vector<BodyPose> batch(ids.shape(0));
     for (std::size_t i = 0; i < batch.size(); ++i) {
@@ -207,7 +209,7 @@ class PyEngine {
     PoseUpdateResult result;
     {
       nb::gil_scoped_release release;
-      result = use().set_poses(batch, stamp_ns);
+      result = use().set_poses(batch, stamp_ns, sequence);
     }
     return done(result);
   }
@@ -284,7 +286,7 @@ NB_MODULE(_engine, m) {
       .def("start", &PyEngine::start, nb::arg("query"), nb::arg("out").none())
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("out").none(), nb::arg("timeout_s"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
-      .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"))
+      .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"), nb::arg("sequence"))
       .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
       .def("body_states", &PyEngine::body_states)
       .def("stats", [](const PyEngine& e) { return e.use().stats(); });

@@ -307,6 +307,9 @@ TEST(Wire, BadQueryValuesAreNamed) {
       {offsetof(QueryHeader, warm), single(std::uint8_t{2}), "query: warm 2 is none of 0 to 1"},
       {offsetof(QueryHeader, fields), single(std::uint32_t{1u << 20}), "query: fields has unknown bits: 1048576"},
       {offsetof(QueryHeader, max_pose_age_ns), single(std::int64_t{-1}), "query: max_pose_age_ns must be >= 0, got -1"},
+      {offsetof(QueryHeader, min_pose_stamp_ns), single(std::int64_t{-2}), "query: min_pose_stamp_ns must be >= 0, got -2"},
+      {offsetof(QueryHeader, pose_wait_ns), single(std::int64_t{1}), "query: pose_wait_ns is for a query with min_pose_stamp_ns"},
+      {offsetof(QueryHeader, pose_wait_ns), single(kMaxPoseWaitNs + 1), "query: pose_wait_ns must be 0 to 10000000000, got 10000000001"},
       {offsetof(QueryHeader, all_pairs), single(std::uint8_t{1}), "query: all_pairs is set, yet 2 pairs are named"},
   };
   for (const Case& c : cases) {

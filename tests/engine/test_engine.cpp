@@ -513,6 +513,40 @@ TEST_P(EngineTest, StalePosesAreFlagged) {
   EXPECT_TRUE(ask(engine, q).view.flags[0] & kFlagStale);
 }
 
+TEST_P(EngineTest, TheAgeOfPosesIsWhatStaleGoesBy) {
+  Scene scene;
+  for (const char* name : {"a", "b", "c"}) scene.add_sphere(name, 0.1, {.pose = Pose{}});
+  Engine engine = make(std::move(scene));
+  QueryView q;
+  q.fields = kDefaultFields | kFieldFlags;
+  const std::vector<BodyPair> pairs{{0, 1}, {1, 2}};
+  q.pairs = pairs;
+  q.all_pairs = false;
+  EXPECT_EQ(ask(engine, q).info.pose_age_ns, -1) << "none was received";
+  for (std::uint32_t body = 0; body < 3; ++body) {
+    const BodyPose update{body, {{1.0 * body, 0, 0}}};
+    engine.set_poses({&update, 1}, 10 * body, body + 1);
+  }
+  int stale = 0, young = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Answer plain = ask(engine, q);
+    EXPECT_EQ(plain.info.snapshot_sequence, 3);
+    EXPECT_GE(plain.info.pose_age_ns, 0);
+    QueryView limited = q;
+const std::int64_t off = std::int64_t{1} << i % 40;  // from what will have passed by then to far more
+    limited.max_pose_age_ns = std::max<std::int64_t>(plain.info.pose_age_ns + (i % 2 ? off : -off), 1);
+    const Answer answer = ask(engine, limited);
+    const bool too_old = answer.info.pose_age_ns > limited.max_pose_age_ns;
+    EXPECT_EQ((answer.view.flags[0] & kFlagStale) != 0, too_old) << "body 0 has the oldest pose";
+    if (!too_old) {
+      EXPECT_FALSE(answer.view.flags[1] & kFlagStale);
+    }
+    ++(too_old ? stale : young);
+  }
+  EXPECT_GT(stale, 0);
+  EXPECT_GT(young, 0);
+}
+
 struct BadQuery {
   const char* text;
   void (*spoil)(QueryView&);

@@ -178,7 +178,7 @@ void spoil_choices(Bytes& frame, std::mt19937_64& random) {
         q.fields |= 1u << (kFieldCount + random() % 19);
         break;
       default:
-        q.reserved[random() % 8] = 1 + random();
+        q.reserved[random() % std::size(q.reserved)] = 1 + random();
     }
   });
 }

@@ -94,6 +94,11 @@ std::vector<std::pair<std::string, Data>> requests() {
     q.header.format = static_cast<std::uint8_t>(Format::kCompact);
     q.header.warm = 1;
   });
+  query("waits_for_poses", [](TestQuery& q) {
+    q.header.min_pose_stamp_ns = 1000;  // of the poses below
+    q.header.pose_wait_ns = 1'000'000'000;
+    q.header.wait_for = 1;
+  });
   TestQuery pairs;
   pairs.bodies = {1};
   all.emplace_back("pairs", pairs.frame(20, wire::FrameType::kPairs));

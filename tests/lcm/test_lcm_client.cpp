@@ -48,7 +48,7 @@ class LcmClientTest : public LcmTest {
   static void place(Client& client, double t) {
     std::vector<std::pair<std::uint32_t, Pose7>> poses;
     for (std::uint32_t i = 0; i < kBodies; ++i) poses.push_back({i, pose_of(i, t)});
-    const PosesDone done = client.set_poses(poses, 77);
+    const PosesDone done = client.set_poses(poses, 77, 4);
     EXPECT_EQ(done.applied, kBodies);
   }
   /// Repeats a call whose reply was lost on the way (a busy machine drops packets); a wrong answer is not repeated.
@@ -99,6 +99,8 @@ TEST_F(LcmClientTest, EveryCall) {
   EXPECT_EQ(client.pairs().size(), kBodies * (kBodies - 1) / 2);
   const Reply reply = client.distances();
   EXPECT_EQ(reply.snapshot_stamp_ns(), 77);
+  EXPECT_EQ(reply.snapshot_sequence(), 4);
+  EXPECT_GT(reply.pose_age_ns(), 0);
   expect_same_bits(reply, *engine_, {});
   const auto states = client.body_states();
   ASSERT_EQ(states.size(), kBodies);

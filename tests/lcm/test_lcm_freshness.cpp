@@ -313,6 +313,7 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
   bool told_apart = false;
   for (int attempt = 0; attempt < 100 && !told_apart; ++attempt) {
     one.sequence = 2 + attempt;
+    one.stamp_ns = monotonic_ns();
     const std::int64_t before = engine_->body_state(1).receipt_ns;
     publish(one);
     ASSERT_TRUE(until([&] { return engine_->body_state(1).receipt_ns != before; }));
@@ -334,6 +335,8 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
     EXPECT_FALSE(reply->flags[2] & reply_t::FLAG_STALE) << "the table never moves, and ball 0 is young";
   }
   EXPECT_TRUE(told_apart);
+  Job job = engine_->start({}, {});
+  EXPECT_EQ(job.info().snapshot_sequence, one.sequence) << "as the publisher counts";
   query.max_pose_age_ns = std::int64_t{3600} * 1'000'000'000;
   const auto reply = ask(query);
   ASSERT_TRUE(reply);

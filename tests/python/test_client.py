@@ -101,7 +101,7 @@ def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
     one = next(iter(clients.values()))
     before = one.body_states()
     try:
-        done, here = one.set_poses(poses, stamp_ns=77), engine.set_poses(poses, stamp_ns=77)
+        done, here = one.set_poses(poses, stamp_ns=77, sequence=5), engine.set_poses(poses, stamp_ns=77, sequence=5)
         assert (done.applied, done.bad, done.unknown, done.fixed) == (here.applied, here.bad, here.unknown, here.fixed)
         expected = engine.distances(fields=EVERY_FIELD)
         assert Status.BAD_POSE in expected.status
@@ -109,6 +109,8 @@ def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
             answer = client.distances(fields=EVERY_FIELD)
             assert same_bits(answer, expected)
             assert answer.snapshot_revision == done.revision and answer.snapshot_stamp_ns == 77
+            assert answer.snapshot_sequence == expected.snapshot_sequence == 5
+            assert answer.pose_age_ns > 0 and expected.pose_age_ns > 0
             assert answer.backend == expected.backend and answer.server_ns >= answer.engine_ns > 0
             states = client.body_states()
             for mine, theirs in zip(states, engine.body_states()):
@@ -119,6 +121,35 @@ def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
         back = {client_id: before[client_id].pose for client_id in map(one.body_id, poses)}
         one.set_poses(back)
         engine.set_poses(back)
+
+
+def test_a_query_waits_for_its_poses(daemon, engine):
+    """Over every transport, for poses that came over another."""
+    clients = {kind: clearance.connect(url, timeout_s=30) for kind, url in daemon.urls.items()}
+    mover = next(iter(clients.values()))
+    before = mover.body_states()[mover.body_id("bottle")].pose
+    stamp = 1_000_000_000_000
+    asked = {"pairs": [("bottle", "ball")], "pose_wait_s": 10, "wait_for": "bottle"}
+    try:
+        for client in clients.values():
+            stamp += 2
+            waiting = client.submit(min_pose_stamp_ns=stamp, **asked)
+            assert mover.stats()["frames"] > 0 and not waiting.done()  # the daemon serves others meanwhile
+            mover.set_poses({"bottle": at(0.1, 0.2, 0.3)}, stamp_ns=stamp, sequence=stamp // 2)
+            answer = waiting.result(timeout=30)
+            assert answer.snapshot_stamp_ns == stamp and answer.snapshot_sequence == stamp // 2
+            prepared = client.prepare(min_pose_stamp_ns=1, **asked)
+            assert prepared().snapshot_stamp_ns == stamp and prepared(min_pose_stamp_ns=stamp).snapshot_stamp_ns == stamp
+            asked_too_early = {**asked, "pose_wait_s": 0.001}
+            with pytest.raises(clearance.RequestError, match="no poses with stamp .* came within 1.0* ms") as late:
+                client.distances(min_pose_stamp_ns=stamp + 1, **asked_too_early)
+            assert late.value.code == ErrorCode.POSES_LATE
+            with pytest.raises(ValueError, match="pose_wait_s: expected 0 to 10 seconds, got 11"):
+                client.distances(min_pose_stamp_ns=1, pose_wait_s=11)
+        with pytest.raises(ValueError, match="only a daemon's client waits for poses"):
+            engine.distances(min_pose_stamp_ns=1)
+    finally:
+        mover.set_poses({"bottle": before}, stamp_ns=stamp + 2)
 
 
 def test_scene_and_pairs(client, engine):

@@ -303,6 +303,7 @@ TEST_F(LoopTest, SetsPosesAndTellsWhatBecameOfThem) {
   wire::PosesHeader header;
   header.count = 4;
   header.stamp_ns = 77;
+  header.sequence = 5;
   wire::FrameBuilder frame(wire::make_header(FrameType::kSetPoses, 1, 0, engine_->scene_revision()));
   frame.add(header)
       .add(wire::PoseRecord{3, 0, {0, 0, 2, 1, 0, 0, 0}})
@@ -328,6 +329,8 @@ TEST_F(LoopTest, SetsPosesAndTellsWhatBecameOfThem) {
   const Reply reply = ask(a_, TestQuery());
   EXPECT_EQ(reply.snapshot_revision(), done.revision);
   EXPECT_EQ(reply.snapshot_stamp_ns(), 77);
+  EXPECT_EQ(reply.snapshot_sequence(), 5);
+  EXPECT_GE(reply.pose_age_ns(), 0);
   EXPECT_EQ(reply.status()[0], Status::kBadPose);  // table, cup
 }
 

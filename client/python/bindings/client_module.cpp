@@ -115,6 +115,10 @@ clearance::Query query_of(const Query& q) {
   query.max_results = q.max_results;
   query.max_pose_age_ns = q.max_pose_age_ns;
   query.warm = q.warm;
+  query.min_pose_stamp_ns = q.min_pose_stamp_ns;
+  // A query that stopped waiting for a stamp keeps how long it may wait.
+  query.pose_wait_ns = q.min_pose_stamp_ns ? q.pose_wait_ns : 0;
+  query.wait_for = q.wait_for;
   return query;
 }
 
@@ -134,6 +138,8 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
   a.scene_revision = reply.scene_revision();
   a.snapshot_revision = reply.snapshot_revision();
   a.snapshot_stamp_ns = reply.snapshot_stamp_ns();
+  a.snapshot_sequence = reply.snapshot_sequence();
+  a.pose_age_ns = reply.pose_age_ns();
   a.engine_ns = reply.engine_ns();
   a.server_ns = reply.server_ns();
   a.backend = reply.backend();
@@ -292,14 +298,14 @@ class PyClient {
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
 
-  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns) const {
+  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns, std::int64_t sequence) const {
     if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
     std::vector<std::pair<std::uint32_t, Pose7>> batch(ids.shape(0));
     for (std::size_t i = 0; i < batch.size(); ++i) {
       batch[i].first = ids.data()[i];
       std::copy_n(poses.data() + 7 * i, 7, batch[i].second.begin());
     }
-    return done(use().with([&](Client& client) { return client.set_poses(batch, stamp_ns); }));
+    return done(use().with([&](Client& client) { return client.set_poses(batch, stamp_ns, sequence); }));
   }
 
   nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose) const {
@@ -411,7 +417,7 @@ NB_MODULE(_client, m) {
       .def("submit", &PyClient::submit, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"))
       .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"), nb::arg("timeout_s"))
       .def("pairs", &PyClient::pairs, nb::arg("query"))
-      .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"))
+      .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"), nb::arg("sequence"))
       .def("attach", &PyClient::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),

@@ -47,6 +47,8 @@ struct Query {
   std::uint64_t max_results;
   std::int64_t max_pose_age_ns;
   bool warm;
+  std::int64_t min_pose_stamp_ns = 0, pose_wait_ns = 0;
+  std::uint32_t wait_for = kEveryBody;
 };
 
 inline void bind_query(nb::module_& m) {
@@ -80,7 +82,14 @@ inline void bind_query(nb::module_& m) {
           nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("configurations").none(), nb::arg("max_distance"),
           nb::arg("abs_tol"), nb::arg("rel_tol"), nb::arg("precision"), nb::arg("signed"), nb::arg("reduce"),
           nb::arg("format"), nb::arg("fields"), nb::arg("points_by_default"), nb::arg("max_results"),
-          nb::arg("max_pose_age_ns"), nb::arg("warm"));
+          nb::arg("max_pose_age_ns"), nb::arg("warm"))
+      .def("wait_for_poses",
+           [](Query& self, std::int64_t min_pose_stamp_ns, std::int64_t pose_wait_ns, std::uint32_t wait_for) {
+             self.min_pose_stamp_ns = min_pose_stamp_ns;
+             self.pose_wait_ns = pose_wait_ns;
+             self.wait_for = wait_for;
+           })
+      .def_rw("min_pose_stamp_ns", &Query::min_pose_stamp_ns);
 }
 
 /// Where each column lies in a block: in the order of Field, each from a 64-byte boundary (client/protocol.h).
@@ -111,7 +120,7 @@ struct Answer {
   std::uint32_t fields = 0;
   std::uint64_t rows = 0, capacity = 0, total = 0, configurations = 0, pairs = 0;
   std::uint64_t scene_revision = 0, snapshot_revision = 0, engine_ns = 0, server_ns = 0;
-  std::int64_t snapshot_stamp_ns = 0;
+  std::int64_t snapshot_stamp_ns = 0, snapshot_sequence = 0, pose_age_ns = -1;
   std::string backend;
 };
 
@@ -141,6 +150,8 @@ inline void bind_answer(nb::module_& m) {
       .def_ro("scene_revision", &Answer::scene_revision)
       .def_ro("snapshot_revision", &Answer::snapshot_revision)
       .def_ro("snapshot_stamp_ns", &Answer::snapshot_stamp_ns)
+      .def_ro("snapshot_sequence", &Answer::snapshot_sequence)
+      .def_ro("pose_age_ns", &Answer::pose_age_ns)
       .def_ro("engine_ns", &Answer::engine_ns)
       .def_ro("server_ns", &Answer::server_ns)
       .def_ro("backend", &Answer::backend);

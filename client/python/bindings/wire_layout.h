@@ -50,6 +50,10 @@ inline nanobind::dict wire_layout() {
   CLEARANCE_MEMBER(format);
   CLEARANCE_MEMBER(warm);
   CLEARANCE_MEMBER(padding);
+  CLEARANCE_MEMBER(min_pose_stamp_ns);
+  CLEARANCE_MEMBER(pose_wait_ns);
+  CLEARANCE_MEMBER(wait_for);
+  CLEARANCE_MEMBER(padding2);
   CLEARANCE_MEMBER(reserved);
   CLEARANCE_END
   CLEARANCE_BEGIN(ReplyHeader);
@@ -69,11 +73,13 @@ inline nanobind::dict wire_layout() {
   CLEARANCE_MEMBER(engine_ns);
   CLEARANCE_MEMBER(server_ns);
   CLEARANCE_MEMBER(backend);
-  CLEARANCE_MEMBER(reserved);
+  CLEARANCE_MEMBER(snapshot_sequence);
+  CLEARANCE_MEMBER(pose_age_ns);
   CLEARANCE_END
   CLEARANCE_BEGIN(PosesHeader);
   CLEARANCE_MEMBER(count);
   CLEARANCE_MEMBER(stamp_ns);
+  CLEARANCE_MEMBER(sequence);
   CLEARANCE_MEMBER(reserved);
   CLEARANCE_END
   CLEARANCE_BEGIN(PoseRecord);

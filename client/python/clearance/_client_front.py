@@ -49,6 +49,7 @@ class Client(Front):
     """
 
     _module = _client
+    _waits = True
 
     def __init__(
         self,
@@ -266,8 +267,8 @@ class Client(Front):
             raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
         return self._guarded(pending.answer)
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int) -> PosesDone:
-        return PosesDone(*self._guarded(self._use().set_poses, ids, poses, stamp_ns))
+    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
+        return PosesDone(*self._guarded(self._use().set_poses, ids, poses, stamp_ns, sequence))
 
     def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
         return PosesDone(*self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7)))

@@ -115,8 +115,8 @@ class Engine(Front):
             self._worker.submit(job, lambda done: self._result(query, done.answer())), query.timeout_s
         )
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int) -> PosesDone:
-        return PosesDone(*self._engine.set_poses(ids, poses, stamp_ns))
+    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
+        return PosesDone(*self._engine.set_poses(ids, poses, stamp_ns, sequence))
 
     def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
         return PosesDone(*self._engine.attach(child, parent, None if pose is None else pose.reshape(1, 7)))

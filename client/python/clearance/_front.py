@@ -22,6 +22,7 @@ from ._result import Out, Result, fields_mask, out_arrays
 from ._words import COLUMNS, DEFAULT_FIELDS, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Reduce, Status
 
 BodyRef = Union[str, int]
+_NO_WAIT = "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
 Pairs = Union[np.ndarray, Sequence[Tuple[BodyRef, BodyRef]], Tuple[BodyRef, BodyRef], None]
 
 _TABLES_KEPT = 16
@@ -93,6 +94,7 @@ class Front:
     # ---- for subclasses -------------------------------------------------------------------------------------------
 
     _module: Any  # the extension module, which has Query
+    _waits = False  # whether queries may wait for poses
 
     def _load_names(self) -> NameTable:
         raise NotImplementedError
@@ -114,7 +116,7 @@ class Front:
     def _start(self, query: Query) -> Future:
         raise NotImplementedError
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int) -> PosesDone:
+    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
         raise NotImplementedError
 
     def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
@@ -198,13 +200,15 @@ class Front:
         poses: Union[Mapping[BodyRef, Any], np.ndarray],
         bodies: Optional[Sequence[BodyRef]] = None,
         stamp_ns: int = 0,
+        sequence: int = 0,
     ) -> PosesDone:
         """Applies poses of one or more bodies as one snapshot.
 
         poses: {body: pose}, bodies by name or id; a pose is 7 numbers [x, y, z, qw, qx, qy, qz] (metres) or a (4, 4)
             matrix, X_wb, or of a body with a parent X_parent_body. Or an array (M, 7) or (M, 4, 4) with `bodies`.
         bodies: (M,) names or ids, only with an array; None: every movable body in the order of ids.
-        stamp_ns: the caller's clock, handed on to those who ask for the answer's age.
+        stamp_ns: the caller's clock, handed on with answers (snapshot_stamp_ns).
+        sequence: the caller's count of its updates, handed on with answers (snapshot_sequence); 0: none.
 
         A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
         Raises ValueError for a wrong shape, a matrix that is not rigid or an unknown name, TypeError for a wrong type.
@@ -220,7 +224,7 @@ class Front:
             ids = names.movable if bodies is None else names.bodies_array(bodies, "bodies")
             if array.ndim != 2 or len(array) != len(ids):
                 raise ValueError(f"poses: expected one pose for each of {len(ids)} bodies, got shape {np.shape(poses)}")
-        return self._send_poses(ids, array, _integer(stamp_ns, "stamp_ns"))
+        return self._send_poses(ids, array, _integer(stamp_ns, "stamp_ns"), _integer(sequence, "sequence"))
 
     def attach(self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None) -> PosesDone:
         """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child); None sets it free where it is.
@@ -257,6 +261,9 @@ class Front:
         max_pose_age_ns: int = 0,
         warm: bool = False,
         copy: bool = True,
+        min_pose_stamp_ns: int = 0,
+        pose_wait_s: float = 0.0,
+        wait_for: BodyRef = "*",
     ) -> Result:
         """Answers how far apart bodies are, and where, on one consistent snapshot of the poses.
 
@@ -279,13 +286,17 @@ class Front:
         warm: keep warm state between calls (faster; bits then depend on earlier calls).
         copy: False: the columns of a client's answer are read-only views of the transport's own memory, given back when
             the arrays are gone. In process the columns are always the result's own.
+        min_pose_stamp_ns: begin once poses with this stamp or a newer one are there (publisher's clock); 0: at once. In
+            process poses are there when set_poses() returns, so nothing waits: such a query is a ValueError.
+        pose_wait_s: seconds to wait for them, at most 10; then a RequestError with the code POSES_LATE.
+        wait_for: the body or group whose poses are meant: those of its bodies that ever had a stamp, and one at least.
 
         Raises TypeError or ValueError naming the argument; QueryError for a query that cannot be answered; TimeoutError;
         and from a client ConnectionError and RequestError. A bad pose or an unknown id is a status of its rows.
         """
         query = self._parse(
             pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-            out, timeout_s, max_results, max_pose_age_ns, warm, copy,
+            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
         )  # fmt: skip
         return self._result(query, self._answer(query))
 
@@ -321,6 +332,9 @@ class Front:
         max_pose_age_ns: int = 0,
         warm: bool = False,
         copy: bool = True,
+        min_pose_stamp_ns: int = 0,
+        pose_wait_s: float = 0.0,
+        wait_for: BodyRef = "*",
     ) -> Future:
         """Begins a query, as distances() does, and returns a future: .result(timeout=None), .done(), .cancel().
 
@@ -328,13 +342,13 @@ class Front:
         """
         query = self._parse(
             pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-            out, timeout_s, max_results, max_pose_age_ns, warm, copy,
+            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
         )  # fmt: skip
         return self._start(query)
 
     def _parse(
         self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-        out, timeout_s, max_results, max_pose_age_ns, warm, copy,
+        out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
     ) -> Query:  # fmt: skip
         query = Query()
         query.pairs = None if pairs is None else self._names.pairs_array(pairs)
@@ -376,6 +390,14 @@ class Front:
             _count(max_pose_age_ns, "max_pose_age_ns"),
             bool(warm),
         )
+        if min_pose_stamp_ns or pose_wait_s or wait_for != "*":
+            if not self._waits:
+                raise ValueError(_NO_WAIT)
+            wait_s = _number(pose_wait_s, "pose_wait_s")
+            if not 0 <= wait_s <= 10:
+                raise ValueError(f"pose_wait_s: expected 0 to 10 seconds, got {pose_wait_s}")
+            stamp_ns = _count(min_pose_stamp_ns, "min_pose_stamp_ns")
+            query.raw.wait_for_poses(stamp_ns, round(1e9 * wait_s), self._names.selector(wait_for, "wait_for"))
         return query
 
     def _configurations(self, configurations: Any, bodies: Any) -> Tuple[np.ndarray, np.ndarray]:
@@ -439,8 +461,13 @@ class Prepared:
         if self._pairs is not None:
             self._pairs.flags.writeable = False  # all its results share it
 
-    def __call__(self) -> Result:
+    def __call__(self, min_pose_stamp_ns: Optional[int] = None) -> Result:
+        """min_pose_stamp_ns: of this call and those after it; None: as it was."""
         query = self._query
+        if min_pose_stamp_ns is not None:
+            if not self._front._waits:
+                raise ValueError(_NO_WAIT)
+            query.raw.min_pose_stamp_ns = _count(min_pose_stamp_ns, "min_pose_stamp_ns")
         return Result(self._front._answer(query), query.reduce, query.out, self._pairs, self._table)
 
 

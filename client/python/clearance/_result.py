@@ -82,6 +82,8 @@ class Result:
     total: int = _AnswerAttribute("Pairs found by reduce=\"within\", also those past max_results; else the number of rows.")  # type: ignore[assignment]
     snapshot_revision: int = _AnswerAttribute("Revision of the poses that this answer saw.")  # type: ignore[assignment]
     snapshot_stamp_ns: int = _AnswerAttribute("Newest publisher's stamp among those poses.")  # type: ignore[assignment]
+    snapshot_sequence: int = _AnswerAttribute("Its publisher's count of the update with that stamp; 0: not counted.")  # type: ignore[assignment]
+    pose_age_ns: int = _AnswerAttribute("Nanoseconds from the receipt of the oldest pose to the query's begin; -1: none was received.")  # type: ignore[assignment]
     scene_revision: int = _AnswerAttribute("Revision of the scene.")  # type: ignore[assignment]
     engine_ns: int = _AnswerAttribute("Nanoseconds spent in the engine.")  # type: ignore[assignment]
     server_ns: int = _AnswerAttribute("Nanoseconds spent in the daemon as a whole (0 in process).")  # type: ignore[assignment]

@@ -60,6 +60,7 @@ class ErrorCode(enum.IntEnum):
     INTERNAL = 20
     RELOAD_FAILED = 21
     FORBIDDEN = 22
+    POSES_LATE = 23
 
 
 FrameHeader = np.dtype(
@@ -92,7 +93,11 @@ QueryHeader = np.dtype(
         ("format", "u1"),
         ("warm", "u1"),
         ("padding", "u1", 2),
-        ("reserved", "<u8", 8),
+        ("min_pose_stamp_ns", "<i8"),
+        ("pose_wait_ns", "<i8"),
+        ("wait_for", "<u4"),
+        ("padding2", "<u4", 1),
+        ("reserved", "<u8", 5),
     ]
 )
 ReplyHeader = np.dtype(
@@ -113,10 +118,11 @@ ReplyHeader = np.dtype(
         ("engine_ns", "<u8"),
         ("server_ns", "<u8"),
         ("backend", "S16"),
-        ("reserved", "<u8", 2),
+        ("snapshot_sequence", "<i8"),
+        ("pose_age_ns", "<i8"),
     ]
 )
-PosesHeader = np.dtype([("count", "<u8"), ("stamp_ns", "<i8"), ("reserved", "<u8", 2)])
+PosesHeader = np.dtype([("count", "<u8"), ("stamp_ns", "<i8"), ("sequence", "<i8"), ("reserved", "<u8", 1)])
 PoseRecord = np.dtype([("body", "<u4"), ("padding", "<u4"), ("pose", "<f8", 7)])
 AttachRecord = np.dtype(
     [("child", "<u4"), ("parent", "<u4"), ("has_pose", "u1"), ("padding", "u1", 7), ("pose", "<f8", 7)]
