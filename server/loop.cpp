@@ -140,29 +140,32 @@ bool Loop::turn() {
   turn_began_ = Clock::now();
   if (reloader_) take_new_engine();
   if (figures_wanted_.load(std::memory_order_relaxed)) hand_out_figures();
-  bool worked = poll_transports();
+  bool worked = poll_in_memory();
   if (!held_.empty()) worked |= look_at_held();
   if (poses_changed_ || turn_began_ >= next_tick_) tick();
   worked |= work_for_a_slice();
+  worked |= poll_by_system_call();  // after the work, so that no request in memory waits for it
   if (worked) wakes_for_nothing_ = 0;
   return worked;
 }
 
-bool Loop::poll_transports() {
+bool Loop::poll_in_memory() {
+  int frames = 0;
+  for (std::size_t i = 0; i < transports_.size(); ++i)
+    if (!transports_[i]->polls_by_system_call()) frames += poll_transport(i);
+  if (frames > 0) last_frame_in_memory_ = turn_began_;
+  return frames > 0;
+}
+
+bool Loop::poll_by_system_call() {
   looked_at_all_ = turn_began_ >= next_look_ || !held_.empty();  // by whichever the poses come
-  int frames = 0, by_system_call = 0;
-  for (std::size_t i = 0; i < transports_.size(); ++i) {
-    const bool costs = transports_[i]->polls_by_system_call();
-    if (costs && !looked_at_all_) continue;
-    const int taken = poll_transport(i);
-    frames += taken;
-    if (costs)
-      by_system_call += taken;
-    else if (taken > 0)
-      last_frame_in_memory_ = turn_began_;
-  }
+  if (!looked_at_all_) return false;
+  turn_began_ = Clock::now();  // when these arrive; the work may have taken a slice
+  int frames = 0;
+  for (std::size_t i = 0; i < transports_.size(); ++i)
+    if (transports_[i]->polls_by_system_call()) frames += poll_transport(i);
   // Where something arrived there may be more.
-  if (looked_at_all_) next_look_ = by_system_call > 0 ? Clock::time_point() : turn_began_ + kLookEvery;
+  next_look_ = frames > 0 ? Clock::time_point() : turn_began_ + kLookEvery;
   return frames > 0;
 }
 

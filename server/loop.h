@@ -125,7 +125,8 @@ class Loop final : public Inbox {
   template <class Work>
   void guarded(ReplySink& sink, const wire::FrameHeader& request, Work work);
 
-  bool poll_transports();
+  bool poll_in_memory();
+  bool poll_by_system_call();
   int poll_transport(std::size_t i);
   bool spin_pays();
   bool work_for_a_slice();
