@@ -120,6 +120,30 @@ TEST_F(Reload, ARequestForTheOldSceneIsRefused) {
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kWrongScene);
 }
 
+TEST_F(Reload, QueriesThatWaitForPosesAreHeldToTheSceneTheyName) {
+  start(small_scene());
+  loop_->reload_by([] {
+    Scene scene = small_scene();
+    scene.add_box("crate", {1, 1, 1}, at(5, 0, 0));
+    return std::make_unique<Engine>(std::move(scene));
+  });
+  TestQuery query = small_query();
+  query.header.min_pose_stamp_ns = 100;
+  query.header.pose_wait_ns = std::chrono::nanoseconds(10s).count();
+  transport_->send(a_, query.frame(1));  // names none
+  query.scene_revision = revision();
+  transport_->send(b_, query.frame(2));
+  turn_until_idle();
+  ASSERT_EQ(loop_->held(), 2u);
+  loop_->reload();
+  turn_until("reloads", 1);
+  const BodyPose pose{1, Pose{{0, 0, 0.5}}};
+  ASSERT_EQ(loop_->on_poses(std::span(&pose, 1), 100).applied, 1u);
+  turn_until_idle();
+  EXPECT_EQ(Reply(take(a_)).scene_revision(), revision());
+  EXPECT_EQ(static_cast<ErrorCode>(error_of(take(b_)).header.code), ErrorCode::kWrongScene);
+}
+
 TEST_F(Reload, ARequestIsAnsweredWhenTheNewSceneIsIn) {
   start(small_scene());
   std::atomic<int> begun{0}, may_end{0};
