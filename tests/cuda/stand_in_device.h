@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/cuda/device.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
 
@@ -24,6 +25,32 @@ struct Fault {
     if (now == at || (kind == cuda::DeviceError::kLost && at >= 0 && now > at))
       throw cuda::DeviceError(kind, std::string("a planted fault while ") + what);
   }
+};
+
+// Small bodies at random places.
+inline Scene spheres(int count) {
+  Scene s;
+  Random random(7);
+  for (int i = 0; i < count; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(3)});
+  return s;
+}
+
+// All columns, with two of the bodies moved.
+struct Question {
+  explicit Question(std::uint32_t configurations, Reduce reduce = Reduce::kNone) {
+    Random random(5);
+    for (std::size_t i = 0; i < configurations * moved.size(); ++i) poses.push_back(random.pose(3));
+    q.fields = kAllFields;
+    q.configuration_count = configurations;
+    q.bodies = moved;
+    q.configurations = poses;
+    q.reduce = reduce;
+  }
+  Question(const Question&) = delete;
+  Question(Question&&) = default;  // vectors keep their memory: what the query views stays
+  std::vector<std::uint32_t> moved{3, 10};
+  std::vector<Pose> poses;
+  QueryView q;
 };
 
 // Whose they are: a device must not be given another one's.

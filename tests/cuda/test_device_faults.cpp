@@ -28,39 +28,20 @@ class DeviceFaults : public testing::Test {
 };
 
 constexpr std::uint32_t kConfigurations = 900;  // several chunks
-const std::vector<std::uint32_t> kMoved{3, 10};
-struct Question {
-  explicit Question(Reduce reduce) {
-    Random random(5);
-    for (std::size_t i = 0; i < kConfigurations * kMoved.size(); ++i) poses.push_back(random.pose(3));
-    q.fields = kAllFields;
-    q.configuration_count = kConfigurations;
-    q.bodies = kMoved;
-    q.configurations = poses;
-    q.reduce = reduce;
-  }
-  // Of the current poses: a whole table.
-  static Question of_table(Reduce reduce) {
-    Question question(reduce);
-    question.q.configuration_count = 0;
-    question.q.configurations = {};
-    question.q.bodies = {};
-    question.q.max_distance = 0.5;
-    return question;
-  }
-  std::vector<Pose> poses;
-  QueryView q;
-};
-Scene scene() {
-  Scene s;
-  Random random(7);
-  for (int i = 0; i < 80; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(3)});
-  return s;
+Question question_about(Reduce reduce) { return Question(kConfigurations, reduce); }
+// Of the current poses: a whole table.
+Question question_of_table(Reduce reduce) {
+  Question question(0, reduce);
+  question.q.configurations = {};
+  question.q.bodies = {};
+  question.q.max_distance = 0.5;
+  return question;
 }
+Scene scene() { return spheres(80); }
 
 TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
   const Engine device(scene(), options()), cpu(scene(), {"cpu", 2});
-  const Question dense(Reduce::kNone);
+  const Question dense = question_about(Reduce::kNone);
   const Answer a = ask(device, dense.q);
   expect_same(a, ask(cpu, dense.q), "all rows left to the CPU");
   EXPECT_EQ(a.info.backend, "cuda");
@@ -70,7 +51,7 @@ TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
 
 TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
-  const Question question(Reduce::kNone);
+  const Question question = question_about(Reduce::kNone);
   const Answer expected = ask(cpu, question.q);
   bool failed = true;
   int tried = 0;
@@ -95,8 +76,8 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
 
 TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
-  const Question questions[] = {Question(Reduce::kNearest), Question(Reduce::kMin), Question(Reduce::kWithin),
-                                Question::of_table(Reduce::kWithin)};
+  const Question questions[] = {question_about(Reduce::kNearest), question_about(Reduce::kMin), question_about(Reduce::kWithin),
+                                question_of_table(Reduce::kWithin)};
   for (const Question& question : questions) {
     const Answer expected = ask(cpu, question.q);
     int at = 0;
@@ -113,7 +94,7 @@ TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
 }
 
 TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
-  const Question question(Reduce::kNone);
+  const Question question = question_about(Reduce::kNone);
   int refused = 0;
   for (int at = 0;; ++at) {
     fault_ = {at};
@@ -137,7 +118,7 @@ TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
 
 TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
   const Engine cpu(scene(), {"cpu", 2});
-  const Question question(Reduce::kNone);
+  const Question question = question_about(Reduce::kNone);
   const Answer expected = ask(cpu, question.q);
   fault_ = {5, DeviceError::kNoRoom};
   const Engine device(scene(), options());

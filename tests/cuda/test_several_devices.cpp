@@ -10,28 +10,7 @@ namespace {
 
 using cuda::DeviceError;
 
-Scene spheres(int count) {
-  Scene s;
-  Random random(7);
-  for (int i = 0; i < count; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(3)});
-  return s;
-}
-
 constexpr std::uint32_t kConfigurations = 1300;  // of 157 pairs: four chunks
-const std::vector<std::uint32_t> kMoved{3, 10};
-struct Question {
-  explicit Question(std::uint32_t configurations, Reduce reduce = Reduce::kNone) {
-    Random random(5);
-    for (std::size_t i = 0; i < configurations * kMoved.size(); ++i) poses.push_back(random.pose(3));
-    q.fields = kAllFields;
-    q.configuration_count = configurations;
-    q.bodies = kMoved;
-    q.configurations = poses;
-    q.reduce = reduce;
-  }
-  std::vector<Pose> poses;
-  QueryView q;
-};
 
 class SeveralDevices : public testing::Test {
  protected:

@@ -1,0 +1,107 @@
+#include "requests.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+namespace clearance {
+
+wire::QueryHeader header_of(const Query& query) {
+  if (query.bodies.empty() != query.configurations.empty())
+    throw std::invalid_argument(query.bodies.empty() ? "query: configurations without bodies"
+                                                     : "query: bodies without configurations");
+  if (!query.bodies.empty() && query.configurations.size() % query.bodies.size())
+    throw std::invalid_argument("query: " + std::to_string(query.configurations.size()) +
+                                " poses are no whole number of configurations of " +
+                                std::to_string(query.bodies.size()) + " bodies");
+  const std::size_t configurations = query.bodies.empty() ? 0 : query.configurations.size() / query.bodies.size();
+  wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), configurations);  // throws if a count does not fit
+  wire::QueryHeader q;
+  q.max_distance = query.max_distance;
+  q.abs_tol = query.abs_tol;
+  q.rel_tol = query.rel_tol;
+  q.pair_count = static_cast<std::uint32_t>(query.pairs.size());
+  q.body_count = static_cast<std::uint32_t>(query.bodies.size());
+  q.configuration_count = static_cast<std::uint32_t>(configurations);
+  q.fields = query.fields;
+  q.max_results = query.max_results;
+  q.max_pose_age_ns = query.max_pose_age_ns;
+  q.all_pairs = query.pairs.empty() && query.all_pairs;
+  q.precision = static_cast<std::uint8_t>(query.precision);
+  q.signed_distance = query.signed_distance;
+  q.reduce = static_cast<std::uint8_t>(query.reduce);
+  q.format = static_cast<std::uint8_t>(query.format);
+  q.warm = query.warm;
+  q.min_pose_stamp_ns = query.min_pose_stamp_ns;
+  q.pose_wait_ns = query.pose_wait_ns;
+  q.wait_for = query.wait_for;
+  return q;
+}
+
+std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, const SceneInfo* scene) {
+  using Wide = unsigned __int128;
+  const Wide configurations = std::max<std::uint32_t>(q.configuration_count, 1);
+  const auto reduce = static_cast<Reduce>(q.reduce);
+  Wide rows = configurations;
+  if (reduce != Reduce::kMin) {
+    const bool selectors =
+        std::any_of(pairs.begin(), pairs.end(), [](const IdPair& p) { return (p[0] | p[1]) & kGroupBit; });
+    if (!scene && (q.all_pairs || selectors || reduce == Reduce::kNearest)) return 0;
+    if (reduce == Reduce::kNearest)
+      rows *= scene->bodies.size();
+    else if (q.all_pairs)
+      rows *= scene->pair_count;
+    else if (!selectors)
+      rows *= pairs.size();
+    else
+      rows *= Wide(scene->pair_count) * pairs.size();  // each selector pair expands to enabled pairs
+    if (reduce == Reduce::kWithin) rows = std::min<Wide>(rows, q.max_results);
+  }
+  std::uint32_t fields = q.fields;
+  if (q.format == static_cast<std::uint8_t>(Format::kCompact)) fields |= kFieldCompact;
+  if (reduce != Reduce::kNone) fields |= kFieldPair | kFieldConfiguration;
+  if (rows > wire::kMaxFrameBytes) return 0;
+  try {
+    return sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) +
+           wire::columns_bytes(static_cast<std::uint64_t>(rows), fields);
+  } catch (const wire::WireError&) {
+    return 0;  // the daemon knows better, and will say so
+  }
+}
+
+void set_body_name(char (&field)[64], std::string_view name) {
+  if (name.size() > static_cast<std::size_t>(kMaxNameBytes))
+    throw std::invalid_argument("name: expected at most " + std::to_string(kMaxNameBytes) + " bytes, got " +
+                                std::to_string(name.size()));
+  wire::set_name(field, name);
+}
+
+std::vector<std::byte> payload_of(const NewBody& body) {
+  const int shapes = !body.vertices.empty() + body.box.has_value() + body.sphere.has_value() + body.capsule.has_value() +
+                     body.cylinder.has_value();
+  if (shapes != 1)
+    throw std::invalid_argument("add_body: expected one of vertices, box, sphere, capsule and cylinder, got " +
+                                std::to_string(shapes));
+  wire::NewBodyRecord record;
+  set_body_name(record.name, body.name);
+  record.parent = body.parent;
+  record.is_static = body.is_static;
+  record.has_pose = body.pose.has_value();
+  if (body.pose) std::copy(body.pose->begin(), body.pose->end(), record.pose);
+  record.radius = body.radius;
+  record.vertex_count = body.vertices.size();
+  const auto shape = [&record](wire::BodyShape kind, std::initializer_list<double> size) {
+    record.shape = static_cast<std::uint8_t>(kind);
+    std::copy(size.begin(), size.end(), record.size);
+  };
+  if (body.box) shape(wire::BodyShape::kBox, {(*body.box)[0], (*body.box)[1], (*body.box)[2]});
+  if (body.sphere) shape(wire::BodyShape::kSphere, {*body.sphere});
+  if (body.capsule) shape(wire::BodyShape::kCapsule, {(*body.capsule)[0], (*body.capsule)[1]});
+  if (body.cylinder) shape(wire::BodyShape::kCylinder, {(*body.cylinder)[0], (*body.cylinder)[1]});
+  std::vector<std::byte> payload;
+  wire::append(payload, record);
+  wire::append_bytes(payload, body.vertices.data(), body.vertices.size_bytes());
+  return payload;
+}
+
+}  // namespace clearance

@@ -1,0 +1,28 @@
+// What a caller asks for, as the wire has it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "client.h"
+#include "wire.h"
+
+namespace clearance {
+
+/// Throws std::invalid_argument for configurations and bodies that do not match, wire::WireError for more than fits.
+wire::QueryHeader header_of(const Query& query);
+
+/// Bytes of the whole frame that answers a query, at most; 0 if only the daemon knows.
+/// \param scene what is known of it; null: nothing.
+std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, const SceneInfo* scene);
+
+/// Throws std::invalid_argument for a name that has no room.
+void set_body_name(char (&field)[64], std::string_view name);
+
+/// The payload of kAddBody. Throws std::invalid_argument unless there is exactly one shape.
+std::vector<std::byte> payload_of(const NewBody& body);
+
+}  // namespace clearance
