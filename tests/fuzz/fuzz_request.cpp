@@ -53,12 +53,12 @@ CLEARANCE_FUZZ_TARGET(request) {
   options.threads = 1;
   static const Scene scene = small_scene();
   Engine engine(scene, options);
+  MemoryClient client, other;  // before the loop, which may hold requests of theirs to its end
   Loop loop(engine);
   serve_changing_scenes(loop);
   auto owned = std::make_unique<MemoryTransport>();
   MemoryTransport& transport = *owned;
   loop.add(std::move(owned));
-  MemoryClient client, other;
   client.room = 8 << 20;
   transport.unaligned = !bytes.empty() && (bytes[0] & std::byte{2}) != std::byte{0};
 

@@ -56,10 +56,10 @@ class LoopTest : public testing::Test {
     return wire::parse_error(frame->payload());
   }
 
+  MemoryClient a_, b_, c_;  // before the loop, which may hold requests of theirs to its end
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<Loop> loop_;
   MemoryTransport* transport_ = nullptr;
-  MemoryClient a_, b_, c_;
 };
 
 /// A query that takes some hundred slices in the scattered scene.
