@@ -12,6 +12,7 @@
 #include "frames.h"
 #include "scratch_file.h"
 #include "server/loop.h"
+#include "server/zmq_calls.h"
 #include "tests/server/test_scene.h"
 
 namespace clearance::fuzz {
@@ -29,7 +30,8 @@ class Dealer {
     socket_.connect(url);
   }
   void send(Bytes part, bool more) {
-    socket_.send(zmq::buffer(part.data(), part.size()), more ? zmq::send_flags::sndmore : zmq::send_flags::none);
+    zmq::message_t message(part.data(), part.size());
+    clearance::send(socket_, message, more ? zmq::send_flags::sndmore : zmq::send_flags::none);  // libFuzzer's clock is a signal
   }
   void send_frame(Bytes frame) {
     send(frame.first(sizeof(wire::FrameHeader)), true);
@@ -38,9 +40,9 @@ class Dealer {
   /// Type of a reply, if one has come.
   std::optional<wire::FrameType> receive() {
     zmq::message_t head, payload;
-    if (!socket_.recv(head, zmq::recv_flags::dontwait)) return std::nullopt;
+    if (!clearance::receive(socket_, head, zmq::recv_flags::dontwait)) return std::nullopt;
     require(head.more() && head.size() == sizeof(wire::FrameHeader), "a reply begins with its header");
-    (void)socket_.recv(payload);
+    clearance::receive(socket_, payload, zmq::recv_flags::none);
     require(!payload.more(), "a reply has two parts");
     wire::FrameHeader header;
     std::memcpy(&header, head.data(), sizeof header);
