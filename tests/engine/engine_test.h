@@ -1,0 +1,38 @@
+// Tests of the engine as a whole run over every backend that is there. Their fixture; test_engine.cpp makes the suite.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "engine_test_util.h"
+
+namespace clearance::test {
+
+inline constexpr double kInf = std::numeric_limits<double>::infinity();
+
+class EngineTest : public ::testing::TestWithParam<std::string> {
+ protected:
+  Engine make(Scene scene, int threads = 2) { return Engine(std::move(scene), {GetParam(), threads}); }
+};
+
+// The whole of an answer, bit for bit.
+inline std::vector<std::byte> bits(const Answer& a) {
+  std::uint64_t bytes = 0;
+  reply_view_over(nullptr, a.size.rows, a.size.fields, &bytes);
+  std::vector<std::byte> all;
+  const auto append = [&](const void* p, std::size_t n) {
+    const auto* b = static_cast<const std::byte*>(p);
+    all.insert(all.end(), b, b + n);
+  };
+  append(a.view.distance, 8 * a.info.rows);
+  append(a.view.lower, 8 * a.info.rows);
+  append(a.view.upper, 8 * a.info.rows);
+  append(a.view.status, a.info.rows);
+  append(a.view.flags, 2 * a.info.rows);
+  return all;
+}
+
+}  // namespace clearance::test

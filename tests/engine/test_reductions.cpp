@@ -1,0 +1,170 @@
+// Reductions of the engine as a whole, against all pairs.
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "engine_test.h"
+
+namespace clearance::test {
+namespace {
+
+TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
+  const Engine engine = make(mixed_scene(60, 4, 3));
+  QueryView all;
+  all.fields = kAllFields;
+  const Answer dense = ask(engine, all);
+  const std::vector<BodyPair> pairs = engine.pairs(all);
+  ASSERT_EQ(pairs.size(), dense.info.rows);
+  std::vector<double> least_upper(60, kInf), least_lower(60, kInf);
+  std::vector<BodyPair> winner(60);
+  for (std::size_t i = 0; i < pairs.size(); ++i)
+    for (const std::uint32_t body : {pairs[i].a, pairs[i].b}) {
+      least_lower[body] = std::min(least_lower[body], dense.view.lower[i]);
+      if (dense.view.upper[i] < least_upper[body]) {
+        least_upper[body] = dense.view.upper[i];
+        winner[body] = pairs[i];
+      }
+    }
+  QueryView q = all;
+  q.reduce = Reduce::kNearest;
+  const Answer nearest = ask(engine, q);
+  ASSERT_EQ(nearest.info.rows, 60u);
+  for (std::uint32_t body = 0; body < 60; ++body) {
+    EXPECT_EQ(nearest.view.upper[body], least_upper[body]) << body;
+    EXPECT_EQ(nearest.view.lower[body], least_lower[body]) << body;
+    EXPECT_EQ(nearest.view.pair[body], winner[body]) << body;
+  }
+  if (GetParam() == "cpu") {
+    EXPECT_LT(nearest.info.pairs_evaluated, pairs.size() / 2) << "nothing was left out";
+  }
+  q.reduce = Reduce::kMin;
+  const Answer min = ask(engine, q);
+  ASSERT_EQ(min.info.rows, 1u);
+  EXPECT_EQ(min.view.upper[0], *std::min_element(least_upper.begin(), least_upper.end()));
+  EXPECT_EQ(min.view.lower[0], *std::min_element(least_lower.begin(), least_lower.end()));
+}
+
+// Of body g: the rod has the nearest box and is far; h is beyond max_distance, and g is its nearest; y is nearer than h, and
+// has a nearer neighbour than g itself.
+TEST_P(EngineTest, NearestHoldsPairsThatAreBeyondAndNobodysNearestBoxes) {
+  Scene scene;
+  const double c = std::sqrt(0.5), s = std::sin(std::atan(1) / 2);
+  scene.add_sphere("g", 0.1, {.pose = Pose{}});
+  scene.add_box("rod", {2, 0.02, 0.02}, {.pose = Pose{{0.75, 0.75, 0}, std::sqrt(1 - s * s), 0, 0, -s}});
+  scene.add_sphere("h", 0.1, {.pose = Pose{{-0.7, 0, 0}}});
+  scene.add_sphere("y", 0.1, {.pose = Pose{{0, -0.65, 0}}});
+  scene.add_sphere("z", 0.1, {.pose = Pose{{0, -0.9, 0}}});
+  const Engine engine = make(std::move(scene));
+  QueryView q;
+  q.fields = kAllFields;
+  const Answer dense = ask(engine, q);
+  ASSERT_NEAR(dense.view.distance[0], 1.5 * c - 0.1 - 0.01, 0.02) << "g and the rod";
+  q.reduce = Reduce::kNearest;
+  q.max_distance = 0.3;
+  const Answer nearest = ask(engine, q);
+  EXPECT_EQ(static_cast<Status>(nearest.view.status[0]), Status::kBeyond);
+  EXPECT_LE(nearest.view.lower[0], 0.45 + 1e-12) << "y";
+  EXPECT_GT(nearest.view.lower[0], 0.3);
+}
+
+// Boxes that touch say nothing about which of two overlaps is the deeper one.
+TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
+  const Engine engine = make(mixed_scene(40, 1, 6));
+  QueryView q;
+  q.fields = kAllFields;
+  q.signed_distance = true;
+  const Answer dense = ask(engine, q);
+  const std::vector<BodyPair> pairs = engine.pairs(q);
+  std::vector<double> least(40, kInf);
+  int overlaps = 0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    overlaps += dense.view.upper[i] < 0;
+    for (const std::uint32_t body : {pairs[i].a, pairs[i].b}) least[body] = std::min(least[body], dense.view.upper[i]);
+  }
+  ASSERT_GT(overlaps, 100);
+  q.reduce = Reduce::kNearest;
+  const Answer nearest = ask(engine, q);
+  for (std::uint32_t body = 0; body < 40; ++body) EXPECT_EQ(nearest.view.upper[body], least[body]) << body;
+  q.reduce = Reduce::kMin;
+  EXPECT_EQ(ask(engine, q).view.upper[0], *std::min_element(least.begin(), least.end()));
+}
+
+TEST_P(EngineTest, WithinKeepsExactlyThePairsNotProvedFarther) {
+  const Engine engine = make(mixed_scene(60, 4, 3));
+  QueryView all;
+  all.fields = kAllFields;
+  const Answer dense = ask(engine, all);
+  const std::vector<BodyPair> pairs = engine.pairs(all);
+  QueryView q = all;
+  q.reduce = Reduce::kWithin;
+  q.max_distance = 2;
+  const Answer within = ask(engine, q);
+  std::set<BodyPair> found(within.view.pair, within.view.pair + within.info.rows);
+  ASSERT_EQ(found.size(), within.info.rows);
+  std::size_t near = 0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (dense.view.upper[i] <= 2) {
+      EXPECT_TRUE(found.count(pairs[i]));
+      ++near;
+    }
+    if (dense.view.lower[i] > 2) {
+      EXPECT_FALSE(found.count(pairs[i]));
+    }
+  }
+  ASSERT_GT(near, 20u);
+  ASSERT_LT(near, pairs.size() / 2);
+  EXPECT_TRUE(std::is_sorted(within.view.pair, within.view.pair + within.info.rows));
+
+  q.max_results = 5;
+  const Answer cut = ask(engine, q);
+  EXPECT_EQ(cut.info.rows, 5u);
+  EXPECT_EQ(cut.info.total, within.info.rows);
+}
+
+TEST_P(EngineTest, WithinAnswersPairsOfBadBodiesToo) {
+  Engine engine = make(mixed_scene(10, 20, 3));
+  const BodyPose bad{2, {{std::nan(""), 0, 0}}};
+  engine.set_poses({&bad, 1});
+  QueryView q;
+  q.fields = kAllFields;
+  q.reduce = Reduce::kWithin;
+  q.max_distance = 1e-3;
+  const Answer within = ask(engine, q);
+  std::uint64_t of_bad = 0;
+  for (std::uint64_t i = 0; i < within.info.rows; ++i)
+    of_bad += static_cast<Status>(within.view.status[i]) == Status::kBadPose;
+  EXPECT_EQ(of_bad, 9u);
+  q.reduce = Reduce::kNearest;
+  const Answer nearest = ask(engine, q);
+  EXPECT_EQ(static_cast<Status>(nearest.view.status[2]), Status::kBadPose);
+  for (int b = 0; b < 10; ++b) {
+    if (b != 2) {
+      EXPECT_TRUE(nearest.view.flags[b] & kFlagIncomplete) << b;
+    }
+  }
+}
+
+TEST_P(EngineTest, ReductionsOfManyPairsGoStageByStage) {
+  // More pairs than one unit takes, so that stages are spread over threads and sliced.
+  Scene scene;
+  Random random(2);
+  for (int i = 0; i < 220; ++i) scene.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(8)});
+  const Engine engine = make(std::move(scene));
+  QueryView q;
+  q.fields = kAllFields;
+  const Answer dense = ask(engine, q);
+  ASSERT_GT(dense.info.rows, 16384u);
+  for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
+    q.reduce = reduce;
+    q.max_distance = reduce == Reduce::kWithin ? 0.5 : kInf;
+    const Answer sliced = ask(engine, q, std::chrono::microseconds(50)), whole = ask(engine, q);
+    EXPECT_EQ(bits(sliced), bits(whole));
+    ASSERT_GT(whole.info.rows, 0u);
+  }
+  q.reduce = Reduce::kMin;
+  const Answer min = ask(engine, q);
+  EXPECT_EQ(min.view.upper[0], *std::min_element(dense.view.upper, dense.view.upper + dense.info.rows));
+}
+
+}  // namespace
+}  // namespace clearance::test

@@ -1,0 +1,117 @@
+// What the engine refuses, in which words, and before it allocates anything.
+#include <algorithm>
+#include <stdexcept>
+
+#include "engine_test.h"
+
+namespace clearance::test {
+namespace {
+
+TEST_P(EngineTest, GroupsThatNameMorePairsThanMemoryHoldsAreRefused) {
+  Scene scene;
+  std::vector<std::string> fixed;
+  for (int i = 0; i < 300; ++i) {
+    scene.add_sphere("s" + std::to_string(i), 0.1, {.is_static = i >= 100, .pose = Pose{{1.0 * i, 0, 0}}});
+    if (i >= 100) fixed.push_back("s" + std::to_string(i));
+  }
+  scene.add_group("fixed", fixed);
+  const Engine engine = make(std::move(scene));
+  QueryView q;
+  const std::vector<BodyPair> all = engine.pairs(q);
+  q.all_pairs = false;
+  const auto ask_for = [&](BodyPair selector, std::size_t times) {
+    const std::vector<BodyPair> selectors(times, selector);
+    q.pairs = selectors;
+    return engine.pairs(q);
+  };
+  EXPECT_EQ(ask_for({kEveryBody, kEveryBody}, 1), all);
+  EXPECT_EQ(ask_for({kEveryBody, kEveryBody}, 3).size(), 3 * all.size());
+  EXPECT_TRUE(ask_for({kGroupBit, kGroupBit}, 20).empty());
+  // 0.4 and 0.8 MB of selectors would be 35 GB of pairs, and hours of looking for pairs that are none.
+  for (const auto& [selector, times] : {std::pair{BodyPair{kEveryBody, kEveryBody}, 50'000}, {BodyPair{kGroupBit, kGroupBit}, 100'000}}) try {
+      ask_for(selector, static_cast<std::size_t>(times));
+      FAIL();
+    } catch (const QueryError& error) {
+      EXPECT_EQ(error.code, QueryErrorCode::kTooLarge);
+      EXPECT_NE(std::string(error.what()).find("more than the 33554432 of one query"), std::string::npos) << error.what();
+    }
+}
+
+struct BadQuery {
+  const char* text;
+  void (*spoil)(QueryView&);
+};
+
+TEST_P(EngineTest, BadQueriesNameTheirFault) {
+  static const std::uint32_t kTwice[] = {0, 0}, kFar[] = {9}, kStatic[] = {4};
+  static const BodyPair kSelf[] = {{1, 1}}, kGroup[] = {{kGroupBit | 7, 0}};
+  static const Pose kOne[1];
+  const BadQuery cases[] = {
+      {"max_distance: expected metres >= 0, got nan", [](QueryView& q) { q.max_distance = std::nan(""); }},
+      {"max_distance: expected metres >= 0, got -1", [](QueryView& q) { q.max_distance = -1; }},
+      {"abs_tol: expected metres >= 0", [](QueryView& q) { q.abs_tol = -1; }},
+      {"rel_tol: expected a ratio below 1", [](QueryView& q) { q.rel_tol = 1; }},
+      {"fields: unknown bits", [](QueryView& q) { q.fields = 1u << 20; }},
+      {"reduce: unknown value 9", [](QueryView& q) { q.reduce = static_cast<Reduce>(9); }},
+      {"bodies[1]: 'body0' is named twice", [](QueryView& q) { q.bodies = kTwice; }},
+      {"bodies[0]: unknown body 9", [](QueryView& q) { q.bodies = kFar; }},
+      {"bodies[0]: 'body4' is static", [](QueryView& q) { q.bodies = kStatic; }},
+      {"pairs[0]: body 1 with itself", [](QueryView& q) { q.all_pairs = false; q.pairs = kSelf; }},
+      {"pairs[0]: unknown group 7", [](QueryView& q) { q.all_pairs = false; q.pairs = kGroup; }},
+      {"configurations without bodies", [](QueryView& q) { q.configuration_count = 1; }},
+      {"expected 3 poses (3 x 1), got 1",
+       [](QueryView& q) { static const std::uint32_t b[] = {0}; q.bodies = b; q.configuration_count = 3; q.configurations = kOne; }},
+      {"the scene is revision", [](QueryView& q) { q.scene_revision = 12345; }},
+  };
+  const Engine engine = make(mixed_scene(6, 3, 8));
+  for (const BadQuery& c : cases) {
+    QueryView q;
+    c.spoil(q);
+    try {
+      ReplyView none;
+      engine.start(q, none);
+      ADD_FAILURE() << "accepted: " << c.text;
+    } catch (const QueryError& e) {
+      EXPECT_NE(std::string(e.what()).find(c.text), std::string::npos) << e.what();
+    }
+    EXPECT_EQ(ask(engine, {}).info.rows, engine.pairs({}).size()) << "a good query after: " << c.text;
+  }
+}
+
+TEST_P(EngineTest, AbsurdSizesAreRefusedBeforeAnythingIsAllocated) {
+  static const std::uint32_t kBody[] = {0};
+  const Engine engine = make(mixed_scene(6, 3, 8));
+  QueryView q;
+  q.bodies = kBody;
+  q.configuration_count = 0xFFFFFFFF;
+  try {
+    engine.size(q);
+    FAIL() << "accepted";
+  } catch (const QueryError& e) {
+    EXPECT_EQ(e.code, QueryErrorCode::kTooLarge);
+    EXPECT_NE(std::string(e.what()).find("4294967295 configurations x 5 rows are more than the limit"), std::string::npos) << e.what();
+  }
+}
+
+TEST_P(EngineTest, AnAnswerLargerThanItsRoomIsRefused) {
+  Engine engine = make(mixed_scene(6, 3, 8));
+  double lower[4];
+  ReplyView room;
+  room.rows = 4;
+  room.lower = lower;
+  EXPECT_THROW(engine.start({}, room), QueryError);
+}
+
+TEST(Engine, UnknownBackendsAreRefusedByName) {
+  EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"gpu"}), std::invalid_argument);
+  const std::vector<std::string> there = Engine::backends();
+  if (std::find(there.begin(), there.end(), "cuda") == there.end()) {
+    EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"cuda"}), std::runtime_error);
+  }
+  const bool has_device = std::find(there.begin(), there.end(), "cuda") != there.end();
+  EXPECT_EQ(Engine(mixed_scene(4, 3, 1)).backend(), has_device ? "auto" : "cpu");
+  EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {.calibration = "often"}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace clearance::test

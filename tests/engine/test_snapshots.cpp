@@ -1,0 +1,103 @@
+// Poses as queries see them: attachments, the snapshot that a job began with, stamps and ages.
+#include <algorithm>
+
+#include "engine_test.h"
+
+namespace clearance::test {
+namespace {
+
+TEST_P(EngineTest, AttachedBodiesFollowAndLeaveThePairTable) {
+  Scene scene;
+  scene.add_box("hand", {0.2, 0.2, 0.2}, {.pose = Pose{}});
+  scene.add_box("cup", {0.1, 0.1, 0.1}, {.pose = Pose{{0.5, 0, 0}}});
+  scene.add_box("wall", {1, 1, 1}, {.is_static = true, .pose = Pose{{5, 0, 0}}});
+  Engine engine = make(std::move(scene));
+  const std::uint64_t free_revision = engine.scene_revision();
+  EXPECT_EQ(engine.pairs({}).size(), 3u);
+  engine.attach(1, 0);
+  EXPECT_NE(engine.scene_revision(), free_revision);
+  EXPECT_EQ(engine.pairs({}).size(), 2u);
+  const BodyPose update{0, {{0, 1, 0}}};
+  engine.set_poses({&update, 1});
+  EXPECT_NEAR(engine.body_state(1).X_wb.translation.x, 0.5, 1e-15);
+  EXPECT_NEAR(engine.body_state(1).X_wb.translation.y, 1.0, 1e-15);
+  EXPECT_THROW(engine.attach(0, 1), QueryError) << "a cycle";
+  EXPECT_THROW(engine.attach(2, 0), QueryError) << "a static child";
+  engine.attach(1, kNone);
+  EXPECT_EQ(engine.scene_revision(), free_revision);
+  EXPECT_NEAR(engine.body_state(1).X_wb.translation.y, 1.0, 1e-15);
+}
+
+TEST_P(EngineTest, JobsKeepTheSnapshotTheyBeganWith) {
+  Scene scene;
+  scene.add_sphere("a", 0.5, {.pose = Pose{}});
+  scene.add_sphere("b", 0.5, {.pose = Pose{{3, 0, 0}}});
+  Engine engine = make(std::move(scene));
+  double distance = 0;
+  ReplyView reply;
+  reply.distance = &distance;
+  QueryView q;
+  q.fields = kFieldDistance;
+  Job job = engine.start(q, reply);
+  const BodyPose update{1, {{100, 0, 0}}};
+  const std::uint64_t revision = engine.set_poses({&update, 1}, 42).revision;
+  while (!job.advance()) {
+  }
+  EXPECT_NEAR(distance, 2, 1e-12);
+  EXPECT_LT(job.info().snapshot_revision, revision);
+  EXPECT_EQ(ask(engine, q).info.snapshot_stamp_ns, 42);
+}
+
+TEST_P(EngineTest, StalePosesAreFlagged) {
+  Scene scene;
+  scene.add_sphere("a", 0.5, {.pose = Pose{}});
+  scene.add_sphere("wall", 0.5, {.is_static = true, .pose = Pose{{3, 0, 0}}});
+  Engine engine = make(std::move(scene));
+  QueryView q;
+  q.fields = kAllFields;
+  EXPECT_FALSE(ask(engine, q).view.flags[0] & kFlagStale) << "no limit was asked for";
+  q.max_pose_age_ns = 3'600'000'000'000;
+  EXPECT_TRUE(ask(engine, q).view.flags[0] & kFlagStale) << "no pose was ever received";
+  const BodyPose update{0, {}};
+  engine.set_poses({&update, 1});
+  EXPECT_FALSE(ask(engine, q).view.flags[0] & kFlagStale);
+  q.max_pose_age_ns = 1;
+  EXPECT_TRUE(ask(engine, q).view.flags[0] & kFlagStale);
+}
+
+TEST_P(EngineTest, TheAgeOfPosesIsWhatStaleGoesBy) {
+  Scene scene;
+  for (const char* name : {"a", "b", "c"}) scene.add_sphere(name, 0.1, {.pose = Pose{}});
+  Engine engine = make(std::move(scene));
+  QueryView q;
+  q.fields = kDefaultFields | kFieldFlags;
+  const std::vector<BodyPair> pairs{{0, 1}, {1, 2}};
+  q.pairs = pairs;
+  q.all_pairs = false;
+  EXPECT_EQ(ask(engine, q).info.pose_age_ns, -1) << "none was received";
+  for (std::uint32_t body = 0; body < 3; ++body) {
+    const BodyPose update{body, {{1.0 * body, 0, 0}}};
+    engine.set_poses({&update, 1}, 10 * body, body + 1);
+  }
+  int stale = 0, young = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Answer plain = ask(engine, q);
+    EXPECT_EQ(plain.info.snapshot_sequence, 3);
+    EXPECT_GE(plain.info.pose_age_ns, 0);
+    QueryView limited = q;
+const std::int64_t off = std::int64_t{1} << i % 40;  // from what will have passed by then to far more
+    limited.max_pose_age_ns = std::max<std::int64_t>(plain.info.pose_age_ns + (i % 2 ? off : -off), 1);
+    const Answer answer = ask(engine, limited);
+    const bool too_old = answer.info.pose_age_ns > limited.max_pose_age_ns;
+    EXPECT_EQ((answer.view.flags[0] & kFlagStale) != 0, too_old) << "body 0 has the oldest pose";
+    if (!too_old) {
+      EXPECT_FALSE(answer.view.flags[1] & kFlagStale);
+    }
+    ++(too_old ? stale : young);
+  }
+  EXPECT_GT(stale, 0);
+  EXPECT_GT(young, 0);
+}
+
+}  // namespace
+}  // namespace clearance::test
