@@ -10,8 +10,9 @@ from typing import Any, Dict, List, Optional, Union
 import numpy as np
 
 import clearance._client as _client
+from ._arguments import to_number
 from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyRef, BodyState, Front, PosesDone, Query, SceneChanged, _number
+from ._front import BodyRef, BodyState, Front, PosesDone, Query, SceneChanged
 from ._future import Future
 from ._names import BodyInfo, NameTable
 from ._poses import as_pose7
@@ -156,7 +157,7 @@ class Client(Front):
             row = row.reshape(1, 7)
         return self._changed(
             *self._guarded(
-                self._use().add_body, name, shape, numbers, _number(radius, "radius"), parent_id, bool(static), row
+                self._use().add_body, name, shape, numbers, to_number(radius, "radius"), parent_id, bool(static), row
             )
         )
 
@@ -327,7 +328,7 @@ class ClientFuture(Future):
 
 
 def _timeout(value: Any) -> float:
-    seconds = _number(value, "timeout_s")
+    seconds = to_number(value, "timeout_s")
     if not seconds >= 0 or math.isnan(seconds):
         raise ValueError(f"timeout_s: expected a number >= 0, got {value}")
     return seconds

@@ -9,8 +9,9 @@ from typing import Any, Dict, List, Optional, Sequence
 import numpy as np
 
 import clearance._engine as _engine
+from ._arguments import to_count
 from ._errors import TimeoutError
-from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query, _count
+from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query
 from ._future import EngineFuture, Worker
 from ._names import NameTable
 from ._scene import Scene, name_table
@@ -48,10 +49,10 @@ class Engine(Front):
             raise TypeError(f"threads: expected an integer, got {threads!r}")
         if threads < 0 or threads > 1 << 16:
             raise ValueError(f"threads: expected 0 (all cores) or more, got {threads}")
-        numbers = [_count(device, f"devices[{i}]") for i, device in enumerate(devices)]
+        numbers = [to_count(device, f"devices[{i}]") for i, device in enumerate(devices)]
         with scene._lock:
-            self._engine = _engine.Engine(scene._scene, backend, int(threads), _count(max_rows, "max_rows"),
-                                          _count(device_memory, "device_memory"), bool(device_fallback), str(calibration),
+            self._engine = _engine.Engine(scene._scene, backend, int(threads), to_count(max_rows, "max_rows"),
+                                          to_count(device_memory, "device_memory"), bool(device_fallback), str(calibration),
                                           numbers)
         self._worker: Optional[Worker] = None
 

@@ -14,10 +14,11 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
+from ._arguments import to_count, to_integer, to_number, to_tolerance, to_word
 from ._errors import QueryError
 from ._future import Future
 from ._names import BodyInfo, NameTable, has_selectors
-from ._poses import as_pose7
+from ._poses import as_pose7, stack_poses
 from ._result import Out, Result, fields_mask, out_arrays
 from ._words import COLUMNS, DEFAULT_FIELDS, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Reduce, Status
 
@@ -218,13 +219,13 @@ class Front:
             if bodies is not None:
                 raise TypeError("bodies: only with an array of poses, not with a dict")
             ids = np.array([names.body(key, "poses") for key in poses], dtype=np.uint32)
-            array = _stack_poses(poses)
+            array = stack_poses(poses)
         else:
             array = as_pose7(poses, "poses")
             ids = names.movable if bodies is None else names.bodies_array(bodies, "bodies")
             if array.ndim != 2 or len(array) != len(ids):
                 raise ValueError(f"poses: expected one pose for each of {len(ids)} bodies, got shape {np.shape(poses)}")
-        return self._send_poses(ids, array, _integer(stamp_ns, "stamp_ns"), _integer(sequence, "sequence"))
+        return self._send_poses(ids, array, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
 
     def attach(self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None) -> PosesDone:
         """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child); None sets it free where it is.
@@ -362,41 +363,41 @@ class Front:
         elif bodies is not None:
             raise ValueError("bodies: only together with configurations")
 
-        query.reduce = _word(reduce, REDUCTIONS, "reduce")
-        format_word = _word(format, FORMATS, "format")
+        query.reduce = to_word(reduce, REDUCTIONS, "reduce")
+        format_word = to_word(format, FORMATS, "format")
         query.out = None if out is None else out_arrays(out)
-        query.timeout_s = None if timeout_s is None else _number(timeout_s, "timeout_s")
+        query.timeout_s = None if timeout_s is None else to_number(timeout_s, "timeout_s")
         if query.timeout_s is not None and not query.timeout_s >= 0:
             raise ValueError(f"timeout_s: expected a number >= 0, got {timeout_s}")
         query.copy = bool(copy)
         if query.out is not None and not copy:
             raise ValueError("copy: out= is a copy; expected copy=True")
-        query.max_results = _count(max_results, "max_results")
+        query.max_results = to_count(max_results, "max_results")
         mask = self._mask(query, fields, format_word, count)
         query.raw = self._module.Query(
             query.pairs,
             query.bodies,
             poses,
-            _number(max_distance, "max_distance"),
-            _number(abs_tol, "abs_tol"),
-            -1.0 if rel_tol is None else _tolerance(rel_tol),
-            _word(precision, PRECISIONS, "precision"),
+            to_number(max_distance, "max_distance"),
+            to_number(abs_tol, "abs_tol"),
+            -1.0 if rel_tol is None else to_tolerance(rel_tol),
+            to_word(precision, PRECISIONS, "precision"),
             bool(signed),
             query.reduce,
             format_word,
             mask & ~POINTS_BY_DEFAULT,
             bool(mask & POINTS_BY_DEFAULT),
             query.max_results,
-            _count(max_pose_age_ns, "max_pose_age_ns"),
+            to_count(max_pose_age_ns, "max_pose_age_ns"),
             bool(warm),
         )
         if min_pose_stamp_ns or pose_wait_s or wait_for != "*":
             if not self._waits:
                 raise ValueError(_NO_WAIT)
-            wait_s = _number(pose_wait_s, "pose_wait_s")
+            wait_s = to_number(pose_wait_s, "pose_wait_s")
             if not 0 <= wait_s <= 10:
                 raise ValueError(f"pose_wait_s: expected 0 to 10 seconds, got {pose_wait_s}")
-            stamp_ns = _count(min_pose_stamp_ns, "min_pose_stamp_ns")
+            stamp_ns = to_count(min_pose_stamp_ns, "min_pose_stamp_ns")
             query.raw.wait_for_poses(stamp_ns, round(1e9 * wait_s), self._names.selector(wait_for, "wait_for"))
         return query
 
@@ -467,7 +468,7 @@ class Prepared:
         if min_pose_stamp_ns is not None:
             if not self._front._waits:
                 raise ValueError(_NO_WAIT)
-            query.raw.min_pose_stamp_ns = _count(min_pose_stamp_ns, "min_pose_stamp_ns")
+            query.raw.min_pose_stamp_ns = to_count(min_pose_stamp_ns, "min_pose_stamp_ns")
         return Result(self._front._answer(query), query.reduce, query.out, self._pairs, self._table)
 
 
@@ -489,65 +490,3 @@ class _TableOf:
 
 def _names_of(mask: int) -> List[Tuple[str, int]]:
     return [(str(field.name).lower(), int(field)) for field in Field if mask & field]
-
-
-def _stack_poses(poses: Mapping[Any, Any]) -> np.ndarray:
-    """(N, 7) from a dict's values, each 7 numbers or (4, 4)."""
-    values = list(poses.values())
-    if not values:
-        return np.empty((0, 7))
-    try:
-        array = np.array(values, dtype=np.float64)
-        if array.ndim == 2 and array.shape[1] == 7:
-            return array
-    except (TypeError, ValueError):
-        pass
-    rows = np.empty((len(values), 7))
-    for i, (key, value) in enumerate(poses.items()):
-        pose = as_pose7(value, f"poses[{key!r}]")
-        if pose.shape != (7,):
-            raise ValueError(f"poses[{key!r}]: expected one pose, got shape {np.shape(value)}")
-        rows[i] = pose
-    return rows
-
-
-def _number(value: Any, what: str) -> float:
-    try:
-        if isinstance(value, (str, bytes, bool)):
-            raise TypeError
-        number = float(value)
-    except TypeError:
-        raise TypeError(f"{what}: expected a number, got {value!r}") from None
-    if math.isnan(number):
-        raise ValueError(f"{what}: expected a number, got nan")
-    return number
-
-
-def _tolerance(value: Any) -> float:
-    number = _number(value, "rel_tol")
-    if number < 0:
-        raise ValueError(f"rel_tol: expected a number >= 0 or None, got {number}")
-    return number
-
-
-def _integer(value: Any, what: str) -> int:
-    try:
-        if isinstance(value, bool):
-            raise TypeError
-        return value.__index__()
-    except (TypeError, AttributeError):
-        raise TypeError(f"{what}: expected an integer, got {value!r}") from None
-
-
-def _count(value: Any, what: str) -> int:
-    number = _integer(value, what)
-    if not 0 <= number < 1 << 63:
-        raise ValueError(f"{what}: expected an integer >= 0, got {number}")
-    return number
-
-
-def _word(value: Any, words: Dict[str, int], what: str) -> int:
-    word = words.get(value) if isinstance(value, str) else None
-    if word is None:
-        raise ValueError(f"{what}: expected {' or '.join(map(repr, words))}, got {value!r}")
-    return word

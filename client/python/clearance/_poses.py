@@ -6,7 +6,7 @@ parent, in its parent (X_pb).
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Mapping
 
 import numpy as np
 
@@ -114,3 +114,23 @@ def contiguous(array: np.ndarray) -> np.ndarray:
 def _reason(error: Exception) -> str:
     text = str(error)
     return text if text.startswith("got") else f"but numpy says: {text}"
+
+
+def stack_poses(poses: Mapping[Any, Any]) -> np.ndarray:
+    """(N, 7) from a dict's values, each 7 numbers or (4, 4)."""
+    values = list(poses.values())
+    if not values:
+        return np.empty((0, 7))
+    try:
+        array = np.array(values, dtype=np.float64)
+        if array.ndim == 2 and array.shape[1] == 7:
+            return array
+    except (TypeError, ValueError):
+        pass
+    rows = np.empty((len(values), 7))
+    for i, (key, value) in enumerate(poses.items()):
+        pose = as_pose7(value, f"poses[{key!r}]")
+        if pose.shape != (7,):
+            raise ValueError(f"poses[{key!r}]: expected one pose, got shape {np.shape(value)}")
+        rows[i] = pose
+    return rows

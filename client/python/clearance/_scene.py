@@ -9,7 +9,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 import numpy as np
 
 import clearance._engine as _engine
-from ._front import _number
+from ._arguments import to_number
 from ._names import BodyInfo, NameTable
 from ._poses import as_pose7
 from ._words import NONE
@@ -67,7 +67,7 @@ class Scene:
         if not rows.flags.aligned:
             rows = rows.copy()
         with self._lock:
-            return self._scene.add_hull(_name(name), rows, _number(radius, "radius"), *self._rest(parent, static, pose))
+            return self._scene.add_hull(_name(name), rows, to_number(radius, "radius"), *self._rest(parent, static, pose))
 
     def add_mesh(
         self,
@@ -93,7 +93,7 @@ class Scene:
                 sy,
                 sz,
                 _CONVEXIFY[convexify],
-                _number(radius, "radius"),
+                to_number(radius, "radius"),
                 *self._rest(parent, static, pose),
             )
 
@@ -111,7 +111,7 @@ class Scene:
         x, y, z = _three(size, "size")
         with self._lock:
             return self._scene.add_box(
-                _name(name), x, y, z, _number(radius, "radius"), *self._rest(parent, static, pose)
+                _name(name), x, y, z, to_number(radius, "radius"), *self._rest(parent, static, pose)
             )
 
     def add_sphere(
@@ -119,7 +119,7 @@ class Scene:
     ) -> int:
         """Adds a sphere about the body's origin."""
         with self._lock:
-            return self._scene.add_sphere(_name(name), _number(radius, "radius"), *self._rest(parent, static, pose))
+            return self._scene.add_sphere(_name(name), to_number(radius, "radius"), *self._rest(parent, static, pose))
 
     def add_capsule(
         self,
@@ -134,7 +134,7 @@ class Scene:
         """Adds a capsule along z; `length` is between the centres of its caps."""
         with self._lock:
             return self._scene.add_capsule(
-                _name(name), _number(radius, "radius"), _number(length, "length"), *self._rest(parent, static, pose)
+                _name(name), to_number(radius, "radius"), to_number(length, "length"), *self._rest(parent, static, pose)
             )
 
     def add_cylinder(
@@ -150,7 +150,7 @@ class Scene:
         """Adds a cylinder along z as a circumscribed prism; BodyInfo.model_error says by how much that is larger."""
         with self._lock:
             return self._scene.add_cylinder(
-                _name(name), _number(radius, "radius"), _number(length, "length"), *self._rest(parent, static, pose)
+                _name(name), to_number(radius, "radius"), to_number(length, "length"), *self._rest(parent, static, pose)
             )
 
     def add_group(self, name: str, bodies: Sequence[str]) -> None:
@@ -249,10 +249,10 @@ def _name(name: Any) -> str:
 
 def _three(value: Any, what: str, one: bool = False) -> Tuple[float, float, float]:
     if one and not np.ndim(value):
-        number = _number(value, what)
+        number = to_number(value, what)
         return number, number, number
     expected = "one number or three" if one else "three numbers"
     if isinstance(value, str) or np.shape(value) != (3,):
         raise ValueError(f"{what}: expected {expected}, got {value!r}")
-    x, y, z = (_number(item, f"{what}[{i}]") for i, item in enumerate(value))
+    x, y, z = (to_number(item, f"{what}[{i}]") for i, item in enumerate(value))
     return x, y, z
