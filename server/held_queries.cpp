@@ -16,10 +16,8 @@ void Loop::hold_query(const wire::FrameHeader& header, const wire::QueryHeader& 
                       std::unique_ptr<ReplySink>& sink) {
   if (query.pose_wait_ns == 0)
     throw Refusal{ErrorCode::kPosesLate, "no poses with stamp " + std::to_string(query.min_pose_stamp_ns) + " or newer are there"};
+  check_room_for_bytes(*sink, payload.size());
   Usage& usage = waiting_per_client_[sink->client()];
-  if (usage.bytes && usage.bytes + payload.size() > options_.max_client_bytes)
-    throw Refusal{ErrorCode::kBusy, "the requests and replies of this client under way take " + std::to_string(usage.bytes) +
-                                        " bytes already; ask again (--max-client-mib)"};
   Held held{nullptr, header, std::vector<std::uint64_t>((payload.size() + 7) / 8), payload.size(), query, turn_began_,
             turn_began_ + std::chrono::nanoseconds(query.pose_wait_ns)};
   std::memcpy(held.payload.data(), payload.data(), payload.size());

@@ -138,6 +138,8 @@ class Loop final : public Inbox {
   void forget(const Task& task);
   /// Throws a Refusal (kBusy) if as many requests of this client are under way as may be.
   void check_room_for(std::uint64_t client) const;
+  /// The same for bytes, of this client and of all. \returns what its requests and replies take already.
+  std::uint64_t check_room_for_bytes(const ReplySink& sink, std::uint64_t bytes) const;
   void leave(std::uint64_t client, std::uint64_t held_bytes = 0);
   void tick();
   void take_new_engine();

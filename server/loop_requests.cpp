@@ -113,6 +113,18 @@ void Loop::check_room_for(std::uint64_t client) const {
                                         " queries of this client are under way already; ask again (--max-waiting)"};
 }
 
+std::uint64_t Loop::check_room_for_bytes(const ReplySink& sink, std::uint64_t bytes) const {
+  const auto found = waiting_per_client_.find(sink.client());
+  const std::uint64_t taken = (found == waiting_per_client_.end() ? 0 : found->second.bytes) + sink.unsent_bytes();
+  if (taken && taken + bytes > options_.max_client_bytes)
+    throw Refusal{ErrorCode::kBusy, "the requests and replies of this client under way take " + std::to_string(taken) +
+                                        " bytes already; ask again (--max-client-mib)"};
+  if (waiting_bytes_ && waiting_bytes_ + bytes > options_.max_waiting_bytes)
+    throw Refusal{ErrorCode::kBusy,
+                  "the requests and replies under way take " + std::to_string(waiting_bytes_) + " bytes already; ask again"};
+  return taken;
+}
+
 void Loop::start_query(const FrameHeader& header, std::span<const std::byte> payload,
                        std::unique_ptr<ReplySink>& sink) {
   ++queries_;
@@ -148,13 +160,7 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
   const bool whole_table = parts.header.all_pairs && parts.bodies.size() == 0;
   std::uint64_t held = bytes + payload_bytes + (whole_table ? 0 : size.pairs * sizeof(BodyPair));
   Usage& usage = waiting_per_client_[client];
-  const std::uint64_t taken = usage.bytes + sink->unsent_bytes();
-  if (taken && taken + held > options_.max_client_bytes)
-    throw Refusal{ErrorCode::kBusy, "the requests and replies of this client under way take " + std::to_string(taken) +
-                                        " bytes already; ask again (--max-client-mib)"};
-  if (waiting_bytes_ && waiting_bytes_ + held > options_.max_waiting_bytes)
-    throw Refusal{ErrorCode::kBusy,
-                  "the requests and replies under way take " + std::to_string(waiting_bytes_) + " bytes already; ask again"};
+  const std::uint64_t taken = check_room_for_bytes(*sink, held);
   // Warm state has what is left, and makes way: without it an answer takes longer, and no more.
   const std::uint64_t left = options_.max_client_bytes - std::min(options_.max_client_bytes, taken + held);
   std::uint64_t warm = Engine::warm_bytes(query, size);

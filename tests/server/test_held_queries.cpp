@@ -135,5 +135,37 @@ TEST_F(HeldQueries, CountAsUnderWayUntilTheirClientIsGone) {
   EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "it may ask again";
 }
 
+TEST_F(HeldQueries, CountAmongTheBytesOfTheirClientAndOfAll) {
+  const std::vector<std::byte> frame = waiting_query(100, 10s).frame(1);
+  const std::uint64_t bytes = frame.size() - sizeof(wire::FrameHeader);
+  Loop::Options options;
+  options.max_client_bytes = 3 * bytes / 2;
+  start(small_scene(), options);
+  for (MemoryClient* client : {&a_, &a_, &b_}) transport_->send(*client, frame);
+  loop_->turn();
+  EXPECT_EQ(loop_->held(), 2u);
+  auto error = refusal(a_);
+  EXPECT_EQ(error.first, ErrorCode::kBusy);
+  EXPECT_NE(error.second.find("of this client under way take " + std::to_string(bytes) + " bytes"), std::string::npos) << error.second;
+  move(1, 100);
+  turn_until_idle();
+  EXPECT_EQ(take(a_)->type(), FrameType::kReply);
+  EXPECT_EQ(take(b_)->type(), FrameType::kReply);
+
+  options = {};
+  options.max_waiting_bytes = 3 * bytes / 2;
+  start(small_scene(), options);
+  for (MemoryClient* client : {&a_, &b_}) transport_->send(*client, frame);
+  loop_->turn();
+  EXPECT_EQ(loop_->held(), 1u);
+  error = refusal(b_);
+  EXPECT_EQ(error.first, ErrorCode::kBusy);
+  EXPECT_NE(error.second.find("the requests and replies under way take " + std::to_string(bytes) + " bytes"), std::string::npos)
+      << error.second;
+  move(1, 100);
+  turn_until_idle();
+  EXPECT_EQ(take(a_)->type(), FrameType::kReply);
+}
+
 }  // namespace
 }  // namespace clearance
