@@ -111,14 +111,14 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, st
     return nullptr;
   }
 
+  auto mapping = std::make_shared<Mapping>(static_cast<std::byte*>(base), bytes);
   std::shared_ptr<Segment> segment(new Segment);
+  segment->mapping_ = std::move(mapping);
+  segment->base_ = segment->mapping_->begin();
   segment->budget_ = std::move(budget);
   segment->budget_->used += bytes;
   segment->pinner_ = std::move(pinner);
   segment->memfd_ = std::move(memfd);
-  segment->base_ = static_cast<std::byte*>(base);
-  segment->mapping_ = std::make_shared<Mapping>(segment->base_, bytes);
-  segment->bytes_ = bytes;
   segment->request_capacity_ = request_bytes;
   segment->reply_capacity_ = reply_bytes;
   segment->request_offset_ = shm::kPage;
@@ -142,9 +142,9 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, st
 }
 
 Segment::~Segment() {
+  budget_->used -= mapping_->bytes();
   mapping_.reset();
   if (pin_) pinner_->let_go(pin_);
-  if (budget_) budget_->used -= bytes_;
 }
 
 Segment::Take Segment::violation(const char* why) {

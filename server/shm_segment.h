@@ -92,7 +92,6 @@ class Segment {
   std::shared_ptr<Mapping> mapping_;
   std::byte* base_ = nullptr;
   shm::SegmentHeader* header_ = nullptr;
-  std::uint64_t bytes_ = 0;
   std::uint64_t request_capacity_ = 0, reply_capacity_ = 0, request_offset_ = 0, reply_offset_ = 0;
   std::uint32_t id_ = 0;
   std::uint32_t request_tail_ = 0;  ///< requests taken
