@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test fuzz soak demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-certify gpu-sanitize gpu-bench clean
+.PHONY: help setup build test fuzz soak demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -84,6 +84,10 @@ gpu-sanitize: setup  ## the cuda backend's tests under compute-sanitizer: memory
 gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv
 	@tools/build.sh release clearance-gpu-bench clearanced clearance_cli
 	@tools/gpu.sh bench
+
+gpu-several: setup  ## all GPUs of this machine together beside one of them; writes docs/results/gpus_*.csv
+	@tools/build.sh release clearance-gpu-bench
+	@tools/gpu.sh several
 
 clean:  ## remove build folders and out/ (.venv stays)
 	@rm -rf build build-* out

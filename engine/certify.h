@@ -44,6 +44,13 @@ template <class T>
 CLEARANCE_HD inline T pair_scale(const Vec3<T>& D, const T& rho_a, const T& rho_b, const T& radius) {
   return (norm(D) + rho_a + rho_b + radius) * T(1 + 16 * Arithmetic<T>::kUnit);
 }
+/// Whether float32 can be tried on two pieces of these sizes, spread + radius in metres: their sixth powers neither overflow nor
+/// vanish.
+CLEARANCE_HD inline bool sizes_fit_f32(double a, double b) {
+  const double size = a < b ? b : a;
+  return size > 1e-5 && size < 1e5;
+}
+
 /// `units` rounding units of a scale S (RoundingUnits), as a length. A scalar or a pack.
 template <class T>
 CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {

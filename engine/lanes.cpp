@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "certify.h"
 #include "direction_table.h"
 
 namespace clearance {
@@ -17,10 +18,8 @@ LaneHull::LaneHull(const Piece& p)
       spread(p.spread), radius(p.radius) {}
 
 bool fits_f32(const Piece& a, const Piece& b) {
-  const double size = std::max(a.spread + a.radius, b.spread + b.radius);
-  return !a.table && !b.table && size > 1e-5 && size < 1e5;
+  return !a.table && !b.table && sizes_fit_f32(a.spread + a.radius, b.spread + b.radius);
 }
-
 
 #ifdef CLEARANCE_LANES_X86
 void run_lanes_avx512(const LaneBatch&);

@@ -72,7 +72,7 @@ struct LaneBatch {
   Gjk<double>* unsettled;       ///< (pairs,) GJK's last state where the answer is not settled; not written by run_f32
 };
 
-/// Whether float32 can be tried on two pieces: small ones, of sizes whose sixth powers neither overflow nor vanish.
+/// Whether float32 can be tried on two pieces: small ones, of sizes that it holds (sizes_fit_f32()).
 bool fits_f32(const Piece& a, const Piece& b);
 
 /// One instruction set's version.

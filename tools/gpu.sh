@@ -71,7 +71,7 @@ case $what in
   bench)
     file=$(results_file gpu) || exit 1
     "$bin/clearance-gpu-bench" "$file" && echo "$file"
-    [ -x "$bin/clearanced" ] && bench_service
+    if [ -x "$bin/clearanced" ]; then bench_service; fi
     ;;
   several)
     file=$(results_file gpus) || exit 1

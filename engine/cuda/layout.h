@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "engine/certify.h"
 #include "engine/columns.h"
 #include "engine/placed.h"
 
@@ -28,10 +29,7 @@ CLEARANCE_HD inline std::uint32_t shared_bytes_f32(const HullHead& h) {
   return shared_bytes(h) + h.count * 16;
 }
 /// Whether float32 can be tried on two hulls: fits_f32() of their pieces.
-CLEARANCE_HD inline bool fit_f32(const HullHead& a, const HullHead& b) {
-  const double size = a.f32_size < b.f32_size ? b.f32_size : a.f32_size;
-  return size > 1e-5 && size < 1e5;
-}
+CLEARANCE_HD inline bool fit_f32(const HullHead& a, const HullHead& b) { return sizes_fit_f32(a.f32_size, b.f32_size); }
 
 /// All hulls of the scene, in device memory.
 struct HullsView {
