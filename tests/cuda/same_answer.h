@@ -6,12 +6,9 @@
 #include <cmath>
 #include <cstring>
 
-#include "engine/cuda/device.h"
 #include "engine/cuda/reply_columns.h"
+#include "skip_without_device.h"
 #include "tests/engine/engine_test_util.h"
-
-#define SKIP_WITHOUT_DEVICE() \
-  if (!cuda::device_info().present) GTEST_SKIP() << "no CUDA device: " << cuda::device_info().reason
 
 namespace clearance::test {
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/cuda/device.h"
-#include "tests/engine/engine_test_util.h"
+#include "same_answer.h"
 
 namespace clearance::test {
 
@@ -52,6 +52,16 @@ struct Question {
   std::vector<Pose> poses;
   QueryView q;
 };
+
+// Asks twice, of which only the second time there is room on the device.
+inline void expect_room_for_the_second(const Engine& device, const Question& question, const Answer& expected) {
+  const Answer first = ask(device, question.q), second = ask(device, question.q);
+  expect_same(first, expected, "without room");
+  expect_same(second, expected, "with room");
+  EXPECT_EQ(first.info.backend, "cpu");
+  EXPECT_EQ(second.info.backend, "cuda");
+  EXPECT_EQ(counter(device, "cuda.queries_without_room"), 1u);
+}
 
 // Whose they are: a device must not be given another one's.
 struct IdlePairs : cuda::ResidentPairs {

@@ -118,12 +118,7 @@ TEST_F(SeveralDevices, WithoutRoomLeaveOneQueryToTheCpu) {
   const Question question(kConfigurations);
   const Answer expected = ask(cpu, question.q);
   faults_[1] = {6, DeviceError::kNoRoom, faults_[1].calls};
-  const Answer first = ask(device, question.q), second = ask(device, question.q);
-  expect_same(first, expected, "without room");
-  expect_same(second, expected, "with room");
-  EXPECT_EQ(first.info.backend, "cpu");
-  EXPECT_EQ(second.info.backend, "cuda");
-  EXPECT_EQ(counter(device, "cuda.queries_without_room"), 1u);
+  expect_room_for_the_second(device, question, expected);
   EXPECT_EQ(counter(device, "cuda.1.usable"), 1u);
 }
 

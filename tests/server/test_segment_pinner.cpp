@@ -8,10 +8,10 @@
 #include <future>
 #include <stdexcept>
 
-#include "engine/cuda/device.h"
 #include "server/loop.h"
 #include "server/shm_transport.h"
 #include "shm_echo.h"
+#include "tests/cuda/skip_without_device.h"
 
 namespace clearance {
 namespace {
@@ -156,7 +156,7 @@ bool same_bits(const std::vector<CompactAnswer>& a, const std::vector<CompactAns
 }
 
 TEST(PinnedService, HasTheDeviceWriteIntoTheClientsMemory) {
-  if (!cuda::device_info().present) GTEST_SKIP() << "no CUDA device: " << cuda::device_info().reason;
+  SKIP_WITHOUT_DEVICE();
   const TemporaryFolder folder;
   const std::string path = folder / "c.sock";
   const Service service(path, spheres(600), "cuda", std::uint64_t{1} << 30);
@@ -181,7 +181,7 @@ TEST(PinnedService, HasTheDeviceWriteIntoTheClientsMemory) {
 }
 
 TEST(PinnedService, CopiesWhereNothingMayBePinned) {
-  if (!cuda::device_info().present) GTEST_SKIP() << "no CUDA device: " << cuda::device_info().reason;
+  SKIP_WITHOUT_DEVICE();
   const TemporaryFolder folder;
   const std::string path = folder / "c.sock";
   const Service service(path, spheres(200), "cuda", 1 << 20);  // less than the smallest segment

@@ -1,0 +1,9 @@
+// For tests that need a GPU.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "engine/cuda/device.h"
+
+#define SKIP_WITHOUT_DEVICE() \
+  if (!cuda::device_info().present) GTEST_SKIP() << "no CUDA device: " << cuda::device_info().reason
