@@ -1,7 +1,6 @@
-// Boxes put together.
+// Boxes put together. For host and device.
 #pragma once
 
-#include <algorithm>
 #include <limits>
 
 #include "certify.h"
@@ -13,11 +12,11 @@ inline constexpr Aabb kEmptyBox{{std::numeric_limits<double>::infinity(), std::n
                                 {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()}};
 
 /// The least box that holds both.
-inline Aabb joined(const Aabb& a, const Aabb& b) {
+CLEARANCE_HD inline Aabb joined(const Aabb& a, const Aabb& b) {
   Aabb box;
   for (int k = 0; k < 3; ++k) {
-    box.low[k] = std::min(a.low[k], b.low[k]);
-    box.high[k] = std::max(a.high[k], b.high[k]);
+    box.low[k] = b.low[k] < a.low[k] ? b.low[k] : a.low[k];
+    box.high[k] = a.high[k] < b.high[k] ? b.high[k] : a.high[k];
   }
   return box;
 }

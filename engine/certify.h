@@ -57,6 +57,11 @@ CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {
   return units * T(Arithmetic<T>::kUnit) * scale * T(1 + 16 * Arithmetic<T>::kUnit) + T(Arithmetic<T>::kUnderflowLength);
 }
 
+/// Width that float64 bounds of two placed pieces have from rounding alone, metres. \param scale their pair_scale().
+CLEARANCE_HD inline double rounding_width(double scale) {
+  return rounding_error(double(RoundingUnits<double>::kLower), scale) + rounding_error(double(RoundingUnits<double>::kUpper), scale);
+}
+
 /// The lower bound that a support gap proves: `gap` of the planes normal to a direction of length `length`, times that
 /// length; `error` the rounding term. A scalar or a pack.
 template <class T>

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 
 namespace clearance {
 
@@ -63,7 +62,6 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
   const auto& [best, lower, piece_a, piece_b] = found;
   const Body &a = scene.bodies()[bodies.pair.a], &b = scene.bodies()[bodies.pair.b];
   const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
-  std::uint16_t flags = answer.flags;
 
   answer.lower = lower;
   answer.upper = best.bounds.upper;
@@ -79,36 +77,31 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
     answer.normal = best.normal;
   }
 
-  const double width = answer.upper - answer.lower;
-  const auto narrow_enough = [&](double d) { return width <= std::max(limits.abs_tol, limits.rel_tol * std::abs(d)); };
-  const auto at_rounding = [&] {
-    if (found.best.rounding > 0) return width <= 4 * found.best.rounding;
-    return width <= 4 * rounding_of(*a.pieces[found.piece_a], pose_a, *b.pieces[found.piece_b], pose_b);
+  const auto rounding = [&] {
+    if (found.best.rounding > 0) return found.best.rounding;
+    return rounding_of(*a.pieces[found.piece_a], pose_a, *b.pieces[found.piece_b], pose_b);
   };
-  bool settled = true;
-  if (answer.lower > limits.max_distance) {
-    answer.status = Status::kBeyond;
-    answer.distance = answer.lower;
-    answer.point_a = answer.point_b = no_point();
-  } else if (best.bounds.upper <= 0) {
-    settled = !limits.signed_distance || narrow_enough(answer.lower);
-    answer.status = settled ? Status::kOverlap : Status::kUnconverged;
-    answer.distance = answer.lower;
-    if (limits.signed_distance && (a.pieces.size() > 1 || b.pieces.size() > 1)) flags |= kFlagPieces;
-  } else if (answer.lower > 0) {
-    settled = narrow_enough(answer.upper);
-    answer.status = settled ? Status::kOk : Status::kUnconverged;
-    answer.distance = answer.upper;
+  if (answer.lower > limits.max_distance || (best.bounds.upper > 0 && answer.lower > 0)) {
+    take_apart(limits.max_distance, limits.abs_tol, limits.rel_tol, answer.lower, answer.upper, rounding, answer);
   } else {
-    settled = narrow_enough(0);
-    answer.status = settled || at_rounding() ? Status::kContact : Status::kUnconverged;
-    answer.distance = limits.signed_distance ? 0.5 * answer.lower + 0.5 * answer.upper : answer.upper;
+    const double width = answer.upper - answer.lower;
+    const auto narrow_enough = [&](double d) { return is_narrow(width, d, limits.abs_tol, limits.rel_tol); };
+    bool settled = true;
+    if (best.bounds.upper <= 0) {
+      settled = !limits.signed_distance || narrow_enough(answer.lower);
+      answer.status = settled ? Status::kOverlap : Status::kUnconverged;
+      answer.distance = answer.lower;
+      if (limits.signed_distance && (a.pieces.size() > 1 || b.pieces.size() > 1)) answer.flags |= kFlagPieces;
+    } else {
+      settled = narrow_enough(0);
+      answer.status = settled || is_at_rounding(width, rounding()) ? Status::kContact : Status::kUnconverged;
+      answer.distance = limits.signed_distance ? 0.5 * answer.lower + 0.5 * answer.upper : answer.upper;
+    }
+    if (!settled && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
   }
-  if (!settled && at_rounding()) flags |= kFlagRoundingLimited;
   if (options.want_flags && answer.status != Status::kBeyond &&
       (answer.lower <= 0 || witness_is_ambiguous(*a.pieces[piece_a], pose_a.R_wb, *b.pieces[piece_b], pose_b.R_wb, best.normal)))
-    flags |= kFlagNonsmooth;
-  answer.flags = flags;
+    answer.flags |= kFlagNonsmooth;
 }
 
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
@@ -160,6 +153,7 @@ void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> a
   for (std::size_t singles = tasks_.size();; singles = 0) {  // in the first round
     std::erase_if(searches_, [&](Search& s) {
       if (ask(s, pairs[s.index], singles)) return false;
+      s.found.lower = s.state.lower;
       finish(scene_, pairs[s.index], options_, s.found, answers[s.index]);
       return true;
     });
@@ -194,49 +188,46 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index) {
   const std::span<const Aabb> boxes_a = boxes_.at(*bodies.placement, bodies.pair.a), boxes_b = boxes_.at(*bodies.placement, bodies.pair.b);
   for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
     for (std::uint32_t j = 0; j < boxes_b.size(); ++j) piece_pairs_.push_back({certify_box_gap(boxes_a[i], boxes_b[j]), i, j});
-  std::sort(piece_pairs_.begin() + static_cast<std::ptrdiff_t>(begin), piece_pairs_.end(), [](const PiecePair& p, const PiecePair& q) {
-    return std::tie(p.gap, p.a, p.b) < std::tie(q.gap, q.a, q.b);
-  });
-  searches_.push_back({index, begin, piece_pairs_.size(), options_.reference ? piece_pairs_.size() - begin : 1, 0, {}});
+  std::sort(piece_pairs_.begin() + static_cast<std::ptrdiff_t>(begin), piece_pairs_.end(),
+            [](const PiecePair& p, const PiecePair& q) { return goes_before(p, q); });
+  searches_.push_back({index, begin, piece_pairs_.size(), 0, {}, {}});
+  if (options_.reference) searches_.back().state.round = piece_pairs_.size() - begin;  // all at once
 }
 
 // Adds the next round to tasks_, after those of single pieces; false: nothing is left to ask.
 bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t singles) {
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
-  const double user = options_.limits.max_distance;
-  // A piece pair that is proved farther than an upper bound cannot be the least.
-  const double cut_off = options_.reference ? user : std::min(user, std::max(search.found.best.bounds.upper, 0.0));
-  const bool first = search.round == 1;
+  PieceSearch& state = search.state;
+  const double user = options_.limits.max_distance, cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
-  for (std::size_t i = search.next; i < search.end && search.asked < search.round; ++i, ++search.asked) {
+  for (std::size_t i = search.next; i < search.end && search.asked < state.round; ++i, ++search.asked) {
     const PiecePair& p = piece_pairs_[i];
-    if (!options_.reference && !first && p.gap > cut_off) break;
+    if (!options_.reference && !state.asks(p.gap, cut_off)) break;
     tasks_.push_back({a.pieces[p.a].get(), b.pieces[p.b].get(), &(*bodies.placement)[bodies.pair.a].pose,
                       &(*bodies.placement)[bodies.pair.b].pose, cut_off, static_cast<std::uint32_t>(tasks_.size() - singles)});
   }
-  if (search.asked == 0 && search.next < search.end) search.found.lower = std::min(search.found.lower, piece_pairs_[search.next].gap);
+  if (search.asked == 0 && search.next < search.end) state.leave_out(piece_pairs_[search.next].gap);
   return search.asked > 0;
 }
 
 void Evaluator::take_round(Search& search, std::span<const NarrowAnswer> answers) {
-  BodiesAnswer& found = search.found;
+  PieceSearch& state = search.state;
   for (const NarrowAnswer& answer : answers) {
     const PiecePair& p = piece_pairs_[search.next++];
-    if (!options_.reference && p.gap > 0 && p.gap > found.best.bounds.upper) {
-      found.lower = std::min(found.lower, p.gap);
+    if (!options_.reference && state.ends_before(p.gap)) {
+      state.leave_out(p.gap);
       search.next = search.end;
       return;
     }
-    found.lower = std::min(found.lower, answer.bounds.lower);
-    if (answer.bounds.upper < found.best.bounds.upper || p.gap == kInf) {
-      found.best = answer;
-      found.piece_a = p.a;
-      found.piece_b = p.b;
+    if (state.take(p.gap, answer.bounds.lower, answer.bounds.upper)) {
+      search.found.best = answer;
+      search.found.piece_a = p.a;
+      search.found.piece_b = p.b;
     }
-    if (!options_.limits.signed_distance && found.best.bounds.upper <= 0) search.next = search.end;  // overlapping: that is all
+    if (!options_.limits.signed_distance && state.upper <= 0) search.next = search.end;  // overlapping: that is all
     if (search.next == search.end) return;
   }
-  search.round *= 2;
+  state.round *= 2;
 }
 
 }  // namespace clearance

@@ -9,6 +9,7 @@
 #include "answer.h"
 #include "piece_batch.h"
 #include "piece_boxes.h"
+#include "piece_search.h"
 #include "placement.h"
 
 namespace clearance {
@@ -48,17 +49,13 @@ class Evaluator {
   bool answers_as(const Evaluator& other) const { return options_ == other.options_; }
 
  private:
-  // The distance of two bodies is the least over their piece pairs. These are answered in rounds, nearest boxes first, so
-  // that what one round proves spares the next: the rounds are the pair's own, whatever else is asked.
+  // The distance of two bodies is the least over their piece pairs (piece_search.h).
   struct Search {
-    std::uint32_t index;         // of the pair
-    std::size_t next, end;       // of piece_pairs_: not looked at yet
-    std::size_t round, asked;    // piece pairs of a round; of those, how many wait in tasks_
-    BodiesAnswer found;
-  };
-  struct PiecePair {
-    double gap;  // of the boxes
-    std::uint32_t a, b;
+    std::uint32_t index;    // of the pair
+    std::size_t next, end;  // of piece_pairs_: not looked at yet
+    std::size_t asked;      // of a round: how many wait in tasks_
+    PieceSearch state;
+    BodiesAnswer found;     // without the lower bound
   };
   void begin_search(const PlacedBodies& bodies, std::uint32_t index);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);

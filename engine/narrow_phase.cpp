@@ -292,13 +292,13 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
                                                                                    answer.surface_faces().size())));
   }
   NarrowAnswer r = answer.finish();
-  r.rounding = pair.lower_error() + pair.upper_error();
+  r.rounding = rounding_width(pair.scale);
   return r;
 }
 
 double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b) {
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
-  return pair.lower_error() + pair.upper_error();
+  return rounding_width(pair.scale);
 }
 
 namespace {

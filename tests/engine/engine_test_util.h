@@ -1,6 +1,7 @@
 // Small scenes and whole answers for engine tests.
 #pragma once
 
+#include <cmath>
 #include <random>
 #include <string>
 #include <vector>
@@ -86,6 +87,43 @@ inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
         scene.add_body(std::move(body));
       }
     }
+  }
+  return scene;
+}
+
+/// Bodies of 1 to 40 pieces: clouds along a random walk, some of them rounded, some of more than 64 vertices; and boxes in a
+/// grid, many of whose distances and gaps are the same. Some share their pieces.
+inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
+  constexpr int kPieces[] = {1, 2, 8, 27, 3, 1, 17, 40, 5, 12};
+  Random random(seed);
+  Scene scene, boxes;
+  boxes.add_box("one", {0.2, 0.2, 0.2}, {});
+  std::vector<PiecePtr> grid;
+  for (int i = 0; i < 27; ++i) {
+    std::vector<Vec3d> corners = boxes.bodies()[0].pieces[0]->vertices;
+    for (Vec3d& v : corners) v += Vec3d{0.25 * (i % 3), 0.25 * (i / 3 % 3), 0.25 * (i / 9)};
+    grid.push_back(make_piece(std::move(corners)));
+  }
+  for (int i = 0; i < count; ++i) {
+    Body body;
+    body.name = "body" + std::to_string(i);
+    body.pose = random.pose(box);
+    body.is_static = i % 7 == 4;
+    if (i % 10 == 3) {
+      body.pieces = grid;
+      if (i % 20 == 3) body.pose = Pose{{std::round(body.pose->translation.x), std::round(body.pose->translation.y), 0}};
+    } else if (i >= 20 && i % 3 == 0) {
+      body.pieces = scene.bodies()[static_cast<std::size_t>(i % 10)].pieces;
+    } else {
+      Vec3d at{0, 0, 0};
+      for (int p = 0; p < kPieces[i % 10]; ++p) {
+        std::vector<Vec3d> v = random.cloud(p % 6 == 5 ? 90 : 6 + static_cast<int>(random.below(30)), {0.06, 0.06, 0.06});
+        for (Vec3d& x : v) x += at;
+        at += Vec3d{random.uniform(-0.2, 0.25), random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2)};
+        body.pieces.push_back(make_piece(std::move(v), p % 4 == 2 ? 0.03 : 0.0));
+      }
+    }
+    scene.add_body(std::move(body));
   }
   return scene;
 }
