@@ -87,6 +87,8 @@ class DenseDeviceQuery final : public DeviceQuery {
     s.group_tiles = g.tiles;
     s.strays = g.strays;
     s.stray_tiles = g.stray_tiles;
+    s.several = g.several;
+    s.several_tiles = g.several_tiles;
     ReplyView direct;
     const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
       to = column ? column + c.first_row * width : nullptr;

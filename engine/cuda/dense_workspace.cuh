@@ -63,7 +63,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     view.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.data());
     view.rest = slot.host_counts + kCounts;
     view.host_counts = slot.host_counts;
-    if (chunk.group_tiles + chunk.stray_tiles == 0) std::fill_n(slot.host_counts, kCounts, 0u);
+    if (chunk.tiles() == 0) std::fill_n(slot.host_counts, kCounts, 0u);
     if (slot.is_small) {  // so do the answers: a copy would take as long as the kernel
       view.reply = slot.host_view;
       const auto prefer = [](auto*& column, auto* to, int) {
@@ -79,7 +79,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     if (f32_goes_first(chunk))
       view.left_open = reinterpret_cast<LeftOpen*>(slot.device_open.reserve(slot.rows * sizeof(LeftOpen)));
     kernels_begin(slot);
-    if (chunk.group_tiles + chunk.stray_tiles > 0) answer(slot, chunk);
+    if (chunk.tiles() > 0) answer(slot, chunk);
     kernels_end(slot);
     if (!slot.is_small) bring(slot, direct);
   }
@@ -110,10 +110,10 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     ChunkView& view = slot.device_view;
     view.group_of_tile = pairs_->group_of_tile + chunk.first_tile;
     const bool f32_first = f32_goes_first(chunk), only_f32 = f32_first && pairs_->all_fit_f32;
-    const bool proof_follows = view.enclosed && (chunk.stray_tiles > 0 || !only_f32);
+    const bool proof_follows = view.enclosed && (chunk.stray_tiles > 0 || (chunk.group_tiles > 0 && !only_f32));
     ChunkView before = view;  // of a kernel that another follows
     before.host_counts = nullptr;
-    view.blocks = chunk.group_tiles + chunk.stray_tiles;
+    view.blocks = chunk.tiles();
     const ChunkView& first = f32_first || proof_follows ? before : view;
     if (f32_first)
       answer_groups<float, kCompact, kWarm><<<chunk.group_tiles, kTile, pairs_->most_shared_f32, slot.stream>>>(first);
@@ -122,6 +122,10 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     if (chunk.stray_tiles > 0) {
       const auto kernel = question_.f32 ? answer_strays<true, kCompact, kWarm> : answer_strays<false, kCompact, kWarm>;
       kernel<<<chunk.stray_tiles, kTile, 0, slot.stream>>>(first, chunk.strays);
+    }
+    if (chunk.several_tiles > 0) {
+      const auto kernel = question_.f32 ? answer_several<true> : answer_several<false>;
+      kernel<<<chunk.several_tiles, kTile, 0, slot.stream>>>(first, chunk.several);
     }
     if (f32_first) {
       ChunkView open = proof_follows ? before : view;

@@ -100,6 +100,9 @@ struct ChunkSetup {
   std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
   Group strays{};                 ///< of pairs with hulls of their own; may be empty
   std::uint32_t stray_tiles = 0;
+  Group several{};                ///< of pairs of which a body has several pieces; may be empty
+  std::uint32_t several_tiles = 0;
+  std::uint32_t tiles() const { return group_tiles + stray_tiles + several_tiles; }
   std::uint64_t rows() const { return std::uint64_t{configurations} * pair_count; }
 };
 
@@ -164,7 +167,7 @@ class Device {
   virtual ~Device() = default;
   /// Chunks that a large query should have at least, to keep all of it busy.
   virtual int chunks_wanted() const { return kChunksUnderWay; }
-  /// Index of the body's hull on the device; kNone: the CPU answers its pairs.
+  /// Index of the body's hull on the device; kSeveral: it has several pieces; kNone: the CPU answers its pairs.
   virtual std::uint32_t hull_of(std::uint32_t body) const = 0;
   /// Whether blocks of threads can hold the hull in their shared memory, beside another one.
   virtual bool shares(std::uint32_t) const { return true; }

@@ -32,8 +32,8 @@ struct PairDeal {
     std::uint32_t first_pair = 0;       ///< in the device's list, where the CPU's pairs are left out
     std::vector<std::uint32_t> on_cpu;  ///< positions within the part of pairs that are not on the device
     struct Groups {
-      std::uint32_t first_tile = 0, tiles = 0, stray_tiles = 0;
-      Group strays{};
+      std::uint32_t first_tile = 0, tiles = 0, stray_tiles = 0, several_tiles = 0;
+      Group strays{}, several{};
     } whole, last;  ///< for chunks of `configurations`, and for the last of a query
   };
   std::vector<Part> parts;

@@ -1,8 +1,9 @@
-// Dense chunks: pairs of the same two hulls in blocks of their own, and pairs without company.
+// Dense chunks: pairs of the same two hulls in blocks of their own, pairs without company, and pairs of several pieces.
 #pragma once
 
 #include "overlap_kernel.cuh"
 #include "pair_kernel.cuh"
+#include "piece_kernel.cuh"
 
 namespace clearance::cuda {
 
@@ -128,6 +129,20 @@ template <bool kBoth, bool kCompact, bool kWarm>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c, Group strays) {
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = strays.count * c.configurations;
   answer_alone<kBoth, kCompact, kWarm>(c, GroupItem(c, strays, place < count ? place : count - 1), place < count);
+  hand_over_counts(c);
+}
+
+// Pairs of which a body has several pieces. They begin cold. \param several their group.
+template <bool kBoth>
+__global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_constant__ ChunkView c, Group several) {
+  const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = several.count * c.configurations;
+  const GroupItem item(c, several, place < count ? place : count - 1);
+  Outcome outcome = Outcome::kNone;
+  PairAnswer answer;
+  if (place < count) outcome = solve_pieces<kBoth>(c, item.ref, item.k, item.at_a, item.at_b, answer);
+  if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
+    write_answer(c, item.row, item.k, item.at_a, item.at_b, answer);
+  report(c, outcome, item.row, {});
   hand_over_counts(c);
 }
 

@@ -133,6 +133,11 @@ __device__ inline Hull<SceneFloats> scene_hull_f32(const HullsView& hulls, const
   return {{reinterpret_cast<const float4*>(hulls.f32) + head->first}, hulls.words + head->first_word, head};
 }
 
+// Whether a body of a pair has several pieces.
+__device__ inline bool has_several(const HullsView& hulls, std::uint32_t body_a, std::uint32_t body_b) {
+  return hulls.of_body[body_a] == kSeveral || hulls.of_body[body_b] == kSeveral;
+}
+
 // A body where this thread finds it.
 struct Where {
   const double* components;

@@ -31,13 +31,18 @@ CLEARANCE_HD inline std::uint32_t shared_bytes_f32(const HullHead& h) {
 /// Whether float32 can be tried on two hulls: fits_f32() of their pieces.
 CLEARANCE_HD inline bool fit_f32(const HullHead& a, const HullHead& b) { return sizes_fit_f32(a.f32_size, b.f32_size); }
 
+/// In place of a hull's index: the body has several pieces.
+inline constexpr std::uint32_t kSeveral = kNone - 1;
+
 /// All hulls of the scene, in device memory.
 struct HullsView {
   const HullHead* heads;
   const double *x, *y, *z;
   const float* f32;              ///< (vertices, 4) relative to the hull's centre; the fourth is of no use
   const std::uint16_t* words;    ///< of all tables, each from a multiple of 8 on
-  const std::uint32_t* of_body;  ///< (bodies,) index of the body's hull; kNone: not on the device
+  const std::uint32_t* of_body;  ///< (bodies,) index of the body's hull; kSeveral: it has several; kNone: not on the device
+  const std::uint32_t* piece_begin;  ///< (bodies + 1,) of each body's pieces; none where it is not on the device
+  const std::uint32_t* piece_hull;   ///< (pieces,) index of the hull
 };
 
 /// A body in a pair: its id, or kMovedBit and its place among the bodies that the query moves.
@@ -78,6 +83,10 @@ struct BodiesView {
   const std::uint32_t* moved_body;  ///< (moved,) ids
   std::uint32_t moved_count;
   std::uint32_t components;  ///< of each body: with or without boxes
+  // Boxes of pieces: low, high. Null where no body has several.
+  double* fixed_piece_box;                 ///< (pieces, 6) where the snapshot has them
+  double* moved_piece_box;                 ///< (pieces of the moved, 6, configurations)
+  const std::uint32_t* moved_piece_begin;  ///< (moved,)
 };
 
 /// How the moved bodies get their poses. Each follows a chain of moved bodies, from the top down to itself, under a
@@ -122,9 +131,10 @@ struct LeftOpen {
 
 /// Places in ChunkView::counts: rows left to the CPU; rows that the narrow phase settled; enclosed pairs; of reduced
 /// queries pairs that are looked at, and rows that come back.
-/// And blocks that are done, of chunks whose last block hands the counts over; pairs that float32 has left open.
+/// And blocks that are done, of chunks whose last block hands the counts over; pairs that float32 has left open; of reduced
+/// queries those of the pairs that are looked at of which a body has several pieces.
 inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
-                               kBlocksDone = 5, kLeftOpen = 6, kCounts = 8;
+                               kBlocksDone = 5, kLeftOpen = 6, kSeveralPairs = 7, kCounts = 8;
 
 /// One launch: some pairs in some configurations.
 struct ChunkView {
@@ -174,6 +184,7 @@ struct ReducedView {
   std::uint32_t* items;                        ///< (capacity,) rows of the pairs that are looked at
   PairAnswer* answers;                         ///< (capacity,)
   std::uint32_t* rest_rows;                    ///< rows of chunk.rest
+  std::uint32_t* several;                      ///< (capacity,) places in the list of pairs of which a body has several pieces
   std::uint32_t capacity = 0;
   std::uint64_t reply_rows;     ///< room in the reply
   // Of a whole table within a distance. Places in the list of pairs that are looked at stand for rows everywhere else.

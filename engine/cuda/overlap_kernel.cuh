@@ -8,11 +8,10 @@
 namespace clearance::cuda {
 
 // Not inlined: few pairs come here. False: the proof fails, or double-double would make a better common point; the CPU finishes the pair.
-__device__ __noinline__ bool prove_overlap(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b,
-                                     PairAnswer& answer) {
+__device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b, const Enclosed& e,
+                                           const Where& at_a, const Where& at_b, PairAnswer& answer) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
   const Vec3d D = at_b.translation() - at_a.translation();
-  const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
   const auto vertex_a = [&](std::uint32_t i) {
     return Vec3d{c.hulls.x[a.first + i], c.hulls.y[a.first + i], c.hulls.z[a.first + i]};
   };
@@ -52,9 +51,10 @@ __device__ __noinline__ bool prove_overlap(const ChunkView& c, const Enclosed& e
   return true;
 }
 
-// What becomes of an enclosed pair.
+// What becomes of an enclosed pair of single pieces.
 __device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b, PairAnswer& answer) {
-  return prove_overlap(c, e, at_a, at_b, answer) ? Outcome::kSettled : Outcome::kUnsettled;
+  const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
+  return prove_overlap(c, a, b, e, at_a, at_b, answer) ? Outcome::kSettled : Outcome::kUnsettled;
 }
 
 __global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ ChunkView c) {

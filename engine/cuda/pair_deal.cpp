@@ -21,7 +21,7 @@ std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
 class Dealer {
  public:
   Dealer(const Scene& scene, const Device& device, const Plan& plan, PairDeal& deal)
-      : device_(device), plan_(plan), deal_(deal), ref_(scene.bodies().size()), hull_(scene.bodies().size()) {
+      : scene_(scene), device_(device), plan_(plan), deal_(deal), ref_(scene.bodies().size()), hull_(scene.bodies().size()) {
     for (std::uint32_t b = 0; b < ref_.size(); ++b) {
       ref_[b] = b;
       hull_[b] = device.hull_of(b);
@@ -51,15 +51,19 @@ class Dealer {
     part.first_pair = static_cast<std::uint32_t>(refs_.size());
     const std::span<const BodyPair> pairs = plan_.pairs.slice(first, count, room_);
     order_.clear();
+    std::vector<Entry> several;
     for (std::uint32_t i = 0; i < count; ++i) {
       const auto [a, b] = pairs[i];
       if (a >= hull_.size() || b >= hull_.size() || hull_[a] == kNone || hull_[b] == kNone)
         part.on_cpu.push_back(i);
+      else if (hull_[a] == kSeveral || hull_[b] == kSeveral)
+        several.push_back({std::uint64_t{pieces_of(a)} * pieces_of(b), i});
       else
         order_.push_back({std::uint64_t{hull_[a]} << 32 | hull_[b], i});
     }
     if (!std::is_sorted(order_.begin(), order_.end())) std::sort(order_.begin(), order_.end());
-    // Groups first, then the pairs without company.
+    std::sort(several.begin(), several.end());  // threads side by side have as many piece pairs
+    // Groups first, then the pairs without company, then those of several pieces.
     std::vector<Entry> strays;
     std::vector<Group> groups;
     for (std::size_t begin = 0, end; begin < order_.size(); begin = end) {
@@ -73,16 +77,14 @@ class Dealer {
       groups.push_back({one, other, static_cast<std::uint32_t>(refs_.size()) - part.first_pair, static_cast<std::uint32_t>(end - begin), 0});
       for (std::size_t i = begin; i < end; ++i) add_pair(pairs, order_[i]);
     }
-    const Group stray_group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
-                            static_cast<std::uint32_t>(strays.size()), 0};
-    for (const Entry& e : strays) add_pair(pairs, e);
-    part.whole = add_groups(groups, stray_group, deal_.configurations);
-    part.last = add_groups(groups, stray_group, deal_.last_configurations);
+    const Group stray_group = add_apart(part, pairs, strays), several_group = add_apart(part, pairs, several);
+    part.whole = add_groups(groups, stray_group, several_group, deal_.configurations);
+    part.last = add_groups(groups, stray_group, several_group, deal_.last_configurations);
     deal_.parts.push_back(std::move(part));
   }
 
   struct Entry {
-    std::uint64_t hulls;
+    std::uint64_t hulls;  // what is dealt side by side
     std::uint32_t position;
     auto operator<=>(const Entry&) const = default;
   };
@@ -93,7 +95,16 @@ class Dealer {
     position_.push_back(e.position);
   }
 
-  PairDeal::Part::Groups add_groups(std::span<const Group> groups, const Group& strays, std::uint32_t configurations) {
+  // A group of pairs that have no hulls in common.
+  Group add_apart(const PairDeal::Part& part, std::span<const BodyPair> pairs, std::span<const Entry> entries) {
+    const Group group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair, static_cast<std::uint32_t>(entries.size()), 0};
+    for (const Entry& e : entries) add_pair(pairs, e);
+    return group;
+  }
+
+  std::size_t pieces_of(std::uint32_t body) const { return scene_.bodies()[body].pieces.size(); }
+
+  PairDeal::Part::Groups add_groups(std::span<const Group> groups, const Group& strays, const Group& several, std::uint32_t configurations) {
     PairDeal::Part::Groups g;
     g.first_tile = static_cast<std::uint32_t>(group_of_tile_.size());
     for (Group group : groups) {
@@ -103,9 +114,12 @@ class Dealer {
     }
     g.strays = strays;
     g.stray_tiles = tiles(strays.count, configurations);
+    g.several = several;
+    g.several_tiles = tiles(several.count, configurations);
     return g;
   }
 
+  const Scene& scene_;
   const Device& device_;
   const Plan& plan_;
   PairDeal& deal_;

@@ -218,12 +218,11 @@ __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hu
   }
 }
 
-// Answers one pair that has poses, if it can be settled. \param enclosed its simplex is left here if that holds the
-// origin. \param warm with kWarm: where the run begins and what it leaves.
-template <bool kCompact, bool kWarm, class Hull, class PointHull>
-__device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
-                                 const Where& at_a, const Where& at_b, const Place<typename Hull::T>& at,
-                                 PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
+// Runs GJK on a pair that has poses, to its end. \param enclosed the simplex is left here if that holds the origin.
+// \param warm with kWarm: where the run begins and what it leaves. \param take is called with what settles the pair.
+template <bool kWarm, class Hull, class Take>
+__device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hull& b, const Place<typename Hull::T>& at,
+                                     Enclosed& enclosed, WarmRow* warm, const Take& take) {
   using T = typename Hull::T;
   if (kIsF32<T> && !at.fits) return Outcome::kUnsettled;
   Run<Hull> run(q, a, b, at);
@@ -237,8 +236,19 @@ __device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b
     if (q.prove_overlaps && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
   const RunBounds<T> bounds = run.bounds();
   if (!bounds.settled) return Outcome::kUnsettled;
-  take_settled<kCompact>(q, hulls, at_a, at_b, at, run.g, bounds, answer);
+  take(run.g, bounds);
   return Outcome::kSettled;
+}
+
+// Answers one pair that has poses, if it can be settled.
+template <bool kCompact, bool kWarm, class Hull, class PointHull>
+__device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
+                                 const Where& at_a, const Where& at_b, const Place<typename Hull::T>& at,
+                                 PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
+  using T = typename Hull::T;
+  return run_to_end<kWarm>(q, a, b, at, enclosed, warm, [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
+    take_settled<kCompact>(q, hulls, at_a, at_b, at, g, bounds, answer);
+  });
 }
 
 __device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {

@@ -1,6 +1,7 @@
 // Poses of configurations to placed bodies: one thread for each moved body in each configuration.
 #pragma once
 
+#include "engine/aabb.h"
 #include "engine/certify.h"
 #include "layout.h"
 
@@ -19,19 +20,41 @@ __device__ inline Aabb box_of(const HullHead& h, const Mat3d& R_wb, const Vec3d&
   return certify_box(h.centre, h.half, h.spread, h.rho, h.radius, R_wb, t_w);
 }
 
-// Boxes of the bodies that stay where the snapshot has them; of those that are not on the device, none.
+// The box of a placed body that is on the device: body_box()'s words. `put(i, box)` takes those of its pieces.
+template <class Put>
+__device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb, const Vec3d& t_w, const Put& put) {
+  const std::uint32_t first = hulls.piece_begin[body], count = hulls.piece_begin[body + 1] - first;
+  Aabb all = box_of(hulls.heads[hulls.piece_hull[first]], R_wb, t_w);
+  put(0, all);
+  for (std::uint32_t i = 1; i < count; ++i) {
+    const Aabb box = box_of(hulls.heads[hulls.piece_hull[first + i]], R_wb, t_w);
+    put(i, box);
+    all = joined(all, box);
+  }
+  return all;
+}
+
+// Boxes of the bodies that stay where the snapshot has them, and of their pieces; of those that are not on the device, none.
+// \param boxes, outer_boxes null: only those of the pieces are wanted.
 __global__ void __launch_bounds__(128)
     box_fixed_bodies(HullsView hulls, BodiesView bodies, double* boxes, OuterBox* outer_boxes) {
   const std::uint32_t body = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
   if (body >= n) return;
-  outer_boxes[body] = no_outer_box();
-  const std::uint32_t hull = hulls.of_body[body];
-  if (hull == kNone || static_cast<Status>(bodies.fixed_state[body] & kStateStatus) != Status::kOk) return;
+  if (outer_boxes) outer_boxes[body] = no_outer_box();
+  if (hulls.of_body[body] == kNone || static_cast<Status>(bodies.fixed_state[body] & kStateStatus) != Status::kOk) return;
   const auto at = [&](std::uint32_t c) {
     const double* p = bodies.fixed + std::size_t{c} * n + body;
     return Vec3d{p[0], p[n], p[2 * std::size_t{n}]};
   };
-  const Aabb box = box_of(hulls.heads[hull], {{at(0), at(3), at(6)}}, at(9));
+  const Aabb box = box_of_body(hulls, body, {{at(0), at(3), at(6)}}, at(9), [&](std::uint32_t i, const Aabb& of_piece) {
+    if (!bodies.fixed_piece_box) return;
+    double* p = bodies.fixed_piece_box + std::size_t{hulls.piece_begin[body] + i} * 6;
+    for (int k = 0; k < 3; ++k) {
+      p[k] = of_piece.low[k];
+      p[3 + k] = of_piece.high[k];
+    }
+  });
+  if (!outer_boxes) return;
   for (int i = 0; i < 3; ++i) {
     boxes[static_cast<std::size_t>(i) * n + body] = box.low[i];
     boxes[static_cast<std::size_t>(3 + i) * n + body] = box.high[i];
@@ -69,15 +92,24 @@ __global__ void __launch_bounds__(128)
   const Vec3d zero{0, 0, 0};
   for (int r = 0; r < 3; ++r) put(3 * r, placed ? here.pose.R_wb.row[r] : zero);
   put(9, placed ? here.pose.t_w : zero);
-  if (bodies.components == kPoseComponents) return;
-  const std::uint32_t hull = hulls.of_body[bodies.moved_body[slot]];
-  OuterBox& outer = bodies.moved_box[std::size_t{k} * bodies.moved_count + slot];
-  outer = no_outer_box();
-  if (hull == kNone || !placed) return;
-  const Aabb box = box_of(hulls.heads[hull], here.pose.R_wb, here.pose.t_w);
+  const bool want_box = bodies.components > kPoseComponents;
+  if (!want_box && !bodies.moved_piece_box) return;
+  const std::uint32_t body = bodies.moved_body[slot];
+  OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
+  if (want_box) *outer = no_outer_box();
+  if (hulls.of_body[body] == kNone || !placed) return;
+  const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w, [&](std::uint32_t i, const Aabb& of_piece) {
+    if (!bodies.moved_piece_box) return;
+    double* p = bodies.moved_piece_box + std::size_t{bodies.moved_piece_begin[slot] + i} * 6 * configurations + k;
+    for (int c = 0; c < 3; ++c) {
+      p[std::size_t(c) * configurations] = of_piece.low[c];
+      p[std::size_t(3 + c) * configurations] = of_piece.high[c];
+    }
+  });
+  if (!want_box) return;
   put(12, box.low);
   put(15, box.high);
-  outer = outer_box(box);
+  *outer = outer_box(box);
 }
 
 }  // namespace clearance::cuda

@@ -9,6 +9,7 @@
 #include "overlap_kernel.cuh"
 #include "pair_kernel.cuh"
 #include "pair_table.cuh"
+#include "piece_kernel.cuh"
 
 namespace clearance::cuda {
 
@@ -149,8 +150,12 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k), at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.question.max_distance) return gap;
-  const Hull<SceneVertices> a = scene_hull(c.hulls, head_of(c, item.ref.a)),
-                            b = scene_hull(c.hulls, head_of(c, item.ref.b));
+  PairHeads heads;  // of two pieces, which are no farther apart than the bodies
+  if (has_several(c.hulls, at_a.body, at_b.body))
+    heads = nearest_heads(c, item.ref, item.k, at_a.body, at_b.body);
+  else
+    heads = {head_of(c, item.ref.a), head_of(c, item.ref.b)};
+  const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
   const auto at = place_pair<double>(at_a, *a.head, at_b, *b.head);
   Run<Hull<SceneVertices>> run(c.question, a, b, at);
   for (int steps = 0; run.g.end == 0 && steps < kSeedSteps; ++steps) run.step();
@@ -280,15 +285,42 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
     const std::uint32_t i = first + threadIdx.x;
     Outcome outcome = Outcome::kNone;
     Enclosed enclosed;
+    bool several = false;
     if (i < count) {
       const Item item = listed_item(r, i);
       const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       enclosed.pair = item.p;
       enclosed.configuration = item.k;
+      several = has_several(c.hulls, at_a.body, at_b.body);
       PairAnswer answer;
-      outcome = solve_candidate(c, item, at_a, at_b, answer, enclosed);
+      if (!several) outcome = solve_candidate(c, item, at_a, at_b, answer, enclosed);
       if (outcome == Outcome::kEnclosed) outcome = proved(c, enclosed, at_a, at_b, answer);
+      if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
+        r.answers[i] = answer;
+        offer(r, item, i, answer, at_a, at_b);
+      }
+    }
+    const std::uint32_t place = take_place(r.chunk.counts + kSeveralPairs, several);
+    if (several) r.several[place] = i;
+    report_item(r, outcome, i);
+  }
+}
+
+// Those of them of which a body has several pieces, which solve_candidates() has listed.
+__global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_constant__ ReducedView r) {
+  const ChunkView& c = r.chunk;
+  const std::uint32_t count = c.counts[kSeveralPairs];
+  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
+    Outcome outcome = Outcome::kNone;
+    std::uint32_t i = 0;
+    if (first + threadIdx.x < count) {
+      i = r.several[first + threadIdx.x];
+      const Item item = listed_item(r, i);
+      const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+          at_b(c.bodies, c.configurations, item.ref.b, item.k);
+      PairAnswer answer;
+      outcome = solve_pieces<true>(c, item.ref, item.k, at_a, at_b, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);

@@ -148,12 +148,13 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     ReducedView& r = slot.view;
     const std::size_t words = (capacity + 3) / 4 * 4;
     std::byte* memory = slot.device_items.reserve(
-        words * (sizeof(PairAnswer) + 3 * sizeof(std::uint32_t)));
+        words * (sizeof(PairAnswer) + (hulls_.has_several() ? 4 : 3) * sizeof(std::uint32_t)));
     r.capacity = capacity;
     r.answers = reinterpret_cast<PairAnswer*>(memory);
     r.items = reinterpret_cast<std::uint32_t*>(r.answers + words);
     r.chunk.rest = r.items + words;
     r.rest_rows = r.chunk.rest + words;
+    r.several = r.rest_rows + words;  // of no use where no body has several pieces
     if (!table_) return;
     slot.table.make_room(r, *table_, slot.stream);
     if (r.hit_ranks) make_room_for_ranks(slot);
@@ -247,6 +248,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     else
       find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     solve_candidates<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
+    if (hulls_.has_several()) solve_several<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
     check(cudaGetLastError(), "starting a kernel");
   }
 

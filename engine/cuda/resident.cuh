@@ -29,69 +29,83 @@ class ResidentHulls {
   ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters)
       : most_shared_(static_cast<std::uint32_t>(most_shared)), memory_(counters) {
     check(cudaGetDevice(&device_), "asking for the device");
-    std::vector<HullHead> heads;
-    std::vector<double> x, y, z;
-    std::vector<float> f32;
-    std::vector<std::uint16_t> words;
+    HullArrays arrays;
+    std::vector<std::uint32_t> piece_hull, hulls;
     std::unordered_map<const Piece*, std::uint32_t> index;
+    piece_begin_.push_back(0);
     for (const Body& body : scene.bodies()) {
-      const Piece& p = *body.pieces[0];
-      if (body.pieces.size() > 1 || p.vertices.size() > kMostVertices) {
-        of_body_.push_back(kNone);
-        continue;
+      hulls.clear();
+      for (const PiecePtr& piece : body.pieces) {
+        const auto [at, is_new] = index.try_emplace(piece.get(), kNone);
+        if (is_new) at->second = add_hull(*piece, arrays);
+        if (at->second == kNone) break;
+        hulls.push_back(at->second);
       }
-      const auto [at, is_new] = index.try_emplace(&p, static_cast<std::uint32_t>(heads.size()));
-      if (!is_new) {
-        of_body_.push_back(at->second);
-        continue;
-      }
-      HullHead head{p.centre,
-                    p.half,
-                    p.rho,
-                    p.radius,
-                    p.spread,
-                    p.table ? std::numeric_limits<double>::infinity() : p.spread + p.radius,
-                    static_cast<std::uint32_t>(x.size()),
-                    static_cast<std::uint32_t>(p.vertices.size()),
-                    0,
-                    0,
-                    0,
-                    0};
-      if (p.vertices.size() <= kMostSharedVertices) {
-        add_table(p, head, words);
-      } else if (!add_large_table(p, head, words)) {
-        at->second = kNone;
-        of_body_.push_back(kNone);
-        continue;
-      }
-      of_body_.push_back(at->second);
-      heads.push_back(head);
-      for (const Vec3d& v : p.vertices) {
-        x.push_back(v.x);
-        y.push_back(v.y);
-        z.push_back(v.z);
-        for (int i = 0; i < 3; ++i) f32.push_back(static_cast<float>(v[i] - p.centre[i]));
-        f32.push_back(0);
-      }
+      const bool is_held = hulls.size() == body.pieces.size();
+      of_body_.push_back(!is_held ? kNone : hulls.size() == 1 ? hulls[0] : kSeveral);
+      if (is_held) piece_hull.insert(piece_hull.end(), hulls.begin(), hulls.end());
+      piece_begin_.push_back(static_cast<std::uint32_t>(piece_hull.size()));
+      has_several_ = has_several_ || of_body_.back() == kSeveral;
     }
-    heads_ = heads;
+    heads_ = arrays.heads;
     Upload& m = memory_;
-    const std::size_t at_heads = m.add<HullHead>(heads), at_x = m.add<double>(x), at_y = m.add<double>(y),
-                      at_z = m.add<double>(z), at_f32 = m.add<float>(f32), at_words = m.add<std::uint16_t>(words),
-                      at_of = m.add<std::uint32_t>(of_body_);
+    const std::size_t at_heads = m.add<HullHead>(arrays.heads), at_x = m.add<double>(arrays.x), at_y = m.add<double>(arrays.y),
+                      at_z = m.add<double>(arrays.z), at_f32 = m.add<float>(arrays.f32),
+                      at_words = m.add<std::uint16_t>(arrays.words), at_of = m.add<std::uint32_t>(of_body_),
+                      at_begin = m.add<std::uint32_t>(piece_begin_), at_pieces = m.add<std::uint32_t>(piece_hull);
     m.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
     m.forget_host();
     view_ = {m.at<HullHead>(at_heads),      m.at<double>(at_x),        m.at<double>(at_y), m.at<double>(at_z), m.at<float>(at_f32),
-             m.at<std::uint16_t>(at_words), m.at<std::uint32_t>(at_of)};
+             m.at<std::uint16_t>(at_words), m.at<std::uint32_t>(at_of), m.at<std::uint32_t>(at_begin),
+             m.at<std::uint32_t>(at_pieces)};
   }
   const HullsView& view() const { return view_; }
   int device() const { return device_; }  ///< its number
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
   const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
   bool is_shared(std::uint32_t hull) const { return heads_[hull].count <= kMostSharedVertices; }
+  bool has_several() const { return has_several_; }  ///< whether a body here has several pieces
+  std::size_t pieces() const { return piece_begin_.back(); }  ///< of all bodies here
+  std::uint32_t pieces_of(std::uint32_t body) const { return piece_begin_[body + 1] - piece_begin_[body]; }
 
  private:
+  struct HullArrays {
+    std::vector<HullHead> heads;
+    std::vector<double> x, y, z;
+    std::vector<float> f32;
+    std::vector<std::uint16_t> words;
+  };
+
+  // Its index; kNone: the device cannot hold it.
+  std::uint32_t add_hull(const Piece& p, HullArrays& arrays) const {
+    if (p.vertices.size() > kMostVertices) return kNone;
+    HullHead head{p.centre,
+                  p.half,
+                  p.rho,
+                  p.radius,
+                  p.spread,
+                  p.table ? std::numeric_limits<double>::infinity() : p.spread + p.radius,
+                  static_cast<std::uint32_t>(arrays.x.size()),
+                  static_cast<std::uint32_t>(p.vertices.size()),
+                  0,
+                  0,
+                  0,
+                  0};
+    if (p.vertices.size() <= kMostSharedVertices)
+      add_table(p, head, arrays.words);
+    else if (!add_large_table(p, head, arrays.words))
+      return kNone;
+    for (const Vec3d& v : p.vertices) {
+      arrays.x.push_back(v.x);
+      arrays.y.push_back(v.y);
+      arrays.z.push_back(v.z);
+      for (int i = 0; i < 3; ++i) arrays.f32.push_back(static_cast<float>(v[i] - p.centre[i]));
+      arrays.f32.push_back(0);
+    }
+    arrays.heads.push_back(head);
+    return static_cast<std::uint32_t>(arrays.heads.size() - 1);
+  }
   // Finer than the CPU's: threads that run side by side wait for the longest list. A table that leaves no room for
   // another hull is left out.
   void add_table(const Piece& p, HullHead& head, std::vector<std::uint16_t>& words) const {
@@ -128,8 +142,9 @@ class ResidentHulls {
   int device_ = 0;
   std::uint32_t most_shared_;
   Upload memory_;
-  std::vector<std::uint32_t> of_body_;
+  std::vector<std::uint32_t> of_body_, piece_begin_;
   std::vector<HullHead> heads_;
+  bool has_several_ = false;
   HullsView view_;
 };
 

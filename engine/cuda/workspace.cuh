@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "device.h"
 #include "memory.cuh"
@@ -32,6 +33,8 @@ struct QuerySlot {
   DeviceBuffer device_poses, device_bodies;
   PinnedBuffer host_poses;
 };
+
+inline constexpr std::size_t kPieceBoxBytes = 6 * sizeof(double);
 
 /// The part that workspaces of dense and of reduced queries share. \param Interface of device.h. \param Slot a QuerySlot.
 template <class Interface, class Slot>
@@ -75,7 +78,8 @@ class QuerySide : public Interface {
     fields_ = s.fields;
     given_count_ = s.given_count;
     setup_.clear();
-    const std::size_t moved_body = setup_.add(s.moved_body), source = setup_.add(s.source),
+    find_moved_pieces(s.moved_body);
+    const std::size_t moved_body = setup_.add(s.moved_body), pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)), source = setup_.add(s.source),
                       begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain), own = setup_.add(s.own),
                       base = setup_.add(s.base), has_base = setup_.add(s.has_base);
     const cudaStream_t stream = slots_[0]->stream;
@@ -85,6 +89,7 @@ class QuerySide : public Interface {
     for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
     bodies_.moved_body = setup_.at<std::uint32_t>(moved_body);
+    bodies_.moved_piece_begin = setup_.at<std::uint32_t>(pieces);
     bodies_.moved_count = static_cast<std::uint32_t>(s.moved_body.size());
     moves_ = {nullptr,
               s.given_count,
@@ -137,23 +142,25 @@ class QuerySide : public Interface {
     counters_.kernel_ns += static_cast<std::uint64_t>(1e6 * kernel_milliseconds(slot));
   }
 
-  // In one block: state, components, boxes, outer boxes. Only state and components come from the host.
+  // In one block: state, components, boxes, outer boxes, boxes of pieces. Only state and components come from the host.
   std::size_t components_offset() const { return (std::size_t{fixed_count_} + 15) / 16 * 16; }
   std::size_t fixed_bytes() const { return components_offset() + std::size_t{fixed_count_} * kPoseComponents * sizeof(double); }
   void send_bodies(const QuerySetup& s, cudaStream_t stream) {
     const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
     const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
-    std::byte* memory = device_bodies_.reserve(outer_at + (s.boxes ? n * sizeof(OuterBox) : 0));
-    auto* outer = reinterpret_cast<OuterBox*>(memory + outer_at);
+    const std::size_t pieces_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
+    std::byte* memory = device_bodies_.reserve(pieces_at + (hulls_.has_several() ? hulls_.pieces() * kPieceBoxBytes : 0));
+    auto* outer = s.boxes ? reinterpret_cast<OuterBox*>(memory + outer_at) : nullptr;
     bodies_ = {};
     bodies_.fixed = reinterpret_cast<const double*>(memory + components_offset());
     bodies_.fixed_state = reinterpret_cast<const std::uint8_t*>(memory);
-    bodies_.fixed_box = s.boxes ? outer : nullptr;
+    bodies_.fixed_box = outer;
+    if (hulls_.has_several()) bodies_.fixed_piece_box = reinterpret_cast<double*>(memory + pieces_at);
     bodies_.bodies = fixed_count_;
     bodies_.components = kPoseComponents + (s.boxes ? kBoxComponents : 0);
     if (n == 0) return;
     check(cudaMemcpyAsync(memory, host_bodies_.data(), fixed_bytes(), cudaMemcpyHostToDevice, stream), "copying poses");
-    if (!s.boxes) return;
+    if (!s.boxes && !hulls_.has_several()) return;
     check(cudaEventRecord(boxes_begun_.event, stream), "recording an event");
     box_fixed_bodies<<<static_cast<unsigned>((n + 127) / 128), 128, 0, stream>>>(
         hulls_.view(), bodies_, reinterpret_cast<double*>(memory + fixed_bytes()), outer);
@@ -170,6 +177,17 @@ class QuerySide : public Interface {
     return std::max(0.0f, std::min(alone, after));
   }
 
+  // Where each moved body's pieces begin among those of all, where a body of the scene has several.
+  void find_moved_pieces(std::span<const std::uint32_t> moved) {
+    moved_piece_begin_.clear();
+    moved_pieces_ = 0;
+    if (!hulls_.has_several()) return;
+    for (const std::uint32_t body : moved) {
+      moved_piece_begin_.push_back(moved_pieces_);
+      moved_pieces_ += hulls_.pieces_of(body);
+    }
+  }
+
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
     const std::size_t given_bytes = sizeof(Pose) * given_count_ * chunk.configurations;
     std::byte* given = slot.device_poses.reserve(given_bytes);
@@ -177,11 +195,13 @@ class QuerySide : public Interface {
           "copying poses");
     const std::size_t states = std::size_t{bodies.moved_count} * chunk.configurations,
                       numbers = states * bodies.components * sizeof(double),
-                      boxes = bodies.fixed_box ? states * sizeof(OuterBox) : 0;
-    std::byte* memory = slot.device_bodies.reserve(boxes + numbers + states);
+                      boxes = bodies.fixed_box ? states * sizeof(OuterBox) : 0,
+                      pieces = moved_pieces_ * chunk.configurations * kPieceBoxBytes;
+    std::byte* memory = slot.device_bodies.reserve(boxes + pieces + numbers + states);
     bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
-    bodies.moved = reinterpret_cast<double*>(memory + boxes);
-    bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + numbers);
+    bodies.moved_piece_box = pieces > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
+    bodies.moved = reinterpret_cast<double*>(memory + boxes + pieces);
+    bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + pieces + numbers);
     MovesView moves = moves_;
     moves.given = reinterpret_cast<const Pose*>(given);
     place_bodies<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves,
@@ -197,6 +217,8 @@ class QuerySide : public Interface {
   PinnedBuffer host_bodies_, all_poses_;
   DeviceBuffer device_bodies_;
   std::uint32_t fixed_count_ = 0;
+  std::vector<std::uint32_t> moved_piece_begin_;
+  std::uint32_t moved_pieces_ = 0;
   BodiesView bodies_;
   MovesView moves_;
   const CudaPairs* pairs_ = nullptr;

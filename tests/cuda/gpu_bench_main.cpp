@@ -7,8 +7,8 @@
 #include <iostream>
 #include <thread>
 
+#include "arms_scene.h"
 #include "engine/cuda/device.h"
-#include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
 namespace {
@@ -26,6 +26,7 @@ struct Workload {
   std::size_t first_pairs = 0;  // only so many; 0: all
   bool warm = false;            // every query's poses are 0.01 rad from those of the one before
   Precision precision = Precision::kF64;
+  bool depth = false;
 };
 
 Scene spheres(int count, double box) {
@@ -106,6 +107,16 @@ const std::vector<Workload>& workloads() {
       {"50000 spheres, box 368, within 2", [] { return spheres(50000, 368); }, 0, Format::kFull, kBounds,
        Reduce::kWithin, 2},
       {"30 hulls, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds, Reduce::kMin},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact", arms_scene, 4096, Format::kCompact, kFieldCompact},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact, f32", arms_scene, 4096, Format::kCompact,
+       kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF32},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, near 0.1, compact", arms_scene, 4096, Format::kCompact,
+       kFieldCompact, Reduce::kNone, 0.1},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min", arms_scene, 4096, Format::kFull, kBounds, Reduce::kMin},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, depth, compact", arms_scene, 4096, Format::kCompact,
+       kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF64, true},
+      {"30 hulls, 150 pairs, 4096 configurations, depth, compact", hulls, 4096, Format::kCompact, kFieldCompact, Reduce::kNone,
+       kFar, 0, false, Precision::kF64, true},
   };
   return all;
 }
@@ -158,12 +169,19 @@ struct Asked {
     q.reduce = w.reduce;
     q.max_distance = w.max_distance;
     q.precision = w.precision;
-    if (w.configurations > 0) {
+    q.signed_distance = w.depth;
+    if (w.scene == arms_scene) {
+      for (std::uint32_t b = 0; b < kArms * kLinks; ++b) bodies.push_back(b);
+      pairs = arms_pairs();
+      poses = arms_poses(w.configurations, 13);
+    } else if (w.configurations > 0) {
       for (std::uint32_t b = 0; b < kHulls; ++b) bodies.push_back(b);
       for (std::uint32_t a = 0; a < kHulls && pairs.size() < kHullPairs; ++a)
         for (std::uint32_t b = a + 1; b < kHulls && pairs.size() < kHullPairs; b += 2) pairs.push_back({a, b});
       Random random(13);
       for (std::size_t i = 0; i < std::size_t{w.configurations} * kHulls; ++i) poses.push_back(random.pose(1));
+    }
+    if (w.configurations > 0) {
       q.all_pairs = false;
       q.pairs = pairs;
       q.bodies = bodies;

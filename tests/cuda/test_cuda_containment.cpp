@@ -13,6 +13,7 @@ namespace clearance::test {
 namespace {
 
 constexpr std::uint32_t kBodies = 48, kBatch = 100;
+constexpr double kInf = std::numeric_limits<double>::infinity();
 
 Scene bodies_of_all_kinds() {
   Random random(31);
@@ -25,7 +26,18 @@ Scene bodies_of_all_kinds() {
       case 2: scene.add_uv_sphere(name, 0.4, 5, {}); break;
       case 3: scene.add_hull(name, cloud_on_sphere(120, 0.5, i), {}); break;
       case 4: scene.add_hull(name, random.cloud(20, {0.5, 0.5, 0.01}), {}); break;
-      default: scene.add_hull(name, random.cloud(6, {0.4, 0.4, 0.4}), {});
+      default: {
+        Body body;
+        body.name = name;
+        body.pieces = {make_piece(random.cloud(6, {0.4, 0.4, 0.4}))};
+        for (std::uint32_t p = 0; p < i / 6 % 4; ++p) {  // up to four pieces
+          std::vector<Vec3d> v = random.cloud(12, {0.2, 0.2, 0.2});
+          const Vec3d at{random.uniform(-0.8, 0.8), random.uniform(-0.8, 0.8), 0};
+          for (Vec3d& x : v) x += at;
+          body.pieces.push_back(make_piece(std::move(v), p == 1 ? 0.1 : 0.0));
+        }
+        scene.add_body(std::move(body));
+      }
     }
   }
   return scene;
@@ -60,12 +72,14 @@ std::vector<Exact> judge(const Scene& scene, const std::vector<BodyPair>& pairs,
     for (std::size_t i; (i = next++) < rows.size();) {
       const BodyPair pair = pairs[i % pairs.size()];
       const Pose* X = poses.data() + i / pairs.size() * kBodies;
-      const auto view = [&](std::uint32_t body) {
-        const Piece& piece = *scene.bodies()[body].pieces[0];
-        return exact::PieceView{piece.vertices, piece.radius};
-      };
-      const exact::Value d = exact::exact_distance(view(pair.a), X[pair.a], view(pair.b), X[pair.b], false).distance;
-      if (d.compare(0) > 0) rows[i] = {d.lower(), d.upper()};
+      const auto view = [](const PiecePtr& piece) { return exact::PieceView{piece->vertices, piece->radius}; };
+      rows[i] = {kInf, kInf};
+      for (const PiecePtr& a : scene.bodies()[pair.a].pieces)
+        for (const PiecePtr& b : scene.bodies()[pair.b].pieces) {
+          const exact::Value d = exact::exact_distance(view(a), X[pair.a], view(b), X[pair.b], false).distance;
+          const Exact one = d.compare(0) > 0 ? Exact{d.lower(), d.upper()} : Exact{};
+          rows[i] = {std::min(rows[i].below, one.below), std::min(rows[i].above, one.above)};
+        }
     }
   };
   std::vector<std::jthread> threads;

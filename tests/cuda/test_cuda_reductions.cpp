@@ -289,8 +289,34 @@ TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
     for (std::size_t i = 0; i < asked.size(); ++i) expect_same(mine[i], expected[i], "of a thread", true);
 }
 
+TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralPieces) {
+  for (const double box : {0.8, 3.0, 8.0}) {
+    const Engine device(decomposed_scene(90, box, 21), {"cuda"}), cpu(decomposed_scene(90, box, 21), {"cpu"});
+    Random random(22);
+    const std::vector<std::uint32_t> bodies{0, 2, 3, 7, 15, 26, 30};
+    std::vector<Pose> poses;
+    for (std::size_t i = 0; i < 150 * bodies.size(); ++i) poses.push_back(random.pose(box));
+    poses[1].qw = poses[1].qx = poses[1].qy = poses[1].qz = 0;
+    for (auto [name, q] : questions()) {
+      compare(device, cpu, q, name + ", box " + std::to_string(box));
+      if (q.signed_distance && box < 1) continue;  // overlaps are the CPU's
+      q.bodies = bodies;
+      q.configurations = poses;
+      q.configuration_count = 150;
+      compare(device, cpu, q, name + ", configurations, box " + std::to_string(box));
+    }
+    EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
+    EXPECT_GT(counter(device, "cuda.pairs_settled"), 10'000u);
+  }
+}
+
 TEST_F(CudaReductions, LeaveScenesThatTheDeviceDoesNotKnowToTheCpu) {
-  const Engine device(mixed_scene(40, 2, 13), {"cuda"}), cpu(mixed_scene(40, 2, 13), {"cpu"});
+  const auto with_large = [] {
+    Scene scene = mixed_scene(40, 2, 13);
+    scene.add_uv_sphere("large", 0.3, 200, {});  // 79,602 vertices
+    return scene;
+  };
+  const Engine device(with_large(), {"cuda"}), cpu(with_large(), {"cpu"});
   for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), questions().size());
 }
