@@ -70,18 +70,18 @@ class NearestPieces {
   }
 
  private:
-  // Those that come next after the last of what was found before. No gap is NaN.
+  // Those that come next after the last of what was found before. No gap is NaN: that stands for none.
   CLEARANCE_HD void find() {
     PiecePair near[kCount];  // where a GPU can keep it in registers
     CLEARANCE_UNROLL
-    for (int i = 0; i < kCount; ++i) near[i] = {__builtin_inf(), kNone, kNone};
+    for (int i = 0; i < kCount; ++i) near[i] = {__builtin_nan(""), kNone, kNone};
     const bool is_first = !begun_;
     const PiecePair last = found_[kCount - 1];
     for (std::uint32_t a = 0; a < count_a_; ++a) {
       const Aabb box = boxes_a_(a);
       for (std::uint32_t b = 0; b < count_b_; ++b) {
         const PiecePair p{certify_box_gap(box, boxes_b_(b)), a, b};
-        if (goes_before(p, near[kCount - 1]) && (is_first || goes_before(last, p))) insert(p, near);
+        if (!(near[kCount - 1].gap <= p.gap) && (is_first || goes_before(last, p))) insert(p, near);
       }
     }
     CLEARANCE_UNROLL
@@ -89,11 +89,12 @@ class NearestPieces {
     at_ = 0;
     begun_ = true;
   }
+  // Of those with the same gap it comes last, so that gaps alone need to be compared.
   CLEARANCE_HD static void insert(const PiecePair& p, PiecePair (&near)[kCount]) {
     CLEARANCE_UNROLL
     for (int i = kCount - 1; i > 0; --i)
-      near[i] = goes_before(p, near[i - 1]) ? near[i - 1] : goes_before(p, near[i]) ? p : near[i];
-    if (goes_before(p, near[0])) near[0] = p;
+      near[i] = !(near[i - 1].gap <= p.gap) ? near[i - 1] : near[i].gap <= p.gap ? near[i] : p;
+    if (!(near[0].gap <= p.gap)) near[0] = p;
   }
 
   const BoxesA& boxes_a_;
