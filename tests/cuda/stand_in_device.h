@@ -123,7 +123,7 @@ class IdleWorkspace : public Interface {
   std::vector<std::uint32_t> rows_[cuda::kChunksUnderWay], finished_[cuda::kChunksUnderWay];
 };
 
-class IdleDense final : public IdleWorkspace<cuda::Workspace> {
+class IdleDense : public IdleWorkspace<cuda::Workspace> {
  public:
   using IdleWorkspace::IdleWorkspace;
   cuda::ChunkResult finish(int slot) override {
@@ -146,7 +146,7 @@ class IdleReduced final : public IdleWorkspace<cuda::ReducedWorkspace> {
   }
 };
 
-class IdleDevice final : public cuda::Device {
+class IdleDevice : public cuda::Device {
  public:
   explicit IdleDevice(Fault& fault) : fault_(fault) {}
   std::uint32_t hull_of(std::uint32_t body) const override { return body; }
