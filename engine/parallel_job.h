@@ -120,7 +120,8 @@ class ParallelJob : public Job::State {
       return;
     }
     std::exception_ptr failure;  // an exception may not leave a parallel region
-#pragma omp parallel for schedule(dynamic) num_threads(workers())
+    const int threads = static_cast<int>(std::min(static_cast<std::uint64_t>(workers()), end - begin));
+#pragma omp parallel for schedule(dynamic) num_threads(threads)
     for (std::uint64_t i = begin; i < end; ++i) {
       try {
         unit(i, omp_get_thread_num());
