@@ -159,10 +159,12 @@ CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVe
   s.weight[1] = first_weight;
   s.weight[2] = second_weight;
   s.size = select(on_face, Count(3), select(on_edge, Count(2), Count(1)));
-  // e x (a x e) / |e|^2 is the part of a that is normal to the edge.
-  const Vec3<T> edge = s.vertex[1].w - newest.w;
-  const Vec3<T> on_edge_v = cross(cross(q, edge), edge) * scale;
-  r.v = select(on_face, face_normal * scale, select(on_edge, on_edge_v, newest.w));
+  r.v = newest.w;
+  if (any(on_edge)) {  // e x (a x e) / |e|^2 is the part of a that is normal to the edge
+    const Vec3<T> edge = s.vertex[1].w - newest.w;
+    r.v = select(on_edge, cross(cross(q, edge), edge) * scale, r.v);
+  }
+  if (any(on_face)) r.v = select(on_face, face_normal * scale, r.v);
   r.squared_distance = squared_norm(r.v);
   return r;
 }
