@@ -153,9 +153,11 @@ CLEARANCE_HD inline Simplex<T> around_origin(const CsoVertex<T>* vertices, const
   T least = T(__builtin_inf());
   for (std::size_t k = 0; k < count; ++k) {
     const CsoFace<T>& f = faces[k];
+    const std::uint32_t first = faces[0].vertex[0];
+    if (f.vertex[0] == first || f.vertex[1] == first || f.vertex[2] == first) continue;  // flat
     Simplex<T> s;
     s.size = 4;
-    s.vertex[0] = vertices[faces[0].vertex[0]];
+    s.vertex[0] = vertices[first];
     for (int i = 0; i < 3; ++i) s.vertex[i + 1] = vertices[f.vertex[i]];
     if (const T miss = weigh_origin(s); miss < least) {
       least = miss;

@@ -58,8 +58,9 @@ __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item,
   enclosed.configuration = item.k;
   PairAnswer answer;
   WarmRow* const warm = kWarm ? c.warm + item.k * c.warm_stride + c.position[item.pair] : nullptr;
-  Outcome outcome = solve_item<kCompact, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm);
-  if (outcome == Outcome::kEnclosed && c.prove_at_once) outcome = proved(c, enclosed, item.at_a, item.at_b, answer);
+  const Outcome outcome =
+      solve_item<kCompact, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm);
+  if (outcome == Outcome::kEnclosed && c.prove_at_once) return prove_row(c, enclosed);
   if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
     write_answer<kCompact>(c, item.row, item.k, item.at_a, item.at_b, answer);
   return outcome;
@@ -150,10 +151,10 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
 template <bool kCompact, bool kWarm>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_open(const __grid_constant__ ChunkView c) {
   const std::uint32_t count = c.counts[kLeftOpen];
-  for (std::uint32_t first = blockIdx.x * kTile; first < count; first += gridDim.x * kTile) {
-    const bool is_there = first + threadIdx.x < count;
-    const LeftOpen open = c.left_open[is_there ? first + threadIdx.x : count - 1];
-    answer_alone<false, kCompact, kWarm>(c, GroupItem(c, open.pair, open.configuration), is_there);
+  for (std::uint32_t first = 0; first < count; first += gridDim.x * kTile) {
+    const std::uint32_t i = first + spread_place();
+    const LeftOpen open = c.left_open[i < count ? i : count - 1];
+    answer_alone<false, kCompact, kWarm>(c, GroupItem(c, open.pair, open.configuration), i < count);
   }
   hand_over_counts(c);
 }

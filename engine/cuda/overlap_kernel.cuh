@@ -57,22 +57,32 @@ __device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Wh
   return prove_overlap(c, a, b, e, at_a, at_b, answer) ? Outcome::kSettled : Outcome::kUnsettled;
 }
 
+__device__ inline std::uint64_t row_of(const ChunkView& c, const Enclosed& e) {
+  return std::uint64_t{e.configuration} * c.pair_count + c.position[e.pair];
+}
+// The same for a pair of a dense chunk, whose row is written. Not inlined either: what it needs would take registers from
+// the iteration.
+__device__ __noinline__ Outcome prove_row(const ChunkView& c, Enclosed e) {
+  const PairRef pair = c.pairs[e.pair];
+  const Where at_a(c.bodies, c.configurations, pair.a, e.configuration),
+      at_b(c.bodies, c.configurations, pair.b, e.configuration);
+  PairAnswer answer;
+  answer.flags = flags_of(at_a, at_b);
+  const Outcome outcome = proved(c, e, at_a, at_b, answer);
+  if (outcome == Outcome::kSettled) write_answer(c, row_of(c, e), e.configuration, at_a, at_b, answer);
+  return outcome;
+}
+
 __global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ ChunkView c) {
   const std::uint32_t count = c.counts[kEnclosedPairs];
-  for (std::uint32_t first = blockIdx.x * kTile; first < count; first += gridDim.x * kTile) {
-    const std::uint32_t i = first + threadIdx.x;
+  for (std::uint32_t first = 0; first < count; first += gridDim.x * kTile) {
+    const std::uint32_t i = first + spread_place();
     Outcome outcome = Outcome::kNone;
     std::uint64_t row = 0;
     if (i < count) {
       const Enclosed e = c.enclosed[i];
-      const PairRef pair = c.pairs[e.pair];
-      const Where at_a(c.bodies, c.configurations, pair.a, e.configuration),
-          at_b(c.bodies, c.configurations, pair.b, e.configuration);
-      PairAnswer answer;
-      answer.flags = flags_of(at_a, at_b);
-      row = std::uint64_t{e.configuration} * c.pair_count + c.position[e.pair];
-      outcome = proved(c, e, at_a, at_b, answer);
-      if (outcome == Outcome::kSettled) write_answer(c, row, e.configuration, at_a, at_b, answer);
+      row = row_of(c, e);
+      outcome = prove_row(c, e);
     }
     const std::uint32_t rest = take_place(c.counts + kRest, outcome == Outcome::kUnsettled);
     if (outcome == Outcome::kUnsettled) c.rest[rest] = static_cast<std::uint32_t>(row);

@@ -251,6 +251,13 @@ __device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b
   });
 }
 
+// Where a thread begins in a list of few pairs that each take long: these are dealt to as many warps as there are, since
+// the threads of one warp would wait for each other. The next is a grid's threads further.
+__device__ inline std::uint32_t spread_place() {
+  const std::uint32_t warps = gridDim.x * blockDim.x / 32, warp = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
+  return threadIdx.x % 32 * warps + warp;
+}
+
 __device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
   const std::uint8_t states = a.state | b.state;
   return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0);
