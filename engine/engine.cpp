@@ -53,14 +53,15 @@ std::vector<std::string> Engine::backends() {
 namespace {
 
 // How long queries take on this machine, from where it was kept or measured now.
-cuda::Calibration calibration_of(const Engine::Options& options) {
-  if (options.calibration == "measure") return cuda::calibrate(options);
+cuda::Calibration calibration_of(const Scene& scene, const Engine::Options& options) {
+  const cuda::Bodies bodies = cuda::bodies_of(scene);
+  if (options.calibration == "measure") return cuda::calibrate(options, bodies);
   std::string devices = options.devices.empty() ? cuda::device_info().name : std::string();
   for (const int device : options.devices) devices += (devices.empty() ? "" : " and ") + cuda::device_name(device);
-  const std::string key = cuda::calibration_key(devices, options.threads, lane_kernel(options.instruction_set).name);
+  const std::string key = cuda::calibration_key(devices, options.threads, lane_kernel(options.instruction_set).name, bodies);
   const std::filesystem::path file = cuda::calibration_file(key);
   if (auto kept = cuda::load_calibration(file, key)) return *kept;
-  const cuda::Calibration measured = cuda::calibrate(options);
+  const cuda::Calibration measured = cuda::calibrate(options, bodies);
   cuda::save_calibration(file, key, measured);
   return measured;
 }
@@ -114,7 +115,7 @@ Engine::Engine(Scene scene, const Options& options) {
     device.devices = options.devices;
     impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene, device);
     if (both && impl_->device->usable())
-      impl_->router = std::make_unique<cuda::Router>(impl_->scene, impl_->device->device(), calibration_of(impl_->options));
+      impl_->router = std::make_unique<cuda::Router>(impl_->scene, impl_->device->device(), calibration_of(impl_->scene, impl_->options));
   }
 }
 

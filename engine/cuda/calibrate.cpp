@@ -19,6 +19,8 @@ using Clock = std::chrono::steady_clock;
 
 constexpr int kResolution[kHullSizes] = {5, 13};  // of add_uv_sphere(): 42 and 314 vertices
 constexpr int kRepeats = 2;                       // of which the fastest counts
+constexpr double kRadius = 0.5;
+constexpr int kManyPieces = 4;  // of a body of several: spheres in a square
 
 // So many spheres, as close as bodies in a crowd, for each sample.
 struct Size {
@@ -39,7 +41,7 @@ const Size* sizes_of(QueryKind kind) {
 }
 constexpr double kNearDistance = 0.5;  // of crowd()'s spheres: a few for each body
 
-Scene crowd(int bodies, const PiecePtr& piece) {
+Scene crowd(int bodies, const std::vector<PiecePtr>& pieces) {
   Scene scene;
   std::mt19937_64 bits(1);
   std::uniform_real_distribution<double> place(-0.5, 0.5), turn(-1, 1);
@@ -48,17 +50,28 @@ Scene crowd(int bodies, const PiecePtr& piece) {
     const Pose pose{{side * place(bits), side * place(bits), side * place(bits)}, 1, turn(bits), turn(bits), turn(bits)};
     Body body;
     body.name = "s" + std::to_string(i);
-    body.pieces = {piece};
+    body.pieces = pieces;
     body.pose = pose;
     scene.add_body(std::move(body));
   }
   return scene;
 }
 
-PiecePtr sphere(int resolution) {
+// Spheres in a square of the size of one sphere.
+std::vector<PiecePtr> spheres(int resolution, Bodies bodies) {
   Scene scene;
-  scene.add_uv_sphere("one", 0.5, resolution, {});
-  return scene.bodies()[0].pieces[0];
+  if (bodies == Bodies::kOfOnePiece) {
+    scene.add_uv_sphere("one", kRadius, resolution, {});
+    return scene.bodies()[0].pieces;
+  }
+  scene.add_uv_sphere("small", kRadius / 2, resolution, {});
+  std::vector<PiecePtr> pieces;
+  for (int i = 0; i < kManyPieces; ++i) {
+    std::vector<Vec3d> vertices = scene.bodies()[0].pieces[0]->vertices;
+    for (Vec3d& v : vertices) v += Vec3d{i % 2 - 0.5, i / 2 - 0.5, 0} * kRadius;
+    pieces.push_back(scene.bodies()[scene.add_hull("piece " + std::to_string(i), vertices, {})].pieces[0]);
+  }
+  return pieces;
 }
 
 struct Timed {
@@ -112,9 +125,15 @@ constexpr const char* kTitle = "clearance calibration 2: pairs, CPU [ns], device
 
 }  // namespace
 
-Calibration calibrate(const Engine::Options& like) {
+Bodies bodies_of(const Scene& scene) {
+  const auto& all = scene.bodies();
+  const auto several = std::ranges::count_if(all, [](const Body& b) { return b.pieces.size() > 1; });
+  return 2 * static_cast<std::size_t>(several) >= all.size() ? Bodies::kOfSeveral : Bodies::kOfOnePiece;
+}
+
+Calibration calibrate(const Engine::Options& like, Bodies bodies) {
   Calibration c;
-  const PiecePtr pieces[kHullSizes] = {sphere(kResolution[0]), sphere(kResolution[1])};
+  const std::vector<PiecePtr> pieces[kHullSizes] = {spheres(kResolution[0], bodies), spheres(kResolution[1], bodies)};
   Engine::Options cpu = like, device = like;
   cpu.backend = "cpu";
   cpu.devices.clear();
@@ -131,9 +150,9 @@ Calibration calibrate(const Engine::Options& like) {
   return c;
 }
 
-std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set) {
+std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set, Bodies bodies) {
   return device_name + ", clearance " CLEARANCE_VERSION ", " + std::to_string(threads) + " threads, " +
-         std::string(instruction_set);
+         std::string(instruction_set) + (bodies == Bodies::kOfSeveral ? ", bodies of several pieces" : "");
 }
 
 std::filesystem::path calibration_file(const std::string& key) {

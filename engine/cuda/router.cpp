@@ -28,15 +28,18 @@ std::optional<double> Calibration::device_from(QueryKind kind, int hull_size, do
 }
 
 Router::Router(const Scene& scene, const Device& device, const Calibration& calibration) {
-  double vertices = 0, known = 0;
+  double vertices = 0, pieces = 0, known = 0;
   const auto n = static_cast<std::uint32_t>(scene.bodies().size());
   for (std::uint32_t b = 0; b < n; ++b) {
     if (device.hull_of(b) == kNone) continue;
     ++known;
-    vertices += static_cast<double>(scene.bodies()[b].pieces[0]->vertices.size());
+    for (const PiecePtr& piece : scene.bodies()[b].pieces) {
+      ++pieces;
+      vertices += static_cast<double>(piece->vertices.size());
+    }
   }
   if (known == 0) return;
-  const int hull_size = vertices / known <= kSmallHull ? 0 : 1;
+  const int hull_size = vertices / pieces <= kSmallHull ? 0 : 1;
   const double share = known / n, open_share = 1 - share * share;
   for (int kind = 0; kind < kQueryKinds; ++kind)
     choices_[static_cast<std::size_t>(kind)].device_from =

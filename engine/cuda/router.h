@@ -37,6 +37,11 @@ QueryKind kind_of(const QueryView& query);
 inline constexpr int kHullSizes = 2;
 inline constexpr double kSmallHull = 110;  ///< mean vertices up to which hulls are small
 
+/// What bodies are made of, which queries take very different time with.
+enum class Bodies { kOfOnePiece, kOfSeveral };
+/// Those of a scene, by the greater part of them.
+Bodies bodies_of(const Scene& scene);
+
 /// Measured on one machine with a certain device.
 struct Calibration {
   std::array<std::array<std::array<CostSample, kCostSamples>, kHullSizes>, kQueryKinds> samples;  ///< ascending in pairs
@@ -47,7 +52,7 @@ struct Calibration {
 };
 
 /// Times queries of made-up scenes on both backends: a few hundred ms. \param like threads and instruction set of the CPU.
-Calibration calibrate(const Engine::Options& like);
+Calibration calibrate(const Engine::Options& like, Bodies bodies);
 
 /// What was measured on this machine before, if `key` is the same. A file that cannot be read or holds anything else is none.
 std::optional<Calibration> load_calibration(const std::filesystem::path& file, const std::string& key);
@@ -55,8 +60,8 @@ std::optional<Calibration> load_calibration(const std::filesystem::path& file, c
 void save_calibration(const std::filesystem::path& file, const std::string& key, const Calibration& calibration);
 /// clearance/ in XDG_CACHE_HOME or ~/.cache; empty if there is neither.
 std::filesystem::path calibration_file(const std::string& key);
-/// What a calibration depends on: device, version, threads, instruction set.
-std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set);
+/// What a calibration depends on: device, version, threads, instruction set, bodies.
+std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set, Bodies bodies);
 
 class Router {
  public:

@@ -66,7 +66,20 @@ class RouterTest : public testing::Test {
     for (int i = 0; i < bodies; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(3)});
     return s;
   }
-  static std::string key() { return cuda::calibration_key("a stand-in", 2, Engine(Scene{}).instruction_set()); }
+  // Of bodies of two spheres each.
+  static Scene scene_of_several(int bodies) {
+    Scene s, one = scene(2);
+    for (int i = 0; i < bodies; ++i) {
+      Body body = one.bodies()[0];
+      body.name = "s" + std::to_string(i);
+      body.pieces.push_back(one.bodies()[1].pieces[0]);
+      s.add_body(std::move(body));
+    }
+    return s;
+  }
+  static std::string key(cuda::Bodies bodies = cuda::Bodies::kOfOnePiece) {
+    return cuda::calibration_key("a stand-in", 2, Engine(Scene{}).instruction_set(), bodies);
+  }
   static Engine::Options options(const std::string& calibration = "auto") {
     Engine::Options o;
     o.threads = 2;
@@ -168,6 +181,31 @@ TEST_F(RouterTest, MeasuresOnceAndKeepsIt) {
   const int opened = fault_.calls;
   { const Engine engine(scene(5), options()); }
   EXPECT_EQ(fault_.calls, opened + 1) << "not measured again";
+}
+
+TEST_F(RouterTest, MeasuresBodiesOfSeveralPiecesForThemselves) {
+  const std::filesystem::path file = cuda::calibration_file(key(cuda::Bodies::kOfSeveral));
+  { const Engine engine(scene_of_several(5), options()); }
+  EXPECT_TRUE(cuda::load_calibration(file, key(cuda::Bodies::kOfSeveral)));
+  EXPECT_FALSE(std::filesystem::exists(cuda::calibration_file(key())));
+}
+
+TEST_F(RouterTest, AsksWhatWasMeasuredWithBodiesLikeTheScenes) {
+  save_calibration(cuda::calibration_file(key()), key(), same_for_all({1, 1, 1, 1, 1}, {2, 2, 2, 2, 2}));
+  const std::string several = key(cuda::Bodies::kOfSeveral);
+  save_calibration(cuda::calibration_file(several), several, same_for_all({2, 2, 2, 2, 2}, {1, 1, 1, 1, 1}));
+  EXPECT_EQ(counter(Engine(scene(4), options()), "route.dense.cuda_from_pairs"), kNever);
+  EXPECT_EQ(counter(Engine(scene_of_several(4), options()), "route.dense.cuda_from_pairs"), 0u);
+  Scene mixed = scene(3), pairs = scene_of_several(2);
+  for (Body body : pairs.bodies()) {
+    body.name += " of two";
+    mixed.add_body(std::move(body));
+  }
+  EXPECT_EQ(cuda::bodies_of(mixed), cuda::Bodies::kOfOnePiece);
+  Body third = pairs.bodies()[0];
+  third.name = "one more of two";
+  mixed.add_body(std::move(third));
+  EXPECT_EQ(cuda::bodies_of(mixed), cuda::Bodies::kOfSeveral);
 }
 
 TEST_F(RouterTest, TakesNoFileThatIsNotItsOwn) {
