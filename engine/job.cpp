@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::uint64_t kBlock = 512, kHeavyBlock = 256;  // pair-configurations that are evaluated at a time
 constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 1024;  // ... that a thread takes at a time, if there are many
-constexpr std::uint64_t kFewest = 128;           // ... if there is little more than a block of them
+constexpr std::uint64_t kFewest = 64;            // ... if there is little more than a block of them
 constexpr std::uint64_t kSideBySide = 64;        // configurations that a thread has placed at a time
 constexpr std::uint64_t kPlacedBodies = 8192;    // ... and bodies in them
 constexpr std::uint64_t kWholeConfigurations = 16384;  // pairs up to which a reduction is one unit for each configuration
