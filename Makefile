@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test fuzz soak demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test fuzz soak demo bench bench-peers bench-broad certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -68,6 +68,9 @@ report-gpu: setup  ## the same with the systems on this machine's GPU; writes do
 	@tools/build.sh release clearance-report clearance-gpu-bench
 	@tools/gpu.sh report
 	@$(PYTHON_VENV) tools/report.py
+
+gpu-compile: setup  ## the kernels for every GPU architecture from 7.5 to 12.0; needs nvcc, but no GPU
+	@tools/build.sh gpus kernels
 
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
 	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench
