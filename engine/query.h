@@ -47,7 +47,8 @@ struct QueryView {
   std::uint64_t max_results = 1u << 20;    ///< rows of Reduce::kWithin that may come back
   std::int64_t max_pose_age_ns = 0;        ///< older poses set kFlagStale; 0: never
   std::uint64_t scene_revision = 0;        ///< the scene the caller knows; 0: any
-  std::uint64_t warm_slot = 0;             ///< warm state of this client; 0: none (answers repeat bit for bit)
+  /// Warm state of this client; 0: none (answers repeat bit for bit). The CPU's reductions begin cold all the same.
+  std::uint64_t warm_slot = 0;
 };
 
 /// The default relative tolerance of a precision.

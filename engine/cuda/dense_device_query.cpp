@@ -25,17 +25,11 @@ class DenseDeviceQuery final : public DeviceQuery {
     s.pairs = deal_->resident.get();
     s.chunks = chunks_;
     s.all_pairs = plan_.size.pairs;
-    if (plan_.query.warm_slot != 0) warm_ = backend_.take_warm(plan_);
-    if (warm_) s.warm = warm_->memory.get();
+    s.warm = take_warm(plan_.size.configurations * plan_.size.pairs);
     workspace_->begin(s);
     slots_ = static_cast<std::uint64_t>(workspace_->slots());
     launch_ahead();
     keep_poses();
-  }
-
-  ~DenseDeviceQuery() override {
-    workspace_.reset();  // waits for the device
-    if (warm_) backend_.put_back(std::move(warm_));
   }
 
   bool advance(std::chrono::nanoseconds budget) override {
@@ -128,7 +122,6 @@ class DenseDeviceQuery final : public DeviceQuery {
   std::shared_ptr<const PairDeal> deal_;
   std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0;
   std::vector<std::uint32_t> cpu_rows_;
-  std::unique_ptr<DeviceWarmTable> warm_;
   std::shared_ptr<Workspace> workspace_;  // the last member: the first to go, and to wait for the device
 };
 

@@ -54,7 +54,7 @@ class ResidentTable {
   virtual ~ResidentTable() = default;
 };
 
-/// Warm state of a client's dense query in device memory: a WarmRow for each of its rows.
+/// Warm state of a client's query in device memory: a WarmRow for each of its configurations and pairs.
 class ResidentWarm {
  public:
   virtual ~ResidentWarm() = default;
@@ -80,12 +80,13 @@ struct QuerySetup {
   const ResidentPairs* pairs = nullptr;
   const ResidentTable* table = nullptr;  ///< of Reduce::kWithin over a whole table, in place of pairs
   std::uint64_t chunks = 1;
-  ResidentWarm* warm = nullptr;  ///< of a dense query; null: cold
+  ResidentWarm* warm = nullptr;  ///< null: cold
   std::uint64_t all_pairs = 0;   ///< rows of one configuration of the query
   // Of a reduced query.
   Reduce reduce = Reduce::kNone;
   std::uint32_t groups = 1;     ///< of one configuration
   std::uint64_t most_rows = 0;  ///< of Reduce::kWithin
+  bool by_teams = false;  ///< of Reduce::kMin: one launch decides each configuration. Without depths and float32 only
 };
 
 /// One chunk: a run of rows that are consecutive in every column.

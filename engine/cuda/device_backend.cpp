@@ -61,8 +61,8 @@ void DeviceBackend::note(const DeviceError& error) {
   error_ = error.what();
 }
 
-std::unique_ptr<DeviceWarmTable> DeviceBackend::take_warm(const Plan& plan) {
-  const std::uint64_t rows = plan.size.configurations * plan.size.pairs, question = warm_question(plan);
+std::unique_ptr<DeviceWarmTable> DeviceBackend::take_warm(const Plan& plan, std::uint64_t rows) {
+  const std::uint64_t question = warm_question(plan);
   if (rows == 0 || rows > WarmStore::kMostSimplices) return nullptr;
   std::unique_ptr<DeviceWarmTable> table = warm_.take(plan.query.warm_slot);
   if (table && table->question == question && table->rows == rows) return table;

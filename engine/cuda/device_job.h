@@ -57,7 +57,7 @@ struct TableOnDevice {
   std::shared_ptr<const ResidentTable> resident;  ///< null: the device does not know all bodies
 };
 
-/// Warm state of a client's last dense query on the device.
+/// Warm state of a client's last query on the device.
 struct DeviceWarmTable {
   std::uint64_t client = 0, question = 0, rows = 0;
   std::unique_ptr<ResidentWarm> memory;
@@ -90,7 +90,7 @@ class DeviceBackend {
   /// The plan's whole table: the last one if it is the same.
   std::shared_ptr<const TableOnDevice> table(const Plan& plan);
   /// The client's warm state for this plan, cold if it asked for something else before; null where there is no room.
-  std::unique_ptr<DeviceWarmTable> take_warm(const Plan& plan);
+  std::unique_ptr<DeviceWarmTable> take_warm(const Plan& plan, std::uint64_t rows);
   void put_back(std::unique_ptr<DeviceWarmTable> table) { warm_.put_back(std::move(table)); }
   /// Adds what stats() shows.
   void append(Counters& counters) const;

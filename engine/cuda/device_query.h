@@ -12,6 +12,7 @@ namespace clearance::cuda {
 class DeviceQuery : public ParallelJob {
  public:
   DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply);
+  ~DeviceQuery() override;
 
   /// Sends what the query needs to the device. Throws DeviceError, as advance() does.
   virtual void begin() = 0;
@@ -26,6 +27,8 @@ class DeviceQuery : public ParallelJob {
 
   /// Copies poses of bodies, and says what is asked. What the setup points to lives as long as this.
   QuerySetup setup(QueryWorkspace& workspace);
+  /// The client's warm state of so many rows, if it keeps one. The workspace must be let go before this is.
+  ResidentWarm* take_warm(std::uint64_t rows);
   /// Copies the poses of configurations that no chunk has asked for yet: the caller's memory is free once the query has begun.
   void keep_poses();
   /// The poses of a slot's next chunk, pinned. Chunks come in order.
@@ -79,6 +82,7 @@ class DeviceQuery : public ParallelJob {
   void place_fixed(const FixedBodies& fixed);
   void chain_moved(QuerySetup& s);
 
+  std::unique_ptr<DeviceWarmTable> warm_;
   Pose* pinned_poses_ = nullptr;  // of all configurations; null: too many
   std::size_t kept_poses_ = 0;    // of them: copied
   std::vector<std::uint8_t> has_base_;

@@ -179,6 +179,7 @@ struct ReducedView {
   std::uint64_t *upper, *lower;  ///< (configurations, groups) least bounds, order_key()
   std::uint64_t* winner;         ///< (configurations, groups) pair and item
   std::uint8_t* complete;        ///< (configurations, groups) 0: holds a pair without usable poses
+  std::uint8_t* answered;        ///< (configurations, groups) nonzero: its row is written already; null: none is
   std::uint32_t *candidate_words, *hit_words;  ///< of Reduce::kWithin: a bit for each row
   std::uint32_t *candidate_ranks, *hit_ranks;  ///< how many bits are set before each word; null: they are few, and counted
   std::uint32_t* items;                        ///< (capacity,) rows of the pairs that are looked at

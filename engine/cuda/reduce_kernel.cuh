@@ -44,6 +44,9 @@ __device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i
   return position_of(r.table, ref.a, ref.b);
 }
 
+// Where a row's last run has ended; null: it begins cold.
+__device__ inline WarmRow* warm_row(const ReducedView& r, std::uint32_t row) { return r.chunk.warm ? r.chunk.warm + row : nullptr; }
+
 template <class Visit>
 __device__ inline void for_groups(const ReducedView& r, const Item& item, Visit visit) {
   if (r.reduce != Reduce::kNearest) return visit(std::size_t{item.k});
@@ -114,6 +117,20 @@ __device__ inline float gap_below(const OuterBox& a, const OuterBox& b) {
   return fminf(gap, kMost) * (1 - 0x1p-20f);
 }
 
+// The square of how far boxes are apart, up to a few roundings; 0: they touch. Infinite for those of bodies without a
+// usable pose, and where it overflows.
+__device__ inline float squared_gap(const OuterBox& a, const OuterBox& b) {
+  const float x = fmaxf(fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), 0.0f),
+              y = fmaxf(fmaxf(b.low_y - a.high_y, a.low_y - b.high_y), 0.0f),
+              z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
+  return __fmaf_rn(x, x, __fmaf_rn(y, y, z * z));
+}
+inline constexpr double kSquareMargin = 1 + 0x1p-18;  // more than its few roundings take
+// What squared_gap() is not above unless boxes are proved to be farther apart than the distance.
+__device__ inline float square_from_above(double distance) {
+  return __double2float_ru(distance * distance * kSquareMargin);
+}
+
 __device__ inline void clear_counts(const ReducedView& r) {
   if (blockIdx.x == 0 && threadIdx.x < kCounts) r.chunk.counts[threadIdx.x] = 0;
 }
@@ -144,9 +161,21 @@ __device__ inline bool has_usable_pair(std::uint64_t seed) {
   return static_cast<std::uint32_t>(seed >> 32) != kUnusable;
 }
 
+// An upper bound on the distance, wherever a run is, and not below 0; infinite: none is proved. What has not ended has a
+// simplex all the same.
+__device__ inline double upper_so_far(const Run<Hull<SceneVertices>>& run) {
+  const Simplex<double>& s = run.g.simplex;
+  const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
+  const double length = norm(encloses ? s.vertex[0].w : SimplexPoint<double>(s).w);
+  const double upper =
+      upper_from_point(length, run.radius, rounding_error(double(RoundingUnits<double>::kUpper), run.scale));
+  return upper <= 0 ? 0 : upper < __builtin_inf() ? upper : __builtin_inf();
+}
+
 // A distance beyond which no pair of this one's groups needs a look: its upper bound, or, where its boxes alone are
 // farther than max_distance, their gap. Not below 0: boxes that touch say nothing about depths.
-__device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
+// \param warm where its last run has ended; null: not known
+__device__ inline double cutoff_of(const ChunkView& c, const Item& item, const WarmRow* warm) {
   const Where at_a(c.bodies, c.configurations, item.ref.a, item.k), at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.question.max_distance) return gap;
@@ -158,14 +187,9 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
   const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
   const auto at = place_pair<double>(at_a, *a.head, at_b, *b.head);
   Run<Hull<SceneVertices>> run(c.question, a, b, at);
+  if (warm) run.begin_at(*warm);
   for (int steps = 0; run.g.end == 0 && steps < kSeedSteps; ++steps) run.step();
-  const Simplex<double>& s = run.g.simplex;
-  // What has not ended has a simplex all the same.
-  const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
-  const double length = norm(encloses ? s.vertex[0].w : SimplexPoint<double>(s).w);
-  const double upper =
-      upper_from_point(length, run.radius, rounding_error(double(RoundingUnits<double>::kUpper), run.scale));
-  return upper <= 0 ? 0 : upper < __builtin_inf() ? upper : __builtin_inf();
+  return upper_so_far(run);
 }
 
 // One thread for each group.
@@ -175,11 +199,12 @@ __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constan
   const std::uint64_t seed = r.seed[at];
   if (!has_usable_pair(seed)) return;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
-  const Item item(r, k * r.chunk.pair_count + static_cast<std::uint32_t>(seed));
+  const std::uint32_t row = k * r.chunk.pair_count + static_cast<std::uint32_t>(seed);
+  const Item item(r, row);
   bool taken = false;  // by the thread of the pair's other group
   for_groups(r, item, [&](std::size_t g) { taken |= g < at && r.seed[g] == seed; });
   if (taken) return;
-  const auto key = static_cast<std::uint64_t>(__double_as_longlong(cutoff_of(r.chunk, item)));
+  const auto key = static_cast<std::uint64_t>(__double_as_longlong(cutoff_of(r.chunk, item, warm_row(r, row))));
   for_groups(r, item, [&](std::size_t g) { take_least(r.cutoff + g, key); });
 }
 
@@ -258,26 +283,28 @@ __device__ inline void report_item(const ReducedView& r, Outcome outcome, std::u
   if (outcome == Outcome::kUnsettled) {
     r.chunk.rest[rest] = i;
     r.rest_rows[rest] = listed_row(r, i);
-    r.answers[i].distance = __builtin_nan("");  // the CPU's answer comes later
+    r.answers[i] = no_answer(Status::kOk);  // the CPU's comes later
   }
   add_count(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
 }
 
+template <bool kWarm>
 __device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, const Where& at_a, const Where& at_b,
-                                          PairAnswer& answer, Enclosed& enclosed) {
+                                          PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairHulls<Hull<SceneVertices>> hulls{a, b};
   if (c.question.f32 && fit_f32(*head_a, *head_b)) {
     const Place<float> at = place_pair<float>(at_a, *head_a, at_b, *head_b);
-    const Outcome outcome = solve_item<false, false>(
-        c, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b), hulls, at_a, at_b, at, answer, enclosed);
+    const Outcome outcome = solve_item<false, kWarm>(c, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
+                                                     hulls, at_a, at_b, at, answer, enclosed, warm);
     if (outcome != Outcome::kUnsettled) return outcome;
   }
   const Place<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
-  return solve_item<false, false>(c, a, b, hulls, at_a, at_b, at, answer, enclosed);
+  return solve_item<false, kWarm>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, warm);
 }
 
+template <bool kWarm>
 __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
   const std::uint32_t count = item_count(r);
@@ -294,7 +321,8 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       enclosed.configuration = item.k;
       several = has_several(c.hulls, at_a.body, at_b.body);
       PairAnswer answer;
-      if (!several) outcome = solve_candidate(c, item, at_a, at_b, answer, enclosed);
+      WarmRow* const warm = kWarm ? warm_row(r, listed_row(r, i)) : nullptr;
+      if (!several) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm);
       if (outcome == Outcome::kEnclosed) outcome = proved(c, enclosed, at_a, at_b, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;
@@ -365,33 +393,42 @@ __device__ inline void pass_counts(const ReducedView& r) {
     r.chunk.host_counts[threadIdx.x] = r.chunk.counts[threadIdx.x];
 }
 
+// Rows of groups. \param at of the group, in the chunk
+__device__ inline void write_empty(const ReducedView& r, std::uint64_t at) {
+  const auto k = static_cast<std::uint32_t>(at / r.groups), group = static_cast<std::uint32_t>(at % r.groups);
+  const BodyPair pair{r.reduce == Reduce::kNearest ? group : kNone, kNone};
+  write_row(r.chunk.reply, at, {pair, static_cast<std::uint32_t>(r.chunk.first_configuration + k), empty_answer()});
+}
+// \param ref the first of its pairs, none of which has usable poses
+__device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, PairRef ref) {
+  const ChunkView& c = r.chunk;
+  const auto k = static_cast<std::uint32_t>(at / r.groups);
+  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  PairAnswer answer = no_answer(pair_status(at_a.status(), at_b.status()));
+  answer.flags = flags_of(at_a, at_b) | kFlagIncomplete;
+  write_answer(c, at, k, at_a, at_b, answer);
+}
+// \param lower the least of the group. \param complete all its pairs have usable poses
+__device__ inline void write_winner(const ReducedView& r, std::uint64_t at, PairRef ref, PairAnswer answer, double lower, bool complete) {
+  const ChunkView& c = r.chunk;
+  const auto k = static_cast<std::uint32_t>(at / r.groups);
+  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  widen_to_group(answer, lower, c.question.abs_tol, c.question.rel_tol);
+  if (!complete) answer.flags |= kFlagIncomplete;
+  write_answer(c, at, k, at_a, at_b, answer);
+}
+
 // A row for each group.
 __global__ void __launch_bounds__(kItemThreads) write_groups(const __grid_constant__ ReducedView r) {
   pass_counts(r);
   const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
-  if (at >= std::uint64_t{r.chunk.configurations} * r.groups) return;
-  const ChunkView& c = r.chunk;
-  const auto k = static_cast<std::uint32_t>(at / r.groups), group = static_cast<std::uint32_t>(at % r.groups);
+  if (at >= std::uint64_t{r.chunk.configurations} * r.groups || (r.answered && r.answered[at])) return;
   const std::uint64_t seed = r.seed[at], winner = r.winner[at];
-  if (seed == ~std::uint64_t{0}) {
-    const BodyPair pair{r.reduce == Reduce::kNearest ? group : kNone, kNone};
-    write_row(c.reply, at, {pair, static_cast<std::uint32_t>(c.first_configuration + k), empty_answer()});
-    return;
-  }
-  const bool usable = winner != ~std::uint64_t{0};
-  const auto place = static_cast<std::uint32_t>(usable ? winner >> 32 : seed);
-  const PairRef ref = c.pairs[place];
-  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
-  PairAnswer answer;
-  if (usable) {
-    answer = r.answers[static_cast<std::uint32_t>(winner)];
-    widen_to_group(answer, from_order_key(r.lower[at]), c.question.abs_tol, c.question.rel_tol);
-  } else {
-    answer = no_answer(pair_status(at_a.status(), at_b.status()));
-    answer.flags = flags_of(at_a, at_b);
-  }
-  if (!r.complete[at]) answer.flags |= kFlagIncomplete;
-  write_answer(c, at, k, at_a, at_b, answer);
+  if (r.answered && winner == ~std::uint64_t{0}) return;  // all is up to the CPU
+  if (seed == ~std::uint64_t{0}) return write_empty(r, at);
+  if (winner == ~std::uint64_t{0}) return write_unusable(r, at, r.chunk.pairs[static_cast<std::uint32_t>(seed)]);
+  const auto i = static_cast<std::uint32_t>(winner);
+  write_winner(r, at, r.chunk.pairs[winner >> 32], r.answers[i], from_order_key(r.lower[at]), r.complete[at] != 0);
 }
 
 __device__ inline std::uint32_t hits_before(const ReducedView& r, std::uint32_t word) {

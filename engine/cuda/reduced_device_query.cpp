@@ -11,6 +11,15 @@ namespace {
 // Rows of a chunk of configurations: a few chunks, so that poses of the next are on their way while one is answered.
 constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 20;
 constexpr std::uint64_t kMostGroups = 1u << 20;  // of a chunk
+constexpr std::uint64_t kMostMembers = 4096;     // pairs of a configuration that a team of threads goes through
+
+// Whether teams of threads decide configurations (decide_kernel.cuh). Not where the device settles nothing, and the CPU
+// finishes it all.
+bool is_for_teams(const Plan& plan) {
+  const QueryView& q = plan.query;
+  return q.reduce == Reduce::kMin && plan.size.pairs <= kMostMembers && !q.signed_distance &&
+         q.precision == Precision::kF64 && (q.rel_tol > 0 || q.abs_tol > 0);
+}
 
 class ReducedDeviceQuery final : public DeviceQuery {
  public:
@@ -35,6 +44,8 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.reduce = plan_.query.reduce;
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
+    s.by_teams = is_for_teams(plan_);
+    s.warm = take_warm(K * P);
     workspace_->begin(s);
     slots_ = static_cast<std::uint64_t>(workspace_->slots());
     launch_ahead();
@@ -69,6 +80,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.configurations =
         static_cast<std::uint32_t>(std::min(configurations_, plan_.size.configurations - s.first_configuration));
     s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
+    s.first_row = s.first_configuration * plan_.size.pairs;
     s.poses = poses_for(*workspace_, slot, s.first_configuration, s.configurations);
     ReplyView direct;  // where rows go is known beforehand unless they are only those within a distance
     const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {

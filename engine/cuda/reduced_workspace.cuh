@@ -5,7 +5,7 @@
 
 #include <cub/device/device_scan.cuh>
 
-#include "reduce_kernel.cuh"
+#include "decide_kernel.cuh"
 #include "table_search.cuh"
 #include "workspace.cuh"
 
@@ -13,6 +13,8 @@ namespace clearance::cuda {
 
 inline constexpr std::uint32_t kFirstCapacity = 1u << 17;  // pairs that may be looked at before memory has to grow
 inline constexpr std::uint64_t kFirstHits = 1u << 14;      // rows of Reduce::kWithin, likewise
+inline constexpr std::uint32_t kFirstOpen = 1u << 12;      // pairs of configurations that teams leave open, likewise
+inline constexpr std::uint32_t kTeam = 16;                 // threads that decide a configuration
 
 struct ReducedSlot : QuerySlot {
   ReducedSlot(MemoryCounters& c, int priority)
@@ -33,6 +35,7 @@ struct ReducedSlot : QuerySlot {
   PinnedBuffer host_reply, host_counts, host_rest, host_answers;
   TableSearch table;
   std::uint32_t listed = 0;  // rows that there was room for so far, where pairs are listed
+  bool counts_are_clear = false;
   std::size_t scan_bytes = 0;
   std::uint64_t most_rows = 0;  // that may come back
   ReducedView view;
@@ -57,6 +60,8 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     table_ = static_cast<const CudaTable*>(s.table);
     if (table_) clear_counts(*slots_[0]);  // now, so that it does not stand between boxes and near pairs
     QuerySide::begin(s);
+    by_teams_ = s.by_teams && !hulls_.has_several();
+    warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
     reduce_ = s.reduce;
     groups_ = s.groups;
     most_rows_ = s.most_rows;
@@ -76,6 +81,10 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     slot.direct = direct;
     slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : std::uint64_t{chunk.configurations} * groups_;
     r.keys = nullptr;
+    r.answered = nullptr;
+    r.chunk.warm = warm_ ? warm_ + chunk.first_row : nullptr;
+    if (by_teams_) return launch_teams(slot);
+    slot.counts_are_clear = false;
     if (!table_) slot.listed = std::max(slot.listed, std::min(r.rows, kFirstCapacity));
     make_room_for_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
     make_room_for_rows(slot, within() ? std::min(slot.most_rows, kFirstHits) : slot.most_rows);
@@ -97,7 +106,9 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     ReducedSlot& slot = *slots_[index];
     const ReducedView& r = slot.view;
     check(cudaStreamSynchronize(slot.stream), "answering a query");
-    if (const std::uint32_t candidates = r.chunk.host_counts[kCandidates]; candidates > r.capacity) {
+    if (by_teams_) {
+      answer_open(slot);
+    } else if (const std::uint32_t candidates = r.chunk.host_counts[kCandidates]; candidates > r.capacity) {
       if (!table_) slot.listed = candidates;
       make_room_for_items(slot, candidates);
       clear(slot);
@@ -140,6 +151,44 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
 
  private:
   bool within() const { return reduce_ == Reduce::kWithin; }
+
+  // Where a team of threads decides each configuration. What they leave open is listed; as a rule that is nothing.
+  void launch_teams(ReducedSlot& slot) {
+    ReducedView& r = slot.view;
+    make_room_for_items(slot, std::max({r.chunk.configurations, kFirstOpen, slot.listed}));
+    make_room_for_rows(slot, slot.most_rows);
+    make_room_for_groups(slot);
+    if (!slot.counts_are_clear) clear_counts(slot);
+    slot.counts_are_clear = true;  // they are left so
+    kernels_begin(slot);
+    decide(slot);
+    kernels_end(slot);
+  }
+  void decide(ReducedSlot& slot) {
+    ReducedView& r = slot.view;
+    r.chunk.blocks = blocks_of(std::uint64_t{r.chunk.configurations} * kTeam, kDecideThreads);
+    const auto kernel = warm_ ? decide_configurations<kTeam, true> : decide_configurations<kTeam, false>;
+    kernel<<<r.chunk.blocks, kDecideThreads, 0, slot.stream>>>(r);
+    check(cudaGetLastError(), "starting a kernel");
+  }
+  void answer_open(ReducedSlot& slot) {
+    ReducedView& r = slot.view;
+    if (const std::uint32_t open = r.chunk.host_counts[kCandidates]; open > r.capacity) {
+      slot.listed = open;
+      make_room_for_items(slot, open);
+      decide(slot);
+      check(cudaStreamSynchronize(slot.stream), "answering a query");
+    }
+    if (r.chunk.host_counts[kCandidates] == 0) return;
+    slot.counts_are_clear = false;
+    check(cudaMemcpyAsync(r.chunk.counts, r.chunk.host_counts, kCounts * sizeof(std::uint32_t), cudaMemcpyHostToDevice, slot.stream),
+          "copying counts");
+    clear_groups(slot);
+    r.chunk.warm = nullptr;
+    solve_items(slot);
+    write(slot);
+    check(cudaStreamSynchronize(slot.stream), "answering a query");
+  }
   static unsigned item_blocks(const ReducedView& r, std::uint32_t most = kItemBlocks) {
     return std::min(blocks_of(r.capacity, kItemThreads), most);
   }
@@ -173,19 +222,27 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     for_each_column(prefer, r.chunk.reply, slot.direct);
   }
 
-  // The seeds and what they cut off.
-  void seed(ReducedSlot& slot) {
+  // What is kept of each group. \returns its bytes.
+  std::size_t make_room_for_groups(ReducedSlot& slot) {
     ReducedView& r = slot.view;
     const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-    const std::size_t bytes = groups * (5 * sizeof(std::uint64_t) + 1);
-    std::byte* memory = slot.device_groups.reserve(bytes);
-    r.upper = reinterpret_cast<std::uint64_t*>(memory);
+    const std::size_t bytes = groups * (5 * sizeof(std::uint64_t) + 2);
+    r.upper = reinterpret_cast<std::uint64_t*>(slot.device_groups.reserve(bytes));
     r.lower = r.upper + groups;
     r.winner = r.lower + groups;
     r.seed = r.winner + groups;
     r.cutoff = r.seed + groups;
     r.complete = reinterpret_cast<std::uint8_t*>(r.cutoff + groups);
-    check(cudaMemsetAsync(memory, 0xff, bytes, slot.stream), "clearing groups");
+    r.answered = by_teams_ ? r.complete + groups : nullptr;
+    return bytes;
+  }
+
+  // The seeds and what they cut off.
+  void seed(ReducedSlot& slot) {
+    const std::size_t bytes = make_room_for_groups(slot);
+    const ReducedView& r = slot.view;
+    const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
+    check(cudaMemsetAsync(r.upper, 0xff, bytes, slot.stream), "clearing groups");
     find_seeds<<<std::min(blocks_of(r.rows, kScanThreads), kSeedBlocks), kScanThreads, 0, slot.stream>>>(r);
     solve_seeds<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
     check(cudaGetLastError(), "starting a kernel");
@@ -226,9 +283,11 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   }
   // Before solve() and write() are repeated.
   void clear(ReducedSlot& slot) {
-    const ReducedView& r = slot.view;
     clear_counts(slot);
-    if (within()) return;
+    if (!within()) clear_groups(slot);
+  }
+  void clear_groups(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
     const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
     check(cudaMemsetAsync(r.upper, 0xff, 3 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
   }
@@ -247,7 +306,12 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
       list_candidates<<<blocks_of((std::uint64_t{r.rows} + 31) / 32, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     else
       find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
-    solve_candidates<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
+    solve_items(slot);
+  }
+  void solve_items(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
+    const auto kernel = r.chunk.warm ? solve_candidates<true> : solve_candidates<false>;
+    kernel<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
     if (hulls_.has_several()) solve_several<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
     check(cudaGetLastError(), "starting a kernel");
   }
@@ -285,6 +349,8 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   std::uint32_t groups_ = 1;
   std::uint64_t most_rows_ = 0;
   const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
+  bool by_teams_ = false;
+  WarmRow* warm_ = nullptr;  // of the query's rows; null: cold
 };
 
 }  // namespace clearance::cuda

@@ -106,16 +106,13 @@ __global__ void __launch_bounds__(kSearchWarps * 32) make_tiles(TilesView t) {
   if (lane == 0) t.tile[tile] = box;
 }
 
-// A float32 that no gap's square reaches that is not above the distance, with more than the few roundings of is_far() take.
+// square_from_above() on the host.
 inline float square_above(double distance) {
-  return std::nextafter(static_cast<float>(distance * distance * (1 + 0x1p-18)), std::numeric_limits<float>::infinity());
+  return std::nextafter(static_cast<float>(distance * distance * kSquareMargin), std::numeric_limits<float>::infinity());
 }
 // Whether boxes are proved to be farther apart than the distance of the limit. Boxes that reach everywhere never are.
 __device__ inline bool is_far(const OuterBox& a, const OuterBox& b, float limit) {
-  const float x = fmaxf(fmaxf(b.low_x - a.high_x, a.low_x - b.high_x), 0.0f),
-              y = fmaxf(fmaxf(b.low_y - a.high_y, a.low_y - b.high_y), 0.0f),
-              z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
-  return __fmaf_rn(x, x, __fmaf_rn(y, y, z * z)) > limit;
+  return squared_gap(a, b) > limit;
 }
 
 // Lists the pairs that must be looked at, in no order: a << key_bits | b. Blocks: a tile for each y, warps share out x.

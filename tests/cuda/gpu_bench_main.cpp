@@ -27,6 +27,7 @@ struct Workload {
   bool warm = false;            // every query's poses are 0.01 rad from those of the one before
   Precision precision = Precision::kF64;
   bool depth = false;
+  double room = 1;  // configurations put bodies up to so far from the origin along each axis
 };
 
 Scene spheres(int count, double box) {
@@ -62,6 +63,9 @@ Scene hulls(int fewest, int most) {
 }
 
 Scene hulls() { return hulls(32, 256); }
+Scene middle_hulls() {
+  return hulls(32, 496);
+}
 Scene large_hulls() { return hulls(600, 4000); }
 
 constexpr std::uint32_t kBounds = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
@@ -106,17 +110,31 @@ const std::vector<Workload>& workloads() {
        2},
       {"50000 spheres, box 368, within 2", [] { return spheres(50000, 368); }, 0, Format::kFull, kBounds,
        Reduce::kWithin, 2},
+      {"1000 spheres, box 100, nearest, warm", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds,
+       Reduce::kNearest, kFar, 0, true},
       {"30 hulls, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds, Reduce::kMin},
-      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact", arms_scene, 4096, Format::kCompact, kFieldCompact},
+      {"30 hulls, 150 pairs, 4096 configurations, min, warm", hulls, 4096, Format::kFull, kBounds, Reduce::kMin, kFar,
+       0, true},
+      {"30 hulls in 27 times the room, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin, kFar, 0, false, Precision::kF64, false, 3},
+      {"30 hulls in 27 times the room, 150 pairs, 4096 configurations, min, warm", hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin, kFar, 0, true, Precision::kF64, false, 3},
+      {"30 hulls of 32 to 496 vertices, 4096 configurations, min", middle_hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin},
+      {"30 hulls of 32 to 496 vertices, 4096 configurations, min, warm", middle_hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin, kFar, 0, true},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact", arms_scene, 4096, Format::kCompact,
+       kFieldCompact},
       {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact, f32", arms_scene, 4096, Format::kCompact,
        kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF32},
-      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, near 0.1, compact", arms_scene, 4096, Format::kCompact,
-       kFieldCompact, Reduce::kNone, 0.1},
-      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min", arms_scene, 4096, Format::kFull, kBounds, Reduce::kMin},
-      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, depth, compact", arms_scene, 4096, Format::kCompact,
-       kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF64, true},
-      {"30 hulls, 150 pairs, 4096 configurations, depth, compact", hulls, 4096, Format::kCompact, kFieldCompact, Reduce::kNone,
-       kFar, 0, false, Precision::kF64, true},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, near 0.1, compact", arms_scene, 4096,
+       Format::kCompact, kFieldCompact, Reduce::kNone, 0.1},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min", arms_scene, 4096, Format::kFull, kBounds,
+       Reduce::kMin},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, depth, compact", arms_scene, 4096,
+       Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF64, true},
+      {"30 hulls, 150 pairs, 4096 configurations, depth, compact", hulls, 4096, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, false, Precision::kF64, true},
   };
   return all;
 }
@@ -131,13 +149,20 @@ std::uint64_t counter(const Engine& engine, const std::string& name) {
   return 0;  // a backend that does not count this
 }
 
-// Medians over queries into the same columns. \param next poses of every other query; empty: the same each time
-Timing time_queries(const Engine& engine, const QueryView& query, const ReplyView& reply, int repeats,
-                    std::span<const Pose> next = {}) {
+// Where bodies are in every other query: in its configurations, or in the engine. Empty: where they were.
+struct Motion {
+  std::vector<Pose> next;
+  std::vector<BodyPose> placed[2];
+};
+
+// Medians over queries into the same columns.
+Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& reply, int repeats,
+                    const Motion& motion = {}) {
   QueryView q = query;
   std::vector<double> walls, kernels, broad_phases;
   for (int i = -2; i < repeats; ++i) {
-    if (!next.empty()) q.configurations = i % 2 ? next : query.configurations;
+    if (!motion.next.empty()) q.configurations = i % 2 ? motion.next : query.configurations;
+    if (!motion.placed[0].empty()) engine.set_poses(motion.placed[i % 2 ? 1 : 0]);
     const std::uint64_t before = counter(engine, "cuda.kernel_ns"), broad_before = counter(engine, "cuda.broad_phase_ns");
     const auto begin = Clock::now();
     Job job = engine.start(q, reply);
@@ -179,7 +204,7 @@ struct Asked {
       for (std::uint32_t a = 0; a < kHulls && pairs.size() < kHullPairs; ++a)
         for (std::uint32_t b = a + 1; b < kHulls && pairs.size() < kHullPairs; b += 2) pairs.push_back({a, b});
       Random random(13);
-      for (std::size_t i = 0; i < std::size_t{w.configurations} * kHulls; ++i) poses.push_back(random.pose(1));
+      for (std::size_t i = 0; i < std::size_t{w.configurations} * kHulls; ++i) poses.push_back(random.pose(w.room));
     }
     if (w.configurations > 0) {
       q.all_pairs = false;
@@ -204,7 +229,7 @@ void run_several(const Workload& w, std::ostream& csv) {
   Engine::Options one{"cuda"}, all{"cuda"};
   one.devices = {0};
   for (int i = 0; i < count; ++i) all.devices.push_back(i);
-  const Engine single(w.scene(), one), several(w.scene(), all);
+  Engine single(w.scene(), one), several(w.scene(), all);
   const Asked asked(w, single);
   const QuerySize size = single.size(asked.q);
   std::uint64_t bytes = 0;
@@ -228,8 +253,26 @@ void run_several(const Workload& w, std::ostream& csv) {
   std::fflush(stdout);
 }
 
+// Each body turned by 0.01 rad about an axis of its own.
+Motion motion_of(const Asked& asked, const Scene& scene) {
+  Random random(17);
+  const auto turned = [&](const Pose& p) {
+    const Vec3d axis{random.normal(), random.normal(), random.normal()};
+    const Vec3d u = axis * (0.005 / norm(axis)), v{p.qx, p.qy, p.qz}, q = u * p.qw + v + cross(u, v);
+    return Pose{p.translation, p.qw - dot(u, v), q.x, q.y, q.z};
+  };
+  Motion motion;
+  for (const Pose& p : asked.poses) motion.next.push_back(turned(p));
+  if (!motion.next.empty()) return motion;
+  for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
+    motion.placed[0].push_back({b, *scene.bodies()[b].pose});
+    motion.placed[1].push_back({b, turned(*scene.bodies()[b].pose)});
+  }
+  return motion;
+}
+
 void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) {
-  const Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"}), either(w.scene(), {"auto"});
+  Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"}), either(w.scene(), {"auto"});
   const Asked asked(w, cpu);
   QueryView q = asked.q;
   const QuerySize size = device.size(q);
@@ -240,23 +283,17 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   const auto view = [&](std::byte* base) { return reply_view_over(base, size.rows, size.fields); };
   std::byte* aligned = pageable.data() + (64 - reinterpret_cast<std::uintptr_t>(pageable.data()) % 64) % 64;
 
-  std::vector<Pose> next;  // each body turned by 0.01 rad about an axis of its own
+  Motion motion;
   if (w.warm) {
-    Random random(17);
     q.warm_slot = 1;
-    for (const Pose& p : asked.poses) {
-      const Vec3d axis{random.normal(), random.normal(), random.normal()};
-      const Vec3d u = axis * (0.005 / norm(axis));
-      const Vec3d v{p.qx, p.qy, p.qz}, turned = u * p.qw + v + cross(u, v);
-      next.push_back({p.translation, p.qw - dot(u, v), turned.x, turned.y, turned.z});
-    }
+    motion = motion_of(asked, cpu.scene());
   }
   const int repeats = size.rows > 4'000'000 ? 10 : size.rows < 20'000 ? 300 : 30;
-  const Timing direct = time_queries(device, q, view(pinned.data()), repeats, next);
+  const Timing direct = time_queries(device, q, view(pinned.data()), repeats, motion);
   const std::uint64_t rest = counter(device, "cuda.pairs_finished_on_cpu") / static_cast<std::uint64_t>(repeats + 2);
-  const Timing staged = time_queries(device, q, view(aligned), repeats, next);
-  const Timing host = time_queries(cpu, q, view(pinned_cpu.data()), std::max(5, repeats / 5), next);
-  const Timing routed = time_queries(either, q, view(aligned), repeats, next);
+  const Timing staged = time_queries(device, q, view(aligned), repeats, motion);
+  const Timing host = time_queries(cpu, q, view(pinned_cpu.data()), std::max(5, repeats / 5), motion);
+  const Timing routed = time_queries(either, q, view(aligned), repeats, motion);
   std::memset(pinned.data(), 1, bytes);
   std::memset(pinned_cpu.data(), 1, bytes);
   time_queries(device, q, view(pinned.data()), 1);
@@ -267,7 +304,8 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
     same = true;
     const ReplyView a = view(pinned.data()), b = view(pinned_cpu.data());
     for (std::uint64_t i = 0; i < size.rows; ++i)
-      same = same && a.compact[i].lower <= b.compact[i].upper && b.compact[i].lower <= a.compact[i].upper;
+      same = same && (a.compact ? a.compact[i].lower <= b.compact[i].upper && b.compact[i].lower <= a.compact[i].upper
+                                : a.lower[i] <= b.upper[i] && b.lower[i] <= a.upper[i]);
   }
   const char* const agreement = !same ? "DIFFERENT" : w.warm ? "intervals meet" : "same";
 

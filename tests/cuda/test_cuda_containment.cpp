@@ -88,6 +88,15 @@ std::vector<Exact> judge(const Scene& scene, const std::vector<BodyPair>& pairs,
   return rows;
 }
 
+/// The least of all pairs, or of those of a body. \param rows of one configuration
+Exact least_of(const std::vector<BodyPair>& pairs, const Exact* rows, Reduce reduce, std::uint32_t body) {
+  const Exact* least = nullptr;
+  for (std::size_t p = 0; p < pairs.size(); ++p)
+    if (reduce == Reduce::kMin || pairs[p].a == body || pairs[p].b == body)
+      if (!least || rows[p].above < least->above) least = rows + p;
+  return *least;
+}
+
 class ManyPairs : public testing::TestWithParam<std::string> {
  protected:
   void SetUp() override {
@@ -100,7 +109,7 @@ class ManyPairs : public testing::TestWithParam<std::string> {
 };
 
 TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
-  const Engine engine(bodies_of_all_kinds(), {GetParam()});
+  Engine engine(bodies_of_all_kinds(), {GetParam()});
   std::vector<std::uint32_t> bodies(kBodies);
   std::iota(bodies.begin(), bodies.end(), 0u);
   Random random(32);
@@ -113,7 +122,8 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
     const std::vector<Pose> poses = poses_of(random);
     q.configurations = poses;
     q.reduce = Reduce::kNone;
-    const std::vector<Exact> exact = judge(engine.scene(), engine.pairs(q), poses);
+    const std::vector<BodyPair> asked = engine.pairs(q);
+    const std::vector<Exact> exact = judge(engine.scene(), asked, poses);
     for (const Exact& one : exact) {
       overlapping += !(one.above > 0);
       apart += one.above > 0;
@@ -139,14 +149,37 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
         for (std::uint64_t i = 0; i < exact.size(); ++i)
           hold(exact[i], answer.view.lower[i], answer.view.upper[i], name + (warm ? "warm" : "cold"));
       }
-      q.warm_slot = 0;
-      q.reduce = Reduce::kMin;
-      const Answer least = ask(engine, q);
-      ASSERT_EQ(least.info.backend, GetParam());
       const std::size_t P = exact.size() / kBatch;
-      for (std::size_t k = 0; k < kBatch; ++k)
-        hold(*std::min_element(&exact[k * P], &exact[k * P] + P, [](auto& a, auto& b) { return a.above < b.above; }),
-             least.view.lower[k], least.view.upper[k], name + "least");
+      for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest})
+        for (const std::uint64_t warm : {0, 2, 2}) {
+          q.warm_slot = warm;
+          q.reduce = reduce;
+          const Answer least = ask(engine, q);
+          ASSERT_EQ(least.info.backend, GetParam());
+          const std::size_t groups = reduce == Reduce::kMin ? 1 : kBodies;
+          ASSERT_EQ(least.size.rows, kBatch * groups);
+          for (std::size_t row = 0; row < least.size.rows; ++row) {
+            const Exact of_group =
+                least_of(asked, &exact[row / groups * P], reduce, static_cast<std::uint32_t>(row % groups));
+            hold(of_group, least.view.lower[row], least.view.upper[row], name + (warm ? "least, warm" : "least, cold"));
+          }
+        }
+    }
+    // Where bodies stand.
+    q.precision = Precision::kF64;
+    for (std::uint32_t k = 0; k < kBatch; k += 7) {
+      std::vector<BodyPose> stand;
+      for (std::uint32_t b = 0; b < kBodies; ++b) stand.push_back({b, poses[k * kBodies + b]});
+      engine.set_poses(stand);
+      QueryView here;
+      here.reduce = Reduce::kNearest;
+      for (const std::uint64_t warm : {0, 3}) {
+        here.warm_slot = warm;
+        const Answer nearest = ask(engine, here);
+        for (std::uint32_t b = 0; b < kBodies; ++b)
+          hold(least_of(asked, &exact[k * asked.size()], Reduce::kNearest, b), nearest.view.lower[b],
+               nearest.view.upper[b], warm ? "where bodies stand, warm" : "where bodies stand");
+      }
     }
   }
   EXPECT_EQ(outside, 0u);

@@ -78,19 +78,25 @@ TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
   const Question questions[] = {question_about(Reduce::kNearest), question_about(Reduce::kMin), question_about(Reduce::kWithin),
                                 question_of_table(Reduce::kWithin)};
-  for (const Question& question : questions) {
-    const Answer expected = ask(cpu, question.q);
-    int at = 0;
-    for (bool failed = true; failed; ++at) {
-      fault_ = {at};
-      const Engine device(scene(), options());
-      const Answer a = ask(device, question.q);
-      failed = fault_.calls > at;
-      expect_same(a, expected, "fault at call " + std::to_string(at), true);
-      EXPECT_EQ(a.info.backend, "cpu");
+  int calls[2] = {};  // that there are, cold and warm
+  for (const Question& question : questions)
+    for (const std::uint64_t client : {0, 1}) {
+      QueryView q = question.q;
+      q.warm_slot = client;
+      const Answer expected = ask(cpu, q);
+      int at = 0;
+      for (bool failed = true; failed; ++at) {
+        fault_ = {at};
+        const Engine device(scene(), options());
+        const Answer a = ask(device, q);
+        failed = fault_.calls > at;
+        expect_same(a, expected, "fault at call " + std::to_string(at), true);
+        EXPECT_EQ(a.info.backend, "cpu");
+      }
+      EXPECT_GT(at, 3);
+      calls[client] += at;
     }
-    EXPECT_GT(at, 3);
-  }
+  EXPECT_EQ(calls[1], calls[0] + 4) << "each makes room for warm state";
 }
 
 TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {

@@ -284,7 +284,7 @@ class Front:
         timeout_s: seconds; None: the client's own; in process no limit.
         max_results: most rows of reduce="within".
         max_pose_age_ns: older poses set Flag.STALE; 0: never.
-        warm: keep warm state between calls (faster; bits then depend on earlier calls).
+        warm: keep warm state between calls (faster; bits then depend on earlier calls). The CPU's reductions begin cold.
         copy: False: the columns of a client's answer are read-only views of the transport's own memory, given back when
             the arrays are gone. In process the columns are always the result's own.
         min_pose_stamp_ns: begin once poses with this stamp or a newer one are there (publisher's clock); 0: at once. In

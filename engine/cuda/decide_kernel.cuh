@@ -1,0 +1,333 @@
+// Reduce::kMin in one launch, where a configuration's pairs are few enough for some threads of a warp to go through
+// them.
+//
+// A team of threads compares the boxes of its configuration's pairs, then looks at those that may be nearest, a thread
+// for each, side by side and in their order: without depths the first pair that overlaps wins whatever comes after it,
+// so the team stops as soon as each pair before that one is proved to be apart. What a thread cannot settle leaves the
+// configuration open: its pairs are listed, and answered as reduce_kernel.cuh does. Rows have the bits that they have
+// there.
+#pragma once
+
+#include "reduce_kernel.cuh"
+
+namespace clearance::cuda {
+
+inline constexpr std::uint32_t kDecideThreads = 64;
+inline constexpr int kDecideBlocks = 4;  // on a multiprocessor, among which its registers are shared out
+
+// Threads of a warp that share a configuration. All the warp's threads call what asks others.
+template <std::uint32_t kLanes>
+struct Team {
+  std::uint32_t lane = threadIdx.x % kLanes, first = threadIdx.x % 32 / kLanes * kLanes;
+
+  __device__ std::uint32_t ballot(bool x) const { return __ballot_sync(~0u, x) >> first & (~0u >> (32 - kLanes)); }
+  __device__ static std::uint32_t all(std::uint32_t bits) {
+    for (int step = kLanes / 2; step > 0; step /= 2) bits |= __shfl_xor_sync(~0u, bits, step);
+    return bits;
+  }
+  template <class T>
+  __device__ static T least(T x) {
+    for (int step = kLanes / 2; step > 0; step /= 2) {
+      const T other = __shfl_xor_sync(~0u, x, step);
+      if (other < x) x = other;
+    }
+    return x;
+  }
+};
+__device__ inline std::uint32_t bits_before(std::uint32_t lane) {
+  return (1u << lane) - 1;
+}
+__device__ inline std::uint32_t first_bit(std::uint32_t bits) {
+  return static_cast<std::uint32_t>(__ffs(static_cast<int>(bits))) - 1;
+}
+
+// How far two bodies may well be whose boxes are so far: balls in boxes of these sizes that face each other by a
+// corner. Squared.
+__device__ inline float likely_reach(const OuterBox& a, const OuterBox& b, float squared) {
+  const auto size = [](const OuterBox& x) {
+    return (x.high_x - x.low_x) + (x.high_y - x.low_y) + (x.high_z - x.low_z);
+  };
+  const float reach = sqrtf(squared) + (size(a) + size(b)) * 0.125f;
+  return squared > 0 ? fminf(fmaxf(reach * reach, squared), 3.4028234e38f) : 0.0f;
+}
+
+// A configuration's pairs, in the query's order.
+struct ConfigurationPairs {
+  const ReducedView& r;
+  std::uint32_t k;
+
+  __device__ std::uint32_t count() const { return r.chunk.pair_count; }
+  __device__ PairRef ref(std::uint32_t i) const { return r.chunk.pairs[i]; }
+  __device__ OuterBox box_a(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).a, k); }
+  __device__ OuterBox box_b(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).b, k); }
+  __device__ bool has_poses(std::uint32_t i) const { return !is_empty(box_a(i)) && !is_empty(box_b(i)); }
+  __device__ WarmRow* warm(std::uint32_t i) const { return r.chunk.warm + std::uint64_t{k} * r.chunk.pair_count + i; }
+  __device__ void list(std::uint32_t at, std::uint32_t i) const { r.items[at] = k * r.chunk.pair_count + i; }
+};
+
+// What a team's comparison of all boxes finds.
+struct FirstLook {
+  float reach =
+      __builtin_inff();  // a first guess of how far the nearest pair's boxes are, squared; infinite: no pair has poses
+  std::uint32_t unusable = kNone;  // first pair without usable poses
+};
+template <std::uint32_t kLanes>
+__device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, const Team<kLanes>& team) {
+  constexpr float kInf = __builtin_inff();
+  FirstLook look;
+  float least = kInf;
+  std::uint32_t nearest = kNone;
+  bool all_placed = true;
+#pragma unroll 4
+  for (std::uint32_t i = team.lane; i < members.count();
+       i += kLanes) {  // without branches, so that loads go side by side
+    const float squared = squared_gap(members.box_a(i), members.box_b(i));
+    const bool is_nearer = squared < least;
+    least = is_nearer ? squared : least;
+    nearest = is_nearer ? i : nearest;
+    all_placed = all_placed && squared < kInf;
+  }
+  if (nearest != kNone) look.reach = likely_reach(members.box_a(nearest), members.box_b(nearest), least);
+  look.reach = team.least(look.reach);
+  // Some may have no poses, or be farther than a float's square.
+  if (__any_sync(~0u, !all_placed)) {
+    const bool any = look.reach == kInf;
+    for (std::uint32_t i = team.lane; i < members.count() && !all_placed; i += kLanes) {
+      if (!members.has_poses(i)) {
+        if (look.unusable == kNone) look.unusable = i;
+      } else if (any) {
+        look.reach = 3.4028234e38f;
+      }
+    }
+    look.reach = team.least(look.reach);
+    look.unusable = team.least(look.unusable);
+  }
+  return look;
+}
+
+// One configuration's search for its winner, as each thread of its team sees it.
+template <std::uint32_t kLanes, bool kWarm>
+class Decision {
+ public:
+  __device__ Decision(const ReducedView& r, std::uint32_t k, bool exists, std::uint32_t* queue)
+      : r_(r), c_(r.chunk), members_{r, exists ? k : 0}, at_(k), exists_(exists), queue_(queue) {
+    first_ = look_at_boxes(members_, team_);
+    reach_ = first_.reach;
+    decided_ = !exists || !is_usable();
+  }
+
+  __device__ void run() {
+    while (__any_sync(~0u, !decided_)) {
+      gather();
+      look();
+      go_on();
+    }
+    __syncwarp();
+    if (exists_ && team_.lane == 0) end();
+  }
+
+ private:
+  __device__ bool is_usable() const { return first_.reach < __builtin_inff(); }
+
+  // A pair for each thread, if there are as many: boxes of 32 pairs a thread at a time, whose hits are then queued in
+  // order.
+  __device__ void gather() {
+    for (;;) {
+      std::uint32_t hits = team_.all(hits_);
+      if (__any_sync(~0u, is_short() && hits == 0 && next_ < members_.count())) {
+        if (is_short() && hits == 0 && next_ < members_.count()) find_hits();
+        hits = team_.all(hits_);
+      }
+      const bool goes_on = is_short() && hits != 0;
+      is_left_ = hits != 0;
+      if (!__any_sync(~0u, goes_on || (is_short() && next_ < members_.count()))) break;
+      const std::uint32_t row = hits != 0 ? first_bit(hits) : 0, bit = 1u << row;
+      const bool wanted = goes_on && (hits_ & bit) != 0;
+      const std::uint32_t all = team_.ballot(wanted);
+      if (wanted) queue_[queued_ + __popc(all & bits_before(team_.lane))] = first_hit_ + row * kLanes + team_.lane;
+      queued_ += __popc(all);
+      if (goes_on) hits_ &= ~bit;
+    }
+    __syncwarp();
+  }
+  __device__ bool is_short() const { return !decided_ && queued_ < kLanes; }
+  __device__ void find_hits() {
+    first_hit_ = next_;
+    const std::uint32_t rows = (members_.count() - next_ + kLanes - 1) / kLanes, last = members_.count() - 1;
+#pragma unroll 4
+    for (std::uint32_t row = 0; row < (rows < 32 ? rows : 32); ++row) {
+      const std::uint32_t i = next_ + row * kLanes + team_.lane, there = i < last ? i : last;
+      const float squared = squared_gap(members_.box_a(there), members_.box_b(there));
+      const bool hit = i <= last && squared > done_ && squared <= reach_;
+      hits_ |= static_cast<std::uint32_t>(hit) << row;
+    }
+    next_ += 32 * kLanes;
+  }
+
+  // Looks at the pairs that are queued, a thread for each.
+  __device__ void look() {
+    const bool there = !decided_ && team_.lane < queued_ && members_.has_poses(queue_[team_.lane]);
+    const std::uint32_t all_there = __ballot_sync(~0u, there);
+    if (all_there == 0) return;
+    // Threads without a pair go along with another's, and add nothing.
+    const int source = static_cast<int>(there ? threadIdx.x % 32 : first_bit(all_there));
+    const std::uint32_t member = there ? queue_[team_.lane] : 0;
+    PairRef ref = members_.ref(member);
+    ref = {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)};
+    const std::uint32_t k = __shfl_sync(~0u, members_.k, source);
+    const Where at_a(c_.bodies, c_.configurations, ref.a, k), at_b(c_.bodies, c_.configurations, ref.b, k);
+    const HullHead *head_a = head_of(c_, ref.a), *head_b = head_of(c_, ref.b);
+    const Hull<SceneVertices> a = scene_hull(c_.hulls, head_a), b = scene_hull(c_.hulls, head_b);
+    const Place<double> place = place_pair<double>(at_a, *head_a, at_b, *head_b);
+    PairAnswer answer;
+    const bool runs = !answer_without_pieces(c_.question, at_a, at_b, answer) && there;
+    Run<Hull<SceneVertices>> run(c_.question, a, b, place);
+    if (kWarm && runs) run.begin_at(*members_.warm(member));
+
+    // Without depths the first pair that overlaps has won: what comes after it waits, and before it all that is asked
+    // is whether a pair is proved to be apart.
+    const double margin = run.radius + rounding_error(double(RoundingUnits<double>::kLower), run.scale);
+    const double apart_from = margin * margin * (1 + 0x1p-30);
+    bool apart = there && !runs;
+    std::uint32_t enclosing = 0;
+    for (int steps = 0;;) {
+      enclosing = team_.ballot(runs && run.g.end == Gjk<double>::code(GjkEnd::kEncloses) && run.g.simplex.size == 4);
+      const bool goes_on =
+          runs && run.g.end == 0 && (enclosing & bits_before(team_.lane)) == 0 && !(enclosing != 0 && apart);
+      if (!__any_sync(~0u, goes_on)) break;
+      if (!goes_on) continue;
+      const double vv = squared_norm(run.g.v);
+      run.step();
+      apart = apart || (run.g.gap > 0 && run.g.gap * run.g.gap > apart_from * vv);
+      if (run.g.end == 0 && ++steps >= c_.question.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
+    }
+    if (kWarm && runs) *members_.warm(member) = run.end();
+    add_count(c_.counts + kSettledRows, runs);
+
+    bool unsure = false, overlaps = false;
+    if (there && enclosing != 0 && team_.lane == first_bit(enclosing)) {
+      Enclosed enclosed;
+      take_enclosed(run.g, enclosed);
+      overlaps = proved(c_, enclosed, at_a, at_b, answer) == Outcome::kSettled;
+      unsure = !overlaps;
+    } else if (enclosing != 0) {
+      unsure = runs && team_.lane < first_bit(enclosing) && !apart;
+    }
+    const bool overlap = team_.ballot(overlaps) != 0;
+
+    // Without an overlap bounds tell.
+    const bool ends = there && enclosing == 0;
+    if (__any_sync(~0u, ends || unsure)) {
+      const RunBounds<double> bounds = run.bounds();
+      const bool settles = ends && (!runs || bounds.settled);
+      unsure = unsure || (ends && !settles);
+      const double lower = runs ? bounds.lower : answer.lower, upper = runs ? bounds.upper : answer.upper;
+      const std::uint64_t u = settles ? order_key(upper) : kNoKey, least_u = team_.least(u);
+      const std::uint64_t n = settles && u == least_u ? order_key(upper < __builtin_inf() ? 0 : lower) : kNoKey,
+                          least_n = team_.least(n);
+      const std::uint32_t nearest = team_.ballot(settles && u == least_u && n == least_n);
+      const std::uint64_t least_lower =
+          team_.least(settles ? order_key(lower_with_box(lower, certify_box_gap(at_a.box(), at_b.box()))) : kNoKey);
+      const double least_limit = team_.least(there ? (runs ? upper_so_far(run) : lower) : __builtin_inf());
+      if (nearest != 0 && is_better(least_u, least_n, queue_[first_bit(nearest)])) {
+        upper_ = least_u, beyond_ = least_n, member_ = queue_[first_bit(nearest)];
+        if (team_.lane == first_bit(nearest)) {
+          if (runs)
+            take_settled<false>(c_.question, PairHulls<Hull<SceneVertices>>{a, b}, at_a, at_b, place, run.g, bounds,
+                                answer);
+          r_.answers[at_] = answer;
+        }
+      }
+      if (least_lower < lower_) lower_ = least_lower;
+      if (least_limit < cutoff_) cutoff_ = least_limit;
+      reach_ = fminf(reach_, square_from_above(cutoff_));
+    }
+    const bool opens = team_.ballot(unsure) != 0;
+    if (opens) {
+      is_open_ = decided_ = true;
+    } else if (overlap) {
+      decided_ = true;
+      member_ = queue_[first_bit(enclosing)];
+      lower_ = order_key(0.0);
+      if (overlaps) r_.answers[at_] = answer;
+    }
+    if (__any_sync(~0u, opens)) list(opens);
+  }
+  __device__ bool is_better(std::uint64_t u, std::uint64_t n, std::uint32_t m) const {
+    return u != upper_ ? u < upper_ : n != beyond_ ? n < beyond_ : m < member_;
+  }
+
+  // Lists all that may be the nearest.
+  __device__ void list(bool opens) const {
+    const float cutoff = square_from_above(cutoff_);
+    for (std::uint32_t first = 0; first < members_.count(); first += kLanes) {
+      const std::uint32_t i = first + team_.lane;
+      bool wanted = opens && i < members_.count();
+      if (wanted) wanted = squared_gap(members_.box_a(i), members_.box_b(i)) <= cutoff && members_.has_poses(i);
+      const std::uint32_t at = take_place(c_.counts + kCandidates, wanted);
+      if (wanted && at < r_.capacity) members_.list(at, i);
+    }
+  }
+
+  // To the pairs that come next: of the queue, or those farther away, if they may be nearer than what was found.
+  __device__ void go_on() {
+    const bool is_left = team_.lane + kLanes < queued_;
+    const std::uint32_t left = is_left ? queue_[team_.lane + kLanes] : 0;
+    __syncwarp();
+    if (is_left) queue_[team_.lane] = left;
+    queued_ = queued_ > kLanes ? queued_ - kLanes : 0;
+    if (decided_ || queued_ > 0 || is_left_ || next_ < members_.count()) return;
+    const float cutoff = square_from_above(cutoff_);
+    decided_ = cutoff <= reach_;
+    done_ = reach_;
+    reach_ = cutoff;
+    next_ = 0;
+  }
+
+  // The configuration's row, or what the kernels that answer it instead must know.
+  __device__ void end() const {
+    r_.answered[at_] = !is_open_;
+    if (is_open_) {
+      r_.seed[at_] = 0;
+      r_.complete[at_] = first_.unusable == kNone;
+    } else if (is_usable()) {
+      write_winner(r_, at_, members_.ref(member_), r_.answers[at_], from_order_key(lower_), first_.unusable == kNone);
+    } else if (first_.unusable != kNone) {
+      write_unusable(r_, at_, members_.ref(first_.unusable));
+    } else {
+      write_empty(r_, at_);
+    }
+  }
+
+  static constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
+  const ReducedView& r_;
+  const ChunkView& c_;
+  const ConfigurationPairs members_;
+  const Team<kLanes> team_;
+  const std::uint32_t at_;  // the configuration: its group, its row
+  const bool exists_;
+  std::uint32_t* const queue_;  // (2 * kLanes,) members, in their order
+  FirstLook first_;
+  bool decided_, is_open_ = false;
+  float done_ = -1, reach_;  // now: pairs with the squares of their boxes' gaps above the one and up to the other
+  double cutoff_ = __builtin_inf();  // no pair farther than this can be the nearest
+  std::uint32_t next_ = 0, queued_ = 0;
+  std::uint32_t hits_ = 0,
+                first_hit_ = 0;  // of the boxes that were compared last: a bit for each that is still to be queued
+  bool is_left_ = false;         // such a bit, of any thread
+  // The winner so far; bounds are keys, `lower` is the group's.
+  std::uint64_t upper_ = kNoKey, beyond_ = kNoKey, lower_ = kNoKey;
+  std::uint32_t member_ = kNone;
+};
+
+// A team for each configuration.
+template <std::uint32_t kLanes, bool kWarm>
+__global__ void __launch_bounds__(kDecideThreads, kDecideBlocks)
+    decide_configurations(const __grid_constant__ ReducedView r) {
+  __shared__ std::uint32_t queues[kDecideThreads / kLanes][2 * kLanes];
+  const std::uint32_t k = (blockIdx.x * kDecideThreads + threadIdx.x) / kLanes;
+  Decision<kLanes, kWarm>(r, k, k < r.chunk.configurations, queues[threadIdx.x / kLanes]).run();
+  hand_over_counts(r.chunk);
+}
+
+}  // namespace clearance::cuda
