@@ -52,14 +52,15 @@ case $what in
     "$bin/clearance-certify" --backend cuda --pairs 1000000 --seed 1 --csv "$file" --failures "$out/certify_failures.txt" && echo "$file"
     ;;
   sanitize)
-    # Out of bounds, barriers that not all reach, races in shared memory. Not initcheck: rows that the CPU writes later and fields
-    # that nobody asked for are copied unwritten. Tests of moderate size: each tool slows them down a hundredfold.
+    # Out of bounds, barriers that not all reach, races in shared memory; of reductions also what is read unwritten (of dense
+    # queries rows that the CPU writes later are copied so). Tests of moderate size: each tool slows them down a hundredfold.
     sanitizer=$(command -v compute-sanitizer || echo /usr/local/cuda/bin/compute-sanitizer)
     [ -x "$sanitizer" ] || { echo "gpu.sh: compute-sanitizer is not there: it comes with the CUDA toolkit" >&2; exit 1; }
     failed=0
-    for tool in memcheck synccheck racecheck; do
+    for tool in memcheck synccheck racecheck initcheck; do
       for run in "test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LastQuery*:*LeavesToFloat64*" \
                  "test_cuda_reductions --gtest_filter=*BreakTies*:*SayWhich*:*WriteStraight*"; do
+        [ "$tool ${run%% *}" = "initcheck test_cuda_backend" ] && continue
         # shellcheck disable=SC2086
         "$sanitizer" --tool $tool --error-exitcode 9 "$bin"/$run >"$out/gpu_sanitize.log" 2>&1 ||
           { failed=1; grep -E "=========|Failure" "$out/gpu_sanitize.log" | head -20; }

@@ -9,8 +9,9 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::size_t kCopyBytes = 1u << 18;    // what one thread copies at a time
-constexpr std::size_t kPinnedPoses = 1u << 26;  // bytes; more go to pinned memory a chunk at a time
+constexpr std::size_t kCopyBytes = 1u << 16;     // what one thread copies at a time
+constexpr std::size_t kParallelCopy = 3u << 18;  // bytes that are worth several threads
+constexpr std::size_t kPinnedPoses = 1u << 26;   // bytes; more go to pinned memory a chunk at a time
 
 }  // namespace
 
@@ -155,7 +156,7 @@ void DeviceQuery::copy_bytes(const void* from, void* to, std::size_t bytes) {
   const auto blocks = static_cast<std::int64_t>((bytes + kCopyBytes - 1) / kCopyBytes);
   const auto* source = static_cast<const std::byte*>(from);
   auto* target = static_cast<std::byte*>(to);
-#pragma omp parallel for num_threads(workers()) if (blocks > 2)
+#pragma omp parallel for num_threads(workers()) if (bytes >= kParallelCopy)
   for (std::int64_t i = 0; i < blocks; ++i) {
     const std::size_t at = static_cast<std::size_t>(i) * kCopyBytes;
     std::memcpy(target + at, source + at, std::min(kCopyBytes, bytes - at));
