@@ -1,0 +1,363 @@
+// The kernel that decides configurations (engine/cuda/decide_kernel.cuh), without a GPU: its text compiled for the
+// host, its rows held against the CPU's, bit by bit.
+#include <algorithm>
+#include <limits>
+
+#include "engine/cuda/device.h"
+#include "engine/overlap.h"
+#include "engine/piece_search.h"
+#include "engine/witness.h"
+#include "same_answer.h"
+// Behind all that is included elsewhere.
+#include "emulated_cuda.h"
+// Kernels in a namespace of their own: a build with CUDA has them in clearance::cuda, too.
+namespace clearance::emulated {
+using namespace clearance::cuda;
+}
+#define cuda emulated
+#include "engine/cuda/decide_kernel.cuh"
+#include "engine/cuda/place_kernel.cuh"
+#undef cuda
+
+namespace clearance::test {
+namespace {
+
+using namespace clearance::emulated;
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::uint32_t kThreads = 16;  // of a team
+
+// A scene's hulls as a device holds them, without tables.
+struct HostHulls {
+  std::vector<HullHead> heads;
+  std::vector<double> x, y, z;
+  std::vector<std::uint32_t> of_body, piece_begin{0}, piece_hull;
+  std::uint16_t words[8] = {};
+
+  explicit HostHulls(const Scene& scene) {
+    for (const Body& body : scene.bodies()) {
+      const Piece& p = *body.pieces[0];
+      of_body.push_back(static_cast<std::uint32_t>(heads.size()));
+      piece_hull.push_back(of_body.back());
+      piece_begin.push_back(static_cast<std::uint32_t>(piece_hull.size()));
+      heads.push_back({p.centre, p.half, p.rho, p.radius, p.spread, kInf, static_cast<std::uint32_t>(x.size()),
+                       static_cast<std::uint32_t>(p.vertices.size()), 0, 0, 0, 0});
+      for (const Vec3d& v : p.vertices) x.push_back(v.x), y.push_back(v.y), z.push_back(v.z);
+    }
+  }
+  HullsView view() const {
+    return {heads.data(), x.data(),       y.data(),           z.data(),         nullptr,
+            words,        of_body.data(), piece_begin.data(), piece_hull.data()};
+  }
+};
+
+// Calls a kernel whose threads do not wait for each other.
+template <class Kernel>
+void for_each_thread(std::size_t threads, const Kernel& kernel) {
+  blockDim = {1, 1, 1};
+  threadIdx = {0, 0, 0};
+  for (std::size_t t = 0; t < threads; ++t) {
+    blockIdx = {static_cast<unsigned>(t), 0, 0};
+    kernel();
+  }
+}
+
+// Bodies of a scene where they stand, some of them moved.
+struct HostBodies {
+  static constexpr std::size_t kComponents = kPoseComponents + kBoxComponents;
+  std::vector<double> fixed, moved;
+  std::vector<std::uint8_t> fixed_state, moved_state, has_base;
+  std::vector<OuterBox> fixed_box, moved_box;
+  std::vector<std::uint32_t> source, chain_begin;
+  std::vector<Pose> own;
+  std::vector<BodyPlacement> base;
+  BodiesView view{};
+
+  HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q) {
+    const std::size_t n = scene.bodies().size(), M = q.bodies.size(), K = q.configuration_count;
+    fixed.assign(n * kComponents, 1e300);  // of bodies without a pose nobody reads
+    for (std::size_t b = 0; b < n; ++b) {
+      const auto& pose = scene.bodies()[b].pose;
+      const BodyPlacement at = place(pose ? &*pose : nullptr, nullptr);
+      fixed_state.push_back(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0));
+      if (at.status != Status::kOk) continue;
+      for (std::size_t c = 0; c < 3; ++c) {
+        for (std::size_t r = 0; r < 3; ++r) fixed[(3 * r + c) * n + b] = at.pose.R_wb.row[r][static_cast<int>(c)];
+        fixed[(9 + c) * n + b] = at.pose.t_w[static_cast<int>(c)];
+      }
+    }
+    fixed_box.resize(n);
+    moved.resize(K * M * kComponents);
+    moved_state.resize(K * M);
+    moved_box.resize(K * M);
+    view.fixed = fixed.data();
+    view.fixed_state = fixed_state.data();
+    view.fixed_box = fixed_box.data();
+    view.bodies = static_cast<std::uint32_t>(n);
+    view.moved_box = moved_box.data();
+    view.moved = moved.data();
+    view.moved_state = moved_state.data();
+    view.moved_body = q.bodies.data();
+    view.moved_count = static_cast<std::uint32_t>(M);
+    view.components = kComponents;
+    for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
+    has_base.assign(M, 0);
+    own.resize(M);
+    base.resize(M);
+    for (std::uint32_t i = 0; i <= M; ++i) chain_begin.push_back(i);
+    source = chain_begin;
+    const MovesView moves{q.configurations.data(), view.moved_count, source.data(), own.data(),
+                          chain_begin.data(),      source.data(),    base.data(),   has_base.data()};
+    for_each_thread(K * M, [&] { place_bodies(hulls, view, moves, static_cast<std::uint32_t>(K)); });
+  }
+};
+
+// What the kernel makes of a query.
+struct Decided {
+  Answer rows;
+  std::vector<std::uint8_t> answered;              // (K,)
+  std::vector<std::vector<std::uint32_t>> listed;  // of each configuration: pairs, ascending
+  std::uint32_t looks = 0;
+};
+
+Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* warm = nullptr) {
+  const std::uint32_t K = q.configuration_count, P = static_cast<std::uint32_t>(q.pairs.size());
+  const HostHulls hulls(engine.scene());
+  const HostBodies bodies(engine.scene(), hulls.view(), q);
+  std::vector<PairRef> pairs;
+  for (const BodyPair pair : q.pairs) {
+    const auto ref = [&](std::uint32_t body) {
+      const auto slot =
+          static_cast<std::uint32_t>(std::find(q.bodies.begin(), q.bodies.end(), body) - q.bodies.begin());
+      return slot < q.bodies.size() ? slot | kMovedBit : body;
+    };
+    pairs.push_back({ref(pair.a), ref(pair.b)});
+  }
+  Decided d;
+  d.rows = room_for(engine, q);
+  d.rows.info.rows = d.rows.info.total = K;
+  d.answered.assign(K, 2);
+  std::vector<std::uint64_t> keys(5 * K);
+  std::vector<std::uint8_t> complete(K);
+  std::vector<PairAnswer> answers(std::max(K, K * P));
+  std::vector<std::uint32_t> items(K * P);
+  std::uint32_t counts[kCounts] = {}, host_counts[kCounts] = {};
+  ReducedView r{};
+  r.chunk.hulls = hulls.view();
+  r.chunk.bodies = bodies.view;
+  r.chunk.question = {
+      q.max_distance, q.abs_tol, q.rel_tol < 0 ? default_rel_tol(q.precision) : q.rel_tol, 256, true, true, true,
+      true,           false};
+  r.chunk.pairs = pairs.data();
+  r.chunk.pair_count = P;
+  r.chunk.configurations = K;
+  r.chunk.reply = d.rows.view;
+  r.chunk.counts = counts;
+  r.chunk.host_counts = host_counts;
+  r.chunk.warm = warm ? warm->data() : nullptr;
+  r.chunk.blocks = (K * kThreads + kDecideThreads - 1) / kDecideThreads;
+  r.reduce = Reduce::kMin;
+  r.groups = 1;
+  r.rows = K * P;
+  r.seed = keys.data();
+  r.complete = complete.data();
+  r.answered = d.answered.data();
+  r.items = items.data();
+  r.answers = answers.data();
+  r.capacity = K * P;
+  EmulatedGrid::one().launch(r.chunk.blocks, kDecideThreads, [&] {
+    warm ? decide_configurations<kThreads, true>(r) : decide_configurations<kThreads, false>(r);
+  });
+  EXPECT_TRUE(std::all_of(counts, counts + kCounts, [](std::uint32_t c) { return c == 0; }))
+      << "left for the next chunk";
+  d.looks = host_counts[kSettledRows];
+  d.listed.resize(K);
+  for (std::uint32_t i = 0; i < host_counts[kCandidates]; ++i) d.listed[items[i] / P].push_back(items[i] % P);
+  for (auto& of_one : d.listed) std::sort(of_one.begin(), of_one.end());
+  return d;
+}
+
+// Bodies of a few shapes, a fifth of which stay, and configurations of the others.
+struct Case {
+  Scene scene;
+  std::vector<std::uint32_t> bodies;
+  std::vector<BodyPair> pairs;
+  std::vector<Pose> poses;
+  QueryView q;
+
+  Case(double room, std::uint32_t configurations) {
+    Random random(3);
+    for (std::uint32_t b = 0; b < 24; ++b) {
+      const Scene::BodyOptions options{.is_static = b % 5 == 3, .pose = random.pose(room)};
+      const std::string name = "b" + std::to_string(b);
+      switch (b % 4) {
+        case 0:
+          scene.add_capsule(name, 0.2, 0.5, options);
+          break;
+        case 1:
+          scene.add_hull(name, cloud_on_sphere(60, 0.5, 4), options);
+          break;
+        case 2:
+          scene.add_box(name, {0.4, 0.7, 0.2}, options);
+          break;
+        default:
+          scene.add_uv_sphere(name, 0.5, 5, options);
+      }
+      if (b % 5 != 3) bodies.push_back(b);
+    }
+    for (std::uint32_t a = 0; a < 24; ++a)
+      for (std::uint32_t b = a + 1; b < 24; ++b)
+        if (a % 5 != 3 || b % 5 != 3) pairs.push_back(a % 2 ? BodyPair{a, b} : BodyPair{b, a});
+    for (std::size_t i = 0; i < configurations * bodies.size(); ++i) poses.push_back(random.pose(room));
+    q.all_pairs = false;
+    q.reduce = Reduce::kMin;
+    q.fields = kAllFields;
+    q.configuration_count = configurations;
+    point();
+  }
+  void point() {
+    q.pairs = pairs;
+    q.bodies = bodies;
+    q.configurations = poses;
+  }
+  void step() {
+    for (Pose& p : poses) p.translation.x += 0.004, p.qz += 0.003;
+  }
+};
+
+// Expects answered rows to be the CPU's. \returns how many there are
+std::size_t expect_the_cpus_rows(const Engine& cpu, const QueryView& q, const Decided& d, const std::string& what) {
+  Answer expected = ask(cpu, q);
+  std::size_t answered = 0;
+  for (std::uint32_t k = 0; k < q.configuration_count; ++k) {
+    EXPECT_LE(d.answered[k], 1) << what;
+    EXPECT_EQ(d.listed[k].empty(), d.answered[k] == 1) << what << ", configuration " << k;
+    answered += d.answered[k];
+    if (d.answered[k]) continue;
+    const auto copy = [&](auto* from, auto* to, std::size_t width) {
+      std::copy_n(from + k * width, from ? width : 0, to + k * width);
+    };
+    clearance::cuda::for_each_column(copy, expected.view, d.rows.view);  // it is not to be compared
+  }
+  expect_same(d.rows, expected, what, true);
+  return answered;
+}
+
+TEST(DecideKernel, GivesTheBitsOfTheCpu) {
+  for (const double room : {1.0, 2.5, 8.0}) {
+    Case c(room, 41);
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    std::size_t answered = 0;
+    const auto compare = [&](const std::string& what) {
+      answered += expect_the_cpus_rows(cpu, c.q, decide(cpu, c.q), what + ", room " + std::to_string(room));
+    };
+    compare("all");
+    c.q.rel_tol = 0.2, c.q.abs_tol = 0.01;
+    compare("loose");
+    c.q.rel_tol = -1, c.q.abs_tol = 0;
+    for (const double distance : {0.0, 1e-9, 0.3}) {
+      c.q.max_distance = distance;
+      compare("near " + std::to_string(distance));
+    }
+    c.q.max_distance = kInf;
+    EXPECT_GT(answered, 80u) << "of 205; capsules that overlap by their radius are left open";
+    // Poses that are no poses, in all of a configuration, too.
+    c.poses[2].qw = c.poses[2].qx = c.poses[2].qy = c.poses[2].qz = 0;
+    c.poses[0].qx *= 100;
+    c.poses[3 * c.bodies.size() + 1].translation.y = std::numeric_limits<double>::quiet_NaN();
+    for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[5 * c.bodies.size() + i].qw = kInf;
+    compare("bad poses");
+    const std::vector<BodyPair> all = std::exchange(c.pairs, {c.pairs[0]});
+    c.point();
+    compare("one pair");
+    c.pairs.clear();  // more than boxes are compared of at a time, each several times
+    while (c.pairs.size() < 1200) c.pairs.push_back(all[c.pairs.size() * 7 % all.size()]);
+    c.point();
+    compare("many pairs");
+  }
+}
+
+TEST(DecideKernel, LooksAtLittleBehindTheFirstOverlap) {
+  Case c(1.0, 41);
+  const Engine cpu(std::move(c.scene), {"cpu"});
+  const Answer least = ask(cpu, c.q);
+  ASSERT_TRUE(std::all_of(least.view.status, least.view.status + 41,
+                          [](std::uint8_t s) { return s == static_cast<std::uint8_t>(Status::kOverlap); }));
+  EXPECT_LT(decide(cpu, c.q).looks, 41 * 2 * kThreads) << "a second look at most";
+  EXPECT_GT(least.info.pairs_evaluated, 41 * 4 * kThreads) << "boxes leave more";
+}
+
+TEST(DecideKernel, BeginsWhereItWasOrAnywhere) {
+  for (const double room : {1.0, 2.5, 8.0}) {
+    Case c(room, 41);
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    std::vector<WarmRow> warm(c.pairs.size() * 41);
+    std::uint64_t different = 0;
+    Random random(7);
+    for (int step = 0; step < 5; ++step) {
+      if (step == 4)  // vertices that there are not, too
+        for (WarmRow& row : warm) {
+          for (auto* indices : {row.a, row.b})
+            for (int i = 0; i < 3; ++i) indices[i] = static_cast<std::uint16_t>(random.below(70));
+          row.size = static_cast<std::uint16_t>(random.below(9));
+        }
+      const Decided d = decide(cpu, c.q, &warm);
+      if (step == 0) {
+        expect_the_cpus_rows(cpu, c.q, d, "nothing to begin from");
+      } else {
+        const Answer cold = ask(cpu, c.q);
+        for (std::uint32_t k = 0; k < 41; ++k) {
+          if (!d.answered[k]) continue;
+          const auto &a = d.rows.view, &b = cold.view;
+          EXPECT_TRUE(a.lower[k] <= b.upper[k] && b.lower[k] <= a.upper[k]) << "room " << room << ", step " << step;
+          different += !same_bits(a.point_a[3 * k], b.point_a[3 * k]);
+        }
+      }
+      c.step();
+    }
+    EXPECT_GT(different, 10u) << "it did begin elsewhere";
+  }
+}
+
+// What it cannot settle it leaves open, with all pairs that may be the nearest.
+TEST(DecideKernel, LeavesOpenWhatTouches) {
+  Scene scene;
+  for (int i = 0; i < 64; ++i)
+    scene.add_box("b" + std::to_string(i), {1, 1, 1},
+                  {.pose = Pose{{1.0 * (i % 4), 1.0 * (i / 4 % 4), 1.0 * (i / 16)}}});
+  const Engine cpu(std::move(scene), {"cpu"});
+  const std::vector<std::uint32_t> bodies{7};
+  std::vector<BodyPair> pairs;
+  for (std::uint32_t b = 0; b < 64; ++b)
+    if (b != 7) pairs.push_back({7, b});
+  Random random(14);
+  std::vector<Pose> poses;
+  for (int k = 0; k < 30; ++k) poses.push_back(k % 3 == 0 ? Pose{{2, 1, k % 2 ? 6 : 4.0}} : random.pose(9));
+  QueryView q;
+  q.all_pairs = false;
+  q.pairs = pairs;
+  q.bodies = bodies;
+  q.configurations = poses;
+  q.configuration_count = 30;
+  q.fields = kAllFields;
+  QueryView dense = q;
+  q.reduce = Reduce::kMin;
+  const Decided d = decide(cpu, q);
+  const std::size_t answered = expect_the_cpus_rows(cpu, q, d, "a grid");
+  EXPECT_GT(answered, 10u);
+  EXPECT_LE(answered, 25u);
+  const Answer all = ask(cpu, dense);
+  for (std::uint32_t k = 0; k < 30; ++k) {
+    if (d.answered[k]) continue;
+    const double* lower = all.view.lower + k * pairs.size();
+    const double least = *std::min_element(all.view.upper + k * pairs.size(), all.view.upper + (k + 1) * pairs.size());
+    EXPECT_EQ(std::adjacent_find(d.listed[k].begin(), d.listed[k].end()), d.listed[k].end()) << "each once";
+    for (std::uint32_t p = 0; p < pairs.size(); ++p) {
+      EXPECT_TRUE(lower[p] > least || std::binary_search(d.listed[k].begin(), d.listed[k].end(), p))
+          << "configuration " << k << ", pair " << p;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace clearance::test
