@@ -13,6 +13,7 @@ constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
 constexpr std::uint64_t kAskers = 64;     // bodies whose pairs one unit looks for in a tree
 constexpr std::uint64_t kTreeBlocks = 8;  // ... or blocks of such
 constexpr std::uint64_t kEvaluate = 256;  // pairs that one unit answers
+constexpr std::uint64_t kAtFirst = 8;     // of them, where the first that overlaps ends it; then twice as many, and so on
 
 // What takes one thread a tenth of a millisecond or more.
 constexpr std::uint64_t kManyAskers = 512, kManyPairs = 65536, kManyAnswers = 1024;
@@ -42,6 +43,7 @@ void Reduction::begin() {
     w.seed.assign(groups_, Seed{kInf, ~std::uint64_t{0}});
     w.incomplete.assign(groups_, 0);
     w.candidates.clear();
+    w.evaluated = 0;
   }
   incomplete_.assign(groups_, 0);
   // Within a distance every pair stands alone: its cut-off is known. So it is for the oracle, which leaves nothing out.
@@ -52,6 +54,12 @@ void Reduction::begin() {
   candidates_.clear();
   candidate_pairs_.clear();
   stage_ = no_seeds ? kScan : kSeedScan;
+}
+
+std::uint64_t Reduction::evaluated() const {
+  std::uint64_t sum = 0;
+  for (const WorkerState& w : workers_) sum += w.evaluated;
+  return sum;
 }
 
 std::uint64_t Reduction::units() const {
@@ -91,12 +99,26 @@ void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) 
       auto& answers = stage_ == kSeeds ? seed_answers_ : candidate_answers_;
       const std::uint64_t begin = unit * kEvaluate, end = std::min<std::uint64_t>(positions.size(), begin + kEvaluate);
       WorkerState& w = workers_[worker];
-      w.asked.clear();
-      for (std::uint64_t i = begin; i < end; ++i) {
-        pairs[i] = plan_.pairs.at(positions[i]);
-        w.asked.push_back({pairs[i], &placement});
+      std::uint64_t step = stops_at_overlap() ? kAtFirst : kEvaluate;
+      for (std::uint64_t first = begin, next; first < end; first = next, step *= 2) {
+        next = std::min(end, first + step);
+        w.asked.clear();
+        for (std::uint64_t i = first; i < next; ++i) {
+          pairs[i] = plan_.pairs.at(positions[i]);
+          w.asked.push_back({pairs[i], &placement});
+        }
+        const std::span<PairAnswer> found = std::span(answers).subspan(first, next - first);
+        w.evaluator.run(w.asked, found);
+        w.evaluated += next - first;
+        const auto overlaps = [](const PairAnswer& a) { return a.status == Status::kOverlap; };
+        if (stops_at_overlap() && std::any_of(found.begin(), found.end(), overlaps)) {
+          for (std::uint64_t i = next; i < end; ++i) {
+            pairs[i] = plan_.pairs.at(positions[i]);
+            answers[i] = beyond_answer(0);  // no nearer than the one found, and behind it
+          }
+          return;
+        }
       }
-      w.evaluator.run(w.asked, std::span(answers).subspan(begin, end - begin));
       return;
     }
     case kDone: return;

@@ -16,7 +16,8 @@ namespace clearance {
 /// and a small one run by one thread. First the pair of least box distance of each group is evaluated (a group: the pairs of
 /// a body, or all); then every pair whose boxes are not farther than the upper bound found so. A pair left out has
 /// lower > that upper bound, so that it can neither win nor lower the interval (see lower_with_box()): a result depends
-/// neither on order nor on which of the far pairs are left out.
+/// neither on order nor on which of the far pairs are left out. Of all pairs the first that overlaps wins where no depth is
+/// asked for: pairs behind it are left out as well.
 class Reduction {
  public:
   enum Stage { kSeedScan, kSeeds, kScan, kCandidates, kDone };
@@ -41,7 +42,7 @@ class Reduction {
   void end_stage();
   /// The rows, once the stage is kDone. \param placement of the configuration.
   std::vector<Row> rows(std::uint32_t configuration, const Placement& placement);
-  std::uint64_t evaluated() const { return seeds_.size() + candidates_.size(); }
+  std::uint64_t evaluated() const;  ///< pairs, of this configuration
 
  private:
   using Seed = TreeSearch::Seed;
@@ -52,6 +53,7 @@ class Reduction {
     std::vector<Seed> seed;                  // of each group
     std::vector<std::uint8_t> incomplete;    // of each group
     std::vector<std::uint64_t> candidates;   // positions
+    std::uint64_t evaluated = 0;             // pairs
     std::vector<BodyPair> room;
     std::vector<PlacedBodies> asked;
     std::vector<double> gaps;
@@ -61,6 +63,10 @@ class Reduction {
   };
   bool per_body() const { return plan_.query.reduce == Reduce::kNearest; }
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
+  /// Whether pairs behind one that overlaps neither win nor lower the interval.
+  bool stops_at_overlap() const {
+    return plan_.query.reduce == Reduce::kMin && !options_.limits.signed_distance && !options_.reference;
+  }
   template <class Visit>
   void for_groups(BodyPair pair, Visit visit) const;
   std::span<const double> gaps(std::span<const BodyPair> pairs, WorkerState& worker, const Placement& placement) const;

@@ -89,6 +89,44 @@ TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
   EXPECT_EQ(ask(engine, q).view.upper[0], *std::min_element(least.begin(), least.end()));
 }
 
+// Of all pairs the first that overlaps wins, whatever comes after it.
+TEST_P(EngineTest, MinIsTheFirstOverlap) {
+  const Engine engine = make(mixed_scene(60, 1.2, 5));
+  Random random(6);
+  const std::vector<std::uint32_t> bodies{1, 2, 3};
+  std::vector<Pose> poses;
+  for (int i = 0; i < 40 * 3; ++i) poses.push_back(random.pose(i < 90 ? 1.2 : 60));
+  QueryView q;
+  q.fields = kAllFields;
+  q.bodies = bodies;
+  q.configurations = poses;
+  q.configuration_count = 40;
+  const Answer dense = ask(engine, q);
+  const std::vector<BodyPair> pairs = engine.pairs(q);
+  q.max_distance = 0;
+  const std::uint64_t touching = ask(engine, q).info.pairs_evaluated;
+  q.max_distance = kInf;
+  q.reduce = Reduce::kMin;
+  const Answer min = ask(engine, q);
+  ASSERT_EQ(min.info.rows, 40u);
+  int overlapping = 0;
+  for (std::size_t k = 0; k < 40; ++k) {
+    const std::uint8_t* status = dense.view.status + k * pairs.size();
+    const auto first = static_cast<std::size_t>(std::find(status, status + pairs.size(), std::uint8_t(Status::kOverlap)) - status);
+    if (first == pairs.size()) continue;
+    ++overlapping;
+    EXPECT_EQ(min.view.status[k], std::uint8_t(Status::kOverlap)) << k;
+    EXPECT_EQ(min.view.pair[k], pairs[first]) << k;
+    EXPECT_EQ(min.view.lower[k], 0) << k;
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(min.view.point_a[3 * k + c], dense.view.point_a[3 * (k * pairs.size() + first) + c]);
+  }
+  EXPECT_GT(overlapping, 20);
+  EXPECT_LT(overlapping, 40);
+  if (GetParam() == "cpu") {
+    EXPECT_LT(min.info.pairs_evaluated, touching / 2);
+  }
+}
+
 TEST_P(EngineTest, WithinKeepsExactlyThePairsNotProvedFarther) {
   const Engine engine = make(mixed_scene(60, 4, 3));
   QueryView all;
