@@ -99,5 +99,32 @@ TEST(PairDeal, PutsPairsOfSeveralPiecesBehindTheOthers) {
   }
 }
 
+TEST(PairDeal, BeginsWithAChunkHalfAsLargeAsTheOthers) {
+  const auto scene = [] {
+    Scene s;
+    Random random(3);
+    for (int i = 0; i < 800; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(10)});
+    return s;
+  };
+  Fault fault;
+  Dealt dealt;
+  const cuda::DeviceStandIn stand_in({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+    return std::make_shared<NotingDevice>(s, fault, dealt);
+  });
+  const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
+  expect_same(ask(device, {}), ask(cpu, {}), "800 bodies", true);
+  ASSERT_GT(dealt.chunks.size(), 2u);
+  std::uint64_t rows = 0;
+  for (const cuda::ChunkSetup& c : dealt.chunks) {
+    EXPECT_EQ(c.first_row, rows) << "one after another";
+    rows += c.rows();
+    if (&c != &dealt.chunks[0]) {
+      EXPECT_NEAR(c.pair_count, dealt.chunks[1].pair_count, 8);
+      EXPECT_GT(c.pair_count, 1.5 * dealt.chunks[0].pair_count);
+    }
+  }
+  EXPECT_EQ(rows, device.pairs({}).size());
+}
+
 }  // namespace
 }  // namespace clearance::test
