@@ -26,7 +26,7 @@ using std::isnan;
 #define __forceinline__ inline
 #define __launch_bounds__(...)
 #define __grid_constant__
-#define __shared__ static  // blocks run one after another
+#define __shared__ constinit thread_local  // blocks run one after another, on one thread
 
 struct EmulatedDim {
   unsigned x, y, z;
@@ -38,6 +38,9 @@ struct alignas(16) float4 {
 };
 struct alignas(16) double2 {
   double x, y;
+};
+struct alignas(16) uint4 {
+  unsigned x, y, z, w;
 };
 
 namespace clearance::test {

@@ -1,116 +1,16 @@
 // The kernel that decides configurations (engine/cuda/decide_kernel.cuh), without a GPU: its text compiled for the
 // host, its rows held against the CPU's, bit by bit.
-#include <algorithm>
-#include <limits>
+#include "emulated_scene.h"
 
-#include "engine/cuda/device.h"
-#include "engine/overlap.h"
-#include "engine/piece_search.h"
-#include "engine/witness.h"
-#include "same_answer.h"
-// Behind all that is included elsewhere.
-#include "emulated_cuda.h"
-// Kernels in a namespace of their own: a build with CUDA has them in clearance::cuda, too.
-namespace clearance::emulated {
-using namespace clearance::cuda;
-}
 #define cuda emulated
 #include "engine/cuda/decide_kernel.cuh"
-#include "engine/cuda/place_kernel.cuh"
 #undef cuda
 
 namespace clearance::test {
 namespace {
 
-using namespace clearance::emulated;
-
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kThreads = 16;  // of a team
-
-// A scene's hulls as a device holds them, without tables.
-struct HostHulls {
-  std::vector<HullHead> heads;
-  std::vector<double> x, y, z;
-  std::vector<std::uint32_t> of_body, piece_begin{0}, piece_hull;
-  std::uint16_t words[8] = {};
-
-  explicit HostHulls(const Scene& scene) {
-    for (const Body& body : scene.bodies()) {
-      const Piece& p = *body.pieces[0];
-      of_body.push_back(static_cast<std::uint32_t>(heads.size()));
-      piece_hull.push_back(of_body.back());
-      piece_begin.push_back(static_cast<std::uint32_t>(piece_hull.size()));
-      heads.push_back({p.centre, p.half, p.rho, p.radius, p.spread, kInf, static_cast<std::uint32_t>(x.size()),
-                       static_cast<std::uint32_t>(p.vertices.size()), 0, 0, 0, 0});
-      for (const Vec3d& v : p.vertices) x.push_back(v.x), y.push_back(v.y), z.push_back(v.z);
-    }
-  }
-  HullsView view() const {
-    return {heads.data(), x.data(),       y.data(),           z.data(),         nullptr,
-            words,        of_body.data(), piece_begin.data(), piece_hull.data()};
-  }
-};
-
-// Calls a kernel whose threads do not wait for each other.
-template <class Kernel>
-void for_each_thread(std::size_t threads, const Kernel& kernel) {
-  blockDim = {1, 1, 1};
-  threadIdx = {0, 0, 0};
-  for (std::size_t t = 0; t < threads; ++t) {
-    blockIdx = {static_cast<unsigned>(t), 0, 0};
-    kernel();
-  }
-}
-
-// Bodies of a scene where they stand, some of them moved.
-struct HostBodies {
-  static constexpr std::size_t kComponents = kPoseComponents + kBoxComponents;
-  std::vector<double> fixed, moved;
-  std::vector<std::uint8_t> fixed_state, moved_state, has_base;
-  std::vector<OuterBox> fixed_box, moved_box;
-  std::vector<std::uint32_t> source, chain_begin;
-  std::vector<Pose> own;
-  std::vector<BodyPlacement> base;
-  BodiesView view{};
-
-  HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q) {
-    const std::size_t n = scene.bodies().size(), M = q.bodies.size(), K = q.configuration_count;
-    fixed.assign(n * kComponents, 1e300);  // of bodies without a pose nobody reads
-    for (std::size_t b = 0; b < n; ++b) {
-      const auto& pose = scene.bodies()[b].pose;
-      const BodyPlacement at = place(pose ? &*pose : nullptr, nullptr);
-      fixed_state.push_back(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0));
-      if (at.status != Status::kOk) continue;
-      for (std::size_t c = 0; c < 3; ++c) {
-        for (std::size_t r = 0; r < 3; ++r) fixed[(3 * r + c) * n + b] = at.pose.R_wb.row[r][static_cast<int>(c)];
-        fixed[(9 + c) * n + b] = at.pose.t_w[static_cast<int>(c)];
-      }
-    }
-    fixed_box.resize(n);
-    moved.resize(K * M * kComponents);
-    moved_state.resize(K * M);
-    moved_box.resize(K * M);
-    view.fixed = fixed.data();
-    view.fixed_state = fixed_state.data();
-    view.fixed_box = fixed_box.data();
-    view.bodies = static_cast<std::uint32_t>(n);
-    view.moved_box = moved_box.data();
-    view.moved = moved.data();
-    view.moved_state = moved_state.data();
-    view.moved_body = q.bodies.data();
-    view.moved_count = static_cast<std::uint32_t>(M);
-    view.components = kComponents;
-    for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
-    has_base.assign(M, 0);
-    own.resize(M);
-    base.resize(M);
-    for (std::uint32_t i = 0; i <= M; ++i) chain_begin.push_back(i);
-    source = chain_begin;
-    const MovesView moves{q.configurations.data(), view.moved_count, source.data(), own.data(),
-                          chain_begin.data(),      source.data(),    base.data(),   has_base.data()};
-    for_each_thread(K * M, [&] { place_bodies(hulls, view, moves, static_cast<std::uint32_t>(K)); });
-  }
-};
 
 // What the kernel makes of a query.
 struct Decided {
@@ -122,17 +22,9 @@ struct Decided {
 
 Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* warm = nullptr) {
   const std::uint32_t K = q.configuration_count, P = static_cast<std::uint32_t>(q.pairs.size());
-  const HostHulls hulls(engine.scene());
+  const HullArrays hulls(engine.scene(), kMostShared);
   const HostBodies bodies(engine.scene(), hulls.view(), q);
-  std::vector<PairRef> pairs;
-  for (const BodyPair pair : q.pairs) {
-    const auto ref = [&](std::uint32_t body) {
-      const auto slot =
-          static_cast<std::uint32_t>(std::find(q.bodies.begin(), q.bodies.end(), body) - q.bodies.begin());
-      return slot < q.bodies.size() ? slot | kMovedBit : body;
-    };
-    pairs.push_back({ref(pair.a), ref(pair.b)});
-  }
+  const std::vector<PairRef> pairs = refs_of(q);
   Decided d;
   d.rows = room_for(engine, q);
   d.rows.info.rows = d.rows.info.total = K;

@@ -1,0 +1,183 @@
+// The kernels of dense queries (engine/cuda/group_kernel.cuh), without a GPU: their text compiled for the host, rows
+// held against the CPU's, bit by bit.
+#include <set>
+
+#include "emulated_scene.h"
+
+// A block's, which the kernels declare. Not a constant to begin with: the compiler calls what sets it up.
+namespace clearance::emulated {
+inline uint4 some_words() {
+  return {};
+}
+thread_local uint4 shared_memory[test::kMostShared / sizeof(uint4)] = {some_words()};
+}  // namespace clearance::emulated
+#define cuda emulated
+#include "engine/cuda/group_kernel.cuh"
+#undef cuda
+
+namespace clearance::test {
+namespace {
+
+using emulated::Group;
+
+constexpr std::uint32_t kFewBlocks = 2;  // fewer threads than pairs: each takes several
+
+// Bodies of four shapes, and configurations of all but a few, in which many overlap.
+struct Case {
+  static constexpr std::uint32_t kBodies = 12, kConfigurations = 160;  // more than a tile
+  Scene scene;
+  std::vector<std::uint32_t> bodies;
+  std::vector<BodyPair> pairs;
+  std::vector<Pose> poses;
+  QueryView q;
+
+  explicit Case(Precision precision) {
+    Random random(5);
+    for (std::uint32_t b = 0; b < kBodies; ++b) {
+      const Scene::BodyOptions options{.pose = random.pose(1.2)};
+      const std::string name = "b" + std::to_string(b);
+      switch (b % 4) {
+        case 0:
+          scene.add_uv_sphere(name, 0.4, 5, options);
+          break;
+        case 1:
+          scene.add_hull(name, cloud_on_sphere(60, 0.5, 4), options);
+          break;
+        case 2:
+          scene.add_box(name, {0.4, 0.7, 0.2}, options);
+          break;
+        default:
+          scene.add_hull(name, cloud_on_sphere(150, 0.4, 9), options);  // too large for float32
+      }
+      if (b % 5 != 3) bodies.push_back(b);
+    }
+    for (std::uint32_t a = 0; a < kBodies; ++a)
+      for (std::uint32_t b = a + 1; b < kBodies; ++b) pairs.push_back(a % 2 ? BodyPair{a, b} : BodyPair{b, a});
+    for (std::size_t i = 0; i < kConfigurations * bodies.size(); ++i) poses.push_back(random.pose(1.2));
+    poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
+    q.all_pairs = false;
+    q.pairs = pairs;
+    q.fields = kAllFields;
+    q.precision = precision;
+    q.bodies = bodies;
+    q.configurations = poses;
+    q.configuration_count = kConfigurations;
+  }
+};
+
+// A chunk in host memory: all of a query.
+struct HostChunk {
+  HullArrays hulls;
+  HostBodies bodies;
+  std::vector<PairRef> pairs;
+  std::vector<std::uint32_t> position, rest;
+  std::vector<Group> group_of_tile;
+  std::vector<Enclosed> enclosed;
+  std::vector<LeftOpen> left_open;
+  std::uint32_t counts[kCounts] = {}, host_counts[kCounts] = {};
+  Answer rows;
+  ChunkView view{};
+
+  HostChunk(const Engine& engine, const QueryView& q)
+      : hulls(engine.scene(), kMostShared),
+        bodies(engine.scene(), hulls.view(), q),
+        pairs(refs_of(q)),
+        rows(room_for(engine, q)) {
+    const std::uint32_t all = q.configuration_count * static_cast<std::uint32_t>(pairs.size());
+    rows.info.rows = rows.info.total = all;
+    rest.resize(all);
+    enclosed.resize(all);
+    left_open.resize(all);
+    for (std::uint32_t p = 0; p < pairs.size(); ++p) {  // a group for each pair: tiles of its configurations
+      position.push_back(p);
+      const Group group{hulls.of_body[q.pairs[p].a], hulls.of_body[q.pairs[p].b], p, 1,
+                        static_cast<std::uint32_t>(group_of_tile.size())};
+      group_of_tile.insert(group_of_tile.end(), (q.configuration_count + kTile - 1) / kTile, group);
+    }
+    view.hulls = hulls.view();
+    view.bodies = bodies.view;
+    view.question = {q.max_distance, q.abs_tol, default_rel_tol(q.precision),  256, false, true,
+                     true,           true,      q.precision == Precision::kF32};
+    view.group_of_tile = group_of_tile.data();
+    view.pairs = pairs.data();
+    view.position = position.data();
+    view.pair_count = static_cast<std::uint32_t>(pairs.size());
+    view.configurations = q.configuration_count;
+    view.reply = rows.view;
+    view.rest = rest.data();
+    view.enclosed = enclosed.data();
+    view.left_open = left_open.data();
+    view.counts = counts;
+  }
+
+  template <class Kernel>
+  void launch(std::uint32_t blocks, const Kernel& kernel) {
+    EmulatedGrid::one().launch(blocks, kTile, kernel);
+  }
+  // The last kernel hands the counts over. \param kernel is given the view
+  template <class Kernel>
+  void launch_last(std::uint32_t blocks, const Kernel& kernel) {
+    view.host_counts = host_counts;
+    view.blocks = blocks;
+    launch(blocks, [&] { kernel(view); });
+    EXPECT_TRUE(std::all_of(counts, counts + kCounts, [](std::uint32_t c) { return c == 0; }))
+        << "left for the next chunk";
+  }
+
+  // Expects all rows to be the CPU's but those left to it, which are few, each once.
+  void expect_the_cpus(const Engine& cpu, const QueryView& q, const std::string& what) {
+    Answer expected = ask(cpu, q);
+    const std::set<std::uint32_t> left(rest.begin(), rest.begin() + host_counts[kRest]);
+    EXPECT_EQ(left.size(), host_counts[kRest]) << what << ": each once";
+    EXPECT_LT(left.size(), 0.02 * static_cast<double>(rest.size())) << what;
+    EXPECT_EQ(host_counts[kSettledRows] + left.size(), expected.info.pairs_evaluated) << what;
+    for (const std::uint32_t row : left) {
+      const auto copy = [&](auto* from, auto* to, std::size_t width) {
+        std::copy_n(from + row * width, from ? width : 0, to + row * width);
+      };
+      clearance::cuda::for_each_column(copy, expected.view, rows.view);
+    }
+    expect_same(rows, expected, what, true);
+  }
+};
+
+TEST(DenseKernels, GroupsThenProofsGiveTheBitsOfTheCpu) {
+  Case c(Precision::kF64);
+  const Engine cpu(std::move(c.scene), {"cpu"});
+  HostChunk chunk(cpu, c.q);
+  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
+               [&] { answer_groups<double, false, false>(chunk.view); });
+  ASSERT_GT(chunk.counts[kEnclosedPairs], kFewBlocks * kTile) << "more than there are threads";
+  chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view); });
+  chunk.expect_the_cpus(cpu, c.q, "groups");
+}
+
+TEST(DenseKernels, StraysThatProveAtOnceGiveTheBitsOfTheCpu) {
+  Case c(Precision::kF64);
+  const Engine cpu(std::move(c.scene), {"cpu"});
+  HostChunk chunk(cpu, c.q);
+  chunk.view.prove_at_once = true;
+  chunk.view.enclosed = nullptr;
+  const Group strays{kNone, kNone, 0, static_cast<std::uint32_t>(chunk.pairs.size()), 0};
+  const auto tiles = static_cast<std::uint32_t>((chunk.rest.size() + kTile - 1) / kTile);
+  chunk.launch_last(tiles, [&](const ChunkView& view) { answer_strays<false, false, false>(view, strays); });
+  chunk.expect_the_cpus(cpu, c.q, "strays");
+}
+
+TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
+  Case c(Precision::kF32);
+  const Engine cpu(std::move(c.scene), {"cpu"});
+  HostChunk chunk(cpu, c.q);
+  const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());
+  chunk.launch(tiles, [&] { answer_groups<float, false, false>(chunk.view); });
+  ASSERT_GT(chunk.counts[kLeftOpen], kFewBlocks * kTile) << "more than there are threads";
+  ASSERT_GT(chunk.counts[kSettledRows], 100u);
+  chunk.launch(tiles, [&] { answer_groups<double, false, false>(chunk.view); });  // of the others
+  chunk.view.prove_at_once = true;
+  chunk.launch(kFewBlocks, [&] { answer_open<false, false>(chunk.view); });
+  chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view); });
+  chunk.expect_the_cpus(cpu, c.q, "float32");
+}
+
+}  // namespace
+}  // namespace clearance::test
