@@ -61,14 +61,12 @@ struct ConfigurationPairs {
   __device__ OuterBox box_a(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).a, k); }
   __device__ OuterBox box_b(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).b, k); }
   __device__ bool has_poses(std::uint32_t i) const { return !is_empty(box_a(i)) && !is_empty(box_b(i)); }
-  __device__ WarmRow* warm(std::uint32_t i) const { return r.chunk.warm + std::uint64_t{k} * r.chunk.pair_count + i; }
-  __device__ void list(std::uint32_t at, std::uint32_t i) const { r.items[at] = k * r.chunk.pair_count + i; }
+  __device__ std::uint32_t row(std::uint32_t i) const { return k * r.chunk.pair_count + i; }  // of all pairs in the chunk
 };
 
 // What a team's comparison of all boxes finds.
 struct FirstLook {
-  float reach =
-      __builtin_inff();  // a first guess of how far the nearest pair's boxes are, squared; infinite: no pair has poses
+  float reach = __builtin_inff();  // how far the nearest pair may well be, squared; infinite: no pair has poses
   std::uint32_t unusable = kNone;  // first pair without usable poses
 };
 template <std::uint32_t kLanes>
@@ -79,8 +77,7 @@ __device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, con
   std::uint32_t nearest = kNone;
   bool all_placed = true;
 #pragma unroll 4
-  for (std::uint32_t i = team.lane; i < members.count();
-       i += kLanes) {  // without branches, so that loads go side by side
+  for (std::uint32_t i = team.lane; i < members.count(); i += kLanes) {  // no branches: loads go side by side
     const float squared = squared_gap(members.box_a(i), members.box_b(i));
     const bool is_nearer = squared < least;
     least = is_nearer ? squared : least;
@@ -182,7 +179,7 @@ class Decision {
     PairAnswer answer;
     const bool runs = !answer_without_pieces(c_.question, at_a, at_b, answer) && there;
     Run<Hull<SceneVertices>> run(c_.question, a, b, place);
-    if (kWarm && runs) run.begin_at(*members_.warm(member));
+    if (kWarm && runs) run.begin_at(*warm_row(r_, members_.row(member)));
 
     // Without depths the first pair that overlaps has won: what comes after it waits, and before it all that is asked
     // is whether a pair is proved to be apart.
@@ -201,7 +198,7 @@ class Decision {
       apart = apart || (run.g.gap > 0 && run.g.gap * run.g.gap > apart_from * vv);
       if (run.g.end == 0 && ++steps >= c_.question.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
     }
-    if (kWarm && runs) *members_.warm(member) = run.end();
+    if (kWarm && runs) *warm_row(r_, members_.row(member)) = run.end();
     add_count(c_.counts + kSettledRows, runs);
 
     bool unsure = false, overlaps = false;
@@ -265,7 +262,7 @@ class Decision {
       bool wanted = opens && i < members_.count();
       if (wanted) wanted = squared_gap(members_.box_a(i), members_.box_b(i)) <= cutoff && members_.has_poses(i);
       const std::uint32_t at = take_place(c_.counts + kCandidates, wanted);
-      if (wanted && at < r_.capacity) members_.list(at, i);
+      if (wanted && at < r_.capacity) r_.items[at] = members_.row(i);
     }
   }
 
@@ -312,9 +309,8 @@ class Decision {
   float done_ = -1, reach_;  // now: pairs with the squares of their boxes' gaps above the one and up to the other
   double cutoff_ = __builtin_inf();  // no pair farther than this can be the nearest
   std::uint32_t next_ = 0, queued_ = 0;
-  std::uint32_t hits_ = 0,
-                first_hit_ = 0;  // of the boxes that were compared last: a bit for each that is still to be queued
-  bool is_left_ = false;         // such a bit, of any thread
+  std::uint32_t hits_ = 0, first_hit_ = 0;  // of the boxes compared last: a bit for each that is still to be queued
+  bool is_left_ = false;                    // such a bit, of any thread
   // The winner so far; bounds are keys, `lower` is the group's.
   std::uint64_t upper_ = kNoKey, beyond_ = kNoKey, lower_ = kNoKey;
   std::uint32_t member_ = kNone;

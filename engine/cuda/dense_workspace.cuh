@@ -64,15 +64,10 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     view.rest = slot.host_counts + kCounts;
     view.host_counts = slot.host_counts;
     if (chunk.tiles() == 0) std::fill_n(slot.host_counts, kCounts, 0u);
-    if (slot.is_small) {  // so do the answers: a copy would take as long as the kernel
-      view.reply = slot.host_view;
-      const auto prefer = [](auto*& column, auto* to, int) {
-        if (to) column = to;
-      };
-      for_each_column(prefer, view.reply, direct);
-    } else {
+    if (slot.is_small)  // so do the answers: a copy would take as long as the kernel
+      view.reply = preferring(slot.host_view, direct);
+    else
       view.reply = reply_view_over(slot.device_reply.reserve(reply_bytes), slot.rows, fields_);
-    }
     if (question_.prove_overlaps && !slot.is_small)
       view.enclosed = reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(slot.rows * sizeof(Enclosed)));
     view.prove_at_once = question_.prove_overlaps && slot.is_small;

@@ -125,10 +125,10 @@ __device__ inline float squared_gap(const OuterBox& a, const OuterBox& b) {
               z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
   return __fmaf_rn(x, x, __fmaf_rn(y, y, z * z));
 }
-inline constexpr double kSquareMargin = 1 + 0x1p-18;  // more than its few roundings take
-// What squared_gap() is not above unless boxes are proved to be farther apart than the distance.
-__device__ inline float square_from_above(double distance) {
-  return __double2float_ru(distance * distance * kSquareMargin);
+// What squared_gap() is not above unless boxes are proved to be farther apart than the distance. The margin is more than its
+// few roundings take.
+__host__ __device__ inline float square_from_above(double distance) {
+  return detail::float_above(distance * distance * (1 + 0x1p-18));
 }
 
 __device__ inline void clear_counts(const ReducedView& r) {

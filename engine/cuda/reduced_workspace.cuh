@@ -42,15 +42,15 @@ struct ReducedSlot : QuerySlot {
   ReplyView direct;
 };
 
-  struct CountBits {
-    __host__ __device__ std::uint32_t operator()(std::uint32_t word) const {
+struct CountBits {
+  __host__ __device__ std::uint32_t operator()(std::uint32_t word) const {
 #ifdef __CUDA_ARCH__
-      return static_cast<std::uint32_t>(__popc(word));
+    return static_cast<std::uint32_t>(__popc(word));
 #else
-      return static_cast<std::uint32_t>(__builtin_popcount(word));
+    return static_cast<std::uint32_t>(__builtin_popcount(word));
 #endif
-    }
-  };
+  }
+};
 
 class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlot> {
  public:
@@ -215,11 +215,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     std::uint64_t bytes = 0;
     reply_view_over(nullptr, rows, fields_, &bytes);
     r.reply_rows = rows;
-    r.chunk.reply = reply_view_over(slot.host_reply.reserve(bytes), rows, fields_);
-    const auto prefer = [](auto*& column, auto* direct, int) {
-      if (direct) column = direct;
-    };
-    for_each_column(prefer, r.chunk.reply, slot.direct);
+    r.chunk.reply = preferring(reply_view_over(slot.host_reply.reserve(bytes), rows, fields_), slot.direct);
   }
 
   // What is kept of each group. \returns its bytes.

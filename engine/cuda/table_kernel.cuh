@@ -106,10 +106,6 @@ __global__ void __launch_bounds__(kSearchWarps * 32) make_tiles(TilesView t) {
   if (lane == 0) t.tile[tile] = box;
 }
 
-// square_from_above() on the host.
-inline float square_above(double distance) {
-  return std::nextafter(static_cast<float>(distance * distance * kSquareMargin), std::numeric_limits<float>::infinity());
-}
 // Whether boxes are proved to be farther apart than the distance of the limit. Boxes that reach everywhere never are.
 __device__ inline bool is_far(const OuterBox& a, const OuterBox& b, float limit) {
   return squared_gap(a, b) > limit;
