@@ -207,27 +207,25 @@ inline double __longlong_as_double(long long x) {
   return std::bit_cast<double>(x);
 }
 
+template <class T, class Next>
+T emulated_update(T* p, const Next& next) {
+  const T before = *p;
+  *p = next(before);
+  return before;
+}
 template <class T>
 T atomicAdd(T* p, std::type_identity_t<T> x) {
-  const T before = *p;
-  *p += x;
-  return before;
+  return emulated_update(p, [x](T before) { return before + x; });
 }
 template <class T>
 T atomicMin(T* p, std::type_identity_t<T> x) {
-  const T before = *p;
-  if (x < before) *p = x;
-  return before;
+  return emulated_update(p, [x](T before) { return x < before ? x : before; });
 }
 template <class T>
 T atomicAnd(T* p, std::type_identity_t<T> x) {
-  const T before = *p;
-  *p &= x;
-  return before;
+  return emulated_update(p, [x](T before) { return before & x; });
 }
 template <class T>
 T atomicExch(T* p, std::type_identity_t<T> x) {
-  const T before = *p;
-  *p = x;
-  return before;
+  return emulated_update(p, [x](T) { return x; });
 }

@@ -88,6 +88,56 @@ struct HostBodies {
   }
 };
 
+/// Bodies of four shapes, some of which stay, configurations of the others, and pairs of all but those that both stay.
+struct EmulatedCase {
+  /// \param first_shape adds the first of the shapes. \param room bodies are up to so far from the origin along each
+  /// axis
+  template <class AddFirst>
+  EmulatedCase(std::uint32_t count, std::uint32_t configurations, double room, std::uint64_t seed,
+               const AddFirst& first_shape) {
+    Random random(seed);
+    const auto stays = [](std::uint32_t b) { return b % 5 == 3; };
+    for (std::uint32_t b = 0; b < count; ++b) {
+      const Scene::BodyOptions options{.is_static = stays(b), .pose = random.pose(room)};
+      const std::string name = "b" + std::to_string(b);
+      switch (b % 4) {
+        case 0:
+          first_shape(scene, name, options);
+          break;
+        case 1:
+          scene.add_hull(name, cloud_on_sphere(60, 0.5, 4), options);
+          break;
+        case 2:
+          scene.add_box(name, {0.4, 0.7, 0.2}, options);
+          break;
+        default:
+          scene.add_uv_sphere(name, 0.5, 5, options);
+      }
+      if (!stays(b)) bodies.push_back(b);
+    }
+    for (std::uint32_t a = 0; a < count; ++a)
+      for (std::uint32_t b = a + 1; b < count; ++b)
+        if (!stays(a) || !stays(b)) pairs.push_back(a % 2 ? BodyPair{a, b} : BodyPair{b, a});
+    for (std::size_t i = 0; i < configurations * bodies.size(); ++i) poses.push_back(random.pose(room));
+    q.all_pairs = false;
+    q.fields = kAllFields;
+    q.configuration_count = configurations;
+    point();
+  }
+  /// After changes.
+  void point() {
+    q.pairs = pairs;
+    q.bodies = bodies;
+    q.configurations = poses;
+  }
+
+  Scene scene;
+  std::vector<std::uint32_t> bodies;
+  std::vector<BodyPair> pairs;
+  std::vector<Pose> poses;
+  QueryView q;
+};
+
 /// A query's pairs as the kernels know them.
 inline std::vector<PairRef> refs_of(const QueryView& q) {
   std::vector<PairRef> refs;

@@ -69,48 +69,14 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   return d;
 }
 
-// Bodies of a few shapes, a fifth of which stay, and configurations of the others.
-struct Case {
-  Scene scene;
-  std::vector<std::uint32_t> bodies;
-  std::vector<BodyPair> pairs;
-  std::vector<Pose> poses;
-  QueryView q;
-
-  Case(double room, std::uint32_t configurations) {
-    Random random(3);
-    for (std::uint32_t b = 0; b < 24; ++b) {
-      const Scene::BodyOptions options{.is_static = b % 5 == 3, .pose = random.pose(room)};
-      const std::string name = "b" + std::to_string(b);
-      switch (b % 4) {
-        case 0:
-          scene.add_capsule(name, 0.2, 0.5, options);
-          break;
-        case 1:
-          scene.add_hull(name, cloud_on_sphere(60, 0.5, 4), options);
-          break;
-        case 2:
-          scene.add_box(name, {0.4, 0.7, 0.2}, options);
-          break;
-        default:
-          scene.add_uv_sphere(name, 0.5, 5, options);
-      }
-      if (b % 5 != 3) bodies.push_back(b);
-    }
-    for (std::uint32_t a = 0; a < 24; ++a)
-      for (std::uint32_t b = a + 1; b < 24; ++b)
-        if (a % 5 != 3 || b % 5 != 3) pairs.push_back(a % 2 ? BodyPair{a, b} : BodyPair{b, a});
-    for (std::size_t i = 0; i < configurations * bodies.size(); ++i) poses.push_back(random.pose(room));
-    q.all_pairs = false;
+// Capsules among the shapes, which touch without overlapping cores.
+struct Case : EmulatedCase {
+  Case(double room, std::uint32_t configurations)
+      : EmulatedCase(24, configurations, room, 3,
+                     [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+                       to.add_capsule(name, 0.2, 0.5, options);
+                     }) {
     q.reduce = Reduce::kMin;
-    q.fields = kAllFields;
-    q.configuration_count = configurations;
-    point();
-  }
-  void point() {
-    q.pairs = pairs;
-    q.bodies = bodies;
-    q.configurations = poses;
   }
   void step() {
     for (Pose& p : poses) p.translation.x += 0.004, p.qz += 0.003;

@@ -22,46 +22,17 @@ using emulated::Group;
 
 constexpr std::uint32_t kFewBlocks = 2;  // fewer threads than pairs: each takes several
 
-// Bodies of four shapes, and configurations of all but a few, in which many overlap.
-struct Case {
-  static constexpr std::uint32_t kBodies = 12, kConfigurations = 160;  // more than a tile
-  Scene scene;
-  std::vector<std::uint32_t> bodies;
-  std::vector<BodyPair> pairs;
-  std::vector<Pose> poses;
-  QueryView q;
+// Many of its pairs overlap, and some have a hull that is too large for float32.
+struct Case : EmulatedCase {
+  static constexpr std::uint32_t kConfigurations = 160;  // more than a tile
 
-  explicit Case(Precision precision) {
-    Random random(5);
-    for (std::uint32_t b = 0; b < kBodies; ++b) {
-      const Scene::BodyOptions options{.pose = random.pose(1.2)};
-      const std::string name = "b" + std::to_string(b);
-      switch (b % 4) {
-        case 0:
-          scene.add_uv_sphere(name, 0.4, 5, options);
-          break;
-        case 1:
-          scene.add_hull(name, cloud_on_sphere(60, 0.5, 4), options);
-          break;
-        case 2:
-          scene.add_box(name, {0.4, 0.7, 0.2}, options);
-          break;
-        default:
-          scene.add_hull(name, cloud_on_sphere(150, 0.4, 9), options);  // too large for float32
-      }
-      if (b % 5 != 3) bodies.push_back(b);
-    }
-    for (std::uint32_t a = 0; a < kBodies; ++a)
-      for (std::uint32_t b = a + 1; b < kBodies; ++b) pairs.push_back(a % 2 ? BodyPair{a, b} : BodyPair{b, a});
-    for (std::size_t i = 0; i < kConfigurations * bodies.size(); ++i) poses.push_back(random.pose(1.2));
+  explicit Case(Precision precision)
+      : EmulatedCase(12, kConfigurations, 1.2, 5,
+                     [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+                       to.add_hull(name, cloud_on_sphere(150, 0.4, 9), options);
+                     }) {
     poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
-    q.all_pairs = false;
-    q.pairs = pairs;
-    q.fields = kAllFields;
     q.precision = precision;
-    q.bodies = bodies;
-    q.configurations = poses;
-    q.configuration_count = kConfigurations;
   }
 };
 
