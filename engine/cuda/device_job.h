@@ -90,6 +90,7 @@ class DeviceBackend {
   /// The plan's whole table: the last one if it is the same.
   std::shared_ptr<const TableOnDevice> table(const Plan& plan);
   /// The client's warm state for this plan, cold if it asked for something else before; null where there is no room.
+  /// \param rows configurations times pairs
   std::unique_ptr<DeviceWarmTable> take_warm(const Plan& plan, std::uint64_t rows);
   void put_back(std::unique_ptr<DeviceWarmTable> table) { warm_.put_back(std::move(table)); }
   /// Adds what stats() shows.

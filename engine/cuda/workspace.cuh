@@ -79,7 +79,8 @@ class QuerySide : public Interface {
     given_count_ = s.given_count;
     setup_.clear();
     find_moved_pieces(s.moved_body);
-    const std::size_t moved_body = setup_.add(s.moved_body), pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)), source = setup_.add(s.source),
+    const std::size_t moved_body = setup_.add(s.moved_body),
+                      pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)), source = setup_.add(s.source),
                       begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain), own = setup_.add(s.own),
                       base = setup_.add(s.base), has_base = setup_.add(s.has_base);
     const cudaStream_t stream = slots_[0]->stream;
@@ -196,7 +197,7 @@ class QuerySide : public Interface {
     const std::size_t states = std::size_t{bodies.moved_count} * chunk.configurations,
                       numbers = states * bodies.components * sizeof(double),
                       boxes = bodies.fixed_box ? states * sizeof(OuterBox) : 0,
-                      pieces = moved_pieces_ * chunk.configurations * kPieceBoxBytes;
+                      pieces = std::size_t{moved_pieces_} * chunk.configurations * kPieceBoxBytes;
     std::byte* memory = slot.device_bodies.reserve(boxes + pieces + numbers + states);
     bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
     bodies.moved_piece_box = pieces > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
