@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::uint64_t kBlock = 512, kHeavyBlock = 256;  // pair-configurations that are evaluated at a time
 constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 1024;  // ... that a thread takes at a time, if there are many
-constexpr std::uint64_t kFewest = 64;            // ... if there is little more than a block of them
+constexpr std::uint64_t kFewest = 64;            // ... if they are few
 constexpr std::uint64_t kSideBySide = 64;        // configurations that a thread has placed at a time
 constexpr std::uint64_t kPlacedBodies = 8192;    // ... and bodies in them
 constexpr std::uint64_t kWholeConfigurations = 16384;  // pairs up to which a reduction is one unit for each configuration
@@ -92,9 +92,8 @@ class DenseJob final : public ParallelJob {
                                                  std::min(plan.size.configurations, kSideBySide));
       pairs = std::min(all_pairs, unit / configurations);
       if (plan.size.configurations == 1)
-        pairs = std::min(pairs, cull                 ? std::max(block, all_pairs / (8 * static_cast<std::uint64_t>(workers)))
-                                : all_pairs <= block ? block
-                                                     : std::clamp(all_pairs / static_cast<std::uint64_t>(workers), kFewest, block));
+        pairs = std::min(pairs, cull ? std::max(block, all_pairs / (8 * static_cast<std::uint64_t>(workers)))
+                                     : std::clamp(all_pairs / static_cast<std::uint64_t>(workers), kFewest, block));
       if (cull) block = unit;
       configuration_blocks = (plan.size.configurations + configurations - 1) / configurations;
       pair_blocks = (all_pairs + pairs - 1) / pairs;
