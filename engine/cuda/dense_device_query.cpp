@@ -26,10 +26,11 @@ class DenseDeviceQuery final : public DeviceQuery {
     s.chunks = chunks_;
     s.all_pairs = plan_.size.pairs;
     s.warm = take_warm(plan_.size.configurations * plan_.size.pairs);
-    workspace_->begin(s);
-    slots_ = static_cast<std::uint64_t>(workspace_->slots());
-    launch_ahead();
-    keep_poses();
+    launch_while_copying([&] {
+      workspace_->begin(s);
+      slots_ = static_cast<std::uint64_t>(workspace_->slots());
+      launch_ahead();
+    });
   }
 
   bool advance(std::chrono::nanoseconds budget) override {
@@ -71,9 +72,9 @@ class DenseDeviceQuery final : public DeviceQuery {
     const PairDeal::Part::Groups& g = is_last ? c.part->last : c.part->whole;
     ChunkSetup s;
     const int slot = static_cast<int>(index % slots_);
-    s.poses = poses_for(*workspace_, slot, c.first_configuration, c.configurations);
     s.configurations = c.configurations;
     s.first_configuration = c.first_configuration;
+    give_poses(*workspace_, slot, s);
     s.first_row = c.first_row;
     s.first_pair = c.part->first_pair;
     s.pair_count = c.part->count;

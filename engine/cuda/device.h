@@ -97,6 +97,7 @@ struct ChunkSetup {
   std::uint32_t first_pair = 0;   ///< in QuerySetup::pairs
   std::uint32_t pair_count = 0;   ///< rows of one configuration
   const Pose* poses = nullptr;    ///< (configurations, given_count), in pinned memory that stays until the chunk is finished
+  std::function<void(const Pose* end)> wait_for_poses;  ///< returns once those before `end` are there; empty: all are
   std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
   std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
   Group strays{};                 ///< of pairs with hulls of their own; may be empty

@@ -9,9 +9,8 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::size_t kCopyBytes = 1u << 16;     // what one thread copies at a time
-constexpr std::size_t kParallelCopy = 3u << 18;  // bytes that are worth several threads
-constexpr std::size_t kPinnedPoses = 1u << 26;   // bytes; more go to pinned memory a chunk at a time
+constexpr std::size_t kParallelBodies = 4096;   // that are worth several threads
+constexpr std::size_t kPinnedPoses = 1u << 26;  // bytes; more go to pinned memory a chunk at a time
 
 }  // namespace
 
@@ -64,10 +63,13 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   s.boxes = options_.cull;
   place_fixed(workspace.room_for_bodies(plan_.snapshot->placed.size()));
   if (plan_.query.configuration_count > 0) {
-    if (plan_.configurations.size_bytes() <= kPinnedPoses)
-      pinned_poses_ = workspace.room_for_all_poses(plan_.configurations.size());
-    else
+    const std::span<const Pose> poses = plan_.configurations;
+    if (poses.size_bytes() <= kPinnedPoses) {
+      pinned_poses_ = workspace.room_for_all_poses(poses.size());
+      poses_.emplace(poses.data(), pinned_poses_, poses.size_bytes(), CopyReader::kDevice);
+    } else {
       plan_.keep_configurations();
+    }
     chain_moved(s);
   }
   return s;
@@ -77,6 +79,7 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
 void DeviceQuery::place_fixed(const FixedBodies& fixed) {
   const std::vector<BodyPlacement>& placed = plan_.snapshot->placed;
   const std::size_t n = placed.size();
+#pragma omp parallel for num_threads(workers()) schedule(static) if (n >= kParallelBodies)
   for (std::size_t b = 0; b < n; ++b) {
     const BodyPlacement& at = placed[b];
     const bool stale = !options_.stale.empty() && options_.stale[b];
@@ -121,45 +124,30 @@ void DeviceQuery::chain_moved(QuerySetup& s) {
   s.has_base = has_base_;
 }
 
-void DeviceQuery::keep_poses_until(std::size_t count) {
-  if (count <= kept_poses_) return;
-  copy_bytes(plan_.configurations.data() + kept_poses_, pinned_poses_ + kept_poses_, (count - kept_poses_) * sizeof(Pose));
-  kept_poses_ = count;
-}
-
-void DeviceQuery::keep_poses() {
-  if (!pinned_poses_) return;
-  keep_poses_until(plan_.configurations.size());
-  plan_.configurations = {pinned_poses_, plan_.configurations.size()};
-}
-
-const Pose* DeviceQuery::poses_for(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration,
-                                   std::uint32_t configurations) {
-  const std::uint64_t M = plan_.bodies.size();
-  if (plan_.query.configuration_count == 0) return nullptr;
+void DeviceQuery::give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& chunk) {
+  if (plan_.query.configuration_count == 0) return;
+  const std::uint64_t M = plan_.bodies.size(), first = chunk.first_configuration * M, count = chunk.configurations * M;
   if (pinned_poses_) {
-    keep_poses_until((first_configuration + configurations) * M);
-    return pinned_poses_ + first_configuration * M;
+    chunk.poses = pinned_poses_ + first;
+    chunk.wait_for_poses = [this](const Pose* end) {
+      poses_->wait_for(static_cast<std::size_t>(end - pinned_poses_) * sizeof(Pose));
+    };
+  } else {
+    Pose* room = workspace.room_for_poses(slot, count);
+    copy_bytes(plan_.configurations.data() + first, room, count * sizeof(Pose), CopyReader::kDevice);
+    chunk.poses = room;
   }
-  const Pose* poses = plan_.configurations.data() + first_configuration * M;
-  Pose* room = workspace.room_for_poses(slot, configurations * M);
-  copy_bytes(poses, room, configurations * M * sizeof(Pose));
-  return room;
 }
 
 void DeviceQuery::copy_column(const void* from, void* to, std::size_t bytes) {
-  copy_bytes(from, to, bytes);
+  copy_bytes(from, to, bytes, CopyReader::kHost);
   backend_.reply_bytes_copied.fetch_add(bytes, std::memory_order_relaxed);
 }
 
-void DeviceQuery::copy_bytes(const void* from, void* to, std::size_t bytes) {
-  const auto blocks = static_cast<std::int64_t>((bytes + kCopyBytes - 1) / kCopyBytes);
-  const auto* source = static_cast<const std::byte*>(from);
-  auto* target = static_cast<std::byte*>(to);
-#pragma omp parallel for num_threads(workers()) if (bytes >= kParallelCopy)
-  for (std::int64_t i = 0; i < blocks; ++i) {
-    const std::size_t at = static_cast<std::size_t>(i) * kCopyBytes;
-    std::memcpy(target + at, source + at, std::min(kCopyBytes, bytes - at));
+void DeviceQuery::copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader) {
+  OrderedCopy copy(from, to, bytes, reader);
+#pragma omp parallel num_threads(workers()) if (copy.is_large())
+  while (copy.copy_block()) {
   }
 }
 

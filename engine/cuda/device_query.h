@@ -2,10 +2,12 @@
 #pragma once
 
 #include <atomic>
+#include <optional>
 #include <vector>
 
 #include "device_job.h"
 #include "engine/parallel_job.h"
+#include "ordered_copy.h"
 
 namespace clearance::cuda {
 
@@ -29,11 +31,29 @@ class DeviceQuery : public ParallelJob {
   QuerySetup setup(QueryWorkspace& workspace);
   /// The client's warm state of so many rows, if it keeps one. The workspace must be let go before this is.
   ResidentWarm* take_warm(std::uint64_t rows);
-  /// Copies the poses of configurations that no chunk has asked for yet: the caller's memory is free once the query has begun.
-  void keep_poses();
+  /// Calls what starts the first chunks, while other threads copy the poses of configurations: the caller's memory is free once
+  /// the query has begun.
+  template <class Launch>
+  void launch_while_copying(Launch launch) {
+    if (!poses_) return launch();
+    std::exception_ptr failure;  // an exception may not leave a parallel region
+#pragma omp parallel num_threads(workers()) if (poses_->is_large())
+    {
+      if (omp_get_thread_num() == 0) {
+        try {
+          launch();
+        } catch (...) {
+          failure = std::current_exception();
+        }
+      }
+      while (poses_->copy_block()) {
+      }
+    }
+    if (failure) std::rethrow_exception(failure);
+    plan_.configurations = {pinned_poses_, plan_.configurations.size()};
+  }
   /// The poses of a slot's next chunk, pinned. Chunks come in order.
-  const Pose* poses_for(QueryWorkspace& workspace, int slot, std::uint64_t first_configuration,
-                        std::uint32_t configurations);
+  void give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
   /// Copies rows of a column that the device could not write itself.
   void copy_column(const void* from, void* to, std::size_t bytes);
 
@@ -77,14 +97,13 @@ class DeviceQuery : public ParallelJob {
     std::vector<PairAnswer> answers;
   };
   void find_direct_columns();
-  void copy_bytes(const void* from, void* to, std::size_t bytes);
-  void keep_poses_until(std::size_t count);
+  void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);
   void place_fixed(const FixedBodies& fixed);
   void chain_moved(QuerySetup& s);
 
   std::unique_ptr<DeviceWarmTable> warm_;
-  Pose* pinned_poses_ = nullptr;  // of all configurations; null: too many
-  std::size_t kept_poses_ = 0;    // of them: copied
+  Pose* pinned_poses_ = nullptr;      // of all configurations; null: too many
+  std::optional<OrderedCopy> poses_;  // on their way there
   std::vector<std::uint8_t> has_base_;
   std::vector<std::uint32_t> source_, chain_begin_, chain_;
   std::vector<Pose> own_;

@@ -71,6 +71,7 @@ __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item,
 template <class T, bool kCompact, bool kWarm>
 __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
     answer_groups(const __grid_constant__ ChunkView c) {
+  note_begin(c);
   extern __shared__ uint4 shared_memory[];
   auto* const memory = reinterpret_cast<std::byte*>(shared_memory);
   const Group group = c.group_of_tile[blockIdx.x];
@@ -128,6 +129,7 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
 // Pairs that have too little company for a block of their own. \param strays their group.
 template <bool kBoth, bool kCompact, bool kWarm>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c, Group strays) {
+  note_begin(c);
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = strays.count * c.configurations;
   answer_alone<kBoth, kCompact, kWarm>(c, GroupItem(c, strays, place < count ? place : count - 1), place < count);
   hand_over_counts(c);
@@ -136,6 +138,7 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_con
 // Pairs of which a body has several pieces. They begin cold. \param several their group.
 template <bool kBoth>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_constant__ ChunkView c, Group several) {
+  note_begin(c);
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = several.count * c.configurations;
   const GroupItem item(c, several, place < count ? place : count - 1);
   Outcome outcome = Outcome::kNone;

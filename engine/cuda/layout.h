@@ -136,6 +136,12 @@ struct LeftOpen {
 inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
                                kBlocksDone = 5, kLeftOpen = 6, kSeveralPairs = 7, kCounts = 8;
 
+/// What a dense chunk's last kernel leaves in host memory once its rows and counts are there.
+struct Finished {
+  std::uint64_t begun, ended;  ///< when the chunk's kernels did, in the device's nanoseconds
+  std::uint32_t number;        ///< ChunkView::number, written last
+};
+
 /// One launch: some pairs in some configurations.
 struct ChunkView {
   HullsView hulls;
@@ -157,6 +163,9 @@ struct ChunkView {
   bool prove_at_once;     ///< enclosed pairs are proved by who finds them, not by a kernel of their own
   std::uint32_t* host_counts;  ///< where the last of `blocks` writes the counts and clears them; null: nobody does
   std::uint32_t blocks;
+  std::uint64_t* begun;  ///< when the first kernel began, in the device's nanoseconds; 0: it has not; null: nobody asks
+  Finished* finished;    ///< with `begun`: written after the counts
+  std::uint32_t number;  ///< not 0: the host waits for it in `finished`
 };
 
 /// engine/pair_table.h in device memory: PairTable::Arrays.

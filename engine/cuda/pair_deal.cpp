@@ -38,16 +38,12 @@ class Dealer {
     const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;
     deal_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
     deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
-    std::uint64_t first = 0;
-    const auto add_parts = [&](std::uint64_t size, std::uint64_t end) {
-      for (; first < end; first += size) add_part(first, static_cast<std::uint32_t>(std::min(size, end - first)));
-    };
-    if (K == 1 && parts > 1) {  // a small one first, so that rows are soon on their way
-      add_parts(per_part / 2, per_part / 2);
-      const std::uint64_t left = P - first, others = (left + per_part - 1) / per_part;
-      add_parts((left + others - 1) / others, P);
-    } else {
-      add_parts(per_part, P);
+    // The first of few parts is small, so that rows are soon on their way; each of the next is made while those before it are.
+    const std::uint64_t shares = K == 1 && parts <= kChunksUnderWay ? parts * (parts + 1) / 2 : 0;
+    for (std::uint64_t first = 0, i = 1; first < P; ++i) {
+      const std::uint64_t size = shares > 0 ? (i * P / shares + kTile - 1) / kTile * kTile : per_part;
+      add_part(first, static_cast<std::uint32_t>(std::min(size, P - first)));
+      first += size;
     }
     deal_.resident = const_cast<Device&>(device_).upload(refs_, position_, group_of_tile_);
   }

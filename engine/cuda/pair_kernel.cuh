@@ -335,6 +335,21 @@ __device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t
   add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
 }
 
+// The device's clock, in nanoseconds.
+__device__ inline std::uint64_t clock_ns() {
+#ifdef __CUDA_ARCH__
+  std::uint64_t ns;
+  asm volatile("mov.u64 %0, %%globaltimer;" : "=l"(ns));
+  return ns;
+#else
+  return 1;
+#endif
+}
+// With this begins what may be the first kernel of a dense chunk.
+__device__ inline void note_begin(const ChunkView& c) {
+  if (blockIdx.x == 0 && threadIdx.x == 0 && c.begun && *c.begun == 0) *c.begun = clock_ns();
+}
+
 // The last block hands the counts over, each by a thread of its own, and leaves them cleared for the next chunk. All
 // threads of a block call it.
 __device__ inline void hand_over_counts(const ChunkView& c) {
@@ -342,13 +357,24 @@ __device__ inline void hand_over_counts(const ChunkView& c) {
   __shared__ bool is_last;
   __syncthreads();
   if (threadIdx.x == 0) {
-    __threadfence();
+    if (c.number != 0)
+      __threadfence_system();  // the block's rows are in host memory before it counts as done
+    else
+      __threadfence();
     is_last = atomicAdd(c.counts + kBlocksDone, 1) == c.blocks - 1;
   }
   __syncthreads();
-  if (!is_last || threadIdx.x >= kCounts) return;
+  if (!is_last || threadIdx.x >= 32) return;
   __threadfence();
-  c.host_counts[threadIdx.x] = atomicExch(c.counts + threadIdx.x, 0);
+  if (threadIdx.x < kCounts) c.host_counts[threadIdx.x] = atomicExch(c.counts + threadIdx.x, 0);
+  __syncwarp();
+  if (threadIdx.x > 0 || !c.begun) return;
+  c.finished->begun = *c.begun;
+  c.finished->ended = clock_ns();
+  *c.begun = 0;
+  if (c.number == 0) return;
+  __threadfence_system();
+  *static_cast<volatile std::uint32_t*>(&c.finished->number) = c.number;
 }
 
 }  // namespace clearance::cuda

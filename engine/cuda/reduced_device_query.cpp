@@ -34,7 +34,10 @@ class ReducedDeviceQuery final : public DeviceQuery {
   void begin() override {
     workspace_ = backend_.device().borrow_reduced();
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    const std::uint64_t rows = std::clamp(K * P / static_cast<std::uint64_t>(backend_.device().chunks_wanted()), kFewestRows, kMostRows);
+    // A launch of teams takes as long as its slowest configuration: half as many.
+    const bool by_teams = is_for_teams(plan_);
+    const auto chunks = static_cast<std::uint64_t>(backend_.device().chunks_wanted() / (by_teams ? 2 : 1));
+    const std::uint64_t rows = std::clamp((K * P + chunks - 1) / chunks, kFewestRows, kMostRows);
     configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);
     chunks_ = (K + configurations_ - 1) / configurations_;
     QuerySetup s = setup(*workspace_);
@@ -44,12 +47,13 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.reduce = plan_.query.reduce;
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
-    s.by_teams = is_for_teams(plan_);
+    s.by_teams = by_teams;
     s.warm = take_warm(K * P);
-    workspace_->begin(s);
-    slots_ = static_cast<std::uint64_t>(workspace_->slots());
-    launch_ahead();
-    keep_poses();
+    launch_while_copying([&] {
+      workspace_->begin(s);
+      slots_ = static_cast<std::uint64_t>(workspace_->slots());
+      launch_ahead();
+    });
   }
 
   bool advance(std::chrono::nanoseconds budget) override {
@@ -81,7 +85,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
         static_cast<std::uint32_t>(std::min(configurations_, plan_.size.configurations - s.first_configuration));
     s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
     s.first_row = s.first_configuration * plan_.size.pairs;
-    s.poses = poses_for(*workspace_, slot, s.first_configuration, s.configurations);
+    give_poses(*workspace_, slot, s);
     ReplyView direct;  // where rows go is known beforehand unless they are only those within a distance
     const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
       to = column && !within() ? column + s.first_configuration * groups_ * width : nullptr;

@@ -34,6 +34,8 @@ struct ReducedSlot : QuerySlot {
   DeviceBuffer device_groups, device_words, device_scan, device_items, device_counts, device_answers;
   PinnedBuffer host_reply, host_counts, host_rest, host_answers;
   TableSearch table;
+  Event begun;
+  std::uint64_t chunk = 0;  // of the query
   std::uint32_t listed = 0;  // rows that there was room for so far, where pairs are listed
   bool counts_are_clear = false;
   std::size_t scan_bytes = 0;
@@ -65,6 +67,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     reduce_ = s.reduce;
     groups_ = s.groups;
     most_rows_ = s.most_rows;
+    chunks_ = 0;
   }
 
   // Memory that grows, grows before anything is started.
@@ -151,6 +154,23 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
 
  private:
   bool within() const { return reduce_ == Reduce::kWithin; }
+
+  void kernels_begin(ReducedSlot& slot) { check(cudaEventRecord(slot.begun.event, slot.stream), "recording an event"); }
+  void kernels_end(ReducedSlot& slot) {
+    slot.chunk = chunks_++;
+    check(cudaEventRecord(ended_[slot.chunk % (kSlots + 1)].event, slot.stream), "recording an event");
+    ++counters_.launches;
+  }
+  // Since the chunk's kernels began, or since the chunk before ended if they ran side by side.
+  void count_kernels(const ReducedSlot& slot) {
+    const cudaEvent_t ended = ended_[slot.chunk % (kSlots + 1)].event;
+    float alone = 0, after = 0;
+    check(cudaEventElapsedTime(&alone, slot.begun.event, ended), "reading events");
+    if (slot.chunk > 0)
+      check(cudaEventElapsedTime(&after, ended_[(slot.chunk - 1) % (kSlots + 1)].event, ended), "reading events");
+    const float milliseconds = slot.chunk > 0 ? std::max(0.0f, std::min(alone, after)) : alone;
+    counters_.kernel_ns += static_cast<std::uint64_t>(1e6 * milliseconds);
+  }
 
   // Where a team of threads decides each configuration. What they leave open is listed; as a rule that is nothing.
   void launch_teams(ReducedSlot& slot) {
@@ -336,6 +356,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
       write(slot);
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }
+    slot.is_under_way = false;
     done.rows = r.chunk.reply;
     done.settled = r.chunk.host_counts[kSettledRows];
     return done;
@@ -347,6 +368,8 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
   bool by_teams_ = false;
   WarmRow* warm_ = nullptr;  // of the query's rows; null: cold
+  Event ended_[kSlots + 1];  // of chunks, by their number
+  std::uint64_t chunks_ = 0;
 };
 
 }  // namespace clearance::cuda

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "device.h"
@@ -28,13 +29,13 @@ struct QuerySlot {
   QuerySlot(const QuerySlot&) = delete;
 
   cudaStream_t stream{};
-  Event begun;
-  std::uint64_t chunk = 0;  // of the query
+  bool is_under_way = false;  // something may still run in the stream that reads or writes host memory
   DeviceBuffer device_poses, device_bodies;
   PinnedBuffer host_poses;
 };
 
 inline constexpr std::size_t kPieceBoxBytes = 6 * sizeof(double);
+inline constexpr std::size_t kPosePart = (1u << 21) / sizeof(Pose);  // poses that are copied at a time
 
 /// The part that workspaces of dense and of reduced queries share. \param Interface of device.h. \param Slot a QuerySlot.
 template <class Interface, class Slot>
@@ -58,10 +59,13 @@ class QuerySide : public Interface {
   }
 
   // Nothing may run on after a job that was given up.
-  ~QuerySide() override { wait_for_all(); }
-  void wait_for_all() {
+  ~QuerySide() override {
     for (const auto& slot : slots_)
       if (slot) cudaStreamSynchronize(slot->stream);
+  }
+  void wait_for_all() {
+    for (const auto& slot : slots_)
+      if (std::exchange(slot->is_under_way, false)) cudaStreamSynchronize(slot->stream);
   }
 
   FixedBodies room_for_bodies(std::size_t bodies) override {
@@ -73,7 +77,8 @@ class QuerySide : public Interface {
 
   void begin(const QuerySetup& s) override {  // nothing is under way: whoever had this before waited when letting it go
     const OnDevice here = on_device();
-    chunks_ = 0;
+    slots_[0]->is_under_way = true;
+    all_chunks_ = s.chunks;
     question_ = s.question;
     fields_ = s.fields;
     given_count_ = s.given_count;
@@ -118,6 +123,7 @@ class QuerySide : public Interface {
 
   // The view of a chunk, with its moved bodies on their way to where they are.
   ChunkView view_of(Slot& slot, const ChunkSetup& chunk) {
+    slot.is_under_way = true;
     ChunkView view{};
     view.hulls = hulls_.view();
     view.bodies = bodies_;
@@ -131,16 +137,6 @@ class QuerySide : public Interface {
     view.first_configuration = chunk.first_configuration;
     if (bodies_.moved_count > 0) place(slot, chunk, view.bodies);
     return view;
-  }
-
-  void kernels_begin(Slot& slot) { check(cudaEventRecord(slot.begun.event, slot.stream), "recording an event"); }
-  void kernels_end(Slot& slot) {
-    slot.chunk = chunks_++;
-    check(cudaEventRecord(ended_[slot.chunk % (kSlots + 1)].event, slot.stream), "recording an event");
-    ++counters_.launches;
-  }
-  void count_kernels(const Slot& slot) {
-    counters_.kernel_ns += static_cast<std::uint64_t>(1e6 * kernel_milliseconds(slot));
   }
 
   // In one block: state, components, boxes, outer boxes, boxes of pieces. Only state and components come from the host.
@@ -168,16 +164,6 @@ class QuerySide : public Interface {
     check(cudaGetLastError(), "starting a kernel");
   }
 
-  // Since the chunk's kernels began, or since the chunk before ended if they ran side by side.
-  float kernel_milliseconds(const Slot& slot) {
-    const cudaEvent_t ended = ended_[slot.chunk % (kSlots + 1)].event;
-    float alone = 0, after = 0;
-    check(cudaEventElapsedTime(&alone, slot.begun.event, ended), "reading events");
-    if (slot.chunk == 0) return alone;
-    check(cudaEventElapsedTime(&after, ended_[(slot.chunk - 1) % (kSlots + 1)].event, ended), "reading events");
-    return std::max(0.0f, std::min(alone, after));
-  }
-
   // Where each moved body's pieces begin among those of all, where a body of the scene has several.
   void find_moved_pieces(std::span<const std::uint32_t> moved) {
     moved_piece_begin_.clear();
@@ -189,11 +175,19 @@ class QuerySide : public Interface {
     }
   }
 
+  // Copies a chunk's poses, as they come.
+  const Pose* send_poses(Slot& slot, const ChunkSetup& chunk, std::size_t count) {
+    auto* given = reinterpret_cast<Pose*>(slot.device_poses.reserve(count * sizeof(Pose)));
+    for (std::size_t i = 0; i < count; i += kPosePart) {
+      const std::size_t part = std::min(kPosePart, count - i);
+      if (chunk.wait_for_poses) chunk.wait_for_poses(chunk.poses + i + part);
+      check(cudaMemcpyAsync(given + i, chunk.poses + i, part * sizeof(Pose), cudaMemcpyHostToDevice, slot.stream), "copying poses");
+    }
+    return given;
+  }
+
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
-    const std::size_t given_bytes = sizeof(Pose) * given_count_ * chunk.configurations;
-    std::byte* given = slot.device_poses.reserve(given_bytes);
-    check(cudaMemcpyAsync(given, chunk.poses, given_bytes, cudaMemcpyHostToDevice, slot.stream),
-          "copying poses");
+    const Pose* given = send_poses(slot, chunk, std::size_t{given_count_} * chunk.configurations);
     const std::size_t states = std::size_t{bodies.moved_count} * chunk.configurations,
                       numbers = states * bodies.components * sizeof(double),
                       boxes = bodies.fixed_box ? states * sizeof(OuterBox) : 0,
@@ -204,7 +198,7 @@ class QuerySide : public Interface {
     bodies.moved = reinterpret_cast<double*>(memory + boxes + pieces);
     bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + pieces + numbers);
     MovesView moves = moves_;
-    moves.given = reinterpret_cast<const Pose*>(given);
+    moves.given = given;
     place_bodies<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves,
                                                                                        chunk.configurations);
     check(cudaGetLastError(), "starting a kernel");
@@ -214,6 +208,7 @@ class QuerySide : public Interface {
   WorkCounters& counters_;
   Question question_;
   std::uint32_t fields_ = 0, given_count_ = 0;
+  std::uint64_t all_chunks_ = 1;
   Upload setup_;
   PinnedBuffer host_bodies_, all_poses_;
   DeviceBuffer device_bodies_;
@@ -224,8 +219,6 @@ class QuerySide : public Interface {
   MovesView moves_;
   const CudaPairs* pairs_ = nullptr;
   Event ready_, boxes_begun_;
-  Event ended_[kSlots + 1];  // of chunks, by their number
-  std::uint64_t chunks_ = 0;
   std::unique_ptr<Slot> slots_[kSlots];
 };
 

@@ -170,6 +170,7 @@ inline void __syncthreads() {
   clearance::test::EmulatedGrid::one().wait_for_block();
 }
 inline void __threadfence() {}
+inline void __threadfence_system() {}
 
 inline int __popc(unsigned x) {
   return std::popcount(x);

@@ -46,6 +46,8 @@ struct HostChunk {
   std::vector<Enclosed> enclosed;
   std::vector<LeftOpen> left_open;
   std::uint32_t counts[kCounts] = {}, host_counts[kCounts] = {};
+  Finished finished{};
+  std::uint64_t begun = 0;
   Answer rows;
   ChunkView view{};
 
@@ -90,7 +92,12 @@ struct HostChunk {
   void launch_last(std::uint32_t blocks, const Kernel& kernel) {
     view.host_counts = host_counts;
     view.blocks = blocks;
+    view.begun = &begun;
+    view.finished = &finished;
+    view.number = 7;
     launch(blocks, [&] { kernel(view); });
+    EXPECT_EQ(finished.number, 7u) << "the last block says so";
+    EXPECT_EQ(begun, 0u) << "left for the next chunk";
     EXPECT_TRUE(std::all_of(counts, counts + kCounts, [](std::uint32_t c) { return c == 0; }))
         << "left for the next chunk";
   }

@@ -1,6 +1,7 @@
 // How pairs are dealt to a device's kernels: those of several pieces apart from the others. A device that leaves all rows to the CPU
 // stands in for a real one.
 #include <algorithm>
+#include <cstring>
 #include <numeric>
 
 #include "stand_in_device.h"
@@ -9,11 +10,13 @@ namespace clearance::test {
 namespace {
 
 constexpr std::uint32_t kUnheld = 7;  // a body that the device does not hold
+const std::vector<std::uint32_t> kMoved{0, 2, 5, 30};
 
 // What a device was given.
 struct Dealt {
   std::vector<std::uint32_t> position;
   std::vector<cuda::ChunkSetup> chunks;
+  std::vector<Pose> poses;
 };
 
 class NotingDense final : public IdleDense {
@@ -21,6 +24,11 @@ class NotingDense final : public IdleDense {
   NotingDense(Fault& fault, Dealt& dealt) : IdleDense(fault), dealt_(dealt) {}
   void launch(int slot, const cuda::ChunkSetup& chunk, const ReplyView& direct) override {
     dealt_.chunks.push_back(chunk);
+    if (chunk.poses) {
+      const Pose* const end = chunk.poses + chunk.configurations * kMoved.size();
+      chunk.wait_for_poses(end);
+      dealt_.poses.insert(dealt_.poses.end(), chunk.poses, end);
+    }
     IdleDense::launch(slot, chunk, direct);
   }
 
@@ -51,7 +59,6 @@ class NotingDevice final : public IdleDevice {
 TEST(PairDeal, PutsPairsOfSeveralPiecesBehindTheOthers) {
   const auto scene = [] { return decomposed_scene(50, 3, 1); };
   Random random(2);
-  const std::vector<std::uint32_t> bodies{0, 2, 5, 30};
   for (const std::uint32_t configurations : {0u, 90u}) {
     Fault fault;
     Dealt dealt;
@@ -60,11 +67,11 @@ TEST(PairDeal, PutsPairsOfSeveralPiecesBehindTheOthers) {
     });
     const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
     std::vector<Pose> poses;
-    for (std::size_t i = 0; i < configurations * bodies.size(); ++i) poses.push_back(random.pose(3));
+    for (std::size_t i = 0; i < configurations * kMoved.size(); ++i) poses.push_back(random.pose(3));
     QueryView q;
     q.fields = kAllFields;
     q.configuration_count = configurations;
-    if (configurations > 0) q.bodies = bodies;
+    if (configurations > 0) q.bodies = kMoved;
     q.configurations = poses;
     // The stand-in leaves all rows open, also those that it was not given: how many were looked at is not compared.
     expect_same(ask(device, q), ask(cpu, q), std::to_string(configurations) + " configurations", true);
@@ -99,7 +106,7 @@ TEST(PairDeal, PutsPairsOfSeveralPiecesBehindTheOthers) {
   }
 }
 
-TEST(PairDeal, BeginsWithAChunkHalfAsLargeAsTheOthers) {
+TEST(PairDeal, MakesFewChunksThatGrow) {
   const auto scene = [] {
     Scene s;
     Random random(3);
@@ -113,17 +120,43 @@ TEST(PairDeal, BeginsWithAChunkHalfAsLargeAsTheOthers) {
   });
   const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
   expect_same(ask(device, {}), ask(cpu, {}), "800 bodies", true);
-  ASSERT_GT(dealt.chunks.size(), 2u);
+  ASSERT_EQ(dealt.chunks.size(), std::size_t{cuda::kChunksUnderWay});
   std::uint64_t rows = 0;
-  for (const cuda::ChunkSetup& c : dealt.chunks) {
+  for (std::size_t i = 0; i < dealt.chunks.size(); ++i) {
+    const cuda::ChunkSetup& c = dealt.chunks[i];
     EXPECT_EQ(c.first_row, rows) << "one after another";
     rows += c.rows();
-    if (&c != &dealt.chunks[0]) {
-      EXPECT_NEAR(c.pair_count, dealt.chunks[1].pair_count, 8);
-      EXPECT_GT(c.pair_count, 1.5 * dealt.chunks[0].pair_count);
-    }
+    EXPECT_NEAR(c.pair_count, static_cast<double>(i + 1) * dealt.chunks[0].pair_count, 4 * cuda::kTile);
   }
   EXPECT_EQ(rows, device.pairs({}).size());
+}
+
+// Enough of them for several threads to copy them while chunks are started.
+TEST(PairDeal, GivesEachChunkItsPosesOnceTheyAreWaitedFor) {
+  const auto scene = [] { return mixed_scene(31, 3, 1); };
+  Fault fault;
+  Dealt dealt;
+  const cuda::DeviceStandIn stand_in({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+    return std::make_shared<NotingDevice>(s, fault, dealt);
+  });
+  const Engine device(scene(), {"cuda", 4});
+  Random random(4);
+  std::vector<Pose> poses;
+  for (std::size_t i = 0; i < 5000 * kMoved.size(); ++i) poses.push_back(random.pose(3));
+  ASSERT_GT(poses.size() * sizeof(Pose), 1u << 20);
+  const std::vector<BodyPair> pairs{{0, 1}, {2, 5}, {1, 3}};
+  QueryView q;
+  q.all_pairs = false;
+  q.pairs = pairs;
+  q.bodies = kMoved;
+  q.configurations = poses;
+  q.configuration_count = 5000;
+  for (int round = 0; round < 5; ++round) {
+    dealt.poses.clear();
+    ask(device, q);
+    ASSERT_EQ(dealt.poses.size(), poses.size());
+    EXPECT_EQ(std::memcmp(dealt.poses.data(), poses.data(), poses.size() * sizeof(Pose)), 0);
+  }
 }
 
 }  // namespace
