@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "arms_scene.h"
+#include "engine/baselines/narrow.h"
 #include "engine/cuda/device.h"
 
 namespace clearance::test {
@@ -28,6 +29,7 @@ struct Workload {
   Precision precision = Precision::kF64;
   bool depth = false;
   double room = 1;  // configurations put bodies up to so far from the origin along each axis
+  bool moves = false;  // as with `warm`, but cold
 };
 
 Scene spheres(int count, double box) {
@@ -59,6 +61,16 @@ Scene hulls(int fewest, int most) {
     }
     scene.add_hull("h" + std::to_string(i), v, {.pose = random.pose(1)});
   }
+  return scene;
+}
+
+// Made once: their vertices take seconds.
+Scene large_spheres() {
+  static const Scene scene = [] {
+    Scene two;
+    for (const double x : {0.0, 4.01}) two.add_uv_sphere(x > 0 ? "b" : "a", 2, 1000, {.pose = Pose{{x, 0, 0}}});
+    return two;
+  }();
   return scene;
 }
 
@@ -98,8 +110,11 @@ const std::vector<Workload>& workloads() {
       few(1),
       few(10),
       few(100),
+      few(300),
       few(1000),
       few(10000),
+      {"2 spheres of 1,998,002 vertices", large_spheres, 0, Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0, false,
+       Precision::kF64, false, 1, true},
       {"1000 spheres, box 100, nearest", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds,
        Reduce::kNearest},
       {"1000 spheres, box 100, within 2", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kWithin,
@@ -155,6 +170,11 @@ struct Motion {
   std::vector<BodyPose> placed[2];
 };
 
+double median(std::vector<double>& v) {
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+
 // Medians over queries into the same columns.
 Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& reply, int repeats,
                     const Motion& motion = {}) {
@@ -174,10 +194,6 @@ Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& rep
     kernels.push_back(1e-3 * static_cast<double>(counter(engine, "cuda.kernel_ns") - before));
     broad_phases.push_back(1e-3 * static_cast<double>(counter(engine, "cuda.broad_phase_ns") - broad_before));
   }
-  const auto median = [](std::vector<double>& v) {
-    std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-    return v[v.size() / 2];
-  };
   return {median(walls), median(kernels), median(broad_phases)};
 }
 
@@ -222,6 +238,29 @@ struct Asked {
   }
   Asked(const Asked&) = delete;
 };
+
+// The report's kernel for many pairs, a block for each: its bare distances of the pairs that a row above asks for.
+void run_baseline(const std::string& name, const Scene& scene, std::ostream& csv, std::vector<std::string>& table) {
+  const std::vector<BodyPair> pairs = Engine(scene, {"cpu"}).pairs({});
+  const baselines::World world(scene);
+  const auto system = baselines::make_narrow("cuda_batched");
+  std::vector<baselines::PairAnswer> answers(pairs.size());
+  std::vector<double> walls, kernels;
+  for (int i = -1; i < 5; ++i) {
+    const auto begin = Clock::now();
+    system->distances(world, pairs, answers);
+    if (i < 0) continue;
+    walls.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
+    kernels.push_back(system->kernel_us());
+  }
+  const double kernel_us = median(kernels), wall_us = median(walls);
+  csv << '"' << name << "\"," << pairs.size() << ',' << kernel_us << ",," << wall_us << ",,,,,,,\n";
+  char line[200];
+  std::snprintf(line, sizeof line, "%-50s %9zu pairs | kernels %9.1f us %6.2f G/s | wall %22s %9.1f us pageable", name.c_str(), pairs.size(),
+                kernel_us, 1e-3 * static_cast<double>(pairs.size()) / kernel_us, "", wall_us);
+  std::puts(line);
+  table.push_back(line);
+}
 
 // One GPU and all of them, the same query into pinned memory.
 void run_several(const Workload& w, std::ostream& csv) {
@@ -284,10 +323,8 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   std::byte* aligned = pageable.data() + (64 - reinterpret_cast<std::uintptr_t>(pageable.data()) % 64) % 64;
 
   Motion motion;
-  if (w.warm) {
-    q.warm_slot = 1;
-    motion = motion_of(asked, cpu.scene());
-  }
+  if (w.warm) q.warm_slot = 1;
+  if (w.warm || w.moves) motion = motion_of(asked, cpu.scene());
   const int repeats = size.rows > 4'000'000 ? 10 : size.rows < 20'000 ? 300 : 30;
   const Timing direct = time_queries(device, q, view(pinned.data()), repeats, motion);
   const std::uint64_t rest = counter(device, "cuda.pairs_finished_on_cpu") / static_cast<std::uint64_t>(repeats + 2);
@@ -364,6 +401,8 @@ int main(int argc, char** argv) {
   std::vector<std::string> table;
   for (const Workload& w : workloads())
     if (w.name.find(filter) != std::string::npos) run(w, csv, table);
+  if (const std::string name = "1000 spheres, box 100, the report's block for each pair"; name.find(filter) != std::string::npos)
+    run_baseline(name, spheres(1000, 100), csv, table);
   std::printf("\n%s\n", cuda::device_info().name.c_str());
   const auto begin = Clock::now();
   const Engine measured(spheres(10, 20), {.calibration = "measure"});
