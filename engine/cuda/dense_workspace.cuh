@@ -12,10 +12,11 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint64_t kOverlapBlocks = 264;  // how many pairs overlap is not known when they start
 inline constexpr std::uint64_t kSmallRows = 16384;    // of a chunk that is answered with as few calls as can be
 inline constexpr std::uint64_t kFirstRows = 1u << 16;  // of a first chunk that proves overlaps at once
-inline constexpr std::uint32_t kOpenBlocks = 264;     // how many pairs float32 leaves open is not known either
+// What float32 leaves open, and what overlaps, takes long. How many pairs that are is not known when their kernels start: all
+// that these do not take, the next chunk's blocks do.
+inline constexpr std::uint32_t kLateBlocks = 66, kLateWarps = 64;
 inline constexpr std::chrono::microseconds kFlagPatience{200};  // few pairs take a tenth of that
 
 struct DenseSlot : QuerySlot {
@@ -156,13 +157,13 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     if (f32_first) {
       ChunkView open = proof_follows ? before : view;
       open.prove_at_once = question_.prove_overlaps;
-      open.blocks = std::min(chunk.group_tiles, kOpenBlocks);
-      answer_open<kCompact, kWarm><<<open.blocks, kTile, 0, slot.stream>>>(open);
+      open.blocks = std::min(chunk.group_tiles, kLateBlocks);
+      answer_open<kCompact, kWarm><<<open.blocks, kTile, 0, slot.stream>>>(open, kLateWarps);
     }
     if (proof_follows) {
       view.blocks =
-          static_cast<std::uint32_t>(std::min<std::uint64_t>((slot.rows + kTile - 1) / kTile, kOverlapBlocks));
-      prove_overlaps<<<view.blocks, kTile, 0, slot.stream>>>(view);
+          static_cast<std::uint32_t>(std::min<std::uint64_t>((slot.rows + kTile - 1) / kTile, kLateBlocks));
+      prove_overlaps<<<view.blocks, kTile, 0, slot.stream>>>(view, kLateWarps);
     }
   }
 

@@ -150,14 +150,14 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
   hand_over_counts(c);
 }
 
-// What float32 has left open, in float64.
+// What float32 has left open, in float64. \param most_warps at a time
 template <bool kCompact, bool kWarm>
-__global__ void __launch_bounds__(kTile, kBlocks) answer_open(const __grid_constant__ ChunkView c) {
-  const std::uint32_t count = c.counts[kLeftOpen];
-  for (std::uint32_t first = 0; first < count; first += gridDim.x * kTile) {
-    const std::uint32_t i = first + spread_place();
-    const LeftOpen open = c.left_open[i < count ? i : count - 1];
-    answer_alone<false, kCompact, kWarm>(c, GroupItem(c, open.pair, open.configuration), i < count);
+__global__ void __launch_bounds__(kTile, kBlocks) answer_open(const __grid_constant__ ChunkView c, std::uint32_t most_warps) {
+  const SpreadList list(c.counts[kLeftOpen], most_warps);
+  for (std::uint32_t first = 0; first < list.count; first += list.step) {
+    const std::uint32_t i = list.at(first);
+    const LeftOpen open = c.left_open[i < list.count ? i : list.count - 1];
+    answer_alone<false, kCompact, kWarm>(c, GroupItem(c, open.pair, open.configuration), i < list.count);
   }
   hand_over_counts(c);
 }

@@ -73,10 +73,11 @@ __device__ __noinline__ Outcome prove_row(const ChunkView& c, Enclosed e) {
   return outcome;
 }
 
-__global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ ChunkView c) {
+__global__ void __launch_bounds__(kTile) prove_overlaps(const __grid_constant__ ChunkView c, std::uint32_t most_warps) {
   const std::uint32_t count = c.counts[kEnclosedPairs];
-  for (std::uint32_t first = 0; first < count; first += gridDim.x * kTile) {
-    const std::uint32_t i = first + spread_place();
+  const SpreadList list(count, most_warps);
+  for (std::uint32_t first = 0; first < count; first += list.step) {
+    const std::uint32_t i = list.at(first);
     Outcome outcome = Outcome::kNone;
     std::uint64_t row = 0;
     if (i < count) {

@@ -251,12 +251,21 @@ __device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b
   });
 }
 
-// Where a thread begins in a list of few pairs that each take long: these are dealt to as many warps as there are, since
-// the threads of one warp would wait for each other. The next is a grid's threads further.
-__device__ inline std::uint32_t spread_place() {
-  const std::uint32_t warps = gridDim.x * blockDim.x / 32, warp = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
-  return threadIdx.x % 32 * warps + warp;
-}
+// How a grid's threads take a list of pairs that each take long. The threads of one warp wait for each other: only so many of each
+// take a pair that few pairs have a warp to themselves, and more of them share `most_warps` as long as that can be.
+struct SpreadList {
+  std::uint32_t count, lanes, step, place;
+
+  __device__ SpreadList(std::uint32_t pairs, std::uint32_t most_warps) : count(pairs) {
+    const std::uint32_t warps = gridDim.x * blockDim.x / 32, warp = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
+    const std::uint32_t wanted = (count + most_warps - 1) / most_warps;
+    lanes = wanted < 1 ? 1 : wanted < 32 ? wanted : 32;
+    step = warps * lanes;
+    place = threadIdx.x % 32 < lanes ? warp * lanes + threadIdx.x % 32 : count;
+  }
+  // Of the pairs from `first` on this thread's; `count` or more: none.
+  __device__ std::uint32_t at(std::uint32_t first) const { return place < count ? first + place : count; }
+};
 
 __device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
   const std::uint8_t states = a.state | b.state;

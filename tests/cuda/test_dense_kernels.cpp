@@ -126,7 +126,7 @@ TEST(DenseKernels, GroupsThenProofsGiveTheBitsOfTheCpu) {
   chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
                [&] { answer_groups<double, false, false>(chunk.view); });
   ASSERT_GT(chunk.counts[kEnclosedPairs], kFewBlocks * kTile) << "more than there are threads";
-  chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view); });
+  chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
   chunk.expect_the_cpus(cpu, c.q, "groups");
 }
 
@@ -152,8 +152,8 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   ASSERT_GT(chunk.counts[kSettledRows], 100u);
   chunk.launch(tiles, [&] { answer_groups<double, false, false>(chunk.view); });  // of the others
   chunk.view.prove_at_once = true;
-  chunk.launch(kFewBlocks, [&] { answer_open<false, false>(chunk.view); });
-  chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view); });
+  chunk.launch(kFewBlocks, [&] { answer_open<false, false>(chunk.view, 5); });
+  chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
   chunk.expect_the_cpus(cpu, c.q, "float32");
 }
 
