@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the tables of the README and of docs/latency.md from the files in docs/results.
+"""Writes the tables of the README, of docs/latency.md and of docs/cuda.md from the files in docs/results.
 
     tools/readme_tables.py            write them
     tools/readme_tables.py --check    exit code 1 if they are not those of the files
@@ -11,7 +11,8 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "docs/latency.md"]
+PAGES = ["README.md", "docs/latency.md", "docs/cuda.md"]
+GPU = "gpu_nvidia_h100_80gb_hbm3"
 NAMES = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
 
 
@@ -101,7 +102,63 @@ def latency_doorbell():
                     [line(row) for row in rows], words=2)
 
 
-TABLES = {"accuracy": accuracy, "latency": latency, "latency_bars": latency_bars, "latency_doorbell": latency_doorbell}
+def microseconds(text):
+    """A CSV's figure for a table; nothing where nothing was measured."""
+    value = float(text or 0)
+    return "" if value == 0 else f"{value:,.0f}" if value >= 10 else f"{value:.1f}"
+
+
+GPU_NAMES = {
+    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact, f32": "the same, f32",
+    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, near 0.1, compact": "the same, `max_distance` 0.1",
+    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min": "the same, min",
+    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, depth, compact": "the same, with depths",
+    "30 hulls, 150 pairs, 4096 configurations, depth, compact": "30 hulls, 150 pairs, 4096 configurations, compact, with depths",
+}
+
+
+def gpu_all():
+    """Every row of the GPU benchmark, for docs/cuda.md."""
+    _, rows = read(GPU)
+    cores = rows[0]["cpu_cores"]
+
+    def line(row):
+        keys = ("kernel_us", "wall_pinned_us", "wall_pageable_us", "cpu_wall_us")
+        routed = f"{microseconds(row['auto_wall_us'])} ({row['auto_backend']})" if row["auto_wall_us"] else ""
+        return [GPU_NAMES.get(row["workload"], row["workload"]), f"{int(row['pairs']):,}", *(microseconds(row[key]) for key in keys), routed]
+
+    return markdown(["work", "pairs", "kernels [us]", "wall, pinned [us]", "wall, pageable [us]", f"CPU, {cores} cores [us]", "`auto` [us]"],
+                    [line(row) for row in rows])
+
+
+GPU_SHOWN = {
+    "1000 spheres, box 100, compact": "all pairs of 1000 spheres, bounds and points of each",
+    "5000 spheres, box 171, compact": "all pairs of 5000 spheres, likewise",
+    "5000 spheres, box 171, nearest": "the nearest neighbour of each of 5000",
+    "50000 spheres, box 368, within 2": "pairs nearer than 2 m among 50,000",
+    "30 hulls, 150 pairs, 4096 configurations, compact": "30 hulls, 150 pairs, in 4096 configurations",
+    "30 hulls, 150 pairs, 4096 configurations, min": "the nearest pair in each of these",
+    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min": "the same of two arms among obstacles, of 141 pieces",
+}
+
+
+def gpu():
+    """What a GPU answers beside the CPU of its machine."""
+    remark, rows = read(GPU)
+    found = {row["workload"]: row for row in rows}
+    cores = rows[0]["cpu_cores"]
+
+    def line(row):
+        device, cpu = float(row["wall_pinned_us"]), float(row["cpu_wall_us"])
+        return [GPU_SHOWN[row["workload"]], f"{int(row['pairs']):,}", f"{device / 1000:,.2f}", f"{cpu / 1000:,.1f}", f"{cpu / device:,.0f}x"]
+
+    table = markdown(["query", "pairs", "GPU [ms]", f"{cores} cores [ms]", "ratio"], [line(found[name]) for name in GPU_SHOWN])
+    device = remark.removeprefix("device: ")
+    return f"{table}\n\nFrom [docs/results/{GPU}.csv](docs/results/{GPU}.csv) ({device}, and the CPU of the same machine), by `make gpu-bench`."
+
+
+TABLES = {"accuracy": accuracy, "latency": latency, "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
+          "gpu_all": gpu_all}
 
 
 def fill(page, text):
