@@ -37,7 +37,7 @@ struct DeviceCounters {
   std::uint64_t query_bytes = 0;   ///< device memory of queries, kept for the next ones
   std::uint64_t pinned_bytes = 0;  ///< host memory of queries, likewise
   std::uint64_t allocations = 0;   ///< how often either had to grow
-  std::uint64_t kernel_ns = 0;     ///< time in kernels, by the device's events
+  std::uint64_t kernel_ns = 0;     ///< time in kernels: of dense queries by the device's clock, of reductions by its events
   std::uint64_t broad_phase_ns = 0;  ///< of it, of queries over a whole table: from poses to the list of near pairs
   std::uint64_t launches = 0;      ///< chunks of pair-configurations
 };
