@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <functional>
 
 namespace clearance::cuda {
 
@@ -69,7 +70,7 @@ class WorkspaceOfAll : public Interface {
   auto ask(std::size_t m, F f) {
     SeveralDevices::Member& member = *owner_->members()[m];
     return owner_->ask(member, [&] {
-      if (!parts_[m]) parts_[m] = (member.opened.device.get()->*borrow_)();
+      if (!parts_[m]) parts_[m] = std::invoke(borrow_, *member.opened.device);
       return f(*parts_[m]);
     });
   }
