@@ -1,5 +1,6 @@
 #include "witness.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
 
@@ -126,8 +127,8 @@ void Witness::run(std::uint64_t seed) {
   while (!stopping_) {
     const auto begin = std::chrono::steady_clock::now();
     ask(exam_.draw(random));
-    const auto took = std::chrono::steady_clock::now() - begin;
-    std::this_thread::sleep_for(took * (1 / load_ - 1));
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+    std::this_thread::sleep_for(std::min<std::chrono::duration<double>>(took * (1 / load_ - 1), 100ms));  // not as long as one was late
   }
 }
 
