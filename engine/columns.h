@@ -65,14 +65,19 @@ CLEARANCE_HD inline void write_gradient(double* g, const PairAnswer& a) {
 
 }  // namespace detail
 
-/// Writes one row of every column there is.
-/// \param origin_a, origin_b of the bodies, world frame
-CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair, std::uint32_t configuration,
-                                   const PairAnswer& a, const Vec3d& origin_a, const Vec3d& origin_b) {
+/// Writes one row of the columns that kDefaultFields names, where they are there.
+CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t index, const PairAnswer& a) {
   if (reply.distance) reply.distance[index] = a.distance;
   if (reply.lower) reply.lower[index] = a.lower;
   if (reply.upper) reply.upper[index] = a.upper;
   if (reply.status) reply.status[index] = static_cast<std::uint8_t>(a.status);
+}
+
+/// Writes one row of every column there is.
+/// \param origin_a, origin_b of the bodies, world frame
+CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair, std::uint32_t configuration,
+                                   const PairAnswer& a, const Vec3d& origin_a, const Vec3d& origin_b) {
+  write_interval(reply, index, a);
   if (reply.flags) reply.flags[index] = a.flags;
   if (reply.point_a) detail::write(reply.point_a, index, origin_a + a.point_a);
   if (reply.point_b) detail::write(reply.point_b, index, origin_b + a.point_b);

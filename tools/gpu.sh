@@ -73,6 +73,12 @@ case $what in
     file=$(results_file gpu) || exit 1
     "$bin/clearance-gpu-bench" "$file" && echo "$file"
     if [ -x "$bin/clearanced" ]; then bench_service; fi
+    # Python's calls, by a Python that has the package (PYTHON=... names one).
+    python=${PYTHON:-.venv/bin/python}
+    if "$python" -c "import clearance" 2>/dev/null; then
+      file=$(results_file gpu_python) && printf 'way,python_us,engine_us,kernel_us\n' >"$file" &&
+        "$python" tools/bench_engine.py cuda --csv "$file" && echo "$file"
+    fi
     ;;
   several)
     file=$(results_file gpus) || exit 1

@@ -124,15 +124,15 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
   }
 
   void answer(DenseSlot& slot, const ChunkSetup& chunk) {
-    const bool only_compact = fields_ == kFieldCompact;
+    const bool lean = (fields_ & ~kLeanFields) == 0;
     if (warm_)
-      only_compact ? answer_as<true, true>(slot, chunk) : answer_as<false, true>(slot, chunk);
+      lean ? answer_as<true, true>(slot, chunk) : answer_as<false, true>(slot, chunk);
     else
-      only_compact ? answer_as<true, false>(slot, chunk) : answer_as<false, false>(slot, chunk);
+      lean ? answer_as<true, false>(slot, chunk) : answer_as<false, false>(slot, chunk);
     check(cudaGetLastError(), "starting a kernel");
   }
   // The last kernel hands the counts over.
-  template <bool kCompact, bool kWarm>
+  template <bool kLean, bool kWarm>
   void answer_as(DenseSlot& slot, const ChunkSetup& chunk) {
     ChunkView& view = slot.device_view;
     view.group_of_tile = pairs_->group_of_tile + chunk.first_tile;
@@ -143,11 +143,11 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     view.blocks = chunk.tiles();
     const ChunkView& first = f32_first || proof_follows ? before : view;
     if (f32_first)
-      answer_groups<float, kCompact, kWarm><<<chunk.group_tiles, kTile, pairs_->most_shared_f32, slot.stream>>>(first);
+      answer_groups<float, kLean, kWarm><<<chunk.group_tiles, kTile, pairs_->most_shared_f32, slot.stream>>>(first);
     if (chunk.group_tiles > 0 && !only_f32)
-      answer_groups<double, kCompact, kWarm><<<chunk.group_tiles, kTile, pairs_->most_shared, slot.stream>>>(first);
+      answer_groups<double, kLean, kWarm><<<chunk.group_tiles, kTile, pairs_->most_shared, slot.stream>>>(first);
     if (chunk.stray_tiles > 0) {
-      const auto kernel = question_.f32 ? answer_strays<true, kCompact, kWarm> : answer_strays<false, kCompact, kWarm>;
+      const auto kernel = question_.f32 ? answer_strays<true, kLean, kWarm> : answer_strays<false, kLean, kWarm>;
       kernel<<<chunk.stray_tiles, kTile, 0, slot.stream>>>(first, chunk.strays);
     }
     if (chunk.several_tiles > 0) {
@@ -158,7 +158,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
       ChunkView open = proof_follows ? before : view;
       open.prove_at_once = question_.prove_overlaps;
       open.blocks = std::min(chunk.group_tiles, kLateBlocks);
-      answer_open<kCompact, kWarm><<<open.blocks, kTile, 0, slot.stream>>>(open, kLateWarps);
+      answer_open<kLean, kWarm><<<open.blocks, kTile, 0, slot.stream>>>(open, kLateWarps);
     }
     if (proof_follows) {
       view.blocks =

@@ -50,7 +50,7 @@ struct GroupItem {
 };
 
 // Answers it and writes its row, unless it is not settled.
-template <bool kCompact, bool kWarm, class Hull, class PointHull>
+template <bool kLean, bool kWarm, class Hull, class PointHull>
 __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,
                                       const PairHulls<PointHull>& hulls, const Place<typename Hull::T>& at,
                                       Enclosed& enclosed) {
@@ -59,16 +59,16 @@ __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item,
   PairAnswer answer;
   WarmRow* const warm = kWarm ? c.warm + item.k * c.warm_stride + c.position[item.pair] : nullptr;
   const Outcome outcome =
-      solve_item<kCompact, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm);
+      solve_item<kLean, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm);
   if (outcome == Outcome::kEnclosed && c.prove_at_once) return prove_row(c, enclosed);
   if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
-    write_answer<kCompact>(c, item.row, item.k, item.at_a, item.at_b, answer);
+    write_answer<kLean>(c, item.row, item.k, item.at_a, item.at_b, answer);
   return outcome;
 }
 
 // Blocks of pairs of the same two hulls, which lie in shared memory. In float32 those of hulls that it fits; what it
 // leaves open is listed. \tparam T of the iteration
-template <class T, bool kCompact, bool kWarm>
+template <class T, bool kLean, bool kWarm>
 __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
     answer_groups(const __grid_constant__ ChunkView c) {
   note_begin(c);
@@ -94,9 +94,9 @@ __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
   const PairHulls<Hull<SharedVertices>> hulls{a.hull, b.hull};
   if (place < count) {
     if constexpr (kIsF32<T>)
-      outcome = answer_item<kCompact, kWarm>(c, item, a.hull_f32, b.hull_f32, hulls, at, enclosed);
+      outcome = answer_item<kLean, kWarm>(c, item, a.hull_f32, b.hull_f32, hulls, at, enclosed);
     else
-      outcome = answer_item<kCompact, kWarm>(c, item, a.hull, b.hull, hulls, at, enclosed);
+      outcome = answer_item<kLean, kWarm>(c, item, a.hull, b.hull, hulls, at, enclosed);
   }
   report<kIsF32<T>>(c, outcome, item.row, enclosed);
   hand_over_counts(c);
@@ -104,7 +104,7 @@ __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
 
 // One item whose hulls are read where the scene has them. \tparam kBoth float32 goes first where it is asked for and
 // fits.
-template <bool kBoth, bool kCompact, bool kWarm>
+template <bool kBoth, bool kLean, bool kWarm>
 __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, bool is_there) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
@@ -115,23 +115,23 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
     outcome = Outcome::kUnsettled;
     if (kBoth && fit_f32(*head_a, *head_b)) {
       const Place<float> at = place_pair<float>(item.at_a, *head_a, item.at_b, *head_b);
-      outcome = answer_item<kCompact, kWarm>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
+      outcome = answer_item<kLean, kWarm>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
                                              hulls, at, enclosed);
     }
     if (outcome == Outcome::kUnsettled) {
       const Place<double> at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
-      outcome = answer_item<kCompact, kWarm>(c, item, a, b, hulls, at, enclosed);
+      outcome = answer_item<kLean, kWarm>(c, item, a, b, hulls, at, enclosed);
     }
   }
   report(c, outcome, item.row, enclosed);
 }
 
 // Pairs that have too little company for a block of their own. \param strays their group.
-template <bool kBoth, bool kCompact, bool kWarm>
+template <bool kBoth, bool kLean, bool kWarm>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c, Group strays) {
   note_begin(c);
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = strays.count * c.configurations;
-  answer_alone<kBoth, kCompact, kWarm>(c, GroupItem(c, strays, place < count ? place : count - 1), place < count);
+  answer_alone<kBoth, kLean, kWarm>(c, GroupItem(c, strays, place < count ? place : count - 1), place < count);
   hand_over_counts(c);
 }
 
@@ -151,13 +151,13 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
 }
 
 // What float32 has left open, in float64. \param most_warps at a time
-template <bool kCompact, bool kWarm>
+template <bool kLean, bool kWarm>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_open(const __grid_constant__ ChunkView c, std::uint32_t most_warps) {
   const SpreadList list(c.counts[kLeftOpen], most_warps);
   for (std::uint32_t first = 0; first < list.count; first += list.step) {
     const std::uint32_t i = list.at(first);
     const LeftOpen open = c.left_open[i < list.count ? i : list.count - 1];
-    answer_alone<false, kCompact, kWarm>(c, GroupItem(c, open.pair, open.configuration), i < list.count);
+    answer_alone<false, kLean, kWarm>(c, GroupItem(c, open.pair, open.configuration), i < list.count);
   }
   hand_over_counts(c);
 }

@@ -63,6 +63,10 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
     answer.flags |= kFlagNonsmooth;
 }
 
+// The columns of queries that need no more than a pair's bounds, and of compact ones. Kernels for these alone take fewer
+// registers and fewer instructions.
+inline constexpr std::uint32_t kLeanFields = kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact;
+
 enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
 
 // One pair's run of GJK, and what its bounds need.
@@ -193,9 +197,9 @@ struct PairHulls {
   const Hull &a, &b;
 };
 
-// The answer of a run whose bounds are settled. \tparam kCompact only a compact column is wanted: no normal and no
-// flags.
-template <bool kCompact, class T, class Hull>
+// The answer of a run whose bounds are settled. \tparam kLean only kLeanFields are wanted: no flags, no normal, and points
+// for compact rows alone.
+template <bool kLean, class T, class Hull>
 __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hulls, const Where& at_a,
                                     const Where& at_b, const Place<T>& at, const Gjk<T>& g, const RunBounds<T>& bounds,
                                     PairAnswer& answer) {
@@ -207,7 +211,7 @@ __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hu
   answer.distance = beyond ? lower : upper;
   if (!q.want_points) return;
   const LaneWitness w = witness_of(g, bounds);
-  if (!kCompact) {
+  if (!kLean) {
     add_points(hulls.a, at_a, hulls.b, at_b, w, q.want_nonsmooth, answer);
   } else {
     if constexpr (kIsF32<T>)
@@ -241,13 +245,13 @@ __device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hul
 }
 
 // Answers one pair that has poses, if it can be settled.
-template <bool kCompact, bool kWarm, class Hull, class PointHull>
+template <bool kLean, bool kWarm, class Hull, class PointHull>
 __device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
                                  const Where& at_a, const Where& at_b, const Place<typename Hull::T>& at,
                                  PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
   using T = typename Hull::T;
   return run_to_end<kWarm>(q, a, b, at, enclosed, warm, [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
-    take_settled<kCompact>(q, hulls, at_a, at_b, at, g, bounds, answer);
+    take_settled<kLean>(q, hulls, at_a, at_b, at, g, bounds, answer);
   });
 }
 
@@ -271,11 +275,15 @@ __device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
   const std::uint8_t states = a.state | b.state;
   return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0);
 }
-template <bool kCompact = false>
+template <bool kLean = false>
 __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a,
                                     const Where& at_b, const PairAnswer& answer) {
-  if (kCompact) {  // in two pieces of 16 bytes
-    const CompactAnswer r = detail::compact(answer);
+  if (kLean) {
+    write_interval(c.reply, row, answer);
+    if (c.reply.pair) c.reply.pair[row] = {at_a.body, at_b.body};
+    if (c.reply.configuration) c.reply.configuration[row] = static_cast<std::uint32_t>(c.first_configuration + k);
+    if (!c.reply.compact) return;
+    const CompactAnswer r = detail::compact(answer);  // in two pieces of 16 bytes
     auto* halves = reinterpret_cast<float4*>(c.reply.compact + row);
     halves[0] = {r.lower, r.upper, r.point_a[0], r.point_a[1]};
     halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
@@ -308,13 +316,13 @@ __device__ inline bool answer_without_pieces(const Question& q, const Where& at_
 }
 
 // Answers one item of a chunk, unless it is not settled.
-template <bool kCompact, bool kWarm, class Hull, class PointHull>
+template <bool kLean, bool kWarm, class Hull, class PointHull>
 __device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
                                      const PairHulls<PointHull>& hulls, const Where& at_a, const Where& at_b,
                                      const Place<typename Hull::T>& at, PairAnswer& answer, Enclosed& enclosed,
                                      WarmRow* warm = nullptr) {
   if (answer_without_pieces(c.question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
-  return narrow<kCompact, kWarm>(c.question, a, b, hulls, at_a, at_b, at, answer, enclosed, warm);
+  return narrow<kLean, kWarm>(c.question, a, b, hulls, at_a, at_b, at, answer, enclosed, warm);
 }
 
 // Counts a warp's outcomes and lists the rows that are not settled. All its threads call these.

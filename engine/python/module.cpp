@@ -4,10 +4,12 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include <atomic>
 #include <chrono>
 #include <utility>
 
 #include "client/python/bindings/columns.h"
+#include "engine/cuda/device.h"
 #include "engine/engine.h"
 #include "scene_bindings.h"
 
@@ -98,6 +100,30 @@ QueryView view_of(const Query& q) {
   return view;
 }
 
+// A device writes straight into pinned memory; elsewhere each answer is copied once more. Where none can be had, or so much
+// of it is in use that the machine might suffer, the memory is ordinary.
+std::shared_ptr<void> pinned_block(std::size_t bytes) {
+  constexpr std::size_t kMostPinned = std::size_t{2} << 30;
+  static std::atomic<std::size_t> pinned{0};
+  struct Block {
+    explicit Block(std::size_t n) : bytes(n), memory(n) { pinned += bytes; }
+    ~Block() { pinned -= bytes; }
+    std::size_t bytes;
+    cuda::PinnedMemory memory;
+  };
+  if (pinned + bytes > kMostPinned) return allocate_block(bytes);
+  try {
+    auto block = std::make_shared<Block>(bytes);
+    return {block, block->memory.data()};
+  } catch (const cuda::DeviceError&) {
+    return allocate_block(bytes);
+  }
+}
+BlockPool& pinned_blocks() {
+  static BlockPool& pool = *new BlockPool(pinned_block);
+  return pool;
+}
+
 class PyEngine {
  public:
   PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows, std::uint64_t device_memory,
@@ -138,7 +164,7 @@ class PyEngine {
       const std::uint32_t own = size.fields & ~out.fields();
       const Layout layout = layout_of(own, size.rows);
       Answer answer;
-      answer.owner = allocate_block(layout.bytes);
+      answer.owner = room_for(layout.bytes);
       answer.base = static_cast<const std::byte*>(answer.owner.get());
       answer.bytes = layout.bytes;
       answer.offset = layout.offset;
@@ -241,6 +267,11 @@ class PyEngine {
   }
 
  private:
+  std::shared_ptr<void> room_for(std::size_t bytes) const {
+    const std::string_view backend = engine_->backend();
+    return (backend == "cuda" || backend == "auto" ? pinned_blocks() : plain_blocks()).take(bytes);
+  }
+
   nb::tuple done(const PoseUpdateResult& r) const {
     return nb::make_tuple(r.revision, engine_->scene_revision(), r.applied, r.bad, r.unknown, r.fixed);
   }

@@ -69,8 +69,9 @@ struct HostChunk {
     }
     view.hulls = hulls.view();
     view.bodies = bodies.view;
-    view.question = {q.max_distance, q.abs_tol, default_rel_tol(q.precision),  256, false, true,
-                     true,           true,      q.precision == Precision::kF32};
+    const bool flags = (q.fields & kFieldFlags) != 0, points = flags || (q.fields & kFieldCompact) != 0;
+    view.question = {q.max_distance, q.abs_tol, default_rel_tol(q.precision),  256, false, points,
+                     flags,          true,      q.precision == Precision::kF32};
     view.group_of_tile = group_of_tile.data();
     view.pairs = pairs.data();
     view.position = position.data();
@@ -155,6 +156,24 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   chunk.launch(kFewBlocks, [&] { answer_open<false, false>(chunk.view, 5); });
   chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
   chunk.expect_the_cpus(cpu, c.q, "float32");
+}
+
+TEST(DenseKernels, LeanOnesGiveTheBitsOfTheCpu) {
+  constexpr std::uint32_t kBounds = kDefaultFields | kFieldPair | kFieldConfiguration;
+  for (const std::uint32_t fields : {kBounds, kFieldCompact | kFieldStatus, std::uint32_t{kFieldCompact}}) {
+    ASSERT_EQ(fields & ~kLeanFields, 0u);
+    Case c(Precision::kF64);
+    c.q.fields = fields;
+    c.q.format = fields & kFieldCompact ? Format::kCompact : Format::kFull;
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    HostChunk chunk(cpu, c.q);
+    chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
+                 [&] { answer_groups<double, true, false>(chunk.view); });
+    ASSERT_GT(chunk.counts[kSettledRows], 100u);
+    ASSERT_GT(chunk.counts[kEnclosedPairs], 0u);
+    chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
+    chunk.expect_the_cpus(cpu, c.q, "lean, fields " + std::to_string(fields));
+  }
 }
 
 }  // namespace

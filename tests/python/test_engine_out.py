@@ -90,3 +90,22 @@ def test_read_only_out_and_disagreement_with_fields(engine):
     with pytest.raises(ValueError, match=r"expected shape \(40,\) or more rows, got \(39,\)"):
         engine.distances(out={"lower": np.zeros(39)}, reduce="within", max_distance=9, configurations=np.tile(
             IDENTITY, (9, 3, 1)), max_results=40)  # fmt: skip
+
+
+def test_memory_of_answers_that_are_gone_is_used_again(engine):
+    poses = np.tile(np.array(at(0.3, 0, 0.3)), (4000, 1, 1))
+
+    def ask():
+        return engine.distances(configurations=poses, bodies=["link2"], fields="default")
+
+    kept = ask()
+    first, address = kept.lower.copy(), kept.lower.ctypes.data
+    assert kept.lower.nbytes * 3 > 128 << 10, "small answers are the heap's business"
+    engine.set_poses({"base": at(0, 0.1, 0)})
+    assert ask().lower.ctypes.data != address, "an answer in use keeps its memory"
+    view = kept.lower[1:]
+    del kept
+    assert ask().lower.ctypes.data != address, "so do views of its columns"
+    assert np.array_equal(view, first[1:])
+    del view
+    assert ask().lower.ctypes.data == address

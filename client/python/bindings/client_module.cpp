@@ -153,7 +153,7 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
   const auto columns = columns_of(reply);
   if (copy) {
     const Layout layout = layout_of(a.fields & ~out.fields(), a.rows);
-    a.owner = allocate_block(layout.bytes);
+    a.owner = plain_blocks().take(layout.bytes);
     a.base = static_cast<const std::byte*>(a.owner.get());
     a.bytes = layout.bytes;
     a.offset = layout.offset;

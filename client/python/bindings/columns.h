@@ -22,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "block_pool.h"
 #include "client/types.h"
 
 namespace clearance::python {
@@ -123,13 +124,6 @@ struct Answer {
   std::int64_t snapshot_stamp_ns = 0, snapshot_sequence = 0, pose_age_ns = -1;
   std::string backend;
 };
-
-/// Uninitialised memory on a 64-byte boundary.
-inline std::shared_ptr<void> allocate_block(std::uint64_t bytes) {
-  void* block = std::aligned_alloc(64, bytes < 64 ? 64 : (bytes + 63) / 64 * 64);
-  if (!block) throw std::bad_alloc();
-  return {block, std::free};
-}
 
 inline void bind_answer(nb::module_& m) {
   static PyType_Slot slots[] = {

@@ -1,0 +1,79 @@
+"""How long Python waits for large answers of an engine in process: `bench_engine.py [BACKEND] [--csv FILE]`.
+
+30 random hulls, 150 pairs, 4096 configurations: 614,400 rows a call. Each row of the table is a way to ask; `engine` is the
+time within the engine's own code, so that the difference is what Python and fresh memory cost.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "build/python"))
+import clearance  # noqa: E402
+
+BODIES, PAIRS, CONFIGURATIONS = 30, 150, 4096
+
+
+def scene_and_poses(rng):
+    scene = clearance.Scene()
+    for i in range(BODIES):
+        points = rng.normal(size=(32 + i * 224 // (BODIES - 1), 3))
+        scene.add_hull(f"h{i}", points / np.linalg.norm(points, axis=1, keepdims=True) * rng.uniform(0.1, 0.4, 3))
+    q = rng.normal(size=(CONFIGURATIONS, BODIES, 4))
+    poses = np.concatenate([rng.uniform(-1, 1, (CONFIGURATIONS, BODIES, 3)), q / np.linalg.norm(q, axis=-1, keepdims=True)], axis=-1)
+    return scene, poses
+
+
+def timed(ask, engine, seconds=1.0):
+    """Medians in microseconds of calls one after the other: whole, in the engine, in kernels."""
+    for _ in range(3):
+        ask()
+    took, inside, kernels = [], [], []
+    end = time.perf_counter() + seconds
+    while time.perf_counter() < end or len(took) < 5:
+        before = engine.stats().get("cuda.kernel_ns", 0)
+        begin = time.perf_counter_ns()
+        result = ask()
+        took.append(time.perf_counter_ns() - begin)
+        inside.append(result.engine_ns)
+        kernels.append(engine.stats().get("cuda.kernel_ns", 0) - before)
+    return [1e-3 * float(np.median(x)) for x in (took, inside, kernels)]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("backend", nargs="?", default="auto")
+    parser.add_argument("--csv", help="file to add rows to")
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(5)
+    scene, poses = scene_and_poses(rng)
+    engine = clearance.Engine(scene, backend=arguments.backend)
+    first, second = np.triu_indices(BODIES, 1)
+    pairs = np.stack([first, second], axis=1)[rng.permutation(len(first))[:PAIRS]].astype(np.uint32)
+    query = {"pairs": pairs, "configurations": poses}
+    compact = {**query, "format": "compact"}
+    ways = {
+        "default": lambda: engine.distances(**query),
+        "default, prepared": engine.prepare(**query),
+        "compact": lambda: engine.distances(**compact),
+        "compact, prepared": engine.prepare(**compact),
+        "bounds alone": lambda: engine.distances(fields=["lower", "upper"], **query),
+        "with points": lambda: engine.distances(fields=["default", "points"], **query),
+        "min": lambda: engine.distances(reduce="min", **query),
+    }
+    rows = [(name, *timed(ask, engine)) for name, ask in ways.items()]
+    print(f"backend {arguments.backend}, microseconds a call of {PAIRS * CONFIGURATIONS:,} pairs\n"
+          f"{'way':<20}{'Python':>10}{'engine':>10}{'kernels':>10}")
+    for name, *numbers in rows:
+        print(f"{name:<20}" + "".join(f"{number:>10.0f}" for number in numbers))
+    if arguments.csv:
+        with open(arguments.csv, "a", encoding="utf-8") as out:
+            for name, *numbers in rows:
+                out.write(f'"{name}",' + ",".join(f"{number:.1f}" for number in numbers) + "\n")
+
+
+if __name__ == "__main__":
+    main()
