@@ -1,0 +1,203 @@
+// clearance-golden: digests of answers, every bit of them. What only moves or merges code must leave them as they are.
+#include <CLI/CLI.hpp>
+#include <bit>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+
+#include "engine/cuda/reply_columns.h"
+#include "engine/digest.h"
+#include "engine/engine.h"
+#include "golden_scenes.h"
+#include "tests/engine/engine_test_util.h"
+
+namespace clearance::golden {
+namespace {
+
+struct Question {
+  const char* name;
+  Reduce reduce;
+  bool cut;  // with the scene's cut-off distance
+};
+constexpr Question kQuestions[] = {{"none", Reduce::kNone, false},
+                                   {"none_near", Reduce::kNone, true},
+                                   {"within", Reduce::kWithin, true},
+                                   {"nearest", Reduce::kNearest, false},
+                                   {"min", Reduce::kMin, false}};
+
+struct Setting {
+  Question question;
+  Format format;
+  Precision precision;
+  bool depth, warm;
+
+  std::string name() const {
+    return std::string(question.name) + (format == Format::kCompact ? ",compact" : ",full") +
+           (precision == Precision::kF32 ? ",f32" : ",f64") + (depth ? ",depth" : ",") + (warm ? ",warm" : ",cold");
+  }
+};
+
+std::vector<Setting> all_settings() {
+  std::vector<Setting> all;
+  for (const Question& question : kQuestions)
+    for (const Format format : {Format::kFull, Format::kCompact})
+      for (const Precision precision : {Precision::kF64, Precision::kF32})
+        for (const bool depth : {false, true})
+          for (const bool warm : {false, true}) {
+            if (depth && precision == Precision::kF32) continue;        // depths are float64's in any case
+            if (warm && question.reduce != Reduce::kNone) continue;     // reductions begin cold
+            all.push_back({question, format, precision, depth, warm});
+          }
+  return all;
+}
+
+/// Of the columns that give the interval, and of all others.
+struct Digests {
+  Digest interval, rest;
+  std::uint64_t ok = 0, overlap = 0, contact = 0, beyond = 0, other = 0;  ///< rows by status
+};
+
+// Bits of a number; one NaN is as good as another.
+std::uint64_t bits_of(double x) { return std::isnan(x) ? ~std::uint64_t{0} : std::bit_cast<std::uint64_t>(x); }
+std::uint64_t bits_of(float x) { return std::isnan(x) ? ~std::uint64_t{0} : std::bit_cast<std::uint32_t>(x); }
+std::uint64_t bits_of(std::uint64_t x) { return x; }
+std::uint64_t bits_of(BodyPair pair) { return std::uint64_t{pair.a} << 32 | pair.b; }
+
+void add(const test::Answer& answer, Digests* to) {
+  const ReplyView& view = answer.view;
+  to->rest.add(answer.info.total);
+  for (std::uint64_t i = 0; i < answer.info.rows; ++i) {
+    const auto status = static_cast<Status>(view.status[i]);
+    ++(status == Status::kOk        ? to->ok
+       : status == Status::kOverlap ? to->overlap
+       : status == Status::kContact ? to->contact
+       : status == Status::kBeyond  ? to->beyond
+                                    : to->other);
+  }
+  const auto column = [&](auto* values, std::uint64_t width) {
+    const void* const begin = values;
+    const bool gives_interval =
+        begin && (begin == view.distance || begin == view.lower || begin == view.upper || begin == view.status);
+    for (std::uint64_t i = 0; values && i < answer.info.rows * width; ++i) {
+      if constexpr (std::is_same_v<decltype(values), CompactAnswer*>) {
+        const CompactAnswer& c = values[i];
+        for (const float bound : {c.lower, c.upper}) to->interval.add(bits_of(bound));
+        for (int k = 0; k < 3; ++k) {
+          to->rest.add(bits_of(c.point_a[k]));
+          to->rest.add(bits_of(c.point_b[k]));
+        }
+      } else if constexpr (std::is_integral_v<std::remove_pointer_t<decltype(values)>>) {
+        (gives_interval ? to->interval : to->rest).add(bits_of(std::uint64_t{values[i]}));
+      } else {
+        (gives_interval ? to->interval : to->rest).add(bits_of(values[i]));
+      }
+    }
+  };
+  cuda::for_each_column(column, view);
+}
+
+Digests ask(const Engine& engine, const GoldenScene& g, const Setting& s, std::uint64_t client) {
+  QueryView q;
+  q.reduce = s.question.reduce;
+  if (s.question.cut) q.max_distance = g.cut_off;
+  q.format = s.format;
+  q.fields = s.format == Format::kCompact ? kFieldCompact | kFieldStatus | kFieldFlags | kFieldPieces | kFieldPair
+                                          : test::kAllFields;
+  q.precision = s.precision;
+  q.signed_distance = s.depth;
+  q.warm_slot = s.warm ? client : 0;
+  q.configuration_count = kConfigurations;
+  q.bodies = g.moved;
+  Digests digests;
+  for (const std::vector<Pose>* poses : {&g.configurations, &g.next}) {
+    q.configurations = *poses;
+    add(test::ask(engine, q), &digests);
+  }
+  q.configuration_count = 0;  // the current poses
+  q.bodies = {};
+  q.configurations = {};
+  add(test::ask(engine, q), &digests);
+  return digests;
+}
+
+std::string line_of(const GoldenScene& g, const Setting& s, const Digests& d) {
+  std::string line = g.name + ',' + s.name();
+  for (const std::uint64_t count : {d.ok, d.overlap, d.contact, d.beyond, d.other}) line += ',' + std::to_string(count);
+  char digests[40];
+  std::snprintf(digests, sizeof digests, ",%016llx,%016llx", static_cast<unsigned long long>(d.interval.value()),
+                static_cast<unsigned long long>(d.rest.value()));
+  return line + digests;
+}
+
+constexpr const char* kHead = "scene,reduce,format,precision,depth,start,ok,overlap,contact,beyond,other,interval,rest";
+
+// The lines that each instruction set and number of threads gives; they must agree.
+std::vector<std::string> lines_of(const std::string& instruction_set, int threads) {
+  std::vector<std::string> lines{kHead};
+  for (const GoldenScene& g : golden_scenes()) {
+    Engine::Options options{"cpu", threads};
+    options.instruction_set = instruction_set;
+    const Engine engine(g.scene, options);
+    std::uint64_t client = 0;
+    for (const Setting& s : all_settings()) lines.push_back(line_of(g, s, ask(engine, g, s, ++client)));
+  }
+  return lines;
+}
+
+// Says where lines differ from those that are expected. Returns how many do.
+int compare(const std::vector<std::string>& expected, const std::vector<std::string>& got, const std::string& who) {
+  int different = expected.size() == got.size() ? 0 : 1;
+  if (different) std::cerr << who << ": " << got.size() << " lines, " << expected.size() << " are expected\n";
+  for (std::size_t i = 0; i < std::min(expected.size(), got.size()); ++i) {
+    if (expected[i] == got[i]) continue;
+    if (++different <= 10) std::cerr << who << ": expected " << expected[i] << "\n  got " << got[i] << '\n';
+  }
+  return different;
+}
+
+std::vector<std::string> read_lines(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw std::runtime_error("cannot read " + path);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(file, line);) lines.push_back(line);
+  return lines;
+}
+
+int run(const std::string& check, const std::string& write) {
+  std::vector<std::string> expected;
+  if (!check.empty()) expected = read_lines(check);
+  int different = 0, ways = 0;
+  for (const std::string& instruction_set : Engine::instruction_sets())
+    for (const int threads : {1, 3}) {
+      const std::vector<std::string> got = lines_of(instruction_set, threads);
+      if (expected.empty()) expected = got;
+      different += compare(expected, got, instruction_set + ", " + std::to_string(threads) + " threads");
+      ++ways;
+    }
+  std::cout << expected.size() - 1 << " digests, " << ways << " ways of computing each: " << different << " differ\n";
+  if (different > 0) return 1;
+  if (write.empty()) return 0;
+  std::ofstream out(write);
+  for (const std::string& line : expected) out << line << '\n';
+  if (!out.flush()) throw std::runtime_error("cannot write " + write);
+  return 0;
+}
+
+}  // namespace
+}  // namespace clearance::golden
+
+int main(int argc, char** argv) {
+  std::string check, write;
+  CLI::App app{"Digests of answers, every bit of them, by every instruction set of this machine and with 1 and 3 threads."};
+  auto* to_check = app.add_option("--check", check, "file of digests that must come out");
+  app.add_option("--write", write, "file to write them to")->excludes(to_check);
+  CLI11_PARSE(app, argc, argv);
+  try {
+    return clearance::golden::run(check, write);
+  } catch (const std::exception& error) {
+    std::cerr << "clearance-golden: " << error.what() << '\n';
+    return 2;
+  }
+}
