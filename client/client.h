@@ -99,7 +99,7 @@ class CLEARANCE_API Reply {
   std::span<const double> point_b() const;
   std::span<const double> normal() const;
   std::span<const std::uint32_t> pieces() const;  ///< (rows * 2,)
-  std::span<const double> gradient() const;       ///< (rows * 12,)
+  std::span<const double> gradient() const;       ///< (rows * 12,); order and frame: kFieldGradient
   std::span<const IdPair> pair() const;
   std::span<const std::uint32_t> configuration() const;
   std::span<const CompactAnswer> compact() const;

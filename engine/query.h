@@ -74,7 +74,7 @@ struct ReplyView {
   double* point_b = nullptr;               ///< (rows, 3)
   double* normal = nullptr;                ///< (rows, 3)
   std::uint32_t* pieces = nullptr;         ///< (rows, 2)
-  double* gradient = nullptr;              ///< (rows, 2, 6)
+  double* gradient = nullptr;              ///< (rows, 2, 6); order and frame: kFieldGradient
   BodyPair* pair = nullptr;                ///< (rows,)
   std::uint32_t* configuration = nullptr;  ///< (rows,)
   CompactAnswer* compact = nullptr;        ///< (rows,)

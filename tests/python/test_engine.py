@@ -247,6 +247,36 @@ def test_gradient_is_the_change_of_distance(engine):
         assert slope == pytest.approx(r.gradient[0, 0, 1, 3 + axis], abs=1e-3)
 
 
+@pytest.mark.parametrize("name, row", [("link1", 0), ("link2", 1)])
+def test_the_gradient_is_about_the_bodys_own_origin_turn_first(engine, name, row):
+    poses = {"link1": [0.2, -0.3, 0.4, *quaternion(0.3, [1, 2, 3])], "link2": [0.5, 0.1, 0.9, *quaternion(0.8, [3, -1, 1])]}
+    engine.set_poses(poses)
+    ask = dict(pairs=("link1", "link2"), rel_tol=1e-12)
+    r = engine.distances(**ask, fields=("distance", "gradient", "flags"))
+    assert not r.flags[0, 0] & clearance.Flag.NONSMOOTH
+    gradient, origin, step = r.gradient[0, 0, row], np.array(poses[name][:3]), 1e-6
+    turn_about_the_world_origin = gradient[:3] + np.cross(origin, gradient[3:])
+    assert np.abs(turn_about_the_world_origin - gradient[:3]).max() > 0.05, "else this could not tell the two apart"
+    for axis in range(6):
+        moved = {**poses}
+        if axis < 3:
+            moved[name] = [*origin, *product(quaternion(step, np.eye(3)[axis]), poses[name][3:])]
+        else:
+            moved[name] = [*(origin + step * np.eye(3)[axis - 3]), *poses[name][3:]]
+        engine.set_poses(moved)
+        assert (engine.distances(**ask).distance[0, 0] - r.distance[0, 0]) / step == pytest.approx(gradient[axis], abs=1e-4)
+
+
+def quaternion(angle, axis):
+    axis = np.asarray(axis) / np.linalg.norm(axis)
+    return [np.cos(angle / 2), *(np.sin(angle / 2) * axis)]
+
+
+def product(p, q):
+    (a, *u), (b, *v) = p, q
+    return [a * b - np.dot(u, v), *(a * np.array(v) + b * np.array(u) + np.cross(u, v))]
+
+
 def test_points_come_by_default_for_few_rows_only():
     scene = clearance.Scene()
     for i in range(25):

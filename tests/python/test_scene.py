@@ -65,7 +65,7 @@ def test_matrix_as_pose_and_options_by_keyword():
     (lambda s: s.add_hull("", [[0, 0, 0]]), clearance.SceneError, r"name"),
     (lambda s: s.add_hull("base", [[0, 0, 0]]), clearance.SceneError, r"base"),
     (lambda s: s.add_hull("n" * 64, [[0, 0, 0]]), clearance.SceneError, r"63"),
-    (lambda s: s.add_box("x", 1), ValueError, r"size: expected three numbers, got 1"),
+    (lambda s: s.add_box("x", 1), TypeError, r"size: expected three numbers, got 1"),
     (lambda s: s.add_box("x", [1, 1]), ValueError, r"size: expected three numbers, got \[1, 1\]"),
     (lambda s: s.add_box("x", [1, 1, -1]), clearance.SceneError, r"x"),
     (lambda s: s.add_box("x", [1, 1, 1], pose=[0, 0, 0]), ValueError, r"pose: expected poses of 7 numbers"),
@@ -78,11 +78,11 @@ def test_matrix_as_pose_and_options_by_keyword():
     (lambda s: s.add_mesh("x", "a.obj", scale=[1, 2]), ValueError, r"scale: expected one number or three, got \[1, 2\]"),
     (lambda s: s.add_mesh("x", "/nowhere/a.obj"), clearance.SceneError, r"/nowhere/a.obj"),
     (lambda s: s.add_group("g", "base"), TypeError, r"bodies: expected a list of names, got 'base'"),
-    (lambda s: s.add_group("g", ["bas"]), ValueError, r"bodies: no body is named 'bas'; did you mean 'base'\?"),
-    (lambda s: s.ignore("base", "lnk1"), clearance.SceneError, r"lnk1"),
+    (lambda s: s.add_group("g", ["bas"]), ValueError, r"bodies\[0\]: no body is named 'bas'; did you mean 'base'\?"),
+    (lambda s: s.ignore("base", "lnk1"), ValueError, r"b: no body or group is named 'lnk1'; did you mean 'link1'"),
     (lambda s: s.ignore("base", 12), ValueError, r"b: no body has the id 12"),
     (lambda s: s.pieces("lnk1"), ValueError, r"body: no body is named 'lnk1'; did you mean 'link1'"),
-    (lambda s: s.pieces(17), ValueError, r"no such id"),
+    (lambda s: s.pieces(17), ValueError, r"body: no body has the id 17; the scene has 5"),
     (lambda s: clearance.Scene.load("/nowhere/scene.yaml"), clearance.SceneError, r"/nowhere/scene.yaml"),
 ])  # fmt: skip
 def test_bad_input_is_named(call, error, text):

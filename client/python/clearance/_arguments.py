@@ -1,48 +1,142 @@
-"""What callers pass, as numbers and words, or TypeError and ValueError that name the argument."""
+"""What callers pass, as numbers, words, text and arrays, or TypeError and ValueError that name the argument.
+
+Each function takes the value and `what` it is called, and says what was expected and what came. Nothing is taken for
+what it is not: "yes" is no bool, True is no number, "1.5" is no number either.
+"""
 
 from __future__ import annotations
 
+import difflib
 import math
-from typing import Any, Dict
+import os
+from typing import Any, Iterable, List, Mapping, TypeVar
+
+import numpy as np
+
+_Word = TypeVar("_Word")
+_INT64 = 1 << 63
+
+
+def to_bool(value: Any, what: str) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{what}: expected True or False, got {value!r}")
+    return bool(value)
 
 
 def to_number(value: Any, what: str) -> float:
-    try:
-        if isinstance(value, (str, bytes, bool)):
-            raise TypeError
-        number = float(value)
-    except TypeError:
-        raise TypeError(f"{what}: expected a number, got {value!r}") from None
-    if math.isnan(number):
+    if type(value) is not float:
+        value = _as_float(value, what)
+    if math.isnan(value):
         raise ValueError(f"{what}: expected a number, got nan")
-    return number
+    return value
 
 
-def to_tolerance(value: Any) -> float:
-    number = to_number(value, "rel_tol")
+def _as_float(value: Any, what: str) -> float:
+    if isinstance(value, (np.ndarray, np.generic)):
+        numeric = value.ndim == 0 and value.dtype.kind in "fiu"
+    else:
+        numeric = not isinstance(value, (str, bytes, bytearray, bool))
+    try:
+        if not numeric:
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{what}: expected a number, got {value!r}") from None
+    except OverflowError:
+        raise ValueError(f"{what}: expected a number that float64 holds, got {value!r}") from None
+
+
+def to_number_from_0(value: Any, what: str, otherwise: str = "") -> float:
+    """otherwise: what else may be given, for the error."""
+    number = to_number(value, what)
     if number < 0:
-        raise ValueError(f"rel_tol: expected a number >= 0 or None, got {number}")
+        raise ValueError(f"{what}: expected a number >= 0{otherwise}, got {value}")
     return number
 
 
 def to_integer(value: Any, what: str) -> int:
+    """Of 64 bits, signed."""
     try:
         if isinstance(value, bool):
             raise TypeError
-        return value.__index__()
+        number = value.__index__()
     except (TypeError, AttributeError):
         raise TypeError(f"{what}: expected an integer, got {value!r}") from None
+    if not -_INT64 <= number < _INT64:
+        raise ValueError(f"{what}: expected an integer of 64 bits, got {number}")
+    return number
 
 
 def to_count(value: Any, what: str) -> int:
     number = to_integer(value, what)
-    if not 0 <= number < 1 << 63:
+    if number < 0:
         raise ValueError(f"{what}: expected an integer >= 0, got {number}")
     return number
 
 
-def to_word(value: Any, words: Dict[str, int], what: str) -> int:
+def to_word(value: Any, words: Mapping[str, _Word], what: str) -> _Word:
     word = words.get(value) if isinstance(value, str) else None
     if word is None:
-        raise ValueError(f"{what}: expected {' or '.join(map(repr, words))}, got {value!r}")
+        error = ValueError if isinstance(value, str) else TypeError
+        expected = " or ".join(map(repr, words))
+        raise error(f"{what}: expected {expected}, got {value!r}{did_you_mean(value, words, 0.7)}")
     return word
+
+
+def to_text(value: Any, what: str) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{what}: expected a string, got {value!r}")
+    try:
+        value.encode()
+    except UnicodeEncodeError:  # half of a surrogate pair
+        raise ValueError(f"{what}: expected a string that UTF-8 can hold, got {value!r}") from None
+    return value
+
+
+def to_path(value: Any, what: str) -> str:
+    try:
+        return to_text(os.fspath(value), what)
+    except TypeError:
+        raise TypeError(f"{what}: expected a path (str or os.PathLike), got {value!r}") from None
+
+
+def to_list(value: Any, what: str, expected: str) -> List[Any]:
+    try:
+        if isinstance(value, (str, bytes, bytearray)):
+            raise TypeError
+        return list(value)
+    except TypeError:
+        raise TypeError(f"{what}: expected {expected}, got {value!r}") from None
+
+
+def to_numbers(value: Any, what: str, count: int, expected: str) -> List[float]:
+    items = to_list(value, what, expected)
+    if len(items) != count:
+        raise ValueError(f"{what}: expected {expected}, got {value!r}")
+    return [to_number(item, f"{what}[{i}]") for i, item in enumerate(items)]
+
+
+def to_floats(value: Any, what: str, expected: str = "numbers") -> np.ndarray:
+    """A C-contiguous float64 array of numbers: the very array if it is one, else a copy."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError) as error:  # rows of different lengths, for one
+        raise TypeError(f"{what}: expected {expected}, but numpy says: {error}") from None
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{what}: expected {expected}, got an array of {array.dtype}")
+    return contiguous(array.astype(np.float64, copy=False))
+
+
+def contiguous(array: np.ndarray) -> np.ndarray:
+    """The array itself if it is C-contiguous and aligned, else a copy that is."""
+    flags = array.flags
+    return array if flags.c_contiguous and flags.aligned else np.array(array, order="C")
+
+
+def did_you_mean(value: Any, words: Iterable[str], cutoff: float = 0.6) -> str:
+    """"; did you mean 'nearest'?" for a near miss, else nothing."""
+    if not isinstance(value, str):
+        return ""
+    by_fold = {word.casefold(): word for word in words}
+    close = difflib.get_close_matches(value.casefold(), by_fold, n=3, cutoff=cutoff)
+    return f"; did you mean {' or '.join(repr(by_fold[fold]) for fold in close)}?" if close else ""

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import concurrent.futures
-import math
 import os
 from typing import Any, Dict, List, Optional, Union
 
 import numpy as np
 
 import clearance._client as _client
-from ._arguments import to_number
+from ._arguments import to_bool, to_floats, to_number, to_number_from_0, to_numbers, to_path, to_text
 from ._errors import ConnectionError, QueryError, TimeoutError
 from ._front import BodyRef, BodyState, Front, PosesDone, Query, SceneChanged
 from ._future import Future
 from ._names import BodyInfo, NameTable
-from ._poses import as_pose7
+from ._poses import as_one_pose
 from ._result import Result
 from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce, Status
 from .wire import ErrorCode
@@ -62,12 +61,13 @@ class Client(Front):
     ):
         super().__init__()
         self._connection: Any = None
-        if not isinstance(url, str):
-            raise TypeError(f"url: expected a string, got {url!r}")
         self._pair_count = 0
         self._backend = ""
         self._connection = _client.Client(
-            url, _timeout(timeout_s), os.fspath(server_key or ""), os.fspath(key or "")
+            to_text(url, "url"),
+            to_number_from_0(timeout_s, "timeout_s"),
+            "" if server_key is None else to_path(server_key, "server_key"),
+            "" if key is None else to_path(key, "key"),
         )
         self._url = self._connection.url
 
@@ -83,7 +83,7 @@ class Client(Front):
 
     @timeout_s.setter
     def timeout_s(self, seconds: float) -> None:
-        self._use().timeout_s = _timeout(seconds)
+        self._use().timeout_s = to_number_from_0(seconds, "timeout_s")
 
     @property
     def backend(self) -> str:
@@ -104,7 +104,7 @@ class Client(Front):
         Poses and attachments stay with the bodies of the same names. Raises RequestError with the code RELOAD_FAILED and
         the loader's words if it fails: the old scene then stays. timeout_s: of this call alone.
         """
-        return self._changed(*self._use().reload(_timeout(timeout_s)))
+        return self._changed(*self._use().reload(to_number_from_0(timeout_s, "timeout_s")))
 
     def add_body(
         self,
@@ -136,28 +136,14 @@ class Client(Front):
         given = [shape for shape, value in shapes.items() if value is not None]
         if len(given) != 1:
             raise ValueError(f"add_body: expected one of {', '.join(shapes)}, got {', '.join(given) or 'none'}")
-        if not isinstance(name, str):
-            raise TypeError(f"name: expected a string, got {name!r}")
         shape = given[0]
-        numbers = np.asarray(shapes[shape], dtype=np.float64, order="C")
-        expected = {"vertices": None, "box": (3,), "sphere": (), "capsule": (2,), "cylinder": (2,)}[shape]
-        if expected is None:
-            if numbers.ndim != 2 or numbers.shape[1] != 3 or not len(numbers):
-                raise ValueError(f"vertices: expected shape (V, 3), got {numbers.shape}")
-        else:
-            if numbers.shape != expected:
-                raise ValueError(f"{shape}: expected shape {expected}, got {numbers.shape}")
-            numbers = np.resize(np.append(numbers, (0.0, 0.0)), (1, 3))
+        numbers = _shape_numbers(shape, shapes[shape])
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
-        row = None
-        if pose is not None:
-            row = as_pose7(pose, "pose")
-            if row.shape != (7,):
-                raise ValueError(f"pose: expected one pose, got shape {np.shape(pose)}")
-            row = row.reshape(1, 7)
+        row = None if pose is None else as_one_pose(pose, "pose").reshape(1, 7)
         return self._changed(
             *self._guarded(
-                self._use().add_body, name, shape, numbers, to_number(radius, "radius"), parent_id, bool(static), row
+                self._use().add_body, to_text(name, "name"), shape, numbers, to_number(radius, "radius"), parent_id,
+                to_bool(static, "static"), row,
             )
         )
 
@@ -166,9 +152,7 @@ class Client(Front):
 
         Raises QueryError for any other body, and for one that another follows.
         """
-        if not isinstance(name, str):
-            raise TypeError(f"name: expected a string, got {name!r}")
-        return self._changed(*self._guarded(self._use().remove_body, name))
+        return self._changed(*self._guarded(self._use().remove_body, to_text(name, "name")))
 
     def _changed(self, revision: int, body_count: int, body: int, seconds: float) -> SceneChanged:
         self._names_cache = None
@@ -187,6 +171,8 @@ class Client(Front):
 
     def ping(self, payload: bytes = b"") -> float:
         """Seconds that a bare echo of `payload` through the daemon took."""
+        if not isinstance(payload, bytes):
+            raise TypeError(f"payload: expected bytes, got {payload!r}")
         return self._use().ping(payload)
 
     def close(self) -> None:
@@ -299,7 +285,7 @@ class ClientFuture(Future):
             raise self._error
         if self._result is None:
             if timeout is not None:
-                timeout = _timeout(timeout)
+                timeout = to_number_from_0(timeout, "timeout")
             try:
                 answer = self._client._wait(self._pending, self._query, timeout)
             except TimeoutError:
@@ -327,8 +313,15 @@ class ClientFuture(Future):
         return True
 
 
-def _timeout(value: Any) -> float:
-    seconds = to_number(value, "timeout_s")
-    if not seconds >= 0 or math.isnan(seconds):
-        raise ValueError(f"timeout_s: expected a number >= 0, got {value}")
-    return seconds
+def _shape_numbers(shape: str, value: Any) -> np.ndarray:
+    """The rows of three numbers that add_body() sends for a shape."""
+    if shape == "vertices":
+        rows = to_floats(value, "vertices", "(V, 3) numbers")
+        if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows):
+            raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
+        return rows
+    if shape == "box":
+        return np.array([to_numbers(value, "box", 3, "three numbers")])
+    if shape == "sphere":
+        return np.array([[to_number(value, "sphere"), 0.0, 0.0]])
+    return np.array([[*to_numbers(value, shape, 2, "two numbers (radius, length)"), 0.0]])

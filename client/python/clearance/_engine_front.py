@@ -9,13 +9,13 @@ from typing import Any, Dict, List, Optional, Sequence
 import numpy as np
 
 import clearance._engine as _engine
-from ._arguments import to_count
+from ._arguments import to_bool, to_count, to_integer, to_list, to_word
 from ._errors import TimeoutError
 from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query
 from ._future import EngineFuture, Worker
 from ._names import NameTable
 from ._scene import Scene, name_table
-from ._words import DEFAULT_FIELDS, NONE, Status
+from ._words import BACKENDS, CALIBRATIONS, DEFAULT_FIELDS, NONE, Status
 
 
 class Engine(Front):
@@ -43,17 +43,20 @@ class Engine(Front):
         super().__init__()
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: expected a clearance.Scene, got {type(scene).__name__}")
-        if not isinstance(backend, str):
-            raise TypeError(f"backend: expected a name, got {backend!r}")
-        if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)):
-            raise TypeError(f"threads: expected an integer, got {threads!r}")
-        if threads < 0 or threads > 1 << 16:
+        if not 0 <= to_integer(threads, "threads") <= 1 << 16:
             raise ValueError(f"threads: expected 0 (all cores) or more, got {threads}")
-        numbers = [to_count(device, f"devices[{i}]") for i, device in enumerate(devices)]
+        devices = to_list(devices, "devices", "a list of device numbers")
         with scene._lock:
-            self._engine = _engine.Engine(scene._scene, backend, int(threads), to_count(max_rows, "max_rows"),
-                                          to_count(device_memory, "device_memory"), bool(device_fallback), str(calibration),
-                                          numbers)
+            self._engine = _engine.Engine(
+                scene._scene,
+                to_word(backend, BACKENDS, "backend"),
+                int(threads),
+                to_count(max_rows, "max_rows"),
+                to_count(device_memory, "device_memory"),
+                to_bool(device_fallback, "device_fallback"),
+                to_word(calibration, CALIBRATIONS, "calibration"),
+                [to_count(device, f"devices[{i}]") for i, device in enumerate(devices)],
+            )
         self._worker: Optional[Worker] = None
 
     @staticmethod

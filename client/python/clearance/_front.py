@@ -14,13 +14,13 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
-from ._arguments import to_count, to_integer, to_number, to_tolerance, to_word
+from ._arguments import to_bool, to_count, to_integer, to_number, to_number_from_0, to_word
 from ._errors import QueryError
 from ._future import Future
 from ._names import BodyInfo, NameTable, has_selectors
-from ._poses import as_pose7, stack_poses
+from ._poses import as_one_pose, as_pose7, stack_poses
 from ._result import Out, Result, fields_mask, out_arrays
-from ._words import COLUMNS, DEFAULT_FIELDS, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Reduce, Status
+from ._words import COLUMNS, DEFAULT_FIELDS, EVERY_BODY, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Reduce, Status
 
 BodyRef = Union[str, int]
 _NO_WAIT = "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
@@ -234,9 +234,7 @@ class Front:
         """
         child_id = self._names.body(child, "child")
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
-        array = None if pose is None else as_pose7(pose, "pose")
-        if array is not None and array.shape != (7,):
-            raise ValueError(f"pose: expected one pose, got shape {np.shape(pose)}")
+        array = None if pose is None else as_one_pose(pose, "pose")
         done = self._send_attach(child_id, parent_id, array)
         self._names_cache = None
         return done
@@ -366,11 +364,9 @@ class Front:
         query.reduce = to_word(reduce, REDUCTIONS, "reduce")
         format_word = to_word(format, FORMATS, "format")
         query.out = None if out is None else out_arrays(out)
-        query.timeout_s = None if timeout_s is None else to_number(timeout_s, "timeout_s")
-        if query.timeout_s is not None and not query.timeout_s >= 0:
-            raise ValueError(f"timeout_s: expected a number >= 0, got {timeout_s}")
-        query.copy = bool(copy)
-        if query.out is not None and not copy:
+        query.timeout_s = None if timeout_s is None else to_number_from_0(timeout_s, "timeout_s")
+        query.copy = to_bool(copy, "copy")
+        if query.out is not None and not query.copy:
             raise ValueError("copy: out= is a copy; expected copy=True")
         query.max_results = to_count(max_results, "max_results")
         mask = self._mask(query, fields, format_word, count)
@@ -380,25 +376,26 @@ class Front:
             poses,
             to_number(max_distance, "max_distance"),
             to_number(abs_tol, "abs_tol"),
-            -1.0 if rel_tol is None else to_tolerance(rel_tol),
+            -1.0 if rel_tol is None else to_number_from_0(rel_tol, "rel_tol", " or None"),
             to_word(precision, PRECISIONS, "precision"),
-            bool(signed),
+            to_bool(signed, "signed"),
             query.reduce,
             format_word,
             mask & ~POINTS_BY_DEFAULT,
             bool(mask & POINTS_BY_DEFAULT),
             query.max_results,
             to_count(max_pose_age_ns, "max_pose_age_ns"),
-            bool(warm),
+            to_bool(warm, "warm"),
         )
-        if min_pose_stamp_ns or pose_wait_s or wait_for != "*":
+        stamp_ns, wait_s = to_count(min_pose_stamp_ns, "min_pose_stamp_ns"), to_number(pose_wait_s, "pose_wait_s")
+        every = isinstance(wait_for, str) and wait_for == "*"
+        waited_for = EVERY_BODY if every else self._names.selector(wait_for, "wait_for")
+        if not 0 <= wait_s <= 10:
+            raise ValueError(f"pose_wait_s: expected 0 to 10 seconds, got {pose_wait_s}")
+        if stamp_ns or wait_s or waited_for != EVERY_BODY:
             if not self._waits:
                 raise ValueError(_NO_WAIT)
-            wait_s = to_number(pose_wait_s, "pose_wait_s")
-            if not 0 <= wait_s <= 10:
-                raise ValueError(f"pose_wait_s: expected 0 to 10 seconds, got {pose_wait_s}")
-            stamp_ns = to_count(min_pose_stamp_ns, "min_pose_stamp_ns")
-            query.raw.wait_for_poses(stamp_ns, round(1e9 * wait_s), self._names.selector(wait_for, "wait_for"))
+            query.raw.wait_for_poses(stamp_ns, round(1e9 * wait_s), waited_for)
         return query
 
     def _configurations(self, configurations: Any, bodies: Any) -> Tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ import threading
 from collections import deque
 from typing import Any, Callable, Deque, Optional, Tuple
 
+from ._arguments import to_number_from_0
 from ._errors import TimeoutError
 from ._result import Result
 
@@ -40,8 +41,7 @@ class EngineFuture(Future):
         self._timeout_s = timeout_s
 
     def result(self, timeout: Optional[float] = None) -> Result:
-        if timeout is None:
-            timeout = self._timeout_s
+        timeout = self._timeout_s if timeout is None else to_number_from_0(timeout, "timeout")
         try:
             return self.concurrent.result(timeout)
         except concurrent.futures.TimeoutError as error:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import operator
 from dataclasses import dataclass
-from typing import Any, Dict, Iterable, List, Sequence, Tuple
+from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
-from ._poses import contiguous
+from ._arguments import contiguous, did_you_mean, to_list
 from ._words import EVERY_BODY, GROUP_BIT, NONE
 
 
@@ -53,9 +52,8 @@ class NameTable:
         """(M,) uint32 ids of bodies given by names or ids."""
         if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
             return _as_uint32(value, what, 1)
-        if isinstance(value, str) or not isinstance(value, (Iterable,)):
-            raise TypeError(f"{what}: expected a list of names or ids, got {value!r}")
-        return np.array([self.body(item, f"{what}[{i}]") for i, item in enumerate(value)], dtype=np.uint32)
+        items = to_list(value, what, "a list of names or ids")
+        return np.array([self.body(item, f"{what}[{i}]") for i, item in enumerate(items)], dtype=np.uint32)
 
     def selector(self, value: Any, what: str) -> int:
         """Id of a body, or selector of a group or of every body ("*")."""
@@ -70,9 +68,7 @@ class NameTable:
         """(P, 2) uint32 selectors from ids, names, or one pair."""
         if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
             return _as_uint32(value, "pairs", 2)
-        if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
-            raise TypeError(f"pairs: expected (P, 2) ids, a list of name pairs or one pair, got {value!r}")
-        rows = list(value)
+        rows = to_list(value, "pairs", "(P, 2) ids, a list of name pairs or one pair")
         if len(rows) == 2 and not any(_is_pair(row) for row in rows):
             rows = [rows]
         flat: List[int] = []
@@ -85,10 +81,9 @@ class NameTable:
 
     def _unknown(self, name: str, groups: bool) -> str:
         known = [key for key in (self.selectors if groups else self.ids) if key != "*"]
-        close = difflib.get_close_matches(name, known, n=3)
         kind = "body or group" if groups else "body"
-        if close:
-            return f"no {kind} is named {name!r}; did you mean {' or '.join(map(repr, close))}?"
+        if suggestion := did_you_mean(name, known):
+            return f"no {kind} is named {name!r}{suggestion}"
         if not groups and name in self.groups:
             return f"{name!r} is a group; expected a body"
         shown = ", ".join(map(repr, known[:8])) + (f" and {len(known) - 8} more" if len(known) > 8 else "")
@@ -103,7 +98,12 @@ def has_selectors(pairs: np.ndarray) -> bool:
 
 
 def _is_pair(value: Any) -> bool:
-    return not isinstance(value, (str, bytes)) and hasattr(value, "__len__") and len(value) == 2
+    if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, "__getitem__"):
+        return False
+    try:
+        return len(value) == 2
+    except TypeError:  # an array of no dimension
+        return False
 
 
 def _as_id(value: Any, what: str, expected: str) -> int:

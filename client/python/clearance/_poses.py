@@ -10,6 +10,8 @@ from typing import Any, Mapping
 
 import numpy as np
 
+from ._arguments import contiguous, to_floats
+
 #: How far a matrix may be from rigid: entries of R^T R - 1, and of the last row. Wide enough for matrices that went
 #: through float32.
 RIGID_TOLERANCE = 1e-5
@@ -24,7 +26,7 @@ def pose7_from_matrix(matrix: Any, what: str = "matrix") -> np.ndarray:
     that is orthogonal to rounding. A matrix with NaN or Inf becomes a pose of NaN, which a query answers BAD_POSE.
     Raises ValueError for a matrix that is not rigid (scaled, sheared, mirrored, or with another last row than 0 0 0 1).
     """
-    m = np.asarray(matrix, dtype=np.float64)
+    m = to_floats(matrix, what)
     if m.ndim < 2 or m.shape[-2:] != (4, 4):
         raise ValueError(f"{what}: expected shape (..., 4, 4), got {m.shape}")
     finite = np.asarray(np.isfinite(m).all(axis=(-2, -1)))
@@ -89,15 +91,9 @@ def as_pose7(value: Any, what: str) -> np.ndarray:
     """
     if type(value) is np.ndarray and value.dtype == np.float64 and value.ndim and value.shape[-1] == 7:
         return contiguous(value)
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind not in "fiu":
-            raise TypeError(f"got an array of {array.dtype}")
-        array = array.astype(np.float64, copy=False)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{what}: expected numbers, {_reason(error)}") from None
+    array = to_floats(value, what)
     if array.ndim >= 1 and array.shape[-1] == 7:
-        return contiguous(array)
+        return array
     if array.ndim >= 2 and array.shape[-2:] == (4, 4):
         return pose7_from_matrix(array, what)
     raise ValueError(
@@ -105,15 +101,12 @@ def as_pose7(value: Any, what: str) -> np.ndarray:
     )
 
 
-def contiguous(array: np.ndarray) -> np.ndarray:
-    """The array itself if it is C-contiguous and aligned, else a copy that is."""
-    flags = array.flags
-    return array if flags.c_contiguous and flags.aligned else np.array(array, order="C")
-
-
-def _reason(error: Exception) -> str:
-    text = str(error)
-    return text if text.startswith("got") else f"but numpy says: {text}"
+def as_one_pose(value: Any, what: str) -> np.ndarray:
+    """(7,) of one pose, 7 numbers or (4, 4)."""
+    pose = as_pose7(value, what)
+    if pose.shape != (7,):
+        raise ValueError(f"{what}: expected one pose, got shape {np.shape(value)}")
+    return pose
 
 
 def stack_poses(poses: Mapping[Any, Any]) -> np.ndarray:
@@ -122,15 +115,12 @@ def stack_poses(poses: Mapping[Any, Any]) -> np.ndarray:
     if not values:
         return np.empty((0, 7))
     try:
-        array = np.array(values, dtype=np.float64)
-        if array.ndim == 2 and array.shape[1] == 7:
-            return array
+        array = np.array(values)
+        if array.ndim == 2 and array.shape[1] == 7 and array.dtype.kind in "fiu":
+            return array.astype(np.float64, copy=False)
     except (TypeError, ValueError):
         pass
     rows = np.empty((len(values), 7))
     for i, (key, value) in enumerate(poses.items()):
-        pose = as_pose7(value, f"poses[{key!r}]")
-        if pose.shape != (7,):
-            raise ValueError(f"poses[{key!r}]: expected one pose, got shape {np.shape(value)}")
-        rows[i] = pose
+        rows[i] = as_one_pose(value, f"poses[{key!r}]")
     return rows

@@ -6,6 +6,7 @@ from typing import Any, Callable, Dict, Mapping, Optional, Tuple, Union
 
 import numpy as np
 
+from ._arguments import did_you_mean
 from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, Field, Reduce
 
 
@@ -58,7 +59,7 @@ class Result:
     point_b: np.ndarray = _ColumnAttribute("(..., 3) float64: witness point on b, world frame; NaN where there is none")  # type: ignore[assignment]
     normal: np.ndarray = _ColumnAttribute("(..., 3) float64: unit, from a towards b: the direction that proves lower")  # type: ignore[assignment]
     pieces: np.ndarray = _ColumnAttribute("(..., 2) uint32: index of the nearest piece within a and b")  # type: ignore[assignment]
-    gradient: np.ndarray = _ColumnAttribute("(..., 2, 6) float64: d distance / d (angular; linear) world twist of a, of b")  # type: ignore[assignment]
+    gradient: np.ndarray = _ColumnAttribute("(..., 2, 6) float64, of a, of b: by a turn about its own origin (m/rad), by a shift (m/m); world axes")  # type: ignore[assignment]
     pair: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids, as a column; see pairs")  # type: ignore[assignment]
     compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
 
@@ -190,7 +191,7 @@ def fields_mask(fields: Any) -> int:
     for name in names:
         bits = FIELD_MASKS.get(name) if isinstance(name, str) else None
         if bits is None:
-            raise ValueError(f"fields: no column is named {name!r}; there are {', '.join(FIELD_MASKS)}")
+            raise ValueError(f"fields: no column is named {name!r}; there are {', '.join(FIELD_MASKS)}{did_you_mean(name, FIELD_MASKS)}")
         mask |= bits
     if not mask:
         raise ValueError("fields: expected at least one column")

@@ -9,12 +9,11 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 import numpy as np
 
 import clearance._engine as _engine
-from ._arguments import to_number
+from ._arguments import to_bool, to_floats, to_list, to_number, to_numbers, to_path, to_text, to_word
+from ._errors import SceneError
 from ._names import BodyInfo, NameTable
-from ._poses import as_pose7
-from ._words import NONE
-
-_CONVEXIFY = {"hull": 0, "submeshes": 1, "decompose": 2}
+from ._poses import as_one_pose
+from ._words import CONVEXIFY, NONE
 
 BodyRef = Union[str, int]
 
@@ -44,7 +43,7 @@ class Scene:
         """
         scene = cls.__new__(cls)
         scene._lock = threading.RLock()
-        scene._scene = _engine.Scene.load(os.fspath(path), bool(allow_outside))
+        scene._scene = _engine.Scene.load(to_path(path, "path"), to_bool(allow_outside, "allow_outside"))
         return scene
 
     def add_hull(
@@ -58,16 +57,11 @@ class Scene:
         pose: Any = None,
     ) -> int:
         """Adds the convex hull of (V, 3) vertices, grown by `radius`. Flat, collinear and single points are legal."""
-        try:
-            rows = np.ascontiguousarray(vertices, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise TypeError(f"vertices: expected (V, 3) numbers, but numpy says: {error}") from None
+        rows = to_floats(vertices, "vertices", "(V, 3) numbers")
         if rows.ndim != 2 or rows.shape[1] != 3:
             raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
-        if not rows.flags.aligned:
-            rows = rows.copy()
         with self._lock:
-            return self._scene.add_hull(_name(name), rows, to_number(radius, "radius"), *self._rest(parent, static, pose))
+            return self._scene.add_hull(to_text(name, "name"), rows, to_number(radius, "radius"), *self._rest(parent, static, pose))
 
     def add_mesh(
         self,
@@ -83,16 +77,14 @@ class Scene:
     ) -> int:
         """Adds a mesh file. scale: one number or three. convexify: "hull", "submeshes" or "decompose"."""
         sx, sy, sz = _three(scale, "scale", one=True)
-        if convexify not in _CONVEXIFY:
-            raise ValueError(f"convexify: expected {' or '.join(map(repr, _CONVEXIFY))}, got {convexify!r}")
         with self._lock:
             return self._scene.add_mesh(
-                _name(name),
-                os.fspath(path),
+                to_text(name, "name"),
+                to_path(path, "path"),
                 sx,
                 sy,
                 sz,
-                _CONVEXIFY[convexify],
+                to_word(convexify, CONVEXIFY, "convexify"),
                 to_number(radius, "radius"),
                 *self._rest(parent, static, pose),
             )
@@ -111,7 +103,7 @@ class Scene:
         x, y, z = _three(size, "size")
         with self._lock:
             return self._scene.add_box(
-                _name(name), x, y, z, to_number(radius, "radius"), *self._rest(parent, static, pose)
+                to_text(name, "name"), x, y, z, to_number(radius, "radius"), *self._rest(parent, static, pose)
             )
 
     def add_sphere(
@@ -119,7 +111,7 @@ class Scene:
     ) -> int:
         """Adds a sphere about the body's origin."""
         with self._lock:
-            return self._scene.add_sphere(_name(name), to_number(radius, "radius"), *self._rest(parent, static, pose))
+            return self._scene.add_sphere(to_text(name, "name"), to_number(radius, "radius"), *self._rest(parent, static, pose))
 
     def add_capsule(
         self,
@@ -134,7 +126,7 @@ class Scene:
         """Adds a capsule along z; `length` is between the centres of its caps."""
         with self._lock:
             return self._scene.add_capsule(
-                _name(name), to_number(radius, "radius"), to_number(length, "length"), *self._rest(parent, static, pose)
+                to_text(name, "name"), to_number(radius, "radius"), to_number(length, "length"), *self._rest(parent, static, pose)
             )
 
     def add_cylinder(
@@ -150,22 +142,26 @@ class Scene:
         """Adds a cylinder along z as a circumscribed prism; BodyInfo.model_error says by how much that is larger."""
         with self._lock:
             return self._scene.add_cylinder(
-                _name(name), to_number(radius, "radius"), to_number(length, "length"), *self._rest(parent, static, pose)
+                to_text(name, "name"), to_number(radius, "radius"), to_number(length, "length"), *self._rest(parent, static, pose)
             )
 
     def add_group(self, name: str, bodies: Sequence[str]) -> None:
         """Names a set of bodies."""
-        if isinstance(bodies, str):
-            raise TypeError(f"bodies: expected a list of names, got {bodies!r}")
+        members = to_list(bodies, "bodies", "a list of names")
         with self._lock:
-            self._scene.add_group(_name(name), [self._body_name(body, "bodies") for body in bodies])
+            names = [self._body(body, f"bodies[{i}]").name for i, body in enumerate(members)]
+            self._scene.add_group(to_text(name, "name"), names)
 
     def ignore(self, a: BodyRef, b: BodyRef) -> None:
         """Leaves out every pair between two bodies or groups (a group with itself: its inner pairs)."""
         with self._lock:
-            self._scene.ignore(
-                a if isinstance(a, str) else self._body_name(a, "a"), b if isinstance(b, str) else self._body_name(b, "b")
-            )
+            names = [value if isinstance(value, str) else self._body(value, what).name for value, what in ((a, "a"), (b, "b"))]
+            try:
+                self._scene.ignore(*names)
+            except SceneError:
+                for value, what in ((a, "a"), (b, "b")):
+                    self._table().selector(value, what)  # says which of them is not there, and what comes near
+                raise
 
     @property
     def bodies(self) -> Tuple[BodyInfo, ...]:
@@ -189,20 +185,20 @@ class Scene:
 
     def initial_pose(self, body: BodyRef) -> Optional[np.ndarray]:
         """(7,) pose of a body at load, or None."""
-        pose = self._scene.initial_pose(self._table().body(body, "body"))
+        pose = self._scene.initial_pose(self._body(body, "body").id)
         return None if pose is None else np.array(pose)
 
     def source(self, body: BodyRef) -> str:
         """Where a body's geometry came from: "meshes/base.stl (hull)", "box", ..."""
-        return self._scene.source(self._table().body(body, "body"))
+        return self._scene.source(self._body(body, "body").id)
 
     def pieces(self, body: BodyRef) -> List[Tuple[np.ndarray, float]]:
         """Each convex piece of a body: (V, 3) vertices in the body's frame, and the radius that grows their hull."""
-        return self._scene.pieces(self._table().body(body, "body"))
+        return self._scene.pieces(self._body(body, "body").id)
 
     def display_mesh(self, body: BodyRef) -> Optional[Tuple[np.ndarray, np.ndarray]]:
         """Triangles for a picture: (V, 3) float64 vertices and (T, 3) uint32 indices; None if there are none."""
-        return self._scene.display(self._table().body(body, "body"))
+        return self._scene.display(self._body(body, "body").id)
 
     def __len__(self) -> int:
         return len(self._scene.bodies())
@@ -215,20 +211,15 @@ class Scene:
 
     def _rest(self, parent: Optional[BodyRef], static: bool, pose: Any) -> tuple:
         if parent is not None:
-            parent = self._body_name(parent, "parent")
-        if pose is not None:
-            shape = np.shape(pose)
-            pose = as_pose7(pose, "pose")
-            if pose.shape != (7,):
-                raise ValueError(f"pose: expected one pose, got shape {shape}")
-        return parent, bool(static), pose
+            parent = self._body(parent, "parent").name
+        return parent, to_bool(static, "static"), None if pose is None else as_one_pose(pose, "pose")
 
-    def _body_name(self, body: BodyRef, what: str) -> str:
+    def _body(self, body: BodyRef, what: str) -> BodyInfo:
         table = self._table()
         index = table.body(body, what)
         if index >= len(table.bodies):
             raise ValueError(f"{what}: no body has the id {index}; the scene has {len(table.bodies)}")
-        return table.bodies[index].name
+        return table.bodies[index]
 
 
 def name_table(scene: Any, revision: int) -> NameTable:
@@ -241,18 +232,9 @@ def name_table(scene: Any, revision: int) -> NameTable:
     return NameTable(revision, bodies, groups)
 
 
-def _name(name: Any) -> str:
-    if not isinstance(name, str):
-        raise TypeError(f"name: expected a string, got {name!r}")
-    return name
-
-
 def _three(value: Any, what: str, one: bool = False) -> Tuple[float, float, float]:
-    if one and not np.ndim(value):
+    if one and not getattr(value, "ndim", hasattr(value, "__len__")):
         number = to_number(value, what)
         return number, number, number
-    expected = "one number or three" if one else "three numbers"
-    if isinstance(value, str) or np.shape(value) != (3,):
-        raise ValueError(f"{what}: expected {expected}, got {value!r}")
-    x, y, z = (to_number(item, f"{what}[{i}]") for i, item in enumerate(value))
+    x, y, z = to_numbers(value, what, 3, "one number or three" if one else "three numbers")
     return x, y, z

@@ -1,0 +1,213 @@
+"""Every argument of every public call: a wrong type, shape or value is a TypeError or ValueError that names it."""
+
+import inspect
+import re
+
+import numpy as np
+import pytest
+from scenes import IDENTITY
+
+import clearance
+
+BOOLS = ["yes", "", 1, 0.0, None, np.array([True]), b"\1"]
+NUMBERS = ["1.5", b"1", True, np.True_, 1j, np.array("2"), np.ones(2), [1.0], float("nan"), 10**400]
+NUMBERS += [np.timedelta64(1, "s")]
+NUMBERS_FROM_0 = [*NUMBERS, -1]
+INTEGERS = ["1", None, 1.5, True, np.True_, np.ones(2, int), 1 << 70]
+COUNTS = [*INTEGERS, -1]
+WORDS = ["nonesuch", "", 3, None, b"none", ["none"]]
+TEXTS = [3, None, b"text", ["text"], "\ud800"]
+PATHS = [3, b"path", ["path"], "\ud800", True]
+BODIES = ["nonesuch", 1.5, True, -1, 1 << 33, b"cup", ["cup"], np.ones(1)]
+BODY_LISTS = ["cup", b"cup", 3, ["nonesuch"], [1.5], [True], [-1], np.zeros((1, 1), int), np.zeros(1)]
+POSE = ["here", 3, [0, 0, 0], ["0"] * 7, [1j] * 7, [[0], [0, 0]], [True] * 7]
+POSE += [np.zeros((2, 7)), 2 * np.eye(4), object()]
+SIZES = ["123", 1.0, [1, 1], [1, 1, "1"], [1, True, 1], [[1], [2, 3], 4], np.ones((3, 3)), b"123"]
+TWO = [SIZES[0], *SIZES[4:]] + [[1, "1"], [1, True], [1]]
+VERTICES = ["abc", [[0, 0]], [["0"] * 3], [[0, 0], [0, 0, 0]], [[True] * 3], np.zeros(3), np.zeros((1, 3), complex)]
+OUTS = [3, "lower", {"lower": [0.0]}, {"lowr": np.zeros(1)}, {"lower": np.zeros((1, 1), np.float32)}, {3: np.zeros(1)}]
+
+_ONE = {"configurations": np.tile(IDENTITY, (1, 1, 1)).astype(float), "bodies": ["cup"]}
+
+#: What each argument of a query must not be.
+QUERY = {
+    "pairs": [7, "cup", b"ab", [1.5, 2.5], [("cup", True)], [("cup",)], [{"cup": 1, "ball": 2}],
+              [{"cup", "ball"}], ("cupp", "*"), np.zeros((2, 2)), np.zeros(3, int), np.array([[0, -1]]), np.array(3), [np.array(3)], [("cup", -1)]],
+    "configurations": [*POSE[:-2], 2 * np.eye(4)[None, None], np.zeros((1, 7)), np.zeros((0, 1, 7)),
+                       np.zeros((1, 3, 7))],
+    "bodies": BODY_LISTS,
+    "max_distance": [*NUMBERS, None],
+    "abs_tol": [*NUMBERS, None],
+    "rel_tol": NUMBERS_FROM_0,
+    "precision": WORDS,
+    "signed": BOOLS,
+    "reduce": WORDS,
+    "fields": ["lowr", b"lower", 3.5, True, [], ["lower", 3], 1 << 20, -1],
+    "format": WORDS,
+    "out": OUTS,
+    "timeout_s": NUMBERS_FROM_0,
+    "max_results": COUNTS,
+    "max_pose_age_ns": COUNTS,
+    "warm": BOOLS,
+    "copy": BOOLS,
+    "min_pose_stamp_ns": COUNTS,
+    "pose_wait_s": [*NUMBERS, None, "", 11, -1],
+    "wait_for": [*BODIES, None, ""],
+}  # fmt: skip
+OF_A_BODY = {"parent": BODIES, "static": BOOLS, "pose": POSE}
+
+#: Of both fronts: call -> (arguments that are right, what each argument must not be).
+FRONT = {
+    "distances": ({}, QUERY),
+    "submit": ({}, QUERY),
+    "body_id": ({}, {"name": [*BODIES, None]}),
+    "pair_table": ({}, {"pairs": QUERY["pairs"], "bodies": BODY_LISTS}),
+    "set_poses": ({"poses": {"cup": IDENTITY}}, {
+        "poses": [{"cup": bad} for bad in POSE] + [{"nonesuch": IDENTITY}, {1.5: IDENTITY}, *POSE, None],
+        "bodies": BODY_LISTS, "stamp_ns": INTEGERS, "sequence": INTEGERS}),
+    "attach": ({"child": "cup", "parent": "gripper"}, {"child": [*BODIES, None], "parent": BODIES, "pose": POSE}),
+}  # fmt: skip
+CLIENT = {
+    "reload": ({}, {"timeout_s": [*NUMBERS_FROM_0, None]}),
+    "add_body": ({"name": "mug", "sphere": 0.1}, {
+        "name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, "sphere": ["1.5", True, [1.0], 1j, np.ones(2)],
+        "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO}),
+    "remove_body": ({}, {"name": TEXTS}),
+    "ping": ({}, {"payload": ["text", 3, None, [1]]}),
+}  # fmt: skip
+SCENE = {
+    "add_hull": ({"name": "x", "vertices": [[0, 0, 0]]},
+                 {"name": TEXTS, "vertices": VERTICES, "radius": [*NUMBERS, None], **OF_A_BODY}),
+    "add_mesh": ({"name": "x", "path": "x.obj"}, {
+        "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:1], *SIZES[2:], None, True], "convexify": WORDS,
+        "radius": [*NUMBERS, None], **OF_A_BODY}),
+    "add_box": ({"name": "x", "size": [1, 1, 1]},
+                {"name": TEXTS, "size": SIZES, "radius": [*NUMBERS, None], **OF_A_BODY}),
+    "add_sphere": ({"name": "x", "radius": 1}, {"name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY}),
+    "add_capsule": ({"name": "x", "radius": 1, "length": 1},
+                    {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY}),
+    "add_cylinder": ({"name": "x", "radius": 1, "length": 1},
+                     {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY}),
+    "add_group": ({"name": "g", "bodies": ["cup"]}, {"name": TEXTS, "bodies": BODY_LISTS}),
+    "ignore": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
+    **{call: ({}, {"body": [*BODIES, None, 99]}) for call in ("initial_pose", "source", "pieces", "display_mesh")},
+}  # fmt: skip
+#: Of functions and classes.
+PUBLIC = {
+    "Engine": ({}, {
+        "scene": [None, "scene.yaml", 3], "backend": WORDS, "threads": [*INTEGERS, -1], "max_rows": COUNTS,
+        "device_memory": COUNTS, "device_fallback": BOOLS, "calibration": WORDS, "devices": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
+    "connect": ({"url": "ipc:///nowhere"}, {
+        "url": [*TEXTS, "http://localhost"], "timeout_s": [*NUMBERS_FROM_0, None], "server_key": PATHS, "key": PATHS}),
+    "Scene.load": ({"path": "scene.yaml"}, {"path": [*PATHS, None], "allow_outside": BOOLS}),
+    "pose7_from_matrix": ({}, {"matrix": ["here", 3, None, np.zeros((3, 3)), [["0"] * 4] * 4, 2 * np.eye(4)]}),
+}  # fmt: skip
+
+HELPFUL = r"expected .*(got|numpy says)|is named|no body|expected at least|expected \[0, 0, 0, 1\]|is 0 to|unknown bits|no url"
+
+
+def complaints(call, right, arguments, leave_out=()):
+    """Which bad values were taken, or refused in words that do not help."""
+    parameters = set(inspect.signature(call).parameters) - set(leave_out)
+    assert set(arguments) == parameters, "an argument is missing from the table"
+    for argument, bad in arguments.items():
+        fixed = {name: value for name, value in right.items() if name != argument}
+        if argument in ("vertices", "box", "capsule", "cylinder"):
+            fixed.pop("sphere", None)
+        if argument == "bodies" and "configurations" in arguments:
+            fixed.update(_ONE)
+        if argument == "configurations":
+            fixed["bodies"] = ["cup"]
+        if argument == "bodies" and "stamp_ns" in arguments:
+            fixed["poses"] = np.array([IDENTITY])
+        for value in bad:
+            passed = {**fixed, argument: value}
+            try:
+                call(**passed)
+            except (TypeError, ValueError) as error:
+                text = str(error)
+                named = re.match(rf"{argument}(\[[^\]]*\])*: ", text) or (argument == "url" and "is no url" in text)
+                if type(error) in (TypeError, ValueError) and named and re.search(HELPFUL, text):
+                    continue
+                yield f"{argument}={value!r}: {type(error).__name__}: {text}"
+            except Exception as error:
+                yield f"{argument}={value!r}: {type(error).__name__}: {error}"
+            else:
+                yield f"{argument}={value!r}: taken"
+
+
+def public_methods(a_class):
+    return {name for name, method in inspect.getmembers(a_class, callable) if not name.startswith("_")
+            and len(inspect.signature(method).parameters) > 1}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scene_of_the_cell(cell):
+    return clearance.Scene.load(cell)
+
+
+@pytest.fixture(params=["engine", "client"])
+def front(request, scene_of_the_cell, start_daemon, cell):
+    if request.param == "engine":
+        return clearance.Engine(scene_of_the_cell)
+    return clearance.connect(start_daemon(cell, ["ipc"]).urls["ipc"], timeout_s=60)
+
+
+def test_every_argument_of_both_fronts(front):
+    calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else {})}
+    assert public_methods(type(front)) - {"prepare"} == set(calls), "a call is missing from the table"
+    scene_revision, snapshot = front.scene_revision, front.distances().snapshot_revision
+    wrong = [f"{name}: {text}" for name, (right, arguments) in calls.items()
+             for text in complaints(getattr(front, name), right, arguments)]  # fmt: skip
+    assert not wrong, "\n".join(wrong)
+    for argument, bad in QUERY.items():  # by name alone
+        with pytest.raises((TypeError, ValueError), match=argument):
+            front.prepare(**{**(_ONE if argument == "bodies" else {}), argument: bad[0]})
+    with pytest.raises(TypeError, match="sined"):
+        front.prepare(sined=True)
+    for value in BOOLS[:4] + COUNTS[-2:]:
+        if isinstance(front, clearance.Client) and value != 0 and value != 1:
+            with pytest.raises((TypeError, ValueError), match="min_pose_stamp_ns: expected an integer"):
+                front.prepare()(min_pose_stamp_ns=value)
+    for value in NUMBERS_FROM_0:
+        with pytest.raises((TypeError, ValueError), match="timeout: expected a number"):
+            front.submit(reduce="min").result(timeout=value)
+    after = front.distances()
+    assert (front.scene_revision, after.snapshot_revision) == (scene_revision, snapshot), "nothing of it was applied"
+
+
+def test_every_argument_of_a_scene(scene_of_the_cell):
+    assert public_methods(clearance.Scene) == {*SCENE, "load"}
+    count = len(scene_of_the_cell)
+    wrong = [f"{name}: {text}" for name, (right, arguments) in SCENE.items()
+             for text in complaints(getattr(scene_of_the_cell, name), right, arguments)]  # fmt: skip
+    assert not wrong, "\n".join(wrong)
+    assert len(scene_of_the_cell) == count
+
+
+def test_every_argument_of_public_functions(scene_of_the_cell):
+    wrong = []
+    for name, (right, arguments) in PUBLIC.items():
+        call = clearance.Scene.load if name == "Scene.load" else getattr(clearance, name)
+        right = {"scene": scene_of_the_cell} if name == "Engine" else right
+        wrong += [f"{name}: {text}" for text in complaints(call, right, arguments, leave_out={"what"})]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_what_is_as_good_is_taken(engine):
+    exact = engine.distances(signed=True, max_distance=2.0, max_results=7)
+    numpy_scalars = engine.distances(signed=np.True_, max_distance=np.float32(2), max_results=np.int64(7))
+    assert np.array_equal(exact.upper, numpy_scalars.upper)
+    arrays = engine.distances(signed=True, max_distance=np.array(2), max_results=np.array(7))
+    assert np.array_equal(exact.upper, arrays.upper)
+    engine.set_poses({"link1": [0, 0, 1, 1, 0, 0, 0]}, stamp_ns=np.int64(3))
+    assert engine.body_states()[1].pose.tolist() == [0, 0, 1, 1, 0, 0, 0]
+
+
+@pytest.mark.parametrize("argument, word, meant", [
+    ("reduce", "nearst", "nearest"), ("reduce", "MIN", "min"), ("format", "compct", "compact"),
+    ("precision", "F32", "f32"), ("fields", "distnce", "distance"), ("pairs", [("lnk1", "*")], "link1"), ("wait_for", "lnk1", "link1"),
+])  # fmt: skip
+def test_near_misses_are_suggested(engine, argument, word, meant):
+    with pytest.raises(ValueError, match=f"did you mean '{meant}'"):
+        engine.distances(**{argument: word})
