@@ -59,7 +59,7 @@ enum Field : std::uint32_t {
   kFieldPointB = 1u << 6,          ///< 3 float64, metres, world frame
   kFieldNormal = 1u << 7,          ///< 3 float64, unit, world frame, from a towards b
   kFieldPieces = 1u << 8,          ///< 2 uint32, index of the nearest piece within each body
-  kFieldGradient = 1u << 9,        ///< 2 x 6 float64, of a, of b: by turning about its own origin, by shifting; world axes
+  kFieldGradient = 1u << 9,        ///< 2 x 6 float64: of a, of b: by a turn about its own origin, a shift; world axes
   kFieldPair = 1u << 10,           ///< 2 uint32, body ids (a, b); always there for reductions
   kFieldConfiguration = 1u << 11,  ///< uint32; always there for Reduce::kWithin
   kFieldCompact = 1u << 12,        ///< CompactAnswer, replaces the float64 columns when Format::kCompact

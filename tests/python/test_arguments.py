@@ -32,7 +32,8 @@ _ONE = {"configurations": np.tile(IDENTITY, (1, 1, 1)).astype(float), "bodies": 
 #: What each argument of a query must not be.
 QUERY = {
     "pairs": [7, "cup", b"ab", [1.5, 2.5], [("cup", True)], [("cup",)], [{"cup": 1, "ball": 2}],
-              [{"cup", "ball"}], ("cupp", "*"), np.zeros((2, 2)), np.zeros(3, int), np.array([[0, -1]]), np.array(3), [np.array(3)], [("cup", -1)]],
+              [{"cup", "ball"}], ("cupp", "*"), [("cup", -1)], np.zeros((2, 2)), np.zeros(3, int), np.array([[0, -1]]),
+              np.array(3), [np.array(3)]],
     "configurations": [*POSE[:-2], 2 * np.eye(4)[None, None], np.zeros((1, 7)), np.zeros((0, 1, 7)),
                        np.zeros((1, 3, 7))],
     "bodies": BODY_LISTS,
@@ -96,14 +97,15 @@ SCENE = {
 PUBLIC = {
     "Engine": ({}, {
         "scene": [None, "scene.yaml", 3], "backend": WORDS, "threads": [*INTEGERS, -1], "max_rows": COUNTS,
-        "device_memory": COUNTS, "device_fallback": BOOLS, "calibration": WORDS, "devices": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
+        "device_memory": COUNTS, "device_fallback": BOOLS, "calibration": WORDS,
+        "devices": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
     "connect": ({"url": "ipc:///nowhere"}, {
         "url": [*TEXTS, "http://localhost"], "timeout_s": [*NUMBERS_FROM_0, None], "server_key": PATHS, "key": PATHS}),
     "Scene.load": ({"path": "scene.yaml"}, {"path": [*PATHS, None], "allow_outside": BOOLS}),
     "pose7_from_matrix": ({}, {"matrix": ["here", 3, None, np.zeros((3, 3)), [["0"] * 4] * 4, 2 * np.eye(4)]}),
 }  # fmt: skip
 
-HELPFUL = r"expected .*(got|numpy says)|is named|no body|expected at least|expected \[0, 0, 0, 1\]|is 0 to|unknown bits|no url"
+HELPFUL = r"expected .*(got|numpy says)|is named|no body|at least one|expected \[0, 0, 0, 1\]|is 0 to|unknown bits|no url"
 
 
 def complaints(call, right, arguments, leave_out=()):
@@ -206,7 +208,8 @@ def test_what_is_as_good_is_taken(engine):
 
 @pytest.mark.parametrize("argument, word, meant", [
     ("reduce", "nearst", "nearest"), ("reduce", "MIN", "min"), ("format", "compct", "compact"),
-    ("precision", "F32", "f32"), ("fields", "distnce", "distance"), ("pairs", [("lnk1", "*")], "link1"), ("wait_for", "lnk1", "link1"),
+    ("precision", "F32", "f32"), ("fields", "distnce", "distance"), ("pairs", [("lnk1", "*")], "link1"),
+    ("wait_for", "lnk1", "link1"),
 ])  # fmt: skip
 def test_near_misses_are_suggested(engine, argument, word, meant):
     with pytest.raises(ValueError, match=f"did you mean '{meant}'"):
