@@ -103,9 +103,11 @@ void add_stat(CLI::App& app) {
   auto options = std::make_shared<Options>();
   add_connection_options(command, options->connection);
   add_output_options(command, options->output);
-  auto* watch = command.add_option("--watch", options->watch_s, "print again every so many seconds, with what was added in a second")
+  auto* watch = command.add_option("--watch", options->watch_s, "print again every so many seconds (1 if none are given), with what was added in a second")
                     ->check(quiet(CLI::Range(0.01, 86400.0)))
-                    ->type_name("SECONDS");
+                    ->expected(0, 1)
+                    ->default_str("1")
+                    ->type_name("[SECONDS]");
   command.add_option("--count", options->count, "how often; default: until it is stopped")->needs(watch)->type_name("N");
   command.add_flag("--prometheus", options->prometheus, "in the text format that Prometheus reads")->excludes(watch);
   command.callback([options] { stat(*options); });

@@ -6,6 +6,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import clearance
 import numpy as np
 import pytest
 
@@ -41,8 +42,6 @@ def daemon(tmp_path):
 
 @pytest.fixture
 def engine():
-    import clearance
-
     return clearance.Engine(clearance.Scene.load(ROOT / "scenes/nineteen/scene.yaml"))
 
 
@@ -57,10 +56,10 @@ def test_python_example_of_the_readme(daemon, engine):
     printed = [line.split() for line in run_python(daemon(code)).splitlines()]
     expected = engine.distances(reduce="within", max_distance=0.2)
     names = [body.name for body in engine.bodies]
-    assert [(a, b) for a, b, _, _ in printed] == [(names[a], names[b]) for a, b in expected.pairs]
+    assert [(a, b) for a, b, *_ in printed] == [(names[a], names[b]) for a, b in expected.pairs]
     assert len(printed) > 1
-    for (_, _, low, high), lower, upper in zip(printed, expected.lower, expected.upper):
-        assert (float(low), float(high)) == (lower, upper)
+    for (_, _, word, low, high), status, lower, upper in zip(printed, expected.status, expected.lower, expected.upper):
+        assert (clearance.Status[word], float(low), float(high)) == (status, lower, upper)
 
 
 def test_cpp_example_of_the_readme(daemon, engine, tmp_path):
@@ -89,6 +88,11 @@ def test_cpp_example_of_the_readme(daemon, engine, tmp_path):
     expected = engine.distances(reduce="min")
     assert [a, b] == [engine.bodies[i].name for i in expected.pairs[0]]
     assert [float(low), float(high)] == pytest.approx([expected.lower[0], expected.upper[0]], rel=1e-5)
+
+    with clearance.connect(daemon("shm:///tmp/clearance.sock")) as client:
+        client.set_poses({body.name: [np.nan] * 7 for body in client.bodies})  # as good as none
+    done = subprocess.run([build / "example"], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout[:10]) == (1, "no answer:"), done.stdout
 
 
 def test_the_client_of_the_wire_page(daemon, engine, tmp_path):
@@ -120,3 +124,15 @@ def test_every_page_is_listed():
 def test_tables_are_those_of_the_result_files():
     done = subprocess.run([sys.executable, "tools/readme_tables.py", "--check"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("front", ["engine", "client"])
+def test_the_example_of_the_python_page(front, start_daemon):
+    text = (ROOT / "docs/python.md").read_text()
+    code = textwrap.dedent("\n".join(re.findall(r"^    .*$|^$", text[: text.index("`add_body()`")], re.MULTILINE)))
+    if front == "client":
+        url = start_daemon(ROOT / "scenes/cell/scene.yaml", ["shm"]).urls["shm"]
+        code = re.sub(r"^engine = .*\n# (client = .*)\"shm:[^\"]*\"(\)).*$", rf'engine = \1"{url}"\2', code, flags=re.MULTILINE)
+        code = re.sub(r"^# (client\.add_body\(.*\]\)) .*$", r"\1", code, flags=re.MULTILINE)
+        assert url in code and "\nclient.add_body" in code
+    run_python(code + "\nassert r.upper.shape == (100,) and r.pairs.shape == (100, 2)")

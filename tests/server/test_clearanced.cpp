@@ -10,6 +10,7 @@
 
 #include "client/client.h"
 #include "daemon_fixture.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -131,7 +132,7 @@ TEST_F(Clearanced, SignalsEndItCleanly) {
     struct stat info {};
     ASSERT_EQ(stat((folder_ / "c.ipc").c_str(), &info), 0);
     EXPECT_EQ(info.st_mode & 0077, 0u) << "nobody else may connect";
-    EXPECT_EQ(connect(ipc_).scene().bodies.size(), 4u);
+    EXPECT_EQ(patient(ipc_).scene().bodies.size(), 4u);
     EXPECT_EQ(daemon.stop(signal), 0);
     EXPECT_FALSE(std::filesystem::exists(folder_ / "c.ipc"));
     EXPECT_TRUE(contains(daemon.log(), "event=end signal=" + std::to_string(signal)));
@@ -152,11 +153,11 @@ TEST_F(Clearanced, TheSocketOfALivingDaemonIsRefusedThatOfADeadOneReplaced) {
   EXPECT_EQ(second.code, 4);
   EXPECT_EQ(sentence(second),
             "clearanced: " + ipc_ + ": another process listens there; stop it, or choose another path");
-  EXPECT_EQ(connect(ipc_).scene().bodies.size(), 4u) << "the first one still serves";
+  EXPECT_EQ(patient(ipc_).scene().bodies.size(), 4u) << "the first one still serves";
   first.stop(SIGKILL);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "c.ipc"));
   Daemon third({"--scene", scene_, "--zmq", ipc_});
-  EXPECT_EQ(connect(ipc_).scene().bodies.size(), 4u);
+  EXPECT_EQ(patient(ipc_).scene().bodies.size(), 4u);
   EXPECT_EQ(third.stop(SIGTERM), 0);
 }
 
@@ -167,7 +168,7 @@ TEST_F(Clearanced, ReadsItsConfigurationFile) {
   ASSERT_EQ(daemon.urls().size(), 2u);
   EXPECT_EQ(daemon.urls()[0], ipc_);
   EXPECT_EQ(daemon.urls()[1].rfind("tcp://127.0.0.1:", 0), 0u) << "with the port that was free";
-  EXPECT_EQ(connect(daemon.urls()[1]).scene().bodies.size(), 4u);
+  EXPECT_EQ(patient(daemon.urls()[1]).scene().bodies.size(), 4u);
 }
 
 TEST_F(Clearanced, TellsSystemd) {
@@ -193,7 +194,7 @@ TEST_F(Clearanced, TellsSystemd) {
 
 TEST_F(Clearanced, IsQuietWhileNobodyAsks) {
   Daemon daemon({"--scene", scene_, "--zmq", ipc_});
-  Client client = connect(ipc_);
+  Client client = patient(ipc_);
   const auto sleeps = [&] {
     for (const auto& [name, value] : client.stats())
       if (name == "loop.sleeps") return value;
@@ -310,6 +311,9 @@ TEST_F(CommandLine, StatAndPing) {
   EXPECT_TRUE(contains(ask({"stat"}).out, "latency_us, half at most"));
   const Finished watched = ask({"stat", "--watch", "0.05", "--count", "2", "--csv"});
   EXPECT_TRUE(contains(watched.out, "queries.answered,3,\n")) << "none in between";
+  const Finished bare = ask({"stat", "--watch", "--count", "1", "--csv"});
+  EXPECT_EQ(bare.code, 0) << bare.err;
+  EXPECT_TRUE(contains(bare.out, "counter,value,per_s\n")) << "every second, if no number is given";
   std::size_t tables = 0;
   for (std::size_t at = 0; (at = watched.out.find("counter,value,per_s\n", at)) != std::string::npos; ++at) ++tables;
   EXPECT_EQ(tables, 2u) << watched.out;
