@@ -84,7 +84,7 @@ class Problem:
         self.name, self.path = name, PROBLEMS / f"{name}.bin"
         PROBLEMS.mkdir(parents=True, exist_ok=True)
         if not self.path.exists() or self.path.stat().st_mtime < EXPORT.stat().st_mtime:
-            extra = link_poses() if name == "cell" else []
+            extra = link_poses() if name.startswith("cell") else []
             extra += ["--count", count] if kind == "class" else []
             run([EXPORT, f"--{kind}", name, "--scenes", ROOT / "scenes", "--out", self.path, *extra])
         with open(self.path, "rb") as f:
@@ -347,7 +347,8 @@ def short_table(remark, groups):
     """Some of the workloads, in float64, for the README."""
     show = lambda r: nanoseconds(float(r["ns_median"]))
     lines = ["| time per pair, one thread | Clearance | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|"]
-    for name in ("all_pairs", "cut", "gap_1mm_42", "motion_1202", "cell", "depth_1202", "two_2M"):
+    for name in ("all_pairs", "cut", "within", "gap_1mm_42", "motion_1202", "cell", "cell_least", "depth_1202",
+                 "two_2M"):
         rows = groups[name]
         lines.append("| " + " | ".join([rows[0]["what"], show(ours(rows, "f64")), *peer_cells(rows, show)]) + " |")
     return ("\n".join(lines) + f"\n\nFrom [docs/results/peers_timing.csv](docs/results/peers_timing.csv) ({remark}), by `make bench-peers`."

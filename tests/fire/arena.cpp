@@ -119,7 +119,7 @@ Census Arena::census() const {
 }
 
 std::string Arena::settle(const Census& before) const {
-  const auto deadline = std::chrono::steady_clock::now() + 60s;
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
   for (;;) {
     const std::string left = left_behind(before, census());
     if (left.empty() || std::chrono::steady_clock::now() > deadline) return left;

@@ -58,7 +58,7 @@ class Arena {
 
   /// What the daemon holds now.
   Census census() const;
-  /// Waits until the daemon holds what it held, at most a minute. Returns what is left behind, or an empty text.
+  /// Waits until the daemon holds what it held, at most kPatience. Returns what is left behind, or an empty text.
   std::string settle(const Census& before) const;
 
   /// A talk that ends, or stops, at a point of victim.h.

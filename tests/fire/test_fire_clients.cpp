@@ -6,6 +6,7 @@
 
 #include "arena.h"
 #include "rounds.h"
+#include "tests/patience.h"
 
 namespace clearance::fire {
 namespace {
@@ -24,7 +25,7 @@ class FireClients : public testing::Test {
   void expect_unharmed() {
     EXPECT_EQ(arena_.settle(before_), "");
     ASSERT_EQ(await_answers(witnesses_, 3), "");
-    Client client = connect(arena_.zmq());
+    Client client = patient(arena_.zmq());
     const Stats stats = stats_of(client);
     EXPECT_EQ(unbalanced(stats), "");
     EXPECT_EQ(stats.contains("errors.transport"), false);
@@ -62,7 +63,7 @@ TEST_F(FireClients, KilledAtEveryPointTheyLeaveNothingBehind) {
   EXPECT_EQ(arena_.talk(arena_.shm(), "", SIGKILL, 1).await_end(), 0) << "a talk that nothing happens to";
   EXPECT_EQ(arena_.talk(arena_.zmq(), "", SIGKILL, 1).await_end(), 0);
   RecordProperty("kills", static_cast<int>(seed));
-  Client client = connect(arena_.zmq());
+  Client client = patient(arena_.zmq());
   EXPECT_GT(stats_of(client)["requests.dropped"], 0u) << "no request was ever under way when its client died";
   expect_all_right();
 }
@@ -109,7 +110,7 @@ TEST_F(FireClients, FrozenAtEveryPointTheyKeepNobodyWaiting) {
 
 TEST_F(FireClients, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
   const auto served = [&] {
-    Client client = connect(arena_.zmq());
+    Client client = patient(arena_.zmq());
     return stats_of(client);
   };
   Stats begin = served(), now = begin;
@@ -117,7 +118,7 @@ TEST_F(FireClients, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
   const auto wanted = static_cast<std::uint64_t>(rounds(1));
   {
     Victim one({"scribble", arena_.shm(), "5"}), other({"scribble", arena_.shm(), "6"});
-    const auto deadline = std::chrono::steady_clock::now() + 60s * rounds(1);
+    const auto deadline = std::chrono::steady_clock::now() + kPatience * rounds(1);
     do {
       ASSERT_EQ(await_answers(witnesses_, 5), "");
       now = served();

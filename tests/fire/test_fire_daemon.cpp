@@ -6,6 +6,7 @@
 
 #include "arena.h"
 #include "rounds.h"
+#include "tests/patience.h"
 
 namespace clearance::fire {
 namespace {
@@ -19,10 +20,10 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   const auto witness = [&](const std::string& url, std::chrono::nanoseconds timeout) {
     witnesses.push_back(std::make_unique<Witness>(url, exam, 20 + witnesses.size(), 0.5, timeout));
   };
-  witness(arena.shm(), 30s);
-  witness(arena.shm() + "?spin_us=0", 30s);
-  witness(arena.zmq(), 30s);
-  if (arena.has_lcm()) witness(arena.lcm(), 300ms);  // where a death is a timeout
+  witness(arena.shm(), kPatience);
+  witness(arena.shm() + "?spin_us=0", kPatience);
+  witness(arena.zmq(), kPatience);
+  if (arena.has_lcm()) witness(arena.lcm(), 1s);  // where a death is a timeout
   const Census before = arena.census();
 
   std::mt19937_64 random(4);
@@ -38,7 +39,7 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   ASSERT_EQ(await_answers(witnesses, 3 * exam.questions().size()), "");
   const Census now = arena.census();
   EXPECT_EQ(left_behind(before, now), "") << "at first " << before.text() << "; now " << now.text();
-  Client client = connect(arena.shm());
+  Client client = patient(arena.shm());
   EXPECT_EQ(unbalanced(stats_of(client)), "");
 
   std::uint64_t in_flight = 0;
@@ -66,7 +67,7 @@ TEST(FireDaemon, SignalledAllTheTimeItMissesNoRequest) {
   Arena arena;
   Witnesses witnesses;
   for (const std::string& url : arena.urls()) witnesses.push_back(std::make_unique<Witness>(url, exam, 40 + witnesses.size()));
-  Client client = connect(arena.zmq());
+  Client client = patient(arena.zmq());
   Stats stats;
   std::mt19937_64 random(6);
   do {  // SIGHUP has the scene loaded anew; what it interrupts must go on

@@ -14,6 +14,7 @@
 #include "raw_wire.h"
 #include "rounds.h"
 #include "tests/lcm/lcm_network.h"
+#include "tests/patience.h"
 
 namespace clearance::fire {
 namespace {
@@ -39,8 +40,7 @@ class FireInputs : public testing::Test {
  protected:
   void SetUp() override {
     for (const std::string& url : arena_.urls()) {
-      good_.emplace(url, connect(url, 30s));
-      good_.at(url).set_timeout(30s);
+      good_.emplace(url, patient(url));
       ask_all(url);  // segments have their size
     }
     before_ = arena_.census();
@@ -62,14 +62,8 @@ class FireInputs : public testing::Test {
   /// The next question's answer, over the transport that had the bad input.
   void expect_good(const std::string& url, const std::string& after) {
     const Question& question = *exam_.questions()[asked_++ % exam_.questions().size()];
-    for (int attempt = 0;; ++attempt) try {
-        const Reply reply = good_.at(url).distances(question.query);
-        ASSERT_TRUE(is_right(reply, question)) << after;
-        ++right_;
-        return;
-      } catch (const TimeoutError&) {  // LCM loses packets
-        ASSERT_TRUE(url.rfind("udpm://", 0) == 0 && attempt < 5) << "after " << after;
-      }
+    ASSERT_TRUE(is_right(ask_surely(good_.at(url), question), question)) << after;
+    ++right_;
   }
   std::uint64_t counter(const std::string& name) { return stats_of(good_.at(arena_.zmq()))[name]; }
 

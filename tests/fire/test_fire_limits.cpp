@@ -10,6 +10,7 @@
 #include "arena.h"
 #include "limits.h"
 #include "rounds.h"
+#include "tests/patience.h"
 
 namespace clearance::fire {
 namespace {
@@ -31,10 +32,10 @@ class FireLimits : public testing::Test {
     EXPECT_EQ(arena_.settle(before_), "");
     ASSERT_EQ(await_answers(witnesses_, 3), "");
     for (const std::string& url : arena_.urls()) {
-      Client client = connect(url, 30s);
-      EXPECT_TRUE(is_right(client.distances(exam_.questions()[0]->query), *exam_.questions()[0])) << url;
+      Client client = patient(url);
+      EXPECT_TRUE(is_right(ask_surely(client, *exam_.questions()[0]), *exam_.questions()[0])) << url;
     }
-    Client client = connect(arena_.zmq());
+    Client client = patient(arena_.zmq());
     EXPECT_EQ(unbalanced(stats_of(client)), "");
     for (const auto& witness : witnesses_) {
       const Witness::Counts counts = witness->counts();
@@ -58,11 +59,11 @@ TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
       {
         const Limit limit(arena_.daemon().pid(), RLIMIT_NOFILE, descriptors_for(arena_.daemon().pid(), spare));
         while (refused.empty() && clients.size() < 100)
-          refused = error_of([&] { clients.push_back(connect(arena_.shm(), 20s)); });
+          refused = error_of([&] { clients.push_back(patient(arena_.shm())); });
         EXPECT_TRUE(contains(refused, "refused: ") && contains(refused, "Too many open files")) << spare << ": " << refused;
         EXPECT_EQ(clients.size(), static_cast<std::size_t>(spare / 3)) << "a client takes three";
         // ZeroMQ has nobody who could say why.
-        const std::string hung_up = error_of([&] { connect(arena_.zmq(), 20s); });
+        const std::string hung_up = error_of([&] { patient(arena_.zmq()); });
         if (spare % 3 == 0) {
           EXPECT_TRUE(contains(hung_up, "has no descriptor for another client")) << hung_up;
         }
@@ -81,8 +82,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
   for (int round = 0; round < rounds(1); ++round) {
     for (const std::string& url : {arena_.shm(), arena_.zmq()}) {
       ASSERT_EQ(arena_.settle(before_), "");  // a segment that is still to go would be room for another
-      Client client = connect(url, 30s);
-      client.set_timeout(30s);
+      Client client = patient(url);
       // 2 M rows of 121 bytes: beyond any memory that is left.
       const std::vector<Pose7> many = poses(20000);
       Query query;
@@ -107,7 +107,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
     {
       const Limit limit(arena_.daemon().pid(), RLIMIT_AS, address_space_of(arena_.daemon().pid()) + (64 << 20));
       while (refused.empty() && clients.size() < 100)
-        refused = error_of([&] { clients.push_back(connect(arena_.shm(), 20s)); });
+        refused = error_of([&] { clients.push_back(patient(arena_.shm())); });
       EXPECT_TRUE(contains(refused, "refused: mapping a segment of ")) << refused;
       EXPECT_GE(clients.size(), 1u);
       ASSERT_EQ(await_answers(witnesses_, 2), "");
@@ -119,7 +119,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
 TEST_F(FireLimits, SegmentsBeyondTheFileSizeLimitAreRefused) {
   {
     const Limit limit(arena_.daemon().pid(), RLIMIT_FSIZE, 1 << 20);
-    const std::string refused = error_of([&] { connect(arena_.shm(), 20s); });
+    const std::string refused = error_of([&] { patient(arena_.shm()); });
     EXPECT_TRUE(contains(refused, "refused: a segment of ") && contains(refused, "File too large")) << refused;
     ASSERT_EQ(await_answers(witnesses_, 2), "");
   }
@@ -170,7 +170,7 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
   before ? setenv("TMPDIR", kept.c_str(), 1) : unsetenv("TMPDIR");
   disk.fill();
   const std::size_t written = daemon.log().size();
-  Client client = connect(daemon.url());
+  Client client = patient(daemon.url());
   for (int i = 0; i < 100; ++i) {
     const Question& question = *exam.questions()[static_cast<std::size_t>(i) % exam.questions().size()];
     ASSERT_TRUE(is_right(client.distances(question.query), question));
@@ -180,7 +180,7 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
     EXPECT_THROW(client.distances(bad), RequestError);  // logged, if there were room
   }
   kill(daemon.pid(), SIGHUP);
-  const auto deadline = std::chrono::steady_clock::now() + 60s;
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
   while (stats_of(client)["reloads"] == 0) {
     ASSERT_LT(std::chrono::steady_clock::now(), deadline);
     std::this_thread::sleep_for(1ms);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "client/client.h"
+#include "tests/patience.h"
 
 namespace clearance::fire {
 
@@ -39,11 +40,13 @@ class Exam {
 
 /// Whether the reply holds the engine's own bits.
 bool is_right(const Reply& reply, const Question& question);
+/// The answer; asks again where LCM lost one. Throws as Client::distances().
+Reply ask_surely(Client& client, const Question& question);
 
 /// LCM loses packets when a core is late to read them; an answer is then late, never wrong.
 inline bool may_lose(const std::string& url) { return url.rfind("udpm://", 0) == 0; }
 /// How long a call may take that is not to be late.
-inline std::chrono::nanoseconds patience(const std::string& url) { return std::chrono::seconds(may_lose(url) ? 5 : 30); }
+inline std::chrono::nanoseconds patience(const std::string& url) { return may_lose(url) ? std::chrono::seconds(5) : kPatience; }
 
 /// A client on a thread of its own.
 class Witness {
@@ -91,7 +94,7 @@ class Witness {
 
 using Witnesses = std::vector<std::unique_ptr<Witness>>;
 
-/// Waits until each has had so many more right answers, at most a minute. Returns whom it waited for in vain, or an
+/// Waits until each has had so many more right answers, at most kPatience for each of them. Returns whom it waited for in vain, or an
 /// empty text.
 std::string await_answers(const Witnesses& witnesses, std::uint64_t count);
 

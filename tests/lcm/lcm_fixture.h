@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "lcm_network.h"
+#include "tests/patience.h"
 
 namespace clearance {
 
@@ -26,15 +27,28 @@ class LcmTest : public testing::Test {
   }
   std::string url(const std::string& options = "") const { return address_.url() + options; }
 
-  /// Handles the bus's messages until `done`, or fails the test after ten seconds.
+  /// Handles the bus's messages until `done`, or fails the test after kPatience.
   static bool pump(LcmBus& bus, const std::function<bool()>& done) {
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+    const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (!done()) {
       if (!bus.wait(deadline)) return false;
       while (!done() && bus.handle()) {
       }
     }
     return true;
+  }
+
+  /// Repeats a call whose reply was lost on the way (a busy machine drops packets); a wrong answer is not repeated.
+  template <class Call>
+  static auto patiently(Client& client, Call call) {
+    client.set_timeout(std::chrono::seconds(3));
+    for (const auto end = std::chrono::steady_clock::now() + kPatience; std::chrono::steady_clock::now() < end;) {
+      try {
+        return call();
+      } catch (const TimeoutError&) {
+      }
+    }
+    return call();
   }
 
   LcmAddress address_;

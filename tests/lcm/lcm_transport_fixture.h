@@ -76,9 +76,9 @@ class LcmTransportTest : public LcmTest {
     bus_->subscribe("CLEARANCE_DISTANCES", 64, [this](auto packet) { keep(distances_, packet); });
   }
 
-  /// Turns the daemon's loop and takes the planner's messages until `done`; false after ten seconds.
+  /// Turns the daemon's loop and takes the planner's messages until `done`; false after kPatience.
   bool until(const std::function<bool()>& done) {
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+    const auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (!done()) {
       const bool worked = loop_->turn();
       bool heard = false;

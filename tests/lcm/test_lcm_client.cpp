@@ -40,7 +40,7 @@ class LcmClientTest : public LcmTest {
     loop_->stop();
     thread_.join();
   }
-  Client connect_here() { return connect(loop_->transports()[0]->url(), std::chrono::seconds(10)); }
+  Client connect_here() { return connect(loop_->transports()[0]->url(), kPatience); }
 
   static Pose7 pose_of(std::uint32_t i, double t) {
     return {0.4 * i + 0.02 * std::sin(t + i), 0.1 * t, 0, 1, 0.1 * i, 0.2, 0};
@@ -51,19 +51,6 @@ class LcmClientTest : public LcmTest {
     const PosesDone done = client.set_poses(poses, 77, 4);
     EXPECT_EQ(done.applied, kBodies);
   }
-  /// Repeats a call whose reply was lost on the way (a busy machine drops packets); a wrong answer is not repeated.
-  template <class Call>
-  static auto patiently(Client& client, Call call) {
-    client.set_timeout(std::chrono::seconds(3));
-    for (int attempt = 0; attempt < 9; ++attempt) {
-      try {
-        return call();
-      } catch (const TimeoutError&) {
-      }
-    }
-    return call();
-  }
-
   std::optional<Engine> engine_;
   std::optional<Loop> loop_;
   std::thread thread_;

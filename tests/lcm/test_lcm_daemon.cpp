@@ -106,28 +106,33 @@ TEST_F(LcmDaemonTest, ManyConfigurationsOverLcmAlone) {
 TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTransport) {
   const std::string ipc = "ipc://" + (folder_ / "socket");
   Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--zmq", ipc});
-  Client over_lcm = connect(url(), std::chrono::seconds(10)), over_zmq = connect(ipc);
+  Client over_lcm = connect(url(), kPatience), over_zmq = patient(ipc);
   const std::uint64_t first = over_zmq.distances().snapshot_revision();
+  std::set<std::uint64_t> compared;
+  std::atomic<bool> enough{false};
   std::thread publisher([&] {
-    const Finished done =
-        run({CLEARANCE_PYTHON, kExamples + "pose_publisher.py", "--url", url(), "--rate", "200", "--seconds", "3"},
-            kPythonPath);
-    EXPECT_EQ(done.code, 0) << done.err;
-    EXPECT_NE(done.out.find("moving 3 of 4 bodies"), std::string::npos) << done.out;
+    while (!enough) {  // a busy machine may take longer than one run
+      const Finished done =
+          run({CLEARANCE_PYTHON, kExamples + "pose_publisher.py", "--url", url(), "--rate", "50", "--seconds", "3"},
+              kPythonPath);
+      EXPECT_EQ(done.code, 0) << done.err;
+      EXPECT_NE(done.out.find("moving 3 of 4 bodies"), std::string::npos) << done.out;
+    }
   });
   // While the bodies move, both transports ask; answers at one pose revision must have the same bits.
-  std::set<std::uint64_t> compared;
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  const auto end = std::chrono::steady_clock::now() + kPatience;
   while (compared.size() < 10 && std::chrono::steady_clock::now() < end) {
-    const Reply a = over_lcm.distances(), b = over_zmq.distances();
+    const Reply a = patiently(over_lcm, [&] { return over_lcm.distances(); }), b = over_zmq.distances();
     if (a.snapshot_revision() != b.snapshot_revision() || a.snapshot_revision() == first) continue;
     compared.insert(a.snapshot_revision());
-    ASSERT_EQ(a.rows(), 6u);
+    EXPECT_EQ(a.rows(), 6u);
+    if (a.rows() != 6) break;
     for (const auto column : {&Reply::distance, &Reply::lower, &Reply::upper}) {
       EXPECT_EQ(std::memcmp((a.*column)().data(), (b.*column)().data(), 6 * sizeof(double)), 0);
     }
     for (std::size_t i = 0; i < 6; ++i) EXPECT_NE(a.status()[i], Status::kNoPose);  // link2 had none until now
   }
+  enough = true;
   publisher.join();
   EXPECT_EQ(compared.size(), 10u);
 }
@@ -154,11 +159,11 @@ TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayAskAlone) {
     std::vector<std::string> options{"--scene", scene_file(), "--lcm", url(), "--lcm-poses"};
     options.insert(options.end(), how.begin(), how.end());
     Daemon daemon(options);
-    Client client = connect(url());
-    EXPECT_EQ(client.scene().bodies.size(), 4u);
+    Client client = connect(url(), kPatience);
+    EXPECT_EQ(patiently(client, [&] { return client.scene().bodies.size(); }), 4u);
     const auto refused = [&](auto call) -> std::string {
       try {
-        call();
+        patiently(client, call);
         return "";
       } catch (const RequestError& error) {
         return error.what();
@@ -203,7 +208,7 @@ TEST_F(LcmDaemonTest, AControlLoopCountsItsCycles) {
   EXPECT_EQ(idle[0], 75u) << "a quarter of it";
   EXPECT_LE(working[1], working[0]);
   std::uint64_t messages = 0;
-  Client client = connect(daemon.urls().at(0));
+  Client client = patient(daemon.urls().at(0));
   for (const auto& [name, value] : client.stats())
     if (name == "lcm.pose_messages") messages = value;
   EXPECT_GT(messages, 0u);

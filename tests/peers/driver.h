@@ -1,12 +1,13 @@
 // What the contenders' programs have in common: they read a problem, and answer it as often as they are told to.
 //
-//   PROGRAM PROBLEM                       prints "settings\tNAME\tNAME...", then takes lines from standard input:
-//       time SECONDS SETTING              passes over all pairs until so much time is spent; prints
-//       "time\tSECONDS_A_PASS" write FILE SETTING                one more pass, its (K, P) float64 answers to a file;
-//       prints "written"
-//   PROGRAM PROBLEM FILE SETTING FIRST    answers pairs from FIRST on, one by one, each appended to the file before the
-//   next
-//                                         begins: so that a crash tells which pair it was. A refusal is a NaN.
+//   PROGRAM PROBLEM
+//       prints "settings\tNAME\tNAME...", then takes lines from standard input:
+//       time SECONDS SETTING    passes over all pairs until so much time is spent; prints "time\tSECONDS" of one
+//       write FILE SETTING      one more pass, its float64 answers (as many as Problem::truth has) to a file; prints
+//                               "written"
+//   PROGRAM PROBLEM FILE SETTING FIRST
+//       answers pairs from FIRST on, one by one, each appended to the file before the next begins: so that a crash tells
+//       which pair it was. A refusal is a NaN.
 #pragma once
 
 #include <algorithm>
@@ -15,17 +16,39 @@
 #include <cstdio>
 #include <functional>
 #include <iostream>
+#include <limits>
 #include <memory>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "problem.h"
 
 namespace peers {
 
-/// The first form. \param pass answers all pairs under a setting, in (K, P) order.
+/// A distance that was not asked for or not found.
+constexpr double kBeyond = std::numeric_limits<double>::infinity();
+
+/// One pair that Kind::kWithin found.
+struct Found {
+  std::uint32_t a, b;
+  double distance;
+};
+
+/// Answers of a list of pairs, in the order of a problem's pairs: kBeyond where the list has none.
+inline void spread(const Problem& p, const std::vector<Found>& list, double* answers) {
+  std::unordered_map<std::uint64_t, std::size_t> index;
+  for (std::size_t i = 0; i < p.pairs.size(); ++i) index[std::uint64_t{p.pairs[i][0]} << 32 | p.pairs[i][1]] = i;
+  std::fill_n(answers, p.pairs.size(), kBeyond);
+  for (const Found& f : list)
+    answers[index.at(std::uint64_t{std::min(f.a, f.b)} << 32 | std::max(f.a, f.b))] = f.distance;
+}
+
+/// The first form. \param pass answers all pairs under a setting, in (K, P) order. \param finish puts the answers of
+/// the last pass in order, where that is no part of the work.
 inline int serve(const Problem& p, const std::vector<std::string>& settings,
-                 const std::function<void(const std::string& setting, double* answers)>& pass) {
+                 const std::function<void(const std::string& setting, double* answers)>& pass,
+                 const std::function<void(double* answers)>& finish) {
   std::vector<double> answers(p.truth.size());
   std::cout << "settings";
   for (const std::string& s : settings) std::cout << '\t' << s;
@@ -48,6 +71,7 @@ inline int serve(const Problem& p, const std::vector<std::string>& settings,
       std::printf("time\t%.9g\n", seconds / passes);
     } else {
       pass(setting, answers.data());
+      finish(answers.data());
       std::ofstream out(argument, std::ios::binary);
       detail::put(out, answers.data(), answers.size());
       std::printf("written\n");
@@ -57,53 +81,100 @@ inline int serve(const Problem& p, const std::vector<std::string>& settings,
   return 0;
 }
 
-/// A peer's library behind four functions:
-///   using Geometry, Transform;
-///   static std::vector<std::string> settings(Kind);      names of ways to use it, the most usual first
-///   explicit Peer(const std::string& setting);
+/// A box with edges along the world's axes, metres.
+struct Box {
+  Point low{kBeyond, kBeyond, kBeyond}, high{-kBeyond, -kBeyond, -kBeyond};
+
+  void add(const Box& other) {
+    for (std::size_t k = 0; k < 3; ++k)
+      low[k] = std::min(low[k], other.low[k]), high[k] = std::max(high[k], other.high[k]);
+  }
+  /// The square of the distance between two boxes.
+  static double gap2(const Box& a, const Box& b) {
+    double sum = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double d = std::max({0.0, b.low[k] - a.high[k], a.low[k] - b.high[k]});
+      sum += d * d;
+    }
+    return sum;
+  }
+};
+
+/// A peer's library behind a few functions:
+///   using Geometry, Transform;                           a Transform can be made by default
+///   static std::vector<std::string> settings(const Problem&);   names of ways to use it, the most usual first
+///   Peer(const std::string& setting, const Problem&);    the problem's kind says whether depths are asked for
 ///   static std::unique_ptr<Geometry> load(const Shape&); throws if the library refuses it
-///   static Transform transform(const double R[9], const double t[3]);
+///   static Transform transform(const double R[9], const double t[3], const Geometry&);
 ///   double distance(const Geometry&, const Transform&, const Geometry&, const Transform&, Cache&);
-///                                                        signed where the setting can; may throw
+///                                                        signed where the problem asks for depths; may throw
 ///   using Cache;                                         whatever it keeps of a pair from step to step
+///   class Tree;                                          its tree of boxes:
+///       explicit Tree(const std::vector<Box>&);
+///       template <class F> void each_pair(F f);          f(i, j) once for each two boxes that overlap, in any order
 template <class Peer>
 class Runner {
  public:
-  explicit Runner(const Problem& p) : p_(p), geometry_(p.shapes.size()), low_(p.shapes.size()), high_(p.shapes.size()) {
-    for (const auto& body : p.bodies) many_ = many_ || body.size() > 1;
-    for (std::size_t s = 0; s < p.shapes.size(); ++s) bound(s);
+  explicit Runner(const Problem& p) : p_(p), geometry_(p.shapes.size()), shape_boxes_(p.shapes.size()) {
+    first_.push_back(0);
+    for (const auto& body : p.bodies) first_.push_back(first_.back() + body.size());
+    at_.resize(p.configurations * first_.back());
+    piece_boxes_.resize(at_.size());
+    body_boxes_.resize(p.configurations * p.bodies.size());
+    for (std::size_t s = 0; s < p.shapes.size(); ++s)
+      for (const Point& v : p.shapes[s].vertices) shape_boxes_[s].add({v, v});
   }
 
-  void load(std::uint32_t shape) {
-    if (!geometry_[shape]) geometry_[shape] = Peer::load(p_.shapes[shape]);
-  }
-  void load_all() {
+  /// All that a user has before the clock starts: geometry, transforms and boxes of every configuration, and the tree.
+  void prepare() {
     for (std::uint32_t s = 0; s < p_.shapes.size(); ++s) load(s);
+    for (std::uint64_t k = 0; k < p_.configurations; ++k)
+      for (std::uint32_t b = 0; b < p_.bodies.size(); ++b) place(k, b);
+    if (p_.kind != Kind::kWithin) return;
+    std::vector<Box> wide = body_boxes_;
+    for (Box& box : wide)
+      for (std::size_t i = 0; i < 3; ++i) box.low[i] -= p_.max_distance / 2, box.high[i] += p_.max_distance / 2;
+    tree_ = std::make_unique<typename Peer::Tree>(wide);
   }
 
   void pass(const std::string& setting, double* answers) {
-    Peer peer(setting);
-    std::vector<typename Peer::Cache> cache(many_ ? 1 : p_.pairs.size());
+    Peer peer(setting, p_);
+    if (p_.kind == Kind::kWithin) return find(peer);
+    std::vector<typename Peer::Cache> cache(p_.kind == Kind::kMotion ? p_.pairs.size() : 1);
+    const double limit2 = p_.max_distance * p_.max_distance;
     for (std::uint64_t k = 0; k < p_.configurations; ++k) {
-      place(k);
-      for (std::size_t i = 0; i < p_.pairs.size(); ++i)
-        *answers++ = distance(peer, p_.pairs[i][0], p_.pairs[i][1], cache[many_ ? 0 : i]);
+      if (p_.kind == Kind::kLeast) {
+        *answers++ = least(peer, k, cache[0]);
+        continue;
+      }
+      const Box* boxes = &body_boxes_[k * p_.bodies.size()];
+      for (std::size_t i = 0; i < p_.pairs.size(); ++i) {
+        const auto [a, b] = p_.pairs[i];
+        const bool far = limit2 < kBeyond && Box::gap2(boxes[a], boxes[b]) > limit2;
+        *answers++ = far ? kBeyond : distance(peer, k, a, b, cache[cache.size() > 1 ? i : 0]);
+      }
     }
   }
 
+  /// Of Kind::kWithin.
+  void finish(double* answers) const {
+    if (p_.kind == Kind::kWithin) spread(p_, found_, answers);
+  }
+
   void append(const std::string& setting, std::size_t first, const std::string& path) {
-    place(0);
     std::FILE* out = std::fopen(path.c_str(), "ab");
     if (!out) throw std::runtime_error("cannot write " + path);
     std::setvbuf(out, nullptr, _IONBF, 0);
     for (std::size_t i = first; i < p_.pairs.size(); ++i) {
       double answer = std::numeric_limits<double>::quiet_NaN();
       try {
-        for (const std::uint32_t body : p_.pairs[i])
+        for (const std::uint32_t body : p_.pairs[i]) {
           for (const std::uint32_t shape : p_.bodies[body]) load(shape);
-        Peer peer(setting);
+          place(0, body);
+        }
+        Peer peer(setting, p_);
         typename Peer::Cache cache;
-        answer = distance(peer, p_.pairs[i][0], p_.pairs[i][1], cache);
+        answer = distance(peer, 0, p_.pairs[i][0], p_.pairs[i][1], cache);
       } catch (const std::exception&) {
       }
       std::fwrite(&answer, sizeof answer, 1, out);
@@ -112,82 +183,97 @@ class Runner {
   }
 
  private:
-  struct Box {
-    Point low, high;
-  };
   struct Candidate {
-    double gap;
-    std::size_t a, b;
+    double gap2;
+    std::uint32_t a, b;
+    bool operator<(const Candidate& other) const { return gap2 < other.gap2; }
   };
 
-  void bound(std::size_t s) {
-    low_[s] = high_[s] = p_.shapes[s].vertices[0];
-    for (const Point& v : p_.shapes[s].vertices)
-      for (std::size_t k = 0; k < 3; ++k)
-        low_[s][k] = std::min(low_[s][k], v[k]), high_[s][k] = std::max(high_[s][k], v[k]);
+  void load(std::uint32_t shape) {
+    if (!geometry_[shape]) geometry_[shape] = Peer::load(p_.shapes[shape]);
   }
 
-  // Where all bodies are; of bodies of several pieces, a box around each piece.
-  void place(std::uint64_t k) {
-    at_.clear();
-    boxes_.resize(many_ ? p_.bodies.size() : 0);
-    for (std::size_t b = 0; b < p_.bodies.size(); ++b) {
-      const auto& pose = p_.poses[k * p_.bodies.size() + b];
-      double R[9];
-      rotation(pose, R);
-      at_.push_back(Peer::transform(R, pose.data()));
-      if (!many_) continue;
-      boxes_[b].clear();
-      for (const std::uint32_t s : p_.bodies[b]) {
-        Box box;
-        for (std::size_t r = 0; r < 3; ++r) {
-          double centre = pose[r], half = p_.shapes[s].radius;
-          for (std::size_t c = 0; c < 3; ++c) {
-            centre += R[3 * r + c] * (low_[s][c] + high_[s][c]) / 2;
-            half += std::abs(R[3 * r + c]) * (high_[s][c] - low_[s][c]) / 2;
-          }
-          box.low[r] = centre - half, box.high[r] = centre + half;
+  void place(std::uint64_t k, std::uint32_t b) {
+    const auto& pose = p_.poses[k * p_.bodies.size() + b];
+    double R[9];
+    rotation(pose, R);
+    Box& whole = body_boxes_[k * p_.bodies.size() + b] = {};
+    for (std::size_t i = 0; i < p_.bodies[b].size(); ++i) {
+      const std::uint32_t s = p_.bodies[b][i];
+      at_[slot(k, b, i)] = Peer::transform(R, pose.data(), *geometry_[s]);
+      const Box& own = shape_boxes_[s];
+      Box& box = piece_boxes_[slot(k, b, i)];
+      for (std::size_t r = 0; r < 3; ++r) {
+        double centre = pose[r], half = p_.shapes[s].radius;
+        for (std::size_t c = 0; c < 3; ++c) {
+          centre += R[3 * r + c] * (own.low[c] + own.high[c]) / 2;
+          half += std::abs(R[3 * r + c]) * (own.high[c] - own.low[c]) / 2;
         }
-        boxes_[b].push_back(box);
+        box.low[r] = centre - half, box.high[r] = centre + half;
       }
+      whole.add(box);
     }
   }
-
-  static double gap(const Box& a, const Box& b) {
-    double sum = 0;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const double d = std::max({0.0, b.low[k] - a.high[k], a.low[k] - b.high[k]});
-      sum += d * d;
-    }
-    return std::sqrt(sum);
+  std::size_t slot(std::uint64_t k, std::uint32_t body, std::size_t piece) const {
+    return k * first_.back() + first_[body] + piece;
   }
 
-  double distance(Peer& peer, std::uint32_t a, std::uint32_t b, typename Peer::Cache& cache) {
+  /// Of two bodies; at least the limit where it is proved to be no less. Pieces whose boxes are nearest come first.
+  double distance(Peer& peer, std::uint64_t k, std::uint32_t a, std::uint32_t b, typename Peer::Cache& cache,
+                  double limit = kBeyond) {
     const auto &pieces_a = p_.bodies[a], &pieces_b = p_.bodies[b];
+    const std::size_t slot_a = slot(k, a, 0), slot_b = slot(k, b, 0);
     const auto one = [&](std::size_t i, std::size_t j) {
-      return peer.distance(*geometry_[pieces_a[i]], at_[a], *geometry_[pieces_b[j]], at_[b], cache);
+      return peer.distance(*geometry_[pieces_a[i]], at_[slot_a + i], *geometry_[pieces_b[j]], at_[slot_b + j], cache);
     };
     if (pieces_a.size() == 1 && pieces_b.size() == 1) return one(0, 0);
-    candidates_.clear();
-    for (std::size_t i = 0; i < pieces_a.size(); ++i)
-      for (std::size_t j = 0; j < pieces_b.size(); ++j) candidates_.push_back({gap(boxes_[a][i], boxes_[b][j]), i, j});
-    std::sort(candidates_.begin(), candidates_.end(),
-              [](const Candidate& x, const Candidate& y) { return x.gap < y.gap; });
-    double least = std::numeric_limits<double>::infinity();
-    for (const Candidate& c : candidates_) {
-      if (c.gap >= least) break;
+    pieces_.clear();
+    for (std::uint32_t i = 0; i < pieces_a.size(); ++i)
+      for (std::uint32_t j = 0; j < pieces_b.size(); ++j)
+        pieces_.push_back({Box::gap2(piece_boxes_[slot_a + i], piece_boxes_[slot_b + j]), i, j});
+    std::sort(pieces_.begin(), pieces_.end());
+    double least = limit;
+    for (const Candidate& c : pieces_) {
+      if (least <= 0 || c.gap2 >= least * least) break;
       least = std::min(least, one(c.a, c.b));
     }
     return least;
   }
 
+  /// Of all pairs in a configuration, those whose boxes are nearest first.
+  double least(Peer& peer, std::uint64_t k, typename Peer::Cache& cache) {
+    const Box* boxes = &body_boxes_[k * p_.bodies.size()];
+    bodies_.clear();
+    for (const auto& [a, b] : p_.pairs) bodies_.push_back({Box::gap2(boxes[a], boxes[b]), a, b});
+    std::sort(bodies_.begin(), bodies_.end());
+    double least = kBeyond;
+    for (const Candidate& c : bodies_) {
+      if (least <= 0 || c.gap2 >= least * least) break;
+      least = std::min(least, distance(peer, k, c.a, c.b, cache, least));
+    }
+    return least;
+  }
+
+  /// The pairs within max_distance, by the peer's tree of boxes.
+  void find(Peer& peer) {
+    found_.clear();
+    typename Peer::Cache cache;
+    tree_->each_pair([&](std::uint32_t a, std::uint32_t b) {
+      if (Box::gap2(body_boxes_[a], body_boxes_[b]) > p_.max_distance * p_.max_distance) return;
+      const double d = distance(peer, 0, a, b, cache);
+      if (d <= p_.max_distance) found_.push_back({a, b, d});
+    });
+  }
+
   const Problem& p_;
-  bool many_ = false;  // some body has several pieces
   std::vector<std::unique_ptr<typename Peer::Geometry>> geometry_;
-  std::vector<Point> low_, high_;
-  std::vector<typename Peer::Transform> at_;
-  std::vector<std::vector<Box>> boxes_;
-  std::vector<Candidate> candidates_;
+  std::vector<Box> shape_boxes_;     // in their own frames
+  std::vector<std::size_t> first_;   // of each body's pieces, among those of all bodies
+  std::vector<typename Peer::Transform> at_;      // (K, pieces of all bodies)
+  std::vector<Box> piece_boxes_, body_boxes_;     // (K, pieces of all bodies), (K, B)
+  std::unique_ptr<typename Peer::Tree> tree_;
+  std::vector<Candidate> pieces_, bodies_;
+  std::vector<Found> found_;
 };
 
 template <class Peer>
@@ -200,8 +286,10 @@ int drive(int argc, char** argv) {
       runner.append(argv[3], std::stoul(argv[4]), argv[2]);
       return 0;
     }
-    runner.load_all();
-    return serve(p, Peer::settings(p.kind), [&](const std::string& s, double* out) { runner.pass(s, out); });
+    runner.prepare();
+    return serve(
+        p, Peer::settings(p), [&](const std::string& s, double* out) { runner.pass(s, out); },
+        [&](double* out) { runner.finish(out); });
   } catch (const std::exception& e) {
     std::cerr << argv[0] << ": " << e.what() << '\n';
     return 2;

@@ -36,7 +36,7 @@ int main(int argc, char** argv) {
       for (std::string name; std::getline(in, name, ',');) links.names.push_back(name);
       std::ifstream raw(poses, std::ios::binary);
       for (std::array<double, 7> x; raw.read(reinterpret_cast<char*>(&x), sizeof x);) links.poses.push_back(x);
-      if (workload == "cell" && (links.names.empty() || links.poses.empty()))
+      if (workload.starts_with("cell") && (links.names.empty() || links.poses.empty()))
         throw std::runtime_error("the cell needs --links and --link-poses");
       p = make_workload(workload, scenes, links);
     } else {

@@ -14,9 +14,12 @@ class Ours {
     for (std::uint64_t k = 0; k < p.configurations; ++k)
       for (const std::uint32_t b : moved_) poses_.push_back(pose_of(p, k, b));
     const bool steps = p.kind == peers::Kind::kMotion;
-    const std::size_t rows = pairs_.size() * (steps ? 1 : p.configurations);
+    // A list of near pairs has an eighth of all, where about a twentieth is near.
+    const std::size_t rows = p.kind == peers::Kind::kWithin ? pairs_.size() / 8
+                             : steps                        ? pairs_.size()
+                                                            : static_cast<std::size_t>(p.answers());
     lower_.resize(rows), upper_.resize(rows), status_.resize(rows);
-    points_a_.resize(3 * rows), points_b_.resize(3 * rows), normals_.resize(3 * rows);
+    points_a_.resize(3 * rows), points_b_.resize(3 * rows), normals_.resize(3 * rows), distances_.resize(rows), found_.resize(rows), configurations_.resize(rows);
   }
 
   static std::vector<std::string> settings(const peers::Problem& p) {
@@ -27,14 +30,18 @@ class Ours {
 
   void pass(const std::string& setting, double* answers) {
     QueryView query;
-    query.all_pairs = false;
-    query.pairs = pairs_;
+    query.all_pairs = p_.kind == peers::Kind::kWithin;  // as the peers' trees, which know no list either
+    if (!query.all_pairs) query.pairs = pairs_;
+    if (p_.kind == peers::Kind::kWithin) query.reduce = Reduce::kWithin, query.max_results = distances_.size();
+    if (p_.kind == peers::Kind::kLeast) query.reduce = Reduce::kMin;
     query.max_distance = p_.max_distance;
     query.signed_distance = p_.kind == peers::Kind::kDepth;
     query.precision = setting.starts_with("f32") ? Precision::kF32 : Precision::kF64;
     query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
     query.warm_slot = setting.ends_with("warm") ? (query.precision == Precision::kF32 ? 2 : 1) : 0;
-    if (p_.kind == peers::Kind::kMotion) {
+    if (p_.kind == peers::Kind::kWithin) {
+      ask(engine_, query, distances_.data());
+    } else if (p_.kind == peers::Kind::kMotion) {
       std::vector<BodyPose> poses(moved_.size());
       for (std::uint64_t k = 0; k < p_.configurations; ++k) {
         for (std::size_t i = 0; i < moved_.size(); ++i) poses[i] = {moved_[i], poses_[k * moved_.size() + i]};
@@ -51,6 +58,14 @@ class Ours {
     }
   }
 
+  /// Of Kind::kWithin: its list in the order of the pairs.
+  void finish(double* answers) const {
+    if (p_.kind != peers::Kind::kWithin) return;
+    std::vector<peers::Found> list;
+    for (std::size_t i = 0; i < rows_; ++i) list.push_back({found_[i].a, found_[i].b, distances_[i]});
+    peers::spread(p_, list, answers);
+  }
+
  private:
   static Engine::Options with_threads(int threads) {
     Engine::Options options;
@@ -58,16 +73,21 @@ class Ours {
     return options;
   }
   /// Enough pairs at once for a second thread to be worth a row.
-  static bool is_large(const peers::Problem& p) { return p.kind == peers::Kind::kDistance && p.truth.size() >= 100'000; }
+  static bool is_large(const peers::Problem& p) {
+    return p.kind == peers::Kind::kDistance && p.truth.size() >= 100'000;
+  }
 
   void ask(const Engine& engine, const QueryView& query, double* distance) {
     ReplyView reply;
     reply.distance = distance;
     reply.lower = lower_.data(), reply.upper = upper_.data(), reply.status = status_.data();
     reply.point_a = points_a_.data(), reply.point_b = points_b_.data(), reply.normal = normals_.data();
+    reply.pair = found_.data(), reply.configuration = configurations_.data();
     Job job = engine.start(query, reply);
     while (!job.advance()) {
     }
+    rows_ = job.info().rows;
+    if (job.info().total > rows_) throw std::runtime_error("more pairs are near than there is room for");
   }
 
   const peers::Problem& p_;
@@ -78,6 +98,10 @@ class Ours {
   std::vector<Pose> poses_;  // (K, moved)
   std::vector<double> lower_, upper_, points_a_, points_b_, normals_;
   std::vector<std::uint8_t> status_;
+  std::vector<BodyPair> found_;  // of reductions
+  std::vector<std::uint32_t> configurations_;
+  std::vector<double> distances_;
+  std::uint64_t rows_ = 0;
 };
 
 }  // namespace
@@ -88,8 +112,9 @@ int main(int argc, char** argv) {
     if (argc != 2) throw std::runtime_error("usage: see driver.h; the first form only");
     const peers::Problem p = peers::read_problem(argv[1]);
     clearance::Ours ours(p);
-    return peers::serve(p, clearance::Ours::settings(p),
-                        [&](const std::string& s, double* out) { ours.pass(s, out); });
+    return peers::serve(
+        p, clearance::Ours::settings(p), [&](const std::string& s, double* out) { ours.pass(s, out); },
+        [&](double* out) { ours.finish(out); });
   } catch (const std::exception& e) {
     std::cerr << "clearance-peers-ours: " << e.what() << '\n';
     return 2;

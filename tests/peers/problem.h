@@ -25,6 +25,8 @@ enum class Kind : std::uint32_t {
   kDistance,  ///< how far apart; configurations have nothing to do with each other
   kMotion,    ///< how far apart, step after step of a coherent motion: warm starts help
   kDepth,     ///< signed: also how deep pairs overlap
+  kWithin,    ///< only pairs within max_distance, as a list
+  kLeast,     ///< of each configuration only the least distance
 };
 
 struct Problem {
@@ -35,8 +37,10 @@ struct Problem {
   std::uint64_t configurations = 1;
   std::vector<std::array<double, 7>> poses;  ///< (K, B): x, y, z [m], qw, qx, qy, qz of any norm
   std::vector<std::array<std::uint32_t, 2>> pairs;
-  std::vector<double> truth;  ///< (K, P): signed distance, metres; NaN where it was not worked out
-  std::vector<double> scale;  ///< (K, P): S = |D| + rho_a + rho_b + r_a + r_b, metres, to judge errors by
+  std::vector<double> truth;  ///< (K, P), of kLeast (K,): signed distance, metres; NaN where it was not worked out
+  std::vector<double> scale;  ///< likewise: S = |D| + rho_a + rho_b + r_a + r_b, metres, to judge errors by
+
+  std::uint64_t answers() const { return configurations * (kind == Kind::kLeast ? 1 : pairs.size()); }
 };
 
 namespace detail {
@@ -61,7 +65,7 @@ void put(std::ostream& out, const std::vector<T>& values) {
   put(out, &count, 1);
   put(out, values.data(), count);
 }
-constexpr char kMagic[8] = {'C', 'L', 'P', 'E', 'E', 'R', '0', '1'};
+constexpr char kMagic[8] = {'C', 'L', 'P', 'E', 'E', 'R', '0', '2'};
 }  // namespace detail
 
 /// Little-endian, in this order: magic, kind, max_distance, truth, scale, shapes (radius, vertices, triangles), bodies,
@@ -86,7 +90,7 @@ inline Problem read_problem(const std::string& path) {
   get(in, &p.configurations, 1);
   get(in, p.poses), get(in, p.pairs);
   if (!in || p.poses.size() != p.configurations * p.bodies.size() ||
-      p.truth.size() != p.configurations * p.pairs.size())
+      p.truth.size() != p.answers())
     throw std::runtime_error(path + " is cut short");
   return p;
 }
@@ -109,7 +113,7 @@ inline void write_problem(const Problem& p, const std::string& path) {
   if (!out.flush()) throw std::runtime_error("cannot write " + path);
 }
 
-/// The rotation M(q) / |q|^2 of a pose, row after row, rounded from long double.
+/// The rotation M(q) / |q|^2 of a pose, row after row, rounded from long double: made before any clock starts.
 inline void rotation(const std::array<double, 7>& pose, double R[9]) {
   const long double w = pose[3], x = pose[4], y = pose[5], z = pose[6], n = w * w + x * x + y * y + z * z;
   const long double M[9] = {

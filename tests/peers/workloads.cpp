@@ -152,6 +152,20 @@ void add_truth(Problem& p) {
   }
 }
 
+/// Of each configuration the least distance, in place of all.
+void keep_least(Problem& p) {
+  const std::size_t pairs = p.pairs.size();
+  std::vector<double> truth, scale;
+  for (std::uint64_t k = 0; k < p.configurations; ++k) {
+    const auto begin = p.truth.begin() + static_cast<std::ptrdiff_t>(k * pairs);
+    const auto least = std::min_element(begin, begin + static_cast<std::ptrdiff_t>(pairs));  // all NaN, or none
+    truth.push_back(*least);
+    scale.push_back(p.scale[static_cast<std::size_t>(least - p.truth.begin())]);
+  }
+  p.truth = std::move(truth), p.scale = std::move(scale);
+  p.kind = Kind::kLeast;
+}
+
 /// A distance that about a twentieth of the pairs are within.
 double near_share(const Problem& p) {
   std::vector<double> known;
@@ -159,7 +173,7 @@ double near_share(const Problem& p) {
     if (!std::isnan(t)) known.push_back(t);
   const auto twentieth = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 20);
   std::nth_element(known.begin(), twentieth, known.end());
-  return *twentieth;
+  return (*twentieth + *std::min_element(twentieth + 1, known.end())) / 2;  // on the edge is none of those that are judged
 }
 
 Problem make_cell(const std::string& scenes, const LinkPoses& links) {
@@ -205,7 +219,7 @@ Problem make_cell(const std::string& scenes, const LinkPoses& links) {
 
 Problem make(const std::string& name, const std::string& scenes, const LinkPoses& links) {
   Digest digest;
-  digest.add(std::string_view(name == "cut" ? "all_pairs" : name));
+  digest.add(std::string_view(name == "cut" || name == "within" ? "all_pairs" : name));
   Random random(digest.value());
   const auto apart = [&] { return random.uniform(kNearest, kFarthest); };
   const auto overlapping = [&] { return random.uniform(0.5, 3.8); };
@@ -214,7 +228,7 @@ Problem make(const std::string& name, const std::string& scenes, const LinkPoses
   if (name == "separated_19802") return pairs_of_spheres(random, 100, 1000, Kind::kDistance, apart);
   if (name == "depth_42") return pairs_of_spheres(random, 5, 4000, Kind::kDepth, overlapping);
   if (name == "depth_1202") return pairs_of_spheres(random, 25, 500, Kind::kDepth, overlapping);
-  if (name == "cell") return make_cell(scenes, links);
+  if (name == "cell" || name == "cell_least") return make_cell(scenes, links);
   if (name == "gap_1mm_42" || name == "gap_1mm_1202") {
     const bool small = name == "gap_1mm_42";
     Problem p = pairs_of_spheres(random, small ? 5 : 25, small ? 10'000 : 2000, Kind::kDistance, [] { return 4.05; });
@@ -246,7 +260,7 @@ Problem make(const std::string& name, const std::string& scenes, const LinkPoses
     p.configurations = p.poses.size() / 2;
     return p;
   }
-  if (name == "all_pairs" || name == "cut") {
+  if (name == "all_pairs" || name == "cut" || name == "within") {
     Problem p = of_spheres(5, Kind::kDistance);
     for (std::uint32_t i = 0; i < 1000; ++i) {
       p.bodies.push_back({0});
@@ -264,6 +278,7 @@ const std::vector<Workload>& workloads() {
   static const std::vector<Workload> kWorkloads = {
       {"all_pairs", "1000 spheres of 42 vertices, all pairs"},
       {"cut", "the same with max_distance, 95 % of pairs farther"},
+      {"within", "the same, only those within it as a list"},
       {"separated_42", "separated pairs, 42 vertices"},
       {"separated_1202", "separated pairs, 1202 vertices"},
       {"separated_19802", "separated pairs, 19,802 vertices"},
@@ -274,6 +289,7 @@ const std::vector<Workload>& workloads() {
       {"motion_19802", "coherent motion, 19,802 vertices"},
       {"two_2M", "two spheres of 1,998,002 vertices"},
       {"cell", "robot cell, 4096 configurations, enabled pairs"},
+      {"cell_least", "the same, only the nearest pair of each configuration (time for each)"},
       {"depth_42", "penetration depth, 42 vertices"},
       {"depth_1202", "penetration depth, 1202 vertices"},
   };
@@ -284,7 +300,9 @@ Problem make_workload(const std::string& name, const std::string& scenes, const 
   Problem p = make(name, scenes, links);
   add_truth(p);
   add_scales(p);
-  if (name == "cut") p.max_distance = near_share(p);
+  if (name == "cut" || name == "within") p.max_distance = near_share(p);
+  if (name == "within") p.kind = Kind::kWithin;
+  if (name == "cell_least") keep_least(p);
   return p;
 }
 

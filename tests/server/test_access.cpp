@@ -10,6 +10,7 @@
 #include "daemon_fixture.h"
 #include "loop_fixture.h"
 #include "server/access.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -120,7 +121,7 @@ int as_other_user(gid_t primary, const std::vector<gid_t>& groups, Work work) {
 /// What this client may do at a daemon: 1 query, 2 poses, 4 admin.
 int tried(const std::string& url) {
   const auto allowed = [&](auto call) {
-    Client client = connect(url);
+    Client client = patient(url);
     try {
       call(client);
       return true;

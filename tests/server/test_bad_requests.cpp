@@ -9,6 +9,7 @@
 #include "memory_transport.h"
 #include "server/loop.h"
 #include "test_scene.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -116,7 +117,7 @@ class BadFramesOverZmq : public testing::Test {
 };
 
 TEST_F(BadFramesOverZmq, AreRefusedAndTheDaemonGoesOn) {
-  Client client = connect(daemon_.url());
+  Client client = patient(daemon_.url());
   for (const BadRequest& request : bad_requests(client.scene().revision)) {
     raw_.send(frame_of(request));
     expect_refusal(request, *raw_.receive());
@@ -149,7 +150,7 @@ TEST_F(BadFramesOverZmq, GarbledPartsAreRefused) {
 }
 
 TEST_F(BadFramesOverZmq, UnknownBodiesAreAStatusNotAnError) {
-  Client client = connect(daemon_.url());
+  Client client = patient(daemon_.url());
   const std::vector<IdPair> pairs{{0, 1}, {0, 77}, {98, 99}};
   Query query;
   query.pairs = pairs;

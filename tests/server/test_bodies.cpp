@@ -9,6 +9,7 @@
 #include "client/client.h"
 #include "daemon_fixture.h"
 #include "loop_fixture.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -199,12 +200,12 @@ TEST_F(Bodies, WhereNoneCanBeMadeTheyAreRefused) {
 TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
   const TestFolder folder;
   Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc")});
-  Client other = connect(daemon.url());
+  Client other = patient(daemon.url());
   const auto ball = [](const char* name, double x) { return NewBody{.name = name, .sphere = 0.1, .pose = Pose7{x, 0, 2, 1, 0, 0, 0}}; };
   other.add_body(ball("near", 0));
   other.add_body(ball("far", 50));
   for (const std::string& url : daemon.urls()) {
-    Client client = connect(url);
+    Client client = patient(url);
     const IdPair pair{client.body("near"), client.body("far")};
     Query query;
     query.pairs = std::span(&pair, 1);
@@ -243,7 +244,7 @@ TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
 TEST(ClearancedBodies, WhatAClientChangesItselfItNeedNotLookAt) {
   const TestFolder folder;
   Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock"});
-  Client client = connect(daemon.url());
+  Client client = patient(daemon.url());
   const IdPair pair{client.body("table"), client.body("cup")};
   Query query;
   query.pairs = std::span(&pair, 1);
@@ -268,7 +269,7 @@ TEST(ClearancedBodies, WhatAClientChangesItselfItNeedNotLookAt) {
 TEST(ClearancedBodies, AreAskedAboutByEveryClient) {
   const TestFolder folder;
   Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc")});
-  Client one = connect(daemon.urls()[0]), other = connect(daemon.urls()[1]);
+  Client one = patient(daemon.urls()[0]), other = patient(daemon.urls()[1]);
   other.scene();
   NewBody ball{.name = "ball", .sphere = 0.25, .pose = Pose7{0, 0, 2, 1, 0, 0, 0}};
   const SceneChanged added = one.add_body(ball);

@@ -13,6 +13,7 @@
 #include "client/wire.h"
 #include "daemon_fixture.h"
 #include "server/key_ring.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -67,9 +68,9 @@ class Keys : public testing::Test {
                                                                 "tcp://127.0.0.1:*", "--keys", folder_ / "keys"});
   }
   ConnectOptions with(const std::string& key, const std::string& server = "keys/server.key.pub") const {
-    return {std::chrono::seconds(30), folder_ / server, folder_ / (key + ".key")};
+    return {kPatience, folder_ / server, folder_ / (key + ".key")};
   }
-  Client come(const std::string& key) const { return connect(daemon_->url(), with(key)); }
+  Client come(const std::string& key) const { return patient(daemon_->url(), with(key)); }
   std::uint64_t counter(const std::string& name) const {
     Client client = come("all");
     for (const auto& [known, value] : client.stats())
@@ -127,7 +128,7 @@ TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { come("stranger"); }), "the daemon refuses this client's key"));
   EXPECT_TRUE(contains(daemon_->log(), "event=zmq_refused more=0 reason=\"this key is not authorized\" address=127.0.0.1"));
   EXPECT_TRUE(contains(daemon_->log(), read_public_key(folder_ / "stranger.key")));
-  EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url()); }), "the daemon there wants keys"));
+  EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { patient(daemon_->url()); }), "the daemon there wants keys"));
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url(), with("all", "asker.key.pub")); }),
                        "the daemon there has another key than server_key"));
   EXPECT_GE(counter("zmq.refused"), 3u);
@@ -177,7 +178,7 @@ TEST_F(Keys, InTheUrlAndInTheEnvironment) {
 
 TEST_F(Keys, ADaemonWithoutThemAndAClientWithThem) {
   Daemon daemon({"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--zmq", "tcp://127.0.0.1:*"});
-  Client stranger = connect(daemon.url());
+  Client stranger = patient(daemon.url());
   EXPECT_TRUE(may(stranger, ask));
   EXPECT_TRUE(may(stranger, move));
   EXPECT_FALSE(may(stranger, reload)) << "the loopback knows no users";

@@ -9,6 +9,7 @@
 #include "client/client.h"
 #include "loop_fixture.h"
 #include "tests/engine/engine_test_util.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -133,8 +134,7 @@ TEST_F(ManyClients, OverSharedMemoryAndZeroMqAllGetTheEnginesBits) {
     std::vector<std::jthread> clients;
     for (int c = 0; c < kClients; ++c)
       clients.emplace_back([&, c] {
-        Client client = connect(c % 2 ? "shm://" + base + ".shm" : "ipc://" + base + ".zmq", 60s);
-        client.set_timeout(60s);
+        Client client = patient(c % 2 ? "shm://" + base + ".shm" : "ipc://" + base + ".zmq");
         for (int i = 0; i < kQueries; ++i) {
           const Expected& e = expected[static_cast<std::size_t>(c + i) % expected.size()];
           Query query;

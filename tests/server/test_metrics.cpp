@@ -14,6 +14,7 @@
 #include "daemon_fixture.h"
 #include "loop_fixture.h"
 #include "server/error_log.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -138,7 +139,7 @@ TEST_F(Metrics, OnAUnixSocket) {
   struct stat info {};
   ASSERT_EQ(stat(path.c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777, 0600u);
-  Client client = connect(daemon.url());
+  Client client = patient(daemon.url());
   for (int i = 0; i < 3; ++i) client.distances();
   const IdPair nobody{kGroupBit | 7, 0};
   Query bad;
@@ -180,7 +181,7 @@ TEST_F(Metrics, OnTheLoopback) {
 TEST_F(Metrics, WhoIsSlowOrGoesKeepsNobodyFromAnAnswer) {
   const std::string path = folder_ / "metrics.sock";
   Daemon daemon(options(path));
-  Client client = connect(daemon.url());
+  Client client = patient(daemon.url());
   {
     const shm::UniqueFd silent = connect_to(path), slow = connect_to(path), gone = connect_to(path);
     EXPECT_EQ(::send(slow.get(), "GET ", 4, MSG_NOSIGNAL), 4);

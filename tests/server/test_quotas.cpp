@@ -6,6 +6,7 @@
 #include "client/client.h"
 #include "daemon_fixture.h"
 #include "loop_fixture.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -152,11 +153,11 @@ std::vector<std::string> for_two(const TestFolder& folder) {
 TEST(MaxClients, OverSharedMemory) {
   const TestFolder folder;
   Daemon daemon(for_two(folder));
-  Client first = connect(daemon.urls()[0]);
+  Client first = patient(daemon.urls()[0]);
   {
-    Client second = connect(daemon.urls()[0]);
+    Client second = patient(daemon.urls()[0]);
     try {
-      connect(daemon.urls()[0]);
+      patient(daemon.urls()[0]);
       FAIL();
     } catch (const ConnectionError& error) {
       EXPECT_NE(std::string(error.what()).find("already has 2 shared-memory clients (--max-clients)"), std::string::npos)
@@ -165,7 +166,7 @@ TEST(MaxClients, OverSharedMemory) {
     second.ping();
   }
   for (bool in = false; !in; std::this_thread::yield()) try {  // until the daemon has seen that the second has gone
-      connect(daemon.urls()[0]).ping();
+      patient(daemon.urls()[0]).ping();
       in = true;
     } catch (const ConnectionError&) {
     }
@@ -175,10 +176,8 @@ TEST(MaxClients, OverSharedMemory) {
 TEST(MaxClients, OverZeroMq) {
   const TestFolder folder;
   Daemon daemon(for_two(folder));
-  Client first = connect(daemon.urls()[1]), second = connect(daemon.urls()[1]), third = connect(daemon.urls()[1]);
+  Client first = patient(daemon.urls()[1]), second = patient(daemon.urls()[1]), third = patient(daemon.urls()[1]);
   for (Client* client : {&first, &second, &third}) client->ping();  // one after the other any number may come
-  first.set_timeout(std::chrono::seconds(60));
-  second.set_timeout(std::chrono::seconds(60));
   const std::uint32_t body = 1;
   std::string said;
   for (std::size_t configurations = 20000; said.empty(); configurations *= 2) {  // until both outlast a few echoes

@@ -10,6 +10,7 @@
 #include "client/client.h"
 #include "daemon_fixture.h"
 #include "loop_fixture.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -266,7 +267,7 @@ TEST(ClearancedReload, ByASignal) {
   const std::string scene = folder.write("scene.yaml", kSmallSceneYaml);
   Daemon daemon({"--scene", scene, "--zmq", "ipc://" + (folder / "c.ipc")});
   const auto ended = [&](const char* counter, std::uint64_t count) {
-    for (Client client = connect(daemon.url());;) {
+    for (Client client = patient(daemon.url());;) {
       for (const auto& [name, value] : client.stats())
         if (name == counter && value >= count) return;
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -277,13 +278,13 @@ TEST(ClearancedReload, ByASignal) {
   folder.write("scene.yaml", more);
   ASSERT_EQ(kill(daemon.pid(), SIGHUP), 0);
   ended("reloads", 1);
-  EXPECT_EQ(connect(daemon.url()).scene().bodies.size(), 5u);
+  EXPECT_EQ(patient(daemon.url()).scene().bodies.size(), 5u);
   EXPECT_NE(daemon.log().find("event=reloaded bodies=5"), std::string::npos) << daemon.log();
 
   folder.write("scene.yaml", "bodies: [{name: x, box: [1, -1, 1]}]\n");
   ASSERT_EQ(kill(daemon.pid(), SIGHUP), 0);
   ended("reloads.failed", 1);
-  EXPECT_EQ(connect(daemon.url()).scene().bodies.size(), 5u);
+  EXPECT_EQ(patient(daemon.url()).scene().bodies.size(), 5u);
   EXPECT_NE(daemon.log().find("event=reload_failed"), std::string::npos) << daemon.log();
   EXPECT_NE(daemon.log().find("scene.yaml:1"), std::string::npos) << daemon.log();
   EXPECT_EQ(daemon.stop(SIGTERM), 0);
@@ -293,7 +294,7 @@ TEST(ClearancedReload, ByACommand) {
   TestFolder folder;
   const std::string scene = folder.write("scene.yaml", kSmallSceneYaml);
   Daemon daemon({"--scene", scene, "--zmq", "ipc://" + (folder / "c.ipc"), "--shm", folder / "c.sock"});
-  Client other = connect(daemon.url());
+  Client other = patient(daemon.url());
   const std::uint64_t before = other.scene().revision;
   std::string more(kSmallSceneYaml);
   more.insert(more.find("groups:"), "  - {name: crate, box: [1, 1, 1], pose: [5,0,0, 1,0,0,0]}\n");

@@ -12,6 +12,7 @@
 #include "client/client.h"
 #include "daemon_fixture.h"
 #include "memory_transport.h"
+#include "tests/patience.h"
 
 namespace clearance {
 namespace {
@@ -47,7 +48,7 @@ bool same_bits(std::span<const double> a, std::span<const double> b) {
 }
 
 TEST_F(ZmqTest, BothEndpointsGiveTheSameBits) {
-  Client ipc = connect(daemon_.urls()[0]), tcp = connect(daemon_.urls()[1]);
+  Client ipc = patient(daemon_.urls()[0]), tcp = patient(daemon_.urls()[1]);
   Query query;
   query.fields = kDefaultFields | kFieldPoints | kFieldNormal | kFieldPair;
   const Reply a = ipc.distances(query), b = tcp.distances(query);
@@ -64,7 +65,7 @@ TEST_F(ZmqTest, BothEndpointsGiveTheSameBits) {
 }
 
 TEST_F(ZmqTest, ConfigurationsAndPosesAgree) {
-  Client client = connect(daemon_.url());
+  Client client = patient(daemon_.url());
   const std::uint32_t body = 3;
   const Pose7 elsewhere{1, 2, 3, 0.5, 0.5, 0.5, 0.5};
   Query query;
@@ -90,7 +91,7 @@ TEST_F(ZmqTest, ManyClientsAtOnceGetTheirOwnAnswers) {
   std::vector<std::thread> threads;
   for (int c = 0; c < kClients; ++c)
     threads.emplace_back([&, c] {
-      Client client = connect(daemon_.urls()[static_cast<std::size_t>(c % 2)]);
+      Client client = patient(daemon_.urls()[static_cast<std::size_t>(c % 2)]);
       for (int i = 0; i < kRounds; ++i) {
         const IdPair pair{static_cast<std::uint32_t>(c), static_cast<std::uint32_t>(10 + i)};
         Query query;
@@ -105,8 +106,7 @@ TEST_F(ZmqTest, ManyClientsAtOnceGetTheirOwnAnswers) {
 }
 
 TEST_F(ZmqTest, ManyQueriesOfOneClientAreAnsweredOrRefusedAsBusy) {
-  Client client = connect(daemon_.url());
-  client.set_timeout(60s);
+  Client client = patient(daemon_.url());
   std::vector<Pending> pending;
   for (int i = 0; i < 200; ++i) pending.push_back(client.submit());
   int answered = 0, busy = 0;
@@ -122,12 +122,12 @@ TEST_F(ZmqTest, ManyQueriesOfOneClientAreAnsweredOrRefusedAsBusy) {
 }
 
 TEST_F(ZmqTest, AClientThatDiesMidQueryCostsNothing) {
-  Client witness = connect(daemon_.url());
+  Client witness = patient(daemon_.url());
   const std::uint64_t answered = counter(witness, "queries.answered");
   const pid_t child = fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
-    Client doomed = connect(daemon_.url());
+    Client doomed = patient(daemon_.url());
     for (int i = 0; i < 5; ++i) (void)doomed.submit();
     doomed.ping();  // all five have arrived
     kill(getpid(), SIGKILL);
@@ -154,7 +154,7 @@ zmq::socket_t lazy_client(zmq::context_t& context, const std::string& url) {
 TEST_F(ZmqTest, RepliesToAClientThatDoesNotReadAreDroppedAndCounted) {
   zmq::context_t context;
   zmq::socket_t lazy = lazy_client(context, daemon_.url());
-  Client witness = connect(daemon_.url());
+  Client witness = patient(daemon_.url());
   // Echoes of 1 MiB that nobody fetches: the daemon keeps a bounded number, and goes on.
   const std::vector<std::byte> payload(1 << 20);
   const auto header = wire::make_header(wire::FrameType::kPing, 1, payload.size());
@@ -171,7 +171,7 @@ TEST_F(ZmqTest, RepliesThatAClientDoesNotReadAreCountedAmongItsOwn) {
                        "--threads", "1", "--max-client-mib", "4"});
   zmq::context_t context;
   zmq::socket_t lazy = lazy_client(context, daemon.url());
-  Client witness = connect(daemon.url());
+  Client witness = patient(daemon.url());
   TestQuery query;
   query.header.fields = kDefaultFields | kFieldPoints | kFieldNormal;  // 4950 rows, 480 KB
   for (std::uint64_t sent = 1; counter(witness, "errors.busy") == 0; ++sent) {
@@ -186,7 +186,7 @@ TEST_F(ZmqTest, RepliesThatAClientDoesNotReadAreCountedAmongItsOwn) {
 }
 
 TEST_F(ZmqTest, TheDaemonsEndIsNoticed) {
-  Client client = connect(daemon_.url());
+  Client client = patient(daemon_.url());
   client.scene();
   daemon_.stop(SIGKILL);
   try {

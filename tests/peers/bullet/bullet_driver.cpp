@@ -1,5 +1,6 @@
 // Bullet as a contender: btGjkPairDetector with its EPA for depths. (btGjkEpaSolver2::Distance is wrong on ordinary
 // pairs.)
+#include <BulletCollision/BroadphaseCollision/btDbvt.h>
 #include <BulletCollision/CollisionShapes/btConvexHullShape.h>
 #include <BulletCollision/NarrowPhaseCollision/btGjkEpaPenetrationDepthSolver.h>
 #include <BulletCollision/NarrowPhaseCollision/btGjkPairDetector.h>
@@ -22,12 +23,12 @@ class BulletPeer {
     btVector3 axis{0, 1, 0};
   };
 
-  static std::vector<std::string> settings(peers::Kind kind) {
-    if (kind == peers::Kind::kMotion) return {"gjk", "gjk cached"};
-    return {kind == peers::Kind::kDepth ? "gjk epa" : "gjk"};
+  static std::vector<std::string> settings(const peers::Problem& p) {
+    if (p.kind == peers::Kind::kMotion) return {"gjk", "gjk cached"};
+    return {p.kind == peers::Kind::kDepth ? "gjk epa" : "gjk"};
   }
 
-  explicit BulletPeer(const std::string& setting)
+  BulletPeer(const std::string& setting, const peers::Problem&)
       : cached_(setting.find("cached") != std::string::npos), depth_(setting.find("epa") != std::string::npos) {}
 
   static std::unique_ptr<Geometry> load(const peers::Shape& s) {
@@ -38,7 +39,7 @@ class BulletPeer {
     return hull;
   }
 
-  static Transform transform(const double R[9], const double t[3]) {
+  static Transform transform(const double R[9], const double t[3], const Geometry&) {
     const btVector3 x = vector(R), y = vector(R + 3), z = vector(R + 6);
     return btTransform(btMatrix3x3(x.x(), x.y(), x.z(), y.x(), y.y(), y.z(), z.x(), z.y(), z.z()), vector(t));
   }
@@ -56,6 +57,31 @@ class BulletPeer {
     return result.m_hasResult ? static_cast<double>(result.m_distance)
                               : 0;  // it reports nothing of overlaps without EPA
   }
+
+  class Tree {
+   public:
+    explicit Tree(const std::vector<peers::Box>& boxes) {
+      for (std::size_t i = 0; i < boxes.size(); ++i)
+        tree_.insert(btDbvtVolume::FromMM(vector(boxes[i].low.data()), vector(boxes[i].high.data())),
+                     reinterpret_cast<void*>(i));
+      tree_.optimizeTopDown();
+    }
+    template <class F>
+    void each_pair(F f) {
+      struct Each final : btDbvt::ICollide {
+        explicit Each(F& to) : call(to) {}
+        void Process(const btDbvtNode* a, const btDbvtNode* b) override {
+          call(static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(a->data)),
+               static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(b->data)));
+        }
+        F& call;
+      } each(f);
+      tree_.collideTTpersistentStack(tree_.m_root, tree_.m_root, each);
+    }
+
+   private:
+    btDbvt tree_;
+  };
 
  private:
   bool cached_, depth_;

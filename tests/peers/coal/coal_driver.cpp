@@ -1,5 +1,7 @@
 // Coal as a contender: one GJKSolver for all pairs of hulls, with the neighbours that it makes of their faces. One
 // vertex is its sphere, two are its capsule.
+#include <coal/broadphase/broadphase_callbacks.h>
+#include <coal/broadphase/broadphase_dynamic_AABB_tree.h>
 #include <coal/distance.h>
 #include <coal/narrowphase/narrowphase.h>
 #include <coal/shape/convex.h>
@@ -25,18 +27,21 @@ class CoalPeer {
     coal::support_func_guess_t support = coal::support_func_guess_t::Zero();
   };
 
-  static std::vector<std::string> settings(peers::Kind kind) {
+  static std::vector<std::string> settings(const peers::Problem& p) {
     std::vector<std::string> s{"default", "bounding volume", "default 1e-12", "bounding volume 1e-12", "nesterov"};
-    if (kind == peers::Kind::kMotion) s.insert(s.end(), {"cached", "cached 1e-12"});
+    if (p.kind == peers::Kind::kMotion) s.insert(s.end(), {"cached", "cached 1e-12"});
+    if (p.max_distance < peers::kBeyond) s.insert(s.end(), {"early stop", "early stop, bounding volume"});
     return s;
   }
 
-  explicit CoalPeer(const std::string& setting) {
+  CoalPeer(const std::string& setting, const peers::Problem& p) : depth_(p.kind == peers::Kind::kDepth) {
+    request_.enable_signed_distance = depth_;
     if (setting.find("1e-12") != std::string::npos) request_.gjk_tolerance = request_.epa_tolerance = 1e-12;
-    if (setting.find("bounding") == 0) request_.gjk_initial_guess = coal::GJKInitialGuess::BoundingVolumeGuess;
+    if (setting.find("bounding") != std::string::npos) request_.gjk_initial_guess = coal::GJKInitialGuess::BoundingVolumeGuess;
     if (setting.find("cached") == 0) request_.gjk_initial_guess = coal::GJKInitialGuess::CachedGuess, cached_ = true;
     if (setting.find("nesterov") == 0) request_.gjk_variant = coal::GJKVariant::NesterovAcceleration;
     solver_.set(request_);
+    if (setting.find("early") != std::string::npos) solver_.distance_upper_bound = p.max_distance;
   }
 
   static std::unique_ptr<Geometry> load(const peers::Shape& s) {
@@ -76,23 +81,57 @@ class CoalPeer {
     return g;
   }
 
-  static Transform transform(const double R[9], const double t[3]) {
-    return {Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R), Eigen::Map<const Eigen::Vector3d>(t)};
+  static Transform transform(const double R[9], const double t[3], const Geometry& g) {
+    const Transform X{Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R), Eigen::Map<const Vec3s>(t)};
+    return g.hull ? X : X * g.at;
   }
 
   double distance(const Geometry& a, const Transform& at_a, const Geometry& b, const Transform& at_b, Cache& cache) {
     if (!a.hull || !b.hull) {
       coal::DistanceResult result;
-      return coal::distance(a.shape.get(), at_a * a.at, b.shape.get(), at_b * b.at, request_, result);
+      return coal::distance(a.shape.get(), at_a, b.shape.get(), at_b, request_, result);
     }
     if (cached_) solver_.cached_guess = cache.guess, solver_.support_func_cached_guess = cache.support;
     Vec3s p, q, n;
-    const double d = solver_.shapeDistance(*a.hull, at_a, *b.hull, at_b, true, p, q, n);
+    const double d = solver_.shapeDistance(*a.hull, at_a, *b.hull, at_b, depth_, p, q, n);
     if (cached_) cache.guess = solver_.cached_guess, cache.support = solver_.support_func_cached_guess;
     return d;
   }
 
+  class Tree {
+   public:
+    explicit Tree(const std::vector<peers::Box>& boxes) {
+      for (const peers::Box& box : boxes) {
+        const Eigen::Map<const Vec3s> low(box.low.data()), high(box.high.data());
+        const auto shape = std::make_shared<coal::Box>(Vec3s(high - low));
+        const Transform3s centre(Vec3s((low + high) / 2));
+        objects_.push_back(std::make_unique<coal::CollisionObject>(shape, centre));
+        objects_.back()->setUserData(reinterpret_cast<void*>(objects_.size() - 1));
+        manager_.registerObject(objects_.back().get());
+      }
+      manager_.setup();
+    }
+    template <class F>
+    void each_pair(F f) {
+      struct Each final : coal::CollisionCallBackBase {
+        explicit Each(F& to) : call(to) {}
+        bool collide(coal::CollisionObject* a, coal::CollisionObject* b) override {
+          call(static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(a->getUserData())),
+               static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(b->getUserData())));
+          return false;
+        }
+        F& call;
+      } each(f);
+      manager_.collide(&each);
+    }
+
+   private:
+    std::vector<std::unique_ptr<coal::CollisionObject>> objects_;
+    coal::DynamicAABBTreeCollisionManager manager_;
+  };
+
  private:
+  bool depth_;
   coal::DistanceRequest request_;
   coal::GJKSolver solver_;
   bool cached_ = false;

@@ -1,4 +1,6 @@
 // FCL as a contender: fcl::distance, and fcl::collide for depths, by libccd. (GST_INDEP is wrong on ordinary pairs.)
+#include <fcl/broadphase/broadphase_dynamic_AABB_tree.h>
+#include <fcl/geometry/shape/box.h>
 #include <fcl/geometry/shape/convex.h>
 #include <fcl/geometry/shape/sphere.h>
 #include <fcl/narrowphase/collision.h>
@@ -15,18 +17,18 @@ class FclPeer {
   struct Geometry {
     std::unique_ptr<fcl::CollisionGeometryd> shape;
     fcl::Transform3d at = fcl::Transform3d::Identity();
-    bool moved = false;
+    bool sphere = false;
     double radius = 0;  // taken off the distance: FCL has no rounded hulls
   };
   using Transform = fcl::Transform3d;
   struct Cache {};
 
-  static std::vector<std::string> settings(peers::Kind kind) {
-    if (kind == peers::Kind::kDepth) return {"libccd signed", "libccd collide", "libccd signed 1e-12"};
+  static std::vector<std::string> settings(const peers::Problem& p) {
+    if (p.kind == peers::Kind::kDepth) return {"libccd signed", "libccd collide", "libccd signed 1e-12"};
     return {"libccd", "libccd 1e-12"};
   }
 
-  explicit FclPeer(const std::string& setting) : collide_(setting.find("collide") != std::string::npos) {
+  FclPeer(const std::string& setting, const peers::Problem&) : collide_(setting.find("collide") != std::string::npos) {
     request_.enable_nearest_points = true;
     request_.enable_signed_distance = setting.find("signed") != std::string::npos;
     if (setting.find("1e-12") != std::string::npos) request_.distance_tolerance = 1e-12;
@@ -39,7 +41,7 @@ class FclPeer {
     if (s.vertices.size() == 1) {
       g->shape = std::make_unique<fcl::Sphered>(s.radius);
       g->at.translation() = Vector3d(s.vertices[0][0], s.vertices[0][1], s.vertices[0][2]);
-      g->moved = true;
+      g->sphere = true;
       return g;
     }
     // Vertices of no face would be in the way of its climbing; flat hulls come without faces.
@@ -59,22 +61,16 @@ class FclPeer {
     return g;
   }
 
-  static Transform transform(const double R[9], const double t[3]) {
+  static Transform transform(const double R[9], const double t[3], const Geometry& g) {
     Transform X = Transform::Identity();
     X.linear() = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(R);
     X.translation() = Eigen::Map<const Eigen::Vector3d>(t);
-    return X;
+    return g.sphere ? X * g.at : X;
   }
 
   double distance(const Geometry& a, const Transform& at_a, const Geometry& b, const Transform& at_b, Cache&) {
-    if (a.moved || b.moved) return ask(a, at_a * a.at, b, at_b * b.at);
-    return ask(a, at_a, b, at_b);
-  }
-
- private:
-  double ask(const Geometry& a, const Transform& at_a, const Geometry& b, const Transform& at_b) {
     // Of two spheres FCL knows distance and depth in closed form, but its signed distance iterates.
-    const bool spheres = a.moved && b.moved;
+    const bool spheres = a.sphere && b.sphere;
     if (collide_ || spheres) {
       fcl::CollisionResultd result;
       fcl::collide(a.shape.get(), at_a, b.shape.get(), at_b, contacts_, result);
@@ -86,6 +82,35 @@ class FclPeer {
     return result.min_distance - a.radius - b.radius;
   }
 
+  class Tree {
+   public:
+    explicit Tree(const std::vector<peers::Box>& boxes) {
+      for (const peers::Box& box : boxes) {
+        const Eigen::Map<const Vector3d> low(box.low.data()), high(box.high.data());
+        const auto shape = std::make_shared<fcl::Boxd>(Vector3d(high - low));
+        fcl::Transform3d centre = fcl::Transform3d::Identity();
+        centre.translation() = (low + high) / 2;
+        objects_.push_back(std::make_unique<fcl::CollisionObjectd>(shape, centre));
+        objects_.back()->setUserData(reinterpret_cast<void*>(objects_.size() - 1));
+        manager_.registerObject(objects_.back().get());
+      }
+      manager_.setup();
+    }
+    template <class F>
+    void each_pair(F f) {
+      manager_.collide(&f, [](fcl::CollisionObjectd* a, fcl::CollisionObjectd* b, void* to) {
+        (*static_cast<F*>(to))(static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(a->getUserData())),
+                               static_cast<std::uint32_t>(reinterpret_cast<std::uintptr_t>(b->getUserData())));
+        return false;
+      });
+    }
+
+   private:
+    std::vector<std::unique_ptr<fcl::CollisionObjectd>> objects_;
+    fcl::DynamicAABBTreeCollisionManagerd manager_;
+  };
+
+ private:
   bool collide_;
   fcl::DistanceRequestd request_, plain_{true};
   fcl::CollisionRequestd contacts_;
