@@ -115,7 +115,15 @@ void session(const std::string& socket_path, std::mt19937_64& random) {
     if (posted - answered < 4) {
       const std::uint32_t slot = posted % 4;
       const auto& frame = frames[posted % frames.size()];
-      std::memcpy(client.base + shm::kPage + slot * request_capacity, frame.data(), frame.size());
+      std::byte* room = client.base + shm::kPage + slot * request_capacity;
+      std::memcpy(room, frame.data(), frame.size());
+      // Some queries are bad before the daemon can look: whether the other thread hits one in time is chance, and on a busy
+      // machine a rare one.
+      if (target == Target::kRequests && posted % 8 == 7) {
+        const std::uint64_t word = nasty_word(*client.header, random);
+        const std::uint64_t at = random() % (sizeof(wire::QueryHeader) / sizeof word) * sizeof word;
+        std::memcpy(room + sizeof(wire::FrameHeader) + at, &word, sizeof word);
+      }
       client.post(shm::pack_ticket(slot, ++generation[slot]), frame.size(), ++posted);
     } else {
       // Replies come in any order: all four must be there before the first slot is used again.

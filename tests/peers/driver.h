@@ -2,7 +2,8 @@
 //
 //   PROGRAM PROBLEM
 //       prints "settings\tNAME\tNAME...", then takes lines from standard input:
-//       time SECONDS SETTING    passes over all pairs until so much time is spent; prints "time\tSECONDS" of one
+//       time SECONDS SETTING    passes over all pairs until so much time is spent; prints "time\tWALL\tPROCESSOR", the
+//                               seconds of one pass by the clock on the wall and as this process had them
 //       write FILE SETTING      one more pass, its float64 answers (as many as Problem::truth has) to a file; prints
 //                               "written"
 //   PROGRAM PROBLEM FILE SETTING FIRST
@@ -10,8 +11,9 @@
 //       which pair it was. A refusal is a NaN.
 #pragma once
 
+#include <time.h>
+
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -44,6 +46,12 @@ inline void spread(const Problem& p, const std::vector<Found>& list, double* ans
     answers[index.at(std::uint64_t{std::min(f.a, f.b)} << 32 | std::max(f.a, f.b))] = f.distance;
 }
 
+inline double seconds(clockid_t clock) {
+  timespec now{};
+  clock_gettime(clock, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
 /// The first form. \param pass answers all pairs under a setting, in (K, P) order. \param finish puts the answers of
 /// the last pass in order, where that is no part of the work.
 inline int serve(const Problem& p, const std::vector<std::string>& settings,
@@ -59,16 +67,14 @@ inline int serve(const Problem& p, const std::vector<std::string>& settings,
     std::cin >> argument;
     std::getline(std::cin >> std::ws, setting);
     if (word == "time") {
-      using Clock = std::chrono::steady_clock;
-      const auto start = Clock::now();
-      double seconds = 0;
+      const double wall = seconds(CLOCK_MONOTONIC), processor = seconds(CLOCK_PROCESS_CPUTIME_ID);
       int passes = 0;
       do {
         pass(setting, answers.data());
         ++passes;
-        seconds = std::chrono::duration<double>(Clock::now() - start).count();
-      } while (seconds < std::stod(argument));
-      std::printf("time\t%.9g\n", seconds / passes);
+      } while (seconds(CLOCK_PROCESS_CPUTIME_ID) < processor + std::stod(argument));
+      std::printf("time\t%.9g\t%.9g\n", (seconds(CLOCK_MONOTONIC) - wall) / passes,
+                  (seconds(CLOCK_PROCESS_CPUTIME_ID) - processor) / passes);
     } else {
       pass(setting, answers.data());
       finish(answers.data());

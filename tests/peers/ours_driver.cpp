@@ -19,7 +19,8 @@ class Ours {
                              : steps                        ? pairs_.size()
                                                             : static_cast<std::size_t>(p.answers());
     lower_.resize(rows), upper_.resize(rows), status_.resize(rows);
-    points_a_.resize(3 * rows), points_b_.resize(3 * rows), normals_.resize(3 * rows), distances_.resize(rows), found_.resize(rows), configurations_.resize(rows);
+    points_a_.resize(3 * rows), points_b_.resize(3 * rows), normals_.resize(3 * rows);
+    distances_.resize(rows), found_.resize(rows), configurations_.resize(rows);
   }
 
   static std::vector<std::string> settings(const peers::Problem& p) {

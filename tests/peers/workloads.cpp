@@ -173,7 +173,8 @@ double near_share(const Problem& p) {
     if (!std::isnan(t)) known.push_back(t);
   const auto twentieth = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 20);
   std::nth_element(known.begin(), twentieth, known.end());
-  return (*twentieth + *std::min_element(twentieth + 1, known.end())) / 2;  // on the edge is none of those that are judged
+  // On the edge itself is none of those that are judged.
+  return (*twentieth + *std::min_element(twentieth + 1, known.end())) / 2;
 }
 
 Problem make_cell(const std::string& scenes, const LinkPoses& links) {

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from patience import PATIENCE_S
 from scenes import IDENTITY
 
 import clearance
@@ -152,7 +153,7 @@ def scene_of_the_cell(cell):
 def front(request, scene_of_the_cell, start_daemon, cell):
     if request.param == "engine":
         return clearance.Engine(scene_of_the_cell)
-    return clearance.connect(start_daemon(cell, ["ipc"]).urls["ipc"], timeout_s=60)
+    return clearance.connect(start_daemon(cell, ["ipc"]).urls["ipc"], timeout_s=PATIENCE_S)
 
 
 def test_every_argument_of_both_fronts(front):

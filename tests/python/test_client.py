@@ -10,6 +10,7 @@ import traceback
 
 import numpy as np
 import pytest
+from patience import PATIENCE_S
 from scenes import at, random_poses
 from threads import turns_beside
 
@@ -37,7 +38,7 @@ def engine(cell):
 
 @pytest.fixture
 def client(daemon, kind):
-    with clearance.connect(daemon.urls[kind], timeout_s=30) as client:
+    with clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S) as client:
         yield client
 
 
@@ -97,7 +98,7 @@ def test_answers_equal_those_of_the_engine_bit_for_bit(client, engine, name):
 
 def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
     poses = {"bottle": at(0.3, -0.1, 0.9), "ball": at(0.1, 0.2, 1.5), "book": [np.nan] * 7}
-    clients = {kind: clearance.connect(url, timeout_s=30) for kind, url in daemon.urls.items()}
+    clients = {kind: clearance.connect(url, timeout_s=PATIENCE_S) for kind, url in daemon.urls.items()}
     one = next(iter(clients.values()))
     before = one.body_states()
     try:
@@ -125,7 +126,7 @@ def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
 
 def test_a_query_waits_for_its_poses(daemon, engine):
     """Over every transport, for poses that came over another."""
-    clients = {kind: clearance.connect(url, timeout_s=30) for kind, url in daemon.urls.items()}
+    clients = {kind: clearance.connect(url, timeout_s=PATIENCE_S) for kind, url in daemon.urls.items()}
     mover = next(iter(clients.values()))
     before = mover.body_states()[mover.body_id("bottle")].pose
     stamp = 1_000_000_000_000
@@ -136,7 +137,7 @@ def test_a_query_waits_for_its_poses(daemon, engine):
             waiting = client.submit(min_pose_stamp_ns=stamp, **asked)
             assert mover.stats()["frames"] > 0 and not waiting.done()  # the daemon serves others meanwhile
             mover.set_poses({"bottle": at(0.1, 0.2, 0.3)}, stamp_ns=stamp, sequence=stamp // 2)
-            answer = waiting.result(timeout=30)
+            answer = waiting.result(timeout=PATIENCE_S)
             assert answer.snapshot_stamp_ns == stamp and answer.snapshot_sequence == stamp // 2
             prepared = client.prepare(min_pose_stamp_ns=1, **asked)
             assert prepared().snapshot_stamp_ns == stamp and prepared(min_pose_stamp_ns=stamp).snapshot_stamp_ns == stamp
@@ -226,7 +227,7 @@ def test_wrong_arguments_are_named(client, arguments, error, text):
 
 
 def test_views_are_read_only_and_outlive_result_and_client(daemon, kind):
-    client = clearance.connect(daemon.urls[kind], timeout_s=30)
+    client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
     expected = client.distances()
     result = client.distances(copy=False)
     lower, points = result.lower, result.point_a
@@ -246,7 +247,7 @@ def test_views_are_read_only_and_outlive_result_and_client(daemon, kind):
 def test_a_leased_slot_returns_when_its_arrays_are_gone(daemon, kinds):
     if kinds["shm"]:
         pytest.skip(kinds["shm"])
-    client = clearance.connect(daemon.urls["shm"], timeout_s=30)
+    client = clearance.connect(daemon.urls["shm"], timeout_s=PATIENCE_S)
     query = {"pairs": ("cup", "ball"), "fields": ("lower", "upper")}
     expected = client.distances(**query).lower.tolist()
     held = []
@@ -268,7 +269,7 @@ def test_a_leased_slot_returns_when_its_arrays_are_gone(daemon, kinds):
 def test_views_die_on_another_thread_while_the_client_works(daemon, kinds):
     """Slots are given back by whatever thread drops the last array, also in the middle of a call."""
     kind = "ipc" if kinds["shm"] else "shm"
-    client = clearance.connect(daemon.urls[kind], timeout_s=30)
+    client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
     expected = client.distances().lower.tobytes()
     boxes, stop, failures = [], threading.Event(), []
 
@@ -303,7 +304,8 @@ def test_futures_in_any_order(client, engine):
     query = {"bodies": ["ball"], "max_distance": 0.5}
     futures = [client.submit(configurations=c, **query) for c in configurations]
     for k in (4, 0, 2, 3, 1):
-        assert same_bits(futures[k].result(timeout=30), engine.distances(configurations=configurations[k], **query))
+        answer = futures[k].result(timeout=PATIENCE_S)
+        assert same_bits(answer, engine.distances(configurations=configurations[k], **query))
         assert futures[k].done() and not futures[k].cancel()
     assert futures[2].result() is futures[2].result()
     cancelled = client.submit(**{"reduce": "min"})
@@ -341,7 +343,7 @@ def test_two_threads_on_one_client(client, engine):
 @pytest.mark.parametrize("kind", ["shm", "ipc"])
 def test_a_client_finds_the_next_daemon(start_daemon, cell, kind):
     first = start_daemon(cell, [kind])
-    client = clearance.connect(first.urls[kind], timeout_s=30)
+    client = clearance.connect(first.urls[kind], timeout_s=PATIENCE_S)
     expected = client.distances(pairs=("cup", "*"))
     os.kill(first.process.pid, signal.SIGSTOP)
     future = client.submit(pairs=("cup", "*"))
@@ -362,7 +364,7 @@ def test_a_client_finds_the_next_daemon(start_daemon, cell, kind):
 
 def test_timeout_and_recovery(start_daemon, cell, kind):
     daemon = start_daemon(cell, [kind])
-    client = clearance.connect(daemon.urls[kind], timeout_s=30)
+    client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
     expected = client.distances(pairs=("cup", "*"))
     os.kill(daemon.process.pid, signal.SIGSTOP)
     with pytest.raises(clearance.TimeoutError, match=r"no answer within 0\.05 s"):
@@ -376,15 +378,15 @@ def test_timeout_and_recovery(start_daemon, cell, kind):
     with pytest.raises(clearance.TimeoutError):
         client.stats()
     os.kill(daemon.process.pid, signal.SIGCONT)
-    client.timeout_s = 30
-    assert same_bits(future.result(timeout=30), expected), "result() may be called again"
+    client.timeout_s = PATIENCE_S
+    assert same_bits(future.result(timeout=PATIENCE_S), expected), "result() may be called again"
     assert same_bits(client.distances(pairs=("cup", "*")), expected)
 
 
 def test_a_daemon_that_ends_is_noticed(start_daemon, cell, kinds):
     kind = "ipc" if kinds["shm"] else "shm"
     daemon = start_daemon(cell, [kind])
-    client = clearance.connect(daemon.urls[kind], timeout_s=30)
+    client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
     client.distances()
     future = client.submit()
     future.result()
@@ -426,7 +428,7 @@ def test_closed_client(ipc):
 
 def test_a_forked_child_must_connect_anew(daemon, kind):
     url = daemon.urls[kind]
-    client = clearance.connect(url, timeout_s=30)
+    client = clearance.connect(url, timeout_s=PATIENCE_S)
     expected = client.distances(pairs=("cup", "*"))
     view = client.distances(pairs=("cup", "*"), copy=False)
     read, write = os.pipe()
@@ -442,7 +444,7 @@ def test_a_forked_child_must_connect_anew(daemon, kind):
                     texts.append(str(error))
             del view, client
             gc.collect()
-            fresh = clearance.connect(url, timeout_s=30)
+            fresh = clearance.connect(url, timeout_s=PATIENCE_S)
             texts.append(fresh.distances(pairs=("cup", "*")).lower.tobytes().hex())
             os.write(write, "\n".join(texts).encode())
         finally:
@@ -459,7 +461,7 @@ def test_a_forked_child_must_connect_anew(daemon, kind):
 
 def test_a_fork_while_another_thread_waits(ipc):
     """The lock that the other thread held does not stop the child."""
-    client = clearance.connect(ipc.urls["ipc"], timeout_s=30)
+    client = clearance.connect(ipc.urls["ipc"], timeout_s=PATIENCE_S)
     view = client.distances(copy=False)
     os.kill(ipc.process.pid, signal.SIGSTOP)
     thread = threading.Thread(target=client.distances)
@@ -469,7 +471,7 @@ def test_a_fork_while_another_thread_waits(ipc):
     for _ in range(20):
         child = os.fork()
         if child == 0:
-            signal.alarm(20)
+            signal.alarm(PATIENCE_S)
             try:
                 client.distances()
             except clearance.ConnectionError as error:
@@ -483,7 +485,7 @@ def test_a_fork_while_another_thread_waits(ipc):
 
 
 def test_the_gil_is_released_while_waiting(ipc):
-    client = clearance.connect(ipc.urls["ipc"], timeout_s=30)
+    client = clearance.connect(ipc.urls["ipc"], timeout_s=PATIENCE_S)
     client.distances()
     os.kill(ipc.process.pid, signal.SIGSTOP)
 

@@ -5,6 +5,7 @@ import subprocess
 import numpy as np
 import pytest
 from conftest import BUILD, INSTALLED
+from patience import PATIENCE_S
 from scenes import at
 
 import clearance
@@ -14,8 +15,8 @@ PROGRAM = "clearance" if INSTALLED else str(BUILD / "bin" / "clearance")
 
 
 def test_attachments_of_another_client(ipc):
-    ours = clearance.connect(ipc.urls["ipc"], timeout_s=30)
-    theirs = clearance.connect(ipc.urls["ipc"], timeout_s=30)
+    ours = clearance.connect(ipc.urls["ipc"], timeout_s=PATIENCE_S)
+    theirs = clearance.connect(ipc.urls["ipc"], timeout_s=PATIENCE_S)
     before = ours.distances(pairs=("ball", "*"))
     done = theirs.attach("ball", "gripper", at(0, 0.3, 0))
     assert theirs.scene_revision == done.scene_revision != ours.scene_revision

@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
 from service import ROUTE, free_udp_port, multicast_works  # noqa: E402
+from patience import PATIENCE_S
 
 MULTICAST = multicast_works(free_udp_port())
 
@@ -48,7 +49,7 @@ def assert_nothing_is_left(tmp_path, output):
 
 
 def test_it_runs_to_its_end(tmp_path):
-    output, errors = start(tmp_path).communicate(timeout=300)
+    output, errors = start(tmp_path).communicate(timeout=PATIENCE_S)
     assert "The demo failed" not in errors, errors
     # 19 rows, each with an interval that holds its distance.
     rows = re.findall(r"^  (\w+) +(\w+) +(\d+\.\d+) +(\d+\.\d+) +(\d+\.\d+)  (ok|overlap|contact)$", output, re.MULTILINE)
@@ -67,7 +68,7 @@ def test_a_signal_ends_it_and_all_it_started(tmp_path, number, code):
     process = start(tmp_path, "--move", "60")
     read_until(process, "^Poses ")
     process.send_signal(number)
-    output, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == code
     assert_nothing_is_left(tmp_path, output)
 
@@ -77,7 +78,7 @@ def test_a_daemon_that_dies_is_reported(tmp_path):
     daemon = int(read_until(process, r"^Daemon .*process (\d+)").group(1))
     read_until(process, "^Poses ")
     os.kill(daemon, signal.SIGKILL)
-    output, errors = process.communicate(timeout=60)
+    output, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     assert "The demo failed" in errors
     assert_nothing_is_left(tmp_path, output)
@@ -85,7 +86,7 @@ def test_a_daemon_that_dies_is_reported(tmp_path):
 
 def test_a_scene_that_is_not_there_is_named(tmp_path):
     process = start(tmp_path, "--scene", str(tmp_path / "absent.yaml"))
-    output, errors = process.communicate(timeout=60)
+    output, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     assert "absent.yaml" in errors and "Traceback" not in errors
     assert_nothing_is_left(tmp_path, output)
@@ -97,7 +98,7 @@ def test_without_multicast_it_goes_on(tmp_path):
     if not shutil.which("unshare") or subprocess.run([*prefix, "true"], capture_output=True).returncode:
         pytest.skip("no network namespaces on this machine")
     process = start(tmp_path, prefix=prefix)
-    output, errors = process.communicate(timeout=300)
+    output, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, errors
     assert "no multicast route" in output and ROUTE in output
     assert "shared memory" in output and "ZeroMQ" in output and output.count("the same bits") == 1

@@ -9,6 +9,7 @@ from pathlib import Path
 import clearance
 import numpy as np
 import pytest
+from patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
@@ -37,7 +38,7 @@ def daemon(tmp_path):
         yield place
     finally:
         process.terminate()
-        assert process.wait(timeout=20) == 0
+        assert process.wait(timeout=PATIENCE_S) == 0
 
 
 @pytest.fixture
@@ -46,7 +47,8 @@ def engine():
 
 
 def run_python(code, *arguments):
-    done = subprocess.run([sys.executable, "-c", code, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    command = [sys.executable, "-c", code, *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -78,9 +80,9 @@ def test_cpp_example_of_the_readme(daemon, engine, tmp_path):
     for command in (["cmake", "--install", BUILD, "--prefix", prefix],
                     ["cmake", "-S", source, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}"],
                     ["cmake", "--build", build]):
-        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
         assert done.returncode == 0, done.stdout + done.stderr
-    done = subprocess.run([build / "example"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([build / "example"], capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     a, b, low, high = re.fullmatch(r"nearest: (\S+) and (\S+), between (\S+) and (\S+) m\n", done.stdout).groups()
 
@@ -91,7 +93,7 @@ def test_cpp_example_of_the_readme(daemon, engine, tmp_path):
 
     with clearance.connect(daemon("shm:///tmp/clearance.sock")) as client:
         client.set_poses({body.name: [np.nan] * 7 for body in client.bodies})  # as good as none
-    done = subprocess.run([build / "example"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([build / "example"], capture_output=True, text=True, timeout=PATIENCE_S)
     assert (done.returncode, done.stdout[:10]) == (1, "no answer:"), done.stdout
 
 

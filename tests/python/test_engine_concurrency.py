@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from patience import PATIENCE_S
 from scenes import ARM_PAIRS, ARM_POSES, arm, at, random_hulls, random_poses, same
 from threads import turns_beside
 
@@ -27,7 +28,7 @@ def test_submit_answers_the_snapshot_of_its_call(engine):
     expected = engine.distances()
     future = engine.submit()
     engine.set_poses({"link1": at(0, 0, 3)})
-    r = future.result(timeout=30)
+    r = future.result(timeout=PATIENCE_S)
     assert same(r, expected) and r.snapshot_revision == expected.snapshot_revision and future.done()
     assert future.result() is r
     assert r.pairs.tolist() == ARM_PAIRS
@@ -40,15 +41,15 @@ def test_many_futures_in_turn(crowd):
     small = [engine.submit(configurations=configurations[k : k + 1]) for k in range(3)]
     dense = engine.distances(configurations=configurations)
     for k, future in enumerate(small):
-        assert np.array_equal(future.result(timeout=60).lower[0], dense.lower[k])
-    assert np.array_equal(big.result(timeout=60).lower, np.concatenate([dense.lower] * 30))
+        assert np.array_equal(future.result(timeout=PATIENCE_S).lower[0], dense.lower[k])
+    assert np.array_equal(big.result(timeout=PATIENCE_S).lower, np.concatenate([dense.lower] * 30))
 
 
 def test_submit_with_out_and_asyncio(engine):
     import asyncio
 
     out = {"lower": np.empty((1, 7))}
-    r = engine.submit(out=out).result(timeout=30)
+    r = engine.submit(out=out).result(timeout=PATIENCE_S)
     assert r.lower is out["lower"] and np.array_equal(out["lower"], engine.distances().lower)
 
     async def ask():
@@ -68,7 +69,7 @@ def test_timeouts_and_cancelling():
         future.result()
     assert not future.done()
     assert future.cancel() and future.done()
-    assert (engine.submit(pairs=(0, 1)).result(timeout=60).status != Status.NO_POSE).all(), "the worker goes on"
+    assert (engine.submit(pairs=(0, 1)).result(timeout=PATIENCE_S).status != Status.NO_POSE).all(), "the worker goes on"
 
 
 def test_the_gil_is_released():
@@ -121,7 +122,7 @@ def test_poses_while_other_threads_ask(engine):
     revisions = set()
     try:
         # On a busy machine the other thread may be long in getting its turn: wait for it, up to a limit.
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + PATIENCE_S
         for i in itertools.count():
             if i >= 300 and (len(revisions) > 10 or time.monotonic() > deadline):
                 break
@@ -188,5 +189,5 @@ except KeyboardInterrupt:
     print("interrupted")
 """
     command = [sys.executable, "-c", code, os.path.dirname(__file__)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.stdout == "interrupted\n", done.stderr

@@ -7,12 +7,14 @@ import subprocess
 
 import pytest
 from conftest import BUILD, INSTALLED, ROOT
+from patience import PATIENCE_S
 
 CLEARANCE = shutil.which("clearance") if INSTALLED else str(BUILD / "bin" / "clearance")
 
 
 def run(*arguments, program=CLEARANCE, **options):
-    return subprocess.run([program, "inspect", *map(str, arguments)], capture_output=True, text=True, timeout=120, **options)
+    command = [program, "inspect", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, **options)
 
 
 @pytest.mark.parametrize("name, bodies, pairs", [("nineteen", 19, 171), ("cell", 23, 193), ("extremes", 20, 190)])

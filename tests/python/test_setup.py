@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -37,7 +38,7 @@ def bare_machine(tmp_path):
 
 def run_setup(env, **more):
     return subprocess.run(["bash", "tools/setup.sh"], cwd=ROOT, env={**env, **more}, capture_output=True, text=True,
-                          stdin=subprocess.DEVNULL, timeout=120)
+                          stdin=subprocess.DEVNULL, timeout=PATIENCE_S)
 
 
 def test_without_root_the_exact_command_is_printed(bare_machine):
