@@ -142,8 +142,9 @@ class Contender:
         return answer
 
     def time(self, setting, seconds):
+        """Seconds of a pass: on the wall, and of processor time, to which another program's turns do not count."""
         _, wall, processor = self._ask(f"time {seconds} {setting}").split()
-        return float(wall if "threads" in setting else processor)  # another program's turns do not count
+        return float(wall), float(processor)
 
     def answers(self, setting):
         path = PROBLEMS / "answers.bin"
@@ -167,8 +168,9 @@ def time_workload(problem, what, rounds, seconds):
             if k > 0:  # the first round warms up
                 times[c, s].append(t)
     rows = []
+    clock = lambda s: 0 if "threads" in s else 1  # what several threads gain shows on the wall alone
     for c, s in asked:
-        ns = [1e9 * t / problem.count for t in times[c, s]]
+        ns = [1e9 * t[clock(s)] / problem.count for t in times[c, s]]
         error, relative, _ = problem.errors(c.answers(s))
         rows.append({"workload": problem.name, "what": what, "pairs": problem.count, "contender": c.name, "setting": s,
                      "ns_median": f"{statistics.median(ns):.4g}", "ns_least": f"{min(ns):.4g}", "ns_most": f"{max(ns):.4g}",
@@ -184,7 +186,8 @@ def time_workload(problem, what, rounds, seconds):
     for (c, s), r in zip(asked, rows):
         for precision in ("f64", "f32"):
             mine = ours.get(f"{precision} warm", ours[precision])
-            r[f"over_ours_{precision}"] = f"{statistics.median(t / m for t, m in zip(times[c, s], mine)):.3g}"
+            ratios = [t[clock(s)] / m[clock(s)] for t, m in zip(times[c, s], mine)]
+            r[f"over_ours_{precision}"] = f"{statistics.median(ratios):.3g}"
     return rows
 
 
