@@ -412,6 +412,8 @@ def write_pages(check=False):
     remark, rows = read_csv(TIMING)
     if rows:
         groups = grouped(rows, "workload")
+        loads = [float(row["load"]) for row in rows if row.get("load")]
+        remark += f", load {min(loads):.0f} to {max(loads):.0f}"
         replace_table(ROOT / "docs/performance.md", "peers timing", timing_table(remark, groups), check)
         replace_table(ROOT / "README.md", "peers timing", short_table(remark, groups), check)
         if not check:

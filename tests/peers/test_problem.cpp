@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "contender.h"
+#include "driver.h"
 #include "workloads.h"
 
 namespace clearance {
@@ -89,6 +90,31 @@ TEST(Workload, OfOneMillimetreIsThat) {
   const peers::Problem p = make_workload("gap_1mm_1202", "", {});
   ASSERT_EQ(p.truth.size(), 2000u);
   for (const double t : p.truth) ASSERT_NEAR(t, 1e-3, 1e-9);
+}
+
+// A list of near pairs is judged by who is in it: none of those that are judged may lie on the edge.
+TEST(Workload, WithinHasNobodyOnItsEdge) {
+  const peers::Problem p = through_a_file(make_workload("within", "", {}));
+  ASSERT_EQ(p.kind, peers::Kind::kWithin);
+  ASSERT_EQ(p.truth.size(), p.answers());
+  std::size_t known = 0, near = 0;
+  for (const double t : p.truth) {
+    if (std::isnan(t)) continue;
+    ++known, near += t < p.max_distance;
+    ASSERT_GT(std::abs(t - p.max_distance), 1e-9);
+  }
+  EXPECT_GT(known, 10'000u);
+  EXPECT_NEAR(static_cast<double>(near) / static_cast<double>(known), 0.05, 1e-3);
+}
+
+TEST(Workload, AListIsSpreadInTheOrderOfThePairs) {
+  peers::Problem p;
+  p.pairs = {{0, 1}, {0, 2}, {1, 2}};
+  double answers[3];
+  peers::spread(p, {{2, 1, 0.5}, {0, 1, 2}}, answers);  // a tree names the bodies of a pair in any order
+  EXPECT_EQ(answers[0], 2);
+  EXPECT_EQ(answers[1], peers::kBeyond);
+  EXPECT_EQ(answers[2], 0.5);
 }
 
 }  // namespace
