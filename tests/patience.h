@@ -1,4 +1,4 @@
-// How long tests wait for what must come. It is a stop for what never will, and no measure of anything: machines are busy.
+// How long tests wait for what must come: a stop for what never will, and no measure of anything. Machines are busy.
 #pragma once
 
 #include <chrono>

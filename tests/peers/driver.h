@@ -7,8 +7,8 @@
 //       write FILE SETTING      one more pass, its float64 answers (as many as Problem::truth has) to a file; prints
 //                               "written"
 //   PROGRAM PROBLEM FILE SETTING FIRST
-//       answers pairs from FIRST on, one by one, each appended to the file before the next begins: so that a crash tells
-//       which pair it was. A refusal is a NaN.
+//       answers pairs from FIRST on, one by one, each appended to the file before the next begins: so that a crash
+//       tells which pair it was. A refusal is a NaN.
 #pragma once
 
 #include <time.h>
@@ -273,10 +273,10 @@ class Runner {
 
   const Problem& p_;
   std::vector<std::unique_ptr<typename Peer::Geometry>> geometry_;
-  std::vector<Box> shape_boxes_;     // in their own frames
-  std::vector<std::size_t> first_;   // of each body's pieces, among those of all bodies
-  std::vector<typename Peer::Transform> at_;      // (K, pieces of all bodies)
-  std::vector<Box> piece_boxes_, body_boxes_;     // (K, pieces of all bodies), (K, B)
+  std::vector<Box> shape_boxes_;               // in their own frames
+  std::vector<std::size_t> first_;             // of each body's pieces, among those of all bodies
+  std::vector<typename Peer::Transform> at_;   // (K, pieces of all bodies)
+  std::vector<Box> piece_boxes_, body_boxes_;  // (K, pieces of all bodies), (K, B)
   std::unique_ptr<typename Peer::Tree> tree_;
   std::vector<Candidate> pieces_, bodies_;
   std::vector<Found> found_;

@@ -89,8 +89,7 @@ inline Problem read_problem(const std::string& path) {
   for (auto& body : p.bodies) get(in, body);
   get(in, &p.configurations, 1);
   get(in, p.poses), get(in, p.pairs);
-  if (!in || p.poses.size() != p.configurations * p.bodies.size() ||
-      p.truth.size() != p.answers())
+  if (!in || p.poses.size() != p.configurations * p.bodies.size() || p.truth.size() != p.answers())
     throw std::runtime_error(path + " is cut short");
   return p;
 }

@@ -37,7 +37,8 @@ class CoalPeer {
   CoalPeer(const std::string& setting, const peers::Problem& p) : depth_(p.kind == peers::Kind::kDepth) {
     request_.enable_signed_distance = depth_;
     if (setting.find("1e-12") != std::string::npos) request_.gjk_tolerance = request_.epa_tolerance = 1e-12;
-    if (setting.find("bounding") != std::string::npos) request_.gjk_initial_guess = coal::GJKInitialGuess::BoundingVolumeGuess;
+    if (setting.find("bounding") != std::string::npos)
+      request_.gjk_initial_guess = coal::GJKInitialGuess::BoundingVolumeGuess;
     if (setting.find("cached") == 0) request_.gjk_initial_guess = coal::GJKInitialGuess::CachedGuess, cached_ = true;
     if (setting.find("nesterov") == 0) request_.gjk_variant = coal::GJKVariant::NesterovAcceleration;
     solver_.set(request_);
