@@ -1,8 +1,10 @@
 // Double-double arithmetic: an unevaluated sum hi + lo of two doubles, about 106 significant bits.
 //
-// Algorithms and error bounds: M. Joldes, J.-M. Muller, V. Popescu, "Tight and rigorous error bounds for basic building
-// blocks of double-word arithmetic", ACM TOMS 44(2), 2017: AccurateDWPlusDW (relative error <= 3u^2 + 13u^3), DWTimesDW
-// (<= 5u^2 here, without FMA <= 7u^2), DWDivDW (<= 15u^2 + 56u^3), u = 2^-53. Needs round-to-nearest and no contraction.
+// Sum and product: M. Joldes, J.-M. Muller, V. Popescu, "Tight and rigorous error bounds for basic building blocks of
+// double-word arithmetic", ACM TOMS 44(2), 2017: AccurateDWPlusDW (algorithm 6, relative error <= 3u^2 + 13u^3) and
+// DWTimesDW1 (algorithm 10, <= 7u^2), u = 2^-53. The quotient is Y. Hida, X. Li, D. Bailey, "Algorithms for quad-double
+// precision floating point arithmetic", ARITH 15, 2001; its bound, <= 10u^2 + O(u^3), and the root's, <= 33/8 u^2 + O(u^3),
+// are derived in docs/bounds.md. Needs round-to-nearest and no contraction.
 #pragma once
 
 #include <cmath>
@@ -55,6 +57,7 @@ CLEARANCE_HD inline DoubleDouble operator*(const DoubleDouble& a, const DoubleDo
   const DoubleDouble p = dd::two_prod(a.hi, b.hi);
   return dd::fast_two_sum(p.hi, p.lo + (a.hi * b.lo + a.lo * b.hi));
 }
+/// Three digits of the quotient, each of what the ones before leave.
 CLEARANCE_HD inline DoubleDouble operator/(const DoubleDouble& a, const DoubleDouble& b) {
   const double q1 = a.hi / b.hi;
   DoubleDouble r = a - b * DoubleDouble(q1);

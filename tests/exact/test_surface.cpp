@@ -2,6 +2,8 @@
 // exact, and whatever is done to the surface is noticed.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "cases.h"
@@ -115,6 +117,41 @@ TEST(Surface, ThatIsClosedButElsewhereIsRefused) {
     EXPECT_LE(s.ball(), 0) << where;
   });
   EXPECT_GT(tried, 200);
+}
+
+// Volumes underflow long before squares do, and with them the doubt about their signs: a tetrahedron just beside the origin
+// then looks as if it were around it.
+TEST(Surface, OfTinyBodiesIsNotProvedByVolumesThatUnderflow) {
+  Random random(kSeed);
+  const PiecePtr origin = make_piece({{0, 0, 0}});
+  int tried = 0, looks_proved = 0;
+  for (const int exponent : {-500, -400, -358, -357, -356, -340, -300, -200})
+    for (int i = 0; i < 5000; ++i) {
+      const double size = std::ldexp(random.uniform(1, 2), exponent);
+      std::vector<Vec3d> v(4);
+      for (Vec3d& p : v) p = {random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
+      // Beyond the face across from v[0], by a fiftieth of the height.
+      const double q = random.uniform(0.2, 0.4), r = random.uniform(0.2, 0.4);
+      const Vec3d o = v[0] * -0.02 + v[1] * q + v[2] * r + v[3] * (1.02 - q - r);
+      Simplex<double> s;
+      s.size = 4;
+      for (std::uint32_t k = 0; k < 4; ++k) s.vertex[k] = {v[k] - o, k, 0};
+      CsoFace<double> faces[4];
+      if (!tetrahedron_faces(s, faces)) continue;
+      for (CsoFace<double>& face : faces)
+        if (dot(face.normal, s.vertex[face.vertex[0]].w) < 0) face.normal = -face.normal;
+      for (std::uint32_t k = 0; k < 4; ++k) v[k] = s.vertex[k].w * size;
+      const PiecePtr beside = make_piece(v);
+      const PlacedPair<double> pair(*beside, rotation_of(Pose{}), {0, 0, 0}, *origin, rotation_of(Pose{}), {0, 0, 0});
+      const auto volume = [&](const CsoFace<double>& f) { return dot(v[f.vertex[0]], cross(v[f.vertex[1]], v[f.vertex[2]])); };
+      ++tried;
+      looks_proved += std::all_of(faces, faces + 4, [&](const auto& f) { return volume(f) > 0; }) ||
+                      std::all_of(faces, faces + 4, [&](const auto& f) { return volume(f) < 0; });
+      EXPECT_LE(certify_ball<double>(pair, s.vertex, faces), 0) << "2^" << exponent << ", try " << i;
+    }
+  std::printf("%d tetrahedra beside the origin, of %d, have volumes of one sign as computed\n", looks_proved, tried);
+  EXPECT_GT(tried, 30000);
+  EXPECT_GT(looks_proved, 50);
 }
 
 // The rays decide where a side is uncertain; where both can tell, they agree.
