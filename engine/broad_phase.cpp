@@ -8,6 +8,7 @@
 
 #include "box_columns.h"
 #include "box_tree.h"
+#include "fp_environment.h"
 
 namespace clearance {
 
@@ -30,6 +31,7 @@ class BruteForce final : public BroadPhase {
     std::vector<std::vector<BodyPair>> found(units);
 #pragma omp parallel for schedule(dynamic) num_threads(threads_) if (threads_ > 1)
     for (std::size_t u = 0; u < units; ++u) {
+      const FpEnvironment environment;
       std::vector<double> gaps(n);
       std::vector<std::uint32_t> near(n);
       for (std::size_t a = u * kRows; a < std::min(n, (u + 1) * kRows); ++a) {
@@ -61,8 +63,10 @@ class Tree final : public BroadPhase {
     const std::uint32_t units = (tree_.blocks() + kBlocks - 1) / kBlocks;
     std::vector<std::vector<BodyPair>> found(units);
 #pragma omp parallel for schedule(dynamic) num_threads(threads_) if (threads_ > 1)
-    for (std::uint32_t u = 0; u < units; ++u)
+    for (std::uint32_t u = 0; u < units; ++u) {
+      const FpEnvironment environment;
       tree_.pairs_within(u * kBlocks, std::min(tree_.blocks(), (u + 1) * kBlocks), margin, found[u]);
+    }
     const auto first = static_cast<std::ptrdiff_t>(out.size());
     for (const auto& pairs : found) out.insert(out.end(), pairs.begin(), pairs.end());
     std::sort(out.begin() + first, out.end());

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "clones.h"
+#include "fp_environment.h"
 
 namespace clearance {
 
@@ -197,6 +198,7 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho,
     std::vector<Cell> children(4 * cells.size());
 #pragma omp parallel for schedule(dynamic, 16) if (cells.size() > 1 && vertices.size() > 1000)
     for (std::size_t k = 0; k < cells.size(); ++k) {
+      const FpEnvironment environment;
       static thread_local Divider divide;
       divide.set_few(few);
       const Cell& cell = cells[k];

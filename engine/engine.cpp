@@ -9,6 +9,7 @@
 
 #include "cuda/device_job.h"
 #include "cuda/router.h"
+#include "fp_environment.h"
 #include "job.h"
 #include "plan.h"
 #include "pose_store.h"
@@ -87,6 +88,7 @@ void check_devices(const Engine::Options& options) {
 }  // namespace
 
 Engine::Engine(Scene scene, const Options& options) {
+  const FpEnvironment environment;
   const std::vector<std::string> known = backends();
   if (options.backend != "auto" && std::find(known.begin(), known.end(), options.backend) == known.end()) {
     if (options.backend == "cuda")
@@ -129,6 +131,7 @@ std::string_view Engine::instruction_set() const { return impl_->lanes->name; }
 std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
 
 PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence) {
+  const FpEnvironment environment;
   const PoseUpdateResult result = impl_->poses.set(poses, stamp_ns, sequence);
   impl_->pose_updates.fetch_add(result.applied, std::memory_order_relaxed);
   impl_->bad_poses.fetch_add(result.bad, std::memory_order_relaxed);
@@ -136,10 +139,14 @@ PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t
 }
 
 PoseUpdateResult Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc) {
+  const FpEnvironment environment;
   return impl_->poses.attach(child, parent, X_pc);
 }
 
-void Engine::take_poses(const Engine& old) { impl_->poses.take_over(old.impl_->scene, *old.impl_->poses.snapshot()); }
+void Engine::take_poses(const Engine& old) {
+  const FpEnvironment environment;
+  impl_->poses.take_over(old.impl_->scene, *old.impl_->poses.snapshot());
+}
 
 BodyState Engine::body_state(std::uint32_t body) const {
   const auto snapshot = impl_->poses.snapshot();
@@ -173,10 +180,12 @@ bool Engine::poses_reach(std::uint32_t bodies, std::int64_t stamp_ns) const {
 }
 
 QuerySize Engine::size(const QueryView& query) const {
+  const FpEnvironment environment;
   return make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false).size;
 }
 
 std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
+  const FpEnvironment environment;
   QueryView q = query;
   q.reduce = Reduce::kNone;
   q.configuration_count = 0;
@@ -187,6 +196,7 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
 }
 
 Job Engine::start(const QueryView& query, const ReplyView& reply) const {
+  const FpEnvironment environment;
   impl_->check_process();
   Plan plan = make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true);
   if (plan.size.rows > reply.rows)  // an attachment since size() was asked can make more pairs
@@ -240,10 +250,17 @@ Job::Job(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Job::Job(Job&&) noexcept = default;
 Job& Job::operator=(Job&&) noexcept = default;
 Job::~Job() = default;
-bool Job::advance(std::chrono::nanoseconds budget) { return state_->advance(budget); }
-bool Job::joins(const Job& other) const { return state_->joins(*other.state_); }
+bool Job::advance(std::chrono::nanoseconds budget) {
+  const FpEnvironment environment;
+  return state_->advance(budget);
+}
+bool Job::joins(const Job& other) const {
+  const FpEnvironment environment;
+  return state_->joins(*other.state_);
+}
 void Job::finish_together(std::span<Job* const> jobs) {
   if (jobs.empty()) return;
+  const FpEnvironment environment;
   std::vector<State*> others;
   for (Job* job : jobs.subspan(1)) others.push_back(job->state_.get());
   jobs[0]->state_->finish_with(others);

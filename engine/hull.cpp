@@ -9,6 +9,7 @@
 
 #include "dedupe.h"
 #include "digest.h"
+#include "fp_environment.h"
 #include "mesh_rows.h"
 #include "orientation.h"
 #include "pose.h"
@@ -131,6 +132,7 @@ std::vector<char> proved_inside(std::span<const Vec3d> points, std::span<const T
   const auto count = static_cast<std::int64_t>(points.size());
 #pragma omp parallel if (count > 2000)
   {
+    const FpEnvironment environment;
     std::vector<std::uint32_t> at;  // of each fan; neighbours in the list are neighbours in space, as a rule
     for (const Fan& fan : fans) at.push_back(fan.start());
 #pragma omp for schedule(dynamic, 512)
@@ -236,6 +238,7 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
 PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
                          std::uint64_t loaded_vertices, bool distinct, std::vector<Triangle>* faces,
                          const std::string& mesh) {
+  const FpEnvironment environment;
   check_vertices(vertices);
   Digest digest;
   digest.add(vertices);

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "engine.h"
+#include "fp_environment.h"
 #include "pair_table.h"
 
 namespace clearance {
@@ -158,6 +159,7 @@ void measure(const Scene& scene, SceneReport& report) {
 }  // namespace
 
 SceneReport inspect(const Scene& scene, const InspectOptions& options) {
+  const FpEnvironment environment;
   SceneReport report;
   for (const Body& body : scene.bodies()) report.bodies.push_back(describe(body));
   count_partners(scene, report);

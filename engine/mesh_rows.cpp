@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "fp_environment.h"
+
 namespace clearance {
 
 MeshRows::MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles)
@@ -54,9 +56,13 @@ bool MeshRows::is_convex(std::span<const Vec3d> vertices) const {
     }
   const double tolerance = 1e-6 * norm(high - low);
   bool convex = true;
-#pragma omp parallel for schedule(dynamic, 4096) reduction(&& : convex) if (count > 10000)
-  for (std::int64_t v = 0; v < count; ++v)
-    convex = convex && is_convex_at(static_cast<std::uint32_t>(v), vertices, tolerance);
+#pragma omp parallel reduction(&& : convex) if (count > 10000)
+  {
+    const FpEnvironment environment;
+#pragma omp for schedule(dynamic, 4096)
+    for (std::int64_t v = 0; v < count; ++v)
+      convex = convex && is_convex_at(static_cast<std::uint32_t>(v), vertices, tolerance);
+  }
   if (!convex) return false;
 
   // One surface, not several: every vertex is reached from the first.

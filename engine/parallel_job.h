@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "columns.h"
+#include "fp_environment.h"
 #include "job.h"
 
 namespace clearance {
@@ -124,6 +125,7 @@ class ParallelJob : public Job::State {
 #pragma omp parallel for schedule(dynamic) num_threads(threads)
     for (std::uint64_t i = begin; i < end; ++i) {
       try {
+        const FpEnvironment environment;  // the worker's own
         unit(i, omp_get_thread_num());
       } catch (...) {
 #pragma omp critical(clearance_job_failure)

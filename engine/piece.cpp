@@ -8,6 +8,7 @@
 
 #include "digest.h"
 #include "direction_table.h"
+#include "fp_environment.h"
 #include "pose.h"
 #include "support.h"
 #include "table_file.h"
@@ -43,6 +44,7 @@ void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
 
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
                     std::uint64_t digest, const std::string& mesh) {
+  const FpEnvironment environment;
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   if (!(radius >= 0 && radius <= kMaxCoordinate))
     throw std::invalid_argument("radius must be a number of metres >= 0, got " + std::to_string(radius));

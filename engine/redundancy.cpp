@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "engine.h"
+#include "fp_environment.h"
 #include "hull.h"
 #include "inspect.h"
 #include "qhull_guess.h"
@@ -318,6 +319,7 @@ const char* name_of(Finding::Kind kind) {
 }
 
 std::vector<Finding> find_redundancy(const Scene& scene, const std::vector<std::uint64_t>& partners, double within) {
+  const FpEnvironment environment;
   return Search(scene, within).run(partners);
 }
 

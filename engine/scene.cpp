@@ -8,6 +8,7 @@
 #include <cstdlib>
 
 #include "digest.h"
+#include "fp_environment.h"
 #include "geometry.h"
 #include "mesh.h"
 #include "shapes.h"
@@ -114,6 +115,7 @@ std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& op
 }
 
 std::uint32_t Scene::add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options) {
+  const FpEnvironment environment;
   return add_geometry(name, options, [&] { return geometry_of_points(vertices, options.radius); });
 }
 
@@ -134,6 +136,7 @@ std::uint32_t Scene::add_shape(const std::string& name, const Shape& shape, cons
 
 std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
                               const BodyOptions& options) {
+  const FpEnvironment environment;
   return add_geometry(name, options, [&] {
     const std::string key = file_key(path) + number(scale.x) + ',' + number(scale.y) + ',' + number(scale.z) + ',' +
                             std::to_string(static_cast<int>(convexify)) + ',' + number(options.radius);
@@ -151,6 +154,7 @@ std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, 
 }
 
 std::uint32_t Scene::add_uv_sphere(const std::string& name, double radius, int resolution, const BodyOptions& options) {
+  const FpEnvironment environment;
   check_positive(name, "uv_sphere radius", radius);
   if (resolution < 2 || resolution > kMaxUvSphereResolution)
     throw SceneError("body " + in_quotes(name) + ": uv_sphere resolution: expected an integer from 2 to " +
@@ -159,22 +163,26 @@ std::uint32_t Scene::add_uv_sphere(const std::string& name, double radius, int r
 }
 
 std::uint32_t Scene::add_box(const std::string& name, Vec3d size, const BodyOptions& options) {
+  const FpEnvironment environment;
   for (int k = 0; k < 3; ++k) check_positive(name, "box edge", size[k]);
   return add_shape(name, make_box(size), "box", options);
 }
 
 std::uint32_t Scene::add_sphere(const std::string& name, double radius, const BodyOptions& options) {
+  const FpEnvironment environment;
   check_positive(name, "sphere radius", radius);
   return add_shape(name, make_sphere(radius), "sphere", options);
 }
 
 std::uint32_t Scene::add_capsule(const std::string& name, double radius, double length, const BodyOptions& options) {
+  const FpEnvironment environment;
   check_positive(name, "capsule radius", radius);
   check_positive(name, "capsule length", length, true);
   return add_shape(name, make_capsule(radius, length), "capsule", options);
 }
 
 std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options) {
+  const FpEnvironment environment;
   check_positive(name, "cylinder radius", radius);
   check_positive(name, "cylinder length", length);
   return add_shape(name, make_cylinder(radius, length), "cylinder", options);
@@ -203,6 +211,7 @@ PiecePtr Scene::shared_piece(const PiecePtr& piece) {
 }
 
 std::uint32_t Scene::add_body(Body body) {
+  const FpEnvironment environment;
   check_free(body.name, "body");
   const std::string who = "body " + in_quotes(body.name) + ": ";
   if (body.pieces.empty()) throw SceneError(who + "expected at least one piece");
@@ -291,6 +300,7 @@ std::uint32_t Scene::find_group(std::string_view name) const {
 }
 
 std::uint64_t Scene::revision() const {
+  const FpEnvironment environment;
   Digest digest;
   digest.add(std::uint64_t{bodies_.size()});
   for (const Body& body : bodies_) {

@@ -9,6 +9,7 @@
 #include <system_error>
 #include <utility>
 
+#include "fp_environment.h"
 #include "geometry.h"
 #include "mesh.h"
 #include "scene.h"
@@ -305,6 +306,7 @@ class SceneReader {
 #pragma omp parallel for schedule(dynamic) if (n > 1)
     for (int i = 0; i < n; ++i) {
       GeometryPlan& plan = geometries_[i];
+      const FpEnvironment environment;
       try {
         plan.built = std::make_shared<const Geometry>(plan.build());
       } catch (const std::exception& e) {
@@ -368,6 +370,7 @@ class SceneReader {
 }  // namespace
 
 Scene Scene::load(const std::string& path, bool allow_outside) {
+  const FpEnvironment environment;
   return SceneReader(path, allow_outside).read();
 }
 
