@@ -29,6 +29,12 @@ CLEARANCE_HD inline PairAnswer no_answer(Status status) {
           no_point(),        no_point(),       no_point()};
 }
 
+/// The answer for a pair of which nothing could be proved.
+CLEARANCE_HD inline PairAnswer unproved_answer() {
+  const double infinite = __builtin_inf();
+  return {infinite, -infinite, infinite, Status::kUnconverged, 0, kNone, kNone, no_point(), no_point(), no_point()};
+}
+
 /// The answer for a pair whose boxes are farther apart than max_distance.
 CLEARANCE_HD inline PairAnswer beyond_answer(double lower) {
   return {lower, lower, __builtin_inf(), Status::kBeyond, 0, kNone, kNone, no_point(), no_point(), no_point()};
@@ -47,9 +53,10 @@ CLEARANCE_HD inline PairAnswer empty_answer() {
 }
 
 /// What an answer adds to the lower bound of its group, where a group's far pairs are left out by their boxes' gap: a pair
-/// that is looked at nevertheless must add no less than its gap. \param lower of the answer; \param gap 0: the boxes touch
+/// that is looked at nevertheless must add no less than its gap, unless nothing could be proved of it.
+/// \param lower of the answer; \param gap 0: the boxes touch
 CLEARANCE_HD inline double lower_with_box(double lower, double gap) {
-  return gap > 0 && gap > lower ? gap : lower;
+  return gap > 0 && gap > lower && lower > -__builtin_inf() ? gap : lower;
 }
 
 /// A group's winner has the least upper bound, then this, then the first place: among pairs that boxes alone prove to be
@@ -59,13 +66,17 @@ CLEARANCE_HD inline double nearest_beyond(const PairAnswer& answer) {
 }
 
 /// Makes the winner's answer its group's: the interval reaches down to the group's least lower bound.
-CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double abs_tol, double rel_tol) {
+CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double max_distance, double abs_tol,
+                                        double rel_tol) {
   if (answer.distance != answer.distance) return;  // no pair of the group has usable poses
   if (lower < answer.lower) answer.lower = lower;
   const double relative = rel_tol * (answer.upper < 0 ? -answer.upper : answer.upper);
   const double wanted = abs_tol < relative ? relative : abs_tol;
   if (answer.status == Status::kOk && !(answer.upper - answer.lower <= wanted)) answer.status = Status::kUnconverged;
-  if (answer.status == Status::kBeyond) answer.distance = answer.lower;
+  if (answer.status != Status::kBeyond) return;
+  const bool is_beyond = answer.lower > max_distance;
+  if (!is_beyond) answer.status = Status::kUnconverged;
+  answer.distance = is_beyond ? answer.lower : answer.upper;
 }
 
 }  // namespace clearance

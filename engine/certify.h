@@ -20,6 +20,9 @@ namespace clearance {
 /// A certified interval, metres.
 struct Interval {
   double lower, upper;
+
+  /// Whether any number lies in it. If not, what it was made by is broken: a table, a compiler, the machine.
+  bool is_possible() const { return lower <= upper; }  // false for a NaN
 };
 
 /// Rounding terms of the bounds, in units of Arithmetic<T>::kUnit times S. Derived in docs/bounds.md.
@@ -113,7 +116,7 @@ struct RunBounds {
   SimplexPoint<T> nearest;
   T v_length, length;  ///< of the direction that proves `lower`, and of nearest.w, which proves `upper`
   T lower, upper;      ///< -inf, +inf where nothing is proved
-  Mask settled;        ///< apart, and as narrow as asked or beyond max_distance
+  Mask settled;        ///< apart, and as narrow as asked or beyond max_distance; never bounds that contradict each other
 
   /// \param extra error of what went into the run, metres: of float32 offsets.
   CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol,
@@ -126,7 +129,7 @@ struct RunBounds {
     const T high = upper_from_point(length, radius, rounding_error(T(RoundingUnits<T>::kUpper), scale) + extra);
     const T relative = rel_tol * high, width = high - low;
     const Mask narrow = (low > zero) & ((width <= abs_tol) | (width <= relative));
-    settled = proved & ((low > max_distance) | narrow);
+    settled = proved & (low <= high) & ((low > max_distance) | narrow);
     lower = select(proved, low, -infinite);
     upper = select(proved, high, infinite);
   }

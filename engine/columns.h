@@ -43,6 +43,8 @@ CLEARANCE_HD inline float float_above(double x) {
 
 CLEARANCE_HD inline CompactAnswer compact(const PairAnswer& a) {
   CompactAnswer c{float_below(a.lower), float_above(a.upper), {}, {}};
+  if (!(c.lower <= a.lower)) c.lower = -__builtin_inff();  // where rounding is broken
+  if (!(c.upper >= a.upper)) c.upper = __builtin_inff();
   for (int k = 0; k < 3; ++k) {
     c.point_a[k] = static_cast<float>(a.point_a[k]);
     c.point_b[k] = static_cast<float>(a.point_b[k]);

@@ -8,11 +8,13 @@
 #include <stdexcept>
 
 #include "cuda/device_job.h"
+#include "cuda/device_self_test.h"
 #include "cuda/router.h"
 #include "fp_environment.h"
 #include "job.h"
 #include "plan.h"
 #include "pose_store.h"
+#include "self_test.h"
 
 namespace clearance {
 
@@ -28,10 +30,11 @@ struct Engine::Impl {
   mutable WarmStore warm;
   mutable BoxTreeStore trees;
   std::unique_ptr<cuda::DeviceBackend> device;
+  std::string refused_device;  // why it is not used; empty: it is, or there is none
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
   pid_t process = getpid();
-  mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0};
+  mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0};
 
   // OpenMP's threads do not survive a fork: a child that used them would hang.
@@ -42,7 +45,8 @@ struct Engine::Impl {
 
 std::vector<std::string> Engine::instruction_sets() {
   std::vector<std::string> names;
-  for (const LaneKernel& k : lane_kernels()) names.emplace_back(k.name);
+  for (const SelfTest& test : self_tests())
+    if (test.passed() && test.name != "reference" && test.name != "scalar") names.push_back(test.name);
   return names;
 }
 std::vector<std::string> Engine::backends() {
@@ -99,7 +103,7 @@ Engine::Engine(Scene scene, const Options& options) {
     throw std::invalid_argument("threads: expected 0 (all cores) to 4096, got " + std::to_string(options.threads));
   impl_ = std::make_unique<Impl>(std::move(scene), options);
   impl_->reference = options.backend == "reference";
-  impl_->lanes = &lane_kernel(options.instruction_set);
+  impl_->lanes = options.self_test ? &passed_lane_kernel(options.instruction_set) : &lane_kernel(options.instruction_set);
   impl_->near_by = near_by_name(options.broad_phase);
   const std::vector<Body>& bodies = impl_->scene.bodies();
   impl_->light = !impl_->reference && std::all_of(bodies.begin(), bodies.end(), [](const Body& b) {
@@ -110,7 +114,11 @@ Engine::Engine(Scene scene, const Options& options) {
   check_devices(options);
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
   const bool both = options.backend == "auto" && options.calibration != "off" && !bodies.empty() && cuda::device_info().present;
-  if (options.backend == "cuda" || both) {
+  const bool wanted = options.backend == "cuda" || both;
+  if (const SelfTest* test = wanted && options.self_test ? &cuda::device_self_test(options.devices) : nullptr; test && !test->passed())
+    impl_->refused_device = "backend 'cuda' computes wrongly on this machine, says the self-test (" + test->first_wrong + ")";
+  if (options.backend == "cuda" && !impl_->refused_device.empty()) throw std::runtime_error(impl_->refused_device);
+  if (wanted && impl_->refused_device.empty()) {
     cuda::DeviceBackend::Options device;
     if (options.device_memory > 0) device.memory_limit = options.device_memory;
     device.fallback = options.device_fallback;
@@ -126,7 +134,7 @@ Engine::~Engine() = default;
 const Scene& Engine::scene() const { return impl_->scene; }
 std::uint64_t Engine::scene_revision() const { return impl_->poses.snapshot()->scene_revision; }
 std::string_view Engine::backend() const { return impl_->reference ? "reference" : !impl_->device || !impl_->device->usable() ? "cpu" : impl_->router ? "auto" : "cuda"; }
-std::string Engine::device_error() const { return impl_->device ? impl_->device->error() : std::string(); }
+std::string Engine::device_error() const { return impl_->device ? impl_->device->error() : impl_->refused_device; }
 std::string_view Engine::instruction_set() const { return impl_->lanes->name; }
 std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
 
@@ -205,7 +213,7 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
   const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, impl_->lanes, impl_->light, &impl_->pairs_evaluated,
-                           &impl_->warm, &impl_->trees, impl_->near_by, impl_->device.get(), impl_->router.get()};
+                           &impl_->contradictions, &impl_->warm, &impl_->trees, impl_->near_by, impl_->device.get(), impl_->router.get()};
   return Job(make_job(context, std::move(plan), reply));
 }
 
@@ -216,6 +224,8 @@ std::uint64_t Engine::warm_bytes(const QueryView& query, const QuerySize& size) 
   const std::uint64_t simplices = size.configurations * size.pairs;
   return simplices > WarmStore::kMostSimplices ? 0 : simplices * sizeof(WarmSimplex);
 }
+
+std::uint64_t Engine::contradictions() const { return impl_->contradictions; }
 
 void Engine::trim_warm(std::uint64_t client, std::uint64_t room) const { impl_->warm.trim(client, room); }
 
@@ -238,6 +248,7 @@ Counters Engine::stats() const {
           {"engine.threads", static_cast<std::uint64_t>(impl_->options.threads)},
           {"engine.queries", impl_->queries},
           {"engine.pairs_evaluated", impl_->pairs_evaluated},
+          {"engine.contradictions", impl_->contradictions},
           {"engine.pose_revision", snapshot->revision},
           {"engine.pose_updates", impl_->pose_updates},
           {"engine.bad_poses", impl_->bad_poses}};

@@ -95,10 +95,13 @@ class Engine {
     /// CUDA devices of backends cuda and auto, by their numbers; none: the calling thread's current one. Each holds the scene,
     /// and queries are shared out among them; answers do not depend on how many there are.
     std::vector<int> devices{};
+    /// Whether what the self-test (engine/self_test.h) finds wrong is refused. Tests of wrong builds leave it out.
+    bool self_test = true;
   };
 
   /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, and for a device named twice;
-  /// std::runtime_error for a backend or device that is absent on this machine or, without fallback, has no room for the scene.
+  /// std::runtime_error for a backend or device that is absent on this machine or, without fallback, has no room for the
+  /// scene, for one that the self-test (engine/self_test.h) found wrong, and where it found all instruction sets wrong.
   explicit Engine(Scene scene) : Engine(std::move(scene), Options()) {}
   Engine(Scene scene, const Options& options);
   ~Engine();
@@ -112,7 +115,8 @@ class Engine {
   std::string device_error() const;
   static std::vector<std::string> backends();  ///< those that can be asked for on this machine
   std::string_view instruction_set() const;    ///< the one in use, by name
-  static std::vector<std::string> instruction_sets();  ///< those that this machine has, the fastest first
+  /// Those that this machine has and that compute rightly, the fastest first.
+  static std::vector<std::string> instruction_sets();
 
   /// Applies a batch of poses atomically. \param stamp_ns the publisher's clock. \param sequence the publisher's count of its
   /// updates; 0: it keeps none. The receipt is taken here.
@@ -144,6 +148,9 @@ class Engine {
   void trim_warm(std::uint64_t client, std::uint64_t room) const;
 
   Counters stats() const;
+  /// How often the bounds of two pieces contradicted each other, so that the pair was answered anew by what shares the
+  /// least with what made them: 0 unless the machine, the build or a table is broken.
+  std::uint64_t contradictions() const;
 
  private:
   struct Impl;

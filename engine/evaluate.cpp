@@ -63,6 +63,12 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
   const Body &a = scene.bodies()[bodies.pair.a], &b = scene.bodies()[bodies.pair.b];
   const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
 
+  if (best.bounds.upper == kInf && lower == -kInf) {
+    const std::uint16_t flags = answer.flags;
+    answer = unproved_answer();
+    answer.flags = flags;
+    return;
+  }
   answer.lower = lower;
   answer.upper = best.bounds.upper;
   if (!limits.signed_distance) {

@@ -28,6 +28,7 @@ struct JobContext {
   const LaneKernel* lanes;
   bool light;                 ///< all bodies are single pieces: a pair takes well under 1 us, not 10
   std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
+  std::atomic<std::uint64_t>* contradictions;   ///< likewise
   WarmStore* warm = nullptr;
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;

@@ -39,6 +39,7 @@ class ParallelJob : public Job::State {
     options_.limits.signed_distance = q.signed_distance;
     options_.reference = context.reference;
     options_.lanes = context.lanes;
+    options_.contradictions = context.contradictions;
     options_.f32 = q.precision == Precision::kF32 && !q.signed_distance;
     const bool needs_boxes = q.reduce != Reduce::kNone || q.max_distance < std::numeric_limits<double>::infinity();
     options_.cull = needs_boxes && !context.reference;

@@ -40,6 +40,26 @@ void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
   }
 }
 
+// Where the vertices are, and how far they reach.
+void measure(Piece& piece, const std::vector<Vec3d>& vertices) {
+  Vec3d low = vertices[0], high = vertices[0];
+  for (const Vec3d& v : vertices)
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], v[k]);
+      high[k] = std::max(high[k], v[k]);
+    }
+  piece.centre = 0.5 * low + 0.5 * high;
+  for (int k = 0; k < 3; ++k)
+    piece.half[k] = padded(std::max(high[k] - piece.centre[k], piece.centre[k] - low[k]));
+  double rho2 = 0, spread2 = 0;
+  for (const Vec3d& v : vertices) {
+    rho2 = std::max(rho2, squared_norm(v));
+    spread2 = std::max(spread2, squared_norm(v - piece.centre));
+  }
+  piece.rho = padded(std::sqrt(rho2));
+  piece.spread = padded(std::sqrt(spread2));
+}
+
 }  // namespace
 
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
@@ -65,23 +85,7 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   }
   piece->digest = digest;
 
-  Vec3d low = vertices[0], high = vertices[0];
-  for (const Vec3d& v : vertices)
-    for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], v[k]);
-      high[k] = std::max(high[k], v[k]);
-    }
-  piece->centre = 0.5 * low + 0.5 * high;
-  for (int k = 0; k < 3; ++k)
-    piece->half[k] = padded(std::max(high[k] - piece->centre[k], piece->centre[k] - low[k]));
-  double rho2 = 0, spread2 = 0;
-  for (const Vec3d& v : vertices) {
-    rho2 = std::max(rho2, squared_norm(v));
-    spread2 = std::max(spread2, squared_norm(v - piece->centre));
-  }
-  piece->rho = padded(std::sqrt(rho2));
-  piece->spread = padded(std::sqrt(spread2));
-
+  measure(*piece, vertices);
   if (vertices.size() > kTableFromVertices)
     piece->table = std::make_shared<const DirectionTable>(
         direction_table_beside(mesh, vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
@@ -89,6 +93,17 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
     fill_rows(*piece, vertices);
   piece->vertices = std::move(vertices);
   return piece;
+}
+
+Piece without_table(const Piece& piece) {
+  Piece plain;
+  plain.vertices = piece.vertices;
+  plain.radius = piece.radius;
+  plain.loaded_vertices = piece.loaded_vertices;
+  plain.digest = piece.digest;
+  measure(plain, plain.vertices);
+  fill_rows(plain, plain.vertices);
+  return plain;
 }
 
 std::uint64_t resident_bytes(const Piece& piece) {

@@ -44,6 +44,10 @@ using PiecePtr = std::shared_ptr<const Piece>;
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
                     std::uint64_t digest = 0, const std::string& mesh = {});
 
+/// A copy whose derived numbers are made anew from its vertices, which are scanned whatever their number: to find out what is
+/// true of a piece where its table, or another of them, may be damaged. Takes as long as the vertices are many.
+Piece without_table(const Piece& piece);
+
 /// Memory that a piece holds, its copies and its tree included.
 std::uint64_t resident_bytes(const Piece& piece);
 

@@ -107,7 +107,7 @@ void PieceBatch::settle_in_f64(const LaneBatch& all) {
   again_.clear();
   again_pairs_.clear();
   for (std::size_t i = 0; i < all.count; ++i)
-    if (!all.answers[i].settled) {
+    if (!all.answers[i].settled && is_possible(all.answers[i])) {
       again_.push_back(i);
       again_pairs_.push_back(all.pairs[i]);
     }
@@ -133,12 +133,29 @@ void PieceBatch::settle_in_f64(const LaneBatch& all) {
   }
 }
 
+NarrowLimits PieceBatch::limits_of(const PieceTask& task) const {
+  NarrowLimits limits = options_.limits;
+  limits.max_distance = task.max_distance;
+  return limits;
+}
+
 NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* done) const {
   const auto& [a, b, pose_a, pose_b, max_distance, id, warm] = task;
-  NarrowLimits limits = options_.limits;
-  limits.max_distance = max_distance;
-  if (options_.reference) return narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits);
-  return narrow_phase(*a, *pose_a, *b, *pose_b, limits, warm, done);
+  const NarrowLimits limits = limits_of(task);
+  const NarrowAnswer answer = options_.reference ? narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits)
+                                                 : narrow_phase(*a, *pose_a, *b, *pose_b, limits, warm, done);
+  return answer.bounds.is_possible() ? answer : answer_anew(task);
+}
+
+// A pair whose bounds contradict each other, by what shares the least with what made them: one pair alone,
+// double-double from the first step, vertices without a table, rotations made anew, no warm state. Where that
+// contradicts itself too, nothing is proved: [-inf, inf].
+NarrowAnswer PieceBatch::answer_anew(const PieceTask& task) const {
+  if (options_.contradictions) options_.contradictions->fetch_add(1, std::memory_order_relaxed);
+  if (task.warm) *task.warm = {};
+  const Piece a = without_table(*task.a), b = without_table(*task.b);
+  const NarrowAnswer answer = narrow_phase_reference(a, *task.pose_a, b, *task.pose_b, limits_of(task));
+  return answer.bounds.is_possible() ? answer : NarrowAnswer();
 }
 
 NarrowAnswer PieceBatch::settled_answer(const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) const {

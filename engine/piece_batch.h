@@ -1,6 +1,7 @@
 // Many pairs of placed pieces, answered side by side where lanes can, one after another where they cannot.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -17,6 +18,7 @@ struct NarrowOptions {
   bool f32 = false;                   ///< begin with float32 where it can hold the pieces
   bool reference = false;             ///< the brute-force oracle: double-double, one pair after another
   bool want_points = true;            ///< witness points and normals; without, only the interval
+  std::atomic<std::uint64_t>* contradictions = nullptr;  ///< counts bounds that contradicted each other; null: nobody does
   bool operator==(const NarrowOptions&) const = default;
 };
 
@@ -29,7 +31,9 @@ struct PieceTask {
   WarmSimplex* warm = nullptr;  ///< as for narrow_phase(); null: cold
 };
 
-/// Each worker has its own. The bits of an answer do not depend on what else is in the batch.
+/// Each worker has its own. The bits of an answer do not depend on what else is in the batch. Every interval is looked at
+/// before it leaves: one that no number lies in was made by something broken, and its pair is answered anew
+/// (answer_anew()).
 class PieceBatch {
  public:
   explicit PieceBatch(const NarrowOptions& options) : options_(options) {}
@@ -44,7 +48,9 @@ class PieceBatch {
       for (std::size_t i = group.begin; i < group.end; ++i) {
         const PieceTask& task = tasks[at(i)];
         const std::size_t place = i - group.begin;
-        if (group.in_lanes && answers_[place].settled)
+        if (group.in_lanes && !is_possible(answers_[place]))
+          take(task, answer_anew(task));
+        else if (group.in_lanes && answers_[place].settled)
           settled(task, answers_[place], witnesses_[place]);
         else
           take(task, answer_alone(task, group.in_lanes ? &unsettled_[place] : nullptr));
@@ -70,7 +76,10 @@ class PieceBatch {
   void deal(std::span<const PieceTask> tasks);
   void run_group(std::span<const PieceTask> tasks, const Group& group);
   void settle_in_f64(const LaneBatch& all);
+  static bool is_possible(const LaneAnswer& lane) { return Interval{lane.lower, lane.upper}.is_possible(); }
+  NarrowLimits limits_of(const PieceTask& task) const;
   NarrowAnswer answer_alone(const PieceTask& task, const Gjk<double>* done) const;
+  NarrowAnswer answer_anew(const PieceTask& task) const;
 
   NarrowOptions options_;
   std::vector<std::uint32_t> order_;

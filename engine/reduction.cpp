@@ -299,7 +299,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
       continue;
     }
     Row row = row_of(plan_.pairs.at(b.position), *b.winner);
-    widen_to_group(row.answer, b.lower, options_.limits.abs_tol, options_.limits.rel_tol);
+    widen_to_group(row.answer, b.lower, options_.limits.max_distance, options_.limits.abs_tol, options_.limits.rel_tol);
     if (incomplete_[g]) row.answer.flags |= kFlagIncomplete;
     rows.push_back(row);
   }

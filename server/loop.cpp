@@ -345,6 +345,10 @@ void Loop::leave(std::uint64_t client, std::uint64_t held_bytes) {
 }
 
 void Loop::finish(Task& task, Clock::time_point now) {
+  if (engine_->contradictions() > 0 && !std::exchange(contradiction_logged_, true))
+    spdlog::error(
+        "event=contradiction text=\"bounds of a pair contradicted each other, and it was answered anew: this machine, this "
+        "build or a table of the scene is broken; clearance selftest may tell which; engine.contradictions counts\"");
   const QuerySize& size = task.job.size();
   const ReplyInfo& info = task.job.info();
   std::byte* frame = task.frame;

@@ -196,6 +196,7 @@ class Loop final : public Inbox {
   std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
   std::vector<BodyPose> poses_;
   bool poses_changed_ = false;
+  bool contradiction_logged_ = false;
   Clock::time_point started_, turn_began_, next_tick_, next_warning_;
   Clock::time_point next_look_;             // at the transports that are polled by system calls
   bool looked_at_all_ = false;              // the last turn did

@@ -16,6 +16,7 @@
 #include "client/default_socket.h"
 #include "engine/engine.h"
 #include "engine/mesh.h"
+#include "engine/self_test.h"
 #include "key_ring.h"
 #include "loop.h"
 #include "metrics.h"
@@ -209,6 +210,10 @@ int serve(DaemonOptions options) {
   } catch (const std::exception& error) {
     return fail(kExitBackend, error.what());
   }
+  for (const SelfTest& test : self_tests())
+    if (!test.passed())
+      spdlog::error("event=self_test_failed name={} wrong={} answers={} first=\"{}\" text=\"it is not used\"", test.name, test.wrong,
+                    test.answers, test.first_wrong);
   std::optional<Scene> scene;
   try {
     scene = load_scene(options);

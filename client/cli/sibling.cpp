@@ -32,18 +32,28 @@ std::string own_folder() {
                            ")");
 }
 
+/// A command that is the program clearance-NAME. \param why it is one.
+void add_program(CLI::App& app, const char* name, const char* description, const char* why) {
+  auto& command = *app.add_subcommand(name, description);
+  command.prefix_command();  // every option is the program's own, --help too
+  command.set_help_flag();
+  command.callback([&command, name, why] {
+    become(std::string("clearance-") + name, command.remaining(),
+           std::string(why) +
+               "; it is installed with the daemon (component server, or pip install without CLEARANCE_CLIENT_ONLY)");
+  });
+}
+
 }  // namespace
 
 void add_inspect(CLI::App& app) {
-  auto& command =
-      *app.add_subcommand("inspect", "what a scene file's bodies are modelled by, its cost, what could be left out");
-  command.prefix_command();  // every option is the program's own, --help too
-  command.set_help_flag();
-  command.callback([&command] {
-    become("clearance-inspect", command.remaining(),
-           "reads scenes; it is installed with the daemon (component server, or pip install without "
-           "CLEARANCE_CLIENT_ONLY)");
-  });
+  add_program(app, "inspect", "what a scene file's bodies are modelled by, its cost, what could be left out",
+              "reads scenes");
+}
+
+void add_selftest(CLI::App& app) {
+  add_program(app, "selftest", "whether each way to answer that this machine has computes rightly",
+              "computes distances");
 }
 
 }  // namespace clearance::cli

@@ -204,6 +204,8 @@ class DeviceStandIn {
   DeviceStandIn& operator=(const DeviceStandIn&) = delete;
 };
 
+bool has_stand_in();
+
 /// The devices that the backend uses: the installed ones or what stands in for them.
 const DeviceInfo& device_info();
 std::string device_name(int number);

@@ -413,7 +413,7 @@ __device__ inline void write_winner(const ReducedView& r, std::uint64_t at, Pair
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
   const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
-  widen_to_group(answer, lower, c.question.abs_tol, c.question.rel_tol);
+  widen_to_group(answer, lower, c.question.max_distance, c.question.abs_tol, c.question.rel_tol);
   if (!complete) answer.flags |= kFlagIncomplete;
   write_answer(c, at, k, at_a, at_b, answer);
 }

@@ -29,6 +29,7 @@ class Bench {
 
   /// All pairs in one query, every column. `setting.backend` must be the bench's. Throws QueryError.
   std::vector<Answer> ask(const Setting& setting) const;
+  const Engine& engine() const { return *engine_; }
 
  private:
   std::size_t count_;

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "damage.h"
+#include "engine/engine.h"
 
 namespace clearance::exact {
 namespace {
@@ -34,6 +35,7 @@ const std::vector<Judged>& judged() {
 
 struct Tried {
   int answers = 0, violations = 0;
+  std::uint64_t contradictions = 0;
 };
 /// All of them with and without depth on both backends, with tolerance 0 so that rounding decides.
 Tried try_all() {
@@ -52,6 +54,7 @@ Tried try_all() {
           tried.violations += !hold_against(j.cases[i], j.truth[i], s, answers[i], false).violation.empty();
         }
       }
+      tried.contradictions += bench.engine().contradictions();
     }
   return tried;
 }
@@ -63,6 +66,7 @@ TEST(Mutants, AreFoundByTheJudge) {
   EXPECT_GT(tried.violations, 0) << CLEARANCE_MUTANT;
 #else
   EXPECT_EQ(tried.violations, 0);
+  EXPECT_EQ(tried.contradictions, 0u);
 #endif
 }
 

@@ -1,0 +1,24 @@
+// A piece whose direction table is wrong in one place.
+#pragma once
+
+#include <algorithm>
+
+#include "engine/direction_table.h"
+#include "engine/piece.h"
+
+namespace clearance::exact {
+
+/// The piece with a direction table that, asked along n (body frame), names the vertex that is the least far.
+inline PiecePtr with_misleading_table(const Piece& piece, const Vec3d& n) {
+  Piece cut = piece;
+  DirectionTable table = *cut.table;
+  const std::span<const std::uint32_t> found = cut.table->candidates(n);
+  const auto nearest = std::min_element(piece.vertices.begin(), piece.vertices.end(),
+                                        [&](const Vec3d& p, const Vec3d& q) { return dot(n, p) < dot(n, q); });
+  const auto at = table.lists.begin() + (found.data() - cut.table->lists.data());
+  std::fill_n(at, found.size(), static_cast<std::uint32_t>(nearest - piece.vertices.begin()));
+  cut.table = std::make_shared<const DirectionTable>(std::move(table));
+  return std::make_shared<const Piece>(cut);
+}
+
+}  // namespace clearance::exact
