@@ -19,7 +19,7 @@
 namespace clearance {
 
 struct Engine::Impl {
-  Impl(Scene&& s, const Options& o) : scene(std::move(s)), options(o), warm(o.warm_memory), poses(scene) {}
+  Impl(Scene&& s, const Options& o) : scene(std::move(s)), options(o), warm(o.warm_memory), poses(scene, o.max_stamp_lead) {}
 
   Scene scene;
   Options options;
@@ -138,22 +138,31 @@ std::string Engine::device_error() const { return impl_->device ? impl_->device-
 std::string_view Engine::instruction_set() const { return impl_->lanes->name; }
 std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
 
-PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence) {
+PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
+                                   std::uint64_t publisher) {
   const FpEnvironment environment;
-  const PoseUpdateResult result = impl_->poses.set(poses, stamp_ns, sequence);
+  const PoseUpdateResult result = impl_->poses.set(poses, stamp_ns, sequence, publisher);
   impl_->pose_updates.fetch_add(result.applied, std::memory_order_relaxed);
   impl_->bad_poses.fetch_add(result.bad, std::memory_order_relaxed);
   return result;
 }
+
+void Engine::check_stamp(std::int64_t stamp_ns) const { impl_->poses.check_stamp(stamp_ns); }
 
 PoseUpdateResult Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc) {
   const FpEnvironment environment;
   return impl_->poses.attach(child, parent, X_pc);
 }
 
+bool Engine::still_means(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors, bool with_parents) const {
+  const auto snapshot = impl_->poses.snapshot();
+  return scene_revision == snapshot->scene_revision ||
+         snapshot->history->still_means(scene_revision, snapshot->scene_changes, selectors, with_parents);
+}
+
 void Engine::take_poses(const Engine& old) {
   const FpEnvironment environment;
-  impl_->poses.take_over(old.impl_->scene, *old.impl_->poses.snapshot());
+  impl_->poses.take_over(old.impl_->poses);
 }
 
 BodyState Engine::body_state(std::uint32_t body) const {
@@ -251,7 +260,9 @@ Counters Engine::stats() const {
           {"engine.contradictions", impl_->contradictions},
           {"engine.pose_revision", snapshot->revision},
           {"engine.pose_updates", impl_->pose_updates},
-          {"engine.bad_poses", impl_->bad_poses}};
+          {"engine.bad_poses", impl_->bad_poses},
+          {"engine.stamps_out_of_range", impl_->poses.stamps_out_of_range()},
+          {"engine.stamps_late", impl_->poses.stamps_late()}};
   if (impl_->device) impl_->device->append(counters);
   if (impl_->router) impl_->router->append(counters);
   return counters;

@@ -78,6 +78,9 @@ class Engine {
   struct Options {
     std::string backend = "auto";  ///< "auto", "cpu", "cuda", or "reference" (brute force, the fast path's oracle)
     int threads = 0;               ///< 0: all cores
+    /// A stamp may be so far ahead of this machine's clock (TAI is 37 s ahead of UTC): one that is far ahead by mistake would
+    /// be the newest for good.
+    std::chrono::nanoseconds max_stamp_lead = std::chrono::seconds(60);
     /// Of the CPU's SIMD lanes: "auto", "avx512", "avx2", "baseline". Only speed depends on it, not one bit of an answer.
     std::string instruction_set = "auto";
     /// How reductions find near pairs: "auto", "brute" (every pair's boxes), "tree". Only speed depends on it.
@@ -118,12 +121,22 @@ class Engine {
   /// Those that this machine has and that compute rightly, the fastest first.
   static std::vector<std::string> instruction_sets();
 
-  /// Applies a batch of poses atomically. \param stamp_ns the publisher's clock. \param sequence the publisher's count of its
-  /// updates; 0: it keeps none. The receipt is taken here.
-  PoseUpdateResult set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns = 0, std::int64_t sequence = 0);
+  /// Applies a batch of poses atomically. \param stamp_ns the publisher's clock; 0: it gives none. \param sequence the
+  /// publisher's count of its updates; 0: it keeps none. \param publisher any number that tells publishers apart. The receipt
+  /// is taken here. Throws QueryError, and nothing is applied, for a stamp that check_stamp() refuses, and for one before
+  /// that which the publisher gave last for one of the bodies: an old update that came late, or once more. A clock that
+  /// begins anew is another publisher's; an update without a stamp also lets it begin anew for its bodies.
+  PoseUpdateResult set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns = 0, std::int64_t sequence = 0,
+                             std::uint64_t publisher = 0);
+  /// Throws QueryError for a stamp below 0, or ahead of this machine's clock (UTC) by more than Options::max_stamp_lead.
+  void check_stamp(std::int64_t stamp_ns) const;
   /// Makes `child` follow `parent` from where it is now, or with `X_pc` if given; kNone as parent sets it free where it is.
   /// Throws QueryError for an unknown body, a cycle, a static child, or a body without a usable pose.
   PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc = nullptr);
+  /// Whether body ids and group selectors of an older revision of the scene mean the same in this one. False also for a
+  /// revision that is unknown. \param with_parents also that those bodies have the parents that they had, to which their poses
+  /// are relative.
+  bool still_means(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors, bool with_parents) const;
   /// Takes over the poses and attachments that another engine has received, for bodies that both know by name: what a daemon
   /// does that loads its scene anew. Other bodies stay as this scene has them.
   void take_poses(const Engine& old);

@@ -56,7 +56,7 @@ class ParallelJob : public Job::State {
     info.snapshot_revision = snapshot.revision;
     info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
     info.snapshot_sequence = snapshot.newest_sequence;
-    info.scene_revision = snapshot.scene_revision;
+    info.scene_revision = q.scene_revision ? q.scene_revision : snapshot.scene_revision;  // for both the answer is the same
     info.oldest_receipt_ns = snapshot.oldest_receipt_ns;
     if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = begun_ns_ - snapshot.oldest_receipt_ns;
   }

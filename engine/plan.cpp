@@ -132,7 +132,8 @@ std::uint32_t written_fields(const QueryView& q) {
 Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
                std::uint64_t max_rows, bool with_configurations) {
   check_numbers(query);
-  if (query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision)
+  if (query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision &&
+      !snapshot->history->still_means(query, snapshot->scene_changes, scene))
     throw QueryError(QueryErrorCode::kWrongScene, "the scene is revision " + std::to_string(snapshot->scene_revision) +
                                                       ", the query is for " + std::to_string(query.scene_revision));
   Plan plan;

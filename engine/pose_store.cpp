@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <string>
+#include <tuple>
+#include <utility>
 
 namespace clearance {
 
@@ -78,9 +81,12 @@ void PoseStore::enable_pairs(PoseSnapshot& snapshot) const {
   snapshot.order = order_of(snapshot.parent);
   snapshot.scene_revision = revision_with(scene_, snapshot.parent);
   snapshot.pairs = std::make_shared<const PairTable>(scene_, snapshot.parent);
+  snapshot.scene_changes = history_->changes();
+  snapshot.history = history_;
 }
 
-PoseStore::PoseStore(const Scene& scene) : scene_(scene) {
+PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead)
+    : scene_(scene), max_stamp_lead_(max_stamp_lead), marks_(scene.bodies().size()) {
   auto first = std::make_shared<PoseSnapshot>();
   const std::size_t n = scene.bodies().size();
   first->local.resize(n);
@@ -88,6 +94,7 @@ PoseStore::PoseStore(const Scene& scene) : scene_(scene) {
   first->placed.resize(n);
   first->stamp_ns.resize(n);
   first->receipt_ns.resize(n);
+  first->sequence.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const Body& body = scene.bodies()[i];
     first->parent.push_back(body.parent);
@@ -124,16 +131,51 @@ std::shared_ptr<PoseSnapshot> PoseStore::copy() {
 }
 
 void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
-  next->oldest_receipt_ns = 0;
-  for (const std::int64_t receipt : next->receipt_ns)
-    if (receipt != 0 && (next->oldest_receipt_ns == 0 || receipt < next->oldest_receipt_ns)) next->oldest_receipt_ns = receipt;
+  next->oldest_receipt_ns = next->newest_stamp_ns = next->newest_sequence = 0;
+  for (std::size_t b = 0; b < next->receipt_ns.size(); ++b) {
+    const std::int64_t receipt = next->receipt_ns[b];
+    if (receipt == 0) continue;
+    if (next->oldest_receipt_ns == 0 || receipt < next->oldest_receipt_ns) next->oldest_receipt_ns = receipt;
+    const std::pair stamped(next->stamp_ns[b], next->sequence[b]);
+    if (stamped > std::pair(next->newest_stamp_ns, next->newest_sequence))
+      std::tie(next->newest_stamp_ns, next->newest_sequence) = stamped;
+  }
   std::shared_ptr<const PoseSnapshot> old = std::move(next);  // freed outside the lock
   const std::lock_guard lock(current_mutex_);
   current_.swap(old);
 }
 
-PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence) {
+void PoseStore::check_stamp(std::int64_t stamp_ns) const {
+  using std::chrono::nanoseconds;
+  const nanoseconds now = std::chrono::system_clock::now().time_since_epoch();
+  if (stamp_ns >= 0 && (nanoseconds(stamp_ns) <= now || nanoseconds(stamp_ns) - now <= max_stamp_lead_)) return;
+  ++out_of_range_;
+  const auto seconds = [](nanoseconds span) { return std::to_string(std::chrono::duration_cast<std::chrono::seconds>(span).count()); };
+  throw QueryError(QueryErrorCode::kBadQuery,
+                   "stamp_ns: " + std::to_string(stamp_ns) +
+                       (stamp_ns < 0 ? " is below 0"
+                                     : " is " + seconds(nanoseconds(stamp_ns) - now) + " s ahead of this machine's clock; " +
+                                           seconds(max_stamp_lead_) + " s may be (Options::max_stamp_lead, --max-stamp-lead-s)"));
+}
+
+void PoseStore::check_not_late(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::uint64_t publisher) {
+  if (stamp_ns == 0) return;
+  for (const BodyPose& p : poses) {
+    if (p.body >= scene_.bodies().size()) continue;
+    const std::int64_t last = marks_.last(p.body, publisher);
+    if (stamp_ns >= last) continue;
+    ++late_;
+    throw QueryError(QueryErrorCode::kBadQuery, "stamp_ns: " + std::to_string(stamp_ns) + " is older than " +
+                                                    std::to_string(last) + ", the last from this publisher for '" +
+                                                    scene_.bodies()[p.body].name + "'");
+  }
+}
+
+PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
+                                std::uint64_t publisher) {
+  check_stamp(stamp_ns);
   const std::lock_guard lock(writers_);
+  check_not_late(poses, stamp_ns, publisher);
   const std::shared_ptr<PoseSnapshot> next = copy();
   const std::int64_t now = monotonic_ns();
   PoseUpdateResult result;
@@ -151,15 +193,13 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
     next->given[p.body] = 1;
     next->stamp_ns[p.body] = stamp_ns;
     next->receipt_ns[p.body] = now;
+    next->sequence[p.body] = sequence;
+    marks_.note(p.body, publisher, stamp_ns);
     moved.push_back(p.body);
     ++(check(p.pose) == PoseQuality::kBad ? result.bad : result.applied);
   }
   if (!moved.empty()) {
     next->place_again(next->with_followers(moved));
-    if (stamp_ns >= next->newest_stamp_ns) {
-      next->newest_stamp_ns = stamp_ns;
-      next->newest_sequence = sequence;
-    }
     ++next->revision;
   }
   result.revision = next->revision;
@@ -167,10 +207,13 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
   return result;
 }
 
-void PoseStore::take_over(const Scene& old_scene, const PoseSnapshot& old) {
-  const std::lock_guard lock(writers_);
+void PoseStore::take_over(const PoseStore& old_store) {
+  const std::scoped_lock lock(writers_, old_store.writers_);
+  const PoseSnapshot& old = *old_store.current_;  // stays: its writers wait
+  out_of_range_ += old_store.out_of_range_;
+  late_ += old_store.late_;
   const std::shared_ptr<PoseSnapshot> next = copy();
-  const std::vector<Body>&bodies = scene_.bodies(), &old_bodies = old_scene.bodies();
+  const std::vector<Body>&bodies = scene_.bodies(), &old_bodies = old_store.scene_.bodies();
   const auto follows = [&](std::uint32_t body, std::uint32_t leader) {
     for (std::uint32_t b = body; b != kNone; b = next->parent[b])
       if (b == leader) return true;
@@ -178,7 +221,9 @@ void PoseStore::take_over(const Scene& old_scene, const PoseSnapshot& old) {
   };
   for (std::uint32_t was = 0; was < old_bodies.size(); ++was) {
     const std::uint32_t now = scene_.find_body(old_bodies[was].name);
-    if (now == kNone || bodies[now].is_static || old.receipt_ns[was] == 0) continue;
+    if (now == kNone) continue;
+    marks_.take_over(now, old_store.marks_, was);
+    if (bodies[now].is_static || old.receipt_ns[was] == 0) continue;
     const std::uint32_t leader = old.parent[was] == kNone ? kNone : scene_.find_body(old_bodies[old.parent[was]].name);
     if (old.parent[was] != kNone && leader == kNone) continue;  // its pose would be relative to nothing
     if (leader != next->parent[now]) {
@@ -189,11 +234,11 @@ void PoseStore::take_over(const Scene& old_scene, const PoseSnapshot& old) {
     next->given[now] = old.given[was];
     next->stamp_ns[now] = old.stamp_ns[was];
     next->receipt_ns[now] = old.receipt_ns[was];
+    next->sequence[now] = old.sequence[was];
   }
+  history_->replaced(*old_store.history_, old.scene_revision, old_store.scene_, old.parent, scene_, next->parent);
   enable_pairs(*next);
   next->place_again(*next->order);
-  next->newest_stamp_ns = old.newest_stamp_ns;
-  next->newest_sequence = old.newest_sequence;
   next->revision = old.revision + 1;
   publish(next);
 }
@@ -218,6 +263,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
     next->local[child] = *X_pc;
   }
   next->given[child] = 1;
+  if (parent != next->parent[child]) history_->attached(next->scene_revision, child, next->parent[child], parent);
   next->parent[child] = parent;
   next->receipt_ns[child] = monotonic_ns();
   enable_pairs(*next);
