@@ -200,7 +200,9 @@ class CLEARANCE_API Client {
   /// Sends a query and returns at once.
   Pending submit(const Query& query = {});
 
-  /// \param stamp_ns, sequence the caller's clock and its count of updates, which replies then carry; 0: none.
+  /// \param stamp_ns, sequence the caller's clock and its count of updates, which replies then carry; 0: none. A stamp below 0,
+  /// far ahead of the daemon's clock, or older than this client's last for one of the bodies is refused (RequestError), and with
+  /// it the update.
   PosesDone set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0, std::int64_t sequence = 0);
   PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0,
                       std::int64_t sequence = 0);

@@ -6,7 +6,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstring>
 #include <mutex>
+
+#include "doorman.h"
 
 namespace clearance {
 namespace {
@@ -28,15 +31,17 @@ void keep_reserve() {
 
 /// Takes one connection in the reserve's place and closes it.
 void shed(int listener, const std::function<void(int)>& refuse) {
-  const std::lock_guard lock(mutex);
-  if (reserve >= 0) ::close(reserve);
-  reserve = -1;
-  const int socket = system_accept(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-  if (socket >= 0) {
-    if (refuse) refuse(socket);
-    ::close(socket);
+  shm::UniqueFd unwanted;
+  {
+    const std::lock_guard lock(mutex);
+    if (reserve >= 0) ::close(reserve);
+    reserve = -1;
+    unwanted.reset(system_accept(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+    if (!unwanted) keep_reserve();
   }
-  keep_reserve();
+  if (!unwanted) return;
+  if (refuse) refuse(unwanted.get());
+  turn_away(std::move(unwanted), &reserve_descriptor);
 }
 
 }  // namespace
@@ -58,10 +63,26 @@ void reserve_descriptor() {
 extern "C" __attribute__((visibility("default"))) int accept4(int listener, sockaddr* address, socklen_t* length,
                                                               int flags) {
   const int socket = clearance::system_accept(listener, address, length, flags);
-  if (socket >= 0 || !clearance::is_exhausted(errno)) return socket;
+  if (socket >= 0) {
+    const int inner = clearance::let_in(clearance::shm::UniqueFd(socket)).release();
+    if (inner < 0) errno = ECONNABORTED;
+    return inner;
+  }
+  if (!clearance::is_exhausted(errno)) return socket;
   clearance::shed(listener, {});
   errno = ECONNABORTED;
   return -1;
+}
+
+// Likewise: whose process is at the other end is asked of the connection that a socket stands for.
+extern "C" __attribute__((visibility("default"))) int getsockopt(int socket, int level, int name, void* value,
+                                                                 socklen_t* length) {
+  const long failed = ::syscall(SYS_getsockopt, socket, level, name, value, length);
+  ucred who;
+  if (!failed && level == SOL_SOCKET && name == SO_PEERCRED && *length == sizeof who &&
+      clearance::credentials_behind(socket, who))
+    std::memcpy(value, &who, sizeof who);
+  return static_cast<int>(failed);
 }
 
 extern "C" __attribute__((visibility("default"))) int accept(int listener, sockaddr* address, socklen_t* length) {

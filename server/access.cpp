@@ -88,16 +88,22 @@ gid_t group_named(const std::string& name) {
   throw std::invalid_argument("there is no group \"" + name + "\"");
 }
 
-std::optional<Rights> rights_of_peer(int socket, const Access& access, std::string& why) {
+std::optional<ucred> process_behind(int socket) {
   ucred peer{};
   socklen_t length = sizeof peer;
-  if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0) {
+  if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0) return std::nullopt;
+  return peer;
+}
+
+std::optional<Rights> rights_of_peer(int socket, const Access& access, std::string& why) {
+  const std::optional<ucred> peer = process_behind(socket);
+  if (!peer) {
     why = std::string("SO_PEERCRED: ") + std::strerror(errno);
     return std::nullopt;
   }
-  if (peer.uid == geteuid()) return kAllRights;
-  if (access.group && is_member(socket, peer.gid, *access.group)) return access.group_rights;
-  why = "user " + std::to_string(peer.uid) + " may not connect: this daemon runs as user " + std::to_string(geteuid());
+  if (peer->uid == geteuid()) return kAllRights;
+  if (access.group && is_member(socket, peer->gid, *access.group)) return access.group_rights;
+  why = "user " + std::to_string(peer->uid) + " may not connect: this daemon runs as user " + std::to_string(geteuid());
   if (access.group) why += ", and this user is not in its group " + std::to_string(*access.group);
   return std::nullopt;
 }

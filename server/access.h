@@ -1,6 +1,7 @@
 // Who may do what: the rights of those who connect, beside the daemon's own user, who may do everything.
 #pragma once
 
+#include <sys/socket.h>
 #include <sys/types.h>
 
 #include <cstdint>
@@ -42,6 +43,9 @@ struct Access {
 
 /// The group of a name or number. Throws std::invalid_argument.
 gid_t group_named(const std::string& name);
+
+/// The process at the other end of a Unix socket, by SO_PEERCRED; none with errno.
+std::optional<ucred> process_behind(int socket);
 
 /// What the process at the other end of a Unix socket may do, by SO_PEERCRED and SO_PEERGROUPS. None, with `why`: it may not
 /// connect.

@@ -1,8 +1,10 @@
 // What changes the scene while the daemon runs: loading it anew, adding and removing bodies. Each is made aside and
 // answered when the engine with the new scene has taken over.
 #include <algorithm>
+#include <array>
 #include <cstring>
 
+#include "log_text.h"
 #include "loop_task.h"
 
 namespace clearance {
@@ -60,8 +62,8 @@ void Loop::begin_edit(const FrameHeader& header, std::unique_ptr<ReplySink>& sin
 
 void Loop::add_body(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
   const wire::NewBodyParts parts = wire::parse_new_body(payload);
-  check_scene(header);
   const std::uint32_t parent = parts.record.parent;
+  if (parent != kNone) check_scene(header, std::array{parent});
   const auto& bodies = engine_->scene().bodies();
   if (parent != kNone && parent >= bodies.size())
     throw Refusal{ErrorCode::kBadQuery, "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
@@ -86,7 +88,7 @@ void Loop::add_body(const FrameHeader& header, std::span<const std::byte> payloa
 
 void Loop::remove_body(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
   const std::string name = wire::name_of(wire::parse_remove_body(payload).name);
-  check_scene(header);
+  check_scene(header, std::array{engine_->scene().find_body(name)});
   begin_edit(header, sink, name, true, [name](SceneParts& scene) {
     const auto found = std::find_if(scene.added.begin(), scene.added.end(),
                                     [&](const AddedBody& added) { return added.body.name == name; });
@@ -151,9 +153,9 @@ void Loop::install(Reloader::Outcome& outcome) {
   if (!outcome.engine) {
     ++counter(std::string(what) + "s.failed");
     if (outcome.edit)
-      spdlog::info("event=scene_edit_failed seconds={:.3f} error=\"{}\"", outcome.seconds, outcome.error);
+      spdlog::info("event=scene_edit_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
     else
-      spdlog::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome.seconds, outcome.error);
+      spdlog::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
     return;
   }
   outcome.engine->take_poses(*engine_);
@@ -163,7 +165,7 @@ void Loop::install(Reloader::Outcome& outcome) {
   ++counter(std::string(what) + "s");
   spdlog::info("event={} bodies={} revision={:016x} seconds={:.3f}", outcome.edit ? "scene_edited" : "reloaded",
                engine_->scene().bodies().size(), engine_->scene_revision(), outcome.seconds);
-  if (!outcome.left_out.empty()) spdlog::warn("event=added_bodies_left_out error=\"{}\"", outcome.left_out);
+  if (!outcome.left_out.empty()) spdlog::warn("event=added_bodies_left_out error=\"{}\"", log_text(outcome.left_out));
 }
 
 void Loop::answer_scene_waiter(const SceneWaiter& waiter, const Reloader::Outcome& outcome) {

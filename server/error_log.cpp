@@ -4,6 +4,8 @@
 #include <cctype>
 #include <ctime>
 
+#include "log_text.h"
+
 namespace clearance {
 namespace {
 
@@ -58,11 +60,8 @@ std::vector<ErrorLog::Entry> ErrorLog::entries() const {
 std::string error_text(const std::vector<ErrorLog::Entry>& entries) {
   std::string text;
   for (const ErrorLog::Entry& entry : entries) {
-    std::string line = entry.text;
-    std::replace_if(
-        line.begin(), line.end(), [](unsigned char c) { return c < ' '; }, ' ');  // one line is one error
     text += std::to_string(entry.count) + '\t' + utc(entry.first) + '\t' + utc(entry.last) + '\t' + entry.code + '\t' +
-            line + '\n';
+            log_text(entry.text, false) + '\n';  // one line is one error
   }
   return text;
 }

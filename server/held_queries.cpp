@@ -40,8 +40,11 @@ bool Loop::look_at_held() {
   const auto stays = [&](const Held& held) {
     if (turn_began_ >= held.deadline) return false;
     try {
+      check_wait_for(held.request, held.query);
       return !engine_->poses_reach(held.query.wait_for, held.query.min_pose_stamp_ns);
     } catch (const QueryError&) {  // another scene: said where the query begins
+      return false;
+    } catch (const Refusal&) {  // likewise
       return false;
     }
   };
@@ -58,6 +61,7 @@ bool Loop::look_at_held() {
     waiting_bytes_ -= held.payload_bytes;
     leave(way_back.client(), held.payload_bytes);
     guarded(way_back, held.request, [&] {
+      check_wait_for(held.request, held.query);
       if (!engine_->poses_reach(held.query.wait_for, held.query.min_pose_stamp_ns))
         throw Refusal{ErrorCode::kPosesLate, "no poses with stamp " + std::to_string(held.query.min_pose_stamp_ns) +
                                                  " or newer came within " + std::to_string(1e-6 * static_cast<double>(held.query.pose_wait_ns)) + " ms"};

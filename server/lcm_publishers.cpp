@@ -4,9 +4,9 @@
 
 namespace clearance {
 
-PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::int64_t sequence,
+PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::int64_t sequence, std::int64_t stamp_ns,
                                       Clock::time_point now) {
-  const auto [it, is_new] = publishers_.try_emplace({publisher, channel}, Publisher{sequence, now});
+  const auto [it, is_new] = publishers_.try_emplace({publisher, channel}, Publisher{sequence, stamp_ns, 0, now});
   if (is_new) {
     if (publishers_.size() > kMaxPublishers) {
       const auto silent = std::min_element(publishers_.begin(), publishers_.end(),
@@ -16,24 +16,20 @@ PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::
     return {Verdict::kNew, 0};
   }
   Publisher& known = it->second;
-  // Since it was last followed: one that has begun anew under its old id and is not silent must not wait until it has
-  // counted up to where it was.
-  const bool was_silent = now - known.last > kSilence;
   if (sequence > known.sequence) {
-    known.last = now;
+    if (stamp_ns != 0 && stamp_ns < known.begun_ns) return {Verdict::kOld, 0};
     // Unsigned: sequences of the far ends of the range must not overflow.
     const std::uint64_t missing = static_cast<std::uint64_t>(sequence) - static_cast<std::uint64_t>(known.sequence) - 1;
     known.sequence = sequence;
+    known.newest_ns = std::max(known.newest_ns, stamp_ns);
+    known.last = now;
     return {missing == 0 ? Verdict::kNext : Verdict::kGap, missing};
   }
-  if (sequence == known.sequence) return {Verdict::kRepeated, 0};
-  const std::uint64_t back = static_cast<std::uint64_t>(known.sequence) - static_cast<std::uint64_t>(sequence);
-  if (was_silent || back >= static_cast<std::uint64_t>(kRestartStep)) {
-    known.last = now;
-    known.sequence = sequence;
+  if (known.newest_ns != 0 && stamp_ns > known.newest_ns) {
+    known = {sequence, stamp_ns, stamp_ns, now};
     return {Verdict::kRestart, 0};
   }
-  return {Verdict::kOld, 0};
+  return {sequence == known.sequence ? Verdict::kRepeated : Verdict::kOld, 0};
 }
 
 std::vector<std::uint32_t> OwnerLog::note(std::int64_t publisher, std::span<const BodyPose> poses,

@@ -13,16 +13,17 @@
 
 namespace clearance {
 
-/// Follows the sequence numbers of each publisher on each channel. UDP loses and (on real networks) reorders: the
-/// newest message wins, an older one is left out, and what is missing is counted.
+/// Follows the sequence numbers of each publisher on each channel. UDP loses and (on real networks) reorders and repeats:
+/// the newest message wins, an older one is left out however old it is, and what is missing is counted.
+///
+/// A publisher draws its id when it starts, so one that has begun anew is another one. One that keeps its id is known by
+/// its clock, which goes on where its count begins anew: a lower sequence under a stamp newer than all before cannot be an
+/// old message. From then on messages with stamps from before are those of its former life, whatever their sequence.
 class PublisherLog {
  public:
   using Clock = std::chrono::steady_clock;
   /// Publishers remembered; past that the one silent for longest is forgotten.
   static constexpr std::size_t kMaxPublishers = 256;
-  /// A publisher that sent nothing newer for so long, or went so far back, has begun to count anew.
-  static constexpr std::chrono::seconds kSilence{2};
-  static constexpr std::int64_t kRestartStep = 1000;
 
   enum class Verdict { kNew, kNext, kGap, kRestart, kRepeated, kOld };
   struct Note {
@@ -31,7 +32,8 @@ class PublisherLog {
     bool use() const { return verdict != Verdict::kRepeated && verdict != Verdict::kOld; }
   };
 
-  Note note(int channel, std::int64_t publisher, std::int64_t sequence, Clock::time_point now);
+  /// \param stamp_ns the publisher's clock; 0: it gives none.
+  Note note(int channel, std::int64_t publisher, std::int64_t sequence, std::int64_t stamp_ns, Clock::time_point now);
   std::size_t size() const { return publishers_.size(); }
 
  private:
@@ -47,7 +49,9 @@ class PublisherLog {
   };
   struct Publisher {
     std::int64_t sequence = 0;
-    Clock::time_point last;  ///< of a message that was used
+    std::int64_t newest_ns = 0;  ///< stamp
+    std::int64_t begun_ns = 0;   ///< first stamp since it began anew; 0: it has not
+    Clock::time_point last;      ///< of a message that was used
   };
   std::unordered_map<Key, Publisher, Hash> publishers_;
 };

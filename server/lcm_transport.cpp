@@ -22,6 +22,7 @@
 #include "server/lcm_link.h"
 #include "server/lcm_publishers.h"
 #include "server/lcm_translate.h"
+#include "server/log_text.h"
 #include "server/transport.h"
 
 namespace clearance {
@@ -54,6 +55,7 @@ struct Counters {
         repeated(inbox.counter("lcm.repeated")),
         restarts(inbox.counter("lcm.restarts")),
         contested(inbox.counter("lcm.contested")),
+        bad_stamps(inbox.counter("lcm.bad_stamps")),
         not_allowed(inbox.counter("lcm.poses_not_allowed")),
         publishers(inbox.counter("lcm.publishers")),
         queries(inbox.counter("lcm.queries")),
@@ -64,7 +66,7 @@ struct Counters {
         sent(inbox.counter("lcm.sent")),
         failed(inbox.counter("lcm.send_errors")),
         other_daemons(inbox.counter("lcm.other_daemons")) {}
-  std::uint64_t &messages, &bad, &poses, &wrong_scene, &unknown, &gaps, &reordered, &repeated, &restarts, &contested, &not_allowed,
+  std::uint64_t &messages, &bad, &poses, &wrong_scene, &unknown, &gaps, &reordered, &repeated, &restarts, &contested, &bad_stamps, &not_allowed,
       &publishers, &queries, &frames, &given_up, &replies, &dropped, &sent, &failed, &other_daemons;
 };
 
@@ -77,7 +79,7 @@ class Complaints {
     const auto now = Clock::now();
     if (entry.times > 1 && now - entry.last < kSayAgain) return;
     const std::uint64_t unsaid = entry.times - entry.said - 1;
-    spdlog::warn("event=lcm_{} more={} text=\"{}\"", kind, unsaid, what);
+    spdlog::warn("event=lcm_{} more={} text=\"{}\"", kind, unsaid, log_text(what));
     entry.last = now;
     entry.said = entry.times;
   }
@@ -155,7 +157,7 @@ class LcmTransport final : public Transport {
       if (body != kNone) allowed_[body] = true;
       if (group != kNone)
         for (const std::uint32_t member : scene.groups()[group].bodies) allowed_[member] = true;
-      if (body == kNone && group == kNone) spdlog::warn("event=lcm_allow_unknown name=\"{}\"", name);
+      if (body == kNone && group == kNone) spdlog::warn("event=lcm_allow_unknown name=\"{}\"", log_text(name));
     }
   }
 
@@ -176,7 +178,10 @@ class LcmTransport final : public Transport {
     pose_update_t update;
     if (!decode(packet, update)) return;
     const auto revision = static_cast<std::int64_t>(inbox_->engine().scene_revision());
-    if (update.scene_revision != 0 && update.scene_revision != revision) {
+    static_assert(sizeof update.bodies[0] == sizeof(std::uint32_t));
+    const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
+    if (update.scene_revision != 0 &&
+        !inbox_->engine().still_means(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
       ++counters_->wrong_scene;
       complaints_.say("scene", "poses for scene " + std::to_string(update.scene_revision) + " refused, this is " +
                                    std::to_string(revision));
@@ -221,9 +226,21 @@ class LcmTransport final : public Transport {
       accept(std::string(channel) + ": publisher_id is 0; draw one at random");
       return;
     }
-    const auto now = Clock::now();
-    const PublisherLog::Note note = publishers_.note(channel_number, publisher, sequence, now);
     const std::string who = "publisher " + std::to_string(publisher) + " on " + channel;
+    const auto with_good_stamp = [&](auto&& use) {
+      try {
+        use();
+        return true;
+      } catch (const QueryError& error) {
+        ++counters_->bad_stamps;
+        complaints_.say("stamp", who + ": left out: " + error.what());
+        return false;
+      }
+    };
+    // First: a publisher is not known by what is no time.
+    if (!with_good_stamp([&] { inbox_->engine().check_stamp(stamp_ns); })) return;
+    const auto now = Clock::now();
+    const PublisherLog::Note note = publishers_.note(channel_number, publisher, sequence, stamp_ns, now);
     switch (note.verdict) {
       case PublisherLog::Verdict::kNew:
         spdlog::info("event=lcm_publisher channel={} id={}", channel, publisher);
@@ -259,7 +276,9 @@ class LcmTransport final : public Transport {
     if (poses_.empty() && !allowed_poses_.any) return;  // nothing that would be taken
     ++counters_->poses;
     ++handed_in_;
-    counters_->unknown += inbox_->on_poses(poses_, stamp_ns, sequence).unknown;
+    with_good_stamp([&] {
+      counters_->unknown += inbox_->on_poses(poses_, stamp_ns, sequence, client_number(publisher)).unknown;
+    });
   }
 
   // --- requests
@@ -286,11 +305,25 @@ class LcmTransport final : public Transport {
     const std::uint64_t bad = assembler_.counts().bad;
     auto whole = assembler_.add(part, Clock::now());
     if (assembler_.counts().bad != bad) accept("frame_t: its part and sizes do not fit together");
-    if (!whole) return;
+    if (!whole || !is_in_order(*whole, part.sequence)) return;
     ++counters_->frames;
     auto sink =
         std::make_unique<LcmFrameSink>(link_, client_number(whole->client_id), whole->client_id, whole->request_id);
     hand_in(whole->frame.span(), std::move(sink));
+  }
+
+  /// Whether a frame that changes something is newer than its client's last such frame. One that came late or once more
+  /// would put bodies back to where they were.
+  bool is_in_order(const FrameAssembler::Whole& whole, std::int64_t sequence) {
+    wire::FrameHeader header;
+    std::memcpy(&header, whole.frame.bytes.get(), sizeof header);
+    if ((right_for(static_cast<wire::FrameType>(header.type)) & ~kMayQuery) == 0) return true;
+    const auto note = changes_.note(0, whole.client_id, sequence, 0, Clock::now());
+    if (note.use()) return true;
+    ++(note.verdict == PublisherLog::Verdict::kRepeated ? counters_->repeated : counters_->reordered);
+    complaints_.say("old", "client " + std::to_string(whole.client_id) + ": frame " + std::to_string(sequence) +
+                               " is not newer than its last that changed something, left out");
+    return false;
   }
 
   void hand_in(std::span<const std::byte> frame, std::unique_ptr<ReplySink> sink) {
@@ -434,6 +467,7 @@ class LcmTransport final : public Transport {
   std::optional<Counters> counters_;
   Complaints complaints_;
   PublisherLog publishers_;
+  PublisherLog changes_;  // frames that change something, of each client
   std::optional<OwnerLog> owners_;
   const Scene* scene_ = nullptr;
   std::vector<BodyPose> poses_;

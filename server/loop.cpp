@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "log_text.h"
 #include "loop_task.h"
 
 namespace clearance {
@@ -179,7 +180,7 @@ int Loop::poll_transport(std::size_t i) {
     ++counter("errors.transport");
     if (const auto now = Clock::now(); now >= next_warning_) {
       next_warning_ = now + std::chrono::seconds(1);
-      spdlog::warn("event=poll_failed url={} error=\"{}\"", transports_[i]->url(), error.what());
+      spdlog::warn("event=poll_failed url={} error=\"{}\"", transports_[i]->url(), log_text(error.what()));
     }
     return 0;
   }
@@ -209,7 +210,7 @@ void Loop::tick() {
       transport->tick(*this);
     } catch (const std::exception& error) {
       ++counter("errors.transport");
-      spdlog::warn("event=tick_failed url={} error=\"{}\"", transport->url(), error.what());
+      spdlog::warn("event=tick_failed url={} error=\"{}\"", transport->url(), log_text(error.what()));
     }
   }
 }
@@ -234,6 +235,9 @@ void Loop::sleep() {
     ++counter("loop.sleeps");
     const int ready = ppoll(fds.data(), nagged ? 1 : fds.size(), &timeout, nullptr);
     if (ready == 0 && !nagged) wakes_for_nothing_ = 0;
+    // Only now: who wakes the loop has said before what for, and the turn that follows sees it.
+    std::uint64_t woken;
+    [[maybe_unused]] const auto taken = read(wake_fd_, &woken, sizeof woken);
   }
   for (std::size_t i = 0; i < prepared; ++i) transports_[i]->finish_sleep();
 }
@@ -317,7 +321,7 @@ void Loop::answer_together(TaskPtr first, Clock::time_point& now) {
     Job::finish_together(batch_);
     done = true;
   } catch (const std::exception& error) {
-    spdlog::warn("event=batch_failed queries={} error=\"{}\"", joined_.size(), error.what());
+    spdlog::warn("event=batch_failed queries={} error=\"{}\"", joined_.size(), log_text(error.what()));
   }
   if (done) {
     const auto after = Clock::now();

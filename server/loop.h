@@ -84,7 +84,8 @@ class Loop final : public Inbox {
 
   void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
                 std::unique_ptr<ReplySink> sink) override;
-  PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0) override;
+  PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
+                            std::uint64_t publisher = 0) override;
   std::uint64_t& counter(const std::string& name) override { return counters_[name]; }
   Engine& engine() override { return *engine_; }
 
@@ -113,7 +114,9 @@ class Loop final : public Inbox {
   void remove_body(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
   void begin_edit(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink, const std::string& name, bool removes,
                   Reloader::Edit edit);
-  void check_scene(const wire::FrameHeader& header) const;
+  /// Throws a Refusal (kWrongScene) if the request's ids are of another scene, where they mean something else.
+  void check_scene(const wire::FrameHeader& header, std::span<const std::uint32_t> ids, bool with_parents = false) const;
+  void check_wait_for(const wire::FrameHeader& header, const wire::QueryHeader& query) const;
   std::vector<std::pair<std::string, std::uint64_t>> all_counters() const;
   std::vector<std::byte> stats_payload() const;
   void hand_out_figures();
@@ -195,6 +198,7 @@ class Loop final : public Inbox {
 
   std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
   std::vector<BodyPose> poses_;
+  std::vector<std::uint32_t> ids_;  // theirs
   bool poses_changed_ = false;
   bool contradiction_logged_ = false;
   Clock::time_point started_, turn_began_, next_tick_, next_warning_;

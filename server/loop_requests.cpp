@@ -1,8 +1,10 @@
 // The loop's answers to requests: each is checked, then answered at once or, a query, put among those under way.
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 #include "error_frame.h"
+#include "log_text.h"
 #include "loop_task.h"
 #include "scene_frame.h"
 
@@ -136,6 +138,7 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   }
   const wire::QueryParts parts = wire::parse_query(payload);
   const wire::QueryHeader& q = parts.header;
+  if (q.min_pose_stamp_ns != 0) check_wait_for(header, q);
   if (q.min_pose_stamp_ns != 0 && !engine_->poses_reach(q.wait_for, q.min_pose_stamp_ns)) {
     engine_->size(view_of(parts, header.scene_revision));  // what is wrong with it is said at once
     return hold_query(header, q, payload, sink);
@@ -204,7 +207,7 @@ void Loop::answer_pairs(const FrameHeader& header, std::span<const std::byte> pa
   const QueryView query = view_of(wire::parse_query(copy, false), header.scene_revision);
   const std::vector<BodyPair> pairs = engine_->pairs(query);
   wire::PairsHeader table;
-  table.scene_revision = engine_->scene_revision();
+  table.scene_revision = header.scene_revision ? header.scene_revision : engine_->scene_revision();
   table.count = pairs.size();
   std::vector<std::byte> reply(sizeof table + pairs.size() * sizeof(BodyPair));
   std::memcpy(reply.data(), &table, sizeof table);
@@ -212,27 +215,35 @@ void Loop::answer_pairs(const FrameHeader& header, std::span<const std::byte> pa
   answer(sink, header, FrameType::kPairTable, reply);
 }
 
-void Loop::check_scene(const FrameHeader& header) const {
-  if (header.scene_revision && header.scene_revision != engine_->scene_revision())
+void Loop::check_scene(const FrameHeader& header, std::span<const std::uint32_t> ids, bool with_parents) const {
+  if (header.scene_revision && !engine_->still_means(header.scene_revision, ids, with_parents))
     throw Refusal{ErrorCode::kWrongScene, "the request is for scene revision " + std::to_string(header.scene_revision) +
                                               ", the daemon's is " + std::to_string(engine_->scene_revision()) +
                                               ": fetch the scene again"};
 }
 
+void Loop::check_wait_for(const FrameHeader& header, const wire::QueryHeader& query) const {
+  if (query.wait_for != kEveryBody) check_scene(header, std::array{query.wait_for});
+}
+
 void Loop::set_poses(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
   const wire::PosesParts parts = wire::parse_poses(payload);
-  check_scene(header);
   poses_.resize(parts.poses.size());
+  ids_.resize(parts.poses.size());
   for (std::uint64_t i = 0; i < parts.poses.size(); ++i) {
     const wire::PoseRecord record = parts.poses[i];
     poses_[i] = {record.body, pose_of(record.pose)};
+    ids_[i] = record.body;
   }
-  const auto result = result_of(on_poses(poses_, parts.header.stamp_ns, parts.header.sequence), engine_->scene_revision());
+  check_scene(header, ids_, true);
+  const auto result = result_of(on_poses(poses_, parts.header.stamp_ns, parts.header.sequence, sink.client()),
+                                engine_->scene_revision());
   answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
 }
 
-PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence) {
-  const PoseUpdateResult done = engine_->set_poses(poses, stamp_ns, sequence);
+PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
+                                std::uint64_t publisher) {
+  const PoseUpdateResult done = engine_->set_poses(poses, stamp_ns, sequence, publisher);
   ++counter("poses.batches");
   counter("poses.applied") += done.applied;
   counter("poses.bad") += done.bad;
@@ -244,12 +255,15 @@ PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t st
 
 void Loop::attach(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
   const wire::AttachRecord record = wire::parse_attach(payload);
-  check_scene(header);
+  check_scene(header, std::array{record.child}, true);
+  if (record.parent != kNone) check_scene(header, std::array{record.parent});
   const Pose X_pc = pose_of(record.pose);
+  const bool is_behind = header.scene_revision && header.scene_revision != engine_->scene_revision();
   const auto done = engine_->attach(record.child, record.parent, record.has_pose ? &X_pc : nullptr);
   ++counter("attachments");
   poses_changed_ = true;
-  const auto result = result_of(done, engine_->scene_revision());
+  // Who knew the scene before this knows the one after it; who was behind goes on with the ids that it knows.
+  const auto result = result_of(done, is_behind ? header.scene_revision : engine_->scene_revision());
   answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
 }
 
@@ -317,13 +331,13 @@ void Loop::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& re
   error_log_.note(std::string(wire::error_name(refusal.code)), refusal.text);
   ++counter("errors." + std::string(wire::error_name(refusal.code)));
   spdlog::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
-                refusal.text);
+                log_text(refusal.text));
   try {
     if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes))
       ++counter("errors.unsent");
   } catch (const std::exception& failure) {
     ++counter("errors.unsent");
-    spdlog::warn("event=error_unsent error=\"{}\" cause=\"{}\"", refusal.text, failure.what());
+    spdlog::warn("event=error_unsent error=\"{}\" cause=\"{}\"", log_text(refusal.text), log_text(failure.what()));
   }
 }
 

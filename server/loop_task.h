@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "client/wire.h"
+#include "log_text.h"
 #include "loop.h"
 
 namespace clearance {
@@ -74,7 +75,7 @@ void Loop::guarded(ReplySink& sink, const wire::FrameHeader& request, Work work)
   } catch (const std::bad_alloc&) {
     refuse(sink, request, {wire::ErrorCode::kTooLarge, "the daemon has no memory for this request"});
   } catch (const std::exception& error) {
-    spdlog::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type), error.what());
+    spdlog::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type), log_text(error.what()));
     refuse(sink, request, {wire::ErrorCode::kInternal, std::string("internal error of the daemon: ") + error.what()});
   }
 }

@@ -14,10 +14,12 @@
 
 #include "accepting.h"
 #include "client/default_socket.h"
+#include "doorman.h"
 #include "engine/engine.h"
 #include "engine/mesh.h"
 #include "engine/self_test.h"
 #include "key_ring.h"
+#include "log_text.h"
 #include "loop.h"
 #include "metrics.h"
 #include "options.h"
@@ -56,7 +58,7 @@ void start_log(const DaemonOptions& options) {
 
 /// Says why the daemon does not start: one sentence on standard error.
 int fail(ExitCode code, const std::string& sentence) {
-  std::fprintf(stderr, "clearanced: %s\n", sentence.c_str());
+  std::fprintf(stderr, "clearanced: %s\n", log_text(sentence, false).c_str());
   return code;
 }
 
@@ -153,6 +155,7 @@ std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] con
 
 void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, const LcmPoses& lcm_poses) {
   reserve_descriptor();
+  spdlog::info("event=descriptors_of_strangers refused_by={}", kernel_refuses_descriptors() ? "kernel" : "doorman");
   add_default_endpoint(options);
   for (const std::string& path : options.shm) loop.add(open_shm(path, access, std::uint64_t{options.pinned_mib} << 20));
   for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));
@@ -162,7 +165,7 @@ void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, co
 Scene load_scene(const DaemonOptions& options) {
   Scene scene = Scene::load(options.scene, options.allow_outside);
   if (const std::string missing = mesh_loader_warning(); !missing.empty())
-    spdlog::warn("event=mesh_loader_unfiltered text=\"{}\"", missing);
+    spdlog::warn("event=mesh_loader_unfiltered text=\"{}\"", log_text(missing));
   return scene;
 }
 
@@ -174,7 +177,7 @@ void log_scene(const DaemonOptions& options, const Engine& engine, double load_s
   }
   spdlog::info(
       "event=scene_loaded scene=\"{}\" bodies={} pieces={} vertices={} revision={:016x} backend={} seconds={:.3f}",
-      options.scene, engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(), engine.backend(),
+      log_text(options.scene), engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(), engine.backend(),
       load_seconds);
 }
 
@@ -205,6 +208,7 @@ int serve(DaemonOptions options) {
   engine_options.device_fallback = options.device_fallback;
   engine_options.calibration = options.calibration;
   engine_options.devices = options.devices;
+  engine_options.max_stamp_lead = std::chrono::seconds(options.max_stamp_lead_s);
   try {
     Engine probe(Scene{}, engine_options);  // a wrong backend is said before the scene is loaded, which may take long
   } catch (const std::exception& error) {
@@ -251,7 +255,7 @@ int serve(DaemonOptions options) {
     open_endpoints(loop, options, access, lcm_poses);
     if (!options.metrics.empty()) {
       metrics.emplace(options.metrics, [&loop] { return loop.read_figures(std::chrono::milliseconds(500)); });
-      spdlog::info("event=metrics url={}", metrics->url());
+      spdlog::info("event=metrics url={}", log_text(metrics->url()));
     }
   } catch (const std::runtime_error& error) {
     running_loop = nullptr;
@@ -262,7 +266,7 @@ int serve(DaemonOptions options) {
   for (const auto& transport : loop.transports()) urls.push_back(transport->url());
   std::string all;
   for (const std::string& url : urls) all += (all.empty() ? "" : " ") + url;
-  spdlog::info("event=ready urls=\"{}\" load_seconds={:.3f}", all, load_seconds);
+  spdlog::info("event=ready urls=\"{}\" load_seconds={:.3f}", log_text(all), load_seconds);
   if (options.ready_fd >= 0) write_ready(options.ready_fd, urls);
   supervisor.ready("serving " + options.scene + " at " + all);
 

@@ -164,6 +164,11 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(1u, 10000000u)))
       ->type_name("N")
       ->capture_default_str();
+  app.add_option("--max-stamp-lead-s", o.max_stamp_lead_s,
+                 "seconds that the stamp of a pose may be ahead of this machine's clock; poses farther ahead are refused")
+      ->check(quiet(CLI::Range(0u, 1000000000u)))
+      ->type_name("N")
+      ->capture_default_str();
   app.add_option("--metrics", o.metrics,
                  "counters in Prometheus' text format by HTTP, at 127.0.0.1:PORT/metrics or on a Unix socket (/path);\n"
                  "the distinct errors at /errors")

@@ -17,6 +17,8 @@
 #include "accepting.h"
 #include "client/shm_layout.h"
 #include "client/shm_os.h"
+#include "doorman.h"
+#include "places.h"
 #include "shm_segment.h"
 #include "unix_socket.h"
 
@@ -47,7 +49,8 @@ constexpr int kPollsPerClockLook = 16;
 struct Session {
   std::uint64_t id = 0;
   Rights rights = 0;
-  UniqueFd socket;
+  ucred who{};
+  UniqueFd socket;  ///< what the doorman gave for the client's
   UniqueFd wake;  ///< eventfd that the client writes to when the daemon sleeps
   std::vector<std::shared_ptr<Segment>> segments;
   std::uint32_t next_segment = 0;
@@ -98,6 +101,7 @@ class Listener {
     clear_stale_socket(path, "shm://" + path, SOCK_SEQPACKET);
     socket_.reset(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
     if (!socket_) fail(path, "socket", errno);
+    refuse_descriptors(socket_.get());
     if (::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
       fail(path, "cannot create the socket", errno);
     file_ = SocketFile(path);
@@ -116,7 +120,7 @@ class Listener {
 class ShmTransport final : public Transport {
  public:
   ShmTransport(const std::string& path, const ShmLimits& limits, const Access& access)
-      : path_(path), limits_(limits), access_(access), budget_(std::make_shared<SegmentBudget>()), listener_(path, access) {
+      : path_(path), limits_(limits), access_(access), places_(limits.max_clients), budget_(std::make_shared<SegmentBudget>()), listener_(path, access) {
     budget_->limit = limits.pool_bytes;
     if (budget_->limit == 0)
       budget_->limit = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
@@ -210,30 +214,35 @@ class ShmTransport final : public Transport {
 
   void accept_clients() {
     for (int i = 0; i < kMessagesPerEvent; ++i) {
-      UniqueFd socket(accept_or_refuse(listener_.get(), [this](int unwanted) {
+      UniqueFd stranger(accept_or_refuse(listener_.get(), [this](int unwanted) {
         refuse(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
       }));
-      if (!socket) return;
+      if (!stranger) return;
       std::string why;
-      const std::optional<Rights> rights = rights_of_peer(socket.get(), access_, why);
-      if (!rights) {
-        refuse(socket.get(), why);
+      const std::optional<ucred> who = process_behind(stranger.get());
+      const std::optional<Rights> rights = rights_of_peer(stranger.get(), access_, why);
+      UniqueFd socket = let_in(std::move(stranger));
+      if (!socket) {
+        ++*counters_.refused;
         continue;
       }
-      if (sessions_.size() >= limits_.max_clients) {
-        refuse(socket.get(),
-               "this daemon already has " + std::to_string(limits_.max_clients) + " shared-memory clients (--max-clients)");
+      if (rights && who) why = places_.why_not(*who, "shared-memory clients");
+      if (!why.empty()) {
+        if (rights) ++*counters_.over_quota;
+        refuse(socket.get(), rights ? why + " (--max-clients)" : why);
         continue;
       }
       auto session = std::make_shared<Session>();
       session->id = next_client_id();
       session->rights = *rights;
+      session->who = *who;
       session->socket = std::move(socket);
       session->connected = Clock::now();
       if (!watch(session->socket.get(), EPOLLIN | EPOLLRDHUP, 2 * session->id)) {
         refuse(session->socket.get(), std::string("epoll_ctl: ") + std::strerror(errno));
         continue;
       }
+      places_.take(session->who);
       sessions_.push_back(std::move(session));
       ++*counters_.connections;
     }
@@ -305,7 +314,7 @@ class ShmTransport final : public Transport {
   void give_segment(Session& session, const Message& wanted, bool first) {
     std::string why;
     auto segment =
-        Segment::make(budget_, pinner_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
+        Segment::make(budget_, session.who.uid, pinner_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
     if (segment && first) {
       session.wake.reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
       if (!session.wake || !watch(session.wake.get(), EPOLLIN | EPOLLET, 2 * session.id + 1)) {
@@ -376,6 +385,7 @@ class ShmTransport final : public Transport {
       std::erase_if(sessions_, [this](const std::shared_ptr<Session>& session) {
         if (!session->gone) return false;
         // The client holds the same eventfd: closing our end alone would leave it among the watched.
+        places_.leave(session->who);
         if (session->wake) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, session->wake.get(), nullptr);
         session->wake.reset();
         session->socket.reset();
@@ -388,12 +398,13 @@ class ShmTransport final : public Transport {
 
   struct CounterRefs {
     std::uint64_t *connections = nullptr, *clients = nullptr, *refused = nullptr, *violations = nullptr,
-                  *segment_bytes = nullptr, *pinned_bytes = nullptr, *pin_refusals = nullptr;
+                  *over_quota = nullptr, *segment_bytes = nullptr, *pinned_bytes = nullptr, *pin_refusals = nullptr;
     void bind(Inbox& inbox) {
       connections = &inbox.counter("shm.connections");
       clients = &inbox.counter("shm.clients");
       refused = &inbox.counter("shm.refused");
       violations = &inbox.counter("shm.violations");
+      over_quota = &inbox.counter("shm.over_quota");
       segment_bytes = &inbox.counter("shm.segment_bytes");
       pinned_bytes = &inbox.counter("shm.pinned_bytes");
       pin_refusals = &inbox.counter("shm.pin_refusals");
@@ -403,6 +414,7 @@ class ShmTransport final : public Transport {
   std::string path_;
   ShmLimits limits_;
   Access access_;
+  Places places_;
   std::shared_ptr<SegmentBudget> budget_;
   std::shared_ptr<SegmentPinner> pinner_;
   Listener listener_;

@@ -56,8 +56,10 @@ class Inbox {
   /// only. The header has been copied but not validated.
   virtual void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
                         std::unique_ptr<ReplySink> sink) = 0;
-  /// Poses from a listener transport (LCM), already validated for size; stamp and sequence are the publisher's.
-  virtual PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0) = 0;
+  /// Poses from a listener transport (LCM), already validated for size; stamp and sequence are the publisher's, who has a
+  /// number as a client has. Throws what Engine::set_poses() throws.
+  virtual PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
+                                    std::uint64_t publisher = 0) = 0;
   /// A counter, made on first use: "shm.clients", "lcm.gaps". The reference stays valid.
   virtual std::uint64_t& counter(const std::string& name) = 0;
   virtual Engine& engine() = 0;

@@ -4,6 +4,7 @@
 
 #include <cstring>
 
+#include "log_text.h"
 #include "zmq_calls.h"
 
 namespace clearance {
@@ -78,10 +79,10 @@ void ZapHandler::answer(Inbox& inbox) {
   const std::string address = parts.size() > 3 ? parts[3].to_string() : "";
   if (entry) {
     ++inbox.counter("zmq.keys_accepted");
-    spdlog::info("event=key_accepted address={} key=\"{}\" name=\"{}\" rights={}", address, key, entry->name,
+    spdlog::info("event=key_accepted address={} key=\"{}\" name=\"{}\" rights={}", log_text(address), log_text(key), log_text(entry->name),
                  rights_text(entry->rights));
   } else {
-    complain(inbox, "reason=\"this key is not authorized\" address=" + address + " key=\"" + key + "\"");
+    complain(inbox, "reason=\"this key is not authorized\" address=" + log_text(address) + " key=\"" + log_text(key) + "\"");
   }
   const auto reply = [this](const std::string& text, bool more) {
     zmq::message_t part(text.data(), text.size());
@@ -98,7 +99,7 @@ void ZapHandler::answer(Inbox& inbox) {
 void ZapHandler::read_event(Inbox& inbox) {
   const auto parts = receive_all(monitor_);
   if (parts.size() < 2) return;
-  complain(inbox, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" + parts[1].to_string());
+  complain(inbox, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" + log_text(parts[1].to_string()));
 }
 
 void ZapHandler::complain(Inbox& inbox, const std::string& what) {
@@ -126,7 +127,7 @@ void ZapHandler::refresh() {
   try {
     if (keys_->refresh()) spdlog::info("event=keys_read keys={}", keys_->size());
   } catch (const std::runtime_error& error) {
-    spdlog::error("event=keys_not_read error=\"{}\"", error.what());
+    spdlog::error("event=keys_not_read error=\"{}\"", log_text(error.what()));
   }
 }
 

@@ -10,8 +10,11 @@
 #include <zmq.hpp>
 
 #include "client/aligned_buffer.h"
+#include "client/shm_os.h"
 #include "client/wire.h"
+#include "doorman.h"
 #include "error_frame.h"
+#include "places.h"
 #include "transport.h"
 #include "unix_socket.h"
 #include "zap_handler.h"
@@ -21,6 +24,7 @@ namespace clearance {
 namespace {
 
 constexpr int kFramesPerPoll = 32;
+constexpr int kBacklog = 100;  // connections that wait to be taken, as libzmq's own
 /// Messages that may wait inside ZeroMQ, per client: requests not yet taken, replies not yet sent.
 constexpr int kReceiveQueue = 64;
 constexpr int kSendQueue = 128;
@@ -34,6 +38,7 @@ constexpr auto kForgetPeerAfter = std::chrono::minutes(1);
 /// A client as ROUTER knows it.
 struct Peer {
   std::string identity;
+  std::optional<ucred> who;  ///< over ipc://
   std::string key;  ///< with which it came in; empty: without
   std::uint64_t id = next_client_id();
   bool gone = false;
@@ -99,17 +104,32 @@ void check_tcp(const std::string& endpoint, bool with_keys) {
       "or use ipc:// or tcp://127.0.0.1:PORT");
 }
 
-/// Whose process is at the other end of a Unix socket, as libzmq puts it into the properties of a message
+/// The process at the other end of a Unix socket, as libzmq puts it into the properties of a message
 /// ("PATH:UID:GID:PID").
-std::optional<uid_t> user_of(const zmq::message_t& message) {
+std::optional<ucred> sender_of(const zmq::message_t& message) {
   const char* address = zmq_msg_gets(const_cast<zmq_msg_t*>(message.handle()), "Peer-Address");
   if (!address) return std::nullopt;
-  unsigned long user = 0;
+  ucred who{};
   const std::string text(address);
   std::size_t colon = text.size();
   for (int i = 0; i < 3 && colon != std::string::npos; ++i) colon = colon ? text.rfind(':', colon - 1) : std::string::npos;
-  if (colon == std::string::npos || std::sscanf(text.c_str() + colon, ":%lu:", &user) != 1) return std::nullopt;
-  return static_cast<uid_t>(user);
+  if (colon == std::string::npos || std::sscanf(text.c_str() + colon, ":%u:%u:%d", &who.uid, &who.gid, &who.pid) != 3)
+    return std::nullopt;
+  return who;
+}
+
+/// A Unix socket of this user's alone that listens at `path`. Throws std::runtime_error.
+shm::UniqueFd listen_at(const std::string& path, const std::string& endpoint) {
+  sockaddr_un address;  // whose length clear_stale_socket() has looked at
+  shm::socket_address(path.c_str(), address);
+  shm::UniqueFd listener(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const mode_t mask = umask(077);
+  const bool bound = listener && ::bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  umask(mask);
+  if (bound) refuse_descriptors(listener.get());
+  if (!bound || ::listen(listener.get(), kBacklog) != 0)
+    throw std::runtime_error(endpoint + ": cannot listen there: " + std::strerror(errno));
+  return listener;
 }
 
 class ZmqTransport final : public Transport {
@@ -169,9 +189,10 @@ class ZmqTransport final : public Transport {
         if (parts == 2) payload = std::move(part);
       }
       // Who sent it is known of the parts that came over the wire; the identity is libzmq's own.
-      PeerPtr peer = peer_of(identity, head);
+      std::string why;
+      PeerPtr peer = peer_of(identity, head, why);
       if (!peer) {
-        refuse_one_more(inbox, identity, head);
+        refuse_one_more(inbox, identity, head, why);
       } else {
         hand_in(inbox, std::move(peer), rights_of(head), parts, head, payload);
       }
@@ -247,21 +268,18 @@ class ZmqTransport final : public Transport {
     // ZeroMQ takes over whatever is at the path, a living daemon's socket too: looked at first.
     const FolderLock lock(path);
     clear_stale_socket(path, endpoint);
-    const mode_t mask = umask(077);
-    try {
-      bind(endpoint);
-    } catch (...) {
-      umask(mask);
-      throw;
-    }
-    umask(mask);
+    shm::UniqueFd listener = listen_at(path, endpoint);
     file_ = SocketFile(path);
     set_socket_mode(path, endpoint, access_);
+    socket_.set(zmq::sockopt::use_fd, listener.get());
+    bind(endpoint);
+    listener.release();  // libzmq closes it
   }
 
-  /// The client that a message is from. Null: it is a new one, and as many as may be have requests under way.
-  PeerPtr peer_of(const zmq::message_t& identity, const zmq::message_t& sent) {
-    if (peers_.size() >= access_.max_clients && !peers_.contains(identity.to_string()) && !forget_one()) return nullptr;
+  /// The client that a message is from. Null, with `why`: it is a new one, and as many as may be have requests under way.
+  PeerPtr peer_of(const zmq::message_t& identity, const zmq::message_t& sent, std::string& why) {
+    const std::optional<ucred> who = is_tcp_ ? std::nullopt : sender_of(sent);
+    if (!peers_.contains(identity.to_string()) && !has_place(who, why)) return nullptr;
     PeerPtr& peer = peers_[identity.to_string()];
     std::string key = door_ ? ZapHandler::key_of(sent) : std::string();
     if (peer && peer->key != key) {  // a name that another has chosen before, and given up
@@ -271,10 +289,29 @@ class ZmqTransport final : public Transport {
     if (!peer) {
       peer = std::make_shared<Peer>();
       peer->identity = identity.to_string();
+      peer->who = who;
       peer->key = std::move(key);
     }
     peer->last_seen = std::chrono::steady_clock::now();
     return peer;
+  }
+
+  /// Whether a new client has a place beside those that have requests under way.
+  bool has_place(const std::optional<ucred>& who, std::string& why) {
+    const std::uint64_t most = access_.max_clients;
+    if (peers_.size() < most - most / 2) return true;
+    Places places(most);
+    std::uint64_t busy = 0;
+    for (const auto& [identity, peer] : peers_) {
+      if (peer.use_count() == 1) continue;
+      ++busy;
+      if (peer->who) places.take(*peer->who);
+    }
+    if (busy >= most)
+      why = "requests of " + std::to_string(busy) + " ZeroMQ clients are under way already";
+    else if (who)
+      why = places.why_not(*who, "ZeroMQ clients with requests under way");
+    return why.empty() && (peers_.size() < most || forget_one());
   }
 
   /// Forgets the client without requests that was silent for longest; it is a new one if it comes again. False: there is
@@ -289,7 +326,8 @@ class ZmqTransport final : public Transport {
     return true;
   }
 
-  void refuse_one_more(Inbox& inbox, const zmq::message_t& identity, const zmq::message_t& head) {
+  void refuse_one_more(Inbox& inbox, const zmq::message_t& identity, const zmq::message_t& head, const std::string& why) {
+    ++inbox.counter("zmq.over_quota");
     ++inbox.counter("frames");
     ++inbox.counter("errors");
     ++inbox.counter("errors.busy");
@@ -299,8 +337,7 @@ class ZmqTransport final : public Transport {
     stranger->identity = identity.to_string();
     ZmqSink sink(*this, std::move(stranger), 0);
     send_error(sink, header, inbox.engine().scene_revision(), wire::ErrorCode::kBusy,
-               "requests of " + std::to_string(peers_.size()) +
-                   " ZeroMQ clients are under way already; ask again (--max-clients)");
+               why + "; ask again (--max-clients)");
   }
 
   /// What the sender of a message may do.
@@ -308,7 +345,8 @@ class ZmqTransport final : public Transport {
     if (door_) return door_->rights_of(message);
     if (is_tcp_) return kStrangersRights;
     if (!access_.group) return kAllRights;  // the socket is this user's alone
-    return user_of(message) == geteuid() ? kAllRights : access_.group_rights;
+    const std::optional<ucred> who = sender_of(message);
+    return who && who->uid == geteuid() ? kAllRights : access_.group_rights;
   }
 
   void hand_in(Inbox& inbox, PeerPtr peer, Rights rights, int parts, const zmq::message_t& head, const zmq::message_t& payload) {

@@ -142,11 +142,12 @@ class SocketGroup : public testing::Test {
     if (geteuid() != 0) GTEST_SKIP() << "only root can become another user";
     ASSERT_EQ(chmod(folder_.path().c_str(), 0755), 0);
   }
-  std::unique_ptr<Daemon> start(std::vector<std::string> options) {
+  std::unique_ptr<Daemon> start(std::vector<std::string> options, const std::vector<std::string>& environment = {}) {
     options.insert(options.end(), {"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--shm", folder_ / "c.sock", "--zmq",
                                    "ipc://" + (folder_ / "c.ipc")});
-    return std::make_unique<Daemon>(std::move(options));
+    return std::make_unique<Daemon>(std::move(options), environment);
   }
+  void expect_rights_of_members(const std::vector<std::string>& environment);
   TestFolder folder_;
 };
 
@@ -169,8 +170,8 @@ TEST_F(SocketGroup, WithoutItTheSocketsAreTheOwnersAlone) {
   }
 }
 
-TEST_F(SocketGroup, ItsMembersGetTheirRightsAndOthersAreRefused) {
-  const auto daemon = start({"--socket-group", std::to_string(kGroup), "--group-rights", "query,poses"});
+void SocketGroup::expect_rights_of_members(const std::vector<std::string>& environment) {
+  const auto daemon = start({"--socket-group", std::to_string(kGroup), "--group-rights", "query,poses"}, environment);
   const std::string shm = daemon->urls()[0] + "?user=root", ipc = daemon->urls()[1];
   EXPECT_EQ(mode_of(folder_ / "c.sock"), 0660u);
   EXPECT_EQ(mode_of(folder_ / "c.ipc"), 0660u);
@@ -200,6 +201,55 @@ TEST_F(SocketGroup, ItsMembersGetTheirRightsAndOthersAreRefused) {
     }
   });
   EXPECT_EQ(stranger, 0);
+}
+
+TEST_F(SocketGroup, ItsMembersGetTheirRightsAndOthersAreRefused) {
+  expect_rights_of_members({});
+}
+
+TEST_F(SocketGroup, TheDoormanTellsWhoIsBehindAConnection) {
+  expect_rights_of_members({"CLEARANCE_DOORMAN=on"});
+}
+
+TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNobodyElse) {
+  const auto daemon = start({"--socket-group", std::to_string(kGroup), "--max-clients", "8"});
+  const std::string shm = daemon->urls()[0] + "?user=root";
+  int go[2], ready[2];
+  ASSERT_EQ(pipe(go) + pipe(ready), 0);
+  const pid_t hoarder = fork();
+  if (hoarder == 0) {
+    close(go[1]);
+    _exit(as_other_user(kGroup, {kGroup}, [&] {
+      std::vector<Client> idle;
+      std::string why;
+      while (why.empty()) try {
+          idle.push_back(connect(shm));
+        } catch (const ConnectionError& error) {
+          why = error.what();
+        }
+      const bool said = why.find("already has " + std::to_string(idle.size()) + " shared-memory clients; the last ") != std::string::npos &&
+                        why.find("(--max-clients)") != std::string::npos;
+      if (!said) std::fprintf(stderr, "child: %s\n", why.c_str());
+      char byte = said && idle.size() >= 2 ? 'y' : 'n';
+      if (write(ready[1], &byte, 1) != 1) return 1;
+      return read(go[0], &byte, 1) == 0 ? 0 : 2;  // until the test is over
+    }));
+  }
+  close(go[0]);
+  char byte = 0;
+  ASSERT_EQ(read(ready[0], &byte, 1), 1);
+  EXPECT_EQ(byte, 'y');
+  Client client = connect(shm);
+  EXPECT_EQ(client.distances().rows(), 6u);
+  std::uint64_t refused = 0;
+  for (const auto& [name, value] : client.stats())
+    if (name == "shm.over_quota") refused = value;
+  EXPECT_EQ(refused, 1u);
+  close(go[1]);
+  int status = 0;
+  waitpid(hoarder, &status, 0);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+  close(ready[0]), close(ready[1]);
 }
 
 TEST_F(SocketGroup, AClientSaysWhoseDaemonItMeans) {

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <random>
+#include <sstream>
 #include <thread>
 
 #include "client/client.h"
@@ -191,9 +192,65 @@ TEST_F(Bodies, StayThroughAReloadIfTheyFit) {
   EXPECT_EQ(bodies().size(), 4u);
 }
 
+TEST_F(Bodies, WhoAsksAboutOthersIsAnsweredWhileTheyComeAndGo) {
+  start_editable(scattered_scene(8));
+  TestQuery pairs, moved, every;
+  pairs.pairs = {{0, 5}, {3, 4}};
+  moved.pairs = {{3, 4}};
+  moved.bodies = {3};
+  moved.configurations = {{1, 2, 3, 1, 0, 0, 0}};
+  for (TestQuery* query : {&pairs, &moved, &every}) query->scene_revision = loop_->engine().scene_revision();
+  const Reply first = ask(b_, pairs), first_moved = ask(b_, moved);
+  wire::AttachRecord record;
+  record.child = 1;
+  const auto attach_to = [&](std::uint32_t parent) {
+    record.parent = parent;
+    EXPECT_EQ(ask(a_, simple_frame(FrameType::kAttach, 1, std::as_bytes(std::span(&record, 1))))->type(), FrameType::kPosesDone);
+  };
+  int refused = 0;
+  const auto look = [&] {
+    for (const auto& [query, was] : {std::pair(&pairs, &first), {&moved, &first_moved}}) {
+      const Reply now = ask(c_, *query);
+      ASSERT_EQ(now.rows(), was->rows());
+      for (std::size_t row = 0; row < now.rows(); ++row) EXPECT_EQ(now.upper()[row], was->upper()[row]);
+    }
+    const auto frame = ask(c_, every.frame(1));
+    refused += frame->type() == FrameType::kError;
+  };
+  for (int round = 0; round < 10; ++round) {
+    change(box_frame("crate" + std::to_string(round)));
+    look();
+    attach_to(2);
+    look();
+    attach_to(kNone);
+    look();
+    if (round % 2) change(remove_frame("crate" + std::to_string(round - 1)));
+    look();
+  }
+  EXPECT_EQ(refused, 40) << "all pairs were never those of the beginning";
+}
+
 TEST_F(Bodies, WhereNoneCanBeMadeTheyAreRefused) {
   start(small_scene());
   EXPECT_EQ(refusal(box_frame("crate"), ErrorCode::kNotSupported), "bodies can be neither added nor removed here");
+}
+
+TEST(ClearancedBodies, TheirNamesStayWithinTheirLineOfTheLog) {
+  const TestFolder folder;
+  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--log-level", "debug"});
+  Client client = connect(daemon.url());
+  const std::string name = "x\n\x1b[2J\" event=reloaded";
+  EXPECT_THROW(client.remove_body(name), RequestError);
+  EXPECT_THROW(client.remove_body(name + "\r"), RequestError);
+  const std::string log = daemon.log();
+  int failures = 0;
+  std::istringstream lines(log);
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_EQ(line.rfind("time=", 0), 0u) << line;
+    failures += line.find(R"(x\n\x1b[2J)") != std::string::npos && line.find(R"(\" event=reloaded)") != std::string::npos;
+  }
+  EXPECT_GE(failures, 2) << log;
+  EXPECT_EQ(log.find('\x1b'), std::string::npos);
 }
 
 // A client that goes on after a refusal, with the ids that it has, is not told about other bodies.

@@ -369,6 +369,55 @@ TEST_F(LoopTest, AttachmentsChangeTheScene) {
   EXPECT_EQ(error_of(ask(a_, attach(old_revision))).header.code, static_cast<std::uint16_t>(ErrorCode::kWrongScene));
 }
 
+TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
+  start(scattered_scene(6));  // body0 to body5
+  wire::AttachRecord record;
+  record.child = 1;
+  record.parent = 2;
+  const std::uint64_t old_revision = engine_->scene_revision();
+  ask(a_, simple_frame(FrameType::kAttach, 1, std::as_bytes(std::span(&record, 1))));
+  ASSERT_NE(engine_->scene_revision(), old_revision);
+  const auto answered = [&](TestQuery query, std::uint64_t revision) {
+    query.scene_revision = revision;
+    const auto frame = ask(b_, query.frame(1));
+    if (frame->type() != FrameType::kReply) {
+      EXPECT_EQ(static_cast<ErrorCode>(error_of(frame).header.code), ErrorCode::kWrongScene);
+      return false;
+    }
+    return wire::parse_reply(frame->payload()).scene_revision == revision;
+  };
+  TestQuery others, both, moved, carrier, all, nearest;
+  others.pairs = {{0, 3}, {4, 5}};
+  both.pairs = {{1, 2}};  // a named pair stays one, enabled or not
+  moved.pairs = {{1, 3}};
+  moved.bodies = {1};  // whose poses are now relative to another body
+  moved.configurations = {{0, 0, 0, 1, 0, 0, 0}};
+  carrier = moved;
+  carrier.bodies = {2};
+  nearest.pairs = {{0, 3}};
+  nearest.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
+  for (const auto& [query, stays] : {std::pair(others, true), {both, true}, {moved, false}, {carrier, true}, {all, false}, {nearest, true}}) {
+    EXPECT_EQ(answered(query, old_revision), stays);
+    EXPECT_TRUE(answered(query, engine_->scene_revision()));
+    EXPECT_FALSE(answered(query, old_revision + 1)) << "a revision that never was";
+  }
+  const auto pose_of_body = [&](std::uint32_t body) {
+    const wire::PosesHeader head{.count = 1};
+    wire::PoseRecord pose;
+    pose.body = body;
+    pose.pose[3] = 1;
+    return ask(b_, wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0, old_revision)).add(head).add(pose).take())->type();
+  };
+  EXPECT_EQ(pose_of_body(1), FrameType::kError) << "X_wb is not X_pb";
+  EXPECT_EQ(pose_of_body(2), FrameType::kPosesDone);
+  EXPECT_EQ(pose_of_body(3), FrameType::kPosesDone);
+  record.child = 4;
+  record.parent = 5;
+  const auto done = ask(b_, wire::FrameBuilder(wire::make_header(FrameType::kAttach, 1, 0, old_revision)).add(record).take());
+  ASSERT_EQ(done->type(), FrameType::kPosesDone);
+  EXPECT_EQ(wire::parse_poses_done(done->payload()).scene_revision, old_revision) << "it does not know what the first one did";
+}
+
 TEST_F(LoopTest, TellsTheOrderOfPairs) {
   start(small_scene());
   TestQuery query;
@@ -448,6 +497,50 @@ TEST_F(LoopTest, SleepsWakesAndStops) {
   server.join();
   EXPECT_EQ(a_.replies.size(), 20u);
   EXPECT_GE(loop_->counter("loop.sleeps"), 20u);
+}
+
+/// Counts the loop's ticks.
+class TickingTransport final : public Transport {
+ public:
+  std::string url() const override { return "ticking://"; }
+  std::vector<int> descriptors() const override { return {}; }
+  int poll(Inbox&) override { return 0; }
+  void tick(Inbox&) override { ++ticks; }
+  std::atomic<int> ticks{0};
+};
+
+TEST_F(LoopTest, OnceWokenItSleepsAgain) {
+  Loop::Options options;
+  options.spin = 0ns;
+  options.tick = 20ms;
+  start(small_scene(), options);
+  loop_->reload_by([] { return std::make_unique<Engine>(small_scene()); });
+  auto ticking = std::make_unique<TickingTransport>();
+  const TickingTransport& transport = *ticking;
+  loop_->add(std::move(ticking));
+  std::thread server([&] { loop_->run(); });
+  const auto sleeps_in_five_ticks = [&] {
+    const int first = transport.ticks;
+    while (transport.ticks < first + 1) std::this_thread::sleep_for(1ms);  // what woke it is done with
+    const int begin = transport_->sleeps, tick = transport.ticks;
+    while (transport.ticks < tick + 5) std::this_thread::sleep_for(1ms);
+    return transport_->sleeps - begin;
+  };
+  // Nothing ends an idle loop's sleep but the next tick, however long a busy machine makes it wait for that.
+  EXPECT_LE(sleeps_in_five_ticks(), 15) << "nothing has woken it";
+  EXPECT_TRUE(loop_->read_figures(30s));
+  EXPECT_LE(sleeps_in_five_ticks(), 15) << "after a look at its figures";
+  loop_->reload();
+  const auto reloads = [&] {
+    const auto figures = loop_->read_figures(30s);
+    for (const auto& [name, value] : figures->counters)
+      if (name == "reloads") return value;
+    return std::uint64_t{0};
+  };
+  while (reloads() == 0) std::this_thread::sleep_for(1ms);
+  EXPECT_LE(sleeps_in_five_ticks(), 15) << "after a reload";
+  loop_->stop();
+  server.join();
 }
 
 /// Its descriptor stays readable, as a listener's does when no descriptor is left to accept with.

@@ -198,6 +198,35 @@ TEST_F(Metrics, WhoIsSlowOrGoesKeepsNobodyFromAnAnswer) {
   EXPECT_TRUE(has(ask_http(path, kGet), "clearance_queries_answered 1\n"));
 }
 
+TEST_F(Metrics, WhatWakesTheDaemonLetsItSleepAgain) {
+  const std::string path = folder_ / "metrics.sock";
+  auto all = options(path);
+  all.insert(all.end(), {"--shm", folder_ / "c.sock"});
+  Daemon daemon(all);
+  Client watching = connect(daemon.url());
+  const auto counter = [&](const std::string& name) {
+    for (const auto& [key, value] : watching.stats())
+      if (key == name) return value;
+    return std::uint64_t{0};
+  };
+  // Idle it wakes ten times a second for its tick, and a few times for each of our looks, of which there are fifty: fewer on a
+  // busy machine.
+  const auto expect_sleep = [&](const char* after) {
+    for (auto uptime = counter("uptime_s"); counter("uptime_s") == uptime;) std::this_thread::sleep_for(20ms);
+    const std::uint64_t sleeps = counter("loop.sleeps"), uptime = counter("uptime_s");
+    while (counter("uptime_s") == uptime) std::this_thread::sleep_for(20ms);
+    const std::uint64_t seconds = counter("uptime_s") - uptime;
+    EXPECT_LE(counter("loop.sleeps") - sleeps, 1000 * seconds) << "after " << after;
+  };
+  EXPECT_TRUE(has(ask_http(path, kGet), "HTTP/1.0 200 OK"));
+  expect_sleep("a look at its figures");
+  ASSERT_EQ(kill(daemon.pid(), SIGHUP), 0);
+  while (counter("reloads") == 0) std::this_thread::sleep_for(1ms);
+  watching.add_body({.name = "ball", .sphere = 0.1});
+  for (const std::string& url : daemon.urls()) connect(url).ping();
+  expect_sleep("a reload, a body and clients that came and went");
+}
+
 TEST_F(Metrics, EndpointsThatWillNotDoEndWith4) {
   const auto said = [&](const std::string& endpoint) {
     auto all = options(endpoint);

@@ -6,6 +6,7 @@
 #include "client/client.h"
 #include "daemon_fixture.h"
 #include "loop_fixture.h"
+#include "server/places.h"
 #include "tests/patience.h"
 
 namespace clearance {
@@ -148,6 +149,51 @@ std::vector<std::string> for_two(const TestFolder& folder) {
   const std::string scene = folder.write(
       "scene.yaml", "random: {count: 400, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 60, seed: 1}\n");
   return {"--scene", scene, "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc"), "--max-clients", "2", "--threads", "1"};
+}
+
+TEST(Places, AreKeptForThoseWhoHaveFew) {
+  Places places(256);
+  const ucred greedy{.pid = 1, .uid = 10, .gid = 0};
+  std::uint64_t taken = 0;
+  for (; places.why_not(greedy, "clients").empty(); ++taken) places.take(greedy);
+  EXPECT_EQ(taken, 128u);
+  EXPECT_EQ(places.why_not(greedy, "clients"), "process 1 already has 128 clients; the last 128 places are for others");
+  ucred another = greedy;  // of the same user: a program that was started anew
+  for (another.pid = 2; places.why_not(another, "clients").empty(); ++another.pid, ++taken) places.take(another);
+  EXPECT_EQ(taken, 192u);
+  EXPECT_EQ(places.why_not(another, "clients"), "user 10 already has 192 clients; the last 64 places are for others");
+  const ucred other{.pid = 5000, .uid = 11, .gid = 0};
+  std::uint64_t others = 0;
+  for (; places.why_not(other, "clients").empty(); ++others) places.take(other);
+  EXPECT_EQ(others, 16u) << "one program of another user";
+  for (std::uint64_t i = 0; i < others; ++i) places.leave(other);
+  for (pid_t pid = 2; pid < another.pid; ++pid) places.leave({.pid = pid, .uid = 10, .gid = 0});
+  for (int i = 0; i < 128; ++i) places.leave(greedy);
+  EXPECT_EQ(places.taken(), 0u);
+  for (const std::uint64_t few : {1, 2, 3}) {
+    Places all(few);
+    for (std::uint64_t i = 0; i < few; ++i) {
+      EXPECT_EQ(all.why_not(greedy, "clients"), "");
+      all.take(greedy);
+    }
+    EXPECT_EQ(all.why_not(greedy, "clients"), "this daemon already has " + std::to_string(few) + " clients");
+  }
+}
+
+TEST(MaxClients, ConnectionsThatAProgramForgetsShutOutNoOtherProgram) {
+  const TestFolder folder;
+  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--max-clients", "16"});
+  std::vector<Client> idle;
+  std::string why;
+  while (why.empty()) try {
+      idle.push_back(connect(daemon.url()));
+    } catch (const ConnectionError& error) {
+      why = error.what();
+    }
+  EXPECT_EQ(idle.size(), 8u);
+  EXPECT_NE(why.find("already has 8 shared-memory clients; the last 8 places are for others (--max-clients)"), std::string::npos) << why;
+  const Finished controller = run({program("clearance"), "ping", "--connect", daemon.url()});
+  EXPECT_EQ(controller.code, 0) << controller.err;
 }
 
 TEST(MaxClients, OverSharedMemory) {

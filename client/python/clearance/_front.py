@@ -208,7 +208,9 @@ class Front:
         poses: {body: pose}, bodies by name or id; a pose is 7 numbers [x, y, z, qw, qx, qy, qz] (metres) or a (4, 4)
             matrix, X_wb, or of a body with a parent X_parent_body. Or an array (M, 7) or (M, 4, 4) with `bodies`.
         bodies: (M,) names or ids, only with an array; None: every movable body in the order of ids.
-        stamp_ns: the caller's clock, handed on with answers (snapshot_stamp_ns).
+        stamp_ns: the caller's clock, handed on with answers (snapshot_stamp_ns); 0: none. Raises QueryError, and applies
+            nothing, if it is below 0, more than a minute ahead of this machine's clock (UTC), or older than the last that
+            this caller gave for one of the bodies; a clock that begins anew gives one update without a stamp first.
         sequence: the caller's count of its updates, handed on with answers (snapshot_sequence); 0: none.
 
         A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
