@@ -65,7 +65,7 @@ void ScratchBuffer::trim(std::size_t bytes) {
   capacity_ = 0;
 }
 
-std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, uid_t user, std::shared_ptr<SegmentPinner> pinner,
+std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
                                        const ShmLimits& limits, std::uint32_t id,
                                        std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why) {
   // The sizes come from a client: compare before adding, so that nothing wraps.
@@ -94,10 +94,9 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, ui
   const std::uint64_t roomy = std::max<std::uint64_t>(kRoomyBytes / slot_bytes, kGrownSlots);
   const auto slots = static_cast<std::uint32_t>(std::max<std::uint64_t>(std::min(ceiling, roomy), 1));
   const std::uint64_t bytes = shm::segment_bytes(slots, request_bytes, reply_bytes);
-  // Whoever grows leaves room for those who come in, and a user who has much of it for other users.
-  const std::uint64_t kept = budget->limit / kKeptForNewcomers;
+  // Whoever grows leaves room for those who come in.
   const bool is_usual = id == 0 && request_capacity <= limits.request_capacity && reply_capacity <= limits.reply_capacity;
-  const std::uint64_t limit = budget->limit - (is_usual && budget->used_by[user] + bytes <= kept ? 0 : kept);
+  const std::uint64_t limit = budget->limit - (is_usual ? 0 : budget->limit / kKeptForNewcomers);
   if (bytes > limit - std::min(budget->used, limit)) {
     why = "no room for a segment of " + std::to_string(bytes) + " bytes: " + std::to_string(budget->used) + " of " +
           std::to_string(limit) + " bytes of shared memory are given out to clients";
@@ -118,8 +117,6 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, ui
   segment->base_ = segment->mapping_->begin();
   segment->budget_ = std::move(budget);
   segment->budget_->used += bytes;
-  segment->budget_->used_by[user] += bytes;
-  segment->user_ = user;
   segment->pinner_ = std::move(pinner);
   segment->memfd_ = std::move(memfd);
   segment->request_capacity_ = request_bytes;
@@ -146,7 +143,6 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, ui
 
 Segment::~Segment() {
   budget_->used -= mapping_->bytes();
-  if ((budget_->used_by[user_] -= mapping_->bytes()) == 0) budget_->used_by.erase(user_);
   mapping_.reset();
   if (pin_) pinner_->let_go(pin_);
 }

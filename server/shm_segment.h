@@ -6,7 +6,6 @@
 #include <memory>
 #include <span>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 #include "client/aligned_buffer.h"
@@ -21,7 +20,6 @@ namespace clearance {
 struct SegmentBudget {
   std::uint64_t limit = 0;
   std::uint64_t used = 0;
-  std::unordered_map<uid_t, std::uint64_t> used_by = {};  ///< of `used`
 };
 
 /// Private memory on a 64-byte boundary that is reused from request to request.
@@ -52,8 +50,7 @@ class Segment {
   /// Makes and maps a segment whose slots hold at least the capacities given, with as many slots as the limits allow.
   /// Null with `why` filled if the limits or the machine forbid it.
   /// \param pinner null: the segment is never pinned.
-  static std::shared_ptr<Segment> make(std::shared_ptr<SegmentBudget> budget, uid_t user,
-                                       std::shared_ptr<SegmentPinner> pinner,
+  static std::shared_ptr<Segment> make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
                                        const ShmLimits& limits, std::uint32_t id,
                                        std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why);
   ~Segment();
@@ -90,7 +87,6 @@ class Segment {
 
   // Everything the daemon decides by is here, in private memory.
   std::shared_ptr<SegmentBudget> budget_;
-  uid_t user_ = 0;
   std::shared_ptr<SegmentPinner> pinner_;
   shm::UniqueFd memfd_;
   std::shared_ptr<Mapping> mapping_;

@@ -314,7 +314,7 @@ class ShmTransport final : public Transport {
   void give_segment(Session& session, const Message& wanted, bool first) {
     std::string why;
     auto segment =
-        Segment::make(budget_, session.who.uid, pinner_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
+        Segment::make(budget_, pinner_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
     if (segment && first) {
       session.wake.reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
       if (!session.wake || !watch(session.wake.get(), EPOLLIN | EPOLLET, 2 * session.id + 1)) {
