@@ -204,7 +204,8 @@ SceneInfo Client::Impl::fetch_scene() {
   for (std::uint64_t i = 0; i < parts.bodies.size(); ++i) {
     const wire::BodyRecord r = parts.bodies[i];
     info.bodies.push_back(
-        {wire::name_of(r.name), r.parent, r.is_static != 0, r.piece_count, r.vertex_count, r.model_error, r.extent});
+        {wire::name_of(r.name), r.parent, r.is_static != 0, r.piece_count, r.vertex_count, r.model_error, r.extent,
+         r.hull_excess, r.empty_share});
   }
   for (std::uint64_t i = 0; i < parts.groups.size(); ++i) {
     const wire::GroupRecord r = parts.groups[i];

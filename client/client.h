@@ -128,8 +128,10 @@ struct BodyInfo {
   bool is_static = false;
   std::uint32_t piece_count = 0;
   std::uint64_t vertex_count = 0;
-  double model_error = 0;  ///< metres
-  double extent = 0;       ///< metres
+  double model_error = 0;  ///< metres: how far the pieces may stand out from the shape they were asked for
+  double extent = 0;       ///< metres: farthest point from the body's origin
+  double hull_excess = 0;  ///< metres: no point of a piece is farther from the mesh that it stands for; 0: a convex body
+  double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
 };
 struct GroupInfo {
   std::string name;

@@ -168,7 +168,9 @@ struct BodyRecord {
   std::uint64_t vertex_count = 0;
   double model_error = 0;  ///< metres
   double extent = 0;       ///< metres, farthest point from the body's origin
-  std::uint64_t reserved[3] = {};
+  double hull_excess = 0;  ///< metres, how far its pieces stand out of its mesh at most
+  double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN: not known
+  std::uint64_t reserved = 0;
 };
 
 struct GroupRecord {

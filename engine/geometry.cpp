@@ -1,9 +1,12 @@
 #include "geometry.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "hull.h"
+#include "hull_excess.h"
 
 namespace clearance {
 
@@ -16,6 +19,51 @@ std::shared_ptr<const DisplayMesh> display_of(const Shape& shape) {
   display->triangles = std::move(picture.triangles);
   return display;
 }
+
+// One product's: nothing where it is exact, as with powers of two.
+double rounding_of_product(double a, double b, double product) {
+  constexpr double kNoRemainderBelow = 0x1p-960;  // there the remainder might underflow
+  const double off = std::abs(std::fma(a, b, -product));
+  return std::abs(product) < kNoRemainderBelow && a != 0 && b != 0 ? std::numeric_limits<double>::min() : off;
+}
+
+// How far the scaled vertices may be from those that file and scale mean, metres.
+double rounding_of(const std::vector<Submesh>& submeshes, const Vec3d& scale) {
+  const double largest = std::max({std::abs(scale.x), std::abs(scale.y), std::abs(scale.z)});
+  double worst = 0;
+  for (const Submesh& submesh : submeshes) {
+    worst = std::max(worst, largest * submesh.rounding);
+    if (scale.x == 1 && scale.y == 1 && scale.z == 1) continue;
+    for (const Vec3d& v : submesh.vertices) {
+      double off = largest * submesh.rounding;
+      for (int k = 0; k < 3; ++k) off += rounding_of_product(scale[k], v[k], scale[k] * v[k]);
+      worst = std::max(worst, off);
+    }
+  }
+  return worst * (1 + 0x1p-40);  // and of the sums above
+}
+
+// How far the pieces stand out of what they are the hulls of, and what that leaves empty.
+class Excess {
+ public:
+  /// The piece of a mesh, as make_hull_piece() has it.
+  PiecePtr add(const DisplayMesh& mesh, double radius, std::uint64_t loaded, bool distinct, const std::string& path) {
+    std::vector<Triangle> faces;
+    PiecePtr piece = make_hull_piece(mesh.vertices, mesh.triangles, radius, loaded, distinct, &faces, path);
+    const HullExcess excess = hull_excess(mesh.vertices, mesh.triangles, *piece, faces);
+    distance_ = std::max(distance_, excess.distance);
+    hull_ += excess.hull_volume;
+    solid_ += excess.solid_volume;
+    return piece;
+  }
+  double distance() const { return distance_; }
+  double empty_share() const {
+    return hull_ > 0 ? std::clamp(1 - solid_ / hull_, 0.0, 1.0) : std::numeric_limits<double>::quiet_NaN();
+  }
+
+ private:
+  double distance_ = 0, hull_ = 0, solid_ = 0;
+};
 
 // The mesh as one, scaled: vertices and triangles of all submeshes, one after another.
 DisplayMesh joined(const std::vector<Submesh>& submeshes, const Vec3d& scale) {
@@ -75,18 +123,18 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
   for (const Submesh& submesh : mesh.submeshes) loaded += submesh.loaded_vertices;
   auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, scale));
   Geometry out;
+  Excess excess;
   if (convexify == Convexify::kHull) {
-    out.pieces = {make_hull_piece(whole->vertices, whole->triangles, radius, loaded, mesh.submeshes.size() == 1,
-                                  nullptr, mesh.path)};
+    out.pieces = {excess.add(*whole, radius, loaded, mesh.submeshes.size() == 1, mesh.path)};
     out.source = source + " (hull)";
   } else {
-    for (const Submesh& submesh : mesh.submeshes) {
-      const DisplayMesh part = joined({submesh}, scale);
-      out.pieces.push_back(make_hull_piece(part.vertices, part.triangles, radius, submesh.loaded_vertices, true, nullptr,
-                                           mesh.path));
-    }
+    for (const Submesh& submesh : mesh.submeshes)
+      out.pieces.push_back(excess.add(joined({submesh}, scale), radius, submesh.loaded_vertices, true, mesh.path));
     out.source = source + " (submeshes)";
   }
+  out.model_error = rounding_of(mesh.submeshes, scale);
+  out.hull_excess = excess.distance();
+  out.empty_share = excess.empty_share();
   out.display = std::move(whole);
   return out;
 }

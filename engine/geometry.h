@@ -17,6 +17,7 @@ struct Geometry {
   std::vector<PiecePtr> pieces;
   std::shared_ptr<const DisplayMesh> display;  ///< may be null
   double model_error = 0;
+  double hull_excess = 0, empty_share = 0;
   std::string source;
 };
 

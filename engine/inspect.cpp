@@ -43,6 +43,9 @@ BodyReport describe(const Body& body) {
   BodyReport r;
   r.pieces = body.pieces.size();
   r.model_error = body.model_error;
+  r.hull_excess = body.hull_excess;
+  if (!std::isnan(body.empty_share)) r.empty_share = body.empty_share;
+  r.warning = hull_warning(body);
   r.form = form_of(*body.pieces[0]);
   for (const PiecePtr& piece : body.pieces) {
     if (form_of(*piece) != r.form) r.form = "mixed";

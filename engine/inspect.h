@@ -21,6 +21,9 @@ struct BodyReport {
   double radius = 0;                    ///< metres; largest of the pieces
   double extent = 0;                    ///< metres; farthest that the body reaches from its origin
   double model_error = 0;               ///< metres; how far it may stand out from what was asked for
+  double hull_excess = 0;               ///< metres; no point of it is farther from its mesh
+  std::optional<double> empty_share;    ///< of its volume, that its mesh leaves empty; unknown for meshes with holes
+  std::string warning;                  ///< what hull_warning() says of it
   std::uint64_t partners = 0;           ///< bodies that it is asked about with
   std::uint64_t ignored = 0;            ///< bodies that it is not asked about with: on the ignore list
   std::uint64_t bytes = 0;              ///< its pieces, also where other bodies share them

@@ -17,13 +17,15 @@ struct Submesh {
   std::vector<Vec3d> vertices;        ///< every position of the mesh, exact duplicates merged
   std::vector<Triangle> triangles;    ///< polygons as fans; empty for points and lines
   std::uint64_t loaded_vertices = 0;  ///< before exact duplicates were merged
+  double rounding = 0;                ///< metres: how far a vertex may lie from the position that the file means
 };
 
 /// What a mesh file holds.
 ///
-/// The reading library (assimp) gives positions in float32, whatever the file says: a coordinate is right to 6e-8 of
-/// itself. Transforms of nodes are then applied in float64. Positions that no face uses are kept where the library
-/// hands them out (PLY, OFF); those of OBJ, DAE and glTF belong to no mesh of the file and do not arrive.
+/// Positions of OBJ, PLY, OFF and STL are the float64 nearest to each decimal of the file, or its float32 or float64 as it
+/// is; those of glTF too, moved by the transforms of its nodes in float64. DAE is read in float32 (assimp). What that rounds
+/// is bounded by Submesh::rounding; 0: nothing is. Positions that no face uses are kept in PLY and OFF; those of OBJ, DAE and
+/// glTF belong to no mesh of the file and do not arrive.
 struct Mesh {
   std::vector<Submesh> submeshes;  ///< at least one, each with at least one vertex
   std::string path;                ///< of the file; may be empty

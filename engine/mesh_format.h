@@ -14,7 +14,7 @@
 
 namespace clearance {
 
-inline constexpr std::uint64_t kMeshMagic = 0x3230306873656d63;  // "cmesh002"
+inline constexpr std::uint64_t kMeshMagic = 0x3330306873656d63;  // "cmesh003"
 inline constexpr int kMeshResultFd = 3;                          ///< a memfd
 inline constexpr int kMeshLifetimeFd = 4;                        ///< the write end of a pipe: closes with the loader
 inline constexpr std::uint64_t kMaxMeshErrorBytes = 4096;
@@ -57,7 +57,8 @@ struct SubmeshHeader {
   std::uint64_t vertices;         ///< three float64 each
   std::uint64_t triangles;        ///< three uint32 each; padded to 8 bytes in all
   std::uint64_t loaded_vertices;  ///< before exact duplicates were merged
+  double rounding;                ///< metres, finite, not negative
 };
-static_assert(sizeof(SubmeshHeader) == 24);
+static_assert(sizeof(SubmeshHeader) == 32);
 
 }  // namespace clearance

@@ -47,8 +47,10 @@ Submesh read_submesh(ResultReader* in) {
   SubmeshHeader header;
   if (!in->read(&header, sizeof header)) fail_garbled();
   if (header.vertices == 0 || header.vertices > in->left() / sizeof(Vec3d)) fail_garbled();
+  if (!(header.rounding >= 0 && std::isfinite(header.rounding))) fail_garbled();
   Submesh submesh;
   submesh.loaded_vertices = header.loaded_vertices;
+  submesh.rounding = header.rounding;
   submesh.vertices.resize(header.vertices);
   if (!in->read(submesh.vertices.data(), header.vertices * sizeof(Vec3d))) fail_garbled();
   if (header.triangles > in->left() / sizeof(Triangle)) fail_garbled();

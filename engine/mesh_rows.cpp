@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "fp_environment.h"
+#include "orientation.h"
 
 namespace clearance {
 
@@ -27,8 +28,9 @@ MeshRows::MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles
               [](const Edge& a, const Edge& b) { return a.to < b.to; });
 }
 
-// Each edge from a is run along exactly once each way, and the corner across it is not above the triangle's plane.
-bool MeshRows::is_convex_at(std::uint32_t a, std::span<const Vec3d> vertices, double tolerance) const {
+// Each edge from a is run along exactly once each way, and good(a, b, c, d) of the triangle a, b, c and the corner d across.
+template <class Good>
+bool MeshRows::is_good_at(std::uint32_t a, const Good& good) const {
   const std::span<const Edge> edges = row(a);
   if (edges.empty()) return false;
   for (std::size_t i = 0; i < edges.size(); ++i) {
@@ -38,35 +40,26 @@ bool MeshRows::is_convex_at(std::uint32_t a, std::span<const Vec3d> vertices, do
     const auto found =
         std::lower_bound(back.begin(), back.end(), a, [](const Edge& e, std::uint32_t to) { return e.to < to; });
     if (found == back.end() || found->to != a) return false;
-    if (b < a) continue;  // its height is looked at from there
-    const Vec3d normal = cross(vertices[b] - vertices[a], vertices[c] - vertices[a]);
-    if (dot(normal, vertices[found->opposite] - vertices[a]) > tolerance * norm(normal)) return false;
+    if (b > a && !good(a, b, c, found->opposite)) return false;  // the other way it is looked at from there
   }
   return true;
 }
 
-bool MeshRows::is_convex(std::span<const Vec3d> vertices) const {
-  const auto count = static_cast<std::int64_t>(vertices.size());
-  if (count < 4 || triangle_count_ + 4 != 2 * vertices.size()) return false;  // a closed sphere: F = 2 V - 4
-  Vec3d low = vertices[0], high = vertices[0];
-  for (const Vec3d& v : vertices)
-    for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], v[k]);
-      high[k] = std::max(high[k], v[k]);
-    }
-  const double tolerance = 1e-6 * norm(high - low);
-  bool convex = true;
-#pragma omp parallel reduction(&& : convex) if (count > 10000)
+template <class Good>
+bool MeshRows::is_good_sphere(const Good& good) const {
+  const auto count = static_cast<std::int64_t>(begin_.size()) - 1;
+  if (count < 4 || triangle_count_ + 4 != 2 * static_cast<std::size_t>(count)) return false;  // a closed sphere: F = 2 V - 4
+  bool all = true;
+#pragma omp parallel reduction(&& : all) if (count > 10000)
   {
     const FpEnvironment environment;
 #pragma omp for schedule(dynamic, 4096)
-    for (std::int64_t v = 0; v < count; ++v)
-      convex = convex && is_convex_at(static_cast<std::uint32_t>(v), vertices, tolerance);
+    for (std::int64_t v = 0; v < count; ++v) all = all && is_good_at(static_cast<std::uint32_t>(v), good);
   }
-  if (!convex) return false;
+  if (!all) return false;
 
   // One surface, not several: every vertex is reached from the first.
-  std::vector<char> seen(vertices.size(), 0);
+  std::vector<char> seen(static_cast<std::size_t>(count), 0);
   std::vector<std::uint32_t> stack = {0};
   seen[0] = 1;
   std::size_t reached = 1;
@@ -80,7 +73,35 @@ bool MeshRows::is_convex(std::span<const Vec3d> vertices) const {
         stack.push_back(e.to);
       }
   }
-  return reached == vertices.size();
+  return reached == seen.size();
+}
+
+bool MeshRows::is_convex(std::span<const Vec3d> vertices) const {
+  if (vertices.empty()) return false;
+  Vec3d low = vertices[0], high = vertices[0];
+  for (const Vec3d& v : vertices)
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], v[k]);
+      high[k] = std::max(high[k], v[k]);
+    }
+  const double tolerance = 1e-6 * norm(high - low);
+  return is_good_sphere([&](std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
+    const Vec3d normal = cross(vertices[b] - vertices[a], vertices[c] - vertices[a]);
+    return dot(normal, vertices[d] - vertices[a]) <= tolerance * norm(normal);
+  });
+}
+
+bool MeshRows::is_exactly_convex(std::span<const Vec3d> vertices) const {
+  if (!std::all_of(vertices.begin(), vertices.end(), orientation_applies)) return false;
+  return is_good_sphere([&](std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
+    const Vec3d ab = vertices[b] - vertices[a], ac = vertices[c] - vertices[a];
+    return norm(cross(ab, ac)) > 1e-9 * norm(ab) * norm(ac) &&
+           orientation(vertices[a], vertices[b], vertices[c], vertices[d]) <= 0;
+  });
+}
+
+bool MeshRows::is_sphere() const {
+  return is_good_sphere([](auto...) { return true; });
 }
 
 }  // namespace clearance

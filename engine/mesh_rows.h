@@ -18,6 +18,11 @@ class MeshRows {
   /// Whether the triangles form one closed surface of the topology of a sphere that uses every vertex and is nowhere
   /// concave by more than 1e-6 of its size: the rounding of positions to float32 makes edges slightly concave.
   bool is_convex(std::span<const Vec3d> vertices) const;
+  /// The same without a tolerance, by exact tests; false where a triangle is so thin that its plane is not known. A surface
+  /// that winds around itself more than once is not told apart.
+  bool is_exactly_convex(std::span<const Vec3d> vertices) const;
+  /// Whether the triangles form one closed surface of the topology of a sphere that uses every vertex.
+  bool is_sphere() const;
 
  private:
   struct Edge {
@@ -27,7 +32,10 @@ class MeshRows {
   std::span<const Edge> row(std::uint32_t v) const {
     return {edges_.data() + begin_[v], edges_.data() + begin_[v + 1]};
   }
-  bool is_convex_at(std::uint32_t a, std::span<const Vec3d> vertices, double tolerance) const;
+  template <class Good>
+  bool is_good_at(std::uint32_t a, const Good& good) const;
+  template <class Good>
+  bool is_good_sphere(const Good& good) const;
 
   std::vector<std::uint64_t> begin_;
   std::vector<Edge> edges_;

@@ -105,6 +105,8 @@ std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& op
     for (const PiecePtr& piece : geometry.pieces) body.pieces.push_back(shared_piece(piece));
     body.display = geometry.display;
     body.model_error = geometry.model_error;
+    body.hull_excess = geometry.hull_excess;
+    body.empty_share = geometry.empty_share;
     body.source = geometry.source;
   } catch (const std::invalid_argument& e) {
     throw SceneError("body " + in_quotes(name) + ": " + e.what());
@@ -297,6 +299,17 @@ std::uint32_t Scene::find_body(std::string_view name) const {
 std::uint32_t Scene::find_group(std::string_view name) const {
   const auto found = group_ids_.find(std::string(name));
   return found == group_ids_.end() ? kNone : found->second;
+}
+
+std::string hull_warning(const Body& body) {
+  double size = 0;
+  for (const PiecePtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
+  if (!(body.hull_excess > kHullExcessShare * size)) return "";
+  char text[200];
+  const char* what = body.pieces.size() == 1 ? "its hull stands" : "its pieces stand";
+  int n = std::snprintf(text, sizeof text, "%s up to %.3g m out of its mesh", what, body.hull_excess);
+  if (body.empty_share > 0) n += std::snprintf(text + n, sizeof text - static_cast<std::size_t>(n), ", %.3g %% of it is empty", 100 * body.empty_share);
+  return std::string(text, static_cast<std::size_t>(n)) + ": distances are to the hull";
 }
 
 std::uint64_t Scene::revision() const {

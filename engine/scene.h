@@ -46,10 +46,19 @@ struct Body {
   std::uint32_t parent = kNone;  ///< the body that this one follows at load
   bool is_static = false;        ///< never moves after load
   std::optional<Pose> pose;      ///< initial X_wb, or X_pb with a parent; none: no_pose until one arrives
-  double model_error = 0;        ///< metres: how far the pieces may stand out from the shape they were asked for
+  /// metres: how far the pieces may stand out from the shape they were asked for; of a mesh, from the hulls that its file
+  /// and scale mean: rounding
+  double model_error = 0;
+  double hull_excess = 0;  ///< metres: no point of a piece is farther from the mesh that it stands for (hull_excess.h)
+  double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
   std::string source;            ///< "meshes/base.stl (hull)", "box", ...: where the geometry came from
   std::shared_ptr<const DisplayMesh> display;  ///< may be null
 };
+
+/// A body whose pieces stand out of its mesh by more than this share of its size is warned about: hull_warning().
+inline constexpr double kHullExcessShare = 0.02;
+/// What is to be said of a body whose mesh is not what its pieces are, with figures; empty for others.
+std::string hull_warning(const Body& body);
 
 struct Group {
   std::string name;

@@ -332,6 +332,8 @@ class SceneReader {
       plan.body.pieces = geometry.pieces;
       plan.body.display = geometry.display;
       plan.body.model_error = geometry.model_error;
+      plan.body.hull_excess = geometry.hull_excess;
+      plan.body.empty_share = geometry.empty_share;
       plan.body.source = geometry.source;
       placed(plan.place, [&] { scene.add_body(plan.body); });
     }

@@ -23,7 +23,8 @@ struct Options {
 Table table_of(const Scene& scene, const SceneReport& report, Output output) {
   std::vector<std::string> columns{"body",     "form",    "kind",     "parent",  "pieces",
                                    "loaded",   "inside",  "vertices", "faces",   "radius_m",
-                                   "extent_m", "error_m", "partners", "ignored", "ns_per_pair"};
+                                   "extent_m", "error_m", "hull_excess_m", "empty_share",
+                                   "partners", "ignored", "ns_per_pair"};
   const bool for_people = output == Output::kTable;
   if (for_people)
     columns.insert(columns.end(), {"KiB", "shared_by", "source"});
@@ -45,6 +46,8 @@ Table table_of(const Scene& scene, const SceneReport& report, Output output) {
                           Cell(r.radius, 4),
                           Cell(r.extent, 4),
                           Cell(r.model_error, 3),
+                          Cell(r.hull_excess, 3),
+                          r.empty_share ? Cell(*r.empty_share, 3) : Cell(),
                           r.partners,
                           r.ignored,
                           r.ns_per_pair ? Cell(*r.ns_per_pair, 3) : Cell()};
@@ -67,9 +70,19 @@ Table findings_of(const Scene& scene, const SceneReport& report) {
   return table;
 }
 
+Table warnings_of(const Scene& scene, const SceneReport& report) {
+  Table table({"body", "text"});
+  for (std::size_t i = 0; i < report.bodies.size(); ++i)
+    if (!report.bodies[i].warning.empty()) table.add({scene.bodies()[i].name, report.bodies[i].warning});
+  return table;
+}
+
 void print_for_people(const Scene& scene, const SceneReport& report) {
   table_of(scene, report, Output::kTable).print(std::cout, Output::kTable);
   std::cout << "\n";
+  for (std::size_t i = 0; i < report.bodies.size(); ++i)
+    if (!report.bodies[i].warning.empty())
+      std::cout << "Warning: " << scene.bodies()[i].name << ": " << report.bodies[i].warning << "\n";
   if (report.findings.empty()) std::cout << "Nothing was found that could be left out.\n";
   for (const Finding& f : report.findings) std::cout << scene.bodies()[f.body].name << ": " << f.text << "\n";
   std::printf("\n%zu bodies, %llu enabled pairs; pieces take %.4g KiB, meshes for pictures %.4g KiB\n",
@@ -85,6 +98,8 @@ void print_json(const Options& o, const Scene& scene, const SceneReport& report)
   table_of(scene, report, Output::kJson).print(std::cout, Output::kJson);
   std::cout << ",\n\"could_be_left_out\": ";
   findings_of(scene, report).print(std::cout, Output::kJson);
+  std::cout << ",\n\"warnings\": ";
+  warnings_of(scene, report).print(std::cout, Output::kJson);
   std::cout << ",\n\"pairs\": " << report.pairs << ", \"bytes\": " << report.bytes
             << ", \"display_bytes\": " << report.display_bytes << ", \"ns_all_pairs\": ";
   if (report.ns_all_pairs)
@@ -141,6 +156,8 @@ int main(int argc, char** argv) {
 Columns
   loaded, inside, vertices   as read; dropped because proved inside; what remains, which bounds are made from
   error_m                    how far the pieces may stand out from the shape that was asked for
+  hull_excess_m, empty_share how far they stand out of a mesh that is not convex, at most, and how much of
+                             their volume is empty (unknown for a mesh with holes)
   partners, ignored          bodies that it is asked about with, and those that the ignore list takes away
   ns_per_pair                measured now: one thread, poses at load, default tolerance
   KiB, shared_by             memory of its pieces, and how many bodies hold them together

@@ -18,6 +18,8 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   record.is_static = body.is_static;
   record.piece_count = static_cast<std::uint32_t>(body.pieces.size());
   record.model_error = body.model_error;
+  record.hull_excess = body.hull_excess;
+  record.empty_share = body.empty_share;
   for (const PiecePtr& piece : body.pieces) {
     record.vertex_count += piece->vertices.size();
     record.extent = std::max(record.extent, piece->rho + piece->radius);

@@ -1,5 +1,6 @@
 // What the daemon knows: bodies, poses, ping.
 #include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <memory>
 
@@ -20,11 +21,13 @@ Cell parent_cell(const SceneInfo& scene, std::uint32_t parent) {
 void print_bodies(const Options& o) {
   Client client = o.connection.open();
   const SceneInfo& scene = client.scene();
-  Table table({"id", "body", "kind", "parent", "pieces", "vertices", "extent_m", "model_error_m"});
+  Table table({"id", "body", "kind", "parent", "pieces", "vertices", "extent_m", "model_error_m", "hull_excess_m",
+               "empty_share"});
   for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
     const BodyInfo& b = scene.bodies[i];
     table.add({i, b.name, b.is_static ? "static" : "movable", parent_cell(scene, b.parent), b.piece_count,
-               b.vertex_count, Cell(b.extent, 6), Cell(b.model_error, 3)});
+               b.vertex_count, Cell(b.extent, 6), Cell(b.model_error, 3), Cell(b.hull_excess, 3),
+               std::isnan(b.empty_share) ? Cell() : Cell(b.empty_share, 3)});
   }
   table.print(std::cout, o.output);
   if (o.output != Output::kTable) return;

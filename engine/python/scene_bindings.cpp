@@ -52,7 +52,8 @@ nb::list bodies(const Scene& scene) {
       vertices += piece->vertices.size();
       extent = std::max(extent, piece->rho + piece->radius);
     }
-    list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent));
+    list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent,
+                               b.hull_excess, b.empty_share));
   }
   return list;
 }
@@ -145,6 +146,14 @@ void bind_scene(nb::module_& m) {
       .def("source", [](const Scene& s, std::uint32_t id) { return body_at(s, id).source; })
       .def("pieces", &pieces)
       .def("display", &display)
+      .def("hull_warnings",
+           [](const Scene& s, std::uint32_t first) {
+             nb::list list;
+             for (std::size_t i = first; i < s.bodies().size(); ++i)
+               if (const std::string text = hull_warning(s.bodies()[i]); !text.empty())
+                 list.append(nb::make_tuple(s.bodies()[i].name, text));
+             return list;
+           })
       .def("revision", &Scene::revision);
 }
 

@@ -391,7 +391,7 @@ void save_meshes() {
     add(input, format);
     wire::append_bytes(input, text.data(), text.size());
     const std::string name = "good_" + std::string(extension) + "_" + std::to_string(++count[extension]);
-    for (const char* target : {"mesh_precheck", "mesh_child", "mesh_import"}) save(target, name, input);
+    for (const char* target : {"mesh_readers", "mesh_child", "mesh_import"}) save(target, name, input);
   }
   // What a loader writes for one of them.
   const std::string path = (root / "thing.obj").string();

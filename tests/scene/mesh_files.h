@@ -13,7 +13,7 @@
 namespace clearance::mesh_files {
 
 struct Source {
-  std::vector<Vec3d> vertices;  ///< each coordinate a float32
+  std::vector<Vec3d> vertices;  ///< binary files and DAE hold float32
   std::vector<Triangle> triangles;
 };
 
@@ -46,14 +46,14 @@ std::string bytes(T value, bool big_endian = false) {
 
 inline std::string obj(const Source& m) {
   std::string out = "# a comment\no thing\n";
-  for (const Vec3d& v : m.vertices) out += print("v %.9g %.9g %.9g\n", v.x, v.y, v.z);
+  for (const Vec3d& v : m.vertices) out += print("v %.17g %.17g %.17g\n", v.x, v.y, v.z);
   for (const Triangle& t : m.triangles) out += print("f %u %u %u\n", t[0] + 1, t[1] + 1, t[2] + 1);
   return out;
 }
 
 inline std::string off(const Source& m) {
   std::string out = print("OFF\n%zu %zu 0\n", m.vertices.size(), m.triangles.size());
-  for (const Vec3d& v : m.vertices) out += print("%.9g %.9g %.9g\n", v.x, v.y, v.z);
+  for (const Vec3d& v : m.vertices) out += print("%.17g %.17g %.17g\n", v.x, v.y, v.z);
   for (const Triangle& t : m.triangles) out += print("3 %u %u %u\n", t[0], t[1], t[2]);
   return out;
 }
@@ -63,7 +63,7 @@ inline std::string stl_text(const Source& m) {
   for (const Triangle& t : m.triangles) {
     out += "  facet normal 0 0 0\n    outer loop\n";
     for (const std::uint32_t i : t)
-      out += print("      vertex %.9g %.9g %.9g\n", m.vertices[i].x, m.vertices[i].y, m.vertices[i].z);
+      out += print("      vertex %.17g %.17g %.17g\n", m.vertices[i].x, m.vertices[i].y, m.vertices[i].z);
     out += "    endloop\n  endfacet\n";
   }
   return out + "endsolid thing\n";
@@ -93,7 +93,7 @@ inline std::string ply(const Source& m, Ply kind) {
   const bool big = kind == Ply::kBig;
   for (const Vec3d& v : m.vertices)
     if (kind == Ply::kText)
-      out += print("%.9g %.9g %.9g\n", v.x, v.y, v.z);
+      out += print("%.17g %.17g %.17g\n", v.x, v.y, v.z);
     else
       for (int k = 0; k < 3; ++k) out += bytes(static_cast<float>(v[k]), big);
   for (const Triangle& t : m.triangles)

@@ -350,7 +350,8 @@ class PyClient {
     nb::list bodies, groups;
     for (const BodyInfo& b : info.bodies) {
       bodies.append(
-          nb::make_tuple(b.name, b.parent, b.is_static, b.piece_count, b.vertex_count, b.model_error, b.extent));
+          nb::make_tuple(b.name, b.parent, b.is_static, b.piece_count, b.vertex_count, b.model_error, b.extent,
+                         b.hull_excess, b.empty_share));
     }
     for (const GroupInfo& g : info.groups) groups.append(nb::make_tuple(g.name, g.bodies));
     return nb::make_tuple(info.revision, info.backend, info.pair_count, bodies, groups);

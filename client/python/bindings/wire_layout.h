@@ -122,6 +122,8 @@ inline nanobind::dict wire_layout() {
   CLEARANCE_MEMBER(vertex_count);
   CLEARANCE_MEMBER(model_error);
   CLEARANCE_MEMBER(extent);
+  CLEARANCE_MEMBER(hull_excess);
+  CLEARANCE_MEMBER(empty_share);
   CLEARANCE_MEMBER(reserved);
   CLEARANCE_END
   CLEARANCE_BEGIN(GroupRecord);

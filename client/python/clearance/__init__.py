@@ -18,7 +18,7 @@ import importlib.util
 from typing import TYPE_CHECKING, Any
 
 from . import wire
-from ._errors import ClearanceError, ConnectionError, QueryError, RequestError, SceneError, TimeoutError
+from ._errors import ClearanceError, ConnectionError, HullWarning, QueryError, RequestError, SceneError, TimeoutError
 from ._front import BodyState, PosesDone, Prepared, SceneChanged
 from ._future import Future
 from ._names import BodyInfo
@@ -43,6 +43,7 @@ __all__ = [
     "Flag",
     "Format",
     "Future",
+    "HullWarning",
     "NONE",
     "PosesDone",
     "Precision",

@@ -16,6 +16,13 @@ class SceneError(ClearanceError, ValueError):
     """Bad input at set-up: a scene file, a mesh or a body. The text names file, line, key and what was expected."""
 
 
+class HullWarning(UserWarning):
+    """A mesh is far from convex, and its hull is what distances are measured to. The text names bodies and figures.
+
+    ``warnings.simplefilter("ignore", clearance.HullWarning)`` is silent about it, "error" refuses such scenes.
+    """
+
+
 class QueryError(ClearanceError, ValueError):
     """A query as a whole cannot be answered, in process or by the daemon.
 

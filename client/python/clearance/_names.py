@@ -24,6 +24,8 @@ class BodyInfo:
     vertex_count: int
     model_error: float  #: metres: how far the pieces may stand out from the shape they were asked for
     extent: float  #: metres, farthest point from the body's origin
+    hull_excess: float = 0.0  #: metres: no point of a piece is farther from the mesh that it stands for; 0: a convex body
+    empty_share: float = 0.0  #: of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
 
 
 class NameTable:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import threading
+import warnings
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 import clearance._engine as _engine
 from ._arguments import to_bool, to_floats, to_list, to_number, to_numbers, to_path, to_text, to_word
-from ._errors import SceneError
+from ._errors import HullWarning, SceneError
 from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose
 from ._words import CONVEXIFY, NONE
@@ -39,11 +40,13 @@ class Scene:
         """Reads a scene file (YAML) and the meshes that it names.
 
         allow_outside: meshes may lie outside the scene file's folder.
-        Raises SceneError naming file, line, key and what was expected.
+        Raises SceneError naming file, line, key and what was expected. Warns (HullWarning) of bodies whose pieces stand far
+        out of their meshes.
         """
         scene = cls.__new__(cls)
         scene._lock = threading.RLock()
         scene._scene = _engine.Scene.load(to_path(path, "path"), to_bool(allow_outside, "allow_outside"))
+        _warn_of_hulls(scene._scene, 0)
         return scene
 
     def add_hull(
@@ -75,10 +78,13 @@ class Scene:
         static: bool = False,
         pose: Any = None,
     ) -> int:
-        """Adds a mesh file. scale: one number or three. convexify: "hull", "submeshes" or "decompose"."""
+        """Adds a mesh file. scale: one number or three. convexify: "hull", "submeshes" or "decompose".
+
+        Warns (HullWarning) if the pieces stand far out of the mesh: BodyInfo.hull_excess says how far at most.
+        """
         sx, sy, sz = _three(scale, "scale", one=True)
         with self._lock:
-            return self._scene.add_mesh(
+            added = self._scene.add_mesh(
                 to_text(name, "name"),
                 to_path(path, "path"),
                 sx,
@@ -88,6 +94,8 @@ class Scene:
                 to_number(radius, "radius"),
                 *self._rest(parent, static, pose),
             )
+            _warn_of_hulls(self._scene, added)
+            return added
 
     def add_box(
         self,
@@ -230,6 +238,20 @@ def name_table(scene: Any, revision: int) -> NameTable:
     ]
     groups = {name: np.array(members, dtype=np.uint32) for name, members in scene.groups()}
     return NameTable(revision, bodies, groups)
+
+
+_NAMED_IN_WARNING = 5
+
+
+def _warn_of_hulls(scene: Any, first: int) -> None:
+    """One warning for all bodies from `first` on that are far from the meshes they stand for."""
+    found = scene.hull_warnings(first)
+    if not found:
+        return
+    text = "; ".join(f"{name}: {what}" for name, what in found[:_NAMED_IN_WARNING])
+    if len(found) > _NAMED_IN_WARNING:
+        text += f"; and {len(found) - _NAMED_IN_WARNING} more"
+    warnings.warn(text, HullWarning, stacklevel=3)
 
 
 def _three(value: Any, what: str, one: bool = False) -> Tuple[float, float, float]:

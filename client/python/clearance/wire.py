@@ -160,7 +160,9 @@ BodyRecord = np.dtype(
         ("vertex_count", "<u8"),
         ("model_error", "<f8"),
         ("extent", "<f8"),
-        ("reserved", "<u8", 3),
+        ("hull_excess", "<f8"),
+        ("empty_share", "<f8"),
+        ("reserved", "<u8"),
     ]
 )
 GroupRecord = np.dtype([("name", "S64"), ("first_member", "<u4"), ("member_count", "<u4"), ("reserved", "<u8")])
