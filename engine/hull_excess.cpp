@@ -17,9 +17,9 @@ namespace {
 
 // Everything here is in units of the hull's spread about its centre, in which rounding is a few 1e-15.
 constexpr double kRounding = 1e-12;
-constexpr double kNegligible = 0.01;   // how large a bound is taken as it is
-constexpr double kTooMuch = 1.25;      // how much larger than a distance that was met
-constexpr std::size_t kPlanes = 512;   // of the hull, that cells are held against
+constexpr double kNegligible = 0.01;  // how large a bound is taken as it is
+constexpr double kTooMuch = 1.25;     // how much larger than a distance that was met
+constexpr std::size_t kPlanes = 512;  // of the hull, that cells are held against
 
 struct Solid {
   double volume = 0;
@@ -63,7 +63,7 @@ class Measure {
       const Solid solid = solid_of(points_, triangles_);
       bound = bound_by_planes(solid.centre);
       if (bound && *bound <= kNegligible) {
-        if (*bound <= 1e3 * kRounding && rows.is_exactly_convex(positions_)) bound = 0;
+        if (*bound <= kRounding && rows.is_exactly_convex(positions_)) bound = 0;
         const double grown = 1 / (1 - *bound);  // about the centre, which then holds the hull
         return result(*bound, solid.volume * grown * grown * grown, solid.volume);
       }
@@ -94,18 +94,19 @@ class Measure {
   // A hull far from its frame's origin: what is lost there.
   double rounding_of_place() const { return 16 * 0x1p-53 * (1 + hull_.rho / hull_.spread); }
 
-  // The points below all planes of the faces lie inside a closed mesh. The hull lies below these planes moved outward by
-  // what the vertices stand above them, and so within the former, grown about a point there: by B + h where it was B from the
-  // plane. None if the point is above a plane.
+  // The points below all planes of the faces lie inside a closed mesh. The hull lies below these planes moved outward
+  // by what the vertices stand above them, and so within the former, grown about a point there: by B + h where it was B
+  // from the plane. None if the point is above a plane.
   std::optional<double> bound_by_planes(const Vec3d& centre) const {
     double worst = 0;
     for (const Triangle& t : triangles_) {
       const Vec3d& a = points_[t[0]];
-      const Vec3d n = cross(points_[t[1]] - a, points_[t[2]] - a);
-      const double length = norm(n);
+      const Vec3d ab = points_[t[1]] - a, ac = points_[t[2]] - a, n = cross(ab, ac);
+      const double length = norm(n), edge2 = std::max(squared_norm(ab), squared_norm(ac));
       if (!(length > 1e-200)) return {};
       const Vec3d u = n * (1 / length);
-      const double below = dot(u, a - centre), above = std::max(0.0, reach(u) - dot(u, a)) + kRounding;
+      const double tilt = 0x1p-48 * (1 + edge2 / length);  // of the plane of a thin triangle
+      const double below = dot(u, a - centre), above = std::max(0.0, reach(u) - dot(u, a)) + tilt;
       if (!(below > 0)) return {};
       worst = std::max(worst, above / (below + above));
     }
@@ -148,39 +149,54 @@ class Measure {
     return out;
   }
 
-  // No point of a cell is farther from the mesh than the cell's centre and half of its diagonal. The cell for which that is
-  // most is divided, until little is gained.
+  // Whether a cell lies beyond one of the walls, and whether its centre is within all.
+  static std::pair<bool, bool> place(const std::vector<Plane>& walls, const Vec3d& centre, double half) {
+    bool within = true;
+    for (const Plane& w : walls) {
+      const double above = dot(w.normal, centre) - w.offset;
+      if (above > half * (std::abs(w.normal.x) + std::abs(w.normal.y) + std::abs(w.normal.z))) return {true, false};
+      within = within && above <= 0;
+    }
+    return {false, within};
+  }
+
+  // No point of a cell is farther from the mesh than the cell's centre and half of its diagonal. The cell for which
+  // that is most is divided, until little is gained.
   double divide(const TriangleTree& tree) const {
     const std::vector<Plane> walls = planes();
     struct Cell {
       double bound;
+      double distance;  // of its centre, or a larger one
       Vec3d centre;
       double half;
       bool operator<(const Cell& other) const { return bound < other.bound; }
     };
+    int left = kHullExcessVisits;
+    const auto look = [&](const Vec3d& p) {
+      const int allowed = std::max(256, left / 16);
+      int visits = allowed;
+      const double distance = tree.signed_distance(p, &visits);
+      left -= allowed - std::max(visits, 0);
+      return distance;
+    };
     std::priority_queue<Cell> cells;
-    cells.push({tree.signed_distance({0, 0, 0}) + std::sqrt(3.0), {0, 0, 0}, 1});
+    const double first = look({0, 0, 0});
+    cells.push({first + std::sqrt(3.0), first, {0, 0, 0}, 1});
     double met = 0;
-    for (int looks = 1; !cells.empty() && looks < kHullExcessLooks;) {
+    while (!cells.empty() && left > 0) {
       const Cell cell = cells.top();
       if (cell.bound <= std::max(kTooMuch * met, met + kNegligible)) break;
       cells.pop();
+      const double half = cell.half / 2, diagonal = std::sqrt(3.0) * half;
       for (int corner = 0; corner < 8; ++corner) {
-        const double half = cell.half / 2;
-        const Vec3d c = cell.centre + Vec3d{corner & 1 ? half : -half, corner & 2 ? half : -half, corner & 4 ? half : -half};
-        bool outside = false, within = true;
-        for (const Plane& w : walls) {
-          const double above = dot(w.normal, c) - w.offset;
-          outside = outside || above > half * (std::abs(w.normal.x) + std::abs(w.normal.y) + std::abs(w.normal.z));
-          within = within && above <= 0;
-          if (outside) break;
-        }
+        const Vec3d c =
+            cell.centre + Vec3d{corner & 1 ? half : -half, corner & 2 ? half : -half, corner & 4 ? half : -half};
+        const auto [outside, within] = place(walls, c, half);
         if (outside) continue;
-        const double distance = tree.signed_distance(c);
-        ++looks;
+        const double distance = std::min(look(c), cell.distance + diagonal);
         if (within) met = std::max(met, distance);
-        const double bound = std::min(cell.bound, distance + std::sqrt(3.0) * half);
-        if (bound > 0) cells.push({bound, c, half});
+        const double bound = std::min(cell.bound, distance + diagonal);
+        if (bound > 0) cells.push({bound, distance, c, half});
       }
     }
     return cells.empty() ? 0 : cells.top().bound;

@@ -127,7 +127,8 @@ std::vector<Shown> walk(const aiScene& scene, std::uint64_t most_vertices) {
     stack.pop_back();
     for (unsigned i = 0; i < visit.node->mNumMeshes; ++i) {
       const unsigned index = visit.node->mMeshes[i];
-      if (index >= scene.mNumMeshes) throw LoadError("a node names mesh " + std::to_string(index) + ", which is not there");
+      if (index >= scene.mNumMeshes)
+        throw LoadError("a node names mesh " + std::to_string(index) + ", which is not there");
       const std::uint64_t count = scene.mMeshes[index]->mNumVertices;
       own += seen[index]++ ? 0 : count;
       vertices += count;
@@ -136,7 +137,8 @@ std::vector<Shown> walk(const aiScene& scene, std::uint64_t most_vertices) {
       shown.push_back({index, visit.X});
     }
     for (unsigned i = visit.node->mNumChildren; i-- > 0;)
-      stack.push_back({visit.node->mChildren[i], visit.X.after(transform_of(visit.node->mChildren[i]->mTransformation))});
+      stack.push_back(
+          {visit.node->mChildren[i], visit.X.after(transform_of(visit.node->mChildren[i]->mTransformation))});
   }
   return shown;
 }

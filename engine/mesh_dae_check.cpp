@@ -147,7 +147,8 @@ class DaeCheck {
   static double checked(const Decimal& d) {
     if (!(d.off <= 0x1p-22 * std::abs(d.exact) + kFloatTiny)) {
       if (!std::isfinite(d.exact)) throw LoadError("the transform of a node is not finite");
-      throw LoadError("a transform holds " + std::to_string(d.exact) + ", which the reading library does not understand");
+      throw LoadError("a transform holds " + std::to_string(d.exact) +
+                      ", which the reading library does not understand");
     }
     return d.exact;
   }
@@ -155,12 +156,16 @@ class DaeCheck {
   static Growth step(xml_node element, bool* unread) {
     const std::string kind = element.name();
     if (kind == "skew" || kind == "lookat") *unread = true;
-    const std::size_t wanted = kind == "matrix" ? 16 : kind == "rotate" ? 4 : kind == "scale" || kind == "translate" ? 3 : 0;
+    const std::size_t wanted = kind == "matrix"                         ? 16
+                               : kind == "rotate"                       ? 4
+                               : kind == "scale" || kind == "translate" ? 3
+                                                                        : 0;
     if (wanted == 0) return {};
     std::vector<double> x;
     for (const Decimal& d : numbers(element.text().get())) x.push_back(checked(d));
     if (x.size() != wanted)
-      throw LoadError("a <" + kind + "> of " + std::to_string(x.size()) + " numbers; expected " + std::to_string(wanted));
+      throw LoadError("a <" + kind + "> of " + std::to_string(x.size()) + " numbers; expected " +
+                      std::to_string(wanted));
     Growth g;
     double misread = 0;
     if (kind == "matrix") {
@@ -174,7 +179,7 @@ class DaeCheck {
       misread = 4 * std::abs(length - 1);  // assimp takes the axis as it is
       if (x[3] != 0 && misread > 1e-4) throw LoadError("the axis of a <rotate> is not of length 1");
       g.scale = 1.7321;
-      misread += std::abs(x[3]) * (0x1p-24 * 3.1416 / 180);  // the angle in float32 radians
+      misread += std::abs(x[3]) * (0x1p-22 * 3.1416 / 180);  // the angle in float32 radians
       if (x[3] == 0) return {};
     } else if (kind == "scale") {
       g.scale = std::max({std::abs(x[0]), std::abs(x[1]), std::abs(x[2])});
@@ -205,7 +210,8 @@ class DaeCheck {
     const std::string name = std::string("#") + source.attribute("id").value();
     for (const xml_node vertices : geometry.child("mesh").children("vertices"))
       for (const xml_node input : vertices.children("input"))
-        if (std::strcmp(input.attribute("semantic").value(), "POSITION") == 0 && name == input.attribute("source").value())
+        if (std::strcmp(input.attribute("semantic").value(), "POSITION") == 0 &&
+            name == input.attribute("source").value())
           return true;
     return false;
   }
@@ -220,7 +226,8 @@ class DaeCheck {
 void check_indices(xml_node root) {
   struct Walker final : pugi::xml_tree_walker {
     bool for_each(xml_node& n) override {
-      if (std::strcmp(n.name(), "p") == 0 && std::strchr(n.text().get(), '-')) throw LoadError("a face has a negative index");
+      if (std::strcmp(n.name(), "p") == 0 && std::strchr(n.text().get(), '-'))
+        throw LoadError("a face has a negative index");
       return true;
     }
   } walker;

@@ -15,8 +15,7 @@ namespace clearance {
 namespace fs = std::filesystem;
 
 MeshFolder::MeshFolder(const fs::path& file)
-    : named_in_(file.parent_path()),
-      folders_{fs::canonical(file.parent_path()), fs::canonical(file).parent_path()} {}
+    : named_in_(file.parent_path()), folders_{fs::canonical(file.parent_path()), fs::canonical(file).parent_path()} {}
 
 bool MeshFolder::holds(const fs::path& path) const {
   std::error_code error;

@@ -101,7 +101,12 @@ std::string decoded_base64(std::string_view text, const std::string& where) {
 
 std::string without_percents(const std::string& uri) {
   std::string out;
-  const auto digit = [](char c) { return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1; };
+  const auto digit = [](char c) {
+    return c >= '0' && c <= '9'   ? c - '0'
+           : c >= 'a' && c <= 'f' ? c - 'a' + 10
+           : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                  : -1;
+  };
   for (std::size_t i = 0; i < uri.size(); ++i) {
     const bool escaped = uri[i] == '%' && i + 2 < uri.size() && digit(uri[i + 1]) >= 0 && digit(uri[i + 2]) >= 0;
     out += escaped ? static_cast<char>(16 * digit(uri[i + 1]) + digit(uri[i + 2])) : uri[i];
@@ -307,10 +312,12 @@ class GltfReader {
     const std::uint64_t begin = unsigned_in(view, "byteOffset", view_place, 0);
     const std::uint64_t length = unsigned_in(view, "byteLength", view_place);
     if (begin + length > bytes.size())
-      fail(view_place + " ends at byte " + std::to_string(begin + length) + " of a buffer of " + std::to_string(bytes.size()));
+      fail(view_place + " ends at byte " + std::to_string(begin + length) + " of a buffer of " +
+           std::to_string(bytes.size()));
     const std::uint64_t stride = unsigned_in(view, "byteStride", view_place, size);
     const std::uint64_t offset = unsigned_in(holder, "byteOffset", where, 0);
-    if (stride < size) fail(view_place + ".byteStride of " + std::to_string(stride) + "; its rows have " + std::to_string(size));
+    if (stride < size)
+      fail(view_place + ".byteStride of " + std::to_string(stride) + "; its rows have " + std::to_string(size));
     if (count > 0 && (offset + size > length || (count - 1) > (length - offset - size) / stride))
       fail(where + " has " + std::to_string(count) + " rows, more than its " + view_place + " holds");
     return {std::string_view(bytes).substr(begin + offset, count == 0 ? 0 : length - offset), stride};
@@ -356,7 +363,8 @@ class GltfReader {
     const std::string where = place("accessors", index);
     const Json* type = find(accessor, "type");
     if (!type || *type != "SCALAR") fail(where + " holds indices; expected SCALAR");
-    if (find(accessor, "sparse") || !find(accessor, "bufferView")) fail(where + " holds indices and is sparse or has no data");
+    if (find(accessor, "sparse") || !find(accessor, "bufferView"))
+      fail(where + " holds indices and is sparse or has no data");
     return index_rows(accessor, where, unsigned_in(accessor, "count", where), vertices);
   }
 
@@ -370,8 +378,8 @@ class GltfReader {
     for (std::uint64_t i = 0; i < count; ++i) {
       out[i] = static_cast<std::uint32_t>(unsigned_at(data.bytes, data.stride * i, size));
       if (out[i] >= end)
-        fail("index " + std::to_string(i) + " of " + where + " names vertex " + std::to_string(out[i]) + ", and there are " +
-             std::to_string(end) + ", from 0");
+        fail("index " + std::to_string(i) + " of " + where + " names vertex " + std::to_string(out[i]) +
+             ", and there are " + std::to_string(end) + ", from 0");
     }
     return out;
   }
@@ -397,7 +405,8 @@ class GltfReader {
     }
     const std::uint64_t length = unsigned_in(described, "byteLength", where);
     if (length > at->second.size())
-      fail(where + ".byteLength is " + std::to_string(length) + ", and there are " + std::to_string(at->second.size()) + " bytes");
+      fail(where + ".byteLength is " + std::to_string(length) + ", and there are " + std::to_string(at->second.size()) +
+           " bytes");
     return at->second;
   }
 
@@ -414,7 +423,8 @@ std::pair<std::string_view, std::optional<std::string_view>> chunks(std::string_
   const std::uint64_t version = unsigned_at(file, 4, 4), length = unsigned_at(file, 8, 4);
   if (version != 2) throw LoadError("version " + std::to_string(version) + " of GLB; expected 2");
   if (length > file.size())
-    throw LoadError("its header promises " + std::to_string(length) + " bytes, the file has " + std::to_string(file.size()));
+    throw LoadError("its header promises " + std::to_string(length) + " bytes, the file has " +
+                    std::to_string(file.size()));
   std::string_view json;
   std::optional<std::string_view> binary;
   for (std::size_t at = 12; at < length;) {

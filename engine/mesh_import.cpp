@@ -28,7 +28,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// That the nodes of a file may make of its meshes by repeating them: as many as a scene file may ask for in a few words.
+// That the nodes of a file may make of its meshes by repeating them: as many as a scene file may ask for in a few
+// words.
 constexpr std::uint64_t kMostRepeatedVertices = 20'000'000;
 
 // The result file, written front to back; the header last.

@@ -71,8 +71,8 @@ class ObjReader {
   }
 
   [[noreturn]] void fail_corner(std::size_t place, std::int64_t named) const {
-    text_.fail_at(place, "a face names vertex " + std::to_string(named) + ", and there are " +
-                             std::to_string(positions_.size()));
+    text_.fail_at(
+        place, "a face names vertex " + std::to_string(named) + ", and there are " + std::to_string(positions_.size()));
   }
 
   std::uint32_t read_corner(std::string_view word) {

@@ -85,8 +85,8 @@ void read_off(std::string_view content, const PartSink& sink) {
     for (std::int64_t k = 0; k < n; ++k) {
       const std::int64_t index = text.integer(text.word_in_line(), "the index of a vertex");
       if (index < 0 || static_cast<std::uint64_t>(index) >= header.vertices)
-        text.fail("a face names vertex " + std::to_string(index) + ", and there are " + std::to_string(header.vertices) +
-                  ", from 0");
+        text.fail("a face names vertex " + std::to_string(index) + ", and there are " +
+                  std::to_string(header.vertices) + ", from 0");
       corners.push_back(static_cast<std::uint32_t>(index));
     }
     add_polygon(&part.triangles, corners);

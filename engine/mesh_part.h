@@ -55,11 +55,11 @@ class UsedPositions {
   std::uint32_t parts_ = 0;
 };
 
-/// Readers of whole files: positions in float64, each decimal rounded once, to the nearest. Throw LoadError (mesh_text.h), which
-/// names the line of a text file.
+/// Readers of whole files: positions in float64, each decimal rounded once, to the nearest. Throw LoadError
+/// (mesh_text.h), which names the line of a text file.
 ///
-/// An object, a group or a material begins a part in OBJ, a solid in STL. PLY and OFF are one part, with positions that no
-/// face uses; those of OBJ belong to nothing.
+/// An object, a group or a material begins a part in OBJ, a solid in STL. PLY and OFF are one part, with positions that
+/// no face uses; those of OBJ belong to nothing.
 void read_obj(std::string_view content, const PartSink& sink);
 void read_off(std::string_view content, const PartSink& sink);
 void read_ply(std::string_view content, const PartSink& sink);

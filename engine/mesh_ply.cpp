@@ -23,11 +23,11 @@ struct Type {
 
 Type type_of(std::string_view name) {
   constexpr std::pair<std::string_view, Type> kTypes[] = {
-      {"char", {Kind::kSigned, 1}},    {"int8", {Kind::kSigned, 1}},    {"uchar", {Kind::kUnsigned, 1}},
-      {"uint8", {Kind::kUnsigned, 1}}, {"short", {Kind::kSigned, 2}},   {"int16", {Kind::kSigned, 2}},
+      {"char", {Kind::kSigned, 1}},     {"int8", {Kind::kSigned, 1}},     {"uchar", {Kind::kUnsigned, 1}},
+      {"uint8", {Kind::kUnsigned, 1}},  {"short", {Kind::kSigned, 2}},    {"int16", {Kind::kSigned, 2}},
       {"ushort", {Kind::kUnsigned, 2}}, {"uint16", {Kind::kUnsigned, 2}}, {"int", {Kind::kSigned, 4}},
-      {"int32", {Kind::kSigned, 4}},   {"uint", {Kind::kUnsigned, 4}},  {"uint32", {Kind::kUnsigned, 4}},
-      {"float", {Kind::kReal, 4}},     {"float32", {Kind::kReal, 4}},   {"double", {Kind::kReal, 8}},
+      {"int32", {Kind::kSigned, 4}},    {"uint", {Kind::kUnsigned, 4}},   {"uint32", {Kind::kUnsigned, 4}},
+      {"float", {Kind::kReal, 4}},      {"float32", {Kind::kReal, 4}},    {"double", {Kind::kReal, 8}},
       {"float64", {Kind::kReal, 8}}};
   for (const auto& [known, type] : kTypes)
     if (known == name) return type;
@@ -78,8 +78,8 @@ Property read_property(MeshText* line, const Element& element) {
   return property;
 }
 
-// A line that no keyword begins is a note, as some programs write them without "comment"; one that looks like a misspelt
-// property or element is none.
+// A line that no keyword begins is a note, as some programs write them without "comment"; one that looks like a
+// misspelt property or element is none.
 void check_note(std::string_view key, MeshText* line) {
   const std::string_view second = line->word_in_line(), third = line->word_in_line();
   const bool counts = !third.empty() && third.find_first_not_of("0123456789") == std::string_view::npos;
@@ -109,7 +109,8 @@ Header read_header(std::string_view file) {
       else if (format == "binary_big_endian")
         header.format = Header::Format::kBig;
       else
-        fail_header("unknown format " + in_quotes(format) + "; expected ascii, binary_little_endian or binary_big_endian");
+        fail_header("unknown format " + in_quotes(format) +
+                    "; expected ascii, binary_little_endian or binary_big_endian");
     } else if (key == "element") {
       Element element;
       element.name = std::string(line.word_in_line().substr(0, 40));
@@ -148,7 +149,8 @@ class Body {
     if (format_ == Header::Format::kText) return text_.number(word(), "a number");
     const std::size_t at = take(type.size);
     const bool big = format_ == Header::Format::kBig;
-    if (type.kind == Kind::kReal) return type.size == 8 ? real_at<double>(bytes_, at, big) : real_at<float>(bytes_, at, big);
+    if (type.kind == Kind::kReal)
+      return type.size == 8 ? real_at<double>(bytes_, at, big) : real_at<float>(bytes_, at, big);
     return static_cast<double>(integer_at(type, at));
   }
   std::int64_t integer(Type type, const char* what) {
@@ -273,7 +275,8 @@ class PlyReader {
 
   std::uint32_t corner(std::int64_t index) const {
     const auto& elements = header_.elements;
-    const auto vertex = std::find_if(elements.begin(), elements.end(), [](const Element& e) { return e.name == "vertex"; });
+    const auto vertex =
+        std::find_if(elements.begin(), elements.end(), [](const Element& e) { return e.name == "vertex"; });
     const std::uint64_t count = vertex == elements.end() ? 0 : vertex->count;
     if (index < 0 || static_cast<std::uint64_t>(index) >= count || index >= std::numeric_limits<std::uint32_t>::max())
       body_.fail("it names vertex " + std::to_string(index) + ", and there are " + std::to_string(count) + ", from 0");
@@ -282,7 +285,8 @@ class PlyReader {
 
   void read_face(const Property& p) {
     corners_.clear();
-    for (std::uint64_t n = body_.length(p); n > 0; --n) corners_.push_back(corner(body_.integer(p.type, "the index of a vertex")));
+    for (std::uint64_t n = body_.length(p); n > 0; --n)
+      corners_.push_back(corner(body_.integer(p.type, "the index of a vertex")));
     add_polygon(&part_.triangles, corners_);
   }
 

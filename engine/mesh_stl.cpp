@@ -24,7 +24,8 @@ void read_binary(std::string_view file, std::uint64_t facets, const PartSink& si
     for (int corner = 0; corner < 3; ++corner) {
       Vec3d p{0, 0, 0};
       for (int k = 0; k < 3; ++k)
-        p[k] = real_at<float>(file, kHeader + kFacet * f + 12 + 12 * static_cast<std::size_t>(corner) + 4 * static_cast<std::size_t>(k));
+        p[k] = real_at<float>(
+            file, kHeader + kFacet * f + 12 + 12 * static_cast<std::size_t>(corner) + 4 * static_cast<std::size_t>(k));
       if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
         throw LoadError("facet " + std::to_string(f) + " has a corner that is not finite");
       part.positions.push_back(p);
@@ -35,7 +36,8 @@ void read_binary(std::string_view file, std::uint64_t facets, const PartSink& si
   sink(std::move(part));
 }
 
-// solid NAME { facet normal X Y Z  outer loop { vertex X Y Z } x 3  endloop  endfacet } endsolid NAME, in any case and layout.
+// solid NAME { facet normal X Y Z  outer loop { vertex X Y Z } x 3  endloop  endfacet } endsolid NAME, in any case and
+// layout.
 void read_text(std::string_view file, const PartSink& sink) {
   MeshText text(file);
   MeshPart part;
@@ -75,12 +77,13 @@ void read_text(std::string_view file, const PartSink& sink) {
 void read_stl(std::string_view file, const PartSink& sink) {
   const std::uint64_t facets = file.size() >= kHeader ? unsigned_at(file, 80, 4) : 0;
   if (file.size() >= kHeader && file.size() == kHeader + kFacet * facets) return read_binary(file, facets, sink);
-  if (lower(MeshText(file).word()) == "solid" && file.find('\0') == std::string_view::npos) return read_text(file, sink);
-  throw LoadError(file.size() < kHeader
-                      ? "the file has " + std::to_string(file.size()) + " bytes, less than the header of a binary STL file"
-                      : "its header promises " + std::to_string(facets) + " facets (" +
-                            std::to_string(kHeader + kFacet * facets) + " bytes), the file has " +
-                            std::to_string(file.size()) + " bytes");
+  if (lower(MeshText(file).word()) == "solid" && file.find('\0') == std::string_view::npos)
+    return read_text(file, sink);
+  throw LoadError(
+      file.size() < kHeader
+          ? "the file has " + std::to_string(file.size()) + " bytes, less than the header of a binary STL file"
+          : "its header promises " + std::to_string(facets) + " facets (" + std::to_string(kHeader + kFacet * facets) +
+                " bytes), the file has " + std::to_string(file.size()) + " bytes");
 }
 
 }  // namespace clearance

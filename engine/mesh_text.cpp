@@ -84,7 +84,8 @@ double MeshText::number(std::string_view word, const char* what) const {
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), x);
   if (error == std::errc::invalid_argument || end != digits.data() + digits.size())
     fail(std::string("expected ") + what + ", got " + in_quotes(word));
-  if (error == std::errc::result_out_of_range) x = std::strtod(std::string(digits).c_str(), nullptr);  // 0, or too large
+  if (error == std::errc::result_out_of_range)
+    x = std::strtod(std::string(digits).c_str(), nullptr);  // 0, or too large
   if (!std::isfinite(x)) fail(std::string("expected a finite ") + (what + 2) + ", got " + in_quotes(word));
   return x;
 }

@@ -23,7 +23,8 @@ TriangleTree::TriangleTree(std::span<const Vec3d> vertices, std::span<const Tria
     : vertices_(vertices), triangles_(triangles) {
   find_parts();
   make_normals();
-  for (const Triangle& t : triangles_) centres_.push_back((vertices_[t[0]] + vertices_[t[1]] + vertices_[t[2]]) * (1.0 / 3));
+  for (const Triangle& t : triangles_)
+    centres_.push_back((vertices_[t[0]] + vertices_[t[1]] + vertices_[t[2]]) * (1.0 / 3));
   order_.resize(triangles_.size());
   std::iota(order_.begin(), order_.end(), 0);
   nodes_.reserve(2 * triangles_.size() / kLeaf + 2);
@@ -125,12 +126,14 @@ double TriangleTree::squared_gap(const Node& node, const Vec3d& p) {
   return sum;
 }
 
-// C. Ericson, "Real-Time Collision Detection" (2005), sect. 5.1.5: the part of the triangle whose Voronoi region holds p.
+// C. Ericson, "Real-Time Collision Detection" (2005), sect. 5.1.5: the part of the triangle whose Voronoi region holds
+// p.
 void TriangleTree::look_at(std::uint32_t triangle, const Vec3d& p, Nearest* best) const {
   const Triangle& t = triangles_[triangle];
   const Vec3d &a = vertices_[t[0]], &b = vertices_[t[1]], &c = vertices_[t[2]];
   const Vec3d ab = b - a, ac = c - a, ap = p - a, bp = p - b, cp = p - c;
-  const double d1 = dot(ab, ap), d2 = dot(ac, ap), d3 = dot(ab, bp), d4 = dot(ac, bp), d5 = dot(ab, cp), d6 = dot(ac, cp);
+  const double d1 = dot(ab, ap), d2 = dot(ac, ap), d3 = dot(ab, bp), d4 = dot(ac, bp), d5 = dot(ab, cp),
+               d6 = dot(ac, cp);
   const double va = d3 * d6 - d5 * d4, vb = d5 * d2 - d1 * d6, vc = d1 * d4 - d3 * d2;
   Vec3d q{0, 0, 0};
   int feature = 0;
@@ -156,19 +159,22 @@ void TriangleTree::look_at(std::uint32_t triangle, const Vec3d& p, Nearest* best
 Vec3d TriangleTree::side(const Nearest& nearest) const {
   const Vec3d& face = face_normals_[nearest.triangle];
   if (nearest.feature == 0) return face;
-  if (nearest.feature >= 4) return vertex_normals_[triangles_[nearest.triangle][static_cast<std::size_t>(nearest.feature - 4)]];
+  if (nearest.feature >= 4)
+    return vertex_normals_[triangles_[nearest.triangle][static_cast<std::size_t>(nearest.feature - 4)]];
   const std::uint32_t other = across_[nearest.triangle][static_cast<std::size_t>(nearest.feature - 1)];
   return other == kNowhere ? face : face + face_normals_[other];
 }
 
-double TriangleTree::signed_distance(const Vec3d& p) const {
+double TriangleTree::signed_distance(const Vec3d& p, int* visits) const {
   Nearest best{std::numeric_limits<double>::infinity()};
-  std::array<std::pair<std::uint32_t, double>, 64> stack;  // nodes, and how far away; halves of halves: 33 levels at most
+  std::array<std::pair<std::uint32_t, double>, 64>
+      stack;  // nodes, and how far away; halves of halves: 33 levels at most
   std::size_t depth = 0;
   stack[depth++] = {0, squared_gap(nodes_[0], p)};
   while (depth > 0) {
     const auto [index, gap] = stack[--depth];
     if (gap >= best.squared) continue;
+    if (--*visits < 0 && best.squared < std::numeric_limits<double>::infinity()) return std::sqrt(best.squared);
     const Node& node = nodes_[index];
     if (node.right == 0) {
       for (std::uint32_t i = node.begin; i < node.end; ++i) look_at(order_[i], p, &best);

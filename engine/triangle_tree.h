@@ -20,8 +20,10 @@ class TriangleTree {
   /// \param vertices at magnitudes around 1; \param triangles of three different ones each, not empty; both outlive the tree.
   TriangleTree(std::span<const Vec3d> vertices, std::span<const Triangle> triangles);
 
-  /// Distance of a point to the nearest triangle, as computed; minus that inside of a solid part. 
-  double signed_distance(const Vec3d& p) const;
+  /// Distance of a point to the nearest triangle, as computed; minus that inside of a solid part.
+  /// \param visits of nodes that it may take, lowered by those it took; where they do not suffice, a larger distance, not
+  /// negative.
+  double signed_distance(const Vec3d& p, int* visits) const;
   /// Whether every part is solid.
   bool solid() const { return solid_; }
   /// That the solid parts enclose; what two of them share counts twice.

@@ -6,6 +6,7 @@
 
 #include "log_text.h"
 #include "loop_task.h"
+#include "scene_log.h"
 
 namespace clearance {
 namespace {

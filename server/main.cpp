@@ -24,6 +24,7 @@
 #include "metrics.h"
 #include "options.h"
 #include "readiness.h"
+#include "scene_log.h"
 #include "shm_transport.h"
 
 namespace clearance {

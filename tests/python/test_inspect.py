@@ -56,6 +56,18 @@ def test_people_get_a_table_and_sentences(tmp_path):
     assert len(rows) == 4 and len({row.count(",") for row in rows}) == 1
 
 
+def test_concave_meshes_are_warned_about():
+    scene = ROOT / "scenes" / "cell" / "scene.yaml"
+    report = json.loads(run(scene, "--json", "--no-times").stdout)
+    bodies = {body["body"]: body for body in report["bodies"]}
+    warned = {warning["body"]: warning["text"] for warning in report["warnings"]}
+    for name, text in warned.items():
+        assert bodies[name]["hull_excess_m"] > 0 and f"{bodies[name]['hull_excess_m']:.3g} m out of its mesh" in text
+    assert warned and set(warned) < set(bodies)
+    lines = run(scene, "--no-times").stdout.splitlines()
+    assert sum(line.startswith("Warning: ") for line in lines) == len(warned)
+
+
 def test_errors_name_their_cause(tmp_path):
     missing = run(tmp_path / "none.yaml")
     assert missing.returncode == 1 and "none.yaml" in missing.stderr

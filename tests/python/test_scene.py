@@ -1,5 +1,7 @@
 """Building a scene."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scenes import ARM_PAIRS, IDENTITY, arm, at, box_vertices
@@ -41,6 +43,39 @@ def test_a_cylinder_publishes_its_model_error():
     scene = clearance.Scene()
     scene.add_cylinder("post", 0.1, 1.0)
     assert 0 < scene.bodies[0].model_error < 0.01
+
+
+def write_shelf(path):
+    """Five panels that do not touch: an open shelf, 1 m wide, 0.4 m deep, 2 m high."""
+    panels = [((0, 0.19, 0), (1, 0.02, 2)), ((-0.49, 0, 0), (0.02, 0.3, 2)), ((0.49, 0, 0), (0.02, 0.3, 2)),
+              ((0, 0, -0.9), (0.9, 0.3, 0.02)), ((0, -0.05, 0.9), (0.9, 0.3, 0.02))]
+    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    with open(path, "w") as f:
+        for i, (centre, size) in enumerate(panels):
+            for z in (-0.5, 0.5):
+                for y in (-0.5, 0.5):
+                    for x in (-0.5, 0.5):
+                        f.write("v {} {} {}\n".format(*(c + k * s for c, k, s in zip(centre, (x, y, z), size))))
+            for face in faces:
+                f.write("f {} {} {} {}\n".format(*(8 * i + 1 + k for k in face)))
+
+
+def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
+    write_shelf(tmp_path / "shelf.obj")
+    (tmp_path / "scene.yaml").write_text("bodies:\n  - {name: one, mesh: shelf.obj}\n  - {name: two, mesh: shelf.obj, scale: 2}\n")
+    with pytest.warns(clearance.HullWarning, match=r"one: its hull stands up to .* m out of its mesh, .* % of it is empty.*; two: ") as caught:
+        scene = clearance.Scene.load(tmp_path / "scene.yaml")
+    assert len(caught) == 1 and caught[0].filename == __file__
+    one, two = scene.bodies
+    assert 0.2 < one.hull_excess < 0.6 and two.hull_excess == pytest.approx(2 * one.hull_excess)
+    assert 0.8 < one.empty_share < 0.95 and one.model_error == 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", clearance.HullWarning)
+        clearance.Scene().add_mesh("quiet", tmp_path / "shelf.obj")
+        clearance.Scene().add_box("crate", [1, 1, 1])
+    with pytest.warns(clearance.HullWarning):
+        scene.add_mesh("three", tmp_path / "shelf.obj")
 
 
 def test_matrix_as_pose_and_options_by_keyword():

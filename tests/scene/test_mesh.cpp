@@ -528,6 +528,42 @@ TEST(Mesh, EveryDamagedFileIsRefusedWithItsCause) {
   EXPECT_EQ(load_mesh(folder.write("good.obj", obj(tetrahedron()))).submeshes.size(), 1u);  // and a good one after them
 }
 
+// Small files whose nodes stand for very many: counted before anything is made of them, so that little memory is enough.
+TEST(Mesh, NodesThatMultiplyAreRefusedBeforeTheyAreMade) {
+  const TemporaryFolder folder;
+  const Source source = tetrahedron();
+  MeshLimits limits;
+  limits.memory_bytes = std::uint64_t{768} << 20;
+  const auto error = [&](const char* file, const std::string& text) {
+    return error_text<MeshError>([&] { load_mesh(folder.write(file, text), limits); });
+  };
+  constexpr int kDepth = 40;  // 2^40 nodes
+  std::string nodes = "[", library, many = "[{\"children\": [1";
+  for (int i = 0; i < kDepth; ++i) {
+    nodes += print("{\"children\": [%d, %d]}, ", i + 1, i + 1);
+    library += print("<node id=\"n%d\"><instance_node url=\"#n%d\"/><instance_node url=\"#n%d\"/></node>", i, i + 1, i + 1);
+  }
+  EXPECT_EQ(error("a.gltf", gltf(source, nodes + "{\"mesh\": 0}]")), "glTF: nodes[1] has two parents, or is its own ancestor");
+  DaeOptions options;
+  options.scene = "<node id=\"r\">" + library + print("<node id=\"n%d\"><instance_geometry url=\"#g\"/></node></node>", kDepth);
+  EXPECT_EQ(error("a.dae", dae(source, options)), "its nodes repeat each other to more than 100000, or a node holds itself");
+
+  // Many nodes that show one large mesh: 300 x 79,202 vertices, and more corners of faces.
+  const Shape ball = make_uv_sphere(1, 200);
+  const Source large{ball.vertices, ball.triangles};
+  std::string list;
+  options.scene.clear();
+  for (int i = 1; i <= 300; ++i) {
+    many += i == 1 ? "" : print(", %d", i);
+    list += ", {\"mesh\": 0}";
+    options.scene += print("<node id=\"n%d\"><translate>%d 0 0</translate><instance_geometry url=\"#g\"/></node>", i, i);
+  }
+  EXPECT_EQ(error("b.gltf", gltf(large, many + "]}" + list + "]")), "glTF: its nodes repeat meshes to more than 20000000 vertices");
+  EXPECT_EQ(error("b.dae", dae(large, options)), "its nodes repeat meshes to more than 20000000 vertices");
+  // A few are as they were.
+  EXPECT_EQ(load_mesh(folder.write("c.gltf", gltf(source, "[{\"children\": [1, 2]}, {\"mesh\": 0}, {\"mesh\": 0}]"))).submeshes.size(), 2u);
+}
+
 TEST(Mesh, ThingsThatAreNoMeshFile) {
   const TemporaryFolder folder;
   const auto error = [&](const std::string& path, const MeshLimits& limits = {}) {

@@ -4,8 +4,11 @@
 #include <functional>
 #include <limits>
 
+#include "engine/engine.h"
 #include "engine/scene.h"
 #include "error_text.h"
+#include "mesh_files.h"
+#include "temporary_folder.h"
 
 namespace clearance {
 namespace {
@@ -189,6 +192,49 @@ TEST(Scene, BadInputIsRefusedInWords) {
               s.add_body(body);
             }),
             "body \"d\": expected at least one piece");
+}
+
+// What a map's coordinates need: float32 has steps of half a metre there.
+TEST(Scene, MeshesKeepTheirDistanceAtMapCoordinates) {
+  const TemporaryFolder folder;
+  const auto box_at = [](double x) {
+    const Shape box = make_box({1, 1, 1});
+    mesh_files::Source mesh{box.vertices, box.triangles};
+    for (Vec3d& v : mesh.vertices) v = v + Vec3d{x, 5.7e6, 0};
+    return mesh;
+  };
+  using Write = std::function<std::string(const mesh_files::Source&)>;
+  const std::pair<const char*, Write> formats[] = {{".obj", mesh_files::obj},
+                                                   {".off", mesh_files::off},
+                                                   {".stl", mesh_files::stl_text},
+                                                   {".ply", [](const auto& m) { return mesh_files::ply(m, mesh_files::Ply::kText); }}};
+  for (const auto& [extension, write] : formats)
+    for (const double scale : {1.0, 1e-3}) {
+      Scene scene;
+      Options options;
+      options.pose = Pose{};
+      for (const double x : {4.3e6, 4300001.1})
+        scene.add_mesh("at " + std::to_string(x), folder.write(std::to_string(x) + extension, write(box_at(x))),
+                       {scale, scale, scale}, Convexify::kHull, options);
+      const Engine engine(scene);
+      double lower = 0, upper = 0;
+      std::uint8_t status = 0;
+      QueryView query;
+      query.fields = kFieldLower | kFieldUpper | kFieldStatus;
+      ReplyView reply;
+      reply.rows = 1;
+      reply.lower = &lower;
+      reply.upper = &upper;
+      reply.status = &status;
+      engine.start(query, reply).advance();
+      EXPECT_EQ(static_cast<Status>(status), Status::kOk) << extension;
+      const double error = scene.bodies()[0].model_error + scene.bodies()[1].model_error;
+      EXPECT_EQ(error > 0, scale != 1) << extension << " " << error;
+      const double wanted = scale * ((4300001.1 - 0.5) - (4.3e6 + 0.5));  // as the files have it
+      EXPECT_LE(lower - error, wanted) << extension;
+      EXPECT_GE(upper + error, wanted) << extension;
+      EXPECT_LE(upper - lower + error, 2e-6 * scale) << extension;
+    }
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <array>
 #include <filesystem>
 
 #include "client/client.h"
@@ -147,6 +148,26 @@ TEST_F(Clearanced, LogSaysWhenAndWhereItServes) {
   EXPECT_TRUE(contains(log, "event=ready urls=\"" + ipc_ + "\" load_seconds="));
 }
 
+TEST_F(Clearanced, LogWarnsOfMeshesThatAreFarFromConvex) {
+  std::string obj;
+  for (const int x : {0, 10})
+    for (const char* corner : {"0 0 0", "1 0 0", "0 1 0", "0 0 1"}) obj += "v " + std::to_string(x + (corner[0] - '0')) + (corner + 1) + "\n";
+  for (const int first : {1, 5})
+    for (const auto& [a, b, c] : {std::array{0, 2, 1}, std::array{0, 1, 3}, std::array{1, 2, 3}, std::array{0, 3, 2}})
+      obj += "f " + std::to_string(first + a) + " " + std::to_string(first + b) + " " + std::to_string(first + c) + "\n";
+  folder_.write("apart.obj", obj);
+  const std::string scene = folder_.write("apart.yaml", "bodies: [{name: apart, mesh: apart.obj}, {name: again, mesh: apart.obj}, {name: box, box: 1}]\n");
+  Daemon daemon({"--scene", scene, "--zmq", ipc_});
+  const std::string log = daemon.log(), event = "level=warning event=hull_stands_out body=\"apart\" more=1 hull_excess_m=";
+  ASSERT_TRUE(contains(log, event));
+  EXPECT_EQ(log.find("hull_stands_out", log.find(event) + event.size()), std::string::npos) << "once for each mesh";
+  const auto bodies = connect(ipc_).scene().bodies;
+  EXPECT_GT(bodies[0].hull_excess, 4);
+  EXPECT_LT(bodies[0].hull_excess, 6);
+  EXPECT_GT(bodies[0].empty_share, 0.9);
+  EXPECT_EQ(bodies[2].hull_excess, 0);
+}
+
 TEST_F(Clearanced, TheSocketOfALivingDaemonIsRefusedThatOfADeadOneReplaced) {
   Daemon first({"--scene", scene_, "--zmq", ipc_});
   const Finished second = clearanced({"--scene", scene_, "--zmq", ipc_});
@@ -224,10 +245,10 @@ TEST_F(CommandLine, Bodies) {
   const Finished table = ask({"bodies"});
   EXPECT_EQ(table.code, 0) << table.err;
   EXPECT_TRUE(contains(table.out, "id  body   kind     parent  pieces  vertices"));
-  EXPECT_TRUE(contains(table.out, " 0  table  static   -            1         8   1.11915              0\n"));
+  EXPECT_TRUE(contains(table.out, " 0  table  static   -            1         8   1.11915              0              0            0\n"));
   EXPECT_TRUE(contains(table.out, "group arm: link1 link2\n4 bodies, 6 enabled pairs, backend cpu, scene "));
   EXPECT_TRUE(contains(ask({"bodies", "--csv"}).out,
-                       "id,body,kind,parent,pieces,vertices,extent_m,model_error_m\n0,table,static,,1,8,"));
+                       "id,body,kind,parent,pieces,vertices,extent_m,model_error_m,hull_excess_m,empty_share\n0,table,static,,1,8,"));
   EXPECT_TRUE(contains(ask({"bodies", "--json"}).out,
                        "[{\"id\": 0, \"body\": \"table\", \"kind\": \"static\", \"parent\": null, \"pieces\": 1,"));
 }
