@@ -22,6 +22,9 @@ using Json = nlohmann::json;
 // Of anything that a file counts or measures in bytes: sums and products of two of these do not overflow.
 constexpr std::uint64_t kMostOfAnything = std::uint64_t{1} << 31;
 
+// Bytes that are read before it is asked how often that is on average, and how often it may be.
+constexpr std::uint64_t kMostReadBytes = std::uint64_t{64} << 20, kMostReadings = 16;
+
 [[noreturn]] void fail(const std::string& what) {
   throw LoadError("glTF: " + what);
 }
@@ -153,12 +156,11 @@ class GltfReader {
       if (vertices > own && vertices > most_vertices)
         fail("its nodes repeat meshes to more than " + std::to_string(most_vertices) + " vertices");
     }
-    std::uint64_t held = kMostOfAnything + 1;
-    std::vector<MeshPart> parts;  // of the mesh shown last
+    std::map<std::uint64_t, std::vector<MeshPart>> meshes;
     for (const Shown& s : shown) {
-      if (s.mesh != held) parts = primitives(s.mesh);
-      held = s.mesh;
-      for (MeshPart part : parts) {
+      const auto [at, fresh] = meshes.try_emplace(s.mesh);
+      if (fresh) at->second = primitives(s.mesh);
+      for (MeshPart part : at->second) {
         s.X.apply(&part);
         sink(std::move(part));
       }
@@ -169,6 +171,10 @@ class GltfReader {
   struct Shown {
     std::uint64_t mesh;
     MeshTransform X;
+  };
+  struct Positions {  // of an accessor
+    std::vector<Vec3d> all;
+    std::optional<UsedPositions> used;
   };
 
   const Json& entry(const char* list, std::uint64_t i) const {
@@ -278,14 +284,14 @@ class GltfReader {
       const std::string where = place("meshes", mesh);
       const Json* attributes = find(primitive, "attributes");
       if (!attributes || !find(*attributes, "POSITION")) continue;
-      const std::vector<Vec3d> points = positions(unsigned_in(*attributes, "POSITION", where));
+      Positions& known = positions(unsigned_in(*attributes, "POSITION", where));
       std::vector<std::uint32_t> used;
       if (find(primitive, "indices"))
-        used = indices(unsigned_in(primitive, "indices", where), points.size());
+        used = indices(unsigned_in(primitive, "indices", where), known.all.size());
       else
-        for (std::uint32_t i = 0; i < points.size(); ++i) used.push_back(i);
+        for (std::uint32_t i = 0; i < known.all.size(); ++i) used.push_back(i);
       if (used.empty()) continue;
-      parts.push_back(UsedPositions(points).part(used, faces(used, unsigned_in(primitive, "mode", where, 4))));
+      parts.push_back(known.used->part(used, faces(used, unsigned_in(primitive, "mode", where, 4))));
     }
     return parts;
   }
@@ -320,10 +326,22 @@ class GltfReader {
       fail(view_place + ".byteStride of " + std::to_string(stride) + "; its rows have " + std::to_string(size));
     if (count > 0 && (offset + size > length || (count - 1) > (length - offset - size) / stride))
       fail(where + " has " + std::to_string(count) + " rows, more than its " + view_place + " holds");
+    read_bytes_ += count * size;
+    if (read_bytes_ > kMostReadBytes && read_bytes_ / kMostReadings > buffer_bytes_)
+      fail("its accessors read the same bytes again and again");
     return {std::string_view(bytes).substr(begin + offset, count == 0 ? 0 : length - offset), stride};
   }
 
-  std::vector<Vec3d> positions(std::uint64_t index) {
+  // Read once, however many primitives share them.
+  Positions& positions(std::uint64_t index) {
+    Positions& known = positions_[index];
+    if (known.used) return known;
+    known.all = read_positions(index);
+    known.used.emplace(known.all);
+    return known;
+  }
+
+  std::vector<Vec3d> read_positions(std::uint64_t index) {
     const Json& accessor = entry("accessors", index);
     const std::string where = place("accessors", index);
     const Json* type = find(accessor, "type");
@@ -407,6 +425,7 @@ class GltfReader {
     if (length > at->second.size())
       fail(where + ".byteLength is " + std::to_string(length) + ", and there are " + std::to_string(at->second.size()) +
            " bytes");
+    buffer_bytes_ += at->second.size();
     return at->second;
   }
 
@@ -414,6 +433,8 @@ class GltfReader {
   std::optional<std::string_view> chunk_;  // of binary data behind the JSON
   const MeshFolder& folder_;
   std::map<std::uint64_t, std::string> buffers_;
+  std::map<std::uint64_t, Positions> positions_;
+  std::uint64_t buffer_bytes_ = 0, read_bytes_ = 0;
 };
 
 // The JSON of a GLB file, and the binary chunk behind it if there is one.

@@ -1,4 +1,5 @@
-// What the mesh loader does with a file: assimp reads it, and what it holds goes to a descriptor (mesh_format.h).
+// What the mesh loader does with a file: the reader of its format reads it, and what it holds goes to a descriptor
+// (mesh_format.h). DAE alone goes through assimp.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +13,9 @@ class Importer;
 namespace clearance {
 
 /// Reads a mesh file and writes its meshes, or what is wrong with it, to `result_fd`. Whether the result is whole.
-/// \param kept gets the importer, with what it has read. \param memory_bytes that a result may have.
-bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::uint64_t memory_bytes, int result_fd);
+/// \param kept gets assimp's importer, with what it has read, if it is asked. \param memory_bytes that a result may
+/// have.
+bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::uint64_t memory_bytes,
+                 int result_fd);
 
 }  // namespace clearance

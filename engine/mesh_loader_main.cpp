@@ -1,7 +1,7 @@
-// clearance-mesh-loader: reads one mesh file through assimp and hands its vertices and triangles back (mesh_format.h).
+// clearance-mesh-loader: reads one mesh file and hands its vertices and triangles back (mesh_format.h).
 //
-// A process of its own, because assimp crashes, hangs or exhausts memory on some damaged files, and might be made to do
-// worse by others. Usage, by mesh.cpp only:
+// A process of its own, because assimp, which reads DAE, crashes, hangs or exhausts memory on some damaged files, and
+// might be made to do worse by others. Usage, by mesh.cpp only:
 //   clearance-mesh-loader FILE MEMORY_BYTES CPU_SECONDS
 #include <assimp/Importer.hpp>
 #include <memory>

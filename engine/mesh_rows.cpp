@@ -28,7 +28,8 @@ MeshRows::MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles
               [](const Edge& a, const Edge& b) { return a.to < b.to; });
 }
 
-// Each edge from a is run along exactly once each way, and good(a, b, c, d) of the triangle a, b, c and the corner d across.
+// Each edge from a is run along exactly once each way, and good(a, b, c, d) holds of its triangle a, b, c and the corner d
+// across it.
 template <class Good>
 bool MeshRows::is_good_at(std::uint32_t a, const Good& good) const {
   const std::span<const Edge> edges = row(a);
@@ -48,7 +49,7 @@ bool MeshRows::is_good_at(std::uint32_t a, const Good& good) const {
 template <class Good>
 bool MeshRows::is_good_sphere(const Good& good) const {
   const auto count = static_cast<std::int64_t>(begin_.size()) - 1;
-  if (count < 4 || triangle_count_ + 4 != 2 * static_cast<std::size_t>(count)) return false;  // a closed sphere: F = 2 V - 4
+  if (count < 4 || triangle_count_ + 4 != 2 * static_cast<std::size_t>(count)) return false;  // a sphere: F = 2 V - 4
   bool all = true;
 #pragma omp parallel reduction(&& : all) if (count > 10000)
   {

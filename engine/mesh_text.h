@@ -22,8 +22,8 @@ class MeshText {
  public:
   enum class Comments { kNone, kHash };
 
-  /// \param text of a file, a byte order mark included. \param comments kHash: from # to the end of a line; a backslash at its
-  /// end then joins it with the next one.
+  /// \param text of a file, a byte order mark included. \param comments kHash: from # to the end of a line; a backslash
+  /// at its end then joins it with the next one.
   explicit MeshText(std::string_view text, Comments comments = Comments::kNone);
 
   /// The next word, on whatever line; empty at the end of the file.

@@ -15,8 +15,8 @@ struct MeshTransform {
   double determinant() const;
   /// This map after `inner`: of a node and its child.
   MeshTransform after(const MeshTransform& inner) const;
-  /// Moves a part, adds to its rounding, and turns its faces outward again where the map mirrors. Throws LoadError for a
-  /// position that is not finite then.
+  /// Moves a part, adds to its rounding, and turns its faces outward again where the map mirrors. Throws LoadError for
+  /// a position that is not finite then.
   void apply(MeshPart* part) const;
 };
 

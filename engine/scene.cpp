@@ -308,7 +308,9 @@ std::string hull_warning(const Body& body) {
   char text[200];
   const char* what = body.pieces.size() == 1 ? "its hull stands" : "its pieces stand";
   int n = std::snprintf(text, sizeof text, "%s up to %.3g m out of its mesh", what, body.hull_excess);
-  if (body.empty_share > 0) n += std::snprintf(text + n, sizeof text - static_cast<std::size_t>(n), ", %.3g %% of it is empty", 100 * body.empty_share);
+  if (body.empty_share > 0)
+    n += std::snprintf(text + n, sizeof text - static_cast<std::size_t>(n), ", %.3g %% of it is empty",
+                       100 * body.empty_share);
   return std::string(text, static_cast<std::size_t>(n)) + ": distances are to the hull";
 }
 

@@ -13,16 +13,17 @@ namespace clearance {
 
 /// A tree of boxes over the triangles of a mesh.
 ///
-/// A connected part of it whose edges each join two triangles, once each way, and that encloses a positive volume is solid: a
-/// point within it has a negative distance. Any other part is a bare surface.
+/// A connected part of it whose edges each join two triangles, once each way, and that encloses a positive volume is
+/// solid: a point within it has a negative distance. Any other part is a bare surface.
 class TriangleTree {
  public:
-  /// \param vertices at magnitudes around 1; \param triangles of three different ones each, not empty; both outlive the tree.
+  /// \param vertices at magnitudes around 1; \param triangles of three different ones each, not empty; both outlive the
+  /// tree.
   TriangleTree(std::span<const Vec3d> vertices, std::span<const Triangle> triangles);
 
   /// Distance of a point to the nearest triangle, as computed; minus that inside of a solid part.
-  /// \param visits of nodes that it may take, lowered by those it took; where they do not suffice, a larger distance, not
-  /// negative.
+  /// \param visits of nodes that it may take, lowered by those it took; where they do not suffice, a larger distance,
+  /// not negative.
   double signed_distance(const Vec3d& p, int* visits) const;
   /// Whether every part is solid.
   bool solid() const { return solid_; }

@@ -125,11 +125,14 @@ TEST(Mesh, DecimalsAreRoundedOnceToFloat64) {
         {"a.obj", "v 0 0 0\nv " + x + " 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"},
         {"a.off", "OFF 4 4 6\n0 0 0\n" + x + " 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"},
         {"a.stl", "solid a\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex " + x +
-                      " 0 0\nvertex 0 1 0\nendloop\nendfacet\nfacet normal 0 0 0 outer loop vertex 0 1 0 vertex 0 0 1 vertex 0 0 0 "
+                      " 0 0\nvertex 0 1 0\nendloop\nendfacet\nfacet normal 0 0 0 outer loop vertex 0 1 0 vertex 0 0 1 "
+                      "vertex 0 0 0 "
                       "endloop endfacet\nendsolid a\n"},
-        {"a.ply", "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\nelement face 1\n"
-                  "property list uchar int vertex_indices\nend_header\n0 0 0\n" +
-                      x + " 0 0\n0 1 0\n0 0 1\n3 0 2 3\n"}};
+        {"a.ply",
+         "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\nelement "
+         "face 1\n"
+         "property list uchar int vertex_indices\nend_header\n0 0 0\n" +
+             x + " 0 0\n0 1 0\n0 0 1\n3 0 2 3\n"}};
     for (const auto& [file, text] : files) {
       const Mesh mesh = load_mesh(folder.write(file, text));
       EXPECT_EQ(points_of(mesh.submeshes[0].vertices).count({value, 0, 0}), 1u) << file << " " << x;
@@ -144,11 +147,14 @@ TEST(Mesh, BinaryPlyKeepsItsDoubles) {
   const TemporaryFolder folder;
   for (const bool big : {false, true}) {
     std::string text = print("ply\nformat binary_%s_endian 1.0\nelement vertex 3\n", big ? "big" : "little");
-    text += "property uchar red\nproperty double x\nproperty double y\nproperty short z\nelement face 1\nproperty list uint ushort "
-            "vertex_index\nend_header\n";
+    text +=
+        "property uchar red\nproperty double x\nproperty double y\nproperty short z\nelement face 1\nproperty list "
+        "uint ushort "
+        "vertex_index\nend_header\n";
     for (int i = 0; i < 3; ++i)
       text += "\7" + bytes(4.3e6 + 0.1 * i, big) + bytes(1.0 / 3 * i * i, big) + bytes<std::int16_t>(-7, big);
-    text += bytes<std::uint32_t>(3, big) + bytes<std::uint16_t>(0, big) + bytes<std::uint16_t>(1, big) + bytes<std::uint16_t>(2, big);
+    text += bytes<std::uint32_t>(3, big) + bytes<std::uint16_t>(0, big) + bytes<std::uint16_t>(1, big) +
+            bytes<std::uint16_t>(2, big);
     const Mesh mesh = load_mesh(folder.write("a.ply", text));
     EXPECT_EQ(points_of(mesh.submeshes[0].vertices),
               (std::set<Point>{{4.3e6, 0, -7}, {4.3e6 + 0.1, 1.0 / 3, -7}, {4.3e6 + 0.1 * 2, 1.0 / 3 * 2 * 2, -7}}));
@@ -164,7 +170,8 @@ TEST(Mesh, TheRoundingThatIsLeftIsBounded) {
   options.positions = "4300000.1 0 0 4300001.2 0 0 4300000.1 1 0 4300000.1 0 1";
   const Submesh far = load_mesh(folder.write("far.dae", dae(source, options))).submeshes[0];
   double off = 0;
-  for (const Vec3d& v : far.vertices) off = std::max(off, std::min(std::abs(v.x - 4300000.1), std::abs(v.x - 4300001.2)));
+  for (const Vec3d& v : far.vertices)
+    off = std::max(off, std::min(std::abs(v.x - 4300000.1), std::abs(v.x - 4300001.2)));
   ASSERT_GT(off, 0.01) << "float32 happened to hold them";
   EXPECT_GE(far.rounding, off);
   EXPECT_LE(far.rounding, 0.5);
@@ -181,9 +188,12 @@ TEST(Mesh, TheRoundingThatIsLeftIsBounded) {
   EXPECT_EQ(load_mesh(folder.write("a.gltf", gltf(source))).submeshes[0].rounding, 0);
   EXPECT_EQ(load_mesh(folder.write("a.glb", glb(source))).submeshes[0].rounding, 0);
   const Submesh node =
-      load_mesh(folder.write("b.gltf", gltf(source, "[{\"mesh\": 0, \"translation\": [4300000.1, 5700000.3, 0]}]"))).submeshes[0];
-  expect_near(node.vertices, {{4300000.1, 5700000.3, 0}, {4300001.1, 5700000.3, 0}, {4300000.1, 5700001.3, 0}, {4300000.1, 5700000.3, 1}},
-              2e-9);
+      load_mesh(folder.write("b.gltf", gltf(source, "[{\"mesh\": 0, \"translation\": [4300000.1, 5700000.3, 0]}]")))
+          .submeshes[0];
+  expect_near(
+      node.vertices,
+      {{4300000.1, 5700000.3, 0}, {4300001.1, 5700000.3, 0}, {4300000.1, 5700001.3, 0}, {4300000.1, 5700000.3, 1}},
+      2e-9);
   EXPECT_GT(node.rounding, 0);
   EXPECT_LT(node.rounding, 1e-7);
   EXPECT_GT(load_mesh(folder.write("w.obj", replaced(obj(source), "v 1 0 0", "v 1 0 0 3"))).submeshes[0].rounding, 0);
@@ -203,7 +213,8 @@ TEST(Mesh, FilesWithTheHabitsOfRealExportersAreRead) {
     }
   };
   for (const char* line : {"Created by Blender", "Created by Blender 2.79 (sub 0)", "VCGLIB generated", "remark one"})
-    for (const Ply kind : {Ply::kText, Ply::kLittle}) expect_good("note.ply", replaced(ply(source, kind), "comment for a test", line));
+    for (const Ply kind : {Ply::kText, Ply::kLittle})
+      expect_good("note.ply", replaced(ply(source, kind), "comment for a test", line));
   const auto with_cr = [](std::string text) {
     for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2) text.insert(at, "\r");
     return text;
@@ -223,9 +234,10 @@ TEST(Mesh, FilesWithTheHabitsOfRealExportersAreRead) {
   expect_good("upper.stl", replaced(replaced(stl_text(source), "facet normal", "FACET NORMAL"), "solid", "SOLID"));
   expect_good("solid.stl", "solid" + stl_binary(source).substr(5));
   // A strip of triangles, as scans have them.
-  expect_good("strip.ply", "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement "
-                           "tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
-                           "12 0 2 1 3 -1 0 1 3 -1 0 3 2\n");
+  expect_good("strip.ply",
+              "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement "
+              "tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
+              "12 0 2 1 3 -1 0 1 3 -1 0 3 2\n");
 }
 
 TEST(Mesh, PositionsThatNoFaceUsesAreKeptWhereTheLibraryHandsThemOut) {
@@ -357,9 +369,9 @@ std::vector<BadMesh> bad_meshes() {
       // OBJ
       {"nan.obj", obj(nan), "line 4: expected a finite coordinate, got \"nan\""},
       {"inf.obj", obj(inf), "line 5: expected a finite coordinate, got \"inf\""},
-      {"too_big.obj", replaced(obj(good), "v 1 0", "v 1e309 0"),
-       "line 4: expected a finite coordinate, got \"1e309\""},
-      {"short.obj", replaced(obj(good), "v 1 0 0", "v 1 0"), "line 4: expected a coordinate where the line or the file ends"},
+      {"too_big.obj", replaced(obj(good), "v 1 0", "v 1e309 0"), "line 4: expected a finite coordinate, got \"1e309\""},
+      {"short.obj", replaced(obj(good), "v 1 0 0", "v 1 0"),
+       "line 4: expected a coordinate where the line or the file ends"},
       {"comma.obj", replaced(obj(good), "v 1 0 0", "v 1,5 0 0"), "line 4: expected a coordinate, got \"1,5\""},
       {"weight.obj", replaced(obj(good), "v 1 0 0", "v 1 0 0 0"), "line 4: a vertex has the weight 0"},
       {"past.obj", obj(past), "line 10: a face names vertex 100, and there are 4"},
@@ -384,10 +396,12 @@ std::vector<BadMesh> bad_meshes() {
       {"none.stl", std::string(84, '\0'), "it holds no facet"},
       {"nan.stl", stl_binary(nan), "facet 0 has a corner that is not finite"},
       {"inf_text.stl", stl_text(inf), "line 5: expected a finite coordinate, got \"inf\""},
-      {"cut_text.stl", without_end(stl_text(good), 60), "line 26: expected a coordinate where the line or the file ends"},
+      {"cut_text.stl", without_end(stl_text(good), 60),
+       "line 26: expected a coordinate where the line or the file ends"},
       {"half_text.stl", without_end(stl_text(good), 300), "the file ends early: no \"endsolid\" at its end"},
       {"none_text.stl", "solid x\nendsolid x\n", "it holds no mesh"},
-      {"words.stl", replaced(stl_text(good), "vertex 0 1 0", "vertex a b c"), "line 5: expected a coordinate, got \"a\""},
+      {"words.stl", replaced(stl_text(good), "vertex 0 1 0", "vertex a b c"),
+       "line 5: expected a coordinate, got \"a\""},
       // PLY
       {"header.ply", ply(good, Ply::kText).substr(0, 60), "the file ends within its header: no \"end_header\""},
       {"cut.ply", without_end(ply(good, Ply::kText), 20),
@@ -408,7 +422,8 @@ std::vector<BadMesh> bad_meshes() {
        "its header: a property of element vertex has no known type"},
       {"format.ply", replaced(ply(good, Ply::kText), "ascii", "utf8"),
        "its header: unknown format \"utf8\"; expected ascii, binary_little_endian or binary_big_endian"},
-      {"key.ply", replaced(ply(good, Ply::kText), "property float z", "propetry float z"), "its header: unexpected \"propetry\""},
+      {"key.ply", replaced(ply(good, Ply::kText), "property float z", "propetry float z"),
+       "its header: unexpected \"propetry\""},
       {"flat.ply", replaced(ply(good, Ply::kText), "property float z", "comment no z"),
        "its header: element vertex has no property \"z\""},
       {"flat_list.ply", replaced(ply(good, Ply::kText), "property float z", "property list uchar float z"),
@@ -419,7 +434,8 @@ std::vector<BadMesh> bad_meshes() {
        "its header: element face has no list \"vertex_indices\" or \"vertex_index\""},
       {"float_list.ply", replaced(ply(good, Ply::kLittle), "list uchar", "list float"),
        "its header: the length of a list of element face is not an integer"},
-      {"twice.ply", replaced(ply(good, Ply::kText), "element face", "element vertex"), "its header: element vertex comes twice"},
+      {"twice.ply", replaced(ply(good, Ply::kText), "element face", "element vertex"),
+       "its header: element vertex comes twice"},
       {"minus.ply", replaced(ply(good, Ply::kText), "3 0 2 1", "3 0 -2 1"),
        "line 15: face 0: it names vertex -2, and there are 4, from 0"},
       {"magic.ply", replaced(ply(good, Ply::kText), "ply", "PLX"), "not a PLY file: it does not begin with \"ply\""},
@@ -432,13 +448,15 @@ std::vector<BadMesh> bad_meshes() {
       {"points.ply", ply({good.vertices, {}}, Ply::kText), "it holds points or lines only, no face with an area"},
       // OFF
       {"cut.off", off(good).substr(0, 20), "line 4: expected a coordinate where the line or the file ends"},
-      {"cut_faces.off", without_end(off(good), 8), "line 10: the file ends before face 3 of the 4 that its header promises"},
+      {"cut_faces.off", without_end(off(good), 8),
+       "line 10: the file ends before face 3 of the 4 that its header promises"},
       {"past.off", off(past), "line 10: a face names vertex 99, and there are 4, from 0"},
       {"nan.off", off(nan), "line 4: expected a finite coordinate, got \"nan\""},
       {"words.off", replaced(off(good), "1 0 0", "x 0 0"), "line 4: expected a coordinate, got \"x\""},
       {"none.off", "OFF\n4 0 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n", "it holds points or lines only, no face with an area"},
       {"magic.off", replaced(off(good), "OFF", "FOO"), "line 1: not an OFF file: it begins with \"FOO\""},
-      {"huge.off", replaced(off(good), "4 4 0", "4000000000 4 0"), "line 11: the file ends before vertex 8 of the 4000000000 that its header promises"},
+      {"huge.off", replaced(off(good), "4 4 0", "4000000000 4 0"),
+       "line 11: the file ends before vertex 8 of the 4000000000 that its header promises"},
       // DAE
       {"cut.dae", dae(good).substr(0, 700), "line 9: no XML: Start-end tags mismatch"},
       {"text.dae", "no xml at all", "line 1: no XML: No document element found"},
@@ -493,12 +511,14 @@ std::vector<BadMesh> bad_meshes() {
        "glTF: buffers[0].byteLength is 96, and there are 93 bytes"},
       {"short_view.gltf", replaced(gltf(good), "\"byteLength\": 48", "\"byteLength\": 44"),
        "glTF: accessors[0] has 4 rows, more than its bufferViews[0] holds"},
-      {"long_view.gltf", replaced(gltf(good), "\"byteOffset\": 48, \"byteLength\": 48", "\"byteOffset\": 49, \"byteLength\": 48"),
+      {"long_view.gltf",
+       replaced(gltf(good), "\"byteOffset\": 48, \"byteLength\": 48", "\"byteOffset\": 49, \"byteLength\": 48"),
        "glTF: bufferViews[1] ends at byte 97 of a buffer of 96"},
       {"past.gltf", gltf(past), "glTF: index 10 of accessors[1] names vertex 99, and there are 4, from 0"},
       {"quaternion.gltf", gltf(good, "[{\"mesh\": 0, \"rotation\": [0, 0, 0, 0]}]"),
        "glTF: nodes[0].rotation is no unit quaternion"},
-      {"draco.gltf", replaced(gltf(good), "\"scene\"", "\"extensionsRequired\": [\"KHR_draco_mesh_compression\"], \"scene\""),
+      {"draco.gltf",
+       replaced(gltf(good), "\"scene\"", "\"extensionsRequired\": [\"KHR_draco_mesh_compression\"], \"scene\""),
        "glTF: it needs the extension KHR_draco_mesh_compression, which is not read"},
       {"negative.gltf", replaced(gltf(good), "\"count\": 4", "\"count\": -4"),
        "glTF: accessors[0].count: expected a count or index, got -4"},
@@ -528,7 +548,8 @@ TEST(Mesh, EveryDamagedFileIsRefusedWithItsCause) {
   EXPECT_EQ(load_mesh(folder.write("good.obj", obj(tetrahedron()))).submeshes.size(), 1u);  // and a good one after them
 }
 
-// Small files whose nodes stand for very many: counted before anything is made of them, so that little memory is enough.
+// Small files whose nodes stand for very many: counted before anything is made of them, so that little memory is
+// enough.
 TEST(Mesh, NodesThatMultiplyAreRefusedBeforeTheyAreMade) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();
@@ -541,12 +562,16 @@ TEST(Mesh, NodesThatMultiplyAreRefusedBeforeTheyAreMade) {
   std::string nodes = "[", library, many = "[{\"children\": [1";
   for (int i = 0; i < kDepth; ++i) {
     nodes += print("{\"children\": [%d, %d]}, ", i + 1, i + 1);
-    library += print("<node id=\"n%d\"><instance_node url=\"#n%d\"/><instance_node url=\"#n%d\"/></node>", i, i + 1, i + 1);
+    library +=
+        print("<node id=\"n%d\"><instance_node url=\"#n%d\"/><instance_node url=\"#n%d\"/></node>", i, i + 1, i + 1);
   }
-  EXPECT_EQ(error("a.gltf", gltf(source, nodes + "{\"mesh\": 0}]")), "glTF: nodes[1] has two parents, or is its own ancestor");
+  EXPECT_EQ(error("a.gltf", gltf(source, nodes + "{\"mesh\": 0}]")),
+            "glTF: nodes[1] has two parents, or is its own ancestor");
   DaeOptions options;
-  options.scene = "<node id=\"r\">" + library + print("<node id=\"n%d\"><instance_geometry url=\"#g\"/></node></node>", kDepth);
-  EXPECT_EQ(error("a.dae", dae(source, options)), "its nodes repeat each other to more than 100000, or a node holds itself");
+  options.scene =
+      "<node id=\"r\">" + library + print("<node id=\"n%d\"><instance_geometry url=\"#g\"/></node></node>", kDepth);
+  EXPECT_EQ(error("a.dae", dae(source, options)),
+            "its nodes repeat each other to more than 100000, or a node holds itself");
 
   // Many nodes that show one large mesh: 300 x 79,202 vertices, and more corners of faces.
   const Shape ball = make_uv_sphere(1, 200);
@@ -556,12 +581,28 @@ TEST(Mesh, NodesThatMultiplyAreRefusedBeforeTheyAreMade) {
   for (int i = 1; i <= 300; ++i) {
     many += i == 1 ? "" : print(", %d", i);
     list += ", {\"mesh\": 0}";
-    options.scene += print("<node id=\"n%d\"><translate>%d 0 0</translate><instance_geometry url=\"#g\"/></node>", i, i);
+    options.scene +=
+        print("<node id=\"n%d\"><translate>%d 0 0</translate><instance_geometry url=\"#g\"/></node>", i, i);
   }
-  EXPECT_EQ(error("b.gltf", gltf(large, many + "]}" + list + "]")), "glTF: its nodes repeat meshes to more than 20000000 vertices");
+  EXPECT_EQ(error("b.gltf", gltf(large, many + "]}" + list + "]")),
+            "glTF: its nodes repeat meshes to more than 20000000 vertices");
   EXPECT_EQ(error("b.dae", dae(large, options)), "its nodes repeat meshes to more than 20000000 vertices");
+  // Many accessors on the same bytes.
+  std::string accessors, primitives;
+  for (int i = 0; i < 400; ++i) {
+    accessors += print("{\"bufferView\": 0, \"componentType\": 5126, \"count\": %zu, \"type\": \"VEC3\"}, ",
+                       large.vertices.size());
+    primitives += print("{\"attributes\": {\"POSITION\": %d}, \"indices\": 401}, ", i);
+  }
+  std::string text = replaced(gltf(large), "\"primitives\": [", "\"primitives\": [" + primitives);
+  text = replaced(text, "\"accessors\": [", "\"accessors\": [" + accessors);
+  text = replaced(text, "{\"attributes\": {\"POSITION\": 0}, \"indices\": 1}",
+                  "{\"attributes\": {\"POSITION\": 400}, \"indices\": 401}");
+  EXPECT_EQ(error("d.gltf", text), "glTF: its accessors read the same bytes again and again");
   // A few are as they were.
-  EXPECT_EQ(load_mesh(folder.write("c.gltf", gltf(source, "[{\"children\": [1, 2]}, {\"mesh\": 0}, {\"mesh\": 0}]"))).submeshes.size(), 2u);
+  EXPECT_EQ(load_mesh(folder.write("c.gltf", gltf(source, "[{\"children\": [1, 2]}, {\"mesh\": 0}, {\"mesh\": 0}]")))
+                .submeshes.size(),
+            2u);
 }
 
 TEST(Mesh, ThingsThatAreNoMeshFile) {
@@ -612,12 +653,14 @@ TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
   EXPECT_EQ(error_with("echo nonsense that is longer than a header of 40 bytes >&3"),
             "the mesh loader ended with code 0 and no result; is the file damaged?");
   const std::string garbled = "the mesh loader's result is garbled; is the file damaged?";
-  // Magic, state, submeshes, bytes of the error text, bytes in all, limits; then a submesh's vertices, triangles, loaded
-  // vertices, rounding.
+  // Magic, state, submeshes, bytes of the error text, bytes in all, limits; then a submesh's vertices, triangles,
+  // loaded vertices, rounding.
   const std::string good_state = R"(printf 'cmesh003\001\0\0\0\001\0\0\0\0\0\0\0\0\0\0\0)";
   const std::string limits_held = R"(\0\0\0\0\0\0\0\0)";
-  EXPECT_EQ(error_with(good_state + R"(\051\0\0\0\0\0\0\0)" + limits_held + "' >&3"), garbled) << "one byte promised too many";
-  EXPECT_EQ(error_with(good_state + R"(\050\0\0\0\0\0\0\0)" + limits_held + "' >&3"), garbled) << "the submesh is not there";
+  EXPECT_EQ(error_with(good_state + R"(\051\0\0\0\0\0\0\0)" + limits_held + "' >&3"), garbled)
+      << "one byte promised too many";
+  EXPECT_EQ(error_with(good_state + R"(\050\0\0\0\0\0\0\0)" + limits_held + "' >&3"), garbled)
+      << "the submesh is not there";
   EXPECT_EQ(error_with(good_state + R"(\110\0\0\0\0\0\0\0)" + limits_held +
                        R"(\377\377\377\377\377\377\377\377\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0' >&3)"),
             garbled)
@@ -633,7 +676,9 @@ TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
       << "one vertex and one triangle: a good answer";
   EXPECT_EQ(error_with(good_state + one_of_each + R"(\007)" + zeros(15) + "' >&3"), garbled)
       << "a triangle past the end";
-  EXPECT_EQ(error_with(R"(printf 'cmesh003\002\0\0\0\0\0\0\0\377\377\0\0\0\0\0\0\050\0\0\0\0\0\0\0)" + limits_held + "' >&3"), garbled)
+  EXPECT_EQ(
+      error_with(R"(printf 'cmesh003\002\0\0\0\0\0\0\0\377\377\0\0\0\0\0\0\050\0\0\0\0\0\0\0)" + limits_held + "' >&3"),
+      garbled)
       << "a long error text";
   EXPECT_EQ(error_with("exec 4>&-; exec sleep 1000"), "the mesh loader was killed while reading it (out of memory?)")
       << "it says that it has ended, and goes on";
