@@ -291,7 +291,9 @@ class GltfReader {
       else
         for (std::uint32_t i = 0; i < known.all.size(); ++i) used.push_back(i);
       if (used.empty()) continue;
-      parts.push_back(known.used->part(used, faces(used, unsigned_in(primitive, "mode", where, 4))));
+      const std::vector<Triangle> triangles = faces(used, unsigned_in(primitive, "mode", where, 4));
+      std::sort(used.begin(), used.end());  // in the accessor's order
+      parts.push_back(known.used->part(used, triangles));
     }
     return parts;
   }

@@ -573,8 +573,8 @@ TEST(Mesh, NodesThatMultiplyAreRefusedBeforeTheyAreMade) {
   EXPECT_EQ(error("a.dae", dae(source, options)),
             "its nodes repeat each other to more than 100000, or a node holds itself");
 
-  // Many nodes that show one large mesh: 300 x 79,202 vertices, and more corners of faces.
-  const Shape ball = make_uv_sphere(1, 200);
+  // Many nodes that show one large mesh: 300 x 19,802 vertices, and more corners of faces.
+  const Shape ball = make_uv_sphere(1, 100);
   const Source large{ball.vertices, ball.triangles};
   std::string list;
   options.scene.clear();

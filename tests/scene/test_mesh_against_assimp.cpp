@@ -57,7 +57,9 @@ void expect_the_same(const std::string& path, std::size_t submeshes = 0) {
   SCOPED_TRACE(path);
   const std::vector<Submesh> theirs = by_assimp(path), ours = load_mesh(path).submeshes;
   ASSERT_EQ(ours.size(), theirs.size());
-  if (submeshes > 0) EXPECT_EQ(ours.size(), submeshes);
+  if (submeshes > 0) {
+    EXPECT_EQ(ours.size(), submeshes);
+  }
   for (std::size_t i = 0; i < ours.size(); ++i) {
     ASSERT_EQ(ours[i].vertices.size(), theirs[i].vertices.size()) << "submesh " << i;
     double size = 0, off = 0;
