@@ -168,7 +168,6 @@ void Loop::install(Reloader::Outcome& outcome) {
                engine_->scene().bodies().size(), engine_->scene_revision(), outcome.seconds);
   if (!outcome.left_out.empty()) spdlog::warn("event=added_bodies_left_out error=\"{}\"", log_text(outcome.left_out));
   if (!outcome.edit) log_hull_warnings(engine_->scene());
-  if (!outcome.left_out.empty()) spdlog::warn("event=added_bodies_left_out error=\"{}\"", outcome.left_out);
 }
 
 void Loop::answer_scene_waiter(const SceneWaiter& waiter, const Reloader::Outcome& outcome) {

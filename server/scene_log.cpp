@@ -2,19 +2,30 @@
 
 #include <spdlog/spdlog.h>
 
-#include <map>
-#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "log_text.h"
 
 namespace clearance {
 
 void log_hull_warnings(const Scene& scene) {
-  std::map<const Piece*, std::pair<const Body*, int>> meshes;  // the first body of each, and how many there are
-  for (const Body& body : scene.bodies())
-    if (!hull_warning(body).empty()) ++meshes.try_emplace(body.pieces[0].get(), &body, 0).first->second.second;
-  for (const auto& [piece, bodies] : meshes)
+  struct Warned {
+    const Body* first;
+    int bodies = 0;
+  };
+  std::vector<Warned> meshes;  // in the order of the scene
+  std::unordered_map<const Piece*, std::size_t> place;
+  for (const Body& body : scene.bodies()) {
+    if (hull_warning(body).empty()) continue;
+    const auto [at, fresh] = place.try_emplace(body.pieces[0].get(), meshes.size());
+    if (fresh) meshes.push_back({&body});
+    ++meshes[at->second].bodies;
+  }
+  for (const auto& [first, bodies] : meshes)
     spdlog::warn("event=hull_stands_out body=\"{}\" more={} hull_excess_m={:.4g} empty_share={:.3g} text=\"{}\"",
-                 bodies.first->name, bodies.second - 1, bodies.first->hull_excess, bodies.first->empty_share,
-                 hull_warning(*bodies.first));
+                 log_text(first->name), bodies - 1, first->hull_excess, first->empty_share,
+                 log_text(hull_warning(*first)));
 }
 
 }  // namespace clearance
