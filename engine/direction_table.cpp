@@ -241,4 +241,34 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho,
   return table;
 }
 
+bool is_sound(const DirectionTable& table, std::size_t vertices) {
+  if (table.grid_bits < 1 || table.grid_bits > DirectionTable::kDeepest) return false;
+  const std::size_t grid = std::size_t{1} << (2 * table.grid_bits);
+  if (table.cells.size() < grid) return false;
+  std::vector<std::uint8_t> depth(table.cells.size(), 0);
+  for (std::size_t i = 0; i < table.cells.size(); ++i) {
+    const std::uint32_t word = table.cells[i];
+    if (word & DirectionTable::kDivided) {
+      const std::size_t first = word & ~DirectionTable::kDivided;
+      if (first <= i || first < grid || first + 4 > table.cells.size()) return false;
+      if (table.grid_bits + depth[i] >= DirectionTable::kDeepest) return false;
+      for (std::size_t k = 0; k < 4; ++k) depth[first + k] = static_cast<std::uint8_t>(depth[i] + 1);
+    } else if (word >= table.lists.size()) {
+      return false;
+    }
+  }
+  for (std::size_t i = 0; i < table.lists.size();) {
+    const std::size_t count = table.lists[i];
+    if (count == 0 || count > table.lists.size() - i - 1) return false;
+    for (std::size_t k = 1; k <= count; ++k)
+      if (table.lists[i + k] >= vertices) return false;
+    i += count + 1;
+  }
+  // Cells must point at where a list begins.
+  std::vector<bool> begins(table.lists.size(), false);
+  for (std::size_t i = 0; i < table.lists.size(); i += table.lists[i] + 1) begins[i] = true;
+  return std::all_of(table.cells.begin(), table.cells.end(),
+                     [&](std::uint32_t word) { return (word & DirectionTable::kDivided) || begins[word]; });
+}
+
 }  // namespace clearance

@@ -42,6 +42,9 @@ struct TableStyle {
   double blur = 0;
 };
 
+/// Whether every path through the cells ends at a list of vertices that there are. That the lists are right is more.
+bool is_sound(const DirectionTable& table, std::size_t vertices);
+
 /// \param rho max |v| over the vertices. At least one vertex.
 DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, const TableStyle& style);
 inline DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, std::size_t few = 6) {

@@ -47,9 +47,9 @@ double rounding_of(const std::vector<Submesh>& submeshes, const Vec3d& scale) {
 class Excess {
  public:
   /// The piece of a mesh, as make_hull_piece() has it.
-  PiecePtr add(const DisplayMesh& mesh, double radius, std::uint64_t loaded, bool distinct, const std::string& path) {
+  PiecePtr add(const DisplayMesh& mesh, double radius, std::uint64_t loaded, bool distinct) {
     std::vector<Triangle> faces;
-    PiecePtr piece = make_hull_piece(mesh.vertices, mesh.triangles, radius, loaded, distinct, &faces, path);
+    PiecePtr piece = make_hull_piece(mesh.vertices, mesh.triangles, radius, loaded, distinct, &faces);
     const HullExcess excess = hull_excess(mesh.vertices, mesh.triangles, *piece, faces);
     distance_ = std::max(distance_, excess.distance);
     hull_ += excess.hull_volume;
@@ -111,6 +111,10 @@ Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
   return out;
 }
 
+std::string mesh_source(const std::string& file, Convexify convexify) {
+  return file + (convexify == Convexify::kHull ? " (hull)" : " (submeshes)");
+}
+
 Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
                           const std::string& source) {
   for (int k = 0; k < 3; ++k)
@@ -125,17 +129,16 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
   Geometry out;
   Excess excess;
   if (convexify == Convexify::kHull) {
-    out.pieces = {excess.add(*whole, radius, loaded, mesh.submeshes.size() == 1, mesh.path)};
-    out.source = source + " (hull)";
+    out.pieces = {excess.add(*whole, radius, loaded, mesh.submeshes.size() == 1)};
   } else {
     for (const Submesh& submesh : mesh.submeshes)
-      out.pieces.push_back(excess.add(joined({submesh}, scale), radius, submesh.loaded_vertices, true, mesh.path));
-    out.source = source + " (submeshes)";
+      out.pieces.push_back(excess.add(joined({submesh}, scale), radius, submesh.loaded_vertices, true));
   }
   out.model_error = rounding_of(mesh.submeshes, scale);
   out.hull_excess = excess.distance();
   out.empty_share = excess.empty_share();
   out.display = std::move(whole);
+  out.source = mesh_source(source, convexify);
   return out;
 }
 

@@ -24,6 +24,8 @@ struct Geometry {
 /// \param radius grows the pieces; added to that of the shape. All throw std::invalid_argument for bad numbers.
 Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source);
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
+/// What Body::source says of a mesh file.
+std::string mesh_source(const std::string& file, Convexify convexify);
 /// \param source names the file. \param scale per axis, in the file's frame; negative mirrors.
 Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
                           const std::string& source);

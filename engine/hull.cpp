@@ -236,8 +236,7 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
 }
 
 PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
-                         std::uint64_t loaded_vertices, bool distinct, std::vector<Triangle>* faces,
-                         const std::string& mesh) {
+                         std::uint64_t loaded_vertices, bool distinct, std::vector<Triangle>* faces) {
   const FpEnvironment environment;
   check_vertices(vertices);
   Digest digest;
@@ -246,7 +245,7 @@ PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triang
   Hull hull = reduce_to_hull(vertices, triangles, distinct);
   if (faces) *faces = std::move(hull.triangles);
   return make_piece(std::move(hull.vertices), radius, std::max<std::uint64_t>(loaded_vertices, vertices.size()),
-                    digest.value(), mesh);
+                    digest.value());
 }
 
 }  // namespace clearance

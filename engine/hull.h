@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "math.h"
@@ -36,9 +35,9 @@ inline constexpr std::size_t kHullMaxVertices = 150'000;
 /// The convex piece spanned by `vertices` and grown by `radius`, of reduce_to_hull().
 /// \param faces receives the guess of its faces, if not null.
 /// \param loaded_vertices how many there were before duplicates were merged by the caller (`distinct`); 0: those given.
-/// \param mesh as for make_piece(). Throws std::invalid_argument as make_piece() does.
+/// Throws std::invalid_argument as make_piece() does.
 PiecePtr make_hull_piece(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, double radius,
                          std::uint64_t loaded_vertices = 0, bool distinct = false,
-                         std::vector<Triangle>* faces = nullptr, const std::string& mesh = {});
+                         std::vector<Triangle>* faces = nullptr);
 
 }  // namespace clearance

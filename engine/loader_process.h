@@ -3,11 +3,14 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 namespace clearance {
 
-/// Reads the file and writes its meshes, or what is wrong with it, to the descriptor. Whether the result is whole.
-using ImportFile = bool (*)(const std::string& path, std::uint64_t memory_bytes, int result_fd);
+/// Makes meshes of a file's content, or says what is wrong with it, and writes that to the descriptor. Whether the result
+/// is whole. \param path of the file: its name says the format, and its folder holds other files that it may name.
+using ImportFile = bool (*)(const std::string& path, std::string_view content, std::uint64_t memory_bytes,
+                            int result_fd);
 
 /// main() of a loader, as mesh.cpp starts it: FILE MEMORY_BYTES CPU_SECONDS, descriptors as in mesh_format.h. Takes
 /// limits of memory, time and system calls (loader_sandbox.h) upon itself, then has the file imported. Ends the

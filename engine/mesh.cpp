@@ -20,7 +20,9 @@
 #include <optional>
 #include <system_error>
 #include <utility>
+#include <vector>
 
+#include "fd.h"
 #include "mesh_format.h"
 #include "mesh_result.h"
 
@@ -40,25 +42,6 @@ std::string reason(int error) {
   return std::generic_category().message(error);
 }
 
-class Fd {
- public:
-  explicit Fd(int fd = -1) : fd_(fd) {}
-  Fd(Fd&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  Fd& operator=(Fd&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  ~Fd() { close(); }
-  void close() {
-    if (fd_ >= 0) ::close(fd_);
-    fd_ = -1;
-  }
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
-
 // A descriptor above those that the loader's own are put on.
 Fd above_loader_fds(Fd fd) {
   const int moved = ::fcntl(fd.get(), F_DUPFD_CLOEXEC, 10);
@@ -74,10 +57,17 @@ struct Loader {
   Fd result, lifetime;
 };
 
-Loader start_loader(const std::string& path, const MeshLimits& limits) {
+Fd memory_file(const char* name, unsigned flags) {
+  Fd fd(::memfd_create(name, MFD_CLOEXEC | flags));
+  if (!fd) throw MeshError("cannot start the mesh loader: " + reason(errno));
+  return above_loader_fds(std::move(fd));
+}
+
+// \param content what the loader reads for the file.
+Loader start_loader(const std::string& path, const Fd& content, const MeshLimits& limits) {
   const std::string program = mesh_loader_program();
   Loader loader;
-  loader.result = above_loader_fds(Fd(::memfd_create("clearance-mesh", MFD_CLOEXEC)));
+  loader.result = memory_file("clearance-mesh", 0);
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) throw MeshError("cannot start the mesh loader: " + reason(errno));
   loader.lifetime = Fd(ends[0]);
@@ -96,6 +86,7 @@ Loader start_loader(const std::string& path, const MeshLimits& limits) {
   ::posix_spawn_file_actions_addopen(&files, 2, "/dev/null", O_WRONLY, 0);
   ::posix_spawn_file_actions_adddup2(&files, loader.result.get(), kMeshResultFd);
   ::posix_spawn_file_actions_adddup2(&files, write_end.get(), kMeshLifetimeFd);
+  ::posix_spawn_file_actions_adddup2(&files, content.get(), kMeshFileFd);
   sigset_t none, all;
   ::sigemptyset(&none);
   ::sigfillset(&all);
@@ -153,7 +144,8 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
                   " and no result; is the file damaged?");
 }
 
-void check_file(const std::string& path, const MeshLimits& limits) {
+// Opens a mesh file; what can be seen without reading it is in order.
+Fd open_file(const std::string& path, const MeshLimits& limits) {
   struct stat info {};
   if (::stat(path.c_str(), &info) != 0) throw MeshError(reason(errno));
   if (S_ISDIR(info.st_mode)) throw MeshError("expected a mesh file, got a folder");
@@ -162,12 +154,36 @@ void check_file(const std::string& path, const MeshLimits& limits) {
   if (static_cast<std::uint64_t>(info.st_size) > limits.file_bytes)
     throw MeshError(std::to_string(info.st_size) + " bytes; a mesh file may have at most " +
                     std::to_string(limits.file_bytes));
-  if (Fd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC)); fd.get() < 0) throw MeshError(reason(errno));
+  Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!file) throw MeshError(reason(errno));
   constexpr const char* kKnown[] = {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb"};
   std::string extension = fs::path(path).extension().string();
   for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   if (std::find(std::begin(kKnown), std::end(kKnown), extension) == std::end(kKnown))
     throw MeshError("unknown format \"" + extension + "\"; expected .obj, .stl, .ply, .off, .dae, .gltf or .glb");
+  return file;
+}
+
+// Reads a file to its end, into a copy if there is one to be made. Returns the digest of what was read.
+Sha256Digest read_through(const Fd& file, const MeshLimits& limits, const Fd* copy) {
+  static thread_local std::vector<char> chunk(std::size_t{1} << 18);
+  Sha256 digest;
+  for (std::uint64_t total = 0;;) {
+    const ssize_t got = ::read(file.get(), chunk.data(), chunk.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) throw MeshError(reason(errno));
+    if (got == 0 && total == 0) throw MeshError("the file is empty");
+    if (got == 0) return digest.digest();
+    total += static_cast<std::uint64_t>(got);
+    if (total > limits.file_bytes) throw MeshError("it grows while it is read");
+    digest.add(chunk.data(), static_cast<std::size_t>(got));
+    if (copy && !may_write(total)) throw MeshError("no file may be as large as it here (RLIMIT_FSIZE)");
+    for (ssize_t put = 0; copy && put < got;) {
+      const ssize_t n = ::write(copy->get(), chunk.data() + put, static_cast<std::size_t>(got - put));
+      if (n < 0 && errno != EINTR) throw MeshError("no memory to read it: " + reason(errno));
+      put += std::max<ssize_t>(n, 0);
+    }
+  }
 }
 
 }  // namespace
@@ -202,9 +218,24 @@ std::string mesh_loader_warning() {
   return "mesh files are read without a filter of system calls, which this kernel or container refuses: time and memory are limited";
 }
 
+Sha256Digest mesh_file_digest(const std::string& path, const MeshLimits& limits) {
+  return read_through(open_file(path, limits), limits, nullptr);
+}
+
+Sha256Digest mesh_loader_digest() {
+  const std::string program = mesh_loader_program();
+  const Fd file(::open(program.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file) throw MeshError("cannot read " + program + ": " + reason(errno));
+  return read_through(file, MeshLimits(), nullptr);
+}
+
+// The loader gets a copy of the bytes that the digest is of, and no second look at a file that may have changed.
 Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
-  check_file(path, limits);
-  Loader loader = start_loader(path, limits);
+  const Fd content = memory_file("clearance-mesh-file", MFD_ALLOW_SEALING);
+  const Sha256Digest digest = read_through(open_file(path, limits), limits, &content);
+  if (::fcntl(content.get(), F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) != 0)
+    throw MeshError("cannot start the mesh loader: " + reason(errno));
+  const Loader loader = start_loader(path, content, limits);
   Ending ending;
   if (!wait_for(loader, limits.time, &ending))
     throw MeshError("reading it took longer than " + std::to_string(limits.time.count() / 1000.0).substr(0, 5) +
@@ -220,7 +251,7 @@ Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
   }
   remember();
   if (!mesh) fail_without_result(ending);
-  mesh->path = path;
+  mesh->digest = digest;
   return std::move(*mesh);
 }
 

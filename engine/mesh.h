@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cache/sha256.h"
 #include "math.h"
 #include "shapes.h"
 
@@ -28,7 +29,8 @@ struct Submesh {
 /// glTF belong to no mesh of the file and do not arrive.
 struct Mesh {
   std::vector<Submesh> submeshes;  ///< at least one, each with at least one vertex
-  std::string path;                ///< of the file; may be empty
+  Sha256Digest digest{};           ///< of the file's bytes, those that were read
+  bool alone = false;              ///< nothing else was read: the reader has asked for no other file
 };
 
 /// A mesh file that cannot be used: the text names the cause, not the file.
@@ -43,6 +45,9 @@ struct MeshLimits {
   std::uint64_t file_bytes = std::uint64_t{2} << 30;
 };
 
+/// The digest of a file's bytes, which Mesh::digest would be. Throws MeshError, as load_mesh() would without reading it.
+Sha256Digest mesh_file_digest(const std::string& path, const MeshLimits& limits = {});
+
 /// Reads an OBJ, STL, PLY, OFF, DAE, glTF or GLB file. Other files that it names are opened only inside its folder.
 /// Throws MeshError.
 Mesh load_mesh(const std::string& path, const MeshLimits& limits = {});
@@ -53,5 +58,7 @@ std::string mesh_loader_warning();
 /// The program that reads meshes: $CLEARANCE_MESH_LOADER, or `clearance-mesh-loader` beside this library or program, in
 /// the libexec folder next to it, or where this library was built. Throws MeshError if there is none.
 std::string mesh_loader_program();
+/// Of that program's bytes: what it makes of a file may change with it. Throws MeshError.
+Sha256Digest mesh_loader_digest();
 
 }  // namespace clearance

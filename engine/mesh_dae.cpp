@@ -10,6 +10,7 @@
 #include <assimp/DefaultLogger.hpp>
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
+#include <assimp/MemoryIOWrapper.h>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -27,15 +28,19 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// Opens plain files inside one folder, for reading, and nothing else.
+// Opens the file, whose content is there already, and other plain files inside its folder, for reading, and nothing
+// else.
 class FolderOnly final : public Assimp::DefaultIOSystem {
  public:
-  explicit FolderOnly(const MeshFolder& folder) : folder_(folder) {}
+  FolderOnly(const fs::path& file, std::string_view content, const MeshFolder& folder)
+      : file_(file.string()), content_(content), folder_(folder) {}
 
-  bool Exists(const char* file) const override { return permitted(file); }
+  bool Exists(const char* file) const override { return file == file_ || permitted(file); }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
-    if (std::strchr(mode, 'w') || std::strchr(mode, 'a') || std::strchr(mode, '+') || !permitted(file)) return nullptr;
-    return DefaultIOSystem::Open(file, mode);
+    if (std::strchr(mode, 'w') || std::strchr(mode, 'a') || std::strchr(mode, '+')) return nullptr;
+    if (file == file_)
+      return new Assimp::MemoryIOStream(reinterpret_cast<const std::uint8_t*>(content_.data()), content_.size());
+    return permitted(file) ? DefaultIOSystem::Open(file, mode) : nullptr;
   }
 
  private:
@@ -44,6 +49,8 @@ class FolderOnly final : public Assimp::DefaultIOSystem {
     return folder_.holds(file) && ::stat(file, &info) == 0 && S_ISREG(info.st_mode);
   }
 
+  const std::string file_;
+  const std::string_view content_;
   const MeshFolder& folder_;
 };
 
@@ -174,7 +181,7 @@ void read_dae(std::unique_ptr<Assimp::Importer>* kept, const fs::path& path, std
   Assimp::DefaultLogger::get()->attachStream(log, Assimp::Logger::Err | Assimp::Logger::Warn);
   *kept = std::make_unique<Assimp::Importer>();
   Assimp::Importer* importer = kept->get();
-  importer->SetIOHandler(new FolderOnly(folder));  // the importer owns it
+  importer->SetIOHandler(new FolderOnly(path, content, folder));  // the importer owns it
   keep_dae_importer(importer);
   // Robot meshes are drawn in the link's frame, whatever up_axis their DAE names.
   importer->SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);

@@ -18,6 +18,7 @@ MeshFolder::MeshFolder(const fs::path& file)
     : named_in_(file.parent_path()), folders_{fs::canonical(file.parent_path()), fs::canonical(file).parent_path()} {}
 
 bool MeshFolder::holds(const fs::path& path) const {
+  alone_ = false;
   std::error_code error;
   const fs::path real = fs::weakly_canonical(fs::absolute(path), error);
   return !error && std::any_of(folders_.begin(), folders_.end(), [&](const fs::path& folder) {

@@ -16,10 +16,13 @@ class MeshFolder {
   bool holds(const std::filesystem::path& path) const;
   /// The bytes of a plain file inside. \param name relative to the folder. Throws LoadError.
   std::string read(const std::string& name) const;
+  /// Whether nothing was asked for, be it there or not: then the mesh file's own bytes say all.
+  bool alone() const { return alone_; }
 
  private:
   std::filesystem::path named_in_;
   std::array<std::filesystem::path, 2> folders_;
+  mutable bool alone_ = true;
 };
 
 }  // namespace clearance

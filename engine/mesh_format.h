@@ -1,4 +1,4 @@
-// What the mesh loader hands back through its file descriptor 3.
+// What the mesh loader gets, the file's bytes in its file descriptor 5, and what it hands back through descriptor 3.
 //
 //   MeshHeader | error text                                     if state is kError
 //   MeshHeader | { SubmeshHeader | vertices | triangles | pad } if state is kGood
@@ -17,6 +17,7 @@ namespace clearance {
 inline constexpr std::uint64_t kMeshMagic = 0x3330306873656d63;  // "cmesh003"
 inline constexpr int kMeshResultFd = 3;                          ///< a memfd
 inline constexpr int kMeshLifetimeFd = 4;                        ///< the write end of a pipe: closes with the loader
+inline constexpr int kMeshFileFd = 5;                            ///< a sealed memfd: what the file held as it was hashed
 inline constexpr std::uint64_t kMaxMeshErrorBytes = 4096;
 
 enum class MeshState : std::uint32_t { kUnfinished = 0, kGood = 1, kError = 2, kOutOfMemory = 3 };
@@ -34,7 +35,7 @@ struct MeshHeader {
   std::uint64_t error_bytes;
   std::uint64_t total_bytes;  ///< all that was written, this header included
   LoaderLimits limits;
-  std::uint32_t padding;
+  std::uint32_t alone;  ///< 1: no other file was asked for
 };
 static_assert(sizeof(MeshHeader) == 40);
 

@@ -1,8 +1,5 @@
 #include "mesh_import.h"
 
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,7 +8,6 @@
 #include <filesystem>
 #include <new>
 #include <stdexcept>
-#include <system_error>
 #include <vector>
 
 #include "dedupe.h"
@@ -58,10 +54,11 @@ class Result {
   }
 
   /// Whether it is written. Throws LoadError if there was no part, or none with a face.
-  bool finish() {
+  /// \param alone no other file was asked for.
+  bool finish(bool alone) {
     if (parts_ == 0) throw LoadError("it holds no mesh");
     if (triangles_ == 0) throw LoadError("it holds points or lines only, no face with an area");
-    const MeshHeader header{kMeshMagic, MeshState::kGood, parts_, 0, at_, LoaderLimits::kAll, 0};
+    const MeshHeader header{kMeshMagic, MeshState::kGood, parts_, 0, at_, LoaderLimits::kAll, alone ? 1u : 0u};
     return ::pwrite(fd_, &header, sizeof header, 0) == sizeof header;
   }
 
@@ -83,32 +80,9 @@ class Result {
   std::uint32_t parts_ = 0;
 };
 
-// A whole file, mapped.
-class MappedFile {
- public:
-  explicit MappedFile(const fs::path& path) {
-    const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-    struct stat info {};
-    if (fd < 0 || ::fstat(fd, &info) != 0) throw LoadError(std::generic_category().message(errno));
-    size_ = static_cast<std::size_t>(info.st_size);
-    bytes_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, fd, 0);
-    ::close(fd);
-    if (bytes_ == MAP_FAILED) throw std::bad_alloc();
-  }
-  MappedFile(const MappedFile&) = delete;
-  MappedFile& operator=(const MappedFile&) = delete;
-  ~MappedFile() { ::munmap(bytes_, size_); }
-  std::string_view content() const { return {static_cast<const char*>(bytes_), size_}; }
-
- private:
-  void* bytes_;
-  std::size_t size_ = 0;
-};
-
-bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::path& path) {
+bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::path& path, std::string_view content) {
   const std::string extension = lower(path.extension().string().substr(1));
-  const MappedFile file(path);
-  const std::string_view content = file.content();
+  const MeshFolder folder(path);
   const PartSink sink = [result](const MeshPart& part) { result->add(part); };
   if (extension == "obj")
     read_obj(content, sink);
@@ -119,19 +93,19 @@ bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::pat
   else if (extension == "stl")
     read_stl(content, sink);
   else if (extension == "gltf" || extension == "glb")
-    read_gltf(content, extension == "glb", MeshFolder(path), kMostRepeatedVertices, sink);
+    read_gltf(content, extension == "glb", folder, kMostRepeatedVertices, sink);
   else
-    read_dae(kept, path, content, MeshFolder(path), kMostRepeatedVertices, sink);
-  return result->finish();
+    read_dae(kept, path, content, folder, kMostRepeatedVertices, sink);
+  return result->finish(folder.alone());
 }
 
 }  // namespace
 
-bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::uint64_t memory_bytes,
-                 int result_fd) {
+bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::string_view content,
+                 std::uint64_t memory_bytes, int result_fd) {
   Result result(result_fd, memory_bytes);
   try {
-    return load(kept, &result, fs::absolute(path));
+    return load(kept, &result, fs::absolute(path), content);
   } catch (const std::bad_alloc&) {
     const std::string text =
         "reading it takes more than " + std::to_string(memory_bytes >> 20) + " MiB of memory; is the file damaged?";

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 
 namespace Assimp {
 class Importer;
@@ -13,9 +14,10 @@ class Importer;
 namespace clearance {
 
 /// Reads a mesh file and writes its meshes, or what is wrong with it, to `result_fd`. Whether the result is whole.
-/// \param kept gets assimp's importer, with what it has read, if it is asked. \param memory_bytes that a result may
-/// have.
-bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::uint64_t memory_bytes,
-                 int result_fd);
+/// \param kept gets assimp's importer, with what it has read, if it is asked. \param path says the format and in which
+/// folder other files may lie. \param content what is read for the file; must outlive the importer.
+/// \param memory_bytes that a result may have.
+bool import_mesh(std::unique_ptr<Assimp::Importer>* kept, const std::string& path, std::string_view content,
+                 std::uint64_t memory_bytes, int result_fd);
 
 }  // namespace clearance

@@ -84,6 +84,7 @@ std::optional<Mesh> read_mesh_result(int fd, LoaderLimits* limits) {
   }
   if (header.state != MeshState::kGood || header.submeshes == 0) fail_garbled();
   Mesh mesh;
+  mesh.alone = header.alone == 1;
   for (std::uint32_t i = 0; i < header.submeshes; ++i) mesh.submeshes.push_back(read_submesh(&in));
   return mesh;
 }

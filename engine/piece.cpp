@@ -11,7 +11,6 @@
 #include "fp_environment.h"
 #include "pose.h"
 #include "support.h"
-#include "table_file.h"
 
 namespace clearance {
 
@@ -63,7 +62,7 @@ void measure(Piece& piece, const std::vector<Vec3d>& vertices) {
 }  // namespace
 
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
-                    std::uint64_t digest, const std::string& mesh) {
+                    std::uint64_t digest, std::shared_ptr<const DirectionTable> table) {
   const FpEnvironment environment;
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   if (!(radius >= 0 && radius <= kMaxCoordinate))
@@ -87,8 +86,9 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
 
   measure(*piece, vertices);
   if (vertices.size() > kTableFromVertices)
-    piece->table = std::make_shared<const DirectionTable>(
-        direction_table_beside(mesh, vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
+    piece->table = table ? std::move(table)
+                         : std::make_shared<const DirectionTable>(make_direction_table(
+                               vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
   else
     fill_rows(*piece, vertices);
   piece->vertices = std::move(vertices);

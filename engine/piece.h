@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <memory>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "math.h"
@@ -38,11 +37,11 @@ struct Piece {
 using PiecePtr = std::shared_ptr<const Piece>;
 
 /// Builds a piece and what is derived from it. Vertices as they come: nothing is dropped here.
-/// \param digest of the vertices as loaded; 0: of `vertices` and `radius`. \param mesh the file that they come from, beside which
-/// the table of a large piece is kept (table_file.h); may be empty.
+/// \param digest of the vertices as loaded; 0: of `vertices` and `radius`. \param table the one that an earlier call has made of
+/// the same vertices, if it was kept.
 /// Throws std::invalid_argument for no vertex, a non-finite or too large coordinate, or a negative or non-finite radius.
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
-                    std::uint64_t digest = 0, const std::string& mesh = {});
+                    std::uint64_t digest = 0, std::shared_ptr<const DirectionTable> table = nullptr);
 
 /// A copy whose derived numbers are made anew from its vertices, which are scanned whatever their number: to find out what is
 /// true of a piece where its table, or another of them, may be damaged. Takes as long as the vertices are many.

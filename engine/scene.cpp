@@ -11,6 +11,7 @@
 #include "fp_environment.h"
 #include "geometry.h"
 #include "mesh.h"
+#include "mesh_geometry.h"
 #include "shapes.h"
 
 namespace clearance {
@@ -145,8 +146,9 @@ std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, 
     std::shared_ptr<const Geometry>& known = geometries_[key];
     if (known) return *known;
     try {
-      known =
-          std::make_shared<const Geometry>(geometry_of_mesh(load_mesh(path), scale, convexify, options.radius, path));
+      if (!meshes_) meshes_ = std::make_shared<MeshGeometries>();
+      MeshFile file(path);
+      known = std::make_shared<const Geometry>(meshes_->make(file, {scale, convexify, options.radius}, path));
       return *known;
     } catch (const std::exception& e) {
       geometries_.erase(key);

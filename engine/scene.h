@@ -19,6 +19,7 @@
 namespace clearance {
 
 struct Geometry;  // engine/geometry.h
+class MeshGeometries;  // engine/mesh_geometry.h
 struct Shape;     // engine/shapes.h
 
 /// Bad input at set-up. The text names cause and place: "scenes/a.yaml:12: bodies[3].radius: expected a number > 0, got
@@ -132,6 +133,7 @@ class Scene {
   std::unordered_multimap<std::uint64_t, PiecePtr> pieces_;  ///< by digest
   std::unordered_map<std::string, std::shared_ptr<const Geometry>>
       geometries_;  ///< that were made before: of meshes by file and options, of shapes by what they are made of
+  std::shared_ptr<MeshGeometries> meshes_;  ///< null until there is a mesh
 };
 
 }  // namespace clearance

@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <functional>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <system_error>
 #include <utility>
@@ -12,6 +11,7 @@
 #include "fp_environment.h"
 #include "geometry.h"
 #include "mesh.h"
+#include "mesh_geometry.h"
 #include "scene.h"
 #include "shapes.h"
 #include "yaml_document.h"
@@ -26,30 +26,6 @@ namespace {
 constexpr std::int64_t kMaxBodies = 1'000'000;
 // Vertices that a few words of the file may ask for (uv_sphere): about 3 GB of pieces.
 constexpr std::uint64_t kMaxMadeVertices = 20'000'000;
-
-// A mesh file, read by whoever needs it first.
-class LazyMesh {
- public:
-  explicit LazyMesh(std::string path) : path_(std::move(path)) {}
-  /// Throws MeshError, each time the same.
-  const Mesh& get() {
-    std::call_once(once_, [&] {
-      try {
-        mesh_ = load_mesh(path_);
-      } catch (...) {
-        error_ = std::current_exception();
-      }
-    });
-    if (error_) std::rethrow_exception(error_);
-    return mesh_;
-  }
-
- private:
-  std::string path_;
-  std::once_flag once_;
-  Mesh mesh_;
-  std::exception_ptr error_;
-};
 
 // A geometry to be built, once for all bodies that ask for the same.
 struct GeometryPlan {
@@ -247,14 +223,14 @@ class SceneReader {
       if (how == "submeshes") convexify = Convexify::kSubmeshes;
     }
     const std::string path = resolve(mesh, named);
-    std::shared_ptr<LazyMesh>& lazy = meshes_[path];
-    if (!lazy) lazy = std::make_shared<LazyMesh>(path);
+    std::shared_ptr<MeshFile>& file = files_[path];
+    if (!file) file = std::make_shared<MeshFile>(path);
     const std::string key = "mesh " + path + " " + exact(scale.x) + exact(scale.y) + exact(scale.z) +
                             std::to_string(static_cast<int>(convexify)) + " +" + exact(radius);
-    return plan(key, mesh, [lazy = lazy, scale, convexify, radius, named] {
+    return plan(key, mesh, [this, file = file, recipe = MeshRecipe{scale, convexify, radius}, named] {
       const auto in_file = [&](const std::exception& e) { return named + ": " + e.what(); };
       try {
-        return geometry_of_mesh(lazy->get(), scale, convexify, radius, named);
+        return meshes_.make(*file, recipe, named);
       } catch (const MeshError& e) {
         throw MeshError(in_file(e));
       } catch (const std::invalid_argument& e) {
@@ -301,8 +277,8 @@ class SceneReader {
 
   void build_geometries() {
     const int n = static_cast<int>(geometries_.size());
-    meshes_.clear();  // each is kept by the plans that need it
-                      // With a single geometry this is no parallel region, and its own loops may use every core.
+    files_.clear();  // each is kept by the plans that need it
+                     // With a single geometry this is no parallel region, and its own loops may use every core.
 #pragma omp parallel for schedule(dynamic) if (n > 1)
     for (int i = 0; i < n; ++i) {
       GeometryPlan& plan = geometries_[i];
@@ -365,7 +341,8 @@ class SceneReader {
   std::vector<BodyPlan> bodies_;
   std::vector<GeometryPlan> geometries_;
   std::map<std::string, std::size_t> plan_of_;
-  std::map<std::string, std::shared_ptr<LazyMesh>> meshes_;
+  std::map<std::string, std::shared_ptr<MeshFile>> files_;
+  MeshGeometries meshes_;
   std::uint64_t made_vertices_ = 0;
 };
 

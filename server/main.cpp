@@ -10,11 +10,13 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <optional>
 
 #include "accepting.h"
 #include "client/default_socket.h"
 #include "doorman.h"
+#include "engine/cache/cache.h"
 #include "engine/engine.h"
 #include "engine/mesh.h"
 #include "engine/self_test.h"
@@ -163,7 +165,17 @@ void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, co
   if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix, lcm_poses));
 }
 
+/// systemd names the unit's CacheDirectory= in the environment; CLEARANCE_CACHE says otherwise.
+void use_cache_directory() {
+  const char* folders = std::getenv("CACHE_DIRECTORY");
+  if (!folders) return;
+  const std::string first(folders, std::strcspn(folders, ":"));
+  if (!first.empty()) ::setenv("CLEARANCE_CACHE", first.c_str(), 0);
+}
+
 Scene load_scene(const DaemonOptions& options) {
+  if (const std::string why = Cache::of_environment().why_off(); !why.empty())
+    spdlog::warn("event=cache_off text=\"nothing is kept of meshes: {}\"", log_text(why));
   Scene scene = Scene::load(options.scene, options.allow_outside);
   if (const std::string missing = mesh_loader_warning(); !missing.empty())
     spdlog::warn("event=mesh_loader_unfiltered text=\"{}\"", log_text(missing));
@@ -186,6 +198,7 @@ void log_scene(const DaemonOptions& options, const Engine& engine, double load_s
 int serve(DaemonOptions options) {
   const auto begin = std::chrono::steady_clock::now();
   const Supervisor supervisor;
+  use_cache_directory();
   if (options.ready_fd >= 0) {
     if (fcntl(options.ready_fd, F_GETFD) < 0)
       return fail(kExitCommandLine, "--ready-fd: descriptor " + std::to_string(options.ready_fd) + " is not open");

@@ -44,7 +44,7 @@ def run(target: str, seconds: int) -> dict:
                "-rss_limit_mb=4096", f"-artifact_prefix={findings}/"]
     if target in CONTAINED:
         command += ["-fork=1", "-ignore_crashes=1", "-ignore_timeouts=1", "-ignore_ooms=1", "-detect_leaks=0"]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "UBSAN_OPTIONS": "print_stacktrace=1", "CLEARANCE_TABLE_FILES": "off"}
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "UBSAN_OPTIONS": "print_stacktrace=1", "CLEARANCE_CACHE": "off"}
     log = OUT / f"{target}.log"
     begin = time.monotonic()
     with log.open("w") as file:

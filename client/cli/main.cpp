@@ -30,6 +30,7 @@ int main(int argc, char** argv) {
 #endif
   cli::add_inspect(app);
   cli::add_selftest(app);
+  cli::add_cache(app);
   // Last: a subcommand would inherit it.
   app.footer(R"(
 Example

@@ -56,4 +56,8 @@ void add_selftest(CLI::App& app) {
               "computes distances");
 }
 
+void add_cache(CLI::App& app) {
+  add_program(app, "cache", "what is kept of meshes that were loaded before: list, clear", "knows the engine's cache");
+}
+
 }  // namespace clearance::cli

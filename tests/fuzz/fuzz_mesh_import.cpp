@@ -19,11 +19,12 @@ CLEARANCE_FUZZ_TARGET(mesh_import) {
   static const int fd = ::memfd_create("clearance-fuzz", MFD_CLOEXEC);
   Input in(bytes);
   const std::string extension = next_mesh_extension(in);
-  const std::string path = folder.write("mesh." + extension, in.rest());
+  const Bytes content = in.rest();
+  const std::string path = folder.write("mesh." + extension, content);
   require(::ftruncate(fd, 0) == 0, "the result is emptied");
   {
     std::unique_ptr<Assimp::Importer> kept;
-    require(import_mesh(&kept, path, std::uint64_t{1} << 28, fd), "the loader leaves a whole result");
+    require(import_mesh(&kept, path, {reinterpret_cast<const char*>(content.data()), content.size()}, std::uint64_t{1} << 28, fd), "the loader leaves a whole result");
   }
   Assimp::DefaultLogger::kill();
   try {

@@ -17,7 +17,8 @@
 #include "changing_scene.h"
 #include "client/lcm_frames.h"
 #include "client/shm_layout.h"
-#include "engine/direction_table.h"
+#include "engine/hull.h"
+#include "engine/mesh_geometry.h"
 #include "engine/mesh_import.h"
 #include "frames.h"
 #include "mesh_extension.h"
@@ -395,10 +396,11 @@ void save_meshes() {
   }
   // What a loader writes for one of them.
   const std::string path = (root / "thing.obj").string();
-  std::ofstream(path) << obj(thing);
+  const std::string content = obj(thing);
+  std::ofstream(path) << content;
   const int fd = ::memfd_create("seeds", MFD_CLOEXEC);
   std::unique_ptr<Assimp::Importer> kept;
-  if (!import_mesh(&kept, path, 1 << 20, fd)) throw std::runtime_error("no result for a mesh");
+  if (!import_mesh(&kept, path, content, 1 << 20, fd)) throw std::runtime_error("no result for a mesh");
   fs::remove(path);
   Data result(1);
   result.resize(1 + static_cast<std::size_t>(::lseek(fd, 0, SEEK_END)));
@@ -427,24 +429,26 @@ void save_scenes() {
   for (const auto& [name, text] : scenes) save("scene_file", name, data_of(text));
 }
 
-void save_tables() {
-  const Shape ball = make_uv_sphere(1, 5);
-  const DirectionTable table = make_direction_table(ball.vertices, 1);
-  Data input;
-  add(input, std::uint8_t{1}, static_cast<std::uint8_t>(table.grid_bits),
-      static_cast<std::uint16_t>(table.cells.size()));
-  wire::append_bytes(input, table.cells.data(), table.cells.size() * 4);
-  wire::append_bytes(input, table.lists.data(), table.lists.size() * 4);
-  save("table_file", "good_ball", input);
-  Data coarse;
-  // One list of all vertices, whatever the direction.
-  add(coarse, std::uint8_t{1}, std::uint8_t{1}, std::uint16_t{4});
-  for (int i = 0; i < 4; ++i) add(coarse, std::uint32_t{0});
-  add(coarse, static_cast<std::uint32_t>(ball.vertices.size()));
-  for (std::uint32_t v = 0; v < ball.vertices.size(); ++v) add(coarse, v);
-  save("table_file", "good_one_list", coarse);
+void save_cache_entries() {
+  const Shape ball = make_uv_sphere(1, 7);  // a direction table belongs to it
+  const auto save_record = [](const std::string& name, const Geometry& geometry) {
+    const Data record = geometry_record(geometry);
+    Data input;
+    add(input, std::uint8_t{1});
+    wire::append_bytes(input, record.data(), record.size());
+    save("cache_entry", name, input);
+  };
+  Geometry round;
+  round.pieces = {make_hull_piece(ball.vertices, ball.triangles, 0.1)};
+  save_record("good_ball", round);
+  save_record("good_two_pieces", [] {
+    Geometry two = geometry_of_shape(make_box({1, 2, 3}), 0, "box");
+    two.pieces.push_back(make_piece({{0, 0, 5}}, 1));
+    two.model_error = 0.25;
+    return two;
+  }());
   Data raw(65);
-  save("table_file", "bad_zeros", raw);
+  save("cache_entry", "bad_zeros", raw);
 }
 
 }  // namespace
@@ -464,5 +468,5 @@ int main(int argc, char** argv) {
   save_lcm();
   save_meshes();
   save_scenes();
-  save_tables();
+  save_cache_entries();
 }

@@ -1,0 +1,24 @@
+# cmake -DOUT=HEADER -DLIBRARIES=TEXT -P AlgorithmVersion.cmake -- FILE...
+# Writes a header with one digest of all files and of the libraries' versions.
+set(_digests "${LIBRARIES}")
+set(_files OFF)
+math(EXPR _last "${CMAKE_ARGC} - 1")
+foreach(_i RANGE ${_last})
+  if(_files)
+    file(SHA256 "${CMAKE_ARGV${_i}}" _digest)
+    get_filename_component(_name "${CMAKE_ARGV${_i}}" NAME)
+    string(APPEND _digests "\n${_digest} ${_name}")
+  elseif("${CMAKE_ARGV${_i}}" STREQUAL "--")
+    set(_files ON)
+  endif()
+endforeach()
+string(SHA256 _version "${_digests}")
+file(WRITE "${OUT}" "// Made by cmake/AlgorithmVersion.cmake.
+#pragma once
+
+namespace clearance {
+
+inline constexpr const char* kAlgorithmVersion = \"${_version}\";  ///< of the engine's text and its libraries
+
+}  // namespace clearance
+")

@@ -1,0 +1,65 @@
+// Entries of any bytes in the cache, and records of any bytes in entries that are whole: what comes back is what was
+// written, or geometry that can be computed with, or nothing.
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/direction_table.h"
+#include "engine/mesh_geometry.h"
+#include "scratch_file.h"
+
+namespace clearance::fuzz {
+namespace {
+
+void check_table(const DirectionTable& table, std::size_t vertices) {
+  // Directions in every cell of a coarse map, its edges and its corners.
+  for (int i = -8; i <= 8; ++i)
+    for (int j = -8; j <= 8; ++j)
+      for (const double z : {-1.0, 1.0, 0.0}) {
+        const auto found = table.candidates({i / 8.0, j / 8.0, z});
+        require(!found.empty(), "a list has vertices");
+        for (const std::uint32_t v : found) require(v < vertices, "a list has vertices that there are");
+      }
+}
+
+bool is_usable(const std::optional<Geometry>& geometry) {
+  if (!geometry) return false;
+  require(!geometry->pieces.empty() && geometry->model_error >= 0, "a body has pieces and an error");
+  for (const PiecePtr& piece : geometry->pieces) {
+    require(!piece->vertices.empty() && piece->radius >= 0, "a piece has vertices and a radius");
+    for (const Vec3d& v : piece->vertices)
+      require(std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z), "vertices are finite");
+    if (piece->table) check_table(*piece->table, piece->vertices.size());
+  }
+  if (geometry->display)
+    for (const Triangle& t : geometry->display->triangles)
+      require(std::max({t[0], t[1], t[2]}) < geometry->display->vertices.size(),
+              "triangles are of vertices that there are");
+  return true;
+}
+
+}  // namespace
+}  // namespace clearance::fuzz
+
+/// First byte: 0 the rest is the entry's file; else the rest is a record, which is kept first.
+CLEARANCE_FUZZ_TARGET(cache_entry) {
+  using namespace clearance;
+  using namespace clearance::fuzz;
+  static const ScratchFolder folder;
+  static const Cache cache(folder / "cache");
+  static const std::string name = CacheKey("mesh", "1").name();
+  require(cache.is_on(), "there is a cache");
+  Input in(bytes);
+  const bool raw = in.number<std::uint8_t>() == 0;
+  const Bytes rest = in.rest();
+  if (raw) {
+    ::chmod(folder.write("cache/" + name, rest).c_str(), 0600);
+    require(!cache.read(name), "nobody guesses a digest");
+    return false;
+  }
+  cache.write(name, rest);
+  const auto record = cache.read(name);
+  require(record && std::ranges::equal(*record, rest), "what is kept comes back");
+  return is_usable(geometry_of_record(*record));
+}
