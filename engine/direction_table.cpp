@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <numeric>
 
 #include "clones.h"
@@ -12,7 +13,7 @@ namespace clearance {
 
 namespace {
 
-constexpr std::size_t kCompareAll = 16;   // lists up to this length are compared each with each
+constexpr std::size_t kCompareAll = 32;   // lists up to this length are compared each with each
 constexpr int kBelowGrid = 6;             // how often a cell of the grid may be divided
 constexpr double kMargin = 128 * 0x1p-53;
 
@@ -40,126 +41,158 @@ Lattice lattice_of(std::uint32_t u, std::uint32_t v, int level, double margin) {
 }
 constexpr int kCorner[4][4] = {{0, 1, 3, 4}, {1, 2, 4, 5}, {3, 4, 6, 7}, {4, 5, 7, 8}};   // of each child
 
-constexpr std::size_t kLanes = 8;
+// As many as a register of AVX2 holds, which all but old machines have and is chosen at run time; elsewhere two.
+#ifdef __x86_64__
+constexpr std::size_t kLanes = 4;
+#else
+constexpr std::size_t kLanes = 2;
+#endif
+constexpr std::size_t kChunk = 512;
+typedef double Lanes __attribute__((vector_size(8 * kLanes)));
+typedef std::int64_t Mask __attribute__((vector_size(8 * kLanes)));
+typedef double LanesInMemory __attribute__((vector_size(8 * kLanes), may_alias, aligned(8)));  // of doubles anywhere
+struct Column {
+  double at[kChunk];
+  LanesInMemory& lanes(std::size_t i) { return *reinterpret_cast<LanesInMemory*>(at + i); }
+  const LanesInMemory& lanes(std::size_t i) const { return *reinterpret_cast<const LanesInMemory*>(at + i); }
+};
 
-// out[i] = direction . v_i.
+// values[k].at[i] = directions[k] . v_i, for a multiple of kLanes vertices.
 CLEARANCE_CLONES void values_along(const double* x, const double* y, const double* z, std::size_t padded,
-                                   const Vec3d& direction, double* out) {
-  for (std::size_t i = 0; i < padded; i += kLanes)
-    for (std::size_t k = 0; k < kLanes; ++k)
-      out[i + k] = direction.x * x[i + k] + direction.y * y[i + k] + direction.z * z[i + k];
+                                   const Vec3d (&directions)[9], Column (&values)[9]) {
+  for (std::size_t i = 0; i < padded; i += kLanes) {
+    Lanes px, py, pz;
+    std::memcpy(&px, x + i, sizeof px);
+    std::memcpy(&py, y + i, sizeof py);
+    std::memcpy(&pz, z + i, sizeof pz);
+    for (int k = 0; k < 9; ++k) values[k].lanes(i) = directions[k].x * px + directions[k].y * py + directions[k].z * pz;
+  }
 }
 
 struct Farthest {
   double value = -1e300;
   std::size_t index = 0;
 };
-// Takes the largest of direction . v_i, begin <= i < end, into `so_far`.
-CLEARANCE_CLONES void farthest_along(const double* x, const double* y, const double* z, std::size_t begin, std::size_t end,
-                                     const Vec3d& direction, Farthest& so_far) {
-  double best[kLanes], index[kLanes];
-  for (std::size_t k = 0; k < kLanes; ++k) best[k] = -1e300, index[k] = 0;
-  for (std::size_t i = begin; i < end; i += kLanes)
-    for (std::size_t k = 0; k < kLanes; ++k) {
-      const double s = direction.x * x[i + k] + direction.y * y[i + k] + direction.z * z[i + k];
-      const bool better = s > best[k];
-      best[k] = better ? s : best[k];
-      index[k] = better ? static_cast<double>(i) : index[k];
+// Takes the largest values, and the largest sums of the values at each child's corners, into what was found so far.
+// \param first the index of the first vertex
+CLEARANCE_CLONES void farthest(const Column (&values)[9], std::size_t padded, std::size_t first, Farthest (&found)[13]) {
+  for (int k = 0; k < 13; ++k) {
+    const int* c = kCorner[k < 9 ? 0 : k - 9];
+    Lanes best = Lanes{} - 1e300;
+    Mask index{};
+    for (std::size_t i = 0; i < padded; i += kLanes) {
+      const Lanes v = k < 9 ? values[k].lanes(i)
+                            : (values[c[0]].lanes(i) + values[c[1]].lanes(i)) + (values[c[2]].lanes(i) + values[c[3]].lanes(i));
+      const Mask better = v > best;
+      best = better ? v : best;
+      index = better ? Mask{} + static_cast<std::int64_t>(i) : index;
     }
-  for (std::size_t k = 0; k < kLanes; ++k)
-    if (best[k] > so_far.value) so_far = {best[k], static_cast<std::size_t>(index[k]) + k};
+    for (std::size_t lane = 0; lane < kLanes; ++lane)
+      if (best[lane] > found[k].value) found[k] = {best[lane], first + static_cast<std::size_t>(index[lane]) + lane};
+  }
 }
 
-// beaten[i] = 1 where one of five bars is above all four values.
-CLEARANCE_CLONES void compare(const double* s0, const double* s1, const double* s2, const double* s3, std::size_t padded,
-                              const double (&bar)[5][4], double* beaten) {
-  for (std::size_t i = 0; i < padded; i += kLanes)
-    for (std::size_t k = 0; k < kLanes; ++k) {
-      double any = 0;
-      for (int b = 0; b < 5; ++b) {
-        const bool below = (s0[i + k] < bar[b][0]) & (s1[i + k] < bar[b][1]) & (s2[i + k] < bar[b][2]) & (s3[i + k] < bar[b][3]);
-        any = below ? 1.0 : any;
-      }
-      beaten[i + k] = any;
-    }
+// beaten[i] is not 0 where one of the bars is above all four values of i.
+CLEARANCE_CLONES void compare(const Column& s0, const Column& s1, const Column& s2, const Column& s3, std::size_t padded,
+                              const double (*bar)[4], std::size_t bars, std::int64_t* beaten) {
+  for (std::size_t i = 0; i < padded; i += kLanes) {
+    const Lanes a = s0.lanes(i), b = s1.lanes(i), c = s2.lanes(i), d = s3.lanes(i);
+    Mask any{};
+    for (std::size_t k = 0; k < bars; ++k) any |= (a < bar[k][0]) & (b < bar[k][1]) & (c < bar[k][2]) & (d < bar[k][3]);
+    std::memcpy(beaten + i, &any, sizeof any);
+  }
 }
 
 // Divides the list of a cell among its children: each leaves out the vertices that one other beats at all its corners.
 class Divider {
  public:
-  void set_few(std::size_t few) { few_ = few; }
   void operator()(std::span<const Vec3d> vertices, const std::vector<std::uint32_t>& from, const Lattice& lattice,
                   std::vector<std::uint32_t> (&children)[4]) {
-    const std::size_t count = from.size(), padded = (count + kLanes - 1) / kLanes * kLanes;
-    for (std::vector<double>* column : {&x_, &y_, &z_}) column->resize(padded);
-    for (std::size_t i = 0; i < padded; ++i) {
-      const Vec3d& v = vertices[from[i < count ? i : 0]];
-      x_[i] = v.x, y_[i] = v.y, z_[i] = v.z;
-    }
-    // Challengers: what is farthest along each lattice direction, and along the middle of each child's corners.
-    Vec3d middle[4];
+    gather(vertices, from);
+    for (int child = 0; child < 4; ++child) kept_[child].resize(padded_), kept_count_[child] = 0;
+    // Any vertex may challenge, one that was beaten itself, too: what beat it beats the others by more.
+    if (count_ <= kCompareAll)
+      challenge_all(lattice);
+    else
+      challenge_farthest(lattice);
     for (int child = 0; child < 4; ++child) {
-      const int* c = kCorner[child];
-      middle[child] = lattice.direction[c[0]] + lattice.direction[c[1]] + lattice.direction[c[2]] + lattice.direction[c[3]];
-    }
-    Farthest far[9], far_middle[4];
-    // Any vertex may challenge: of a long list a part is looked through, since its cell is divided again anyway.
-    const std::size_t stride = count > kSampleFrom ? 8 * kChunk : kChunk;
-    for (std::size_t at = 0; at < padded; at += stride) {
-      const std::size_t end = std::min(padded, at + kChunk);
-      for (int k = 0; k < 9; ++k) farthest_along(x_.data(), y_.data(), z_.data(), at, end, lattice.direction[k], far[k]);
-      for (int k = 0; k < 4; ++k) farthest_along(x_.data(), y_.data(), z_.data(), at, end, middle[k], far_middle[k]);
-    }
-    double bar[4][5][4];
-    for (int child = 0; child < 4; ++child) {
-      const int* c = kCorner[child];
-      const std::size_t challenger[5] = {far[c[0]].index, far[c[1]].index, far[c[2]].index, far[c[3]].index, far_middle[child].index};
-      for (int b = 0; b < 5; ++b)
-        for (int k = 0; k < 4; ++k) bar[child][b][k] = value(challenger[b], lattice.direction[c[k]]) - lattice.margin[c[k]];
-      kept_[child].clear();
-    }
-    for (std::size_t at = 0; at < padded; at += kChunk) {
-      const std::size_t size = std::min(padded - at, kChunk);
-      for (int k = 0; k < 9; ++k) values_along(x_.data() + at, y_.data() + at, z_.data() + at, size, lattice.direction[k], value_[k]);
-      for (int child = 0; child < 4; ++child) {
-        const int* c = kCorner[child];
-        compare(value_[c[0]], value_[c[1]], value_[c[2]], value_[c[3]], size, bar[child], beaten_);
-        for (std::size_t i = 0; i < std::min(size, count - at); ++i)
-          if (beaten_[i] == 0) kept_[child].push_back(static_cast<std::uint32_t>(at + i));
-      }
-    }
-    for (int child = 0; child < 4; ++child) {
-      if (kept_[child].size() > few_ && kept_[child].size() <= kCompareAll) compare_all(lattice, kCorner[child], kept_[child]);
-      children[child].reserve(kept_[child].size());
-      for (const std::uint32_t i : kept_[child]) children[child].push_back(from[i]);
+      children[child].resize(kept_count_[child]);
+      for (std::size_t i = 0; i < kept_count_[child]; ++i) children[child][i] = from[kept_[child][i]];
     }
   }
 
  private:
-  double value(std::size_t i, const Vec3d& direction) const { return direction.x * x_[i] + direction.y * y_[i] + direction.z * z_[i]; }
+  static constexpr std::size_t kSampleFrom = 16 * kChunk, kFarthest = 5;
 
-  void compare_all(const Lattice& lattice, const int* corner, std::vector<std::uint32_t>& kept) const {
-    double at_corner[kCompareAll][4];
-    for (std::size_t i = 0; i < kept.size(); ++i)
-      for (int k = 0; k < 4; ++k) at_corner[i][k] = value(kept[i], lattice.direction[corner[k]]);
-    std::size_t end = 0;
-    for (std::size_t i = 0; i < kept.size(); ++i) {
-      bool beaten = false;
-      for (std::size_t j = 0; j < kept.size() && !beaten; ++j) {
-        // One that was beaten itself may serve: what beat it beats the other, too, by more.
-        beaten = true;
-        for (int k = 0; k < 4; ++k) beaten = beaten && at_corner[i][k] < at_corner[j][k] - lattice.margin[corner[k]];
-      }
-      if (!beaten) kept[end++] = kept[i];
+  void gather(std::span<const Vec3d> vertices, const std::vector<std::uint32_t>& from) {
+    count_ = from.size();
+    padded_ = (count_ + kLanes - 1) / kLanes * kLanes;
+    for (std::vector<double>* column : {&x_, &y_, &z_}) column->resize(padded_);
+    for (std::size_t i = 0; i < padded_; ++i) {
+      const Vec3d& v = vertices[from[i < count_ ? i : 0]];
+      x_[i] = v.x, y_[i] = v.y, z_[i] = v.z;
     }
-    kept.resize(end);
+  }
+  // Values along the lattice's directions of the vertices from `at` on. Returns how many there are, padded.
+  std::size_t look(const Lattice& lattice, std::size_t at) {
+    const std::size_t size = std::min(padded_ - at, kChunk);
+    values_along(x_.data() + at, y_.data() + at, z_.data() + at, size, lattice.direction, value_);
+    return size;
+  }
+  // Keeps of the vertices from `at` on those that no bar beats.
+  void keep(int child, std::size_t at, std::size_t size, const double (*bar)[4], std::size_t bars) {
+    const int* c = kCorner[child];
+    compare(value_[c[0]], value_[c[1]], value_[c[2]], value_[c[3]], size, bar, bars, beaten_);
+    std::uint32_t* kept = kept_[child].data();
+    std::size_t n = kept_count_[child];
+    for (std::size_t i = 0; i < std::min(size, count_ - at); ++i) {
+      kept[n] = static_cast<std::uint32_t>(at + i);
+      n += beaten_[i] == 0;
+    }
+    kept_count_[child] = n;
   }
 
-  static constexpr std::size_t kChunk = 512, kSampleFrom = 16 * kChunk;
-  std::size_t few_ = 6;
+  void challenge_all(const Lattice& lattice) {
+    const std::size_t size = look(lattice, 0);
+    double bar[kCompareAll][4];
+    for (int child = 0; child < 4; ++child) {
+      for (int k = 0; k < 4; ++k) {
+        const int corner = kCorner[child][k];
+        for (std::size_t b = 0; b < count_; ++b) bar[b][k] = value_[corner].at[b] - lattice.margin[corner];
+      }
+      keep(child, 0, size, bar, count_);
+    }
+  }
+
+  // Challengers: what is farthest along each lattice direction, and along the middle of each child's corners.
+  void challenge_farthest(const Lattice& lattice) {
+    Farthest far[13];
+    // Of a long list a part is looked through, since its cell is divided again anyway.
+    const std::size_t stride = count_ > kSampleFrom ? 8 * kChunk : kChunk;
+    for (std::size_t at = 0; at < padded_; at += stride) {
+      const std::size_t size = look(lattice, at);
+      farthest(value_, size, at, far);
+    }
+    double bar[4][kFarthest][4];
+    for (int child = 0; child < 4; ++child) {
+      const int* c = kCorner[child];
+      const std::size_t challenger[kFarthest] = {far[c[0]].index, far[c[1]].index, far[c[2]].index, far[c[3]].index, far[9 + child].index};
+      for (std::size_t b = 0; b < kFarthest; ++b)
+        for (int k = 0; k < 4; ++k) bar[child][b][k] = value(challenger[b], lattice.direction[c[k]]) - lattice.margin[c[k]];
+    }
+    for (std::size_t at = 0; at < padded_; at += kChunk) {
+      const std::size_t size = padded_ > kChunk ? look(lattice, at) : padded_;
+      for (int child = 0; child < 4; ++child) keep(child, at, size, bar[child], kFarthest);
+    }
+  }
+  double value(std::size_t i, const Vec3d& direction) const { return direction.x * x_[i] + direction.y * y_[i] + direction.z * z_[i]; }
+
+  std::size_t count_ = 0, padded_ = 0;
   std::vector<double> x_, y_, z_;
-  double value_[9][kChunk], beaten_[kChunk];
+  Column value_[9];
+  std::int64_t beaten_[kChunk];
   std::vector<std::uint32_t> kept_[4];
+  std::size_t kept_count_[4];
 };
 
 // A square of the unfolded map: 2^level cells along each axis.
@@ -200,7 +233,6 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho,
     for (std::size_t k = 0; k < cells.size(); ++k) {
       const FpEnvironment environment;
       static thread_local Divider divide;
-      divide.set_few(few);
       const Cell& cell = cells[k];
       std::vector<std::uint32_t> lists[4];
       divide(vertices, cell.list, lattice_of(cell.u, cell.v, level, margin), lists);
