@@ -64,10 +64,10 @@ cuda::Calibration calibration_of(const Scene& scene, const Engine::Options& opti
   std::string devices = options.devices.empty() ? cuda::device_info().name : std::string();
   for (const int device : options.devices) devices += (devices.empty() ? "" : " and ") + cuda::device_name(device);
   const std::string key = cuda::calibration_key(devices, options.threads, lane_kernel(options.instruction_set).name, bodies);
-  const std::filesystem::path file = cuda::calibration_file(key);
-  if (auto kept = cuda::load_calibration(file, key)) return *kept;
+  const Cache cache = Cache::of_environment();
+  if (auto kept = cuda::load_calibration(cache, key)) return *kept;
   const cuda::Calibration measured = cuda::calibrate(options, bodies);
-  cuda::save_calibration(file, key, measured);
+  cuda::save_calibration(cache, key, measured);
   return measured;
 }
 

@@ -92,7 +92,7 @@ class Engine {
     /// refused (kNotSupported, with the reason).
     bool device_fallback = true;
     /// Of backend auto, where there is a device: "auto" looks up how long queries take on both backends where it was kept
-    /// (XDG_CACHE_HOME, or ~/.cache), and measures and keeps it if need be; "measure" measures and keeps nothing; "off":
+    /// (cache/cache.h), and measures and keeps it if need be; "measure" measures and keeps nothing; "off":
     /// auto means the CPU.
     std::string calibration = "auto";
     /// CUDA devices of backends cuda and auto, by their numbers; none: the calling thread's current one. Each holds the scene,

@@ -39,9 +39,8 @@ int main(int argc, char** argv) {
   constexpr int kWrong = 1, kCommandLine = 2;
   cli::Output output = cli::Output::kTable;
   CLI::App app(
-      "Asks every way to answer that this machine has (both kinds of arithmetic, each instruction set, each GPU) about "
-      "pairs "
-      "whose distances are known.",
+      "Asks every way to answer that this machine has (both kinds of arithmetic, each instruction set, each GPU) "
+      "about pairs whose distances are known.",
       "clearance selftest");
   auto* json = app.add_flag_callback(
       "--json", [&] { output = cli::Output::kJson; }, "print JSON");

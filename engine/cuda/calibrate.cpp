@@ -1,14 +1,13 @@
 // How long queries take on this machine's CPU and device, and where that is kept.
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
-#include <fstream>
+#include <cstring>
 #include <random>
+#include <span>
+#include <type_traits>
 
-#include "engine/digest.h"
+#include "engine/cache/cache.h"
 #include "router.h"
 
 namespace clearance::cuda {
@@ -121,7 +120,9 @@ Timed time_query(const Scene& scene, const Engine::Options& options, QueryKind k
   return {static_cast<double>(size.configurations * size.pairs), best};
 }
 
-constexpr const char* kTitle = "clearance calibration 2: pairs, CPU [ns], device [ns]";
+constexpr const char* kVersion = "3";  // of the samples and of what is measured
+
+std::string entry_of(const std::string& key) { return CacheKey("calibration", kVersion).add(key).name(); }
 
 }  // namespace
 
@@ -155,53 +156,25 @@ std::string calibration_key(const std::string& device_name, int threads, std::st
          std::string(instruction_set) + (bodies == Bodies::kOfSeveral ? ", bodies of several pieces" : "");
 }
 
-std::filesystem::path calibration_file(const std::string& key) {
-  std::filesystem::path folder;
-  const char *cache = std::getenv("XDG_CACHE_HOME"), *home = std::getenv("HOME");
-  if (cache && *cache == '/')
-    folder = cache;
-  else if (home && *home == '/')
-    folder = std::filesystem::path(home) / ".cache";
-  else
-    return {};
-  Digest digest;
-  digest.add(std::string_view(key));
-  return folder / "clearance" / ("calibration-" + std::to_string(digest.value()) + ".txt");
-}
-
-std::optional<Calibration> load_calibration(const std::filesystem::path& file, const std::string& key) {
-  if (file.empty()) return std::nullopt;
-  std::ifstream in(file);
-  std::string title, named;
-  if (!std::getline(in, title) || title != kTitle || !std::getline(in, named) || named != key) return std::nullopt;
+std::optional<Calibration> load_calibration(const Cache& cache, const std::string& key) {
+  const auto kept = cache.read(entry_of(key));
   Calibration c;
-  for (auto& kind : c.samples)
-    for (auto& hulls : kind) {
+  if (!kept || kept->size() != sizeof c.samples) return std::nullopt;
+  std::memcpy(&c.samples, kept->data(), sizeof c.samples);
+  for (const auto& kind : c.samples)
+    for (const auto& hulls : kind) {
       double pairs = 0;
-      for (CostSample& s : hulls) {
-        if (!(in >> s.pairs >> s.cpu_ns >> s.device_ns) || !(s.pairs > pairs) || !(s.cpu_ns > 0) || !(s.device_ns > 0))
-          return std::nullopt;
+      for (const CostSample& s : hulls) {
+        if (!(s.pairs > pairs) || !(s.cpu_ns > 0) || !(s.device_ns > 0)) return std::nullopt;
         pairs = s.pairs;
       }
     }
   return c;
 }
 
-void save_calibration(const std::filesystem::path& file, const std::string& key, const Calibration& calibration) {
-  if (file.empty()) return;
-  std::error_code failed;
-  std::filesystem::create_directories(file.parent_path(), failed);
-  std::filesystem::path fresh = file;
-  fresh += "." + std::to_string(getpid());
-  std::ofstream out(fresh);
-  out << kTitle << '\n' << key << '\n';
-  out.precision(9);
-  for (const auto& kind : calibration.samples)
-    for (const auto& hulls : kind)
-      for (const CostSample& s : hulls) out << s.pairs << ' ' << s.cpu_ns << ' ' << s.device_ns << '\n';
-  out.close();
-  if (out) std::filesystem::rename(fresh, file, failed);
-  if (!out || failed) std::filesystem::remove(fresh, failed);
+void save_calibration(const Cache& cache, const std::string& key, const Calibration& calibration) {
+  static_assert(std::is_trivially_copyable_v<decltype(calibration.samples)>);
+  cache.write(entry_of(key), std::as_bytes(std::span(&calibration.samples, 1)));
 }
 
 }  // namespace clearance::cuda

@@ -56,7 +56,7 @@ void ask(SelfTest& test, const std::vector<int>& devices) {
   options.devices = devices;
   options.fallback = false;
   DeviceBackend device(scene, options);
-  const PoseStore poses(scene);
+  const PoseStore poses(scene, std::chrono::nanoseconds(0));  // no pose here has a stamp
   WarmStore warm(0);
   BoxTreeStore trees;
   std::atomic<std::uint64_t> evaluated{0}, contradictions{0};

@@ -4,11 +4,11 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
-#include <filesystem>
 #include <optional>
 #include <string>
 
 #include "device.h"
+#include "engine/cache/cache.h"
 #include "engine/engine.h"
 #include "engine/plan.h"
 
@@ -54,12 +54,10 @@ struct Calibration {
 /// Times queries of made-up scenes on both backends: a few hundred ms. \param like threads and instruction set of the CPU.
 Calibration calibrate(const Engine::Options& like, Bodies bodies);
 
-/// What was measured on this machine before, if `key` is the same. A file that cannot be read or holds anything else is none.
-std::optional<Calibration> load_calibration(const std::filesystem::path& file, const std::string& key);
+/// What was measured on this machine before, if the cache has kept it under this key.
+std::optional<Calibration> load_calibration(const Cache& cache, const std::string& key);
 /// Leaves it for the next time; where that is not possible, nothing happens.
-void save_calibration(const std::filesystem::path& file, const std::string& key, const Calibration& calibration);
-/// clearance/ in XDG_CACHE_HOME or ~/.cache; empty if there is neither.
-std::filesystem::path calibration_file(const std::string& key);
+void save_calibration(const Cache& cache, const std::string& key, const Calibration& calibration);
 /// What a calibration depends on: device, version, threads, instruction set, bodies.
 std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set, Bodies bodies);
 

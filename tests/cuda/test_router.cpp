@@ -3,8 +3,10 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
+#include <limits>
+#include <optional>
 
+#include "engine/cache/cache.h"
 #include "engine/cuda/router.h"
 #include "same_answer.h"
 #include "stand_in_device.h"
@@ -53,10 +55,12 @@ class RouterTest : public testing::Test {
     std::string name = testing::TempDir() + "clearance-router-XXXXXX";
     ASSERT_NE(mkdtemp(name.data()), nullptr);
     folder_ = name;
-    setenv("XDG_CACHE_HOME", folder_.c_str(), 1);
+    setenv("CLEARANCE_CACHE", folder_.c_str(), 1);
+    cache_.emplace(folder_.string());
+    ASSERT_TRUE(cache_->is_on()) << cache_->why_off();
   }
   void TearDown() override {
-    unsetenv("XDG_CACHE_HOME");
+    unsetenv("CLEARANCE_CACHE");
     std::filesystem::remove_all(folder_);
   }
 
@@ -88,6 +92,7 @@ class RouterTest : public testing::Test {
   }
 
   std::filesystem::path folder_;
+  std::optional<Cache> cache_;
   Fault fault_;
   cuda::DeviceStandIn stand_in_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t) {
                                   fault_.call("opening");
@@ -96,7 +101,7 @@ class RouterTest : public testing::Test {
 };
 
 TEST_F(RouterTest, GivesLargeQueriesToTheDeviceAndSmallOnesToTheCpu) {
-  save_calibration(cuda::calibration_file(key()), key(), same_for_all({1, 10, 100, 1000, 10000}, {100, 100, 100, 100, 100}));
+  save_calibration(*cache_, key(), same_for_all({1, 10, 100, 1000, 10000}, {100, 100, 100, 100, 100}));
   const Engine engine(scene(60), options()), cpu(scene(60), {"cpu", 2});
   EXPECT_EQ(engine.backend(), "auto");
   EXPECT_EQ(counter(engine, "route.dense.cuda_from_pairs"), 1000u);
@@ -118,7 +123,7 @@ TEST_F(RouterTest, KnowsKindsOfQueries) {
   Calibration c = same_for_all({1, 1, 1, 1, 1}, {2, 2, 2, 2, 2});
   for (auto& hulls : c.samples[std::size_t(QueryKind::kConfigurations)])
     for (CostSample& sample : hulls) sample.device_ns = 0.5;
-  save_calibration(cuda::calibration_file(key()), key(), c);
+  save_calibration(*cache_, key(), c);
   const Engine engine(scene(20), options());
   const std::vector<std::uint32_t> bodies{3};
   const std::vector<Pose> poses(4);
@@ -142,7 +147,7 @@ TEST_F(RouterTest, TellsKindsApartByWhatIsAsked) {
       for (CostSample& sample : hulls) sample.device_ns = 0.5;
   };
   for (const QueryKind kind : {QueryKind::kWarm, QueryKind::kDepth, QueryKind::kWithin}) wins(kind);
-  save_calibration(cuda::calibration_file(key()), key(), c);
+  save_calibration(*cache_, key(), c);
   const Engine engine(scene(20), options());
   struct Case {
     std::string name;
@@ -171,10 +176,9 @@ TEST_F(RouterTest, TellsKindsApartByWhatIsAsked) {
 }
 
 TEST_F(RouterTest, MeasuresOnceAndKeepsIt) {
-  const std::filesystem::path file = cuda::calibration_file(key());
-  ASSERT_FALSE(std::filesystem::exists(file));
+  ASSERT_FALSE(cuda::load_calibration(*cache_, key()));
   { const Engine engine(scene(5), options()); }
-  const auto kept = cuda::load_calibration(file, key());
+  const auto kept = cuda::load_calibration(*cache_, key());
   ASSERT_TRUE(kept);
   for (const auto& kind : kept->samples)
     for (const auto& hulls : kind) EXPECT_GT(hulls[4].pairs, 10 * hulls[0].pairs);
@@ -184,16 +188,15 @@ TEST_F(RouterTest, MeasuresOnceAndKeepsIt) {
 }
 
 TEST_F(RouterTest, MeasuresBodiesOfSeveralPiecesForThemselves) {
-  const std::filesystem::path file = cuda::calibration_file(key(cuda::Bodies::kOfSeveral));
   { const Engine engine(scene_of_several(5), options()); }
-  EXPECT_TRUE(cuda::load_calibration(file, key(cuda::Bodies::kOfSeveral)));
-  EXPECT_FALSE(std::filesystem::exists(cuda::calibration_file(key())));
+  EXPECT_TRUE(cuda::load_calibration(*cache_, key(cuda::Bodies::kOfSeveral)));
+  EXPECT_FALSE(cuda::load_calibration(*cache_, key()));
 }
 
 TEST_F(RouterTest, AsksWhatWasMeasuredWithBodiesLikeTheScenes) {
-  save_calibration(cuda::calibration_file(key()), key(), same_for_all({1, 1, 1, 1, 1}, {2, 2, 2, 2, 2}));
+  save_calibration(*cache_, key(), same_for_all({1, 1, 1, 1, 1}, {2, 2, 2, 2, 2}));
   const std::string several = key(cuda::Bodies::kOfSeveral);
-  save_calibration(cuda::calibration_file(several), several, same_for_all({2, 2, 2, 2, 2}, {1, 1, 1, 1, 1}));
+  save_calibration(*cache_, several, same_for_all({2, 2, 2, 2, 2}, {1, 1, 1, 1, 1}));
   EXPECT_EQ(counter(Engine(scene(4), options()), "route.dense.cuda_from_pairs"), kNever);
   EXPECT_EQ(counter(Engine(scene_of_several(4), options()), "route.dense.cuda_from_pairs"), 0u);
   Scene mixed = scene(3), pairs = scene_of_several(2);
@@ -208,24 +211,25 @@ TEST_F(RouterTest, AsksWhatWasMeasuredWithBodiesLikeTheScenes) {
   EXPECT_EQ(cuda::bodies_of(mixed), cuda::Bodies::kOfSeveral);
 }
 
-TEST_F(RouterTest, TakesNoFileThatIsNotItsOwn) {
-  const std::filesystem::path file = folder_ / "calibration.txt";
+TEST_F(RouterTest, TakesNoEntryThatIsNotItsOwn) {
   const Calibration c = same_for_all({1, 2, 3, 4, 5.5}, {3, 3, 3, 3, 4e-3});
-  EXPECT_FALSE(cuda::load_calibration(file, "key"));
-  save_calibration(file, "key", c);
-  const auto same = cuda::load_calibration(file, "key");
+  save_calibration(*cache_, "key", c);
+  const auto same = cuda::load_calibration(*cache_, "key");
   ASSERT_TRUE(same);
   EXPECT_EQ(same->samples[2][1][4].cpu_ns, 5.5);
   EXPECT_EQ(same->samples[0][0][4].device_ns, 4e-3);
-  EXPECT_FALSE(cuda::load_calibration(file, "another key"));
-  std::string text;
-  std::getline(std::ifstream(file), text, '\0');
-  for (const std::string& spoilt : {std::string(), text.substr(0, text.size() / 2), "x" + text, text.substr(0, 30) + "\0",
-                                    text.replace(text.rfind("5.5"), 3, "-5.5"), text.replace(text.rfind("-5.5"), 4, "nan")}) {
-    std::ofstream(file) << spoilt;
-    EXPECT_FALSE(cuda::load_calibration(file, "key")) << spoilt;
+  EXPECT_FALSE(cuda::load_calibration(*cache_, "another key"));
+  for (const double spoilt : {-5.5, 0.0, std::numeric_limits<double>::quiet_NaN()}) {
+    save_calibration(*cache_, "key", same_for_all({1, 2, 3, 4, spoilt}, {3, 3, 3, 3, 3}));
+    EXPECT_FALSE(cuda::load_calibration(*cache_, "key")) << spoilt;
   }
-  save_calibration("/proc/nowhere/calibration.txt", "key", c);  // nothing happens
+  Calibration falling = c;
+  falling.samples[1][0][2].pairs = 1;
+  save_calibration(*cache_, "key", falling);
+  EXPECT_FALSE(cuda::load_calibration(*cache_, "key"));
+  ASSERT_EQ(cache_->list().size(), 1u);
+  cache_->write(cache_->list()[0].name, std::vector<std::byte>(7));
+  EXPECT_FALSE(cuda::load_calibration(*cache_, "key"));
 }
 
 TEST_F(RouterTest, OffMeansTheCpuAndOpensNoDevice) {
@@ -236,7 +240,7 @@ TEST_F(RouterTest, OffMeansTheCpuAndOpensNoDevice) {
 }
 
 TEST_F(RouterTest, GoesOnWithTheCpuWhereTheDeviceFails) {
-  save_calibration(cuda::calibration_file(key()), key(), same_for_all({2, 2, 2, 2, 2}, {1, 1, 1, 1, 1}));
+  save_calibration(*cache_, key(), same_for_all({2, 2, 2, 2, 2}, {1, 1, 1, 1, 1}));
   fault_ = {3};
   const Engine engine(scene(60), options()), cpu(scene(60), {"cpu", 2});
   EXPECT_EQ(engine.backend(), "auto");
