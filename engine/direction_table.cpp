@@ -50,9 +50,9 @@ constexpr std::size_t kLanes = 2;
 constexpr std::size_t kChunk = 512;
 typedef double Lanes __attribute__((vector_size(8 * kLanes)));
 typedef std::int64_t Mask __attribute__((vector_size(8 * kLanes)));
-typedef double LanesInMemory __attribute__((vector_size(8 * kLanes), may_alias, aligned(8)));  // of doubles anywhere
+typedef double LanesInMemory __attribute__((vector_size(8 * kLanes), may_alias));  // of doubles on such a boundary
 struct Column {
-  double at[kChunk];
+  alignas(LanesInMemory) double at[kChunk];
   LanesInMemory& lanes(std::size_t i) { return *reinterpret_cast<LanesInMemory*>(at + i); }
   const LanesInMemory& lanes(std::size_t i) const { return *reinterpret_cast<const LanesInMemory*>(at + i); }
 };

@@ -241,7 +241,9 @@ double check_dae(std::string_view content) {
   const auto result = document.load_buffer(content.data(), content.size());
   if (result.status == pugi::status_out_of_memory) throw std::bad_alloc();
   if (!result) {
-    const auto lines = std::count(content.begin(), content.begin() + result.offset, '\n');
+    // The place counts bytes of UTF-8: of a file in another encoding there may be fewer.
+    const auto offset = std::clamp<std::ptrdiff_t>(result.offset, 0, static_cast<std::ptrdiff_t>(content.size()));
+    const auto lines = std::count(content.begin(), content.begin() + offset, '\n');
     throw LoadError("line " + std::to_string(lines + 1) + ": no XML: " + result.description());
   }
   const xml_node root = document.child("COLLADA");
