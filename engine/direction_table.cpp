@@ -52,7 +52,7 @@ typedef double Lanes __attribute__((vector_size(8 * kLanes)));
 typedef std::int64_t Mask __attribute__((vector_size(8 * kLanes)));
 typedef double LanesInMemory __attribute__((vector_size(8 * kLanes), may_alias));  // of doubles on such a boundary
 struct Column {
-  alignas(LanesInMemory) double at[kChunk];
+  alignas(8 * kLanes) double at[kChunk];  // said in numbers: how a vector is aligned depends on the instruction set
   LanesInMemory& lanes(std::size_t i) { return *reinterpret_cast<LanesInMemory*>(at + i); }
   const LanesInMemory& lanes(std::size_t i) const { return *reinterpret_cast<const LanesInMemory*>(at + i); }
 };
