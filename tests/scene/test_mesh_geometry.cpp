@@ -14,6 +14,7 @@
 #include "error_text.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance {
 namespace {
@@ -202,18 +203,10 @@ TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
     EXPECT_EQ(scene.bodies()[0].pieces[0]->table->lists, piece.table->lists);
     scene.add_sphere("probe", 0.25, {.pose = Pose{{0, 0, 2.39}, 1, 0, 0, 0}});
     const Engine engine(scene);
-    double lower = 0, upper = 0;
-    std::uint8_t status = 0;
-    QueryView query;
-    query.fields = kFieldLower | kFieldUpper | kFieldStatus;
-    ReplyView reply;
-    reply.rows = 1;
-    reply.lower = &lower;
-    reply.upper = &upper;
-    reply.status = &status;
-    Job job = engine.start(query, reply);
-    while (!job.advance()) {
-    }
+    const test::Answer answer = test::ask(engine, {});
+    ASSERT_EQ(answer.info.rows, 1u);
+    const double lower = answer.view.lower[0], upper = answer.view.upper[0];
+    const std::uint8_t status = answer.view.status[0];
     EXPECT_EQ(static_cast<Status>(status), Status::kOk);
     EXPECT_LE(lower, 0.1401) << "0.14 m apart, at the vertex that the file leaves out";
     EXPECT_GE(upper, 0.1399);

@@ -9,6 +9,7 @@
 #include "error_text.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
+#include "tests/engine/engine_test_util.h"
 
 namespace clearance {
 namespace {
@@ -217,16 +218,10 @@ TEST(Scene, MeshesKeepTheirDistanceAtMapCoordinates) {
         scene.add_mesh("at " + std::to_string(x), folder.write(std::to_string(x) + extension, write(box_at(x))),
                        {scale, scale, scale}, Convexify::kHull, options);
       const Engine engine(scene);
-      double lower = 0, upper = 0;
-      std::uint8_t status = 0;
-      QueryView query;
-      query.fields = kFieldLower | kFieldUpper | kFieldStatus;
-      ReplyView reply;
-      reply.rows = 1;
-      reply.lower = &lower;
-      reply.upper = &upper;
-      reply.status = &status;
-      engine.start(query, reply).advance();
+      const test::Answer answer = test::ask(engine, {});
+      ASSERT_EQ(answer.info.rows, 1u);
+      const double lower = answer.view.lower[0], upper = answer.view.upper[0];
+      const std::uint8_t status = answer.view.status[0];
       EXPECT_EQ(static_cast<Status>(status), Status::kOk) << extension;
       const double error = scene.bodies()[0].model_error + scene.bodies()[1].model_error;
       EXPECT_EQ(error > 0, scale != 1) << extension << " " << error;
