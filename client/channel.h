@@ -8,8 +8,8 @@
 #include <span>
 #include <string>
 
-#include "key_file.h"
-#include "protocol.h"
+#include "wire/key_file.h"
+#include "wire/protocol.h"
 
 namespace clearance {
 

@@ -8,7 +8,7 @@
 #include "fork_guard.h"
 #include "requests.h"
 #include "unknown_name.h"
-#include "wire.h"
+#include "wire/wire.h"
 
 namespace clearance {
 namespace {

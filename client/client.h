@@ -21,7 +21,7 @@
 #include <utility>
 #include <vector>
 
-#include "types.h"
+#include <clearance/types.h>
 
 // The installed shared library shows what is marked so, and nothing else.
 #ifdef CLEARANCE_CLIENT_STATIC

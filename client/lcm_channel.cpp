@@ -10,13 +10,13 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include "aligned_buffer.h"
+#include "wire/aligned_buffer.h"
 #include "channel.h"
 #include "client.h"
-#include "lcm_bus.h"
-#include "lcm_check.h"
-#include "lcm_frames.h"
-#include "wire.h"
+#include "wire/lcm_bus.h"
+#include "wire/lcm_check.h"
+#include "wire/lcm_frames.h"
+#include "wire/wire.h"
 
 namespace clearance {
 namespace {

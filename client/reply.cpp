@@ -3,7 +3,7 @@
 #include "channel.h"
 #include "client.h"
 #include "fork_guard.h"
-#include "wire.h"
+#include "wire/wire.h"
 
 namespace clearance {
 namespace {

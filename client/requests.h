@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "client.h"
-#include "wire.h"
+#include "wire/wire.h"
 
 namespace clearance {
 

@@ -20,9 +20,9 @@
 #include "client.h"
 #include "fork_guard.h"
 #include "shm_client_segment.h"
-#include "shm_layout.h"
-#include "shm_os.h"
-#include "spin_gate.h"
+#include "wire/shm_layout.h"
+#include "wire/shm_os.h"
+#include "wire/spin_gate.h"
 
 namespace clearance {
 

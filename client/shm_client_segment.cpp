@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "client.h"
-#include "protocol.h"
+#include "wire/protocol.h"
 
 namespace clearance {
 

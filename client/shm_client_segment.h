@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "fork_guard.h"
-#include "shm_layout.h"
-#include "shm_os.h"
+#include "wire/shm_layout.h"
+#include "wire/shm_os.h"
 
 namespace clearance {
 

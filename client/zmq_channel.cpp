@@ -11,10 +11,10 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "aligned_buffer.h"
+#include "wire/aligned_buffer.h"
 #include "channel.h"
 #include "client.h"
-#include "wire.h"
+#include "wire/wire.h"
 
 namespace clearance {
 namespace {

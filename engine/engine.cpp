@@ -1,4 +1,4 @@
-#include "engine.h"
+#include "engine/engine.h"
 
 #include <omp.h>
 #include <unistd.h>
@@ -7,14 +7,14 @@
 #include <atomic>
 #include <stdexcept>
 
-#include "cuda/device_job.h"
-#include "cuda/device_self_test.h"
-#include "cuda/router.h"
-#include "fp_environment.h"
-#include "job.h"
-#include "plan.h"
-#include "pose_store.h"
-#include "self_test.h"
+#include "engine/device/device_job.h"
+#include "engine/device/device_self_test.h"
+#include "engine/device/router.h"
+#include "engine/base/fp_environment.h"
+#include "engine/query/job.h"
+#include "engine/query/plan.h"
+#include "engine/scene/pose_store.h"
+#include "engine/narrow/self_test.h"
 
 namespace clearance {
 

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "engine/query.h"
-#include "engine/scene.h"
+#include "engine/query/query.h"
+#include "engine/scene/scene.h"
 
 namespace clearance {
 
@@ -98,13 +98,13 @@ class Engine {
     /// CUDA devices of backends cuda and auto, by their numbers; none: the calling thread's current one. Each holds the scene,
     /// and queries are shared out among them; answers do not depend on how many there are.
     std::vector<int> devices{};
-    /// Whether what the self-test (engine/self_test.h) finds wrong is refused. Tests of wrong builds leave it out.
+    /// Whether what the self-test (engine/narrow/self_test.h) finds wrong is refused. Tests of wrong builds leave it out.
     bool self_test = true;
   };
 
   /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, and for a device named twice;
   /// std::runtime_error for a backend or device that is absent on this machine or, without fallback, has no room for the
-  /// scene, for one that the self-test (engine/self_test.h) found wrong, and where it found all instruction sets wrong.
+  /// scene, for one that the self-test (engine/narrow/self_test.h) found wrong, and where it found all instruction sets wrong.
   explicit Engine(Scene scene) : Engine(std::move(scene), Options()) {}
   Engine(Scene scene, const Options& options);
   ~Engine();

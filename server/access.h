@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "client/protocol.h"
+#include "wire/protocol.h"
 
 namespace clearance {
 

@@ -7,7 +7,7 @@
 
 #include <sys/socket.h>
 
-#include "client/shm_os.h"
+#include "wire/shm_os.h"
 
 namespace clearance {
 

@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "client/wire.h"
+#include "wire/wire.h"
 
 namespace clearance {
 

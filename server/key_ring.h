@@ -1,6 +1,6 @@
 // The keys of a daemon's TCP endpoints: its own, and those of its clients with what each may do.
 //
-// In a folder: server.key (client/key_file.h) and `authorized`, a line for each client:
+// In a folder: server.key (wire/key_file.h) and `authorized`, a line for each client:
 //   KEY RIGHTS [NAME]          as in    rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7 query,poses planner
 // Lines that begin with "# " are comments (a key may begin with '#', and no space follows it there).
 #pragma once
@@ -12,7 +12,7 @@
 #include <unordered_map>
 
 #include "access.h"
-#include "client/key_file.h"
+#include "wire/key_file.h"
 
 namespace clearance {
 

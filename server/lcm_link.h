@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "client/lcm_bus.h"
-#include "client/lcm_frames.h"
+#include "wire/lcm_bus.h"
+#include "wire/lcm_frames.h"
 #include "server/lcm_outbox.h"
 #include "server/transport.h"
 

@@ -8,7 +8,7 @@
 #include <list>
 #include <optional>
 
-#include "client/lcm_bus.h"
+#include "wire/lcm_bus.h"
 
 namespace clearance {
 

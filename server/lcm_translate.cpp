@@ -5,7 +5,7 @@
 #include <limits>
 #include <string>
 
-#include "client/lcm_bus.h"
+#include "wire/lcm_bus.h"
 
 namespace clearance {
 namespace {

@@ -1,4 +1,4 @@
-// Between the frames that the daemon's loop speaks (client/protocol.h) and the typed LCM messages (lcmtypes/).
+// Between the frames that the daemon's loop speaks (wire/protocol.h) and the typed LCM messages (lcmtypes/).
 #pragma once
 
 #include <cstddef>
@@ -13,8 +13,8 @@
 #include "clearance_lcm/scene_t.hpp"
 #include "clearance_lcm/states_t.hpp"
 #include "clearance_lcm/status_t.hpp"
-#include "client/lcm_frames.h"
-#include "client/wire.h"
+#include "wire/lcm_frames.h"
+#include "wire/wire.h"
 
 namespace clearance {
 

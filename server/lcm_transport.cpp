@@ -15,10 +15,10 @@
 #include <stdexcept>
 #include <unordered_map>
 
-#include "client/lcm_bus.h"
-#include "client/lcm_check.h"
-#include "client/lcm_frames.h"
-#include "client/wire.h"
+#include "wire/lcm_bus.h"
+#include "wire/lcm_check.h"
+#include "wire/lcm_frames.h"
+#include "wire/wire.h"
 #include "server/lcm_link.h"
 #include "server/lcm_publishers.h"
 #include "server/lcm_translate.h"

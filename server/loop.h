@@ -17,9 +17,9 @@
 #include <unordered_map>
 #include <vector>
 
-#include "client/aligned_buffer.h"
-#include "client/spin_gate.h"
-#include "client/wire.h"
+#include "wire/aligned_buffer.h"
+#include "wire/spin_gate.h"
+#include "wire/wire.h"
 #include "error_log.h"
 #include "fair_queue.h"
 #include "reloader.h"

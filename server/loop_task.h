@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "client/wire.h"
+#include "wire/wire.h"
 #include "log_text.h"
 #include "loop.h"
 

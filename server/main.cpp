@@ -14,12 +14,12 @@
 #include <optional>
 
 #include "accepting.h"
-#include "client/default_socket.h"
+#include "wire/default_socket.h"
 #include "doorman.h"
 #include "engine/cache/cache.h"
 #include "engine/engine.h"
-#include "engine/mesh.h"
-#include "engine/self_test.h"
+#include "engine/mesh/mesh.h"
+#include "engine/narrow/self_test.h"
 #include "key_ring.h"
 #include "log_text.h"
 #include "loop.h"

@@ -16,7 +16,7 @@
 #include <stdexcept>
 
 #include "accepting.h"
-#include "client/prometheus.h"
+#include "wire/prometheus.h"
 #include "doorman.h"
 
 namespace clearance {

@@ -7,7 +7,7 @@
 #include <string>
 #include <thread>
 
-#include "client/shm_os.h"
+#include "wire/shm_os.h"
 #include "loop.h"
 #include "unix_socket.h"
 

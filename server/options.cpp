@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
-#include "client/default_socket.h"
+#include "wire/default_socket.h"
 
 namespace clearance {
 namespace {

@@ -1,7 +1,7 @@
 // What the log says of a scene's bodies.
 #pragma once
 
-#include "engine/scene.h"
+#include "engine/scene/scene.h"
 
 namespace clearance {
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <exception>
 
-#include "engine/cuda/device.h"
+#include "engine/device/device.h"
 #include "log_text.h"
 
 namespace clearance {

@@ -11,7 +11,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "client/protocol.h"
+#include "wire/protocol.h"
 
 namespace clearance {
 

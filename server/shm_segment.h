@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "client/aligned_buffer.h"
-#include "client/shm_layout.h"
-#include "client/shm_os.h"
+#include "wire/aligned_buffer.h"
+#include "wire/shm_layout.h"
+#include "wire/shm_os.h"
 #include "segment_pinner.h"
 #include "shm_transport.h"
 

@@ -1,5 +1,5 @@
 // Shared memory: a Unix socket where clients come and go, and for each client a segment with its requests and replies.
-// The layout and the rules are drawn in client/shm_layout.h.
+// The layout and the rules are drawn in wire/shm_layout.h.
 #include "shm_transport.h"
 
 #include <sys/epoll.h>
@@ -15,8 +15,8 @@
 #include <stdexcept>
 
 #include "accepting.h"
-#include "client/shm_layout.h"
-#include "client/shm_os.h"
+#include "wire/shm_layout.h"
+#include "wire/shm_os.h"
 #include "doorman.h"
 #include "places.h"
 #include "shm_segment.h"

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "access.h"
-#include "client/protocol.h"
+#include "wire/protocol.h"
 #include "engine/engine.h"
 
 namespace clearance {

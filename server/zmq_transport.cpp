@@ -9,9 +9,9 @@
 #include <unordered_map>
 #include <zmq.hpp>
 
-#include "client/aligned_buffer.h"
-#include "client/shm_os.h"
-#include "client/wire.h"
+#include "wire/aligned_buffer.h"
+#include "wire/shm_os.h"
+#include "wire/wire.h"
 #include "doorman.h"
 #include "error_frame.h"
 #include "places.h"

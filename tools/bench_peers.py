@@ -49,7 +49,7 @@ def run(command, **kwargs):
 
 def set_up(peers=("coal", "fcl", "bullet")):
     """Builds each peer as a project of its own, Coal's prefix holds other versions of what FCL is linked with."""
-    venv, wanted = BUILD / "venv", ROOT / "tests/peers/coal/requirements.txt"
+    venv, wanted = BUILD / "venv", ROOT / "bench/peers/coal/requirements.txt"
     stamp = venv / "installed"
     if not stamp.exists() or stamp.read_text() != wanted.read_text():
         print("Install Coal into build/peers/venv ...", flush=True)
@@ -78,7 +78,7 @@ def machine():
 # ---- problems ------------------------------------------------------------------------------------------------------------
 
 class Problem:
-    """A file of tests/peers/problem.h; read here is only what answers are judged by."""
+    """A file of bench/peers/problem.h; read here is only what answers are judged by."""
 
     def __init__(self, kind, name, count=0):
         self.name, self.path = name, PROBLEMS / f"{name}.bin"

@@ -1,4 +1,4 @@
-#include "cache.h"
+#include "engine/cache/cache.h"
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -15,7 +15,7 @@
 #include <cstring>
 #include <memory>
 
-#include "private_folder.h"
+#include "engine/cache/private_folder.h"
 
 namespace clearance {
 

@@ -16,8 +16,8 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/fd.h"
-#include "sha256.h"
+#include "engine/base/fd.h"
+#include "engine/cache/sha256.h"
 
 namespace clearance {
 

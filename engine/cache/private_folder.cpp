@@ -1,4 +1,4 @@
-#include "private_folder.h"
+#include "engine/cache/private_folder.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "engine/fd.h"
+#include "engine/base/fd.h"
 
 namespace clearance {
 

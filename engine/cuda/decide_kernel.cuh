@@ -8,7 +8,7 @@
 // there.
 #pragma once
 
-#include "reduce_kernel.cuh"
+#include "engine/cuda/reduce_kernel.cuh"
 
 namespace clearance::cuda {
 

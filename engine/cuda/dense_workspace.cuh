@@ -5,10 +5,10 @@
 #include <atomic>
 #include <chrono>
 
-#include "group_kernel.cuh"
-#include "overlap_kernel.cuh"
-#include "reply_columns.h"
-#include "workspace.cuh"
+#include "engine/cuda/group_kernel.cuh"
+#include "engine/cuda/overlap_kernel.cuh"
+#include "engine/device/reply_columns.h"
+#include "engine/cuda/workspace.cuh"
 
 namespace clearance::cuda {
 

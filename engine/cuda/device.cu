@@ -2,10 +2,10 @@
 #include <memory>
 #include <mutex>
 
-#include "dense_workspace.cuh"
-#include "device.h"
-#include "engine/scene.h"
-#include "reduced_workspace.cuh"
+#include "engine/cuda/dense_workspace.cuh"
+#include "engine/device/device.h"
+#include "engine/scene/scene.h"
+#include "engine/cuda/reduced_workspace.cuh"
 
 namespace clearance::cuda {
 

@@ -1,9 +1,9 @@
 // Dense chunks: pairs of the same two hulls in blocks of their own, pairs without company, and pairs of several pieces.
 #pragma once
 
-#include "overlap_kernel.cuh"
-#include "pair_kernel.cuh"
-#include "piece_kernel.cuh"
+#include "engine/cuda/overlap_kernel.cuh"
+#include "engine/cuda/pair_kernel.cuh"
+#include "engine/cuda/piece_kernel.cuh"
 
 namespace clearance::cuda {
 

@@ -3,9 +3,9 @@
 
 #include <cstddef>
 
-#include "engine/certify.h"
-#include "engine/direction_table.h"
-#include "layout.h"
+#include "engine/narrow/certify.h"
+#include "engine/hull/direction_table.h"
+#include "engine/device/layout.h"
 
 namespace clearance::cuda {
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "device_error.h"
+#include "engine/device/device_error.h"
 
 namespace clearance::cuda {
 

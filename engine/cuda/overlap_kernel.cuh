@@ -2,8 +2,8 @@
 // no depth is asked for.
 #pragma once
 
-#include "engine/overlap.h"
-#include "pair_kernel.cuh"
+#include "engine/narrow/overlap.h"
+#include "engine/cuda/pair_kernel.cuh"
 
 namespace clearance::cuda {
 

@@ -6,8 +6,8 @@
 
 #include <type_traits>
 
-#include "engine/witness.h"
-#include "hull.cuh"
+#include "engine/narrow/witness.h"
+#include "engine/cuda/hull.cuh"
 
 namespace clearance::cuda {
 

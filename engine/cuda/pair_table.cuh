@@ -1,7 +1,7 @@
-// engine/pair_table.h's words on the device.
+// engine/scene/pair_table.h's words on the device.
 #pragma once
 
-#include "layout.h"
+#include "engine/device/layout.h"
 
 namespace clearance::cuda {
 

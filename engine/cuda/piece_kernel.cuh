@@ -1,9 +1,9 @@
-// Pairs of bodies of which one has several pieces: engine/piece_search.h's words, a thread for each, which answers the piece pairs
+// Pairs of bodies of which one has several pieces: engine/narrow/piece_search.h's words, a thread for each, which answers the piece pairs
 // that it asks one after another.
 #pragma once
 
-#include "engine/piece_search.h"
-#include "overlap_kernel.cuh"
+#include "engine/narrow/piece_search.h"
+#include "engine/cuda/overlap_kernel.cuh"
 
 namespace clearance::cuda {
 

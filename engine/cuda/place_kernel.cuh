@@ -1,9 +1,9 @@
 // Poses of configurations to placed bodies: one thread for each moved body in each configuration.
 #pragma once
 
-#include "engine/aabb.h"
-#include "engine/certify.h"
-#include "layout.h"
+#include "engine/hull/box.h"
+#include "engine/narrow/certify.h"
+#include "engine/device/layout.h"
 
 namespace clearance::cuda {
 

@@ -1,4 +1,4 @@
-// Reduced queries on the device, in the stages of engine/reduction.h: boxes find a seed for each group, the seeds' upper
+// Reduced queries on the device, in the stages of engine/query/reduction.h: boxes find a seed for each group, the seeds' upper
 // bounds say which pairs must be looked at, the narrow phase looks, and the groups' winners are written as rows.
 //
 // Boxes are compared in float32, rounded outward and with a margin, so that at least those pairs are looked at that the
@@ -6,10 +6,10 @@
 // order.
 #pragma once
 
-#include "overlap_kernel.cuh"
-#include "pair_kernel.cuh"
-#include "pair_table.cuh"
-#include "piece_kernel.cuh"
+#include "engine/cuda/overlap_kernel.cuh"
+#include "engine/cuda/pair_kernel.cuh"
+#include "engine/cuda/pair_table.cuh"
+#include "engine/cuda/piece_kernel.cuh"
 
 namespace clearance::cuda {
 

@@ -5,9 +5,9 @@
 
 #include <cub/device/device_scan.cuh>
 
-#include "decide_kernel.cuh"
-#include "table_search.cuh"
-#include "workspace.cuh"
+#include "engine/cuda/decide_kernel.cuh"
+#include "engine/cuda/table_search.cuh"
+#include "engine/cuda/workspace.cuh"
 
 namespace clearance::cuda {
 

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <vector>
 
-#include "device.h"
-#include "engine/pair_table.h"
-#include "hull_arrays.h"
-#include "memory.cuh"
-#include "pair_kernel.cuh"
+#include "engine/device/device.h"
+#include "engine/scene/pair_table.h"
+#include "engine/device/hull_arrays.h"
+#include "engine/cuda/memory.cuh"
+#include "engine/cuda/pair_kernel.cuh"
 
 namespace clearance::cuda {
 

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <limits>
 
-#include "reduce_kernel.cuh"
+#include "engine/cuda/reduce_kernel.cuh"
 
 namespace clearance::cuda {
 

@@ -5,8 +5,8 @@
 
 #include <cub/device/device_radix_sort.cuh>
 
-#include "resident.cuh"
-#include "table_kernel.cuh"
+#include "engine/cuda/resident.cuh"
+#include "engine/cuda/table_kernel.cuh"
 
 namespace clearance::cuda {
 

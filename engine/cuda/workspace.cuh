@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "device.h"
-#include "memory.cuh"
-#include "place_kernel.cuh"
-#include "resident.cuh"
+#include "engine/device/device.h"
+#include "engine/cuda/memory.cuh"
+#include "engine/cuda/place_kernel.cuh"
+#include "engine/cuda/resident.cuh"
 
 namespace clearance::cuda {
 

@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "client/python/bindings/columns.h"
-#include "engine/cuda/device.h"
+#include "engine/device/device.h"
 #include "engine/engine.h"
-#include "scene_bindings.h"
+#include "engine/python/scene_bindings.h"
 
 namespace clearance::python {
 namespace {

@@ -1,5 +1,5 @@
 // The class _engine.Scene; its public face is clearance/_scene.py.
-#include "scene_bindings.h"
+#include "engine/python/scene_bindings.h"
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "client/python/bindings/columns.h"
-#include "engine/scene.h"
+#include "engine/scene/scene.h"
 
 namespace clearance::python {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <nanobind/nanobind.h>
 
-#include "engine/pose.h"
+#include "engine/pose/pose.h"
 
 namespace clearance::python {
 

@@ -13,7 +13,7 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "client/protocol.h"
+#include "wire/protocol.h"
 
 namespace clearance {
 

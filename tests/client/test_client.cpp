@@ -7,7 +7,7 @@
 
 #include "client/client.h"
 #include "client/url.h"
-#include "client/wire.h"
+#include "wire/wire.h"
 #include "scripted_server.h"
 
 namespace clearance {

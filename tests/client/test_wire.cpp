@@ -7,7 +7,7 @@
 #include <memory>
 #include <random>
 
-#include "client/wire.h"
+#include "wire/wire.h"
 
 namespace clearance::wire {
 namespace {

@@ -15,7 +15,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "engine/columns.h"
+#include "engine/query/columns.h"
 
 using std::isnan;
 

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <limits>
 
-#include "engine/cuda/device.h"
-#include "engine/cuda/hull_arrays.h"
-#include "engine/overlap.h"
-#include "engine/piece_search.h"
-#include "engine/witness.h"
+#include "engine/device/device.h"
+#include "engine/device/hull_arrays.h"
+#include "engine/narrow/overlap.h"
+#include "engine/narrow/piece_search.h"
+#include "engine/narrow/witness.h"
 #include "same_answer.h"
 // Behind all that is included elsewhere.
 #include "emulated_cuda.h"

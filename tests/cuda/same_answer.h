@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "engine/cuda/reply_columns.h"
+#include "engine/device/reply_columns.h"
 #include "skip_without_device.h"
 #include "tests/engine/engine_test_util.h"
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "engine/cuda/device.h"
+#include "engine/device/device.h"
 
 #define SKIP_WITHOUT_DEVICE() \
   if (!cuda::device_info().present) GTEST_SKIP() << "no CUDA device: " << cuda::device_info().reason

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "engine/cuda/device.h"
+#include "engine/device/device.h"
 #include "same_answer.h"
 
 namespace clearance::test {

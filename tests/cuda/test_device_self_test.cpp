@@ -1,6 +1,6 @@
 // The self-test of devices: one that settles rows wrongly is found, one that leaves them to the CPU or fails is not
 // blamed.
-#include "engine/cuda/device_self_test.h"
+#include "engine/device/device_self_test.h"
 #include "same_answer.h"
 #include "stand_in_device.h"
 

@@ -4,7 +4,7 @@
 #include <numeric>
 #include <thread>
 
-#include "engine/cuda/ordered_copy.h"
+#include "engine/device/ordered_copy.h"
 
 namespace clearance::test {
 namespace {

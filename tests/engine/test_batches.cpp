@@ -5,7 +5,7 @@
 #include <limits>
 #include <memory>
 
-#include "engine/lanes.h"
+#include "engine/narrow/lanes.h"
 #include "engine_test_util.h"
 #include "same_rows.h"
 

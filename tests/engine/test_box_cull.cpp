@@ -6,7 +6,7 @@
 #include <limits>
 #include <thread>
 
-#include "engine/box_cull.h"
+#include "engine/query/box_cull.h"
 #include "engine_test_util.h"
 #include "same_rows.h"
 

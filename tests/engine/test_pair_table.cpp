@@ -3,7 +3,7 @@
 
 #include <set>
 
-#include "engine/pair_table.h"
+#include "engine/scene/pair_table.h"
 #include "engine_test_util.h"
 
 namespace clearance::test {

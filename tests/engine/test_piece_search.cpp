@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <set>
 
-#include "engine/narrow_phase.h"
-#include "engine/piece_search.h"
+#include "engine/narrow/narrow_phase.h"
+#include "engine/narrow/piece_search.h"
 #include "engine_test_util.h"
 
 namespace clearance {

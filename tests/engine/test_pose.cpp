@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-#include "engine/pose.h"
+#include "engine/pose/pose.h"
 #include "engine_test_util.h"
 
 namespace clearance {

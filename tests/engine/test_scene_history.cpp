@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "engine/engine.h"
-#include "engine/query.h"
+#include "engine/query/query.h"
 
 namespace clearance {
 namespace {

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "engine/engine.h"
-#include "engine/stamp_marks.h"
+#include "engine/pose/stamp_marks.h"
 
 namespace clearance {
 namespace {

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/direction_table.h"
-#include "engine/shapes.h"
-#include "engine/support.h"
+#include "engine/hull/direction_table.h"
+#include "engine/hull/shapes.h"
+#include "engine/hull/support.h"
 #include "engine_test_util.h"
 
 namespace clearance::test {

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "engine/engine.h"
-#include "engine/warm.h"
+#include "engine/narrow/warm.h"
 
 namespace clearance {
 namespace {

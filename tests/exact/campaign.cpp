@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "engine/engine.h"
-#include "engine/hull.h"
+#include "engine/hull/hull.h"
 
 namespace clearance::exact {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/piece.h"
+#include "engine/hull/piece.h"
 #include "verdict.h"
 
 namespace clearance {

@@ -5,7 +5,7 @@
 
 #include "case_shapes.h"
 #include "cases.h"
-#include "engine/shapes.h"
+#include "engine/hull/shapes.h"
 #include "lattice.h"
 
 namespace clearance::exact {

@@ -4,7 +4,7 @@
 #include <map>
 #include <mutex>
 
-#include "engine/shapes.h"
+#include "engine/hull/shapes.h"
 
 namespace clearance::exact {
 

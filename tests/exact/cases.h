@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/pose.h"
+#include "engine/pose/pose.h"
 #include "exact_distance.h"
 
 namespace clearance::exact {

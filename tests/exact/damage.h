@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "campaign.h"
-#include "engine/direction_table.h"
+#include "engine/hull/direction_table.h"
 
 namespace clearance::exact {
 

@@ -12,8 +12,8 @@
 #include <span>
 #include <vector>
 
-#include "engine/math.h"
-#include "engine/pose.h"
+#include "engine/base/vec.h"
+#include "engine/pose/pose.h"
 
 namespace clearance::exact {
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "engine/direction_table.h"
-#include "engine/piece.h"
+#include "engine/hull/direction_table.h"
+#include "engine/hull/piece.h"
 
 namespace clearance::exact {
 

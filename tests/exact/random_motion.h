@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "engine/pose.h"
-#include "engine/shapes.h"
+#include "engine/pose/pose.h"
+#include "engine/hull/shapes.h"
 
 namespace clearance {
 

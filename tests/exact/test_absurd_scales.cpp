@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "campaign.h"
-#include "engine/piece.h"
+#include "engine/hull/piece.h"
 
 namespace clearance::exact {
 namespace {

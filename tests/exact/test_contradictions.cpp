@@ -7,9 +7,9 @@
 #include <cmath>
 
 #include "campaign.h"
-#include "engine/columns.h"
+#include "engine/query/columns.h"
 #include "engine/engine.h"
-#include "engine/piece_batch.h"
+#include "engine/narrow/piece_batch.h"
 #include "misleading_table.h"
 
 namespace clearance::exact {

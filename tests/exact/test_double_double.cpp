@@ -6,7 +6,7 @@
 #include <cstdio>
 
 #include "cases.h"
-#include "engine/arithmetic.h"
+#include "engine/base/arithmetic.h"
 
 namespace clearance::exact {
 namespace {

@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "campaign.h"
-#include "engine/columns.h"
+#include "engine/query/columns.h"
 #include "engine/engine.h"
 
 namespace clearance::exact {

@@ -7,8 +7,8 @@
 #include <span>
 
 #include "cases.h"
-#include "engine/lanes.h"
-#include "engine/narrow_phase.h"
+#include "engine/narrow/lanes.h"
+#include "engine/narrow/narrow_phase.h"
 
 namespace clearance::exact {
 namespace {

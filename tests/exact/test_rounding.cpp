@@ -9,9 +9,9 @@
 #include <limits>
 
 #include "cases.h"
-#include "engine/certify.h"
-#include "engine/lanes.h"
-#include "engine/narrow_phase.h"
+#include "engine/narrow/certify.h"
+#include "engine/narrow/lanes.h"
+#include "engine/narrow/narrow_phase.h"
 
 namespace clearance::exact {
 namespace {

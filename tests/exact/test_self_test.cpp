@@ -6,7 +6,7 @@
 
 #include "cases.h"
 #include "engine/engine.h"
-#include "engine/self_test.h"
+#include "engine/narrow/self_test.h"
 
 namespace clearance::exact {
 namespace {

@@ -7,7 +7,7 @@
 #include <cstdio>
 
 #include "cases.h"
-#include "engine/epa.h"
+#include "engine/narrow/epa.h"
 
 namespace clearance::exact {
 namespace {

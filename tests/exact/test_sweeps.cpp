@@ -9,7 +9,7 @@
 
 #include "campaign.h"
 #include "engine/engine.h"
-#include "engine/hull.h"
+#include "engine/hull/hull.h"
 
 namespace clearance::exact {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "cases.h"
-#include "client/types.h"
+#include "wire/types.h"
 
 namespace clearance::exact {
 

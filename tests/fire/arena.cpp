@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "client/lcm_bus.h"
+#include "wire/lcm_bus.h"
 #include "victim.h"
 
 namespace clearance::fire {

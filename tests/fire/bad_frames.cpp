@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "client/wire.h"
+#include "wire/wire.h"
 #include "tests/server/memory_transport.h"
 
 namespace clearance::fire {

@@ -10,10 +10,10 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "client/lcm_bus.h"
-#include "client/lcm_check.h"
-#include "client/lcm_frames.h"
-#include "client/protocol.h"
+#include "wire/lcm_bus.h"
+#include "wire/lcm_check.h"
+#include "wire/lcm_frames.h"
+#include "wire/protocol.h"
 #include "tests/server/raw_shm_client.h"
 
 namespace clearance::fire {

@@ -3,7 +3,7 @@
 #include <chrono>
 #include <thread>
 
-#include "client/wire.h"
+#include "wire/wire.h"
 #include "tests/server/raw_shm_client.h"
 #include "victim.h"
 

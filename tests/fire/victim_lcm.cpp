@@ -3,9 +3,9 @@
 
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
-#include "client/lcm_bus.h"
-#include "client/lcm_check.h"
-#include "client/lcm_frames.h"
+#include "wire/lcm_bus.h"
+#include "wire/lcm_check.h"
+#include "wire/lcm_frames.h"
 #include "victim.h"
 
 namespace clearance::fire {

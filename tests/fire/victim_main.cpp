@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "client/client.h"
-#include "client/wire.h"
+#include "wire/wire.h"
 #include "victim.h"
 
 namespace clearance::fire {

@@ -1,10 +1,10 @@
-// A victim over shared memory: the rules of client/shm_layout.h by hand.
+// A victim over shared memory: the rules of wire/shm_layout.h by hand.
 #include <sys/mman.h>
 
 #include <chrono>
 #include <thread>
 
-#include "client/wire.h"
+#include "wire/wire.h"
 #include "tests/server/raw_shm_client.h"
 #include "victim.h"
 

@@ -6,8 +6,8 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "client/protocol.h"
-#include "client/shm_os.h"
+#include "wire/protocol.h"
+#include "wire/shm_os.h"
 #include "victim.h"
 
 namespace clearance::fire {

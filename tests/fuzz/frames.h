@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "client/wire.h"
+#include "wire/wire.h"
 #include "fuzz_target.h"
 
 namespace clearance::fuzz {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/direction_table.h"
-#include "engine/mesh_geometry.h"
+#include "engine/hull/direction_table.h"
+#include "engine/scene/mesh_geometry.h"
 #include "scratch_file.h"
 
 namespace clearance::fuzz {

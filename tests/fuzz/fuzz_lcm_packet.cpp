@@ -2,9 +2,9 @@
 // the loop can be given.
 #include <vector>
 
-#include "client/lcm_check.h"
-#include "client/lcm_frames.h"
-#include "client/wire.h"
+#include "wire/lcm_check.h"
+#include "wire/lcm_frames.h"
+#include "wire/wire.h"
 #include "fuzz_target.h"
 #include "server/lcm_translate.h"
 

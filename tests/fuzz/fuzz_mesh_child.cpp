@@ -2,7 +2,7 @@
 // error. The loader may crash; what it does is the target mesh_import's.
 #include <cmath>
 
-#include "engine/mesh.h"
+#include "engine/mesh/mesh.h"
 #include "mesh_extension.h"
 #include "scratch_file.h"
 

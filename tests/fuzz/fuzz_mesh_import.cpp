@@ -7,8 +7,8 @@
 #include <assimp/Importer.hpp>
 #include <memory>
 
-#include "engine/mesh_import.h"
-#include "engine/mesh_result.h"
+#include "engine/mesh/mesh_import.h"
+#include "engine/mesh/mesh_result.h"
 #include "mesh_extension.h"
 #include "scratch_file.h"
 

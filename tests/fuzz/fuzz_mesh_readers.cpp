@@ -2,10 +2,10 @@
 #include <cmath>
 #include <filesystem>
 
-#include "engine/mesh_dae.h"
-#include "engine/mesh_gltf.h"
-#include "engine/mesh_part.h"
-#include "engine/mesh_text.h"
+#include "engine/mesh/mesh_dae.h"
+#include "engine/mesh/mesh_gltf.h"
+#include "engine/mesh/mesh_part.h"
+#include "engine/mesh/mesh_text.h"
 #include "mesh_extension.h"
 #include "scratch_file.h"
 

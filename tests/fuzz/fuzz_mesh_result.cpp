@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/mesh_format.h"
-#include "engine/mesh_result.h"
+#include "engine/mesh/mesh_format.h"
+#include "engine/mesh/mesh_result.h"
 #include "fuzz_target.h"
 
 /// First byte: whether the header's magic and length are put right.

@@ -1,7 +1,7 @@
 // Replies of any bytes to the client library: it takes what it checked, or says what is wrong.
 #include <memory>
 
-#include "client/aligned_buffer.h"
+#include "wire/aligned_buffer.h"
 #include "client/channel.h"
 #include "client/client.h"
 #include "frames.h"

@@ -1,5 +1,5 @@
 // Scene files of any bytes: a scene, or an error that names file and line.
-#include "engine/scene.h"
+#include "engine/scene/scene.h"
 #include "scratch_file.h"
 
 CLEARANCE_FUZZ_TARGET(scene_file) {

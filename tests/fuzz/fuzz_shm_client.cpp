@@ -9,8 +9,8 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "client/shm_os.h"
-#include "client/wire.h"
+#include "wire/shm_os.h"
+#include "wire/wire.h"
 #include "frames.h"
 #include "scratch_file.h"
 

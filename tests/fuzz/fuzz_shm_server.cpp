@@ -5,7 +5,7 @@
 
 #include <array>
 
-#include "client/shm_os.h"
+#include "wire/shm_os.h"
 #include "frames.h"
 #include "scratch_file.h"
 #include "server/loop.h"

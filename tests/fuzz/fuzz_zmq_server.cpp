@@ -8,7 +8,7 @@
 #include <utility>
 #include <zmq.hpp>
 
-#include "client/shm_os.h"
+#include "wire/shm_os.h"
 #include "frames.h"
 #include "scratch_file.h"
 #include "server/loop.h"

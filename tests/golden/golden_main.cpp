@@ -7,8 +7,8 @@
 #include <iostream>
 #include <sstream>
 
-#include "engine/cuda/reply_columns.h"
-#include "engine/digest.h"
+#include "engine/device/reply_columns.h"
+#include "engine/base/digest.h"
 #include "engine/engine.h"
 #include "golden_scenes.h"
 #include "tests/engine/engine_test_util.h"

@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "client/lcm_bus.h"
+#include "wire/lcm_bus.h"
 
 namespace clearance {
 

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "client/client.h"
-#include "client/protocol.h"
+#include "wire/protocol.h"
 #include "engine/engine.h"
 #include "lcm_fixture.h"
 #include "server/loop.h"

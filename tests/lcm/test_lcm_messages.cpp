@@ -7,9 +7,9 @@
 #include <limits>
 #include <random>
 
-#include "client/lcm_check.h"
-#include "client/lcm_frames.h"
-#include "client/wire.h"
+#include "wire/lcm_check.h"
+#include "wire/lcm_frames.h"
+#include "wire/wire.h"
 #include "lcm_fixture.h"
 
 namespace clearance {

@@ -11,7 +11,7 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "client/lcm_bus.h"
+#include "wire/lcm_bus.h"
 #include "lcm_fixture.h"
 
 namespace clearance {

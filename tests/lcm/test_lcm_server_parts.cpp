@@ -6,7 +6,7 @@
 #include <random>
 #include <set>
 
-#include "client/wire.h"
+#include "wire/wire.h"
 #include "lcm_fixture.h"
 #include "server/lcm_outbox.h"
 #include "server/lcm_publishers.h"

@@ -1,4 +1,4 @@
-"""clearance.wire is client/protocol.h: sizes, offsets, numbers."""
+"""clearance.wire is wire/protocol.h: sizes, offsets, numbers."""
 
 import re
 

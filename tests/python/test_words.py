@@ -1,4 +1,4 @@
-"""The vocabulary of Python is that of client/types.h."""
+"""The vocabulary of Python is that of wire/types.h."""
 
 import enum
 import re

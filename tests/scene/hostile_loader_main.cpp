@@ -24,8 +24,8 @@
 #include <map>
 #include <string>
 
-#include "engine/loader_process.h"
-#include "engine/mesh_format.h"
+#include "engine/mesh/loader_process.h"
+#include "engine/mesh/mesh_format.h"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/shapes.h"
+#include "engine/hull/shapes.h"
 
 namespace clearance::mesh_files {
 

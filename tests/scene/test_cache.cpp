@@ -11,7 +11,7 @@
 #include <iterator>
 
 #include "engine/cache/cache.h"
-#include "engine/shapes.h"
+#include "engine/hull/shapes.h"
 #include "temporary_folder.h"
 
 namespace clearance {

@@ -9,12 +9,12 @@
 #include <set>
 #include <span>
 
-#include "engine/hull.h"
-#include "engine/mesh_rows.h"
-#include "engine/orientation.h"
-#include "engine/pose.h"
-#include "engine/qhull_guess.h"
-#include "engine/shapes.h"
+#include "engine/hull/hull.h"
+#include "engine/hull/mesh_rows.h"
+#include "engine/base/orientation.h"
+#include "engine/pose/pose.h"
+#include "engine/hull/qhull_guess.h"
+#include "engine/hull/shapes.h"
 
 namespace clearance {
 namespace {

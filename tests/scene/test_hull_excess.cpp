@@ -5,9 +5,9 @@
 #include <cmath>
 #include <random>
 
-#include "engine/hull.h"
-#include "engine/hull_excess.h"
-#include "engine/scene.h"
+#include "engine/hull/hull.h"
+#include "engine/hull/hull_excess.h"
+#include "engine/scene/scene.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
 

@@ -6,8 +6,8 @@
 #include <random>
 
 #include "engine/engine.h"
-#include "engine/inspect.h"
-#include "engine/shapes.h"
+#include "inspect/inspect.h"
+#include "engine/hull/shapes.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
 

@@ -7,10 +7,10 @@
 #include <fstream>
 #include <set>
 
-#include "engine/direction_table.h"
-#include "engine/scene.h"
-#include "engine/shapes.h"
-#include "engine/support.h"
+#include "engine/hull/direction_table.h"
+#include "engine/scene/scene.h"
+#include "engine/hull/shapes.h"
+#include "engine/hull/support.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
 

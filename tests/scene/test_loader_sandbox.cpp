@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "engine/mesh.h"
+#include "engine/mesh/mesh.h"
 #include "error_text.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"

@@ -11,8 +11,8 @@
 #include <functional>
 #include <set>
 
-#include "engine/dedupe.h"
-#include "engine/mesh.h"
+#include "engine/base/dedupe.h"
+#include "engine/mesh/mesh.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
 

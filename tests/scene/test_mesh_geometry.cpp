@@ -7,10 +7,10 @@
 #include <fstream>
 #include <iterator>
 
-#include "engine/digest.h"
-#include "engine/direction_table.h"
+#include "engine/base/digest.h"
+#include "engine/hull/direction_table.h"
 #include "engine/engine.h"
-#include "engine/mesh_geometry.h"
+#include "engine/scene/mesh_geometry.h"
 #include "error_text.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"

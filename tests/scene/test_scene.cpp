@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "engine/engine.h"
-#include "engine/scene.h"
+#include "engine/scene/scene.h"
 #include "error_text.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"

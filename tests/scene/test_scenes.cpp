@@ -6,7 +6,7 @@
 #include <set>
 #include <string>
 
-#include "engine/scene.h"
+#include "engine/scene/scene.h"
 
 namespace clearance {
 namespace {

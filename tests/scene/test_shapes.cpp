@@ -6,7 +6,7 @@
 #include <numbers>
 #include <utility>
 
-#include "engine/shapes.h"
+#include "engine/hull/shapes.h"
 
 namespace clearance {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "client/wire.h"
+#include "wire/wire.h"
 
 namespace clearance {
 

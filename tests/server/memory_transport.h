@@ -13,10 +13,10 @@
 #include <optional>
 #include <vector>
 
-#include "client/aligned_buffer.h"
+#include "wire/aligned_buffer.h"
 #include "client/channel.h"
 #include "client/client.h"
-#include "client/wire.h"
+#include "wire/wire.h"
 #include "server/transport.h"
 
 namespace clearance {

@@ -10,9 +10,9 @@
 #include <stdexcept>
 #include <string>
 
-#include "client/protocol.h"
-#include "client/shm_layout.h"
-#include "client/shm_os.h"
+#include "wire/protocol.h"
+#include "wire/shm_layout.h"
+#include "wire/shm_os.h"
 
 namespace clearance {
 

@@ -23,7 +23,7 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "client/shm_os.h"
+#include "wire/shm_os.h"
 #include "server/shm_transport.h"
 
 namespace clearance {

@@ -1,8 +1,8 @@
 // The daemon counts bounds that contradict each other, and says so once.
 #include <map>
 
-#include "engine/hull.h"
-#include "engine/shapes.h"
+#include "engine/hull/hull.h"
+#include "engine/hull/shapes.h"
 #include "loop_fixture.h"
 #include "tests/exact/misleading_table.h"
 

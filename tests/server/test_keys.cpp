@@ -9,8 +9,8 @@
 #include <zmq.hpp>
 
 #include "client/client.h"
-#include "client/key_file.h"
-#include "client/wire.h"
+#include "wire/key_file.h"
+#include "wire/wire.h"
 #include "daemon_fixture.h"
 #include "server/key_ring.h"
 #include "tests/patience.h"

@@ -2,7 +2,7 @@
 
 #include <thread>
 
-#include "client/spin_gate.h"
+#include "wire/spin_gate.h"
 #include "loop_fixture.h"
 #include "server/fair_queue.h"
 

@@ -9,8 +9,8 @@
 
 #include "bad_requests.h"
 #include "client/client.h"
-#include "client/prometheus.h"
-#include "client/shm_os.h"
+#include "wire/prometheus.h"
+#include "wire/shm_os.h"
 #include "daemon_fixture.h"
 #include "loop_fixture.h"
 #include "server/error_log.h"

@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "block_pool.h"
-#include "client/types.h"
+#include "wire/types.h"
 
 namespace clearance::python {
 
@@ -93,7 +93,7 @@ inline void bind_query(nb::module_& m) {
       .def_rw("min_pose_stamp_ns", &Query::min_pose_stamp_ns);
 }
 
-/// Where each column lies in a block: in the order of Field, each from a 64-byte boundary (client/protocol.h).
+/// Where each column lies in a block: in the order of Field, each from a 64-byte boundary (wire/protocol.h).
 struct Layout {
   std::array<std::int64_t, kFieldCount> offset;  ///< -1: not there
   std::uint64_t bytes = 0;

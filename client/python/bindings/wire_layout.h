@@ -5,7 +5,7 @@
 
 #include <cstddef>
 
-#include "client/protocol.h"
+#include "wire/protocol.h"
 
 namespace clearance::python {
 

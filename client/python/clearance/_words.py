@@ -1,6 +1,6 @@
 """The words of the contract: what a query may ask and what an answer may say.
 
-Mirrors client/types.h, value by value (tests/python/test_words.py compares the two).
+Mirrors wire/types.h, value by value (tests/python/test_words.py compares the two).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The frames of client/protocol.h as numpy structured dtypes, for those who speak the wire from Python.
+"""The frames of wire/protocol.h as numpy structured dtypes, for those who speak the wire from Python.
 
     header = np.zeros((), wire.FrameHeader)
     header["magic"], header["version"], header["type"] = wire.MAGIC, wire.VERSION, wire.FrameType.DESCRIBE

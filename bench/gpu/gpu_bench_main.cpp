@@ -1,0 +1,418 @@
+// Throughput of the cuda backend beside the CPU's, on the machine at hand: make gpu-bench.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+#include <thread>
+
+#include "tests/cuda/arms_scene.h"
+#include "bench/report/narrow.h"
+#include "engine/device/device.h"
+
+namespace clearance::test {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+struct Workload {
+  std::string name;
+  Scene (*scene)();
+  std::uint32_t configurations;  // 0: the current poses
+  Format format;
+  std::uint32_t fields;
+  Reduce reduce = Reduce::kNone;
+  double max_distance = std::numeric_limits<double>::infinity();
+  std::size_t first_pairs = 0;  // only so many; 0: all
+  bool warm = false;            // every query's poses are 0.01 rad from those of the one before
+  Precision precision = Precision::kF64;
+  bool depth = false;
+  double room = 1;  // configurations put bodies up to so far from the origin along each axis
+  bool moves = false;  // as with `warm`, but cold
+};
+
+Scene spheres(int count, double box) {
+  Random random(7);
+  Scene scene, one;
+  one.add_uv_sphere("one", 2, 5, {});
+  for (int i = 0; i < count; ++i) {
+    Body body;
+    body.name = "s" + std::to_string(i);
+    body.pieces = one.bodies()[0].pieces;
+    body.pose = random.pose(box / 2);
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
+// 30 hulls of 32 to 256 vertices within reach of each other.
+constexpr int kHulls = 30, kHullPairs = 150;
+Scene hulls(int fewest, int most) {
+  Random random(11);
+  Scene scene;
+  for (int i = 0; i < kHulls; ++i) {
+    const int count = fewest + i * (most - fewest) / (kHulls - 1);
+    std::vector<Vec3d> v = random.cloud(count, {1, 1, 1});
+    const Vec3d size{random.uniform(0.1, 0.4), random.uniform(0.1, 0.4), random.uniform(0.1, 0.4)};
+    for (Vec3d& p : v) {
+      p = p * (1 / norm(p));
+      p = {p.x * size.x, p.y * size.y, p.z * size.z};
+    }
+    scene.add_hull("h" + std::to_string(i), v, {.pose = random.pose(1)});
+  }
+  return scene;
+}
+
+// Made once: their vertices take seconds.
+Scene large_spheres() {
+  static const Scene scene = [] {
+    Scene two;
+    for (const double x : {0.0, 4.01}) two.add_uv_sphere(x > 0 ? "b" : "a", 2, 1000, {.pose = Pose{{x, 0, 0}}});
+    return two;
+  }();
+  return scene;
+}
+
+Scene hulls() { return hulls(32, 256); }
+Scene middle_hulls() {
+  return hulls(32, 496);
+}
+Scene large_hulls() { return hulls(600, 4000); }
+
+constexpr std::uint32_t kBounds = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
+constexpr double kFar = std::numeric_limits<double>::infinity();
+Workload few(std::size_t pairs) {
+  return {"spheres, " + std::to_string(pairs) + (pairs == 1 ? " pair, compact" : " pairs, compact"),
+          [] { return spheres(200, 58); },
+          0,
+          Format::kCompact,
+          kFieldCompact,
+          Reduce::kNone,
+          kFar,
+          pairs};
+}
+const std::vector<Workload>& workloads() {
+  static const std::vector<Workload> all{
+      {"1000 spheres, box 100, compact", [] { return spheres(1000, 100); }, 0, Format::kCompact, kFieldCompact},
+      {"1000 spheres, box 25, compact", [] { return spheres(1000, 25); }, 0, Format::kCompact, kFieldCompact},
+      {"1000 spheres, box 100, compact, f32", [] { return spheres(1000, 100); }, 0, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, false, Precision::kF32},
+      {"1000 spheres, box 25, compact, f32", [] { return spheres(1000, 25); }, 0, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, false, Precision::kF32},
+      {"1000 spheres, box 100, bounds and status", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds},
+      {"5000 spheres, box 171, compact", [] { return spheres(5000, 171); }, 0, Format::kCompact, kFieldCompact},
+      {"30 hulls, 150 pairs, 4096 configurations, compact", hulls, 4096, Format::kCompact, kFieldCompact},
+      {"30 hulls, 150 pairs, 4096 configurations, compact and status", hulls, 4096, Format::kCompact,
+       kFieldCompact | kFieldStatus},
+      {"30 hulls, 150 pairs, 4096 configurations, compact, status and flags", hulls, 4096, Format::kCompact,
+       kFieldCompact | kFieldStatus | kFieldFlags},
+      {"30 hulls, 150 pairs, 4096 configurations, bounds and status", hulls, 4096, Format::kFull, kBounds},
+      {"30 hulls, 150 pairs, 4096 configurations, compact, warm", hulls, 4096, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, true},
+      {"30 hulls of 600 to 4000 vertices, 4096 configurations, compact", large_hulls, 4096, Format::kCompact,
+       kFieldCompact},
+      few(1),
+      few(10),
+      few(100),
+      few(300),
+      few(1000),
+      few(10000),
+      {"2 spheres of 1,998,002 vertices", large_spheres, 0, Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0, false,
+       Precision::kF64, false, 1, true},
+      {"1000 spheres, box 100, nearest", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds,
+       Reduce::kNearest},
+      {"1000 spheres, box 100, within 2", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kWithin,
+       2},
+      {"5000 spheres, box 171, nearest", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds,
+       Reduce::kNearest},
+      {"5000 spheres, box 171, within 2", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds, Reduce::kWithin,
+       2},
+      {"50000 spheres, box 368, within 2", [] { return spheres(50000, 368); }, 0, Format::kFull, kBounds,
+       Reduce::kWithin, 2},
+      {"1000 spheres, box 100, nearest, warm", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds,
+       Reduce::kNearest, kFar, 0, true},
+      {"30 hulls, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds, Reduce::kMin},
+      {"30 hulls, 150 pairs, 4096 configurations, min, warm", hulls, 4096, Format::kFull, kBounds, Reduce::kMin, kFar,
+       0, true},
+      {"30 hulls in 27 times the room, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin, kFar, 0, false, Precision::kF64, false, 3},
+      {"30 hulls in 27 times the room, 150 pairs, 4096 configurations, min, warm", hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin, kFar, 0, true, Precision::kF64, false, 3},
+      {"30 hulls of 32 to 496 vertices, 4096 configurations, min", middle_hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin},
+      {"30 hulls of 32 to 496 vertices, 4096 configurations, min, warm", middle_hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin, kFar, 0, true},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact", arms_scene, 4096, Format::kCompact,
+       kFieldCompact},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact, f32", arms_scene, 4096, Format::kCompact,
+       kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF32},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, near 0.1, compact", arms_scene, 4096,
+       Format::kCompact, kFieldCompact, Reduce::kNone, 0.1},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min", arms_scene, 4096, Format::kFull, kBounds,
+       Reduce::kMin},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, depth, compact", arms_scene, 4096,
+       Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF64, true},
+      {"30 hulls, 150 pairs, 4096 configurations, depth, compact", hulls, 4096, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, false, Precision::kF64, true},
+  };
+  return all;
+}
+
+struct Timing {
+  double wall_us = 0, kernel_us = 0, broad_phase_us = 0;
+};
+
+std::uint64_t counter(const Engine& engine, const std::string& name) {
+  for (const auto& [key, value] : engine.stats())
+    if (key == name) return value;
+  return 0;  // a backend that does not count this
+}
+
+// Where bodies are in every other query: in its configurations, or in the engine. Empty: where they were.
+struct Motion {
+  std::vector<Pose> next;
+  std::vector<BodyPose> placed[2];
+};
+
+double median(std::vector<double>& v) {
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+
+// Medians over queries into the same columns.
+Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& reply, int repeats,
+                    const Motion& motion = {}) {
+  QueryView q = query;
+  std::vector<double> walls, kernels, broad_phases;
+  for (int i = -2; i < repeats; ++i) {
+    if (!motion.next.empty()) q.configurations = i % 2 ? motion.next : query.configurations;
+    if (!motion.placed[0].empty()) engine.set_poses(motion.placed[i % 2 ? 1 : 0]);
+    const std::uint64_t before = counter(engine, "cuda.kernel_ns"), broad_before = counter(engine, "cuda.broad_phase_ns");
+    const auto begin = Clock::now();
+    Job job = engine.start(q, reply);
+    while (!job.advance()) {
+    }
+    const double us = std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
+    if (i < 0) continue;
+    walls.push_back(us);
+    kernels.push_back(1e-3 * static_cast<double>(counter(engine, "cuda.kernel_ns") - before));
+    broad_phases.push_back(1e-3 * static_cast<double>(counter(engine, "cuda.broad_phase_ns") - broad_before));
+  }
+  return {median(walls), median(kernels), median(broad_phases)};
+}
+
+// What a workload asks. Not to be moved: the query points into it.
+struct Asked {
+  QueryView q;
+  std::vector<std::uint32_t> bodies;
+  std::vector<BodyPair> pairs;
+  std::vector<Pose> poses;
+
+  Asked(const Workload& w, const Engine& cpu) {
+    q.format = w.format;
+    q.fields = w.fields;
+    q.reduce = w.reduce;
+    q.max_distance = w.max_distance;
+    q.precision = w.precision;
+    q.signed_distance = w.depth;
+    if (w.scene == arms_scene) {
+      for (std::uint32_t b = 0; b < kArms * kLinks; ++b) bodies.push_back(b);
+      pairs = arms_pairs();
+      poses = arms_poses(w.configurations, 13);
+    } else if (w.configurations > 0) {
+      for (std::uint32_t b = 0; b < kHulls; ++b) bodies.push_back(b);
+      for (std::uint32_t a = 0; a < kHulls && pairs.size() < kHullPairs; ++a)
+        for (std::uint32_t b = a + 1; b < kHulls && pairs.size() < kHullPairs; b += 2) pairs.push_back({a, b});
+      Random random(13);
+      for (std::size_t i = 0; i < std::size_t{w.configurations} * kHulls; ++i) poses.push_back(random.pose(w.room));
+    }
+    if (w.configurations > 0) {
+      q.all_pairs = false;
+      q.pairs = pairs;
+      q.bodies = bodies;
+      q.configurations = poses;
+      q.configuration_count = w.configurations;
+    }
+    if (w.first_pairs > 0) {
+      pairs = cpu.pairs(q);
+      pairs.resize(std::min(pairs.size(), w.first_pairs));
+      q.all_pairs = false;
+      q.pairs = pairs;
+    }
+  }
+  Asked(const Asked&) = delete;
+};
+
+// The report's kernel for many pairs, a block for each: its bare distances of the pairs that a row above asks for.
+void run_baseline(const std::string& name, const Scene& scene, std::ostream& csv, std::vector<std::string>& table) {
+  const std::vector<BodyPair> pairs = Engine(scene, {"cpu"}).pairs({});
+  const baselines::World world(scene);
+  const auto system = baselines::make_narrow("cuda_batched");
+  std::vector<baselines::PairAnswer> answers(pairs.size());
+  std::vector<double> walls, kernels;
+  for (int i = -1; i < 5; ++i) {
+    const auto begin = Clock::now();
+    system->distances(world, pairs, answers);
+    if (i < 0) continue;
+    walls.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
+    kernels.push_back(system->kernel_us());
+  }
+  const double kernel_us = median(kernels), wall_us = median(walls);
+  csv << '"' << name << "\"," << pairs.size() << ',' << kernel_us << ",," << wall_us << ",,,,,,,\n";
+  char line[200];
+  std::snprintf(line, sizeof line, "%-50s %9zu pairs | kernels %9.1f us %6.2f G/s | wall %22s %9.1f us pageable", name.c_str(), pairs.size(),
+                kernel_us, 1e-3 * static_cast<double>(pairs.size()) / kernel_us, "", wall_us);
+  std::puts(line);
+  table.push_back(line);
+}
+
+// One GPU and all of them, the same query into pinned memory.
+void run_several(const Workload& w, std::ostream& csv) {
+  const int count = cuda::device_info().count;
+  Engine::Options one{"cuda"}, all{"cuda"};
+  one.devices = {0};
+  for (int i = 0; i < count; ++i) all.devices.push_back(i);
+  Engine single(w.scene(), one), several(w.scene(), all);
+  const Asked asked(w, single);
+  const QuerySize size = single.size(asked.q);
+  std::uint64_t bytes = 0;
+  reply_view_over(nullptr, size.rows, size.fields, &bytes);
+  const cuda::PinnedMemory room(bytes), room_several(bytes);
+  const ReplyView reply = reply_view_over(room.data(), size.rows, size.fields),
+                  reply_several = reply_view_over(room_several.data(), size.rows, size.fields);
+  const int repeats = size.rows > 4'000'000 ? 10 : 30;
+  const Timing with_one = time_queries(single, asked.q, reply, repeats),
+               with_all = time_queries(several, asked.q, reply_several, repeats);
+  std::memset(room.data(), 1, bytes);
+  std::memset(room_several.data(), 1, bytes);
+  time_queries(single, asked.q, reply, 1);
+  time_queries(several, asked.q, reply_several, 1);
+  const bool same = std::memcmp(room.data(), room_several.data(), bytes) == 0;
+  csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << count << ',' << with_one.wall_us << ','
+      << with_all.wall_us << ',' << with_one.wall_us / with_all.wall_us << ',' << (same ? "same" : "DIFFERENT") << '\n';
+  csv.flush();
+  std::printf("%-50s one %9.1f us | %d %9.1f us | %5.2fx | bits %s\n", w.name.c_str(), with_one.wall_us, count, with_all.wall_us,
+              with_one.wall_us / with_all.wall_us, same ? "same" : "DIFFERENT");
+  std::fflush(stdout);
+}
+
+// Each body turned by 0.01 rad about an axis of its own.
+Motion motion_of(const Asked& asked, const Scene& scene) {
+  Random random(17);
+  const auto turned = [&](const Pose& p) {
+    const Vec3d axis{random.normal(), random.normal(), random.normal()};
+    const Vec3d u = axis * (0.005 / norm(axis)), v{p.qx, p.qy, p.qz}, q = u * p.qw + v + cross(u, v);
+    return Pose{p.translation, p.qw - dot(u, v), q.x, q.y, q.z};
+  };
+  Motion motion;
+  for (const Pose& p : asked.poses) motion.next.push_back(turned(p));
+  if (!motion.next.empty()) return motion;
+  for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
+    motion.placed[0].push_back({b, *scene.bodies()[b].pose});
+    motion.placed[1].push_back({b, turned(*scene.bodies()[b].pose)});
+  }
+  return motion;
+}
+
+void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) {
+  Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"}), either(w.scene(), {"auto"});
+  const Asked asked(w, cpu);
+  QueryView q = asked.q;
+  const QuerySize size = device.size(q);
+  std::uint64_t bytes = 0;
+  reply_view_over(nullptr, size.rows, size.fields, &bytes);
+  const cuda::PinnedMemory pinned(bytes), pinned_cpu(bytes);
+  std::vector<std::byte> pageable(bytes + 64);
+  const auto view = [&](std::byte* base) { return reply_view_over(base, size.rows, size.fields); };
+  std::byte* aligned = pageable.data() + (64 - reinterpret_cast<std::uintptr_t>(pageable.data()) % 64) % 64;
+
+  Motion motion;
+  if (w.warm) q.warm_slot = 1;
+  if (w.warm || w.moves) motion = motion_of(asked, cpu.scene());
+  const int repeats = size.rows > 4'000'000 ? 10 : size.rows < 20'000 ? 300 : 30;
+  const Timing direct = time_queries(device, q, view(pinned.data()), repeats, motion);
+  const std::uint64_t rest = counter(device, "cuda.pairs_finished_on_cpu") / static_cast<std::uint64_t>(repeats + 2);
+  const Timing staged = time_queries(device, q, view(aligned), repeats, motion);
+  const Timing host = time_queries(cpu, q, view(pinned_cpu.data()), std::max(5, repeats / 5), motion);
+  const Timing routed = time_queries(either, q, view(aligned), repeats, motion);
+  std::memset(pinned.data(), 1, bytes);
+  std::memset(pinned_cpu.data(), 1, bytes);
+  time_queries(device, q, view(pinned.data()), 1);
+  time_queries(cpu, q, view(pinned_cpu.data()), 1);
+  // Warm answers depend on what was asked before; their intervals hold the same distance.
+  bool same = std::memcmp(pinned.data(), pinned_cpu.data(), bytes) == 0;
+  if (w.warm) {
+    same = true;
+    const ReplyView a = view(pinned.data()), b = view(pinned_cpu.data());
+    for (std::uint64_t i = 0; i < size.rows; ++i)
+      same = same && (a.compact ? a.compact[i].lower <= b.compact[i].upper && b.compact[i].lower <= a.compact[i].upper
+                                : a.lower[i] <= b.upper[i] && b.lower[i] <= a.upper[i]);
+  }
+  const char* const agreement = !same ? "DIFFERENT" : w.warm ? "intervals meet" : "same";
+
+  const unsigned cores = std::thread::hardware_concurrency();
+  csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << direct.kernel_us << ',' << direct.wall_us << ','
+      << staged.wall_us << ',' << host.wall_us << ',' << routed.wall_us << ',' << (routed.kernel_us > 0 ? "cuda" : "cpu") << ',' << cores << ',' << rest << ',' << agreement
+      << ',' << direct.broad_phase_us << '\n';
+  csv.flush();
+  char line[400];
+  std::snprintf(line, sizeof line,
+                "%-50s %9llu pairs | kernels %9.1f us %6.2f G/s | wall %9.1f us pinned, %9.1f us pageable | cpu %u "
+                "cores %10.1f us | %5.1fx | auto %9.1f us (%s) | rest %6llu | bits %s",
+                w.name.c_str(), static_cast<unsigned long long>(size.configurations * size.pairs), direct.kernel_us,
+                1e-3 * static_cast<double>(size.configurations * size.pairs) / direct.kernel_us, direct.wall_us, staged.wall_us, cores,
+                host.wall_us, host.wall_us / direct.wall_us, routed.wall_us, routed.kernel_us > 0 ? "cuda" : "cpu", static_cast<unsigned long long>(rest),
+                agreement);
+  std::string said = line;
+  if (direct.broad_phase_us > 0) said += " | poses to near pairs " + std::to_string(direct.broad_phase_us) + " us";
+  std::puts(said.c_str());
+  std::fflush(stdout);
+  table.push_back(said);
+}
+
+}  // namespace
+}  // namespace clearance::test
+
+int main(int argc, char** argv) {
+  using namespace clearance;
+  using namespace clearance::test;
+  const std::string path = argc > 1 ? argv[1] : "gpu.csv", filter = argc > 2 ? argv[2] : "";
+  if (!cuda::device_info().present) {
+    std::fprintf(stderr, "no CUDA device: %s\n", cuda::device_info().reason.c_str());
+    return 1;
+  }
+  if (path == "--device") {
+    std::puts(cuda::device_info().name.c_str());
+    return 0;
+  }
+  if (path == "--several") {
+    const int count = cuda::device_info().count;
+    if (count < 2) {
+      std::fprintf(stderr, "there is one CUDA device alone\n");
+      return 1;
+    }
+    std::ofstream csv(filter);
+    csv << "# devices: " << count << " x " << cuda::device_info().name << "\n# command: make gpu-several\n"
+        << "workload,pairs,devices,wall_one_us,wall_all_us,ratio,bits\n";
+    for (const Workload& w : workloads())
+      if (w.configurations > 0 || (w.reduce == Reduce::kNone && w.name.starts_with("5000"))) run_several(w, csv);
+    return 0;
+  }
+  std::ofstream csv(path);
+  csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\n"
+      << "workload,pairs,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,auto_wall_us,auto_backend,cpu_cores,rows_finished_on_cpu,bits_"
+         "against_cpu,broad_phase_us\n";
+  std::vector<std::string> table;
+  for (const Workload& w : workloads())
+    if (w.name.find(filter) != std::string::npos) run(w, csv, table);
+  if (const std::string name = "1000 spheres, box 100, the report's block for each pair"; name.find(filter) != std::string::npos)
+    run_baseline(name, spheres(1000, 100), csv, table);
+  std::printf("\n%s\n", cuda::device_info().name.c_str());
+  const auto begin = Clock::now();
+  const Engine measured(spheres(10, 20), {.calibration = "measure"});
+  std::printf("calibration: %.0f ms\n", std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
+  for (const auto& [key, value] : measured.stats())
+    if (key.ends_with("cuda_from_pairs")) std::printf("%s %llu\n", key.c_str(), static_cast<unsigned long long>(value));
+  for (const std::string& line : table) std::puts(line.c_str());
+}

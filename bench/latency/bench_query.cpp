@@ -1,0 +1,138 @@
+#include "bench_query.h"
+
+#include <sched.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+
+#include "cli/commands.h"
+
+namespace clearance::cli {
+
+namespace {
+
+const std::map<std::string, Reduce> kReduceNames{
+    {"none", Reduce::kNone}, {"within", Reduce::kWithin}, {"nearest", Reduce::kNearest}, {"min", Reduce::kMin}};
+const std::map<std::string, Precision> kPrecisionNames{{"f64", Precision::kF64}, {"f32", Precision::kF32}};
+
+}  // namespace
+
+void add_question_options(CLI::App& command, BenchQuestion& question) {
+  command.add_option("--pairs", question.pairs, "pairs drawn from the scene's; 0: all enabled pairs")
+      ->type_name("N")
+      ->capture_default_str();
+  command
+      .add_option("--configs", question.configurations,
+                  "configurations of --moved bodies around their current poses;\n0: the current poses")
+      ->check(quiet(CLI::Range(0u, 10'000'000u)))
+      ->type_name("K")
+      ->capture_default_str();
+  command.add_option("--moved", question.moved, "bodies that a configuration moves")
+      ->check(quiet(CLI::Range(1u, 100'000u)))
+      ->type_name("M")
+      ->capture_default_str();
+  command.add_option("--jitter", question.jitter_m, "how far they move: metres and radians, standard deviation")
+      ->check(quiet(CLI::Range(0.0, 1e6)))
+      ->type_name("S")
+      ->capture_default_str();
+  command.add_option("--seed", question.seed, "of the pairs and configurations drawn")
+      ->type_name("N")
+      ->capture_default_str();
+  command.add_option("--precision", question.precision, "f64, f32")
+      ->check(quiet(CLI::IsMember({"f64", "f32"})))
+      ->type_name("WORD")
+      ->capture_default_str();
+  command.add_option("--reduce", question.reduce, "none, within (--max-distance), nearest, min")
+      ->check(quiet(CLI::IsMember({"none", "within", "nearest", "min"})))
+      ->type_name("WORD")
+      ->capture_default_str();
+  command
+      .add_option("--max-distance", question.max_distance, "pairs proved farther than so many metres are \"beyond\"")
+      ->check(quiet(CLI::NonNegativeNumber))
+      ->type_name("M");
+}
+
+std::vector<std::uint32_t> movable_bodies(const SceneInfo& scene, const std::vector<BodyStateInfo>& states) {
+  std::vector<std::uint32_t> bodies;
+  for (std::uint32_t b = 0; b < scene.bodies.size(); ++b)
+    if (!scene.bodies[b].is_static && states[b].parent == kNone && states[b].status == Status::kOk) bodies.push_back(b);
+  return bodies;
+}
+
+Pose7 jittered(const Pose7& pose, double sigma_m, std::mt19937_64& random) {
+  std::normal_distribution<double> noise(0, sigma_m);
+  const double a = noise(random) / 2, b = noise(random) / 2, c = noise(random) / 2;
+  const double w = pose[3], x = pose[4], y = pose[5], z = pose[6];
+  // (1, a, b, c) * q: a small turn in the world's axes; the daemon normalises it.
+  Pose7 moved{pose[0] + noise(random),   pose[1] + noise(random),   pose[2] + noise(random),  w - a * x - b * y - c * z,
+              x + a * w + b * z - c * y, y + b * w + c * x - a * z, z + c * w + a * y - b * x};
+  const double norm = std::sqrt(moved[3] * moved[3] + moved[4] * moved[4] + moved[5] * moved[5] + moved[6] * moved[6]);
+  for (int i = 3; i < 7; ++i) moved[i] /= norm;
+  return moved;
+}
+
+BenchQuery make_query(Client& client, const BenchQuestion& o) {
+  std::mt19937_64 random(o.seed);
+  BenchQuery q;
+  q.query.max_distance = o.max_distance;
+  q.query.reduce = kReduceNames.at(o.reduce);
+  q.query.precision = kPrecisionNames.at(o.precision);
+  if (o.configurations > 0) {
+    const SceneInfo& scene = client.scene();
+    const std::vector<BodyStateInfo> states = client.body_states();
+    q.bodies = movable_bodies(scene, states);
+    if (q.bodies.empty())
+      throw std::invalid_argument(
+          "--configs: no body of the scene can be moved: each is static, has a parent, or has no pose");
+    std::shuffle(q.bodies.begin(), q.bodies.end(), random);
+    q.bodies.resize(std::min<std::size_t>(q.bodies.size(), o.moved));
+    std::sort(q.bodies.begin(), q.bodies.end());
+    for (std::uint32_t k = 0; k < o.configurations; ++k)
+      for (const std::uint32_t body : q.bodies)
+        q.configurations.push_back(jittered(states[body].pose, o.jitter_m, random));
+    q.query.bodies = q.bodies;
+    q.query.configurations = q.configurations;
+  }
+  if (o.pairs > 0) {
+    q.pairs = client.pairs(q.query);
+    if (q.pairs.size() < o.pairs)
+      throw std::invalid_argument("--pairs: the scene has " + std::to_string(q.pairs.size()) + " enabled pairs" +
+                                  (o.configurations > 0 ? " with a moved body" : "") + "; 0 asks for all of them");
+    std::shuffle(q.pairs.begin(), q.pairs.end(), random);
+    q.pairs.resize(o.pairs);
+    std::sort(q.pairs.begin(), q.pairs.end());
+    q.query.pairs = q.pairs;
+  }
+  return q;
+}
+
+std::string bench_command_line(const CLI::App& command) {
+  std::string line;
+  if (const int nice = ::getpriority(PRIO_PROCESS, 0); nice != 0) line += "nice -n " + std::to_string(nice) + " ";
+  if (const int policy = ::sched_getscheduler(0); policy == SCHED_FIFO || policy == SCHED_RR) {
+    sched_param real_time{};
+    ::sched_getparam(0, &real_time);
+    line +=
+        std::string("chrt ") + (policy == SCHED_FIFO ? "-f " : "-r ") + std::to_string(real_time.sched_priority) + " ";
+  }
+  cpu_set_t cpus;
+  const long online = ::sysconf(_SC_NPROCESSORS_ONLN);
+  if (::sched_getaffinity(0, sizeof cpus, &cpus) == 0 && CPU_COUNT(&cpus) < online) {
+    std::string list;
+    for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu)
+      if (CPU_ISSET(cpu, &cpus)) list += (list.empty() ? "" : ",") + std::to_string(cpu);
+    line += "taskset -c " + list + " ";
+  }
+  line += "clearance " + command.get_name();
+  for (const CLI::Option* option : command.get_options())
+    for (const std::string& value : option->results())
+      if (option->get_name() != "--csv" && option->get_name() != "--help")
+        line += " " + option->get_name() + (option->get_items_expected_max() == 0 ? "" : " " + value);
+  return line;
+}
+
+}  // namespace clearance::cli

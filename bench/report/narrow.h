@@ -1,0 +1,43 @@
+// The report's ways to find the distance of pairs of meshes, by name, behind one interface.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "engine/query/query.h"
+#include "sign_gjk.h"
+#include "world.h"
+
+namespace clearance::baselines {
+
+struct NarrowOptions {
+  int threads = 0;                            ///< of those with OpenMP; 0: all cores
+  int block_size = 64;                        ///< threads of a block, of those on a GPU
+  Reduction reduction = Reduction::kRegions;  ///< of those that iterate
+};
+
+/// Finds the distances of pairs of meshes. Not thread-safe: buffers are kept between calls.
+class NarrowBaseline {
+ public:
+  virtual ~NarrowBaseline() = default;
+  /// \param pairs of body ids. \param answers (pairs,)
+  virtual void distances(const World& world, std::span<const BodyPair> pairs, std::span<PairAnswer> answers) = 0;
+  /// Time in kernels of the last call, by the device's events, microseconds; 0 on a CPU.
+  virtual double kernel_us() const { return 0; }
+};
+
+/// naive, naive_omp, gjk, gjk_hill, gjk_omp; where the build has CUDA also cuda_support_seq, cuda_support_par,
+/// cuda_terms_seq, cuda_terms_par, cuda_pairwise, cuda_batched.
+const std::vector<std::string>& narrow_names();
+/// Throws std::invalid_argument for a name that is not there or a bad option, std::runtime_error for a CUDA baseline
+/// without a GPU.
+std::unique_ptr<NarrowBaseline> make_narrow(std::string_view name, const NarrowOptions& options = {});
+
+/// The report's Algorithm 1 alone: the least distance of two meshes' triangles; 0 if some cross. A mesh inside another,
+/// whose surfaces do not meet, is as far as its surface is: the naive baselines look for that as well.
+PairAnswer least_triangle_distance(const Mesh& a, const Mesh& b);
+
+}  // namespace clearance::baselines

@@ -1,0 +1,92 @@
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+
+#include "wire/default_socket.h"
+#include "commands.h"
+
+namespace clearance::cli {
+
+Client Connection::open() const {
+  const auto timeout = std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(timeout_s));
+  Client client = connect(url.empty() ? "shm://" + default_socket_path() : url, timeout);
+  client.set_timeout(timeout);
+  return client;
+}
+
+CLI::Validator at_least_zero() {
+  return CLI::Validator(
+      [](std::string& text) {
+        double number = 0;
+        const bool good = CLI::detail::lexical_cast(text, number) && number >= 0;
+        return good ? std::string() : "expected a number >= 0, got " + text;
+      },
+      "");
+}
+
+void add_connection_options(CLI::App& command, Connection& connection) {
+  command
+      .add_option("--connect", connection.url,
+                  "the daemon: shm:///path, ipc:///path, tcp://host:port or\nudpm://group:port?ttl=0; default: shm://" +
+                      default_socket_path())
+      ->envname("CLEARANCE_URL")
+      ->type_name("URL");
+  command.add_option("--timeout", connection.timeout_s, "seconds to wait for an answer")
+      ->check(quiet(CLI::Range(0.0, 1e6)))
+      ->type_name("S")
+      ->capture_default_str();
+}
+
+void add_output_options(CLI::App& command, Output& output) {
+  auto* json = command.add_flag_callback(
+      "--json", [&output] { output = Output::kJson; }, "print JSON");
+  command
+      .add_flag_callback(
+          "--csv", [&output] { output = Output::kCsv; }, "print comma-separated values")
+      ->excludes(json);
+}
+
+namespace {
+
+/// A body's number, if the text is one.
+bool number_of(Client& client, const std::string& text, std::uint32_t& id) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id);
+  return error == std::errc() && end == text.data() + text.size() && id < client.scene().bodies.size();
+}
+
+bool is_body(const SceneInfo& scene, const std::string& name) {
+  for (const auto& body : scene.bodies)
+    if (body.name == name) return true;
+  return false;
+}
+
+}  // namespace
+
+std::uint32_t body_of(Client& client, const std::string& text) {
+  std::uint32_t id = 0;
+  if (!is_body(client.scene(), text) && number_of(client, text, id)) return id;
+  return client.body(text);
+}
+
+std::uint32_t selector_of(Client& client, const std::string& text) {
+  if (text == "*") return kEveryBody;
+  const auto& groups = client.scene().groups;
+  for (std::size_t i = 0; i < groups.size(); ++i)
+    if (groups[i].name == text) return kGroupBit | static_cast<std::uint32_t>(i);
+  return body_of(client, text);
+}
+
+Pose7 pose_of(const std::string& option, const std::vector<double>& numbers) {
+  if (!numbers.empty() && numbers.size() != 3 && numbers.size() != 7)
+    throw std::invalid_argument(option + ": expected x y z, or x y z qw qx qy qz; got " + std::to_string(numbers.size()) +
+                                " numbers");
+  Pose7 pose{0, 0, 0, 1, 0, 0, 0};
+  std::copy(numbers.begin(), numbers.end(), pose.begin());
+  return pose;
+}
+
+std::string name_of(const SceneInfo& scene, std::uint32_t body) {
+  return body < scene.bodies.size() ? scene.bodies[body].name : "-";
+}
+
+}  // namespace clearance::cli

@@ -1,0 +1,180 @@
+// clearance-inspect: what a scene's bodies are modelled by, at what cost, with what error, and what could be left out.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <iostream>
+
+#include "cli/table.h"
+#include "inspect/inspect.h"
+
+namespace clearance {
+namespace {
+
+using cli::Cell;
+using cli::Output;
+using cli::Table;
+
+struct Options {
+  std::string scene;
+  Output output = Output::kTable;
+  InspectOptions inspect;
+  bool allow_outside = false;
+};
+
+Table table_of(const Scene& scene, const SceneReport& report, Output output) {
+  std::vector<std::string> columns{"body",     "form",    "kind",     "parent",  "pieces",
+                                   "loaded",   "inside",  "vertices", "faces",   "radius_m",
+                                   "extent_m", "error_m", "hull_excess_m", "empty_share",
+                                   "partners", "ignored", "ns_per_pair"};
+  const bool for_people = output == Output::kTable;
+  if (for_people)
+    columns.insert(columns.end(), {"KiB", "shared_by", "source"});
+  else
+    columns.insert(columns.end(), {"bytes", "display_bytes", "shared_by", "source"});
+  Table table(columns);
+  for (std::size_t i = 0; i < report.bodies.size(); ++i) {
+    const Body& body = scene.bodies()[i];
+    const BodyReport& r = report.bodies[i];
+    std::vector<Cell> row{body.name,
+                          r.form,
+                          body.is_static ? "static" : "movable",
+                          body.parent == kNone ? Cell() : Cell(scene.bodies()[body.parent].name),
+                          r.pieces,
+                          r.loaded,
+                          r.inside ? Cell(*r.inside) : Cell(),
+                          r.vertices,
+                          r.faces,
+                          Cell(r.radius, 4),
+                          Cell(r.extent, 4),
+                          Cell(r.model_error, 3),
+                          Cell(r.hull_excess, 3),
+                          r.empty_share ? Cell(*r.empty_share, 3) : Cell(),
+                          r.partners,
+                          r.ignored,
+                          r.ns_per_pair ? Cell(*r.ns_per_pair, 3) : Cell()};
+    if (for_people)
+      row.push_back(Cell(static_cast<double>(r.bytes) / 1024, 3));
+    else
+      row.insert(row.end(), {r.bytes, r.display_bytes});
+    row.insert(row.end(), {r.sharing, body.source});
+    table.add(std::move(row));
+  }
+  return table;
+}
+
+Table findings_of(const Scene& scene, const SceneReport& report) {
+  Table table({"what", "body", "other", "error_m", "text"});
+  for (const Finding& f : report.findings)
+    table.add({name_of(f.kind), scene.bodies()[f.body].name,
+               f.other == kNone ? Cell() : Cell(scene.bodies()[f.other].name), f.error ? Cell(*f.error, 3) : Cell(),
+               f.text});
+  return table;
+}
+
+Table warnings_of(const Scene& scene, const SceneReport& report) {
+  Table table({"body", "text"});
+  for (std::size_t i = 0; i < report.bodies.size(); ++i)
+    if (!report.bodies[i].warning.empty()) table.add({scene.bodies()[i].name, report.bodies[i].warning});
+  return table;
+}
+
+void print_for_people(const Scene& scene, const SceneReport& report) {
+  table_of(scene, report, Output::kTable).print(std::cout, Output::kTable);
+  std::cout << "\n";
+  for (std::size_t i = 0; i < report.bodies.size(); ++i)
+    if (!report.bodies[i].warning.empty())
+      std::cout << "Warning: " << scene.bodies()[i].name << ": " << report.bodies[i].warning << "\n";
+  if (report.findings.empty()) std::cout << "Nothing was found that could be left out.\n";
+  for (const Finding& f : report.findings) std::cout << scene.bodies()[f.body].name << ": " << f.text << "\n";
+  std::printf("\n%zu bodies, %llu enabled pairs; pieces take %.4g KiB, meshes for pictures %.4g KiB\n",
+              report.bodies.size(), static_cast<unsigned long long>(report.pairs),
+              static_cast<double>(report.bytes) / 1024, static_cast<double>(report.display_bytes) / 1024);
+  if (report.ns_all_pairs)
+    std::printf("All pairs once, at the poses at load, to the default tolerance: about %.3g us on one thread\n",
+                1e-3 * *report.ns_all_pairs);
+}
+
+void print_json(const Options& o, const Scene& scene, const SceneReport& report) {
+  std::cout << "{\"scene\": " << cli::json_string(o.scene) << ",\n\"bodies\": ";
+  table_of(scene, report, Output::kJson).print(std::cout, Output::kJson);
+  std::cout << ",\n\"could_be_left_out\": ";
+  findings_of(scene, report).print(std::cout, Output::kJson);
+  std::cout << ",\n\"warnings\": ";
+  warnings_of(scene, report).print(std::cout, Output::kJson);
+  std::cout << ",\n\"pairs\": " << report.pairs << ", \"bytes\": " << report.bytes
+            << ", \"display_bytes\": " << report.display_bytes << ", \"ns_all_pairs\": ";
+  if (report.ns_all_pairs)
+    std::cout << *report.ns_all_pairs;
+  else
+    std::cout << "null";
+  std::cout << "}\n";
+}
+
+int run(const Options& o) {
+  const Scene scene = Scene::load(o.scene, o.allow_outside);
+  const SceneReport report = inspect(scene, o.inspect);
+  switch (o.output) {
+    case Output::kTable:
+      print_for_people(scene, report);
+      break;
+    case Output::kCsv:
+      table_of(scene, report, o.output).print(std::cout, o.output);
+      break;
+    case Output::kJson:
+      print_json(o, scene, report);
+      break;
+  }
+  if (!std::cout.flush()) throw std::runtime_error("the report cannot be written");
+  return 0;
+}
+
+}  // namespace
+}  // namespace clearance
+
+int main(int argc, char** argv) {
+  using namespace clearance;
+  constexpr int kBadScene = 1, kCommandLine = 2;
+  Options o;
+  bool no_times = false;
+  CLI::App app(
+      "Tells for each body of a scene file what it is modelled by, at what cost and with what error, and what could be "
+      "left out.",
+      "clearance inspect");
+  app.add_option("scene", o.scene, "scene file (YAML)")->required()->type_name("SCENE");
+  auto* json = app.add_flag_callback(
+      "--json", [&] { o.output = Output::kJson; }, "print JSON");
+  app.add_flag_callback(
+         "--csv", [&] { o.output = Output::kCsv; }, "print the bodies as comma-separated values")
+      ->excludes(json);
+  app.add_option("--within", o.inspect.within,
+                 "a sphere or box is named if it stands out by no more than this share of the\nbody's size")
+      ->check(CLI::Range(1e-9, 0.5).description(""))
+      ->type_name("SHARE")
+      ->capture_default_str();
+  app.add_flag("--no-times", no_times, "do not measure: the same scene then gives the same report");
+  app.add_flag("--allow-outside", o.allow_outside, "let the scene name meshes outside its own folder");
+  app.footer(R"(
+Columns
+  loaded, inside, vertices   as read; dropped because proved inside; what remains, which bounds are made from
+  error_m                    how far the pieces may stand out from the shape that was asked for
+  hull_excess_m, empty_share how far they stand out of a mesh that is not convex, at most, and how much of
+                             their volume is empty (unknown for a mesh with holes)
+  partners, ignored          bodies that it is asked about with, and those that the ignore list takes away
+  ns_per_pair                measured now: one thread, poses at load, default tolerance
+  KiB, shared_by             memory of its pieces, and how many bodies hold them together
+
+Exit codes
+  0 done    1 the scene cannot be loaded    2 the command line is wrong)");
+  try {
+    app.parse(argc, argv);
+    o.inspect.measure = !no_times;
+    return run(o);
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    std::cerr << "clearance inspect: " << error.what() << "\n";
+    return kCommandLine;
+  } catch (const std::exception& error) {
+    std::cerr << "clearance inspect: " << error.what() << "\n";
+    return kBadScene;
+  }
+}

@@ -1,0 +1,135 @@
+// Dense queries on a device: a row for every configuration and pair.
+#include "engine/device/device_query.h"
+
+#include <algorithm>
+
+#include "engine/device/reply_columns.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+// A row of each configuration and pair.
+class DenseDeviceQuery final : public DeviceQuery {
+ public:
+  DenseDeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply)
+      : DeviceQuery(context, std::move(plan), reply) {}
+
+  void begin() override {
+    deal_ = backend_.deal(plan_);
+    workspace_ = backend_.device().borrow();
+    const std::uint64_t rounds = (plan_.size.configurations + deal_->configurations - 1) / deal_->configurations;
+    chunks_ = rounds * deal_->parts.size();
+    if (chunks_ == 0) return;
+    QuerySetup s = setup(*workspace_);
+    s.pairs = deal_->resident.get();
+    s.chunks = chunks_;
+    s.all_pairs = plan_.size.pairs;
+    s.warm = take_warm(plan_.size.configurations * plan_.size.pairs);
+    launch_while_copying([&] {
+      workspace_->begin(s);
+      slots_ = static_cast<std::uint64_t>(workspace_->slots());
+      launch_ahead();
+    });
+  }
+
+  bool advance(std::chrono::nanoseconds budget) override {
+    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
+    while (finished_ < chunks_) {
+      launch_ahead();
+      finish(finished_++);
+      if (finished_ < chunks_ && Clock::now() >= deadline) return false;
+    }
+    info.rows = info.total = plan_.size.rows;
+    info.pairs_evaluated = evaluated_;
+    context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+    backend_.queries.fetch_add(1, std::memory_order_relaxed);
+    return true;
+  }
+
+ private:
+  struct Chunk {
+    const PairDeal::Part* part;
+    std::uint64_t first_configuration;
+    std::uint32_t configurations;
+    std::uint64_t first_row;
+  };
+  Chunk chunk(std::uint64_t index) const {
+    const std::uint64_t first = index / deal_->parts.size() * deal_->configurations;
+    const PairDeal::Part& part = deal_->parts[index % deal_->parts.size()];
+    const auto configurations =
+        static_cast<std::uint32_t>(std::min<std::uint64_t>(deal_->configurations, plan_.size.configurations - first));
+    return {&part, first, configurations, first * plan_.size.pairs + part.first};
+  }
+
+  void launch_ahead() {
+    while (launched_ < chunks_ && launched_ < finished_ + slots_) launch(launched_++);
+  }
+
+  void launch(std::uint64_t index) {
+    const Chunk c = chunk(index);
+    const bool is_last = c.configurations != deal_->configurations;
+    const PairDeal::Part::Groups& g = is_last ? c.part->last : c.part->whole;
+    ChunkSetup s;
+    const int slot = static_cast<int>(index % slots_);
+    s.configurations = c.configurations;
+    s.first_configuration = c.first_configuration;
+    give_poses(*workspace_, slot, s);
+    s.first_row = c.first_row;
+    s.first_pair = c.part->first_pair;
+    s.pair_count = c.part->count;
+    s.first_tile = g.first_tile;
+    s.group_tiles = g.tiles;
+    s.strays = g.strays;
+    s.stray_tiles = g.stray_tiles;
+    s.several = g.several;
+    s.several_tiles = g.several_tiles;
+    ReplyView direct;
+    const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
+      to = column ? column + c.first_row * width : nullptr;
+    };
+    for_each_column(shift, direct_, direct);
+    workspace_->launch(slot, s, direct);
+  }
+
+  void finish(std::uint64_t index) {
+    const Chunk c = chunk(index);
+    const ChunkResult r = workspace_->finish(static_cast<int>(index % slots_));
+    const std::uint64_t rows = std::uint64_t{c.configurations} * c.part->count;
+    const auto copy = [&](auto* from, auto* to, auto* direct, std::size_t width) {
+      if (!from || direct) return;
+      copy_column(from, to + c.first_row * width, rows * width * sizeof(*from));
+    };
+    for_each_column(copy, r.rows, reply_, direct_);
+    cpu_rows_.assign(r.rest.begin(), r.rest.end());
+    evaluated_ += r.settled;
+    backend_.settled.fetch_add(r.settled, std::memory_order_relaxed);
+    if (launched_ < chunks_) launch(launched_++);  // the device goes on while the CPU finishes this chunk
+    for (std::uint32_t k = 0; k < c.configurations; ++k)
+      for (const std::uint32_t p : c.part->on_cpu) cpu_rows_.push_back(k * c.part->count + p);
+    std::sort(cpu_rows_.begin(), cpu_rows_.end());
+    answer_on_cpu(
+        cpu_rows_.size(),
+        [&](std::size_t i) {
+          return OpenRow{c.first_configuration + cpu_rows_[i] / c.part->count,
+                         c.part->first + cpu_rows_[i] % c.part->count};
+        },
+        [&](std::size_t i, const PlacedBodies& asked, const PairAnswer& answer) {
+          const auto k = static_cast<std::uint32_t>(c.first_configuration + cpu_rows_[i] / c.part->count);
+          write(std::uint64_t{k} * plan_.size.pairs + c.part->first + cpu_rows_[i] % c.part->count, k, asked, answer);
+        });
+  }
+
+  std::shared_ptr<const PairDeal> deal_;
+  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0;
+  std::vector<std::uint32_t> cpu_rows_;
+  std::shared_ptr<Workspace> workspace_;  // the last member: the first to go, and to wait for the device
+};
+
+}  // namespace
+
+std::unique_ptr<DeviceQuery> make_dense_device_query(const JobContext& context, Plan&& plan, const ReplyView& reply) {
+  return std::make_unique<DenseDeviceQuery>(context, std::move(plan), reply);
+}
+
+}  // namespace clearance::cuda

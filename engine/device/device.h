@@ -1,0 +1,243 @@
+// A CUDA device with a scene resident in its memory, in words that need no CUDA: what the engine sees of it.
+//
+// Where the build has no CUDA, absent.cpp stands in for it and says so.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "engine/device/device_error.h"
+#include "engine/narrow/answer.h"
+#include "engine/query/query.h"
+#include "engine/device/layout.h"
+
+namespace clearance {
+class PairTable;
+class Scene;
+}
+
+namespace clearance::cuda {
+
+/// A device that the backend can use.
+struct DeviceInfo {
+  bool present = false;
+  std::string name;    ///< "NVIDIA H100 80GB HBM3"
+  std::string reason;  ///< why there is none: "this build has no CUDA", or what the driver says
+  int count = 0;       ///< how many there are, numbered from 0
+};
+inline constexpr int kCurrentDevice = -1;  ///< in place of a number: the calling thread's
+
+/// Numbers that a device keeps about itself.
+struct DeviceCounters {
+  std::uint64_t scene_bytes = 0;   ///< geometry, uploaded once
+  std::uint64_t query_bytes = 0;   ///< device memory of queries, kept for the next ones
+  std::uint64_t pinned_bytes = 0;  ///< host memory of queries, likewise
+  std::uint64_t allocations = 0;   ///< how often either had to grow
+  std::uint64_t kernel_ns = 0;     ///< time in kernels: of dense queries by the device's clock, of reductions by its events
+  std::uint64_t broad_phase_ns = 0;  ///< of it, of queries over a whole table: from poses to the list of near pairs
+  std::uint64_t launches = 0;      ///< chunks of pair-configurations
+};
+
+/// Lists of pairs in device memory: those of all chunks of a query, one chunk after another.
+class ResidentPairs {
+ public:
+  virtual ~ResidentPairs() = default;
+};
+
+/// A scene's table of pairs in device memory, which knows each pair and lists none.
+class ResidentTable {
+ public:
+  virtual ~ResidentTable() = default;
+};
+
+/// Warm state of a client's query in device memory: a WarmRow for each of its configurations and pairs.
+class ResidentWarm {
+ public:
+  virtual ~ResidentWarm() = default;
+};
+
+/// Where the snapshot's bodies go, as BodiesView has them; without boxes.
+struct FixedBodies {
+  double* components;
+  std::uint8_t* state;
+};
+
+/// A query's part that stays the same for all its chunks. Spans are copied from.
+struct QuerySetup {
+  Question question;
+  std::uint32_t fields = 0;  ///< columns that come back, Field bits
+  bool boxes = false;  ///< whether boxes are compared
+  // The moved ones, as MovesView has them. Empty without configurations.
+  std::uint32_t given_count = 0;
+  std::span<const std::uint32_t> moved_body, source, chain_begin, chain;
+  std::span<const Pose> own;
+  std::span<const BodyPlacement> base;
+  std::span<const std::uint8_t> has_base;
+  const ResidentPairs* pairs = nullptr;
+  const ResidentTable* table = nullptr;  ///< of Reduce::kWithin over a whole table, in place of pairs
+  std::uint64_t chunks = 1;
+  ResidentWarm* warm = nullptr;  ///< null: cold
+  std::uint64_t all_pairs = 0;   ///< rows of one configuration of the query
+  // Of a reduced query.
+  Reduce reduce = Reduce::kNone;
+  std::uint32_t groups = 1;     ///< of one configuration
+  std::uint64_t most_rows = 0;  ///< of Reduce::kWithin
+  bool by_teams = false;  ///< of Reduce::kMin: one launch decides each configuration. Without depths and float32 only
+};
+
+/// One chunk: a run of rows that are consecutive in every column.
+struct ChunkSetup {
+  std::uint32_t configurations = 1;
+  std::uint64_t first_configuration = 0;
+  std::uint64_t first_row = 0;    ///< in the query
+  std::uint32_t first_pair = 0;   ///< in QuerySetup::pairs
+  std::uint32_t pair_count = 0;   ///< rows of one configuration
+  const Pose* poses = nullptr;    ///< (configurations, given_count), in pinned memory that stays until the chunk is finished
+  std::function<void(const Pose* end)> wait_for_poses;  ///< returns once those before `end` are there; empty: all are
+  std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
+  std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
+  Group strays{};                 ///< of pairs with hulls of their own; may be empty
+  std::uint32_t stray_tiles = 0;
+  Group several{};                ///< of pairs of which a body has several pieces; may be empty
+  std::uint32_t several_tiles = 0;
+  std::uint32_t tiles() const { return group_tiles + stray_tiles + several_tiles; }
+  std::uint64_t rows() const { return std::uint64_t{configurations} * pair_count; }
+};
+
+/// What a chunk came to. Views are valid until the slot is launched again.
+struct ChunkResult {
+  ReplyView rows;                       ///< host memory, without what went to `direct` columns
+  std::span<const std::uint32_t> rest;  ///< rows that are not settled, in no order
+  std::uint64_t settled = 0;            ///< rows that the narrow phase answered
+};
+
+/// What a chunk of a reduced query came to. Views are valid until the slot is launched again.
+struct ReducedResult {
+  /// Rows that the device left open. Where there are any, nothing else is valid: see settle().
+  std::span<const std::uint32_t> rest;
+  ReplyView rows;               ///< host memory; columns that went to `direct` are those
+  std::uint64_t row_count = 0;  ///< of the reply
+  std::uint64_t total = 0;      ///< the same without the limit of Reduce::kWithin
+  std::uint64_t settled = 0;    ///< pairs that the narrow phase answered
+};
+
+inline constexpr int kChunksUnderWay = 4;  ///< on each device
+
+/// Memory and streams for one query at a time, with a few chunks under way. Everything here may throw DeviceError.
+class QueryWorkspace {
+ public:
+  virtual ~QueryWorkspace() = default;
+  /// Slots for chunks, once begin() was called. The query's chunks take them in turn.
+  virtual int slots() const { return kChunksUnderWay; }
+  /// Where the snapshot's bodies go before begin().
+  virtual FixedBodies room_for_bodies(std::size_t bodies) = 0;
+  virtual void begin(const QuerySetup& setup) = 0;
+  /// Pinned memory for poses, of a slot's next chunk or of the whole query.
+  virtual Pose* room_for_poses(int slot, std::size_t count) = 0;
+  virtual Pose* room_for_all_poses(std::size_t count) = 0;
+};
+
+/// For a row of every configuration and pair.
+class Workspace : public QueryWorkspace {
+ public:
+  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once, from row 0 on; the
+  /// others (null) wait in the workspace.
+  virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;
+  /// Waits for a slot's chunk.
+  virtual ChunkResult finish(int slot) = 0;
+};
+
+/// For reduced queries. A chunk's pairs are those of ChunkSetup, all of one part; what says how they are grouped by hulls is
+/// not looked at.
+class ReducedWorkspace : public QueryWorkspace {
+ public:
+  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once; the others (null) wait in
+  /// the workspace.
+  virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;
+  /// Waits for a slot's chunk.
+  virtual ReducedResult finish(int slot) = 0;
+  /// Takes the CPU's answers to the rows that finish() named, in their order.
+  virtual ReducedResult settle(int slot, std::span<const PairAnswer> answers) = 0;
+};
+
+class Device {
+ public:
+  virtual ~Device() = default;
+  /// Chunks that a large query should have at least, to keep all of it busy.
+  virtual int chunks_wanted() const { return kChunksUnderWay; }
+  /// Index of the body's hull on the device; kSeveral: it has several pieces; kNone: the CPU answers its pairs.
+  virtual std::uint32_t hull_of(std::uint32_t body) const = 0;
+  /// Whether blocks of threads can hold the hull in their shared memory, beside another one.
+  virtual bool shares(std::uint32_t) const { return true; }
+  /// Copies pairs to the device. \param position of each within its chunk.
+  /// \param group_of_tile of each tile of 128 pair-configurations of the same two hulls.
+  virtual std::shared_ptr<const ResidentPairs> upload(std::span<const PairRef> pairs,
+                                                      std::span<const std::uint32_t> position,
+                                                      std::span<const Group> group_of_tile) = 0;
+  virtual std::shared_ptr<const ResidentTable> upload(const PairTable& table) = 0;
+  /// Cold state for so many rows. Throws DeviceError where there is no room.
+  virtual std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) = 0;
+  /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.
+  virtual std::shared_ptr<Workspace> borrow() = 0;
+  virtual std::shared_ptr<ReducedWorkspace> borrow_reduced() = 0;
+  virtual DeviceCounters counters() const = 0;
+};
+
+/// The current CUDA device of this process, if there is one.
+const DeviceInfo& installed_device();
+std::string installed_device_name(int number);
+/// Copies the scene's hulls to a device. \param number of the device, or kCurrentDevice. \param memory_limit bytes of its
+/// memory that may be taken.
+std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_t memory_limit);
+
+/// Stands in for the installed devices while it lives: tests of what follows from a device's faults need none.
+class DeviceStandIn {
+ public:
+  using Open = std::function<std::shared_ptr<Device>(const Scene&, int number, std::uint64_t memory_limit)>;
+  DeviceStandIn(DeviceInfo info, Open open);
+  ~DeviceStandIn();
+  DeviceStandIn(const DeviceStandIn&) = delete;
+  DeviceStandIn& operator=(const DeviceStandIn&) = delete;
+};
+
+bool has_stand_in();
+
+/// The devices that the backend uses: the installed ones or what stands in for them.
+const DeviceInfo& device_info();
+std::string device_name(int number);
+std::shared_ptr<Device> make_device(const Scene& scene, int number, std::uint64_t memory_limit);
+
+/// Whether the memory is pinned, so that the device can write to it.
+bool is_pinned(const void* memory);
+
+/// Makes memory that is there already pinned while it lives, whichever the devices of this process.
+class RegisteredMemory {
+ public:
+  /// \param memory a mapping, from its beginning. All its pages are taken now, which lasts milliseconds. Throws DeviceError.
+  RegisteredMemory(std::byte* memory, std::size_t bytes);
+  ~RegisteredMemory();
+  RegisteredMemory(const RegisteredMemory&) = delete;
+  RegisteredMemory& operator=(const RegisteredMemory&) = delete;
+
+ private:
+  std::byte* memory_;
+};
+
+/// Pinned host memory: replies in it need no copy on the host.
+class PinnedMemory {
+ public:
+  explicit PinnedMemory(std::size_t bytes);
+  ~PinnedMemory();
+  PinnedMemory(const PinnedMemory&) = delete;
+  PinnedMemory& operator=(const PinnedMemory&) = delete;
+  std::byte* data() const { return data_; }
+
+ private:
+  std::byte* data_ = nullptr;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,154 @@
+#include "engine/device/device_query.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "engine/device/reply_columns.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+constexpr std::size_t kParallelBodies = 4096;   // that are worth several threads
+constexpr std::size_t kPinnedPoses = 1u << 26;  // bytes; more go to pinned memory a chunk at a time
+
+}  // namespace
+
+DeviceQuery::DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply)
+    : ParallelJob(context, std::move(plan), reply, plan.query.reduce == Reduce::kNone),
+      backend_(*context.device),
+      rooms_(static_cast<std::size_t>(workers())) {
+  info.backend = "cuda";
+  for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), options_);
+  find_direct_columns();
+}
+
+DeviceQuery::~DeviceQuery() {
+  if (warm_) backend_.put_back(std::move(warm_));
+}
+
+ResidentWarm* DeviceQuery::take_warm(std::uint64_t rows) {
+  if (plan_.query.warm_slot != 0) warm_ = backend_.take_warm(plan_, rows);
+  return warm_ ? warm_->memory.get() : nullptr;
+}
+
+Plan DeviceQuery::give_up() {
+  plan_.keep_configurations();  // they may lie in the workspace
+  return std::move(plan_);
+}
+
+void DeviceQuery::find_direct_columns() {
+  std::uint32_t bit = 0;
+  direct_ = reply_;
+  const auto column = [&](auto*& direct, int) {
+    if (direct) fields_ |= 1u << bit;
+    ++bit;
+    if (!is_pinned(direct)) direct = nullptr;
+  };
+  for_each_column(column, direct_);
+}
+
+QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
+  QuerySetup s;
+  s.question = {options_.limits.max_distance,
+                options_.limits.abs_tol,
+                options_.limits.rel_tol,
+                options_.limits.max_iterations,
+                options_.cull,
+                options_.want_points,
+                options_.want_flags,
+                !options_.limits.signed_distance,
+                options_.f32};
+  s.fields = fields_;
+  s.boxes = options_.cull;
+  place_fixed(workspace.room_for_bodies(plan_.snapshot->placed.size()));
+  if (plan_.query.configuration_count > 0) {
+    const std::span<const Pose> poses = plan_.configurations;
+    if (poses.size_bytes() <= kPinnedPoses) {
+      pinned_poses_ = workspace.room_for_all_poses(poses.size());
+      poses_.emplace(poses.data(), pinned_poses_, poses.size_bytes(), CopyReader::kDevice);
+    } else {
+      plan_.keep_configurations();
+    }
+    chain_moved(s);
+  }
+  return s;
+}
+
+// The snapshot's bodies, one component after another.
+void DeviceQuery::place_fixed(const FixedBodies& fixed) {
+  const std::vector<BodyPlacement>& placed = plan_.snapshot->placed;
+  const std::size_t n = placed.size();
+#pragma omp parallel for num_threads(workers()) schedule(static) if (n >= kParallelBodies)
+  for (std::size_t b = 0; b < n; ++b) {
+    const BodyPlacement& at = placed[b];
+    const bool stale = !options_.stale.empty() && options_.stale[b];
+    fixed.state[b] =
+        static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
+                                  (stale ? kStateStale : 0));
+    if (at.status != Status::kOk) continue;
+    const auto put = [&](std::size_t c, const Vec3d& v) {
+      for (int i = 0; i < 3; ++i) fixed.components[(c + static_cast<std::size_t>(i)) * n + b] = v[i];
+    };
+    for (std::size_t r = 0; r < 3; ++r) put(3 * r, at.pose.R_wb.row[r]);
+    put(9, at.pose.t_w);
+  }
+}
+
+void DeviceQuery::chain_moved(QuerySetup& s) {
+  const PoseSnapshot& snapshot = *plan_.snapshot;
+  const std::vector<std::uint32_t>& moved = plan_.moved;
+  std::vector<std::uint32_t> slot_of(scene().bodies().size(), kNone);
+  for (std::uint32_t i = 0; i < moved.size(); ++i) slot_of[moved[i]] = i;
+  source_.assign(moved.size(), kNone);
+  for (std::uint32_t m = 0; m < plan_.bodies.size(); ++m) source_[slot_of[plan_.bodies[m]]] = m;
+  chain_begin_.assign(1, 0);
+  base_.resize(moved.size());
+  for (std::uint32_t i = 0; i < moved.size(); ++i) {
+    own_.push_back(snapshot.local[moved[i]]);
+    const std::size_t first = chain_.size();
+    std::uint32_t b = moved[i];
+    for (; b != kNone && slot_of[b] != kNone; b = snapshot.parent[b]) chain_.push_back(slot_of[b]);
+    std::reverse(chain_.begin() + static_cast<std::ptrdiff_t>(first), chain_.end());
+    chain_begin_.push_back(static_cast<std::uint32_t>(chain_.size()));
+    has_base_.push_back(b != kNone);
+    if (b != kNone) base_[i] = snapshot.placed[b];
+  }
+  s.given_count = static_cast<std::uint32_t>(plan_.bodies.size());
+  s.moved_body = moved;
+  s.source = source_;
+  s.chain_begin = chain_begin_;
+  s.chain = chain_;
+  s.own = own_;
+  s.base = base_;
+  s.has_base = has_base_;
+}
+
+void DeviceQuery::give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& chunk) {
+  if (plan_.query.configuration_count == 0) return;
+  const std::uint64_t M = plan_.bodies.size(), first = chunk.first_configuration * M, count = chunk.configurations * M;
+  if (pinned_poses_) {
+    chunk.poses = pinned_poses_ + first;
+    chunk.wait_for_poses = [this](const Pose* end) {
+      poses_->wait_for(static_cast<std::size_t>(end - pinned_poses_) * sizeof(Pose));
+    };
+  } else {
+    Pose* room = workspace.room_for_poses(slot, count);
+    copy_bytes(plan_.configurations.data() + first, room, count * sizeof(Pose), CopyReader::kDevice);
+    chunk.poses = room;
+  }
+}
+
+void DeviceQuery::copy_column(const void* from, void* to, std::size_t bytes) {
+  copy_bytes(from, to, bytes, CopyReader::kHost);
+  backend_.reply_bytes_copied.fetch_add(bytes, std::memory_order_relaxed);
+}
+
+void DeviceQuery::copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader) {
+  OrderedCopy copy(from, to, bytes, reader);
+#pragma omp parallel num_threads(workers()) if (copy.is_large())
+  while (copy.copy_block()) {
+  }
+}
+
+}  // namespace clearance::cuda

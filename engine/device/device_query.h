@@ -1,0 +1,119 @@
+// What dense and reduced queries on a device have in common: poses on their way there, and rows that the CPU answers.
+#pragma once
+
+#include <atomic>
+#include <optional>
+#include <vector>
+
+#include "engine/device/device_job.h"
+#include "engine/query/parallel_job.h"
+#include "engine/device/ordered_copy.h"
+
+namespace clearance::cuda {
+
+class DeviceQuery : public ParallelJob {
+ public:
+  DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply);
+  ~DeviceQuery() override;
+
+  /// Sends what the query needs to the device. Throws DeviceError, as advance() does.
+  virtual void begin() = 0;
+  /// The plan, for the CPU to answer it from the beginning.
+  Plan give_up();
+
+ protected:
+  /// A row of some chunk: which configuration and pair of the query.
+  struct OpenRow {
+    std::uint64_t configuration, pair;
+  };
+
+  /// Copies poses of bodies, and says what is asked. What the setup points to lives as long as this.
+  QuerySetup setup(QueryWorkspace& workspace);
+  /// The client's warm state of so many rows, if it keeps one. The workspace must be let go before this is.
+  ResidentWarm* take_warm(std::uint64_t rows);
+  /// Calls what starts the first chunks, while other threads copy the poses of configurations: the caller's memory is free once
+  /// the query has begun.
+  template <class Launch>
+  void launch_while_copying(Launch launch) {
+    if (!poses_) return launch();
+    std::exception_ptr failure;  // an exception may not leave a parallel region
+#pragma omp parallel num_threads(workers()) if (poses_->is_large())
+    {
+      if (omp_get_thread_num() == 0) {
+        try {
+          launch();
+        } catch (...) {
+          failure = std::current_exception();
+        }
+      }
+      while (poses_->copy_block()) {
+      }
+    }
+    if (failure) std::rethrow_exception(failure);
+    plan_.configurations = {pinned_poses_, plan_.configurations.size()};
+  }
+  /// The poses of a slot's next chunk, pinned. Chunks come in order.
+  void give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
+  /// Copies rows of a column that the device could not write itself.
+  void copy_column(const void* from, void* to, std::size_t bytes);
+
+  /// Answers rows on the CPU. `open`: of each index the row, ascending; `take(index, asked, answer)`.
+  template <class Open, class Take>
+  void answer_on_cpu(std::size_t count, Open open, Take take) {
+    if (count == 0) return;
+    std::uint64_t next = 0;
+    run_units(next, (count + kRestUnit - 1) / kRestUnit, Clock::time_point::max(), [&](std::uint64_t unit, int worker) {
+      const auto w = static_cast<std::size_t>(worker);
+      Room& room = rooms_[w];
+      const std::size_t begin = unit * kRestUnit, end = std::min<std::size_t>(begin + kRestUnit, count);
+      std::uint64_t evaluated = 0;
+      for (std::size_t i = begin, j; i < end; i = j) {
+        const std::uint64_t k = open(i).configuration;
+        const Placement& here = placement(worker, k);
+        room.asked.clear();
+        for (j = i; j < end && open(j).configuration == k; ++j)
+          room.asked.push_back({plan_.pairs.at(open(j).pair), &here});
+        room.answers.resize(std::max(room.answers.size(), room.asked.size()));
+        evaluators_[w].run(room.asked, room.answers);
+        for (std::size_t n = 0; n < room.asked.size(); ++n) {
+          take(i + n, room.asked[n], room.answers[n]);
+          evaluated += reached_narrow_phase(room.answers[n]);
+        }
+      }
+      evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
+    });
+    backend_.finished_on_cpu.fetch_add(count, std::memory_order_relaxed);
+  }
+
+  DeviceBackend& backend_;
+  std::uint32_t fields_ = 0;  ///< columns that are wanted, Field bits
+  ReplyView direct_;          ///< those of them in pinned memory
+  std::atomic<std::uint64_t> evaluated_{0};
+
+ private:
+  static constexpr std::uint64_t kRestUnit = 16;  // rows that a thread finishes at a time
+  struct Room {
+    std::vector<PlacedBodies> asked;
+    std::vector<PairAnswer> answers;
+  };
+  void find_direct_columns();
+  void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);
+  void place_fixed(const FixedBodies& fixed);
+  void chain_moved(QuerySetup& s);
+
+  std::unique_ptr<DeviceWarmTable> warm_;
+  Pose* pinned_poses_ = nullptr;      // of all configurations; null: too many
+  std::optional<OrderedCopy> poses_;  // on their way there
+  std::vector<std::uint8_t> has_base_;
+  std::vector<std::uint32_t> source_, chain_begin_, chain_;
+  std::vector<Pose> own_;
+  std::vector<BodyPlacement> base_;
+  std::vector<Room> rooms_;
+  std::vector<Evaluator> evaluators_;
+};
+
+std::unique_ptr<DeviceQuery> make_dense_device_query(const JobContext& context, Plan&& plan, const ReplyView& reply);
+/// Null, and the plan untouched, where the device does not know all bodies.
+std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context, Plan& plan, const ReplyView& reply);
+
+}  // namespace clearance::cuda

@@ -1,0 +1,116 @@
+#include "engine/device/device_self_test.h"
+
+#include <chrono>
+#include <map>
+#include <mutex>
+
+#include "engine/device/device_job.h"
+#include "engine/base/fp_environment.h"
+#include "engine/scene/pose_store.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+// Two bodies for each known pair.
+Scene scene_of(const std::vector<KnownPair>& pairs) {
+  Scene scene;
+  for (std::size_t i = 0; i < 2 * pairs.size(); ++i) {
+    Body body;
+    body.name = std::to_string(i);
+    body.pieces = {i % 2 == 0 ? pairs[i / 2].a : pairs[i / 2].b};
+    body.pose = Pose{};
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
+struct Question {
+  std::vector<BodyPair> pairs;
+  std::vector<std::uint32_t> bodies;
+  std::vector<Pose> poses;
+  QueryView query;
+
+  explicit Question(const std::vector<KnownPair>& known) {
+    const auto count = static_cast<std::uint32_t>(known.size());
+    for (std::uint32_t i = 0; i < count; ++i) {
+      pairs.push_back({2 * i, 2 * i + 1});
+      bodies.insert(bodies.end(), {2 * i, 2 * i + 1});
+    }
+    const std::size_t places = known[0].poses.size();
+    for (std::size_t k = 0; k < places; ++k)
+      for (const KnownPair& pair : known) poses.insert(poses.end(), {pair.poses[k].first, pair.poses[k].second});
+    query.all_pairs = false;
+    query.pairs = pairs;
+    query.bodies = bodies;
+    query.configurations = poses;
+    query.configuration_count = static_cast<std::uint32_t>(places);
+    query.fields = kFieldLower | kFieldUpper | kFieldStatus;
+  }
+};
+
+void ask(SelfTest& test, const std::vector<int>& devices) {
+  const std::vector<KnownPair>& known = known_pairs();
+  const Scene scene = scene_of(known);
+  DeviceBackend::Options options;
+  options.devices = devices;
+  options.fallback = false;
+  DeviceBackend device(scene, options);
+  const PoseStore poses(scene, std::chrono::nanoseconds(0));  // no pose here has a stamp
+  WarmStore warm(0);
+  BoxTreeStore trees;
+  std::atomic<std::uint64_t> evaluated{0}, contradictions{0};
+  const JobContext context{
+      &scene,        1,       false,  &lane_kernel("baseline"), true, &evaluated, &contradictions, &warm, &trees,
+      NearBy::kAuto, &device, nullptr};
+  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+    Question question(known);
+    question.query.precision = precision;
+    Plan plan = make_plan(question.query, scene, poses.snapshot(), ~std::uint64_t{0}, true);
+    std::vector<double> lower(plan.size.rows), upper(plan.size.rows);
+    std::vector<std::uint8_t> status(plan.size.rows);
+    ReplyView reply;
+    reply.rows = plan.size.rows;
+    reply.lower = lower.data();
+    reply.upper = upper.data();
+    reply.status = status.data();
+    const std::unique_ptr<Job::State> job = make_device_job(context, plan, reply);
+    while (!job->advance(std::chrono::nanoseconds::max())) {
+    }
+    NarrowLimits limits;
+    limits.rel_tol = precision == Precision::kF32 ? 1e-4 : 1e-6;
+    for (std::size_t row = 0; row < lower.size(); ++row) {
+      NarrowAnswer answer;
+      answer.bounds = {lower[row], upper[row]};
+      test.count(error_of(known[row % known.size()], answer, limits));
+    }
+  }
+  if (contradictions > 0) test.count("bounds contradict each other");
+}
+
+}  // namespace
+
+SelfTest self_test_devices(const std::vector<int>& devices) {
+  const FpEnvironment environment;
+  const auto begin = std::chrono::steady_clock::now();
+  SelfTest test{"cuda"};
+  try {
+    ask(test, devices);
+  } catch (const DeviceError&) {
+  } catch (const QueryError&) {
+  }
+  test.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return test;
+}
+
+const SelfTest& device_self_test(const std::vector<int>& devices) {
+  static std::mutex mutex;
+  static std::map<std::vector<int>, SelfTest> tests;
+  static const SelfTest untested{"cuda"};
+  if (has_stand_in()) return untested;
+  const std::lock_guard lock(mutex);
+  const auto found = tests.find(devices);
+  return found != tests.end() ? found->second : tests.emplace(devices, self_test_devices(devices)).first->second;
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,88 @@
+// A query on the device that the CPU takes over where the device fails.
+#include "engine/device/device_query.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+[[noreturn]] void refuse(const std::string& error) {
+  throw QueryError(QueryErrorCode::kNotSupported, "the device cannot answer, and the CPU may not take over: " + error);
+}
+
+// Null, and the plan as it was, where the CPU has to answer it. Throws QueryError where the CPU may not take over.
+std::unique_ptr<DeviceQuery> begin_on_device(const JobContext& context, Plan& plan, const ReplyView& reply) {
+  DeviceBackend& backend = *context.device;
+  while (backend.usable()) {
+    std::unique_ptr<DeviceQuery> query;
+    try {
+      query = plan.query.reduce == Reduce::kNone ? make_dense_device_query(context, std::move(plan), reply)
+                                                 : make_reduced_device_query(context, plan, reply);
+      if (query) query->begin();
+      return query;
+    } catch (const DeviceError& error) {
+      if (query) plan = query->give_up();
+      backend.note(error);
+      if (error.kind == DeviceError::kOneLost) continue;  // the others are asked
+      if (!backend.fallback()) refuse(error.what());
+      return nullptr;
+    }
+  }
+  if (!backend.fallback()) refuse(backend.error());
+  return nullptr;
+}
+
+class FallbackJob final : public Job::State {
+ public:
+  FallbackJob(const JobContext& context, std::unique_ptr<DeviceQuery> query, const ReplyView& reply)
+      : context_(context), reply_(reply), query_(std::move(query)), size_(query_->size()) {}
+
+  bool advance(std::chrono::nanoseconds budget) override {
+    while (query_) {
+      try {
+        const bool done = query_->advance(budget);
+        info = query_->info;
+        return done;
+      } catch (const DeviceError& error) {
+        begin_again(error);
+      }
+    }
+    if (!on_cpu_) refuse(context_.device->error());  // again
+    const bool done = on_cpu_->advance(budget);
+    info = on_cpu_->info;
+    return done;
+  }
+
+  const QuerySize& size() const override { return size_; }
+
+ private:
+  // On the devices that are left, or on the CPU. Rows that came are written again.
+  void begin_again(const DeviceError& error) {
+    DeviceBackend& backend = *context_.device;
+    backend.note(error);
+    const bool others_are_left = error.kind == DeviceError::kOneLost;
+    if (!others_are_left && !backend.fallback()) refuse(error.what());
+    Plan plan = query_->give_up();
+    query_.reset();
+    if (others_are_left) query_ = begin_on_device(context_, plan, reply_);
+    if (query_) return;
+    backend.queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
+    on_cpu_ = make_cpu_job(context_, std::move(plan), reply_);
+  }
+
+  JobContext context_;
+  ReplyView reply_;
+  std::unique_ptr<DeviceQuery> query_;
+  std::unique_ptr<Job::State> on_cpu_;
+  QuerySize size_;
+};
+
+}  // namespace
+
+std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
+  if (auto query = begin_on_device(context, plan, reply))
+    return std::make_unique<FallbackJob>(context, std::move(query), reply);
+  context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
+  return nullptr;
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,129 @@
+// A scene's hulls as they lie in a device's memory, made on the host.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "engine/hull/direction_table.h"
+#include "engine/scene/scene.h"
+#include "engine/device/layout.h"
+
+namespace clearance::cuda {
+
+inline constexpr std::size_t kMostVertices = 1u << 16;  // that 16 bits can name
+inline constexpr std::size_t kMostSharedVertices =
+    512;  // of a hull in shared memory; larger ones are read where the scene has them
+inline constexpr std::size_t kTableVertices = 16;          // fewer are scanned as fast
+inline constexpr std::size_t kFewVertices = 4;             // of a list of a table that is not worth dividing further
+inline constexpr std::uint32_t kFinerGrid = 1;             // than the CPU's: a list is found in fewer steps
+inline constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
+
+/// The arrays of a HullsView.
+class HullArrays {
+ public:
+  std::vector<HullHead> heads;
+  std::vector<double> x, y, z;
+  std::vector<float> f32;
+  std::vector<std::uint16_t> words;
+  std::vector<std::uint32_t> of_body, piece_begin{0}, piece_hull;
+
+  /// \param most_shared bytes that two hulls may take of a block's shared memory.
+  HullArrays(const Scene& scene, std::uint32_t most_shared) : most_shared_(most_shared) {
+    std::vector<std::uint32_t> hulls;
+    std::unordered_map<const Piece*, std::uint32_t> index;
+    for (const Body& body : scene.bodies()) {
+      hulls.clear();
+      for (const PiecePtr& piece : body.pieces) {
+        const auto [at, is_new] = index.try_emplace(piece.get(), kNone);
+        if (is_new) at->second = add_hull(*piece);
+        if (at->second == kNone) break;
+        hulls.push_back(at->second);
+      }
+      const bool is_held = hulls.size() == body.pieces.size();
+      of_body.push_back(!is_held ? kNone : hulls.size() == 1 ? hulls[0] : kSeveral);
+      if (is_held) piece_hull.insert(piece_hull.end(), hulls.begin(), hulls.end());
+      piece_begin.push_back(static_cast<std::uint32_t>(piece_hull.size()));
+    }
+  }
+
+  /// Of the arrays where they are, in host memory.
+  HullsView view() const {
+    return {heads.data(), x.data(),       y.data(),           z.data(),         f32.data(),
+            words.data(), of_body.data(), piece_begin.data(), piece_hull.data()};
+  }
+
+ private:
+  // Its index; kNone: the device cannot hold it.
+  std::uint32_t add_hull(const Piece& p) {
+    if (p.vertices.size() > kMostVertices) return kNone;
+    HullHead head{p.centre,
+                  p.half,
+                  p.rho,
+                  p.radius,
+                  p.spread,
+                  p.table ? std::numeric_limits<double>::infinity() : p.spread + p.radius,
+                  static_cast<std::uint32_t>(x.size()),
+                  static_cast<std::uint32_t>(p.vertices.size()),
+                  0,
+                  0,
+                  0,
+                  0};
+    if (p.vertices.size() <= kMostSharedVertices)
+      add_table(p, head);
+    else if (!add_large_table(p, head))
+      return kNone;
+    for (const Vec3d& v : p.vertices) {
+      x.push_back(v.x);
+      y.push_back(v.y);
+      z.push_back(v.z);
+      for (int i = 0; i < 3; ++i) f32.push_back(static_cast<float>(v[i] - p.centre[i]));
+      f32.push_back(0);
+    }
+    heads.push_back(head);
+    return static_cast<std::uint32_t>(heads.size() - 1);
+  }
+  // Finer than the CPU's: threads that run side by side wait for the longest list. A table that leaves no room for
+  // another hull is left out.
+  void add_table(const Piece& p, HullHead& head) {
+    if (p.vertices.size() < kTableVertices) return;
+    const DirectionTable table =
+        make_direction_table(p.vertices, p.rho, {kFewVertices, kFinerGrid, float_blur(p.spread)});
+    if (!is_narrow(table)) return;
+    HullHead with_table = head;
+    with_table.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
+    if (2 * (p.table ? shared_bytes(with_table) : shared_bytes_f32(with_table)) <= most_shared_) put_table(table, head);
+  }
+  // The finest of a few that 16 bits can index. False: none, and vertex by vertex the device would be slower than the
+  // CPU.
+  bool add_large_table(const Piece& p, HullHead& head) {
+    for (const auto& [few, finer] :
+         {std::pair{kFewVertices, kFinerGrid}, {std::size_t{6}, 0u}, {std::size_t{16}, 0u}, {std::size_t{40}, 0u}}) {
+      const DirectionTable table = make_direction_table(p.vertices, p.rho, {few, finer, float_blur(p.spread)});
+      if (!is_narrow(table)) continue;
+      put_table(table, head);
+      return true;
+    }
+    return false;
+  }
+  static bool is_narrow(const DirectionTable& table) {
+    return std::max(table.cells.size(), table.lists.size()) < kNarrowDivided;
+  }
+  void put_table(const DirectionTable& table, HullHead& head) {
+    words.resize((words.size() + 7) / 8 * 8);
+    head.first_word = static_cast<std::uint32_t>(words.size());
+    head.grid_bits = table.grid_bits;
+    head.cell_words = static_cast<std::uint32_t>(table.cells.size());
+    head.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
+    for (const std::uint32_t cell : table.cells)
+      words.push_back(static_cast<std::uint16_t>(cell & DirectionTable::kDivided ? kNarrowDivided | cell : cell));
+    words.insert(words.end(), table.lists.begin(), table.lists.end());
+    words.resize((words.size() + 7) / 8 * 8);
+  }
+
+  std::uint32_t most_shared_;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,206 @@
+// What host and device share: how a query's hulls, poses, pairs and answers lie in device memory.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/narrow/certify.h"
+#include "engine/query/columns.h"
+#include "engine/pose/placed.h"
+
+namespace clearance::cuda {
+
+/// A piece as the device knows it; its vertices are [first, first + count) of the scene's coordinate arrays.
+struct HullHead {
+  Vec3d centre, half;
+  double rho, radius, spread;
+  double f32_size;  ///< spread + radius, for fits_f32(); infinite: float32 is not tried
+  std::uint32_t first, count;
+  /// Its direction table, narrowed to 16 bits: cells, then lists, from word `first_word` on. No words: no table.
+  std::uint32_t first_word, words, cell_words, grid_bits;
+};
+
+/// Bytes of a hull in a block's shared memory: table, then vertices. Every part begins on 16 bytes.
+CLEARANCE_HD inline std::uint32_t shared_bytes(const HullHead& h) {
+  return (h.words + 7) / 8 * 16 + h.count * 16 + (h.count + 1) / 2 * 16;
+}
+
+/// The same where float32 goes first: the vertices in float32 follow, four numbers each.
+CLEARANCE_HD inline std::uint32_t shared_bytes_f32(const HullHead& h) {
+  return shared_bytes(h) + h.count * 16;
+}
+/// Whether float32 can be tried on two hulls: fits_f32() of their pieces.
+CLEARANCE_HD inline bool fit_f32(const HullHead& a, const HullHead& b) { return sizes_fit_f32(a.f32_size, b.f32_size); }
+
+/// In place of a hull's index: the body has several pieces.
+inline constexpr std::uint32_t kSeveral = kNone - 1;
+
+/// All hulls of the scene, in device memory.
+struct HullsView {
+  const HullHead* heads;
+  const double *x, *y, *z;
+  const float* f32;              ///< (vertices, 4) relative to the hull's centre; the fourth is of no use
+  const std::uint16_t* words;    ///< of all tables, each from a multiple of 8 on
+  const std::uint32_t* of_body;  ///< (bodies,) index of the body's hull; kSeveral: it has several; kNone: not on the device
+  const std::uint32_t* piece_begin;  ///< (bodies + 1,) of each body's pieces; none where it is not on the device
+  const std::uint32_t* piece_hull;   ///< (pieces,) index of the hull
+};
+
+/// A body in a pair: its id, or kMovedBit and its place among the bodies that the query moves.
+inline constexpr std::uint32_t kMovedBit = 1u << 31;
+struct PairRef {
+  std::uint32_t a, b;
+};
+
+/// Pairs of the same two hulls, side by side in the list of pairs. Their pair-configurations are dealt to blocks in
+/// tiles: item i is pair i / configurations in configuration i % configurations, so that neighbouring threads read
+/// neighbouring poses.
+struct Group {
+  std::uint32_t hull_a, hull_b;  ///< kNone: each pair has hulls of its own
+  std::uint32_t first, count;    ///< pairs
+  std::uint32_t first_tile;
+};
+inline constexpr std::uint32_t kTile = 128;  ///< pair-configurations of one block
+
+/// Placed bodies, one component after another (R_wb by rows, t_w, box low, box high), so that neighbouring threads read
+/// neighbouring numbers: component c of the body at `index` is at c * stride + index.
+inline constexpr std::uint32_t kPoseComponents = 12, kBoxComponents = 6;
+/// A body's state: its Status in the low bits, then these.
+inline constexpr std::uint8_t kStateStatus = 15, kStateRenormalised = 16, kStateStale = 32;
+
+/// A body's box rounded outward to float32, for tests that may be loose; low > high: the body has no usable pose.
+struct alignas(16) OuterBox {
+  float low_x, low_y, low_z, high_x, high_y, high_z, unused[2];
+};
+
+struct BodiesView {
+  const double* fixed;              ///< (components, bodies) where the snapshot has them
+  const std::uint8_t* fixed_state;  ///< (bodies,)
+  const OuterBox* fixed_box;        ///< (bodies,); null where boxes are not wanted
+  std::uint32_t bodies;
+  OuterBox* moved_box;              ///< (configurations, moved)
+  double* moved;                    ///< (moved, components, configurations) where the query has them
+  std::uint8_t* moved_state;        ///< (moved, configurations)
+  const std::uint32_t* moved_body;  ///< (moved,) ids
+  std::uint32_t moved_count;
+  std::uint32_t components;  ///< of each body: with or without boxes
+  // Boxes of pieces: low, high. Null where no body has several.
+  double* fixed_piece_box;                 ///< (pieces, 6) where the snapshot has them
+  double* moved_piece_box;                 ///< (pieces of the moved, 6, configurations)
+  const std::uint32_t* moved_piece_begin;  ///< (moved,)
+};
+
+/// How the moved bodies get their poses. Each follows a chain of moved bodies, from the top down to itself, under a
+/// body that stays (or the world).
+struct MovesView {
+  const Pose* given;  ///< (configurations, given_count)
+  std::uint32_t given_count;
+  const std::uint32_t* source;       ///< (moved,) which of the given poses; kNone: `own`
+  const Pose* own;                   ///< (moved,) where the query gives none
+  const std::uint32_t* chain_begin;  ///< (moved + 1,)
+  const std::uint32_t* chain;        ///< places among the moved
+  const BodyPlacement* base;         ///< (moved,) the body that the chain's top follows
+  const std::uint8_t* has_base;      ///< (moved,)
+};
+
+/// What is asked of every pair.
+struct Question {
+  double max_distance, abs_tol, rel_tol;
+  std::int32_t max_iterations;
+  bool cull;  ///< compare boxes with max_distance first
+  bool want_points;
+  bool want_nonsmooth;
+  bool prove_overlaps;  ///< no depth is asked for
+  bool f32;             ///< float32 goes first where it fits
+};
+
+/// Where the last query's run of GJK ended for a row, to begin there (WarmSimplex). Hulls have at most 2^16 vertices here.
+struct alignas(16) WarmRow {
+  std::uint16_t a[3], b[3], size, unused;
+};
+
+/// A pair whose simplex holds the origin: its four vertices of each hull.
+struct Enclosed {
+  std::uint32_t pair, configuration;  ///< within the chunk
+  std::uint16_t a[4], b[4];
+};
+
+/// A pair that float32 has left open.
+struct LeftOpen {
+  std::uint32_t pair, configuration;  ///< within the chunk
+};
+
+/// Places in ChunkView::counts: rows left to the CPU; rows that the narrow phase settled; enclosed pairs; of reduced
+/// queries pairs that are looked at, and rows that come back.
+/// And blocks that are done, of chunks whose last block hands the counts over; pairs that float32 has left open; of reduced
+/// queries those of the pairs that are looked at of which a body has several pieces.
+inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
+                               kBlocksDone = 5, kLeftOpen = 6, kSeveralPairs = 7, kCounts = 8;
+
+/// What a dense chunk's last kernel leaves in host memory once its rows and counts are there.
+struct Finished {
+  std::uint64_t begun, ended;  ///< when the chunk's kernels did, in the device's nanoseconds
+  std::uint32_t number;        ///< ChunkView::number, written last
+};
+
+/// One launch: some pairs in some configurations.
+struct ChunkView {
+  HullsView hulls;
+  BodiesView bodies;
+  Question question;
+  const Group* group_of_tile;
+  const PairRef* pairs;
+  const std::uint32_t* position;  ///< of each pair within the chunk
+  std::uint32_t pair_count;       ///< rows of one configuration
+  std::uint32_t configurations;
+  std::uint64_t first_configuration;
+  ReplyView reply;        ///< device columns: row k * pair_count + position
+  std::uint32_t* rest;    ///< rows that are not settled, in no order
+  Enclosed* enclosed;     ///< in no order
+  LeftOpen* left_open;    ///< in no order
+  std::uint32_t* counts;  ///< kRest and so on
+  WarmRow* warm;               ///< of the first row; null: every pair begins cold
+  std::uint64_t warm_stride;   ///< rows of the query's configurations
+  bool prove_at_once;     ///< enclosed pairs are proved by who finds them, not by a kernel of their own
+  std::uint32_t* host_counts;  ///< where the last of `blocks` writes the counts and clears them; null: nobody does
+  std::uint32_t blocks;
+  std::uint64_t* begun;  ///< when the first kernel began, in the device's nanoseconds; 0: it has not; null: nobody asks
+  Finished* finished;    ///< with `begun`: written after the counts
+  std::uint32_t number;  ///< not 0: the host waits for it in `finished`
+};
+
+/// engine/scene/pair_table.h in device memory: PairTable::Arrays.
+struct TableView {
+  const std::uint8_t* is_static;
+  const std::uint32_t* movable_before;
+  const std::uint64_t* row_begin;
+  const std::uint32_t *excluded_begin, *excluded;
+};
+
+/// One launch of a reduced query (engine/query/reduction.h): its groups are bodies in each configuration, or configurations.
+/// Keys are what atomicMin() orders as their meaning; all bits set: there is none yet.
+struct ReducedView {
+  ChunkView chunk;  ///< pairs in the query's order; `rest` holds items, `reply` is host memory
+  Reduce reduce;
+  std::uint32_t groups;  ///< of one configuration
+  std::uint32_t rows;    ///< configurations * pairs
+  std::uint64_t* seed;    ///< (configurations, groups) gap of outer boxes and pair: the least
+  std::uint64_t* cutoff;  ///< (configurations, groups) a distance, float64: pairs with boxes farther apart are left out
+  std::uint64_t *upper, *lower;  ///< (configurations, groups) least bounds, order_key()
+  std::uint64_t* winner;         ///< (configurations, groups) pair and item
+  std::uint8_t* complete;        ///< (configurations, groups) 0: holds a pair without usable poses
+  std::uint8_t* answered;        ///< (configurations, groups) nonzero: its row is written already; null: none is
+  std::uint32_t *candidate_words, *hit_words;  ///< of Reduce::kWithin: a bit for each row
+  std::uint32_t *candidate_ranks, *hit_ranks;  ///< how many bits are set before each word; null: they are few, and counted
+  std::uint32_t* items;                        ///< (capacity,) rows of the pairs that are looked at
+  PairAnswer* answers;                         ///< (capacity,)
+  std::uint32_t* rest_rows;                    ///< rows of chunk.rest
+  std::uint32_t* several;                      ///< (capacity,) places in the list of pairs of which a body has several pieces
+  std::uint32_t capacity = 0;
+  std::uint64_t reply_rows;     ///< room in the reply
+  // Of a whole table within a distance. Places in the list of pairs that are looked at stand for rows everywhere else.
+  TableView table;
+  std::uint64_t *found, *keys;  ///< (capacity,) a << key_bits | b: in no order, in order; null: rows are listed in `items`
+  std::uint32_t key_bits;
+};
+
+}  // namespace clearance::cuda

@@ -1,0 +1,152 @@
+// Queries that are reduced on the device: nearest, least, within a distance.
+#include <algorithm>
+
+#include "engine/device/device_query.h"
+#include "engine/device/reply_columns.h"
+
+namespace clearance::cuda {
+
+namespace {
+
+// Rows of a chunk of configurations: a few chunks, so that poses of the next are on their way while one is answered.
+constexpr std::uint64_t kFewestRows = 1u << 16, kMostRows = 1u << 20;
+constexpr std::uint64_t kMostGroups = 1u << 20;  // of a chunk
+constexpr std::uint64_t kMostMembers = 4096;     // pairs of a configuration that a team of threads goes through
+
+// Whether teams of threads decide configurations (decide_kernel.cuh). Not where the device settles nothing, and the CPU
+// finishes it all.
+bool is_for_teams(const Plan& plan) {
+  const QueryView& q = plan.query;
+  return q.reduce == Reduce::kMin && plan.size.pairs <= kMostMembers && !q.signed_distance &&
+         q.precision == Precision::kF64 && (q.rel_tol > 0 || q.abs_tol > 0);
+}
+
+class ReducedDeviceQuery final : public DeviceQuery {
+ public:
+  /// \param list of the pairs, or their \param table.
+  ReducedDeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply,
+                     std::shared_ptr<const PairListOnDevice> list, std::shared_ptr<const TableOnDevice> table)
+      : DeviceQuery(context, std::move(plan), reply),
+        list_(std::move(list)),
+        table_(std::move(table)),
+        groups_(plan_.query.reduce == Reduce::kNearest ? scene().bodies().size() : 1) {}
+
+  void begin() override {
+    workspace_ = backend_.device().borrow_reduced();
+    const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
+    // A launch of teams takes as long as its slowest configuration: half as many.
+    const bool by_teams = is_for_teams(plan_);
+    const auto chunks = static_cast<std::uint64_t>(backend_.device().chunks_wanted() / (by_teams ? 2 : 1));
+    const std::uint64_t rows = std::clamp((K * P + chunks - 1) / chunks, kFewestRows, kMostRows);
+    configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);
+    chunks_ = (K + configurations_ - 1) / configurations_;
+    QuerySetup s = setup(*workspace_);
+    if (list_) s.pairs = list_->resident.get();
+    if (table_) s.table = table_->resident.get();
+    s.chunks = chunks_;
+    s.reduce = plan_.query.reduce;
+    s.groups = static_cast<std::uint32_t>(groups_);
+    s.most_rows = plan_.size.rows;
+    s.by_teams = by_teams;
+    s.warm = take_warm(K * P);
+    launch_while_copying([&] {
+      workspace_->begin(s);
+      slots_ = static_cast<std::uint64_t>(workspace_->slots());
+      launch_ahead();
+    });
+  }
+
+  bool advance(std::chrono::nanoseconds budget) override {
+    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
+    while (finished_ < chunks_) {
+      launch_ahead();
+      finish(finished_++);
+      if (finished_ < chunks_ && Clock::now() >= deadline) return false;
+    }
+    info.rows = written_;
+    info.pairs_evaluated = evaluated_;
+    context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+    backend_.queries.fetch_add(1, std::memory_order_relaxed);
+    return true;
+  }
+
+ private:
+  bool within() const { return plan_.query.reduce == Reduce::kWithin; }
+
+  void launch_ahead() {
+    while (launched_ < chunks_ && launched_ < finished_ + slots_) launch(launched_++);
+  }
+
+  void launch(std::uint64_t index) {
+    const int slot = static_cast<int>(index % slots_);
+    ChunkSetup s;
+    s.first_configuration = index * configurations_;
+    s.configurations =
+        static_cast<std::uint32_t>(std::min(configurations_, plan_.size.configurations - s.first_configuration));
+    s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
+    s.first_row = s.first_configuration * plan_.size.pairs;
+    give_poses(*workspace_, slot, s);
+    ReplyView direct;  // where rows go is known beforehand unless they are only those within a distance
+    const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
+      to = column && !within() ? column + s.first_configuration * groups_ * width : nullptr;
+    };
+    for_each_column(shift, direct_, direct);
+    workspace_->launch(slot, s, direct);
+  }
+
+  void finish(std::uint64_t index) {
+    const int slot = static_cast<int>(index % slots_);
+    ReducedResult r = workspace_->finish(slot);
+    if (!r.rest.empty()) {
+      answer_open_rows(index * configurations_, r.rest);
+      r = workspace_->settle(slot, answers_);
+    }
+    const std::uint64_t rows = std::min(r.row_count, plan_.size.rows - written_);
+    const auto copy = [&](auto* from, auto* to, auto* direct, std::size_t width) {
+      if (!from || (direct && !within())) return;
+      copy_column(from, to + written_ * width, rows * width * sizeof(*from));
+    };
+    for_each_column(copy, r.rows, reply_, direct_);
+    written_ += rows;
+    info.total += r.total;
+    evaluated_ += r.settled;
+    backend_.settled.fetch_add(r.settled, std::memory_order_relaxed);
+  }
+
+  // Answers what a chunk left open, in its order.
+  void answer_open_rows(std::uint64_t first_configuration, std::span<const std::uint32_t> rows) {
+    order_.clear();
+    for (std::uint32_t i = 0; i < rows.size(); ++i) order_.emplace_back(rows[i], i);
+    std::sort(order_.begin(), order_.end());
+    answers_.resize(rows.size());
+    const std::uint64_t P = plan_.size.pairs;
+    answer_on_cpu(
+        order_.size(),
+        [&](std::size_t i) { return OpenRow{first_configuration + order_[i].first / P, order_[i].first % P}; },
+        [&](std::size_t i, const PlacedBodies&, const PairAnswer& answer) { answers_[order_[i].second] = answer; });
+  }
+
+  std::shared_ptr<const PairListOnDevice> list_;  // one of the two
+  std::shared_ptr<const TableOnDevice> table_;
+  std::uint64_t groups_, configurations_ = 1;  // of one configuration; of one chunk
+  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0, written_ = 0;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> order_;
+  std::vector<PairAnswer> answers_;
+  std::shared_ptr<ReducedWorkspace> workspace_;  // the last member: the first to go, and to wait for the device
+};
+
+}  // namespace
+
+std::unique_ptr<DeviceQuery> make_reduced_device_query(const JobContext& context, Plan& plan, const ReplyView& reply) {
+  if (plan.pairs.size() == 0 || plan.pairs.size() >= std::uint64_t{1} << 32) return nullptr;
+  if (plan.query.reduce == Reduce::kWithin && plan.pairs.is_whole_table() && plan.query.configuration_count == 0) {
+    auto table = context.device->table(plan);
+    if (!table->resident) return nullptr;
+    return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, nullptr, std::move(table));
+  }
+  auto list = context.device->list(plan);
+  if (!list->resident) return nullptr;
+  return std::make_unique<ReducedDeviceQuery>(context, std::move(plan), reply, std::move(list), nullptr);
+}
+
+}  // namespace clearance::cuda

@@ -1,0 +1,101 @@
+// Support of large hulls: for every direction the few vertices that can be farthest along it.
+//
+// Directions are cells of an octahedral map (the sphere of directions projected onto |x| + |y| + |z| = 1 and unfolded into a
+// square; T. Engelhardt, C. Dachsbacher, "Octahedron environment maps", VMV 2008). Within a cell a direction is a combination
+// of the cell's corner directions with weights >= 0, since every fold of the map runs along cell borders or diagonals. A
+// vertex that another vertex beats at all four corners, by more than any rounding, can therefore be farthest along no
+// direction of the cell, and is left out of its list. So the table is exact, whatever the hull's faces and edges look like.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/base/lane.h"
+#include "engine/base/vec.h"
+
+namespace clearance {
+
+struct DirectionTable {
+  /// (grid_cells^2,) first, then groups of four cells that a crowded cell is divided into (low u, low v first; then high u).
+  /// A cell's word: kDivided | index of the first of its four, or where its list begins in `lists`.
+  std::vector<std::uint32_t> cells;
+  /// Lists one after another: how many vertices, then their indices, ascending.
+  std::vector<std::uint32_t> lists;
+  std::uint32_t grid_bits = 0;  ///< log2 of the cells along each axis of the grid
+
+  static constexpr std::uint32_t kDivided = 1u << 31;
+  static constexpr int kDeepest = 16;  ///< log2 of the finest cells along an axis
+
+  /// The vertices one of which is farthest along n (any finite length; of no use for 0). All vertices within
+  /// 32 u |n| rho of the farthest are among them, u = 2^-53.
+  std::span<const std::uint32_t> candidates(const Vec3d& n) const;
+  std::size_t bytes() const { return (cells.capacity() + lists.capacity()) * sizeof(std::uint32_t); }
+};
+
+/// What of a table is a matter of taste.
+struct TableStyle {
+  std::size_t few = 6;     ///< vertices of a list that is not worth dividing further
+  std::uint32_t finer = 0; ///< added to grid_bits
+  /// Lists hold also what a vertex farther by this may hide, metres per length of the direction: for directions that are
+  /// looked up with an error.
+  double blur = 0;
+};
+
+/// Whether every path through the cells ends at a list of vertices that there are. That the lists are right is more.
+bool is_sound(const DirectionTable& table, std::size_t vertices);
+
+/// \param rho max |v| over the vertices. At least one vertex.
+DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, const TableStyle& style);
+inline DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, std::size_t few = 6) {
+  return make_direction_table(vertices, rho, TableStyle{.few = few});
+}
+
+/// The blur that lets float32 find a direction's list, for directions of lengths from 10^-30 to 10^30: see docs/bounds.md.
+/// \param spread no vertex is farther from a point among them; metres
+constexpr double float_blur(double spread) { return 64 * 0x1p-24 * spread; }
+
+/// Where a direction lies in the unfolded square, in units of the finest cells. A scalar or a pack.
+template <class T>
+struct MapPoint {
+  T u, v;
+};
+template <class T>
+CLEARANCE_INLINE MapPoint<T> map_point(const Vec3<T>& n) {
+  const T zero(0), half(1 << (DirectionTable::kDeepest - 1)), last((1 << DirectionTable::kDeepest) - 1);
+  const auto low_x = n.x < zero, low_y = n.y < zero, low_z = n.z < zero;
+  const T ax = select(low_x, -n.x, n.x), ay = select(low_y, -n.y, n.y), az = select(low_z, -n.z, n.z);
+  const T scale = half / (ax + ay + az);
+  T u = ax * scale, v = ay * scale;
+  const T folded_u = half - v, folded_v = half - u;
+  u = select(low_z, folded_u, u);
+  v = select(low_z, folded_v, v);
+  u = select(low_x, half - u, half + u);
+  v = select(low_y, half - v, half + v);
+  // Also takes what a direction without length or with an infinity makes.
+  u = select(u > zero, select(u < last, u, last), zero);
+  v = select(v > zero, select(v < last, v, last), zero);
+  return {u, v};
+}
+
+/// Where the list for that point begins. \param cells words of any width; the highest bit is DirectionTable::kDivided. \param map_u, map_v scalars
+template <class Word, class T>
+CLEARANCE_INLINE std::uint32_t find_list(const Word* cells, std::uint32_t grid_bits, const T& map_u, const T& map_v) {
+  const auto u = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_u)), v = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_v));
+  std::uint32_t shift = DirectionTable::kDeepest - grid_bits;
+  constexpr std::uint32_t divided = std::uint32_t{1} << (8 * sizeof(Word) - 1);
+  std::uint32_t word = cells[(v >> shift) << grid_bits | u >> shift];
+  while (word & divided) {
+    --shift;
+    word = cells[(word & ~divided) + ((v >> shift & 1) << 1 | (u >> shift & 1))];
+  }
+  return word;
+}
+
+inline std::span<const std::uint32_t> DirectionTable::candidates(const Vec3d& n) const {
+  const MapPoint<double> at = map_point(n);
+  const std::uint32_t* list = lists.data() + find_list(cells.data(), grid_bits, at.u, at.v);
+  return {list + 1, list[0]};
+}
+
+}  // namespace clearance

@@ -1,0 +1,116 @@
+#include "engine/hull/piece.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "engine/base/digest.h"
+#include "engine/hull/direction_table.h"
+#include "engine/base/fp_environment.h"
+#include "engine/pose/pose.h"
+#include "engine/hull/support.h"
+
+namespace clearance {
+
+namespace {
+
+// Lists of the direction table; longer ones of hulls whose table is large and long in the making.
+constexpr std::size_t kFew = 6, kFewOfMany = 16, kMany = 200000;
+
+constexpr std::size_t kWidestRegister = 64;  // bytes
+
+// Rounds a length up past every rounding made in computing it (a few operations, each within 2^-53).
+double padded(double length) { return length * (1 + 8 * std::numeric_limits<double>::epsilon()); }
+
+void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
+  const auto padded_to = [&](std::size_t lanes) { return (vertices.size() + lanes - 1) / lanes * lanes; };
+  const std::size_t f64 = padded_to(kWidestRegister / sizeof(double)), f32 = padded_to(kWidestRegister / sizeof(float));
+  for (std::size_t i = 0; i < f32; ++i) {
+    const Vec3d& v = vertices[i < vertices.size() ? i : 0];
+    piece.x_f32.push_back(static_cast<float>(v.x - piece.centre.x));
+    piece.y_f32.push_back(static_cast<float>(v.y - piece.centre.y));
+    piece.z_f32.push_back(static_cast<float>(v.z - piece.centre.z));
+    if (i >= f64) continue;
+    piece.x.push_back(v.x);
+    piece.y.push_back(v.y);
+    piece.z.push_back(v.z);
+  }
+}
+
+// Where the vertices are, and how far they reach.
+void measure(Piece& piece, const std::vector<Vec3d>& vertices) {
+  Vec3d low = vertices[0], high = vertices[0];
+  for (const Vec3d& v : vertices)
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], v[k]);
+      high[k] = std::max(high[k], v[k]);
+    }
+  piece.centre = 0.5 * low + 0.5 * high;
+  for (int k = 0; k < 3; ++k)
+    piece.half[k] = padded(std::max(high[k] - piece.centre[k], piece.centre[k] - low[k]));
+  double rho2 = 0, spread2 = 0;
+  for (const Vec3d& v : vertices) {
+    rho2 = std::max(rho2, squared_norm(v));
+    spread2 = std::max(spread2, squared_norm(v - piece.centre));
+  }
+  piece.rho = padded(std::sqrt(rho2));
+  piece.spread = padded(std::sqrt(spread2));
+}
+
+}  // namespace
+
+PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
+                    std::uint64_t digest, std::shared_ptr<const DirectionTable> table) {
+  const FpEnvironment environment;
+  if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
+  if (!(radius >= 0 && radius <= kMaxCoordinate))
+    throw std::invalid_argument("radius must be a number of metres >= 0, got " + std::to_string(radius));
+  for (std::size_t i = 0; i < vertices.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      if (!(std::abs(vertices[i][k]) <= kMaxCoordinate))
+        throw std::invalid_argument("vertex " + std::to_string(i) + " has the coordinate " +
+                                    std::to_string(vertices[i][k]) + "; expected a finite number up to 1e60 m");
+
+  auto piece = std::make_shared<Piece>();
+  piece->radius = radius;
+  piece->loaded_vertices = loaded_vertices ? loaded_vertices : vertices.size();
+  if (digest == 0) {
+    Digest d;
+    d.add(vertices);
+    d.add(radius);
+    digest = d.value();
+  }
+  piece->digest = digest;
+
+  measure(*piece, vertices);
+  if (vertices.size() > kTableFromVertices)
+    piece->table = table ? std::move(table)
+                         : std::make_shared<const DirectionTable>(make_direction_table(
+                               vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
+  else
+    fill_rows(*piece, vertices);
+  piece->vertices = std::move(vertices);
+  return piece;
+}
+
+Piece without_table(const Piece& piece) {
+  Piece plain;
+  plain.vertices = piece.vertices;
+  plain.radius = piece.radius;
+  plain.loaded_vertices = piece.loaded_vertices;
+  plain.digest = piece.digest;
+  measure(plain, plain.vertices);
+  fill_rows(plain, plain.vertices);
+  return plain;
+}
+
+std::uint64_t resident_bytes(const Piece& piece) {
+  const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
+  std::uint64_t bytes = sizeof(Piece) + held(piece.vertices) + held(piece.x) + held(piece.y) + held(piece.z) + held(piece.x_f32) + held(piece.y_f32) + held(piece.z_f32);
+  if (piece.table) bytes += sizeof(DirectionTable) + piece.table->bytes();
+  return bytes;
+}
+
+}  // namespace clearance

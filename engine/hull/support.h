@@ -1,0 +1,27 @@
+// Support functions: the vertex of a piece farthest along a direction.
+//
+// support() is a proved maximum over all vertices, by scan or by a direction table: what bounds are made from.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/base/double_double.h"
+#include "engine/hull/piece.h"
+
+namespace clearance {
+
+template <class T>
+struct SupportPoint {
+  std::uint32_t index = 0;
+  T value{};  ///< n . v of that vertex
+};
+
+/// The vertex with the largest computed n . v, ties to the lowest index (scan). Every other vertex has an exact n . v of at
+/// most `value` + 3 u |n| rho, u the unit roundoff of T: see docs/bounds.md. n in the body's frame, of any length.
+SupportPoint<double> support(const Piece& piece, const Vec3d& n);
+SupportPoint<DoubleDouble> support(const Piece& piece, const Vec3<DoubleDouble>& n);
+
+/// Pieces of more vertices than this carry a DirectionTable.
+inline constexpr std::size_t kTableFromVertices = 64;
+
+}  // namespace clearance

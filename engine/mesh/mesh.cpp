@@ -1,0 +1,258 @@
+#include "engine/mesh/mesh.h"
+
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <optional>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "engine/base/fd.h"
+#include "engine/mesh/mesh_format.h"
+#include "engine/mesh/mesh_result.h"
+
+extern char** environ;
+
+namespace clearance {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kLoaderName = "clearance-mesh-loader";
+
+std::atomic<bool> some_loader_unfiltered{false};
+
+std::string reason(int error) {
+  return std::generic_category().message(error);
+}
+
+// A descriptor above those that the loader's own are put on.
+Fd above_loader_fds(Fd fd) {
+  const int moved = ::fcntl(fd.get(), F_DUPFD_CLOEXEC, 10);
+  if (moved < 0) throw MeshError("cannot start the mesh loader: " + reason(errno));
+  return Fd(moved);
+}
+
+// How a loader process ended; none if somebody else reaped it.
+using Ending = std::optional<int>;
+
+struct Loader {
+  pid_t pid = -1;
+  Fd result, lifetime;
+};
+
+Fd memory_file(const char* name, unsigned flags) {
+  Fd fd(::memfd_create(name, MFD_CLOEXEC | flags));
+  if (!fd) throw MeshError("cannot start the mesh loader: " + reason(errno));
+  return above_loader_fds(std::move(fd));
+}
+
+// \param content what the loader reads for the file.
+Loader start_loader(const std::string& path, const Fd& content, const MeshLimits& limits) {
+  const std::string program = mesh_loader_program();
+  Loader loader;
+  loader.result = memory_file("clearance-mesh", 0);
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) throw MeshError("cannot start the mesh loader: " + reason(errno));
+  loader.lifetime = Fd(ends[0]);
+  const Fd write_end = above_loader_fds(Fd(ends[1]));
+
+  const std::string memory = std::to_string(limits.memory_bytes);
+  const std::string seconds = std::to_string((limits.time.count() + 999) / 1000 + 1);
+  std::vector<const char*> arguments = {program.c_str(), path.c_str(), memory.c_str(), seconds.c_str(), nullptr};
+
+  posix_spawn_file_actions_t files;
+  posix_spawnattr_t attributes;
+  ::posix_spawn_file_actions_init(&files);
+  ::posix_spawnattr_init(&attributes);
+  ::posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
+  ::posix_spawn_file_actions_addopen(&files, 1, "/dev/null", O_WRONLY, 0);
+  ::posix_spawn_file_actions_addopen(&files, 2, "/dev/null", O_WRONLY, 0);
+  ::posix_spawn_file_actions_adddup2(&files, loader.result.get(), kMeshResultFd);
+  ::posix_spawn_file_actions_adddup2(&files, write_end.get(), kMeshLifetimeFd);
+  ::posix_spawn_file_actions_adddup2(&files, content.get(), kMeshFileFd);
+  sigset_t none, all;
+  ::sigemptyset(&none);
+  ::sigfillset(&all);
+  ::posix_spawnattr_setsigmask(&attributes, &none);
+  ::posix_spawnattr_setsigdefault(&attributes, &all);
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+  const int error = ::posix_spawn(&loader.pid, program.c_str(), &files, &attributes,
+                                  const_cast<char* const*>(arguments.data()), environ);
+  ::posix_spawn_file_actions_destroy(&files);
+  ::posix_spawnattr_destroy(&attributes);
+  if (error) throw MeshError("cannot start " + program + ": " + reason(error));
+  return loader;
+}
+
+// Waits until the loader is gone; past the time limit it is killed. Returns whether it ended by itself.
+bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* ending) {
+  using Clock = std::chrono::steady_clock;
+  const auto deadline = Clock::now() + limit;
+  bool in_time = false;
+  for (;;) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now()).count();
+    pollfd pipe{loader.lifetime.get(), 0, 0};  // it closes; what may be written into it says nothing
+    const int ready = ::poll(&pipe, 1, static_cast<int>(std::clamp<long long>(left, 0, 1'000'000)));
+    if (ready < 0 && errno == EINTR) continue;
+    in_time = ready > 0;
+    if (ready != 0 || left <= 0) break;
+  }
+  int status = 0;
+  const auto reap = [&](int options) {
+    pid_t reaped;
+    do reaped = ::waitpid(loader.pid, &status, options);
+    while (reaped < 0 && errno == EINTR);
+    return reaped;
+  };
+  // The pipe closes as the loader ends; one that has closed it and goes on must not keep us here. One that is ending has
+  // its exit code already, and SIGKILL does not change it.
+  pid_t reaped = reap(WNOHANG);
+  if (reaped == 0) {
+    ::kill(loader.pid, SIGKILL);
+    reaped = reap(0);
+  }
+  if (reaped == loader.pid) *ending = status;
+  return in_time;
+}
+
+[[noreturn]] void fail_without_result(const Ending& ending) {
+  if (!ending) throw MeshError("the mesh loader ended without a result");
+  if (WIFSIGNALED(*ending)) {
+    const int signal = WTERMSIG(*ending);
+    if (signal == SIGXCPU) throw MeshError("reading it took too much processor time; is the file damaged?");
+    if (signal == SIGKILL) throw MeshError("the mesh loader was killed while reading it (out of memory?)");
+    throw MeshError(std::string("the mesh library crashed on it (") + ::strsignal(signal) + "); is the file damaged?");
+  }
+  throw MeshError("the mesh loader ended with code " + std::to_string(WEXITSTATUS(*ending)) +
+                  " and no result; is the file damaged?");
+}
+
+// Opens a mesh file; what can be seen without reading it is in order.
+Fd open_file(const std::string& path, const MeshLimits& limits) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) throw MeshError(reason(errno));
+  if (S_ISDIR(info.st_mode)) throw MeshError("expected a mesh file, got a folder");
+  if (!S_ISREG(info.st_mode)) throw MeshError("expected a mesh file, got a device, pipe or socket");
+  if (info.st_size == 0) throw MeshError("the file is empty");
+  if (static_cast<std::uint64_t>(info.st_size) > limits.file_bytes)
+    throw MeshError(std::to_string(info.st_size) + " bytes; a mesh file may have at most " +
+                    std::to_string(limits.file_bytes));
+  Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!file) throw MeshError(reason(errno));
+  constexpr const char* kKnown[] = {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb"};
+  std::string extension = fs::path(path).extension().string();
+  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  if (std::find(std::begin(kKnown), std::end(kKnown), extension) == std::end(kKnown))
+    throw MeshError("unknown format \"" + extension + "\"; expected .obj, .stl, .ply, .off, .dae, .gltf or .glb");
+  return file;
+}
+
+// Reads a file to its end, into a copy if there is one to be made. Returns the digest of what was read.
+Sha256Digest read_through(const Fd& file, const MeshLimits& limits, const Fd* copy) {
+  static thread_local std::vector<char> chunk(std::size_t{1} << 18);
+  Sha256 digest;
+  for (std::uint64_t total = 0;;) {
+    const ssize_t got = ::read(file.get(), chunk.data(), chunk.size());
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) throw MeshError(reason(errno));
+    if (got == 0 && total == 0) throw MeshError("the file is empty");
+    if (got == 0) return digest.digest();
+    total += static_cast<std::uint64_t>(got);
+    if (total > limits.file_bytes) throw MeshError("it grows while it is read");
+    digest.add(chunk.data(), static_cast<std::size_t>(got));
+    if (copy && !may_write(total)) throw MeshError("no file may be as large as it here (RLIMIT_FSIZE)");
+    for (ssize_t put = 0; copy && put < got;) {
+      const ssize_t n = ::write(copy->get(), chunk.data() + put, static_cast<std::size_t>(got - put));
+      if (n < 0 && errno != EINTR) throw MeshError("no memory to read it: " + reason(errno));
+      put += std::max<ssize_t>(n, 0);
+    }
+  }
+}
+
+}  // namespace
+
+std::string mesh_loader_program() {
+  const auto runs = [](const fs::path& path) { return ::access(path.c_str(), X_OK) == 0 && !fs::is_directory(path); };
+  if (const char* set = std::getenv("CLEARANCE_MESH_LOADER"); set && *set) {
+    if (!runs(set)) throw MeshError(std::string("CLEARANCE_MESH_LOADER=") + set + " is not a program");
+    return set;
+  }
+  std::vector<fs::path> places;
+  Dl_info self{};
+  if (::dladdr(reinterpret_cast<const void*>(&mesh_loader_program), &self) && self.dli_fname)
+    places.push_back(fs::path(self.dli_fname).parent_path());
+  std::error_code error;
+  if (const fs::path program = fs::read_symlink("/proc/self/exe", error); !error)
+    places.push_back(program.parent_path());
+  for (const fs::path& place : places) {
+    for (const fs::path& folder : {place, place / ".." / "libexec", place / ".." / ".." / "libexec"})
+      if (!place.empty() && runs(folder / kLoaderName)) return (folder / kLoaderName).string();
+  }
+#ifdef CLEARANCE_MESH_LOADER_BUILT
+  if (runs(CLEARANCE_MESH_LOADER_BUILT)) return CLEARANCE_MESH_LOADER_BUILT;
+#endif
+  throw MeshError(std::string("the program ") + kLoaderName + ", which reads mesh files, is not beside " +
+                  (self.dli_fname ? self.dli_fname : "this program") +
+                  " nor in a libexec folder; set CLEARANCE_MESH_LOADER to its path");
+}
+
+std::string mesh_loader_warning() {
+  if (!some_loader_unfiltered) return "";
+  return "mesh files are read without a filter of system calls, which this kernel or container refuses: time and memory are limited";
+}
+
+Sha256Digest mesh_file_digest(const std::string& path, const MeshLimits& limits) {
+  return read_through(open_file(path, limits), limits, nullptr);
+}
+
+Sha256Digest mesh_loader_digest() {
+  const std::string program = mesh_loader_program();
+  const Fd file(::open(program.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!file) throw MeshError("cannot read " + program + ": " + reason(errno));
+  return read_through(file, MeshLimits(), nullptr);
+}
+
+// The loader gets a copy of the bytes that the digest is of, and no second look at a file that may have changed.
+Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
+  const Fd content = memory_file("clearance-mesh-file", MFD_ALLOW_SEALING);
+  const Sha256Digest digest = read_through(open_file(path, limits), limits, &content);
+  if (::fcntl(content.get(), F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) != 0)
+    throw MeshError("cannot start the mesh loader: " + reason(errno));
+  const Loader loader = start_loader(path, content, limits);
+  Ending ending;
+  if (!wait_for(loader, limits.time, &ending))
+    throw MeshError("reading it took longer than " + std::to_string(limits.time.count() / 1000.0).substr(0, 5) +
+                    " s; is the file damaged?");
+  LoaderLimits held = LoaderLimits::kAll;
+  const auto remember = [&held] { some_loader_unfiltered = some_loader_unfiltered || held != LoaderLimits::kAll; };
+  std::optional<Mesh> mesh;
+  try {
+    mesh = read_mesh_result(loader.result.get(), &held);
+  } catch (const MeshError&) {
+    remember();
+    throw;
+  }
+  remember();
+  if (!mesh) fail_without_result(ending);
+  mesh->digest = digest;
+  return std::move(*mesh);
+}
+
+}  // namespace clearance

@@ -1,0 +1,124 @@
+// Compiled with -ffp-contract=off: a fused multiply-add that the derivation does not know of would void it.
+#include "engine/narrow/certify.h"
+
+#include "engine/narrow/overlap.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+// The double just below or above a value of T, so that converting never tightens a bound. A double is itself: its own
+// rounding is in the error terms.
+double round_down(double x) { return x; }
+double round_up(double x) { return x; }
+double round_down(const DoubleDouble& x) { return std::nextafter(x.hi, -kInf); }
+double round_up(const DoubleDouble& x) { return std::nextafter(x.hi, kInf); }
+
+template <class T>
+Vec3d to_double(const Vec3<T>& v) {
+  return cast<double>(v);
+}
+
+// D = t_b - t_a. In double-double the difference of two doubles is exact.
+Vec3<double> difference(const Vec3d& b, const Vec3d& a, double) { return b - a; }
+Vec3<DoubleDouble> difference(const Vec3d& b, const Vec3d& a, DoubleDouble) {
+  return {dd::two_sum(b.x, -a.x), dd::two_sum(b.y, -a.y), dd::two_sum(b.z, -a.z)};
+}
+
+double sum(double a, double b, double) { return a + b; }
+DoubleDouble sum(double a, double b, DoubleDouble) { return dd::two_sum(a, b); }
+
+}  // namespace
+
+template <class T>
+PlacedPair<T>::PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b,
+                          const Mat3<T>& R_b, const Vec3d& t_b)
+    : a(&piece_a), b(&piece_b), R_wa(R_a), R_wb(R_b), D(difference(t_b, t_a, T())) {
+  radius = sum(piece_a.radius, piece_b.radius, T());
+  scale = pair_scale<double>(to_double(D), piece_a.rho, piece_b.rho, piece_a.radius + piece_b.radius);
+}
+
+template <class T>
+double PlacedPair<T>::error(double units) const {
+  return rounding_error(units * Arithmetic<T>::kUnit / Arithmetic<double>::kUnit, scale);
+}
+
+template <class T>
+double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length) {
+  if (!(length > T(0))) return -kInf;
+  const double lower = round_down(lower_from_gap(gap, length, pair.radius, T(pair.lower_error())));
+  return std::isnan(lower) ? -kInf : lower;
+}
+
+template <class T>
+double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& direction) {
+  const Vec3<T> n = rescaled(direction);
+  const SupportPoint<T> sa = support(*pair.a, pair.R_wa.transpose_times(n));
+  const SupportPoint<T> sb = support(*pair.b, -pair.R_wb.transpose_times(n));
+  return certify_lower(pair, dot(n, pair.D) - (sa.value + sb.value), norm(n));
+}
+
+template <class T>
+Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
+  Simplex<T> simplex = proposed;
+  if (simplex.size == 0) {
+    simplex.size = 1;
+    simplex.vertex[0].a = simplex.vertex[0].b = 0;
+  }
+  for (int i = 0; i < simplex.size; ++i)
+    simplex.vertex[i].w = pair.cso_vertex(simplex.vertex[i].a, simplex.vertex[i].b);
+  const CsoPoint<T> point(simplex, pair.R_wa, [&](std::uint32_t k) { return cast<T>(pair.a->vertices[k]); }, pair.R_wb,
+                          [&](std::uint32_t k) { return cast<T>(pair.b->vertices[k]); });
+  const double upper = round_up(upper_from_point(norm(point.w), pair.radius, T(pair.upper_error())));
+  return {std::isnan(upper) ? kInf : upper, to_double(point.core_a), to_double(point.core_b), to_double(-point.w)};
+}
+
+namespace {
+
+// Whether the edges are twins of each other, two by two and in opposite senses: the surface has no border.
+template <class T>
+bool is_closed(std::span<const CsoFace<T>> faces) {
+  std::uint32_t wrong = 0;
+  for (std::uint32_t f = 0; f < faces.size(); ++f)
+    for (std::uint32_t e = 0; e < 3; ++e) {
+      const std::uint32_t twin = faces[f].twin[e], g = face_of(twin), k = edge_of(twin);
+      if (g >= faces.size() || k > 2) return false;
+      // The twin begins where this edge ends; that it ends where this one begins is seen when it is its turn.
+      wrong |= (faces[g].twin[k] ^ half_edge(f, e)) | (faces[g].vertex[k] ^ faces[f].vertex[e == 2 ? 0 : e + 1]);
+    }
+  return wrong == 0 && !faces.empty();
+}
+
+}  // namespace
+
+template <class T>
+double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
+  std::vector<Vec3<T>> w(vertices.size());
+  for (std::size_t i = 0; i < w.size(); ++i) w[i] = pair.cso_vertex(vertices[i].a, vertices[i].b);
+  const auto [ball, one_side] = view_surface(w.data(), faces.data(), faces.size(), T(pair.scale));
+  if (!(ball > T(0))) return -kInf;
+  const double radius = round_down(ball - T(pair.ball_error()));
+  if (!(radius > 0) || !is_closed(faces)) return -kInf;
+  return one_side || is_surrounded(w.data(), faces.data(), faces.size(), ball) ? radius : -kInf;
+}
+
+double certify_overlap(const Piece& a, const Piece& b, double ball) {
+  return round_up(-(dd::two_sum(a.radius, b.radius) + DoubleDouble(ball)));
+}
+
+#define CLEARANCE_INSTANTIATE(T)                                                                           \
+  template struct PlacedPair<T>;                                                                           \
+  template double certify_lower(const PlacedPair<T>&, const T&, const T&);                                 \
+  template double certify_lower(const PlacedPair<T>&, const Vec3<T>&);                                     \
+  template Witness certify_upper(const PlacedPair<T>&, const Simplex<T>&);                                 \
+  template double certify_ball(const PlacedPair<T>&, std::span<const CsoVertex<T>>, std::span<const CsoFace<T>>)
+CLEARANCE_INSTANTIATE(double);
+CLEARANCE_INSTANTIATE(DoubleDouble);
+#undef CLEARANCE_INSTANTIATE
+
+}  // namespace clearance

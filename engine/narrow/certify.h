@@ -1,0 +1,243 @@
+// The one maker of bounds. Everything else only proposes directions, points and simplices.
+//
+// All of it works in world axes with the origin of body a as origin, on the pieces' stored vertices, so that a bound does
+// not depend on how its proposal was found. docs/bounds.md derives the rounding terms; tests/exact measures them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/base/arithmetic.h"
+#include "engine/narrow/gjk.h"
+#include "engine/hull/piece.h"
+#include "engine/pose/pose.h"
+#include "engine/hull/support.h"
+
+namespace clearance {
+
+/// A certified interval, metres.
+struct Interval {
+  double lower, upper;
+
+  /// Whether any number lies in it. If not, what it was made by is broken: a table, a compiler, the machine.
+  bool is_possible() const { return lower <= upper; }  // false for a NaN
+};
+
+/// Rounding terms of the bounds, in units of Arithmetic<T>::kUnit times S. Derived in docs/bounds.md.
+template <class T>
+struct RoundingUnits;
+template <>
+struct RoundingUnits<double> {
+  static constexpr double kLower = 20, kUpper = 24, kBall = 24;
+};
+/// Of vertices relative to the piece's centre, each rounded to float32.
+template <>
+struct RoundingUnits<float> {
+  static constexpr double kLower = 21, kUpper = 23;
+};
+template <>
+struct RoundingUnits<DoubleDouble> {
+  static constexpr double kLower = 32, kUpper = 32, kBall = 32;
+};
+
+/// S of two pieces: |D| + rho_a + rho_b + r_a + r_b, rounded up. A scalar or a pack.
+template <class T>
+CLEARANCE_HD inline T pair_scale(const Vec3<T>& D, const T& rho_a, const T& rho_b, const T& radius) {
+  return (norm(D) + rho_a + rho_b + radius) * T(1 + 16 * Arithmetic<T>::kUnit);
+}
+/// Whether float32 can be tried on two pieces of these sizes, spread + radius in metres: their sixth powers neither overflow nor
+/// vanish.
+CLEARANCE_HD inline bool sizes_fit_f32(double a, double b) {
+  const double size = a < b ? b : a;
+  return size > 1e-5 && size < 1e5;
+}
+
+/// `units` rounding units of a scale S (RoundingUnits), as a length. A scalar or a pack.
+template <class T>
+CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {
+  return units * T(Arithmetic<T>::kUnit) * scale * T(1 + 16 * Arithmetic<T>::kUnit) + T(Arithmetic<T>::kUnderflowLength);
+}
+
+/// Width that float64 bounds of two placed pieces have from rounding alone, metres. \param scale their pair_scale().
+CLEARANCE_HD inline double rounding_width(double scale) {
+  return rounding_error(double(RoundingUnits<double>::kLower), scale) + rounding_error(double(RoundingUnits<double>::kUpper), scale);
+}
+
+/// The lower bound that a support gap proves: `gap` of the planes normal to a direction of length `length`, times that
+/// length; `error` the rounding term. A scalar or a pack.
+template <class T>
+CLEARANCE_HD inline T lower_from_gap(const T& gap, const T& length, const T& radius, const T& error) {
+  return (gap / length - radius) - error;
+}
+
+/// The point of the CSO that a simplex and its weights stand for: `share` of each vertex, adding up to 1 up to rounding.
+/// Weights below 0 count as 0; without any weight it is the first vertex. A scalar or a pack.
+template <class T>
+struct SimplexPoint {
+  T share[4];
+  Vec3<T> w;
+
+  CLEARANCE_HD explicit SimplexPoint(const Simplex<T>& s) {
+    using Count = typename Lane<T>::Count;
+    const T zero(0);
+    T sum = zero;
+    CLEARANCE_UNROLL
+    for (int i = 0; i < 4; ++i) {
+      share[i] = zero;
+      const auto there = s.size > Count(i);
+      if (!any(there)) continue;
+      share[i] = select(there & (s.weight[i] > zero), s.weight[i], zero);
+      sum = sum + share[i];
+    }
+    share[0] = select(sum > zero, share[0], T(1));
+    sum = select(sum > zero, sum, T(1));
+    w = {zero, zero, zero};
+    CLEARANCE_UNROLL
+    for (int i = 0; i < 4; ++i) {
+      const auto there = s.size > Count(i);
+      if (!any(there)) continue;
+      share[i] = share[i] / sum;
+      w = select(there, w + s.vertex[i].w * share[i], w);
+    }
+  }
+};
+/// The upper bound that a point of the CSO proves: both cores have a point, and these are `length` apart.
+template <class T>
+CLEARANCE_HD inline T upper_from_point(const T& length, const T& radius, const T& error) {
+  return (length - radius) + error;
+}
+
+/// What a run of GJK with proved supports shows by itself, and whether the pair needs no more than that. A scalar or a pack.
+template <class T>
+struct RunBounds {
+  using Mask = typename Lane<T>::Mask;
+  SimplexPoint<T> nearest;
+  T v_length, length;  ///< of the direction that proves `lower`, and of nearest.w, which proves `upper`
+  T lower, upper;      ///< -inf, +inf where nothing is proved
+  Mask settled;        ///< apart, and as narrow as asked or beyond max_distance; never bounds that contradict each other
+
+  /// \param extra error of what went into the run, metres: of float32 offsets.
+  CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol,
+                         const T& rel_tol, const T& extra = T(0))
+      : nearest(g.simplex), v_length(norm(g.v)), length(norm(nearest.w)) {
+    const T zero(0), infinite(__builtin_inf());
+    const Mask open_end = (g.end == g.code(GjkEnd::kEncloses)) | (g.end == g.code(GjkEnd::kLimit));
+    const Mask proved = (!open_end) & (g.squared_distance > T(Arithmetic<T>::kSafelySquared));
+    const T low = lower_from_gap(g.gap, v_length, radius, rounding_error(T(RoundingUnits<T>::kLower), scale) + extra);
+    const T high = upper_from_point(length, radius, rounding_error(T(RoundingUnits<T>::kUpper), scale) + extra);
+    const T relative = rel_tol * high, width = high - low;
+    const Mask narrow = (low > zero) & ((width <= abs_tol) | (width <= relative));
+    settled = proved & (low <= high) & ((low > max_distance) | narrow);
+    lower = select(proved, low, -infinite);
+    upper = select(proved, high, infinite);
+  }
+};
+
+/// Two pieces where they are, in the arithmetic T: rotations R_wa and R_wb, and D = t_b - t_a in world axes.
+template <class T>
+struct PlacedPair {
+  const Piece* a;
+  const Piece* b;
+  Mat3<T> R_wa, R_wb;
+  Vec3<T> D;
+  double scale;   ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
+  T radius;       ///< r_a + r_b; exact in double-double
+
+  PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b, const Mat3<T>& R_b,
+             const Vec3d& t_b);
+
+  double lower_error() const { return error(RoundingUnits<T>::kLower); }
+  double upper_error() const { return error(RoundingUnits<T>::kUpper); }
+  double ball_error() const { return error(RoundingUnits<T>::kBall); }
+
+  /// A vertex of the CSO A - B in world axes.
+  Vec3<T> cso_vertex(std::uint32_t ia, std::uint32_t ib) const {
+    return R_wa * cast<T>(a->vertices[ia]) - R_wb * cast<T>(b->vertices[ib]) - D;
+  }
+
+ private:
+  double error(double units) const;
+};
+
+/// A lower bound on the signed distance from a gap that is known already: of the supporting planes normal to a direction of
+/// length `length`, times that length, from proved supports (Gjk::gap and |Gjk::v|).
+template <class T>
+double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length);
+/// A lower bound on the signed distance: the gap between the supporting planes normal to n.
+/// \param n world axes, from a towards b, any length but zero.
+template <class T>
+double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n);
+
+/// Two points, one of each piece (its core grown by the radius), and how far apart they are at most.
+struct Witness {
+  double upper;       ///< metres: |p_a - p_b| - r_a - r_b + rounding; an upper bound on the signed distance
+  Vec3d core_a;       ///< of the core of a, from the origin of a, world axes
+  Vec3d core_b;       ///< of the core of b, from the origin of b, world axes
+  Vec3d separation;   ///< p_b - p_a of the cores, world axes
+};
+/// The witness that a simplex and its weights stand for. Weights below 0 count as 0; they need not add up to 1. Reads the
+/// vertices' indices, not their `w`.
+template <class T>
+Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex);
+
+/// A triangle of CSO vertices (indices into a list), a direction that it lies beyond, world axes, and the triangles across
+/// its edges. Edge i goes from vertex i to the next; a half-edge is an edge of a face.
+template <class T>
+struct CsoFace {
+  std::array<std::uint32_t, 3> vertex;
+  std::array<std::uint32_t, 3> twin;  ///< across edge i: the half-edge of the other face, from its end to its beginning
+  Vec3<T> normal;
+};
+CLEARANCE_HD constexpr std::uint32_t half_edge(std::uint32_t face, std::uint32_t edge) { return face << 2 | edge; }
+CLEARANCE_HD constexpr std::uint32_t face_of(std::uint32_t half_edge) { return half_edge >> 2; }
+CLEARANCE_HD constexpr std::uint32_t edge_of(std::uint32_t half_edge) { return half_edge & 3; }
+
+/// Proves that a ball around the origin lies inside a closed surface of CSO triangles, and returns its radius (metres,
+/// rounding taken off): then the pieces' cores overlap by at least that much. Returns 0 or less if it cannot be proved.
+/// The surface is checked, not trusted: every edge must have a twin in the opposite sense, every triangle must lie beyond its
+/// plane, and they must go around the origin.
+template <class T>
+double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces);
+
+/// An upper bound on the signed distance of two grown pieces whose cores' overlap holds a ball (see certify_ball).
+double certify_overlap(const Piece& a, const Piece& b, double ball);
+
+/// A box aligned with the world's axes, grown outward by its own rounding.
+struct Aabb {
+  Vec3d low, high;
+};
+/// A box that surely holds a placed piece, radius included: around the piece's own box as it stands turned and around the
+/// ball about its centre. \param t_w the body's origin in the world. \param centre, half, spread, rho, radius the piece's.
+CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, double spread, double rho, double radius,
+                                     const Mat3d& R_wb, const Vec3d& t_w) {
+  using std::abs;
+  const Vec3d c = R_wb * centre;
+  Aabb box;
+  for (int k = 0; k < 3; ++k) {
+    const Vec3d& row = R_wb.row[k];
+    const double turned = abs(row.x) * half.x + abs(row.y) * half.y + abs(row.z) * half.z;
+    const double extent = (turned < spread ? turned : spread) + radius;
+    // 16 units cover the rotation, the products and the sums (docs/bounds.md, boxes).
+    const double rounding = 16 * 0x1p-53 * (rho + norm(half) + radius + abs(t_w[k])) + Arithmetic<double>::kUnderflowLength;
+    box.low[k] = (c[k] + t_w[k]) - extent - rounding;
+    box.high[k] = (c[k] + t_w[k]) + extent + rounding;
+  }
+  return box;
+}
+inline Aabb certify_box(const Piece& piece, const Mat3d& R_wb, const Vec3d& t_w) {
+  return certify_box(piece.centre, piece.half, piece.spread, piece.rho, piece.radius, R_wb, t_w);
+}
+/// A lower bound on the distance of whatever two boxes hold; 0 if they touch.
+CLEARANCE_HD inline double certify_box_gap(const Aabb& a, const Aabb& b) {
+  Vec3d gap;
+  for (int k = 0; k < 3; ++k) {
+    const double ahead = b.low[k] - a.high[k], behind = a.low[k] - b.high[k];
+    gap[k] = ahead > 0 ? ahead : 0;
+    if (behind > gap[k]) gap[k] = behind;
+  }
+  return norm(gap) * (1 - 8 * 0x1p-53);
+}
+
+}  // namespace clearance

@@ -1,0 +1,423 @@
+// The expanding polytope: grows a polytope of CSO vertices around the origin until its nearest face is the CSO's.
+//
+// Like GJK it only proposes: certify_ball() judges its surface, certify_lower() its direction. It also serves where GJK
+// stops with the origin on a flat simplex: then it decides between contact and overlap.
+// G. van den Bergen, "Proximity queries and penetration depth computation on 3D game objects", GDC 2001. Departure: the
+// first tetrahedron need not hold the origin; faces may have negative offsets until the polytope has grown over it. Faces
+// are tens, seldom hundreds: looking at all of them for the nearest and for those that a new vertex sees is faster than a
+// heap and a walk, whose branches cannot be predicted.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "engine/narrow/overlap.h"
+
+namespace clearance {
+
+struct EpaLimits {
+  double rel_tol = 1e-6;     ///< stop once the nearest face is within this of the CSO's surface, relatively
+  double abs_tol = 0;        ///< ... or absolutely
+  double enough = 0;         ///< stop once the whole surface is farther than this from the origin, if positive
+  double noise = 0;          ///< lengths below this are rounding
+  std::size_t max_vertices = 4000;
+};
+
+enum class EpaEnd : std::uint8_t {
+  kConverged,
+  kEnough,
+  kOutside,   ///< a direction was found along which the CSO does not reach the origin
+  kFlat,      ///< the CSO has no volume above rounding
+  kLimit,     ///< too many vertices, or rounding broke the surface
+};
+
+/// One run after another in the same memory.
+template <class T>
+class Epa {
+ public:
+  /// \param cso as gjk() has it. \param seed vertices to begin from, any number.
+  template <class Cso>
+  EpaEnd run(const Cso& cso, const EpaLimits& limits, const Simplex<T>& seed) {
+    limits_ = limits;
+    noise_ = T(limits.noise);
+    direction_ = {T(1), T(0), T(0)};
+    reach_ = gap_ = T(0);
+    probed_ = false;
+    nearest_.size = 0;
+    vertices_.clear();
+    faces_.clear();
+    if (!enclose(seed) && !spread_out(cso, seed)) {
+      faces_.clear();
+      return EpaEnd::kFlat;
+    }
+    const EpaEnd end = expand(cso);
+    find_nearest();
+    return end;
+  }
+
+  /// A closed surface around the polytope, outward; none if the CSO is flat.
+  std::span<const CsoVertex<T>> vertices() const { return vertices_; }
+  std::span<const CsoFace<T>> faces() const { return faces_; }
+  /// The point of the surface nearest to the origin.
+  const Simplex<T>& nearest() const { return nearest_; }
+  /// Whether any direction was looked along, of these the unit one along which the CSO reaches least far beyond the origin,
+  /// and the gap of its supporting planes there.
+  bool probed() const { return probed_; }
+  const Vec3<T>& direction() const { return direction_; }
+  const T& gap() const { return gap_; }
+
+ private:
+  struct OutlineEdge {
+    std::uint32_t from, to;
+    std::uint32_t outside;  ///< the same edge of a face that stays, a half-edge
+  };
+  struct FanFace {
+    CsoFace<T> face;
+    T offset;
+  };
+
+  const Vec3<T>& w(std::uint32_t i) const { return vertices_[i].w; }
+
+  // The support along the unit vector d, remembering the direction along which the CSO reaches least.
+  template <class Cso>
+  CsoVertex<T> probe(const Cso& cso, const Vec3<T>& d, T& reach) {
+    const CsoSupport<T> s = cso(-d);
+    reach = dot(d, s.vertex.w);
+    if (!probed_ || reach < reach_) {
+      probed_ = true;
+      reach_ = reach;
+      direction_ = d;
+      gap_ = s.gap;
+    }
+    return s.vertex;
+  }
+
+  static Vec3<T> unit(const Vec3<T>& v) { return v * (T(1) / norm(v)); }
+
+  bool is_close(const T& offset, const T& reach) const {
+    const T growth = reach - offset;
+    return growth <= T(limits_.rel_tol) * reach || growth <= T(limits_.abs_tol) || growth <= noise_;
+  }
+
+  // The tetrahedron that GJK ended with, if it has volume.
+  bool enclose(const Simplex<T>& seed) {
+    if (seed.size != 4) return false;
+    CsoVertex<T> t[4] = {seed.vertex[0], seed.vertex[1], seed.vertex[2], seed.vertex[3]};
+    if (dot(cross(t[1].w - t[0].w, t[2].w - t[0].w), t[3].w - t[0].w) > T(0)) std::swap(t[1], t[2]);
+    if (!make_tetrahedron(t)) return false;
+    for (int f = 0; f < 4; ++f) {
+      const auto& [i, j, k] = faces_[f].vertex;
+      const std::uint32_t opposite = 6 - (i + j + k);
+      if (!(dot(faces_[f].normal, w(opposite)) - offsets_[f] < -noise_)) return false;
+    }
+    return true;
+  }
+
+  // Four vertices with volume, from the seed and supports along the axes and along normals of what is there already.
+  template <class Cso>
+  bool spread_out(const Cso& cso, const Simplex<T>& seed) {
+    using std::abs;
+    std::vector<CsoVertex<T>> found(seed.vertex, seed.vertex + seed.size);
+    const auto look = [&](const Vec3<T>& d) {
+      T reach;
+      found.push_back(probe(cso, d, reach));
+    };
+    for (int k = 0; k < 3; ++k)
+      for (const double s : {1.0, -1.0}) {
+        Vec3<T> d{T(0), T(0), T(0)};
+        d[k] = T(s);
+        look(d);
+      }
+    CsoVertex<T> t[4];
+    T best = T(-1);
+    for (const CsoVertex<T>& p : found)
+      for (const CsoVertex<T>& q : found)
+        if (const T d = squared_norm(p.w - q.w); d > best) {
+          best = d;
+          t[0] = p;
+          t[1] = q;
+        }
+    if (!(best > noise_ * noise_)) return false;
+    const Vec3<T> edge = unit(t[1].w - t[0].w);
+    best = T(-1);
+    for (int round = 0; round < 2 && !(best > noise_); ++round) {
+      if (round == 1) {  // everything so far is on a line: look sideways
+        const Vec3<T> side = unit(cross(edge, abs(edge.x) < T(0.6) ? Vec3<T>{T(1), T(0), T(0)} : Vec3<T>{T(0), T(1), T(0)}));
+        for (const Vec3<T>& d : {side, -side, cross(edge, side), -cross(edge, side)}) look(d);
+      }
+      for (const CsoVertex<T>& p : found)
+        if (const T d = norm(cross(edge, p.w - t[0].w)); d > best) {
+          best = d;
+          t[2] = p;
+        }
+    }
+    if (!(best > noise_)) return false;
+    const Vec3<T> n = unit(cross(t[1].w - t[0].w, t[2].w - t[0].w));
+    look(n);
+    look(-n);
+    best = T(-1);
+    for (const CsoVertex<T>& p : found)
+      if (const T d = abs(dot(n, p.w - t[0].w)); d > best) {
+        best = d;
+        t[3] = p;
+      }
+    if (dot(n, t[3].w - t[0].w) > T(0)) std::swap(t[1], t[2]);  // outward means away from t[3]
+    return make_tetrahedron(t);
+  }
+
+  // \param t t[3] is on the inner side of the triangle t[0], t[1], t[2].
+  bool make_tetrahedron(const CsoVertex<T> (&t)[4]) {
+    Simplex<T> s;
+    for (int i = 0; i < 4; ++i) s.vertex[i] = t[i];
+    CsoFace<T> faces[4];
+    if (!tetrahedron_faces(s, faces)) return false;
+    vertices_.assign(t, t + 4);
+    faces_.assign(faces, faces + 4);
+    offsets_.resize(4);
+    for (int f = 0; f < 4; ++f) {
+      const Vec3<T>&a = w(faces_[f].vertex[0]), &b = w(faces_[f].vertex[1]), &c = w(faces_[f].vertex[2]);
+      const Vec3<T> e1 = b - a, e2 = c - a;
+      if (!find_plane(cross(e1, e2), squared_norm(e1) * squared_norm(e2), a, b, c, faces_[f].normal, offsets_[f])) return false;
+    }
+    return true;
+  }
+
+  // The plane that three points span, as far out as all of them are beyond it.
+  // \param n normal to it. \param sides the squared lengths of the sides whose product n is, multiplied.
+  static bool find_plane(const Vec3<T>& n, const T& sides, const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c, Vec3<T>& normal,
+                         T& offset) {
+    using std::sqrt;
+    const T nn = squared_norm(n);
+    normal = n * (T(1) / sqrt(nn));
+    const T on_a = dot(normal, a), on_b = dot(normal, b), on_c = dot(normal, c), least = on_b < on_a ? on_b : on_a;
+    offset = on_c < least ? on_c : least;
+    return nn > T(Arithmetic<T>::kFlatFace) * sides;
+  }
+
+  // In two halves, so that each waits less for the one before; without branches, since which is nearer cannot be predicted.
+  std::uint32_t nearest_face() const {
+    const std::size_t count = offsets_.size();
+    const T* offsets = offsets_.data();
+    T least[2] = {offsets[0], offsets[1]};
+    std::size_t face[2] = {0, 1};
+    for (std::size_t f = 2; f < count; f += 2)
+      for (std::size_t k = 0; k < 2; ++k) {
+        const std::size_t at = std::min(f + k, count - 1);
+        const bool nearer = offsets[at] < least[k];
+        least[k] = nearer ? offsets[at] : least[k];
+        face[k] = nearer ? at : face[k];
+      }
+    return static_cast<std::uint32_t>(least[1] < least[0] ? face[1] : face[0]);
+  }
+
+  template <class Cso>
+  EpaEnd expand(const Cso& cso) {
+    while (true) {
+      const std::uint32_t nearest = nearest_face();
+      const T offset = offsets_[nearest];
+      if (limits_.enough > 0 && offset > T(limits_.enough)) return EpaEnd::kEnough;
+      if (probed_ && is_close(offset, reach_)) return EpaEnd::kConverged;
+      T reach;
+      const CsoVertex<T> v = probe(cso, faces_[nearest].normal, reach);
+      if (!(reach > T(0))) return EpaEnd::kOutside;
+      if (is_close(offset, reach)) return EpaEnd::kConverged;
+      bool known = vertices_.size() >= limits_.max_vertices;
+      for (const CsoVertex<T>& u : vertices_) known |= same(u, v);
+      if (known) return EpaEnd::kLimit;
+      vertices_.push_back(v);
+      if (!grow(nearest)) {
+        vertices_.pop_back();
+        return EpaEnd::kLimit;
+      }
+    }
+  }
+
+  // Replaces the faces that the last vertex sees, `nearest` among them, by a fan over their outline. False, and nothing is
+  // changed, where rounding made the outline unusable.
+  bool grow(std::uint32_t nearest) {
+    const auto apex = static_cast<std::uint32_t>(vertices_.size() - 1);
+    find_seen(apex);
+    find_outline();
+    if (!plan_fan(apex)) {
+      keep_connected(nearest);
+      find_outline();
+      if (!plan_fan(apex)) return false;
+    }
+    place_fan();
+    return true;
+  }
+
+  // Every face is written to the list, and kept there by moving on: which are seen cannot be predicted. So with edges below.
+  void find_seen(std::uint32_t apex) {
+    const std::size_t count = faces_.size();
+    if (is_seen_.size() < count) {
+      is_seen_.resize(2 * count);
+      seen_.resize(6 * count);  // the places of a fan, too
+      outline_.resize(6 * count);
+    }
+    const Vec3<T> p = w(apex);
+    const T noise = noise_;
+    const CsoFace<T>* faces = faces_.data();
+    const T* offsets = offsets_.data();
+    std::uint8_t* is_seen = is_seen_.data();
+    std::uint32_t* seen = seen_.data();
+    std::size_t seen_count = 0;
+    for (std::size_t f = 0; f < count; ++f) {
+      const std::size_t sees = dot(faces[f].normal, p) - offsets[f] > noise;
+      is_seen[f] = static_cast<std::uint8_t>(sees);
+      seen[seen_count] = static_cast<std::uint32_t>(f);
+      seen_count += sees;
+    }
+    seen_count_ = static_cast<std::uint32_t>(seen_count);
+  }
+
+  // The edges between seen faces and others, and at each vertex which of them begins there.
+  void find_outline() {
+    if (begins_.size() < vertices_.size()) begins_.resize(2 * vertices_.size());
+    const CsoFace<T>* faces = faces_.data();
+    const std::uint8_t* is_seen = is_seen_.data();
+    OutlineEdge* outline = outline_.data();
+    std::uint32_t *begins = begins_.data(), edges = 0;
+    const std::uint32_t *seen = seen_.data(), count = seen_count_;
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const CsoFace<T>& f = faces[seen[k]];
+      for (std::uint32_t e = 0; e < 3; ++e) {
+        const bool borders = !is_seen[face_of(f.twin[e])];
+        outline[edges] = {f.vertex[e], f.vertex[e == 2 ? 0 : e + 1], f.twin[e]};
+        const std::uint32_t before = begins[f.vertex[e]];
+        begins[f.vertex[e]] = borders ? edges : before;
+        edges += borders;
+      }
+    }
+    outline_count_ = edges;
+  }
+
+  // Rounding let the vertex see faces apart from the others: these stay.
+  void keep_connected(std::uint32_t nearest) {
+    seen_count_ = 1;
+    seen_[0] = nearest;
+    is_seen_.swap(was_seen_);
+    is_seen_.assign(was_seen_.size(), false);
+    is_seen_[nearest] = true;
+    for (std::size_t k = 0; k < seen_count_; ++k)
+      for (const std::uint32_t twin : faces_[seen_[k]].twin)
+        if (const std::uint32_t f = face_of(twin); was_seen_[f] && !is_seen_[f]) {
+          is_seen_[f] = true;
+          seen_[seen_count_++] = f;
+        }
+    std::sort(seen_.begin(), seen_.begin() + static_cast<std::ptrdiff_t>(seen_count_));
+  }
+
+  // One triangle for each edge of the outline. False if that is not one loop, or a triangle is flat.
+  bool plan_fan(std::uint32_t apex) {
+    const std::uint32_t count = outline_count_;
+    if (count < 3) return false;
+    if (fan_.size() < count) fan_.resize(2 * count);
+    // Where the faces go: in the places of the seen ones, then behind the last.
+    std::uint32_t* places = seen_.data();
+    for (std::uint32_t i = seen_count_; i < count; ++i) places[i] = static_cast<std::uint32_t>(faces_.size()) + (i - seen_count_);
+    const CsoVertex<T>* vertices = vertices_.data();
+    const OutlineEdge* outline = outline_.data();
+    const std::uint32_t* begins = begins_.data();
+    const Vec3<T> p = vertices[apex].w;
+    Vec3<T> from = vertices[outline[0].from].w, u = from - p;
+    T uu = squared_norm(u);
+    std::uint32_t at = 0, before = places[count - 1], here = places[0];
+    bool usable = true;
+    for (std::uint32_t i = 0; i < count && at < count; ++i) {
+      const OutlineEdge e = outline[at];
+      const std::uint32_t after = places[i + 1 == count ? 0 : i + 1];
+      auto& [face, offset] = fan_[i];
+      face.vertex = {e.from, e.to, apex};
+      face.twin = {e.outside, half_edge(after, 2), half_edge(before, 1)};
+      const Vec3<T> to = vertices[e.to].w, next = to - p;
+      const T next_next = squared_norm(next);
+      usable &= find_plane(cross(u, next), uu * next_next, from, to, p, face.normal, offset);
+      at = begins[e.to];
+      usable &= (at == 0) == (i + 1 == count) && (at >= count || outline[at].from == e.to);
+      from = to;
+      u = next;
+      uu = next_next;
+      before = here;
+      here = after;
+    }
+    return usable && at == 0;
+  }
+
+  void place_fan() {
+    if (outline_count_ > seen_count_) {
+      faces_.resize(faces_.size() + outline_count_ - seen_count_);
+      offsets_.resize(faces_.size());
+    }
+    for (std::uint32_t i = 0; i < outline_count_; ++i) {
+      const std::uint32_t f = seen_[i];
+      faces_[f] = fan_[i].face;
+      offsets_[f] = fan_[i].offset;
+      link(f, 0);
+    }
+    // A fan smaller than what it replaces leaves places: the last faces move there.
+    for (std::uint32_t i = seen_count_; i-- > outline_count_;) {
+      const std::uint32_t f = seen_[i];
+      faces_[f] = faces_.back();
+      offsets_[f] = offsets_.back();
+      for (std::uint32_t e = 0; e < 3 && f + 1 < faces_.size(); ++e) link(f, e);
+      faces_.pop_back();
+      offsets_.pop_back();
+    }
+  }
+
+  // Tells the face across an edge where that edge is.
+  void link(std::uint32_t face, std::uint32_t edge) {
+    const std::uint32_t across = faces_[face].twin[edge];
+    faces_[face_of(across)].twin[edge_of(across)] = half_edge(face, edge);
+  }
+
+  // The surface's point nearest to the origin. Among coplanar triangles only one holds it, and not always the one whose plane
+  // came out nearest, so look at all whose plane is near enough.
+  void find_nearest() {
+    const std::uint32_t first = nearest_face();
+    T best = look_at(first, T(__builtin_inf()));
+    for (std::uint32_t f = 0; f < faces_.size(); ++f)
+      if (const T& offset = offsets_[f]; f != first && !(offset > T(0) && offset * offset >= best)) best = look_at(f, best);
+  }
+
+  // Takes the point of a face that is nearest to the origin, if it is nearer than the root of `best`; what is best then.
+  T look_at(std::uint32_t face, const T& best) {
+    const CsoFace<T>& f = faces_[face];
+    const Vec3<T>&a = w(f.vertex[0]), &b = w(f.vertex[1]), &c = w(f.vertex[2]);
+    // Barycentric coordinates of the origin's projection, clamped into the triangle: good enough to propose.
+    const Vec3<T> p = f.normal * offsets_[face];
+    T weight[3] = {dot(f.normal, cross(b - p, c - p)), dot(f.normal, cross(c - p, a - p)), dot(f.normal, cross(a - p, b - p))};
+    for (T& x : weight) x = x > T(0) ? x : T(0);
+    const Vec3<T> nearest = (a * weight[0] + b * weight[1] + c * weight[2]) * (T(1) / (weight[0] + weight[1] + weight[2]));
+    const T d = squared_norm(nearest);
+    if (!(d < best)) return best;
+    nearest_.size = 3;
+    for (int i = 0; i < 3; ++i) {
+      nearest_.vertex[i] = vertices_[f.vertex[i]];
+      nearest_.weight[i] = weight[i];
+    }
+    return d;
+  }
+
+  EpaLimits limits_;
+  T noise_;
+  std::vector<CsoVertex<T>> vertices_;   ///< each is on the surface, or was
+  std::vector<CsoFace<T>> faces_;        ///< normals of unit length
+  std::vector<T> offsets_;               ///< of the faces' planes
+  std::vector<std::uint8_t> is_seen_, was_seen_;  ///< of the faces, by the last vertex
+  std::vector<std::uint32_t> seen_;               ///< which these are, ascending
+  std::vector<OutlineEdge> outline_;
+  std::vector<std::uint32_t> begins_;             ///< of the vertices on the outline: the edge there
+  std::uint32_t seen_count_ = 0, outline_count_ = 0;
+  std::vector<FanFace> fan_;
+  Simplex<T> nearest_;
+  bool probed_ = false;
+  T reach_, gap_;
+  Vec3<T> direction_;
+};
+
+}  // namespace clearance

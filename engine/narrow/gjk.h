@@ -1,0 +1,364 @@
+// The Gilbert-Johnson-Keerthi iteration, written once over a scalar or a SIMD pack T, for host and device.
+//
+// Works on the configuration space obstacle (CSO) A - B = { a - b }: the bodies' distance is its distance from the origin,
+// and its point v nearest to the origin joins their nearest points. It only proposes: certify.h makes the bounds.
+//
+// E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for computing the distance between complex objects in
+// three-dimensional space", IEEE J. Robotics and Automation 4(2), 1988; termination after G. van den Bergen, "A fast and
+// robust GJK implementation for collision detection of convex objects", J. Graphics Tools 4(2), 1999. Departure: the
+// nearest feature of a simplex is chosen by comparing the distances of all features, not by signs of determinants, which
+// pick wrong features on slivers in any precision.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/base/arithmetic.h"
+#include "engine/base/lane.h"
+#include "engine/base/vec.h"
+
+namespace clearance {
+
+/// A vertex of the CSO: w = a - b for vertices `a`, `b` of the two pieces.
+template <class T>
+struct CsoVertex {
+  Vec3<T> w;
+  typename Lane<T>::Index a, b;
+
+  CLEARANCE_HD friend auto same(const CsoVertex& p, const CsoVertex& q) { return (p.a == q.a) & (p.b == q.b); }
+};
+
+template <class Mask, class T>
+CLEARANCE_HD inline CsoVertex<T> select(const Mask& mask, const CsoVertex<T>& yes, const CsoVertex<T>& no) {
+  return {select(mask, yes.w, no.w), select(mask, yes.a, no.a), select(mask, yes.b, no.b)};
+}
+template <class T>
+#ifdef __CUDA_ARCH__
+CLEARANCE_HD inline CsoVertex<T> select(bool mask, const CsoVertex<T>& yes, const CsoVertex<T>& no) {
+  return {select(mask, yes.w, no.w), mask ? yes.a : no.a, mask ? yes.b : no.b};
+}
+#else
+CLEARANCE_HD inline const CsoVertex<T>& select(bool mask, const CsoVertex<T>& yes, const CsoVertex<T>& no) {
+  return mask ? yes : no;
+}
+#endif
+
+/// Up to four CSO vertices; the weights are those of the point nearest to the origin.
+template <class T>
+struct Simplex {
+  CsoVertex<T> vertex[4];
+  T weight[4];
+  typename Lane<T>::Count size{0};
+};
+
+enum class GjkEnd : std::uint8_t {
+  kRunning,
+  kConverged,  ///< no vertex is nearer than the tolerance asks
+  kBeyond,     ///< the origin is farther than max_distance
+  kEncloses,   ///< the simplex holds the origin (four vertices), or it lies on it within rounding
+  kStalled,    ///< rounding: no more decrease
+  kLimit,      ///< iteration limit
+};
+
+/// When to stop. Lengths in metres, of the distance between the CSO and the origin.
+template <class T>
+struct GjkLimits {
+  T rel_tol{1e-6};        ///< stop once |v| - v.w/|v| <= max(rel_tol ||v| - radius|, abs_tol)
+  T abs_tol{0};
+  T radius{0};            ///< what rounded pieces take off |v| later
+  T max_distance{0};      ///< stop once the origin is proved farther
+  bool bounded = false;   ///< whether max_distance counts
+  bool squared = true;    ///< radius and abs_tol are 0 in all lanes: no root is needed
+  int max_iterations = 256;
+};
+
+/// What reduce_to_nearest() finds: the face, edge or vertex of a simplex that is nearest to the origin.
+template <class T>
+struct Nearest {
+  Simplex<T> simplex;                ///< the vertices that carry the nearest point, the newest first
+  Vec3<T> v;                         ///< that point; along a face's normal where it lies on a face
+  T squared_distance;
+  typename Lane<T>::Mask encloses;   ///< the origin is inside the tetrahedron: nothing else is set
+};
+
+/// The nearest point to the origin of the hull of `newest` and up to three older vertices, knowing that `newest` takes part
+/// (the GJK invariant).
+template <class T>
+CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVertex<T>& newest) {
+  using Count = typename Lane<T>::Count;
+  using Mask = typename Lane<T>::Mask;
+  const T zero(0), one(1), flat(Arithmetic<T>::kFlatFace);
+  const Vec3<T> q = -newest.w;
+  // The vertex itself, then edges from it, then faces at it: the valid one of least distance wins. `feature` says which:
+  // 1, 2, 3 the edge to old vertex 0, 1, 2; 4, 5, 6 the face with old vertices 01, 12, 02.
+  T best = squared_norm(q), first_weight = zero, second_weight = zero, scale = zero;
+  Count feature(0);
+  Vec3<T> face_normal = q;
+
+  Vec3<T> e[3], m[3];
+  T g[3];
+  CLEARANCE_UNROLL
+  for (int i = 0; i < 3; ++i) {
+    const Mask there = old.size > Count(i);
+    if (!any(there)) {
+      e[i] = m[i] = {zero, zero, zero};
+      g[i] = zero;
+      continue;
+    }
+    e[i] = old.vertex[i].w - newest.w;
+    m[i] = cross(q, e[i]);
+    g[i] = squared_norm(e[i]);
+    const T p = dot(q, e[i]), r = one / g[i], d = squared_norm(m[i]) * r;
+    const Mask nearer = there & (p > zero) & (p < g[i]) & (d < best);
+    best = select(nearer, d, best);
+    first_weight = select(nearer, p * r, first_weight);
+    scale = select(nearer, r, scale);
+    feature = select(nearer, Count(i + 1), feature);
+  }
+  Mask inside = old.size > Count(2);
+  const auto face = [&](int i, int j, int code, const Vec3<T>& n, const T& x) {
+    const T nn = squared_norm(n), u = dot(m[j], n), w = -dot(m[i], n), r = one / nn, d = x * x * r;
+    const Mask nearer = (old.size > Count(j)) & (u > zero) & (w > zero) & (u + w < nn) & (nn > flat * g[i] * g[j]) & (d < best);
+    best = select(nearer, d, best);
+    first_weight = select(nearer, u * r, first_weight);
+    second_weight = select(nearer, w * r, second_weight);
+    scale = select(nearer, -x * r, scale);
+    face_normal = select(nearer, n, face_normal);
+    feature = select(nearer, Count(code), feature);
+  };
+  if (any(old.size > Count(1))) {
+    const Vec3<T> n01 = cross(e[0], e[1]);
+    const T x01 = dot(q, n01);
+    face(0, 1, 4, n01, x01);
+    if (any(inside)) {
+      const Vec3<T> n12 = cross(e[1], e[2]), n02 = cross(e[0], e[2]);
+      const T x12 = dot(q, n12), x02 = dot(q, n02);
+      face(1, 2, 5, n12, x12);
+      face(0, 2, 6, n02, x02);
+      // Inside the three planes at the newest vertex, then on the inner side of the face across from it.
+      inside = inside & (x01 * dot(e[2], n01) > zero) & (x12 * dot(e[0], n12) > zero) & (x02 * dot(e[1], n02) > zero);
+      if (any(inside)) {
+        const Vec3<T> n = cross(e[1] - e[0], e[2] - e[0]);
+        inside = inside & (dot(q - e[0], n) * -dot(e[0], n) > zero);
+      }
+    }
+  }
+
+  Nearest<T> r;
+  r.encloses = inside;
+  const Mask on_face = feature > Count(3), on_edge = (feature > Count(0)) & !on_face;
+  const Mask first_is_0 = (feature == Count(1)) | (feature == Count(4)) | (feature == Count(6));
+  const Mask first_is_1 = (feature == Count(2)) | (feature == Count(5));
+  const Mask second_is_1 = feature == Count(4);
+  second_weight = select(on_face, second_weight, zero);
+  const T rest = (one - first_weight) - second_weight;
+  Simplex<T>& s = r.simplex;
+  s.vertex[0] = newest;
+  s.vertex[1] = select(first_is_0, old.vertex[0], select(first_is_1, old.vertex[1], old.vertex[2]));
+  s.vertex[2] = select(second_is_1, old.vertex[1], old.vertex[2]);
+  s.weight[0] = select(rest > zero, rest, zero);
+  s.weight[1] = first_weight;
+  s.weight[2] = second_weight;
+  s.size = select(on_face, Count(3), select(on_edge, Count(2), Count(1)));
+  r.v = newest.w;
+  if (any(on_edge)) {  // e x (a x e) / |e|^2 is the part of a that is normal to the edge
+    const Vec3<T> edge = s.vertex[1].w - newest.w;
+    r.v = select(on_edge, cross(cross(q, edge), edge) * scale, r.v);
+  }
+  if (any(on_face)) r.v = select(on_face, face_normal * scale, r.v);
+  r.squared_distance = squared_norm(r.v);
+  return r;
+}
+
+/// The same for the last resort, where bodies of sizes in the ratio 1e12 leave features 1e-10 wide and 1e2 long: a plane is
+/// spanned by its two shortest edges and measured from its vertex nearest to the origin, since the cross product of two long,
+/// almost parallel edges, or a far vertex, would lose that ratio's digits. Scalars only.
+template <class T>
+CLEARANCE_HD inline Nearest<T> reduce_carefully(const Simplex<T>& old, const CsoVertex<T>& newest) {
+  const T zero = T(0);
+  Nearest<T> best;
+  best.encloses = false;
+  bool found = false;
+  for (int mask = 0; mask < 1 << old.size; ++mask) {
+    Simplex<T> f;
+    f.vertex[f.size++] = newest;
+    for (int i = 0; i < old.size; ++i)
+      if (mask >> i & 1) f.vertex[f.size++] = old.vertex[i];
+    int near = 0;  // the vertex nearest to the origin goes first
+    for (int i = 1; i < f.size; ++i)
+      if (squared_norm(f.vertex[i].w) < squared_norm(f.vertex[near].w)) near = i;
+    const CsoVertex<T> first = f.vertex[near];
+    f.vertex[near] = f.vertex[0];
+    f.vertex[0] = first;
+    const Vec3<T>&p = f.vertex[0].w, &q = f.vertex[1].w, &r = f.vertex[2].w, &t = f.vertex[3].w;
+    Vec3<T> point = p;
+    if (f.size == 1) {
+      f.weight[0] = T(1);
+    } else if (f.size == 2) {
+      const Vec3<T> e = q - p;
+      const T ee = squared_norm(e), along = -dot(p, e);
+      if (!(ee > zero)) continue;
+      f.weight[0] = ee - along;
+      f.weight[1] = along;
+      point = cross(e, cross(p, e)) * (T(1) / ee);
+    } else if (f.size == 3) {
+      Vec3<T> e[3] = {q - p, r - q, p - r};
+      int longest = 0;
+      for (int i = 1; i < 3; ++i)
+        if (squared_norm(e[i]) > squared_norm(e[longest])) longest = i;
+      const Vec3<T> n = cross(e[(longest + 1) % 3], e[(longest + 2) % 3]);
+      const T nn = squared_norm(n);
+      if (!(nn > zero)) continue;
+      f.weight[0] = dot(n, cross(q, r));
+      f.weight[1] = dot(n, cross(r, p));
+      f.weight[2] = dot(n, cross(p, q));
+      point = n * (dot(n, p) / nn);
+    } else {
+      const T w[4] = {dot(q, cross(r, t)), -dot(p, cross(r, t)), dot(p, cross(q, t)), -dot(p, cross(q, r))};
+      const bool positive = w[0] > zero;
+      bool inside = true;
+      for (int i = 0; i < 4; ++i) inside = inside && (positive ? w[i] > zero : w[i] < zero);
+      if (!inside) continue;
+      best.encloses = true;
+      return best;
+    }
+    T sum = zero;
+    bool inside = true;
+    for (int i = 0; i < f.size; ++i) {
+      inside = inside && f.weight[i] > zero;
+      sum = sum + f.weight[i];
+    }
+    const T d = squared_norm(point);
+    if (!inside || (found && !(d < best.squared_distance))) continue;
+    for (int i = 0; i < f.size; ++i) f.weight[i] = f.weight[i] / sum;
+    found = true;
+    best.simplex = f;
+    best.v = point;
+    best.squared_distance = d;
+  }
+  return best;
+}
+
+/// The state of one run (of each lane's run) of GJK.
+template <class T>
+struct Gjk {
+  using Mask = typename Lane<T>::Mask;
+  using Count = typename Lane<T>::Count;
+
+  Vec3<T> v;                 ///< point of the simplex nearest to the origin; before the first step any first guess but zero
+  T squared_distance{0};     ///< |v|^2, once the simplex has a vertex
+  Simplex<T> simplex;        ///< up to three vertices and their weights; four if it encloses the origin
+  CsoVertex<T> last;         ///< the last support vertex found along -v
+  T gap{0};                  ///< of the supporting planes normal to v, times |v|: proves a lower bound if v did not move since
+  Count end{0};              ///< a GjkEnd
+
+  /// Takes a vertex into the simplex without a test, where that brings it nearer: a seed from an earlier run.
+  /// \param running lanes for which this is meant.
+  CLEARANCE_HD void seed(const CsoVertex<T>& vertex, const Mask& running) {
+    const Nearest<T> next = reduce(vertex);
+    const Mask take = running & !next.encloses & (next.squared_distance > T(0)) &
+                      ((simplex.size == Count(0)) | (next.squared_distance < squared_distance));
+    advance(next, take);
+    last = select(take, vertex, last);
+  }
+
+  /// Begins at a simplex of an earlier run: `newest` and up to two more vertices. Where it does not hold the nearest point any
+  /// more, it is a worse guess, no more.
+  CLEARANCE_HD void begin(const Simplex<T>& others, const CsoVertex<T>& newest, const Mask& running) {
+    const Nearest<T> next = reduce_to_nearest(others, newest);
+    const Mask take = running & (next.squared_distance > T(0));
+    advance(next, take);
+    last = select(take, newest, last);
+  }
+
+  /// One step: `vertex` is the CSO's farthest along -v, and `support_gap` = v.w, by way of the support values.
+  /// \param running lanes that have not ended; the others stay as they are.
+  CLEARANCE_INLINE void step(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits, const Mask& running) {
+    const T zero(0), vv = squared_distance;
+    last = select(running, vertex, last);
+    gap = select(running, support_gap, gap);
+    const Mask begun = simplex.size > Count(0);
+    // The vertex is in the simplex already: the polytope has no point nearer in any direction that v can see.
+    Mask converged = ((simplex.size > Count(0)) & same(simplex.vertex[0], vertex)) |
+                     ((simplex.size > Count(1)) & same(simplex.vertex[1], vertex)) |
+                     ((simplex.size > Count(2)) & same(simplex.vertex[2], vertex));
+    // |v| - v.w/|v| is how much v could still shrink.
+    const T slack = vv - gap;
+    if (limits.squared) {
+      converged = converged | (slack <= limits.rel_tol * vv);
+    } else {
+      using std::sqrt;
+      const T length = sqrt(vv), rest = vv - limits.radius * length;
+      converged = converged | (slack <= limits.rel_tol * select(rest < zero, -rest, rest)) | (slack <= limits.abs_tol * length);
+    }
+    converged = converged & begun & running;
+    // The plane through w normal to v keeps the whole CSO farther than max_distance.
+    Mask beyond = begun & running & !converged;
+    if (limits.bounded)
+      beyond = beyond & (gap > zero) & (gap * gap > limits.max_distance * limits.max_distance * vv);
+    else
+      beyond = beyond & (zero > zero);
+    end = select(converged, code(GjkEnd::kConverged), end);
+    end = select(beyond, code(GjkEnd::kBeyond), end);
+    const Mask going = running & !converged & !beyond;
+    if (!any(going)) return;
+    const Nearest<T> next = reduce(vertex);
+    const Mask encloses = going & (next.encloses | !(next.squared_distance > zero));
+    const Mask stalled = going & !encloses & begun & !(next.squared_distance < vv);
+    if (any(encloses)) {
+      simplex.vertex[3] = select(encloses, simplex.vertex[2], simplex.vertex[3]);
+      simplex.vertex[2] = select(encloses, simplex.vertex[1], simplex.vertex[2]);
+      simplex.vertex[1] = select(encloses, simplex.vertex[0], simplex.vertex[1]);
+      simplex.vertex[0] = select(encloses, vertex, simplex.vertex[0]);
+      simplex.size = select(encloses, simplex.size + Count(1), simplex.size);
+      v = select(encloses, Vec3<T>{zero, zero, zero}, v);
+      squared_distance = select(encloses, zero, squared_distance);
+    }
+    advance(next, going & !encloses & !stalled);
+    end = select(encloses, code(GjkEnd::kEncloses), end);
+    end = select(stalled, code(GjkEnd::kStalled), end);
+  }
+
+  CLEARANCE_HD static Count code(GjkEnd e) { return Count(static_cast<int>(e)); }
+
+ private:
+  CLEARANCE_HD Nearest<T> reduce(const CsoVertex<T>& vertex) const {
+    if constexpr (Arithmetic<T>::kCareful)
+      return reduce_carefully(simplex, vertex);
+    else
+      return reduce_to_nearest(simplex, vertex);
+  }
+  CLEARANCE_HD void advance(const Nearest<T>& next, const Mask& take) {
+    CLEARANCE_UNROLL
+    for (int i = 0; i < 3; ++i) {
+      simplex.vertex[i] = select(take, next.simplex.vertex[i], simplex.vertex[i]);
+      simplex.weight[i] = select(take, next.simplex.weight[i], simplex.weight[i]);
+    }
+    simplex.size = select(take, next.simplex.size, simplex.size);
+    v = select(take, next.v, v);
+    squared_distance = select(take, next.squared_distance, squared_distance);
+  }
+};
+
+/// A CSO vertex and v.w by way of the support values.
+template <class T>
+struct CsoSupport {
+  CsoVertex<T> vertex;
+  T gap;
+};
+
+/// Runs GJK on one pair. `cso(v)` returns the CSO's vertex farthest along -v.
+/// \param v0 a first guess of v (any direction but zero). \param seed vertices to begin from (may be none).
+template <class T, class Cso>
+CLEARANCE_HD inline Gjk<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& seed, const GjkLimits<T>& limits) {
+  Gjk<T> g;
+  g.v = v0;
+  for (int i = 0; i < seed.size; ++i) g.seed(seed.vertex[i], true);
+  for (int i = 0; i < limits.max_iterations && g.end == 0; ++i) {
+    const CsoSupport<T> s = cso(g.v);
+    g.step(s.vertex, s.gap, limits, true);
+  }
+  if (g.end == 0) g.end = g.code(GjkEnd::kLimit);
+  return g;
+}
+
+}  // namespace clearance

@@ -1,0 +1,487 @@
+// The lanes' text (lanes.h), compiled once for each instruction set: see lanes_avx512.cpp and its neighbours.
+//
+// It uses nothing but packs, plain arrays and templates over them: a function shared with other files might be linked from
+// here and then use instructions that the machine does not have.
+#pragma once
+
+#include "engine/narrow/certify.h"
+#include "engine/hull/direction_table.h"
+#include "engine/narrow/lanes.h"
+#include "engine/base/pack.h"
+
+namespace clearance {
+
+template <class T>
+struct RoundingUnits<CLEARANCE_ISA::Pack<T>> : RoundingUnits<T> {};
+
+namespace CLEARANCE_ISA {
+
+// One value for each lane in memory, where single lanes are written, and as a pack, where all are worked on.
+template <class T>
+struct alignas(64) Column {
+  T at[Pack<T>::kLanes];
+  HWY_INLINE Pack<T> pack() const { return Pack<T>::load(at); }
+  HWY_INLINE void set(Pack<T> p) { p.store(at); }
+};
+
+template <class T>
+struct Columns3 {
+  Column<T> x, y, z;
+  HWY_INLINE Vec3<Pack<T>> pack() const { return {x.pack(), y.pack(), z.pack()}; }
+  HWY_INLINE void set(const Vec3<Pack<T>>& p) {
+    x.set(p.x);
+    y.set(p.y);
+    z.set(p.z);
+  }
+  template <class From>
+  HWY_INLINE void set(int lane, const Vec3<From>& v) {
+    x.at[lane] = static_cast<T>(v.x);
+    y.at[lane] = static_cast<T>(v.y);
+    z.at[lane] = static_cast<T>(v.z);
+  }
+};
+
+template <class T>
+struct PlacedColumns {
+  Columns3<T> row[3];
+  HWY_INLINE Mat3<Pack<T>> pack() const { return {{row[0].pack(), row[1].pack(), row[2].pack()}}; }
+};
+
+// What of a hull and of a placed pair goes into the lanes: everything in float64 from the body's origin; float32 from the
+// pieces' centres, so that its digits are spent on the shapes and the gap.
+template <class T>
+struct Source;
+template <>
+struct Source<double> {
+  const double *x, *y, *z;
+  double rho;
+  Vec3d centre;
+  HWY_INLINE explicit Source(const LaneHull& h) : x(h.x), y(h.y), z(h.z), rho(h.rho), centre(h.centre) {}
+  HWY_INLINE static Vec3<double> vertex(const LaneHull& h, std::uint32_t i) { return h.vertices[i]; }
+};
+template <>
+struct Source<float> {
+  const float *x, *y, *z;
+  double rho;
+  Vec3d centre;
+  HWY_INLINE explicit Source(const LaneHull& h) : x(h.x_f32), y(h.y_f32), z(h.z_f32), rho(h.spread * (1 + 0x1p-20)), centre{0, 0, 0} {}
+  HWY_INLINE static Vec3<float> vertex(const LaneHull& h, std::uint32_t i) { return {h.x_f32[i], h.y_f32[i], h.z_f32[i]}; }
+};
+
+template <class T>
+struct FoundVertex {
+  Vec3<Pack<T>> p;
+  Pack<T> index, value;
+};
+
+// The farthest vertex of a hull along n, by looking at each: ties to the lowest index, as support() has it.
+template <class T>
+struct Scan {
+  const T *x, *y, *z;
+  std::size_t count;
+  Vec3<Pack<T>> n;
+  Pack<T> best, index;
+
+  HWY_INLINE Scan(const LaneHull& hull, const Vec3<Pack<T>>& direction) : count(hull.count), n(direction), index(0.0) {
+    const Source<T> from(hull);
+    x = from.x;
+    y = from.y;
+    z = from.z;
+    best = value(0);
+  }
+  HWY_INLINE Pack<T> value(std::size_t i) const {
+    return n.x * Pack<T>(x[i]) + n.y * Pack<T>(y[i]) + n.z * Pack<T>(z[i]);
+  }
+  HWY_INLINE void look(std::size_t i, Pack<T> i_pack) {
+    const Pack<T> s = value(i);
+    index = select(s > best, i_pack, index);
+    best = max(s, best);
+  }
+  HWY_INLINE FoundVertex<T> found() const {
+    return {{Pack<T>::gather(x, index), Pack<T>::gather(y, index), Pack<T>::gather(z, index)}, index, best};
+  }
+};
+
+// 0, 1, 2, ...
+template <class T>
+struct alignas(64) Counting {
+  T at[Pack<T>::kLanes];
+  constexpr Counting() : at() {
+    for (int l = 0; l < Pack<T>::kLanes; ++l) at[l] = static_cast<T>(l);
+  }
+};
+template <class T>
+constexpr Counting<T> kCounting;
+
+// A hull's farthest vertex for one lane.
+template <class T>
+struct OneFound {
+  std::uint32_t index;
+  T value;
+};
+
+// The same by the hull's direction table.
+template <class T>
+HWY_INLINE OneFound<T> look_up(const LaneHull& hull, double u, double v, const Vec3<T>& n) {
+  const std::uint32_t* list = hull.lists + find_list(hull.cells, hull.grid_bits, u, v);
+  OneFound<T> found{0, 0};
+  for (std::uint32_t i = 1; i <= list[0]; ++i) {
+    const Vec3d& w = hull.vertices[list[i]];
+    const T s = n.x * static_cast<T>(w.x) + n.y * static_cast<T>(w.y) + n.z * static_cast<T>(w.z);
+    if (i == 1 || s > found.value) found = {list[i], s};
+  }
+  return found;
+}
+
+// The same by looking at each vertex, as many at a time as there are lanes. The arrays are padded (Piece::x).
+template <class T>
+HWY_INLINE OneFound<T> scan_across(const T* x, const T* y, const T* z, std::size_t count, const Vec3<T>& n) {
+  using P = Pack<T>;
+  const P nx(n.x), ny(n.y), nz(n.z);
+  const auto values = [&](std::size_t i) {
+    return nx * P::load_unaligned(x + i) + ny * P::load_unaligned(y + i) + nz * P::load_unaligned(z + i);
+  };
+  const P lanes(static_cast<double>(P::kLanes));
+  P best = values(0), index = P::load(kCounting<T>.at), i_pack = index;
+  for (std::size_t i = P::kLanes; i < count; i += P::kLanes) {
+    const P s = values(i);
+    i_pack = i_pack + lanes;
+    index = select(s > best, i_pack, index);
+    best = max(s, best);
+  }
+  const T most = most_of(best);
+  const T first = least_of(select(best == P(most), index, P(static_cast<double>(count))));
+  return {static_cast<std::uint32_t>(static_cast<std::int64_t>(first)), most};
+}
+
+// Both hulls' scans side by side, so that one's arithmetic fills the other's waits.
+template <class T>
+HWY_INLINE void scan_both(Scan<T>& a, Scan<T>& b) {
+  const std::size_t common = a.count < b.count ? a.count : b.count;
+  const Pack<T> one(1.0);
+  Pack<T> i_pack = one;
+  std::size_t i = 1;
+  for (; i < common; ++i, i_pack = i_pack + one) {
+    a.look(i, i_pack);
+    b.look(i, i_pack);
+  }
+  for (Pack<T> k = i_pack; i < a.count; ++i, k = k + one) a.look(i, k);
+  for (i = common; i < b.count; ++i, i_pack = i_pack + one) b.look(i, i_pack);
+}
+
+template <class T>
+HWY_INLINE FoundVertex<T> scan_one(const LaneHull& hull, const Vec3<Pack<T>>& n) {
+  Scan<T> scan(hull, n);
+  Pack<T> i_pack(1.0);
+  for (std::size_t i = 1; i < hull.count; ++i, i_pack = i_pack + Pack<T>(1.0)) scan.look(i, i_pack);
+  return scan.found();
+}
+
+template <class T, class To>
+HWY_INLINE void copy_lane(const Vec3<Pack<T>>& from, int lane, Vec3<To>& to) {
+  to.x = reinterpret_cast<const T*>(&from.x)[lane];
+  to.y = reinterpret_cast<const T*>(&from.y)[lane];
+  to.z = reinterpret_cast<const T*>(&from.z)[lane];
+}
+template <class T>
+HWY_INLINE T lane_of(const Pack<T>& from, int lane) {
+  return reinterpret_cast<const T*>(&from)[lane];
+}
+template <class T>
+HWY_INLINE void set_lane(Pack<T>& to, int lane, T value) {
+  reinterpret_cast<T*>(&to)[lane] = value;
+}
+template <class T>
+HWY_INLINE void copy_lane(const CsoVertex<Pack<T>>& from, int lane, CsoVertex<T>& to) {
+  copy_lane(from.w, lane, to.w);
+  to.a = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.a, lane)));
+  to.b = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.b, lane)));
+}
+
+template <class T>
+HWY_INLINE void copy_lane(const Gjk<Pack<T>>& from, int lane, Gjk<T>& to) {
+  copy_lane(from.v, lane, to.v);
+  to.squared_distance = lane_of(from.squared_distance, lane);
+  to.gap = lane_of(from.gap, lane);
+  to.end = static_cast<int>(lane_of(from.end, lane));
+  to.simplex.size = static_cast<int>(lane_of(from.simplex.size, lane));
+  for (int i = 0; i < to.simplex.size; ++i) {
+    copy_lane(from.simplex.vertex[i], lane, to.simplex.vertex[i]);
+    to.simplex.weight[i] = lane_of(from.simplex.weight[i], lane);
+  }
+  copy_lane(from.last, lane, to.last);
+}
+
+HWY_INLINE double length_of(const Vec3d& v) { return __builtin_sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
+
+template <class T>
+HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const RunBounds<Pack<T>>& bounds, int lane, LaneWitness& to) {
+  const SimplexPoint<Pack<T>>& point = bounds.nearest;
+  copy_lane(from.v, lane, to.v);
+  copy_lane(point.w, lane, to.separation);
+  to.separation.x = -to.separation.x;
+  to.separation.y = -to.separation.y;
+  to.separation.z = -to.separation.z;
+  to.size = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.size, lane)));
+  for (std::uint32_t i = 0; i < to.size; ++i) {
+    to.a[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.vertex[i].a, lane)));
+    to.b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.vertex[i].b, lane)));
+    to.share[i] = lane_of(point.share[i], lane);
+  }
+  if (sizeof(T) == sizeof(double)) {
+    to.v_length = lane_of(bounds.v_length, lane);
+    to.separation_length = lane_of(bounds.length, lane);
+    return;
+  }
+  // Float32 lengths are right in float32 only. So are shares, which would put the points outside their pieces.
+  to.v_length = length_of(to.v);
+  to.separation_length = length_of(to.separation);
+  double sum = 0;
+  for (std::uint32_t i = 0; i < to.size; ++i) sum += to.share[i];
+  for (std::uint32_t i = 0; i < to.size; ++i) to.share[i] /= sum;
+}
+
+// The farthest vertices of each lane's own hull. \param busy lanes that want one; the others get their first vertex.
+template <class T>
+HWY_INLINE FoundVertex<T> find_each(const LaneHull* const* hulls, const bool* busy, const Vec3<Pack<T>>& n) {
+  const MapPoint<Pack<T>> point = map_point(n);
+  Columns3<T> direction, p;
+  Column<T> u, v, index, value;
+  u.set(point.u);
+  v.set(point.v);
+  direction.x.set(n.x);
+  direction.y.set(n.y);
+  direction.z.set(n.z);
+  for (int l = 0; l < Pack<T>::kLanes; ++l) {
+    const LaneHull& hull = *hulls[l];
+    OneFound<T> found{0, 0};
+    if (busy[l]) {
+      const Vec3<T> along{direction.x.at[l], direction.y.at[l], direction.z.at[l]};
+      const Source<T> from(hull);
+      found = hull.has_table ? look_up<T>(hull, u.at[l], v.at[l], along) : scan_across<T>(from.x, from.y, from.z, hull.count, along);
+    }
+    const Vec3<T> w = Source<T>::vertex(hull, found.index);
+    index.at[l] = static_cast<T>(found.index);
+    value.at[l] = found.value;
+    p.x.at[l] = w.x;
+    p.y.at[l] = w.y;
+    p.z.at[l] = w.z;
+  }
+  return {p.pack(), index.pack(), value.pack()};
+}
+
+HWY_INLINE void rotate(const Mat3d& R, const Vec3d& v, double (&out)[3]) {
+  for (int k = 0; k < 3; ++k) out[k] = R.row[k].x * v.x + R.row[k].y * v.y + R.row[k].z * v.z;
+}
+
+HWY_INLINE bool off_centre(const LaneHull& h) { return h.centre.x != 0 || h.centre.y != 0 || h.centre.z != 0; }
+
+// Two hulls for each lane: the pieces themselves, and what of their sizes the lanes compute with.
+template <class T>
+struct LaneHulls {
+  const LaneHull *a[Pack<T>::kLanes], *b[Pack<T>::kLanes];
+  Columns3<T> centre_a, centre_b;
+  Column<T> rho_a, rho_b, radius;
+
+  HWY_INLINE void set(int lane, const LaneHull& hull_a, const LaneHull& hull_b) {
+    const Source<T> from_a(hull_a), from_b(hull_b);
+    a[lane] = &hull_a;
+    b[lane] = &hull_b;
+    centre_a.set(lane, from_a.centre);
+    centre_b.set(lane, from_b.centre);
+    rho_a.at[lane] = static_cast<T>(from_a.rho);
+    rho_b.at[lane] = static_cast<T>(from_b.rho);
+    radius.at[lane] = static_cast<T>(hull_a.radius + hull_b.radius);
+  }
+};
+
+template <class T, bool kSameHulls>
+void run_pairs(const LaneBatch& batch) {
+  constexpr bool kIsF32 = sizeof(T) == sizeof(float);
+  using P = Pack<T>;
+  constexpr int kLanes = P::kLanes;
+  // Comparisons in float32 err by its rounding: ask for a little more.
+  const double strict = kIsF32 ? 1 - 0x1p-20 : 1, more = kIsF32 ? 1 + 0x1p-20 : 1;
+
+  LaneHulls<T> hulls;
+  bool rounded = false, bounded = false, busy_at[kLanes] = {};
+  for (int lane = 0; lane < kLanes; ++lane) hulls.set(lane, *batch.pairs[0].a, *batch.pairs[0].b);
+  for (std::size_t i = 0; i < batch.count; ++i) {
+    const LanePair& pair = batch.pairs[i];
+    bounded = bounded || pair.max_distance < (kIsF32 ? 1e15 : 1e150);
+    rounded = rounded || pair.a->radius + pair.b->radius > 0;
+  }
+
+  PlacedColumns<T> rotation_a = {}, rotation_b = {};
+  Columns3<T> offset = {};
+  Column<T> fresh = {}, steps = {}, extra = {}, seeds = {}, cut_off = {};
+  std::uint32_t seed_a[3][kLanes] = {}, seed_b[3][kLanes] = {};
+  GjkLimits<P> limits;
+  limits.rel_tol = P(batch.rel_tol / 2);
+  limits.abs_tol = P(batch.abs_tol / 2);
+  limits.squared = !rounded && batch.abs_tol == 0;
+  limits.bounded = bounded;
+  limits.radius = limits.max_distance = P(0.0);
+  const P zero(0.0), one(1.0), idle(-1.0), most(static_cast<T>(batch.max_iterations));
+  P scale = zero;
+
+  Gjk<P> g;
+  g.v = {one, zero, zero};
+  for (int i = 0; i < 4; ++i) {
+    g.simplex.vertex[i] = {{zero, zero, zero}, zero, zero};
+    g.simplex.weight[i] = zero;
+  }
+  g.last = g.simplex.vertex[0];
+  g.end = idle;
+
+  std::size_t next = 0, pair_of[kLanes] = {};
+  int busy = 0;
+  const auto fill = [&](int lane) {
+    set_lane(g.end, lane, T(-1));
+    busy_at[lane] = false;
+    double D[3] = {}, size = 0;
+    while (next < batch.count) {
+      const LanePair& pair = batch.pairs[next];
+      D[0] = pair.t_b->x - pair.t_a->x;
+      D[1] = pair.t_b->y - pair.t_a->y;
+      D[2] = pair.t_b->z - pair.t_a->z;
+      if (!kIsF32) break;
+      size = pair.a->rho + pair.b->rho + pair.a->radius + pair.b->radius;
+      for (int k = 0; k < 3; ++k) size += D[k] < 0 ? -D[k] : D[k];
+      if (size < 1e6) break;
+      batch.answers[next++] = {-__builtin_inf(), __builtin_inf(), false};
+    }
+    if (next == batch.count) return;
+    const LanePair& pair = batch.pairs[next];
+    const LaneHull &a = *pair.a, &b = *pair.b;
+    pair_of[lane] = next++;
+    busy_at[lane] = true;
+    ++busy;
+    if (!kSameHulls) hulls.set(lane, a, b);
+    cut_off.at[lane] = static_cast<T>(pair.max_distance * more);
+    for (int r = 0; r < 3; ++r) {
+      rotation_a.row[r].set(lane, pair.R_wa->row[r]);
+      rotation_b.row[r].set(lane, pair.R_wb->row[r]);
+    }
+    if (kIsF32) {
+      double from_centre[3];
+      if (off_centre(a)) {
+        rotate(*pair.R_wa, a.centre, from_centre);
+        for (int k = 0; k < 3; ++k) D[k] -= from_centre[k];
+      }
+      if (off_centre(b)) {
+        rotate(*pair.R_wb, b.centre, from_centre);
+        for (int k = 0; k < 3; ++k) D[k] += from_centre[k];
+      }
+      extra.at[lane] = static_cast<T>(16 * 0x1p-53 * (1 + 0x1p-20) * size);
+    }
+    offset.set(lane, Vec3d{D[0], D[1], D[2]});
+    fresh.at[lane] = 1;
+    steps.at[lane] = 0;
+    seeds.at[lane] = 0;
+    if (pair.warm) {
+      const WarmSimplex& warm = *pair.warm;
+      for (int i = 0; i < warm.size && i < 3 && warm.a[i] < a.vertex_count && warm.b[i] < b.vertex_count; ++i) {
+        seed_a[i][lane] = warm.a[i];
+        seed_b[i][lane] = warm.b[i];
+        seeds.at[lane] = static_cast<T>(i + 1);
+      }
+    }
+    set_lane(g.end, lane, T(0));
+    set_lane(g.simplex.size, lane, T(0));
+    set_lane(g.squared_distance, lane, T(0));
+  };
+  for (int lane = 0; lane < kLanes; ++lane) fill(lane);
+
+  bool any_fresh = true;
+  while (busy > 0) {
+    const Mat3<P> R_wa = rotation_a.pack(), R_wb = rotation_b.pack();
+    const Vec3<P> D = offset.pack();
+    if (any_fresh) {
+      const auto is_fresh = fresh.pack() > zero;
+      Vec3<P> v0 = R_wa * hulls.centre_a.pack() - R_wb * hulls.centre_b.pack() - D;
+      v0.x = select(squared_norm(v0) > zero, v0.x, one);
+      g.v = select(is_fresh, v0, g.v);
+      for (int i = 0; i < 3; ++i) {
+        const auto seeded = is_fresh & (seeds.pack() > P(static_cast<double>(i)));
+        if (!any(seeded)) break;
+        Columns3<T> p, q;
+        Column<T> index_a, index_b;
+        for (int lane = 0; lane < kLanes; ++lane) {
+          p.set(lane, Source<T>::vertex(*hulls.a[lane], seed_a[i][lane]));
+          q.set(lane, Source<T>::vertex(*hulls.b[lane], seed_b[i][lane]));
+          index_a.at[lane] = static_cast<T>(seed_a[i][lane]);
+          index_b.at[lane] = static_cast<T>(seed_b[i][lane]);
+        }
+        g.seed({R_wa * p.pack() - R_wb * q.pack() - D, index_a.pack(), index_b.pack()}, seeded);
+      }
+      fresh.set(zero);
+      limits.radius = hulls.radius.pack();
+      scale = pair_scale(D, hulls.rho_a.pack(), hulls.rho_b.pack(), limits.radius);
+      if (limits.bounded)
+        limits.max_distance = cut_off.pack() + limits.radius + P(2.0) * rounding_error(P(RoundingUnits<P>::kLower), scale);
+      any_fresh = false;
+    }
+    const auto running = g.end == zero;
+    const Vec3<P> along_a = -R_wa.transpose_times(g.v), along_b = R_wb.transpose_times(g.v);
+    FoundVertex<T> fa, fb;
+    const LaneHull &a = *hulls.a[0], &b = *hulls.b[0];
+    if (!kSameHulls || a.has_table || b.has_table) {
+      fa = kSameHulls && !a.has_table ? scan_one<T>(a, along_a) : find_each<T>(hulls.a, busy_at, along_a);
+      fb = kSameHulls && !b.has_table ? scan_one<T>(b, along_b) : find_each<T>(hulls.b, busy_at, along_b);
+    } else {
+      Scan<T> scan_a(a, along_a), scan_b(b, along_b);
+      scan_both(scan_a, scan_b);
+      fa = scan_a.found();
+      fb = scan_b.found();
+    }
+    const CsoVertex<P> vertex{R_wa * fa.p - R_wb * fb.p - D, fa.index, fb.index};
+    g.step(vertex, -dot(g.v, D) - (fa.value + fb.value), limits, running);
+    const P count = steps.pack() + one;
+    steps.set(count);
+    const auto at_limit = running & (g.end == zero) & !(count < most);
+    g.end = select(at_limit, g.code(GjkEnd::kLimit), g.end);
+    const auto ended = running & !(g.end == zero);
+    if (!any(ended)) continue;
+
+    // What narrow_phase() makes of such a run, for the pairs that need no more than that.
+    const RunBounds<P> bounds(g, limits.radius, scale, cut_off.pack(), P(batch.abs_tol * strict), P(batch.rel_tol * strict), extra.pack());
+    alignas(64) T lower_at[kLanes], upper_at[kLanes];
+    bounds.lower.store(lower_at);
+    bounds.upper.store(upper_at);
+    const std::uint32_t settled = bits_of(bounds.settled);
+    for (std::uint32_t left = bits_of(ended); left != 0; left &= left - 1) {
+      const int lane = __builtin_ctz(left);
+      const std::size_t pair = pair_of[lane];
+      const bool done = settled >> lane & 1;
+      batch.answers[pair] = {lower_at[lane], upper_at[lane], done};
+      if (WarmSimplex* warm = batch.pairs[pair].warm) {
+        const int size = static_cast<int>(lane_of(g.simplex.size, lane));
+        warm->size = static_cast<std::uint8_t>(size < 3 ? size : 3);
+        for (int i = 0; i < warm->size; ++i) {
+          warm->a[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(g.simplex.vertex[i].a, lane)));
+          warm->b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(g.simplex.vertex[i].b, lane)));
+        }
+      }
+      if constexpr (!kIsF32)
+        if (!done) copy_lane(g, lane, batch.unsettled[pair]);
+      if (done && batch.witnesses)
+        copy_witness(g, bounds, lane, batch.witnesses[pair]);
+      --busy;
+      fill(lane);
+      any_fresh = true;
+    }
+  }
+}
+
+template <class T>
+void run_in_lanes(const LaneBatch& batch) {
+  if (batch.count == 0) return;
+  if (batch.same_hulls)
+    run_pairs<T, true>(batch);
+  else
+    run_pairs<T, false>(batch);
+}
+
+}  // namespace CLEARANCE_ISA
+}  // namespace clearance

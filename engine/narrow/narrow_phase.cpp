@@ -1,0 +1,342 @@
+#include "engine/narrow/narrow_phase.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "engine/narrow/epa.h"
+#include "engine/narrow/overlap.h"
+#include "engine/narrow/witness.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+// The CSO of two pieces, as GJK and EPA see it: world axes, the origin of a as origin.
+template <class T>
+class SupportedCso {
+ public:
+  explicit SupportedCso(const PlacedPair<T>& pair) : pair_(pair) {}
+
+  CsoSupport<T> operator()(const Vec3<T>& v) const {
+    const SupportPoint<T> a = support(*pair_.a, -pair_.R_wa.transpose_times(v));
+    const SupportPoint<T> b = support(*pair_.b, pair_.R_wb.transpose_times(v));
+    return {vertex(a.index, b.index), -dot(v, pair_.D) - (a.value + b.value)};
+  }
+
+  CsoVertex<T> vertex(std::uint32_t ia, std::uint32_t ib) const { return {pair_.cso_vertex(ia, ib), ia, ib}; }
+
+  /// From the centre of b to the centre of a: where the CSO's centre is.
+  Vec3<T> centre() const { return pair_.R_wa * cast<T>(pair_.a->centre) - pair_.R_wb * cast<T>(pair_.b->centre) - pair_.D; }
+
+ private:
+  const PlacedPair<T>& pair_;
+};
+
+// Gathers bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower end.
+class Answer {
+ public:
+  Answer(const NarrowLimits& limits, double radius_a, double radius_b)
+      : limits_(limits), radius_a_(radius_a), radius_b_(radius_b) {}
+
+  void raise_lower(double lower, const Vec3d& n) {
+    if (!(lower > answer_.bounds.lower)) return;
+    answer_.bounds.lower = lower;
+    const Vec3d m = rescaled(n);
+    answer_.normal = m * (1 / norm(m));
+  }
+  void take_witness(const Witness& w) {
+    if (!(w.upper < answer_.bounds.upper)) return;
+    answer_.bounds.upper = w.upper;
+    witness_ = w;
+  }
+  /// An upper bound that has no witness of its own (a ball in the overlap): the nearest points of the surface stand for it.
+  void lower_upper(double upper, const Witness& w) {
+    if (!(upper < answer_.bounds.upper)) return;
+    answer_.bounds.upper = upper;
+    witness_ = w;
+  }
+
+  /// Keeps a surface around the origin, of which a finer arithmetic should make a better common point.
+  template <class T>
+  void keep_surface(std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
+    surface_vertices_.clear();
+    surface_faces_.clear();
+    for (const CsoVertex<T>& v : vertices) surface_vertices_.push_back({{}, v.a, v.b});
+    for (const CsoFace<T>& f : faces) surface_faces_.push_back({f.vertex, f.twin, {}});
+  }
+  bool has_surface() const { return !surface_faces_.empty(); }
+  std::vector<CsoVertex<DoubleDouble>>& surface_vertices() { return surface_vertices_; }
+  std::span<const CsoFace<DoubleDouble>> surface_faces() const { return surface_faces_; }
+  void replace_witness(const Witness& w) { witness_ = w; }
+
+  const Interval& bounds() const { return answer_.bounds; }
+  bool wants_depth() const { return limits_.signed_distance; }
+  double tolerance(double distance) const { return std::max(limits_.abs_tol, limits_.rel_tol * std::abs(distance)); }
+
+  bool settled() const {
+    const auto [lower, upper] = answer_.bounds;
+    if (lower > limits_.max_distance) return true;
+    if (upper == kInf) return false;
+    if (!limits_.signed_distance && upper <= 0) return true;
+    const double least = limits_.signed_distance ? lower : std::max(lower, 0.0);
+    if (least == -kInf) return false;
+    const double distance = lower > 0 ? upper : (upper <= 0 ? lower : 0.0);
+    return upper - least <= tolerance(distance);
+  }
+
+  NarrowAnswer finish() {
+    answer_.settled = settled();
+    answer_.beyond = answer_.bounds.lower > limits_.max_distance;
+    // Without a wish for depth the separating direction may be unknown: then the witnesses' own line has to do.
+    const double length = norm(witness_.separation), radius = radius_a_ + radius_b_;
+    if (!(norm(answer_.normal) > 0))
+      answer_.normal = length > 0 ? witness_.separation * (1 / length) : Vec3d{1, 0, 0};
+    const bool apart = answer_.bounds.upper > 0 || length > 0;
+    const Vec3d outward = apart && length > 0 && !deep_ ? witness_.separation * (1 / length) : answer_.normal;
+    answer_.point_a = witness_.core_a + outward * radius_a_;
+    answer_.point_b = witness_.core_b - outward * radius_b_;
+    if (!limits_.signed_distance && answer_.bounds.upper <= 0) {
+      // A common point: on the segment between the cores, within both radii.
+      const double share = radius > 0 ? radius_a_ / radius : 0.5;
+      answer_.point_a = witness_.core_a + witness_.separation * share;
+      answer_.point_b = witness_.core_b - witness_.separation * (1 - share);
+    }
+    return answer_;
+  }
+  void mark_deep() { deep_ = true; }
+
+ private:
+  NarrowLimits limits_;
+  double radius_a_, radius_b_;
+  NarrowAnswer answer_;
+  Witness witness_{kInf, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+  bool deep_ = false;
+  std::vector<CsoVertex<DoubleDouble>> surface_vertices_;
+  std::vector<CsoFace<DoubleDouble>> surface_faces_;
+};
+
+template <class T>
+GjkLimits<T> gjk_limits(const NarrowLimits& limits, const PlacedPair<T>& pair) {
+  GjkLimits<T> g;
+  // Half of the width asked is for GJK, half for the bounds' own rounding.
+  g.rel_tol = T(limits.rel_tol / 2);
+  g.abs_tol = T(limits.abs_tol / 2);
+  g.radius = pair.radius;
+  g.squared = !(pair.radius > T(0)) && limits.abs_tol == 0;
+  g.bounded = limits.max_distance < 1e150;
+  if (g.bounded) g.max_distance = T(limits.max_distance + static_cast<double>(pair.radius) + 2 * pair.lower_error());
+  g.max_iterations = limits.max_iterations;
+  return g;
+}
+
+// The normals of all faces that the last simplex and the last support span: near contact they are exact where v is not.
+template <class T>
+void try_face_normals(const PlacedPair<T>& pair, const Gjk<T>& g, Answer& answer) {
+  CsoVertex<T> p[4];
+  int n = 0;
+  for (int i = 0; i < g.simplex.size && n < 4; ++i) p[n++] = g.simplex.vertex[i];
+  if (n < 4 && !std::any_of(p, p + n, [&](const CsoVertex<T>& q) { return same(q, g.last); })) p[n++] = g.last;
+  for (int i = 0; i < n; ++i)
+    for (int j = i + 1; j < n; ++j)
+      for (int k = j + 1; k < n; ++k) {
+        Vec3<T> normal = cross(p[j].w - p[i].w, p[k].w - p[i].w);
+        if (!(squared_norm(normal) > T(0))) continue;
+        if (dot(normal, p[i].w) > T(0)) normal = -normal;
+        answer.raise_lower(certify_lower(pair, normal), cast<double>(normal));
+        if (answer.settled()) return;
+      }
+}
+
+// The nearest points of every vertex, edge and triangle of a few vertices, for simplices of which GJK kept no nearest point.
+template <class T>
+void try_witnesses(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
+  for (int mask = 1; mask < 1 << s.size; ++mask) {
+    Simplex<T> part;
+    for (int i = 0; i < s.size; ++i)
+      if (mask >> i & 1) part.vertex[part.size++] = s.vertex[i];
+    const Vec3<T>&p = part.vertex[0].w, &q = part.vertex[1].w, &r = part.vertex[2].w;
+    if (part.size == 1) {
+      part.weight[0] = T(1);
+    } else if (part.size == 2) {
+      part.weight[0] = dot(q, q - p);
+      part.weight[1] = -dot(p, q - p);
+    } else if (part.size == 3) {
+      const Vec3<T> n = cross(q - p, r - p);
+      part.weight[0] = dot(n, cross(q, r));
+      part.weight[1] = dot(n, cross(r, p));
+      part.weight[2] = dot(n, cross(p, q));
+    } else {
+      weigh_origin(part);
+    }
+    bool inside = true;
+    for (int i = 0; i < part.size; ++i) inside = inside && part.weight[i] > T(0);
+    if (inside) answer.take_witness(certify_upper(pair, part));
+  }
+}
+
+template <class T>
+void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices,
+                  std::span<const CsoFace<T>> faces, const Simplex<T>& nearest, Answer& answer) {
+  const double ball = certify_ball(pair, vertices, faces);
+  if (!(ball > 0)) return;
+  const Witness witness = certify_upper(pair, answer.wants_depth() ? nearest : around_origin<T>(vertices.data(), faces.data(), faces.size()));
+  // Rounding left the surface concave, so that its nearest point is far from its nearest plane: a matter for double-double.
+  if (std::is_same_v<T, double> && answer.wants_depth() &&
+      norm(witness.separation) - ball > answer.tolerance(ball) + 2 * pair.upper_error())
+    return;
+  answer.mark_deep();
+  if (!answer.wants_depth() && !(norm(witness.separation) <= 0.5 * pair.upper_error())) answer.keep_surface<T>(vertices, faces);
+  answer.lower_upper(certify_overlap(*pair.a, *pair.b, ball), witness);
+}
+
+template <class T>
+void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const NarrowLimits& limits, const Gjk<T>& g,
+                     Answer& answer) {
+  EpaLimits e;
+  e.rel_tol = pair.radius > T(0) ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
+  e.abs_tol = limits.abs_tol / 2;
+  e.noise = 8 * Arithmetic<T>::kUnit * pair.scale;
+  if (!limits.signed_distance) e.enough = 2 * pair.ball_error();
+  static thread_local Epa<T> epa;
+  epa.run(cso, e, g.simplex);
+  if (epa.probed()) answer.raise_lower(certify_lower(pair, epa.gap(), norm(epa.direction())), cast<double>(epa.direction()));
+  if (!epa.faces().empty()) take_overlap<T>(pair, epa.vertices(), epa.faces(), epa.nearest(), answer);
+  if (answer.bounds().upper > 0) {  // no overlap proved: touching or apart, where points prove the most
+    if (epa.nearest().size > 0) answer.take_witness(certify_upper(pair, epa.nearest()));
+    try_witnesses(pair, g.simplex, answer);
+  }
+}
+
+// The tetrahedron that GJK ended with, as a surface: outward faces.
+template <class T>
+void take_tetrahedron(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
+  CsoFace<T> faces[4];
+  if (!tetrahedron_faces(s, faces)) return;
+  take_overlap<T>(pair, std::span<const CsoVertex<T>>(s.vertex, 4), faces, s, answer);
+}
+
+template <class T>
+Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedCso<T>& cso, const WarmSimplex& seed) {
+  Simplex<T> start;
+  for (int i = 0; i < seed.size && i < 3; ++i)
+    if (seed.a[i] < pair.a->vertices.size() && seed.b[i] < pair.b->vertices.size())
+      start.vertex[start.size++] = cso.vertex(seed.a[i], seed.b[i]);
+  Vec3<T> v0 = cso.centre();
+  if (!(squared_norm(v0) > T(0))) v0.x = T(1);
+  return gjk<T>(cso, v0, start, gjk_limits(limits, pair));
+}
+
+// One attempt in one arithmetic. Returns GJK's last simplex, from which the next attempt begins.
+// \param done a run of GJK on this pair, if there was one already.
+template <class T>
+Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const WarmSimplex& seed, Answer& answer,
+                   const Gjk<T>* done = nullptr) {
+  SupportedCso<T> cso(pair);
+  const Gjk<T> g = done ? *done : run_gjk(pair, limits, cso, seed);
+  const auto end = static_cast<GjkEnd>(g.end);
+
+  if (end == GjkEnd::kEncloses && g.simplex.size == 4) {
+    if (!limits.signed_distance) {
+      take_tetrahedron(pair, g.simplex, answer);
+      if (answer.settled()) return g.simplex;
+    }
+  } else {
+    answer.take_witness(certify_upper(pair, g.simplex));
+    if (g.squared_distance > T(Arithmetic<T>::kSafelySquared) && end != GjkEnd::kLimit)
+      answer.raise_lower(certify_lower(pair, g.gap, norm(g.v)), cast<double>(-g.v));
+    else if (squared_norm(g.v) > T(0))
+      answer.raise_lower(certify_lower(pair, -g.v), cast<double>(-g.v));
+    if (answer.settled()) return g.simplex;
+    try_face_normals(pair, g, answer);
+    if (answer.settled() || answer.bounds().lower > 0) return g.simplex;
+  }
+  expand_polytope(pair, cso, limits, g, answer);
+  return g.simplex;
+}
+
+template <class T>
+WarmSimplex remember(const Simplex<T>& s) {
+  WarmSimplex w;
+  w.size = static_cast<std::uint8_t>(std::min(s.size, 3));
+  for (int i = 0; i < w.size; ++i) {
+    w.a[i] = s.vertex[i].a;
+    w.b[i] = s.vertex[i].b;
+  }
+  return w;
+}
+
+Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) { return rotation_of_double_double(pose.X_wb); }
+
+}  // namespace
+
+NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                          const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done) {
+  Answer answer(limits, a.radius, b.radius);
+  const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
+  WarmSimplex seed = warm ? *warm : WarmSimplex{};
+  seed = remember(attempt(pair, limits, seed, answer, done));
+  if (warm) *warm = seed;
+  if (!answer.settled()) {
+    const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
+                                        pose_b.t_w);
+    attempt(fine, limits, seed, answer);
+  }
+  if (answer.has_surface()) {
+    const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
+                                        pose_b.t_w);
+    for (CsoVertex<DoubleDouble>& v : answer.surface_vertices()) v.w = fine.cso_vertex(v.a, v.b);
+    answer.replace_witness(certify_upper(fine, around_origin<DoubleDouble>(answer.surface_vertices().data(), answer.surface_faces().data(),
+                                                                                   answer.surface_faces().size())));
+  }
+  NarrowAnswer r = answer.finish();
+  r.rounding = rounding_width(pair.scale);
+  return r;
+}
+
+double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b) {
+  const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
+  return rounding_width(pair.scale);
+}
+
+namespace {
+
+// A piece in the words of witness.h.
+struct WholePiece {
+  const Piece& piece;
+  const Vec3d& vertex(std::uint32_t i) const { return piece.vertices[i]; }
+  std::uint32_t count() const { return static_cast<std::uint32_t>(piece.vertices.size()); }
+  double radius() const { return piece.radius; }
+  double spread() const { return piece.spread; }
+  SupportPoint<double> farthest(const Vec3d& n) const { return support(piece, n); }
+};
+
+}  // namespace
+
+void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
+                       Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
+  settled_points(WholePiece{a}, R_wa, WholePiece{b}, R_wb, lane, point_a, point_b);
+  normal = settled_normal(lane);
+}
+
+NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                                    const NarrowLimits& limits) {
+  NarrowLimits whole = limits;
+  whole.max_distance = kInf;
+  Answer answer(whole, a.radius, b.radius);
+  const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
+                                      pose_b.t_w);
+  attempt(pair, whole, WarmSimplex{}, answer);
+  NarrowAnswer r = answer.finish();
+  r.beyond = r.bounds.lower > limits.max_distance;
+  r.rounding = rounding_of(a, pose_a, b, pose_b);
+  return r;
+}
+
+bool witness_is_ambiguous(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const Vec3d& n) {
+  return witness_is_ambiguous(WholePiece{a}, R_wa, WholePiece{b}, R_wb, n);
+}
+
+}  // namespace clearance

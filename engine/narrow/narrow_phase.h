@@ -1,0 +1,54 @@
+// Two placed pieces in, a certified interval of their signed distance out.
+#pragma once
+
+#include <limits>
+
+#include "engine/narrow/certify.h"
+#include "engine/narrow/lanes.h"
+#include "engine/pose/placed.h"
+#include "engine/narrow/warm.h"
+
+namespace clearance {
+
+struct NarrowLimits {
+  double max_distance = std::numeric_limits<double>::infinity();
+  double abs_tol = 0;
+  double rel_tol = 1e-6;
+  bool signed_distance = false;
+  int max_iterations = 256;
+  bool operator==(const NarrowLimits&) const = default;
+};
+
+struct NarrowAnswer {
+  /// Contains the exact signed distance; if not `signed_distance`, `lower` of overlapping pieces may be -inf.
+  Interval bounds{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
+  Vec3d point_a{0, 0, 0};   ///< from the origin of a, world axes, on the grown piece
+  Vec3d point_b{0, 0, 0};   ///< from the origin of b, world axes, on the grown piece
+  Vec3d normal{0, 0, 0};    ///< unit, from a towards b: the direction that proves bounds.lower
+  bool beyond = false;      ///< bounds.lower > max_distance; not refined further
+  bool settled = false;     ///< as narrow as asked
+  double rounding = 0;      ///< width that float64 bounds of this pair have from rounding alone, metres
+};
+
+/// Bounds the signed distance of two pieces: float64 first, double-double where float64 cannot make it narrow enough.
+/// \param warm read for a first simplex and overwritten with the last one; may be null.
+/// \param done a float64 run of GJK on this pair with proved supports (lanes.h), to begin from its end; may be null.
+NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                          const NarrowLimits& limits, WarmSimplex* warm = nullptr, const Gjk<double>* done = nullptr);
+
+/// NarrowAnswer::rounding of two placed pieces.
+double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b);
+
+/// The witness points and the normal of a pair that was settled in lanes: those of narrow_phase().
+void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
+                       Vec3d& point_a, Vec3d& point_b, Vec3d& normal);
+
+/// The oracle behind the same interface: proved supports and double-double from the start, no cut-off, no seed.
+NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                                    const NarrowLimits& limits);
+
+/// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in
+/// faces or edges that lie side by side. n: unit, world axes, from a towards b.
+bool witness_is_ambiguous(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const Vec3d& n);
+
+}  // namespace clearance

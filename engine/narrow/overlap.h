@@ -1,0 +1,197 @@
+// What proves that two pieces overlap: a closed surface of CSO triangles with the origin well inside. For host and
+// device.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "engine/narrow/certify.h"
+
+namespace clearance {
+
+// How often the surface winds around the point `o`, by counting the faces that a ray along g crosses; 0 if any sign is
+// uncertain. All faces lie beyond planes that keep them from `o`.
+template <class T>
+CLEARANCE_HD inline int winding(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const Vec3<T>& o,
+                                const Vec3<T>& g) {
+  const T uncertain = T(32 * Arithmetic<T>::kUnit);
+  using std::abs;
+  int turns = 0;
+  for (std::size_t f = 0; f < count; ++f) {
+    const CsoFace<T>& face = faces[f];
+    Vec3<T> q[3];
+    for (int i = 0; i < 3; ++i) q[i] = w[face.vertex[i]] - o;
+    int sign = 0;
+    bool same_side = true;
+    for (int i = 0; i < 3 && same_side; ++i) {
+      const Vec3<T>&p = q[i], &r = q[(i + 1) % 3];
+      const T side = dot(g, cross(p, r));
+      if (!(abs(side) > uncertain * (norm(p) * norm(r)))) return 0;
+      const int s = side > T(0) ? 1 : -1;
+      same_side = i == 0 || s == sign;
+      sign = s;
+    }
+    if (!same_side) continue;
+    const T ahead = dot(g, face.normal);
+    if (!(abs(ahead) > uncertain * norm(face.normal))) return 0;
+    if (ahead > T(0)) turns += sign;
+  }
+  return turns;
+}
+
+/// Of pairs whose S is no more than this no overlap is proved, metres: triple products, and squares of what is far below S,
+/// underflow there, and with them the errors that they are compared with (docs/bounds.md).
+template <class T>
+inline constexpr double kLeastOverlapScale = Arithmetic<T>::kCareful ? 1e-63 : 1e-78;
+
+/// What a surface shows of the origin, face by face.
+template <class T>
+struct SurfaceView {
+  /// How far the origin is below the least distant of the faces' planes: the radius of a ball that no triangle enters. 0 or
+  /// less, or NaN: there is none.
+  T ball;
+  /// The origin sees every triangle from the same side, for certain: a closed surface then goes around it.
+  bool one_side;
+};
+/// \param w the vertices, world axes. \param scale none is farther from the origin.
+template <class T>
+CLEARANCE_HD inline SurfaceView<T> view_surface(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& scale) {
+  if (!(scale > T(kLeastOverlapScale<T>))) return {T(-1), false};
+  const T uncertain = T(32 * Arithmetic<T>::kUnit) * scale * scale * scale;
+  T ball = T(__builtin_inf()), clearly_beyond = ball;
+  bool outward = true, inward = true;
+  for (std::size_t f = 0; f < count; ++f) {
+    const Vec3<T>&p = w[faces[f].vertex[0]], &q = w[faces[f].vertex[1]], &r = w[faces[f].vertex[2]];
+    const T volume = dot(p, cross(q, r));
+    outward &= volume > uncertain;
+    inward &= volume < -uncertain;
+    Vec3<T> n = faces[f].normal;
+    T nn = squared_norm(n);
+    if (!(nn > T(1e-20) && nn < T(1e20))) {
+      n = rescaled(n);
+      nn = squared_norm(n);
+    }
+    const T on_p = dot(n, p), on_q = dot(n, q), on_r = dot(n, r);
+    T beyond = on_q < on_p ? on_q : on_p;
+    beyond = on_r < beyond ? on_r : beyond;
+    if (!(on_p > T(0) && on_q > T(0) && on_r > T(0))) return {T(-1), false};  // also for a NaN, which proves nothing
+    if (beyond * beyond > clearly_beyond * nn) continue;
+    using std::sqrt;
+    beyond = beyond / sqrt(nn);
+    if (!(beyond >= ball)) ball = beyond;
+    clearly_beyond = ball * ball * T(1 + 1e-9);
+  }
+  return {ball, outward || inward};
+}
+
+/// Whether a closed surface goes around the ball of radius `ball` that none of its triangles enters: by rays.
+template <class T>
+CLEARANCE_HD inline bool is_surrounded(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& ball) {
+  // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain; every point within
+  // the ball is surrounded as often as the origin is, so take one off centre, in a direction without pattern.
+  const double rays[4][2][3] = {{{0.31, -0.52, 0.79}, {0.732, 0.481, -0.4829}},
+                                {{-0.67, 0.23, 0.21}, {-0.377, 0.618, 0.6899}},
+                                {{0.19, 0.71, -0.43}, {0.127, -0.911, 0.3923}},
+                                {{-0.53, -0.37, -0.59}, {-0.802, -0.2231, -0.554}}};
+  for (const auto& ray : rays) {
+    const T step = ball * T(0.5);
+    const Vec3<T> o = Vec3<T>{T(ray[0][0]), T(ray[0][1]), T(ray[0][2])} * step;
+    const Vec3<T> g{T(ray[1][0]), T(ray[1][1]), T(ray[1][2])};
+    if (winding(w, faces, count, o, g) != 0) return true;
+  }
+  return false;
+}
+
+/// The four faces of a tetrahedron with their outward normals; false if one has none.
+template <class T>
+CLEARANCE_HD inline bool tetrahedron_faces(const Simplex<T>& s, CsoFace<T> (&faces)[4]) {
+  const std::uint32_t corners[4][3] = {{0, 1, 2}, {1, 0, 3}, {2, 1, 3}, {0, 2, 3}};
+  const std::uint32_t twins[4][3] = {{4, 8, 12}, {0, 14, 9}, {1, 6, 13}, {2, 10, 5}};
+  const int opposite[4] = {3, 2, 0, 1};
+  for (int f = 0; f < 4; ++f) {
+    const Vec3<T>&a = s.vertex[corners[f][0]].w, &b = s.vertex[corners[f][1]].w, &c = s.vertex[corners[f][2]].w;
+    Vec3<T> n = cross(b - a, c - a);
+    if (dot(n, s.vertex[opposite[f]].w - a) > T(0)) n = -n;
+    if (!(squared_norm(n) > T(0))) return false;
+    faces[f].normal = n;
+    for (int i = 0; i < 3; ++i) {
+      faces[f].vertex[i] = corners[f][i];
+      faces[f].twin[i] = twins[f][i];
+    }
+  }
+  return true;
+}
+
+// How the origin is made of four points: barycentric coordinates, those below 0 taken for 0. Returns how far they miss
+// it, squared. Each round takes off what the one before missed, since one alone loses the digits of the tetrahedron's
+// aspect.
+template <class T>
+CLEARANCE_HD inline T weigh_origin(Simplex<T>& s) {
+  Vec3<T> slope[4];  // of the i-th coordinate
+  for (int i = 0; i < 4; ++i) {
+    const Vec3<T>&p = s.vertex[(i + 1) % 4].w, &q = s.vertex[(i + 2) % 4].w, &r = s.vertex[(i + 3) % 4].w;
+    const Vec3<T> n = cross(q - p, r - p);
+    slope[i] = n * (T(1) / dot(n, s.vertex[i].w - p));
+    s.weight[i] = T(0.25);
+  }
+  const auto missed = [&] {
+    Vec3<T> m = s.vertex[0].w * s.weight[0];
+    for (int i = 1; i < 4; ++i) m += s.vertex[i].w * s.weight[i];
+    return m;
+  };
+  for (int round = 0; round < 3; ++round) {
+    const Vec3<T> m = missed();
+    for (int i = 0; i < 4; ++i) s.weight[i] -= dot(slope[i], m);
+  }
+  T sum = T(0);
+  for (T& w : s.weight) {
+    if (!(w > T(0))) w = T(0);
+    sum += w;
+  }
+  for (T& w : s.weight) w = w / sum;
+  return squared_norm(missed());
+}
+
+// The tetrahedron of one vertex and a face of a surface that holds the origin best: its weights give a common point.
+template <class T>
+CLEARANCE_HD inline Simplex<T> around_origin(const CsoVertex<T>* vertices, const CsoFace<T>* faces, std::size_t count) {
+  Simplex<T> best;
+  T least = T(__builtin_inf());
+  for (std::size_t k = 0; k < count; ++k) {
+    const CsoFace<T>& f = faces[k];
+    const std::uint32_t first = faces[0].vertex[0];
+    if (f.vertex[0] == first || f.vertex[1] == first || f.vertex[2] == first) continue;  // flat
+    Simplex<T> s;
+    s.size = 4;
+    s.vertex[0] = vertices[first];
+    for (int i = 0; i < 3; ++i) s.vertex[i + 1] = vertices[f.vertex[i]];
+    if (const T miss = weigh_origin(s); miss < least) {
+      least = miss;
+      best = s;
+    }
+  }
+  return best;
+}
+
+/// The points of both cores that a simplex stands for, from their bodies' origins in world axes.
+/// \param a, b vertices by index.
+template <class T>
+struct CsoPoint {
+  Vec3<T> core_a, core_b;
+  Vec3<T> w;  ///< core_a - core_b - D
+
+  template <class A, class B>
+  CLEARANCE_HD CsoPoint(const Simplex<T>& simplex, const Mat3<T>& R_wa, const A& a, const Mat3<T>& R_wb, const B& b) {
+    const SimplexPoint<T> point(simplex);
+    Vec3<T> on_a{T(0), T(0), T(0)}, on_b = on_a;
+    for (int i = 0; i < simplex.size; ++i) {
+      on_a += a(simplex.vertex[i].a) * point.share[i];
+      on_b += b(simplex.vertex[i].b) * point.share[i];
+    }
+    core_a = R_wa * on_a;
+    core_b = R_wb * on_b;
+    w = point.w;
+  }
+};
+
+}  // namespace clearance

@@ -1,0 +1,171 @@
+#include "engine/narrow/piece_batch.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace clearance {
+
+namespace {
+
+constexpr std::uint32_t kFree = ~std::uint32_t{0};
+
+std::size_t hash_of(const Piece* a, const Piece* b) {
+  const auto bits = reinterpret_cast<std::uintptr_t>(a) * 3 + reinterpret_cast<std::uintptr_t>(b);
+  return (bits >> 4) * 0x9E3779B97F4A7C15u >> 20;
+}
+
+}  // namespace
+
+// The task's place in kinds_, where it is put if it is the first of its kind.
+std::uint32_t PieceBatch::kind_of(const PieceTask& task) {
+  for (std::size_t h = hash_of(task.a, task.b);; ++h) {
+    std::uint32_t& slot = kind_slots_[h & (kind_slots_.size() - 1)];
+    if (slot == kFree) {
+      slot = static_cast<std::uint32_t>(kinds_.size());
+      kinds_.push_back({task.a, task.b, 0, 0, options_.f32 && fits_f32(*task.a, *task.b)});
+      return slot;
+    }
+    if (kinds_[slot].a == task.a && kinds_[slot].b == task.b) return slot;
+  }
+}
+
+// Pairs of the same two pieces go side by side if they fill the lanes; the rest fill lanes with whatever there is.
+void PieceBatch::deal(std::span<const PieceTask> tasks) {
+  order_.clear();
+  groups_.clear();
+  if (!options_.lanes || options_.reference) {
+    groups_.push_back({0, tasks.size(), false, false, false});
+    return;
+  }
+  const auto lanes = static_cast<std::size_t>(options_.lanes->lanes);
+  // In float32 also the few: an answer's bits must not depend on how many are asked for.
+  const auto add_group = [&](std::size_t begin, std::size_t end, bool same_hulls, bool f32) {
+    if (begin < end) groups_.push_back({begin, end, f32 || end - begin > lanes / 4, same_hulls, f32});
+  };
+  const PieceTask& first = tasks[0];
+  if (std::all_of(tasks.begin(), tasks.end(), [&](const PieceTask& t) { return t.a == first.a && t.b == first.b; })) {
+    add_group(0, tasks.size(), true, options_.f32 && fits_f32(*first.a, *first.b));
+    return;
+  }
+
+  kinds_.clear();
+  kind_slots_.assign(std::bit_ceil(2 * tasks.size()), kFree);
+  kind_of_task_.clear();
+  for (const PieceTask& task : tasks) {
+    kind_of_task_.push_back(kind_of(task));
+    ++kinds_[kind_of_task_.back()].count;
+  }
+  // Kinds that fill the lanes first; then those of few tasks, in float32 and in float64.
+  std::uint32_t next = 0;
+  for (const int part : {0, 1, 2}) {
+    const std::uint32_t begin = next;
+    for (Kind& kind : kinds_) {
+      if ((kind.count >= lanes ? 0 : kind.f32 ? 1 : 2) != part) continue;
+      kind.begin = next;
+      next += kind.count;
+      if (part == 0) add_group(kind.begin, next, true, kind.f32);
+    }
+    if (part > 0) add_group(begin, next, false, part == 1);
+  }
+  order_.resize(tasks.size());
+  for (std::uint32_t i = 0; i < tasks.size(); ++i) order_[kinds_[kind_of_task_[i]].begin++] = i;
+}
+
+void PieceBatch::run_group(std::span<const PieceTask> tasks, const Group& group) {
+  if (!group.in_lanes) return;
+  const std::size_t count = group.end - group.begin;
+  hulls_.clear();
+  hulls_.reserve(group.same_hulls ? 2 : 2 * count);  // lanes keep pointers to them
+  pairs_.clear();
+  const Piece *a = nullptr, *b = nullptr;
+  const LaneHull *hull_a = nullptr, *hull_b = nullptr;
+  for (std::size_t i = group.begin; i < group.end; ++i) {
+    const PieceTask& task = tasks[at(i)];
+    if (task.a != a) hull_a = &hulls_.emplace_back(*(a = task.a));
+    if (task.b != b) hull_b = &hulls_.emplace_back(*(b = task.b));
+    pairs_.push_back({hull_a, hull_b, &task.pose_a->R_wb, &task.pose_b->R_wb, &task.pose_a->t_w, &task.pose_b->t_w,
+                      task.max_distance, task.warm});
+  }
+  if (answers_.size() < count) {  // that one last: memory may run out in between
+    witnesses_.resize(count);
+    unsettled_.resize(count);
+    answers_.resize(count);
+  }
+  const NarrowLimits& limits = options_.limits;
+  const LaneBatch batch{pairs_.data(), count, group.same_hulls, limits.abs_tol, limits.rel_tol, limits.max_iterations,
+                        answers_.data(), options_.want_points ? witnesses_.data() : nullptr, unsettled_.data()};
+  if (group.f32) {
+    options_.lanes->run_f32(batch);
+    settle_in_f64(batch);
+  } else {
+    options_.lanes->run(batch);
+  }
+}
+
+// Float64 lanes for those that float32 left open.
+void PieceBatch::settle_in_f64(const LaneBatch& all) {
+  again_.clear();
+  again_pairs_.clear();
+  for (std::size_t i = 0; i < all.count; ++i)
+    if (!all.answers[i].settled && is_possible(all.answers[i])) {
+      again_.push_back(i);
+      again_pairs_.push_back(all.pairs[i]);
+    }
+  if (again_.empty()) return;
+  if (again_answers_.size() < again_.size()) {
+    again_witnesses_.resize(again_.size());
+    again_unsettled_.resize(again_.size());
+    again_answers_.resize(again_.size());
+  }
+  LaneBatch batch = all;
+  batch.pairs = again_pairs_.data();
+  batch.count = again_.size();
+  batch.answers = again_answers_.data();
+  if (all.witnesses) batch.witnesses = again_witnesses_.data();
+  batch.unsettled = again_unsettled_.data();
+  options_.lanes->run(batch);
+  for (std::size_t k = 0; k < again_.size(); ++k) {
+    all.answers[again_[k]] = again_answers_[k];
+    if (!again_answers_[k].settled)
+      all.unsettled[again_[k]] = again_unsettled_[k];
+    else if (all.witnesses)
+      all.witnesses[again_[k]] = again_witnesses_[k];
+  }
+}
+
+NarrowLimits PieceBatch::limits_of(const PieceTask& task) const {
+  NarrowLimits limits = options_.limits;
+  limits.max_distance = task.max_distance;
+  return limits;
+}
+
+NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* done) const {
+  const auto& [a, b, pose_a, pose_b, max_distance, id, warm] = task;
+  const NarrowLimits limits = limits_of(task);
+  const NarrowAnswer answer = options_.reference ? narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits)
+                                                 : narrow_phase(*a, *pose_a, *b, *pose_b, limits, warm, done);
+  return answer.bounds.is_possible() ? answer : answer_anew(task);
+}
+
+// A pair whose bounds contradict each other, by what shares the least with what made them: one pair alone,
+// double-double from the first step, vertices without a table, rotations made anew, no warm state. Where that
+// contradicts itself too, nothing is proved: [-inf, inf].
+NarrowAnswer PieceBatch::answer_anew(const PieceTask& task) const {
+  if (options_.contradictions) options_.contradictions->fetch_add(1, std::memory_order_relaxed);
+  if (task.warm) *task.warm = {};
+  const Piece a = without_table(*task.a), b = without_table(*task.b);
+  const NarrowAnswer answer = narrow_phase_reference(a, *task.pose_a, b, *task.pose_b, limits_of(task));
+  return answer.bounds.is_possible() ? answer : NarrowAnswer();
+}
+
+NarrowAnswer PieceBatch::settled_answer(const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) const {
+  NarrowAnswer answer;
+  answer.bounds = {lane.lower, lane.upper};
+  answer.beyond = lane.lower > task.max_distance;
+  answer.settled = true;
+  if (options_.want_points)
+    take_lane_witness(*task.a, task.pose_a->R_wb, *task.b, task.pose_b->R_wb, witness, answer.point_a, answer.point_b, answer.normal);
+  return answer;
+}
+
+}  // namespace clearance

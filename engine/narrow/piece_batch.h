@@ -1,0 +1,102 @@
+// Many pairs of placed pieces, answered side by side where lanes can, one after another where they cannot.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/narrow/lanes.h"
+#include "engine/narrow/narrow_phase.h"
+
+namespace clearance {
+
+/// How every pair of a batch is answered.
+struct NarrowOptions {
+  NarrowLimits limits;
+  const LaneKernel* lanes = nullptr;  ///< null: one pair after another
+  bool f32 = false;                   ///< begin with float32 where it can hold the pieces
+  bool reference = false;             ///< the brute-force oracle: double-double, one pair after another
+  bool want_points = true;            ///< witness points and normals; without, only the interval
+  std::atomic<std::uint64_t>* contradictions = nullptr;  ///< counts bounds that contradicted each other; null: nobody does
+  bool operator==(const NarrowOptions&) const = default;
+};
+
+/// Two placed pieces; all that they point to must outlive the run.
+struct PieceTask {
+  const Piece *a, *b;
+  const PlacedPose *pose_a, *pose_b;
+  double max_distance;          ///< instead of the limits'
+  std::uint32_t id;             ///< the caller's own
+  WarmSimplex* warm = nullptr;  ///< as for narrow_phase(); null: cold
+};
+
+/// Each worker has its own. The bits of an answer do not depend on what else is in the batch. Every interval is looked at
+/// before it leaves: one that no number lies in was made by something broken, and its pair is answered anew
+/// (answer_anew()).
+class PieceBatch {
+ public:
+  explicit PieceBatch(const NarrowOptions& options) : options_(options) {}
+
+  /// Calls, for each task and in any order, settled(task, its LaneAnswer, its LaneWitness) for what lanes have settled, or
+  /// else take(task, its NarrowAnswer). NarrowAnswers say the same of a pair as lanes do: see settled_answer().
+  template <class Settled, class Take>
+  void run(std::span<const PieceTask> tasks, Settled&& settled, Take&& take) {
+    deal(tasks);
+    for (const Group& group : groups_) {
+      run_group(tasks, group);
+      for (std::size_t i = group.begin; i < group.end; ++i) {
+        const PieceTask& task = tasks[at(i)];
+        const std::size_t place = i - group.begin;
+        if (group.in_lanes && !is_possible(answers_[place]))
+          take(task, answer_anew(task));
+        else if (group.in_lanes && answers_[place].settled)
+          settled(task, answers_[place], witnesses_[place]);
+        else
+          take(task, answer_alone(task, group.in_lanes ? &unsettled_[place] : nullptr));
+      }
+    }
+  }
+
+  /// The NarrowAnswer of a pair that lanes have settled. `rounding` is left 0.
+  NarrowAnswer settled_answer(const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) const;
+
+ private:
+  struct Group {  // of tasks, in the order that at() tells
+    std::size_t begin, end;
+    bool in_lanes, same_hulls, f32;
+  };
+  struct Kind {  // of tasks: the same two pieces
+    const Piece *a, *b;
+    std::uint32_t count, begin;
+    bool f32;
+  };
+  std::size_t at(std::size_t i) const { return order_.empty() ? i : order_[i]; }
+  std::uint32_t kind_of(const PieceTask& task);
+  void deal(std::span<const PieceTask> tasks);
+  void run_group(std::span<const PieceTask> tasks, const Group& group);
+  void settle_in_f64(const LaneBatch& all);
+  static bool is_possible(const LaneAnswer& lane) { return Interval{lane.lower, lane.upper}.is_possible(); }
+  NarrowLimits limits_of(const PieceTask& task) const;
+  NarrowAnswer answer_alone(const PieceTask& task, const Gjk<double>* done) const;
+  NarrowAnswer answer_anew(const PieceTask& task) const;
+
+  NarrowOptions options_;
+  std::vector<std::uint32_t> order_;
+  std::vector<Group> groups_;
+  std::vector<Kind> kinds_;
+  std::vector<std::uint32_t> kind_slots_, kind_of_task_;  // a hash table of kinds_; the kind of each task
+  std::vector<LaneHull> hulls_;
+  std::vector<LanePair> pairs_;
+  std::vector<LaneAnswer> answers_;
+  std::vector<LaneWitness> witnesses_;
+  std::vector<Gjk<double>> unsettled_;
+  // Of the pairs that float32 left open.
+  std::vector<std::size_t> again_;
+  std::vector<LanePair> again_pairs_;
+  std::vector<LaneAnswer> again_answers_;
+  std::vector<LaneWitness> again_witnesses_;
+  std::vector<Gjk<double>> again_unsettled_;
+};
+
+}  // namespace clearance

@@ -1,0 +1,87 @@
+// What a settled run of GJK says beyond its bounds: witness points, the normal, and whether the points are unique.
+// For host and device: `Hull` is a piece as each of them holds it, with
+//   Vec3d vertex(i), std::uint32_t count(), double radius(), double spread(), SupportPoint<double> farthest(n).
+#pragma once
+
+#include <cmath>
+
+#include "engine/narrow/lanes.h"
+#include "engine/hull/support.h"
+
+namespace clearance {
+
+/// The witness points of a settled pair, from their bodies' origins, world axes.
+template <class Hull>
+CLEARANCE_HD inline void settled_points(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
+                                        const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b) {
+  Vec3d core_a{0, 0, 0}, core_b = core_a;
+  CLEARANCE_UNROLL
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    if (i >= lane.size) continue;
+    core_a += a.vertex(lane.a[i]) * lane.share[i];
+    core_b += b.vertex(lane.b[i]) * lane.share[i];
+  }
+  Vec3d outward = lane.separation;  // where nothing is rounded its length does not matter
+  if (a.radius() + b.radius() > 0) outward = outward * (1 / lane.separation_length);
+  point_a = R_wa * core_a + outward * a.radius();
+  point_b = R_wb * core_b - outward * b.radius();
+}
+
+/// And its normal.
+CLEARANCE_HD inline Vec3d settled_normal(const LaneWitness& lane) {
+  return -lane.v * (1 / lane.v_length);
+}
+
+/// The vertices of a piece within rounding of its support along a direction: how many dimensions they span, and one
+/// edge of theirs in world axes.
+struct Contact {
+  int dimensions = 0;
+  Vec3d edge{0, 0, 0};
+};
+
+template <class Hull>
+CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, const Vec3d& n_w) {
+  using std::sqrt;
+  const Vec3d n = R.transpose_times(n_w);
+  const SupportPoint<double> best = hull.farthest(n);
+  const double tolerance = 1e-9 * hull.spread();
+  const Vec3d first = hull.vertex(best.index);
+  Contact c;
+  double longest = 0;
+  for (std::uint32_t i = 0; i < hull.count(); ++i) {
+    const Vec3d v = hull.vertex(i);
+    if (!(best.value - dot(n, v) <= tolerance)) continue;
+    const Vec3d e = v - first;
+    if (squared_norm(e) <= tolerance * tolerance) continue;
+    c.dimensions = 1;
+    if (squared_norm(e) > longest) {
+      longest = squared_norm(e);
+      c.edge = e;
+    }
+  }
+  if (c.dimensions == 0) return c;
+  c.edge = c.edge * (1 / sqrt(longest));
+  for (std::uint32_t i = 0; i < hull.count() && c.dimensions == 1; ++i) {
+    const Vec3d v = hull.vertex(i);
+    if (!(best.value - dot(n, v) <= tolerance)) continue;
+    const Vec3d e = v - first;
+    if (squared_norm(e) <= tolerance * tolerance) continue;
+    if (norm(cross(c.edge, e)) > tolerance) c.dimensions = 2;
+  }
+  c.edge = R * c.edge;
+  return c;
+}
+
+/// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in
+/// faces or edges that lie side by side. n: unit, world axes, from a towards b.
+template <class Hull>
+CLEARANCE_HD inline bool witness_is_ambiguous(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
+                                              const Vec3d& n) {
+  const Contact ca = contact_along(a, R_wa, n);
+  if (ca.dimensions == 0) return false;
+  const Contact cb = contact_along(b, R_wb, -n);
+  if (cb.dimensions == 0) return false;
+  return ca.dimensions + cb.dimensions > 2 || norm(cross(ca.edge, cb.edge)) < 1e-9;
+}
+
+}  // namespace clearance

@@ -1,0 +1,100 @@
+// From answers to the caller's columns. For host and device.
+#pragma once
+
+#include <cmath>
+
+#include "engine/narrow/answer.h"
+#include "engine/query/query.h"
+
+namespace clearance {
+
+/// An answer with its place: which pair, which configuration, and where the bodies' origins are.
+struct Row {
+  BodyPair pair;
+  std::uint32_t configuration = 0;
+  PairAnswer answer;
+  Vec3d origin_a{0, 0, 0}, origin_b{0, 0, 0};  ///< world frame
+};
+
+namespace detail {
+
+// Coordinate by coordinate: a loop over them would take a sum through memory, and wait for it there.
+CLEARANCE_HD inline void write(double* column, std::uint64_t index, const Vec3d& v) {
+  column[3 * index] = v.x;
+  column[3 * index + 1] = v.y;
+  column[3 * index + 2] = v.z;
+}
+
+// The float nearest to x on the outer side, so that the interval only grows.
+CLEARANCE_HD inline float float_below(double x) {
+#ifdef __CUDA_ARCH__
+  return __double2float_rd(x);
+#endif
+  const float f = static_cast<float>(x);
+  return f > x ? nextafterf(f, -__builtin_inff()) : f;
+}
+CLEARANCE_HD inline float float_above(double x) {
+#ifdef __CUDA_ARCH__
+  return __double2float_ru(x);
+#endif
+  const float f = static_cast<float>(x);
+  return f < x ? nextafterf(f, __builtin_inff()) : f;
+}
+
+CLEARANCE_HD inline CompactAnswer compact(const PairAnswer& a) {
+  CompactAnswer c{float_below(a.lower), float_above(a.upper), {}, {}};
+  if (!(c.lower <= a.lower)) c.lower = -__builtin_inff();  // where rounding is broken
+  if (!(c.upper >= a.upper)) c.upper = __builtin_inff();
+  for (int k = 0; k < 3; ++k) {
+    c.point_a[k] = static_cast<float>(a.point_a[k]);
+    c.point_b[k] = static_cast<float>(a.point_b[k]);
+  }
+  return c;
+}
+
+// d distance / d twist (angular in world axes; linear of the body's origin): the distance is n . (p_b - p_a), and each
+// point moves with its body. Where bodies overlap and no depth was asked for, the distance stays 0.
+CLEARANCE_HD inline void write_gradient(double* g, const PairAnswer& a) {
+  const bool flat = a.status == Status::kOverlap && a.distance == 0;
+  const Vec3d turn_a = -cross(a.point_a, a.normal), turn_b = cross(a.point_b, a.normal);
+  for (int k = 0; k < 3; ++k) {
+    g[k] = flat ? 0 : turn_a[k];
+    g[3 + k] = flat ? 0 : -a.normal[k];
+    g[6 + k] = flat ? 0 : turn_b[k];
+    g[9 + k] = flat ? 0 : a.normal[k];
+  }
+}
+
+}  // namespace detail
+
+/// Writes one row of the columns that kDefaultFields names, where they are there.
+CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t index, const PairAnswer& a) {
+  if (reply.distance) reply.distance[index] = a.distance;
+  if (reply.lower) reply.lower[index] = a.lower;
+  if (reply.upper) reply.upper[index] = a.upper;
+  if (reply.status) reply.status[index] = static_cast<std::uint8_t>(a.status);
+}
+
+/// Writes one row of every column there is.
+/// \param origin_a, origin_b of the bodies, world frame
+CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair, std::uint32_t configuration,
+                                   const PairAnswer& a, const Vec3d& origin_a, const Vec3d& origin_b) {
+  write_interval(reply, index, a);
+  if (reply.flags) reply.flags[index] = a.flags;
+  if (reply.point_a) detail::write(reply.point_a, index, origin_a + a.point_a);
+  if (reply.point_b) detail::write(reply.point_b, index, origin_b + a.point_b);
+  if (reply.normal) detail::write(reply.normal, index, a.normal);
+  if (reply.pieces) {
+    reply.pieces[2 * index] = a.piece_a;
+    reply.pieces[2 * index + 1] = a.piece_b;
+  }
+  if (reply.gradient) detail::write_gradient(reply.gradient + 12 * index, a);
+  if (reply.pair) reply.pair[index] = pair;
+  if (reply.configuration) reply.configuration[index] = configuration;
+  if (reply.compact) reply.compact[index] = detail::compact(a);
+}
+CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, const Row& row) {
+  write_row(reply, index, row.pair, row.configuration, row.answer, row.origin_a, row.origin_b);
+}
+
+}  // namespace clearance

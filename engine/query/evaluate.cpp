@@ -1,0 +1,239 @@
+#include "engine/query/evaluate.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair) {
+  for (const std::uint32_t body : {pair.a, pair.b})
+    if (body >= scene.bodies().size() || placement[body].status != Status::kOk) return true;
+  return false;
+}
+
+std::uint16_t pose_flags(const Placement& placement, BodyPair pair, std::span<const std::uint8_t> stale) {
+  std::uint16_t flags = placement[pair.a].renormalised || placement[pair.b].renormalised ? kFlagRenormalised : 0;
+  if (!stale.empty() && (stale[pair.a] || stale[pair.b])) flags |= kFlagStale;
+  return flags;
+}
+
+double box_gap(const Scene& scene, const Placement& placement, BodyPair pair) {
+  const std::size_t n = scene.bodies().size();
+  if (pair.a >= n || pair.b >= n) return kInf;
+  const Aabb *a = placement.known_box(pair.a), *b = placement.known_box(pair.b);
+  if (a && b) return certify_box_gap(*a, *b);
+  return certify_box_gap(placement.box(pair.a), placement.box(pair.b));
+}
+
+namespace {
+
+// The flags of a pair's bodies, and its answer if that needs no look at the pieces.
+bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options,
+                           PairAnswer& answer) {
+  if (pair.a >= scene.bodies().size() || pair.b >= scene.bodies().size()) {
+    answer = no_answer(Status::kUnknownBody);
+    return true;
+  }
+  const std::uint16_t flags = options.want_flags ? pose_flags(placement, pair, options.stale) : 0;
+  answer.flags = flags;
+  if (const Status status = pair_status(placement[pair.a].status, placement[pair.b].status); status != Status::kOk) {
+    answer = no_answer(status);
+    answer.flags = flags;
+    return true;
+  }
+  if (!options.cull) return false;
+  const double gap = box_gap(scene, placement, pair);
+  if (!(gap > options.limits.max_distance)) return false;
+  answer = beyond_answer(gap);
+  answer.flags = flags;
+  return true;
+}
+
+// \param answer holds the flags of the bodies; the rest is written here.
+void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options, const BodiesAnswer& found,
+            PairAnswer& answer) {
+  const NarrowLimits& limits = options.limits;
+  const auto& [best, lower, piece_a, piece_b] = found;
+  const Body &a = scene.bodies()[bodies.pair.a], &b = scene.bodies()[bodies.pair.b];
+  const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
+
+  if (best.bounds.upper == kInf && lower == -kInf) {
+    const std::uint16_t flags = answer.flags;
+    answer = unproved_answer();
+    answer.flags = flags;
+    return;
+  }
+  answer.lower = lower;
+  answer.upper = best.bounds.upper;
+  if (!limits.signed_distance) {
+    answer.lower = std::max(answer.lower, 0.0);
+    answer.upper = std::max(answer.upper, 0.0);
+  }
+  if (options.want_points) {
+    answer.piece_a = piece_a;
+    answer.piece_b = piece_b;
+    answer.point_a = best.point_a;
+    answer.point_b = best.point_b;
+    answer.normal = best.normal;
+  }
+
+  const auto rounding = [&] {
+    if (found.best.rounding > 0) return found.best.rounding;
+    return rounding_of(*a.pieces[found.piece_a], pose_a, *b.pieces[found.piece_b], pose_b);
+  };
+  if (answer.lower > limits.max_distance || (best.bounds.upper > 0 && answer.lower > 0)) {
+    take_apart(limits.max_distance, limits.abs_tol, limits.rel_tol, answer.lower, answer.upper, rounding, answer);
+  } else {
+    const double width = answer.upper - answer.lower;
+    const auto narrow_enough = [&](double d) { return is_narrow(width, d, limits.abs_tol, limits.rel_tol); };
+    bool settled = true;
+    if (best.bounds.upper <= 0) {
+      settled = !limits.signed_distance || narrow_enough(answer.lower);
+      answer.status = settled ? Status::kOverlap : Status::kUnconverged;
+      answer.distance = answer.lower;
+      if (limits.signed_distance && (a.pieces.size() > 1 || b.pieces.size() > 1)) answer.flags |= kFlagPieces;
+    } else {
+      settled = narrow_enough(0);
+      answer.status = settled || is_at_rounding(width, rounding()) ? Status::kContact : Status::kUnconverged;
+      answer.distance = limits.signed_distance ? 0.5 * answer.lower + 0.5 * answer.upper : answer.upper;
+    }
+    if (!settled && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
+  }
+  if (options.want_flags && answer.status != Status::kBeyond &&
+      (answer.lower <= 0 || witness_is_ambiguous(*a.pieces[piece_a], pose_a.R_wb, *b.pieces[piece_b], pose_b.R_wb, best.normal)))
+    answer.flags |= kFlagNonsmooth;
+}
+
+// The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
+void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness,
+               PairAnswer& answer) {
+  const bool beyond = lane.lower > options.limits.max_distance;
+  answer.status = beyond ? Status::kBeyond : Status::kOk;
+  answer.lower = lane.lower;
+  answer.upper = lane.upper;
+  answer.distance = beyond ? lane.lower : lane.upper;
+  if (!options.want_points) return;
+  const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
+  answer.piece_a = answer.piece_b = 0;
+  take_lane_witness(*task.a, R_wa, *task.b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
+  if (beyond)
+    answer.point_a = answer.point_b = no_point();
+  else if (options.want_flags && witness_is_ambiguous(*task.a, R_wa, *task.b, R_wb, answer.normal))
+    answer.flags |= kFlagNonsmooth;
+}
+
+}  // namespace
+
+namespace {
+
+// How many bodies there may be in so many pairs; one in two placements counts as two.
+std::size_t most_bodies(const Scene& scene, std::span<const PlacedBodies> pairs) {
+  const bool one_placement = std::all_of(pairs.begin(), pairs.end(), [&](const PlacedBodies& p) { return p.placement == pairs[0].placement; });
+  return one_placement ? std::min(2 * pairs.size(), scene.bodies().size()) : 2 * pairs.size();
+}
+
+}  // namespace
+
+void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
+  tasks_.clear();
+  searches_.clear();
+  piece_pairs_.clear();
+  for (std::uint32_t i = 0; i < pairs.size(); ++i) {
+    const auto& [pair, placement, warm] = pairs[i];
+    if (answer_without_pieces(scene_, *placement, pair, options_, answers[i])) continue;
+    const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
+    if (a.size() == 1 && b.size() == 1) {
+      tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
+                        options_.limits.max_distance, i, warm});
+    } else {
+      if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs));
+      begin_search(pairs[i], i);
+    }
+  }
+  for (std::size_t singles = tasks_.size();; singles = 0) {  // in the first round
+    std::erase_if(searches_, [&](Search& s) {
+      if (ask(s, pairs[s.index], singles)) return false;
+      s.found.lower = s.state.lower;
+      finish(scene_, pairs[s.index], options_, s.found, answers[s.index]);
+      return true;
+    });
+    if (tasks_.empty()) return;
+    found_.resize(tasks_.size() - singles);
+    const auto is_single = [&](const PieceTask& task) { return static_cast<std::size_t>(&task - tasks_.data()) < singles; };
+    batch_.run(
+        tasks_,
+        [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
+          if (is_single(task))
+            take_lane(options_, task, lane, witness, answers[task.id]);
+          else
+            found_[task.id] = batch_.settled_answer(task, lane, witness);
+        },
+        [&](const PieceTask& task, const NarrowAnswer& answer) {
+          if (is_single(task))
+            finish(scene_, pairs[task.id], options_, {answer, answer.bounds.lower}, answers[task.id]);
+          else
+            found_[task.id] = answer;
+        });
+    std::size_t taken = 0;
+    for (Search& s : searches_) {
+      take_round(s, std::span(found_).subspan(taken, s.asked));
+      taken += s.asked;
+    }
+    tasks_.clear();
+  }
+}
+
+void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index) {
+  const std::size_t begin = piece_pairs_.size();
+  const std::span<const Aabb> boxes_a = boxes_.at(*bodies.placement, bodies.pair.a), boxes_b = boxes_.at(*bodies.placement, bodies.pair.b);
+  for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
+    for (std::uint32_t j = 0; j < boxes_b.size(); ++j) piece_pairs_.push_back({certify_box_gap(boxes_a[i], boxes_b[j]), i, j});
+  std::sort(piece_pairs_.begin() + static_cast<std::ptrdiff_t>(begin), piece_pairs_.end(),
+            [](const PiecePair& p, const PiecePair& q) { return goes_before(p, q); });
+  searches_.push_back({index, begin, piece_pairs_.size(), 0, {}, {}});
+  if (options_.reference) searches_.back().state.round = piece_pairs_.size() - begin;  // all at once
+}
+
+// Adds the next round to tasks_, after those of single pieces; false: nothing is left to ask.
+bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t singles) {
+  const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
+  PieceSearch& state = search.state;
+  const double user = options_.limits.max_distance, cut_off = options_.reference ? user : state.cut_off(user);
+  search.asked = 0;
+  for (std::size_t i = search.next; i < search.end && search.asked < state.round; ++i, ++search.asked) {
+    const PiecePair& p = piece_pairs_[i];
+    if (!options_.reference && !state.asks(p.gap, cut_off)) break;
+    tasks_.push_back({a.pieces[p.a].get(), b.pieces[p.b].get(), &(*bodies.placement)[bodies.pair.a].pose,
+                      &(*bodies.placement)[bodies.pair.b].pose, cut_off, static_cast<std::uint32_t>(tasks_.size() - singles)});
+  }
+  if (search.asked == 0 && search.next < search.end) state.leave_out(piece_pairs_[search.next].gap);
+  return search.asked > 0;
+}
+
+void Evaluator::take_round(Search& search, std::span<const NarrowAnswer> answers) {
+  PieceSearch& state = search.state;
+  for (const NarrowAnswer& answer : answers) {
+    const PiecePair& p = piece_pairs_[search.next++];
+    if (!options_.reference && state.ends_before(p.gap)) {
+      state.leave_out(p.gap);
+      search.next = search.end;
+      return;
+    }
+    if (state.take(p.gap, answer.bounds.lower, answer.bounds.upper)) {
+      search.found.best = answer;
+      search.found.piece_a = p.a;
+      search.found.piece_b = p.b;
+    }
+    if (!options_.limits.signed_distance && state.upper <= 0) search.next = search.end;  // overlapping: that is all
+    if (search.next == search.end) return;
+  }
+  state.round *= 2;
+}
+
+}  // namespace clearance

@@ -1,0 +1,81 @@
+// Pairs of bodies in configurations: from poses to answers.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/narrow/answer.h"
+#include "engine/narrow/piece_batch.h"
+#include "engine/query/piece_boxes.h"
+#include "engine/narrow/piece_search.h"
+#include "engine/query/placement.h"
+
+namespace clearance {
+
+/// What is asked of every pair of a query.
+struct EvaluateOptions : NarrowOptions {
+  bool cull = false;             ///< compare bounding boxes with max_distance first
+  bool want_flags = false;
+  std::span<const std::uint8_t> stale;  ///< of each body
+
+  bool operator==(const EvaluateOptions& other) const {
+    return NarrowOptions::operator==(other) && cull == other.cull && want_flags == other.want_flags &&
+           std::ranges::equal(stale, other.stale);
+  }
+};
+
+/// The least of two bodies' piece pairs' intervals.
+struct BodiesAnswer {
+  NarrowAnswer best;  ///< of the piece pair whose upper bound is the least
+  double lower = std::numeric_limits<double>::infinity();
+  std::uint32_t piece_a = 0, piece_b = 0;
+};
+
+/// A pair in the configuration that a placement stands at.
+struct PlacedBodies {
+  BodyPair pair;
+  const Placement* placement;
+  WarmSimplex* warm = nullptr;  ///< of a pair of single pieces; null: cold
+};
+
+/// Answers many pairs, whatever their ids. Each worker has its own.
+class Evaluator {
+ public:
+  Evaluator(const Scene& scene, const EvaluateOptions& options) : scene_(scene), options_(options), batch_(options), boxes_(scene) {}
+  void run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
+  /// Whether `other` would answer the same pair of the same placement with the same bits.
+  bool answers_as(const Evaluator& other) const { return options_ == other.options_; }
+
+ private:
+  // The distance of two bodies is the least over their piece pairs (piece_search.h).
+  struct Search {
+    std::uint32_t index;    // of the pair
+    std::size_t next, end;  // of piece_pairs_: not looked at yet
+    std::size_t asked;      // of a round: how many wait in tasks_
+    PieceSearch state;
+    BodiesAnswer found;     // without the lower bound
+  };
+  void begin_search(const PlacedBodies& bodies, std::uint32_t index);
+  bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
+  void take_round(Search& search, std::span<const NarrowAnswer> answers);
+
+  const Scene& scene_;
+  EvaluateOptions options_;
+  PieceBatch batch_;
+  PieceBoxes boxes_;
+  std::vector<PieceTask> tasks_;
+  std::vector<Search> searches_;
+  std::vector<PiecePair> piece_pairs_;
+  std::vector<NarrowAnswer> found_;
+};
+
+/// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.
+double box_gap(const Scene& scene, const Placement& placement, BodyPair pair);
+/// The flags that a pair of known bodies has for its poses alone: kFlagRenormalised, kFlagStale.
+std::uint16_t pose_flags(const Placement& placement, BodyPair pair, std::span<const std::uint8_t> stale);
+/// Whether a pair's answer is a bad or missing pose or an unknown body.
+bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair);
+
+}  // namespace clearance

@@ -1,0 +1,313 @@
+#include "engine/query/job.h"
+
+#include <algorithm>
+
+#include "engine/query/box_cull.h"
+#include "engine/device/device_job.h"
+#include "engine/device/router.h"
+#include "engine/query/parallel_job.h"
+#include "engine/query/reduction.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr std::uint64_t kBlock = 512, kHeavyBlock = 256;  // pair-configurations that are evaluated at a time
+constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 1024;  // ... that a thread takes at a time, if there are many
+constexpr std::uint64_t kFewest = 64;            // ... if they are few
+constexpr std::uint64_t kSideBySide = 64;        // configurations that a thread has placed at a time
+constexpr std::uint64_t kPlacedBodies = 8192;    // ... and bodies in them
+constexpr std::uint64_t kWholeConfigurations = 16384;  // pairs up to which a reduction is one unit for each configuration
+
+// One row for each configuration and pair.
+class DenseJob final : public ParallelJob {
+ public:
+  DenseJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
+      : ParallelJob(context, std::move(plan), reply), rooms_(static_cast<std::size_t>(workers())) {
+    // Where all boxes are made, whole blocks of pairs are compared at once; else each pair makes its own.
+    EvaluateOptions left = options_;
+    if (options_.cull && !boxes().empty()) {
+      left.cull = false;
+      columns_.assign(boxes());
+      for (int i = 0; i < workers(); ++i) culls_.emplace_back(scene(), boxes(), columns_);
+    }
+    for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), left);
+    layout_ = Layout(plan_, context.light, !culls_.empty(), workers());
+    if (const std::uint64_t client = plan_.query.warm_slot; client != 0 && !options_.reference)
+      warm_ = context_.warm->take(client, warm_question(plan_), plan_.size.configurations * plan_.size.pairs);
+  }
+
+  ~DenseJob() override {
+    if (warm_) context_.warm->put_back(std::move(warm_));
+  }
+
+  bool advance(std::chrono::nanoseconds budget) override {
+    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
+    const bool done =
+        run_units(next_, units(), deadline, [&](std::uint64_t unit, int worker) { run(unit, worker); });
+    if (done) finish();
+    return done;
+  }
+
+  bool joins(const State& state) const override {
+    const auto* other = dynamic_cast<const DenseJob*>(&state);
+    return other && is_small() && other->is_small() && context_.scene == other->context_.scene &&
+           evaluators_[0].answers_as(other->evaluators_[0]);
+  }
+
+  void finish_with(std::span<State* const> others) override {
+    Room& room = rooms_[0];
+    room.asked.clear();
+    room.places.clear();
+    std::vector<std::size_t> ends;
+    ask_all(room);
+    ends.push_back(room.asked.size());
+    for (State* other : others) {
+      static_cast<DenseJob*>(other)->ask_all(room);
+      ends.push_back(room.asked.size());
+    }
+    answer(room, 0);
+    write_answers(room, 0, ends[0], 0, 0);
+    finish();
+    for (std::size_t i = 0; i < others.size(); ++i) {
+      auto* other = static_cast<DenseJob*>(others[i]);
+      other->write_answers(room, ends[i], ends[i + 1], 0, 0);
+      other->finish();
+    }
+  }
+
+ private:
+  // A unit is a block of pairs in a block of configurations, so that lanes find pairs of the same two hulls.
+  struct Layout {
+    std::uint64_t configurations = 1, pairs = 1;  // of one unit
+    std::uint64_t configuration_blocks = 0, pair_blocks = 0;
+    std::uint64_t block = 1;  // pair-configurations that are evaluated at a time
+
+    Layout() = default;
+    /// \param cull boxes are compared for a whole unit at a time, so that what they leave fills the lanes.
+    Layout(const Plan& plan, bool light, bool cull, int workers) : block(light ? kBlock : kHeavyBlock) {
+      const std::uint64_t unit = light ? kUnit : kHeavyUnit;
+      const std::uint64_t all_pairs = std::max<std::uint64_t>(plan.size.pairs, 1), moved = plan.moved.size() + 1;
+      configurations = std::clamp<std::uint64_t>(std::min(std::max<std::uint64_t>(unit / all_pairs, 32), kPlacedBodies / moved), 1,
+                                                 std::min(plan.size.configurations, kSideBySide));
+      pairs = std::min(all_pairs, unit / configurations);
+      if (plan.size.configurations == 1)
+        pairs = std::min(pairs, cull ? std::max(block, all_pairs / (8 * static_cast<std::uint64_t>(workers)))
+                                     : std::clamp(all_pairs / static_cast<std::uint64_t>(workers), kFewest, block));
+      if (cull) block = unit;
+      configuration_blocks = (plan.size.configurations + configurations - 1) / configurations;
+      pair_blocks = (all_pairs + pairs - 1) / pairs;
+    }
+  };
+  struct Place {  // in a block
+    std::uint32_t configuration, pair;
+  };
+  struct Room {
+    std::vector<BodyPair> pairs;
+    std::vector<PlacedBodies> asked;
+    std::vector<Place> places;  // of those asked
+    std::vector<PairAnswer> answers;
+    std::vector<std::uint32_t> near;  // in a configuration of a block
+    std::vector<std::uint16_t> flags;
+  };
+
+  void run(std::uint64_t unit, int worker) {
+    Room& room = rooms_[static_cast<std::size_t>(worker)];
+    const std::uint64_t first = unit / layout_.pair_blocks * layout_.configurations, begin = unit % layout_.pair_blocks * layout_.pairs;
+    const std::uint64_t configurations = std::min(layout_.configurations, plan_.size.configurations - first);
+    const std::uint64_t end = std::min(begin + layout_.pairs, plan_.size.pairs);
+    const std::span<const Placement> placed = placements(worker, first, configurations);
+    const std::uint64_t step = std::max<std::uint64_t>(layout_.block / configurations, 1);
+    for (std::uint64_t p = begin; p < end; p += step) {
+      const auto pairs = plan_.pairs.slice(p, std::min(step, end - p), room.pairs);
+      room.asked.clear();
+      room.places.clear();
+      take(pairs, p, placed, first, worker, room);
+      answer(room, worker);
+      write_answers(room, 0, room.asked.size(), first, p);
+    }
+  }
+
+  // All of a small job, at the end of what is asked in a room, which may be another job's.
+  void ask_all(Room& room) {
+    const std::span<const Placement> placed = placements(0, 0, plan_.size.configurations);
+    take(plan_.pairs.slice(0, plan_.size.pairs, rooms_[0].pairs), 0, placed, 0, 0, room);
+  }
+
+  void answer(Room& room, int worker) {
+    room.answers.resize(std::max(room.answers.size(), room.asked.size()));
+    evaluators_[static_cast<std::size_t>(worker)].run(room.asked, room.answers);
+  }
+
+  // Writes those of the answers in [begin, end) of a room, which are this job's. \param first, pair where their block begins.
+  void write_answers(const Room& room, std::size_t begin, std::size_t end, std::uint64_t first, std::uint64_t pair) {
+    std::uint64_t evaluated = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto [k, at] = room.places[i];
+      write((first + k) * plan_.size.pairs + pair + at, static_cast<std::uint32_t>(first + k), room.asked[i], room.answers[i]);
+      evaluated += reached_narrow_phase(room.answers[i]);
+    }
+    evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
+  }
+
+  void finish() {
+    info.rows = info.total = plan_.size.rows;
+    info.pairs_evaluated = evaluated_;
+    context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+  }
+
+  // Adds to what a room asks a block of pairs, from `begin` on, in configurations from `first` on: all but those that boxes
+  // answer.
+  void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const Placement> placed, std::uint64_t first,
+            int worker, Room& room) {
+    const std::size_t already = room.asked.size();
+    const auto ask = [&](std::size_t i, std::size_t k) {
+      room.asked.push_back({pairs[i], &placed[k], warm(first + k, begin + i)});
+      room.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
+    };
+    if (culls_.empty()) {
+      for (std::size_t i = 0; i < pairs.size(); ++i)
+        for (std::size_t k = 0; k < placed.size(); ++k) ask(i, k);
+      return;
+    }
+    const std::span<const double> gaps = culls_[static_cast<std::size_t>(worker)].gaps(pairs, placed, first);
+    room.near.resize(std::max(room.near.size(), pairs.size()));
+    for (std::size_t k = 0; k < placed.size(); ++k) {
+      const std::size_t count = gaps_within(gaps.data() + k * pairs.size(), pairs.size(), plan_.query.max_distance, room.near.data());
+      for (std::size_t i = 0; i < count; ++i) ask(room.near[i], k);
+    }
+    if (room.asked.size() - already == gaps.size()) return;
+    // Rows of the others, and under those that are still to be written.
+    for (std::size_t k = 0; k < placed.size(); ++k)
+      write_beyond_rows(reply_, (first + k) * plan_.size.pairs + begin, pairs, static_cast<std::uint32_t>(first + k),
+                        gaps.data() + k * pairs.size(), flags(pairs, placed[k], room));
+  }
+
+  // Of all pairs in a configuration; null where nobody asks.
+  const std::uint16_t* flags(std::span<const BodyPair> pairs, const Placement& here, Room& room) const {
+    if (!reply_.flags) return nullptr;
+    room.flags.resize(pairs.size());
+    const std::size_t n = scene().bodies().size();
+    for (std::size_t i = 0; i < pairs.size(); ++i)
+      room.flags[i] = pairs[i].a < n && pairs[i].b < n ? pose_flags(here, pairs[i], options_.stale) : 0;
+    return room.flags.data();
+  }
+
+  std::uint64_t units() const { return layout_.pair_blocks * layout_.configuration_blocks; }
+  // One block, whose answers one worker writes at once.
+  bool is_small() const {
+    return workers() == 1 && units() == 1 && plan_.size.configurations * plan_.size.pairs <= layout_.block && !options_.reference;
+  }
+
+  WarmSimplex* warm(std::uint64_t configuration, std::uint64_t pair) const {
+    return warm_ ? &warm_->simplices[configuration * plan_.size.pairs + pair] : nullptr;
+  }
+
+  Layout layout_;
+  std::unique_ptr<WarmTable> warm_;
+  std::uint64_t next_ = 0;
+  std::atomic<std::uint64_t> evaluated_{0};
+  std::vector<Room> rooms_;
+  std::vector<Evaluator> evaluators_;
+  BoxColumns columns_;
+  std::vector<BoxCull> culls_;  // of each worker; empty: the evaluators compare boxes
+};
+
+// Reduced rows. Few pairs: configurations side by side, one thread each. Many: one configuration at a time, its stages
+// spread over all threads.
+class ReducedJob final : public ParallelJob {
+ public:
+  ReducedJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
+      : ParallelJob(context, std::move(plan), reply), whole_(plan_.size.pairs <= kWholeConfigurations),
+        near_pairs_(scene(), plan_, boxes(), *context.trees, options_.cull ? context.near_by : NearBy::kBrute) {
+    columns_.assign(boxes());
+    for (int i = 0; i < (whole_ ? workers() : 1); ++i)
+      reductions_.emplace_back(scene(), plan_, options_, Reduction::Boxes{boxes(), columns_, near_pairs_}, whole_ ? 1 : workers());
+  }
+
+  bool advance(std::chrono::nanoseconds budget) override {
+    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
+    const bool done = whole_ ? advance_side_by_side(deadline) : advance_one_by_one(deadline);
+    if (done) {
+      info.rows = written_;
+      context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+    }
+    return done;
+  }
+
+ private:
+  bool advance_side_by_side(Clock::time_point deadline) {
+    // A batch of configurations at a time, so that rows come in order and wait in bounded memory.
+    const std::uint64_t count = plan_.size.configurations;
+    while (true) {
+      if (batch_rows_.empty()) batch_rows_.resize(std::min<std::uint64_t>(count - first_, 64 * reductions_.size()));
+      const bool batch_done = run_units(next_, batch_rows_.size(), deadline, [&](std::uint64_t i, int worker) {
+        Reduction& r = reductions_[static_cast<std::size_t>(worker)];
+        const Placement& here = placement(worker, first_ + i);
+        for (r.begin(); r.stage() != Reduction::kDone; r.end_stage())
+          for (std::uint64_t u = 0; u < r.units(); ++u) r.run(u, 0, here);
+        batch_rows_[i] = r.rows(static_cast<std::uint32_t>(first_ + i), here);
+        evaluated_.fetch_add(r.evaluated(), std::memory_order_relaxed);
+      });
+      if (!batch_done) return false;
+      for (const auto& rows : batch_rows_) write(rows);
+      first_ += batch_rows_.size();
+      batch_rows_.clear();
+      next_ = 0;
+      info.pairs_evaluated = evaluated_;
+      if (first_ == count) return true;
+      if (Clock::now() >= deadline) return false;
+    }
+  }
+
+  bool advance_one_by_one(Clock::time_point deadline) {
+    Reduction& r = reductions_[0];
+    while (first_ < plan_.size.configurations) {
+      if (!begun_) r.begin();
+      begun_ = true;
+      for (; r.stage() != Reduction::kDone; r.end_stage(), next_ = 0) {
+        const bool stage_done = run_units(next_, r.units(), deadline, [&](std::uint64_t unit, int worker) {
+          r.run(unit, worker, placement(worker, first_));
+        }, !r.worth_threads(context_.light));
+        if (!stage_done) return false;
+      }
+      write(r.rows(static_cast<std::uint32_t>(first_), placement(0, first_)));
+      info.pairs_evaluated += r.evaluated();
+      begun_ = false;
+      ++first_;
+    }
+    return true;
+  }
+
+  void write(const std::vector<Row>& rows) {
+    for (const Row& row : rows) {
+      ++info.total;
+      if (written_ < plan_.size.rows) write_row(reply_, written_++, row);
+    }
+  }
+
+  bool whole_;
+  NearPairs near_pairs_;
+  BoxColumns columns_;
+  std::vector<Reduction> reductions_;
+  std::vector<std::vector<Row>> batch_rows_;
+  std::uint64_t first_ = 0, next_ = 0, written_ = 0;
+  std::atomic<std::uint64_t> evaluated_{0};
+  bool begun_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply) {
+  plan.keep_configurations();
+  if (plan.query.reduce == Reduce::kNone) return std::make_unique<DenseJob>(context, std::move(plan), reply);
+  return std::make_unique<ReducedJob>(context, std::move(plan), reply);
+}
+
+std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply) {
+  if (context.device && (!context.router || context.router->to_device(plan)))
+    if (auto job = cuda::make_device_job(context, plan, reply)) return job;
+  return make_cpu_job(context, std::move(plan), reply);
+}
+
+}  // namespace clearance

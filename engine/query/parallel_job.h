@@ -1,0 +1,162 @@
+// What jobs that answer on the CPU have in common: workers with their own placements, and units run side by side.
+#pragma once
+
+#include <omp.h>
+
+#include <cmath>
+#include <exception>
+#include <limits>
+#include <vector>
+
+#include "engine/query/columns.h"
+#include "engine/base/fp_environment.h"
+#include "engine/query/job.h"
+
+namespace clearance {
+
+using Clock = std::chrono::steady_clock;
+
+/// Pair-configurations that are not worth waking threads for.
+inline constexpr std::uint64_t kSerialBelow = 256;
+
+/// Whether the narrow phase was asked: bodies without a pose have no distance, and pairs that boxes alone prove to be
+/// beyond max_distance have no upper bound.
+inline bool reached_narrow_phase(const PairAnswer& answer) {
+  return !std::isnan(answer.distance) && answer.upper < std::numeric_limits<double>::infinity();
+}
+
+/// A job's common part: workers with their own placements, and units run in parallel until the budget is spent.
+class ParallelJob : public Job::State {
+ public:
+  /// \param boxes whether boxes of all bodies are worth making beforehand, if boxes will be asked for.
+  ParallelJob(const JobContext& context, Plan&& plan, const ReplyView& reply, bool boxes = true)
+      : context_(context), plan_(std::move(plan)), reply_(reply) {
+    const QueryView& q = plan_.query;
+    const PoseSnapshot& snapshot = *plan_.snapshot;
+    options_.limits.max_distance = q.max_distance;
+    options_.limits.abs_tol = q.abs_tol;
+    options_.limits.rel_tol = q.rel_tol;
+    options_.limits.signed_distance = q.signed_distance;
+    options_.reference = context.reference;
+    options_.lanes = context.lanes;
+    options_.contradictions = context.contradictions;
+    options_.f32 = q.precision == Precision::kF32 && !q.signed_distance;
+    const bool needs_boxes = q.reduce != Reduce::kNone || q.max_distance < std::numeric_limits<double>::infinity();
+    options_.cull = needs_boxes && !context.reference;
+    const std::uint32_t interval = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration;
+    options_.want_flags = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
+    options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_flags;
+    find_stale(snapshot);
+    if (boxes && needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
+      for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
+        boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b]));
+    const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
+    placements_.resize(serial ? 1 : static_cast<std::size_t>(context.threads));
+    info.backend = context.reference ? "reference" : "cpu";
+    info.snapshot_revision = snapshot.revision;
+    info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
+    info.snapshot_sequence = snapshot.newest_sequence;
+    info.scene_revision = q.scene_revision ? q.scene_revision : snapshot.scene_revision;  // for both the answer is the same
+    info.oldest_receipt_ns = snapshot.oldest_receipt_ns;
+    if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = begun_ns_ - snapshot.oldest_receipt_ns;
+  }
+
+  const QuerySize& size() const override { return plan_.size; }
+
+ protected:
+  const Scene& scene() const { return *context_.scene; }
+  std::span<const Aabb> boxes() const { return boxes_; }  ///< of all bodies in the snapshot; empty: not made
+  int workers() const { return static_cast<int>(placements_.size()); }
+
+  const Placement& placement(int worker, std::uint64_t configuration) {
+    return placements(worker, configuration, 1)[0];
+  }
+
+  // Placements of configurations [first, first + count), the worker's own.
+  std::span<const Placement> placements(int worker, std::uint64_t first, std::uint64_t count) {
+    auto& [p, rotations] = placements_[static_cast<std::size_t>(worker)];
+    while (p.size() < count) p.emplace_back(scene(), plan_, boxes_);
+    if (p[0].stands_at(first) && p[count - 1].stands_at(first + count - 1)) return {p.data(), count};
+    const std::size_t moved = plan_.bodies.size();
+    rotations.resize(count * moved);
+    rotations_of(plan_.configurations.subspan(first * moved, count * moved), rotations);
+    for (std::uint64_t i = 0; i < count; ++i) p[i].configure(first + i, std::span(rotations).subspan(i * moved, moved));
+    return {p.data(), count};
+  }
+
+  // Writes the answer to a pair of one configuration into row `index`.
+  void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& asked, const PairAnswer& answer) {
+    static constexpr Vec3d kNoOrigin{0, 0, 0};
+    const auto& [pair, here, warm] = asked;
+    const std::size_t n = scene().bodies().size();
+    write_row(reply_, index, pair, configuration, answer, pair.a < n ? (*here)[pair.a].pose.t_w : kNoOrigin,
+              pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);
+  }
+
+  // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed. \param alone without
+  // waking threads, which takes as long as some microseconds of work, and far longer where others use the cores.
+  template <class Unit>
+  bool run_units(std::uint64_t& next, std::uint64_t count, Clock::time_point deadline, Unit unit, bool alone = false) {
+    const bool unbounded = deadline == Clock::time_point::max();
+    std::uint64_t batch = static_cast<std::uint64_t>(workers());
+    while (next < count) {
+      const std::uint64_t end = unbounded ? count : std::min(count, next + batch);
+      run_batch(next, end, alone, unit);
+      next = end;
+      if (!unbounded && Clock::now() >= deadline) break;
+      batch *= 2;
+    }
+    return next >= count;
+  }
+
+  JobContext context_;
+  Plan plan_;
+  ReplyView reply_;
+  EvaluateOptions options_;
+
+ private:
+  template <class Unit>
+  void run_batch(std::uint64_t begin, std::uint64_t end, bool alone, Unit& unit) {
+    if (alone || workers() == 1 || end - begin == 1) {
+      for (std::uint64_t i = begin; i < end; ++i) unit(i, 0);
+      return;
+    }
+    std::exception_ptr failure;  // an exception may not leave a parallel region
+    const int threads = static_cast<int>(std::min(static_cast<std::uint64_t>(workers()), end - begin));
+#pragma omp parallel for schedule(dynamic) num_threads(threads)
+    for (std::uint64_t i = begin; i < end; ++i) {
+      try {
+        const FpEnvironment environment;  // the worker's own
+        unit(i, omp_get_thread_num());
+      } catch (...) {
+#pragma omp critical(clearance_job_failure)
+        failure = std::current_exception();
+      }
+    }
+    if (failure) std::rethrow_exception(failure);
+  }
+
+  void find_stale(const PoseSnapshot& snapshot) {
+    if (plan_.query.max_pose_age_ns == 0) return;
+    const std::int64_t oldest_allowed = begun_ns_ - plan_.query.max_pose_age_ns;
+    stale_.resize(scene().bodies().size());
+    for (std::uint32_t b = 0; b < stale_.size(); ++b) {
+      const std::int64_t receipt = snapshot.receipt_of_chain(b);
+      stale_[b] = !scene().bodies()[b].is_static && (receipt == 0 || receipt < oldest_allowed);
+    }
+    if (plan_.query.configuration_count > 0)
+      for (const std::uint32_t b : plan_.moved) stale_[b] = 0;  // the query itself says where they are
+    options_.stale = stale_;
+  }
+
+  std::int64_t begun_ns_ = monotonic_ns();  // ages of poses are as of then
+  std::vector<Aabb> boxes_;
+  std::vector<std::uint8_t> stale_;
+  struct WorkerPlacements {
+    std::vector<Placement> placements;
+    std::vector<Mat3d> rotations;  // of the configurations that are being placed
+  };
+  std::vector<WorkerPlacements> placements_;  // of each worker
+};
+
+}  // namespace clearance

@@ -1,0 +1,49 @@
+#include "engine/query/placement.h"
+
+#include "engine/hull/box.h"
+
+namespace clearance {
+
+Aabb body_box(const Body& body, const BodyPlacement& placement) {
+  Aabb box = kEmptyBox;
+  if (placement.status != Status::kOk) return box;
+  for (const PiecePtr& piece : body.pieces) box = joined(box, certify_box(*piece, placement.pose.R_wb, placement.pose.t_w));
+  return box;
+}
+
+Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
+    : scene_(scene), plan_(plan), boxes_(boxes) {
+  if (plan.query.configuration_count == 0) return;
+  moved_slot_.assign(scene.bodies().size(), kNone);
+  for (const std::uint32_t b : plan.moved) {
+    moved_slot_[b] = static_cast<std::uint32_t>(local_.size());
+    local_.push_back(plan.snapshot->local[b]);
+  }
+  moved_.resize(local_.size());
+  rotation_of_.resize(local_.size(), nullptr);
+  moved_boxes_.resize(local_.size());
+}
+
+void Placement::configure(std::uint64_t k, std::span<const Mat3d> rotations) {
+  if (moved_slot_.empty() || k == configuration_) return;
+  configuration_ = k;
+  const PoseSnapshot& snapshot = *plan_.snapshot;
+  const std::size_t count = plan_.bodies.size();
+  for (std::size_t m = 0; m < count; ++m) {
+    const std::uint32_t slot = moved_slot_[plan_.bodies[m]];
+    local_[slot] = plan_.configurations[k * count + m];
+    rotation_of_[slot] = &rotations[m];
+  }
+  for (std::size_t i = 0; i < plan_.moved.size(); ++i) {
+    const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
+    moved_[i] = place(&local_[i], parent == kNone ? nullptr : &(*this)[parent], rotation_of_[i]);
+    if (!boxes_.empty()) moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i]);
+  }
+}
+
+Aabb Placement::box(std::uint32_t body) const {
+  if (boxes_.empty()) return body_box(scene_.bodies()[body], (*this)[body]);
+  return moved_slot_.empty() || moved_slot_[body] == kNone ? boxes_[body] : moved_boxes_[moved_slot_[body]];
+}
+
+}  // namespace clearance

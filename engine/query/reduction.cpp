@@ -1,0 +1,309 @@
+#include "engine/query/reduction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
+constexpr std::uint64_t kAskers = 64;     // bodies whose pairs one unit looks for in a tree
+constexpr std::uint64_t kTreeBlocks = 8;  // ... or blocks of such
+constexpr std::uint64_t kEvaluate = 256;  // pairs that one unit answers
+constexpr std::uint64_t kAtFirst = 8;     // of them, where the first that overlaps ends it; then twice as many, and so on
+
+// What takes one thread a tenth of a millisecond or more.
+constexpr std::uint64_t kManyAskers = 512, kManyPairs = 65536, kManyAnswers = 1024;
+
+std::uint64_t blocks(std::uint64_t count, std::uint64_t size) { return (count + size - 1) / size; }
+
+}  // namespace
+
+Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes, int workers)
+    : scene_(scene), plan_(plan), options_(options),
+      groups_(plan.query.reduce == Reduce::kNearest ? scene.bodies().size() : 1),
+      near_pairs_(boxes.near_pairs),
+      have_boxes_(!boxes.all.empty()),
+      by_tree_(boxes.near_pairs.by_tree()) {
+  for (int i = 0; i < workers; ++i) workers_.emplace_back(scene, plan, options, boxes);
+}
+
+template <class Visit>
+void Reduction::for_groups(BodyPair pair, Visit visit) const {
+  if (!per_body()) return visit(0u);
+  if (pair.a < groups_) visit(pair.a);
+  if (pair.b < groups_) visit(pair.b);
+}
+
+void Reduction::begin() {
+  for (WorkerState& w : workers_) {
+    w.seed.assign(groups_, Seed{kInf, ~std::uint64_t{0}});
+    w.incomplete.assign(groups_, 0);
+    w.candidates.clear();
+    w.evaluated = 0;
+  }
+  incomplete_.assign(groups_, 0);
+  // Within a distance every pair stands alone: its cut-off is known. So it is for the oracle, which leaves nothing out.
+  const bool no_seeds = within() || options_.reference;
+  cutoff_.assign(groups_, options_.reference ? kInf : plan_.query.max_distance);
+  seeds_.clear();
+  seed_answers_.clear();
+  candidates_.clear();
+  candidate_pairs_.clear();
+  stage_ = no_seeds ? kScan : kSeedScan;
+}
+
+std::uint64_t Reduction::evaluated() const {
+  std::uint64_t sum = 0;
+  for (const WorkerState& w : workers_) sum += w.evaluated;
+  return sum;
+}
+
+std::uint64_t Reduction::units() const {
+  switch (stage_) {
+    case kScan:
+      if (by_tree_ && near_pairs_.whole_table() && !per_body()) return blocks(near_pairs_.tree().blocks(), kTreeBlocks);
+      [[fallthrough]];
+    case kSeedScan: return by_tree_ ? blocks(near_pairs_.askers().size(), kAskers) : blocks(plan_.pairs.size(), kBlock);
+    case kSeeds: return blocks(seeds_.size(), kEvaluate);
+    case kCandidates: return blocks(candidates_.size(), kEvaluate);
+    case kDone: break;
+  }
+  return 0;
+}
+
+bool Reduction::worth_threads(bool light) const {
+  const std::uint64_t many_answers = light ? kManyAnswers : kManyAnswers / 16;
+  switch (stage_) {
+    case kSeedScan:
+    case kScan: return by_tree_ ? near_pairs_.askers().size() >= kManyAskers : plan_.pairs.size() >= kManyPairs;
+    case kSeeds: return seeds_.size() >= many_answers;
+    case kCandidates: return candidates_.size() >= many_answers;
+    case kDone: break;
+  }
+  return false;
+}
+
+void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) {
+  switch (stage_) {
+    case kSeedScan:
+      return by_tree_ ? seed_scan_by_tree(unit, workers_[worker], placement) : seed_scan(unit, workers_[worker], placement);
+    case kScan: return by_tree_ ? scan_by_tree(unit, workers_[worker], placement) : scan(unit, workers_[worker], placement);
+    case kSeeds:
+    case kCandidates: {
+      const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
+      auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
+      auto& answers = stage_ == kSeeds ? seed_answers_ : candidate_answers_;
+      const std::uint64_t begin = unit * kEvaluate, end = std::min<std::uint64_t>(positions.size(), begin + kEvaluate);
+      WorkerState& w = workers_[worker];
+      std::uint64_t step = stops_at_overlap() ? kAtFirst : kEvaluate;
+      for (std::uint64_t first = begin, next; first < end; first = next, step *= 2) {
+        next = std::min(end, first + step);
+        w.asked.clear();
+        for (std::uint64_t i = first; i < next; ++i) {
+          pairs[i] = plan_.pairs.at(positions[i]);
+          w.asked.push_back({pairs[i], &placement});
+        }
+        const std::span<PairAnswer> found = std::span(answers).subspan(first, next - first);
+        w.evaluator.run(w.asked, found);
+        w.evaluated += next - first;
+        const auto overlaps = [](const PairAnswer& a) { return a.status == Status::kOverlap; };
+        if (stops_at_overlap() && std::any_of(found.begin(), found.end(), overlaps)) {
+          for (std::uint64_t i = next; i < end; ++i) {
+            pairs[i] = plan_.pairs.at(positions[i]);
+            answers[i] = beyond_answer(0);  // no nearer than the one found, and behind it
+          }
+          return;
+        }
+      }
+      return;
+    }
+    case kDone: return;
+  }
+}
+
+// box_gap() of each.
+std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerState& worker, const Placement& placement) const {
+  if (have_boxes_) return worker.cull.gaps(pairs, {&placement, 1}, placement.configuration());
+  worker.gaps.resize(pairs.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) worker.gaps[i] = box_gap(scene_, placement, pairs[i]);
+  return worker.gaps;
+}
+
+void Reduction::seed_scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+  const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
+  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
+  const std::span<const double> gap = gaps(pairs, worker, placement);
+  for (std::uint64_t i = 0; i < count; ++i)
+    for_groups(pairs[i], [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i}); });
+}
+
+void Reduction::scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+  const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
+  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
+  const std::span<const double> gap = gaps(pairs, worker, placement);
+  for (std::uint64_t i = 0; i < count; ++i) {
+    bool wanted = false;
+    if (gap[i] == kInf && is_unusable(scene_, placement, pairs[i])) {
+      wanted = within() || options_.reference;
+      for_groups(pairs[i], [&](std::uint32_t g) { worker.incomplete[g] = 1; });
+    } else {
+      for_groups(pairs[i], [&](std::uint32_t g) { wanted |= gap[i] <= cutoff_[g]; });
+    }
+    if (wanted) worker.candidates.push_back(begin + i);
+  }
+}
+
+void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+  worker.search.stand(placement);
+  const std::span<const std::uint32_t> askers = near_pairs_.askers();
+  for (std::uint64_t i = block * kAskers; i < std::min<std::uint64_t>(askers.size(), (block + 1) * kAskers); ++i) {
+    Seed& seed = worker.seed[per_body() ? askers[i] : 0];
+    seed = worker.search.nearest(askers[i], seed);
+    // Where no pair has boxes, the first stands for all.
+    if (per_body() && seed.gap == kInf) seed.position = near_pairs_.first_position(askers[i]);
+  }
+  if (!per_body() && block == 0) worker.seed[0] = std::min(worker.seed[0], Seed{kInf, 0});
+}
+
+void Reduction::scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+  worker.search.stand(placement);
+  if (block == 0) scan_unplaced(worker, placement);
+  if (near_pairs_.whole_table() && !per_body()) {
+    const auto first = static_cast<std::uint32_t>(block * kTreeBlocks);
+    const auto last = std::min<std::uint32_t>(near_pairs_.tree().blocks(), first + kTreeBlocks);
+    return worker.search.pairs(first, last, cutoff_[0], worker.candidates);
+  }
+  const std::span<const std::uint32_t> askers = near_pairs_.askers();
+  for (std::uint64_t i = block * kAskers; i < std::min<std::uint64_t>(askers.size(), (block + 1) * kAskers); ++i)
+    worker.search.around(askers[i], cutoff_[per_body() ? askers[i] : 0], per_body(), worker.candidates);
+}
+
+// Nothing is proved about pairs of bodies that cannot be placed: within a distance all of them are answered.
+void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) const {
+  const std::span<const std::uint32_t> unplaced = worker.search.unplaced();
+  if (unplaced.empty()) return;
+  const auto n = static_cast<std::uint32_t>(scene_.bodies().size());
+  if (!near_pairs_.whole_table()) {
+    for (std::uint64_t i = 0; i < plan_.pairs.size(); ++i)
+      if (is_unusable(scene_, placement, plan_.pairs.list()[i])) {
+        worker.incomplete[0] = 1;
+        if (within()) worker.candidates.push_back(i);
+      }
+    return;
+  }
+  const auto asked = [&](std::uint32_t a, std::uint32_t b) { return near_pairs_.position(a, b) != NearPairs::kNowhere; };
+  for (const std::uint32_t bad : unplaced) {
+    if (!within()) {
+      worker.incomplete[per_body() ? bad : 0] |= near_pairs_.first_position(bad) != NearPairs::kNowhere;
+      continue;
+    }
+    for (std::uint32_t b = 0; b < n; ++b)
+      if (asked(bad, b) && (b > bad || placement[b].status == Status::kOk))
+        worker.candidates.push_back(near_pairs_.position(bad, b));
+  }
+  if (!per_body()) return;
+  for (std::uint32_t b = 0; b < n; ++b)
+    if (std::any_of(unplaced.begin(), unplaced.end(), [&](std::uint32_t bad) { return asked(bad, b); })) worker.incomplete[b] = 1;
+}
+
+void Reduction::end_stage() {
+  switch (stage_) {
+    case kSeedScan: {
+      for (std::size_t g = 0; g < groups_; ++g) {
+        Seed least = workers_[0].seed[g];
+        for (const WorkerState& w : workers_) least = std::min(least, w.seed[g]);
+        if (least.position != ~std::uint64_t{0}) seeds_.push_back(least.position);
+      }
+      std::sort(seeds_.begin(), seeds_.end());
+      seeds_.erase(std::unique(seeds_.begin(), seeds_.end()), seeds_.end());
+      seed_pairs_.resize(seeds_.size());
+      seed_answers_.resize(seeds_.size());
+      stage_ = kSeeds;
+      break;
+    }
+    case kSeeds:
+      cutoff_.assign(groups_, kInf);
+      for (std::size_t i = 0; i < seeds_.size(); ++i)
+        for_groups(seed_pairs_[i], [&](std::uint32_t g) {
+          // A seed whose boxes alone are beyond max_distance: none with boxes farther apart lowers the interval or wins.
+          // Boxes that touch do not say how deep an overlap is: its depth cuts nothing off.
+          const PairAnswer& seed = seed_answers_[i];
+          const bool beyond_by_boxes = seed.status == Status::kBeyond && seed.upper == kInf;
+          cutoff_[g] = std::min(cutoff_[g], beyond_by_boxes ? seed.lower : std::max(seed.upper, 0.0));
+        });
+      stage_ = kScan;
+      break;
+    case kScan:
+      for (const WorkerState& w : workers_) {
+        candidates_.insert(candidates_.end(), w.candidates.begin(), w.candidates.end());
+        for (std::size_t g = 0; g < groups_; ++g) incomplete_[g] |= w.incomplete[g];
+      }
+      std::sort(candidates_.begin(), candidates_.end());
+      candidates_.erase(std::unique(candidates_.begin(), candidates_.end()), candidates_.end());
+      candidates_.erase(std::remove_if(candidates_.begin(), candidates_.end(),
+                                       [&](std::uint64_t p) { return std::binary_search(seeds_.begin(), seeds_.end(), p); }),
+                        candidates_.end());
+      candidate_pairs_.resize(candidates_.size());
+      candidate_answers_.resize(candidates_.size());
+      stage_ = kCandidates;
+      break;
+    case kCandidates:
+    case kDone: stage_ = kDone; break;
+  }
+}
+
+std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
+  const auto row_of = [&](BodyPair pair, const PairAnswer& answer) {
+    Row row{pair, configuration, answer, {}, {}};
+    if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
+    if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
+    return row;
+  };
+  std::vector<Row> rows;
+  if (within()) {
+    for (std::size_t i = 0; i < candidates_.size(); ++i)
+      if (candidate_answers_[i].status != Status::kBeyond) rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i]));
+    return rows;
+  }
+  struct Best {
+    std::uint64_t position = ~std::uint64_t{0};
+    const PairAnswer* winner = nullptr;
+    double lower = kInf;
+  };
+  std::vector<Best> best(groups_);
+  const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
+    const bool usable = !std::isnan(answer.distance);
+    const double lower = usable && !options_.reference ? lower_with_box(answer.lower, box_gap(scene_, placement, pair)) : answer.lower;
+    for_groups(pair, [&](std::uint32_t g) {
+      Best& b = best[g];
+      if (!usable) incomplete_[g] = 1;
+      if (usable) b.lower = std::min(b.lower, lower);
+      const bool had_usable = b.winner && !std::isnan(b.winner->distance);
+      const bool better = !b.winner || (usable && !had_usable) ||
+                          (usable == had_usable && std::tuple(answer.upper, nearest_beyond(answer), position) <
+                                                       std::tuple(b.winner->upper, nearest_beyond(*b.winner), b.position));
+      if (better) b = {position, &answer, b.lower};
+    });
+  };
+  for (std::size_t i = 0; i < seeds_.size(); ++i) offer(seeds_[i], seed_pairs_[i], seed_answers_[i]);
+  for (std::size_t i = 0; i < candidates_.size(); ++i) offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
+  for (std::size_t g = 0; g < groups_; ++g) {
+    const Best& b = best[g];
+    if (!b.winner) {
+      const auto body = static_cast<std::uint32_t>(g);
+      rows.push_back(row_of({per_body() ? body : kNone, kNone}, empty_answer()));
+      continue;
+    }
+    Row row = row_of(plan_.pairs.at(b.position), *b.winner);
+    widen_to_group(row.answer, b.lower, options_.limits.max_distance, options_.limits.abs_tol, options_.limits.rel_tol);
+    if (incomplete_[g]) row.answer.flags |= kFlagIncomplete;
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+}  // namespace clearance

@@ -1,0 +1,156 @@
+// Geometry as bytes and back, for the cache.
+#include <bit>
+#include <cstring>
+#include <stdexcept>
+#include <type_traits>
+
+#include "engine/hull/direction_table.h"
+#include "engine/scene/mesh_geometry.h"
+
+namespace clearance {
+
+namespace {
+
+class Writer {
+ public:
+  template <class T>
+  void add(const T& value) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    append(&value, sizeof value);
+  }
+  /// How many there are, then the elements.
+  template <class T>
+  void add(const std::vector<T>& values) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    add(std::uint64_t{values.size()});
+    append(values.data(), values.size() * sizeof(T));
+  }
+  std::vector<std::byte> take() { return std::move(bytes_); }
+
+ private:
+  void append(const void* data, std::size_t bytes) {
+    const auto* from = static_cast<const std::byte*>(data);
+    bytes_.insert(bytes_.end(), from, from + bytes);
+  }
+  std::vector<std::byte> bytes_;
+};
+
+struct Damaged : std::runtime_error {
+  Damaged() : std::runtime_error("no record of a geometry") {}
+};
+
+// Reads what a Writer has written, front to back. Throws Damaged where there is less.
+class Reader {
+ public:
+  explicit Reader(std::span<const std::byte> bytes) : left_(bytes) {}
+  template <class T>
+  T get() {
+    T value;
+    copy(&value, sizeof value);
+    return value;
+  }
+  template <class T>
+  std::vector<T> list() {
+    const auto count = get<std::uint64_t>();
+    if (count > left_.size() / sizeof(T)) throw Damaged();
+    std::vector<T> values(count);
+    copy(values.data(), count * sizeof(T));
+    return values;
+  }
+  void expect_end() const {
+    if (!left_.empty()) throw Damaged();
+  }
+
+ private:
+  void copy(void* to, std::size_t bytes) {
+    if (bytes > left_.size()) throw Damaged();
+    if (bytes > 0) std::memcpy(to, left_.data(), bytes);
+    left_ = left_.subspan(bytes);
+  }
+  std::span<const std::byte> left_;
+};
+
+// Whether two lists have the same bits.
+bool same(const std::vector<Vec3d>& a, const std::vector<Vec3d>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3d)) == 0;
+}
+
+void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display) {
+  out.add(piece.radius);
+  out.add(piece.loaded_vertices);
+  out.add(piece.digest);
+  const bool displayed = display && same(piece.vertices, display->vertices);  // of a convex mesh, as a rule
+  out.add(std::uint64_t{displayed});
+  if (!displayed) out.add(piece.vertices);
+  out.add(std::uint64_t{piece.table != nullptr});
+  if (!piece.table) return;
+  out.add(piece.table->grid_bits);
+  out.add(piece.table->cells);
+  out.add(piece.table->lists);
+}
+
+PiecePtr get_piece(Reader& in, const DisplayMesh* display) {
+  const auto radius = in.get<double>();
+  const auto loaded = in.get<std::uint64_t>(), digest = in.get<std::uint64_t>();
+  const bool displayed = in.get<std::uint64_t>() != 0;
+  if (displayed && !display) throw Damaged();
+  std::vector<Vec3d> vertices = displayed ? display->vertices : in.list<Vec3d>();
+  std::shared_ptr<DirectionTable> table;
+  if (in.get<std::uint64_t>() != 0) {
+    table = std::make_shared<DirectionTable>();
+    table->grid_bits = in.get<std::uint32_t>();
+    table->cells = in.list<std::uint32_t>();
+    table->lists = in.list<std::uint32_t>();
+    if (!is_sound(*table, vertices.size())) throw Damaged();
+  }
+  return make_piece(std::move(vertices), radius, loaded, digest, std::move(table));
+}
+
+}  // namespace
+
+std::vector<std::byte> geometry_record(const Geometry& geometry) {
+  // By name and number, so that nothing is forgotten: with another member this does not compile.
+  const auto& [pieces, display, model_error, hull_excess, empty_share, source] = geometry;
+  static_cast<void>(source);  // names the file, which is not a part of what was made of it
+  Writer out;
+  for (const double figure : {model_error, hull_excess, empty_share}) out.add(figure);
+  out.add(std::uint64_t{display != nullptr});
+  if (display) {
+    out.add(display->vertices);
+    out.add(display->triangles);
+  }
+  out.add(std::uint64_t{pieces.size()});
+  for (const PiecePtr& piece : pieces) add_piece(out, *piece, display.get());
+  return out.take();
+}
+
+std::optional<Geometry> geometry_of_record(std::span<const std::byte> record) try {
+  Reader in(record);
+  Geometry geometry;
+  geometry.model_error = in.get<double>();
+  geometry.hull_excess = in.get<double>();
+  geometry.empty_share = in.get<double>();  // NaN where there is none
+  if (!(geometry.model_error >= 0) || !(geometry.hull_excess >= 0) || geometry.empty_share < 0 ||
+      geometry.empty_share > 1)
+    return {};
+  if (in.get<std::uint64_t>() != 0) {
+    auto display = std::make_shared<DisplayMesh>();
+    display->vertices = in.list<Vec3d>();
+    display->triangles = in.list<Triangle>();
+    for (const Triangle& t : display->triangles)
+      for (const std::uint32_t corner : t)
+        if (corner >= display->vertices.size()) return {};
+    geometry.display = std::move(display);
+  }
+  for (auto pieces = in.get<std::uint64_t>(); pieces > 0; --pieces)
+    geometry.pieces.push_back(get_piece(in, geometry.display.get()));
+  in.expect_end();
+  if (geometry.pieces.empty()) return {};
+  return geometry;
+} catch (const Damaged&) {
+  return {};
+} catch (const std::invalid_argument&) {  // of make_piece(): vertices that none may have
+  return {};
+}
+
+}  // namespace clearance

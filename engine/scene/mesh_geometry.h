@@ -1,0 +1,73 @@
+// Mesh files to geometry, by way of the cache: what was made of the same bytes before is not made again.
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "engine/cache/cache.h"
+#include "engine/scene/geometry.h"
+#include "engine/mesh/mesh.h"
+
+namespace clearance {
+
+/// A mesh file that several bodies may be made of: looked at and read at most once. For several threads.
+class MeshFile {
+ public:
+  explicit MeshFile(std::string path) : path_(std::move(path)) {}
+  const std::string& path() const { return path_; }
+  /// Of the file's bytes. Throws MeshError.
+  Sha256Digest digest();
+  /// What it holds. Throws MeshError, each time the same.
+  const Mesh& mesh();
+
+ private:
+  const std::string path_;
+  std::mutex mutex_;
+  std::optional<Sha256Digest> digest_;
+  std::optional<Mesh> mesh_;
+  std::string error_;
+};
+
+/// What a scene may ask for of a mesh file: scale for each axis, in the file's frame, and the radius that grows the
+/// pieces.
+struct MeshRecipe {
+  Vec3d scale{1, 1, 1};
+  Convexify convexify = Convexify::kHull;
+  double radius = 0;
+};
+
+/// Makes the geometries of a scene's mesh files, those of equal bytes and recipes once, and keeps them in the cache.
+/// For several threads.
+class MeshGeometries {
+ public:
+  /// \param source names the file. Throws MeshError, and std::invalid_argument as geometry_of_mesh() does.
+  Geometry make(MeshFile& file, const MeshRecipe& recipe, const std::string& source);
+  const Cache& cache() const { return cache_; }
+
+ private:
+  struct Slot {
+    std::mutex mutex;
+    std::optional<Geometry> geometry;
+  };
+  std::string name_of(const Sha256Digest& file, const std::string& path, const MeshRecipe& recipe);
+  Geometry made(MeshFile& file, const MeshRecipe& recipe, const std::string& name, bool* shared);
+
+  const Cache cache_ = Cache::of_environment();
+  std::mutex mutex_;
+  std::optional<Sha256Digest> loader_;
+  std::map<std::string, std::shared_ptr<Slot>> slots_;
+};
+
+/// A geometry as the cache keeps it, without its source.
+std::vector<std::byte> geometry_record(const Geometry& geometry);
+/// The geometry of a record; none for bytes that are no record. Whatever the bytes, what comes back can be computed
+/// with.
+std::optional<Geometry> geometry_of_record(std::span<const std::byte> record);
+
+}  // namespace clearance

@@ -1,0 +1,87 @@
+// Where every body is: immutable snapshots, replaced as a whole by each batch of updates.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "engine/engine.h"
+#include "engine/scene/pair_table.h"
+#include "engine/pose/placed.h"
+#include "engine/scene/scene_history.h"
+#include "engine/pose/stamp_marks.h"
+
+namespace clearance {
+
+/// The poses of all bodies at one moment, with what follows from them. Shared by jobs; never changed once published.
+struct PoseSnapshot {
+  std::uint64_t revision = 0;
+  std::int64_t newest_stamp_ns = 0;        ///< publisher's clock: the newest among those of the poses below
+  std::int64_t newest_sequence = 0;        ///< of the update that brought it; 0: its publisher does not count
+  std::int64_t oldest_receipt_ns = 0;      ///< 0: none was received
+  std::uint64_t scene_revision = 0;        ///< changes with attachments
+  std::uint64_t scene_changes = 0;         ///< SceneHistory::changes() at that revision
+  std::shared_ptr<const SceneHistory> history;
+  std::shared_ptr<const PairTable> pairs;
+
+  std::vector<Pose> local;                 ///< as given: X_wb, or X_pb of a body with a parent
+  std::vector<std::uint8_t> given;         ///< whether `local` was ever given
+  std::vector<std::uint32_t> parent;
+  std::shared_ptr<const std::vector<std::uint32_t>> order;  ///< parents before children
+
+  std::vector<BodyPlacement> placed;
+  std::vector<std::int64_t> stamp_ns, receipt_ns, sequence;
+
+  /// Places bodies anew, parents before children.
+  void place_again(std::span<const std::uint32_t> bodies);
+  /// The oldest receipt among the body and those that it follows; 0 if none of them was ever received.
+  std::int64_t receipt_of_chain(std::uint32_t body) const;
+  /// `bodies` and everything that follows one of them, parents before children.
+  std::vector<std::uint32_t> with_followers(std::span<const std::uint32_t> bodies) const;
+};
+
+class PoseStore {
+ public:
+  PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead);
+
+  std::shared_ptr<const PoseSnapshot> snapshot() const;
+  PoseUpdateResult set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
+                       std::uint64_t publisher);
+  /// What was received and attached since `old` was loaded, for bodies that are in both scenes, known by their names.
+  void take_over(const PoseStore& old);
+  void check_stamp(std::int64_t stamp_ns) const;
+  std::uint64_t stamps_out_of_range() const { return out_of_range_; }
+  std::uint64_t stamps_late() const { return late_; }
+  PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc);
+
+ private:
+  static constexpr std::size_t kSpares = 2;
+  struct Spares {
+    std::mutex mutex;
+    std::vector<std::unique_ptr<PoseSnapshot>> snapshots;
+  };
+  std::shared_ptr<PoseSnapshot> copy();
+  void enable_pairs(PoseSnapshot& snapshot) const;  // that follow from its parents
+  void publish(std::shared_ptr<PoseSnapshot> next);
+  void check_not_late(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::uint64_t publisher);
+
+  const Scene& scene_;
+  const std::chrono::nanoseconds max_stamp_lead_;
+  mutable std::atomic<std::uint64_t> out_of_range_{0};  // stamps
+  std::atomic<std::uint64_t> late_{0};
+  mutable std::mutex writers_;  // of what follows
+  StampMarks marks_;
+  std::shared_ptr<SceneHistory> history_ = std::make_shared<SceneHistory>();
+  mutable std::mutex current_mutex_;  // held for a pointer's copy only
+  std::shared_ptr<const PoseSnapshot> current_;
+  std::shared_ptr<Spares> spares_ = std::make_shared<Spares>();  // snapshots may outlive the store
+};
+
+/// Our monotonic clock, nanoseconds.
+std::int64_t monotonic_ns();
+
+}  // namespace clearance

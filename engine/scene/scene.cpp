@@ -1,0 +1,347 @@
+#include "engine/scene/scene.h"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "engine/base/digest.h"
+#include "engine/base/fp_environment.h"
+#include "engine/scene/geometry.h"
+#include "engine/mesh/mesh.h"
+#include "engine/scene/mesh_geometry.h"
+#include "engine/hull/shapes.h"
+
+namespace clearance {
+
+namespace {
+
+// Pairs that ignore() may name in all: more is a mistake in the scene file, not a wish.
+constexpr std::size_t kMaxIgnoredPairs = std::size_t{1} << 27;
+
+std::string in_quotes(const std::string& name) {
+  return '"' + name + '"';
+}
+
+std::string number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.17g", x);
+  char shorter[32];
+  std::snprintf(shorter, sizeof shorter, "%g", x);
+  return std::strtod(shorter, nullptr) == x ? shorter : text;
+}
+
+// The length of the UTF-8 character at text[i], or 0 if there is none that may stand in a name.
+std::size_t printable_character(const std::string& text, std::size_t i) {
+  const auto byte = [&](std::size_t k) { return k < text.size() ? static_cast<unsigned char>(text[k]) : 0u; };
+  const unsigned c = byte(i);
+  if (c < 0x80) return c >= 0x20 && c != 0x7f ? 1 : 0;
+  const std::size_t length = c >= 0xf0 ? 4 : c >= 0xe0 ? 3 : 2;
+  if (c < 0xc2 || c > 0xf4) return 0;
+  std::uint32_t code = c & (0xffu >> (length + 1));
+  for (std::size_t k = 1; k < length; ++k) {
+    if ((byte(i + k) & 0xc0) != 0x80) return 0;
+    code = code << 6 | (byte(i + k) & 0x3f);
+  }
+  constexpr std::uint32_t kSmallest[] = {0, 0, 0x80, 0x800, 0x10000};
+  const bool surrogate = code >= 0xd800 && code < 0xe000;
+  return code >= kSmallest[length] && code <= 0x10ffff && !surrogate && code >= 0xa0 ? length : 0;
+}
+
+void check_name(const std::string& name, const char* what) {
+  const std::string subject = std::string(what) + " name";
+  if (name.empty()) throw SceneError(subject + " is empty");
+  if (name.size() > static_cast<std::size_t>(kMaxNameBytes))
+    throw SceneError(subject + " has " + std::to_string(name.size()) + " bytes, expected at most " +
+                     std::to_string(kMaxNameBytes) + ": " + in_quotes(name.substr(0, 40)) + "...");
+  if (name == "*") throw SceneError(subject + " \"*\" is taken: it stands for every body");
+  for (std::size_t i = 0; i < name.size();) {
+    const std::size_t length = printable_character(name, i);
+    if (length == 0)
+      throw SceneError(subject + " holds an unprintable character or bad UTF-8 at byte " + std::to_string(i));
+    i += length;
+  }
+}
+
+void check_positive(const std::string& name, const char* what, double x, bool zero_allowed = false) {
+  if ((x > 0 || (zero_allowed && x == 0)) && x <= kMaxCoordinate) return;
+  throw SceneError("body " + in_quotes(name) + ": " + what + ": expected a number of metres " +
+                   (zero_allowed ? ">= 0" : "> 0") + ", got " + number(x));
+}
+
+constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recognised before their hulls are made
+
+// What a file is recognised by: another one, or the same one written anew, gives another key.
+std::string file_key(const std::string& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) return path + "|";
+  return std::to_string(info.st_dev) + ':' + std::to_string(info.st_ino) + ':' + std::to_string(info.st_size) + ':' +
+         std::to_string(info.st_mtim.tv_sec) + '.' + std::to_string(info.st_mtim.tv_nsec) + '|' + path + '|';
+}
+
+Body body_from(const std::string& name, const Scene& scene, const Scene::BodyOptions& options) {
+  Body body;
+  body.name = name;
+  body.is_static = options.is_static;
+  body.pose = options.pose;
+  check_positive(name, "radius", options.radius, true);
+  if (!options.parent.empty()) {
+    body.parent = scene.find_body(options.parent);
+    if (body.parent == kNone)
+      throw SceneError("body " + in_quotes(name) + ": parent: there is no body " + in_quotes(options.parent));
+  }
+  return body;
+}
+
+}  // namespace
+
+template <class F>
+std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of) {
+  check_free(name, "body");
+  Body body = body_from(name, *this, options);
+  try {
+    const Geometry geometry = geometry_of();
+    for (const PiecePtr& piece : geometry.pieces) body.pieces.push_back(shared_piece(piece));
+    body.display = geometry.display;
+    body.model_error = geometry.model_error;
+    body.hull_excess = geometry.hull_excess;
+    body.empty_share = geometry.empty_share;
+    body.source = geometry.source;
+  } catch (const std::invalid_argument& e) {
+    throw SceneError("body " + in_quotes(name) + ": " + e.what());
+  } catch (const MeshError& e) {
+    throw SceneError("body " + in_quotes(name) + ": " + e.what());
+  }
+  return add_body(std::move(body));
+}
+
+std::uint32_t Scene::add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options) {
+  const FpEnvironment environment;
+  return add_geometry(name, options, [&] { return geometry_of_points(vertices, options.radius); });
+}
+
+std::uint32_t Scene::add_shape(const std::string& name, const Shape& shape, const char* source,
+                               const BodyOptions& options) {
+  return add_geometry(name, options, [&] {
+    if (shape.vertices.size() > kRememberedVertices) return geometry_of_shape(shape, options.radius, source);
+    std::string key = std::string(source) + '\0';
+    const auto append = [&key](const auto* data, std::size_t count) { key.append(reinterpret_cast<const char*>(data), count * sizeof *data); };
+    append(&shape.radius, 1);
+    append(&options.radius, 1);
+    append(shape.vertices.data(), shape.vertices.size());
+    std::shared_ptr<const Geometry>& known = geometries_[key];
+    if (!known) known = std::make_shared<const Geometry>(geometry_of_shape(shape, options.radius, source));
+    return *known;
+  });
+}
+
+std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
+                              const BodyOptions& options) {
+  const FpEnvironment environment;
+  return add_geometry(name, options, [&] {
+    const std::string key = file_key(path) + number(scale.x) + ',' + number(scale.y) + ',' + number(scale.z) + ',' +
+                            std::to_string(static_cast<int>(convexify)) + ',' + number(options.radius);
+    std::shared_ptr<const Geometry>& known = geometries_[key];
+    if (known) return *known;
+    try {
+      if (!meshes_) meshes_ = std::make_shared<MeshGeometries>();
+      MeshFile file(path);
+      known = std::make_shared<const Geometry>(meshes_->make(file, {scale, convexify, options.radius}, path));
+      return *known;
+    } catch (const std::exception& e) {
+      geometries_.erase(key);
+      throw MeshError(path + ": " + e.what());
+    }
+  });
+}
+
+std::uint32_t Scene::add_uv_sphere(const std::string& name, double radius, int resolution, const BodyOptions& options) {
+  const FpEnvironment environment;
+  check_positive(name, "uv_sphere radius", radius);
+  if (resolution < 2 || resolution > kMaxUvSphereResolution)
+    throw SceneError("body " + in_quotes(name) + ": uv_sphere resolution: expected an integer from 2 to " +
+                     std::to_string(kMaxUvSphereResolution) + ", got " + std::to_string(resolution));
+  return add_shape(name, make_uv_sphere(radius, resolution), "uv_sphere", options);
+}
+
+std::uint32_t Scene::add_box(const std::string& name, Vec3d size, const BodyOptions& options) {
+  const FpEnvironment environment;
+  for (int k = 0; k < 3; ++k) check_positive(name, "box edge", size[k]);
+  return add_shape(name, make_box(size), "box", options);
+}
+
+std::uint32_t Scene::add_sphere(const std::string& name, double radius, const BodyOptions& options) {
+  const FpEnvironment environment;
+  check_positive(name, "sphere radius", radius);
+  return add_shape(name, make_sphere(radius), "sphere", options);
+}
+
+std::uint32_t Scene::add_capsule(const std::string& name, double radius, double length, const BodyOptions& options) {
+  const FpEnvironment environment;
+  check_positive(name, "capsule radius", radius);
+  check_positive(name, "capsule length", length, true);
+  return add_shape(name, make_capsule(radius, length), "capsule", options);
+}
+
+std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options) {
+  const FpEnvironment environment;
+  check_positive(name, "cylinder radius", radius);
+  check_positive(name, "cylinder length", length);
+  return add_shape(name, make_cylinder(radius, length), "cylinder", options);
+}
+
+void Scene::check_free(const std::string& name, const char* what) const {
+  check_name(name, what);
+  if (body_ids_.count(name))
+    throw SceneError(std::string(what) + " name " + in_quotes(name) + " is already that of a body");
+  if (group_ids_.count(name))
+    throw SceneError(std::string(what) + " name " + in_quotes(name) + " is already that of a group");
+}
+
+// Bodies of the same shape share one piece: less memory, and their pairs can be answered side by side.
+PiecePtr Scene::shared_piece(const PiecePtr& piece) {
+  const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
+  const auto [begin, end] = pieces_.equal_range(piece->digest);
+  for (auto it = begin; it != end; ++it) {
+    const Piece& known = *it->second;
+    if (known.radius == piece->radius && known.loaded_vertices == piece->loaded_vertices &&
+        std::equal(known.vertices.begin(), known.vertices.end(), piece->vertices.begin(), piece->vertices.end(), same))
+      return it->second;
+  }
+  pieces_.emplace(piece->digest, piece);
+  return piece;
+}
+
+std::uint32_t Scene::add_body(Body body) {
+  const FpEnvironment environment;
+  check_free(body.name, "body");
+  const std::string who = "body " + in_quotes(body.name) + ": ";
+  if (body.pieces.empty()) throw SceneError(who + "expected at least one piece");
+  for (const PiecePtr& piece : body.pieces)
+    if (!piece) throw SceneError(who + "a piece is null");
+  if (bodies_.size() >= kGroupBit) throw SceneError(who + "too many bodies");
+  if (body.pose && check(*body.pose) == PoseQuality::kBad)
+    throw SceneError(who + "pose: expected finite numbers and a quaternion of norm 1e-6 to 1e6");
+  if (!(body.model_error >= 0 && body.model_error <= kMaxCoordinate))
+    throw SceneError(who + "model_error: expected a number of metres >= 0, got " + number(body.model_error));
+  const std::uint32_t parent = body.parent;
+  body.parent = kNone;
+  if (parent != kNone && parent >= bodies_.size())
+    throw SceneError(who + "parent: there is no body with the id " + std::to_string(parent));
+  if (parent != kNone && body.is_static && !bodies_[parent].is_static)
+    throw SceneError(who + "a static body cannot follow the movable body " + in_quotes(bodies_[parent].name));
+  if (!body.pose && (body.is_static || parent != kNone)) body.pose = Pose{};
+  body.parent = parent;
+  const auto id = static_cast<std::uint32_t>(bodies_.size());
+  body_ids_.emplace(body.name, id);
+  bodies_.push_back(std::move(body));
+  return id;
+}
+
+void Scene::set_parent(const std::string& child, const std::string& parent) {
+  const std::uint32_t c = find_body(child), p = find_body(parent);
+  if (c == kNone) throw SceneError("there is no body " + in_quotes(child));
+  const std::string who = "body " + in_quotes(child) + ": ";
+  if (p == kNone) throw SceneError(who + "parent: there is no body " + in_quotes(parent));
+  if (bodies_[c].is_static && !bodies_[p].is_static)
+    throw SceneError(who + "a static body cannot follow the movable body " + in_quotes(parent));
+  for (std::uint32_t above = p; above != kNone; above = bodies_[above].parent)
+    if (above == c) throw SceneError(who + "parent: " + in_quotes(parent) + " follows " + in_quotes(child) + " itself");
+  bodies_[c].parent = p;
+  if (!bodies_[c].pose) bodies_[c].pose = Pose{};
+}
+
+void Scene::add_group(const std::string& name, std::span<const std::string> bodies) {
+  check_free(name, "group");
+  Group group{name, {}};
+  for (const std::string& body : bodies) {
+    group.bodies.push_back(find_body(body));
+    if (group.bodies.back() == kNone) throw SceneError("group " + in_quotes(name) + ": there is no body " + in_quotes(body));
+  }
+  std::sort(group.bodies.begin(), group.bodies.end());
+  group.bodies.erase(std::unique(group.bodies.begin(), group.bodies.end()), group.bodies.end());
+  group_ids_.emplace(name, static_cast<std::uint32_t>(groups_.size()));
+  groups_.push_back(std::move(group));
+}
+
+std::vector<std::uint32_t> Scene::resolve(const std::string& body_or_group) const {
+  if (const std::uint32_t id = find_body(body_or_group); id != kNone) return {id};
+  if (const std::uint32_t id = find_group(body_or_group); id != kNone) return groups_[id].bodies;
+  if (body_or_group != "*") throw SceneError("there is no body or group " + in_quotes(body_or_group));
+  std::vector<std::uint32_t> every(bodies_.size());
+  for (std::uint32_t i = 0; i < every.size(); ++i) every[i] = i;
+  return every;
+}
+
+void Scene::ignore(const std::string& a, const std::string& b) {
+  const std::vector<std::uint32_t> of_a = resolve(a), of_b = resolve(b);
+  if (a == b && of_a.size() == 1 && find_body(a) != kNone)
+    throw SceneError("ignore: " + in_quotes(a) + " with itself: a body has no pair with itself");
+  if (of_a.size() * of_b.size() > kMaxIgnoredPairs)
+    throw SceneError("ignore: " + in_quotes(a) + " and " + in_quotes(b) +
+                     " name too many pairs: " + std::to_string(of_a.size() * of_b.size()));
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> fresh;
+  for (const std::uint32_t i : of_a)
+    for (const std::uint32_t j : of_b)
+      if (i != j) fresh.emplace_back(std::min(i, j), std::max(i, j));
+  std::sort(fresh.begin(), fresh.end());
+  const auto old = static_cast<std::ptrdiff_t>(ignored_.size());
+  ignored_.insert(ignored_.end(), fresh.begin(), fresh.end());
+  std::inplace_merge(ignored_.begin(), ignored_.begin() + old, ignored_.end());
+  ignored_.erase(std::unique(ignored_.begin(), ignored_.end()), ignored_.end());
+}
+
+std::uint32_t Scene::find_body(std::string_view name) const {
+  const auto found = body_ids_.find(std::string(name));
+  return found == body_ids_.end() ? kNone : found->second;
+}
+
+std::uint32_t Scene::find_group(std::string_view name) const {
+  const auto found = group_ids_.find(std::string(name));
+  return found == group_ids_.end() ? kNone : found->second;
+}
+
+std::string hull_warning(const Body& body) {
+  double size = 0;
+  for (const PiecePtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
+  if (!(body.hull_excess > kHullExcessShare * size)) return "";
+  char text[200];
+  const char* what = body.pieces.size() == 1 ? "its hull stands" : "its pieces stand";
+  int n = std::snprintf(text, sizeof text, "%s up to %.3g m out of its mesh", what, body.hull_excess);
+  if (body.empty_share > 0)
+    n += std::snprintf(text + n, sizeof text - static_cast<std::size_t>(n), ", %.3g %% of it is empty",
+                       100 * body.empty_share);
+  return std::string(text, static_cast<std::size_t>(n)) + ": distances are to the hull";
+}
+
+std::uint64_t Scene::revision() const {
+  const FpEnvironment environment;
+  Digest digest;
+  digest.add(std::uint64_t{bodies_.size()});
+  for (const Body& body : bodies_) {
+    digest.add(std::string_view(body.name));
+    digest.add(std::uint64_t{body.parent});
+    digest.add(std::uint64_t{body.is_static});
+    digest.add(body.model_error);
+    digest.add(std::uint64_t{body.pose.has_value()});
+    if (body.pose) {
+      digest.add(body.pose->translation);
+      for (const double q : {body.pose->qw, body.pose->qx, body.pose->qy, body.pose->qz}) digest.add(q);
+    }
+    digest.add(std::uint64_t{body.pieces.size()});
+    for (const PiecePtr& piece : body.pieces) digest.add(piece->digest);
+  }
+  digest.add(std::uint64_t{groups_.size()});
+  for (const Group& group : groups_) {
+    digest.add(std::string_view(group.name));
+    digest.add(std::uint64_t{group.bodies.size()});
+    for (const std::uint32_t id : group.bodies) digest.add(std::uint64_t{id});
+  }
+  digest.add(std::uint64_t{ignored_.size()});
+  for (const auto& [a, b] : ignored_) digest.add(std::uint64_t{a} << 32 | b);
+  return digest.value();
+}
+
+}  // namespace clearance

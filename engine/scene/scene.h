@@ -1,0 +1,139 @@
+// The scene: bodies, groups, and which pairs are asked about. Built once, then immutable and shared.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "wire/types.h"
+#include "engine/hull/piece.h"
+#include "engine/pose/pose.h"
+
+namespace clearance {
+
+struct Geometry;  // engine/scene/geometry.h
+class MeshGeometries;  // engine/scene/mesh_geometry.h
+struct Shape;     // engine/hull/shapes.h
+
+/// Bad input at set-up. The text names cause and place: "scenes/a.yaml:12: bodies[3].radius: expected a number > 0, got
+/// -1".
+struct SceneError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// How a mesh that need not be convex becomes pieces.
+enum class Convexify : std::uint8_t {
+  kHull,       ///< one piece: the hull of all its vertices
+  kSubmeshes,  ///< one piece for each submesh of the file
+  kDecompose,  ///< approximate convex decomposition
+};
+
+/// Triangles of a body in its frame, for pictures and for the naive baseline; the engine's answers never use them.
+struct DisplayMesh {
+  std::vector<Vec3d> vertices;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+};
+
+struct Body {
+  std::string name;
+  std::vector<PiecePtr> pieces;  ///< at least one
+  std::uint32_t parent = kNone;  ///< the body that this one follows at load
+  bool is_static = false;        ///< never moves after load
+  std::optional<Pose> pose;      ///< initial X_wb, or X_pb with a parent; none: no_pose until one arrives
+  /// metres: how far the pieces may stand out from the shape they were asked for; of a mesh, from the hulls that its file
+  /// and scale mean: rounding
+  double model_error = 0;
+  double hull_excess = 0;  ///< metres: no point of a piece is farther from the mesh that it stands for (hull_excess.h)
+  double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
+  std::string source;            ///< "meshes/base.stl (hull)", "box", ...: where the geometry came from
+  std::shared_ptr<const DisplayMesh> display;  ///< may be null
+};
+
+/// A body whose pieces stand out of its mesh by more than this share of its size is warned about: hull_warning().
+inline constexpr double kHullExcessShare = 0.02;
+/// What is to be said of a body whose mesh is not what its pieces are, with figures; empty for others.
+std::string hull_warning(const Body& body);
+
+struct Group {
+  std::string name;
+  std::vector<std::uint32_t> bodies;  ///< ids, ascending
+};
+
+/// Bodies by id (their order of arrival), groups, and the pairs that are not asked about.
+class Scene {
+ public:
+  /// Options of the add_* calls. A body that is static or has a parent stays, without a pose, at the identity.
+  struct BodyOptions {
+    double radius = 0;        ///< grows every piece, metres
+    std::string parent = {};  ///< name of a body already there; empty: none
+    bool is_static = false;
+    std::optional<Pose> pose;
+  };
+
+  /// Reads a scene file (YAML) and the meshes it names. Throws SceneError.
+  /// \param allow_outside meshes may lie outside the scene file's folder.
+  static Scene load(const std::string& path, bool allow_outside = false);
+
+  /// Each adds a body and returns its id. Bodies of the same vertices and radius share their pieces. All throw SceneError for a bad or repeated name or bad geometry.
+  std::uint32_t add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options);
+  /// \param scale per axis, not 0; negative mirrors. Bodies of the same file, scale, convexify and radius share their
+  /// pieces.
+  std::uint32_t add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
+                         const BodyOptions& options);
+  std::uint32_t add_uv_sphere(const std::string& name, double radius, int resolution,
+                              const BodyOptions& options);                                 ///< Open3D's create_sphere
+  std::uint32_t add_box(const std::string& name, Vec3d size, const BodyOptions& options);  ///< full edge lengths
+  std::uint32_t add_sphere(const std::string& name, double radius, const BodyOptions& options);
+  std::uint32_t add_capsule(const std::string& name, double radius, double length,
+                            const BodyOptions& options);  ///< along z; length between the centres of its caps
+  std::uint32_t add_cylinder(const std::string& name, double radius, double length,
+                             const BodyOptions& options);  ///< along z; a circumscribed prism
+  std::uint32_t add_body(Body body);                       ///< ready-made pieces
+  /// Makes a body follow another from the start. Throws SceneError for an unknown body, a cycle, or a static child.
+  void set_parent(const std::string& child, const std::string& parent);
+
+  void add_group(const std::string& name, std::span<const std::string> bodies);
+  /// Leaves out every pair between two bodies or groups (a group with itself: its inner pairs).
+  void ignore(const std::string& a, const std::string& b);
+
+  const std::vector<Body>& bodies() const { return bodies_; }
+  const std::vector<Group>& groups() const { return groups_; }
+  /// Pairs (a < b) named by ignore(), sorted, without repeats.
+  const std::vector<std::pair<std::uint32_t, std::uint32_t>>& ignored() const { return ignored_; }
+
+  /// Id of a body; kNone if there is none.
+  std::uint32_t find_body(std::string_view name) const;
+  /// Index of a group; kNone if there is none.
+  std::uint32_t find_group(std::string_view name) const;
+
+  /// A digest of all geometry, names, groups and initial poses: the same scene gives the same number on any machine.
+  /// Never 0.
+  std::uint64_t revision() const;
+
+ private:
+  std::vector<std::uint32_t> resolve(const std::string& body_or_group) const;
+  template <class F>
+  std::uint32_t add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of);
+  std::uint32_t add_shape(const std::string& name, const Shape& shape, const char* source, const BodyOptions& options);
+  PiecePtr shared_piece(const PiecePtr& piece);
+  void check_free(const std::string& name, const char* what) const;
+
+  std::vector<Body> bodies_;
+  std::vector<Group> groups_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
+  std::unordered_map<std::string, std::uint32_t> body_ids_;
+  std::unordered_map<std::string, std::uint32_t> group_ids_;
+  std::unordered_multimap<std::uint64_t, PiecePtr> pieces_;  ///< by digest
+  std::unordered_map<std::string, std::shared_ptr<const Geometry>>
+      geometries_;  ///< that were made before: of meshes by file and options, of shapes by what they are made of
+  std::shared_ptr<MeshGeometries> meshes_;  ///< null until there is a mesh
+};
+
+}  // namespace clearance

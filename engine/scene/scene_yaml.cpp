@@ -1,0 +1,356 @@
+// Scene::load: the scene file (docs/scenes.md) to bodies, groups and ignored pairs.
+#include <algorithm>
+#include <exception>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "engine/base/fp_environment.h"
+#include "engine/scene/geometry.h"
+#include "engine/mesh/mesh.h"
+#include "engine/scene/mesh_geometry.h"
+#include "engine/scene/scene.h"
+#include "engine/hull/shapes.h"
+#include "engine/scene/yaml_document.h"
+
+namespace clearance {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+// A scene of more is a mistake in the file: its pairs alone could not be listed.
+constexpr std::int64_t kMaxBodies = 1'000'000;
+// Vertices that a few words of the file may ask for (uv_sphere): about 3 GB of pieces.
+constexpr std::uint64_t kMaxMadeVertices = 20'000'000;
+
+// A geometry to be built, once for all bodies that ask for the same.
+struct GeometryPlan {
+  YamlValue place;  // where it is first asked for
+  std::function<Geometry()> build;
+  std::shared_ptr<const Geometry> built;
+  std::string error;
+};
+
+struct BodyPlan {
+  YamlValue place;
+  Body body;
+  std::size_t geometry;  // index of a GeometryPlan
+  std::optional<YamlValue> parent;
+};
+
+class SceneReader {
+ public:
+  SceneReader(const std::string& path, bool allow_outside)
+      : root_(YamlValue::load(path)), folder_(fs::path(path).parent_path()), allow_outside_(allow_outside) {
+    if (folder_.empty()) folder_ = ".";
+  }
+
+  Scene read() {
+    root_.map("a map with the key \"bodies\"");
+    root_.check_keys({"bodies", "groups", "ignore", "random"});
+    if (const auto bodies = root_.find("bodies"))
+      for (const YamlValue& body : bodies->list("a list of bodies")) read_body(body);
+    if (const auto random = root_.find("random")) {
+      if (random->is_list())
+        for (const YamlValue& one : random->list("a list")) read_random(one);
+      else
+        read_random(*random);
+    }
+    if (bodies_.empty()) root_.fail("expected at least one body, under \"bodies\" or \"random\"");
+    build_geometries();
+    return assemble();
+  }
+
+ private:
+  void read_body(const YamlValue& value) {
+    value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
+    value.check_keys({"name", "mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale",
+                      "convexify", "radius", "static", "pose", "parent"});
+    const auto name = value.find("name");
+    if (!name) value.fail("expected the key \"name\"");
+    BodyPlan plan{*name, {}, read_geometry(value), {}};
+    plan.body.name = name->text("a name");
+    if (const auto is_static = value.find("static")) plan.body.is_static = is_static->boolean();
+    if (const auto pose = value.find("pose")) plan.body.pose = read_pose(*pose);
+    if (const auto parent = value.find("parent")) {
+      parent->text("the name of a body");
+      plan.parent = *parent;
+    }
+    add(std::move(plan));
+  }
+
+  void read_random(const YamlValue& value) {
+    value.map("a map with count, shape, box and seed");
+    value.check_keys({"count", "shape", "box", "seed", "name", "static"});
+    const auto count = value.find("count"), shape = value.find("shape"), box = value.find("box");
+    if (!count) value.fail("expected the key \"count\"");
+    if (!shape) value.fail("expected the key \"shape\"");
+    if (!box) value.fail("expected the key \"box\"");
+    const std::int64_t n = count->integer(1, kMaxBodies);
+    shape->map("a shape, such as {sphere: 0.1}");
+    shape->check_keys(
+        {"mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale", "convexify", "radius"});
+    const std::size_t geometry = read_geometry(*shape);
+    const Vec3d size = read_box(*box);
+    std::uint64_t seed = 0;
+    if (const auto s = value.find("seed")) seed = s->unsigned_integer();
+    std::string prefix = "random";
+    if (const auto name = value.find("name")) prefix = name->text("a name");
+    bool is_static = false;
+    if (const auto s = value.find("static")) is_static = s->boolean();
+    PortableRandom random(seed);
+    for (std::int64_t i = 0; i < n; ++i) {
+      BodyPlan plan{value, {}, geometry, {}};
+      plan.body.name = prefix + "_" + std::to_string(i);
+      plan.body.is_static = is_static;
+      plan.body.pose = random.pose(size);
+      add(std::move(plan));
+    }
+  }
+
+  void add(BodyPlan plan) {
+    if (static_cast<std::int64_t>(bodies_.size()) >= kMaxBodies)
+      plan.place.fail("more than " + std::to_string(kMaxBodies) + " bodies in one scene");
+    bodies_.push_back(std::move(plan));
+  }
+
+  static Pose read_pose(const YamlValue& value) {
+    const std::vector<double> x = value.numbers(7, "7 numbers [x, y, z, qw, qx, qy, qz]");
+    const Pose pose{{x[0], x[1], x[2]}, x[3], x[4], x[5], x[6]};
+    if (check(pose) == PoseQuality::kBad)
+      value.fail("expected a quaternion (qw, qx, qy, qz) of norm 1e-6 to 1e6 and coordinates up to 1e60 m");
+    return pose;
+  }
+
+  static Vec3d read_box(const YamlValue& value) {
+    if (!value.is_list()) {
+      if (!value.is_text()) value.fail_expected("an edge length, or 3 of them [x, y, z]");
+      const double edge = value.positive();
+      return {edge, edge, edge};
+    }
+    const std::vector<YamlValue> edges = value.list("");
+    if (edges.size() != 3) value.fail_expected("an edge length, or 3 of them [x, y, z]");
+    return {edges[0].positive(), edges[1].positive(), edges[2].positive()};
+  }
+
+  // [r, length], as of capsules and cylinders.
+  static std::pair<double, double> read_round(const YamlValue& value, bool zero_length) {
+    if (!value.is_list() || value.size() != 2) value.fail_expected("2 numbers [radius, length]");
+    const std::vector<YamlValue> x = value.list("");
+    return {x[0].positive(), zero_length ? x[1].not_negative() : x[1].positive()};
+  }
+
+  // The one geometry that a body or a random shape names. Returns the index of its plan.
+  std::size_t read_geometry(const YamlValue& value) {
+    constexpr const char* kKinds[] = {"mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere"};
+    std::unique_ptr<YamlValue> found;
+    std::string kind;
+    for (const char* k : kKinds)
+      if (auto here = value.find(k)) {
+        if (found) here->fail("a body has one geometry, and \"" + kind + "\" is there already");
+        found = std::move(here);
+        kind = k;
+      }
+    if (!found) value.fail("expected one of the keys mesh, box, sphere, capsule, cylinder, points, uv_sphere");
+    double radius = 0;
+    if (const auto r = value.find("radius")) radius = r->not_negative();
+    if (kind != "mesh")
+      for (const char* key : {"scale", "convexify"})
+        if (const auto extra = value.find(key)) extra->fail("only a mesh has this key");
+
+    const auto shape = [&](const std::string& numbers, auto&& make) {
+      return plan(kind + " " + numbers + " +" + exact(radius), *found,
+                  [make, radius, kind] { return geometry_of_shape(make(), radius, kind); });
+    };
+    if (kind == "mesh") return read_mesh(value, *found, radius);
+    if (kind == "box") {
+      const Vec3d size = read_box(*found);
+      return shape(exact(size.x) + exact(size.y) + exact(size.z), [size] { return make_box(size); });
+    }
+    if (kind == "sphere") {
+      const double r = found->positive();
+      return shape(exact(r), [r] { return make_sphere(r); });
+    }
+    if (kind == "capsule" || kind == "cylinder") {
+      const bool capsule = kind == "capsule";
+      const auto [r, length] = read_round(*found, capsule);
+      return shape(exact(r) + exact(length), [=, r = r, length = length] {
+        return capsule ? make_capsule(r, length) : make_cylinder(r, length);
+      });
+    }
+    if (kind == "uv_sphere") {
+      found->map("{radius: ..., resolution: ...}");
+      found->check_keys({"radius", "resolution"});
+      const auto r = found->find("radius"), resolution = found->find("resolution");
+      if (!r) found->fail("expected the key \"radius\"");
+      if (!resolution) found->fail("expected the key \"resolution\"");
+      const double size = r->positive();
+      const int n = static_cast<int>(resolution->integer(2, kMaxUvSphereResolution));
+      const std::size_t before = geometries_.size();
+      const std::size_t index = shape(exact(size) + std::to_string(n), [size, n] { return make_uv_sphere(size, n); });
+      if (geometries_.size() > before) made_vertices_ += 2 * std::uint64_t(n) * (n - 1) + 2;
+      if (made_vertices_ > kMaxMadeVertices)
+        found->fail("the uv_spheres of this scene have more than " + std::to_string(kMaxMadeVertices) + " vertices");
+      return index;
+    }
+    // Points are as large as the file: no two are looked at for being the same.
+    return plan("points " + std::to_string(geometries_.size()), *found,
+                [points = found->vectors(), radius] { return geometry_of_points(points, radius); });
+  }
+
+  std::size_t read_mesh(const YamlValue& value, const YamlValue& mesh, double radius) {
+    const std::string named = mesh.text("the path of a mesh file");
+    Vec3d scale{1, 1, 1};
+    if (const auto s = value.find("scale")) {
+      if (s->is_list()) {
+        const std::vector<double> x = s->numbers(3, "a number, or 3 of them [sx, sy, sz]");
+        scale = {x[0], x[1], x[2]};
+      } else {
+        const double x = s->number("a number, or 3 of them [sx, sy, sz]");
+        scale = {x, x, x};
+      }
+      if (scale.x == 0 || scale.y == 0 || scale.z == 0) s->fail("expected factors other than 0");
+    }
+    Convexify convexify = Convexify::kHull;
+    if (const auto c = value.find("convexify")) {
+      const std::string how = c->text("hull, submeshes or decompose");
+      if (how == "decompose") c->fail("not yet: decompose (approximate convex decomposition); use hull or submeshes");
+      if (how != "hull" && how != "submeshes") c->fail_expected("hull, submeshes or decompose");
+      if (how == "submeshes") convexify = Convexify::kSubmeshes;
+    }
+    const std::string path = resolve(mesh, named);
+    std::shared_ptr<MeshFile>& file = files_[path];
+    if (!file) file = std::make_shared<MeshFile>(path);
+    const std::string key = "mesh " + path + " " + exact(scale.x) + exact(scale.y) + exact(scale.z) +
+                            std::to_string(static_cast<int>(convexify)) + " +" + exact(radius);
+    return plan(key, mesh, [this, file = file, recipe = MeshRecipe{scale, convexify, radius}, named] {
+      const auto in_file = [&](const std::exception& e) { return named + ": " + e.what(); };
+      try {
+        return meshes_.make(*file, recipe, named);
+      } catch (const MeshError& e) {
+        throw MeshError(in_file(e));
+      } catch (const std::invalid_argument& e) {
+        throw std::invalid_argument(in_file(e));
+      }
+    });
+  }
+
+  // The file that a scene names, which must lie inside the scene's folder unless that is allowed.
+  std::string resolve(const YamlValue& value, const std::string& named) const {
+    if (named.empty() || named.find('\0') != std::string::npos) value.fail_expected("the path of a mesh file");
+    const fs::path path = folder_ / named;  // an absolute path replaces the folder
+    const auto outside = [&](const std::string& how) {
+      value.fail("\"" + named + "\" " + how + "; mesh files must lie inside it unless files from outside are allowed");
+    };
+    if (!allow_outside_) {
+      if (fs::path(named).is_absolute()) outside("is an absolute path, not one inside the scene's folder");
+      const fs::path normal = fs::path(named).lexically_normal();
+      if (*normal.begin() == "..") outside("leaves the scene's folder");
+    }
+    std::error_code error;
+    const fs::path real = fs::canonical(path, error);
+    if (error) value.fail("\"" + named + "\": " + error.message());
+    if (!allow_outside_) {
+      const fs::path home = fs::canonical(folder_, error);
+      const auto [end, rest] = std::mismatch(home.begin(), home.end(), real.begin(), real.end());
+      if (error || end != home.end()) outside("leaves the scene's folder through a symbolic link");
+    }
+    return fs::absolute(path).lexically_normal().string();  // by the name it was given, which says its format
+  }
+
+  std::size_t plan(const std::string& key, const YamlValue& place, std::function<Geometry()> build) {
+    const auto [at, fresh] = plan_of_.try_emplace(key, geometries_.size());
+    if (fresh) geometries_.push_back({place, std::move(build), nullptr, ""});
+    return at->second;
+  }
+
+  // A number as a part of a key: all of its bits, and nothing that runs into the next.
+  static std::string exact(double x) {
+    char text[40];
+    std::snprintf(text, sizeof text, "%a,", x);
+    return text;
+  }
+
+  void build_geometries() {
+    const int n = static_cast<int>(geometries_.size());
+    files_.clear();  // each is kept by the plans that need it
+                     // With a single geometry this is no parallel region, and its own loops may use every core.
+#pragma omp parallel for schedule(dynamic) if (n > 1)
+    for (int i = 0; i < n; ++i) {
+      GeometryPlan& plan = geometries_[i];
+      const FpEnvironment environment;
+      try {
+        plan.built = std::make_shared<const Geometry>(plan.build());
+      } catch (const std::exception& e) {
+        plan.error = e.what();
+      }
+      plan.build = nullptr;  // lets go of the mesh
+    }
+    for (const GeometryPlan& plan : geometries_)
+      if (!plan.built) plan.place.fail(plan.error.empty() ? "cannot be built" : plan.error);
+  }
+
+  Scene assemble() {
+    Scene scene;
+    const auto placed = [](const YamlValue& place, auto&& f) {
+      try {
+        f();
+      } catch (const SceneError& e) {
+        place.fail(e.what());
+      }
+    };
+    for (BodyPlan& plan : bodies_) {
+      const Geometry& geometry = *geometries_[plan.geometry].built;
+      plan.body.pieces = geometry.pieces;
+      plan.body.display = geometry.display;
+      plan.body.model_error = geometry.model_error;
+      plan.body.hull_excess = geometry.hull_excess;
+      plan.body.empty_share = geometry.empty_share;
+      plan.body.source = geometry.source;
+      placed(plan.place, [&] { scene.add_body(plan.body); });
+    }
+    for (const BodyPlan& plan : bodies_)
+      if (plan.parent) placed(*plan.parent, [&] { scene.set_parent(plan.body.name, plan.parent->text("")); });
+    if (const auto groups = root_.find("groups"))
+      for (const auto& [name, members] : groups->map("a map of names to lists of bodies")) {
+        std::vector<std::string> names;
+        for (const YamlValue& member : members.list("a list of bodies")) {
+          names.push_back(member.text("the name of a body"));
+          if (scene.find_body(names.back()) == kNone) member.fail("there is no body \"" + names.back() + "\"");
+        }
+        placed(members, [&, &group = name] { scene.add_group(group, names); });
+      }
+    if (const auto ignore = root_.find("ignore"))
+      for (const YamlValue& pair : ignore->list("a list of pairs [body or group, body or group]")) {
+        if (!pair.is_list() || pair.size() != 2) pair.fail_expected("a pair [body or group, body or group]");
+        const std::vector<YamlValue> two = pair.list("");
+        const std::string a = two[0].text("the name of a body or group"),
+                          b = two[1].text("the name of a body or group");
+        placed(pair, [&] { scene.ignore(a, b); });
+      }
+    return scene;
+  }
+
+  YamlValue root_;
+  fs::path folder_;
+  bool allow_outside_;
+  std::vector<BodyPlan> bodies_;
+  std::vector<GeometryPlan> geometries_;
+  std::map<std::string, std::size_t> plan_of_;
+  std::map<std::string, std::shared_ptr<MeshFile>> files_;
+  MeshGeometries meshes_;
+  std::uint64_t made_vertices_ = 0;
+};
+
+}  // namespace
+
+Scene Scene::load(const std::string& path, bool allow_outside) {
+  const FpEnvironment environment;
+  return SceneReader(path, allow_outside).read();
+}
+
+}  // namespace clearance

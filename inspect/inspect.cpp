@@ -1,0 +1,179 @@
+#include "inspect.h"
+
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "engine/engine.h"
+#include "engine/base/fp_environment.h"
+#include "engine/scene/pair_table.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr std::size_t kSampledPartners = 64;  // of a body whose pairs are timed
+constexpr int kRounds = 5;                    // the median of so many timings counts
+
+bool is_box(const Piece& piece) {
+  if (piece.vertices.size() != 8) return false;
+  for (const Vec3d& v : piece.vertices)
+    for (int k = 0; k < 3; ++k)
+      if (std::abs(v[k] - piece.centre[k]) < piece.half[k] * (1 - 1e-12)) return false;
+  return piece.half.x > 0 && piece.half.y > 0 && piece.half.z > 0;  // eight distinct corners: all of them
+}
+
+std::string form_of(const Piece& piece) {
+  const bool rounded = piece.radius > 0;
+  if (piece.vertices.size() == 1) return rounded ? "sphere" : "point";
+  if (piece.vertices.size() == 2) return rounded ? "capsule" : "segment";
+  return std::string(rounded ? "rounded " : "") + (is_box(piece) ? "box" : "hull");
+}
+
+std::uint64_t display_bytes(const Body& body) {
+  if (!body.display) return 0;
+  return body.display->vertices.capacity() * sizeof(Vec3d) +
+         body.display->triangles.capacity() * sizeof(body.display->triangles[0]);
+}
+
+BodyReport describe(const Body& body) {
+  BodyReport r;
+  r.pieces = body.pieces.size();
+  r.model_error = body.model_error;
+  r.hull_excess = body.hull_excess;
+  if (!std::isnan(body.empty_share)) r.empty_share = body.empty_share;
+  r.warning = hull_warning(body);
+  r.form = form_of(*body.pieces[0]);
+  for (const PiecePtr& piece : body.pieces) {
+    if (form_of(*piece) != r.form) r.form = "mixed";
+    r.loaded += piece->loaded_vertices;
+    r.vertices += piece->vertices.size();
+    r.radius = std::max(r.radius, piece->radius);
+    r.extent = std::max(r.extent, piece->rho + piece->radius);
+    r.bytes += resident_bytes(*piece);
+  }
+  r.display_bytes = display_bytes(body);
+  if (body.display) r.faces = body.display->triangles.size();
+  // A mesh for pictures holds the distinct vertices of a file; that of points or a primitive does not.
+  const bool from_file = body.source.ends_with("(hull)") || body.source.ends_with("(submeshes)");
+  if (r.loaded == r.vertices)
+    r.inside = 0;
+  else if (from_file && body.display && body.display->vertices.size() >= r.vertices)
+    r.inside = body.display->vertices.size() - r.vertices;
+  return r;
+}
+
+/// Partners of each body, and those that the ignore list takes away, without going through all pairs.
+void count_partners(const Scene& scene, SceneReport& report) {
+  const auto& bodies = scene.bodies();
+  const auto movable = static_cast<std::uint64_t>(
+      std::count_if(bodies.begin(), bodies.end(), [](const Body& b) { return !b.is_static; }));
+  std::set<std::pair<std::uint32_t, std::uint32_t>> followers;
+  for (std::uint32_t i = 0; i < bodies.size(); ++i) {
+    report.bodies[i].partners = bodies[i].is_static ? movable : bodies.size() - 1;
+    if (bodies[i].parent != kNone) followers.insert(std::minmax(i, bodies[i].parent));
+  }
+  const auto leave_out = [&](std::uint32_t a, std::uint32_t b) {
+    if (bodies[a].is_static && bodies[b].is_static) return;
+    --report.bodies[a].partners;
+    --report.bodies[b].partners;
+  };
+  for (const auto& [a, b] : scene.ignored()) {
+    ++report.bodies[a].ignored;
+    ++report.bodies[b].ignored;
+    if (!followers.contains({a, b})) leave_out(a, b);
+  }
+  for (const auto& [a, b] : followers) leave_out(a, b);
+}
+
+void count_sharing(const Scene& scene, SceneReport& report) {
+  std::map<const Piece*, std::uint32_t> holders;
+  std::set<const DisplayMesh*> displays;
+  for (const Body& body : scene.bodies()) {
+    std::set<const Piece*> own;
+    for (const PiecePtr& piece : body.pieces) own.insert(piece.get());
+    for (const Piece* piece : own)
+      if (++holders[piece] == 1) report.bytes += resident_bytes(*piece);
+    if (displays.insert(body.display.get()).second) report.display_bytes += display_bytes(body);
+  }
+  for (std::uint32_t i = 0; i < scene.bodies().size(); ++i)
+    report.bodies[i].sharing = holders[scene.bodies()[i].pieces[0].get()];
+}
+
+double thread_ns() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return 1e9 * static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec);
+}
+
+/// Times some pairs of each body through the engine.
+void measure(const Scene& scene, SceneReport& report) {
+  Engine::Options options;
+  options.threads = 1;  // its time is then this thread's own, whatever else the machine does
+  const Engine engine(scene, options);
+  const auto n = static_cast<std::uint32_t>(scene.bodies().size());
+  std::vector<std::uint32_t> parents;
+  std::vector<std::uint8_t> placed;
+  for (std::uint32_t b = 0; b < n; ++b) {
+    parents.push_back(scene.bodies()[b].parent);
+    placed.push_back(engine.body_state(b).status == Status::kOk);
+  }
+  const PairTable table(scene, parents);
+  double twice = 0;
+  bool complete = true;
+  for (std::uint32_t b = 0; b < n; ++b) {
+    BodyReport& body = report.bodies[b];
+    std::vector<BodyPair> pairs;
+    const std::uint32_t stride = std::max<std::uint32_t>(1, n / (2 * kSampledPartners));
+    for (std::uint32_t first = 0; first < stride && pairs.size() < kSampledPartners; ++first)
+      for (std::uint32_t p = first; p < n && pairs.size() < kSampledPartners; p += stride)
+        if (placed[b] && placed[p] && table.enabled(b, p)) pairs.push_back({b, p});
+    if (pairs.empty()) {
+      complete = complete && body.partners == 0;
+      continue;
+    }
+    QueryView query;
+    query.all_pairs = false;
+    query.pairs = pairs;
+    query.fields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
+    std::vector<double> distance(pairs.size()), lower(pairs.size()), upper(pairs.size()), times;
+    std::vector<std::uint8_t> status(pairs.size());
+    ReplyView reply;
+    reply.rows = pairs.size();
+    reply.distance = distance.data();
+    reply.lower = lower.data();
+    reply.upper = upper.data();
+    reply.status = status.data();
+    for (int round = 0; round < kRounds; ++round) {
+      const double begin = thread_ns();
+      engine.start(query, reply).advance();
+      times.push_back(thread_ns() - begin);
+    }
+    std::nth_element(times.begin(), times.begin() + kRounds / 2, times.end());
+    body.ns_per_pair = times[kRounds / 2] / static_cast<double>(pairs.size());
+    twice += *body.ns_per_pair * static_cast<double>(body.partners);
+  }
+  if (complete) report.ns_all_pairs = twice / 2;
+}
+
+}  // namespace
+
+SceneReport inspect(const Scene& scene, const InspectOptions& options) {
+  const FpEnvironment environment;
+  SceneReport report;
+  for (const Body& body : scene.bodies()) report.bodies.push_back(describe(body));
+  count_partners(scene, report);
+  count_sharing(scene, report);
+  std::vector<std::uint64_t> partners;
+  for (const BodyReport& body : report.bodies) partners.push_back(body.partners);
+  for (const std::uint64_t count : partners) report.pairs += count;
+  report.pairs /= 2;
+  if (options.measure) measure(scene, report);
+  report.findings = find_redundancy(scene, partners, options.within);
+  return report;
+}
+
+}  // namespace clearance

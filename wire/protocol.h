@@ -1,0 +1,293 @@
+// The wire contract: frames that clients and the daemon exchange, the same over every transport.
+//
+//   frame      [ FrameHeader 64 B | payload_bytes ]
+//   kQuery     [ QueryHeader 128 B | pairs P x 8 | bodies M x 4, padded to 8 | configurations K x M x 56 ]
+//   kReply     [ ReplyHeader 128 B | columns in the order of Field, each from a 64-byte boundary of the payload ]
+//   kSetPoses  [ PosesHeader 32 B  | count x PoseRecord 64 B ]
+//   kScene     [ SceneHeader 64 B  | bodies x BodyRecord 128 B | groups x GroupRecord 80 B | members x 4 ]
+//   kPairs     [ QueryHeader, pairs, bodies as in kQuery; configurations left out ]  ->  kPairTable [ PairsHeader 16 B
+//   | P x 8 ] kBodyStates[ StatesHeader 32 B | bodies x BodyStateRecord 96 B ] kStats     [ count x CounterRecord 64 B
+//   ] kError     [ ErrorHeader 16 B  | text, UTF-8 ]
+//
+// ZeroMQ carries a frame as two message parts (header, payload), shared memory as one contiguous block that starts on a
+// 64-byte boundary, LCM inside typed messages (lcmtypes/). Little-endian throughout; metres, radians, nanoseconds.
+// A version changes when a struct does; a peer of another version is refused with kWrongVersion.
+// Everything read from a peer is copied once and validated (wire.h) before it is used.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <type_traits>
+
+#include <clearance/types.h>
+
+namespace clearance::wire {
+
+static_assert(std::endian::native == std::endian::little, "the wire is little-endian");
+
+inline constexpr std::uint32_t kMagic = 0x31524C43;  // "CLR1"
+inline constexpr std::uint16_t kVersion = 1;
+using clearance::kColumnAlignment;
+/// A frame larger than this is refused, whatever the transport.
+inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 31;
+/// A request larger than this is refused by clients before it is sent; ZeroMQ closes the connection of one who tries.
+inline constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{1} << 28;
+/// A query waits no longer for poses.
+inline constexpr std::int64_t kMaxPoseWaitNs = 10'000'000'000;
+
+enum class FrameType : std::uint16_t {
+  // client to daemon
+  kPing = 1,       ///< any payload; answered by kPong with the same payload
+  kDescribe = 2,   ///< no payload; answered by kScene
+  kQuery = 3,      ///< answered by kReply
+  kPairs = 4,      ///< answered by kPairTable
+  kSetPoses = 5,   ///< answered by kPosesDone
+  kAttach = 6,     ///< payload AttachRecord; answered by kPosesDone
+  kGetStates = 7,  ///< no payload; answered by kBodyStates
+  kGetStats = 8,   ///< no payload; answered by kStats
+  kReload = 9,     ///< no payload; answered by kSceneChanged once the daemon has loaded its scene anew
+  kAddBody = 10,   ///< payload NewBodyRecord, vertices; answered by kSceneChanged once the body is in
+  kRemoveBody = 11,  ///< payload RemoveBodyRecord; answered by kSceneChanged
+  // daemon to client; any request may be answered by kError
+  kPong = 0x81,
+  kScene = 0x82,
+  kReply = 0x83,
+  kPairTable = 0x84,
+  kPosesDone = 0x85,  ///< payload PosesResult
+  kBodyStates = 0x87,
+  kStats = 0x88,
+  kSceneChanged = 0x89,  ///< payload SceneChange
+  kError = 0xFF,
+};
+
+/// Begins every frame.
+struct FrameHeader {
+  std::uint32_t magic = kMagic;
+  std::uint16_t version = kVersion;
+  std::uint16_t type = 0;            ///< FrameType
+  std::uint64_t request_id = 0;      ///< chosen by the client, echoed by the daemon
+  std::uint64_t payload_bytes = 0;   ///< bytes after this header
+  std::uint64_t scene_revision = 0;  ///< the sender's; 0 in a request: any
+  std::uint64_t client_id = 0;       ///< LCM: whom a reply is for; elsewhere 0
+  std::uint64_t reserved[3] = {};    ///< 0
+};
+
+struct QueryHeader {
+  double max_distance = 0;                ///< metres; +inf: no limit
+  double abs_tol = 0;                     ///< metres
+  double rel_tol = -1;                    ///< negative: the precision's default
+  std::uint32_t pair_count = 0;           ///< P selectors; read only if all_pairs is 0
+  std::uint32_t body_count = 0;           ///< M
+  std::uint32_t configuration_count = 0;  ///< K; 0: the current poses
+  std::uint32_t fields = kDefaultFields;
+  std::uint64_t max_results = 1u << 20;
+  std::int64_t max_pose_age_ns = 0;
+  std::uint8_t all_pairs = 1;
+  std::uint8_t precision = 0;  ///< Precision
+  std::uint8_t signed_distance = 0;
+  std::uint8_t reduce = 0;  ///< Reduce
+  std::uint8_t format = 0;  ///< Format
+  std::uint8_t warm = 0;    ///< keep warm state for this client
+  std::uint8_t padding[2] = {};
+  std::int64_t min_pose_stamp_ns = 0;  ///< begin once the poses of wait_for have this stamp or a newer one; 0: at once
+  std::int64_t pose_wait_ns = 0;       ///< at most so long, 0 to kMaxPoseWaitNs; then kPosesLate
+  std::uint32_t wait_for = kEveryBody;  ///< body, or group selector: those of its bodies that ever had a stamp, and one at least
+  std::uint32_t padding2[1] = {};
+  std::uint64_t reserved[5] = {};
+};
+
+struct ReplyHeader {
+  std::uint64_t rows = 0;            ///< of each column
+  std::uint64_t total = 0;           ///< kWithin: pairs found, also those past max_results
+  std::uint64_t configurations = 0;  ///< K
+  std::uint64_t pairs = 0;           ///< P
+  std::uint32_t fields = 0;          ///< columns that follow
+  std::uint8_t reduce = 0;
+  std::uint8_t format = 0;
+  std::uint8_t padding[2] = {};
+  std::uint64_t scene_revision = 0;
+  std::uint64_t snapshot_revision = 0;  ///< of the poses
+  std::int64_t snapshot_stamp_ns = 0;   ///< newest publisher's stamp
+  std::int64_t oldest_receipt_ns = 0;   ///< daemon's monotonic clock; 0: no pose was received
+  std::uint64_t pairs_evaluated = 0;
+  std::uint64_t engine_ns = 0;  ///< inside the engine
+  std::uint64_t server_ns = 0;  ///< from receipt of the request to the reply being whole
+  char backend[16] = {};        ///< NUL-terminated
+  std::int64_t snapshot_sequence = 0;  ///< its publisher's count of the update with snapshot_stamp_ns; 0: not counted
+  std::int64_t pose_age_ns = 0;  ///< from oldest_receipt_ns to the query's begin; -1: no pose was received
+};
+
+struct PosesHeader {
+  std::uint64_t count = 0;
+  std::int64_t stamp_ns = 0;  ///< publisher's clock
+  std::int64_t sequence = 0;  ///< publisher's count of its updates; 0: it keeps none
+  std::uint64_t reserved[1] = {};
+};
+
+struct PoseRecord {
+  std::uint32_t body = 0;
+  std::uint32_t padding = 0;
+  double pose[7] = {};  ///< x, y, z, qw, qx, qy, qz; metres
+};
+
+struct AttachRecord {
+  std::uint32_t child = 0;
+  std::uint32_t parent = 0;   ///< kNone: set free
+  std::uint8_t has_pose = 0;  ///< 0: from where it is now
+  std::uint8_t padding[7] = {};
+  double pose[7] = {};  ///< X_parent_child
+};
+
+struct PosesResult {
+  std::uint64_t revision = 0;
+  std::uint64_t scene_revision = 0;  ///< an attachment changes it
+  std::uint32_t applied = 0;
+  std::uint32_t bad = 0;
+  std::uint32_t unknown = 0;
+  std::uint32_t fixed = 0;
+};
+
+struct SceneHeader {
+  std::uint64_t scene_revision = 0;
+  std::uint32_t body_count = 0;
+  std::uint32_t group_count = 0;
+  std::uint32_t member_count = 0;
+  std::uint32_t padding = 0;
+  std::uint64_t pair_count = 0;  ///< enabled pairs
+  char backend[16] = {};
+  std::uint64_t reserved[2] = {};
+};
+
+struct BodyRecord {
+  char name[64] = {};  ///< NUL-terminated UTF-8
+  std::uint32_t parent = kNone;
+  std::uint8_t is_static = 0;
+  std::uint8_t padding[3] = {};
+  std::uint32_t piece_count = 0;
+  std::uint32_t padding2 = 0;
+  std::uint64_t vertex_count = 0;
+  double model_error = 0;  ///< metres
+  double extent = 0;       ///< metres, farthest point from the body's origin
+  double hull_excess = 0;  ///< metres, how far its pieces stand out of its mesh at most
+  double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN: not known
+  std::uint64_t reserved = 0;
+};
+
+struct GroupRecord {
+  char name[64] = {};
+  std::uint32_t first_member = 0;  ///< index into the member list
+  std::uint32_t member_count = 0;
+  std::uint64_t reserved = 0;
+};
+
+struct PairsHeader {
+  std::uint64_t scene_revision = 0;
+  std::uint64_t count = 0;
+};
+
+struct StatesHeader {
+  std::uint64_t count = 0;
+  std::uint64_t revision = 0;  ///< of the poses
+  std::int64_t now_ns = 0;     ///< daemon's monotonic clock
+  std::uint64_t reserved = 0;
+};
+
+struct BodyStateRecord {
+  double pose[7] = {};  ///< X_wb
+  std::int64_t stamp_ns = 0;
+  std::int64_t receipt_ns = 0;
+  std::uint32_t parent = kNone;
+  std::uint8_t status = 0;  ///< Status: kOk, kNoPose, kBadPose
+  std::uint8_t padding[3] = {};
+  std::uint64_t reserved[2] = {};
+};
+
+enum class BodyShape : std::uint8_t {
+  kHull = 0,      ///< of the vertices that follow
+  kBox = 1,       ///< size: full edge lengths
+  kSphere = 2,    ///< size: radius
+  kCapsule = 3,   ///< size: radius, length between the centres of its caps; along z
+  kCylinder = 4,  ///< size: radius, length; along z
+};
+
+struct NewBodyRecord {
+  char name[64] = {};           ///< NUL-terminated UTF-8
+  std::uint32_t parent = kNone;  ///< that it follows
+  std::uint8_t shape = 0;        ///< BodyShape
+  std::uint8_t is_static = 0;
+  std::uint8_t has_pose = 0;  ///< 0: none until one arrives; with a parent or static: the identity
+  std::uint8_t padding = 0;
+  double size[3] = {};  ///< metres
+  double radius = 0;    ///< metres, grows the shape
+  double pose[7] = {};  ///< X_wb, with a parent X_parent_body
+  std::uint64_t vertex_count = 0;
+  std::uint64_t reserved[2] = {};
+};
+
+struct VertexRecord {
+  double xyz[3] = {};  ///< metres, in the body's frame
+};
+
+struct RemoveBodyRecord {
+  char name[64] = {};  ///< of a body that kAddBody brought
+};
+
+struct SceneChange {
+  std::uint64_t scene_revision = 0;  ///< that requests find from now on
+  std::uint32_t body_count = 0;
+  std::uint32_t body = kNone;  ///< kAddBody: the id of the new one
+  double seconds = 0;  ///< that it took to make the scene
+  std::uint64_t reserved[1] = {};
+};
+
+struct CounterRecord {
+  char name[56] = {};
+  std::uint64_t value = 0;
+};
+
+enum class ErrorCode : std::uint16_t {
+  kBadQuery = 1,  ///< as QueryErrorCode
+  kWrongScene = 2,
+  kTooLarge = 3,
+  kNotSupported = 4,
+  kBadFrame = 16,      ///< magic, sizes or counts do not fit
+  kWrongVersion = 17,  ///< the text says which one this side speaks
+  kUnknownType = 18,
+  kBusy = 19,  ///< the queue of this client is full; ask again
+  kInternal = 20,
+  kReloadFailed = 21,  ///< the old scene stays; the text is the loader's
+  kForbidden = 22,     ///< this client may not do that; the text names the right that it lacks
+  kPosesLate = 23,     ///< the poses that the query waits for have not come in time
+};
+
+struct ErrorHeader {
+  std::uint16_t code = 0;  ///< ErrorCode
+  std::uint16_t padding = 0;
+  std::uint32_t text_bytes = 0;
+  std::uint64_t needed_bytes = 0;  ///< kTooLarge: room that the reply would need; else 0
+};
+
+#define CLEARANCE_WIRE(type, bytes) \
+  static_assert(sizeof(type) == bytes && std::is_trivially_copyable_v<type> && std::is_standard_layout_v<type>)
+CLEARANCE_WIRE(FrameHeader, 64);
+CLEARANCE_WIRE(QueryHeader, 128);
+CLEARANCE_WIRE(ReplyHeader, 128);
+CLEARANCE_WIRE(PosesHeader, 32);
+CLEARANCE_WIRE(PoseRecord, 64);
+CLEARANCE_WIRE(AttachRecord, 72);
+CLEARANCE_WIRE(PosesResult, 32);
+CLEARANCE_WIRE(SceneHeader, 64);
+CLEARANCE_WIRE(BodyRecord, 128);
+CLEARANCE_WIRE(GroupRecord, 80);
+CLEARANCE_WIRE(PairsHeader, 16);
+CLEARANCE_WIRE(StatesHeader, 32);
+CLEARANCE_WIRE(BodyStateRecord, 96);
+CLEARANCE_WIRE(NewBodyRecord, 184);
+CLEARANCE_WIRE(VertexRecord, 24);
+CLEARANCE_WIRE(RemoveBodyRecord, 64);
+CLEARANCE_WIRE(SceneChange, 32);
+CLEARANCE_WIRE(CounterRecord, 64);
+CLEARANCE_WIRE(ErrorHeader, 16);
+#undef CLEARANCE_WIRE
+
+}  // namespace clearance::wire
