@@ -10,8 +10,9 @@
 #include "engine/device/device_job.h"
 #include "engine/device/device_self_test.h"
 #include "engine/device/router.h"
+#include "engine/calibrate.h"
 #include "engine/base/fp_environment.h"
-#include "engine/query/job.h"
+#include "engine/query/job_state.h"
 #include "engine/query/plan.h"
 #include "engine/scene/pose_store.h"
 #include "engine/narrow/self_test.h"
@@ -223,7 +224,9 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
   const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, impl_->lanes, impl_->light, &impl_->pairs_evaluated,
                            &impl_->contradictions, &impl_->warm, &impl_->trees, impl_->near_by, impl_->device.get(), impl_->router.get()};
-  return Job(make_job(context, std::move(plan), reply));
+  if (context.device && (!context.router || context.router->to_device(plan)))
+    if (auto job = cuda::make_device_job(context, plan, reply)) return Job(std::move(job));
+  return Job(make_cpu_job(context, std::move(plan), reply));
 }
 
 const std::uint64_t Engine::kMostWarmBytes = WarmStore::kMostSimplices * sizeof(WarmSimplex);

@@ -7,70 +7,15 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
+#include "engine/base/counters.h"
+#include "engine/pose/body_pose.h"
+#include "engine/query/job.h"
 #include "engine/query/query.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {
-
-/// A pose update of one body.
-struct BodyPose {
-  std::uint32_t body = kNone;
-  Pose pose;  ///< X_wb; of a body with a parent: X_pb
-};
-
-/// What became of a batch of pose updates. A batch applies as a whole, in one snapshot; bad entries are stored as bad, so
-/// that queries say so, and unknown or static bodies are left out and counted.
-struct PoseUpdateResult {
-  std::uint64_t revision = 0;       ///< of the snapshot that holds the update
-  std::uint32_t applied = 0;
-  std::uint32_t bad = 0;            ///< stored, and answered kBadPose until a good one comes
-  std::uint32_t unknown = 0;        ///< body id outside the scene
-  std::uint32_t fixed = 0;          ///< static body
-};
-
-/// Where a body is, as the newest snapshot has it.
-struct BodyState {
-  Pose X_wb;                      ///< meaningful if `status` is kOk
-  Status status = Status::kNoPose;  ///< kOk, kNoPose or kBadPose
-  std::uint32_t parent = kNone;
-  std::int64_t stamp_ns = 0;      ///< publisher's clock
-  std::int64_t receipt_ns = 0;    ///< our monotonic clock; 0: never moved since load
-};
-
-/// Numbers that a running engine keeps about itself.
-using Counters = std::vector<std::pair<std::string, std::uint64_t>>;
-
-/// A query under way. Holds the snapshot it began with; the columns it writes belong to the caller and must outlive it.
-class Job {
- public:
-  Job(Job&&) noexcept;
-  Job& operator=(Job&&) noexcept;
-  ~Job();
-
-  /// Works for about `budget` (one slice of work at least). Returns true once the answer is whole.
-  bool advance(std::chrono::nanoseconds budget = std::chrono::nanoseconds::max());
-
-  /// Whether this job and `other`, of the same engine and neither of them begun, are small and ask the same of their pairs, so
-  /// that finish_together() may answer both.
-  bool joins(const Job& other) const;
-  /// Completes jobs that all join the first one, as one batch: pairs of one fill the lanes that another would leave idle. Each
-  /// gets the bits that it gets alone. If it throws, none has begun, and each may still be advanced by itself.
-  static void finish_together(std::span<Job* const> jobs);
-
-  const QuerySize& size() const;
-  /// Valid once advance() returned true.
-  const ReplyInfo& info() const;
-
-  struct State;
-
- private:
-  friend class Engine;
-  explicit Job(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
-};
 
 /// Thread-safe: poses may be set while jobs run; each job sees one snapshot.
 class Engine {

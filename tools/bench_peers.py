@@ -60,7 +60,7 @@ def set_up(peers=("coal", "fcl", "bullet")):
     for peer in peers:
         print(f"Build {peer}'s program ...", flush=True)
         where = [f"-DCMAKE_PREFIX_PATH={prefix}"] if peer == "coal" else []
-        run(["cmake", "-S", ROOT / "tests/peers" / peer, "-B", BUILD / peer, "-G", "Ninja", *where])
+        run(["cmake", "-S", ROOT / "bench/peers" / peer, "-B", BUILD / peer, "-G", "Ninja", *where])
         run(["cmake", "--build", BUILD / peer])
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the tables of the README, of docs/latency.md and of docs/cuda.md from the files in docs/results.
+"""Writes the tables of the README and of docs/accuracy.md, docs/latency.md and docs/cuda.md from the files in docs/results.
 
     tools/readme_tables.py            write them
     tools/readme_tables.py --check    exit code 1 if they are not those of the files
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "docs/latency.md", "docs/cuda.md"]
+PAGES = ["README.md", "docs/accuracy.md", "docs/latency.md", "docs/cuda.md"]
 GPU = "gpu_nvidia_h100_80gb_hbm3"
 NAMES = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
 
@@ -49,7 +49,7 @@ def accuracy():
 
     table = markdown(["question", "answers judged", "intervals that miss", "worst error", "widest interval", "wider than asked"],
                      [line(kind, kinds[kind]) for kind in sorted(kinds)])
-    return f"{table}\n\nFrom [docs/results/accuracy.csv](docs/results/accuracy.csv) ({remark}), by `build/bin/clearance-certify`."
+    return f"{table}\n\nFrom [results/accuracy.csv](results/accuracy.csv) ({remark}), by `build/bin/clearance-certify`."
 
 
 def question(row):
@@ -58,19 +58,6 @@ def question(row):
     text = f"{row['pairs']} pair{'s' if row['pairs'] != '1' else ''}"
     text += f" x {configurations} configurations" if configurations else ""
     return text + ("" if row["mode"] == "closed" else f", {float(row['mode']):g} a second")
-
-
-def latency():
-    """Every transport, closed loop and at a fixed rate."""
-    _, rows = read("latency")
-
-    def line(row):
-        return [question(row), NAMES[row["transport"]],
-                *(f"{float(row[key]):,.0f}" for key in ("p50_us", "p99_us", "server_p50_us", "floor_p50_us"))]
-
-    table = markdown(["query", "transport", "p50 [us]", "p99 [us]", "server p50", "floor p50"], [line(row) for row in rows],
-                     words=2)
-    return f"{table}\n\nFrom [docs/results/latency.csv](docs/results/latency.csv), by `tools/bench.py --real-time latency` on {rows[0]['machine']}, {rows[0]['date'][:10]}."
 
 
 def latency_bars():
@@ -157,7 +144,7 @@ def gpu():
     return f"{table}\n\nFrom [docs/results/{GPU}.csv](docs/results/{GPU}.csv) ({device}, and the CPU of the same machine), by `make gpu-bench`."
 
 
-TABLES = {"accuracy": accuracy, "latency": latency, "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
+TABLES = {"accuracy": accuracy, "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
           "gpu_all": gpu_all}
 
 

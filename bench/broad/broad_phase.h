@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/narrow/certify.h"
-#include "engine/query/query.h"
+#include "engine/hull/box.h"
+#include "engine/base/body_pair.h"
 
 namespace clearance {
 

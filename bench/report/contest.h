@@ -15,7 +15,7 @@ struct ContestOptions {
   int threads = 0;      ///< of systems with several; 0: all cores
   bool once = false;    ///< take no care with times
   bool gpu = false;     ///< whether there is one
-  std::string coal;     ///< Coal's program (tests/peers/coal); empty: leave it out
+  std::string coal;     ///< Coal's program (bench/peers/coal); empty: leave it out
   std::string scratch;  ///< folder for its problems
 };
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "engine/narrow/certify.h"
+#include "engine/hull/box.h"
 
 namespace clearance {
 

@@ -13,8 +13,8 @@
 #include <span>
 #include <vector>
 
-#include "engine/narrow/certify.h"
-#include "engine/query/query.h"
+#include "engine/hull/box.h"
+#include "engine/base/body_pair.h"
 
 namespace clearance {
 

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 
+#include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
 #include "engine/hull/direction_table.h"
 #include "engine/device/layout.h"

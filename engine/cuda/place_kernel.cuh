@@ -2,6 +2,7 @@
 #pragma once
 
 #include "engine/hull/box.h"
+#include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
 #include "engine/device/layout.h"
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "engine/device/device.h"
-#include "engine/engine.h"
-#include "engine/query/job.h"
+#include "engine/base/counters.h"
+#include "engine/query/job_state.h"
 
 namespace clearance::cuda {
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
 #include "engine/query/columns.h"
 #include "engine/pose/placed.h"

@@ -5,11 +5,9 @@
 #include <atomic>
 #include <cstdint>
 #include <optional>
-#include <string>
 
 #include "engine/device/device.h"
-#include "engine/cache/cache.h"
-#include "engine/engine.h"
+#include "engine/base/counters.h"
 #include "engine/query/plan.h"
 
 namespace clearance::cuda {
@@ -50,16 +48,6 @@ struct Calibration {
   /// \param open_share of pairs that the CPU has to finish for the device.
   std::optional<double> device_from(QueryKind kind, int hull_size, double open_share) const;
 };
-
-/// Times queries of made-up scenes on both backends: a few hundred ms. \param like threads and instruction set of the CPU.
-Calibration calibrate(const Engine::Options& like, Bodies bodies);
-
-/// What was measured on this machine before, if the cache has kept it under this key.
-std::optional<Calibration> load_calibration(const Cache& cache, const std::string& key);
-/// Leaves it for the next time; where that is not possible, nothing happens.
-void save_calibration(const Cache& cache, const std::string& key, const Calibration& calibration);
-/// What a calibration depends on: device, version, threads, instruction set, bodies.
-std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set, Bodies bodies);
 
 class Router {
  public:

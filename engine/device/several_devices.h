@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/device/device.h"
-#include "engine/engine.h"
+#include "engine/base/counters.h"
 
 namespace clearance::cuda {
 

@@ -1,11 +1,50 @@
-// Boxes put together. For host and device.
+// Boxes that surely hold what stands in them: of placed pieces, put together, and how far apart they are. For host and device.
 #pragma once
 
+#include <cmath>
 #include <limits>
 
-#include "engine/narrow/certify.h"
+#include "engine/base/arithmetic.h"
+#include "engine/base/vec.h"
+#include "engine/hull/piece.h"
 
 namespace clearance {
+
+/// A box aligned with the world's axes, grown outward by its own rounding.
+struct Aabb {
+  Vec3d low, high;
+};
+/// A box that surely holds a placed piece, radius included: around the piece's own box as it stands turned and around the
+/// ball about its centre. \param t_w the body's origin in the world. \param centre, half, spread, rho, radius the piece's.
+CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, double spread, double rho, double radius,
+                                     const Mat3d& R_wb, const Vec3d& t_w) {
+  using std::abs;
+  const Vec3d c = R_wb * centre;
+  Aabb box;
+  for (int k = 0; k < 3; ++k) {
+    const Vec3d& row = R_wb.row[k];
+    const double turned = abs(row.x) * half.x + abs(row.y) * half.y + abs(row.z) * half.z;
+    const double extent = (turned < spread ? turned : spread) + radius;
+    // 16 units cover the rotation, the products and the sums (docs/bounds.md, boxes).
+    const double rounding = 16 * 0x1p-53 * (rho + norm(half) + radius + abs(t_w[k])) + Arithmetic<double>::kUnderflowLength;
+    box.low[k] = (c[k] + t_w[k]) - extent - rounding;
+    box.high[k] = (c[k] + t_w[k]) + extent + rounding;
+  }
+  return box;
+}
+inline Aabb certify_box(const Piece& piece, const Mat3d& R_wb, const Vec3d& t_w) {
+  return certify_box(piece.centre, piece.half, piece.spread, piece.rho, piece.radius, R_wb, t_w);
+}
+/// A lower bound on the distance of whatever two boxes hold; 0 if they touch.
+CLEARANCE_HD inline double certify_box_gap(const Aabb& a, const Aabb& b) {
+  Vec3d gap;
+  for (int k = 0; k < 3; ++k) {
+    const double ahead = b.low[k] - a.high[k], behind = a.low[k] - b.high[k];
+    gap[k] = ahead > 0 ? ahead : 0;
+    if (behind > gap[k]) gap[k] = behind;
+  }
+  return norm(gap) * (1 - 8 * 0x1p-53);
+}
 
 /// Holds nothing (low > high), and adds nothing to what it is joined with.
 inline constexpr Aabb kEmptyBox{{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()},

@@ -8,12 +8,11 @@
 #include <random>
 #include <vector>
 
+#include "engine/base/triangle.h"
 #include "engine/base/vec.h"
 #include "engine/pose/pose.h"
 
 namespace clearance {
-
-using Triangle = std::array<std::uint32_t, 3>;
 
 /// The convex hull of `vertices`, grown by `radius`.
 struct Shape {

@@ -9,7 +9,7 @@
 
 #include "engine/cache/sha256.h"
 #include "engine/base/vec.h"
-#include "engine/hull/shapes.h"
+#include "engine/base/triangle.h"
 
 namespace clearance {
 

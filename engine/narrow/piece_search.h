@@ -11,6 +11,7 @@
 #include <cstdint>
 
 #include "engine/narrow/answer.h"
+#include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
 
 namespace clearance {

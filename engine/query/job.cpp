@@ -1,10 +1,8 @@
-#include "engine/query/job.h"
+#include "engine/query/job_state.h"
 
 #include <algorithm>
 
 #include "engine/query/box_cull.h"
-#include "engine/device/device_job.h"
-#include "engine/device/router.h"
 #include "engine/query/parallel_job.h"
 #include "engine/query/reduction.h"
 
@@ -302,12 +300,6 @@ std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, c
   plan.keep_configurations();
   if (plan.query.reduce == Reduce::kNone) return std::make_unique<DenseJob>(context, std::move(plan), reply);
   return std::make_unique<ReducedJob>(context, std::move(plan), reply);
-}
-
-std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply) {
-  if (context.device && (!context.router || context.router->to_device(plan)))
-    if (auto job = cuda::make_device_job(context, plan, reply)) return job;
-  return make_cpu_job(context, std::move(plan), reply);
 }
 
 }  // namespace clearance

@@ -1,54 +1,43 @@
-// The inside of a Job: a plan carried out in slices, in parallel.
+// A query under way, as its caller sees it.
 #pragma once
 
-#include <atomic>
 #include <chrono>
 #include <memory>
 #include <span>
 
-#include "engine/query/near_pairs.h"
-#include "engine/engine.h"
-#include "engine/query/evaluate.h"
-#include "engine/narrow/lanes.h"
-#include "engine/query/plan.h"
-#include "engine/narrow/warm.h"
+#include "engine/query/query.h"
 
 namespace clearance {
 
-namespace cuda {
-class DeviceBackend;  // engine/device/device_job.h
-class Router;         // engine/device/router.h
-}
+class Engine;
 
-/// What the engine gives each job.
-struct JobContext {
-  const Scene* scene;
-  int threads;
-  bool reference;
-  const LaneKernel* lanes;
-  bool light;                 ///< all bodies are single pieces: a pair takes well under 1 us, not 10
-  std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
-  std::atomic<std::uint64_t>* contradictions;   ///< likewise
-  WarmStore* warm = nullptr;
-  BoxTreeStore* trees = nullptr;
-  NearBy near_by = NearBy::kAuto;
-  cuda::DeviceBackend* device = nullptr;        ///< null: the CPU alone
-  cuda::Router* router = nullptr;               ///< null: whatever the device can answer is the device's
+/// A query under way. Holds the snapshot it began with; the columns it writes belong to the caller and must outlive it.
+class Job {
+ public:
+  Job(Job&&) noexcept;
+  Job& operator=(Job&&) noexcept;
+  ~Job();
+
+  /// Works for about `budget` (one slice of work at least). Returns true once the answer is whole.
+  bool advance(std::chrono::nanoseconds budget = std::chrono::nanoseconds::max());
+
+  /// Whether this job and `other`, of the same engine and neither of them begun, are small and ask the same of their pairs, so
+  /// that finish_together() may answer both.
+  bool joins(const Job& other) const;
+  /// Completes jobs that all join the first one, as one batch: pairs of one fill the lanes that another would leave idle. Each
+  /// gets the bits that it gets alone. If it throws, none has begun, and each may still be advanced by itself.
+  static void finish_together(std::span<Job* const> jobs);
+
+  const QuerySize& size() const;
+  /// Valid once advance() returned true.
+  const ReplyInfo& info() const;
+
+  struct State;
+
+ private:
+  friend class Engine;
+  explicit Job(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
 };
-
-struct Job::State {
-  virtual ~State() = default;
-  virtual bool advance(std::chrono::nanoseconds budget) = 0;
-  virtual const QuerySize& size() const = 0;
-  /// Job::joins() and Job::finish_together().
-  virtual bool joins(const State&) const { return false; }
-  virtual void finish_with(std::span<State* const>) {}  ///< with others that join it
-  ReplyInfo info;
-};
-
-/// On whatever answers it.
-std::unique_ptr<Job::State> make_job(const JobContext& context, Plan plan, const ReplyView& reply);
-/// On the CPU.
-std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply);
 
 }  // namespace clearance

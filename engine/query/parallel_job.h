@@ -10,7 +10,7 @@
 
 #include "engine/query/columns.h"
 #include "engine/base/fp_environment.h"
-#include "engine/query/job.h"
+#include "engine/query/job_state.h"
 
 namespace clearance {
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "engine/narrow/certify.h"
+#include "engine/hull/box.h"
 #include "engine/query/placement.h"
 
 namespace clearance {

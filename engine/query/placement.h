@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "engine/narrow/certify.h"
+#include "engine/hull/box.h"
 #include "engine/query/plan.h"
 
 namespace clearance {

@@ -127,13 +127,20 @@ std::uint32_t written_fields(const QueryView& q) {
   return fields;
 }
 
+// All pairs have changed whatever has, and with a body more or less there is a row more or less for the nearest of each.
+bool still_means(const QueryView& query, const PoseSnapshot& snapshot, const Scene& scene) {
+  return !query.all_pairs &&
+         snapshot.history->still_means(
+             {query.scene_revision, query.bodies, query.pairs, query.reduce == Reduce::kNearest}, snapshot.scene_changes, scene);
+}
+
 }  // namespace
 
 Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
                std::uint64_t max_rows, bool with_configurations) {
   check_numbers(query);
   if (query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision &&
-      !snapshot->history->still_means(query, snapshot->scene_changes, scene))
+      !still_means(query, *snapshot, scene))
     throw QueryError(QueryErrorCode::kWrongScene, "the scene is revision " + std::to_string(snapshot->scene_revision) +
                                                       ", the query is for " + std::to_string(query.scene_revision));
   Plan plan;

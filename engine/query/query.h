@@ -4,23 +4,15 @@
 #include <cstdint>
 #include <limits>
 #include <span>
-#include <stdexcept>
-#include <string>
 #include <string_view>
 
 #include "wire/types.h"
+#include "engine/base/body_pair.h"
+#include "engine/base/query_error.h"
 #include "engine/pose/pose.h"
 
 namespace clearance {
 
-/// Two selectors: body ids, or groups (see kGroupBit, kEveryBody). An answered pair always holds two body ids.
-struct BodyPair {
-  std::uint32_t a = kNone;
-  std::uint32_t b = kNone;
-  friend bool operator==(const BodyPair&, const BodyPair&) = default;
-  friend auto operator<=>(const BodyPair&, const BodyPair&) = default;
-};
-static_assert(sizeof(BodyPair) == 8);
 
 /// A batch of minimum-distance questions. Views must stay valid until the job is done.
 struct QueryView {
@@ -97,19 +89,6 @@ struct ReplyInfo {
   std::uint64_t scene_revision = 0;
   std::uint64_t pairs_evaluated = 0;      ///< pair-configurations that boxes alone did not answer
   std::string_view backend;               ///< that answered: "cpu", "cuda" or "reference"
-};
-
-/// Why a query as a whole cannot be answered. A bad pose or an unknown body is a Status of its rows, not an error.
-enum class QueryErrorCode : std::uint16_t {
-  kBadQuery = 1,       ///< a malformed value; the text says which
-  kWrongScene = 2,     ///< the caller knows another scene revision
-  kTooLarge = 3,       ///< more rows than allowed
-  kNotSupported = 4,   ///< legal, but this build or backend cannot
-};
-
-struct QueryError : std::runtime_error {
-  QueryError(QueryErrorCode c, const std::string& what) : std::runtime_error(what), code(c) {}
-  QueryErrorCode code;
 };
 
 }  // namespace clearance

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "engine/query/query.h"
+#include "engine/base/body_pair.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {

@@ -9,7 +9,8 @@
 #include <span>
 #include <vector>
 
-#include "engine/engine.h"
+#include "engine/base/query_error.h"
+#include "engine/pose/body_pose.h"
 #include "engine/scene/pair_table.h"
 #include "engine/pose/placed.h"
 #include "engine/scene/scene_history.h"

@@ -134,16 +134,14 @@ bool SceneHistory::still_means(std::uint64_t revision, std::uint64_t changes, st
          });
 }
 
-bool SceneHistory::still_means(const QueryView& query, std::uint64_t changes, const Scene& scene) const {
+bool SceneHistory::still_means(const Question& question, std::uint64_t changes, const Scene& scene) const {
   const std::lock_guard lock(mutex_);
   std::uint64_t since = 0, of_groups = 0;
-  // All pairs have changed whatever has, and with a body more or less there is a row more or less for the nearest of
-  // each.
-  if (query.all_pairs || !find(query.scene_revision, changes, since)) return false;
-  if (query.reduce == Reduce::kNearest && bodies_changed_ > since) return false;
-  for (const std::uint32_t body : query.bodies)
+  if (!find(question.revision, changes, since)) return false;
+  if (question.a_row_for_each_body && bodies_changed_ > since) return false;
+  for (const std::uint32_t body : question.bodies)
     if (!unchanged(body, since, true)) return false;
-  for (const BodyPair pair : query.pairs) {
+  for (const BodyPair pair : question.pairs) {
     if (!unchanged(pair.a, since, false) || !unchanged(pair.b, since, false)) return false;
     if (!((pair.a | pair.b) & kGroupBit)) continue;
     of_groups += pairs_.size();

@@ -8,7 +8,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "engine/query/query.h"
+#include "engine/base/body_pair.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {
@@ -36,8 +36,15 @@ class SceneHistory {
   /// that those bodies have the parents that they had: their poses are relative to them.
   bool still_means(std::uint64_t revision, std::uint64_t changes, std::span<const std::uint32_t> selectors,
                    bool with_parents) const;
-  /// Whether a query has the same bodies and pairs, in the same order. \param scene the one after the changes.
-  bool still_means(const QueryView& query, std::uint64_t changes, const Scene& scene) const;
+  /// What a query names of the scene.
+  struct Question {
+    std::uint64_t revision;                 ///< the scene that it was asked of
+    std::span<const std::uint32_t> bodies;  ///< that it moves
+    std::span<const BodyPair> pairs;        ///< selectors
+    bool a_row_for_each_body;
+  };
+  /// Whether a question has the same bodies and pairs, in the same order. \param scene the one after the changes.
+  bool still_means(const Question& question, std::uint64_t changes, const Scene& scene) const;
 
  private:
   struct ChangedPair {

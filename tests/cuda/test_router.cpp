@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "engine/cache/cache.h"
-#include "engine/device/router.h"
+#include "engine/calibrate.h"
 #include "same_answer.h"
 #include "stand_in_device.h"
 

@@ -1,4 +1,5 @@
-// How long queries take on this machine's CPU and device, and where that is kept.
+#include "engine/calibrate.h"
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -6,9 +7,6 @@
 #include <random>
 #include <span>
 #include <type_traits>
-
-#include "engine/cache/cache.h"
-#include "engine/device/router.h"
 
 namespace clearance::cuda {
 
