@@ -18,7 +18,7 @@ file(WRITE "${OUT}" "// Made by cmake/AlgorithmVersion.cmake.
 
 namespace clearance {
 
-inline constexpr const char* kAlgorithmVersion = \"${_version}\";  ///< of the engine's text and its libraries
+inline constexpr const char* kAlgorithmVersion = \"${_version}\";  ///< of the engine's code and its libraries
 
 }  // namespace clearance
 ")

@@ -1,4 +1,4 @@
-// What lets one algorithm text run on a scalar, on a SIMD pack and on a GPU thread: masks, selection, small integers.
+// What lets one piece of code run on a scalar, on a SIMD pack and on a GPU thread: masks, selection, small integers.
 //
 // A scalar T is a pack of one lane: its masks are bool and select() is the conditional operator. pack.h gives the same words
 // to Highway's vectors. Code written with them never branches on a lane's value, only on any(mask): what no lane needs is

@@ -1,4 +1,4 @@
-// One pair in one thread: gjk.h's text, bounds by certify.h's, columns by columns.h's.
+// One pair in one thread: gjk.h's iteration, bounds by certify.h's, columns by columns.h's.
 //
 // Every operation is rounded as on the CPU (--fmad=false, IEEE division and roots), so that an answer has the bits of
 // the CPU's lanes (lanes_kernel.h), in float64 and in float32, whose kernel this is with a thread for a lane.

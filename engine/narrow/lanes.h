@@ -1,6 +1,6 @@
 // GJK for many pairs of hulls at once, one pair in each SIMD lane.
 //
-// The text is gjk.h's; what is added is how lanes are filled: a lane that ends hands its result out and takes the next pair.
+// The iteration is gjk.h's; what is added is how lanes are filled: a lane that ends hands its result out and takes the next pair.
 // Pairs of the same two hulls walk the same vertices, a vertex at a time for all lanes. Pairs of different hulls look for
 // their farthest vertices lane after lane, several vertices at a time, and do everything else side by side.
 // Each float64 lane computes exactly what one pair alone would: the bits do not depend on the instruction set or the neighbours.

@@ -1,4 +1,4 @@
-// The lanes' text (lanes.h), compiled once for each instruction set: see lanes_avx512.cpp and its neighbours.
+// The lanes' code (lanes.h), compiled once for each instruction set: see lanes_avx512.cpp and its neighbours.
 //
 // It uses nothing but packs, plain arrays and templates over them: a function shared with other files might be linked from
 // here and then use instructions that the machine does not have.

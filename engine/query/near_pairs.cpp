@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Measured (docs/results/broad.csv): below so many bodies an asker's walk through a tree takes longer than comparing all.
+// Measured (docs/results/broad.csv): below so many bodies a probe's walk through a tree takes longer than comparing all.
 constexpr std::uint64_t kTreeFromBodies = 64;
 // A walk through a tree takes as long as comparing so many pairs of boxes.
 constexpr std::uint64_t kPairsPerWalk = 32;
@@ -26,8 +26,8 @@ NearBy near_by_name(std::string_view name) {
   throw std::invalid_argument("broad phase: expected auto, brute or tree, got '" + std::string(name) + "'");
 }
 
-bool tree_pays(std::uint64_t bodies, std::uint64_t pairs, std::uint64_t askers) {
-  return bodies >= kTreeFromBodies && pairs >= kPairsPerWalk * askers;
+bool tree_pays(std::uint64_t bodies, std::uint64_t pairs, std::uint64_t probes) {
+  return bodies >= kTreeFromBodies && pairs >= kPairsPerWalk * probes;
 }
 
 std::unique_ptr<BoxTree> BoxTreeStore::take() {
@@ -59,7 +59,7 @@ std::uint64_t BoxTreeStore::builds() const {
 NearPairs::NearPairs(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes, BoxTreeStore& store, NearBy by)
     : store_(store), bodies_(static_cast<std::uint32_t>(scene.bodies().size())) {
   const bool everything = plan.query.reduce == Reduce::kWithin && plan.query.max_distance == kInf;
-  if (by == NearBy::kBrute || boxes.empty() || everything || !find_askers(plan, by == NearBy::kTree)) return;
+  if (by == NearBy::kBrute || boxes.empty() || everything || !find_probes(plan, by == NearBy::kTree)) return;
   tree_ = store_.take();
   builds_before_ = tree_->builds();
   std::vector<std::uint32_t> ids(bodies_);
@@ -71,11 +71,11 @@ NearPairs::NearPairs(const Scene& scene, const Plan& plan, std::span<const Aabb>
     for (const std::uint32_t b : plan.moved) staying[b] = {{kInf, kInf, kInf}, {-kInf, -kInf, -kInf}};
     tree_->fit(ids, staying);
   }
-  // In the tree's order an asker finds in the caches what the one before it has read.
+  // In the tree's order a probe finds in the caches what the one before it has read.
   std::vector<std::uint32_t> in_order;
   for (const std::uint32_t b : tree_->order())
     if (b != kNone && asks_[b]) in_order.push_back(b);
-  askers_ = std::move(in_order);
+  probes_ = std::move(in_order);
 }
 
 NearPairs::~NearPairs() {
@@ -85,7 +85,7 @@ NearPairs::~NearPairs() {
 }
 
 // The body with more pairs asks for a pair. False if there is no tree for these pairs or it would not pay.
-bool NearPairs::find_askers(const Plan& plan, bool always) {
+bool NearPairs::find_probes(const Plan& plan, bool always) {
   asks_.assign(bodies_, 0);
   if (plan.pairs.is_whole_table() && plan.query.configuration_count == 0) {
     table_ = plan.pairs.table();
@@ -105,15 +105,15 @@ bool NearPairs::find_askers(const Plan& plan, bool always) {
     ++pairs_of[a], ++pairs_of[b];
   }
   row_begin_.assign(bodies_ + 1, 0);
-  std::uint64_t askers = 0;
+  std::uint64_t probes = 0;
   for (const auto [a, b] : list_) {
     std::uint8_t& one = asks_[pairs_of[a] >= pairs_of[b] ? a : b];
-    askers += !one;
+    probes += !one;
     one = 1;
     ++row_begin_[a + 1];
   }
   std::partial_sum(row_begin_.begin(), row_begin_.end(), row_begin_.begin());
-  return always || tree_pays(bodies_, list_.size(), askers);
+  return always || tree_pays(bodies_, list_.size(), probes);
 }
 
 std::uint64_t NearPairs::position(std::uint32_t a, std::uint32_t b) const {

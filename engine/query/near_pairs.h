@@ -1,7 +1,7 @@
 // Which pairs of a query may be near, without a look at each: a tree over the bodies' boxes where it pays.
 //
-// The pairs are found by askers: bodies of which every pair of the query has one. Of a scene's whole table all bodies ask;
-// of moved bodies or a group against everything, those few do. An asker looks among bodies that stay where the snapshot has
+// The pairs are found by probes: bodies of which every pair of the query has one. Of a scene's whole table all bodies ask;
+// of moved bodies or a group against everything, those few do. A probe looks among bodies that stay where the snapshot has
 // them, in a tree that the engine keeps from query to query, and among those that a configuration moves, in a tree of the
 // worker's own.
 #pragma once
@@ -26,7 +26,7 @@ NearBy near_by_name(std::string_view name);
 
 /// The policy of kAuto: whether a tree is expected to be faster than comparing the boxes of all pairs, eight at a time. Measured by
 /// clearance-broad (docs/performance.md).
-bool tree_pays(std::uint64_t bodies, std::uint64_t pairs, std::uint64_t askers);
+bool tree_pays(std::uint64_t bodies, std::uint64_t pairs, std::uint64_t probes);
 
 /// The trees of the last queries, which fit to the next ones if bodies have moved but a little. Thread-safe; a tree belongs
 /// to one job at a time.
@@ -62,7 +62,7 @@ class NearPairs {
   /// Whether the pairs are all of the scene's table, and nothing moves.
   bool whole_table() const { return table_ != nullptr; }
   const BoxTree& tree() const { return *tree_; }          ///< of bodies that stay
-  std::span<const std::uint32_t> askers() const { return askers_; }  ///< neighbours near each other
+  std::span<const std::uint32_t> probes() const { return probes_; }  ///< neighbours near each other
   bool asks(std::uint32_t body) const { return asks_[body]; }
   /// Where the query has a pair, in either order; kNowhere: it does not ask for it.
   std::uint64_t position(std::uint32_t a, std::uint32_t b) const;
@@ -70,14 +70,14 @@ class NearPairs {
   std::uint64_t first_position(std::uint32_t body) const;
 
  private:
-  bool find_askers(const Plan& plan, bool always);
+  bool find_probes(const Plan& plan, bool always);
 
   BoxTreeStore& store_;
   const PairTable* table_ = nullptr;
   std::uint32_t bodies_;
   std::span<const BodyPair> list_;
   std::vector<std::uint64_t> row_begin_;  // (N + 1,) of list_
-  std::vector<std::uint32_t> askers_;
+  std::vector<std::uint32_t> probes_;
   std::vector<std::uint8_t> asks_;
   std::unique_ptr<BoxTree> tree_;
   std::uint64_t builds_before_ = 0;
@@ -101,8 +101,8 @@ class TreeSearch {
   };
   /// The least of `best` and of the query's pairs of a body.
   Seed nearest(std::uint32_t body, Seed best) const;
-  /// Appends where the query has the pairs of an asker whose gap is <= margin. \param all false: only those that no other
-  /// asker finds as well.
+  /// Appends where the query has the pairs of a probe whose gap is <= margin. \param all false: only those that no other
+  /// probe finds as well.
   void around(std::uint32_t body, double margin, bool all, std::vector<std::uint64_t>& positions) const;
   /// Appends where a whole table has the pairs of a body in blocks [first, last) of the tree and a body there or in a later
   /// one, whose gap is <= margin.

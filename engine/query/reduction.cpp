@@ -10,13 +10,13 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
-constexpr std::uint64_t kAskers = 64;     // bodies whose pairs one unit looks for in a tree
+constexpr std::uint64_t kProbes = 64;     // bodies whose pairs one unit looks for in a tree
 constexpr std::uint64_t kTreeBlocks = 8;  // ... or blocks of such
 constexpr std::uint64_t kEvaluate = 256;  // pairs that one unit answers
 constexpr std::uint64_t kAtFirst = 8;     // of them, where the first that overlaps ends it; then twice as many, and so on
 
 // What takes one thread a tenth of a millisecond or more.
-constexpr std::uint64_t kManyAskers = 512, kManyPairs = 65536, kManyAnswers = 1024;
+constexpr std::uint64_t kManyProbes = 512, kManyPairs = 65536, kManyAnswers = 1024;
 
 std::uint64_t blocks(std::uint64_t count, std::uint64_t size) { return (count + size - 1) / size; }
 
@@ -67,7 +67,7 @@ std::uint64_t Reduction::units() const {
     case kScan:
       if (by_tree_ && near_pairs_.whole_table() && !per_body()) return blocks(near_pairs_.tree().blocks(), kTreeBlocks);
       [[fallthrough]];
-    case kSeedScan: return by_tree_ ? blocks(near_pairs_.askers().size(), kAskers) : blocks(plan_.pairs.size(), kBlock);
+    case kSeedScan: return by_tree_ ? blocks(near_pairs_.probes().size(), kProbes) : blocks(plan_.pairs.size(), kBlock);
     case kSeeds: return blocks(seeds_.size(), kEvaluate);
     case kCandidates: return blocks(candidates_.size(), kEvaluate);
     case kDone: break;
@@ -79,7 +79,7 @@ bool Reduction::worth_threads(bool light) const {
   const std::uint64_t many_answers = light ? kManyAnswers : kManyAnswers / 16;
   switch (stage_) {
     case kSeedScan:
-    case kScan: return by_tree_ ? near_pairs_.askers().size() >= kManyAskers : plan_.pairs.size() >= kManyPairs;
+    case kScan: return by_tree_ ? near_pairs_.probes().size() >= kManyProbes : plan_.pairs.size() >= kManyPairs;
     case kSeeds: return seeds_.size() >= many_answers;
     case kCandidates: return candidates_.size() >= many_answers;
     case kDone: break;
@@ -159,12 +159,12 @@ void Reduction::scan(std::uint64_t block, WorkerState& worker, const Placement& 
 
 void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
   worker.search.stand(placement);
-  const std::span<const std::uint32_t> askers = near_pairs_.askers();
-  for (std::uint64_t i = block * kAskers; i < std::min<std::uint64_t>(askers.size(), (block + 1) * kAskers); ++i) {
-    Seed& seed = worker.seed[per_body() ? askers[i] : 0];
-    seed = worker.search.nearest(askers[i], seed);
+  const std::span<const std::uint32_t> probes = near_pairs_.probes();
+  for (std::uint64_t i = block * kProbes; i < std::min<std::uint64_t>(probes.size(), (block + 1) * kProbes); ++i) {
+    Seed& seed = worker.seed[per_body() ? probes[i] : 0];
+    seed = worker.search.nearest(probes[i], seed);
     // Where no pair has boxes, the first stands for all.
-    if (per_body() && seed.gap == kInf) seed.position = near_pairs_.first_position(askers[i]);
+    if (per_body() && seed.gap == kInf) seed.position = near_pairs_.first_position(probes[i]);
   }
   if (!per_body() && block == 0) worker.seed[0] = std::min(worker.seed[0], Seed{kInf, 0});
 }
@@ -177,9 +177,9 @@ void Reduction::scan_by_tree(std::uint64_t block, WorkerState& worker, const Pla
     const auto last = std::min<std::uint32_t>(near_pairs_.tree().blocks(), first + kTreeBlocks);
     return worker.search.pairs(first, last, cutoff_[0], worker.candidates);
   }
-  const std::span<const std::uint32_t> askers = near_pairs_.askers();
-  for (std::uint64_t i = block * kAskers; i < std::min<std::uint64_t>(askers.size(), (block + 1) * kAskers); ++i)
-    worker.search.around(askers[i], cutoff_[per_body() ? askers[i] : 0], per_body(), worker.candidates);
+  const std::span<const std::uint32_t> probes = near_pairs_.probes();
+  for (std::uint64_t i = block * kProbes; i < std::min<std::uint64_t>(probes.size(), (block + 1) * kProbes); ++i)
+    worker.search.around(probes[i], cutoff_[per_body() ? probes[i] : 0], per_body(), worker.candidates);
 }
 
 // Nothing is proved about pairs of bodies that cannot be placed: within a distance all of them are answered.

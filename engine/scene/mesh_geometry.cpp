@@ -24,7 +24,7 @@ const Mesh& MeshFile::mesh() {
   return *mesh_;
 }
 
-// Everything that a geometry depends on: the engine's text, the program that reads meshes, the file, the recipe.
+// Everything that a geometry depends on: the engine's code, the program that reads meshes, the file, the recipe.
 std::string MeshGeometries::name_of(const Sha256Digest& file, const std::string& path, const MeshRecipe& recipe) {
   CacheKey key("mesh", kAlgorithmVersion);
   {

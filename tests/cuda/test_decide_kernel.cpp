@@ -1,4 +1,4 @@
-// The kernel that decides configurations (engine/cuda/decide_kernel.cuh), without a GPU: its text compiled for the
+// The kernel that decides configurations (engine/cuda/decide_kernel.cuh), without a GPU: its code compiled for the
 // host, its rows held against the CPU's, bit by bit.
 #include "emulated_scene.h"
 

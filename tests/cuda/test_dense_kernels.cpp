@@ -1,4 +1,4 @@
-// The kernels of dense queries (engine/cuda/group_kernel.cuh), without a GPU: their text compiled for the host, rows
+// The kernels of dense queries (engine/cuda/group_kernel.cuh), without a GPU: their code compiled for the host, rows
 // held against the CPU's, bit by bit.
 #include <set>
 

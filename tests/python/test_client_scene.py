@@ -78,12 +78,12 @@ def test_keys(start_daemon, cell, tmp_path, monkeypatch):
         return subprocess.run([PROGRAM, "keygen", file], check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
 
     keygen(keys / "server.key")
-    (keys / "authorized").write_text(f"{keygen(tmp_path / 'asker.key')} query asker\n")
+    (keys / "authorized").write_text(f"{keygen(tmp_path / 'probe.key')} query probe\n")
     keygen(tmp_path / "stranger.key")
     url = start_daemon(cell, ["tcp"], "--keys", str(keys)).urls["tcp"]
     server = keys / "server.key.pub"
 
-    with clearance.connect(url, server_key=server, key=tmp_path / "asker.key") as client:
+    with clearance.connect(url, server_key=server, key=tmp_path / "probe.key") as client:
         assert client.distances(reduce="min").upper.shape == (1,)
         with pytest.raises(clearance.RequestError, match='needs the right "poses"; this client has query') as refused:
             client.set_poses({"cup": at(0, 0, 3)})
@@ -95,7 +95,7 @@ def test_keys(start_daemon, cell, tmp_path, monkeypatch):
     monkeypatch.setenv("CLEARANCE_SERVER_KEY", str(server))
     with pytest.raises(ValueError, match="key is missing"):
         clearance.connect(url)
-    monkeypatch.setenv("CLEARANCE_KEY", str(tmp_path / "asker.key"))
+    monkeypatch.setenv("CLEARANCE_KEY", str(tmp_path / "probe.key"))
     assert clearance.connect(url).bodies
 
 

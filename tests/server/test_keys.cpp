@@ -50,9 +50,9 @@ class Keys : public testing::Test {
     std::filesystem::create_directory(folder_ / "keys");
     chmod((folder_ / "keys").c_str(), 0700);
     make("keys/server.key");
-    for (const char* name : {"all", "asker", "mover", "stranger"}) make(std::string(name) + ".key");
+    for (const char* name : {"all", "probe", "mover", "stranger"}) make(std::string(name) + ".key");
     authorize("query,poses,admin all", "all.key");
-    authorize("query asker", "asker.key");
+    authorize("query probe", "probe.key");
     authorize("poses mover of arms", "mover.key");
   }
   std::string make(const std::string& name) {
@@ -107,7 +107,7 @@ TEST_F(Keys, EachMayDoWhatTheListSays) {
     const char* key;
     bool query, poses, admin;
   };
-  for (const Case& c : {Case{"all", true, true, true}, {"asker", true, false, false}, {"mover", false, true, false}}) {
+  for (const Case& c : {Case{"all", true, true, true}, {"probe", true, false, false}, {"mover", false, true, false}}) {
     Client client = come(c.key);
     EXPECT_EQ(may(client, ask), c.query) << c.key;
     EXPECT_EQ(may(client, move), c.poses) << c.key;
@@ -116,8 +116,8 @@ TEST_F(Keys, EachMayDoWhatTheListSays) {
   }
   EXPECT_TRUE(contains(daemon_->log(), "event=key_accepted address=127.0.0.1"));
   EXPECT_TRUE(contains(daemon_->log(), "name=\"mover of arms\" rights=poses"));
-  Client asker = come("asker");
-  EXPECT_EQ(thrown_by<RequestError>([&] { asker.reload(); }),
+  Client probe = come("probe");
+  EXPECT_EQ(thrown_by<RequestError>([&] { probe.reload(); }),
             "kReload needs the right \"admin\"; this client has query");
 }
 
@@ -129,7 +129,7 @@ TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
   EXPECT_TRUE(contains(daemon_->log(), "event=zmq_refused more=0 reason=\"this key is not authorized\" address=127.0.0.1"));
   EXPECT_TRUE(contains(daemon_->log(), read_public_key(folder_ / "stranger.key")));
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { patient(daemon_->url()); }), "the daemon there wants keys"));
-  EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url(), with("all", "asker.key.pub")); }),
+  EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url(), with("all", "probe.key.pub")); }),
                        "the daemon there has another key than server_key"));
   EXPECT_GE(counter("zmq.refused"), 3u);
   ask(witness);  // as if nothing had been
@@ -137,8 +137,8 @@ TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
 
 TEST_F(Keys, AKeyThatIsStruckOffLosesItsRightsAndOneThatIsAddedComesIn) {
   start();
-  Client asker = come("asker");
-  ask(asker);
+  Client probe = come("probe");
+  ask(probe);
   const std::string all = read_public_key(folder_ / "all.key");
   {
     std::ofstream list(folder_ / "keys/next");
@@ -147,7 +147,7 @@ TEST_F(Keys, AKeyThatIsStruckOffLosesItsRightsAndOneThatIsAddedComesIn) {
   std::filesystem::rename(folder_ / "keys/next", folder_ / "keys/authorized");
   Client stranger = come("stranger");  // the list is looked at when somebody knocks
   ask(stranger);
-  EXPECT_EQ(thrown_by<RequestError>([&] { ask(asker); }), "kQuery needs the right \"query\"; this client has nothing");
+  EXPECT_EQ(thrown_by<RequestError>([&] { ask(probe); }), "kQuery needs the right \"query\"; this client has nothing");
   EXPECT_TRUE(contains(daemon_->log(), "event=keys_read keys=2"));
 
   // A list that cannot be read changes nothing.
@@ -159,7 +159,7 @@ TEST_F(Keys, AKeyThatIsStruckOffLosesItsRightsAndOneThatIsAddedComesIn) {
 
 TEST_F(Keys, InTheUrlAndInTheEnvironment) {
   start();
-  const std::string server = folder_ / "keys/server.key.pub", own = folder_ / "asker.key";
+  const std::string server = folder_ / "keys/server.key.pub", own = folder_ / "probe.key";
   const auto query = [&](const std::string& url, const std::vector<std::string>& environment) {
     return run({program("clearance"), "bodies", "--connect", url}, environment);
   };
@@ -189,7 +189,7 @@ TEST_F(Keys, WithThemOtherAddressesAreOpened) {
   const std::string scene = folder_.write("scene.yaml", kSmallSceneYaml);
   Daemon daemon({"--scene", scene, "--zmq", "tcp://0.0.0.0:*", "--keys", folder_ / "keys"});
   const std::string port = daemon.url().substr(daemon.url().rfind(':'));
-  Client client = connect("tcp://127.0.0.1" + port, with("asker"));
+  Client client = connect("tcp://127.0.0.1" + port, with("probe"));
   ask(client);
 }
 
@@ -210,7 +210,7 @@ TEST_F(Keys, FilesThatWillNotDoEndTheDaemonWith4) {
   chmod((folder_ / "keys").c_str(), 0777);
   EXPECT_TRUE(contains(said(), "/keys: others may write to it"));
   chmod((folder_ / "keys").c_str(), 0700);
-  authorize("query again", "asker.key");
+  authorize("query again", "probe.key");
   EXPECT_TRUE(contains(said(), "authorized:4: this key was there before"));
   std::ofstream{list} << read_public_key(folder_ / "all.key") << " everything\n";
   EXPECT_TRUE(contains(said(), "authorized:1: \"everything\" is no right"));
