@@ -54,6 +54,11 @@ CLEARANCE_HD inline T squared_norm(const Vec3<T>& a) {
 }
 
 template <class T>
+CLEARANCE_HD inline bool is_zero(const Vec3<T>& a) {
+  return a.x == T(0) && a.y == T(0) && a.z == T(0);
+}
+
+template <class T>
 CLEARANCE_HD inline T norm(const Vec3<T>& a) {
   using std::sqrt;
   return sqrt(dot(a, a));

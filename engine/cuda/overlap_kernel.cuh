@@ -33,8 +33,7 @@ __device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a
   if (!(ball > 0) || !(ball - rounding_error(double(RoundingUnits<double>::kBall), scale) > 0)) return false;
   if (!one_side && !is_surrounded(w, faces, 4, ball)) return false;
 
-  answer.distance = answer.lower = answer.upper = 0;
-  answer.status = Status::kOverlap;
+  decide({}, -__builtin_inf(), 0, [] { return 0.0; }, answer);
   if (c.question.want_nonsmooth) answer.flags |= kFlagNonsmooth;
   if (!c.question.want_points) return true;
   const Simplex<double> around = around_origin(s.vertex, faces, 4);

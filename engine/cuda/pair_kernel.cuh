@@ -6,6 +6,7 @@
 
 #include <type_traits>
 
+#include "engine/narrow/pair_run.h"
 #include "engine/narrow/witness.h"
 #include "engine/cuda/hull.cuh"
 
@@ -30,23 +31,12 @@ template <class T>
 __device__ inline Mat3<T> cast(const Mat3d& m) {
   return {{clearance::cast<T>(m.row[0]), clearance::cast<T>(m.row[1]), clearance::cast<T>(m.row[2])}};
 }
-__device__ inline bool is_zero(const Vec3d& v) {
-  return v.x == 0 && v.y == 0 && v.z == 0;
-}
 
 template <class T>
 __device__ inline Place<T> place_pair(const Where& at_a, const HullHead& a, const Where& at_b, const HullHead& b) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
-  Vec3d D = at_b.translation() - at_a.translation();
-  if constexpr (!kIsF32<T>) {
-    return {R_wa, R_wb, D};
-  } else {
-    const double size = a.rho + b.rho + a.radius + b.radius + fabs(D.x) + fabs(D.y) + fabs(D.z);
-    if (!is_zero(a.centre)) D -= R_wa * a.centre;
-    if (!is_zero(b.centre)) D += R_wb * b.centre;
-    return {cast<float>(R_wa), cast<float>(R_wb), clearance::cast<float>(D),
-            static_cast<float>(16 * 0x1p-53 * (1 + 0x1p-20) * size), size < 1e6};
-  }
+  const PairOffset<T> offset = pair_offset<T>(a, R_wa, at_a.translation(), b, R_wb, at_b.translation());
+  return {cast<T>(R_wa), cast<T>(R_wb), clearance::cast<T>(offset.D), offset.extra, offset.fits};
 }
 
 // The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
@@ -73,25 +63,21 @@ enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
 template <class Hull>
 struct Run {
   using T = typename Hull::T;
+  using Setup = RunSetup<T>;
   Gjk<T> g;
   T radius, scale;
 
   __device__ Run(const Question& q, const Hull& a, const Hull& b, const Place<T>& at)
       : radius(static_cast<T>(a.radius() + b.radius())), q_(q), a_(a), b_(b), at_(at) {
     const Vec3<T>& D = at.D;
-    scale = pair_scale(D, size_of(*a.head), size_of(*b.head), radius);
-    limits_.rel_tol = static_cast<T>(q.rel_tol / 2);
-    limits_.abs_tol = static_cast<T>(q.abs_tol / 2);
+    scale = pair_scale(D, reach_of<T>(*a.head), reach_of<T>(*b.head), radius);
+    limits_ = run_limits<T>(q.abs_tol, q.rel_tol, radius > 0, q.max_distance < Setup::kUnbounded);
     limits_.radius = radius;
-    limits_.squared = !(radius > 0) && q.abs_tol == 0;
-    limits_.bounded = q.max_distance < (kIsF32<T> ? 1e15 : 1e150);
-    if (limits_.bounded)
-      limits_.max_distance = cut_off() + radius + T(2) * rounding_error(T(RoundingUnits<T>::kLower), scale);
-    if constexpr (kIsF32<T>)
-      g.v = Vec3<T>{0, 0, 0} - D;
+    if (limits_.bounded) limits_.max_distance = core_cut_off_at(cut_off(), radius, scale);
+    if constexpr (Setup::kFromCentres)
+      g.v = first_direction(Vec3<T>{0, 0, 0} - D);
     else
-      g.v = at.R_wa * a.head->centre - at.R_wb * b.head->centre - D;
-    if (!(squared_norm(g.v) > 0)) g.v.x = 1;
+      g.v = first_direction(at.R_wa * a.head->centre - at.R_wb * b.head->centre - D);
   }
   // Begins where an earlier run ended.
   __device__ void begin_at(const WarmRow& warm) {
@@ -127,18 +113,12 @@ struct Run {
   }
   __device__ RunBounds<T> bounds() const {
     return {
-        g,        radius, scale, cut_off(), static_cast<T>(q_.abs_tol * kStrict), static_cast<T>(q_.rel_tol * kStrict),
+        g, radius, scale, cut_off(), static_cast<T>(q_.abs_tol * Setup::kStrict), static_cast<T>(q_.rel_tol * Setup::kStrict),
         at_.extra};
   }
 
  private:
-  // Comparisons in float32 err by its rounding: ask for a little more.
-  static constexpr double kStrict = kIsF32<T> ? 1 - 0x1p-20 : 1, kMore = kIsF32<T> ? 1 + 0x1p-20 : 1;
-
-  __device__ T cut_off() const { return static_cast<T>(q_.max_distance * kMore); }
-  __device__ static T size_of(const HullHead& h) {
-    return static_cast<T>(kIsF32<T> ? h.spread * (1 + 0x1p-20) : h.rho);
-  }
+  __device__ T cut_off() const { return static_cast<T>(q_.max_distance * Setup::kMore); }
   __device__ CsoVertex<T> cso_vertex(std::uint32_t a, std::uint32_t b) const {
     return {at_.R_wa * a_.vertex(a) - at_.R_wb * b_.vertex(b) - at_.D, a, b};
   }
@@ -173,21 +153,7 @@ __device__ inline LaneWitness witness_of(const Gjk<T>& g, const RunBounds<T>& bo
     w.b[i] = g.simplex.vertex[i].b;
     w.share[i] = bounds.nearest.share[i];
   }
-  if constexpr (!kIsF32<T>) {
-    w.v_length = bounds.v_length;
-    w.separation_length = bounds.length;
-  } else {
-    // Float32 lengths are right in float32 only. So are shares, which would put the points outside their pieces.
-    w.v_length = norm(w.v);
-    w.separation_length = norm(w.separation);
-    double sum = 0;
-    CLEARANCE_UNROLL
-    for (std::uint32_t i = 0; i < 3; ++i)
-      if (i < w.size) sum += w.share[i];
-    CLEARANCE_UNROLL
-    for (std::uint32_t i = 0; i < 3; ++i)
-      if (i < w.size) w.share[i] /= sum;
-  }
+  take_lengths<T>(w, bounds.v_length, bounds.length);
   return w;
 }
 
@@ -203,12 +169,7 @@ template <bool kLean, class T, class Hull>
 __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hulls, const Where& at_a,
                                     const Where& at_b, const Place<T>& at, const Gjk<T>& g, const RunBounds<T>& bounds,
                                     PairAnswer& answer) {
-  const double lower = bounds.lower, upper = bounds.upper;
-  const bool beyond = lower > q.max_distance;
-  answer.status = beyond ? Status::kBeyond : Status::kOk;
-  answer.lower = lower;
-  answer.upper = upper;
-  answer.distance = beyond ? lower : upper;
+  decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
   if (!q.want_points) return;
   const LaneWitness w = witness_of(g, bounds);
   if (!kLean) {
@@ -218,7 +179,7 @@ __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hu
       settled_points(hulls.a, at_a.rotation(), hulls.b, at_b.rotation(), w, answer.point_a, answer.point_b);
     else
       settled_points(hulls.a, at.R_wa, hulls.b, at.R_wb, w, answer.point_a, answer.point_b);
-    if (beyond) answer.point_a = answer.point_b = no_point();
+    if (answer.status == Status::kBeyond) answer.point_a = answer.point_b = no_point();
   }
 }
 
@@ -300,19 +261,8 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
 // The answer of an item of a chunk that needs no look at the hulls, if it has one, and the flags of its bodies.
 __device__ inline bool answer_without_pieces(const Question& q, const Where& at_a, const Where& at_b,
                                              PairAnswer& answer) {
-  const std::uint16_t flags = flags_of(at_a, at_b);
-  answer.flags = flags;
-  if (const Status status = pair_status(at_a.status(), at_b.status()); status != Status::kOk) {
-    answer = no_answer(status);
-    answer.flags = flags;
-    return true;
-  }
-  if (!q.cull) return false;
-  const double gap = certify_box_gap(at_a.box(), at_b.box());
-  if (!(gap > q.max_distance)) return false;
-  answer = beyond_answer(gap);
-  answer.flags = flags;
-  return true;
+  return answer_without_pieces(at_a.status(), at_b.status(), flags_of(at_a, at_b), q.cull, q.max_distance,
+                               [&] { return certify_box_gap(at_a.box(), at_b.box()); }, answer);
 }
 
 // Answers one item of a chunk, unless it is not settled.

@@ -89,7 +89,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uin
     const auto rounding = [&] {
       return rounding_width(pair_scale(at_b.translation() - at_a.translation(), of_a->rho, of_b->rho, of_a->radius + of_b->radius));
     };
-    take_apart(question.max_distance, question.abs_tol, question.rel_tol, search.lower, search.upper, rounding, answer);
+    decide({question.max_distance, question.abs_tol, question.rel_tol}, search.lower, search.upper, rounding, answer);
     if (question.want_points)
       add_points(scene_hull(c.hulls, of_a), at_a, scene_hull(c.hulls, of_b), at_b, witness, question.want_nonsmooth, answer);
   }

@@ -8,6 +8,16 @@
 
 namespace clearance {
 
+/// What is asked of a pair: metres, but for rel_tol.
+struct NarrowLimits {
+  double max_distance = __builtin_inf();
+  double abs_tol = 0;
+  double rel_tol = 1e-6;  ///< wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
+  bool signed_distance = false;
+  int max_iterations = 256;
+  bool operator==(const NarrowLimits&) const = default;
+};
+
 /// One answer, before it is written into columns. Points are relative to their bodies' origins, world axes.
 struct PairAnswer {
   double distance, lower, upper;
@@ -44,6 +54,74 @@ CLEARANCE_HD inline PairAnswer beyond_answer(double lower) {
 CLEARANCE_HD inline Status pair_status(Status a, Status b) {
   if (a == Status::kBadPose || b == Status::kBadPose) return Status::kBadPose;
   return a == Status::kNoPose || b == Status::kNoPose ? Status::kNoPose : Status::kOk;
+}
+
+/// The answer that two bodies' poses and boxes give without a look at their pieces, if they give one; else its flags alone.
+/// \param gap returns a lower bound on the distance of their boxes; asked for where `cull`
+template <class Gap>
+CLEARANCE_HD inline bool answer_without_pieces(Status a, Status b, std::uint16_t flags, bool cull, double max_distance,
+                                               const Gap& gap, PairAnswer& answer) {
+  answer.flags = flags;
+  if (const Status status = pair_status(a, b); status != Status::kOk) {
+    answer = no_answer(status);
+    answer.flags = flags;
+    return true;
+  }
+  if (!cull) return false;
+  const double lower = gap();
+  if (!(lower > max_distance)) return false;
+  answer = beyond_answer(lower);
+  answer.flags = flags;
+  return true;
+}
+
+/// Whether bounds are as narrow as the arithmetic allows.
+CLEARANCE_HD inline bool is_at_rounding(double width, double rounding) { return width <= 4 * rounding; }
+/// Whether they are as narrow as was asked for.
+CLEARANCE_HD inline bool is_narrow(double width, double distance, double abs_tol, double rel_tol) {
+  const double relative = rel_tol * (distance < 0 ? -distance : distance);
+  return width <= (abs_tol < relative ? relative : abs_tol);
+}
+
+/// The status and distance of a pair that is proved apart: lower > 0. \param narrow whether its bounds are as narrow as asked
+CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double upper, bool narrow, PairAnswer& answer) {
+  const bool beyond = lower > max_distance;
+  answer.status = beyond ? Status::kBeyond : narrow ? Status::kOk : Status::kUnconverged;
+  answer.lower = lower;
+  answer.upper = upper;
+  answer.distance = beyond ? lower : upper;
+  if (beyond) answer.point_a = answer.point_b = no_point();
+}
+/// Says what bounds on a signed distance mean: the status, the distance, and whether rounding alone keeps them apart. Nobody
+/// else decides that. \param rounding returns the width that bounds of these pieces have from rounding alone, where it is asked for
+template <class Rounding>
+CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double upper, const Rounding& rounding, PairAnswer& answer) {
+  const bool overlap = upper <= 0;
+  if (!asked.signed_distance) {
+    lower = lower < 0 ? 0 : lower;
+    upper = overlap ? 0 : upper;
+  }
+  const double width = upper - lower;
+  const auto narrow = [&](double distance) { return is_narrow(width, distance, asked.abs_tol, asked.rel_tol); };
+  bool settled = true;
+  if (lower > asked.max_distance || (!overlap && lower > 0)) {
+    settled = narrow(upper);
+    decide_apart(asked.max_distance, lower, upper, settled, answer);
+    if (answer.status == Status::kBeyond) return;
+  } else {
+    answer.lower = lower;
+    answer.upper = upper;
+    if (overlap) {
+      settled = !asked.signed_distance || narrow(lower);
+      answer.status = settled ? Status::kOverlap : Status::kUnconverged;
+      answer.distance = lower;
+    } else {
+      settled = narrow(0);
+      answer.status = settled || is_at_rounding(width, rounding()) ? Status::kContact : Status::kUnconverged;
+      answer.distance = asked.signed_distance ? 0.5 * lower + 0.5 * upper : upper;
+    }
+  }
+  if (!settled && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
 }
 
 /// The answer for a group without pairs: farther than anything.

@@ -4,9 +4,12 @@
 // here and then use instructions that the machine does not have.
 #pragma once
 
+#include <type_traits>
+
 #include "engine/narrow/certify.h"
 #include "engine/hull/direction_table.h"
 #include "engine/narrow/lanes.h"
+#include "engine/narrow/pair_run.h"
 #include "engine/base/pack.h"
 
 namespace clearance {
@@ -47,24 +50,21 @@ struct PlacedColumns {
   HWY_INLINE Mat3<Pack<T>> pack() const { return {{row[0].pack(), row[1].pack(), row[2].pack()}}; }
 };
 
-// What of a hull and of a placed pair goes into the lanes: everything in float64 from the body's origin; float32 from the
-// pieces' centres, so that its digits are spent on the shapes and the gap.
+// A hull's vertices as the lanes take them (RunSetup::kFromCentres).
 template <class T>
 struct Source;
 template <>
 struct Source<double> {
   const double *x, *y, *z;
-  double rho;
   Vec3d centre;
-  HWY_INLINE explicit Source(const LaneHull& h) : x(h.x), y(h.y), z(h.z), rho(h.rho), centre(h.centre) {}
+  HWY_INLINE explicit Source(const LaneHull& h) : x(h.x), y(h.y), z(h.z), centre(h.centre) {}
   HWY_INLINE static Vec3<double> vertex(const LaneHull& h, std::uint32_t i) { return h.vertices[i]; }
 };
 template <>
 struct Source<float> {
   const float *x, *y, *z;
-  double rho;
   Vec3d centre;
-  HWY_INLINE explicit Source(const LaneHull& h) : x(h.x_f32), y(h.y_f32), z(h.z_f32), rho(h.spread * (1 + 0x1p-20)), centre{0, 0, 0} {}
+  HWY_INLINE explicit Source(const LaneHull& h) : x(h.x_f32), y(h.y_f32), z(h.z_f32), centre{0, 0, 0} {}
   HWY_INLINE static Vec3<float> vertex(const LaneHull& h, std::uint32_t i) { return {h.x_f32[i], h.y_f32[i], h.z_f32[i]}; }
 };
 
@@ -212,8 +212,6 @@ HWY_INLINE void copy_lane(const Gjk<Pack<T>>& from, int lane, Gjk<T>& to) {
   copy_lane(from.last, lane, to.last);
 }
 
-HWY_INLINE double length_of(const Vec3d& v) { return __builtin_sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
-
 template <class T>
 HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const RunBounds<Pack<T>>& bounds, int lane, LaneWitness& to) {
   const SimplexPoint<Pack<T>>& point = bounds.nearest;
@@ -228,17 +226,7 @@ HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const RunBounds<Pack<T>>&
     to.b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.vertex[i].b, lane)));
     to.share[i] = lane_of(point.share[i], lane);
   }
-  if (sizeof(T) == sizeof(double)) {
-    to.v_length = lane_of(bounds.v_length, lane);
-    to.separation_length = lane_of(bounds.length, lane);
-    return;
-  }
-  // Float32 lengths are right in float32 only. So are shares, which would put the points outside their pieces.
-  to.v_length = length_of(to.v);
-  to.separation_length = length_of(to.separation);
-  double sum = 0;
-  for (std::uint32_t i = 0; i < to.size; ++i) sum += to.share[i];
-  for (std::uint32_t i = 0; i < to.size; ++i) to.share[i] /= sum;
+  take_lengths<T>(to, lane_of(bounds.v_length, lane), lane_of(bounds.length, lane));
 }
 
 // The farthest vertices of each lane's own hull. \param busy lanes that want one; the others get their first vertex.
@@ -270,12 +258,6 @@ HWY_INLINE FoundVertex<T> find_each(const LaneHull* const* hulls, const bool* bu
   return {p.pack(), index.pack(), value.pack()};
 }
 
-HWY_INLINE void rotate(const Mat3d& R, const Vec3d& v, double (&out)[3]) {
-  for (int k = 0; k < 3; ++k) out[k] = R.row[k].x * v.x + R.row[k].y * v.y + R.row[k].z * v.z;
-}
-
-HWY_INLINE bool off_centre(const LaneHull& h) { return h.centre.x != 0 || h.centre.y != 0 || h.centre.z != 0; }
-
 // Two hulls for each lane: the pieces themselves, and what of their sizes the lanes compute with.
 template <class T>
 struct LaneHulls {
@@ -289,26 +271,24 @@ struct LaneHulls {
     b[lane] = &hull_b;
     centre_a.set(lane, from_a.centre);
     centre_b.set(lane, from_b.centre);
-    rho_a.at[lane] = static_cast<T>(from_a.rho);
-    rho_b.at[lane] = static_cast<T>(from_b.rho);
+    rho_a.at[lane] = reach_of<T>(hull_a);
+    rho_b.at[lane] = reach_of<T>(hull_b);
     radius.at[lane] = static_cast<T>(hull_a.radius + hull_b.radius);
   }
 };
 
 template <class T, bool kSameHulls>
 void run_pairs(const LaneBatch& batch) {
-  constexpr bool kIsF32 = sizeof(T) == sizeof(float);
   using P = Pack<T>;
+  using Setup = RunSetup<T>;
   constexpr int kLanes = P::kLanes;
-  // Comparisons in float32 err by its rounding: ask for a little more.
-  const double strict = kIsF32 ? 1 - 0x1p-20 : 1, more = kIsF32 ? 1 + 0x1p-20 : 1;
 
   LaneHulls<T> hulls;
   bool rounded = false, bounded = false, busy_at[kLanes] = {};
   for (int lane = 0; lane < kLanes; ++lane) hulls.set(lane, *batch.pairs[0].a, *batch.pairs[0].b);
   for (std::size_t i = 0; i < batch.count; ++i) {
     const LanePair& pair = batch.pairs[i];
-    bounded = bounded || pair.max_distance < (kIsF32 ? 1e15 : 1e150);
+    bounded = bounded || pair.max_distance < Setup::kUnbounded;
     rounded = rounded || pair.a->radius + pair.b->radius > 0;
   }
 
@@ -316,12 +296,7 @@ void run_pairs(const LaneBatch& batch) {
   Columns3<T> offset = {};
   Column<T> fresh = {}, steps = {}, extra = {}, seeds = {}, cut_off = {};
   std::uint32_t seed_a[3][kLanes] = {}, seed_b[3][kLanes] = {};
-  GjkLimits<P> limits;
-  limits.rel_tol = P(batch.rel_tol / 2);
-  limits.abs_tol = P(batch.abs_tol / 2);
-  limits.squared = !rounded && batch.abs_tol == 0;
-  limits.bounded = bounded;
-  limits.radius = limits.max_distance = P(0.0);
+  GjkLimits<P> limits = run_limits<P>(batch.abs_tol, batch.rel_tol, rounded, bounded);
   const P zero(0.0), one(1.0), idle(-1.0), most(static_cast<T>(batch.max_iterations));
   P scale = zero;
 
@@ -339,16 +314,11 @@ void run_pairs(const LaneBatch& batch) {
   const auto fill = [&](int lane) {
     set_lane(g.end, lane, T(-1));
     busy_at[lane] = false;
-    double D[3] = {}, size = 0;
+    PairOffset<T> from_a_to_b;
     while (next < batch.count) {
       const LanePair& pair = batch.pairs[next];
-      D[0] = pair.t_b->x - pair.t_a->x;
-      D[1] = pair.t_b->y - pair.t_a->y;
-      D[2] = pair.t_b->z - pair.t_a->z;
-      if (!kIsF32) break;
-      size = pair.a->rho + pair.b->rho + pair.a->radius + pair.b->radius;
-      for (int k = 0; k < 3; ++k) size += D[k] < 0 ? -D[k] : D[k];
-      if (size < 1e6) break;
+      from_a_to_b = pair_offset<T>(*pair.a, *pair.R_wa, *pair.t_a, *pair.b, *pair.R_wb, *pair.t_b);
+      if (from_a_to_b.fits) break;
       batch.answers[next++] = {-__builtin_inf(), __builtin_inf(), false};
     }
     if (next == batch.count) return;
@@ -358,24 +328,13 @@ void run_pairs(const LaneBatch& batch) {
     busy_at[lane] = true;
     ++busy;
     if (!kSameHulls) hulls.set(lane, a, b);
-    cut_off.at[lane] = static_cast<T>(pair.max_distance * more);
+    cut_off.at[lane] = static_cast<T>(pair.max_distance * Setup::kMore);
     for (int r = 0; r < 3; ++r) {
       rotation_a.row[r].set(lane, pair.R_wa->row[r]);
       rotation_b.row[r].set(lane, pair.R_wb->row[r]);
     }
-    if (kIsF32) {
-      double from_centre[3];
-      if (off_centre(a)) {
-        rotate(*pair.R_wa, a.centre, from_centre);
-        for (int k = 0; k < 3; ++k) D[k] -= from_centre[k];
-      }
-      if (off_centre(b)) {
-        rotate(*pair.R_wb, b.centre, from_centre);
-        for (int k = 0; k < 3; ++k) D[k] += from_centre[k];
-      }
-      extra.at[lane] = static_cast<T>(16 * 0x1p-53 * (1 + 0x1p-20) * size);
-    }
-    offset.set(lane, Vec3d{D[0], D[1], D[2]});
+    extra.at[lane] = from_a_to_b.extra;
+    offset.set(lane, from_a_to_b.D);
     fresh.at[lane] = 1;
     steps.at[lane] = 0;
     seeds.at[lane] = 0;
@@ -399,9 +358,7 @@ void run_pairs(const LaneBatch& batch) {
     const Vec3<P> D = offset.pack();
     if (any_fresh) {
       const auto is_fresh = fresh.pack() > zero;
-      Vec3<P> v0 = R_wa * hulls.centre_a.pack() - R_wb * hulls.centre_b.pack() - D;
-      v0.x = select(squared_norm(v0) > zero, v0.x, one);
-      g.v = select(is_fresh, v0, g.v);
+      g.v = select(is_fresh, first_direction(R_wa * hulls.centre_a.pack() - R_wb * hulls.centre_b.pack() - D), g.v);
       for (int i = 0; i < 3; ++i) {
         const auto seeded = is_fresh & (seeds.pack() > P(static_cast<double>(i)));
         if (!any(seeded)) break;
@@ -419,7 +376,7 @@ void run_pairs(const LaneBatch& batch) {
       limits.radius = hulls.radius.pack();
       scale = pair_scale(D, hulls.rho_a.pack(), hulls.rho_b.pack(), limits.radius);
       if (limits.bounded)
-        limits.max_distance = cut_off.pack() + limits.radius + P(2.0) * rounding_error(P(RoundingUnits<P>::kLower), scale);
+        limits.max_distance = core_cut_off_at(cut_off.pack(), limits.radius, scale);
       any_fresh = false;
     }
     const auto running = g.end == zero;
@@ -445,7 +402,8 @@ void run_pairs(const LaneBatch& batch) {
     if (!any(ended)) continue;
 
     // What narrow_phase() makes of such a run, for the pairs that need no more than that.
-    const RunBounds<P> bounds(g, limits.radius, scale, cut_off.pack(), P(batch.abs_tol * strict), P(batch.rel_tol * strict), extra.pack());
+    const RunBounds<P> bounds(g, limits.radius, scale, cut_off.pack(), P(batch.abs_tol * Setup::kStrict),
+                              P(batch.rel_tol * Setup::kStrict), extra.pack());
     alignas(64) T lower_at[kLanes], upper_at[kLanes];
     bounds.lower.store(lower_at);
     bounds.upper.store(upper_at);
@@ -463,7 +421,7 @@ void run_pairs(const LaneBatch& batch) {
           warm->b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(g.simplex.vertex[i].b, lane)));
         }
       }
-      if constexpr (!kIsF32)
+      if constexpr (std::is_same_v<T, double>)
         if (!done) copy_lane(g, lane, batch.unsettled[pair]);
       if (done && batch.witnesses)
         copy_witness(g, bounds, lane, batch.witnesses[pair]);

@@ -6,6 +6,7 @@
 
 #include "engine/narrow/epa.h"
 #include "engine/narrow/overlap.h"
+#include "engine/narrow/pair_run.h"
 #include "engine/narrow/witness.h"
 
 namespace clearance {
@@ -120,14 +121,11 @@ class Answer {
 
 template <class T>
 GjkLimits<T> gjk_limits(const NarrowLimits& limits, const PlacedPair<T>& pair) {
-  GjkLimits<T> g;
-  // Half of the width asked is for GJK, half for the bounds' own rounding.
-  g.rel_tol = T(limits.rel_tol / 2);
-  g.abs_tol = T(limits.abs_tol / 2);
+  GjkLimits<T> g =
+      run_limits<T>(limits.abs_tol, limits.rel_tol, pair.radius > T(0), limits.max_distance < RunSetup<T>::kUnbounded);
   g.radius = pair.radius;
-  g.squared = !(pair.radius > T(0)) && limits.abs_tol == 0;
-  g.bounded = limits.max_distance < 1e150;
-  if (g.bounded) g.max_distance = T(limits.max_distance + static_cast<double>(pair.radius) + 2 * pair.lower_error());
+  if (g.bounded)
+    g.max_distance = T(core_cut_off(limits.max_distance, static_cast<double>(pair.radius), pair.lower_error()));
   g.max_iterations = limits.max_iterations;
   return g;
 }
@@ -224,9 +222,7 @@ Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedC
   for (int i = 0; i < seed.size && i < 3; ++i)
     if (seed.a[i] < pair.a->vertices.size() && seed.b[i] < pair.b->vertices.size())
       start.vertex[start.size++] = cso.vertex(seed.a[i], seed.b[i]);
-  Vec3<T> v0 = cso.centre();
-  if (!(squared_norm(v0) > T(0))) v0.x = T(1);
-  return gjk<T>(cso, v0, start, gjk_limits(limits, pair));
+  return gjk<T>(cso, first_direction(cso.centre()), start, gjk_limits(limits, pair));
 }
 
 // One attempt in one arithmetic. Returns GJK's last simplex, from which the next attempt begins.

@@ -3,21 +3,13 @@
 
 #include <limits>
 
+#include "engine/narrow/answer.h"
 #include "engine/narrow/certify.h"
 #include "engine/narrow/lanes.h"
 #include "engine/pose/placed.h"
 #include "engine/narrow/warm.h"
 
 namespace clearance {
-
-struct NarrowLimits {
-  double max_distance = std::numeric_limits<double>::infinity();
-  double abs_tol = 0;
-  double rel_tol = 1e-6;
-  bool signed_distance = false;
-  int max_iterations = 256;
-  bool operator==(const NarrowLimits&) const = default;
-};
 
 struct NarrowAnswer {
   /// Contains the exact signed distance; if not `signed_distance`, `lower` of overlapping pieces may be -inf.

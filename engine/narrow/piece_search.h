@@ -6,11 +6,9 @@
 // whatever else is asked.
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/narrow/answer.h"
 #include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
 
@@ -133,34 +131,6 @@ CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_dista
     search.round *= 2;
   }
   return PieceEnd::kApart;
-}
-
-/// Whether bounds are as narrow as the arithmetic allows.
-CLEARANCE_HD inline bool is_at_rounding(double width, double rounding) { return width <= 4 * rounding; }
-/// Whether they are as narrow as was asked for.
-CLEARANCE_HD inline bool is_narrow(double width, double distance, double abs_tol, double rel_tol) {
-  const double relative = rel_tol * (distance < 0 ? -distance : distance);
-  return width <= (abs_tol < relative ? relative : abs_tol);
-}
-
-/// The answer of two bodies that are apart: lower > 0. Points and flags that are there stay, but for what is beyond.
-/// \param rounding returns rounding_width() of the nearest pieces, where that is asked for.
-template <class Rounding>
-CLEARANCE_HD inline void take_apart(double max_distance, double abs_tol, double rel_tol, double lower, double upper,
-                                    const Rounding& rounding, PairAnswer& answer) {
-  answer.lower = lower;
-  answer.upper = upper;
-  if (lower > max_distance) {
-    answer.status = Status::kBeyond;
-    answer.distance = lower;
-    answer.point_a = answer.point_b = no_point();
-    return;
-  }
-  answer.distance = upper;
-  const double width = upper - lower;
-  const bool settled = is_narrow(width, upper, abs_tol, rel_tol);
-  answer.status = settled ? Status::kOk : Status::kUnconverged;
-  if (!settled && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
 }
 
 }  // namespace clearance

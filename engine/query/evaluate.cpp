@@ -41,18 +41,8 @@ bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyP
     return true;
   }
   const std::uint16_t flags = options.want_flags ? pose_flags(placement, pair, options.stale) : 0;
-  answer.flags = flags;
-  if (const Status status = pair_status(placement[pair.a].status, placement[pair.b].status); status != Status::kOk) {
-    answer = no_answer(status);
-    answer.flags = flags;
-    return true;
-  }
-  if (!options.cull) return false;
-  const double gap = box_gap(scene, placement, pair);
-  if (!(gap > options.limits.max_distance)) return false;
-  answer = beyond_answer(gap);
-  answer.flags = flags;
-  return true;
+  return answer_without_pieces(placement[pair.a].status, placement[pair.b].status, flags, options.cull,
+                               options.limits.max_distance, [&] { return box_gap(scene, placement, pair); }, answer);
 }
 
 // \param answer holds the flags of the bodies; the rest is written here.
@@ -69,12 +59,6 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
     answer.flags = flags;
     return;
   }
-  answer.lower = lower;
-  answer.upper = best.bounds.upper;
-  if (!limits.signed_distance) {
-    answer.lower = std::max(answer.lower, 0.0);
-    answer.upper = std::max(answer.upper, 0.0);
-  }
   if (options.want_points) {
     answer.piece_a = piece_a;
     answer.piece_b = piece_b;
@@ -82,29 +66,13 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
     answer.point_b = best.point_b;
     answer.normal = best.normal;
   }
-
   const auto rounding = [&] {
     if (found.best.rounding > 0) return found.best.rounding;
     return rounding_of(*a.pieces[found.piece_a], pose_a, *b.pieces[found.piece_b], pose_b);
   };
-  if (answer.lower > limits.max_distance || (best.bounds.upper > 0 && answer.lower > 0)) {
-    take_apart(limits.max_distance, limits.abs_tol, limits.rel_tol, answer.lower, answer.upper, rounding, answer);
-  } else {
-    const double width = answer.upper - answer.lower;
-    const auto narrow_enough = [&](double d) { return is_narrow(width, d, limits.abs_tol, limits.rel_tol); };
-    bool settled = true;
-    if (best.bounds.upper <= 0) {
-      settled = !limits.signed_distance || narrow_enough(answer.lower);
-      answer.status = settled ? Status::kOverlap : Status::kUnconverged;
-      answer.distance = answer.lower;
-      if (limits.signed_distance && (a.pieces.size() > 1 || b.pieces.size() > 1)) answer.flags |= kFlagPieces;
-    } else {
-      settled = narrow_enough(0);
-      answer.status = settled || is_at_rounding(width, rounding()) ? Status::kContact : Status::kUnconverged;
-      answer.distance = limits.signed_distance ? 0.5 * answer.lower + 0.5 * answer.upper : answer.upper;
-    }
-    if (!settled && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
-  }
+  decide(limits, lower, best.bounds.upper, rounding, answer);
+  if (limits.signed_distance && best.bounds.upper <= 0 && (a.pieces.size() > 1 || b.pieces.size() > 1))
+    answer.flags |= kFlagPieces;
   if (options.want_flags && answer.status != Status::kBeyond &&
       (answer.lower <= 0 || witness_is_ambiguous(*a.pieces[piece_a], pose_a.R_wb, *b.pieces[piece_b], pose_b.R_wb, best.normal)))
     answer.flags |= kFlagNonsmooth;
@@ -113,16 +81,12 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
 void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness,
                PairAnswer& answer) {
-  const bool beyond = lane.lower > options.limits.max_distance;
-  answer.status = beyond ? Status::kBeyond : Status::kOk;
-  answer.lower = lane.lower;
-  answer.upper = lane.upper;
-  answer.distance = beyond ? lane.lower : lane.upper;
+  decide_apart(options.limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
   const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
   answer.piece_a = answer.piece_b = 0;
   take_lane_witness(*task.a, R_wa, *task.b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
-  if (beyond)
+  if (answer.status == Status::kBeyond)
     answer.point_a = answer.point_b = no_point();
   else if (options.want_flags && witness_is_ambiguous(*task.a, R_wa, *task.b, R_wb, answer.normal))
     answer.flags |= kFlagNonsmooth;
