@@ -62,12 +62,8 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   Output output = Output::kTable;
   auto& listing = *app.add_subcommand("list", "the entries, last used first");
-  auto* json = listing.add_flag_callback(
-      "--json", [&] { output = Output::kJson; }, "print JSON");
-  listing
-      .add_flag_callback(
-          "--csv", [&] { output = Output::kCsv; }, "print comma-separated values")
-      ->excludes(json);
+  auto* json = listing.add_flag_callback("--json", [&] { output = Output::kJson; }, "print JSON");
+  listing.add_flag_callback("--csv", [&] { output = Output::kCsv; }, "print comma-separated values")->excludes(json);
   listing.callback([&] { list(output); });
   app.add_subcommand("clear", "removes all entries; programs that run go on, and make them anew")->callback(clear);
   app.footer(R"(

@@ -2,8 +2,8 @@
 #include <charconv>
 #include <chrono>
 
-#include "wire/default_socket.h"
 #include "commands.h"
+#include "wire/default_socket.h"
 
 namespace clearance::cli {
 
@@ -38,11 +38,9 @@ void add_connection_options(CLI::App& command, Connection& connection) {
 }
 
 void add_output_options(CLI::App& command, Output& output) {
-  auto* json = command.add_flag_callback(
-      "--json", [&output] { output = Output::kJson; }, "print JSON");
-  command
-      .add_flag_callback(
-          "--csv", [&output] { output = Output::kCsv; }, "print comma-separated values")
+  auto* json = command.add_flag_callback("--json", [&output] { output = Output::kJson; }, "print JSON");
+  command.add_flag_callback(
+             "--csv", [&output] { output = Output::kCsv; }, "print comma-separated values")
       ->excludes(json);
 }
 
@@ -78,8 +76,8 @@ std::uint32_t selector_of(Client& client, const std::string& text) {
 
 Pose7 pose_of(const std::string& option, const std::vector<double>& numbers) {
   if (!numbers.empty() && numbers.size() != 3 && numbers.size() != 7)
-    throw std::invalid_argument(option + ": expected x y z, or x y z qw qx qy qz; got " + std::to_string(numbers.size()) +
-                                " numbers");
+    throw std::invalid_argument(option + ": expected x y z, or x y z qw qx qy qz; got " +
+                                std::to_string(numbers.size()) + " numbers");
   Pose7 pose{0, 0, 0, 1, 0, 0, 0};
   std::copy(numbers.begin(), numbers.end(), pose.begin());
   return pose;

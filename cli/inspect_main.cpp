@@ -21,10 +21,9 @@ struct Options {
 };
 
 Table table_of(const Scene& scene, const SceneReport& report, Output output) {
-  std::vector<std::string> columns{"body",     "form",    "kind",     "parent",  "pieces",
-                                   "loaded",   "inside",  "vertices", "faces",   "radius_m",
-                                   "extent_m", "error_m", "hull_excess_m", "empty_share",
-                                   "partners", "ignored", "ns_per_pair"};
+  std::vector<std::string> columns{"body",          "form",        "kind",     "parent",   "pieces",     "loaded",
+                                   "inside",        "vertices",    "faces",    "radius_m", "extent_m",   "error_m",
+                                   "hull_excess_m", "empty_share", "partners", "ignored",  "ns_per_pair"};
   const bool for_people = output == Output::kTable;
   if (for_people)
     columns.insert(columns.end(), {"KiB", "shared_by", "source"});
@@ -140,8 +139,7 @@ int main(int argc, char** argv) {
       "left out.",
       "clearance inspect");
   app.add_option("scene", o.scene, "scene file (YAML)")->required()->type_name("SCENE");
-  auto* json = app.add_flag_callback(
-      "--json", [&] { o.output = Output::kJson; }, "print JSON");
+  auto* json = app.add_flag_callback("--json", [&] { o.output = Output::kJson; }, "print JSON");
   app.add_flag_callback(
          "--csv", [&] { o.output = Output::kCsv; }, "print the bodies as comma-separated values")
       ->excludes(json);

@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <zmq.hpp>
 
-#include "wire/key_file.h"
 #include "commands.h"
+#include "wire/key_file.h"
 
 namespace clearance::cli {
 namespace {
@@ -21,7 +21,8 @@ void keygen(const std::string& path) {
 }  // namespace
 
 void add_keygen(CLI::App& app) {
-  auto& command = *app.add_subcommand("keygen", "make a pair of keys (CURVE) for a daemon's TCP endpoint, or for a client of one");
+  auto& command =
+      *app.add_subcommand("keygen", "make a pair of keys (CURVE) for a daemon's TCP endpoint, or for a client of one");
   auto path = std::make_shared<std::string>();
   command.add_option("FILE", *path, "gets the pair; FILE.pub gets the public key, which is printed too")->required();
   command.callback([path] { keygen(*path); });

@@ -49,8 +49,8 @@ std::vector<std::array<double, 3>> read_vertices(const std::string& path) {
     std::array<double, 3> vertex{};
     std::string rest;
     if (!(words >> vertex[0] >> vertex[1] >> vertex[2]) || words >> rest)
-      throw std::invalid_argument("--vertices " + path + ":" + std::to_string(line_number) + ": expected three numbers, got \"" +
-                                  line.substr(0, 60) + '"');
+      throw std::invalid_argument("--vertices " + path + ":" + std::to_string(line_number) +
+                                  ": expected three numbers, got \"" + line.substr(0, 60) + '"');
     vertices.push_back(vertex);
   }
   if (vertices.empty()) throw std::invalid_argument("--vertices " + path + ": there are none");
@@ -90,14 +90,20 @@ void add_add_body(CLI::App& app) {
   shape.require_option(1);
   shape.add_option("--box", options->box, "edge lengths x y z")->expected(3)->type_name("X");
   shape.add_option("--sphere", options->sphere, "radius")->type_name("R");
-  shape.add_option("--capsule", options->capsule, "radius, and length between the centres of its caps, along z")->expected(2)->type_name("X");
+  shape.add_option("--capsule", options->capsule, "radius, and length between the centres of its caps, along z")
+      ->expected(2)
+      ->type_name("X");
   shape.add_option("--cylinder", options->cylinder, "radius, and length along z")->expected(2)->type_name("X");
-  shape.add_option("--vertices", options->vertices, "the convex hull of the vertices in this file, x y z on a line; -: standard input")
+  shape
+      .add_option("--vertices", options->vertices,
+                  "the convex hull of the vertices in this file, x y z on a line; -: standard input")
       ->type_name("FILE");
   command.add_option("--radius", options->radius, "grows the shape")->type_name("R");
   command.add_option("--parent", options->parent, "a body, by name or number, that it follows")->type_name("BODY");
-  command.add_option("--pose", options->pose, "x y z [qw qx qy qz]; with a parent: relative to it. Default: none until one arrives\n"
-                                              "(with a parent or static: the origin)")
+  command
+      .add_option("--pose", options->pose,
+                  "x y z [qw qx qy qz]; with a parent: relative to it. Default: none until one arrives\n"
+                  "(with a parent or static: the origin)")
       ->expected(3, 7)
       ->type_name("X");
   command.add_flag("--static", options->is_static, "it never moves");
@@ -115,7 +121,8 @@ void add_remove_body(CLI::App& app) {
 }
 
 void add_reload(CLI::App& app) {
-  auto& command = *app.add_subcommand("reload", "have the daemon load its scene file anew; the old scene stays if it cannot");
+  auto& command =
+      *app.add_subcommand("reload", "have the daemon load its scene file anew; the old scene stays if it cannot");
   auto connection = std::make_shared<Connection>();
   connection->timeout_s = 600;
   add_connection_options(command, *connection);

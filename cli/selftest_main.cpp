@@ -42,11 +42,8 @@ int main(int argc, char** argv) {
       "Asks every way to answer that this machine has (both kinds of arithmetic, each instruction set, each GPU) "
       "about pairs whose distances are known.",
       "clearance selftest");
-  auto* json = app.add_flag_callback(
-      "--json", [&] { output = cli::Output::kJson; }, "print JSON");
-  app.add_flag_callback(
-         "--csv", [&] { output = cli::Output::kCsv; }, "print comma-separated values")
-      ->excludes(json);
+  auto* json = app.add_flag_callback("--json", [&] { output = cli::Output::kJson; }, "print JSON");
+  app.add_flag_callback("--csv", [&] { output = cli::Output::kCsv; }, "print comma-separated values")->excludes(json);
   app.footer(
       "\nExit codes\n  0 all compute rightly    1 one does not, and the engine will not use it    2 the command line "
       "is wrong");

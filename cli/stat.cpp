@@ -7,8 +7,8 @@
 #include <optional>
 #include <thread>
 
-#include "wire/prometheus.h"
 #include "commands.h"
+#include "wire/prometheus.h"
 
 namespace clearance::cli {
 namespace {
@@ -47,7 +47,8 @@ Cell quantile(const Latencies& all, double part) {
 
 void print(const Counters& now, const Counters& before, double seconds, Output output) {
   const bool rates = seconds > 0;
-  Table table(rates ? std::vector<std::string>{"counter", "value", "per_s"} : std::vector<std::string>{"counter", "value"});
+  Table table(rates ? std::vector<std::string>{"counter", "value", "per_s"}
+                    : std::vector<std::string>{"counter", "value"});
   for (const auto& [name, value] : now) {
     if (name.rfind(kLatencyCounters, 0) == 0 && output == Output::kTable) continue;  // people get their quantiles
     std::vector<Cell> row{name, value};
@@ -59,7 +60,9 @@ void print(const Counters& now, const Counters& before, double seconds, Output o
     table.add(std::move(row));
   }
   const Latencies all = latencies_between(before, now);
-  for (const auto& [name, part] : {std::pair{"latency_us, half at most", 0.5}, {"latency_us, 99 % at most", 0.99}, {"latency_us, all at most", 1.0}}) {
+  for (const auto& [name, part] : {std::pair{"latency_us, half at most", 0.5},
+                                   {"latency_us, 99 % at most", 0.99},
+                                   {"latency_us, all at most", 1.0}}) {
     if (output != Output::kTable) break;
     std::vector<Cell> row{name, quantile(all, part)};
     if (rates) row.push_back({});
@@ -85,7 +88,8 @@ void stat(const Options& o) {
   Counters before = counters_of(client);
   auto then = Clock::now();
   for (std::uint64_t i = 0; o.count == 0 || i < o.count; ++i) {
-    std::this_thread::sleep_until(then + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(o.watch_s)));
+    std::this_thread::sleep_until(
+        then + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(o.watch_s)));
     const auto now = Clock::now();
     Counters counters = counters_of(client);
     if (o.output == Output::kTable && i > 0) std::cout << '\n';
@@ -103,12 +107,17 @@ void add_stat(CLI::App& app) {
   auto options = std::make_shared<Options>();
   add_connection_options(command, options->connection);
   add_output_options(command, options->output);
-  auto* watch = command.add_option("--watch", options->watch_s, "print again every so many seconds (1 if none are given), with what was added in a second")
-                    ->check(quiet(CLI::Range(0.01, 86400.0)))
-                    ->expected(0, 1)
-                    ->default_str("1")
-                    ->type_name("[SECONDS]");
-  command.add_option("--count", options->count, "how often; default: until it is stopped")->needs(watch)->type_name("N");
+  auto* watch =
+      command
+          .add_option("--watch", options->watch_s,
+                      "print again every so many seconds (1 if none are given), with what was added in a second")
+          ->check(quiet(CLI::Range(0.01, 86400.0)))
+          ->expected(0, 1)
+          ->default_str("1")
+          ->type_name("[SECONDS]");
+  command.add_option("--count", options->count, "how often; default: until it is stopped")
+      ->needs(watch)
+      ->type_name("N");
   command.add_flag("--prometheus", options->prometheus, "in the text format that Prometheus reads")->excludes(watch);
   command.callback([options] { stat(*options); });
 }

@@ -52,11 +52,13 @@ struct ChannelKeys {
   KeyPair own;
 };
 
-/// Connects by whatever transport the url names (client.h). Throws ConnectionError, and std::invalid_argument for a bad url.
+/// Connects by whatever transport the url names (client.h). Throws ConnectionError, and std::invalid_argument for a bad
+/// url.
 std::unique_ptr<Channel> open_channel(const std::string& url, const ConnectOptions& options, Deadline deadline);
 /// Each connects or throws ConnectionError (client.h) naming the url and the cause.
 std::unique_ptr<Channel> open_zmq_channel(const std::string& endpoint, const ChannelKeys& keys, Deadline deadline);
-/// \param socket_path may end in options: "/run/clearance/clearance.sock?spin_us=50&user=clearance" (0: never spin; default
+/// \param socket_path may end in options: "/run/clearance/clearance.sock?spin_us=50&user=clearance" (0: never spin;
+/// default
 /// 20. Whose daemon is meant; default our own user's).
 std::unique_ptr<Channel> open_shm_channel(const std::string& socket_path, Deadline deadline);
 std::unique_ptr<Channel> open_lcm_channel(const std::string& lcm_url, const std::string& channel_prefix,

@@ -102,9 +102,9 @@ struct Client::Impl {
     const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;  // before the room: it may ask, too
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
-    std::byte* room = begin(payload_bytes, is_query ? expected_reply_bytes(q, query.pairs, scene ? &*scene : nullptr) : 0);
-    const auto header =
-        wire::make_header(type, next_request_id++, payload_bytes, scene_revision);
+    std::byte* room =
+        begin(payload_bytes, is_query ? expected_reply_bytes(q, query.pairs, scene ? &*scene : nullptr) : 0);
+    const auto header = wire::make_header(type, next_request_id++, payload_bytes, scene_revision);
     wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data());
     channel->send();
     return header.request_id;
@@ -124,7 +124,9 @@ struct Client::Impl {
     return frame;
   }
 
-  std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type) { return receive(request_id, type, timeout); }
+  std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type) {
+    return receive(request_id, type, timeout);
+  }
   std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type, std::chrono::nanoseconds limit) {
     std::unique_ptr<Frame> frame = await(request_id, deadline_in(limit));
     if (!frame) {
@@ -151,24 +153,28 @@ struct Client::Impl {
     known_revision = poses_revision = scene->revision;
   }
   SceneInfo fetch_scene();
-  /// The revision of the scene that the caller's ids are of, for a request that uses them; 0: it knows none. What somebody
-  /// else has changed is refused (kWrongScene) until the caller looks at the scene again, since its ids may mean other bodies;
-  /// what this client has changed itself is not, where they mean the same.
+  /// The revision of the scene that the caller's ids are of, for a request that uses them; 0: it knows none. What
+  /// somebody else has changed is refused (kWrongScene) until the caller looks at the scene again, since its ids may
+  /// mean other bodies; what this client has changed itself is not, where they mean the same.
   std::uint64_t revision_of_ids() {
     if (known_revision && std::exchange(changed_by_us, false))
-      if (const SceneInfo now = fetch_scene(); ids_mean_the_same(now, false)) known_revision = poses_revision = now.revision;
+      if (const SceneInfo now = fetch_scene(); ids_mean_the_same(now, false))
+        known_revision = poses_revision = now.revision;
     return known_revision;
   }
-  /// Whether the ids that both scenes have are of bodies and groups of the same names, and if asked for of the same parents.
+  /// Whether the ids that both scenes have are of bodies and groups of the same names, and if asked for of the same
+  /// parents.
   bool ids_mean_the_same(const SceneInfo& now, bool parents) const;
 
-  PosesDone send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns, std::int64_t sequence);
+  PosesDone send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
+                       std::int64_t sequence);
   PosesDone poses_done(const Frame& frame) const {
     const auto r = checked([&] { return wire::parse_poses_done(frame.payload()); });
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
   }
 
-  /// A request that is answered when the daemon has another scene. \param scene_revision of the ids in it; 0: there are none.
+  /// A request that is answered when the daemon has another scene. \param scene_revision of the ids in it; 0: there are
+  /// none.
   SceneChanged change_scene(FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit,
                             std::uint64_t scene_revision = 0) {
     const std::uint64_t request = send(type, payload, 0, scene_revision);
@@ -186,10 +192,10 @@ struct Client::Impl {
   std::chrono::nanoseconds timeout = std::chrono::seconds(5);
   std::uint64_t next_request_id = 1;
   std::uint64_t oldest_request_id = 1;  // of this channel's; older ones went out over one that was lost
-  std::optional<SceneInfo> scene;  // as the caller has seen it
-  bool scene_is_old = false;       // the daemon has said so: fetched anew before the caller's next look
-  bool changed_by_us = false;      // since, in a way that may have given bodies other ids
-  std::uint64_t known_revision = 0;  // of the scene that the caller's ids are of; 0: it has not looked
+  std::optional<SceneInfo> scene;       // as the caller has seen it
+  bool scene_is_old = false;            // the daemon has said so: fetched anew before the caller's next look
+  bool changed_by_us = false;           // since, in a way that may have given bodies other ids
+  std::uint64_t known_revision = 0;     // of the scene that the caller's ids are of; 0: it has not looked
   std::uint64_t poses_revision = 0;  // of the last one known in which they are of the same bodies with the same parents
 };
 
@@ -203,9 +209,8 @@ SceneInfo Client::Impl::fetch_scene() {
   info.bodies.reserve(parts.bodies.size());
   for (std::uint64_t i = 0; i < parts.bodies.size(); ++i) {
     const wire::BodyRecord r = parts.bodies[i];
-    info.bodies.push_back(
-        {wire::name_of(r.name), r.parent, r.is_static != 0, r.piece_count, r.vertex_count, r.model_error, r.extent,
-         r.hull_excess, r.empty_share});
+    info.bodies.push_back({wire::name_of(r.name), r.parent, r.is_static != 0, r.piece_count, r.vertex_count,
+                           r.model_error, r.extent, r.hull_excess, r.empty_share});
   }
   for (std::uint64_t i = 0; i < parts.groups.size(); ++i) {
     const wire::GroupRecord r = parts.groups[i];
@@ -220,9 +225,11 @@ bool Client::Impl::ids_mean_the_same(const SceneInfo& now, bool parents) const {
   const auto same = [](const auto& then, const auto& others, auto equal) {
     return std::equal(then.begin(), then.begin() + std::min(then.size(), others.size()), others.begin(), equal);
   };
-  return same(scene->bodies, now.bodies, [parents](const BodyInfo& a, const BodyInfo& b) {
-           return a.name == b.name && (!parents || a.parent == b.parent);
-         }) && same(scene->groups, now.groups, [](const GroupInfo& a, const GroupInfo& b) { return a.name == b.name; });
+  return same(scene->bodies, now.bodies,
+              [parents](const BodyInfo& a, const BodyInfo& b) {
+                return a.name == b.name && (!parents || a.parent == b.parent);
+              }) &&
+         same(scene->groups, now.groups, [](const GroupInfo& a, const GroupInfo& b) { return a.name == b.name; });
 }
 
 PosesDone Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
@@ -250,7 +257,8 @@ PosesDone Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose
   } catch (const RequestError& error) {
     if (error.code != static_cast<std::uint16_t>(wire::ErrorCode::kWrongScene) || !scene) throw;
     // The scene changed, by an attachment perhaps. Where an id still means the same body with the same parent, so does
-    // its pose, and the update can be sent again. The caller has not seen the new scene: its queries stay those for the old.
+    // its pose, and the update can be sent again. The caller has not seen the new scene: its queries stay those for the
+    // old.
     const SceneInfo now = fetch_scene();
     for (const auto& [body, pose] : poses) {
       if (body >= scene->bodies.size()) continue;
@@ -317,7 +325,8 @@ SceneChanged Client::reload(Duration timeout) {
 }
 
 SceneChanged Client::add_body(const NewBody& body) {
-  return impl().change_scene(FrameType::kAddBody, payload_of(body), impl().timeout, body.parent == kNone ? 0 : impl().revision_of_ids());
+  return impl().change_scene(FrameType::kAddBody, payload_of(body), impl().timeout,
+                             body.parent == kNone ? 0 : impl().revision_of_ids());
 }
 
 SceneChanged Client::remove_body(std::string_view name) {

@@ -6,6 +6,8 @@
 //   for (std::size_t i = 0; i < reply.rows(); ++i) use(reply.lower()[i], reply.upper()[i]);
 #pragma once
 
+#include <clearance/types.h>
+
 #include <array>
 #include <chrono>
 #include <cstddef>
@@ -20,8 +22,6 @@
 #include <string_view>
 #include <utility>
 #include <vector>
-
-#include <clearance/types.h>
 
 // The installed shared library shows what is marked so, and nothing else.
 #ifdef CLEARANCE_CLIENT_STATIC
@@ -66,8 +66,8 @@ struct Query {
   std::uint64_t max_results = 1u << 20;
   std::int64_t max_pose_age_ns = 0;
   bool warm = false;
-  /// Begin once poses with this stamp or a newer one are there (publisher's clock): of the body or group `wait_for`, those of
-  /// its bodies that ever had a stamp, and one at least. 0: at once.
+  /// Begin once poses with this stamp or a newer one are there (publisher's clock): of the body or group `wait_for`,
+  /// those of its bodies that ever had a stamp, and one at least. 0: at once.
   std::int64_t min_pose_stamp_ns = 0;
   std::int64_t pose_wait_ns = 0;  ///< wait so long for them, at most 10 s; then RequestError with code kPosesLate
   std::uint32_t wait_for = kEveryBody;
@@ -130,7 +130,8 @@ struct BodyInfo {
   std::uint64_t vertex_count = 0;
   double model_error = 0;  ///< metres: how far the pieces may stand out from the shape they were asked for
   double extent = 0;       ///< metres: farthest point from the body's origin
-  double hull_excess = 0;  ///< metres: no point of a piece is farther from the mesh that it stands for; 0: a convex body
+  double hull_excess =
+      0;  ///< metres: no point of a piece is farther from the mesh that it stands for; 0: a convex body
   double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
 };
 struct GroupInfo {
@@ -176,7 +177,7 @@ struct SceneChanged {
   std::uint64_t scene_revision = 0;
   std::uint32_t body_count = 0;
   std::uint32_t body = kNone;  ///< add_body(): the new one
-  double seconds = 0;  ///< that it took to make
+  double seconds = 0;          ///< that it took to make
 };
 
 /// A request that is under way. Destroying it unread forgets the reply.
@@ -202,31 +203,33 @@ class CLEARANCE_API Client {
   /// Sends a query and returns at once.
   Pending submit(const Query& query = {});
 
-  /// \param stamp_ns, sequence the caller's clock and its count of updates, which replies then carry; 0: none. A stamp below 0,
-  /// far ahead of the daemon's clock, or older than this client's last for one of the bodies is refused (RequestError), and with
-  /// it the update.
-  PosesDone set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0, std::int64_t sequence = 0);
+  /// \param stamp_ns, sequence the caller's clock and its count of updates, which replies then carry; 0: none. A stamp
+  /// below 0, far ahead of the daemon's clock, or older than this client's last for one of the bodies is refused
+  /// (RequestError), and with it the update.
+  PosesDone set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0,
+                      std::int64_t sequence = 0);
   PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0,
                       std::int64_t sequence = 0);
   PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
 
   /// Has the daemon load its scene file anew, and waits until the new scene is in. Queries go on meanwhile; poses and
-  /// attachments stay with the bodies of the same names. Throws RequestError with the loader's words if it fails: the old
-  /// scene then stays. \param timeout of this call alone.
+  /// attachments stay with the bodies of the same names. Throws RequestError with the loader's words if it fails: the
+  /// old scene then stays. \param timeout of this call alone.
   SceneChanged reload(Duration timeout = std::chrono::minutes(10));
 
-  /// Adds a body, behind those that are there, as an object that is grasped; waits until the scene has it. Other bodies keep
-  /// ids and poses, queries under way are answered for the scene they began with. Throws RequestError for a name that is
-  /// taken, a shape that is none, or too many bodies; std::invalid_argument unless there is exactly one shape.
+  /// Adds a body, behind those that are there, as an object that is grasped; waits until the scene has it. Other bodies
+  /// keep ids and poses, queries under way are answered for the scene they began with. Throws RequestError for a name
+  /// that is taken, a shape that is none, or too many bodies; std::invalid_argument unless there is exactly one shape.
   SceneChanged add_body(const NewBody& body);
-  /// Removes a body that add_body() added; those added after it get other ids. Throws RequestError for any other, and for
-  /// one that another follows.
+  /// Removes a body that add_body() added; those added after it get other ids. Throws RequestError for any other, and
+  /// for one that another follows.
   SceneChanged remove_body(std::string_view name);
 
-  /// The scene that this client's ids are of: fetched once, and again if it has changed since (a refusal with kWrongScene, or
-  /// a change that this client made); valid until then. Once it was fetched, requests with ids are for that scene: when another
-  /// client or a reload has changed it, they are refused with kWrongScene until scene(), refresh(), body() or group() is
-  /// called. Not so changes that this client made, if every id that was there means the same body still.
+  /// The scene that this client's ids are of: fetched once, and again if it has changed since (a refusal with
+  /// kWrongScene, or a change that this client made); valid until then. Once it was fetched, requests with ids are for
+  /// that scene: when another client or a reload has changed it, they are refused with kWrongScene until scene(),
+  /// refresh(), body() or group() is called. Not so changes that this client made, if every id that was there means the
+  /// same body still.
   const SceneInfo& scene();
   void refresh();                                      ///< fetches the scene anew
   std::uint32_t body(std::string_view name);           ///< id; throws std::invalid_argument naming near misses

@@ -10,9 +10,9 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include "wire/aligned_buffer.h"
 #include "channel.h"
 #include "client.h"
+#include "wire/aligned_buffer.h"
 #include "wire/lcm_bus.h"
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"

@@ -77,8 +77,8 @@ void set_body_name(char (&field)[64], std::string_view name) {
 }
 
 std::vector<std::byte> payload_of(const NewBody& body) {
-  const int shapes = !body.vertices.empty() + body.box.has_value() + body.sphere.has_value() + body.capsule.has_value() +
-                     body.cylinder.has_value();
+  const int shapes = !body.vertices.empty() + body.box.has_value() + body.sphere.has_value() +
+                     body.capsule.has_value() + body.cylinder.has_value();
   if (shapes != 1)
     throw std::invalid_argument("add_body: expected one of vertices, box, sphere, capsule and cylinder, got " +
                                 std::to_string(shapes));

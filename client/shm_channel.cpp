@@ -71,7 +71,8 @@ Options parse_options(const std::string& target) {
     if (option.empty()) continue;
     if (option.rfind(kUser, 0) == 0) {
       options.user = user_named(option.substr(kUser.size()));
-      if (!options.user) throw std::invalid_argument("shm://" + target + ": there is no user \"" + option.substr(kUser.size()) + "\"");
+      if (!options.user)
+        throw std::invalid_argument("shm://" + target + ": there is no user \"" + option.substr(kUser.size()) + "\"");
       continue;
     }
     std::uint32_t us = 0;
@@ -245,10 +246,10 @@ class ShmChannel final : public Channel {
     socklen_t length = sizeof peer;
     if (::getsockopt(socket_.get(), SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0 ||
         peer.uid != options_.user.value_or(::geteuid()))
-      throw ConnectionError(url() + ": the socket is user " + std::to_string(peer.uid) + "'s, not " +
-                            (options_.user ? "user " + std::to_string(*options_.user) + "'s"
-                                           : "ours (user " + std::to_string(::geteuid()) +
-                                                 "); ?user=NAME says whose daemon is meant"));
+      throw ConnectionError(
+          url() + ": the socket is user " + std::to_string(peer.uid) + "'s, not " +
+          (options_.user ? "user " + std::to_string(*options_.user) + "'s"
+                         : "ours (user " + std::to_string(::geteuid()) + "); ?user=NAME says whose daemon is meant"));
     Message hello;
     hello.wire_version = wire::kVersion;
     hello.kind = static_cast<std::uint32_t>(MessageKind::kHello);

@@ -9,7 +9,7 @@ enum class UrlKind { kShm, kZmq, kLcm };
 
 struct Url {
   UrlKind kind = UrlKind::kShm;
-  std::string target;  ///< kShm: the socket's path, with its options; kZmq: the endpoint; kLcm: the LCM url
+  std::string target;      ///< kShm: the socket's path, with its options; kZmq: the endpoint; kLcm: the LCM url
   std::string prefix;      ///< kLcm: of the channels' names
   std::string server_key;  ///< tcp: file of the daemon's public key; empty: no keys
   std::string key;         ///< tcp: file of the client's own pair

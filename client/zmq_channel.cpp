@@ -11,9 +11,9 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "wire/aligned_buffer.h"
 #include "channel.h"
 #include "client.h"
+#include "wire/aligned_buffer.h"
 #include "wire/wire.h"
 
 namespace clearance {
@@ -51,7 +51,9 @@ class ZmqChannel final : public Channel {
  public:
   ZmqChannel(const std::string& endpoint, const ChannelKeys& keys, Deadline deadline)
       : endpoint_(endpoint),
-        with_keys_(!keys.server.empty()), socket_(context_, zmq::socket_type::dealer), monitor_(context_, zmq::socket_type::pair) {
+        with_keys_(!keys.server.empty()),
+        socket_(context_, zmq::socket_type::dealer),
+        monitor_(context_, zmq::socket_type::pair) {
     socket_.set(zmq::sockopt::linger, 0);
     socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(wire::kMaxFrameBytes));
     // A daemon that went away is an error, not a pause: a new one may serve another scene.
@@ -93,8 +95,7 @@ class ZmqChannel final : public Channel {
     zmq::message_t first(&header, sizeof header), second;
     std::byte* payload = room_.get() + sizeof header;
     if (header.payload_bytes >= kHandOverBytes) {
-      second.rebuild(
-          payload, header.payload_bytes, [](void*, void* room) { std::free(room); }, room_.get());
+      second.rebuild(payload, header.payload_bytes, [](void*, void* room) { std::free(room); }, room_.get());
       (void)room_.release();
       room_bytes_ = 0;
     } else {
@@ -166,7 +167,8 @@ class ZmqChannel final : public Channel {
     return "no daemon listens there";
   }
 
-  /// Takes every message that is there, up to and including the reply to `request_id`; waits for the first one for `nap`.
+  /// Takes every message that is there, up to and including the reply to `request_id`; waits for the first one for
+  /// `nap`.
   void take_arrived(std::uint64_t request_id, std::chrono::milliseconds nap) {
     if (kept_.count(request_id)) return;
     try {

@@ -31,9 +31,12 @@ const Size* sizes_of(QueryKind kind) {
   switch (kind) {
     case QueryKind::kNear:  // CPUs compare boxes fast: the device wins later, if at all
     case QueryKind::kTable:
-    case QueryKind::kWithin: return kTableSizes;
-    case QueryKind::kConfigurations: return kConfigurationSizes;
-    default: return kDenseSizes;
+    case QueryKind::kWithin:
+      return kTableSizes;
+    case QueryKind::kConfigurations:
+      return kConfigurationSizes;
+    default:
+      return kDenseSizes;
   }
 }
 constexpr double kNearDistance = 0.5;  // of crowd()'s spheres: a few for each body
@@ -44,7 +47,8 @@ Scene crowd(int bodies, const std::vector<PiecePtr>& pieces) {
   std::uniform_real_distribution<double> place(-0.5, 0.5), turn(-1, 1);
   const double side = 2.0 * std::cbrt(bodies);
   for (int i = 0; i < bodies; ++i) {
-    const Pose pose{{side * place(bits), side * place(bits), side * place(bits)}, 1, turn(bits), turn(bits), turn(bits)};
+    const Pose pose{
+        {side * place(bits), side * place(bits), side * place(bits)}, 1, turn(bits), turn(bits), turn(bits)};
     Body body;
     body.name = "s" + std::to_string(i);
     body.pieces = pieces;
@@ -105,7 +109,8 @@ Timed time_query(const Scene& scene, const Engine::Options& options, QueryKind k
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
   std::vector<std::byte> memory(bytes + kColumnAlignment);
   const auto misaligned = reinterpret_cast<std::uintptr_t>(memory.data()) % kColumnAlignment;
-  const ReplyView reply = reply_view_over(memory.data() + (kColumnAlignment - misaligned) % kColumnAlignment, size.rows, size.fields);
+  const ReplyView reply =
+      reply_view_over(memory.data() + (kColumnAlignment - misaligned) % kColumnAlignment, size.rows, size.fields);
   double best = INFINITY;
   for (int i = 0; i <= kRepeats; ++i) {
     const auto begin = Clock::now();
@@ -120,7 +125,9 @@ Timed time_query(const Scene& scene, const Engine::Options& options, QueryKind k
 
 constexpr const char* kVersion = "3";  // of the samples and of what is measured
 
-std::string entry_of(const std::string& key) { return CacheKey("calibration", kVersion).add(key).name(); }
+std::string entry_of(const std::string& key) {
+  return CacheKey("calibration", kVersion).add(key).name();
+}
 
 }  // namespace
 
@@ -149,7 +156,8 @@ Calibration calibrate(const Engine::Options& like, Bodies bodies) {
   return c;
 }
 
-std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set, Bodies bodies) {
+std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set,
+                            Bodies bodies) {
   return device_name + ", clearance " CLEARANCE_VERSION ", " + std::to_string(threads) + " threads, " +
          std::string(instruction_set) + (bodies == Bodies::kOfSeveral ? ", bodies of several pieces" : "");
 }

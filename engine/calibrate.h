@@ -11,7 +11,8 @@
 
 namespace clearance::cuda {
 
-/// Times queries of made-up scenes on both backends: a few hundred ms. \param like threads and instruction set of the CPU.
+/// Times queries of made-up scenes on both backends: a few hundred ms. \param like threads and instruction set of the
+/// CPU.
 Calibration calibrate(const Engine::Options& like, Bodies bodies);
 
 /// What was measured on this machine before, if the cache has kept it under this key.
@@ -19,6 +20,7 @@ std::optional<Calibration> load_calibration(const Cache& cache, const std::strin
 /// Leaves it for the next time; where that is not possible, nothing happens.
 void save_calibration(const Cache& cache, const std::string& key, const Calibration& calibration);
 /// What a calibration depends on: device, version, threads, instruction set, bodies.
-std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set, Bodies bodies);
+std::string calibration_key(const std::string& device_name, int threads, std::string_view instruction_set,
+                            Bodies bodies);
 
 }  // namespace clearance::cuda

@@ -7,20 +7,21 @@
 #include <atomic>
 #include <stdexcept>
 
+#include "engine/base/fp_environment.h"
+#include "engine/calibrate.h"
 #include "engine/device/device_job.h"
 #include "engine/device/device_self_test.h"
 #include "engine/device/router.h"
-#include "engine/calibrate.h"
-#include "engine/base/fp_environment.h"
+#include "engine/narrow/self_test.h"
 #include "engine/query/job_state.h"
 #include "engine/query/plan.h"
 #include "engine/scene/pose_store.h"
-#include "engine/narrow/self_test.h"
 
 namespace clearance {
 
 struct Engine::Impl {
-  Impl(Scene&& s, const Options& o) : scene(std::move(s)), options(o), warm(o.warm_memory), poses(scene, o.max_stamp_lead) {}
+  Impl(Scene&& s, const Options& o)
+      : scene(std::move(s)), options(o), warm(o.warm_memory), poses(scene, o.max_stamp_lead) {}
 
   Scene scene;
   Options options;
@@ -64,7 +65,8 @@ cuda::Calibration calibration_of(const Scene& scene, const Engine::Options& opti
   if (options.calibration == "measure") return cuda::calibrate(options, bodies);
   std::string devices = options.devices.empty() ? cuda::device_info().name : std::string();
   for (const int device : options.devices) devices += (devices.empty() ? "" : " and ") + cuda::device_name(device);
-  const std::string key = cuda::calibration_key(devices, options.threads, lane_kernel(options.instruction_set).name, bodies);
+  const std::string key =
+      cuda::calibration_key(devices, options.threads, lane_kernel(options.instruction_set).name, bodies);
   const Cache cache = Cache::of_environment();
   if (auto kept = cuda::load_calibration(cache, key)) return *kept;
   const cuda::Calibration measured = cuda::calibrate(options, bodies);
@@ -79,11 +81,13 @@ void check_devices(const Engine::Options& options) {
   const cuda::DeviceInfo& info = cuda::device_info();
   std::vector<int> seen;
   for (const int device : options.devices) {
-    if (!info.present) throw std::runtime_error("devices: " + std::to_string(device) + " is not there (" + info.reason + ")");
+    if (!info.present)
+      throw std::runtime_error("devices: " + std::to_string(device) + " is not there (" + info.reason + ")");
     if (device < 0 || device >= info.count)
-      throw std::runtime_error("devices: " + std::to_string(device) + " is not there; there " +
-                               (info.count == 1 ? "is one, number 0"
-                                                : "are " + std::to_string(info.count) + ", 0 to " + std::to_string(info.count - 1)));
+      throw std::runtime_error(
+          "devices: " + std::to_string(device) + " is not there; there " +
+          (info.count == 1 ? "is one, number 0"
+                           : "are " + std::to_string(info.count) + ", 0 to " + std::to_string(info.count - 1)));
     if (std::find(seen.begin(), seen.end(), device) != seen.end())
       throw std::invalid_argument("devices: " + std::to_string(device) + " is named twice");
     seen.push_back(device);
@@ -97,27 +101,31 @@ Engine::Engine(Scene scene, const Options& options) {
   const std::vector<std::string> known = backends();
   if (options.backend != "auto" && std::find(known.begin(), known.end(), options.backend) == known.end()) {
     if (options.backend == "cuda")
-      throw std::runtime_error("backend 'cuda' is not there (" + cuda::device_info().reason + "); there are: auto, cpu, reference");
+      throw std::runtime_error("backend 'cuda' is not there (" + cuda::device_info().reason +
+                               "); there are: auto, cpu, reference");
     throw std::invalid_argument("backend: expected auto, cpu, cuda or reference, got '" + options.backend + "'");
   }
   if (options.threads < 0 || options.threads > 4096)
     throw std::invalid_argument("threads: expected 0 (all cores) to 4096, got " + std::to_string(options.threads));
   impl_ = std::make_unique<Impl>(std::move(scene), options);
   impl_->reference = options.backend == "reference";
-  impl_->lanes = options.self_test ? &passed_lane_kernel(options.instruction_set) : &lane_kernel(options.instruction_set);
+  impl_->lanes =
+      options.self_test ? &passed_lane_kernel(options.instruction_set) : &lane_kernel(options.instruction_set);
   impl_->near_by = near_by_name(options.broad_phase);
   const std::vector<Body>& bodies = impl_->scene.bodies();
-  impl_->light = !impl_->reference && std::all_of(bodies.begin(), bodies.end(), [](const Body& b) {
-    return b.pieces.size() == 1;
-  });
+  impl_->light = !impl_->reference &&
+                 std::all_of(bodies.begin(), bodies.end(), [](const Body& b) { return b.pieces.size() == 1; });
   if (options.calibration != "auto" && options.calibration != "measure" && options.calibration != "off")
     throw std::invalid_argument("calibration: expected auto, measure or off, got '" + options.calibration + "'");
   check_devices(options);
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
-  const bool both = options.backend == "auto" && options.calibration != "off" && !bodies.empty() && cuda::device_info().present;
+  const bool both =
+      options.backend == "auto" && options.calibration != "off" && !bodies.empty() && cuda::device_info().present;
   const bool wanted = options.backend == "cuda" || both;
-  if (const SelfTest* test = wanted && options.self_test ? &cuda::device_self_test(options.devices) : nullptr; test && !test->passed())
-    impl_->refused_device = "backend 'cuda' computes wrongly on this machine, says the self-test (" + test->first_wrong + ")";
+  if (const SelfTest* test = wanted && options.self_test ? &cuda::device_self_test(options.devices) : nullptr;
+      test && !test->passed())
+    impl_->refused_device =
+        "backend 'cuda' computes wrongly on this machine, says the self-test (" + test->first_wrong + ")";
   if (options.backend == "cuda" && !impl_->refused_device.empty()) throw std::runtime_error(impl_->refused_device);
   if (wanted && impl_->refused_device.empty()) {
     cuda::DeviceBackend::Options device;
@@ -126,18 +134,34 @@ Engine::Engine(Scene scene, const Options& options) {
     device.devices = options.devices;
     impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene, device);
     if (both && impl_->device->usable())
-      impl_->router = std::make_unique<cuda::Router>(impl_->scene, impl_->device->device(), calibration_of(impl_->scene, impl_->options));
+      impl_->router = std::make_unique<cuda::Router>(impl_->scene, impl_->device->device(),
+                                                     calibration_of(impl_->scene, impl_->options));
   }
 }
 
 Engine::~Engine() = default;
 
-const Scene& Engine::scene() const { return impl_->scene; }
-std::uint64_t Engine::scene_revision() const { return impl_->poses.snapshot()->scene_revision; }
-std::string_view Engine::backend() const { return impl_->reference ? "reference" : !impl_->device || !impl_->device->usable() ? "cpu" : impl_->router ? "auto" : "cuda"; }
-std::string Engine::device_error() const { return impl_->device ? impl_->device->error() : impl_->refused_device; }
-std::string_view Engine::instruction_set() const { return impl_->lanes->name; }
-std::uint64_t Engine::pose_revision() const { return impl_->poses.snapshot()->revision; }
+const Scene& Engine::scene() const {
+  return impl_->scene;
+}
+std::uint64_t Engine::scene_revision() const {
+  return impl_->poses.snapshot()->scene_revision;
+}
+std::string_view Engine::backend() const {
+  return impl_->reference                             ? "reference"
+         : !impl_->device || !impl_->device->usable() ? "cpu"
+         : impl_->router                              ? "auto"
+                                                      : "cuda";
+}
+std::string Engine::device_error() const {
+  return impl_->device ? impl_->device->error() : impl_->refused_device;
+}
+std::string_view Engine::instruction_set() const {
+  return impl_->lanes->name;
+}
+std::uint64_t Engine::pose_revision() const {
+  return impl_->poses.snapshot()->revision;
+}
 
 PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
                                    std::uint64_t publisher) {
@@ -148,14 +172,17 @@ PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t
   return result;
 }
 
-void Engine::check_stamp(std::int64_t stamp_ns) const { impl_->poses.check_stamp(stamp_ns); }
+void Engine::check_stamp(std::int64_t stamp_ns) const {
+  impl_->poses.check_stamp(stamp_ns);
+}
 
 PoseUpdateResult Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc) {
   const FpEnvironment environment;
   return impl_->poses.attach(child, parent, X_pc);
 }
 
-bool Engine::still_means(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors, bool with_parents) const {
+bool Engine::still_means(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors,
+                         bool with_parents) const {
   const auto snapshot = impl_->poses.snapshot();
   return scene_revision == snapshot->scene_revision ||
          snapshot->history->still_means(scene_revision, snapshot->scene_changes, selectors, with_parents);
@@ -222,8 +249,9 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
                                                       " rows and there is room for " + std::to_string(reply.rows) +
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
-  const JobContext context{&impl_->scene, impl_->options.threads, impl_->reference, impl_->lanes, impl_->light, &impl_->pairs_evaluated,
-                           &impl_->contradictions, &impl_->warm, &impl_->trees, impl_->near_by, impl_->device.get(), impl_->router.get()};
+  const JobContext context{&impl_->scene, impl_->options.threads,  impl_->reference,       impl_->lanes,
+                           impl_->light,  &impl_->pairs_evaluated, &impl_->contradictions, &impl_->warm,
+                           &impl_->trees, impl_->near_by,          impl_->device.get(),    impl_->router.get()};
   if (context.device && (!context.router || context.router->to_device(plan)))
     if (auto job = cuda::make_device_job(context, plan, reply)) return Job(std::move(job));
   return Job(make_cpu_job(context, std::move(plan), reply));
@@ -237,9 +265,13 @@ std::uint64_t Engine::warm_bytes(const QueryView& query, const QuerySize& size) 
   return simplices > WarmStore::kMostSimplices ? 0 : simplices * sizeof(WarmSimplex);
 }
 
-std::uint64_t Engine::contradictions() const { return impl_->contradictions; }
+std::uint64_t Engine::contradictions() const {
+  return impl_->contradictions;
+}
 
-void Engine::trim_warm(std::uint64_t client, std::uint64_t room) const { impl_->warm.trim(client, room); }
+void Engine::trim_warm(std::uint64_t client, std::uint64_t room) const {
+  impl_->warm.trim(client, room);
+}
 
 Counters Engine::stats() const {
   const auto snapshot = impl_->poses.snapshot();
@@ -250,22 +282,22 @@ Counters Engine::stats() const {
       vertices += piece->vertices.size();
     }
   Counters counters{{"engine.bodies", impl_->scene.bodies().size()},
-          {"engine.pieces", pieces},
-          {"engine.warm_bytes", impl_->warm.bytes()},
-          {"engine.warm_without_room", impl_->warm.without_room()},
-          {"engine.box_trees", impl_->trees.builds()},
-          {"engine.box_tree_bytes", impl_->trees.bytes()},
-          {"engine.vertices", vertices},
-          {"engine.pairs", snapshot->pairs->size()},
-          {"engine.threads", static_cast<std::uint64_t>(impl_->options.threads)},
-          {"engine.queries", impl_->queries},
-          {"engine.pairs_evaluated", impl_->pairs_evaluated},
-          {"engine.contradictions", impl_->contradictions},
-          {"engine.pose_revision", snapshot->revision},
-          {"engine.pose_updates", impl_->pose_updates},
-          {"engine.bad_poses", impl_->bad_poses},
-          {"engine.stamps_out_of_range", impl_->poses.stamps_out_of_range()},
-          {"engine.stamps_late", impl_->poses.stamps_late()}};
+                    {"engine.pieces", pieces},
+                    {"engine.warm_bytes", impl_->warm.bytes()},
+                    {"engine.warm_without_room", impl_->warm.without_room()},
+                    {"engine.box_trees", impl_->trees.builds()},
+                    {"engine.box_tree_bytes", impl_->trees.bytes()},
+                    {"engine.vertices", vertices},
+                    {"engine.pairs", snapshot->pairs->size()},
+                    {"engine.threads", static_cast<std::uint64_t>(impl_->options.threads)},
+                    {"engine.queries", impl_->queries},
+                    {"engine.pairs_evaluated", impl_->pairs_evaluated},
+                    {"engine.contradictions", impl_->contradictions},
+                    {"engine.pose_revision", snapshot->revision},
+                    {"engine.pose_updates", impl_->pose_updates},
+                    {"engine.bad_poses", impl_->bad_poses},
+                    {"engine.stamps_out_of_range", impl_->poses.stamps_out_of_range()},
+                    {"engine.stamps_late", impl_->poses.stamps_late()}};
   if (impl_->device) impl_->device->append(counters);
   if (impl_->router) impl_->router->append(counters);
   return counters;
@@ -290,7 +322,11 @@ void Job::finish_together(std::span<Job* const> jobs) {
   for (Job* job : jobs.subspan(1)) others.push_back(job->state_.get());
   jobs[0]->state_->finish_with(others);
 }
-const QuerySize& Job::size() const { return state_->size(); }
-const ReplyInfo& Job::info() const { return state_->info; }
+const QuerySize& Job::size() const {
+  return state_->size();
+}
+const ReplyInfo& Job::info() const {
+  return state_->info;
+}
 
 }  // namespace clearance

@@ -23,33 +23,36 @@ class Engine {
   struct Options {
     std::string backend = "auto";  ///< "auto", "cpu", "cuda", or "reference" (brute force, the fast path's oracle)
     int threads = 0;               ///< 0: all cores
-    /// A stamp may be so far ahead of this machine's clock (TAI is 37 s ahead of UTC): one that is far ahead by mistake would
-    /// be the newest for good.
+    /// A stamp may be so far ahead of this machine's clock (TAI is 37 s ahead of UTC): one that is far ahead by mistake
+    /// would be the newest for good.
     std::chrono::nanoseconds max_stamp_lead = std::chrono::seconds(60);
-    /// Of the CPU's SIMD lanes: "auto", "avx512", "avx2", "baseline". Only speed depends on it, not one bit of an answer.
+    /// Of the CPU's SIMD lanes: "auto", "avx512", "avx2", "baseline". Only speed depends on it, not one bit of an
+    /// answer.
     std::string instruction_set = "auto";
     /// How reductions find near pairs: "auto", "brute" (every pair's boxes), "tree". Only speed depends on it.
     std::string broad_phase = "auto";
-    std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are refused
+    std::uint64_t max_rows = std::uint64_t{1} << 28;     ///< larger answers are refused
     std::uint64_t warm_memory = std::uint64_t{1} << 30;  ///< bytes of warm state on the host, of all clients together
     std::uint64_t device_memory = 0;  ///< bytes of each device's memory that backend cuda may take; 0: what there is
     /// Whether the CPU answers where the device cannot: it failed, or memory does not suffice. If not, such queries are
     /// refused (kNotSupported, with the reason).
     bool device_fallback = true;
-    /// Of backend auto, where there is a device: "auto" looks up how long queries take on both backends where it was kept
-    /// (cache/cache.h), and measures and keeps it if need be; "measure" measures and keeps nothing; "off":
-    /// auto means the CPU.
+    /// Of backend auto, where there is a device: "auto" looks up how long queries take on both backends where it was
+    /// kept (cache/cache.h), and measures and keeps it if need be; "measure" measures and keeps nothing; "off": auto
+    /// means the CPU.
     std::string calibration = "auto";
-    /// CUDA devices of backends cuda and auto, by their numbers; none: the calling thread's current one. Each holds the scene,
-    /// and queries are shared out among them; answers do not depend on how many there are.
+    /// CUDA devices of backends cuda and auto, by their numbers; none: the calling thread's current one. Each holds the
+    /// scene, and queries are shared out among them; answers do not depend on how many there are.
     std::vector<int> devices{};
-    /// Whether what the self-test (engine/narrow/self_test.h) finds wrong is refused. Tests of wrong builds leave it out.
+    /// Whether what the self-test (engine/narrow/self_test.h) finds wrong is refused. Tests of wrong builds leave it
+    /// out.
     bool self_test = true;
   };
 
   /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, and for a device named twice;
-  /// std::runtime_error for a backend or device that is absent on this machine or, without fallback, has no room for the
-  /// scene, for one that the self-test (engine/narrow/self_test.h) found wrong, and where it found all instruction sets wrong.
+  /// std::runtime_error for a backend or device that is absent on this machine or, without fallback, has no room for
+  /// the scene, for one that the self-test (engine/narrow/self_test.h) found wrong, and where it found all instruction
+  /// sets wrong.
   explicit Engine(Scene scene) : Engine(std::move(scene), Options()) {}
   Engine(Scene scene, const Options& options);
   ~Engine();
@@ -57,8 +60,8 @@ class Engine {
   Engine& operator=(const Engine&) = delete;
 
   const Scene& scene() const;
-  std::uint64_t scene_revision() const;   ///< Scene::revision()
-  std::string_view backend() const;       ///< the one in use, by name; "auto": the CPU or the device, as each reply says
+  std::uint64_t scene_revision() const;  ///< Scene::revision()
+  std::string_view backend() const;      ///< the one in use, by name; "auto": the CPU or the device, as each reply says
   /// What the device said last where it did not answer; empty: there was nothing.
   std::string device_error() const;
   static std::vector<std::string> backends();  ///< those that can be asked for on this machine
@@ -67,27 +70,28 @@ class Engine {
   static std::vector<std::string> instruction_sets();
 
   /// Applies a batch of poses atomically. \param stamp_ns the publisher's clock; 0: it gives none. \param sequence the
-  /// publisher's count of its updates; 0: it keeps none. \param publisher any number that tells publishers apart. The receipt
-  /// is taken here. Throws QueryError, and nothing is applied, for a stamp that check_stamp() refuses, and for one before
-  /// that which the publisher gave last for one of the bodies: an old update that came late, or once more. A clock that
-  /// begins anew is another publisher's; an update without a stamp also lets it begin anew for its bodies.
+  /// publisher's count of its updates; 0: it keeps none. \param publisher any number that tells publishers apart. The
+  /// receipt is taken here. Throws QueryError, and nothing is applied, for a stamp that check_stamp() refuses, and for
+  /// one before that which the publisher gave last for one of the bodies: an old update that came late, or once more. A
+  /// clock that begins anew is another publisher's; an update without a stamp also lets it begin anew for its bodies.
   PoseUpdateResult set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns = 0, std::int64_t sequence = 0,
                              std::uint64_t publisher = 0);
-  /// Throws QueryError for a stamp below 0, or ahead of this machine's clock (UTC) by more than Options::max_stamp_lead.
+  /// Throws QueryError for a stamp below 0, or ahead of this machine's clock (UTC) by more than
+  /// Options::max_stamp_lead.
   void check_stamp(std::int64_t stamp_ns) const;
-  /// Makes `child` follow `parent` from where it is now, or with `X_pc` if given; kNone as parent sets it free where it is.
-  /// Throws QueryError for an unknown body, a cycle, a static child, or a body without a usable pose.
+  /// Makes `child` follow `parent` from where it is now, or with `X_pc` if given; kNone as parent sets it free where it
+  /// is. Throws QueryError for an unknown body, a cycle, a static child, or a body without a usable pose.
   PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc = nullptr);
   /// Whether body ids and group selectors of an older revision of the scene mean the same in this one. False also for a
-  /// revision that is unknown. \param with_parents also that those bodies have the parents that they had, to which their poses
-  /// are relative.
+  /// revision that is unknown. \param with_parents also that those bodies have the parents that they had, to which
+  /// their poses are relative.
   bool still_means(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors, bool with_parents) const;
-  /// Takes over the poses and attachments that another engine has received, for bodies that both know by name: what a daemon
-  /// does that loads its scene anew. Other bodies stay as this scene has them.
+  /// Takes over the poses and attachments that another engine has received, for bodies that both know by name: what a
+  /// daemon does that loads its scene anew. Other bodies stay as this scene has them.
   void take_poses(const Engine& old);
   BodyState body_state(std::uint32_t body) const;
-  /// Whether the poses of a body, or of a group (selector), have this stamp or a newer one: those of its bodies that ever had
-  /// a stamp, and one at least. Throws QueryError for an unknown one.
+  /// Whether the poses of a body, or of a group (selector), have this stamp or a newer one: those of its bodies that
+  /// ever had a stamp, and one at least. Throws QueryError for an unknown one.
   bool poses_reach(std::uint32_t bodies, std::int64_t stamp_ns) const;
   std::uint64_t pose_revision() const;
 
@@ -98,8 +102,8 @@ class Engine {
   /// Begins a query on the newest snapshot. Copies what it needs of `query`; throws QueryError.
   Job start(const QueryView& query, const ReplyView& reply) const;
 
-  /// Bytes that the warm state of a query takes on the host while it is under way, and after that until its client asks for
-  /// something else.
+  /// Bytes that the warm state of a query takes on the host while it is under way, and after that until its client asks
+  /// for something else.
   static std::uint64_t warm_bytes(const QueryView& query, const QuerySize& size);
   static const std::uint64_t kMostWarmBytes;  ///< of one query; larger ones are always cold
   /// Lets go of the warm state that a client's queries left on the host, if it takes more than `room` bytes.

@@ -7,8 +7,8 @@
 #include <map>
 #include <set>
 
-#include "engine/engine.h"
 #include "engine/base/fp_environment.h"
+#include "engine/engine.h"
 #include "engine/scene/pair_table.h"
 
 namespace clearance {

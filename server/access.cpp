@@ -61,7 +61,8 @@ Rights parse_rights(const std::string& text) {
   for (std::size_t at = 0; at <= text.size();) {
     const std::size_t end = std::min(text.find(',', at), text.size());
     const std::string word = text.substr(at, end - at);
-    const auto known = std::find_if(std::begin(kWords), std::end(kWords), [&](const Word& w) { return w.word == word; });
+    const auto known =
+        std::find_if(std::begin(kWords), std::end(kWords), [&](const Word& w) { return w.word == word; });
     if (known == std::end(kWords))
       throw std::invalid_argument("\"" + word + "\" is no right: expected query, poses or admin, separated by commas");
     rights |= known->right;
@@ -79,7 +80,7 @@ std::string rights_text(Rights rights) {
 
 gid_t group_named(const std::string& name) {
   std::vector<char> room(64 * 1024);
-  struct group entry {};
+  struct group entry{};
   struct group* found = nullptr;
   if (getgrnam_r(name.c_str(), &entry, room.data(), room.size(), &found) == 0 && found) return found->gr_gid;
   gid_t number = 0;

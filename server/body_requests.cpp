@@ -51,8 +51,8 @@ Body body_of(const wire::NewBodyRecord& record, std::span<const Vec3d> vertices)
 
 }  // namespace
 
-void Loop::begin_edit(const FrameHeader& header, std::unique_ptr<ReplySink>& sink, const std::string& name, bool removes,
-                      Reloader::Edit edit) {
+void Loop::begin_edit(const FrameHeader& header, std::unique_ptr<ReplySink>& sink, const std::string& name,
+                      bool removes, Reloader::Edit edit) {
   if (!reloader_ || !reloader_->can_edit())
     throw Refusal{ErrorCode::kNotSupported, "bodies can be neither added nor removed here"};
   const std::uint64_t client = sink->client();
@@ -67,27 +67,31 @@ void Loop::add_body(const FrameHeader& header, std::span<const std::byte> payloa
   if (parent != kNone) check_scene(header, std::array{parent});
   const auto& bodies = engine_->scene().bodies();
   if (parent != kNone && parent >= bodies.size())
-    throw Refusal{ErrorCode::kBadQuery, "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
+    throw Refusal{ErrorCode::kBadQuery,
+                  "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
   if (parts.vertices.size() > options_.max_added_vertices)
     throw Refusal{ErrorCode::kTooLarge, "add_body: " + std::to_string(parts.vertices.size()) +
-                                            " vertices are more than the " + std::to_string(options_.max_added_vertices) +
+                                            " vertices are more than the " +
+                                            std::to_string(options_.max_added_vertices) +
                                             " that an added body may have (--max-added-vertices)"};
   std::vector<Vec3d> vertices(parts.vertices.size());
   for (std::size_t i = 0; i < vertices.size(); ++i) {
     const wire::VertexRecord v = parts.vertices[i];
     vertices[i] = {v.xyz[0], v.xyz[1], v.xyz[2]};
   }
-  begin_edit(header, sink, wire::name_of(parts.record.name), false,
-             [record = parts.record, vertices = std::move(vertices), parent = parent == kNone ? "" : bodies[parent].name,
-              most = options_.max_added_bodies](SceneParts& scene) {
-               if (scene.added.size() >= most)
-                 throw SceneError("add_body: " + std::to_string(most) +
-                                  " bodies were added already, and no more may be (--max-added-bodies)");
-               scene.added.push_back({body_of(record, vertices), parent});
-             });
+  begin_edit(
+      header, sink, wire::name_of(parts.record.name), false,
+      [record = parts.record, vertices = std::move(vertices), parent = parent == kNone ? "" : bodies[parent].name,
+       most = options_.max_added_bodies](SceneParts& scene) {
+        if (scene.added.size() >= most)
+          throw SceneError("add_body: " + std::to_string(most) +
+                           " bodies were added already, and no more may be (--max-added-bodies)");
+        scene.added.push_back({body_of(record, vertices), parent});
+      });
 }
 
-void Loop::remove_body(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
+void Loop::remove_body(const FrameHeader& header, std::span<const std::byte> payload,
+                       std::unique_ptr<ReplySink>& sink) {
   const std::string name = wire::name_of(wire::parse_remove_body(payload).name);
   check_scene(header, std::array{engine_->scene().find_body(name)});
   begin_edit(header, sink, name, true, [name](SceneParts& scene) {
@@ -118,11 +122,12 @@ void Loop::ask_reload(const FrameHeader& header, std::unique_ptr<ReplySink>& sin
 
 void Loop::take_new_engine() {
   if (std::optional<Reloader::Outcome> outcome = reloader_->take()) {
-    // Those that asked for a reload while one was under way wait for the next: this one may have read the files before they
-    // changed.
-    const auto answered = std::stable_partition(scene_waiters_.begin(), scene_waiters_.end(), [&](const SceneWaiter& waiter) {
-      return outcome->edit ? waiter.edit != outcome->edit : waiter.load == 0 || waiter.load > outcome->load;
-    });
+    // Those that asked for a reload while one was under way wait for the next: this one may have read the files before
+    // they changed.
+    const auto answered =
+        std::stable_partition(scene_waiters_.begin(), scene_waiters_.end(), [&](const SceneWaiter& waiter) {
+          return outcome->edit ? waiter.edit != outcome->edit : waiter.load == 0 || waiter.load > outcome->load;
+        });
     std::vector<SceneWaiter> waiters(std::make_move_iterator(answered), std::make_move_iterator(scene_waiters_.end()));
     scene_waiters_.erase(answered, scene_waiters_.end());
     if (outcome->edit && outcome->engine)

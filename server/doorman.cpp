@@ -51,7 +51,7 @@ House& house() {
 }
 
 ino_t inode_of(int socket) {
-  struct stat info {};
+  struct stat info{};
   return ::fstat(socket, &info) == 0 ? info.st_ino : 0;
 }
 

@@ -50,8 +50,8 @@ class FairQueue {
     return item;
   }
 
-  /// Offers the clients' first items, in turns, until none is taken: `take(item)` moves from the item and returns true, or leaves
-  /// it and returns false; it does not throw. Clients that gave one go behind the others.
+  /// Offers the clients' first items, in turns, until none is taken: `take(item)` moves from the item and returns true,
+  /// or leaves it and returns false; it does not throw. Clients that gave one go behind the others.
   template <class Take>
   void take_each(Take take) {
     kept_.reserve(order_.size());

@@ -1,4 +1,5 @@
-// Queries that wait for poses (QueryHeader::min_pose_stamp_ns): held aside, looked at when poses have come or time is up.
+// Queries that wait for poses (QueryHeader::min_pose_stamp_ns): held aside, looked at when poses have come or time is
+// up.
 #include <algorithm>
 #include <cstring>
 
@@ -12,14 +13,15 @@ std::size_t Loop::held() const {
   return held_.size();
 }
 
-void Loop::hold_query(const wire::FrameHeader& header, const wire::QueryHeader& query, std::span<const std::byte> payload,
-                      std::unique_ptr<ReplySink>& sink) {
+void Loop::hold_query(const wire::FrameHeader& header, const wire::QueryHeader& query,
+                      std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
   if (query.pose_wait_ns == 0)
-    throw Refusal{ErrorCode::kPosesLate, "no poses with stamp " + std::to_string(query.min_pose_stamp_ns) + " or newer are there"};
+    throw Refusal{ErrorCode::kPosesLate,
+                  "no poses with stamp " + std::to_string(query.min_pose_stamp_ns) + " or newer are there"};
   check_room_for_bytes(*sink, payload.size());
   Usage& usage = waiting_per_client_[sink->client()];
-  Held held{nullptr, header, std::vector<std::uint64_t>((payload.size() + 7) / 8), payload.size(), query, turn_began_,
-            turn_began_ + std::chrono::nanoseconds(query.pose_wait_ns)};
+  Held held{nullptr, header,      std::vector<std::uint64_t>((payload.size() + 7) / 8),      payload.size(),
+            query,   turn_began_, turn_began_ + std::chrono::nanoseconds(query.pose_wait_ns)};
   std::memcpy(held.payload.data(), payload.data(), payload.size());
   held_deadline_ = held_.empty() ? held.deadline : std::min(held_deadline_, held.deadline);
   held_until_revision_ = engine_->pose_revision();
@@ -63,8 +65,9 @@ bool Loop::look_at_held() {
     guarded(way_back, held.request, [&] {
       check_wait_for(held.request, held.query);
       if (!engine_->poses_reach(held.query.wait_for, held.query.min_pose_stamp_ns))
-        throw Refusal{ErrorCode::kPosesLate, "no poses with stamp " + std::to_string(held.query.min_pose_stamp_ns) +
-                                                 " or newer came within " + std::to_string(1e-6 * static_cast<double>(held.query.pose_wait_ns)) + " ms"};
+        throw Refusal{ErrorCode::kPosesLate,
+                      "no poses with stamp " + std::to_string(held.query.min_pose_stamp_ns) + " or newer came within " +
+                          std::to_string(1e-6 * static_cast<double>(held.query.pose_wait_ns)) + " ms"};
       const auto payload = std::as_bytes(std::span(held.payload)).first(held.payload_bytes);
       begin_query(held.request, wire::parse_query(payload), payload.size(), held.sink, held.received);
     });

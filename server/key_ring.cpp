@@ -12,13 +12,13 @@ namespace clearance {
 namespace {
 
 bool same_file(const struct stat& a, const struct stat& b) {
-  return a.st_ino == b.st_ino && a.st_dev == b.st_dev && a.st_size == b.st_size && a.st_mtim.tv_sec == b.st_mtim.tv_sec &&
-         a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
+  return a.st_ino == b.st_ino && a.st_dev == b.st_dev && a.st_size == b.st_size &&
+         a.st_mtim.tv_sec == b.st_mtim.tv_sec && a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
 }
 
 /// Whoever can write there decides who comes in.
 struct stat status_of_guarded(const std::string& path) {
-  struct stat info {};
+  struct stat info{};
   if (stat(path.c_str(), &info) != 0) throw std::runtime_error(path + ": " + std::strerror(errno));
   if (info.st_uid != geteuid() && info.st_uid != 0)
     throw std::runtime_error(path + ": belongs to user " + std::to_string(info.st_uid) + ", neither us nor root");
@@ -41,7 +41,7 @@ const KeyRing::Entry* KeyRing::find(const std::string& public_key) const {
 }
 
 bool KeyRing::refresh() {
-  struct stat now {};
+  struct stat now{};
   if (stat(list_.c_str(), &now) != 0) now = {};
   if (same_file(now, seen_)) return false;
   seen_ = now;  // first: what is wrong with it is said once

@@ -10,10 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "wire/lcm_bus.h"
-#include "wire/lcm_frames.h"
 #include "server/lcm_outbox.h"
 #include "server/transport.h"
+#include "wire/lcm_bus.h"
+#include "wire/lcm_frames.h"
 
 namespace clearance {
 

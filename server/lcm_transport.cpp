@@ -15,15 +15,15 @@
 #include <stdexcept>
 #include <unordered_map>
 
-#include "wire/lcm_bus.h"
-#include "wire/lcm_check.h"
-#include "wire/lcm_frames.h"
-#include "wire/wire.h"
 #include "server/lcm_link.h"
 #include "server/lcm_publishers.h"
 #include "server/lcm_translate.h"
 #include "server/log_text.h"
 #include "server/transport.h"
+#include "wire/lcm_bus.h"
+#include "wire/lcm_check.h"
+#include "wire/lcm_frames.h"
+#include "wire/wire.h"
 
 namespace clearance {
 namespace {
@@ -66,8 +66,9 @@ struct Counters {
         sent(inbox.counter("lcm.sent")),
         failed(inbox.counter("lcm.send_errors")),
         other_daemons(inbox.counter("lcm.other_daemons")) {}
-  std::uint64_t &messages, &bad, &poses, &wrong_scene, &unknown, &gaps, &reordered, &repeated, &restarts, &contested, &bad_stamps, &not_allowed,
-      &publishers, &queries, &frames, &given_up, &replies, &dropped, &sent, &failed, &other_daemons;
+  std::uint64_t &messages, &bad, &poses, &wrong_scene, &unknown, &gaps, &reordered, &repeated, &restarts, &contested,
+      &bad_stamps, &not_allowed, &publishers, &queries, &frames, &given_up, &replies, &dropped, &sent, &failed,
+      &other_daemons;
 };
 
 /// A log line at most every few seconds for each kind of trouble; `more` counts those not said since the last.
@@ -276,9 +277,8 @@ class LcmTransport final : public Transport {
     if (poses_.empty() && !allowed_poses_.any) return;  // nothing that would be taken
     ++counters_->poses;
     ++handed_in_;
-    with_good_stamp([&] {
-      counters_->unknown += inbox_->on_poses(poses_, stamp_ns, sequence, client_number(publisher)).unknown;
-    });
+    with_good_stamp(
+        [&] { counters_->unknown += inbox_->on_poses(poses_, stamp_ns, sequence, client_number(publisher)).unknown; });
   }
 
   // --- requests

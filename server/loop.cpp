@@ -28,8 +28,8 @@ constexpr int kFreshBeforeLong = 4;
 constexpr int kWakesForNothing = 100;
 /// Queries that are answered as one batch with the one whose turn it is.
 constexpr std::size_t kMostJoined = 63;
-/// Clients whose counts of queries under way are kept at a tick though they are 0: one that asks again and again allocates
-/// nothing.
+/// Clients whose counts of queries under way are kept at a tick though they are 0: one that asks again and again
+/// allocates nothing.
 constexpr std::size_t kIdleClientsKept = 256;
 /// How often a loop that is kept awake looks at transports that are polled by system calls: so late may a request or a
 /// pose be seen there, while the look, of a microsecond or two, delays requests in memory that seldom.
@@ -37,7 +37,8 @@ constexpr auto kLookEvery = std::chrono::microseconds(50);
 /// A transport that is polled in memory is in use for so long after its last frame.
 constexpr auto kInUse = std::chrono::milliseconds(100);
 
-/// A device's reply from this size on is worth memory that the device writes to itself: some ten microseconds of copying.
+/// A device's reply from this size on is worth memory that the device writes to itself: some ten microseconds of
+/// copying.
 constexpr std::uint64_t kWorthPinning = 64 << 10;
 
 std::string scheme_of(const std::string& url) {
@@ -72,7 +73,8 @@ bool Loop::DueFirst::operator()(const TaskPtr& a, const TaskPtr& b) const {
   return a->due < b->due;
 }
 
-Loop::Loop(Engine& engine, const Options& options) : Loop(std::shared_ptr<Engine>(std::shared_ptr<Engine>(), &engine), options) {}
+Loop::Loop(Engine& engine, const Options& options)
+    : Loop(std::shared_ptr<Engine>(std::shared_ptr<Engine>(), &engine), options) {}
 
 Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
     : engine_(std::move(engine)), options_(options), started_(Clock::now()), next_tick_(started_) {
@@ -352,7 +354,8 @@ void Loop::leave(std::uint64_t client, std::uint64_t held_bytes) {
 void Loop::finish(Task& task, Clock::time_point now) {
   if (engine_->contradictions() > 0 && !std::exchange(contradiction_logged_, true))
     spdlog::error(
-        "event=contradiction text=\"bounds of a pair contradicted each other, and it was answered anew: this machine, this "
+        "event=contradiction text=\"bounds of a pair contradicted each other, and it was answered anew: this machine, "
+        "this "
         "build or a table of the scene is broken; clearance selftest may tell which; engine.contradictions counts\"");
   const QuerySize& size = task.job.size();
   const ReplyInfo& info = task.job.info();

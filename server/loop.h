@@ -17,13 +17,13 @@
 #include <unordered_map>
 #include <vector>
 
-#include "wire/aligned_buffer.h"
-#include "wire/spin_gate.h"
-#include "wire/wire.h"
 #include "error_log.h"
 #include "fair_queue.h"
 #include "reloader.h"
 #include "transport.h"
+#include "wire/aligned_buffer.h"
+#include "wire/spin_gate.h"
+#include "wire/wire.h"
 
 namespace clearance {
 
@@ -33,9 +33,11 @@ class Loop final : public Inbox {
 
   struct Options {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
-    std::chrono::nanoseconds spin = std::chrono::microseconds(50);    ///< the most to poll in memory before going to sleep
+    std::chrono::nanoseconds spin =
+        std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
-    std::uint64_t batch_pairs = 64;  ///< of small queries that wait at once and are answered as one batch; 0: each alone
+    std::uint64_t batch_pairs =
+        64;  ///< of small queries that wait at once and are answered as one batch; 0: each alone
     std::uint32_t max_waiting_per_client = 64;                 ///< queries of one client under way; more: kBusy
     std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< of requests and replies under way; more: kBusy
     std::uint64_t max_client_bytes = std::uint64_t{2} << 30;   ///< of one client's; one request may always be under way
@@ -61,20 +63,20 @@ class Loop final : public Inbox {
   bool turn();
   /// Makes run() return soon. From any thread, and from a signal handler.
   void stop() noexcept;
-  /// How reload() makes another engine, and how one is made of a scene with a body more or less (null: that is refused).
-  /// Before run().
+  /// How reload() makes another engine, and how one is made of a scene with a body more or less (null: that is
+  /// refused). Before run().
   void reload_by(Reloader::Make make, Reloader::Build build = nullptr);
-  /// Has the scene loaded anew, aside; queries go on. The new engine takes over the poses and the queries that come from then
-  /// on; those under way are answered by the old one. If it fails, the old one stays. Without reload_by(): nothing
-  /// happens. From any thread, and from a signal handler.
+  /// Has the scene loaded anew, aside; queries go on. The new engine takes over the poses and the queries that come
+  /// from then on; those under way are answered by the old one. If it fails, the old one stays. Without reload_by():
+  /// nothing happens. From any thread, and from a signal handler.
   void reload() noexcept;
   /// What the daemon counts, and what it refused.
   struct Figures {
     std::vector<std::pair<std::string, std::uint64_t>> counters;
     std::vector<ErrorLog::Entry> errors;
   };
-  /// The figures as of the loop's next turn, which copies them; none if that takes longer than `patience`. From any thread
-  /// but the loop's.
+  /// The figures as of the loop's next turn, which copies them; none if that takes longer than `patience`. From any
+  /// thread but the loop's.
   std::optional<Figures> read_figures(std::chrono::nanoseconds patience);
   bool is_reloading() const { return reloader_ && reloader_->is_busy(); }
   /// Queries under way.
@@ -111,11 +113,13 @@ class Loop final : public Inbox {
   void ask_reload(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink);
   // body_requests.cpp
   void add_body(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
-  void remove_body(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
-  void begin_edit(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink, const std::string& name, bool removes,
-                  Reloader::Edit edit);
+  void remove_body(const wire::FrameHeader& header, std::span<const std::byte> payload,
+                   std::unique_ptr<ReplySink>& sink);
+  void begin_edit(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink, const std::string& name,
+                  bool removes, Reloader::Edit edit);
   /// Throws a Refusal (kWrongScene) if the request's ids are of another scene, where they mean something else.
-  void check_scene(const wire::FrameHeader& header, std::span<const std::uint32_t> ids, bool with_parents = false) const;
+  void check_scene(const wire::FrameHeader& header, std::span<const std::uint32_t> ids,
+                   bool with_parents = false) const;
   void check_wait_for(const wire::FrameHeader& header, const wire::QueryHeader& query) const;
   std::vector<std::pair<std::string, std::uint64_t>> all_counters() const;
   std::vector<std::byte> stats_payload() const;
@@ -159,7 +163,8 @@ class Loop final : public Inbox {
                 &dropped_ = counters_["requests.dropped"], &queries_ = counters_["queries"],
                 &answered_ = counters_["queries.answered"], &queries_joined_ = counters_["queries.joined"],
                 &rows_ = counters_["rows"];
-  // "latency_us.N": queries that took from arrival to reply more than N/2 and at most N microseconds; "latency_us.more".
+  // "latency_us.N": queries that took from arrival to reply more than N/2 and at most N microseconds;
+  // "latency_us.more".
   static constexpr int kLatencyBuckets = 24;
   std::array<std::uint64_t*, kLatencyBuckets> latency_;
 

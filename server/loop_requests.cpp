@@ -122,8 +122,8 @@ std::uint64_t Loop::check_room_for_bytes(const ReplySink& sink, std::uint64_t by
     throw Refusal{ErrorCode::kBusy, "the requests and replies of this client under way take " + std::to_string(taken) +
                                         " bytes already; ask again (--max-client-mib)"};
   if (waiting_bytes_ && waiting_bytes_ + bytes > options_.max_waiting_bytes)
-    throw Refusal{ErrorCode::kBusy,
-                  "the requests and replies under way take " + std::to_string(waiting_bytes_) + " bytes already; ask again"};
+    throw Refusal{ErrorCode::kBusy, "the requests and replies under way take " + std::to_string(waiting_bytes_) +
+                                        " bytes already; ask again"};
   return taken;
 }
 
@@ -172,7 +172,8 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
     ++counter("queries.cold");
   }
   held += warm;
-  if (warm == 0 && left < Engine::kMostWarmBytes) engine_->trim_warm(client, left);  // else the query takes what was left
+  if (warm == 0 && left < Engine::kMostWarmBytes)
+    engine_->trim_warm(client, left);  // else the query takes what was left
 
   AlignedBytes own;
   std::byte* frame = sink->reserve(bytes);

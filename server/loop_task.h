@@ -7,9 +7,9 @@
 #include <string>
 #include <utility>
 
-#include "wire/wire.h"
 #include "log_text.h"
 #include "loop.h"
+#include "wire/wire.h"
 
 namespace clearance {
 
@@ -33,8 +33,8 @@ struct Loop::Task {
   wire::FrameHeader request;
   std::shared_ptr<Engine> engine;  // the job's, though the loop may have another one by now
   Job job;
-  std::byte* frame = nullptr;  // the sink's room, or `own`
-  AlignedBytes own;            // where the sink has no room for the most that may come back
+  std::byte* frame = nullptr;    // the sink's room, or `own`
+  AlignedBytes own;              // where the sink has no room for the most that may come back
   std::uint64_t held_bytes = 0;  // the frame, and what the request itself takes
   Reduce reduce = Reduce::kNone;
   Format format = Format::kFull;
@@ -75,7 +75,8 @@ void Loop::guarded(ReplySink& sink, const wire::FrameHeader& request, Work work)
   } catch (const std::bad_alloc&) {
     refuse(sink, request, {wire::ErrorCode::kTooLarge, "the daemon has no memory for this request"});
   } catch (const std::exception& error) {
-    spdlog::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type), log_text(error.what()));
+    spdlog::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type),
+                  log_text(error.what()));
     refuse(sink, request, {wire::ErrorCode::kInternal, std::string("internal error of the daemon: ") + error.what()});
   }
 }

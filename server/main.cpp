@@ -14,7 +14,6 @@
 #include <optional>
 
 #include "accepting.h"
-#include "wire/default_socket.h"
 #include "doorman.h"
 #include "engine/cache/cache.h"
 #include "engine/engine.h"
@@ -28,6 +27,7 @@
 #include "readiness.h"
 #include "scene_log.h"
 #include "shm_transport.h"
+#include "wire/default_socket.h"
 
 namespace clearance {
 namespace {
@@ -43,7 +43,7 @@ void on_signal(int number) {
 }
 
 void handle_signals() {
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_handler = on_signal;
   for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
   // A peer that is gone and a file that may not grow (a segment beyond RLIMIT_FSIZE) are errors of a call.
@@ -79,9 +79,10 @@ void let_threads_sleep(char** argv) {
   execv(path, argv);  // if that fails, we go on as we are
 }
 
-/// Has memory that a query gave back stay with the process. By its defaults the C library returns what is free at the end
-/// of the heap to the system from 128 KB on, and a query that needs as much then has the kernel clear the same pages
-/// again: batches of 171 pairs were seen to take 200 us instead of 110. Larger blocks still come and go by mmap().
+/// Has memory that a query gave back stay with the process. By its defaults the C library returns what is free at the
+/// end of the heap to the system from 128 KB on, and a query that needs as much then has the kernel clear the same
+/// pages again: batches of 171 pairs were seen to take 200 us instead of 110. Larger blocks still come and go by
+/// mmap().
 void keep_freed_memory() {
 #ifdef __GLIBC__
   mallopt(M_TRIM_THRESHOLD, 64 << 20);
@@ -98,7 +99,7 @@ void add_default_endpoint(DaemonOptions& options) {
   if (!options.shm.empty() || !options.zmq.empty() || !options.lcm.empty()) return;
   const std::string folder = default_socket_folder();
   mkdir(folder.c_str(), 0700);  // only /tmp/clearance-UID may be missing
-  struct stat info {};
+  struct stat info{};
   if (stat(folder.c_str(), &info) || info.st_uid != getuid())
     throw std::runtime_error("shm://" + default_socket_path() + ": the folder " + folder +
                              " is not ours; choose an endpoint with --shm or --zmq");
@@ -190,8 +191,8 @@ void log_scene(const DaemonOptions& options, const Engine& engine, double load_s
   }
   spdlog::info(
       "event=scene_loaded scene=\"{}\" bodies={} pieces={} vertices={} revision={:016x} backend={} seconds={:.3f}",
-      log_text(options.scene), engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(), engine.backend(),
-      load_seconds);
+      log_text(options.scene), engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(),
+      engine.backend(), load_seconds);
   log_hull_warnings(engine.scene());
 }
 
@@ -231,8 +232,8 @@ int serve(DaemonOptions options) {
   }
   for (const SelfTest& test : self_tests())
     if (!test.passed())
-      spdlog::error("event=self_test_failed name={} wrong={} answers={} first=\"{}\" text=\"it is not used\"", test.name, test.wrong,
-                    test.answers, test.first_wrong);
+      spdlog::error("event=self_test_failed name={} wrong={} answers={} first=\"{}\" text=\"it is not used\"",
+                    test.name, test.wrong, test.answers, test.first_wrong);
   std::optional<Scene> scene;
   try {
     scene = load_scene(options);

@@ -7,14 +7,14 @@
 #include <string>
 #include <thread>
 
-#include "wire/shm_os.h"
 #include "loop.h"
 #include "unix_socket.h"
+#include "wire/shm_os.h"
 
 namespace clearance {
 
-/// On a thread of its own, one request at a time, each within a second: who is slow keeps the others waiting for so long,
-/// and the loop for nothing.
+/// On a thread of its own, one request at a time, each within a second: who is slow keeps the others waiting for so
+/// long, and the loop for nothing.
 class MetricsServer {
  public:
   using Read = std::function<std::optional<Loop::Figures>()>;

@@ -66,11 +66,14 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
          "--shm", o.shm,
          "serve shared memory, met at this Unix socket; where no endpoint is given, at\n" + default_socket_path())
       ->type_name("PATH");
-  app.add_option("--zmq", o.zmq, "serve ZeroMQ at ipc:///path, tcp://127.0.0.1:PORT, or with --keys tcp://ADDRESS:PORT;\nmay be repeated")
+  app.add_option(
+         "--zmq", o.zmq,
+         "serve ZeroMQ at ipc:///path, tcp://127.0.0.1:PORT, or with --keys tcp://ADDRESS:PORT;\nmay be repeated")
       ->type_name("ENDPOINT");
-  app.add_option("--keys", o.keys,
-                 "TCP for those alone whose keys are known (CURVE): a folder with server.key and the list `authorized`,\n"
-                 "a line for each client: KEY RIGHTS NAME (see Who may do what)")
+  app.add_option(
+         "--keys", o.keys,
+         "TCP for those alone whose keys are known (CURVE): a folder with server.key and the list `authorized`,\n"
+         "a line for each client: KEY RIGHTS NAME (see Who may do what)")
       ->type_name("DIR");
   app.add_option("--socket-group", o.socket_group, "let this group's members connect to the Unix sockets (mode 0660)")
       ->type_name("GROUP");
@@ -89,22 +92,25 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->capture_default_str();
   app.add_option("--lcm-allow", o.lcm_allow, "a body or group whose poses are taken from LCM; may be repeated")
       ->type_name("NAME");
-  app.add_option("--backend", o.backend, "what computes: auto, cpu, cuda, reference (slow: brute force, to compare with)")
+  app.add_option("--backend", o.backend,
+                 "what computes: auto, cpu, cuda, reference (slow: brute force, to compare with)")
       ->type_name("NAME")
       ->capture_default_str();
   app.add_option("--threads", o.threads, "threads of the cpu backend; 0: one for each core")
       ->check(quiet(CLI::Range(0, 4096)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--calibration", o.calibration,
-                 "how backend auto knows whether CPU or device is faster: auto (measured once on this machine and kept),\n"
-                 "measure (now, and not kept), off (the CPU answers)")
+  app.add_option(
+         "--calibration", o.calibration,
+         "how backend auto knows whether CPU or device is faster: auto (measured once on this machine and kept),\n"
+         "measure (now, and not kept), off (the CPU answers)")
       ->check(quiet(CLI::IsMember({"auto", "measure", "off"})))
       ->type_name("HOW")
       ->capture_default_str();
-  app.add_option("--devices", o.devices,
-                 "GPUs of the cuda backend by number, as in 0,1: each holds the scene, and queries are shared out among\n"
-                 "them; where none is named, the first")
+  app.add_option(
+         "--devices", o.devices,
+         "GPUs of the cuda backend by number, as in 0,1: each holds the scene, and queries are shared out among\n"
+         "them; where none is named, the first")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("N,N");
@@ -115,7 +121,8 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
   app.add_flag("!--no-device-fallback", o.device_fallback,
                "refuse what the device cannot answer; else the CPU answers it");
   app.add_option("--pinned-mib", o.pinned_mib,
-                 "MiB of clients' shared memory that are pinned where the device has large replies for them, so that it writes\n"
+                 "MiB of clients' shared memory that are pinned where the device has large replies for them, so that "
+                 "it writes\n"
                  "them there itself; 0: they are copied")
       ->type_name("N")
       ->capture_default_str();
@@ -127,8 +134,9 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(0u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--batch-pairs", o.batch_pairs,
-                 "small queries that wait at once are answered as one batch of at most so many pairs; 0: each by itself")
+  app.add_option(
+         "--batch-pairs", o.batch_pairs,
+         "small queries that wait at once are answered as one batch of at most so many pairs; 0: each by itself")
       ->check(quiet(CLI::Range(0u, 4096u)))
       ->type_name("N")
       ->capture_default_str();
@@ -136,14 +144,16 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--max-clients", o.max_clients,
-                 "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way); more are refused")
+  app.add_option(
+         "--max-clients", o.max_clients,
+         "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way); more are refused")
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--max-client-mib", o.max_client_mib,
-                 "MiB that one client's requests and replies under way may take; more are refused (busy), though one always\n"
-                 "may. Its warm state has what is left")
+  app.add_option(
+         "--max-client-mib", o.max_client_mib,
+         "MiB that one client's requests and replies under way may take; more are refused (busy), though one always\n"
+         "may. Its warm state has what is left")
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
@@ -152,7 +162,8 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(0u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--max-pairs", o.max_pairs, "pairs times configurations that one query may ask about; more are refused")
+  app.add_option("--max-pairs", o.max_pairs,
+                 "pairs times configurations that one query may ask about; more are refused")
       ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
       ->type_name("N")
       ->capture_default_str();
@@ -164,8 +175,9 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(1u, 10000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--max-stamp-lead-s", o.max_stamp_lead_s,
-                 "seconds that the stamp of a pose may be ahead of this machine's clock; poses farther ahead are refused")
+  app.add_option(
+         "--max-stamp-lead-s", o.max_stamp_lead_s,
+         "seconds that the stamp of a pose may be ahead of this machine's clock; poses farther ahead are refused")
       ->check(quiet(CLI::Range(0u, 1000000000u)))
       ->type_name("N")
       ->capture_default_str();

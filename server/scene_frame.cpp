@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "wire/wire.h"
 #include "engine/scene/pose_store.h"
+#include "wire/wire.h"
 
 namespace clearance {
 namespace {

@@ -15,12 +15,12 @@
 #include <stdexcept>
 
 #include "accepting.h"
-#include "wire/shm_layout.h"
-#include "wire/shm_os.h"
 #include "doorman.h"
 #include "places.h"
 #include "shm_segment.h"
 #include "unix_socket.h"
+#include "wire/shm_layout.h"
+#include "wire/shm_os.h"
 
 namespace clearance {
 
@@ -51,7 +51,7 @@ struct Session {
   Rights rights = 0;
   ucred who{};
   UniqueFd socket;  ///< what the doorman gave for the client's
-  UniqueFd wake;  ///< eventfd that the client writes to when the daemon sleeps
+  UniqueFd wake;    ///< eventfd that the client writes to when the daemon sleeps
   std::vector<std::shared_ptr<Segment>> segments;
   std::uint32_t next_segment = 0;
   Clock::time_point connected;
@@ -120,7 +120,12 @@ class Listener {
 class ShmTransport final : public Transport {
  public:
   ShmTransport(const std::string& path, const ShmLimits& limits, const Access& access)
-      : path_(path), limits_(limits), access_(access), places_(limits.max_clients), budget_(std::make_shared<SegmentBudget>()), listener_(path, access) {
+      : path_(path),
+        limits_(limits),
+        access_(access),
+        places_(limits.max_clients),
+        budget_(std::make_shared<SegmentBudget>()),
+        listener_(path, access) {
     budget_->limit = limits.pool_bytes;
     if (budget_->limit == 0)
       budget_->limit = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
@@ -313,8 +318,8 @@ class ShmTransport final : public Transport {
 
   void give_segment(Session& session, const Message& wanted, bool first) {
     std::string why;
-    auto segment =
-        Segment::make(budget_, pinner_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
+    auto segment = Segment::make(budget_, pinner_, limits_, session.next_segment, wanted.request_capacity,
+                                 wanted.reply_capacity, why);
     if (segment && first) {
       session.wake.reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
       if (!session.wake || !watch(session.wake.get(), EPOLLIN | EPOLLET, 2 * session.id + 1)) {

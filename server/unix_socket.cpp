@@ -39,7 +39,7 @@ void clear_stale_socket(const std::string& path, const std::string& url, int typ
     fail("a socket's path may have " + std::to_string(sizeof address.sun_path - 1) + " bytes, this one has " +
          std::to_string(path.size()));
   path.copy(address.sun_path, path.size());
-  struct stat there {};
+  struct stat there{};
   if (lstat(path.c_str(), &there)) {
     if (errno == ENOENT && lstat(folder_of(path).c_str(), &there)) fail("there is no folder " + folder_of(path));
     return;
@@ -56,7 +56,7 @@ void clear_stale_socket(const std::string& path, const std::string& url, int typ
 }
 
 SocketFile::SocketFile(const std::string& path) : path_(path) {
-  struct stat made {};
+  struct stat made{};
   if (stat(path.c_str(), &made) == 0) {
     inode_ = made.st_ino;
     device_ = made.st_dev;
@@ -71,7 +71,7 @@ SocketFile& SocketFile::operator=(SocketFile&& other) noexcept {
 }
 
 void SocketFile::remove() {
-  struct stat there {};
+  struct stat there{};
   if (inode_ && stat(path_.c_str(), &there) == 0 && there.st_ino == inode_ && there.st_dev == device_)
     unlink(path_.c_str());
   inode_ = 0;

@@ -20,8 +20,7 @@ namespace {
 
 void write_new(const std::string& path, const std::string& text) {
   const int fd = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (fd < 0)
-    fail(path, errno == EEXIST ? "is there already, and a key is never overwritten" : std::strerror(errno));
+  if (fd < 0) fail(path, errno == EEXIST ? "is there already, and a key is never overwritten" : std::strerror(errno));
   const bool written = write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && fsync(fd) == 0;
   const int error = errno;
   close(fd);
@@ -65,7 +64,7 @@ void write_key_pair(const std::string& path, const KeyPair& pair) {
 KeyPair read_key_pair(const std::string& path) {
   KeyPair pair = parse(path);
   if (pair.secret_key.empty()) fail(path, "there is no secret key in it");
-  struct stat info {};
+  struct stat info{};
   if (stat(path.c_str(), &info) != 0) fail(path, std::strerror(errno));
   if (info.st_mode & 077) fail(path, "others may read this secret key; chmod 600 it");
   return pair;

@@ -31,8 +31,7 @@ std::string prometheus_text(const std::vector<std::pair<std::string, std::uint64
   for (const auto& [name, value] : counters) {
     if (is_latency(name)) continue;
     std::string metric = "clearance_" + name;
-    std::replace_if(
-        metric.begin(), metric.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
+    std::replace_if(metric.begin(), metric.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
     text << metric << ' ' << value << '\n';
   }
   text << "# HELP clearance_latency_seconds From a query's arrival to its reply.\n"

@@ -12,7 +12,8 @@ namespace clearance {
 /// Begins the names of the counters of queries by how long they took: "latency_us.8" has those of 4 to 8 us.
 inline constexpr const char* kLatencyCounters = "latency_us.";
 
-/// Queries by how long they took: pairs of an upper bound in microseconds (none: there is none) and how many, ascending.
+/// Queries by how long they took: pairs of an upper bound in microseconds (none: there is none) and how many,
+/// ascending.
 using Latencies = std::vector<std::pair<std::optional<double>, std::uint64_t>>;
 Latencies latencies_of(const std::vector<std::pair<std::string, std::uint64_t>>& counters);
 

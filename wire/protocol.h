@@ -15,11 +15,11 @@
 // Everything read from a peer is copied once and validated (wire.h) before it is used.
 #pragma once
 
+#include <clearance/types.h>
+
 #include <bit>
 #include <cstdint>
 #include <type_traits>
-
-#include <clearance/types.h>
 
 namespace clearance::wire {
 
@@ -37,16 +37,16 @@ inline constexpr std::int64_t kMaxPoseWaitNs = 10'000'000'000;
 
 enum class FrameType : std::uint16_t {
   // client to daemon
-  kPing = 1,       ///< any payload; answered by kPong with the same payload
-  kDescribe = 2,   ///< no payload; answered by kScene
-  kQuery = 3,      ///< answered by kReply
-  kPairs = 4,      ///< answered by kPairTable
-  kSetPoses = 5,   ///< answered by kPosesDone
-  kAttach = 6,     ///< payload AttachRecord; answered by kPosesDone
-  kGetStates = 7,  ///< no payload; answered by kBodyStates
-  kGetStats = 8,   ///< no payload; answered by kStats
-  kReload = 9,     ///< no payload; answered by kSceneChanged once the daemon has loaded its scene anew
-  kAddBody = 10,   ///< payload NewBodyRecord, vertices; answered by kSceneChanged once the body is in
+  kPing = 1,         ///< any payload; answered by kPong with the same payload
+  kDescribe = 2,     ///< no payload; answered by kScene
+  kQuery = 3,        ///< answered by kReply
+  kPairs = 4,        ///< answered by kPairTable
+  kSetPoses = 5,     ///< answered by kPosesDone
+  kAttach = 6,       ///< payload AttachRecord; answered by kPosesDone
+  kGetStates = 7,    ///< no payload; answered by kBodyStates
+  kGetStats = 8,     ///< no payload; answered by kStats
+  kReload = 9,       ///< no payload; answered by kSceneChanged once the daemon has loaded its scene anew
+  kAddBody = 10,     ///< payload NewBodyRecord, vertices; answered by kSceneChanged once the body is in
   kRemoveBody = 11,  ///< payload RemoveBodyRecord; answered by kSceneChanged
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
@@ -91,7 +91,8 @@ struct QueryHeader {
   std::uint8_t padding[2] = {};
   std::int64_t min_pose_stamp_ns = 0;  ///< begin once the poses of wait_for have this stamp or a newer one; 0: at once
   std::int64_t pose_wait_ns = 0;       ///< at most so long, 0 to kMaxPoseWaitNs; then kPosesLate
-  std::uint32_t wait_for = kEveryBody;  ///< body, or group selector: those of its bodies that ever had a stamp, and one at least
+  std::uint32_t wait_for =
+      kEveryBody;  ///< body, or group selector: those of its bodies that ever had a stamp, and one at least
   std::uint32_t padding2[1] = {};
   std::uint64_t reserved[5] = {};
 };
@@ -110,11 +111,11 @@ struct ReplyHeader {
   std::int64_t snapshot_stamp_ns = 0;   ///< newest publisher's stamp
   std::int64_t oldest_receipt_ns = 0;   ///< daemon's monotonic clock; 0: no pose was received
   std::uint64_t pairs_evaluated = 0;
-  std::uint64_t engine_ns = 0;  ///< inside the engine
-  std::uint64_t server_ns = 0;  ///< from receipt of the request to the reply being whole
-  char backend[16] = {};        ///< NUL-terminated
+  std::uint64_t engine_ns = 0;         ///< inside the engine
+  std::uint64_t server_ns = 0;         ///< from receipt of the request to the reply being whole
+  char backend[16] = {};               ///< NUL-terminated
   std::int64_t snapshot_sequence = 0;  ///< its publisher's count of the update with snapshot_stamp_ns; 0: not counted
-  std::int64_t pose_age_ns = 0;  ///< from oldest_receipt_ns to the query's begin; -1: no pose was received
+  std::int64_t pose_age_ns = 0;        ///< from oldest_receipt_ns to the query's begin; -1: no pose was received
 };
 
 struct PosesHeader {
@@ -211,7 +212,7 @@ enum class BodyShape : std::uint8_t {
 };
 
 struct NewBodyRecord {
-  char name[64] = {};           ///< NUL-terminated UTF-8
+  char name[64] = {};            ///< NUL-terminated UTF-8
   std::uint32_t parent = kNone;  ///< that it follows
   std::uint8_t shape = 0;        ///< BodyShape
   std::uint8_t is_static = 0;
@@ -236,7 +237,7 @@ struct SceneChange {
   std::uint64_t scene_revision = 0;  ///< that requests find from now on
   std::uint32_t body_count = 0;
   std::uint32_t body = kNone;  ///< kAddBody: the id of the new one
-  double seconds = 0;  ///< that it took to make the scene
+  double seconds = 0;          ///< that it took to make the scene
   std::uint64_t reserved[1] = {};
 };
 

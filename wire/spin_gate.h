@@ -3,9 +3,9 @@
 
 namespace clearance {
 
-/// Spinning spares the sleeper's wake-up, and takes a core from whoever could use it, perhaps from the very side that is
-/// waited for. So it is given up once kMisses waits in a row outlasted their spin; from then on one wait in kProbeEvery
-/// spins, to see whether it pays again. For one thread.
+/// Spinning spares the sleeper's wake-up, and takes a core from whoever could use it, perhaps from the very side that
+/// is waited for. So it is given up once kMisses waits in a row outlasted their spin; from then on one wait in
+/// kProbeEvery spins, to see whether it pays again. For one thread.
 class SpinGate {
  public:
   static constexpr int kMisses = 16;

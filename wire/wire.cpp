@@ -128,7 +128,8 @@ void check_query_values(const QueryHeader& q) {
   if (q.min_pose_stamp_ns < 0)
     bad_query("query: min_pose_stamp_ns must be >= 0, got " + std::to_string(q.min_pose_stamp_ns));
   if (q.pose_wait_ns < 0 || q.pose_wait_ns > kMaxPoseWaitNs)
-    bad_query("query: pose_wait_ns must be 0 to " + std::to_string(kMaxPoseWaitNs) + ", got " + std::to_string(q.pose_wait_ns));
+    bad_query("query: pose_wait_ns must be 0 to " + std::to_string(kMaxPoseWaitNs) + ", got " +
+              std::to_string(q.pose_wait_ns));
   if (q.pose_wait_ns && !q.min_pose_stamp_ns) bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");
   expect_zero(q.padding, "query");
   expect_zero(q.padding2, "query");
@@ -415,8 +416,9 @@ NewBodyParts parse_new_body(std::span<const std::byte> payload) {
   NewBodyParts parts;
   parts.record = head<NewBodyRecord>(payload, "new body");
   const NewBodyRecord& r = parts.record;
-  expect_size("new body", [&] { return str(r.vertex_count) + " vertices"; },
-              sizeof(NewBodyRecord) + Wide(r.vertex_count) * sizeof(VertexRecord), payload.size());
+  expect_size(
+      "new body", [&] { return str(r.vertex_count) + " vertices"; },
+      sizeof(NewBodyRecord) + Wide(r.vertex_count) * sizeof(VertexRecord), payload.size());
   expect_name(r.name, "new body", 0);
   if (r.shape > static_cast<std::uint8_t>(BodyShape::kCylinder))
     bad_query("new body: shape " + str(std::uint64_t{r.shape}) + " is none of 0 to 4");

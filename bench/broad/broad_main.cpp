@@ -1,5 +1,5 @@
-// clearance-broad: what it costs to find the pairs that are near, by every method, at the same places of the same bodies
-// in motion; then whole queries by brute force and by the tree. Writes one row for each.
+// clearance-broad: what it costs to find the pairs that are near, by every method, at the same places of the same
+// bodies in motion; then whole queries by brute force and by the tree. Writes one row for each.
 #include <omp.h>
 
 #include <CLI/CLI.hpp>
@@ -13,9 +13,9 @@
 #include <iostream>
 #include <numeric>
 
-#include "cli/machine_name.h"
-#include "bench/report/close_pairs.h"
 #include "bench/broad/broad_phase.h"
+#include "bench/report/close_pairs.h"
+#include "cli/machine_name.h"
 #include "engine/engine.h"
 #include "engine/hull/shapes.h"
 #include "tests/exact/random_motion.h"
@@ -23,8 +23,8 @@
 namespace clearance {
 namespace {
 
-constexpr double kRadius = 2, kMargin = 2;      // metres
-constexpr double kStep = 0.05, kTurn = 0.02;    // of motion, metres and rad
+constexpr double kRadius = 2, kMargin = 2;                                 // metres
+constexpr double kStep = 0.05, kTurn = 0.02;                               // of motion, metres and rad
 constexpr std::size_t kMostForReport = 5000, kMostForBruteNearest = 5000;  // bodies; minutes, beyond
 
 struct Options {
@@ -94,7 +94,8 @@ class Sweep final : public BroadPhase {
       for (std::size_t k = i + 1; k < order_.size(); ++k) {
         const Aabb& b = boxes[order_[k]];
         if (b.low.x - a.high.x > margin * (1 + 0x1p-40)) break;
-        if (certify_box_gap(a, b) <= margin) out.push_back({std::min(order_[i], order_[k]), std::max(order_[i], order_[k])});
+        if (certify_box_gap(a, b) <= margin)
+          out.push_back({std::min(order_[i], order_[k]), std::max(order_[i], order_[k])});
       }
     }
     std::sort(out.begin() + first, out.end());
@@ -152,7 +153,8 @@ std::vector<Timing> time_boxes(Motion& motion, int rounds) {
       found.clear();
       const double ms = milliseconds([&] { methods[m].broad_phase->candidates(boxes, kMargin, found); });
       if (m == 0) expected = found;
-      if (found != expected) throw std::runtime_error(methods[m].timing.method + " finds other pairs than the first method");
+      if (found != expected)
+        throw std::runtime_error(methods[m].timing.method + " finds other pairs than the first method");
       if (round > 0) methods[m].timing.ms.push_back(ms);
       methods[m].timing.pairs = found.size();
     }
@@ -178,8 +180,10 @@ std::vector<Timing> time_queries(Motion& motion, int rounds) {
       options.threads = threads;
       options.broad_phase = by;
       engines.push_back(std::make_unique<Engine>(motion.scene, options));
-      for (const auto& [name, reduce] : {std::pair("within", Reduce::kWithin), {"nearest", Reduce::kNearest}, {"min", Reduce::kMin}}) {
-        if (reduce != Reduce::kWithin && by == std::string("brute") && motion.poses.size() > kMostForBruteNearest) continue;
+      for (const auto& [name, reduce] :
+           {std::pair("within", Reduce::kWithin), {"nearest", Reduce::kNearest}, {"min", Reduce::kMin}}) {
+        if (reduce != Reduce::kWithin && by == std::string("brute") && motion.poses.size() > kMostForBruteNearest)
+          continue;
         asked.push_back({{name, by, threads, {}}, engines.back().get(), reduce});
       }
     }
@@ -193,7 +197,8 @@ std::vector<Timing> time_queries(Motion& motion, int rounds) {
       std::vector<double> distance(size.rows), lower(size.rows), upper(size.rows);
       std::vector<BodyPair> pair(size.rows);
       ReplyView reply;
-      reply.distance = distance.data(), reply.lower = lower.data(), reply.upper = upper.data(), reply.pair = pair.data();
+      reply.distance = distance.data(), reply.lower = lower.data(), reply.upper = upper.data(),
+      reply.pair = pair.data();
       const double ms = milliseconds([&] {
         Job job = a.engine->start(query, reply);
         while (!job.advance()) {
@@ -217,8 +222,9 @@ double load_average() {
 void run(const Options& o) {
   std::ofstream out(o.csv);
   if (!out) throw std::runtime_error(o.csv + ": cannot be written");
-  out << "# spheres of 42 vertices and radius 2 m, pairs within 2 m, steps of 5 cm and 0.02 rad, seed " << o.seed << ", "
-      << machine_name() << ", load " << load_average() << "\nsetting,bodies,what,method,threads,ms_median,ms_least,ms_most,pairs,rounds\n";
+  out << "# spheres of 42 vertices and radius 2 m, pairs within 2 m, steps of 5 cm and 0.02 rad, seed " << o.seed
+      << ", " << machine_name() << ", load " << load_average()
+      << "\nsetting,bodies,what,method,threads,ms_median,ms_least,ms_most,pairs,rounds\n";
   for (const Setting& setting : kSettings)
     for (const std::size_t count : o.bodies) {
       const int rounds = count > 10000 ? std::min(o.rounds, 3) : count > 1000 ? o.rounds : 3 * o.rounds;
@@ -229,12 +235,13 @@ void run(const Options& o) {
       for (const Timing& t : timings) {
         const auto [least, most] = std::minmax_element(t.ms.begin(), t.ms.end());
         // Against the last method of the same question: the tree on all threads.
-        const Timing& best = *std::find_if(timings.rbegin(), timings.rend(), [&](const Timing& b) { return b.what == t.what; });
-        std::printf("  %-8s %-18s %2d threads %12.4f ms  [%.4f, %.4f]  %10llu pairs  %8.2f x the tree\n", t.what.c_str(),
-                    t.method.c_str(), t.threads, median(t.ms), *least, *most, static_cast<unsigned long long>(t.pairs),
-                    median(t.ms) / median(best.ms));
-        out << setting.name << ',' << count << ',' << t.what << ',' << t.method << ',' << t.threads << ',' << median(t.ms) << ','
-            << *least << ',' << *most << ',' << t.pairs << ',' << rounds << '\n';
+        const Timing& best =
+            *std::find_if(timings.rbegin(), timings.rend(), [&](const Timing& b) { return b.what == t.what; });
+        std::printf("  %-8s %-18s %2d threads %12.4f ms  [%.4f, %.4f]  %10llu pairs  %8.2f x the tree\n",
+                    t.what.c_str(), t.method.c_str(), t.threads, median(t.ms), *least, *most,
+                    static_cast<unsigned long long>(t.pairs), median(t.ms) / median(best.ms));
+        out << setting.name << ',' << count << ',' << t.what << ',' << t.method << ',' << t.threads << ','
+            << median(t.ms) << ',' << *least << ',' << *most << ',' << t.pairs << ',' << rounds << '\n';
       }
       std::fflush(stdout);
       out.flush();
@@ -250,7 +257,9 @@ int main(int argc, char** argv) {
   CLI::App app("Times the ways to find near pairs, alone and within whole queries.", "clearance-broad");
   app.add_option("--csv", o.csv, "file to write")->required();
   app.add_option("--bodies", o.bodies, "how many (may be repeated)")->check(CLI::Range(2, 1000000));
-  app.add_option("--rounds", o.rounds, "timed, after one that is not")->check(CLI::Range(1, 1000))->capture_default_str();
+  app.add_option("--rounds", o.rounds, "timed, after one that is not")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
   app.add_option("--seed", o.seed)->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {

@@ -6,9 +6,9 @@
 #include <limits>
 #include <numeric>
 
+#include "engine/base/fp_environment.h"
 #include "engine/broad/box_columns.h"
 #include "engine/broad/box_tree.h"
-#include "engine/base/fp_environment.h"
 
 namespace clearance {
 
@@ -16,7 +16,9 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-int threads_or_all(int threads) { return threads > 0 ? threads : omp_get_num_procs(); }
+int threads_or_all(int threads) {
+  return threads > 0 ? threads : omp_get_num_procs();
+}
 
 class BruteForce final : public BroadPhase {
  public:
@@ -81,7 +83,11 @@ class Tree final : public BroadPhase {
 
 }  // namespace
 
-std::unique_ptr<BroadPhase> make_brute_force_broad_phase(int threads) { return std::make_unique<BruteForce>(threads); }
-std::unique_ptr<BroadPhase> make_tree_broad_phase(int threads, bool keep) { return std::make_unique<Tree>(threads, keep); }
+std::unique_ptr<BroadPhase> make_brute_force_broad_phase(int threads) {
+  return std::make_unique<BruteForce>(threads);
+}
+std::unique_ptr<BroadPhase> make_tree_broad_phase(int threads, bool keep) {
+  return std::make_unique<Tree>(threads, keep);
+}
 
 }  // namespace clearance

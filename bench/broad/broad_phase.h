@@ -1,5 +1,5 @@
-// All pairs of boxes that are near: brute force and the tree behind one interface, so that they can be held against each
-// other and against the baselines. Queries use NearPairs (near_pairs.h), made of the same parts.
+// All pairs of boxes that are near: brute force and the tree behind one interface, so that they can be held against
+// each other and against the baselines. Queries use NearPairs (near_pairs.h), made of the same parts.
 #pragma once
 
 #include <memory>
@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/hull/box.h"
 #include "engine/base/body_pair.h"
+#include "engine/hull/box.h"
 
 namespace clearance {
 

@@ -7,9 +7,9 @@
 #include <iostream>
 #include <thread>
 
-#include "tests/cuda/arms_scene.h"
 #include "bench/report/narrow.h"
 #include "engine/device/device.h"
+#include "tests/cuda/arms_scene.h"
 
 namespace clearance::test {
 namespace {
@@ -28,7 +28,7 @@ struct Workload {
   bool warm = false;            // every query's poses are 0.01 rad from those of the one before
   Precision precision = Precision::kF64;
   bool depth = false;
-  double room = 1;  // configurations put bodies up to so far from the origin along each axis
+  double room = 1;     // configurations put bodies up to so far from the origin along each axis
   bool moves = false;  // as with `warm`, but cold
 };
 
@@ -74,11 +74,15 @@ Scene large_spheres() {
   return scene;
 }
 
-Scene hulls() { return hulls(32, 256); }
+Scene hulls() {
+  return hulls(32, 256);
+}
 Scene middle_hulls() {
   return hulls(32, 496);
 }
-Scene large_hulls() { return hulls(600, 4000); }
+Scene large_hulls() {
+  return hulls(600, 4000);
+}
 
 constexpr std::uint32_t kBounds = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -118,8 +122,8 @@ const std::vector<Workload>& workloads() {
       few(300),
       few(1000),
       few(10000),
-      {"2 spheres of 1,998,002 vertices", large_spheres, 0, Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0, false,
-       Precision::kF64, false, 1, true},
+      {"2 spheres of 1,998,002 vertices", large_spheres, 0, Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0,
+       false, Precision::kF64, false, 1, true},
       {"1000 spheres, box 100, nearest", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds,
        Reduce::kNearest},
       {"1000 spheres, box 100, within 2", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kWithin,
@@ -188,7 +192,8 @@ Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& rep
   for (int i = -2; i < repeats; ++i) {
     if (!motion.next.empty()) q.configurations = i % 2 ? motion.next : query.configurations;
     if (!motion.placed[0].empty()) engine.set_poses(motion.placed[i % 2 ? 1 : 0]);
-    const std::uint64_t before = counter(engine, "cuda.kernel_ns"), broad_before = counter(engine, "cuda.broad_phase_ns");
+    const std::uint64_t before = counter(engine, "cuda.kernel_ns"),
+                        broad_before = counter(engine, "cuda.broad_phase_ns");
     const auto begin = Clock::now();
     Job job = engine.start(q, reply);
     while (!job.advance()) {
@@ -261,8 +266,9 @@ void run_baseline(const std::string& name, const Scene& scene, std::ostream& csv
   const double kernel_us = median(kernels), wall_us = median(walls);
   csv << '"' << name << "\"," << pairs.size() << ',' << kernel_us << ",," << wall_us << ",,,,,,,\n";
   char line[200];
-  std::snprintf(line, sizeof line, "%-50s %9zu pairs | kernels %9.1f us %6.2f G/s | wall %22s %9.1f us pageable", name.c_str(), pairs.size(),
-                kernel_us, 1e-3 * static_cast<double>(pairs.size()) / kernel_us, "", wall_us);
+  std::snprintf(line, sizeof line, "%-50s %9zu pairs | kernels %9.1f us %6.2f G/s | wall %22s %9.1f us pageable",
+                name.c_str(), pairs.size(), kernel_us, 1e-3 * static_cast<double>(pairs.size()) / kernel_us, "",
+                wall_us);
   std::puts(line);
   table.push_back(line);
 }
@@ -292,8 +298,8 @@ void run_several(const Workload& w, std::ostream& csv) {
   csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << count << ',' << with_one.wall_us << ','
       << with_all.wall_us << ',' << with_one.wall_us / with_all.wall_us << ',' << (same ? "same" : "DIFFERENT") << '\n';
   csv.flush();
-  std::printf("%-50s one %9.1f us | %d %9.1f us | %5.2fx | bits %s\n", w.name.c_str(), with_one.wall_us, count, with_all.wall_us,
-              with_one.wall_us / with_all.wall_us, same ? "same" : "DIFFERENT");
+  std::printf("%-50s one %9.1f us | %d %9.1f us | %5.2fx | bits %s\n", w.name.c_str(), with_one.wall_us, count,
+              with_all.wall_us, with_one.wall_us / with_all.wall_us, same ? "same" : "DIFFERENT");
   std::fflush(stdout);
 }
 
@@ -352,18 +358,19 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   const char* const agreement = !same ? "DIFFERENT" : w.warm ? "intervals meet" : "same";
 
   const unsigned cores = std::thread::hardware_concurrency();
-  csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << direct.kernel_us << ',' << direct.wall_us << ','
-      << staged.wall_us << ',' << host.wall_us << ',' << routed.wall_us << ',' << (routed.kernel_us > 0 ? "cuda" : "cpu") << ',' << cores << ',' << rest << ',' << agreement
-      << ',' << direct.broad_phase_us << '\n';
+  csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << direct.kernel_us << ',' << direct.wall_us
+      << ',' << staged.wall_us << ',' << host.wall_us << ',' << routed.wall_us << ','
+      << (routed.kernel_us > 0 ? "cuda" : "cpu") << ',' << cores << ',' << rest << ',' << agreement << ','
+      << direct.broad_phase_us << '\n';
   csv.flush();
   char line[400];
   std::snprintf(line, sizeof line,
                 "%-50s %9llu pairs | kernels %9.1f us %6.2f G/s | wall %9.1f us pinned, %9.1f us pageable | cpu %u "
                 "cores %10.1f us | %5.1fx | auto %9.1f us (%s) | rest %6llu | bits %s",
                 w.name.c_str(), static_cast<unsigned long long>(size.configurations * size.pairs), direct.kernel_us,
-                1e-3 * static_cast<double>(size.configurations * size.pairs) / direct.kernel_us, direct.wall_us, staged.wall_us, cores,
-                host.wall_us, host.wall_us / direct.wall_us, routed.wall_us, routed.kernel_us > 0 ? "cuda" : "cpu", static_cast<unsigned long long>(rest),
-                agreement);
+                1e-3 * static_cast<double>(size.configurations * size.pairs) / direct.kernel_us, direct.wall_us,
+                staged.wall_us, cores, host.wall_us, host.wall_us / direct.wall_us, routed.wall_us,
+                routed.kernel_us > 0 ? "cuda" : "cpu", static_cast<unsigned long long>(rest), agreement);
   std::string said = line;
   if (direct.broad_phase_us > 0) said += " | poses to near pairs " + std::to_string(direct.broad_phase_us) + " us";
   std::puts(said.c_str());
@@ -401,12 +408,14 @@ int main(int argc, char** argv) {
   }
   std::ofstream csv(path);
   csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\n"
-      << "workload,pairs,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,auto_wall_us,auto_backend,cpu_cores,rows_finished_on_cpu,bits_"
+      << "workload,pairs,kernel_us,wall_pinned_us,wall_pageable_us,cpu_wall_us,auto_wall_us,auto_backend,cpu_cores,"
+         "rows_finished_on_cpu,bits_"
          "against_cpu,broad_phase_us\n";
   std::vector<std::string> table;
   for (const Workload& w : workloads())
     if (w.name.find(filter) != std::string::npos) run(w, csv, table);
-  if (const std::string name = "1000 spheres, box 100, the report's block for each pair"; name.find(filter) != std::string::npos)
+  if (const std::string name = "1000 spheres, box 100, the report's block for each pair";
+      name.find(filter) != std::string::npos)
     run_baseline(name, spheres(1000, 100), csv, table);
   std::printf("\n%s\n", cuda::device_info().name.c_str());
   const auto begin = Clock::now();

@@ -8,10 +8,10 @@
 #include "bench_query.h"
 #include "bench_report.h"
 #include "bench_samples.h"
+#include "cli/commands.h"
 #include "wire/default_socket.h"
 #include "wire/protocol.h"
 #include "wire/wire.h"
-#include "cli/commands.h"
 
 namespace clearance::cli {
 
@@ -158,8 +158,7 @@ void add_bench(CLI::App& app) {
       ->check(quiet(CLI::Range(0, 1'000'000)))
       ->type_name("N");
   command.add_option("--csv", options->csv, "add a row to this file")->type_name("FILE");
-  command.add_flag_callback(
-      "--json", [options] { options->output = Output::kJson; }, "print JSON");
+  command.add_flag_callback("--json", [options] { options->output = Output::kJson; }, "print JSON");
   command.callback([options, &command] {
     options->command = bench_command_line(command);
     run(*options);

@@ -12,10 +12,10 @@
 #include "bench_query.h"
 #include "bench_report.h"
 #include "bench_samples.h"
-#include "wire/lcm_bus.h"
-#include "wire/protocol.h"
 #include "cli/commands.h"
 #include "cli/machine_name.h"
+#include "wire/lcm_bus.h"
+#include "wire/protocol.h"
 
 namespace clearance::cli {
 namespace {
@@ -126,8 +126,8 @@ class Controller {
   LcmBus bus_;
   clearance_lcm::pose_update_t message_{};
   std::vector<std::vector<double>> sets_[kPoseSets];
-  std::uint64_t fresh_ = 0;   ///< answers that saw the poses of their own cycle; the others, earlier ones
-  std::uint64_t unsent_ = 0;  ///< messages that the system refused
+  std::uint64_t fresh_ = 0;       ///< answers that saw the poses of their own cycle; the others, earlier ones
+  std::uint64_t unsent_ = 0;      ///< messages that the system refused
   std::uint64_t late_poses_ = 0;  ///< cycles without an answer: their poses did not come in time
   std::int64_t wait_ns_;
   std::uint64_t pairs_ = 0;
@@ -153,9 +153,8 @@ Table result_of(const Options& o, const std::string& url, const Controller& cont
   add("", working);
   add("idle_", idle);
   names.insert(names.end(), {"engine_p50_us", "wait_us", "fresh_answers", "late_poses", "unsent_poses", "command"});
-  cells.insert(cells.end(),
-               {rounded(controller.engine().percentile_us(0.5)), o.wait_us, controller.fresh(), controller.late_poses(),
-                controller.unsent(), o.command});
+  cells.insert(cells.end(), {rounded(controller.engine().percentile_us(0.5)), o.wait_us, controller.fresh(),
+                             controller.late_poses(), controller.unsent(), o.command});
   Table table(names);
   table.add(std::move(cells));
   return table;

@@ -14,10 +14,10 @@
 #include "bench_query.h"
 #include "bench_report.h"
 #include "bench_samples.h"
-#include "wire/protocol.h"
-#include "wire/wire.h"
 #include "cli/commands.h"
 #include "cli/machine_name.h"
+#include "wire/protocol.h"
+#include "wire/wire.h"
 
 namespace clearance::cli {
 namespace {
@@ -120,7 +120,8 @@ Result measure(const Options& o) {
       start.arrive_and_wait();
       try {
         // With several clients the memcpy would take time from the others.
-        result.answers[i] = drive_client(clients[i], queries[i].query, o.depth, stop, clients.size() == 1 ? &result : nullptr);
+        result.answers[i] =
+            drive_client(clients[i], queries[i].query, o.depth, stop, clients.size() == 1 ? &result : nullptr);
       } catch (...) {
         failures[i] = std::current_exception();
       }

@@ -8,9 +8,9 @@
 #include <map>
 #include <sstream>
 
+#include "bench/peers/problem.h"
 #include "bench/report/narrow.h"
 #include "engine/device/device.h"
-#include "bench/peers/problem.h"
 
 namespace clearance::report {
 

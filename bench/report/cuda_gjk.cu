@@ -1,8 +1,8 @@
 // The report's GJK on a GPU: one block works on one pair.
 //
-// As there, vertices are moved on the host and copied for every query. Four things vary: whether one thread or all scan for
-// the support vertex, whether one thread or all fill the table of products, whether pairs are launched one at a time or all
-// at once, and how many threads a block has: any number, since work is dealt out by strides.
+// As there, vertices are moved on the host and copied for every query. Four things vary: whether one thread or all scan
+// for the support vertex, whether one thread or all fill the table of products, whether pairs are launched one at a
+// time or all at once, and how many threads a block has: any number, since work is dealt out by strides.
 #include <algorithm>
 #include <stdexcept>
 
@@ -77,7 +77,8 @@ struct BlockScan {
 };
 
 template <bool kParallelSupport, bool kParallelTerms>
-__global__ void __launch_bounds__(1024) gjk_kernel(const Vec3d* vertices, const VertexRange* ranges, const BodyPair* pairs, PairAnswer* answers) {
+__global__ void __launch_bounds__(1024)
+    gjk_kernel(const Vec3d* vertices, const VertexRange* ranges, const BodyPair* pairs, PairAnswer* answers) {
   __shared__ SignGjk s;
   __shared__ WarpBests bests;
   const BodyPair pair = pairs[blockIdx.x];
@@ -134,7 +135,8 @@ class CudaGjk final : public NarrowBaseline {
       if (variant_.batched) {
         variant_.kernel<<<static_cast<unsigned>(count), block_size_>>>(vertices, ranges, device_pairs, out);
       } else {
-        for (std::size_t i = 0; i < count; ++i) variant_.kernel<<<1, block_size_>>>(vertices, ranges, device_pairs + i, out + i);
+        for (std::size_t i = 0; i < count; ++i)
+          variant_.kernel<<<1, block_size_>>>(vertices, ranges, device_pairs + i, out + i);
       }
       check(cudaGetLastError(), "a launch");
       check(cudaEventRecord(end_), "an event");
@@ -173,8 +175,10 @@ const std::vector<std::string>& cuda_narrow_names() {
 
 std::unique_ptr<NarrowBaseline> make_cuda_narrow(std::string_view name, const NarrowOptions& options) {
   if (options.block_size < 1 || options.block_size > 1024)
-    throw std::invalid_argument("block_size is " + std::to_string(options.block_size) + ": a block has 1 to 1024 threads");
-  if (options.reduction != Reduction::kRegions) throw std::invalid_argument("on a GPU there is one way of reducing simplices");
+    throw std::invalid_argument("block_size is " + std::to_string(options.block_size) +
+                                ": a block has 1 to 1024 threads");
+  if (options.reduction != Reduction::kRegions)
+    throw std::invalid_argument("on a GPU there is one way of reducing simplices");
   int devices = 0;
   check(cudaGetDeviceCount(&devices), "no device");
   for (const Variant& v : kVariants)
@@ -223,10 +227,18 @@ Transfers::~Transfers() = default;
 std::size_t Transfers::run(Transfer transfer) {
   std::size_t bytes = 0;
   switch (transfer) {
-    case Transfer::kMeshByMesh: bytes = impl_->mesh_by_mesh(); break;
-    case Transfer::kGeometry: bytes = impl_->up_all(impl_->world.vertices()); break;
-    case Transfer::kPairs: bytes = impl_->up_all(std::span<const BodyPair>(impl_->pairs)); break;
-    case Transfer::kPoses: bytes = impl_->up_all(std::span<const Pose>(impl_->poses)); break;
+    case Transfer::kMeshByMesh:
+      bytes = impl_->mesh_by_mesh();
+      break;
+    case Transfer::kGeometry:
+      bytes = impl_->up_all(impl_->world.vertices());
+      break;
+    case Transfer::kPairs:
+      bytes = impl_->up_all(std::span<const BodyPair>(impl_->pairs));
+      break;
+    case Transfer::kPoses:
+      bytes = impl_->up_all(std::span<const Pose>(impl_->poses));
+      break;
     case Transfer::kAnswers:
       bytes = impl_->answers.size() * sizeof(PairAnswer);
       check(cudaMemcpy(impl_->answers.data(), impl_->device, bytes, cudaMemcpyDeviceToHost), "copying from the device");

@@ -10,10 +10,10 @@
 #include <fstream>
 #include <iostream>
 
-#include "cli/machine_name.h"
-#include "contest.h"
 #include "bench/report/close_pairs.h"
 #include "bench/report/cuda_gjk.h"
+#include "cli/machine_name.h"
+#include "contest.h"
 #include "engine/device/device.h"
 #include "engine/hull/shapes.h"
 

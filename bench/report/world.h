@@ -10,10 +10,10 @@
 #include <span>
 #include <vector>
 
+#include "engine/hull/shapes.h"
 #include "engine/narrow/certify.h"
 #include "engine/pose/pose.h"
 #include "engine/scene/scene.h"
-#include "engine/hull/shapes.h"
 
 namespace clearance::baselines {
 

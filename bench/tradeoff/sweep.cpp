@@ -213,7 +213,8 @@ std::vector<Point> sweep(const MovingScene& scene, const Truth& truth, const Swe
     p.ns_quartiles = times[i][times[i].size() * 3 / 4] - times[i][times[i].size() / 4];
     p.ratio = median(ratios[i]);
   }
-  // Timed among the others the default query is seldom exactly as fast as between them: its own ratio is 1 by definition.
+  // Timed among the others the default query is seldom exactly as fast as between them: its own ratio is 1 by
+  // definition.
   const auto usual = std::find_if(points.begin(), points.end(), [](const Point& p) { return p.setting == kDefault; });
   const double offset = usual->ratio;
   for (Point& p : points) p.ratio /= offset;

@@ -50,8 +50,8 @@ int run(Options o) {
         if (p.setting == kDefault) usual = p.ns_per_pair;
         fastest = std::min(fastest, p.ns_per_pair);
       }
-      std::printf("%-9s %-9s %6zu %6zu %12.4g %12.0f %12.0f %11zu  %s\n", name.c_str(), backend.c_str(), scene.pairs.size(),
-                  truth.judged, truth.median, usual, fastest, misses, scene.what.c_str());
+      std::printf("%-9s %-9s %6zu %6zu %12.4g %12.0f %12.0f %11zu  %s\n", name.c_str(), backend.c_str(),
+                  scene.pairs.size(), truth.judged, truth.median, usual, fastest, misses, scene.what.c_str());
       std::fflush(stdout);
       violations += misses;
     }

@@ -3,8 +3,8 @@
 // Sum and product: M. Joldes, J.-M. Muller, V. Popescu, "Tight and rigorous error bounds for basic building blocks of
 // double-word arithmetic", ACM TOMS 44(2), 2017: AccurateDWPlusDW (algorithm 6, relative error <= 3u^2 + 13u^3) and
 // DWTimesDW1 (algorithm 10, <= 7u^2), u = 2^-53. The quotient is Y. Hida, X. Li, D. Bailey, "Algorithms for quad-double
-// precision floating point arithmetic", ARITH 15, 2001; its bound, <= 10u^2 + O(u^3), and the root's, <= 33/8 u^2 + O(u^3),
-// are derived in docs/bounds.md. Needs round-to-nearest and no contraction.
+// precision floating point arithmetic", ARITH 15, 2001; its bound, <= 10u^2 + O(u^3), and the root's, <= 33/8 u^2 +
+// O(u^3), are derived in docs/bounds.md. Needs round-to-nearest and no contraction.
 #pragma once
 
 #include <cmath>
@@ -46,13 +46,17 @@ CLEARANCE_HD inline DoubleDouble two_prod(double a, double b) {
 
 }  // namespace dd
 
-CLEARANCE_HD inline DoubleDouble operator-(const DoubleDouble& a) { return {-a.hi, -a.lo}; }
+CLEARANCE_HD inline DoubleDouble operator-(const DoubleDouble& a) {
+  return {-a.hi, -a.lo};
+}
 CLEARANCE_HD inline DoubleDouble operator+(const DoubleDouble& a, const DoubleDouble& b) {
   const DoubleDouble s = dd::two_sum(a.hi, b.hi), t = dd::two_sum(a.lo, b.lo);
   const DoubleDouble v = dd::fast_two_sum(s.hi, s.lo + t.hi);
   return dd::fast_two_sum(v.hi, t.lo + v.lo);
 }
-CLEARANCE_HD inline DoubleDouble operator-(const DoubleDouble& a, const DoubleDouble& b) { return a + (-b); }
+CLEARANCE_HD inline DoubleDouble operator-(const DoubleDouble& a, const DoubleDouble& b) {
+  return a + (-b);
+}
 CLEARANCE_HD inline DoubleDouble operator*(const DoubleDouble& a, const DoubleDouble& b) {
   const DoubleDouble p = dd::two_prod(a.hi, b.hi);
   return dd::fast_two_sum(p.hi, p.lo + (a.hi * b.lo + a.lo * b.hi));
@@ -66,19 +70,31 @@ CLEARANCE_HD inline DoubleDouble operator/(const DoubleDouble& a, const DoubleDo
   const double q3 = r.hi / b.hi;
   return dd::fast_two_sum(q1, q2) + DoubleDouble(q3);
 }
-CLEARANCE_HD inline DoubleDouble& operator+=(DoubleDouble& a, const DoubleDouble& b) { return a = a + b; }
-CLEARANCE_HD inline DoubleDouble& operator-=(DoubleDouble& a, const DoubleDouble& b) { return a = a - b; }
-CLEARANCE_HD inline DoubleDouble& operator*=(DoubleDouble& a, const DoubleDouble& b) { return a = a * b; }
+CLEARANCE_HD inline DoubleDouble& operator+=(DoubleDouble& a, const DoubleDouble& b) {
+  return a = a + b;
+}
+CLEARANCE_HD inline DoubleDouble& operator-=(DoubleDouble& a, const DoubleDouble& b) {
+  return a = a - b;
+}
+CLEARANCE_HD inline DoubleDouble& operator*=(DoubleDouble& a, const DoubleDouble& b) {
+  return a = a * b;
+}
 
 CLEARANCE_HD inline bool operator<(const DoubleDouble& a, const DoubleDouble& b) {
   return a.hi < b.hi || (a.hi == b.hi && a.lo < b.lo);
 }
-CLEARANCE_HD inline bool operator>(const DoubleDouble& a, const DoubleDouble& b) { return b < a; }
+CLEARANCE_HD inline bool operator>(const DoubleDouble& a, const DoubleDouble& b) {
+  return b < a;
+}
 CLEARANCE_HD inline bool operator<=(const DoubleDouble& a, const DoubleDouble& b) {
   return a.hi < b.hi || (a.hi == b.hi && a.lo <= b.lo);
 }
-CLEARANCE_HD inline bool operator>=(const DoubleDouble& a, const DoubleDouble& b) { return b <= a; }
-CLEARANCE_HD inline bool operator==(const DoubleDouble& a, const DoubleDouble& b) { return a.hi == b.hi && a.lo == b.lo; }
+CLEARANCE_HD inline bool operator>=(const DoubleDouble& a, const DoubleDouble& b) {
+  return b <= a;
+}
+CLEARANCE_HD inline bool operator==(const DoubleDouble& a, const DoubleDouble& b) {
+  return a.hi == b.hi && a.lo == b.lo;
+}
 
 /// Square root by one Newton step from the double one (Karp and Markstein); 0 for a <= 0.
 CLEARANCE_HD inline DoubleDouble sqrt(const DoubleDouble& a) {
@@ -88,6 +104,8 @@ CLEARANCE_HD inline DoubleDouble sqrt(const DoubleDouble& a) {
   const DoubleDouble r = a - dd::two_prod(s, s);
   return dd::fast_two_sum(s, r.hi / (2 * s));
 }
-CLEARANCE_HD inline DoubleDouble abs(const DoubleDouble& a) { return a.hi < 0 ? -a : a; }
+CLEARANCE_HD inline DoubleDouble abs(const DoubleDouble& a) {
+  return a.hi < 0 ? -a : a;
+}
 
 }  // namespace clearance

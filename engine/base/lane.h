@@ -1,8 +1,9 @@
 // What lets one piece of code run on a scalar, on a SIMD pack and on a GPU thread: masks, selection, small integers.
 //
-// A scalar T is a pack of one lane: its masks are bool and select() is the conditional operator. pack.h gives the same words
-// to Highway's vectors. Code written with them never branches on a lane's value, only on any(mask): what no lane needs is
-// skipped, and what a lane does never depends on its neighbours, so that every instantiation gives the same bits.
+// A scalar T is a pack of one lane: its masks are bool and select() is the conditional operator. pack.h gives the same
+// words to Highway's vectors. Code written with them never branches on a lane's value, only on any(mask): what no lane
+// needs is skipped, and what a lane does never depends on its neighbours, so that every instantiation gives the same
+// bits.
 #pragma once
 
 #include <cstdint>
@@ -32,7 +33,9 @@ CLEARANCE_HD inline const T& select(bool mask, const T& yes, const T& no) {
   return mask ? yes : no;
 }
 #endif
-CLEARANCE_HD inline bool any(bool mask) { return mask; }
+CLEARANCE_HD inline bool any(bool mask) {
+  return mask;
+}
 
 template <class Mask, class T>
 CLEARANCE_HD inline Vec3<T> select(const Mask& mask, const Vec3<T>& yes, const Vec3<T>& no) {

@@ -1,7 +1,7 @@
 // Three-vectors and matrices over any scalar, for host and device.
 //
-// The narrow phase is written once over a scalar T (float, double, DoubleDouble, a SIMD pack); Eigen serves the loaders,
-// whose types are never in a hot loop.
+// The narrow phase is written once over a scalar T (float, double, DoubleDouble, a SIMD pack); Eigen serves the
+// loaders, whose types are never in a hot loop.
 #pragma once
 
 #include <cmath>
@@ -64,8 +64,8 @@ CLEARANCE_HD inline T norm(const Vec3<T>& a) {
   return sqrt(dot(a, a));
 }
 
-/// v times a power of two, exactly, so that its squares neither overflow nor lose digits to underflow: the same direction.
-/// 0 and vectors with an infinity or a NaN stay as they are.
+/// v times a power of two, exactly, so that its squares neither overflow nor lose digits to underflow: the same
+/// direction. 0 and vectors with an infinity or a NaN stay as they are.
 template <class T>
 CLEARANCE_HD inline Vec3<T> rescaled(const Vec3<T>& v) {
   using std::abs;

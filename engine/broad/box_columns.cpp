@@ -15,8 +15,8 @@ CLEARANCE_CLONES __attribute__((flatten)) void box_gaps(const Aabb& a, const Box
     gaps[i] = certify_box_gap(box, {{lx[i], ly[i], lz[i]}, {hx[i], hy[i], hz[i]}});
 }
 
-CLEARANCE_CLONES __attribute__((flatten)) void box_gaps(const BoxColumnsView& a, const BoxColumnsView& b, std::size_t count,
-                                                        double* __restrict gaps) {
+CLEARANCE_CLONES __attribute__((flatten)) void box_gaps(const BoxColumnsView& a, const BoxColumnsView& b,
+                                                        std::size_t count, double* __restrict gaps) {
   const double *alx = a.column[0], *aly = a.column[1], *alz = a.column[2];
   const double *ahx = a.column[3], *ahy = a.column[4], *ahz = a.column[5];
   const double *lx = b.column[0], *ly = b.column[1], *lz = b.column[2];

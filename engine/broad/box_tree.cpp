@@ -5,18 +5,20 @@
 #include <limits>
 #include <numeric>
 
-#include "engine/hull/box.h"
 #include "engine/base/clones.h"
+#include "engine/hull/box.h"
 
 namespace clearance {
 
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kWorn = 1.5;       // a new order pays from about here on (docs/performance.md)
-constexpr double kMostWear = 8;     // of one block: a few that are torn apart count, but not for all
+constexpr double kWorn = 1.5;    // a new order pays from about here on (docs/performance.md)
+constexpr double kMostWear = 8;  // of one block: a few that are torn apart count, but not for all
 
-bool empty(const Aabb& box) { return !(box.low.x <= box.high.x); }
+bool empty(const Aabb& box) {
+  return !(box.low.x <= box.high.x);
+}
 
 double width(const Aabb& box) {
   return empty(box) ? 0 : (box.high.x - box.low.x) + (box.high.y - box.low.y) + (box.high.z - box.low.z);
@@ -25,7 +27,9 @@ double width(const Aabb& box) {
 }  // namespace
 
 // Squares of gaps before the last rounding of certify_box_gap(): what has a gap <= margin has a square <= this.
-double BoxTree::squared_limit(double margin) { return margin * margin * (1 + 0x1p-40) + 1e-300; }
+double BoxTree::squared_limit(double margin) {
+  return margin * margin * (1 + 0x1p-40) + 1e-300;
+}
 
 CLEARANCE_CLONES void BoxTree::squared_gaps(const Block& block, const Aabb& box, Squares& squared) {
   for (std::uint32_t i = 0; i < kWide; ++i) {
@@ -62,7 +66,8 @@ void BoxTree::build(std::span<const std::uint32_t> ids, std::span<const Aabb> bo
   order_.assign(ids.begin(), ids.end());
   count_ = static_cast<std::uint32_t>(ids.size());
   // Bodies without a place go last: they have no neighbours.
-  const auto placed = std::stable_partition(order_.begin(), order_.end(), [&](std::uint32_t id) { return !empty(boxes[id]); });
+  const auto placed =
+      std::stable_partition(order_.begin(), order_.end(), [&](std::uint32_t id) { return !empty(boxes[id]); });
   order(0, static_cast<std::uint32_t>(placed - order_.begin()), boxes);
   order_.resize((count_ + kWide - 1) / kWide * kWide, kNone);
   levels_.clear();

@@ -68,7 +68,7 @@ bool is_own(const struct stat& info) {
 
 // The payload of an open entry, if everything about it is right.
 std::optional<std::vector<std::byte>> payload_of(int fd, const std::string& name, std::uint64_t most_bytes) {
-  struct stat info {};
+  struct stat info{};
   Header header{};
   if (::fstat(fd, &info) != 0 || !is_own(info) || !read_all(fd, &header, sizeof header)) return {};
   if (header.magic != kMagic || header.payload_bytes != static_cast<std::uint64_t>(info.st_size) - sizeof header ||

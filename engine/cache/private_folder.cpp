@@ -48,7 +48,7 @@ class Walk {
 
   bool step(const std::string& name) {
     where_ += '/' + name;
-    struct stat info {};
+    struct stat info{};
     if (::fstatat(at_.get(), name.c_str(), &info, AT_SYMLINK_NOFOLLOW) != 0) {
       if (errno != ENOENT || (::mkdirat(at_.get(), name.c_str(), 0700) != 0 && errno != EEXIST)) return fail(errno);
     }
@@ -85,7 +85,7 @@ class Walk {
 Fd open_private_folder(const std::string& path, std::string* why) {
   const Fd found = Walk(why).along(path);
   if (!found) return Fd();
-  struct stat info {};
+  struct stat info{};
   Fd folder(::openat(found.get(), ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder || ::fstat(folder.get(), &info) != 0)
     *why = path + ": " + std::generic_category().message(errno);

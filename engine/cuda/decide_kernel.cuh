@@ -61,7 +61,9 @@ struct ConfigurationPairs {
   __device__ OuterBox box_a(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).a, k); }
   __device__ OuterBox box_b(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).b, k); }
   __device__ bool has_poses(std::uint32_t i) const { return !is_empty(box_a(i)) && !is_empty(box_b(i)); }
-  __device__ std::uint32_t row(std::uint32_t i) const { return k * r.chunk.pair_count + i; }  // of all pairs in the chunk
+  __device__ std::uint32_t row(std::uint32_t i) const {
+    return k * r.chunk.pair_count + i;
+  }  // of all pairs in the chunk
 };
 
 // What a team's comparison of all boxes finds.

@@ -7,15 +7,15 @@
 
 #include "engine/cuda/group_kernel.cuh"
 #include "engine/cuda/overlap_kernel.cuh"
-#include "engine/device/reply_columns.h"
 #include "engine/cuda/workspace.cuh"
+#include "engine/device/reply_columns.h"
 
 namespace clearance::cuda {
 
-inline constexpr std::uint64_t kSmallRows = 16384;    // of a chunk that is answered with as few calls as can be
+inline constexpr std::uint64_t kSmallRows = 16384;     // of a chunk that is answered with as few calls as can be
 inline constexpr std::uint64_t kFirstRows = 1u << 16;  // of a first chunk that proves overlaps at once
-// What float32 leaves open, and what overlaps, takes long. How many pairs that are is not known when their kernels start: all
-// that these do not take, the next chunk's blocks do.
+// What float32 leaves open, and what overlaps, takes long. How many pairs that are is not known when their kernels
+// start: all that these do not take, the next chunk's blocks do.
 inline constexpr std::uint32_t kLateBlocks = 66, kLateWarps = 64;
 inline constexpr std::chrono::microseconds kFlagPatience{200};  // few pairs take a tenth of that
 
@@ -70,11 +70,13 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
       const std::size_t bytes = sizeof(std::uint64_t) + kCounts * sizeof(std::uint32_t);
       check(cudaMemsetAsync(slot.device_counts.reserve(bytes), 0, bytes, slot.stream), "clearing counters");
     }
-    // Time stamps by the kernels: an event's, after a copy in the same stream, would wait for the copies of all streams.
+    // Time stamps by the kernels: an event's, after a copy in the same stream, would wait for the copies of all
+    // streams.
     view.begun = reinterpret_cast<std::uint64_t*>(slot.device_counts.data());
     view.finished = reinterpret_cast<Finished*>(slot.host_finished.reserve(sizeof(Finished)));
     *view.finished = {};
-    if (slot.is_small && all_chunks_ == 1 && chunk.tiles() > 0) view.number = slot.number = std::max(slot.number + 1, 1u);
+    if (slot.is_small && all_chunks_ == 1 && chunk.tiles() > 0)
+      view.number = slot.number = std::max(slot.number + 1, 1u);
     view.counts = reinterpret_cast<std::uint32_t*>(view.begun + 1);
     view.rest = slot.host_counts + kCounts;
     view.host_counts = slot.host_counts;
@@ -83,7 +85,8 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
       view.reply = preferring(slot.host_view, direct);
     else
       view.reply = reply_view_over(slot.device_reply.reserve(reply_bytes), slot.rows, fields_);
-    // The first rows are waited for: a kernel of their own for proofs would have to wait for room among the next chunk's blocks.
+    // The first rows are waited for: a kernel of their own for proofs would have to wait for room among the next
+    // chunk's blocks.
     const bool prove_at_once = slot.is_small || (chunk.first_row == 0 && slot.rows <= kFirstRows);
     if (question_.prove_overlaps && !prove_at_once)
       view.enclosed = reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(slot.rows * sizeof(Enclosed)));
@@ -106,8 +109,8 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
   }
 
  private:
-  // Until all that the chunk writes is there. A flag is seen 2 us before the stream is known to be done; where it takes long, the
-  // stream also says what failed.
+  // Until all that the chunk writes is there. A flag is seen 2 us before the stream is known to be done; where it takes
+  // long, the stream also says what failed.
   static void wait_for(DenseSlot& slot) {
     const std::uint32_t number = slot.device_view.number;
     const std::atomic_ref<std::uint32_t> flag(slot.device_view.finished->number);
@@ -161,8 +164,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
       answer_open<kLean, kWarm><<<open.blocks, kTile, 0, slot.stream>>>(open, kLateWarps);
     }
     if (proof_follows) {
-      view.blocks =
-          static_cast<std::uint32_t>(std::min<std::uint64_t>((slot.rows + kTile - 1) / kTile, kLateBlocks));
+      view.blocks = static_cast<std::uint32_t>(std::min<std::uint64_t>((slot.rows + kTile - 1) / kTile, kLateBlocks));
       prove_overlaps<<<view.blocks, kTile, 0, slot.stream>>>(view, kLateWarps);
     }
   }

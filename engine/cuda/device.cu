@@ -3,9 +3,9 @@
 #include <mutex>
 
 #include "engine/cuda/dense_workspace.cuh"
+#include "engine/cuda/reduced_workspace.cuh"
 #include "engine/device/device.h"
 #include "engine/scene/scene.h"
-#include "engine/cuda/reduced_workspace.cuh"
 
 namespace clearance::cuda {
 

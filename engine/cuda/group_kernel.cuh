@@ -58,8 +58,7 @@ __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item,
   enclosed.configuration = item.k;
   PairAnswer answer;
   WarmRow* const warm = kWarm ? c.warm + item.k * c.warm_stride + c.position[item.pair] : nullptr;
-  const Outcome outcome =
-      solve_item<kLean, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm);
+  const Outcome outcome = solve_item<kLean, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm);
   if (outcome == Outcome::kEnclosed && c.prove_at_once) return prove_row(c, enclosed);
   if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
     write_answer<kLean>(c, item.row, item.k, item.at_a, item.at_b, answer);
@@ -116,7 +115,7 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
     if (kBoth && fit_f32(*head_a, *head_b)) {
       const Place<float> at = place_pair<float>(item.at_a, *head_a, item.at_b, *head_b);
       outcome = answer_item<kLean, kWarm>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
-                                             hulls, at, enclosed);
+                                          hulls, at, enclosed);
     }
     if (outcome == Outcome::kUnsettled) {
       const Place<double> at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
@@ -152,7 +151,8 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
 
 // What float32 has left open, in float64. \param most_warps at a time
 template <bool kLean, bool kWarm>
-__global__ void __launch_bounds__(kTile, kBlocks) answer_open(const __grid_constant__ ChunkView c, std::uint32_t most_warps) {
+__global__ void __launch_bounds__(kTile, kBlocks)
+    answer_open(const __grid_constant__ ChunkView c, std::uint32_t most_warps) {
   const SpreadList list(c.counts[kLeftOpen], most_warps);
   for (std::uint32_t first = 0; first < list.count; first += list.step) {
     const std::uint32_t i = list.at(first);

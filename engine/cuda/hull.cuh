@@ -3,10 +3,10 @@
 
 #include <cstddef>
 
-#include "engine/hull/box.h"
-#include "engine/narrow/certify.h"
-#include "engine/hull/direction_table.h"
 #include "engine/device/layout.h"
+#include "engine/hull/box.h"
+#include "engine/hull/direction_table.h"
+#include "engine/narrow/certify.h"
 
 namespace clearance::cuda {
 

@@ -2,12 +2,13 @@
 // no depth is asked for.
 #pragma once
 
-#include "engine/narrow/overlap.h"
 #include "engine/cuda/pair_kernel.cuh"
+#include "engine/narrow/overlap.h"
 
 namespace clearance::cuda {
 
-// Not inlined: few pairs come here. False: the proof fails, or double-double would make a better common point; the CPU finishes the pair.
+// Not inlined: few pairs come here. False: the proof fails, or double-double would make a better common point; the CPU
+// finishes the pair.
 __device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b, const Enclosed& e,
                                            const Where& at_a, const Where& at_b, PairAnswer& answer) {
   const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
@@ -51,7 +52,8 @@ __device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a
 }
 
 // What becomes of an enclosed pair of single pieces.
-__device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b, PairAnswer& answer) {
+__device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b,
+                                 PairAnswer& answer) {
   const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
   return prove_overlap(c, a, b, e, at_a, at_b, answer) ? Outcome::kSettled : Outcome::kUnsettled;
 }
@@ -59,8 +61,8 @@ __device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Wh
 __device__ inline std::uint64_t row_of(const ChunkView& c, const Enclosed& e) {
   return std::uint64_t{e.configuration} * c.pair_count + c.position[e.pair];
 }
-// The same for a pair of a dense chunk, whose row is written. Not inlined either: what it needs would take registers from
-// the iteration.
+// The same for a pair of a dense chunk, whose row is written. Not inlined either: what it needs would take registers
+// from the iteration.
 __device__ __noinline__ Outcome prove_row(const ChunkView& c, Enclosed e) {
   const PairRef pair = c.pairs[e.pair];
   const Where at_a(c.bodies, c.configurations, pair.a, e.configuration),

@@ -6,9 +6,9 @@
 
 #include <type_traits>
 
+#include "engine/cuda/hull.cuh"
 #include "engine/narrow/pair_run.h"
 #include "engine/narrow/witness.h"
-#include "engine/cuda/hull.cuh"
 
 namespace clearance::cuda {
 
@@ -53,8 +53,8 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
     answer.flags |= kFlagNonsmooth;
 }
 
-// The columns of queries that need no more than a pair's bounds, and of compact ones. Kernels for these alone take fewer
-// registers and fewer instructions.
+// The columns of queries that need no more than a pair's bounds, and of compact ones. Kernels for these alone take
+// fewer registers and fewer instructions.
 inline constexpr std::uint32_t kLeanFields = kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact;
 
 enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
@@ -112,9 +112,13 @@ struct Run {
     g.step(cso_vertex(fa.index, fb.index), -dot(g.v, at_.D) - (fa.value + fb.value), limits_, true);
   }
   __device__ RunBounds<T> bounds() const {
-    return {
-        g, radius, scale, cut_off(), static_cast<T>(q_.abs_tol * Setup::kStrict), static_cast<T>(q_.rel_tol * Setup::kStrict),
-        at_.extra};
+    return {g,
+            radius,
+            scale,
+            cut_off(),
+            static_cast<T>(q_.abs_tol * Setup::kStrict),
+            static_cast<T>(q_.rel_tol * Setup::kStrict),
+            at_.extra};
   }
 
  private:
@@ -163,8 +167,8 @@ struct PairHulls {
   const Hull &a, &b;
 };
 
-// The answer of a run whose bounds are settled. \tparam kLean only kLeanFields are wanted: no flags, no normal, and points
-// for compact rows alone.
+// The answer of a run whose bounds are settled. \tparam kLean only kLeanFields are wanted: no flags, no normal, and
+// points for compact rows alone.
 template <bool kLean, class T, class Hull>
 __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hulls, const Where& at_a,
                                     const Where& at_b, const Place<T>& at, const Gjk<T>& g, const RunBounds<T>& bounds,
@@ -216,8 +220,9 @@ __device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b
   });
 }
 
-// How a grid's threads take a list of pairs that each take long. The threads of one warp wait for each other: only so many of each
-// take a pair that few pairs have a warp to themselves, and more of them share `most_warps` as long as that can be.
+// How a grid's threads take a list of pairs that each take long. The threads of one warp wait for each other: only so
+// many of each take a pair that few pairs have a warp to themselves, and more of them share `most_warps` as long as
+// that can be.
 struct SpreadList {
   std::uint32_t count, lanes, step, place;
 
@@ -261,8 +266,9 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
 // The answer of an item of a chunk that needs no look at the hulls, if it has one, and the flags of its bodies.
 __device__ inline bool answer_without_pieces(const Question& q, const Where& at_a, const Where& at_b,
                                              PairAnswer& answer) {
-  return answer_without_pieces(at_a.status(), at_b.status(), flags_of(at_a, at_b), q.cull, q.max_distance,
-                               [&] { return certify_box_gap(at_a.box(), at_b.box()); }, answer);
+  return answer_without_pieces(
+      at_a.status(), at_b.status(), flags_of(at_a, at_b), q.cull, q.max_distance,
+      [&] { return certify_box_gap(at_a.box(), at_b.box()); }, answer);
 }
 
 // Answers one item of a chunk, unless it is not settled.

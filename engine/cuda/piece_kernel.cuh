@@ -1,9 +1,9 @@
-// Pairs of bodies of which one has several pieces: engine/narrow/piece_search.h's words, a thread for each, which answers the piece pairs
-// that it asks one after another.
+// Pairs of bodies of which one has several pieces: engine/narrow/piece_search.h's words, a thread for each, which
+// answers the piece pairs that it asks one after another.
 #pragma once
 
-#include "engine/narrow/piece_search.h"
 #include "engine/cuda/overlap_kernel.cuh"
+#include "engine/narrow/piece_search.h"
 
 namespace clearance::cuda {
 
@@ -22,7 +22,8 @@ struct Pieces {
     hulls = c.hulls.piece_hull + first;
     count = c.hulls.piece_begin[body + 1] - first;
     if (ref & kMovedBit) {
-      boxes = c.bodies.moved_piece_box + std::size_t{c.bodies.moved_piece_begin[ref & ~kMovedBit]} * 6 * c.configurations + k;
+      boxes = c.bodies.moved_piece_box +
+              std::size_t{c.bodies.moved_piece_begin[ref & ~kMovedBit]} * 6 * c.configurations + k;
       stride = c.configurations;
     } else {
       boxes = c.bodies.fixed_piece_box + std::size_t{first} * 6;
@@ -39,7 +40,8 @@ struct Pieces {
 struct PairHeads {
   const HullHead *a, *b;
 };
-__device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairRef ref, std::uint32_t k, std::uint32_t body_a, std::uint32_t body_b) {
+__device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairRef ref, std::uint32_t k,
+                                                       std::uint32_t body_a, std::uint32_t body_b) {
   const Pieces a(c, ref.a, k, body_a), b(c, ref.b, k, body_b);
   NearestPieces<1, Pieces, Pieces> nearest(a, a.count, b, b.count);
   PiecePair p;
@@ -49,8 +51,8 @@ __device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairR
 
 // Answers a pair, unless it is not settled. \tparam kBoth float32 goes first where it is asked for and fits.
 template <bool kBoth>
-__device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uint32_t k, const Where& at_a, const Where& at_b,
-                                       PairAnswer& answer) {
+__device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uint32_t k, const Where& at_a,
+                                       const Where& at_b, PairAnswer& answer) {
   const Question& question = c.question;
   if (answer_without_pieces(question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
   const Pieces a(c, ref.a, k, at_a.body), b(c, ref.b, k, at_b.body);
@@ -72,26 +74,32 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uin
     };
     if (kBoth && question.f32 && fit_f32(*of_a, *of_b)) {
       const Place<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
-      if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr, take) == Outcome::kSettled)
+      if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr,
+                            take) == Outcome::kSettled)
         return PieceEnd::kApart;
     }
     const Place<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
-    const Outcome outcome = run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed, nullptr, take);
+    const Outcome outcome =
+        run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed, nullptr, take);
     if (outcome == Outcome::kSettled) return PieceEnd::kApart;
-    if (outcome != Outcome::kEnclosed || !prove_overlap(c, *of_a, *of_b, enclosed, at_a, at_b, answer)) return PieceEnd::kOpen;
+    if (outcome != Outcome::kEnclosed || !prove_overlap(c, *of_a, *of_b, enclosed, at_a, at_b, answer))
+      return PieceEnd::kOpen;
     best = p;
     return PieceEnd::kOverlap;
   };
   const PieceEnd end = search_pieces(search, question.max_distance, nearest, look);
-  if (end == PieceEnd::kOpen || (end == PieceEnd::kApart && !(search.upper < __builtin_inf()))) return Outcome::kUnsettled;
+  if (end == PieceEnd::kOpen || (end == PieceEnd::kApart && !(search.upper < __builtin_inf())))
+    return Outcome::kUnsettled;
   if (end == PieceEnd::kApart) {
     const HullHead *of_a = head_a(best.a), *of_b = head_b(best.b);
     const auto rounding = [&] {
-      return rounding_width(pair_scale(at_b.translation() - at_a.translation(), of_a->rho, of_b->rho, of_a->radius + of_b->radius));
+      return rounding_width(
+          pair_scale(at_b.translation() - at_a.translation(), of_a->rho, of_b->rho, of_a->radius + of_b->radius));
     };
     decide({question.max_distance, question.abs_tol, question.rel_tol}, search.lower, search.upper, rounding, answer);
     if (question.want_points)
-      add_points(scene_hull(c.hulls, of_a), at_a, scene_hull(c.hulls, of_b), at_b, witness, question.want_nonsmooth, answer);
+      add_points(scene_hull(c.hulls, of_a), at_a, scene_hull(c.hulls, of_b), at_b, witness, question.want_nonsmooth,
+                 answer);
   }
   answer.piece_a = best.a;
   answer.piece_b = best.b;

@@ -1,16 +1,19 @@
 // Poses of configurations to placed bodies: one thread for each moved body in each configuration.
 #pragma once
 
-#include "engine/hull/box.h"
+#include "engine/device/layout.h"
 #include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
-#include "engine/device/layout.h"
 
 namespace clearance::cuda {
 
 __device__ inline OuterBox outer_box(const Aabb& box) {
-  return {__double2float_rd(box.low.x),  __double2float_rd(box.low.y),  __double2float_rd(box.low.z),
-          __double2float_ru(box.high.x), __double2float_ru(box.high.y), __double2float_ru(box.high.z),
+  return {__double2float_rd(box.low.x),
+          __double2float_rd(box.low.y),
+          __double2float_rd(box.low.z),
+          __double2float_ru(box.high.x),
+          __double2float_ru(box.high.y),
+          __double2float_ru(box.high.z),
           {0, 0}};
 }
 __device__ inline OuterBox no_outer_box() {
@@ -23,7 +26,8 @@ __device__ inline Aabb box_of(const HullHead& h, const Mat3d& R_wb, const Vec3d&
 
 // The box of a placed body that is on the device: body_box()'s words. `put(i, box)` takes those of its pieces.
 template <class Put>
-__device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb, const Vec3d& t_w, const Put& put) {
+__device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb, const Vec3d& t_w,
+                                   const Put& put) {
   const std::uint32_t first = hulls.piece_begin[body], count = hulls.piece_begin[body + 1] - first;
   Aabb all = box_of(hulls.heads[hulls.piece_hull[first]], R_wb, t_w);
   put(0, all);
@@ -35,14 +39,16 @@ __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, c
   return all;
 }
 
-// Boxes of the bodies that stay where the snapshot has them, and of their pieces; of those that are not on the device, none.
+// Boxes of the bodies that stay where the snapshot has them, and of their pieces; of those that are not on the device,
+// none.
 // \param boxes, outer_boxes null: only those of the pieces are wanted.
 __global__ void __launch_bounds__(128)
     box_fixed_bodies(HullsView hulls, BodiesView bodies, double* boxes, OuterBox* outer_boxes) {
   const std::uint32_t body = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
   if (body >= n) return;
   if (outer_boxes) outer_boxes[body] = no_outer_box();
-  if (hulls.of_body[body] == kNone || static_cast<Status>(bodies.fixed_state[body] & kStateStatus) != Status::kOk) return;
+  if (hulls.of_body[body] == kNone || static_cast<Status>(bodies.fixed_state[body] & kStateStatus) != Status::kOk)
+    return;
   const auto at = [&](std::uint32_t c) {
     const double* p = bodies.fixed + std::size_t{c} * n + body;
     return Vec3d{p[0], p[n], p[2 * std::size_t{n}]};

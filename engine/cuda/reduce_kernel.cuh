@@ -1,9 +1,10 @@
-// Reduced queries on the device, in the stages of engine/query/reduction.h: boxes find a seed for each group, the seeds' upper
-// bounds say which pairs must be looked at, the narrow phase looks, and the groups' winners are written as rows.
+// Reduced queries on the device, in the stages of engine/query/reduction.h: boxes find a seed for each group, the
+// seeds' upper bounds say which pairs must be looked at, the narrow phase looks, and the groups' winners are written as
+// rows.
 //
 // Boxes are compared in float32, rounded outward and with a margin, so that at least those pairs are looked at that the
-// CPU looks at; more of them change nothing (lower_with_box()). Keys are brought together by atomicMin(), which knows no
-// order.
+// CPU looks at; more of them change nothing (lower_with_box()). Keys are brought together by atomicMin(), which knows
+// no order.
 #pragma once
 
 #include "engine/cuda/overlap_kernel.cuh"
@@ -16,8 +17,9 @@ namespace clearance::cuda {
 inline constexpr std::uint32_t kScanThreads = 256;  // rows of a block, where boxes are compared
 inline constexpr std::uint32_t kSeedBlocks = 528;
 inline constexpr std::uint32_t kItemThreads = 64;
-inline constexpr std::uint32_t kSolveBlocks = 528, kItemBlocks = 132;  // how many items there are is not known at launch
-inline constexpr std::int32_t kSeedSteps = 2;                          // of GJK, for a bound that leaves pairs out
+inline constexpr std::uint32_t kSolveBlocks = 528,
+                               kItemBlocks = 132;  // how many items there are is not known at launch
+inline constexpr std::int32_t kSeedSteps = 2;      // of GJK, for a bound that leaves pairs out
 
 // A pair in a configuration.
 struct Item {
@@ -36,7 +38,9 @@ __device__ inline Item listed_item(const ReducedView& r, std::uint32_t i) {
                       static_cast<std::uint32_t>(r.keys[i]) & ((1u << r.key_bits) - 1)});
 }
 // What stands for it in Reduce::kWithin's words.
-__device__ inline std::uint32_t listed_bit(const ReducedView& r, std::uint32_t i) { return r.keys ? i : r.items[i]; }
+__device__ inline std::uint32_t listed_bit(const ReducedView& r, std::uint32_t i) {
+  return r.keys ? i : r.items[i];
+}
 // Its row in a reply that holds all.
 __device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i) {
   if (!r.keys) return r.items[i];
@@ -45,7 +49,9 @@ __device__ inline std::uint32_t listed_row(const ReducedView& r, std::uint32_t i
 }
 
 // Where a row's last run has ended; null: it begins cold.
-__device__ inline WarmRow* warm_row(const ReducedView& r, std::uint32_t row) { return r.chunk.warm ? r.chunk.warm + row : nullptr; }
+__device__ inline WarmRow* warm_row(const ReducedView& r, std::uint32_t row) {
+  return r.chunk.warm ? r.chunk.warm + row : nullptr;
+}
 
 template <class Visit>
 __device__ inline void for_groups(const ReducedView& r, const Item& item, Visit visit) {
@@ -92,9 +98,8 @@ __device__ inline float from_order_key(std::uint32_t key) {
 }
 
 __device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref, std::uint32_t k) {
-  const OuterBox* box = ref & kMovedBit
-                            ? bodies.moved_box + std::size_t{k} * bodies.moved_count + (ref & ~kMovedBit)
-                            : bodies.fixed_box + ref;
+  const OuterBox* box = ref & kMovedBit ? bodies.moved_box + std::size_t{k} * bodies.moved_count + (ref & ~kMovedBit)
+                                        : bodies.fixed_box + ref;
   const auto* halves = reinterpret_cast<const float4*>(box);
   const float4 p = __ldg(halves), q = __ldg(halves + 1);
   return {p.x, p.y, p.z, p.w, q.x, q.y, {0, 0}};
@@ -125,8 +130,8 @@ __device__ inline float squared_gap(const OuterBox& a, const OuterBox& b) {
               z = fmaxf(fmaxf(b.low_z - a.high_z, a.low_z - b.high_z), 0.0f);
   return __fmaf_rn(x, x, __fmaf_rn(y, y, z * z));
 }
-// What squared_gap() is not above unless boxes are proved to be farther apart than the distance. The margin is more than its
-// few roundings take.
+// What squared_gap() is not above unless boxes are proved to be farther apart than the distance. The margin is more
+// than its few roundings take.
 __host__ __device__ inline float square_from_above(double distance) {
   return detail::float_above(distance * distance * (1 + 0x1p-18));
 }
@@ -135,11 +140,12 @@ __device__ inline void clear_counts(const ReducedView& r) {
   if (blockIdx.x == 0 && threadIdx.x < kCounts) r.chunk.counts[threadIdx.x] = 0;
 }
 
-// Of every group the pair whose boxes are nearest, or overlap most, and whether it holds one without usable poses. A seed
-// is a guess, and any would do. Blocks go on to further rows, whose keys then rarely are the least.
+// Of every group the pair whose boxes are nearest, or overlap most, and whether it holds one without usable poses. A
+// seed is a guess, and any would do. Blocks go on to further rows, whose keys then rarely are the least.
 __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant__ ReducedView r) {
   clear_counts(r);
-  for (std::uint64_t first = std::uint64_t{blockIdx.x} * kScanThreads; first < r.rows; first += gridDim.x * kScanThreads) {
+  for (std::uint64_t first = std::uint64_t{blockIdx.x} * kScanThreads; first < r.rows;
+       first += gridDim.x * kScanThreads) {
     const std::uint64_t row = first + threadIdx.x;
     std::uint64_t key = ~std::uint64_t{0};
     std::size_t group[2] = {0, 0};
@@ -161,8 +167,8 @@ __device__ inline bool has_usable_pair(std::uint64_t seed) {
   return static_cast<std::uint32_t>(seed >> 32) != kUnusable;
 }
 
-// An upper bound on the distance, wherever a run is, and not below 0; infinite: none is proved. What has not ended has a
-// simplex all the same.
+// An upper bound on the distance, wherever a run is, and not below 0; infinite: none is proved. What has not ended has
+// a simplex all the same.
 __device__ inline double upper_so_far(const Run<Hull<SceneVertices>>& run) {
   const Simplex<double>& s = run.g.simplex;
   const bool encloses = run.g.end == Gjk<double>::code(GjkEnd::kEncloses);  // then its weights are of no use
@@ -176,7 +182,8 @@ __device__ inline double upper_so_far(const Run<Hull<SceneVertices>>& run) {
 // farther than max_distance, their gap. Not below 0: boxes that touch say nothing about depths.
 // \param warm where its last run has ended; null: not known
 __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const WarmRow* warm) {
-  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k), at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+      at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.question.max_distance) return gap;
   PairHeads heads;  // of two pieces, which are no farther apart than the bodies
@@ -217,9 +224,8 @@ __global__ void __launch_bounds__(kScanThreads) find_candidates(const __grid_con
     const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
     if (!is_empty(a) && !is_empty(b)) {
       const double gap = gap_below(a, b);
-      for_groups(r, item, [&](std::size_t g) {
-        wanted |= !(gap > __longlong_as_double(static_cast<long long>(r.cutoff[g])));
-      });
+      for_groups(r, item,
+                 [&](std::size_t g) { wanted |= !(gap > __longlong_as_double(static_cast<long long>(r.cutoff[g]))); });
     }
   }
   const std::uint32_t at = take_place(r.chunk.counts + kCandidates, wanted);
@@ -251,7 +257,9 @@ __global__ void __launch_bounds__(kScanThreads) list_candidates(const __grid_con
 }
 
 // Of Reduce::kWithin: a bit for each row, or of a table for each place in the list.
-__host__ __device__ inline std::uint32_t hit_word_count(const ReducedView& r) { return ((r.keys ? r.capacity : r.rows) + 31) / 32; }
+__host__ __device__ inline std::uint32_t hit_word_count(const ReducedView& r) {
+  return ((r.keys ? r.capacity : r.rows) + 31) / 32;
+}
 
 __device__ inline std::uint32_t item_count(const ReducedView& r) {
   const std::uint32_t count = r.chunk.counts[kCandidates];
@@ -296,8 +304,9 @@ __device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, 
   const PairHulls<Hull<SceneVertices>> hulls{a, b};
   if (c.question.f32 && fit_f32(*head_a, *head_b)) {
     const Place<float> at = place_pair<float>(at_a, *head_a, at_b, *head_b);
-    const Outcome outcome = solve_item<false, kWarm>(c, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
-                                                     hulls, at_a, at_b, at, answer, enclosed, warm);
+    const Outcome outcome =
+        solve_item<false, kWarm>(c, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b), hulls, at_a, at_b,
+                                 at, answer, enclosed, warm);
     if (outcome != Outcome::kUnsettled) return outcome;
   }
   const Place<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
@@ -409,7 +418,8 @@ __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, Pa
   write_answer(c, at, k, at_a, at_b, answer);
 }
 // \param lower the least of the group. \param complete all its pairs have usable poses
-__device__ inline void write_winner(const ReducedView& r, std::uint64_t at, PairRef ref, PairAnswer answer, double lower, bool complete) {
+__device__ inline void write_winner(const ReducedView& r, std::uint64_t at, PairRef ref, PairAnswer answer,
+                                    double lower, bool complete) {
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
   const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);

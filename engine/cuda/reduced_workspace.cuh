@@ -35,7 +35,7 @@ struct ReducedSlot : QuerySlot {
   PinnedBuffer host_reply, host_counts, host_rest, host_answers;
   TableSearch table;
   Event begun;
-  std::uint64_t chunk = 0;  // of the query
+  std::uint64_t chunk = 0;   // of the query
   std::uint32_t listed = 0;  // rows that there was room for so far, where pairs are listed
   bool counts_are_clear = false;
   std::size_t scan_bytes = 0;
@@ -82,7 +82,8 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     r.chunk.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(kCounts * sizeof(std::uint32_t)));
     r.chunk.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
     slot.direct = direct;
-    slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : std::uint64_t{chunk.configurations} * groups_;
+    slot.most_rows =
+        within() ? std::min<std::uint64_t>(r.rows, most_rows_) : std::uint64_t{chunk.configurations} * groups_;
     r.keys = nullptr;
     r.answered = nullptr;
     r.chunk.warm = warm_ ? warm_ + chunk.first_row : nullptr;
@@ -201,7 +202,8 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     }
     if (r.chunk.host_counts[kCandidates] == 0) return;
     slot.counts_are_clear = false;
-    check(cudaMemcpyAsync(r.chunk.counts, r.chunk.host_counts, kCounts * sizeof(std::uint32_t), cudaMemcpyHostToDevice, slot.stream),
+    check(cudaMemcpyAsync(r.chunk.counts, r.chunk.host_counts, kCounts * sizeof(std::uint32_t), cudaMemcpyHostToDevice,
+                          slot.stream),
           "copying counts");
     clear_groups(slot);
     r.chunk.warm = nullptr;

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <vector>
 
-#include "engine/device/device.h"
-#include "engine/scene/pair_table.h"
-#include "engine/device/hull_arrays.h"
 #include "engine/cuda/memory.cuh"
 #include "engine/cuda/pair_kernel.cuh"
+#include "engine/device/device.h"
+#include "engine/device/hull_arrays.h"
+#include "engine/scene/pair_table.h"
 
 namespace clearance::cuda {
 
@@ -16,20 +16,26 @@ namespace clearance::cuda {
 class ResidentHulls {
  public:
   /// On the calling thread's device. \param most_shared bytes that two hulls may take of a block's shared memory.
-  ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters)
-      : memory_(counters) {
+  ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters) : memory_(counters) {
     check(cudaGetDevice(&device_), "asking for the device");
     HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared));
     Upload& m = memory_;
-    const std::size_t at_heads = m.add<HullHead>(arrays.heads), at_x = m.add<double>(arrays.x), at_y = m.add<double>(arrays.y),
-                      at_z = m.add<double>(arrays.z), at_f32 = m.add<float>(arrays.f32),
+    const std::size_t at_heads = m.add<HullHead>(arrays.heads), at_x = m.add<double>(arrays.x),
+                      at_y = m.add<double>(arrays.y), at_z = m.add<double>(arrays.z), at_f32 = m.add<float>(arrays.f32),
                       at_words = m.add<std::uint16_t>(arrays.words), at_of = m.add<std::uint32_t>(arrays.of_body),
-                      at_begin = m.add<std::uint32_t>(arrays.piece_begin), at_pieces = m.add<std::uint32_t>(arrays.piece_hull);
+                      at_begin = m.add<std::uint32_t>(arrays.piece_begin),
+                      at_pieces = m.add<std::uint32_t>(arrays.piece_hull);
     m.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
     m.forget_host();
-    view_ = {m.at<HullHead>(at_heads),      m.at<double>(at_x),        m.at<double>(at_y), m.at<double>(at_z), m.at<float>(at_f32),
-             m.at<std::uint16_t>(at_words), m.at<std::uint32_t>(at_of), m.at<std::uint32_t>(at_begin),
+    view_ = {m.at<HullHead>(at_heads),
+             m.at<double>(at_x),
+             m.at<double>(at_y),
+             m.at<double>(at_z),
+             m.at<float>(at_f32),
+             m.at<std::uint16_t>(at_words),
+             m.at<std::uint32_t>(at_of),
+             m.at<std::uint32_t>(at_begin),
              m.at<std::uint32_t>(at_pieces)};
     heads_ = std::move(arrays.heads);
     of_body_ = std::move(arrays.of_body);
@@ -41,7 +47,7 @@ class ResidentHulls {
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
   const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
   bool is_shared(std::uint32_t hull) const { return heads_[hull].count <= kMostSharedVertices; }
-  bool has_several() const { return has_several_; }  ///< whether a body here has several pieces
+  bool has_several() const { return has_several_; }           ///< whether a body here has several pieces
   std::size_t pieces() const { return piece_begin_.back(); }  ///< of all bodies here
   std::uint32_t pieces_of(std::uint32_t body) const { return piece_begin_[body + 1] - piece_begin_[body]; }
 
@@ -71,7 +77,8 @@ class CudaPairs final : public ResidentPairs {
       const bool same = group.hull_a == group.hull_b;
       most_shared = std::max<std::size_t>(most_shared, shared_bytes(a) + (same ? 0 : shared_bytes(b)));
       if (fit_f32(a, b))
-        most_shared_f32 = std::max<std::size_t>(most_shared_f32, shared_bytes_f32(a) + (same ? 0 : shared_bytes_f32(b)));
+        most_shared_f32 =
+            std::max<std::size_t>(most_shared_f32, shared_bytes_f32(a) + (same ? 0 : shared_bytes_f32(b)));
       else
         all_fit_f32 = false;
     }
@@ -98,8 +105,9 @@ class CudaTable final : public ResidentTable {
     memory_.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying a table of pairs to the device");
     memory_.forget_host();
-    view = {memory_.at<std::uint8_t>(at_static), memory_.at<std::uint32_t>(at_movable), memory_.at<std::uint64_t>(at_rows),
-            memory_.at<std::uint32_t>(at_begin), memory_.at<std::uint32_t>(at_excluded)};
+    view = {memory_.at<std::uint8_t>(at_static), memory_.at<std::uint32_t>(at_movable),
+            memory_.at<std::uint64_t>(at_rows), memory_.at<std::uint32_t>(at_begin),
+            memory_.at<std::uint32_t>(at_excluded)};
   }
 
   TableView view;

@@ -1,8 +1,9 @@
 // The pairs of a whole table that are within a distance, found by boxes without a look at each pair.
 //
-// Bodies are taken in tiles of 32. A warp compares the bodies of two tiles, 32 by 32: hits are bits of a word for each thread,
-// and a warp takes room for all of them with one atomic operation. Where there are many bodies they are taken in the order of a
-// Morton curve, and each tile has a box: a warp then first compares its tile with some others, one in each thread.
+// Bodies are taken in tiles of 32. A warp compares the bodies of two tiles, 32 by 32: hits are bits of a word for each
+// thread, and a warp takes room for all of them with one atomic operation. Where there are many bodies they are taken
+// in the order of a Morton curve, and each tile has a box: a warp then first compares its tile with some others, one in
+// each thread.
 #pragma once
 
 #include <cmath>
@@ -13,11 +14,11 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kTileBodies = 32;
-inline constexpr std::uint32_t kSearchWarps = 4;          // of a block
-inline constexpr std::uint32_t kOrderedBodies = 6144;     // from which on an order pays
-inline constexpr std::uint32_t kSpan = 8;                  // tiles that a warp compares its own with, in that order
-inline constexpr std::uint32_t kCurveBits = 5;            // of each coordinate: about as many cells as bodies
-inline constexpr std::uint32_t kFewItems = 8192;          // that are ordered by comparing each with each
+inline constexpr std::uint32_t kSearchWarps = 4;       // of a block
+inline constexpr std::uint32_t kOrderedBodies = 6144;  // from which on an order pays
+inline constexpr std::uint32_t kSpan = 8;              // tiles that a warp compares its own with, in that order
+inline constexpr std::uint32_t kCurveBits = 5;         // of each coordinate: about as many cells as bodies
+inline constexpr std::uint32_t kFewItems = 8192;       // that are ordered by comparing each with each
 
 // Boxes side by side in the order of the search, as tiles.
 struct TilesView {
@@ -37,13 +38,18 @@ __device__ inline std::uint32_t greatest_of_warp(std::uint32_t x) {
   return ~least_of_warp(~x);
 }
 __device__ inline float middle_of(const OuterBox& box, int axis) {
-  const float low = axis == 0 ? box.low_x : axis == 1 ? box.low_y : box.low_z,
-              high = axis == 0 ? box.high_x : axis == 1 ? box.high_y : box.high_z;
+  const float low = axis == 0   ? box.low_x
+                    : axis == 1 ? box.low_y
+                                : box.low_z,
+              high = axis == 0   ? box.high_x
+                     : axis == 1 ? box.high_y
+                                 : box.high_z;
   return 0.5f * low + 0.5f * high;
 }
 
 // Where the middles of all boxes lie: bounds[0..2] least keys, [3..5] inverses of the greatest. All bits set before.
-__global__ void __launch_bounds__(kScanThreads) bound_bodies(const OuterBox* boxes, std::uint32_t bodies, std::uint32_t* bounds) {
+__global__ void __launch_bounds__(kScanThreads)
+    bound_bodies(const OuterBox* boxes, std::uint32_t bodies, std::uint32_t* bounds) {
   const std::uint32_t body = blockIdx.x * kScanThreads + threadIdx.x;
   const bool there = body < bodies && !is_empty(boxes[body]);
   for (int i = 0; i < 3; ++i) {
@@ -65,7 +71,8 @@ __device__ inline std::uint32_t spread_bits(std::uint32_t x) {
 // Places on the curve. Bodies without a usable pose come last.
 inline constexpr std::uint32_t kOffCurve = 1u << 3 * kCurveBits;
 __global__ void __launch_bounds__(kScanThreads)
-    place_on_curve(const OuterBox* boxes, std::uint32_t bodies, const std::uint32_t* bounds, std::uint32_t* keys, std::uint32_t* ids) {
+    place_on_curve(const OuterBox* boxes, std::uint32_t bodies, const std::uint32_t* bounds, std::uint32_t* keys,
+                   std::uint32_t* ids) {
   const std::uint32_t body = blockIdx.x * kScanThreads + threadIdx.x;
   if (body >= bodies) return;
   ids[body] = body;
@@ -73,14 +80,15 @@ __global__ void __launch_bounds__(kScanThreads)
   for (int i = 0; i < 3; ++i) {
     const float low = from_order_key(bounds[i]), high = from_order_key(~bounds[3 + i]);
     const float at = (middle_of(boxes[body], i) - low) / (high - low) * static_cast<float>(1u << kCurveBits);
-    const auto cell = static_cast<std::uint32_t>(fminf(fmaxf(at, 0.0f), static_cast<float>((1u << kCurveBits) - 1)));  // NaN: 0
+    const auto cell =
+        static_cast<std::uint32_t>(fminf(fmaxf(at, 0.0f), static_cast<float>((1u << kCurveBits) - 1)));  // NaN: 0
     key |= spread_bits(cell) << i;
   }
   keys[body] = is_empty(boxes[body]) ? kOffCurve : key;
 }
 
-// A body's box as the search takes it, with the body's id in unused[0]. Of one without a usable pose: everywhere, since nothing
-// is proved about its pairs.
+// A body's box as the search takes it, with the body's id in unused[0]. Of one without a usable pose: everywhere, since
+// nothing is proved about its pairs.
 __device__ inline OuterBox searched_box(const TilesView& t, std::uint32_t place) {
   constexpr float kInf = __builtin_inff();
   OuterBox box{kInf, kInf, kInf, -kInf, -kInf, -kInf, {0, 0}};
@@ -102,7 +110,8 @@ __global__ void __launch_bounds__(kSearchWarps * 32) make_tiles(TilesView t) {
   OuterBox box = searched_box(t, place);
   t.box[place] = box;
   for (float* side : {&box.low_x, &box.low_y, &box.low_z}) *side = from_order_key(least_of_warp(order_key(*side)));
-  for (float* side : {&box.high_x, &box.high_y, &box.high_z}) *side = from_order_key(greatest_of_warp(order_key(*side)));
+  for (float* side : {&box.high_x, &box.high_y, &box.high_z})
+    *side = from_order_key(greatest_of_warp(order_key(*side)));
   if (lane == 0) t.tile[tile] = box;
 }
 
@@ -173,7 +182,8 @@ __global__ void __launch_bounds__(kScanThreads) order_items(const __grid_constan
   constexpr std::uint32_t kLoads = 4, kKeys = kLoads * kScanThreads, kShare = kKeys / (kScanThreads / 32);
   __shared__ std::uint32_t less_of[32];
   __shared__ std::uint64_t keys[kKeys];
-  const std::uint32_t lane = threadIdx.x % 32, warp = threadIdx.x / 32, item = blockIdx.x * 32 + lane, count = item_count(r);
+  const std::uint32_t lane = threadIdx.x % 32, warp = threadIdx.x / 32, item = blockIdx.x * 32 + lane,
+                      count = item_count(r);
   if (threadIdx.x == 0) r.hit_words[blockIdx.x] = first_hits(blockIdx.x, count);
   if (blockIdx.x * 32 >= count) return;  // the whole block
   if (warp == 0) less_of[lane] = 0;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <bit>
-
 #include <cub/device/device_radix_sort.cuh>
 
 #include "engine/cuda/resident.cuh"
@@ -14,11 +13,14 @@ inline constexpr std::uint32_t kFewestNear = 1u << 10;  // near pairs that there
 
 class TableSearch {
  public:
-  explicit TableSearch(MemoryCounters& c) : device_tiles_(c), device_order_(c), device_keys_(c), device_words_(c), device_sort_(c) {}
+  explicit TableSearch(MemoryCounters& c)
+      : device_tiles_(c), device_order_(c), device_keys_(c), device_words_(c), device_sort_(c) {}
 
-  /// Near pairs to make room for: as many as were found lately and an eighth more (buffers have a quarter to spare, so that the
-  /// second query of a kind takes no memory); at first some for each body.
-  std::uint32_t expected(std::uint32_t bodies) const { return std::max(expected_ > 0 ? expected_ : 4 * bodies, kFewestNear); }
+  /// Near pairs to make room for: as many as were found lately and an eighth more (buffers have a quarter to spare, so
+  /// that the second query of a kind takes no memory); at first some for each body.
+  std::uint32_t expected(std::uint32_t bodies) const {
+    return std::max(expected_ > 0 ? expected_ : 4 * bodies, kFewestNear);
+  }
   void found(std::uint32_t pairs) { expected_ = std::max(pairs + pairs / 8, expected_ - expected_ / 8); }
 
   /// Room for r.capacity pairs, and what of the view a table has to itself. Nothing may be under way.
@@ -26,7 +28,8 @@ class TableSearch {
     const std::uint32_t n = r.chunk.bodies.bodies;
     r.table = table.view;
     r.key_bits = static_cast<std::uint32_t>(std::bit_width(std::max(n, 2u) - 1));
-    r.found = reinterpret_cast<std::uint64_t*>(device_keys_.reserve(2 * std::size_t{r.capacity} * sizeof(std::uint64_t)));
+    r.found =
+        reinterpret_cast<std::uint64_t*>(device_keys_.reserve(2 * std::size_t{r.capacity} * sizeof(std::uint64_t)));
     r.keys = r.found + r.capacity;
     const std::size_t words = hit_word_count(r);
     r.hit_words = reinterpret_cast<std::uint32_t*>(device_words_.reserve(2 * words * sizeof(std::uint32_t)));
@@ -38,8 +41,10 @@ class TableSearch {
     if (!is_few(r)) sort_keys(r, nullptr, of_keys, stream);
     order_ = nullptr;
     if (n >= kOrderedBodies) {
-      order_ = reinterpret_cast<std::uint32_t*>(device_order_.reserve((std::size_t{4} * n + 6) * sizeof(std::uint32_t)));
-      tiles_.box = reinterpret_cast<OuterBox*>(device_tiles_.reserve(std::size_t{tiles_.tiles} * (kTileBodies + 1) * sizeof(OuterBox)));
+      order_ =
+          reinterpret_cast<std::uint32_t*>(device_order_.reserve((std::size_t{4} * n + 6) * sizeof(std::uint32_t)));
+      tiles_.box = reinterpret_cast<OuterBox*>(
+          device_tiles_.reserve(std::size_t{tiles_.tiles} * (kTileBodies + 1) * sizeof(OuterBox)));
       tiles_.tile = tiles_.box + std::size_t{tiles_.tiles} * kTileBodies;
       sort_bodies(nullptr, of_bodies, stream);
     }
@@ -56,7 +61,8 @@ class TableSearch {
     std::uint32_t* const bounds = order_ + std::size_t{4} * n;
     check(cudaMemsetAsync(bounds, 0xff, 6 * sizeof(std::uint32_t), stream), "clearing bounds");
     bound_bodies<<<blocks_of(n, kScanThreads), kScanThreads, 0, stream>>>(boxes, n, bounds);
-    place_on_curve<<<blocks_of(n, kScanThreads), kScanThreads, 0, stream>>>(boxes, n, bounds, order_, order_ + std::size_t{2} * n);
+    place_on_curve<<<blocks_of(n, kScanThreads), kScanThreads, 0, stream>>>(boxes, n, bounds, order_,
+                                                                            order_ + std::size_t{2} * n);
     sort_bodies(device_sort_.data(), sort_bytes_, stream);
     make_tiles<<<blocks_of(tiles_.tiles, kSearchWarps), kSearchWarps * 32, 0, stream>>>(tiles_);
     check(cudaGetLastError(), "starting a kernel");
@@ -67,9 +73,12 @@ class TableSearch {
     if (!is_few(r)) check(cudaMemsetAsync(r.found, 0xff, r.capacity * sizeof(std::uint64_t), stream), "clearing pairs");
     const float limit = square_from_above(r.chunk.question.max_distance);
     if (order_)
-      find_near<true><<<dim3(blocks_of(tiles_.tiles, kSearchWarps * kSpan), tiles_.tiles), kSearchWarps * 32, 0, stream>>>(r, tiles_, limit);
+      find_near<true>
+          <<<dim3(blocks_of(tiles_.tiles, kSearchWarps * kSpan), tiles_.tiles), kSearchWarps * 32, 0, stream>>>(
+              r, tiles_, limit);
     else
-      find_near<false><<<dim3(blocks_of(tiles_.tiles, kSearchWarps), tiles_.tiles), kSearchWarps * 32, 0, stream>>>(r, tiles_, limit);
+      find_near<false><<<dim3(blocks_of(tiles_.tiles, kSearchWarps), tiles_.tiles), kSearchWarps * 32, 0, stream>>>(
+          r, tiles_, limit);
     check(cudaGetLastError(), "starting a kernel");
     check(cudaEventRecord(ended_.event, stream), "recording an event");
     if (is_few(r)) {
@@ -90,16 +99,17 @@ class TableSearch {
  private:
   static bool is_few(const ReducedView& r) { return r.capacity <= kFewItems; }
   void sort_keys(const ReducedView& r, void* memory, std::size_t& bytes, cudaStream_t stream) {
-    check(cub::DeviceRadixSort::SortKeys(memory, bytes, r.found, r.keys, r.capacity, 0, static_cast<int>(2 * r.key_bits), stream),
+    check(cub::DeviceRadixSort::SortKeys(memory, bytes, r.found, r.keys, r.capacity, 0,
+                                         static_cast<int>(2 * r.key_bits), stream),
           "sorting pairs");
   }
   // Keys, sorted keys, bodies, sorted bodies.
   void sort_bodies(void* memory, std::size_t& bytes, cudaStream_t stream) {
     const std::size_t n = tiles_.bodies;
-    check(cub::DeviceRadixSort::SortPairs(memory, bytes, order_, order_ + n, order_ + 2 * n, order_ + 3 * n,
-                                          static_cast<std::uint32_t>(n), 0,
-                                          static_cast<int>(3 * kCurveBits + 1), stream),
-          "sorting bodies");
+    check(
+        cub::DeviceRadixSort::SortPairs(memory, bytes, order_, order_ + n, order_ + 2 * n, order_ + 3 * n,
+                                        static_cast<std::uint32_t>(n), 0, static_cast<int>(3 * kCurveBits + 1), stream),
+        "sorting bodies");
   }
 
   DeviceBuffer device_tiles_, device_order_, device_keys_, device_words_, device_sort_;

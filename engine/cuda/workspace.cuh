@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "engine/device/device.h"
 #include "engine/cuda/memory.cuh"
 #include "engine/cuda/place_kernel.cuh"
 #include "engine/cuda/resident.cuh"
+#include "engine/device/device.h"
 
 namespace clearance::cuda {
 
@@ -37,7 +37,8 @@ struct QuerySlot {
 inline constexpr std::size_t kPieceBoxBytes = 6 * sizeof(double);
 inline constexpr std::size_t kPosePart = (1u << 21) / sizeof(Pose);  // poses that are copied at a time
 
-/// The part that workspaces of dense and of reduced queries share. \param Interface of device.h. \param Slot a QuerySlot.
+/// The part that workspaces of dense and of reduced queries share. \param Interface of device.h. \param Slot a
+/// QuerySlot.
 template <class Interface, class Slot>
 class QuerySide : public Interface {
  public:
@@ -85,9 +86,9 @@ class QuerySide : public Interface {
     setup_.clear();
     find_moved_pieces(s.moved_body);
     const std::size_t moved_body = setup_.add(s.moved_body),
-                      pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)), source = setup_.add(s.source),
-                      begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain), own = setup_.add(s.own),
-                      base = setup_.add(s.base), has_base = setup_.add(s.has_base);
+                      pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)),
+                      source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
+                      own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base);
     const cudaStream_t stream = slots_[0]->stream;
     setup_.send(stream);
     send_bodies(s, stream);
@@ -141,12 +142,15 @@ class QuerySide : public Interface {
 
   // In one block: state, components, boxes, outer boxes, boxes of pieces. Only state and components come from the host.
   std::size_t components_offset() const { return (std::size_t{fixed_count_} + 15) / 16 * 16; }
-  std::size_t fixed_bytes() const { return components_offset() + std::size_t{fixed_count_} * kPoseComponents * sizeof(double); }
+  std::size_t fixed_bytes() const {
+    return components_offset() + std::size_t{fixed_count_} * kPoseComponents * sizeof(double);
+  }
   void send_bodies(const QuerySetup& s, cudaStream_t stream) {
     const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
     const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
     const std::size_t pieces_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
-    std::byte* memory = device_bodies_.reserve(pieces_at + (hulls_.has_several() ? hulls_.pieces() * kPieceBoxBytes : 0));
+    std::byte* memory =
+        device_bodies_.reserve(pieces_at + (hulls_.has_several() ? hulls_.pieces() * kPieceBoxBytes : 0));
     auto* outer = s.boxes ? reinterpret_cast<OuterBox*>(memory + outer_at) : nullptr;
     bodies_ = {};
     bodies_.fixed = reinterpret_cast<const double*>(memory + components_offset());
@@ -181,7 +185,8 @@ class QuerySide : public Interface {
     for (std::size_t i = 0; i < count; i += kPosePart) {
       const std::size_t part = std::min(kPosePart, count - i);
       if (chunk.wait_for_poses) chunk.wait_for_poses(chunk.poses + i + part);
-      check(cudaMemcpyAsync(given + i, chunk.poses + i, part * sizeof(Pose), cudaMemcpyHostToDevice, slot.stream), "copying poses");
+      check(cudaMemcpyAsync(given + i, chunk.poses + i, part * sizeof(Pose), cudaMemcpyHostToDevice, slot.stream),
+            "copying poses");
     }
     return given;
   }

@@ -7,7 +7,9 @@ const DeviceInfo& installed_device() {
   static const DeviceInfo none{false, "", "this build has no CUDA"};
   return none;
 }
-std::string installed_device_name(int) { return {}; }
+std::string installed_device_name(int) {
+  return {};
+}
 std::shared_ptr<Device> open_device(const Scene&, int, std::uint64_t) {
   throw DeviceError(DeviceError::kLost, installed_device().reason);
 }

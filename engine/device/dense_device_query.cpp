@@ -1,8 +1,7 @@
 // Dense queries on a device: a row for every configuration and pair.
-#include "engine/device/device_query.h"
-
 #include <algorithm>
 
+#include "engine/device/device_query.h"
 #include "engine/device/reply_columns.h"
 
 namespace clearance::cuda {

@@ -11,14 +11,14 @@
 #include <vector>
 
 #include "engine/device/device_error.h"
+#include "engine/device/layout.h"
 #include "engine/narrow/answer.h"
 #include "engine/query/query.h"
-#include "engine/device/layout.h"
 
 namespace clearance {
 class PairTable;
 class Scene;
-}
+}  // namespace clearance
 
 namespace clearance::cuda {
 
@@ -37,9 +37,10 @@ struct DeviceCounters {
   std::uint64_t query_bytes = 0;   ///< device memory of queries, kept for the next ones
   std::uint64_t pinned_bytes = 0;  ///< host memory of queries, likewise
   std::uint64_t allocations = 0;   ///< how often either had to grow
-  std::uint64_t kernel_ns = 0;     ///< time in kernels: of dense queries by the device's clock, of reductions by its events
+  std::uint64_t kernel_ns =
+      0;  ///< time in kernels: of dense queries by the device's clock, of reductions by its events
   std::uint64_t broad_phase_ns = 0;  ///< of it, of queries over a whole table: from poses to the list of near pairs
-  std::uint64_t launches = 0;      ///< chunks of pair-configurations
+  std::uint64_t launches = 0;        ///< chunks of pair-configurations
 };
 
 /// Lists of pairs in device memory: those of all chunks of a query, one chunk after another.
@@ -70,7 +71,7 @@ struct FixedBodies {
 struct QuerySetup {
   Question question;
   std::uint32_t fields = 0;  ///< columns that come back, Field bits
-  bool boxes = false;  ///< whether boxes are compared
+  bool boxes = false;        ///< whether boxes are compared
   // The moved ones, as MovesView has them. Empty without configurations.
   std::uint32_t given_count = 0;
   std::span<const std::uint32_t> moved_body, source, chain_begin, chain;
@@ -93,16 +94,17 @@ struct QuerySetup {
 struct ChunkSetup {
   std::uint32_t configurations = 1;
   std::uint64_t first_configuration = 0;
-  std::uint64_t first_row = 0;    ///< in the query
-  std::uint32_t first_pair = 0;   ///< in QuerySetup::pairs
-  std::uint32_t pair_count = 0;   ///< rows of one configuration
-  const Pose* poses = nullptr;    ///< (configurations, given_count), in pinned memory that stays until the chunk is finished
+  std::uint64_t first_row = 0;   ///< in the query
+  std::uint32_t first_pair = 0;  ///< in QuerySetup::pairs
+  std::uint32_t pair_count = 0;  ///< rows of one configuration
+  const Pose* poses =
+      nullptr;  ///< (configurations, given_count), in pinned memory that stays until the chunk is finished
   std::function<void(const Pose* end)> wait_for_poses;  ///< returns once those before `end` are there; empty: all are
-  std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
-  std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
-  Group strays{};                 ///< of pairs with hulls of their own; may be empty
+  std::uint32_t first_tile = 0;                         ///< of the list that says each tile's group
+  std::uint32_t group_tiles = 0;                        ///< tiles of groups of the same two hulls
+  Group strays{};                                       ///< of pairs with hulls of their own; may be empty
   std::uint32_t stray_tiles = 0;
-  Group several{};                ///< of pairs of which a body has several pieces; may be empty
+  Group several{};  ///< of pairs of which a body has several pieces; may be empty
   std::uint32_t several_tiles = 0;
   std::uint32_t tiles() const { return group_tiles + stray_tiles + several_tiles; }
   std::uint64_t rows() const { return std::uint64_t{configurations} * pair_count; }
@@ -151,12 +153,12 @@ class Workspace : public QueryWorkspace {
   virtual ChunkResult finish(int slot) = 0;
 };
 
-/// For reduced queries. A chunk's pairs are those of ChunkSetup, all of one part; what says how they are grouped by hulls is
-/// not looked at.
+/// For reduced queries. A chunk's pairs are those of ChunkSetup, all of one part; what says how they are grouped by
+/// hulls is not looked at.
 class ReducedWorkspace : public QueryWorkspace {
  public:
-  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once; the others (null) wait in
-  /// the workspace.
+  /// Starts a chunk and returns. \param direct columns in pinned memory that rows go to at once; the others (null) wait
+  /// in the workspace.
   virtual void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) = 0;
   /// Waits for a slot's chunk.
   virtual ReducedResult finish(int slot) = 0;
@@ -190,8 +192,8 @@ class Device {
 /// The current CUDA device of this process, if there is one.
 const DeviceInfo& installed_device();
 std::string installed_device_name(int number);
-/// Copies the scene's hulls to a device. \param number of the device, or kCurrentDevice. \param memory_limit bytes of its
-/// memory that may be taken.
+/// Copies the scene's hulls to a device. \param number of the device, or kCurrentDevice. \param memory_limit bytes of
+/// its memory that may be taken.
 std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_t memory_limit);
 
 /// Stands in for the installed devices while it lives: tests of what follows from a device's faults need none.
@@ -217,7 +219,8 @@ bool is_pinned(const void* memory);
 /// Makes memory that is there already pinned while it lives, whichever the devices of this process.
 class RegisteredMemory {
  public:
-  /// \param memory a mapping, from its beginning. All its pages are taken now, which lasts milliseconds. Throws DeviceError.
+  /// \param memory a mapping, from its beginning. All its pages are taken now, which lasts milliseconds. Throws
+  /// DeviceError.
   RegisteredMemory(std::byte* memory, std::size_t bytes);
   ~RegisteredMemory();
   RegisteredMemory(const RegisteredMemory&) = delete;

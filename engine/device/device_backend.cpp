@@ -19,11 +19,19 @@ StandIn& stand_in() {
 
 }  // namespace
 
-DeviceStandIn::DeviceStandIn(DeviceInfo info, Open open) { stand_in() = {std::move(info), std::move(open)}; }
-DeviceStandIn::~DeviceStandIn() { stand_in() = {}; }
+DeviceStandIn::DeviceStandIn(DeviceInfo info, Open open) {
+  stand_in() = {std::move(info), std::move(open)};
+}
+DeviceStandIn::~DeviceStandIn() {
+  stand_in() = {};
+}
 
-bool has_stand_in() { return stand_in().open != nullptr; }
-const DeviceInfo& device_info() { return stand_in().open ? stand_in().info : installed_device(); }
+bool has_stand_in() {
+  return stand_in().open != nullptr;
+}
+const DeviceInfo& device_info() {
+  return stand_in().open ? stand_in().info : installed_device();
+}
 std::string device_name(int number) {
   return stand_in().open ? stand_in().info.name : installed_device_name(number);
 }

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "engine/device/device.h"
 #include "engine/base/counters.h"
+#include "engine/device/device.h"
 #include "engine/query/job_state.h"
 
 namespace clearance::cuda {
@@ -98,7 +98,8 @@ class DeviceBackend {
 
   static constexpr std::size_t kWarmClients = 16;
   // What became of pair-configurations and queries.
-  std::atomic<std::uint64_t> settled{0}, finished_on_cpu{0}, reply_bytes_copied{0}, queries{0}, queries_on_cpu{0}, without_room{0};
+  std::atomic<std::uint64_t> settled{0}, finished_on_cpu{0}, reply_bytes_copied{0}, queries{0}, queries_on_cpu{0},
+      without_room{0};
 
  private:
   const Scene& scene_;
@@ -106,7 +107,7 @@ class DeviceBackend {
   std::atomic<bool> usable_{false};
   mutable std::mutex mutex_;  // of what follows
   std::string error_;
-  std::shared_ptr<Device> device_;  // before what holds memory that it counts; set once
+  std::shared_ptr<Device> device_;           // before what holds memory that it counts; set once
   std::shared_ptr<SeveralDevices> several_;  // the same; null: it is one
   std::shared_ptr<const PairDeal> last_;
   std::shared_ptr<const PairListOnDevice> last_list_;
@@ -114,8 +115,9 @@ class DeviceBackend {
   LatestTables<DeviceWarmTable> warm_{kWarmClients};
 };
 
-/// A query on the device, which the CPU takes over if the device fails in the middle of it; null, and the plan untouched,
-/// where the CPU has to answer it from the beginning. Throws QueryError where the device fails and no one may take over.
+/// A query on the device, which the CPU takes over if the device fails in the middle of it; null, and the plan
+/// untouched, where the CPU has to answer it from the beginning. Throws QueryError where the device fails and no one
+/// may take over.
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply);
 
 }  // namespace clearance::cuda

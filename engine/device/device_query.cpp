@@ -83,9 +83,8 @@ void DeviceQuery::place_fixed(const FixedBodies& fixed) {
   for (std::size_t b = 0; b < n; ++b) {
     const BodyPlacement& at = placed[b];
     const bool stale = !options_.stale.empty() && options_.stale[b];
-    fixed.state[b] =
-        static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
-                                  (stale ? kStateStale : 0));
+    fixed.state[b] = static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) |
+                                               (at.renormalised ? kStateRenormalised : 0) | (stale ? kStateStale : 0));
     if (at.status != Status::kOk) continue;
     const auto put = [&](std::size_t c, const Vec3d& v) {
       for (int i = 0; i < 3; ++i) fixed.components[(c + static_cast<std::size_t>(i)) * n + b] = v[i];

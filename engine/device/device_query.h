@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "engine/device/device_job.h"
-#include "engine/query/parallel_job.h"
 #include "engine/device/ordered_copy.h"
+#include "engine/query/parallel_job.h"
 
 namespace clearance::cuda {
 
@@ -31,13 +31,13 @@ class DeviceQuery : public ParallelJob {
   QuerySetup setup(QueryWorkspace& workspace);
   /// The client's warm state of so many rows, if it keeps one. The workspace must be let go before this is.
   ResidentWarm* take_warm(std::uint64_t rows);
-  /// Calls what starts the first chunks, while other threads copy the poses of configurations: the caller's memory is free once
-  /// the query has begun.
+  /// Calls what starts the first chunks, while other threads copy the poses of configurations: the caller's memory is
+  /// free once the query has begun.
   template <class Launch>
   void launch_while_copying(Launch launch) {
     if (!poses_) return launch();
     std::exception_ptr failure;  // an exception may not leave a parallel region
-#pragma omp parallel num_threads(workers()) if (poses_->is_large())
+#pragma omp parallel num_threads(workers()) if (poses_ -> is_large())
     {
       if (omp_get_thread_num() == 0) {
         try {

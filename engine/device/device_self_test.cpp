@@ -4,8 +4,8 @@
 #include <map>
 #include <mutex>
 
-#include "engine/device/device_job.h"
 #include "engine/base/fp_environment.h"
+#include "engine/device/device_job.h"
 #include "engine/scene/pose_store.h"
 
 namespace clearance::cuda {

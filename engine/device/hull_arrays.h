@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "engine/device/layout.h"
 #include "engine/hull/direction_table.h"
 #include "engine/scene/scene.h"
-#include "engine/device/layout.h"
 
 namespace clearance::cuda {
 

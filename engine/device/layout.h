@@ -5,8 +5,8 @@
 
 #include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
-#include "engine/query/columns.h"
 #include "engine/pose/placed.h"
+#include "engine/query/columns.h"
 
 namespace clearance::cuda {
 
@@ -30,7 +30,9 @@ CLEARANCE_HD inline std::uint32_t shared_bytes_f32(const HullHead& h) {
   return shared_bytes(h) + h.count * 16;
 }
 /// Whether float32 can be tried on two hulls: fits_f32() of their pieces.
-CLEARANCE_HD inline bool fit_f32(const HullHead& a, const HullHead& b) { return sizes_fit_f32(a.f32_size, b.f32_size); }
+CLEARANCE_HD inline bool fit_f32(const HullHead& a, const HullHead& b) {
+  return sizes_fit_f32(a.f32_size, b.f32_size);
+}
 
 /// In place of a hull's index: the body has several pieces.
 inline constexpr std::uint32_t kSeveral = kNone - 1;
@@ -39,9 +41,10 @@ inline constexpr std::uint32_t kSeveral = kNone - 1;
 struct HullsView {
   const HullHead* heads;
   const double *x, *y, *z;
-  const float* f32;              ///< (vertices, 4) relative to the hull's centre; the fourth is of no use
-  const std::uint16_t* words;    ///< of all tables, each from a multiple of 8 on
-  const std::uint32_t* of_body;  ///< (bodies,) index of the body's hull; kSeveral: it has several; kNone: not on the device
+  const float* f32;            ///< (vertices, 4) relative to the hull's centre; the fourth is of no use
+  const std::uint16_t* words;  ///< of all tables, each from a multiple of 8 on
+  const std::uint32_t*
+      of_body;  ///< (bodies,) index of the body's hull; kSeveral: it has several; kNone: not on the device
   const std::uint32_t* piece_begin;  ///< (bodies + 1,) of each body's pieces; none where it is not on the device
   const std::uint32_t* piece_hull;   ///< (pieces,) index of the hull
 };
@@ -114,7 +117,8 @@ struct Question {
   bool f32;             ///< float32 goes first where it fits
 };
 
-/// Where the last query's run of GJK ended for a row, to begin there (WarmSimplex). Hulls have at most 2^16 vertices here.
+/// Where the last query's run of GJK ended for a row, to begin there (WarmSimplex). Hulls have at most 2^16 vertices
+/// here.
 struct alignas(16) WarmRow {
   std::uint16_t a[3], b[3], size, unused;
 };
@@ -132,8 +136,8 @@ struct LeftOpen {
 
 /// Places in ChunkView::counts: rows left to the CPU; rows that the narrow phase settled; enclosed pairs; of reduced
 /// queries pairs that are looked at, and rows that come back.
-/// And blocks that are done, of chunks whose last block hands the counts over; pairs that float32 has left open; of reduced
-/// queries those of the pairs that are looked at of which a body has several pieces.
+/// And blocks that are done, of chunks whose last block hands the counts over; pairs that float32 has left open; of
+/// reduced queries those of the pairs that are looked at of which a body has several pieces.
 inline constexpr std::uint32_t kRest = 0, kSettledRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
                                kBlocksDone = 5, kLeftOpen = 6, kSeveralPairs = 7, kCounts = 8;
 
@@ -154,14 +158,14 @@ struct ChunkView {
   std::uint32_t pair_count;       ///< rows of one configuration
   std::uint32_t configurations;
   std::uint64_t first_configuration;
-  ReplyView reply;        ///< device columns: row k * pair_count + position
-  std::uint32_t* rest;    ///< rows that are not settled, in no order
-  Enclosed* enclosed;     ///< in no order
-  LeftOpen* left_open;    ///< in no order
-  std::uint32_t* counts;  ///< kRest and so on
+  ReplyView reply;             ///< device columns: row k * pair_count + position
+  std::uint32_t* rest;         ///< rows that are not settled, in no order
+  Enclosed* enclosed;          ///< in no order
+  LeftOpen* left_open;         ///< in no order
+  std::uint32_t* counts;       ///< kRest and so on
   WarmRow* warm;               ///< of the first row; null: every pair begins cold
   std::uint64_t warm_stride;   ///< rows of the query's configurations
-  bool prove_at_once;     ///< enclosed pairs are proved by who finds them, not by a kernel of their own
+  bool prove_at_once;          ///< enclosed pairs are proved by who finds them, not by a kernel of their own
   std::uint32_t* host_counts;  ///< where the last of `blocks` writes the counts and clears them; null: nobody does
   std::uint32_t blocks;
   std::uint64_t* begun;  ///< when the first kernel began, in the device's nanoseconds; 0: it has not; null: nobody asks
@@ -177,13 +181,13 @@ struct TableView {
   const std::uint32_t *excluded_begin, *excluded;
 };
 
-/// One launch of a reduced query (engine/query/reduction.h): its groups are bodies in each configuration, or configurations.
-/// Keys are what atomicMin() orders as their meaning; all bits set: there is none yet.
+/// One launch of a reduced query (engine/query/reduction.h): its groups are bodies in each configuration, or
+/// configurations. Keys are what atomicMin() orders as their meaning; all bits set: there is none yet.
 struct ReducedView {
   ChunkView chunk;  ///< pairs in the query's order; `rest` holds items, `reply` is host memory
   Reduce reduce;
-  std::uint32_t groups;  ///< of one configuration
-  std::uint32_t rows;    ///< configurations * pairs
+  std::uint32_t groups;   ///< of one configuration
+  std::uint32_t rows;     ///< configurations * pairs
   std::uint64_t* seed;    ///< (configurations, groups) gap of outer boxes and pair: the least
   std::uint64_t* cutoff;  ///< (configurations, groups) a distance, float64: pairs with boxes farther apart are left out
   std::uint64_t *upper, *lower;  ///< (configurations, groups) least bounds, order_key()
@@ -191,16 +195,18 @@ struct ReducedView {
   std::uint8_t* complete;        ///< (configurations, groups) 0: holds a pair without usable poses
   std::uint8_t* answered;        ///< (configurations, groups) nonzero: its row is written already; null: none is
   std::uint32_t *candidate_words, *hit_words;  ///< of Reduce::kWithin: a bit for each row
-  std::uint32_t *candidate_ranks, *hit_ranks;  ///< how many bits are set before each word; null: they are few, and counted
-  std::uint32_t* items;                        ///< (capacity,) rows of the pairs that are looked at
-  PairAnswer* answers;                         ///< (capacity,)
-  std::uint32_t* rest_rows;                    ///< rows of chunk.rest
-  std::uint32_t* several;                      ///< (capacity,) places in the list of pairs of which a body has several pieces
+  std::uint32_t *candidate_ranks,
+      *hit_ranks;            ///< how many bits are set before each word; null: they are few, and counted
+  std::uint32_t* items;      ///< (capacity,) rows of the pairs that are looked at
+  PairAnswer* answers;       ///< (capacity,)
+  std::uint32_t* rest_rows;  ///< rows of chunk.rest
+  std::uint32_t* several;    ///< (capacity,) places in the list of pairs of which a body has several pieces
   std::uint32_t capacity = 0;
-  std::uint64_t reply_rows;     ///< room in the reply
+  std::uint64_t reply_rows;  ///< room in the reply
   // Of a whole table within a distance. Places in the list of pairs that are looked at stand for rows everywhere else.
   TableView table;
-  std::uint64_t *found, *keys;  ///< (capacity,) a << key_bits | b: in no order, in order; null: rows are listed in `items`
+  std::uint64_t *found,
+      *keys;  ///< (capacity,) a << key_bits | b: in no order, in order; null: rows are listed in `items`
   std::uint32_t key_bits;
 };
 

@@ -1,4 +1,5 @@
-// A copy of host memory by several threads, from the beginning on, so that its first part can be used before the last is there.
+// A copy of host memory by several threads, from the beginning on, so that its first part can be used before the last
+// is there.
 #pragma once
 
 #include <algorithm>
@@ -57,7 +58,8 @@ class OrderedCopy {
 #ifdef __SSE2__
     for (; at + 64 <= bytes; at += 64)
       for (std::size_t i = at; i < at + 64; i += 16)
-        _mm_stream_si128(reinterpret_cast<__m128i*>(to + i), _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + i)));
+        _mm_stream_si128(reinterpret_cast<__m128i*>(to + i),
+                         _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + i)));
     _mm_sfence();
 #endif
     std::memcpy(to + at, from + at, bytes - at);

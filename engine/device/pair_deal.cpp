@@ -21,7 +21,12 @@ std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
 class Dealer {
  public:
   Dealer(const Scene& scene, const Device& device, const Plan& plan, PairDeal& deal)
-      : scene_(scene), device_(device), plan_(plan), deal_(deal), ref_(scene.bodies().size()), hull_(scene.bodies().size()) {
+      : scene_(scene),
+        device_(device),
+        plan_(plan),
+        deal_(deal),
+        ref_(scene.bodies().size()),
+        hull_(scene.bodies().size()) {
     for (std::uint32_t b = 0; b < ref_.size(); ++b) {
       ref_[b] = b;
       hull_[b] = device.hull_of(b);
@@ -32,13 +37,15 @@ class Dealer {
 
   void run() {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    const std::uint64_t chunk_rows = std::clamp(K * P / static_cast<std::uint64_t>(device_.chunks_wanted()), kFewestRows, kMostRows);
+    const std::uint64_t chunk_rows =
+        std::clamp(K * P / static_cast<std::uint64_t>(device_.chunks_wanted()), kFewestRows, kMostRows);
     const std::uint64_t parts = K == 1 || P >= chunk_rows ? (P + chunk_rows - 1) / chunk_rows : 1;
     const std::uint64_t per_part = parts == 0 ? 0 : (P + parts - 1) / parts;
     const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;
     deal_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
     deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
-    // The first of few parts is small, so that rows are soon on their way; each of the next is made while those before it are.
+    // The first of few parts is small, so that rows are soon on their way; each of the next is made while those before
+    // it are.
     const std::uint64_t shares = K == 1 && parts <= kChunksUnderWay ? parts * (parts + 1) / 2 : 0;
     for (std::uint64_t first = 0, i = 1; first < P; ++i) {
       const std::uint64_t size = shares > 0 ? (i * P / shares + kTile - 1) / kTile * kTile : per_part;
@@ -73,13 +80,15 @@ class Dealer {
     std::vector<Group> groups;
     for (std::size_t begin = 0, end; begin < order_.size(); begin = end) {
       for (end = begin; end < order_.size() && order_[end].hulls == order_[begin].hulls;) ++end;
-      const auto one = static_cast<std::uint32_t>(order_[begin].hulls >> 32), other = static_cast<std::uint32_t>(order_[begin].hulls);
+      const auto one = static_cast<std::uint32_t>(order_[begin].hulls >> 32),
+                 other = static_cast<std::uint32_t>(order_[begin].hulls);
       if ((end - begin) * deal_.configurations < kCompany || !device_.shares(one) || !device_.shares(other)) {
         strays.insert(strays.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin),
                       order_.begin() + static_cast<std::ptrdiff_t>(end));
         continue;
       }
-      groups.push_back({one, other, static_cast<std::uint32_t>(refs_.size()) - part.first_pair, static_cast<std::uint32_t>(end - begin), 0});
+      groups.push_back({one, other, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
+                        static_cast<std::uint32_t>(end - begin), 0});
       for (std::size_t i = begin; i < end; ++i) add_pair(pairs, order_[i]);
     }
     const Group stray_group = add_apart(part, pairs, strays), several_group = add_apart(part, pairs, several);
@@ -102,14 +111,16 @@ class Dealer {
 
   // A group of pairs that have no hulls in common.
   Group add_apart(const PairDeal::Part& part, std::span<const BodyPair> pairs, std::span<const Entry> entries) {
-    const Group group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair, static_cast<std::uint32_t>(entries.size()), 0};
+    const Group group{kNone, kNone, static_cast<std::uint32_t>(refs_.size()) - part.first_pair,
+                      static_cast<std::uint32_t>(entries.size()), 0};
     for (const Entry& e : entries) add_pair(pairs, e);
     return group;
   }
 
   std::size_t pieces_of(std::uint32_t body) const { return scene_.bodies()[body].pieces.size(); }
 
-  PairDeal::Part::Groups add_groups(std::span<const Group> groups, const Group& strays, const Group& several, std::uint32_t configurations) {
+  PairDeal::Part::Groups add_groups(std::span<const Group> groups, const Group& strays, const Group& several,
+                                    std::uint32_t configurations) {
     PairDeal::Part::Groups g;
     g.first_tile = static_cast<std::uint32_t>(group_of_tile_.size());
     for (Group group : groups) {

@@ -55,7 +55,8 @@ bool Router::to_device(const Plan& plan) {
 }
 
 void Router::append(Counters& counters) const {
-  static constexpr const char* kNames[kQueryKinds] = {"dense", "warm", "near", "depth", "table", "within", "configurations"};
+  static constexpr const char* kNames[kQueryKinds] = {"dense", "warm",   "near",          "depth",
+                                                      "table", "within", "configurations"};
   for (int kind = 0; kind < kQueryKinds; ++kind) {
     const Choice& choice = choices_[static_cast<std::size_t>(kind)];
     const std::string name = std::string("route.") + kNames[kind];

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <optional>
 
-#include "engine/device/device.h"
 #include "engine/base/counters.h"
+#include "engine/device/device.h"
 #include "engine/query/plan.h"
 
 namespace clearance::cuda {
@@ -42,9 +42,11 @@ Bodies bodies_of(const Scene& scene);
 
 /// Measured on one machine with a certain device.
 struct Calibration {
-  std::array<std::array<std::array<CostSample, kCostSamples>, kHullSizes>, kQueryKinds> samples;  ///< ascending in pairs
+  std::array<std::array<std::array<CostSample, kCostSamples>, kHullSizes>, kQueryKinds>
+      samples;  ///< ascending in pairs
 
-  /// The fewest pair-configurations from which on the device is faster, between samples as on a line; none: it never is.
+  /// The fewest pair-configurations from which on the device is faster, between samples as on a line; none: it never
+  /// is.
   /// \param open_share of pairs that the CPU has to finish for the device.
   std::optional<double> device_from(QueryKind kind, int hull_size, double open_share) const;
 };

@@ -148,16 +148,26 @@ std::vector<std::size_t> SeveralDevices::usable_from(std::size_t turn) const {
   return usable;
 }
 
-// Each chunk takes the one host thread some time: no more of them than let every device begin a second while it ends the first.
-int SeveralDevices::chunks_wanted() const { return std::max(kChunksUnderWay, 2 * static_cast<int>(members_.size())); }
+// Each chunk takes the one host thread some time: no more of them than let every device begin a second while it ends
+// the first.
+int SeveralDevices::chunks_wanted() const {
+  return std::max(kChunksUnderWay, 2 * static_cast<int>(members_.size()));
+}
 
 const Device& SeveralDevices::any() const {
-  return *(*std::find_if(members_.begin(), members_.end(), [](const auto& m) { return m->opened.device != nullptr; }))->opened.device;
+  return *(*std::find_if(members_.begin(), members_.end(), [](const auto& m) {
+            return m->opened.device != nullptr;
+          }))->opened.device;
 }
-std::uint32_t SeveralDevices::hull_of(std::uint32_t body) const { return any().hull_of(body); }
-bool SeveralDevices::shares(std::uint32_t hull) const { return any().shares(hull); }
+std::uint32_t SeveralDevices::hull_of(std::uint32_t body) const {
+  return any().hull_of(body);
+}
+bool SeveralDevices::shares(std::uint32_t hull) const {
+  return any().shares(hull);
+}
 
-std::shared_ptr<const ResidentPairs> SeveralDevices::upload(std::span<const PairRef> pairs, std::span<const std::uint32_t> position,
+std::shared_ptr<const ResidentPairs> SeveralDevices::upload(std::span<const PairRef> pairs,
+                                                            std::span<const std::uint32_t> position,
                                                             std::span<const Group> group_of_tile) {
   auto all = std::make_shared<PairsOfAll>();
   all->of.resize(members_.size());
@@ -169,7 +179,8 @@ std::shared_ptr<const ResidentPairs> SeveralDevices::upload(std::span<const Pair
 std::shared_ptr<const ResidentTable> SeveralDevices::upload(const PairTable& table) {
   auto all = std::make_shared<TablesOfAll>();
   all->of.resize(members_.size());
-  for (const std::size_t m : usable_from(0)) all->of[m] = ask(*members_[m], [&] { return members_[m]->opened.device->upload(table); });
+  for (const std::size_t m : usable_from(0))
+    all->of[m] = ask(*members_[m], [&] { return members_[m]->opened.device->upload(table); });
   return all;
 }
 
@@ -177,7 +188,8 @@ std::unique_ptr<ResidentWarm> SeveralDevices::make_warm(std::uint64_t rows) {
   auto all = std::make_unique<WarmOfAll>();
   all->of.resize(members_.size());
   all->order = usable_from(warm_turn_++);
-  for (const std::size_t m : all->order) all->of[m] = ask(*members_[m], [&] { return members_[m]->opened.device->make_warm(rows); });
+  for (const std::size_t m : all->order)
+    all->of[m] = ask(*members_[m], [&] { return members_[m]->opened.device->make_warm(rows); });
   return all;
 }
 

@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "engine/device/device.h"
 #include "engine/base/counters.h"
+#include "engine/device/device.h"
 
 namespace clearance::cuda {
 
@@ -18,8 +18,8 @@ struct NumberedDevice {
 /// The error with the device's number in its words.
 DeviceError of_device(int number, const DeviceError& error);
 
-/// A device that is lost is left out from then on. Whoever was using it is told so (kOneLost; kLost if it was the last) and
-/// begins again.
+/// A device that is lost is left out from then on. Whoever was using it is told so (kOneLost; kLost if it was the last)
+/// and begins again.
 class SeveralDevices final : public Device, public std::enable_shared_from_this<SeveralDevices> {
  public:
   /// \param devices at least one of them was opened.

@@ -1,4 +1,5 @@
-// Boxes that surely hold what stands in them: of placed pieces, put together, and how far apart they are. For host and device.
+// Boxes that surely hold what stands in them: of placed pieces, put together, and how far apart they are. For host and
+// device.
 #pragma once
 
 #include <cmath>
@@ -14,8 +15,9 @@ namespace clearance {
 struct Aabb {
   Vec3d low, high;
 };
-/// A box that surely holds a placed piece, radius included: around the piece's own box as it stands turned and around the
-/// ball about its centre. \param t_w the body's origin in the world. \param centre, half, spread, rho, radius the piece's.
+/// A box that surely holds a placed piece, radius included: around the piece's own box as it stands turned and around
+/// the ball about its centre. \param t_w the body's origin in the world. \param centre, half, spread, rho, radius the
+/// piece's.
 CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, double spread, double rho, double radius,
                                      const Mat3d& R_wb, const Vec3d& t_w) {
   using std::abs;
@@ -26,7 +28,8 @@ CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, dou
     const double turned = abs(row.x) * half.x + abs(row.y) * half.y + abs(row.z) * half.z;
     const double extent = (turned < spread ? turned : spread) + radius;
     // 16 units cover the rotation, the products and the sums (docs/bounds.md, boxes).
-    const double rounding = 16 * 0x1p-53 * (rho + norm(half) + radius + abs(t_w[k])) + Arithmetic<double>::kUnderflowLength;
+    const double rounding =
+        16 * 0x1p-53 * (rho + norm(half) + radius + abs(t_w[k])) + Arithmetic<double>::kUnderflowLength;
     box.low[k] = (c[k] + t_w[k]) - extent - rounding;
     box.high[k] = (c[k] + t_w[k]) + extent + rounding;
   }
@@ -47,8 +50,10 @@ CLEARANCE_HD inline double certify_box_gap(const Aabb& a, const Aabb& b) {
 }
 
 /// Holds nothing (low > high), and adds nothing to what it is joined with.
-inline constexpr Aabb kEmptyBox{{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()},
-                                {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()}};
+inline constexpr Aabb kEmptyBox{{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity(),
+                                 std::numeric_limits<double>::infinity()},
+                                {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
+                                 -std::numeric_limits<double>::infinity()}};
 
 /// The least box that holds both.
 CLEARANCE_HD inline Aabb joined(const Aabb& a, const Aabb& b) {

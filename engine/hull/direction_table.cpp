@@ -13,8 +13,8 @@ namespace clearance {
 
 namespace {
 
-constexpr std::size_t kCompareAll = 32;   // lists up to this length are compared each with each
-constexpr int kBelowGrid = 6;             // how often a cell of the grid may be divided
+constexpr std::size_t kCompareAll = 32;  // lists up to this length are compared each with each
+constexpr int kBelowGrid = 6;            // how often a cell of the grid may be divided
 constexpr double kMargin = 128 * 0x1p-53;
 
 // The direction of a point of the square [-1, 1]^2, |x| + |y| + |z| = 1. Exact for the dyadic numbers that cells have.
@@ -27,19 +27,19 @@ Vec3d direction_at(double u, double v) {
 // The 3 x 3 lattice of directions of a cell's four children: child (i, j) has the corners (i, j) to (i + 1, j + 1).
 struct Lattice {
   Vec3d direction[9];
-  double margin[9];   // that a difference of two computed values must exceed to be sure
+  double margin[9];  // that a difference of two computed values must exceed to be sure
 };
 
 Lattice lattice_of(std::uint32_t u, std::uint32_t v, int level, double margin) {
   Lattice l;
-  const double half = 1.0 / static_cast<double>(1u << level);   // of a cell's edge
+  const double half = 1.0 / static_cast<double>(1u << level);  // of a cell's edge
   for (int k = 0; k < 9; ++k) {
     l.direction[k] = direction_at(-1 + half * (2 * u + k % 3), -1 + half * (2 * v + k / 3));
     l.margin[k] = margin * norm(l.direction[k]);
   }
   return l;
 }
-constexpr int kCorner[4][4] = {{0, 1, 3, 4}, {1, 2, 4, 5}, {3, 4, 6, 7}, {4, 5, 7, 8}};   // of each child
+constexpr int kCorner[4][4] = {{0, 1, 3, 4}, {1, 2, 4, 5}, {3, 4, 6, 7}, {4, 5, 7, 8}};  // of each child
 
 // As many as a register of AVX2 holds, which all but old machines have and is chosen at run time; elsewhere two.
 #ifdef __x86_64__
@@ -75,14 +75,16 @@ struct Farthest {
 };
 // Takes the largest values, and the largest sums of the values at each child's corners, into what was found so far.
 // \param first the index of the first vertex
-CLEARANCE_CLONES void farthest(const Column (&values)[9], std::size_t padded, std::size_t first, Farthest (&found)[13]) {
+CLEARANCE_CLONES void farthest(const Column (&values)[9], std::size_t padded, std::size_t first,
+                               Farthest (&found)[13]) {
   for (int k = 0; k < 13; ++k) {
     const int* c = kCorner[k < 9 ? 0 : k - 9];
     Lanes best = Lanes{} - 1e300;
     Mask index{};
     for (std::size_t i = 0; i < padded; i += kLanes) {
-      const Lanes v = k < 9 ? values[k].lanes(i)
-                            : (values[c[0]].lanes(i) + values[c[1]].lanes(i)) + (values[c[2]].lanes(i) + values[c[3]].lanes(i));
+      const Lanes v =
+          k < 9 ? values[k].lanes(i)
+                : (values[c[0]].lanes(i) + values[c[1]].lanes(i)) + (values[c[2]].lanes(i) + values[c[3]].lanes(i));
       const Mask better = v > best;
       best = better ? v : best;
       index = better ? Mask{} + static_cast<std::int64_t>(i) : index;
@@ -93,8 +95,8 @@ CLEARANCE_CLONES void farthest(const Column (&values)[9], std::size_t padded, st
 }
 
 // beaten[i] is not 0 where one of the bars is above all four values of i.
-CLEARANCE_CLONES void compare(const Column& s0, const Column& s1, const Column& s2, const Column& s3, std::size_t padded,
-                              const double (*bar)[4], std::size_t bars, std::int64_t* beaten) {
+CLEARANCE_CLONES void compare(const Column& s0, const Column& s1, const Column& s2, const Column& s3,
+                              std::size_t padded, const double (*bar)[4], std::size_t bars, std::int64_t* beaten) {
   for (std::size_t i = 0; i < padded; i += kLanes) {
     const Lanes a = s0.lanes(i), b = s1.lanes(i), c = s2.lanes(i), d = s3.lanes(i);
     Mask any{};
@@ -176,16 +178,20 @@ class Divider {
     double bar[4][kFarthest][4];
     for (int child = 0; child < 4; ++child) {
       const int* c = kCorner[child];
-      const std::size_t challenger[kFarthest] = {far[c[0]].index, far[c[1]].index, far[c[2]].index, far[c[3]].index, far[9 + child].index};
+      const std::size_t challenger[kFarthest] = {far[c[0]].index, far[c[1]].index, far[c[2]].index, far[c[3]].index,
+                                                 far[9 + child].index};
       for (std::size_t b = 0; b < kFarthest; ++b)
-        for (int k = 0; k < 4; ++k) bar[child][b][k] = value(challenger[b], lattice.direction[c[k]]) - lattice.margin[c[k]];
+        for (int k = 0; k < 4; ++k)
+          bar[child][b][k] = value(challenger[b], lattice.direction[c[k]]) - lattice.margin[c[k]];
     }
     for (std::size_t at = 0; at < padded_; at += kChunk) {
       const std::size_t size = padded_ > kChunk ? look(lattice, at) : padded_;
       for (int child = 0; child < 4; ++child) keep(child, at, size, bar[child], kFarthest);
     }
   }
-  double value(std::size_t i, const Vec3d& direction) const { return direction.x * x_[i] + direction.y * y_[i] + direction.z * z_[i]; }
+  double value(std::size_t i, const Vec3d& direction) const {
+    return direction.x * x_[i] + direction.y * y_[i] + direction.z * z_[i];
+  }
 
   std::size_t count_ = 0, padded_ = 0;
   std::vector<double> x_, y_, z_;
@@ -198,8 +204,8 @@ class Divider {
 // A square of the unfolded map: 2^level cells along each axis.
 struct Cell {
   std::uint32_t u, v;
-  std::vector<std::uint32_t> list;   // vertices that may be farthest somewhere in it, ascending
-  std::uint32_t word = 0;            // below the grid: where its word stands
+  std::vector<std::uint32_t> list;  // vertices that may be farthest somewhere in it, ascending
+  std::uint32_t word = 0;           // below the grid: where its word stands
   bool final = false;
 };
 
@@ -256,7 +262,8 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho,
         }
         const int bits = grid_level - (level + 1);
         for (std::size_t v = std::size_t{cell.v} << bits; v < std::size_t{cell.v + 1} << bits; ++v)
-          for (std::size_t u = std::size_t{cell.u} << bits; u < std::size_t{cell.u + 1} << bits; ++u) table.cells[v * grid + u] = at;
+          for (std::size_t u = std::size_t{cell.u} << bits; u < std::size_t{cell.u + 1} << bits; ++u)
+            table.cells[v * grid + u] = at;
         continue;
       }
       if (level + 1 >= grid_level) {

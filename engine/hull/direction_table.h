@@ -1,10 +1,11 @@
 // Support of large hulls: for every direction the few vertices that can be farthest along it.
 //
-// Directions are cells of an octahedral map (the sphere of directions projected onto |x| + |y| + |z| = 1 and unfolded into a
-// square; T. Engelhardt, C. Dachsbacher, "Octahedron environment maps", VMV 2008). Within a cell a direction is a combination
-// of the cell's corner directions with weights >= 0, since every fold of the map runs along cell borders or diagonals. A
-// vertex that another vertex beats at all four corners, by more than any rounding, can therefore be farthest along no
-// direction of the cell, and is left out of its list. So the table is exact, whatever the hull's faces and edges look like.
+// Directions are cells of an octahedral map (the sphere of directions projected onto |x| + |y| + |z| = 1 and unfolded
+// into a square; T. Engelhardt, C. Dachsbacher, "Octahedron environment maps", VMV 2008). Within a cell a direction is
+// a combination of the cell's corner directions with weights >= 0, since every fold of the map runs along cell borders
+// or diagonals. A vertex that another vertex beats at all four corners, by more than any rounding, can therefore be
+// farthest along no direction of the cell, and is left out of its list. So the table is exact, whatever the hull's
+// faces and edges look like.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +18,8 @@
 namespace clearance {
 
 struct DirectionTable {
-  /// (grid_cells^2,) first, then groups of four cells that a crowded cell is divided into (low u, low v first; then high u).
-  /// A cell's word: kDivided | index of the first of its four, or where its list begins in `lists`.
+  /// (grid_cells^2,) first, then groups of four cells that a crowded cell is divided into (low u, low v first; then
+  /// high u). A cell's word: kDivided | index of the first of its four, or where its list begins in `lists`.
   std::vector<std::uint32_t> cells;
   /// Lists one after another: how many vertices, then their indices, ascending.
   std::vector<std::uint32_t> lists;
@@ -35,10 +36,10 @@ struct DirectionTable {
 
 /// What of a table is a matter of taste.
 struct TableStyle {
-  std::size_t few = 6;     ///< vertices of a list that is not worth dividing further
-  std::uint32_t finer = 0; ///< added to grid_bits
-  /// Lists hold also what a vertex farther by this may hide, metres per length of the direction: for directions that are
-  /// looked up with an error.
+  std::size_t few = 6;      ///< vertices of a list that is not worth dividing further
+  std::uint32_t finer = 0;  ///< added to grid_bits
+  /// Lists hold also what a vertex farther by this may hide, metres per length of the direction: for directions that
+  /// are looked up with an error.
   double blur = 0;
 };
 
@@ -51,9 +52,12 @@ inline DirectionTable make_direction_table(std::span<const Vec3d> vertices, doub
   return make_direction_table(vertices, rho, TableStyle{.few = few});
 }
 
-/// The blur that lets float32 find a direction's list, for directions of lengths from 10^-30 to 10^30: see docs/bounds.md.
+/// The blur that lets float32 find a direction's list, for directions of lengths from 10^-30 to 10^30: see
+/// docs/bounds.md.
 /// \param spread no vertex is farther from a point among them; metres
-constexpr double float_blur(double spread) { return 64 * 0x1p-24 * spread; }
+constexpr double float_blur(double spread) {
+  return 64 * 0x1p-24 * spread;
+}
 
 /// Where a direction lies in the unfolded square, in units of the finest cells. A scalar or a pack.
 template <class T>
@@ -78,10 +82,12 @@ CLEARANCE_INLINE MapPoint<T> map_point(const Vec3<T>& n) {
   return {u, v};
 }
 
-/// Where the list for that point begins. \param cells words of any width; the highest bit is DirectionTable::kDivided. \param map_u, map_v scalars
+/// Where the list for that point begins. \param cells words of any width; the highest bit is DirectionTable::kDivided.
+/// \param map_u, map_v scalars
 template <class Word, class T>
 CLEARANCE_INLINE std::uint32_t find_list(const Word* cells, std::uint32_t grid_bits, const T& map_u, const T& map_v) {
-  const auto u = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_u)), v = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_v));
+  const auto u = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_u)),
+             v = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_v));
   std::uint32_t shift = DirectionTable::kDeepest - grid_bits;
   constexpr std::uint32_t divided = std::uint32_t{1} << (8 * sizeof(Word) - 1);
   std::uint32_t word = cells[(v >> shift) << grid_bits | u >> shift];

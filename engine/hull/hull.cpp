@@ -10,10 +10,10 @@
 #include "engine/base/dedupe.h"
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
-#include "engine/hull/mesh_rows.h"
 #include "engine/base/orientation.h"
-#include "engine/pose/pose.h"
+#include "engine/hull/mesh_rows.h"
 #include "engine/hull/qhull_guess.h"
+#include "engine/pose/pose.h"
 
 namespace clearance {
 

@@ -28,8 +28,8 @@ MeshRows::MeshRows(std::size_t vertex_count, std::span<const Triangle> triangles
               [](const Edge& a, const Edge& b) { return a.to < b.to; });
 }
 
-// Each edge from a is run along exactly once each way, and good(a, b, c, d) holds of its triangle a, b, c and the corner d
-// across it.
+// Each edge from a is run along exactly once each way, and good(a, b, c, d) holds of its triangle a, b, c and the
+// corner d across it.
 template <class Good>
 bool MeshRows::is_good_at(std::uint32_t a, const Good& good) const {
   const std::span<const Edge> edges = row(a);

@@ -18,8 +18,8 @@ class MeshRows {
   /// Whether the triangles form one closed surface of the topology of a sphere that uses every vertex and is nowhere
   /// concave by more than 1e-6 of its size: the rounding of positions to float32 makes edges slightly concave.
   bool is_convex(std::span<const Vec3d> vertices) const;
-  /// The same without a tolerance, by exact tests; false where a triangle is so thin that its plane is not known. A surface
-  /// that winds around itself more than once is not told apart.
+  /// The same without a tolerance, by exact tests; false where a triangle is so thin that its plane is not known. A
+  /// surface that winds around itself more than once is not told apart.
   bool is_exactly_convex(std::span<const Vec3d> vertices) const;
   /// Whether the triangles form one closed surface of the topology of a sphere that uses every vertex.
   bool is_sphere() const;

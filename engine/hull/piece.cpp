@@ -7,10 +7,10 @@
 #include <string>
 
 #include "engine/base/digest.h"
-#include "engine/hull/direction_table.h"
 #include "engine/base/fp_environment.h"
-#include "engine/pose/pose.h"
+#include "engine/hull/direction_table.h"
 #include "engine/hull/support.h"
+#include "engine/pose/pose.h"
 
 namespace clearance {
 
@@ -22,7 +22,9 @@ constexpr std::size_t kFew = 6, kFewOfMany = 16, kMany = 200000;
 constexpr std::size_t kWidestRegister = 64;  // bytes
 
 // Rounds a length up past every rounding made in computing it (a few operations, each within 2^-53).
-double padded(double length) { return length * (1 + 8 * std::numeric_limits<double>::epsilon()); }
+double padded(double length) {
+  return length * (1 + 8 * std::numeric_limits<double>::epsilon());
+}
 
 void fill_rows(Piece& piece, const std::vector<Vec3d>& vertices) {
   const auto padded_to = [&](std::size_t lanes) { return (vertices.size() + lanes - 1) / lanes * lanes; };
@@ -48,8 +50,7 @@ void measure(Piece& piece, const std::vector<Vec3d>& vertices) {
       high[k] = std::max(high[k], v[k]);
     }
   piece.centre = 0.5 * low + 0.5 * high;
-  for (int k = 0; k < 3; ++k)
-    piece.half[k] = padded(std::max(high[k] - piece.centre[k], piece.centre[k] - low[k]));
+  for (int k = 0; k < 3; ++k) piece.half[k] = padded(std::max(high[k] - piece.centre[k], piece.centre[k] - low[k]));
   double rho2 = 0, spread2 = 0;
   for (const Vec3d& v : vertices) {
     rho2 = std::max(rho2, squared_norm(v));
@@ -61,8 +62,8 @@ void measure(Piece& piece, const std::vector<Vec3d>& vertices) {
 
 }  // namespace
 
-PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices,
-                    std::uint64_t digest, std::shared_ptr<const DirectionTable> table) {
+PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices, std::uint64_t digest,
+                    std::shared_ptr<const DirectionTable> table) {
   const FpEnvironment environment;
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   if (!(radius >= 0 && radius <= kMaxCoordinate))
@@ -87,8 +88,8 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   measure(*piece, vertices);
   if (vertices.size() > kTableFromVertices)
     piece->table = table ? std::move(table)
-                         : std::make_shared<const DirectionTable>(make_direction_table(
-                               vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
+                         : std::make_shared<const DirectionTable>(
+                               make_direction_table(vertices, piece->rho, vertices.size() > kMany ? kFewOfMany : kFew));
   else
     fill_rows(*piece, vertices);
   piece->vertices = std::move(vertices);
@@ -108,7 +109,8 @@ Piece without_table(const Piece& piece) {
 
 std::uint64_t resident_bytes(const Piece& piece) {
   const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
-  std::uint64_t bytes = sizeof(Piece) + held(piece.vertices) + held(piece.x) + held(piece.y) + held(piece.z) + held(piece.x_f32) + held(piece.y_f32) + held(piece.z_f32);
+  std::uint64_t bytes = sizeof(Piece) + held(piece.vertices) + held(piece.x) + held(piece.y) + held(piece.z) +
+                        held(piece.x_f32) + held(piece.y_f32) + held(piece.z_f32);
   if (piece.table) bytes += sizeof(DirectionTable) + piece.table->bytes();
   return bytes;
 }

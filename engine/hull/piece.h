@@ -17,10 +17,10 @@ struct DirectionTable;  // engine/hull/direction_table.h
 /// `vertices` holds every vertex that was loaded except exact duplicates and those proved to lie inside the hull of the
 /// rest (hull.h). Bounds are stated for this set. Bodies made from the same shape share one Piece.
 struct Piece {
-  std::vector<Vec3d> vertices;       ///< at least one
-  double radius = 0;                 ///< metres, >= 0
-  std::uint64_t loaded_vertices = 0; ///< before duplicates and inner vertices were dropped
-  std::uint64_t digest = 0;          ///< of the vertices as loaded and the radius; the same on every machine
+  std::vector<Vec3d> vertices;        ///< at least one
+  double radius = 0;                  ///< metres, >= 0
+  std::uint64_t loaded_vertices = 0;  ///< before duplicates and inner vertices were dropped
+  std::uint64_t digest = 0;           ///< of the vertices as loaded and the radius; the same on every machine
 
   // Derived by make_piece().
   Vec3d centre{0, 0, 0};  ///< of the bounding box of the vertices
@@ -28,23 +28,23 @@ struct Piece {
   double rho = 0;         ///< max |v| from the body's origin, rounded up
   double spread = 0;      ///< max |v - centre|, rounded up
 
-  /// For supports: a structure-of-arrays copy of the vertices of a small piece, the table of a larger one. The arrays are
-  /// padded with the first vertex to a multiple of the widest register.
+  /// For supports: a structure-of-arrays copy of the vertices of a small piece, the table of a larger one. The arrays
+  /// are padded with the first vertex to a multiple of the widest register.
   std::vector<double> x, y, z;
-  std::vector<float> x_f32, y_f32, z_f32;  ///< the same relative to `centre`, rounded
+  std::vector<float> x_f32, y_f32, z_f32;       ///< the same relative to `centre`, rounded
   std::shared_ptr<const DirectionTable> table;  ///< null for small pieces
 };
 using PiecePtr = std::shared_ptr<const Piece>;
 
 /// Builds a piece and what is derived from it. Vertices as they come: nothing is dropped here.
-/// \param digest of the vertices as loaded; 0: of `vertices` and `radius`. \param table the one that an earlier call has made of
-/// the same vertices, if it was kept.
-/// Throws std::invalid_argument for no vertex, a non-finite or too large coordinate, or a negative or non-finite radius.
+/// \param digest of the vertices as loaded; 0: of `vertices` and `radius`. \param table the one that an earlier call
+/// has made of the same vertices, if it was kept. Throws std::invalid_argument for no vertex, a non-finite or too large
+/// coordinate, or a negative or non-finite radius.
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
                     std::uint64_t digest = 0, std::shared_ptr<const DirectionTable> table = nullptr);
 
-/// A copy whose derived numbers are made anew from its vertices, which are scanned whatever their number: to find out what is
-/// true of a piece where its table, or another of them, may be damaged. Takes as long as the vertices are many.
+/// A copy whose derived numbers are made anew from its vertices, which are scanned whatever their number: to find out
+/// what is true of a piece where its table, or another of them, may be damaged. Takes as long as the vertices are many.
 Piece without_table(const Piece& piece);
 
 /// Memory that a piece holds, its copies and its tree included.

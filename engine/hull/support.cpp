@@ -13,9 +13,9 @@ namespace {
 
 constexpr double kUnitRoundoff = 0x1p-53;
 
-// Vectors of the compiler's (GCC and Clang), since neither loops over arrays nor branches are fast enough: which vertex is the
-// best so far cannot be predicted. Each instruction set has those that fit its registers; wider ones would come apart into
-// single numbers.
+// Vectors of the compiler's (GCC and Clang), since neither loops over arrays nor branches are fast enough: which vertex
+// is the best so far cannot be predicted. Each instruction set has those that fit its registers; wider ones would come
+// apart into single numbers.
 using Two = double __attribute__((vector_size(16)));
 using Four = double __attribute__((vector_size(32)));
 using Eight = double __attribute__((vector_size(64)));
@@ -80,17 +80,27 @@ __attribute__((always_inline)) inline SupportPoint<double> scan_in(const Piece& 
     take_less(tops, i);
   }
   const double first = fold(tops, take_less);
-  return {first < static_cast<double>(count) ? static_cast<std::uint32_t>(first) : 0, top};  // 0: a direction that is no number
+  return {first < static_cast<double>(count) ? static_cast<std::uint32_t>(first) : 0,
+          top};  // 0: a direction that is no number
 }
 
 #ifdef CLEARANCE_VERSIONS
-__attribute__((target("avx512f"))) SupportPoint<double> scan(const Piece& piece, const Vec3d& n) { return scan_in<Eight>(piece, n); }
-__attribute__((target("avx2"))) SupportPoint<double> scan(const Piece& piece, const Vec3d& n) { return scan_in<Four>(piece, n); }
+__attribute__((target("avx512f"))) SupportPoint<double> scan(const Piece& piece, const Vec3d& n) {
+  return scan_in<Eight>(piece, n);
+}
+__attribute__((target("avx2"))) SupportPoint<double> scan(const Piece& piece, const Vec3d& n) {
+  return scan_in<Four>(piece, n);
+}
 __attribute__((target("default")))
 #endif
-SupportPoint<double> scan(const Piece& piece, const Vec3d& n) { return scan_in<Two>(piece, n); }
+SupportPoint<double>
+scan(const Piece& piece, const Vec3d& n) {
+  return scan_in<Two>(piece, n);
+}
 
-double upper_length(const Vec3d& n) { return norm(n) * (1 + 4 * kUnitRoundoff); }
+double upper_length(const Vec3d& n) {
+  return norm(n) * (1 + 4 * kUnitRoundoff);
+}
 
 }  // namespace
 
@@ -104,7 +114,8 @@ SupportPoint<double> support(const Piece& piece, const Vec3d& n) {
 }
 
 // Only vertices whose double value is within rounding of the best double value can be the exact maximum:
-// |computed - exact| <= 4 u |n| rho for each (n itself is rounded to double first), so twice that separates two of them.
+// |computed - exact| <= 4 u |n| rho for each (n itself is rounded to double first), so twice that separates two of
+// them.
 SupportPoint<DoubleDouble> support(const Piece& piece, const Vec3<DoubleDouble>& n) {
   const Vec3d n_hi{n.x.hi, n.y.hi, n.z.hi};
   const SupportPoint<double> guess = support(piece, n_hi);

@@ -16,8 +16,9 @@ struct SupportPoint {
   T value{};  ///< n . v of that vertex
 };
 
-/// The vertex with the largest computed n . v, ties to the lowest index (scan). Every other vertex has an exact n . v of at
-/// most `value` + 3 u |n| rho, u the unit roundoff of T: see docs/bounds.md. n in the body's frame, of any length.
+/// The vertex with the largest computed n . v, ties to the lowest index (scan). Every other vertex has an exact n . v
+/// of at most `value` + 3 u |n| rho, u the unit roundoff of T: see docs/bounds.md. n in the body's frame, of any
+/// length.
 SupportPoint<double> support(const Piece& piece, const Vec3d& n);
 SupportPoint<DoubleDouble> support(const Piece& piece, const Vec3<DoubleDouble>& n);
 

@@ -13,9 +13,9 @@
 #include <cstdlib>
 #include <exception>
 
+#include "engine/base/sanitizers.h"
 #include "engine/mesh/loader_sandbox.h"
 #include "engine/mesh/mesh_format.h"
-#include "engine/base/sanitizers.h"
 
 namespace clearance {
 
@@ -28,7 +28,7 @@ void limit(int resource, std::uint64_t value) {
 
 // The file, as this process was given it: sealed, so that it stays what it is.
 std::string_view mapped_file() {
-  struct stat info {};
+  struct stat info{};
   if (::fstat(kMeshFileFd, &info) != 0 || info.st_size <= 0) return {};
   const auto size = static_cast<std::size_t>(info.st_size);
   const void* content = ::mmap(nullptr, size, PROT_READ, MAP_SHARED, kMeshFileFd, 0);

@@ -7,8 +7,9 @@
 
 namespace clearance {
 
-/// Makes meshes of a file's content, or says what is wrong with it, and writes that to the descriptor. Whether the result
-/// is whole. \param path of the file: its name says the format, and its folder holds other files that it may name.
+/// Makes meshes of a file's content, or says what is wrong with it, and writes that to the descriptor. Whether the
+/// result is whole. \param path of the file: its name says the format, and its folder holds other files that it may
+/// name.
 using ImportFile = bool (*)(const std::string& path, std::string_view content, std::uint64_t memory_bytes,
                             int result_fd);
 

@@ -15,8 +15,8 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "engine/mesh/mesh_format.h"
 #include "engine/base/sanitizers.h"
+#include "engine/mesh/mesh_format.h"
 
 namespace clearance {
 
@@ -95,7 +95,8 @@ Filter make_filter() {
   filter.allow(SCMP_SYS(rt_sigaction), SCMP_A0(SCMP_CMP_EQ, SIGABRT));
 #if defined(CLEARANCE_ASAN) || defined(CLEARANCE_TSAN)
   // What their own code asks for: whether memory can be read is tried with a pipe.
-  for (const int call : {SCMP_SYS(pipe), SCMP_SYS(pipe2), SCMP_SYS(sched_getaffinity), SCMP_SYS(sigaltstack), SCMP_SYS(getrusage)})
+  for (const int call :
+       {SCMP_SYS(pipe), SCMP_SYS(pipe2), SCMP_SYS(sched_getaffinity), SCMP_SYS(sigaltstack), SCMP_SYS(getrusage)})
     filter.allow(call);
 #endif
   return filter;
@@ -109,7 +110,7 @@ std::string confine_loader(int result_fd) {
   if (::syscall(SYS_seccomp, SECCOMP_GET_ACTION_AVAIL, 0, &wanted) != 0)
     return "the kernel refuses filters of system calls (" + std::generic_category().message(errno) + ")";
   result_fd_of_handler = result_fd;
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_sigaction = report_forbidden_call;
   action.sa_flags = SA_SIGINFO;
   ::sigfillset(&action.sa_mask);

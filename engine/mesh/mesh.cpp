@@ -121,8 +121,8 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
     while (reaped < 0 && errno == EINTR);
     return reaped;
   };
-  // The pipe closes as the loader ends; one that has closed it and goes on must not keep us here. One that is ending has
-  // its exit code already, and SIGKILL does not change it.
+  // The pipe closes as the loader ends; one that has closed it and goes on must not keep us here. One that is ending
+  // has its exit code already, and SIGKILL does not change it.
   pid_t reaped = reap(WNOHANG);
   if (reaped == 0) {
     ::kill(loader.pid, SIGKILL);
@@ -146,7 +146,7 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
 
 // Opens a mesh file; what can be seen without reading it is in order.
 Fd open_file(const std::string& path, const MeshLimits& limits) {
-  struct stat info {};
+  struct stat info{};
   if (::stat(path.c_str(), &info) != 0) throw MeshError(reason(errno));
   if (S_ISDIR(info.st_mode)) throw MeshError("expected a mesh file, got a folder");
   if (!S_ISREG(info.st_mode)) throw MeshError("expected a mesh file, got a device, pipe or socket");
@@ -215,7 +215,8 @@ std::string mesh_loader_program() {
 
 std::string mesh_loader_warning() {
   if (!some_loader_unfiltered) return "";
-  return "mesh files are read without a filter of system calls, which this kernel or container refuses: time and memory are limited";
+  return "mesh files are read without a filter of system calls, which this kernel or container refuses: time and "
+         "memory are limited";
 }
 
 Sha256Digest mesh_file_digest(const std::string& path, const MeshLimits& limits) {

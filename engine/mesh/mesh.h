@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "engine/cache/sha256.h"
-#include "engine/base/vec.h"
 #include "engine/base/triangle.h"
+#include "engine/base/vec.h"
+#include "engine/cache/sha256.h"
 
 namespace clearance {
 
@@ -23,10 +23,10 @@ struct Submesh {
 
 /// What a mesh file holds.
 ///
-/// Positions of OBJ, PLY, OFF and STL are the float64 nearest to each decimal of the file, or its float32 or float64 as it
-/// is; those of glTF too, moved by the transforms of its nodes in float64. DAE is read in float32 (assimp). What that rounds
-/// is bounded by Submesh::rounding; 0: nothing is. Positions that no face uses are kept in PLY and OFF; those of OBJ, DAE and
-/// glTF belong to no mesh of the file and do not arrive.
+/// Positions of OBJ, PLY, OFF and STL are the float64 nearest to each decimal of the file, or its float32 or float64 as
+/// it is; those of glTF too, moved by the transforms of its nodes in float64. DAE is read in float32 (assimp). What
+/// that rounds is bounded by Submesh::rounding; 0: nothing is. Positions that no face uses are kept in PLY and OFF;
+/// those of OBJ, DAE and glTF belong to no mesh of the file and do not arrive.
 struct Mesh {
   std::vector<Submesh> submeshes;  ///< at least one, each with at least one vertex
   Sha256Digest digest{};           ///< of the file's bytes, those that were read
@@ -45,7 +45,8 @@ struct MeshLimits {
   std::uint64_t file_bytes = std::uint64_t{2} << 30;
 };
 
-/// The digest of a file's bytes, which Mesh::digest would be. Throws MeshError, as load_mesh() would without reading it.
+/// The digest of a file's bytes, which Mesh::digest would be. Throws MeshError, as load_mesh() would without reading
+/// it.
 Sha256Digest mesh_file_digest(const std::string& path, const MeshLimits& limits = {});
 
 /// Reads an OBJ, STL, PLY, OFF, DAE, glTF or GLB file. Other files that it names are opened only inside its folder.

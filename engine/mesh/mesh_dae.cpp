@@ -1,6 +1,7 @@
 #include "engine/mesh/mesh_dae.h"
 
 #include <assimp/DefaultIOSystem.h>
+#include <assimp/MemoryIOWrapper.h>
 #include <assimp/config.h>
 #include <assimp/importerdesc.h>
 #include <assimp/scene.h>
@@ -10,7 +11,6 @@
 #include <assimp/DefaultLogger.hpp>
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
-#include <assimp/MemoryIOWrapper.h>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -45,7 +45,7 @@ class FolderOnly final : public Assimp::DefaultIOSystem {
 
  private:
   bool permitted(const char* file) const {
-    struct stat info {};
+    struct stat info{};
     return folder_.holds(file) && ::stat(file, &info) == 0 && S_ISREG(info.st_mode);
   }
 

@@ -32,7 +32,7 @@ std::string MeshFolder::read(const std::string& name) const {
   if (!holds(path)) throw LoadError("it names \"" + path.string() + "\", which lies outside its folder");
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) fail(std::generic_category().message(errno));
-  struct stat info {};
+  struct stat info{};
   std::string content;
   if (::fstat(fd, &info) == 0 && S_ISREG(info.st_mode)) {
     content.resize(static_cast<std::size_t>(info.st_size));

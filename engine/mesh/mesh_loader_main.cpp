@@ -10,8 +10,9 @@
 #include "engine/mesh/mesh_import.h"
 
 int main(int argc, char** argv) {
-  return clearance::loader_main(argc, argv, [](const std::string& path, std::string_view content, std::uint64_t memory_bytes, int result_fd) {
-    auto* kept = new std::unique_ptr<Assimp::Importer>;  // outlives the result
-    return clearance::import_mesh(kept, path, content, memory_bytes, result_fd);
-  });
+  return clearance::loader_main(
+      argc, argv, [](const std::string& path, std::string_view content, std::uint64_t memory_bytes, int result_fd) {
+        auto* kept = new std::unique_ptr<Assimp::Importer>;  // outlives the result
+        return clearance::import_mesh(kept, path, content, memory_bytes, result_fd);
+      });
 }

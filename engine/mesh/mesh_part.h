@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/base/vec.h"
 #include "engine/base/triangle.h"
+#include "engine/base/vec.h"
 
 namespace clearance {
 

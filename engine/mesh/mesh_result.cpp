@@ -17,7 +17,7 @@ namespace {
 class ResultReader {
  public:
   explicit ResultReader(int fd) : fd_(fd) {
-    struct stat info {};
+    struct stat info{};
     if (::fstat(fd, &info) == 0) size_ = static_cast<std::uint64_t>(info.st_size);
   }
   std::uint64_t left() const { return size_ - at_; }

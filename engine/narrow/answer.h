@@ -3,8 +3,8 @@
 
 #include <limits>
 
-#include "wire/types.h"
 #include "engine/base/vec.h"
+#include "wire/types.h"
 
 namespace clearance {
 
@@ -56,7 +56,8 @@ CLEARANCE_HD inline Status pair_status(Status a, Status b) {
   return a == Status::kNoPose || b == Status::kNoPose ? Status::kNoPose : Status::kOk;
 }
 
-/// The answer that two bodies' poses and boxes give without a look at their pieces, if they give one; else its flags alone.
+/// The answer that two bodies' poses and boxes give without a look at their pieces, if they give one; else its flags
+/// alone.
 /// \param gap returns a lower bound on the distance of their boxes; asked for where `cull`
 template <class Gap>
 CLEARANCE_HD inline bool answer_without_pieces(Status a, Status b, std::uint16_t flags, bool cull, double max_distance,
@@ -76,15 +77,19 @@ CLEARANCE_HD inline bool answer_without_pieces(Status a, Status b, std::uint16_t
 }
 
 /// Whether bounds are as narrow as the arithmetic allows.
-CLEARANCE_HD inline bool is_at_rounding(double width, double rounding) { return width <= 4 * rounding; }
+CLEARANCE_HD inline bool is_at_rounding(double width, double rounding) {
+  return width <= 4 * rounding;
+}
 /// Whether they are as narrow as was asked for.
 CLEARANCE_HD inline bool is_narrow(double width, double distance, double abs_tol, double rel_tol) {
   const double relative = rel_tol * (distance < 0 ? -distance : distance);
   return width <= (abs_tol < relative ? relative : abs_tol);
 }
 
-/// The status and distance of a pair that is proved apart: lower > 0. \param narrow whether its bounds are as narrow as asked
-CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double upper, bool narrow, PairAnswer& answer) {
+/// The status and distance of a pair that is proved apart: lower > 0. \param narrow whether its bounds are as narrow as
+/// asked
+CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double upper, bool narrow,
+                                      PairAnswer& answer) {
   const bool beyond = lower > max_distance;
   answer.status = beyond ? Status::kBeyond : narrow ? Status::kOk : Status::kUnconverged;
   answer.lower = lower;
@@ -92,10 +97,12 @@ CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double 
   answer.distance = beyond ? lower : upper;
   if (beyond) answer.point_a = answer.point_b = no_point();
 }
-/// Says what bounds on a signed distance mean: the status, the distance, and whether rounding alone keeps them apart. Nobody
-/// else decides that. \param rounding returns the width that bounds of these pieces have from rounding alone, where it is asked for
+/// Says what bounds on a signed distance mean: the status, the distance, and whether rounding alone keeps them apart.
+/// Nobody else decides that. \param rounding returns the width that bounds of these pieces have from rounding alone,
+/// where it is asked for
 template <class Rounding>
-CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double upper, const Rounding& rounding, PairAnswer& answer) {
+CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double upper, const Rounding& rounding,
+                                PairAnswer& answer) {
   const bool overlap = upper <= 0;
   if (!asked.signed_distance) {
     lower = lower < 0 ? 0 : lower;
@@ -130,15 +137,15 @@ CLEARANCE_HD inline PairAnswer empty_answer() {
   return {infinite, infinite, infinite, Status::kBeyond, 0, kNone, kNone, no_point(), no_point(), no_point()};
 }
 
-/// What an answer adds to the lower bound of its group, where a group's far pairs are left out by their boxes' gap: a pair
-/// that is looked at nevertheless must add no less than its gap, unless nothing could be proved of it.
+/// What an answer adds to the lower bound of its group, where a group's far pairs are left out by their boxes' gap: a
+/// pair that is looked at nevertheless must add no less than its gap, unless nothing could be proved of it.
 /// \param lower of the answer; \param gap 0: the boxes touch
 CLEARANCE_HD inline double lower_with_box(double lower, double gap) {
   return gap > 0 && gap > lower && lower > -__builtin_inf() ? gap : lower;
 }
 
-/// A group's winner has the least upper bound, then this, then the first place: among pairs that boxes alone prove to be
-/// beyond max_distance, the least gap.
+/// A group's winner has the least upper bound, then this, then the first place: among pairs that boxes alone prove to
+/// be beyond max_distance, the least gap.
 CLEARANCE_HD inline double nearest_beyond(const PairAnswer& answer) {
   return answer.upper == __builtin_inf() ? answer.lower : 0;
 }

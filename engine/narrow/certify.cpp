@@ -1,11 +1,11 @@
 // Compiled with -ffp-contract=off: a fused multiply-add that the derivation does not know of would void it.
 #include "engine/narrow/certify.h"
 
-#include "engine/narrow/overlap.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "engine/narrow/overlap.h"
 
 namespace clearance {
 
@@ -14,10 +14,18 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 // The double just below or above a value of T, so that converting never tightens a bound. A double is itself: its own
 // rounding is in the error terms.
-double round_down(double x) { return x; }
-double round_up(double x) { return x; }
-double round_down(const DoubleDouble& x) { return std::nextafter(x.hi, -kInf); }
-double round_up(const DoubleDouble& x) { return std::nextafter(x.hi, kInf); }
+double round_down(double x) {
+  return x;
+}
+double round_up(double x) {
+  return x;
+}
+double round_down(const DoubleDouble& x) {
+  return std::nextafter(x.hi, -kInf);
+}
+double round_up(const DoubleDouble& x) {
+  return std::nextafter(x.hi, kInf);
+}
 
 template <class T>
 Vec3d to_double(const Vec3<T>& v) {
@@ -25,13 +33,19 @@ Vec3d to_double(const Vec3<T>& v) {
 }
 
 // D = t_b - t_a. In double-double the difference of two doubles is exact.
-Vec3<double> difference(const Vec3d& b, const Vec3d& a, double) { return b - a; }
+Vec3<double> difference(const Vec3d& b, const Vec3d& a, double) {
+  return b - a;
+}
 Vec3<DoubleDouble> difference(const Vec3d& b, const Vec3d& a, DoubleDouble) {
   return {dd::two_sum(b.x, -a.x), dd::two_sum(b.y, -a.y), dd::two_sum(b.z, -a.z)};
 }
 
-double sum(double a, double b, double) { return a + b; }
-DoubleDouble sum(double a, double b, DoubleDouble) { return dd::two_sum(a, b); }
+double sum(double a, double b, double) {
+  return a + b;
+}
+DoubleDouble sum(double a, double b, DoubleDouble) {
+  return dd::two_sum(a, b);
+}
 
 }  // namespace
 
@@ -72,8 +86,9 @@ Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
   }
   for (int i = 0; i < simplex.size; ++i)
     simplex.vertex[i].w = pair.cso_vertex(simplex.vertex[i].a, simplex.vertex[i].b);
-  const CsoPoint<T> point(simplex, pair.R_wa, [&](std::uint32_t k) { return cast<T>(pair.a->vertices[k]); }, pair.R_wb,
-                          [&](std::uint32_t k) { return cast<T>(pair.b->vertices[k]); });
+  const CsoPoint<T> point(
+      simplex, pair.R_wa, [&](std::uint32_t k) { return cast<T>(pair.a->vertices[k]); }, pair.R_wb,
+      [&](std::uint32_t k) { return cast<T>(pair.b->vertices[k]); });
   const double upper = round_up(upper_from_point(norm(point.w), pair.radius, T(pair.upper_error())));
   return {std::isnan(upper) ? kInf : upper, to_double(point.core_a), to_double(point.core_b), to_double(-point.w)};
 }
@@ -97,7 +112,8 @@ bool is_closed(std::span<const CsoFace<T>> faces) {
 }  // namespace
 
 template <class T>
-double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
+double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices,
+                    std::span<const CsoFace<T>> faces) {
   std::vector<Vec3<T>> w(vertices.size());
   for (std::size_t i = 0; i < w.size(); ++i) w[i] = pair.cso_vertex(vertices[i].a, vertices[i].b);
   const auto [ball, one_side] = view_surface(w.data(), faces.data(), faces.size(), T(pair.scale));
@@ -111,11 +127,11 @@ double certify_overlap(const Piece& a, const Piece& b, double ball) {
   return round_up(-(dd::two_sum(a.radius, b.radius) + DoubleDouble(ball)));
 }
 
-#define CLEARANCE_INSTANTIATE(T)                                                                           \
-  template struct PlacedPair<T>;                                                                           \
-  template double certify_lower(const PlacedPair<T>&, const T&, const T&);                                 \
-  template double certify_lower(const PlacedPair<T>&, const Vec3<T>&);                                     \
-  template Witness certify_upper(const PlacedPair<T>&, const Simplex<T>&);                                 \
+#define CLEARANCE_INSTANTIATE(T)                                           \
+  template struct PlacedPair<T>;                                           \
+  template double certify_lower(const PlacedPair<T>&, const T&, const T&); \
+  template double certify_lower(const PlacedPair<T>&, const Vec3<T>&);     \
+  template Witness certify_upper(const PlacedPair<T>&, const Simplex<T>&); \
   template double certify_ball(const PlacedPair<T>&, std::span<const CsoVertex<T>>, std::span<const CsoFace<T>>)
 CLEARANCE_INSTANTIATE(double);
 CLEARANCE_INSTANTIATE(DoubleDouble);

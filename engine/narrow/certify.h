@@ -1,7 +1,7 @@
 // The one maker of bounds. Everything else only proposes directions, points and simplices.
 //
-// All of it works in world axes with the origin of body a as origin, on the pieces' stored vertices, so that a bound does
-// not depend on how its proposal was found. docs/bounds.md derives the rounding terms; tests/exact measures them.
+// All of it works in world axes with the origin of body a as origin, on the pieces' stored vertices, so that a bound
+// does not depend on how its proposal was found. docs/bounds.md derives the rounding terms; tests/exact measures them.
 #pragma once
 
 #include <array>
@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "engine/base/arithmetic.h"
-#include "engine/narrow/gjk.h"
 #include "engine/hull/piece.h"
-#include "engine/pose/pose.h"
 #include "engine/hull/support.h"
+#include "engine/narrow/gjk.h"
+#include "engine/pose/pose.h"
 
 namespace clearance {
 
@@ -47,8 +47,8 @@ template <class T>
 CLEARANCE_HD inline T pair_scale(const Vec3<T>& D, const T& rho_a, const T& rho_b, const T& radius) {
   return (norm(D) + rho_a + rho_b + radius) * T(1 + 16 * Arithmetic<T>::kUnit);
 }
-/// Whether float32 can be tried on two pieces of these sizes, spread + radius in metres: their sixth powers neither overflow nor
-/// vanish.
+/// Whether float32 can be tried on two pieces of these sizes, spread + radius in metres: their sixth powers neither
+/// overflow nor vanish.
 CLEARANCE_HD inline bool sizes_fit_f32(double a, double b) {
   const double size = a < b ? b : a;
   return size > 1e-5 && size < 1e5;
@@ -57,12 +57,14 @@ CLEARANCE_HD inline bool sizes_fit_f32(double a, double b) {
 /// `units` rounding units of a scale S (RoundingUnits), as a length. A scalar or a pack.
 template <class T>
 CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {
-  return units * T(Arithmetic<T>::kUnit) * scale * T(1 + 16 * Arithmetic<T>::kUnit) + T(Arithmetic<T>::kUnderflowLength);
+  return units * T(Arithmetic<T>::kUnit) * scale * T(1 + 16 * Arithmetic<T>::kUnit) +
+         T(Arithmetic<T>::kUnderflowLength);
 }
 
 /// Width that float64 bounds of two placed pieces have from rounding alone, metres. \param scale their pair_scale().
 CLEARANCE_HD inline double rounding_width(double scale) {
-  return rounding_error(double(RoundingUnits<double>::kLower), scale) + rounding_error(double(RoundingUnits<double>::kUpper), scale);
+  return rounding_error(double(RoundingUnits<double>::kLower), scale) +
+         rounding_error(double(RoundingUnits<double>::kUpper), scale);
 }
 
 /// The lower bound that a support gap proves: `gap` of the planes normal to a direction of length `length`, times that
@@ -72,8 +74,8 @@ CLEARANCE_HD inline T lower_from_gap(const T& gap, const T& length, const T& rad
   return (gap / length - radius) - error;
 }
 
-/// The point of the CSO that a simplex and its weights stand for: `share` of each vertex, adding up to 1 up to rounding.
-/// Weights below 0 count as 0; without any weight it is the first vertex. A scalar or a pack.
+/// The point of the CSO that a simplex and its weights stand for: `share` of each vertex, adding up to 1 up to
+/// rounding. Weights below 0 count as 0; without any weight it is the first vertex. A scalar or a pack.
 template <class T>
 struct SimplexPoint {
   T share[4];
@@ -109,14 +111,15 @@ CLEARANCE_HD inline T upper_from_point(const T& length, const T& radius, const T
   return (length - radius) + error;
 }
 
-/// What a run of GJK with proved supports shows by itself, and whether the pair needs no more than that. A scalar or a pack.
+/// What a run of GJK with proved supports shows by itself, and whether the pair needs no more than that. A scalar or a
+/// pack.
 template <class T>
 struct RunBounds {
   using Mask = typename Lane<T>::Mask;
   SimplexPoint<T> nearest;
   T v_length, length;  ///< of the direction that proves `lower`, and of nearest.w, which proves `upper`
   T lower, upper;      ///< -inf, +inf where nothing is proved
-  Mask settled;        ///< apart, and as narrow as asked or beyond max_distance; never bounds that contradict each other
+  Mask settled;  ///< apart, and as narrow as asked or beyond max_distance; never bounds that contradict each other
 
   /// \param extra error of what went into the run, metres: of float32 offsets.
   CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol,
@@ -142,8 +145,8 @@ struct PlacedPair {
   const Piece* b;
   Mat3<T> R_wa, R_wb;
   Vec3<T> D;
-  double scale;   ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
-  T radius;       ///< r_a + r_b; exact in double-double
+  double scale;  ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
+  T radius;      ///< r_a + r_b; exact in double-double
 
   PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b, const Mat3<T>& R_b,
              const Vec3d& t_b);
@@ -161,8 +164,8 @@ struct PlacedPair {
   double error(double units) const;
 };
 
-/// A lower bound on the signed distance from a gap that is known already: of the supporting planes normal to a direction of
-/// length `length`, times that length, from proved supports (Gjk::gap and |Gjk::v|).
+/// A lower bound on the signed distance from a gap that is known already: of the supporting planes normal to a
+/// direction of length `length`, times that length, from proved supports (Gjk::gap and |Gjk::v|).
 template <class T>
 double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length);
 /// A lower bound on the signed distance: the gap between the supporting planes normal to n.
@@ -172,34 +175,41 @@ double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n);
 
 /// Two points, one of each piece (its core grown by the radius), and how far apart they are at most.
 struct Witness {
-  double upper;       ///< metres: |p_a - p_b| - r_a - r_b + rounding; an upper bound on the signed distance
-  Vec3d core_a;       ///< of the core of a, from the origin of a, world axes
-  Vec3d core_b;       ///< of the core of b, from the origin of b, world axes
-  Vec3d separation;   ///< p_b - p_a of the cores, world axes
+  double upper;      ///< metres: |p_a - p_b| - r_a - r_b + rounding; an upper bound on the signed distance
+  Vec3d core_a;      ///< of the core of a, from the origin of a, world axes
+  Vec3d core_b;      ///< of the core of b, from the origin of b, world axes
+  Vec3d separation;  ///< p_b - p_a of the cores, world axes
 };
-/// The witness that a simplex and its weights stand for. Weights below 0 count as 0; they need not add up to 1. Reads the
-/// vertices' indices, not their `w`.
+/// The witness that a simplex and its weights stand for. Weights below 0 count as 0; they need not add up to 1. Reads
+/// the vertices' indices, not their `w`.
 template <class T>
 Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex);
 
-/// A triangle of CSO vertices (indices into a list), a direction that it lies beyond, world axes, and the triangles across
-/// its edges. Edge i goes from vertex i to the next; a half-edge is an edge of a face.
+/// A triangle of CSO vertices (indices into a list), a direction that it lies beyond, world axes, and the triangles
+/// across its edges. Edge i goes from vertex i to the next; a half-edge is an edge of a face.
 template <class T>
 struct CsoFace {
   std::array<std::uint32_t, 3> vertex;
   std::array<std::uint32_t, 3> twin;  ///< across edge i: the half-edge of the other face, from its end to its beginning
   Vec3<T> normal;
 };
-CLEARANCE_HD constexpr std::uint32_t half_edge(std::uint32_t face, std::uint32_t edge) { return face << 2 | edge; }
-CLEARANCE_HD constexpr std::uint32_t face_of(std::uint32_t half_edge) { return half_edge >> 2; }
-CLEARANCE_HD constexpr std::uint32_t edge_of(std::uint32_t half_edge) { return half_edge & 3; }
+CLEARANCE_HD constexpr std::uint32_t half_edge(std::uint32_t face, std::uint32_t edge) {
+  return face << 2 | edge;
+}
+CLEARANCE_HD constexpr std::uint32_t face_of(std::uint32_t half_edge) {
+  return half_edge >> 2;
+}
+CLEARANCE_HD constexpr std::uint32_t edge_of(std::uint32_t half_edge) {
+  return half_edge & 3;
+}
 
 /// Proves that a ball around the origin lies inside a closed surface of CSO triangles, and returns its radius (metres,
 /// rounding taken off): then the pieces' cores overlap by at least that much. Returns 0 or less if it cannot be proved.
-/// The surface is checked, not trusted: every edge must have a twin in the opposite sense, every triangle must lie beyond its
-/// plane, and they must go around the origin.
+/// The surface is checked, not trusted: every edge must have a twin in the opposite sense, every triangle must lie
+/// beyond its plane, and they must go around the origin.
 template <class T>
-double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces);
+double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices,
+                    std::span<const CsoFace<T>> faces);
 
 /// An upper bound on the signed distance of two grown pieces whose cores' overlap holds a ball (see certify_ball).
 double certify_overlap(const Piece& a, const Piece& b, double ball);

@@ -3,9 +3,9 @@
 // Like GJK it only proposes: certify_ball() judges its surface, certify_lower() its direction. It also serves where GJK
 // stops with the origin on a flat simplex: then it decides between contact and overlap.
 // G. van den Bergen, "Proximity queries and penetration depth computation on 3D game objects", GDC 2001. Departure: the
-// first tetrahedron need not hold the origin; faces may have negative offsets until the polytope has grown over it. Faces
-// are tens, seldom hundreds: looking at all of them for the nearest and for those that a new vertex sees is faster than a
-// heap and a walk, whose branches cannot be predicted.
+// first tetrahedron need not hold the origin; faces may have negative offsets until the polytope has grown over it.
+// Faces are tens, seldom hundreds: looking at all of them for the nearest and for those that a new vertex sees is
+// faster than a heap and a walk, whose branches cannot be predicted.
 #pragma once
 
 #include <algorithm>
@@ -19,19 +19,19 @@
 namespace clearance {
 
 struct EpaLimits {
-  double rel_tol = 1e-6;     ///< stop once the nearest face is within this of the CSO's surface, relatively
-  double abs_tol = 0;        ///< ... or absolutely
-  double enough = 0;         ///< stop once the whole surface is farther than this from the origin, if positive
-  double noise = 0;          ///< lengths below this are rounding
+  double rel_tol = 1e-6;  ///< stop once the nearest face is within this of the CSO's surface, relatively
+  double abs_tol = 0;     ///< ... or absolutely
+  double enough = 0;      ///< stop once the whole surface is farther than this from the origin, if positive
+  double noise = 0;       ///< lengths below this are rounding
   std::size_t max_vertices = 4000;
 };
 
 enum class EpaEnd : std::uint8_t {
   kConverged,
   kEnough,
-  kOutside,   ///< a direction was found along which the CSO does not reach the origin
-  kFlat,      ///< the CSO has no volume above rounding
-  kLimit,     ///< too many vertices, or rounding broke the surface
+  kOutside,  ///< a direction was found along which the CSO does not reach the origin
+  kFlat,     ///< the CSO has no volume above rounding
+  kLimit,    ///< too many vertices, or rounding broke the surface
 };
 
 /// One run after another in the same memory.
@@ -63,8 +63,8 @@ class Epa {
   std::span<const CsoFace<T>> faces() const { return faces_; }
   /// The point of the surface nearest to the origin.
   const Simplex<T>& nearest() const { return nearest_; }
-  /// Whether any direction was looked along, of these the unit one along which the CSO reaches least far beyond the origin,
-  /// and the gap of its supporting planes there.
+  /// Whether any direction was looked along, of these the unit one along which the CSO reaches least far beyond the
+  /// origin, and the gap of its supporting planes there.
   bool probed() const { return probed_; }
   const Vec3<T>& direction() const { return direction_; }
   const T& gap() const { return gap_; }
@@ -145,7 +145,8 @@ class Epa {
     best = T(-1);
     for (int round = 0; round < 2 && !(best > noise_); ++round) {
       if (round == 1) {  // everything so far is on a line: look sideways
-        const Vec3<T> side = unit(cross(edge, abs(edge.x) < T(0.6) ? Vec3<T>{T(1), T(0), T(0)} : Vec3<T>{T(0), T(1), T(0)}));
+        const Vec3<T> side =
+            unit(cross(edge, abs(edge.x) < T(0.6) ? Vec3<T>{T(1), T(0), T(0)} : Vec3<T>{T(0), T(1), T(0)}));
         for (const Vec3<T>& d : {side, -side, cross(edge, side), -cross(edge, side)}) look(d);
       }
       for (const CsoVertex<T>& p : found)
@@ -180,15 +181,16 @@ class Epa {
     for (int f = 0; f < 4; ++f) {
       const Vec3<T>&a = w(faces_[f].vertex[0]), &b = w(faces_[f].vertex[1]), &c = w(faces_[f].vertex[2]);
       const Vec3<T> e1 = b - a, e2 = c - a;
-      if (!find_plane(cross(e1, e2), squared_norm(e1) * squared_norm(e2), a, b, c, faces_[f].normal, offsets_[f])) return false;
+      if (!find_plane(cross(e1, e2), squared_norm(e1) * squared_norm(e2), a, b, c, faces_[f].normal, offsets_[f]))
+        return false;
     }
     return true;
   }
 
   // The plane that three points span, as far out as all of them are beyond it.
   // \param n normal to it. \param sides the squared lengths of the sides whose product n is, multiplied.
-  static bool find_plane(const Vec3<T>& n, const T& sides, const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c, Vec3<T>& normal,
-                         T& offset) {
+  static bool find_plane(const Vec3<T>& n, const T& sides, const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c,
+                         Vec3<T>& normal, T& offset) {
     using std::sqrt;
     const T nn = squared_norm(n);
     normal = n * (T(1) / sqrt(nn));
@@ -197,7 +199,8 @@ class Epa {
     return nn > T(Arithmetic<T>::kFlatFace) * sides;
   }
 
-  // In two halves, so that each waits less for the one before; without branches, since which is nearer cannot be predicted.
+  // In two halves, so that each waits less for the one before; without branches, since which is nearer cannot be
+  // predicted.
   std::uint32_t nearest_face() const {
     const std::size_t count = offsets_.size();
     const T* offsets = offsets_.data();
@@ -235,8 +238,8 @@ class Epa {
     }
   }
 
-  // Replaces the faces that the last vertex sees, `nearest` among them, by a fan over their outline. False, and nothing is
-  // changed, where rounding made the outline unusable.
+  // Replaces the faces that the last vertex sees, `nearest` among them, by a fan over their outline. False, and nothing
+  // is changed, where rounding made the outline unusable.
   bool grow(std::uint32_t nearest) {
     const auto apex = static_cast<std::uint32_t>(vertices_.size() - 1);
     find_seen(apex);
@@ -250,7 +253,8 @@ class Epa {
     return true;
   }
 
-  // Every face is written to the list, and kept there by moving on: which are seen cannot be predicted. So with edges below.
+  // Every face is written to the list, and kept there by moving on: which are seen cannot be predicted. So with edges
+  // below.
   void find_seen(std::uint32_t apex) {
     const std::size_t count = faces_.size();
     if (is_seen_.size() < count) {
@@ -318,7 +322,8 @@ class Epa {
     if (fan_.size() < count) fan_.resize(2 * count);
     // Where the faces go: in the places of the seen ones, then behind the last.
     std::uint32_t* places = seen_.data();
-    for (std::uint32_t i = seen_count_; i < count; ++i) places[i] = static_cast<std::uint32_t>(faces_.size()) + (i - seen_count_);
+    for (std::uint32_t i = seen_count_; i < count; ++i)
+      places[i] = static_cast<std::uint32_t>(faces_.size()) + (i - seen_count_);
     const CsoVertex<T>* vertices = vertices_.data();
     const OutlineEdge* outline = outline_.data();
     const std::uint32_t* begins = begins_.data();
@@ -375,24 +380,28 @@ class Epa {
     faces_[face_of(across)].twin[edge_of(across)] = half_edge(face, edge);
   }
 
-  // The surface's point nearest to the origin. Among coplanar triangles only one holds it, and not always the one whose plane
-  // came out nearest, so look at all whose plane is near enough.
+  // The surface's point nearest to the origin. Among coplanar triangles only one holds it, and not always the one whose
+  // plane came out nearest, so look at all whose plane is near enough.
   void find_nearest() {
     const std::uint32_t first = nearest_face();
     T best = look_at(first, T(__builtin_inf()));
     for (std::uint32_t f = 0; f < faces_.size(); ++f)
-      if (const T& offset = offsets_[f]; f != first && !(offset > T(0) && offset * offset >= best)) best = look_at(f, best);
+      if (const T& offset = offsets_[f]; f != first && !(offset > T(0) && offset * offset >= best))
+        best = look_at(f, best);
   }
 
-  // Takes the point of a face that is nearest to the origin, if it is nearer than the root of `best`; what is best then.
+  // Takes the point of a face that is nearest to the origin, if it is nearer than the root of `best`; what is best
+  // then.
   T look_at(std::uint32_t face, const T& best) {
     const CsoFace<T>& f = faces_[face];
     const Vec3<T>&a = w(f.vertex[0]), &b = w(f.vertex[1]), &c = w(f.vertex[2]);
     // Barycentric coordinates of the origin's projection, clamped into the triangle: good enough to propose.
     const Vec3<T> p = f.normal * offsets_[face];
-    T weight[3] = {dot(f.normal, cross(b - p, c - p)), dot(f.normal, cross(c - p, a - p)), dot(f.normal, cross(a - p, b - p))};
+    T weight[3] = {dot(f.normal, cross(b - p, c - p)), dot(f.normal, cross(c - p, a - p)),
+                   dot(f.normal, cross(a - p, b - p))};
     for (T& x : weight) x = x > T(0) ? x : T(0);
-    const Vec3<T> nearest = (a * weight[0] + b * weight[1] + c * weight[2]) * (T(1) / (weight[0] + weight[1] + weight[2]));
+    const Vec3<T> nearest =
+        (a * weight[0] + b * weight[1] + c * weight[2]) * (T(1) / (weight[0] + weight[1] + weight[2]));
     const T d = squared_norm(nearest);
     if (!(d < best)) return best;
     nearest_.size = 3;
@@ -405,13 +414,13 @@ class Epa {
 
   EpaLimits limits_;
   T noise_;
-  std::vector<CsoVertex<T>> vertices_;   ///< each is on the surface, or was
-  std::vector<CsoFace<T>> faces_;        ///< normals of unit length
-  std::vector<T> offsets_;               ///< of the faces' planes
+  std::vector<CsoVertex<T>> vertices_;            ///< each is on the surface, or was
+  std::vector<CsoFace<T>> faces_;                 ///< normals of unit length
+  std::vector<T> offsets_;                        ///< of the faces' planes
   std::vector<std::uint8_t> is_seen_, was_seen_;  ///< of the faces, by the last vertex
   std::vector<std::uint32_t> seen_;               ///< which these are, ascending
   std::vector<OutlineEdge> outline_;
-  std::vector<std::uint32_t> begins_;             ///< of the vertices on the outline: the edge there
+  std::vector<std::uint32_t> begins_;  ///< of the vertices on the outline: the edge there
   std::uint32_t seen_count_ = 0, outline_count_ = 0;
   std::vector<FanFace> fan_;
   Simplex<T> nearest_;

@@ -1,13 +1,14 @@
 // The Gilbert-Johnson-Keerthi iteration, written once over a scalar or a SIMD pack T, for host and device.
 //
-// Works on the configuration space obstacle (CSO) A - B = { a - b }: the bodies' distance is its distance from the origin,
-// and its point v nearest to the origin joins their nearest points. It only proposes: certify.h makes the bounds.
+// Works on the configuration space obstacle (CSO) A - B = { a - b }: the bodies' distance is its distance from the
+// origin, and its point v nearest to the origin joins their nearest points. It only proposes: certify.h makes the
+// bounds.
 //
 // E. G. Gilbert, D. W. Johnson, S. S. Keerthi, "A fast procedure for computing the distance between complex objects in
-// three-dimensional space", IEEE J. Robotics and Automation 4(2), 1988; termination after G. van den Bergen, "A fast and
-// robust GJK implementation for collision detection of convex objects", J. Graphics Tools 4(2), 1999. Departure: the
-// nearest feature of a simplex is chosen by comparing the distances of all features, not by signs of determinants, which
-// pick wrong features on slivers in any precision.
+// three-dimensional space", IEEE J. Robotics and Automation 4(2), 1988; termination after G. van den Bergen, "A fast
+// and robust GJK implementation for collision detection of convex objects", J. Graphics Tools 4(2), 1999. Departure:
+// the nearest feature of a simplex is chosen by comparing the distances of all features, not by signs of determinants,
+// which pick wrong features on slivers in any precision.
 #pragma once
 
 #include <cstdint>
@@ -62,34 +63,34 @@ enum class GjkEnd : std::uint8_t {
 /// When to stop. Lengths in metres, of the distance between the CSO and the origin.
 template <class T>
 struct GjkLimits {
-  T rel_tol{1e-6};        ///< stop once |v| - v.w/|v| <= max(rel_tol ||v| - radius|, abs_tol)
+  T rel_tol{1e-6};  ///< stop once |v| - v.w/|v| <= max(rel_tol ||v| - radius|, abs_tol)
   T abs_tol{0};
-  T radius{0};            ///< what rounded pieces take off |v| later
-  T max_distance{0};      ///< stop once the origin is proved farther
-  bool bounded = false;   ///< whether max_distance counts
-  bool squared = true;    ///< radius and abs_tol are 0 in all lanes: no root is needed
+  T radius{0};           ///< what rounded pieces take off |v| later
+  T max_distance{0};     ///< stop once the origin is proved farther
+  bool bounded = false;  ///< whether max_distance counts
+  bool squared = true;   ///< radius and abs_tol are 0 in all lanes: no root is needed
   int max_iterations = 256;
 };
 
 /// What reduce_to_nearest() finds: the face, edge or vertex of a simplex that is nearest to the origin.
 template <class T>
 struct Nearest {
-  Simplex<T> simplex;                ///< the vertices that carry the nearest point, the newest first
-  Vec3<T> v;                         ///< that point; along a face's normal where it lies on a face
+  Simplex<T> simplex;  ///< the vertices that carry the nearest point, the newest first
+  Vec3<T> v;           ///< that point; along a face's normal where it lies on a face
   T squared_distance;
-  typename Lane<T>::Mask encloses;   ///< the origin is inside the tetrahedron: nothing else is set
+  typename Lane<T>::Mask encloses;  ///< the origin is inside the tetrahedron: nothing else is set
 };
 
-/// The nearest point to the origin of the hull of `newest` and up to three older vertices, knowing that `newest` takes part
-/// (the GJK invariant).
+/// The nearest point to the origin of the hull of `newest` and up to three older vertices, knowing that `newest` takes
+/// part (the GJK invariant).
 template <class T>
 CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVertex<T>& newest) {
   using Count = typename Lane<T>::Count;
   using Mask = typename Lane<T>::Mask;
   const T zero(0), one(1), flat(Arithmetic<T>::kFlatFace);
   const Vec3<T> q = -newest.w;
-  // The vertex itself, then edges from it, then faces at it: the valid one of least distance wins. `feature` says which:
-  // 1, 2, 3 the edge to old vertex 0, 1, 2; 4, 5, 6 the face with old vertices 01, 12, 02.
+  // The vertex itself, then edges from it, then faces at it: the valid one of least distance wins. `feature` says
+  // which: 1, 2, 3 the edge to old vertex 0, 1, 2; 4, 5, 6 the face with old vertices 01, 12, 02.
   T best = squared_norm(q), first_weight = zero, second_weight = zero, scale = zero;
   Count feature(0);
   Vec3<T> face_normal = q;
@@ -117,7 +118,8 @@ CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVe
   Mask inside = old.size > Count(2);
   const auto face = [&](int i, int j, int code, const Vec3<T>& n, const T& x) {
     const T nn = squared_norm(n), u = dot(m[j], n), w = -dot(m[i], n), r = one / nn, d = x * x * r;
-    const Mask nearer = (old.size > Count(j)) & (u > zero) & (w > zero) & (u + w < nn) & (nn > flat * g[i] * g[j]) & (d < best);
+    const Mask nearer =
+        (old.size > Count(j)) & (u > zero) & (w > zero) & (u + w < nn) & (nn > flat * g[i] * g[j]) & (d < best);
     best = select(nearer, d, best);
     first_weight = select(nearer, u * r, first_weight);
     second_weight = select(nearer, w * r, second_weight);
@@ -169,9 +171,9 @@ CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVe
   return r;
 }
 
-/// The same for the last resort, where bodies of sizes in the ratio 1e12 leave features 1e-10 wide and 1e2 long: a plane is
-/// spanned by its two shortest edges and measured from its vertex nearest to the origin, since the cross product of two long,
-/// almost parallel edges, or a far vertex, would lose that ratio's digits. Scalars only.
+/// The same for the last resort, where bodies of sizes in the ratio 1e12 leave features 1e-10 wide and 1e2 long: a
+/// plane is spanned by its two shortest edges and measured from its vertex nearest to the origin, since the cross
+/// product of two long, almost parallel edges, or a far vertex, would lose that ratio's digits. Scalars only.
 template <class T>
 CLEARANCE_HD inline Nearest<T> reduce_carefully(const Simplex<T>& old, const CsoVertex<T>& newest) {
   const T zero = T(0);
@@ -244,12 +246,12 @@ struct Gjk {
   using Mask = typename Lane<T>::Mask;
   using Count = typename Lane<T>::Count;
 
-  Vec3<T> v;                 ///< point of the simplex nearest to the origin; before the first step any first guess but zero
-  T squared_distance{0};     ///< |v|^2, once the simplex has a vertex
-  Simplex<T> simplex;        ///< up to three vertices and their weights; four if it encloses the origin
-  CsoVertex<T> last;         ///< the last support vertex found along -v
-  T gap{0};                  ///< of the supporting planes normal to v, times |v|: proves a lower bound if v did not move since
-  Count end{0};              ///< a GjkEnd
+  Vec3<T> v;  ///< point of the simplex nearest to the origin; before the first step any first guess but zero
+  T squared_distance{0};  ///< |v|^2, once the simplex has a vertex
+  Simplex<T> simplex;     ///< up to three vertices and their weights; four if it encloses the origin
+  CsoVertex<T> last;      ///< the last support vertex found along -v
+  T gap{0};      ///< of the supporting planes normal to v, times |v|: proves a lower bound if v did not move since
+  Count end{0};  ///< a GjkEnd
 
   /// Takes a vertex into the simplex without a test, where that brings it nearer: a seed from an earlier run.
   /// \param running lanes for which this is meant.
@@ -261,8 +263,8 @@ struct Gjk {
     last = select(take, vertex, last);
   }
 
-  /// Begins at a simplex of an earlier run: `newest` and up to two more vertices. Where it does not hold the nearest point any
-  /// more, it is a worse guess, no more.
+  /// Begins at a simplex of an earlier run: `newest` and up to two more vertices. Where it does not hold the nearest
+  /// point any more, it is a worse guess, no more.
   CLEARANCE_HD void begin(const Simplex<T>& others, const CsoVertex<T>& newest, const Mask& running) {
     const Nearest<T> next = reduce_to_nearest(others, newest);
     const Mask take = running & (next.squared_distance > T(0));
@@ -272,7 +274,8 @@ struct Gjk {
 
   /// One step: `vertex` is the CSO's farthest along -v, and `support_gap` = v.w, by way of the support values.
   /// \param running lanes that have not ended; the others stay as they are.
-  CLEARANCE_INLINE void step(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits, const Mask& running) {
+  CLEARANCE_INLINE void step(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits,
+                             const Mask& running) {
     const T zero(0), vv = squared_distance;
     last = select(running, vertex, last);
     gap = select(running, support_gap, gap);
@@ -288,7 +291,8 @@ struct Gjk {
     } else {
       using std::sqrt;
       const T length = sqrt(vv), rest = vv - limits.radius * length;
-      converged = converged | (slack <= limits.rel_tol * select(rest < zero, -rest, rest)) | (slack <= limits.abs_tol * length);
+      converged =
+          converged | (slack <= limits.rel_tol * select(rest < zero, -rest, rest)) | (slack <= limits.abs_tol * length);
     }
     converged = converged & begun & running;
     // The plane through w normal to v keeps the whole CSO farther than max_distance.

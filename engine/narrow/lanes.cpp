@@ -5,17 +5,29 @@
 #include <string>
 #include <vector>
 
-#include "engine/narrow/certify.h"
 #include "engine/hull/direction_table.h"
+#include "engine/narrow/certify.h"
 
 namespace clearance {
 
 LaneHull::LaneHull(const Piece& p)
-    : x(p.x.data()), y(p.y.data()), z(p.z.data()), x_f32(p.x_f32.data()), y_f32(p.y_f32.data()), z_f32(p.z_f32.data()),
-      count(p.x.empty() ? 0 : p.vertices.size()), vertices(p.vertices.data()), vertex_count(p.vertices.size()),
-      cells(p.table ? p.table->cells.data() : nullptr), lists(p.table ? p.table->lists.data() : nullptr),
-      grid_bits(p.table ? p.table->grid_bits : 0), has_table(p.table != nullptr), centre(p.centre), rho(p.rho),
-      spread(p.spread), radius(p.radius) {}
+    : x(p.x.data()),
+      y(p.y.data()),
+      z(p.z.data()),
+      x_f32(p.x_f32.data()),
+      y_f32(p.y_f32.data()),
+      z_f32(p.z_f32.data()),
+      count(p.x.empty() ? 0 : p.vertices.size()),
+      vertices(p.vertices.data()),
+      vertex_count(p.vertices.size()),
+      cells(p.table ? p.table->cells.data() : nullptr),
+      lists(p.table ? p.table->lists.data() : nullptr),
+      grid_bits(p.table ? p.table->grid_bits : 0),
+      has_table(p.table != nullptr),
+      centre(p.centre),
+      rho(p.rho),
+      spread(p.spread),
+      radius(p.radius) {}
 
 bool fits_f32(const Piece& a, const Piece& b) {
   return !a.table && !b.table && sizes_fit_f32(a.spread + a.radius, b.spread + b.radius);
@@ -58,7 +70,8 @@ const LaneKernel& lane_kernel(std::string_view name) {
   }
   if (name == "avx512" || name == "avx2")
     throw std::runtime_error("instruction set '" + std::string(name) + "' is not on this machine; there are: " + names);
-  throw std::invalid_argument("instruction set: expected auto, avx512, avx2 or baseline, got '" + std::string(name) + "'");
+  throw std::invalid_argument("instruction set: expected auto, avx512, avx2 or baseline, got '" + std::string(name) +
+                              "'");
 }
 
 }  // namespace clearance

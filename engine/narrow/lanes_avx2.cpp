@@ -3,8 +3,12 @@
 
 namespace clearance {
 
-void run_lanes_avx2(const LaneBatch& batch) { lanes_avx2::run_in_lanes<double>(batch); }
-void run_f32_lanes_avx2(const LaneBatch& batch) { lanes_avx2::run_in_lanes<float>(batch); }
+void run_lanes_avx2(const LaneBatch& batch) {
+  lanes_avx2::run_in_lanes<double>(batch);
+}
+void run_f32_lanes_avx2(const LaneBatch& batch) {
+  lanes_avx2::run_in_lanes<float>(batch);
+}
 extern const int kLanes_avx2 = lanes_avx2::Pack<double>::kLanes;
 
 }  // namespace clearance

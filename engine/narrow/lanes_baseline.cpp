@@ -3,8 +3,12 @@
 
 namespace clearance {
 
-void run_lanes_baseline(const LaneBatch& batch) { lanes_baseline::run_in_lanes<double>(batch); }
-void run_f32_lanes_baseline(const LaneBatch& batch) { lanes_baseline::run_in_lanes<float>(batch); }
+void run_lanes_baseline(const LaneBatch& batch) {
+  lanes_baseline::run_in_lanes<double>(batch);
+}
+void run_f32_lanes_baseline(const LaneBatch& batch) {
+  lanes_baseline::run_in_lanes<float>(batch);
+}
 extern const int kLanes_baseline = lanes_baseline::Pack<double>::kLanes;
 
 }  // namespace clearance

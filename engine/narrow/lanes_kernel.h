@@ -1,16 +1,16 @@
 // The lanes' code (lanes.h), compiled once for each instruction set: see lanes_avx512.cpp and its neighbours.
 //
-// It uses nothing but packs, plain arrays and templates over them: a function shared with other files might be linked from
-// here and then use instructions that the machine does not have.
+// It uses nothing but packs, plain arrays and templates over them: a function shared with other files might be linked
+// from here and then use instructions that the machine does not have.
 #pragma once
 
 #include <type_traits>
 
-#include "engine/narrow/certify.h"
+#include "engine/base/pack.h"
 #include "engine/hull/direction_table.h"
+#include "engine/narrow/certify.h"
 #include "engine/narrow/lanes.h"
 #include "engine/narrow/pair_run.h"
-#include "engine/base/pack.h"
 
 namespace clearance {
 
@@ -65,7 +65,9 @@ struct Source<float> {
   const float *x, *y, *z;
   Vec3d centre;
   HWY_INLINE explicit Source(const LaneHull& h) : x(h.x_f32), y(h.y_f32), z(h.z_f32), centre{0, 0, 0} {}
-  HWY_INLINE static Vec3<float> vertex(const LaneHull& h, std::uint32_t i) { return {h.x_f32[i], h.y_f32[i], h.z_f32[i]}; }
+  HWY_INLINE static Vec3<float> vertex(const LaneHull& h, std::uint32_t i) {
+    return {h.x_f32[i], h.y_f32[i], h.z_f32[i]};
+  }
 };
 
 template <class T>
@@ -246,7 +248,8 @@ HWY_INLINE FoundVertex<T> find_each(const LaneHull* const* hulls, const bool* bu
     if (busy[l]) {
       const Vec3<T> along{direction.x.at[l], direction.y.at[l], direction.z.at[l]};
       const Source<T> from(hull);
-      found = hull.has_table ? look_up<T>(hull, u.at[l], v.at[l], along) : scan_across<T>(from.x, from.y, from.z, hull.count, along);
+      found = hull.has_table ? look_up<T>(hull, u.at[l], v.at[l], along)
+                             : scan_across<T>(from.x, from.y, from.z, hull.count, along);
     }
     const Vec3<T> w = Source<T>::vertex(hull, found.index);
     index.at[l] = static_cast<T>(found.index);
@@ -375,8 +378,7 @@ void run_pairs(const LaneBatch& batch) {
       fresh.set(zero);
       limits.radius = hulls.radius.pack();
       scale = pair_scale(D, hulls.rho_a.pack(), hulls.rho_b.pack(), limits.radius);
-      if (limits.bounded)
-        limits.max_distance = core_cut_off_at(cut_off.pack(), limits.radius, scale);
+      if (limits.bounded) limits.max_distance = core_cut_off_at(cut_off.pack(), limits.radius, scale);
       any_fresh = false;
     }
     const auto running = g.end == zero;
@@ -423,8 +425,7 @@ void run_pairs(const LaneBatch& batch) {
       }
       if constexpr (std::is_same_v<T, double>)
         if (!done) copy_lane(g, lane, batch.unsettled[pair]);
-      if (done && batch.witnesses)
-        copy_witness(g, bounds, lane, batch.witnesses[pair]);
+      if (done && batch.witnesses) copy_witness(g, bounds, lane, batch.witnesses[pair]);
       --busy;
       fill(lane);
       any_fresh = true;

@@ -30,7 +30,9 @@ class SupportedCso {
   CsoVertex<T> vertex(std::uint32_t ia, std::uint32_t ib) const { return {pair_.cso_vertex(ia, ib), ia, ib}; }
 
   /// From the centre of b to the centre of a: where the CSO's centre is.
-  Vec3<T> centre() const { return pair_.R_wa * cast<T>(pair_.a->centre) - pair_.R_wb * cast<T>(pair_.b->centre) - pair_.D; }
+  Vec3<T> centre() const {
+    return pair_.R_wa * cast<T>(pair_.a->centre) - pair_.R_wb * cast<T>(pair_.b->centre) - pair_.D;
+  }
 
  private:
   const PlacedPair<T>& pair_;
@@ -53,7 +55,8 @@ class Answer {
     answer_.bounds.upper = w.upper;
     witness_ = w;
   }
-  /// An upper bound that has no witness of its own (a ball in the overlap): the nearest points of the surface stand for it.
+  /// An upper bound that has no witness of its own (a ball in the overlap): the nearest points of the surface stand for
+  /// it.
   void lower_upper(double upper, const Witness& w) {
     if (!(upper < answer_.bounds.upper)) return;
     answer_.bounds.upper = upper;
@@ -93,8 +96,7 @@ class Answer {
     answer_.beyond = answer_.bounds.lower > limits_.max_distance;
     // Without a wish for depth the separating direction may be unknown: then the witnesses' own line has to do.
     const double length = norm(witness_.separation), radius = radius_a_ + radius_b_;
-    if (!(norm(answer_.normal) > 0))
-      answer_.normal = length > 0 ? witness_.separation * (1 / length) : Vec3d{1, 0, 0};
+    if (!(norm(answer_.normal) > 0)) answer_.normal = length > 0 ? witness_.separation * (1 / length) : Vec3d{1, 0, 0};
     const bool apart = answer_.bounds.upper > 0 || length > 0;
     const Vec3d outward = apart && length > 0 && !deep_ ? witness_.separation * (1 / length) : answer_.normal;
     answer_.point_a = witness_.core_a + outward * radius_a_;
@@ -148,7 +150,8 @@ void try_face_normals(const PlacedPair<T>& pair, const Gjk<T>& g, Answer& answer
       }
 }
 
-// The nearest points of every vertex, edge and triangle of a few vertices, for simplices of which GJK kept no nearest point.
+// The nearest points of every vertex, edge and triangle of a few vertices, for simplices of which GJK kept no nearest
+// point.
 template <class T>
 void try_witnesses(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
   for (int mask = 1; mask < 1 << s.size; ++mask) {
@@ -176,17 +179,20 @@ void try_witnesses(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answe
 }
 
 template <class T>
-void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices,
-                  std::span<const CsoFace<T>> faces, const Simplex<T>& nearest, Answer& answer) {
+void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces,
+                  const Simplex<T>& nearest, Answer& answer) {
   const double ball = certify_ball(pair, vertices, faces);
   if (!(ball > 0)) return;
-  const Witness witness = certify_upper(pair, answer.wants_depth() ? nearest : around_origin<T>(vertices.data(), faces.data(), faces.size()));
-  // Rounding left the surface concave, so that its nearest point is far from its nearest plane: a matter for double-double.
+  const Witness witness = certify_upper(
+      pair, answer.wants_depth() ? nearest : around_origin<T>(vertices.data(), faces.data(), faces.size()));
+  // Rounding left the surface concave, so that its nearest point is far from its nearest plane: a matter for
+  // double-double.
   if (std::is_same_v<T, double> && answer.wants_depth() &&
       norm(witness.separation) - ball > answer.tolerance(ball) + 2 * pair.upper_error())
     return;
   answer.mark_deep();
-  if (!answer.wants_depth() && !(norm(witness.separation) <= 0.5 * pair.upper_error())) answer.keep_surface<T>(vertices, faces);
+  if (!answer.wants_depth() && !(norm(witness.separation) <= 0.5 * pair.upper_error()))
+    answer.keep_surface<T>(vertices, faces);
   answer.lower_upper(certify_overlap(*pair.a, *pair.b, ball), witness);
 }
 
@@ -200,7 +206,8 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
   if (!limits.signed_distance) e.enough = 2 * pair.ball_error();
   static thread_local Epa<T> epa;
   epa.run(cso, e, g.simplex);
-  if (epa.probed()) answer.raise_lower(certify_lower(pair, epa.gap(), norm(epa.direction())), cast<double>(epa.direction()));
+  if (epa.probed())
+    answer.raise_lower(certify_lower(pair, epa.gap(), norm(epa.direction())), cast<double>(epa.direction()));
   if (!epa.faces().empty()) take_overlap<T>(pair, epa.vertices(), epa.faces(), epa.nearest(), answer);
   if (answer.bounds().upper > 0) {  // no overlap proved: touching or apart, where points prove the most
     if (epa.nearest().size > 0) answer.take_witness(certify_upper(pair, epa.nearest()));
@@ -264,7 +271,9 @@ WarmSimplex remember(const Simplex<T>& s) {
   return w;
 }
 
-Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) { return rotation_of_double_double(pose.X_wb); }
+Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) {
+  return rotation_of_double_double(pose.X_wb);
+}
 
 }  // namespace
 
@@ -276,16 +285,17 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
   seed = remember(attempt(pair, limits, seed, answer, done));
   if (warm) *warm = seed;
   if (!answer.settled()) {
-    const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
-                                        pose_b.t_w);
+    const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b,
+                                        double_double_rotation(pose_b), pose_b.t_w);
     attempt(fine, limits, seed, answer);
   }
   if (answer.has_surface()) {
-    const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
-                                        pose_b.t_w);
+    const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b,
+                                        double_double_rotation(pose_b), pose_b.t_w);
     for (CsoVertex<DoubleDouble>& v : answer.surface_vertices()) v.w = fine.cso_vertex(v.a, v.b);
-    answer.replace_witness(certify_upper(fine, around_origin<DoubleDouble>(answer.surface_vertices().data(), answer.surface_faces().data(),
-                                                                                   answer.surface_faces().size())));
+    answer.replace_witness(
+        certify_upper(fine, around_origin<DoubleDouble>(answer.surface_vertices().data(), answer.surface_faces().data(),
+                                                        answer.surface_faces().size())));
   }
   NarrowAnswer r = answer.finish();
   r.rounding = rounding_width(pair.scale);

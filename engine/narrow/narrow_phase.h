@@ -6,20 +6,20 @@
 #include "engine/narrow/answer.h"
 #include "engine/narrow/certify.h"
 #include "engine/narrow/lanes.h"
-#include "engine/pose/placed.h"
 #include "engine/narrow/warm.h"
+#include "engine/pose/placed.h"
 
 namespace clearance {
 
 struct NarrowAnswer {
   /// Contains the exact signed distance; if not `signed_distance`, `lower` of overlapping pieces may be -inf.
   Interval bounds{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
-  Vec3d point_a{0, 0, 0};   ///< from the origin of a, world axes, on the grown piece
-  Vec3d point_b{0, 0, 0};   ///< from the origin of b, world axes, on the grown piece
-  Vec3d normal{0, 0, 0};    ///< unit, from a towards b: the direction that proves bounds.lower
-  bool beyond = false;      ///< bounds.lower > max_distance; not refined further
-  bool settled = false;     ///< as narrow as asked
-  double rounding = 0;      ///< width that float64 bounds of this pair have from rounding alone, metres
+  Vec3d point_a{0, 0, 0};  ///< from the origin of a, world axes, on the grown piece
+  Vec3d point_b{0, 0, 0};  ///< from the origin of b, world axes, on the grown piece
+  Vec3d normal{0, 0, 0};   ///< unit, from a towards b: the direction that proves bounds.lower
+  bool beyond = false;     ///< bounds.lower > max_distance; not refined further
+  bool settled = false;    ///< as narrow as asked
+  double rounding = 0;     ///< width that float64 bounds of this pair have from rounding alone, metres
 };
 
 /// Bounds the signed distance of two pieces: float64 first, double-double where float64 cannot make it narrow enough.

@@ -39,23 +39,24 @@ CLEARANCE_HD inline int winding(const Vec3<T>* w, const CsoFace<T>* faces, std::
   return turns;
 }
 
-/// Of pairs whose S is no more than this no overlap is proved, metres: triple products, and squares of what is far below S,
-/// underflow there, and with them the errors that they are compared with (docs/bounds.md).
+/// Of pairs whose S is no more than this no overlap is proved, metres: triple products, and squares of what is far
+/// below S, underflow there, and with them the errors that they are compared with (docs/bounds.md).
 template <class T>
 inline constexpr double kLeastOverlapScale = Arithmetic<T>::kCareful ? 1e-63 : 1e-78;
 
 /// What a surface shows of the origin, face by face.
 template <class T>
 struct SurfaceView {
-  /// How far the origin is below the least distant of the faces' planes: the radius of a ball that no triangle enters. 0 or
-  /// less, or NaN: there is none.
+  /// How far the origin is below the least distant of the faces' planes: the radius of a ball that no triangle enters.
+  /// 0 or less, or NaN: there is none.
   T ball;
   /// The origin sees every triangle from the same side, for certain: a closed surface then goes around it.
   bool one_side;
 };
 /// \param w the vertices, world axes. \param scale none is farther from the origin.
 template <class T>
-CLEARANCE_HD inline SurfaceView<T> view_surface(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& scale) {
+CLEARANCE_HD inline SurfaceView<T> view_surface(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count,
+                                                const T& scale) {
   if (!(scale > T(kLeastOverlapScale<T>))) return {T(-1), false};
   const T uncertain = T(32 * Arithmetic<T>::kUnit) * scale * scale * scale;
   T ball = T(__builtin_inf()), clearly_beyond = ball;

@@ -1,8 +1,9 @@
-// How a run of GJK on a placed pair is set up, and what its end says: written once for one pair alone, for SIMD lanes and for
-// a device's thread, whose answers have the same bits for that. What proofs rest on stands here and in certify.h.
+// How a run of GJK on a placed pair is set up, and what its end says: written once for one pair alone, for SIMD lanes
+// and for a device's thread, whose answers have the same bits for that. What proofs rest on stands here and in
+// certify.h.
 //
-// S is the scalar of the arithmetic (double, float, DoubleDouble), T that scalar or a pack of it. A hull is whatever has the
-// members `centre`, `rho`, `spread` and `radius` of Piece.
+// S is the scalar of the arithmetic (double, float, DoubleDouble), T that scalar or a pack of it. A hull is whatever
+// has the members `centre`, `rho`, `spread` and `radius` of Piece.
 #pragma once
 
 #include "engine/narrow/certify.h"
@@ -10,9 +11,9 @@
 
 namespace clearance {
 
-/// kFromCentres: vertices and offsets are from the pieces' centres, so that the digits are spent on the shapes and the gap.
-/// kStrict, kMore: comparisons err by the arithmetic's own rounding, so a little more is asked for.
-/// kUnbounded: cut-offs from here on, in metres, are none; below it their squares do not overflow.
+/// kFromCentres: vertices and offsets are from the pieces' centres, so that the digits are spent on the shapes and the
+/// gap. kStrict, kMore: comparisons err by the arithmetic's own rounding, so a little more is asked for. kUnbounded:
+/// cut-offs from here on, in metres, are none; below it their squares do not overflow.
 template <class S>
 struct RunSetup {
   static constexpr bool kFromCentres = false;
@@ -85,7 +86,8 @@ CLEARANCE_INLINE Vec3<T> first_direction(Vec3<T> centre) {
   return centre;
 }
 
-/// What a settled run in the arithmetic S says of lengths and shares, where `v`, `separation`, `size` and `share` are set.
+/// What a settled run in the arithmetic S says of lengths and shares, where `v`, `separation`, `size` and `share` are
+/// set.
 template <class S>
 CLEARANCE_INLINE void take_lengths(LaneWitness& witness, double v_length, double separation_length) {
   if constexpr (!RunSetup<S>::kFromCentres) {

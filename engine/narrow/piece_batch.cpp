@@ -92,8 +92,11 @@ void PieceBatch::run_group(std::span<const PieceTask> tasks, const Group& group)
     answers_.resize(count);
   }
   const NarrowLimits& limits = options_.limits;
-  const LaneBatch batch{pairs_.data(), count, group.same_hulls, limits.abs_tol, limits.rel_tol, limits.max_iterations,
-                        answers_.data(), options_.want_points ? witnesses_.data() : nullptr, unsettled_.data()};
+  const LaneBatch batch{pairs_.data(),    count,
+                        group.same_hulls, limits.abs_tol,
+                        limits.rel_tol,   limits.max_iterations,
+                        answers_.data(),  options_.want_points ? witnesses_.data() : nullptr,
+                        unsettled_.data()};
   if (group.f32) {
     options_.lanes->run_f32(batch);
     settle_in_f64(batch);
@@ -158,13 +161,15 @@ NarrowAnswer PieceBatch::answer_anew(const PieceTask& task) const {
   return answer.bounds.is_possible() ? answer : NarrowAnswer();
 }
 
-NarrowAnswer PieceBatch::settled_answer(const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) const {
+NarrowAnswer PieceBatch::settled_answer(const PieceTask& task, const LaneAnswer& lane,
+                                        const LaneWitness& witness) const {
   NarrowAnswer answer;
   answer.bounds = {lane.lower, lane.upper};
   answer.beyond = lane.lower > task.max_distance;
   answer.settled = true;
   if (options_.want_points)
-    take_lane_witness(*task.a, task.pose_a->R_wb, *task.b, task.pose_b->R_wb, witness, answer.point_a, answer.point_b, answer.normal);
+    take_lane_witness(*task.a, task.pose_a->R_wb, *task.b, task.pose_b->R_wb, witness, answer.point_a, answer.point_b,
+                      answer.normal);
   return answer;
 }
 

@@ -18,7 +18,8 @@ struct NarrowOptions {
   bool f32 = false;                   ///< begin with float32 where it can hold the pieces
   bool reference = false;             ///< the brute-force oracle: double-double, one pair after another
   bool want_points = true;            ///< witness points and normals; without, only the interval
-  std::atomic<std::uint64_t>* contradictions = nullptr;  ///< counts bounds that contradicted each other; null: nobody does
+  std::atomic<std::uint64_t>* contradictions =
+      nullptr;  ///< counts bounds that contradicted each other; null: nobody does
   bool operator==(const NarrowOptions&) const = default;
 };
 
@@ -31,15 +32,15 @@ struct PieceTask {
   WarmSimplex* warm = nullptr;  ///< as for narrow_phase(); null: cold
 };
 
-/// Each worker has its own. The bits of an answer do not depend on what else is in the batch. Every interval is looked at
-/// before it leaves: one that no number lies in was made by something broken, and its pair is answered anew
+/// Each worker has its own. The bits of an answer do not depend on what else is in the batch. Every interval is looked
+/// at before it leaves: one that no number lies in was made by something broken, and its pair is answered anew
 /// (answer_anew()).
 class PieceBatch {
  public:
   explicit PieceBatch(const NarrowOptions& options) : options_(options) {}
 
-  /// Calls, for each task and in any order, settled(task, its LaneAnswer, its LaneWitness) for what lanes have settled, or
-  /// else take(task, its NarrowAnswer). NarrowAnswers say the same of a pair as lanes do: see settled_answer().
+  /// Calls, for each task and in any order, settled(task, its LaneAnswer, its LaneWitness) for what lanes have settled,
+  /// or else take(task, its NarrowAnswer). NarrowAnswers say the same of a pair as lanes do: see settled_answer().
   template <class Settled, class Take>
   void run(std::span<const PieceTask> tasks, Settled&& settled, Take&& take) {
     deal(tasks);

@@ -1,9 +1,9 @@
-// The least distance of two bodies of several pieces: which of their piece pairs are looked at, in which order, and what the
-// bounds found make of the bodies' answer. For host and device.
+// The least distance of two bodies of several pieces: which of their piece pairs are looked at, in which order, and
+// what the bounds found make of the bodies' answer. For host and device.
 //
 // Piece pairs are taken nearest boxes first, in rounds of 1, 2, 4, ... The pairs of a round are answered with the same
-// cut-off, so that they can be answered side by side, and taken in their order: an answer depends on the two bodies alone,
-// whatever else is asked.
+// cut-off, so that they can be answered side by side, and taken in their order: an answer depends on the two bodies
+// alone, whatever else is asked.
 #pragma once
 
 #include <cstddef>
@@ -31,7 +31,8 @@ struct PieceSearch {
   double upper = __builtin_inf();  ///< the least of the pairs taken
   std::size_t round = 1;           ///< how many are answered side by side
 
-  /// Beyond which a pair of the next round need not be refined: one that is proved farther than an upper bound is not the least.
+  /// Beyond which a pair of the next round need not be refined: one that is proved farther than an upper bound is not
+  /// the least.
   CLEARANCE_HD double cut_off(double max_distance) const {
     const double least = upper < 0 ? 0 : upper;
     return least < max_distance ? least : max_distance;
@@ -57,7 +58,11 @@ template <int kCount, class BoxesA, class BoxesB>
 class NearestPieces {
  public:
   CLEARANCE_HD NearestPieces(const BoxesA& boxes_a, std::uint32_t count_a, const BoxesB& boxes_b, std::uint32_t count_b)
-      : boxes_a_(boxes_a), boxes_b_(boxes_b), count_a_(count_a), count_b_(count_b), left_(std::uint64_t{count_a} * count_b) {}
+      : boxes_a_(boxes_a),
+        boxes_b_(boxes_b),
+        count_a_(count_a),
+        count_b_(count_b),
+        left_(std::uint64_t{count_a} * count_b) {}
 
   /// False: there are no more.
   CLEARANCE_HD bool next(PiecePair& pair) {
@@ -108,10 +113,11 @@ class NearestPieces {
 /// What became of a piece pair.
 enum class PieceEnd { kApart, kOverlap, kOpen };
 
-/// Takes a search to its end, one piece pair after another. \param look answers one with this cut-off: kApart: taken by the
-/// search; kOverlap: proved, which ends it where no depth is asked for; kOpen: not settled, which is the end too.
+/// Takes a search to its end, one piece pair after another. \param look answers one with this cut-off: kApart: taken by
+/// the search; kOverlap: proved, which ends it where no depth is asked for; kOpen: not settled, which is the end too.
 template <class Nearest, class Look>
-CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_distance, Nearest& nearest, const Look& look) {
+CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_distance, Nearest& nearest,
+                                           const Look& look) {
   PiecePair p;
   bool there = nearest.next(p);
   while (there) {

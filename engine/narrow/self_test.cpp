@@ -7,10 +7,10 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "engine/narrow/certify.h"
 #include "engine/base/fp_environment.h"
-#include "engine/narrow/piece_batch.h"
 #include "engine/hull/shapes.h"
+#include "engine/narrow/certify.h"
+#include "engine/narrow/piece_batch.h"
 
 namespace clearance {
 

@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
+#include "engine/hull/piece.h"
 #include "engine/narrow/lanes.h"
 #include "engine/narrow/narrow_phase.h"
-#include "engine/hull/piece.h"
 
 namespace clearance {
 

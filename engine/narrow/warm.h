@@ -65,8 +65,8 @@ class LatestTables {
   std::vector<std::unique_ptr<Table>> tables_;  // the latest last
 };
 
-/// The tables of the clients that asked last, and of the jobs that work on them. A job that gets none begins cold, which
-/// costs time only. Thread-safe.
+/// The tables of the clients that asked last, and of the jobs that work on them. A job that gets none begins cold,
+/// which costs time only. Thread-safe.
 class WarmStore {
  public:
   static constexpr std::size_t kClients = 64;              ///< more clients: the one longest silent begins cold again
@@ -74,8 +74,8 @@ class WarmStore {
 
   explicit WarmStore(std::uint64_t limit) : limit_(limit) {}  ///< bytes of all tables
 
-  /// The table that `client` left for the same question, or an empty one of the size; null where the size is 0 or too large,
-  /// or there is no room: what clients have left makes way, the longest silent first, but not what jobs work on.
+  /// The table that `client` left for the same question, or an empty one of the size; null where the size is 0 or too
+  /// large, or there is no room: what clients have left makes way, the longest silent first, but not what jobs work on.
   std::unique_ptr<WarmTable> take(std::uint64_t client, std::uint64_t question, std::uint64_t size);
   void put_back(std::unique_ptr<WarmTable> table);
   /// Lets go of what `client` left, if it takes more than `room` bytes.

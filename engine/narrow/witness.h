@@ -5,8 +5,8 @@
 
 #include <cmath>
 
-#include "engine/narrow/lanes.h"
 #include "engine/hull/support.h"
+#include "engine/narrow/lanes.h"
 
 namespace clearance {
 

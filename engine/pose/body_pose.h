@@ -14,23 +14,23 @@ struct BodyPose {
   Pose pose;  ///< X_wb; of a body with a parent: X_pb
 };
 
-/// What became of a batch of pose updates. A batch applies as a whole, in one snapshot; bad entries are stored as bad, so
-/// that queries say so, and unknown or static bodies are left out and counted.
+/// What became of a batch of pose updates. A batch applies as a whole, in one snapshot; bad entries are stored as bad,
+/// so that queries say so, and unknown or static bodies are left out and counted.
 struct PoseUpdateResult {
-  std::uint64_t revision = 0;       ///< of the snapshot that holds the update
+  std::uint64_t revision = 0;  ///< of the snapshot that holds the update
   std::uint32_t applied = 0;
-  std::uint32_t bad = 0;            ///< stored, and answered kBadPose until a good one comes
-  std::uint32_t unknown = 0;        ///< body id outside the scene
-  std::uint32_t fixed = 0;          ///< static body
+  std::uint32_t bad = 0;      ///< stored, and answered kBadPose until a good one comes
+  std::uint32_t unknown = 0;  ///< body id outside the scene
+  std::uint32_t fixed = 0;    ///< static body
 };
 
 /// Where a body is, as the newest snapshot has it.
 struct BodyState {
-  Pose X_wb;                      ///< meaningful if `status` is kOk
+  Pose X_wb;                        ///< meaningful if `status` is kOk
   Status status = Status::kNoPose;  ///< kOk, kNoPose or kBadPose
   std::uint32_t parent = kNone;
-  std::int64_t stamp_ns = 0;      ///< publisher's clock
-  std::int64_t receipt_ns = 0;    ///< our monotonic clock; 0: never moved since load
+  std::int64_t stamp_ns = 0;    ///< publisher's clock
+  std::int64_t receipt_ns = 0;  ///< our monotonic clock; 0: never moved since load
 };
 
 }  // namespace clearance

@@ -1,8 +1,8 @@
 // A body where it is: from poses as given to what the narrow phase wants. For host and device.
 #pragma once
 
-#include "wire/types.h"
 #include "engine/pose/pose.h"
+#include "wire/types.h"
 
 namespace clearance {
 

@@ -12,7 +12,8 @@ namespace {
 constexpr std::size_t kLanes = 8;
 
 // q: (4, kLanes) as w, x, y, z; R: (9, kLanes). Flattened, so that the compiler sees plain arithmetic on lanes.
-CLEARANCE_CLONES __attribute__((flatten)) void rotations_in_lanes(const double (&q)[4][kLanes], double (&R)[9][kLanes]) {
+CLEARANCE_CLONES __attribute__((flatten)) void rotations_in_lanes(const double (&q)[4][kLanes],
+                                                                  double (&R)[9][kLanes]) {
   for (std::size_t k = 0; k < kLanes; ++k) {
     const Mat3<DoubleDouble> m = rotation_of_double_double({{0, 0, 0}, q[0][k], q[1][k], q[2][k], q[3][k]});
     for (int i = 0; i < 3; ++i) {

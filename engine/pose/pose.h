@@ -42,7 +42,9 @@ CLEARANCE_HD Mat3<DoubleDouble> rotation_of_double_double(const Pose& X);
 
 /// X_ac = X_ab X_bc, rounded; the quaternion is normalised. Neither may be kBad. \param R_ab rotation_of(X_ab)
 CLEARANCE_HD Pose compose(const Pose& X_ab, const Mat3d& R_ab, const Pose& X_bc);
-CLEARANCE_HD inline Pose compose(const Pose& X_ab, const Pose& X_bc) { return compose(X_ab, rotation_of(X_ab), X_bc); }
+CLEARANCE_HD inline Pose compose(const Pose& X_ab, const Pose& X_bc) {
+  return compose(X_ab, rotation_of(X_ab), X_bc);
+}
 
 /// X_ba from X_ab, rounded. Must not be kBad.
 CLEARANCE_HD Pose inverse(const Pose& X_ab);
@@ -91,8 +93,7 @@ CLEARANCE_HD inline Mat3<DoubleDouble> rotation_of_double_double(const Pose& X) 
 CLEARANCE_HD inline Pose compose(const Pose& a, const Mat3d& R, const Pose& b) {
   const double s = 1 / (detail::quaternion_norm(a) * detail::quaternion_norm(b));
   const Vec3d t = a.translation + R * b.translation;
-  return {t,
-          s * (a.qw * b.qw - a.qx * b.qx - a.qy * b.qy - a.qz * b.qz),
+  return {t, s * (a.qw * b.qw - a.qx * b.qx - a.qy * b.qy - a.qz * b.qz),
           s * (a.qw * b.qx + a.qx * b.qw + a.qy * b.qz - a.qz * b.qy),
           s * (a.qw * b.qy - a.qx * b.qz + a.qy * b.qw + a.qz * b.qx),
           s * (a.qw * b.qz + a.qx * b.qy - a.qy * b.qx + a.qz * b.qw)};

@@ -100,8 +100,8 @@ QueryView view_of(const Query& q) {
   return view;
 }
 
-// A device writes straight into pinned memory; elsewhere each answer is copied once more. Where none can be had, or so much
-// of it is in use that the machine might suffer, the memory is ordinary.
+// A device writes straight into pinned memory; elsewhere each answer is copied once more. Where none can be had, or so
+// much of it is in use that the machine might suffer, the memory is ordinary.
 std::shared_ptr<void> pinned_block(std::size_t bytes) {
   constexpr std::size_t kMostPinned = std::size_t{2} << 30;
   static std::atomic<std::size_t> pinned{0};
@@ -126,8 +126,9 @@ BlockPool& pinned_blocks() {
 
 class PyEngine {
  public:
-  PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows, std::uint64_t device_memory,
-           bool device_fallback, const std::string& calibration, const std::vector<int>& devices) {
+  PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows,
+           std::uint64_t device_memory, bool device_fallback, const std::string& calibration,
+           const std::vector<int>& devices) {
     nb::gil_scoped_release release;
     Engine::Options options;
     options.backend = backend;
@@ -225,7 +226,8 @@ class PyEngine {
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
 
-  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns, std::int64_t sequence) const {
+  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
+                      std::int64_t sequence) const {
     if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
     std::vector<BodyPose> batch(ids.shape(0));
     for (std::size_t i = 0; i < batch.size(); ++i) {
@@ -317,7 +319,8 @@ NB_MODULE(_engine, m) {
       .def("start", &PyEngine::start, nb::arg("query"), nb::arg("out").none())
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("out").none(), nb::arg("timeout_s"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
-      .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"), nb::arg("sequence"))
+      .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
+           nb::arg("sequence"))
       .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
       .def("body_states", &PyEngine::body_states)
       .def("stats", [](const PyEngine& e) { return e.use().stats(); });

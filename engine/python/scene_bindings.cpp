@@ -103,9 +103,7 @@ void bind_scene(nb::module_& m) {
       .def(
           "add_box",
           [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
-             bool fixed, const P& pose) {
-            return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose));
-          },
+             bool fixed, const P& pose) { return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose)); },
           nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
           nb::arg("static"), nb::arg("pose").none())
       .def(

@@ -111,7 +111,8 @@ void write_beyond_rows(const ReplyView& reply, std::uint64_t first, std::span<co
   fill(reply.status, first, count, static_cast<std::uint8_t>(row.status));
   if (flags && reply.flags) std::memcpy(reply.flags + first, flags, count * sizeof *flags);
   if (!flags) fill(reply.flags, first, count, row.flags);
-  for (double* const column : {reply.point_a, reply.point_b, reply.normal}) fill(column, 3 * first, 3 * count, row.normal.x);
+  for (double* const column : {reply.point_a, reply.point_b, reply.normal})
+    fill(column, 3 * first, 3 * count, row.normal.x);
   fill(reply.pieces, 2 * first, 2 * count, row.piece_a);
   if (reply.gradient) {
     double gradient[12];

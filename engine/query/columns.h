@@ -77,8 +77,9 @@ CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t in
 
 /// Writes one row of every column there is.
 /// \param origin_a, origin_b of the bodies, world frame
-CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair, std::uint32_t configuration,
-                                   const PairAnswer& a, const Vec3d& origin_a, const Vec3d& origin_b) {
+CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair,
+                                   std::uint32_t configuration, const PairAnswer& a, const Vec3d& origin_a,
+                                   const Vec3d& origin_b) {
   write_interval(reply, index, a);
   if (reply.flags) reply.flags[index] = a.flags;
   if (reply.point_a) detail::write(reply.point_a, index, origin_a + a.point_a);

@@ -34,15 +34,16 @@ double box_gap(const Scene& scene, const Placement& placement, BodyPair pair) {
 namespace {
 
 // The flags of a pair's bodies, and its answer if that needs no look at the pieces.
-bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyPair pair, const EvaluateOptions& options,
-                           PairAnswer& answer) {
+bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyPair pair,
+                           const EvaluateOptions& options, PairAnswer& answer) {
   if (pair.a >= scene.bodies().size() || pair.b >= scene.bodies().size()) {
     answer = no_answer(Status::kUnknownBody);
     return true;
   }
   const std::uint16_t flags = options.want_flags ? pose_flags(placement, pair, options.stale) : 0;
-  return answer_without_pieces(placement[pair.a].status, placement[pair.b].status, flags, options.cull,
-                               options.limits.max_distance, [&] { return box_gap(scene, placement, pair); }, answer);
+  return answer_without_pieces(
+      placement[pair.a].status, placement[pair.b].status, flags, options.cull, options.limits.max_distance,
+      [&] { return box_gap(scene, placement, pair); }, answer);
 }
 
 // \param answer holds the flags of the bodies; the rest is written here.
@@ -74,13 +75,14 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
   if (limits.signed_distance && best.bounds.upper <= 0 && (a.pieces.size() > 1 || b.pieces.size() > 1))
     answer.flags |= kFlagPieces;
   if (options.want_flags && answer.status != Status::kBeyond &&
-      (answer.lower <= 0 || witness_is_ambiguous(*a.pieces[piece_a], pose_a.R_wb, *b.pieces[piece_b], pose_b.R_wb, best.normal)))
+      (answer.lower <= 0 ||
+       witness_is_ambiguous(*a.pieces[piece_a], pose_a.R_wb, *b.pieces[piece_b], pose_b.R_wb, best.normal)))
     answer.flags |= kFlagNonsmooth;
 }
 
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
-void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness,
-               PairAnswer& answer) {
+void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane,
+               const LaneWitness& witness, PairAnswer& answer) {
   decide_apart(options.limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
   const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
@@ -98,7 +100,8 @@ namespace {
 
 // How many bodies there may be in so many pairs; one in two placements counts as two.
 std::size_t most_bodies(const Scene& scene, std::span<const PlacedBodies> pairs) {
-  const bool one_placement = std::all_of(pairs.begin(), pairs.end(), [&](const PlacedBodies& p) { return p.placement == pairs[0].placement; });
+  const bool one_placement =
+      std::all_of(pairs.begin(), pairs.end(), [&](const PlacedBodies& p) { return p.placement == pairs[0].placement; });
   return one_placement ? std::min(2 * pairs.size(), scene.bodies().size()) : 2 * pairs.size();
 }
 
@@ -129,7 +132,9 @@ void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> a
     });
     if (tasks_.empty()) return;
     found_.resize(tasks_.size() - singles);
-    const auto is_single = [&](const PieceTask& task) { return static_cast<std::size_t>(&task - tasks_.data()) < singles; };
+    const auto is_single = [&](const PieceTask& task) {
+      return static_cast<std::size_t>(&task - tasks_.data()) < singles;
+    };
     batch_.run(
         tasks_,
         [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
@@ -155,9 +160,11 @@ void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> a
 
 void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index) {
   const std::size_t begin = piece_pairs_.size();
-  const std::span<const Aabb> boxes_a = boxes_.at(*bodies.placement, bodies.pair.a), boxes_b = boxes_.at(*bodies.placement, bodies.pair.b);
+  const std::span<const Aabb> boxes_a = boxes_.at(*bodies.placement, bodies.pair.a),
+                              boxes_b = boxes_.at(*bodies.placement, bodies.pair.b);
   for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
-    for (std::uint32_t j = 0; j < boxes_b.size(); ++j) piece_pairs_.push_back({certify_box_gap(boxes_a[i], boxes_b[j]), i, j});
+    for (std::uint32_t j = 0; j < boxes_b.size(); ++j)
+      piece_pairs_.push_back({certify_box_gap(boxes_a[i], boxes_b[j]), i, j});
   std::sort(piece_pairs_.begin() + static_cast<std::ptrdiff_t>(begin), piece_pairs_.end(),
             [](const PiecePair& p, const PiecePair& q) { return goes_before(p, q); });
   searches_.push_back({index, begin, piece_pairs_.size(), 0, {}, {}});
@@ -174,7 +181,8 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
     const PiecePair& p = piece_pairs_[i];
     if (!options_.reference && !state.asks(p.gap, cut_off)) break;
     tasks_.push_back({a.pieces[p.a].get(), b.pieces[p.b].get(), &(*bodies.placement)[bodies.pair.a].pose,
-                      &(*bodies.placement)[bodies.pair.b].pose, cut_off, static_cast<std::uint32_t>(tasks_.size() - singles)});
+                      &(*bodies.placement)[bodies.pair.b].pose, cut_off,
+                      static_cast<std::uint32_t>(tasks_.size() - singles)});
   }
   if (search.asked == 0 && search.next < search.end) state.leave_out(piece_pairs_[search.next].gap);
   return search.asked > 0;

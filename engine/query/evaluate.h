@@ -8,15 +8,15 @@
 
 #include "engine/narrow/answer.h"
 #include "engine/narrow/piece_batch.h"
-#include "engine/query/piece_boxes.h"
 #include "engine/narrow/piece_search.h"
+#include "engine/query/piece_boxes.h"
 #include "engine/query/placement.h"
 
 namespace clearance {
 
 /// What is asked of every pair of a query.
 struct EvaluateOptions : NarrowOptions {
-  bool cull = false;             ///< compare bounding boxes with max_distance first
+  bool cull = false;  ///< compare bounding boxes with max_distance first
   bool want_flags = false;
   std::span<const std::uint8_t> stale;  ///< of each body
 
@@ -43,7 +43,8 @@ struct PlacedBodies {
 /// Answers many pairs, whatever their ids. Each worker has its own.
 class Evaluator {
  public:
-  Evaluator(const Scene& scene, const EvaluateOptions& options) : scene_(scene), options_(options), batch_(options), boxes_(scene) {}
+  Evaluator(const Scene& scene, const EvaluateOptions& options)
+      : scene_(scene), options_(options), batch_(options), boxes_(scene) {}
   void run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
   /// Whether `other` would answer the same pair of the same placement with the same bits.
   bool answers_as(const Evaluator& other) const { return options_ == other.options_; }
@@ -55,7 +56,7 @@ class Evaluator {
     std::size_t next, end;  // of piece_pairs_: not looked at yet
     std::size_t asked;      // of a round: how many wait in tasks_
     PieceSearch state;
-    BodiesAnswer found;     // without the lower bound
+    BodiesAnswer found;  // without the lower bound
   };
   void begin_search(const PlacedBodies& bodies, std::uint32_t index);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);

@@ -1,8 +1,7 @@
-#include "engine/query/job_state.h"
-
 #include <algorithm>
 
 #include "engine/query/box_cull.h"
+#include "engine/query/job_state.h"
 #include "engine/query/parallel_job.h"
 #include "engine/query/reduction.h"
 
@@ -12,10 +11,11 @@ namespace {
 
 constexpr std::uint64_t kBlock = 512, kHeavyBlock = 256;  // pair-configurations that are evaluated at a time
 constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 1024;  // ... that a thread takes at a time, if there are many
-constexpr std::uint64_t kFewest = 64;            // ... if they are few
-constexpr std::uint64_t kSideBySide = 64;        // configurations that a thread has placed at a time
-constexpr std::uint64_t kPlacedBodies = 8192;    // ... and bodies in them
-constexpr std::uint64_t kWholeConfigurations = 16384;  // pairs up to which a reduction is one unit for each configuration
+constexpr std::uint64_t kFewest = 64;                     // ... if they are few
+constexpr std::uint64_t kSideBySide = 64;                 // configurations that a thread has placed at a time
+constexpr std::uint64_t kPlacedBodies = 8192;             // ... and bodies in them
+constexpr std::uint64_t kWholeConfigurations =
+    16384;  // pairs up to which a reduction is one unit for each configuration
 
 // One row for each configuration and pair.
 class DenseJob final : public ParallelJob {
@@ -41,8 +41,7 @@ class DenseJob final : public ParallelJob {
 
   bool advance(std::chrono::nanoseconds budget) override {
     const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
-    const bool done =
-        run_units(next_, units(), deadline, [&](std::uint64_t unit, int worker) { run(unit, worker); });
+    const bool done = run_units(next_, units(), deadline, [&](std::uint64_t unit, int worker) { run(unit, worker); });
     if (done) finish();
     return done;
   }
@@ -86,8 +85,9 @@ class DenseJob final : public ParallelJob {
     Layout(const Plan& plan, bool light, bool cull, int workers) : block(light ? kBlock : kHeavyBlock) {
       const std::uint64_t unit = light ? kUnit : kHeavyUnit;
       const std::uint64_t all_pairs = std::max<std::uint64_t>(plan.size.pairs, 1), moved = plan.moved.size() + 1;
-      configurations = std::clamp<std::uint64_t>(std::min(std::max<std::uint64_t>(unit / all_pairs, 32), kPlacedBodies / moved), 1,
-                                                 std::min(plan.size.configurations, kSideBySide));
+      configurations =
+          std::clamp<std::uint64_t>(std::min(std::max<std::uint64_t>(unit / all_pairs, 32), kPlacedBodies / moved), 1,
+                                    std::min(plan.size.configurations, kSideBySide));
       pairs = std::min(all_pairs, unit / configurations);
       if (plan.size.configurations == 1)
         pairs = std::min(pairs, cull ? std::max(block, all_pairs / (8 * static_cast<std::uint64_t>(workers)))
@@ -111,7 +111,8 @@ class DenseJob final : public ParallelJob {
 
   void run(std::uint64_t unit, int worker) {
     Room& room = rooms_[static_cast<std::size_t>(worker)];
-    const std::uint64_t first = unit / layout_.pair_blocks * layout_.configurations, begin = unit % layout_.pair_blocks * layout_.pairs;
+    const std::uint64_t first = unit / layout_.pair_blocks * layout_.configurations,
+                        begin = unit % layout_.pair_blocks * layout_.pairs;
     const std::uint64_t configurations = std::min(layout_.configurations, plan_.size.configurations - first);
     const std::uint64_t end = std::min(begin + layout_.pairs, plan_.size.pairs);
     const std::span<const Placement> placed = placements(worker, first, configurations);
@@ -137,12 +138,14 @@ class DenseJob final : public ParallelJob {
     evaluators_[static_cast<std::size_t>(worker)].run(room.asked, room.answers);
   }
 
-  // Writes those of the answers in [begin, end) of a room, which are this job's. \param first, pair where their block begins.
+  // Writes those of the answers in [begin, end) of a room, which are this job's. \param first, pair where their block
+  // begins.
   void write_answers(const Room& room, std::size_t begin, std::size_t end, std::uint64_t first, std::uint64_t pair) {
     std::uint64_t evaluated = 0;
     for (std::size_t i = begin; i < end; ++i) {
       const auto [k, at] = room.places[i];
-      write((first + k) * plan_.size.pairs + pair + at, static_cast<std::uint32_t>(first + k), room.asked[i], room.answers[i]);
+      write((first + k) * plan_.size.pairs + pair + at, static_cast<std::uint32_t>(first + k), room.asked[i],
+            room.answers[i]);
       evaluated += reached_narrow_phase(room.answers[i]);
     }
     evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
@@ -154,10 +157,10 @@ class DenseJob final : public ParallelJob {
     context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
   }
 
-  // Adds to what a room asks a block of pairs, from `begin` on, in configurations from `first` on: all but those that boxes
-  // answer.
-  void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const Placement> placed, std::uint64_t first,
-            int worker, Room& room) {
+  // Adds to what a room asks a block of pairs, from `begin` on, in configurations from `first` on: all but those that
+  // boxes answer.
+  void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const Placement> placed,
+            std::uint64_t first, int worker, Room& room) {
     const std::size_t already = room.asked.size();
     const auto ask = [&](std::size_t i, std::size_t k) {
       room.asked.push_back({pairs[i], &placed[k], warm(first + k, begin + i)});
@@ -171,7 +174,8 @@ class DenseJob final : public ParallelJob {
     const std::span<const double> gaps = culls_[static_cast<std::size_t>(worker)].gaps(pairs, placed, first);
     room.near.resize(std::max(room.near.size(), pairs.size()));
     for (std::size_t k = 0; k < placed.size(); ++k) {
-      const std::size_t count = gaps_within(gaps.data() + k * pairs.size(), pairs.size(), plan_.query.max_distance, room.near.data());
+      const std::size_t count =
+          gaps_within(gaps.data() + k * pairs.size(), pairs.size(), plan_.query.max_distance, room.near.data());
       for (std::size_t i = 0; i < count; ++i) ask(room.near[i], k);
     }
     if (room.asked.size() - already == gaps.size()) return;
@@ -194,7 +198,8 @@ class DenseJob final : public ParallelJob {
   std::uint64_t units() const { return layout_.pair_blocks * layout_.configuration_blocks; }
   // One block, whose answers one worker writes at once.
   bool is_small() const {
-    return workers() == 1 && units() == 1 && plan_.size.configurations * plan_.size.pairs <= layout_.block && !options_.reference;
+    return workers() == 1 && units() == 1 && plan_.size.configurations * plan_.size.pairs <= layout_.block &&
+           !options_.reference;
   }
 
   WarmSimplex* warm(std::uint64_t configuration, std::uint64_t pair) const {
@@ -216,11 +221,13 @@ class DenseJob final : public ParallelJob {
 class ReducedJob final : public ParallelJob {
  public:
   ReducedJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
-      : ParallelJob(context, std::move(plan), reply), whole_(plan_.size.pairs <= kWholeConfigurations),
+      : ParallelJob(context, std::move(plan), reply),
+        whole_(plan_.size.pairs <= kWholeConfigurations),
         near_pairs_(scene(), plan_, boxes(), *context.trees, options_.cull ? context.near_by : NearBy::kBrute) {
     columns_.assign(boxes());
     for (int i = 0; i < (whole_ ? workers() : 1); ++i)
-      reductions_.emplace_back(scene(), plan_, options_, Reduction::Boxes{boxes(), columns_, near_pairs_}, whole_ ? 1 : workers());
+      reductions_.emplace_back(scene(), plan_, options_, Reduction::Boxes{boxes(), columns_, near_pairs_},
+                               whole_ ? 1 : workers());
   }
 
   bool advance(std::chrono::nanoseconds budget) override {
@@ -264,9 +271,10 @@ class ReducedJob final : public ParallelJob {
       if (!begun_) r.begin();
       begun_ = true;
       for (; r.stage() != Reduction::kDone; r.end_stage(), next_ = 0) {
-        const bool stage_done = run_units(next_, r.units(), deadline, [&](std::uint64_t unit, int worker) {
-          r.run(unit, worker, placement(worker, first_));
-        }, !r.worth_threads(context_.light));
+        const bool stage_done = run_units(
+            next_, r.units(), deadline,
+            [&](std::uint64_t unit, int worker) { r.run(unit, worker, placement(worker, first_)); },
+            !r.worth_threads(context_.light));
         if (!stage_done) return false;
       }
       write(r.rows(static_cast<std::uint32_t>(first_), placement(0, first_)));

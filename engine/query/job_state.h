@@ -6,19 +6,19 @@
 #include <memory>
 #include <span>
 
-#include "engine/query/near_pairs.h"
-#include "engine/query/job.h"
-#include "engine/query/evaluate.h"
 #include "engine/narrow/lanes.h"
-#include "engine/query/plan.h"
 #include "engine/narrow/warm.h"
+#include "engine/query/evaluate.h"
+#include "engine/query/job.h"
+#include "engine/query/near_pairs.h"
+#include "engine/query/plan.h"
 
 namespace clearance {
 
 namespace cuda {
 class DeviceBackend;  // engine/device/device_job.h
 class Router;         // engine/device/router.h
-}
+}  // namespace cuda
 
 /// What the engine gives each job.
 struct JobContext {
@@ -26,14 +26,14 @@ struct JobContext {
   int threads;
   bool reference;
   const LaneKernel* lanes;
-  bool light;                 ///< all bodies are single pieces: a pair takes well under 1 us, not 10
+  bool light;                                   ///< all bodies are single pieces: a pair takes well under 1 us, not 10
   std::atomic<std::uint64_t>* pairs_evaluated;  ///< the engine's counter
   std::atomic<std::uint64_t>* contradictions;   ///< likewise
   WarmStore* warm = nullptr;
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
-  cuda::DeviceBackend* device = nullptr;        ///< null: the CPU alone
-  cuda::Router* router = nullptr;               ///< null: whatever the device can answer is the device's
+  cuda::DeviceBackend* device = nullptr;  ///< null: the CPU alone
+  cuda::Router* router = nullptr;         ///< null: whatever the device can answer is the device's
 };
 
 struct Job::State {

@@ -12,7 +12,8 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// Measured (docs/results/broad.csv): below so many bodies a probe's walk through a tree takes longer than comparing all.
+// Measured (docs/results/broad.csv): below so many bodies a probe's walk through a tree takes longer than comparing
+// all.
 constexpr std::uint64_t kTreeFromBodies = 64;
 // A walk through a tree takes as long as comparing so many pairs of boxes.
 constexpr std::uint64_t kPairsPerWalk = 32;

@@ -1,9 +1,9 @@
 // Which pairs of a query may be near, without a look at each: a tree over the bodies' boxes where it pays.
 //
-// The pairs are found by probes: bodies of which every pair of the query has one. Of a scene's whole table all bodies ask;
-// of moved bodies or a group against everything, those few do. A probe looks among bodies that stay where the snapshot has
-// them, in a tree that the engine keeps from query to query, and among those that a configuration moves, in a tree of the
-// worker's own.
+// The pairs are found by probes: bodies of which every pair of the query has one. Of a scene's whole table all bodies
+// ask; of moved bodies or a group against everything, those few do. A probe looks among bodies that stay where the
+// snapshot has them, in a tree that the engine keeps from query to query, and among those that a configuration moves,
+// in a tree of the worker's own.
 #pragma once
 
 #include <cstdint>
@@ -24,12 +24,12 @@ enum class NearBy { kAuto, kBrute, kTree };
 /// "auto", "brute" or "tree"; throws std::invalid_argument for another name.
 NearBy near_by_name(std::string_view name);
 
-/// The policy of kAuto: whether a tree is expected to be faster than comparing the boxes of all pairs, eight at a time. Measured by
-/// clearance-broad (docs/performance.md).
+/// The policy of kAuto: whether a tree is expected to be faster than comparing the boxes of all pairs, eight at a time.
+/// Measured by clearance-broad (docs/performance.md).
 bool tree_pays(std::uint64_t bodies, std::uint64_t pairs, std::uint64_t probes);
 
-/// The trees of the last queries, which fit to the next ones if bodies have moved but a little. Thread-safe; a tree belongs
-/// to one job at a time.
+/// The trees of the last queries, which fit to the next ones if bodies have moved but a little. Thread-safe; a tree
+/// belongs to one job at a time.
 class BoxTreeStore {
  public:
   static constexpr std::size_t kTrees = 4;  ///< of jobs that ran at a time; about 60 bytes a body each
@@ -61,7 +61,7 @@ class NearPairs {
   bool by_tree() const { return tree_ != nullptr; }
   /// Whether the pairs are all of the scene's table, and nothing moves.
   bool whole_table() const { return table_ != nullptr; }
-  const BoxTree& tree() const { return *tree_; }          ///< of bodies that stay
+  const BoxTree& tree() const { return *tree_; }                     ///< of bodies that stay
   std::span<const std::uint32_t> probes() const { return probes_; }  ///< neighbours near each other
   bool asks(std::uint32_t body) const { return asks_[body]; }
   /// Where the query has a pair, in either order; kNowhere: it does not ask for it.
@@ -101,11 +101,11 @@ class TreeSearch {
   };
   /// The least of `best` and of the query's pairs of a body.
   Seed nearest(std::uint32_t body, Seed best) const;
-  /// Appends where the query has the pairs of a probe whose gap is <= margin. \param all false: only those that no other
-  /// probe finds as well.
+  /// Appends where the query has the pairs of a probe whose gap is <= margin. \param all false: only those that no
+  /// other probe finds as well.
   void around(std::uint32_t body, double margin, bool all, std::vector<std::uint64_t>& positions) const;
-  /// Appends where a whole table has the pairs of a body in blocks [first, last) of the tree and a body there or in a later
-  /// one, whose gap is <= margin.
+  /// Appends where a whole table has the pairs of a body in blocks [first, last) of the tree and a body there or in a
+  /// later one, whose gap is <= margin.
   void pairs(std::uint32_t first, std::uint32_t last, double margin, std::vector<std::uint64_t>& positions);
 
  private:
@@ -119,7 +119,7 @@ class TreeSearch {
   std::uint64_t stood_at_ = 0;  // meaningful if there is a placement
   std::vector<std::uint32_t> unplaced_, slots_;
   std::size_t staying_unplaced_ = 0;  // of unplaced_, the first
-  std::vector<Aabb> boxes_;  // of plan_.moved
+  std::vector<Aabb> boxes_;           // of plan_.moved
   BoxTree moving_;
   std::vector<BodyPair> room_;
 };

@@ -8,8 +8,8 @@
 #include <limits>
 #include <vector>
 
-#include "engine/query/columns.h"
 #include "engine/base/fp_environment.h"
+#include "engine/query/columns.h"
 #include "engine/query/job_state.h"
 
 namespace clearance {
@@ -56,7 +56,8 @@ class ParallelJob : public Job::State {
     info.snapshot_revision = snapshot.revision;
     info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
     info.snapshot_sequence = snapshot.newest_sequence;
-    info.scene_revision = q.scene_revision ? q.scene_revision : snapshot.scene_revision;  // for both the answer is the same
+    info.scene_revision =
+        q.scene_revision ? q.scene_revision : snapshot.scene_revision;  // for both the answer is the same
     info.oldest_receipt_ns = snapshot.oldest_receipt_ns;
     if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = begun_ns_ - snapshot.oldest_receipt_ns;
   }
@@ -93,8 +94,9 @@ class ParallelJob : public Job::State {
               pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);
   }
 
-  // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed. \param alone without
-  // waking threads, which takes as long as some microseconds of work, and far longer where others use the cores.
+  // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed. \param alone
+  // without waking threads, which takes as long as some microseconds of work, and far longer where others use the
+  // cores.
   template <class Unit>
   bool run_units(std::uint64_t& next, std::uint64_t count, Clock::time_point deadline, Unit unit, bool alone = false) {
     const bool unbounded = deadline == Clock::time_point::max();

@@ -12,14 +12,14 @@
 
 namespace clearance {
 
-/// Remembers the boxes it made last: a body of several pieces meets many others in one configuration. Each worker has its
-/// own.
+/// Remembers the boxes it made last: a body of several pieces meets many others in one configuration. Each worker has
+/// its own.
 class PieceBoxes {
  public:
   explicit PieceBoxes(const Scene& scene) : scene_(scene) {}
 
-  /// Boxes of so many bodies are about to be asked for: room is made for them, up to a bound, and what was remembered may be
-  /// forgotten. A few bodies would not pay for the room that thousands want.
+  /// Boxes of so many bodies are about to be asked for: room is made for them, up to a bound, and what was remembered
+  /// may be forgotten. A few bodies would not pay for the room that thousands want.
   void expect(std::size_t bodies) {
     const std::size_t slots = std::clamp(std::bit_ceil(2 * bodies), kFewestSlots, kMostSlots);
     if (slots > slots_.size()) slots_ = std::vector<Slot>(slots);
@@ -28,7 +28,8 @@ class PieceBoxes {
   /// A box for each piece of a body that has a usable pose; valid until the next call but one.
   std::span<const Aabb> at(const Placement& placement, std::uint32_t body) {
     if (slots_.empty()) expect(1);
-    const std::size_t home = (reinterpret_cast<std::uintptr_t>(&placement) / sizeof(Placement) * 64 + body) % (slots_.size() / 2) * 2;
+    const std::size_t home =
+        (reinterpret_cast<std::uintptr_t>(&placement) / sizeof(Placement) * 64 + body) % (slots_.size() / 2) * 2;
     for (std::size_t i = home; i < home + 2; ++i)
       if (slots_[i].holds(placement, body)) {
         slots_[i].used = ++count_;
@@ -41,7 +42,8 @@ class PieceBoxes {
     slot.used = ++count_;
     slot.boxes.clear();
     const PlacedPose& pose = placement[body].pose;
-    for (const PiecePtr& piece : scene_.bodies()[body].pieces) slot.boxes.push_back(certify_box(*piece, pose.R_wb, pose.t_w));
+    for (const PiecePtr& piece : scene_.bodies()[body].pieces)
+      slot.boxes.push_back(certify_box(*piece, pose.R_wb, pose.t_w));
     return slot.boxes;
   }
 

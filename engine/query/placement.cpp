@@ -7,7 +7,8 @@ namespace clearance {
 Aabb body_box(const Body& body, const BodyPlacement& placement) {
   Aabb box = kEmptyBox;
   if (placement.status != Status::kOk) return box;
-  for (const PiecePtr& piece : body.pieces) box = joined(box, certify_box(*piece, placement.pose.R_wb, placement.pose.t_w));
+  for (const PiecePtr& piece : body.pieces)
+    box = joined(box, certify_box(*piece, placement.pose.R_wb, placement.pose.t_w));
   return box;
 }
 

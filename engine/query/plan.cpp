@@ -24,17 +24,22 @@ BodyPair PairList::at(std::uint64_t position) const {
 
 namespace {
 
-[[noreturn]] void refuse(const std::string& what) { throw QueryError(QueryErrorCode::kBadQuery, what); }
+[[noreturn]] void refuse(const std::string& what) {
+  throw QueryError(QueryErrorCode::kBadQuery, what);
+}
 
 void check_numbers(const QueryView& q) {
   if (!(q.max_distance >= 0)) refuse("max_distance: expected metres >= 0, got " + std::to_string(q.max_distance));
-  if (!(q.abs_tol >= 0) || std::isinf(q.abs_tol)) refuse("abs_tol: expected metres >= 0, got " + std::to_string(q.abs_tol));
-  if (std::isnan(q.rel_tol) || q.rel_tol >= 1) refuse("rel_tol: expected a ratio below 1, got " + std::to_string(q.rel_tol));
+  if (!(q.abs_tol >= 0) || std::isinf(q.abs_tol))
+    refuse("abs_tol: expected metres >= 0, got " + std::to_string(q.abs_tol));
+  if (std::isnan(q.rel_tol) || q.rel_tol >= 1)
+    refuse("rel_tol: expected a ratio below 1, got " + std::to_string(q.rel_tol));
   if (q.precision > Precision::kF32) refuse("precision: unknown value " + std::to_string(int(q.precision)));
   if (q.reduce > Reduce::kMin) refuse("reduce: unknown value " + std::to_string(int(q.reduce)));
   if (q.format > Format::kCompact) refuse("format: unknown value " + std::to_string(int(q.format)));
   if (q.fields >= 1u << kFieldCount) refuse("fields: unknown bits in " + std::to_string(q.fields));
-  if (q.max_pose_age_ns < 0) refuse("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
+  if (q.max_pose_age_ns < 0)
+    refuse("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
 }
 
 std::vector<std::uint32_t> members(std::uint32_t selector, const Scene& scene, std::size_t position) {
@@ -54,8 +59,8 @@ std::vector<std::uint32_t> members(std::uint32_t selector, const Scene& scene, s
   return all;
 }
 
-// Pairs of bodies that the groups of one query may name together: as many as the largest request could name itself. A few
-// bytes would fill memory otherwise.
+// Pairs of bodies that the groups of one query may name together: as many as the largest request could name itself. A
+// few bytes would fill memory otherwise.
 constexpr std::uint64_t kMaxNamedByGroups = std::uint64_t{1} << 25;
 
 void check_named_by_groups(std::span<const BodyPair> pairs, const Scene& scene) {
@@ -69,9 +74,10 @@ void check_named_by_groups(std::span<const BodyPair> pairs, const Scene& scene) 
     const std::uint64_t as = count(pairs[i].a), bs = count(pairs[i].b);
     named += (pairs[i].a | pairs[i].b) & kGroupBit ? std::max(as * bs, as + bs) : 1;  // looking them up takes time, too
     if (named > kMaxNamedByGroups)
-      throw QueryError(QueryErrorCode::kTooLarge,
-                       "pairs[" + std::to_string(i) + "]: with it groups name " + std::to_string(named) + " pairs, more than the " +
-                           std::to_string(kMaxNamedByGroups) + " of one query: split it, or ask about all pairs");
+      throw QueryError(QueryErrorCode::kTooLarge, "pairs[" + std::to_string(i) + "]: with it groups name " +
+                                                      std::to_string(named) + " pairs, more than the " +
+                                                      std::to_string(kMaxNamedByGroups) +
+                                                      " of one query: split it, or ask about all pairs");
   }
 }
 
@@ -100,7 +106,8 @@ std::vector<BodyPair> expand(const QueryView& q, const Scene& scene, const PairT
 }
 
 // In lexicographic order: a moved body with all that follow it, another one with the moved that follow it.
-std::vector<BodyPair> pairs_of_moved(const std::vector<std::uint32_t>& moved, const Scene& scene, const PairTable& table) {
+std::vector<BodyPair> pairs_of_moved(const std::vector<std::uint32_t>& moved, const Scene& scene,
+                                     const PairTable& table) {
   const auto n = static_cast<std::uint32_t>(scene.bodies().size());
   std::vector<std::uint32_t> ascending(moved);
   std::sort(ascending.begin(), ascending.end());
@@ -120,18 +127,21 @@ std::vector<BodyPair> pairs_of_moved(const std::vector<std::uint32_t>& moved, co
 }
 
 std::uint32_t written_fields(const QueryView& q) {
-  constexpr std::uint32_t kPacked = kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal | kFieldGradient;
-  std::uint32_t fields = q.format == Format::kCompact ? (q.fields & ~kPacked) | kFieldCompact : q.fields & ~kFieldCompact;
+  constexpr std::uint32_t kPacked =
+      kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal | kFieldGradient;
+  std::uint32_t fields =
+      q.format == Format::kCompact ? (q.fields & ~kPacked) | kFieldCompact : q.fields & ~kFieldCompact;
   if (q.reduce != Reduce::kNone) fields |= kFieldPair;
   if (q.reduce == Reduce::kWithin) fields |= kFieldConfiguration;
   return fields;
 }
 
-// All pairs have changed whatever has, and with a body more or less there is a row more or less for the nearest of each.
+// All pairs have changed whatever has, and with a body more or less there is a row more or less for the nearest of
+// each.
 bool still_means(const QueryView& query, const PoseSnapshot& snapshot, const Scene& scene) {
-  return !query.all_pairs &&
-         snapshot.history->still_means(
-             {query.scene_revision, query.bodies, query.pairs, query.reduce == Reduce::kNearest}, snapshot.scene_changes, scene);
+  return !query.all_pairs && snapshot.history->still_means(
+                                 {query.scene_revision, query.bodies, query.pairs, query.reduce == Reduce::kNearest},
+                                 snapshot.scene_changes, scene);
 }
 
 }  // namespace
@@ -163,15 +173,17 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
   if (with_configurations) {
     const std::uint64_t wanted = std::uint64_t{query.configuration_count} * query.bodies.size();
     if (query.configurations.size() != wanted)
-      refuse("configurations: expected " + std::to_string(wanted) + " poses (" + std::to_string(query.configuration_count) +
-             " x " + std::to_string(query.bodies.size()) + "), got " + std::to_string(query.configurations.size()));
+      refuse("configurations: expected " + std::to_string(wanted) + " poses (" +
+             std::to_string(query.configuration_count) + " x " + std::to_string(query.bodies.size()) + "), got " +
+             std::to_string(query.configurations.size()));
     plan.configurations = query.configurations;
   }
 
   const PairTable& table = *plan.snapshot->pairs;
   plan.moved = plan.snapshot->with_followers(plan.bodies);
   const bool every = query.pairs.size() == 1 && query.pairs[0] == BodyPair{kEveryBody, kEveryBody};
-  if (!query.all_pairs && !(query.bodies.empty() && (every || table.is(query.pairs))))  // who sends the table back means all of it
+  if (!query.all_pairs &&
+      !(query.bodies.empty() && (every || table.is(query.pairs))))  // who sends the table back means all of it
     plan.pairs = PairList(expand(query, scene, table));
   else if (!query.bodies.empty())
     plan.pairs = PairList(pairs_of_moved(plan.moved, scene, table));
@@ -192,8 +204,8 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
   if (query.reduce == Reduce::kWithin) size.rows = std::min(size.rows, query.max_results);
   if (size.rows > max_rows)
     throw QueryError(QueryErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations x " +
-                                                    std::to_string(per_configuration) + " rows are more than the limit of " +
-                                                    std::to_string(max_rows));
+                                                    std::to_string(per_configuration) +
+                                                    " rows are more than the limit of " + std::to_string(max_rows));
   return plan;
 }
 

@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "engine/scene/pose_store.h"
 #include "engine/query/query.h"
+#include "engine/scene/pose_store.h"
 
 namespace clearance {
 
@@ -35,7 +35,7 @@ struct Plan {
   std::vector<std::uint32_t> bodies;     ///< (M,)
   std::span<const Pose> configurations;  ///< (K, M); the caller's until they are kept
   std::vector<Pose> kept_configurations;
-  std::vector<std::uint32_t> moved;      ///< bodies and their followers, parents first
+  std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first
   std::shared_ptr<const PoseSnapshot> snapshot;
   PairList pairs;
   QuerySize size;

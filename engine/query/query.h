@@ -6,18 +6,17 @@
 #include <span>
 #include <string_view>
 
-#include "wire/types.h"
 #include "engine/base/body_pair.h"
 #include "engine/base/query_error.h"
 #include "engine/pose/pose.h"
+#include "wire/types.h"
 
 namespace clearance {
 
-
 /// A batch of minimum-distance questions. Views must stay valid until the job is done.
 struct QueryView {
-  /// Pairs to answer, in this order; a selector pair expands to its enabled pairs in lexicographic order. Read only when
-  /// `all_pairs` is false.
+  /// Pairs to answer, in this order; a selector pair expands to its enabled pairs in lexicographic order. Read only
+  /// when `all_pairs` is false.
   std::span<const BodyPair> pairs;
   /// Answer every enabled pair; with configurations, every enabled pair with at least one moved body.
   bool all_pairs = true;
@@ -29,29 +28,31 @@ struct QueryView {
   std::span<const Pose> configurations;   ///< (K, M) poses; of a body with a parent: relative to the parent
 
   double max_distance = std::numeric_limits<double>::infinity();  ///< metres; pairs proved farther are kBeyond
-  double abs_tol = 0.0;    ///< metres; wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
-  double rel_tol = -1.0;   ///< ratio; negative: the default of the precision (1e-6 float64, 1e-4 float32)
+  double abs_tol = 0.0;   ///< metres; wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
+  double rel_tol = -1.0;  ///< ratio; negative: the default of the precision (1e-6 float64, 1e-4 float32)
   Precision precision = Precision::kF64;
   bool signed_distance = false;  ///< also the penetration depth of overlapping pairs
   Reduce reduce = Reduce::kNone;
   Format format = Format::kFull;
-  std::uint32_t fields = kDefaultFields;   ///< Field bits
-  std::uint64_t max_results = 1u << 20;    ///< rows of Reduce::kWithin that may come back
-  std::int64_t max_pose_age_ns = 0;        ///< older poses set kFlagStale; 0: never
-  std::uint64_t scene_revision = 0;        ///< the scene the caller knows, whose bodies and pairs are meant; 0: any
+  std::uint32_t fields = kDefaultFields;  ///< Field bits
+  std::uint64_t max_results = 1u << 20;   ///< rows of Reduce::kWithin that may come back
+  std::int64_t max_pose_age_ns = 0;       ///< older poses set kFlagStale; 0: never
+  std::uint64_t scene_revision = 0;       ///< the scene the caller knows, whose bodies and pairs are meant; 0: any
   /// Warm state of this client; 0: none (answers repeat bit for bit). The CPU's reductions begin cold all the same.
   std::uint64_t warm_slot = 0;
 };
 
 /// The default relative tolerance of a precision.
-constexpr double default_rel_tol(Precision p) { return p == Precision::kF32 ? 1e-4 : 1e-6; }
+constexpr double default_rel_tol(Precision p) {
+  return p == Precision::kF32 ? 1e-4 : 1e-6;
+}
 
 /// How large the answer to a query is.
 struct QuerySize {
   std::uint64_t configurations = 0;  ///< K, at least 1
   std::uint64_t pairs = 0;           ///< P, after selectors are expanded
   std::uint64_t rows = 0;            ///< rows to make room for (Reduce::kWithin: the most that may come back)
-  std::uint32_t fields = 0;          ///< columns that will be written, after the query's format and reduction have their say
+  std::uint32_t fields = 0;  ///< columns that will be written, after the query's format and reduction have their say
 };
 
 /// Caller-owned columns, each of at least QuerySize::rows rows; a null column is not written.
@@ -72,23 +73,23 @@ struct ReplyView {
   CompactAnswer* compact = nullptr;        ///< (rows,)
 };
 
-/// A view of columns laid out one after another in the order of Field, each starting on a 64-byte boundary: the layout of
-/// a reply on the wire and of the engine's own buffers. With `base` null only the size is computed.
+/// A view of columns laid out one after another in the order of Field, each starting on a 64-byte boundary: the layout
+/// of a reply on the wire and of the engine's own buffers. With `base` null only the size is computed.
 /// \param rows rows of each column. \param fields Field bits. \param bytes receives the size of the block, if not null.
 ReplyView reply_view_over(std::byte* base, std::uint64_t rows, std::uint32_t fields, std::uint64_t* bytes = nullptr);
 
 /// What is known about the whole answer once the job is done.
 struct ReplyInfo {
-  std::uint64_t rows = 0;                 ///< rows written
-  std::uint64_t total = 0;                ///< Reduce::kWithin: pairs found, also those past max_results; else rows
-  std::uint64_t snapshot_revision = 0;    ///< of the poses
-  std::int64_t snapshot_stamp_ns = 0;     ///< newest publisher's stamp among the poses
-  std::int64_t snapshot_sequence = 0;     ///< its publisher's count of the update that brought that stamp; 0: not counted
-  std::int64_t oldest_receipt_ns = 0;     ///< oldest monotonic receipt among poses of movable bodies; 0: none
-  std::int64_t pose_age_ns = -1;          ///< from that receipt to the query's begin, which kFlagStale goes by; -1: none
+  std::uint64_t rows = 0;               ///< rows written
+  std::uint64_t total = 0;              ///< Reduce::kWithin: pairs found, also those past max_results; else rows
+  std::uint64_t snapshot_revision = 0;  ///< of the poses
+  std::int64_t snapshot_stamp_ns = 0;   ///< newest publisher's stamp among the poses
+  std::int64_t snapshot_sequence = 0;   ///< its publisher's count of the update that brought that stamp; 0: not counted
+  std::int64_t oldest_receipt_ns = 0;   ///< oldest monotonic receipt among poses of movable bodies; 0: none
+  std::int64_t pose_age_ns = -1;        ///< from that receipt to the query's begin, which kFlagStale goes by; -1: none
   std::uint64_t scene_revision = 0;
-  std::uint64_t pairs_evaluated = 0;      ///< pair-configurations that boxes alone did not answer
-  std::string_view backend;               ///< that answered: "cpu", "cuda" or "reference"
+  std::uint64_t pairs_evaluated = 0;  ///< pair-configurations that boxes alone did not answer
+  std::string_view backend;           ///< that answered: "cpu", "cuda" or "reference"
 };
 
 }  // namespace clearance

@@ -13,17 +13,22 @@ constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
 constexpr std::uint64_t kProbes = 64;     // bodies whose pairs one unit looks for in a tree
 constexpr std::uint64_t kTreeBlocks = 8;  // ... or blocks of such
 constexpr std::uint64_t kEvaluate = 256;  // pairs that one unit answers
-constexpr std::uint64_t kAtFirst = 8;     // of them, where the first that overlaps ends it; then twice as many, and so on
+constexpr std::uint64_t kAtFirst = 8;  // of them, where the first that overlaps ends it; then twice as many, and so on
 
 // What takes one thread a tenth of a millisecond or more.
 constexpr std::uint64_t kManyProbes = 512, kManyPairs = 65536, kManyAnswers = 1024;
 
-std::uint64_t blocks(std::uint64_t count, std::uint64_t size) { return (count + size - 1) / size; }
+std::uint64_t blocks(std::uint64_t count, std::uint64_t size) {
+  return (count + size - 1) / size;
+}
 
 }  // namespace
 
-Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes, int workers)
-    : scene_(scene), plan_(plan), options_(options),
+Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes,
+                     int workers)
+    : scene_(scene),
+      plan_(plan),
+      options_(options),
       groups_(plan.query.reduce == Reduce::kNearest ? scene.bodies().size() : 1),
       near_pairs_(boxes.near_pairs),
       have_boxes_(!boxes.all.empty()),
@@ -67,10 +72,14 @@ std::uint64_t Reduction::units() const {
     case kScan:
       if (by_tree_ && near_pairs_.whole_table() && !per_body()) return blocks(near_pairs_.tree().blocks(), kTreeBlocks);
       [[fallthrough]];
-    case kSeedScan: return by_tree_ ? blocks(near_pairs_.probes().size(), kProbes) : blocks(plan_.pairs.size(), kBlock);
-    case kSeeds: return blocks(seeds_.size(), kEvaluate);
-    case kCandidates: return blocks(candidates_.size(), kEvaluate);
-    case kDone: break;
+    case kSeedScan:
+      return by_tree_ ? blocks(near_pairs_.probes().size(), kProbes) : blocks(plan_.pairs.size(), kBlock);
+    case kSeeds:
+      return blocks(seeds_.size(), kEvaluate);
+    case kCandidates:
+      return blocks(candidates_.size(), kEvaluate);
+    case kDone:
+      break;
   }
   return 0;
 }
@@ -79,10 +88,14 @@ bool Reduction::worth_threads(bool light) const {
   const std::uint64_t many_answers = light ? kManyAnswers : kManyAnswers / 16;
   switch (stage_) {
     case kSeedScan:
-    case kScan: return by_tree_ ? near_pairs_.probes().size() >= kManyProbes : plan_.pairs.size() >= kManyPairs;
-    case kSeeds: return seeds_.size() >= many_answers;
-    case kCandidates: return candidates_.size() >= many_answers;
-    case kDone: break;
+    case kScan:
+      return by_tree_ ? near_pairs_.probes().size() >= kManyProbes : plan_.pairs.size() >= kManyPairs;
+    case kSeeds:
+      return seeds_.size() >= many_answers;
+    case kCandidates:
+      return candidates_.size() >= many_answers;
+    case kDone:
+      break;
   }
   return false;
 }
@@ -90,8 +103,10 @@ bool Reduction::worth_threads(bool light) const {
 void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) {
   switch (stage_) {
     case kSeedScan:
-      return by_tree_ ? seed_scan_by_tree(unit, workers_[worker], placement) : seed_scan(unit, workers_[worker], placement);
-    case kScan: return by_tree_ ? scan_by_tree(unit, workers_[worker], placement) : scan(unit, workers_[worker], placement);
+      return by_tree_ ? seed_scan_by_tree(unit, workers_[worker], placement)
+                      : seed_scan(unit, workers_[worker], placement);
+    case kScan:
+      return by_tree_ ? scan_by_tree(unit, workers_[worker], placement) : scan(unit, workers_[worker], placement);
     case kSeeds:
     case kCandidates: {
       const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
@@ -121,12 +136,14 @@ void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) 
       }
       return;
     }
-    case kDone: return;
+    case kDone:
+      return;
   }
 }
 
 // box_gap() of each.
-std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerState& worker, const Placement& placement) const {
+std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerState& worker,
+                                        const Placement& placement) const {
   if (have_boxes_) return worker.cull.gaps(pairs, {&placement, 1}, placement.configuration());
   worker.gaps.resize(pairs.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) worker.gaps[i] = box_gap(scene_, placement, pairs[i]);
@@ -195,7 +212,9 @@ void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) c
       }
     return;
   }
-  const auto asked = [&](std::uint32_t a, std::uint32_t b) { return near_pairs_.position(a, b) != NearPairs::kNowhere; };
+  const auto asked = [&](std::uint32_t a, std::uint32_t b) {
+    return near_pairs_.position(a, b) != NearPairs::kNowhere;
+  };
   for (const std::uint32_t bad : unplaced) {
     if (!within()) {
       worker.incomplete[per_body() ? bad : 0] |= near_pairs_.first_position(bad) != NearPairs::kNowhere;
@@ -207,7 +226,8 @@ void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) c
   }
   if (!per_body()) return;
   for (std::uint32_t b = 0; b < n; ++b)
-    if (std::any_of(unplaced.begin(), unplaced.end(), [&](std::uint32_t bad) { return asked(bad, b); })) worker.incomplete[b] = 1;
+    if (std::any_of(unplaced.begin(), unplaced.end(), [&](std::uint32_t bad) { return asked(bad, b); }))
+      worker.incomplete[b] = 1;
 }
 
 void Reduction::end_stage() {
@@ -229,8 +249,8 @@ void Reduction::end_stage() {
       cutoff_.assign(groups_, kInf);
       for (std::size_t i = 0; i < seeds_.size(); ++i)
         for_groups(seed_pairs_[i], [&](std::uint32_t g) {
-          // A seed whose boxes alone are beyond max_distance: none with boxes farther apart lowers the interval or wins.
-          // Boxes that touch do not say how deep an overlap is: its depth cuts nothing off.
+          // A seed whose boxes alone are beyond max_distance: none with boxes farther apart lowers the interval or
+          // wins. Boxes that touch do not say how deep an overlap is: its depth cuts nothing off.
           const PairAnswer& seed = seed_answers_[i];
           const bool beyond_by_boxes = seed.status == Status::kBeyond && seed.upper == kInf;
           cutoff_[g] = std::min(cutoff_[g], beyond_by_boxes ? seed.lower : std::max(seed.upper, 0.0));
@@ -244,15 +264,18 @@ void Reduction::end_stage() {
       }
       std::sort(candidates_.begin(), candidates_.end());
       candidates_.erase(std::unique(candidates_.begin(), candidates_.end()), candidates_.end());
-      candidates_.erase(std::remove_if(candidates_.begin(), candidates_.end(),
-                                       [&](std::uint64_t p) { return std::binary_search(seeds_.begin(), seeds_.end(), p); }),
-                        candidates_.end());
+      candidates_.erase(
+          std::remove_if(candidates_.begin(), candidates_.end(),
+                         [&](std::uint64_t p) { return std::binary_search(seeds_.begin(), seeds_.end(), p); }),
+          candidates_.end());
       candidate_pairs_.resize(candidates_.size());
       candidate_answers_.resize(candidates_.size());
       stage_ = kCandidates;
       break;
     case kCandidates:
-    case kDone: stage_ = kDone; break;
+    case kDone:
+      stage_ = kDone;
+      break;
   }
 }
 
@@ -266,7 +289,8 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
   std::vector<Row> rows;
   if (within()) {
     for (std::size_t i = 0; i < candidates_.size(); ++i)
-      if (candidate_answers_[i].status != Status::kBeyond) rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i]));
+      if (candidate_answers_[i].status != Status::kBeyond)
+        rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i]));
     return rows;
   }
   struct Best {
@@ -277,20 +301,23 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
   std::vector<Best> best(groups_);
   const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
     const bool usable = !std::isnan(answer.distance);
-    const double lower = usable && !options_.reference ? lower_with_box(answer.lower, box_gap(scene_, placement, pair)) : answer.lower;
+    const double lower =
+        usable && !options_.reference ? lower_with_box(answer.lower, box_gap(scene_, placement, pair)) : answer.lower;
     for_groups(pair, [&](std::uint32_t g) {
       Best& b = best[g];
       if (!usable) incomplete_[g] = 1;
       if (usable) b.lower = std::min(b.lower, lower);
       const bool had_usable = b.winner && !std::isnan(b.winner->distance);
-      const bool better = !b.winner || (usable && !had_usable) ||
-                          (usable == had_usable && std::tuple(answer.upper, nearest_beyond(answer), position) <
-                                                       std::tuple(b.winner->upper, nearest_beyond(*b.winner), b.position));
+      const bool better =
+          !b.winner || (usable && !had_usable) ||
+          (usable == had_usable && std::tuple(answer.upper, nearest_beyond(answer), position) <
+                                       std::tuple(b.winner->upper, nearest_beyond(*b.winner), b.position));
       if (better) b = {position, &answer, b.lower};
     });
   };
   for (std::size_t i = 0; i < seeds_.size(); ++i) offer(seeds_[i], seed_pairs_[i], seed_answers_[i]);
-  for (std::size_t i = 0; i < candidates_.size(); ++i) offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
+  for (std::size_t i = 0; i < candidates_.size(); ++i)
+    offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
   for (std::size_t g = 0; g < groups_; ++g) {
     const Best& b = best[g];
     if (!b.winner) {

@@ -5,27 +5,28 @@
 #include <vector>
 
 #include "engine/query/box_cull.h"
-#include "engine/query/near_pairs.h"
 #include "engine/query/columns.h"
 #include "engine/query/evaluate.h"
+#include "engine/query/near_pairs.h"
 #include "engine/query/plan.h"
 
 namespace clearance {
 
-/// Works in stages, each a number of independent units, so that a large configuration can be sliced and spread over threads
-/// and a small one run by one thread. First the pair of least box distance of each group is evaluated (a group: the pairs of
-/// a body, or all); then every pair whose boxes are not farther than the upper bound found so. A pair left out has
-/// lower > that upper bound, so that it can neither win nor lower the interval (see lower_with_box()): a result depends
-/// neither on order nor on which of the far pairs are left out. Of all pairs the first that overlaps wins where no depth is
-/// asked for: pairs behind it are left out as well.
+/// Works in stages, each a number of independent units, so that a large configuration can be sliced and spread over
+/// threads and a small one run by one thread. First the pair of least box distance of each group is evaluated (a group:
+/// the pairs of a body, or all); then every pair whose boxes are not farther than the upper bound found so. A pair left
+/// out has lower > that upper bound, so that it can neither win nor lower the interval (see lower_with_box()): a result
+/// depends neither on order nor on which of the far pairs are left out. Of all pairs the first that overlaps wins where
+/// no depth is asked for: pairs behind it are left out as well.
 class Reduction {
  public:
   enum Stage { kSeedScan, kSeeds, kScan, kCandidates, kDone };
 
-  /// \param boxes where the pairs' boxes are; must outlive this. \param workers how many may run units of one stage at a time.
+  /// \param boxes where the pairs' boxes are; must outlive this. \param workers how many may run units of one stage at
+  /// a time.
   struct Boxes {
-    std::span<const Aabb> all;   ///< in the snapshot; empty: not made
-    const BoxColumns& columns;   ///< the same
+    std::span<const Aabb> all;  ///< in the snapshot; empty: not made
+    const BoxColumns& columns;  ///< the same
     const NearPairs& near_pairs;
   };
   Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes, int workers);
@@ -34,7 +35,8 @@ class Reduction {
   void begin();
   Stage stage() const { return stage_; }
   std::uint64_t units() const;
-  /// Whether the current stage is so much work that several threads pay. \param light an answer takes well under 1 us, not 10.
+  /// Whether the current stage is so much work that several threads pay. \param light an answer takes well under 1 us,
+  /// not 10.
   bool worth_threads(bool light) const;
   /// Runs one unit of the current stage. The placement must be configured.
   void run(std::uint64_t unit, int worker, const Placement& placement);
@@ -50,10 +52,10 @@ class Reduction {
     WorkerState(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes)
         : evaluator(scene, options), cull(scene, boxes.all, boxes.columns), search(scene, plan, boxes.near_pairs) {}
 
-    std::vector<Seed> seed;                  // of each group
-    std::vector<std::uint8_t> incomplete;    // of each group
-    std::vector<std::uint64_t> candidates;   // positions
-    std::uint64_t evaluated = 0;             // pairs
+    std::vector<Seed> seed;                 // of each group
+    std::vector<std::uint8_t> incomplete;   // of each group
+    std::vector<std::uint64_t> candidates;  // positions
+    std::uint64_t evaluated = 0;            // pairs
     std::vector<BodyPair> room;
     std::vector<PlacedBodies> asked;
     std::vector<double> gaps;
@@ -85,7 +87,7 @@ class Reduction {
   Stage stage_ = kDone;
   std::vector<WorkerState> workers_;
   std::vector<std::uint8_t> incomplete_;
-  std::vector<double> cutoff_;                   // of each group
+  std::vector<double> cutoff_;                     // of each group
   std::vector<std::uint64_t> seeds_, candidates_;  // positions, ascending
   std::vector<BodyPair> seed_pairs_, candidate_pairs_;
   std::vector<PairAnswer> seed_answers_, candidate_answers_;

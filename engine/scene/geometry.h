@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "engine/hull/shapes.h"
 #include "engine/mesh/mesh.h"
 #include "engine/scene/scene.h"
-#include "engine/hull/shapes.h"
 
 namespace clearance {
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "engine/cache/cache.h"
-#include "engine/scene/geometry.h"
 #include "engine/mesh/mesh.h"
+#include "engine/scene/geometry.h"
 
 namespace clearance {
 

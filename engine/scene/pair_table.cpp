@@ -28,7 +28,8 @@ PairTable::PairTable(const Scene& scene, std::span<const std::uint32_t> parents)
   for (std::uint32_t i = 0; i < bodies_; ++i) {
     for (; next < excluded.size() && excluded[next].a == i; ++next) excluded_.push_back(excluded[next].b);
     excluded_begin_.push_back(static_cast<std::uint32_t>(excluded_.size()));
-    row_begin_.push_back(row_begin_.back() + partners_before(i, bodies_) - (excluded_begin_[i + 1] - excluded_begin_[i]));
+    row_begin_.push_back(row_begin_.back() + partners_before(i, bodies_) -
+                         (excluded_begin_[i + 1] - excluded_begin_[i]));
   }
 }
 
@@ -64,7 +65,8 @@ bool PairTable::is(std::span<const BodyPair> pairs) const {
 
 void PairTable::copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const {
   if (count == 0) return;
-  auto row = static_cast<std::uint32_t>(std::upper_bound(row_begin_.begin(), row_begin_.end(), begin) - row_begin_.begin() - 1);
+  auto row = static_cast<std::uint32_t>(std::upper_bound(row_begin_.begin(), row_begin_.end(), begin) -
+                                        row_begin_.begin() - 1);
   std::uint64_t skip = begin - row_begin_[row];
   for (; count > 0; ++row, skip = 0) {
     auto next_excluded = excluded_.begin() + excluded_begin_[row];

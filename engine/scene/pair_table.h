@@ -10,8 +10,8 @@
 
 namespace clearance {
 
-/// The enabled pairs (a < b) of a scene: all but static-static, parent-child and ignored ones. Memory grows with bodies and
-/// exclusions, not with pairs: a scene of 50,000 bodies has more than a thousand million.
+/// The enabled pairs (a < b) of a scene: all but static-static, parent-child and ignored ones. Memory grows with bodies
+/// and exclusions, not with pairs: a scene of 50,000 bodies has more than a thousand million.
 class PairTable {
  public:
   /// \param parents of each body, kNone for none.
@@ -29,17 +29,17 @@ class PairTable {
 
   /// What it is made of, for who has to look up pairs elsewhere.
   struct Arrays {
-    std::span<const std::uint8_t> is_static;          ///< (N,)
-    std::span<const std::uint32_t> movable_before;    ///< (N + 1,) movable bodies with a smaller id
-    std::span<const std::uint64_t> row_begin;         ///< (N + 1,) position of the first pair (i, j > i)
-    std::span<const std::uint32_t> excluded_begin;    ///< (N + 1,) rows of `excluded`
-    std::span<const std::uint32_t> excluded;          ///< sorted j of each row
+    std::span<const std::uint8_t> is_static;        ///< (N,)
+    std::span<const std::uint32_t> movable_before;  ///< (N + 1,) movable bodies with a smaller id
+    std::span<const std::uint64_t> row_begin;       ///< (N + 1,) position of the first pair (i, j > i)
+    std::span<const std::uint32_t> excluded_begin;  ///< (N + 1,) rows of `excluded`
+    std::span<const std::uint32_t> excluded;        ///< sorted j of each row
   };
   Arrays arrays() const { return {is_static_, movable_before_, row_begin_, excluded_begin_, excluded_}; }
 
  private:
   std::uint32_t partners_before(std::uint32_t row, std::uint32_t j) const;  // below j, exclusions included
-  bool excluded(std::uint32_t a, std::uint32_t b) const;  // a < b, of those that staticness leaves
+  bool excluded(std::uint32_t a, std::uint32_t b) const;                    // a < b, of those that staticness leaves
 
   std::uint32_t bodies_;
   std::vector<std::uint8_t> is_static_;

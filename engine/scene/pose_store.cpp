@@ -9,7 +9,8 @@
 namespace clearance {
 
 std::int64_t monotonic_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+      .count();
 }
 
 void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
@@ -22,7 +23,8 @@ void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
     rotations_of(std::span(poses, part.size()), std::span(rotations, part.size()));
     for (std::size_t i = 0; i < part.size(); ++i) {
       const std::uint32_t b = part[i];
-      placed[b] = place(given[b] ? &local[b] : nullptr, parent[b] == kNone ? nullptr : &placed[parent[b]], &rotations[i]);
+      placed[b] =
+          place(given[b] ? &local[b] : nullptr, parent[b] == kNone ? nullptr : &placed[parent[b]], &rotations[i]);
     }
   }
 }
@@ -150,12 +152,15 @@ void PoseStore::check_stamp(std::int64_t stamp_ns) const {
   const nanoseconds now = std::chrono::system_clock::now().time_since_epoch();
   if (stamp_ns >= 0 && (nanoseconds(stamp_ns) <= now || nanoseconds(stamp_ns) - now <= max_stamp_lead_)) return;
   ++out_of_range_;
-  const auto seconds = [](nanoseconds span) { return std::to_string(std::chrono::duration_cast<std::chrono::seconds>(span).count()); };
-  throw QueryError(QueryErrorCode::kBadQuery,
-                   "stamp_ns: " + std::to_string(stamp_ns) +
-                       (stamp_ns < 0 ? " is below 0"
-                                     : " is " + seconds(nanoseconds(stamp_ns) - now) + " s ahead of this machine's clock; " +
-                                           seconds(max_stamp_lead_) + " s may be (Options::max_stamp_lead, --max-stamp-lead-s)"));
+  const auto seconds = [](nanoseconds span) {
+    return std::to_string(std::chrono::duration_cast<std::chrono::seconds>(span).count());
+  };
+  throw QueryError(
+      QueryErrorCode::kBadQuery,
+      "stamp_ns: " + std::to_string(stamp_ns) +
+          (stamp_ns < 0 ? " is below 0"
+                        : " is " + seconds(nanoseconds(stamp_ns) - now) + " s ahead of this machine's clock; " +
+                              seconds(max_stamp_lead_) + " s may be (Options::max_stamp_lead, --max-stamp-lead-s)"));
 }
 
 void PoseStore::check_not_late(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::uint64_t publisher) {

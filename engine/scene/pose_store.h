@@ -11,26 +11,26 @@
 
 #include "engine/base/query_error.h"
 #include "engine/pose/body_pose.h"
-#include "engine/scene/pair_table.h"
 #include "engine/pose/placed.h"
-#include "engine/scene/scene_history.h"
 #include "engine/pose/stamp_marks.h"
+#include "engine/scene/pair_table.h"
+#include "engine/scene/scene_history.h"
 
 namespace clearance {
 
 /// The poses of all bodies at one moment, with what follows from them. Shared by jobs; never changed once published.
 struct PoseSnapshot {
   std::uint64_t revision = 0;
-  std::int64_t newest_stamp_ns = 0;        ///< publisher's clock: the newest among those of the poses below
-  std::int64_t newest_sequence = 0;        ///< of the update that brought it; 0: its publisher does not count
-  std::int64_t oldest_receipt_ns = 0;      ///< 0: none was received
-  std::uint64_t scene_revision = 0;        ///< changes with attachments
-  std::uint64_t scene_changes = 0;         ///< SceneHistory::changes() at that revision
+  std::int64_t newest_stamp_ns = 0;    ///< publisher's clock: the newest among those of the poses below
+  std::int64_t newest_sequence = 0;    ///< of the update that brought it; 0: its publisher does not count
+  std::int64_t oldest_receipt_ns = 0;  ///< 0: none was received
+  std::uint64_t scene_revision = 0;    ///< changes with attachments
+  std::uint64_t scene_changes = 0;     ///< SceneHistory::changes() at that revision
   std::shared_ptr<const SceneHistory> history;
   std::shared_ptr<const PairTable> pairs;
 
-  std::vector<Pose> local;                 ///< as given: X_wb, or X_pb of a body with a parent
-  std::vector<std::uint8_t> given;         ///< whether `local` was ever given
+  std::vector<Pose> local;          ///< as given: X_wb, or X_pb of a body with a parent
+  std::vector<std::uint8_t> given;  ///< whether `local` was ever given
   std::vector<std::uint32_t> parent;
   std::shared_ptr<const std::vector<std::uint32_t>> order;  ///< parents before children
 

@@ -9,10 +9,10 @@
 
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
-#include "engine/scene/geometry.h"
-#include "engine/mesh/mesh.h"
-#include "engine/scene/mesh_geometry.h"
 #include "engine/hull/shapes.h"
+#include "engine/mesh/mesh.h"
+#include "engine/scene/geometry.h"
+#include "engine/scene/mesh_geometry.h"
 
 namespace clearance {
 
@@ -75,7 +75,7 @@ constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recogn
 
 // What a file is recognised by: another one, or the same one written anew, gives another key.
 std::string file_key(const std::string& path) {
-  struct stat info {};
+  struct stat info{};
   if (::stat(path.c_str(), &info) != 0) return path + "|";
   return std::to_string(info.st_dev) + ':' + std::to_string(info.st_ino) + ':' + std::to_string(info.st_size) + ':' +
          std::to_string(info.st_mtim.tv_sec) + '.' + std::to_string(info.st_mtim.tv_nsec) + '|' + path + '|';
@@ -127,7 +127,9 @@ std::uint32_t Scene::add_shape(const std::string& name, const Shape& shape, cons
   return add_geometry(name, options, [&] {
     if (shape.vertices.size() > kRememberedVertices) return geometry_of_shape(shape, options.radius, source);
     std::string key = std::string(source) + '\0';
-    const auto append = [&key](const auto* data, std::size_t count) { key.append(reinterpret_cast<const char*>(data), count * sizeof *data); };
+    const auto append = [&key](const auto* data, std::size_t count) {
+      key.append(reinterpret_cast<const char*>(data), count * sizeof *data);
+    };
     append(&shape.radius, 1);
     append(&options.radius, 1);
     append(shape.vertices.data(), shape.vertices.size());
@@ -258,7 +260,8 @@ void Scene::add_group(const std::string& name, std::span<const std::string> bodi
   Group group{name, {}};
   for (const std::string& body : bodies) {
     group.bodies.push_back(find_body(body));
-    if (group.bodies.back() == kNone) throw SceneError("group " + in_quotes(name) + ": there is no body " + in_quotes(body));
+    if (group.bodies.back() == kNone)
+      throw SceneError("group " + in_quotes(name) + ": there is no body " + in_quotes(body));
   }
   std::sort(group.bodies.begin(), group.bodies.end());
   group.bodies.erase(std::unique(group.bodies.begin(), group.bodies.end()), group.bodies.end());

@@ -12,15 +12,15 @@
 #include <unordered_map>
 #include <vector>
 
-#include "wire/types.h"
 #include "engine/hull/piece.h"
 #include "engine/pose/pose.h"
+#include "wire/types.h"
 
 namespace clearance {
 
-struct Geometry;  // engine/scene/geometry.h
+struct Geometry;       // engine/scene/geometry.h
 class MeshGeometries;  // engine/scene/mesh_geometry.h
-struct Shape;     // engine/hull/shapes.h
+struct Shape;          // engine/hull/shapes.h
 
 /// Bad input at set-up. The text names cause and place: "scenes/a.yaml:12: bodies[3].radius: expected a number > 0, got
 /// -1".
@@ -47,12 +47,12 @@ struct Body {
   std::uint32_t parent = kNone;  ///< the body that this one follows at load
   bool is_static = false;        ///< never moves after load
   std::optional<Pose> pose;      ///< initial X_wb, or X_pb with a parent; none: no_pose until one arrives
-  /// metres: how far the pieces may stand out from the shape they were asked for; of a mesh, from the hulls that its file
-  /// and scale mean: rounding
+  /// metres: how far the pieces may stand out from the shape they were asked for; of a mesh, from the hulls that its
+  /// file and scale mean: rounding
   double model_error = 0;
   double hull_excess = 0;  ///< metres: no point of a piece is farther from the mesh that it stands for (hull_excess.h)
   double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
-  std::string source;            ///< "meshes/base.stl (hull)", "box", ...: where the geometry came from
+  std::string source;      ///< "meshes/base.stl (hull)", "box", ...: where the geometry came from
   std::shared_ptr<const DisplayMesh> display;  ///< may be null
 };
 
@@ -81,7 +81,8 @@ class Scene {
   /// \param allow_outside meshes may lie outside the scene file's folder.
   static Scene load(const std::string& path, bool allow_outside = false);
 
-  /// Each adds a body and returns its id. Bodies of the same vertices and radius share their pieces. All throw SceneError for a bad or repeated name or bad geometry.
+  /// Each adds a body and returns its id. Bodies of the same vertices and radius share their pieces. All throw
+  /// SceneError for a bad or repeated name or bad geometry.
   std::uint32_t add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options);
   /// \param scale per axis, not 0; negative mirrors. Bodies of the same file, scale, convexify and radius share their
   /// pieces.

@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "engine/base/fp_environment.h"
-#include "engine/scene/geometry.h"
+#include "engine/hull/shapes.h"
 #include "engine/mesh/mesh.h"
+#include "engine/scene/geometry.h"
 #include "engine/scene/mesh_geometry.h"
 #include "engine/scene/scene.h"
-#include "engine/hull/shapes.h"
 #include "engine/scene/yaml_document.h"
 
 namespace clearance {

@@ -152,7 +152,7 @@ class TreeBuilder final : public YAML::EventHandler {
 };
 
 std::string read_file(const std::string& path) {
-  struct stat info {};
+  struct stat info{};
   if (::stat(path.c_str(), &info) != 0) throw SceneError(path + ": " + std::generic_category().message(errno));
   if (S_ISDIR(info.st_mode)) throw SceneError(path + ": expected a scene file, got a folder");
   if (!S_ISREG(info.st_mode)) throw SceneError(path + ": expected a scene file, got a device, pipe or socket");

@@ -1,4 +1,5 @@
-// The tree finds what brute force finds, wherever bodies are and however they got there; boxes hold what they are boxes of.
+// The tree finds what brute force finds, wherever bodies are and however they got there; boxes hold what they are boxes
+// of.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,8 +8,8 @@
 #include <limits>
 #include <numeric>
 
-#include "engine/broad/box_tree.h"
 #include "bench/broad/broad_phase.h"
+#include "engine/broad/box_tree.h"
 #include "engine/query/evaluate.h"
 #include "tests/engine/engine_test_util.h"
 
@@ -55,7 +56,8 @@ std::vector<BodyPair> pairs_by_brute_force(const std::vector<Aabb>& boxes, doubl
 }
 
 TEST(BroadPhase, AllThreeFindTheSamePairsInTheSameOrder) {
-  const auto brute = make_brute_force_broad_phase(2), anew = make_tree_broad_phase(), kept = make_tree_broad_phase(2, true);
+  const auto brute = make_brute_force_broad_phase(2), anew = make_tree_broad_phase(),
+             kept = make_tree_broad_phase(2, true);
   MovingBoxes moving(3, 400, 20);
   std::size_t found = 0;
   for (int step = 0; step < 8; ++step, moving.move(0.1, 40))
@@ -152,7 +154,8 @@ TEST(BoxTree, CoherentMotionKeepsItsOrderAndATeleportMakesANewOne) {
   EXPECT_EQ(tree.builds(), 3u) << "other bodies need another order";
 }
 
-// ---- whole answers -------------------------------------------------------------------------------------------------------
+// ---- whole answers
+// -------------------------------------------------------------------------------------------------------
 
 void expect_same_rows(const Answer& a, const Answer& b, const std::string& what) {
   ASSERT_EQ(a.info.rows, b.info.rows) << what;
@@ -169,7 +172,8 @@ void expect_same_rows(const Answer& a, const Answer& b, const std::string& what)
   const ReplyView &v = a.view, &w = b.view;
   same("distance", v.distance, w.distance, 1), same("lower", v.lower, w.lower, 1), same("upper", v.upper, w.upper, 1);
   same("status", v.status, w.status, 1), same("flags", v.flags, w.flags, 1), same("pair", v.pair, w.pair, 1);
-  same("point_a", v.point_a, w.point_a, 3), same("point_b", v.point_b, w.point_b, 3), same("normal", v.normal, w.normal, 3);
+  same("point_a", v.point_a, w.point_a, 3), same("point_b", v.point_b, w.point_b, 3),
+      same("normal", v.normal, w.normal, 3);
   same("configuration", v.configuration, w.configuration, 1), same("pieces", v.pieces, w.pieces, 2);
 }
 
@@ -203,7 +207,8 @@ void compare(const Engines& engines, QueryView query, const std::string& what, M
       query.max_distance = max_distance;
       query.fields = kAllFields & ~kFieldGradient;
       const Answer a = ask(engines.brute, query), b = ask(engines.tree, query, std::chrono::microseconds(300));
-      expect_same_rows(a, b, what + ", reduce " + std::to_string(int(reduce)) + ", within " + std::to_string(max_distance));
+      expect_same_rows(a, b,
+                       what + ", reduce " + std::to_string(int(reduce)) + ", within " + std::to_string(max_distance));
       if (::testing::Test::HasFatalFailure()) return;
       met.rows += a.info.rows;
       for (std::uint64_t i = 0; i < a.info.rows; ++i) {
@@ -238,10 +243,11 @@ TEST(BroadPhase, ReductionsByTreeHaveTheBitsOfBruteForce) {
       for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
         if (scene.bodies()[b].is_static || random.below(3) == 0) continue;
         BodyPose p{b, engines.tree.body_state(b).X_wb};
-        p.pose.translation = p.pose.translation + Vec3d{0.05 * random.normal(), 0.05 * random.normal(), 0.05 * random.normal()};
-        if (step % 2 == 1 && random.below(8) == 0) p.pose = random.pose(room);              // somewhere else
-        if (step == 3 && random.below(6) == 0) p.pose.translation.x = kNan;                 // nowhere
-        if (step == 4 && random.below(20) == 0) p.pose.translation.y = 1e30;                // far from everything
+        p.pose.translation =
+            p.pose.translation + Vec3d{0.05 * random.normal(), 0.05 * random.normal(), 0.05 * random.normal()};
+        if (step % 2 == 1 && random.below(8) == 0) p.pose = random.pose(room);  // somewhere else
+        if (step == 3 && random.below(6) == 0) p.pose.translation.x = kNan;     // nowhere
+        if (step == 4 && random.below(20) == 0) p.pose.translation.y = 1e30;    // far from everything
         poses.push_back(p);
       }
       engines.set_poses(poses);

@@ -7,8 +7,8 @@
 
 #include "client/client.h"
 #include "client/url.h"
-#include "wire/wire.h"
 #include "scripted_server.h"
+#include "wire/wire.h"
 
 namespace clearance {
 namespace {
@@ -269,8 +269,7 @@ TEST(Client, QueriesForAnOldSceneAreRefusedUntilItIsLookedAt) {
   ChangedScene daemon{kNone, {}};
   Client client = connect(daemon.server.url());
   client.scene();
-  for (int i = 0; i < 2; ++i)
-    EXPECT_EQ(text_of<RequestError>([&] { client.distances(); }), "the scene is 2, not 1");
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(text_of<RequestError>([&] { client.distances(); }), "the scene is 2, not 1");
   EXPECT_EQ(client.scene().revision, 2u) << "fetched anew";
   EXPECT_EQ(client.distances().rows(), 1u);
   Query unchecked;
@@ -292,9 +291,7 @@ TEST(Client, PosesAreSentAgainWhereTheyMeanTheSame) {
 TEST(Client, PosesOfABodyThatNowFollowsAnotherAreNotSentAgain) {
   ChangedScene daemon{0, {}};
   Client client = connect(daemon.server.url());
-  EXPECT_EQ(text_of<RequestError>([&] {
-              client.set_poses({{"link2", kIdentity}, {"cup", kIdentity}});
-            }),
+  EXPECT_EQ(text_of<RequestError>([&] { client.set_poses({{"link2", kIdentity}, {"cup", kIdentity}}); }),
             "the scene is 2, not 1");
   daemon.server.stop();
   EXPECT_EQ(daemon.revisions, (std::vector<std::uint64_t>{1}));

@@ -10,8 +10,8 @@ namespace clearance::test {
 inline constexpr std::uint32_t kLinks = 7, kArms = 2, kObstacles = 10;
 
 /// A body of the hulls of points on ellipsoids. \param middles, sizes of each.
-inline void add_ellipsoids(Scene& scene, const std::string& name, const std::vector<Vec3d>& middles, const std::vector<Vec3d>& sizes,
-                           std::optional<Pose> pose, bool is_static, Random& random) {
+inline void add_ellipsoids(Scene& scene, const std::string& name, const std::vector<Vec3d>& middles,
+                           const std::vector<Vec3d>& sizes, std::optional<Pose> pose, bool is_static, Random& random) {
   Body body;
   body.name = name;
   body.pose = pose;
@@ -27,8 +27,8 @@ inline void add_ellipsoids(Scene& scene, const std::string& name, const std::vec
   scene.add_body(std::move(body));
 }
 
-inline void add_boxes(Scene& scene, const std::string& name, const std::vector<Vec3d>& middles, const std::vector<Vec3d>& sizes,
-                      const Pose& pose) {
+inline void add_boxes(Scene& scene, const std::string& name, const std::vector<Vec3d>& middles,
+                      const std::vector<Vec3d>& sizes, const Pose& pose) {
   Body body;
   body.name = name;
   body.pose = pose;
@@ -36,8 +36,10 @@ inline void add_boxes(Scene& scene, const std::string& name, const std::vector<V
   for (std::size_t p = 0; p < middles.size(); ++p) {
     std::vector<Vec3d> v;
     for (int corner = 0; corner < 8; ++corner)
-      v.push_back(Vec3d{corner & 1 ? 0.5 * sizes[p].x : -0.5 * sizes[p].x, corner & 2 ? 0.5 * sizes[p].y : -0.5 * sizes[p].y,
-                        corner & 4 ? 0.5 * sizes[p].z : -0.5 * sizes[p].z} + middles[p]);
+      v.push_back(Vec3d{corner & 1 ? 0.5 * sizes[p].x : -0.5 * sizes[p].x,
+                        corner & 2 ? 0.5 * sizes[p].y : -0.5 * sizes[p].y,
+                        corner & 4 ? 0.5 * sizes[p].z : -0.5 * sizes[p].z} +
+                  middles[p]);
     body.pieces.push_back(make_piece(std::move(v)));
   }
   scene.add_body(std::move(body));
@@ -55,10 +57,12 @@ inline Scene arms_scene() {
         middles.push_back({random.uniform(-0.01, 0.01), random.uniform(-0.01, 0.01), 0.025 + 0.05 * p});
         sizes.push_back({width * random.uniform(0.7, 1), width * random.uniform(0.7, 1), 0.045});
       }
-      add_ellipsoids(scene, "arm" + std::to_string(arm) + "_" + std::to_string(link), middles, sizes, std::nullopt, false, random);
+      add_ellipsoids(scene, "arm" + std::to_string(arm) + "_" + std::to_string(link), middles, sizes, std::nullopt,
+                     false, random);
     }
   const double w = 1.6, d = 1.0, h = 0.7;
-  add_boxes(scene, "table", {{0, 0, 0}, {-0.75, -0.45, -0.35}, {0.75, -0.45, -0.35}, {-0.75, 0.45, -0.35}, {0.75, 0.45, -0.35}},
+  add_boxes(scene, "table",
+            {{0, 0, 0}, {-0.75, -0.45, -0.35}, {0.75, -0.45, -0.35}, {-0.75, 0.45, -0.35}, {0.75, 0.45, -0.35}},
             {{w, d, 0.04}, {0.06, 0.06, h}, {0.06, 0.06, h}, {0.06, 0.06, h}, {0.06, 0.06, h}}, Pose{{0, 0, -0.1}});
   for (int s = 0; s < 3; ++s)
     add_boxes(scene, "shelf" + std::to_string(s),
@@ -71,7 +75,8 @@ inline Scene arms_scene() {
       middles.push_back({random.uniform(-0.08, 0.08), random.uniform(-0.08, 0.08), 0.03 * p});
       sizes.push_back({random.uniform(0.02, 0.06), random.uniform(0.02, 0.06), random.uniform(0.02, 0.04)});
     }
-    add_ellipsoids(scene, "thing" + std::to_string(o), middles, sizes, Pose{{-0.75 + 0.3 * (o - 4), random.uniform(0.1, 0.3), 0}}, true, random);
+    add_ellipsoids(scene, "thing" + std::to_string(o), middles, sizes,
+                   Pose{{-0.75 + 0.3 * (o - 4), random.uniform(0.1, 0.3), 0}}, true, random);
   }
   return scene;
 }
@@ -80,7 +85,8 @@ inline Scene arms_scene() {
 inline std::vector<BodyPair> arms_pairs() {
   std::vector<BodyPair> pairs;
   for (std::uint32_t a = 0; a < kArms * kLinks; ++a)
-    for (std::uint32_t b = a < kLinks ? kLinks : kArms * kLinks; b < kArms * kLinks + kObstacles; ++b) pairs.push_back({a, b});
+    for (std::uint32_t b = a < kLinks ? kLinks : kArms * kLinks; b < kArms * kLinks + kObstacles; ++b)
+      pairs.push_back({a, b});
   return pairs;
 }
 
@@ -93,7 +99,8 @@ inline std::vector<Pose> arms_poses(std::uint32_t configurations, std::uint64_t 
       Pose at{{arm == 0 ? -0.45 : 0.45, -0.2, 0}};
       for (std::uint32_t link = 0; link < kLinks; ++link) {
         const double half = 0.5 * (link % 2 == 0 ? random.uniform(-2.9, 2.9) : random.uniform(-1.4, 1.4));
-        const Pose turn{{0, 0, 0}, std::cos(half), 0, link % 2 == 0 ? 0 : std::sin(half), link % 2 == 0 ? std::sin(half) : 0};
+        const Pose turn{
+            {0, 0, 0}, std::cos(half), 0, link % 2 == 0 ? 0 : std::sin(half), link % 2 == 0 ? std::sin(half) : 0};
         at = compose(at, turn);
         poses.push_back(at);
         at = compose(at, Pose{{0, 0, 0.25}});

@@ -109,8 +109,7 @@ class EmulatedGrid {
     getcontext(&f.context);
     f.context.uc_stack.ss_sp = f.stack.data();
     f.context.uc_stack.ss_size = f.stack.size();
-    makecontext(
-        &f.context, [] { one().run(); }, 0);
+    makecontext(&f.context, [] { one().run(); }, 0);
   }
   void run() {
     kernel_();

@@ -88,7 +88,9 @@ class IdleWorkspace : public Interface {
     fault_.call("beginning");
     fault_.bodies = components_;
     EXPECT_NE(setup.pairs == nullptr, setup.table == nullptr) << "one of the two";
-    EXPECT_EQ(setup.pairs ? static_cast<const IdlePairs*>(setup.pairs)->of : static_cast<const IdleTable*>(setup.table)->of, &fault_);
+    EXPECT_EQ(
+        setup.pairs ? static_cast<const IdlePairs*>(setup.pairs)->of : static_cast<const IdleTable*>(setup.table)->of,
+        &fault_);
     if (setup.warm) {
       EXPECT_EQ(static_cast<const IdleWarm*>(setup.warm)->of, &fault_);
     }

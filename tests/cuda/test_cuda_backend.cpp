@@ -115,9 +115,11 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
       }
     }
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    const std::uint64_t settled = counter(device, "cuda.pairs_settled"), rest = counter(device, "cuda.pairs_finished_on_cpu");
+    const std::uint64_t settled = counter(device, "cuda.pairs_settled"),
+                        rest = counter(device, "cuda.pairs_finished_on_cpu");
     EXPECT_GT(settled, 100'000u);
-    EXPECT_GT(settled, 5 * rest) << rest << " were finished by the CPU: those without a tolerance, and overlaps with depth";
+    EXPECT_GT(settled, 5 * rest) << rest
+                                 << " were finished by the CPU: those without a tolerance, and overlaps with depth";
     QueryView warm;
     warm.warm_slot = 5;
     warm.fields = kAllFields;
@@ -133,7 +135,8 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
       for (std::size_t row = 0; row < pairs.size(); ++row) {
         if (scene.bodies()[pairs[row].a].pieces.size() * scene.bodies()[pairs[row].b].pieces.size() == 1) continue;
         ++several;
-        EXPECT_TRUE(same_bits(a.view.lower[row], expected.view.lower[row]) && same_bits(a.view.upper[row], expected.view.upper[row]));
+        EXPECT_TRUE(same_bits(a.view.lower[row], expected.view.lower[row]) &&
+                    same_bits(a.view.upper[row], expected.view.upper[row]));
       }
     }
     EXPECT_GT(several, 5000u);
@@ -163,13 +166,14 @@ TEST_F(CudaBackend, LeavesBodiesWithAPieceThatTheDeviceCannotHoldToTheCpu) {
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
 }
 
-// Hulls that do not fit in shared memory are read where the scene has them, by tables coarse enough for 16 bits; of the largest
-// there is none, and the CPU answers.
+// Hulls that do not fit in shared memory are read where the scene has them, by tables coarse enough for 16 bits; of the
+// largest there is none, and the CPU answers.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
   const auto large = [](bool with_largest) {
     Random random(31);
     Scene scene, shapes;
-    for (const int vertices : {513, 900, 2500, 6000, 42}) shapes.add_hull("h" + std::to_string(vertices), cloud_on_sphere(vertices, 0.6, 6), {});
+    for (const int vertices : {513, 900, 2500, 6000, 42})
+      shapes.add_hull("h" + std::to_string(vertices), cloud_on_sphere(vertices, 0.6, 6), {});
     if (with_largest) shapes.add_uv_sphere("largest", 0.6, 200, {});  // 79,602 vertices
     for (int i = 0; i < 60; ++i) {
       Body body;
@@ -241,7 +245,8 @@ TEST_F(CudaBackend, BeginsWhereItsClientsLastQueryEnded) {
   const auto apart = [] {
     Scene scene;
     for (int i = 0; i < 64; ++i)
-      scene.add_hull("h" + std::to_string(i), cloud_on_sphere(20 + 9 * (i % 8), 1, 30 + static_cast<std::uint64_t>(i % 8)),
+      scene.add_hull("h" + std::to_string(i),
+                     cloud_on_sphere(20 + 9 * (i % 8), 1, 30 + static_cast<std::uint64_t>(i % 8)),
                      {.pose = {{3.0 * (i % 4), 3.0 * (i / 4 % 4), 3.0 * (i / 16)}}});
     return scene;
   };
@@ -284,10 +289,12 @@ TEST_F(CudaBackend, BeginsWhereItsClientsLastQueryEnded) {
             continue;
           }
           for (std::uint64_t i = 0; i < warm.size.rows; ++i) {
-            ASSERT_TRUE(warm.view.lower[i] <= cold.view.upper[i] && cold.view.lower[i] <= warm.view.upper[i]) << step << ' ' << i;
+            ASSERT_TRUE(warm.view.lower[i] <= cold.view.upper[i] && cold.view.lower[i] <= warm.view.upper[i])
+                << step << ' ' << i;
             ASSERT_LE(warm.view.upper[i] - warm.view.lower[i], 1e-6 * warm.view.upper[i]);
             ASSERT_EQ(warm.view.status[i], cold.view.status[i]);
-            unlike_cold += !same_bits(warm.view.upper[i], cold.view.upper[i]) || !same_bits(warm.view.lower[i], cold.view.lower[i]);
+            unlike_cold += !same_bits(warm.view.upper[i], cold.view.upper[i]) ||
+                           !same_bits(warm.view.lower[i], cold.view.lower[i]);
           }
           if (step == 0) {
             EXPECT_EQ(unlike_cold, 0u) << "there was nothing to begin from";

@@ -1,5 +1,5 @@
-// A million pairs on the device, cold, warm and reduced, in float64 and float32, each before the exact judge. The same test
-// asks the CPU about a part of them.
+// A million pairs on the device, cold, warm and reduced, in float64 and float32, each before the exact judge. The same
+// test asks the CPU about a part of them.
 #include <algorithm>
 #include <atomic>
 #include <cstdlib>
@@ -21,11 +21,21 @@ Scene bodies_of_all_kinds() {
   for (std::uint32_t i = 0; i < kBodies; ++i) {
     const std::string name = "b" + std::to_string(i);
     switch (i % 6) {
-      case 0: scene.add_box(name, {random.uniform(0.2, 1), random.uniform(0.2, 1), random.uniform(0.2, 1)}, {}); break;
-      case 1: scene.add_capsule(name, 0.2, 0.5, {}); break;
-      case 2: scene.add_uv_sphere(name, 0.4, 5, {}); break;
-      case 3: scene.add_hull(name, cloud_on_sphere(120, 0.5, i), {}); break;
-      case 4: scene.add_hull(name, random.cloud(20, {0.5, 0.5, 0.01}), {}); break;
+      case 0:
+        scene.add_box(name, {random.uniform(0.2, 1), random.uniform(0.2, 1), random.uniform(0.2, 1)}, {});
+        break;
+      case 1:
+        scene.add_capsule(name, 0.2, 0.5, {});
+        break;
+      case 2:
+        scene.add_uv_sphere(name, 0.4, 5, {});
+        break;
+      case 3:
+        scene.add_hull(name, cloud_on_sphere(120, 0.5, i), {});
+        break;
+      case 4:
+        scene.add_hull(name, random.cloud(20, {0.5, 0.5, 0.01}), {});
+        break;
       default: {
         Body body;
         body.name = name;
@@ -43,15 +53,16 @@ Scene bodies_of_all_kinds() {
   return scene;
 }
 
-// Most poses are anywhere in a box; of some, bodies stand square to each other at round places, so that faces and edges lie
-// side by side and touch exactly.
+// Most poses are anywhere in a box; of some, bodies stand square to each other at round places, so that faces and edges
+// lie side by side and touch exactly.
 std::vector<Pose> poses_of(Random& random) {
   std::vector<Pose> poses;
   for (std::uint32_t k = 0; k < kBatch; ++k)
     for (std::uint32_t i = 0; i < kBodies; ++i) {
       Pose p = random.pose(k % 2 == 0 ? 2.5 : 1.2);
       if (k % 10 == 9) {
-        p = {{std::round(4 * p.translation.x) / 4, std::round(4 * p.translation.y) / 4, std::round(4 * p.translation.z) / 4}};
+        p = {{std::round(4 * p.translation.x) / 4, std::round(4 * p.translation.y) / 4,
+              std::round(4 * p.translation.z) / 4}};
         if (i % 2) p.qw = p.qx = 0.5, p.qy = p.qz = 0.5;
       }
       poses.push_back(p);

@@ -20,10 +20,17 @@ Scene simple_scene(int count, double box, std::uint64_t seed) {
     options.is_static = i % 7 == 3;
     const std::string name = "body" + std::to_string(i);
     switch (i % 4) {
-      case 0: scene.add_capsule(name, 0.2, 0.5, options); break;
-      case 1: scene.add_hull(name, cloud_on_sphere(200, 0.5, 4), options); break;
-      case 2: scene.add_box(name, {0.4, 0.7, 0.2}, options); break;
-      default: scene.add_uv_sphere(name, 0.5, 5, options);
+      case 0:
+        scene.add_capsule(name, 0.2, 0.5, options);
+        break;
+      case 1:
+        scene.add_hull(name, cloud_on_sphere(200, 0.5, 4), options);
+        break;
+      case 2:
+        scene.add_box(name, {0.4, 0.7, 0.2}, options);
+        break;
+      default:
+        scene.add_uv_sphere(name, 0.5, 5, options);
     }
   }
   return scene;
@@ -84,7 +91,8 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForAllPairsOfAScene) {
   }
 }
 
-// Many bodies, in tiles with and without an order, some without poses, some pairs excluded, and a last tile that is not full.
+// Many bodies, in tiles with and without an order, some without poses, some pairs excluded, and a last tile that is not
+// full.
 TEST_F(CudaReductions, FindNearPairsOfLargeScenes) {
   for (const int count : {3, 33, 1000, 6200, 9001}) {
     const auto crowd = [&] {
@@ -99,7 +107,8 @@ TEST_F(CudaReductions, FindNearPairsOfLargeScenes) {
         if (i % 500 != 33) body.pose = random.pose(side);
         scene.add_body(std::move(body));
       }
-      for (int i = 0; i + 1 < count; i += 3) scene.ignore("b" + std::to_string(i), "b" + std::to_string((i + 5) % count));
+      for (int i = 0; i + 1 < count; i += 3)
+        scene.ignore("b" + std::to_string(i), "b" + std::to_string((i + 5) % count));
       for (int i = 50; i + 1 < count; i += 90) scene.set_parent("b" + std::to_string(i + 1), "b" + std::to_string(i));
       return scene;
     };
@@ -148,8 +157,8 @@ TEST_F(CudaReductions, BreakTiesAsTheCpuDoes) {
     }
 }
 
-// The device settles none of what touches: every group is left open, in configurations with more pairs than there is room for
-// at first.
+// The device settles none of what touches: every group is left open, in configurations with more pairs than there is
+// room for at first.
 TEST_F(CudaReductions, FinishOnTheCpuWhatTouches) {
   const Engine device(grid(1), {"cuda"}), cpu(grid(1), {"cpu"});
   for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
@@ -159,7 +168,8 @@ TEST_F(CudaReductions, FinishOnTheCpuWhatTouches) {
   std::vector<Pose> poses;
   Random random(14);
   constexpr std::uint32_t kConfigurations = 2000;
-  for (std::uint32_t k = 0; k < kConfigurations; ++k) poses.push_back(k % 3 == 0 ? Pose{{2, 1, k % 2 ? 6 : 2.5}} : random.pose(9));
+  for (std::uint32_t k = 0; k < kConfigurations; ++k)
+    poses.push_back(k % 3 == 0 ? Pose{{2, 1, k % 2 ? 6 : 2.5}} : random.pose(9));
   const std::vector<std::uint32_t> moved{7};
   std::uint64_t most = 0;  // that teams leave open of one query
   for (const auto& [name, question] : questions()) {

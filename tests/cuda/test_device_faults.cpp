@@ -28,7 +28,9 @@ class DeviceFaults : public testing::Test {
 };
 
 constexpr std::uint32_t kConfigurations = 900;  // several chunks
-Question question_about(Reduce reduce) { return Question(kConfigurations, reduce); }
+Question question_about(Reduce reduce) {
+  return Question(kConfigurations, reduce);
+}
 // Of the current poses: a whole table.
 Question question_of_table(Reduce reduce) {
   Question question(0, reduce);
@@ -37,7 +39,9 @@ Question question_of_table(Reduce reduce) {
   question.q.max_distance = 0.5;
   return question;
 }
-Scene scene() { return spheres(80); }
+Scene scene() {
+  return spheres(80);
+}
 
 TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
   const Engine device(scene(), options()), cpu(scene(), {"cpu", 2});
@@ -76,8 +80,8 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
 
 TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
-  const Question questions[] = {question_about(Reduce::kNearest), question_about(Reduce::kMin), question_about(Reduce::kWithin),
-                                question_of_table(Reduce::kWithin)};
+  const Question questions[] = {question_about(Reduce::kNearest), question_about(Reduce::kMin),
+                                question_about(Reduce::kWithin), question_of_table(Reduce::kWithin)};
   int calls[2] = {};  // that there are, cold and warm
   for (const Question& question : questions)
     for (const std::uint64_t client : {0, 1}) {

@@ -12,7 +12,8 @@ namespace {
 TEST(OrderedCopy, HasWhatWasWaitedForWhateverTheOthersDo) {
   constexpr std::size_t kBlock = 1u << 16;
   for (const cuda::CopyReader reader : {cuda::CopyReader::kHost, cuda::CopyReader::kDevice})
-    for (const std::size_t bytes : {std::size_t{0}, std::size_t{1}, kBlock - 1, kBlock, 12 * kBlock, 40 * kBlock + 4099})
+    for (const std::size_t bytes :
+         {std::size_t{0}, std::size_t{1}, kBlock - 1, kBlock, 12 * kBlock, 40 * kBlock + 4099})
       for (const int helpers : {0, 1, 3}) {
         std::vector<unsigned char> room_from(bytes + 3), to(bytes + 16);
         unsigned char* const from = room_from.data() + 3;  // on no boundary

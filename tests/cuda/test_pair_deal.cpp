@@ -1,5 +1,5 @@
-// How pairs are dealt to a device's kernels: those of several pieces apart from the others. A device that leaves all rows to the CPU
-// stands in for a real one.
+// How pairs are dealt to a device's kernels: those of several pieces apart from the others. A device that leaves all
+// rows to the CPU stands in for a real one.
 #include <algorithm>
 #include <cstring>
 #include <numeric>
@@ -38,12 +38,14 @@ class NotingDense final : public IdleDense {
 
 class NotingDevice final : public IdleDevice {
  public:
-  NotingDevice(const Scene& scene, Fault& fault, Dealt& dealt) : IdleDevice(fault), scene_(scene), fault_(fault), dealt_(dealt) {}
+  NotingDevice(const Scene& scene, Fault& fault, Dealt& dealt)
+      : IdleDevice(fault), scene_(scene), fault_(fault), dealt_(dealt) {}
   std::uint32_t hull_of(std::uint32_t body) const override {
     return body == kUnheld ? kNone : scene_.bodies()[body].pieces.size() > 1 ? cuda::kSeveral : body % 3;
   }
   using IdleDevice::upload;
-  std::shared_ptr<const cuda::ResidentPairs> upload(std::span<const cuda::PairRef> pairs, std::span<const std::uint32_t> position,
+  std::shared_ptr<const cuda::ResidentPairs> upload(std::span<const cuda::PairRef> pairs,
+                                                    std::span<const std::uint32_t> position,
                                                     std::span<const cuda::Group> tiles) override {
     dealt_.position.assign(position.begin(), position.end());
     return IdleDevice::upload(pairs, position, tiles);

@@ -1,4 +1,5 @@
-// Backend auto: who answers, why, and what is kept of it. Needs no GPU: a stand-in for the device leaves all rows to the CPU.
+// Backend auto: who answers, why, and what is kept of it. Needs no GPU: a stand-in for the device leaves all rows to
+// the CPU.
 #include <unistd.h>
 
 #include <cstdlib>
@@ -154,8 +155,9 @@ TEST_F(RouterTest, TellsKindsApartByWhatIsAsked) {
     bool to_device;
     QueryView q;
   };
-  std::vector<Case> cases{{"dense", false, {}}, {"warm", true, {}}, {"near", false, {}}, {"depth", true, {}}, {"depth", true, {}},
-                          {"near", false, {}}, {"table", false, {}}, {"table", false, {}}, {"within", true, {}}};
+  std::vector<Case> cases{{"dense", false, {}}, {"warm", true, {}},   {"near", false, {}},
+                          {"depth", true, {}},  {"depth", true, {}},  {"near", false, {}},
+                          {"table", false, {}}, {"table", false, {}}, {"within", true, {}}};
   cases[1].q.warm_slot = 1;
   cases[2].q.max_distance = 1;
   cases[3].q.signed_distance = true;
@@ -177,18 +179,24 @@ TEST_F(RouterTest, TellsKindsApartByWhatIsAsked) {
 
 TEST_F(RouterTest, MeasuresOnceAndKeepsIt) {
   ASSERT_FALSE(cuda::load_calibration(*cache_, key()));
-  { const Engine engine(scene(5), options()); }
+  {
+    const Engine engine(scene(5), options());
+  }
   const auto kept = cuda::load_calibration(*cache_, key());
   ASSERT_TRUE(kept);
   for (const auto& kind : kept->samples)
     for (const auto& hulls : kind) EXPECT_GT(hulls[4].pairs, 10 * hulls[0].pairs);
   const int opened = fault_.calls;
-  { const Engine engine(scene(5), options()); }
+  {
+    const Engine engine(scene(5), options());
+  }
   EXPECT_EQ(fault_.calls, opened + 1) << "not measured again";
 }
 
 TEST_F(RouterTest, MeasuresBodiesOfSeveralPiecesForThemselves) {
-  { const Engine engine(scene_of_several(5), options()); }
+  {
+    const Engine engine(scene_of_several(5), options());
+  }
   EXPECT_TRUE(cuda::load_calibration(*cache_, key(cuda::Bodies::kOfSeveral)));
   EXPECT_FALSE(cuda::load_calibration(*cache_, key()));
 }

@@ -1,5 +1,5 @@
-// Several devices as one: chunks in turn, and what happens where one of them fails. Stand-ins that leave all rows to the CPU
-// need no GPU; a machine with several is asked for the same bits as the CPU.
+// Several devices as one: chunks in turn, and what happens where one of them fails. Stand-ins that leave all rows to
+// the CPU need no GPU; a machine with several is asked for the same bits as the CPU.
 #include <array>
 
 #include "same_answer.h"
@@ -99,7 +99,8 @@ TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
 }
 
 TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
-  const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1, 2})), strict(spheres(80), options({0, 1, 2}, false));
+  const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1, 2})),
+      strict(spheres(80), options({0, 1, 2}, false));
   const Question question(kConfigurations);
   const Answer expected = ask(cpu, question.q);
   ask(device, question.q);
@@ -171,7 +172,8 @@ TEST(RealDevices, AnswerWithTheBitsOfTheCpuHoweverManyThereAre) {
     QueryView q, posed = with_poses.q;
     q.reduce = posed.reduce = reduce;
     if (reduce == Reduce::kWithin) q.max_distance = posed.max_distance = 0.5;
-    if (reduce == Reduce::kNearest) posed.configuration_count = 200, posed.configurations = posed.configurations.first(400);
+    if (reduce == Reduce::kNearest)
+      posed.configuration_count = 200, posed.configurations = posed.configurations.first(400);
     posed.fields = kDefaultFields | kFieldFlags;
     for (const QueryView& query : {q, posed}) {
       const Answer expected = ask(cpu, query), a = ask(several, query), b = ask(other, query);

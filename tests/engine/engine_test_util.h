@@ -34,7 +34,8 @@ inline Answer room_for(const Engine& engine, const QueryView& query) {
   return a;
 }
 
-inline Answer ask(const Engine& engine, const QueryView& query, std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
+inline Answer ask(const Engine& engine, const QueryView& query,
+                  std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
   Answer a = room_for(engine, query);
   Job job = engine.start(query, a.view);
   while (!job.advance(slice)) {
@@ -73,9 +74,15 @@ inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
     options.is_static = i % 5 == 4;
     const std::string name = "body" + std::to_string(i);
     switch (i % 4) {
-      case 0: scene.add_box(name, {random.uniform(0.2, 1), random.uniform(0.2, 1), random.uniform(0.2, 1)}, options); break;
-      case 1: scene.add_hull(name, random.cloud(20, {0.3, 0.3, 0.3}), options); break;
-      case 2: scene.add_capsule(name, 0.2, 0.5, options); break;
+      case 0:
+        scene.add_box(name, {random.uniform(0.2, 1), random.uniform(0.2, 1), random.uniform(0.2, 1)}, options);
+        break;
+      case 1:
+        scene.add_hull(name, random.cloud(20, {0.3, 0.3, 0.3}), options);
+        break;
+      case 2:
+        scene.add_capsule(name, 0.2, 0.5, options);
+        break;
       default: {
         Body body;
         body.name = name;
@@ -91,8 +98,8 @@ inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
   return scene;
 }
 
-/// Bodies of 1 to 40 pieces: clouds along a random walk, some of them rounded, some of more than 64 vertices; and boxes in a
-/// grid, many of whose distances and gaps are the same. Some share their pieces.
+/// Bodies of 1 to 40 pieces: clouds along a random walk, some of them rounded, some of more than 64 vertices; and boxes
+/// in a grid, many of whose distances and gaps are the same. Some share their pieces.
 inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
   constexpr int kPieces[] = {1, 2, 8, 27, 3, 1, 17, 40, 5, 12};
   Random random(seed);
@@ -111,13 +118,15 @@ inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
     body.is_static = i % 7 == 4;
     if (i % 10 == 3) {
       body.pieces = grid;
-      if (i % 20 == 3) body.pose = Pose{{std::round(body.pose->translation.x), std::round(body.pose->translation.y), 0}};
+      if (i % 20 == 3)
+        body.pose = Pose{{std::round(body.pose->translation.x), std::round(body.pose->translation.y), 0}};
     } else if (i >= 20 && i % 3 == 0) {
       body.pieces = scene.bodies()[static_cast<std::size_t>(i % 10)].pieces;
     } else {
       Vec3d at{0, 0, 0};
       for (int p = 0; p < kPieces[i % 10]; ++p) {
-        std::vector<Vec3d> v = random.cloud(p % 6 == 5 ? 90 : 6 + static_cast<int>(random.below(30)), {0.06, 0.06, 0.06});
+        std::vector<Vec3d> v =
+            random.cloud(p % 6 == 5 ? 90 : 6 + static_cast<int>(random.below(30)), {0.06, 0.06, 0.06});
         for (Vec3d& x : v) x += at;
         at += Vec3d{random.uniform(-0.2, 0.25), random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2)};
         body.pieces.push_back(make_piece(std::move(v), p % 4 == 2 ? 0.03 : 0.0));

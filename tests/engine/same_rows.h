@@ -13,7 +13,8 @@
 namespace clearance::test {
 
 template <class T>
-inline void expect_same_column(const char* name, const T* all, std::uint64_t at, const T* few, std::uint64_t count, std::uint64_t width) {
+inline void expect_same_column(const char* name, const T* all, std::uint64_t at, const T* few, std::uint64_t count,
+                               std::uint64_t width) {
   ASSERT_EQ(all == nullptr, few == nullptr) << name;
   for (std::uint64_t i = 0; all && i < count * width; ++i) {
     if constexpr (std::is_floating_point_v<T>)
@@ -22,8 +23,10 @@ inline void expect_same_column(const char* name, const T* all, std::uint64_t at,
   }
 }
 
-/// Expects rows `at` and on of one answer to have the bits of the first rows of another. How many there are of each status.
-inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uint64_t at, const Answer& few, std::uint64_t count) {
+/// Expects rows `at` and on of one answer to have the bits of the first rows of another. How many there are of each
+/// status.
+inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uint64_t at, const Answer& few,
+                                                     std::uint64_t count) {
   const ReplyView &v = all.view, &w = few.view;
   expect_same_column("distance", v.distance, at, w.distance, count, 1);
   expect_same_column("lower", v.lower, at, w.lower, count, 1);
@@ -38,7 +41,8 @@ inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uin
   expect_same_column("pair", v.pair, at, w.pair, count, 1);
   expect_same_column("configuration", v.configuration, at, w.configuration, count, 1);
   if (v.compact)
-    expect_same_column("compact", reinterpret_cast<const float*>(v.compact), at, reinterpret_cast<const float*>(w.compact), count, 8);
+    expect_same_column("compact", reinterpret_cast<const float*>(v.compact), at,
+                       reinterpret_cast<const float*>(w.compact), count, 8);
   std::array<std::uint64_t, 8> seen{};
   for (std::uint64_t i = 0; i < count; ++i) ++seen[v.status[at + i]];
   return seen;

@@ -1,5 +1,5 @@
-// The bits of an answer do not depend on what else is asked: pairs fill lanes with whatever hulls there are, bodies of several
-// pieces search in rounds, and each gets what it would get alone.
+// The bits of an answer do not depend on what else is asked: pairs fill lanes with whatever hulls there are, bodies of
+// several pieces search in rounds, and each gets what it would get alone.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -72,8 +72,9 @@ TEST(Batches, GiveEachPairTheBitsThatItHasAlone) {
               const auto seen_here = expect_same_rows(all, k * pairs.size() + p, alone, 1);
               for (std::size_t s = 0; s < seen.size(); ++s) seen[s] += seen_here[s];
               if (HasFatalFailure())
-                FAIL() << kernel.name << ", f32 " << (precision == Precision::kF32) << ", signed " << signed_distance << ", within "
-                       << max_distance << ", configuration " << k << ", pair " << pairs[p].a << ' ' << pairs[p].b;
+                FAIL() << kernel.name << ", f32 " << (precision == Precision::kF32) << ", signed " << signed_distance
+                       << ", within " << max_distance << ", configuration " << k << ", pair " << pairs[p].a << ' '
+                       << pairs[p].b;
             }
         }
   }
@@ -179,7 +180,8 @@ TEST(Batches, OfQueriesOfSeveralClientsGiveEachTheBitsThatItHasAlone) {
   EXPECT_GT(together, 500 * versions);
   EXPECT_GT(alone, 100 * versions) << "what asks something else stays alone";
   EXPECT_GT(other_poses, 50 * versions) << "batches of queries that began at different poses";
-  for (const Status status : {Status::kOk, Status::kOverlap, Status::kBeyond, Status::kBadPose, Status::kNoPose, Status::kUnknownBody})
+  for (const Status status :
+       {Status::kOk, Status::kOverlap, Status::kBeyond, Status::kBadPose, Status::kNoPose, Status::kUnknownBody})
     EXPECT_GT(seen[static_cast<std::size_t>(status)], 20u) << "status " << int(status) << " was not met";
 }
 

@@ -80,12 +80,14 @@ TEST(BoxCull, RowsAreThoseOfPairsOneByOne) {
   Random random(2);
   Engine engine(mixed_scene(60, 6, 4));
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const BodyPose bad[] = {{7, {{nan, 0, 0}}}, {23, {{1, 2, 3}, 2, 0.5, 0, 0}}};  // one without a place, one renormalised
+  const BodyPose bad[] = {{7, {{nan, 0, 0}}},
+                          {23, {{1, 2, 3}, 2, 0.5, 0, 0}}};  // one without a place, one renormalised
   engine.set_poses(bad);
   std::vector<BodyPair> shuffled = engine.pairs({});
   for (std::size_t i = 0; i + 1 < shuffled.size(); ++i)
     if (random.below(8) == 0) std::swap(shuffled[i], shuffled[i + random.below(shuffled.size() - i)]);
-  for (std::size_t i = 0; i < 20; ++i) shuffled.insert(shuffled.begin() + random.below(shuffled.size()), {static_cast<std::uint32_t>(i), 1000});
+  for (std::size_t i = 0; i < 20; ++i)
+    shuffled.insert(shuffled.begin() + random.below(shuffled.size()), {static_cast<std::uint32_t>(i), 1000});
   std::vector<std::uint32_t> moved{3, 8, 12, 23};
   std::array<std::uint64_t, 8> seen{};
   for (const std::uint32_t configurations : {0u, 1u, 5u, 70u})
@@ -109,7 +111,8 @@ TEST(BoxCull, RowsAreThoseOfPairsOneByOne) {
           only_pairs.configurations = {};
           const std::vector<BodyPair> pairs = listed ? shuffled : engine.pairs(only_pairs);
           expect_rows_of_few(engine, query, pairs, seen);
-          if (HasFatalFailure()) FAIL() << configurations << " configurations, listed " << listed << ", within " << max_distance;
+          if (HasFatalFailure())
+            FAIL() << configurations << " configurations, listed " << listed << ", within " << max_distance;
         }
   for (const Status status : {Status::kOk, Status::kOverlap, Status::kBeyond, Status::kBadPose, Status::kUnknownBody})
     EXPECT_GT(seen[static_cast<std::size_t>(status)], 100u) << "status " << int(status) << " was not met";

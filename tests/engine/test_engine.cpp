@@ -187,7 +187,8 @@ TEST_P(EngineTest, GradientPredictsSmallMotions) {
   for (std::uint32_t body = 0; body < 24; ++body) {
     if (engine.scene().bodies()[body].is_static) continue;
     const Pose X = engine.body_state(body).X_wb;
-    const Vec3d turn{random.normal(), random.normal(), random.normal()}, move{random.normal(), random.normal(), random.normal()};
+    const Vec3d turn{random.normal(), random.normal(), random.normal()},
+        move{random.normal(), random.normal(), random.normal()};
     const Pose spin = {{0, 0, 0}, 1, 0.5 * h * turn.x, 0.5 * h * turn.y, 0.5 * h * turn.z};
     Pose moved = compose(spin, {{0, 0, 0}, X.qw, X.qx, X.qy, X.qz});
     moved.translation = X.translation + h * move;
@@ -196,10 +197,13 @@ TEST_P(EngineTest, GradientPredictsSmallMotions) {
     const Answer after = ask(engine, q);
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       if (pairs[i].a != body && pairs[i].b != body) continue;
-      if ((before.view.flags[i] & kFlagNonsmooth) || static_cast<Status>(before.view.status[i]) != Status::kOk) continue;
+      if ((before.view.flags[i] & kFlagNonsmooth) || static_cast<Status>(before.view.status[i]) != Status::kOk)
+        continue;
       const double* g = before.view.gradient + 12 * i + (pairs[i].a == body ? 0 : 6);
-      const double predicted = h * (g[0] * turn.x + g[1] * turn.y + g[2] * turn.z + g[3] * move.x + g[4] * move.y + g[5] * move.z);
-      EXPECT_NEAR(after.view.distance[i] - before.view.distance[i], predicted, 2e-10) << pairs[i].a << " " << pairs[i].b;
+      const double predicted =
+          h * (g[0] * turn.x + g[1] * turn.y + g[2] * turn.z + g[3] * move.x + g[4] * move.y + g[5] * move.z);
+      EXPECT_NEAR(after.view.distance[i] - before.view.distance[i], predicted, 2e-10)
+          << pairs[i].a << " " << pairs[i].b;
       ++smooth;
     }
     const BodyPose back{body, X};

@@ -1,4 +1,5 @@
-// Bodies of several pieces: the order of their piece pairs, and one thread's search against the engine's, which asks in rounds.
+// Bodies of several pieces: the order of their piece pairs, and one thread's search against the engine's, which asks in
+// rounds.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -38,7 +39,7 @@ void expect_order(const std::vector<Aabb>& a, const std::vector<Aabb>& b, std::s
   const auto of_a = [&](std::uint32_t i) { return a[i]; };
   const auto of_b = [&](std::uint32_t i) { return b[i]; };
   NearestPieces<kCount, decltype(of_a), decltype(of_b)> nearest(of_a, static_cast<std::uint32_t>(a.size()), of_b,
-                                                               static_cast<std::uint32_t>(b.size()));
+                                                                static_cast<std::uint32_t>(b.size()));
   PiecePair p;
   for (std::size_t i = 0; i < all.size(); ++i) {
     ASSERT_TRUE(nearest.next(p)) << i << " of " << all.size();
@@ -68,7 +69,8 @@ TEST(PieceSearch, EndsAsTheEnginesRoundsDo) {
   for (const Body& body : scene.bodies()) {
     placed.push_back(place(&*body.pose, nullptr));
     boxes.emplace_back();
-    for (const PiecePtr& piece : body.pieces) boxes.back().push_back(certify_box(*piece, placed.back().pose.R_wb, placed.back().pose.t_w));
+    for (const PiecePtr& piece : body.pieces)
+      boxes.back().push_back(certify_box(*piece, placed.back().pose.R_wb, placed.back().pose.t_w));
   }
   const Engine engine(test::decomposed_scene(60, 1.2, 2), {"cpu"});
   std::set<std::uint8_t> statuses;
@@ -85,7 +87,7 @@ TEST(PieceSearch, EndsAsTheEnginesRoundsDo) {
       const auto of_a = [&](std::uint32_t i) { return boxes[a][i]; };
       const auto of_b = [&](std::uint32_t i) { return boxes[b][i]; };
       NearestPieces<8, decltype(of_a), decltype(of_b)> nearest(of_a, static_cast<std::uint32_t>(boxes[a].size()), of_b,
-                                                              static_cast<std::uint32_t>(boxes[b].size()));
+                                                               static_cast<std::uint32_t>(boxes[b].size()));
       PieceSearch search;
       PiecePair best{};
       NarrowLimits limits;
@@ -93,7 +95,8 @@ TEST(PieceSearch, EndsAsTheEnginesRoundsDo) {
       const PieceEnd end = search_pieces(search, max_distance, nearest, [&](const PiecePair& p, double cut_off) {
         ++looks;
         limits.max_distance = cut_off;
-        const NarrowAnswer n = narrow_phase(*scene.bodies()[a].pieces[p.a], placed[a].pose, *scene.bodies()[b].pieces[p.b], placed[b].pose, limits);
+        const NarrowAnswer n = narrow_phase(*scene.bodies()[a].pieces[p.a], placed[a].pose,
+                                            *scene.bodies()[b].pieces[p.b], placed[b].pose, limits);
         if (search.take(p.gap, n.bounds.lower, n.bounds.upper)) best = p;
         return n.bounds.upper <= 0 ? PieceEnd::kOverlap : PieceEnd::kApart;
       });
@@ -104,12 +107,14 @@ TEST(PieceSearch, EndsAsTheEnginesRoundsDo) {
       EXPECT_EQ(answer.view.upper[row], std::max(search.upper, 0.0)) << row;
       EXPECT_EQ(answer.view.pieces[2 * row], best.a) << row;
       EXPECT_EQ(answer.view.pieces[2 * row + 1], best.b) << row;
-      EXPECT_EQ(end == PieceEnd::kOverlap, answer.view.status[row] == static_cast<std::uint8_t>(Status::kOverlap)) << row;
+      EXPECT_EQ(end == PieceEnd::kOverlap, answer.view.status[row] == static_cast<std::uint8_t>(Status::kOverlap))
+          << row;
     }
   }
   EXPECT_GT(searched, 1500u);
   EXPECT_GT(long_searches, 50u);
-  for (const Status s : {Status::kOk, Status::kOverlap, Status::kBeyond}) EXPECT_TRUE(statuses.contains(static_cast<std::uint8_t>(s)));
+  for (const Status s : {Status::kOk, Status::kOverlap, Status::kBeyond})
+    EXPECT_TRUE(statuses.contains(static_cast<std::uint8_t>(s)));
 }
 
 }  // namespace

@@ -25,19 +25,22 @@ TEST(Pose, NonFiniteAndAbsurdPosesAreBad) {
   EXPECT_EQ(check({{0, 0, 1e61}, 1, 0, 0, 0}), PoseQuality::kBad);
 }
 
-// In long double (64 bits) the entries of M(q) / |q|^2 carry errors of about 2^-62; each of ours is rounded once to 2^-53.
+// In long double (64 bits) the entries of M(q) / |q|^2 carry errors of about 2^-62; each of ours is rounded once to
+// 2^-53.
 TEST(Pose, RotationEntriesAreRoundedOnce) {
   std::mt19937_64 random(7);
   std::normal_distribution<double> normal;
   for (int i = 0; i < 20000; ++i) {
     const double scale = std::pow(10.0, std::uniform_real_distribution<double>(-5.5, 5.5)(random));
-    const Pose X{{0, 0, 0}, scale * normal(random), scale * normal(random), scale * normal(random), scale * normal(random)};
+    const Pose X{
+        {0, 0, 0}, scale * normal(random), scale * normal(random), scale * normal(random), scale * normal(random)};
     if (check(X) == PoseQuality::kBad) continue;
     const Mat3d R = rotation_of(X);
     const long double w = X.qw, x = X.qx, y = X.qy, z = X.qz, n = w * w + x * x + y * y + z * z;
-    const long double exact[3][3] = {{(w * w + x * x - y * y - z * z) / n, 2 * (x * y - w * z) / n, 2 * (x * z + w * y) / n},
-                                     {2 * (x * y + w * z) / n, (w * w + y * y - x * x - z * z) / n, 2 * (y * z - w * x) / n},
-                                     {2 * (x * z - w * y) / n, 2 * (y * z + w * x) / n, (w * w + z * z - x * x - y * y) / n}};
+    const long double exact[3][3] = {
+        {(w * w + x * x - y * y - z * z) / n, 2 * (x * y - w * z) / n, 2 * (x * z + w * y) / n},
+        {2 * (x * y + w * z) / n, (w * w + y * y - x * x - z * z) / n, 2 * (y * z - w * x) / n},
+        {2 * (x * z - w * y) / n, 2 * (y * z + w * x) / n, (w * w + z * z - x * x - y * y) / n}};
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < 3; ++c)
         ASSERT_LE(std::abs(static_cast<double>(R.row[r][c] - exact[r][c])), 0x1p-53 * std::abs(R.row[r][c]) + 0x1p-60);

@@ -44,8 +44,8 @@ TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
   EXPECT_EQ(min.view.lower[0], *std::min_element(least_lower.begin(), least_lower.end()));
 }
 
-// Of body g: the rod has the nearest box and is far; h is beyond max_distance, and g is its nearest; y is nearer than h, and
-// has a nearer neighbour than g itself.
+// Of body g: the rod has the nearest box and is far; h is beyond max_distance, and g is its nearest; y is nearer than
+// h, and has a nearer neighbour than g itself.
 TEST_P(EngineTest, NearestHoldsPairsThatAreBeyondAndNobodysNearestBoxes) {
   Scene scene;
   const double c = std::sqrt(0.5), s = std::sin(std::atan(1) / 2);
@@ -112,13 +112,15 @@ TEST_P(EngineTest, MinIsTheFirstOverlap) {
   int overlapping = 0;
   for (std::size_t k = 0; k < 40; ++k) {
     const std::uint8_t* status = dense.view.status + k * pairs.size();
-    const auto first = static_cast<std::size_t>(std::find(status, status + pairs.size(), std::uint8_t(Status::kOverlap)) - status);
+    const auto first =
+        static_cast<std::size_t>(std::find(status, status + pairs.size(), std::uint8_t(Status::kOverlap)) - status);
     if (first == pairs.size()) continue;
     ++overlapping;
     EXPECT_EQ(min.view.status[k], std::uint8_t(Status::kOverlap)) << k;
     EXPECT_EQ(min.view.pair[k], pairs[first]) << k;
     EXPECT_EQ(min.view.lower[k], 0) << k;
-    for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(min.view.point_a[3 * k + c], dense.view.point_a[3 * (k * pairs.size() + first) + c]);
+    for (std::size_t c = 0; c < 3; ++c)
+      EXPECT_EQ(min.view.point_a[3 * k + c], dense.view.point_a[3 * (k * pairs.size() + first) + c]);
   }
   EXPECT_GT(overlapping, 20);
   EXPECT_LT(overlapping, 40);

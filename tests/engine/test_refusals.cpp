@@ -28,12 +28,15 @@ TEST_P(EngineTest, GroupsThatNameMorePairsThanMemoryHoldsAreRefused) {
   EXPECT_EQ(ask_for({kEveryBody, kEveryBody}, 3).size(), 3 * all.size());
   EXPECT_TRUE(ask_for({kGroupBit, kGroupBit}, 20).empty());
   // 0.4 and 0.8 MB of selectors would be 35 GB of pairs, and hours of looking for pairs that are none.
-  for (const auto& [selector, times] : {std::pair{BodyPair{kEveryBody, kEveryBody}, 50'000}, {BodyPair{kGroupBit, kGroupBit}, 100'000}}) try {
+  for (const auto& [selector, times] :
+       {std::pair{BodyPair{kEveryBody, kEveryBody}, 50'000}, {BodyPair{kGroupBit, kGroupBit}, 100'000}})
+    try {
       ask_for(selector, static_cast<std::size_t>(times));
       FAIL();
     } catch (const QueryError& error) {
       EXPECT_EQ(error.code, QueryErrorCode::kTooLarge);
-      EXPECT_NE(std::string(error.what()).find("more than the 33554432 of one query"), std::string::npos) << error.what();
+      EXPECT_NE(std::string(error.what()).find("more than the 33554432 of one query"), std::string::npos)
+          << error.what();
     }
 }
 
@@ -56,11 +59,24 @@ TEST_P(EngineTest, BadQueriesNameTheirFault) {
       {"bodies[1]: 'body0' is named twice", [](QueryView& q) { q.bodies = kTwice; }},
       {"bodies[0]: unknown body 9", [](QueryView& q) { q.bodies = kFar; }},
       {"bodies[0]: 'body4' is static", [](QueryView& q) { q.bodies = kStatic; }},
-      {"pairs[0]: body 1 with itself", [](QueryView& q) { q.all_pairs = false; q.pairs = kSelf; }},
-      {"pairs[0]: unknown group 7", [](QueryView& q) { q.all_pairs = false; q.pairs = kGroup; }},
+      {"pairs[0]: body 1 with itself",
+       [](QueryView& q) {
+         q.all_pairs = false;
+         q.pairs = kSelf;
+       }},
+      {"pairs[0]: unknown group 7",
+       [](QueryView& q) {
+         q.all_pairs = false;
+         q.pairs = kGroup;
+       }},
       {"configurations without bodies", [](QueryView& q) { q.configuration_count = 1; }},
       {"expected 3 poses (3 x 1), got 1",
-       [](QueryView& q) { static const std::uint32_t b[] = {0}; q.bodies = b; q.configuration_count = 3; q.configurations = kOne; }},
+       [](QueryView& q) {
+         static const std::uint32_t b[] = {0};
+         q.bodies = b;
+         q.configuration_count = 3;
+         q.configurations = kOne;
+       }},
       {"the scene is revision", [](QueryView& q) { q.scene_revision = 12345; }},
   };
   const Engine engine = make(mixed_scene(6, 3, 8));
@@ -89,7 +105,9 @@ TEST_P(EngineTest, AbsurdSizesAreRefusedBeforeAnythingIsAllocated) {
     FAIL() << "accepted";
   } catch (const QueryError& e) {
     EXPECT_EQ(e.code, QueryErrorCode::kTooLarge);
-    EXPECT_NE(std::string(e.what()).find("4294967295 configurations x 5 rows are more than the limit"), std::string::npos) << e.what();
+    EXPECT_NE(std::string(e.what()).find("4294967295 configurations x 5 rows are more than the limit"),
+              std::string::npos)
+        << e.what();
   }
 }
 

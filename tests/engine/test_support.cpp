@@ -16,7 +16,8 @@ namespace {
 long double brute_force(const Piece& piece, const Vec3d& n) {
   long double best = -INFINITY;
   for (const Vec3d& v : piece.vertices) {
-    const long double s = static_cast<long double>(n.x) * v.x + static_cast<long double>(n.y) * v.y + static_cast<long double>(n.z) * v.z;
+    const long double s =
+        static_cast<long double>(n.x) * v.x + static_cast<long double>(n.y) * v.y + static_cast<long double>(n.z) * v.z;
     best = std::max(best, s);
   }
   return best;
@@ -27,8 +28,8 @@ std::vector<PiecePtr> pieces_of_every_size() {
   std::vector<PiecePtr> pieces;
   for (const int count : {1, 2, 7, 8, 15, 16, 17, 64, 65, 100, 257, 1000, 20000})
     pieces.push_back(make_piece(random.cloud(count, {1, 2, 0.5})));
-  pieces.push_back(make_piece(make_uv_sphere(2, 40).vertices));   // rings of equal heights: many ties
-  pieces.push_back(make_piece(random.cloud(3000, {1, 1, 0})));    // flat
+  pieces.push_back(make_piece(make_uv_sphere(2, 40).vertices));           // rings of equal heights: many ties
+  pieces.push_back(make_piece(random.cloud(3000, {1, 1, 0})));            // flat
   pieces.push_back(make_piece(std::vector<Vec3d>(500, Vec3d{1, 2, 3})));  // all the same
   return pieces;
 }
@@ -47,7 +48,8 @@ TEST(Support, IsTheMaximumOverAllVerticesWithinRounding) {
       EXPECT_EQ(s.value, dot(n, piece->vertices[s.index]));
       EXPECT_LE(std::abs(static_cast<double>(s.value - exact)), slack);
       const SupportPoint<DoubleDouble> fine = support(*piece, cast<DoubleDouble>(n));
-      const double error = std::abs(static_cast<double>(static_cast<long double>(fine.value.hi) + fine.value.lo - exact));
+      const double error =
+          std::abs(static_cast<double>(static_cast<long double>(fine.value.hi) + fine.value.lo - exact));
       EXPECT_LE(error, 1e-18 * norm(n) * piece->rho);
     }
   }
@@ -72,14 +74,17 @@ std::vector<Vec3d> directions(Random& random) {
 
 TEST(DirectionTable, FindsTheVertexThatAScanFinds) {
   Random random(6);
-  std::vector<std::vector<Vec3d>> clouds{random.cloud(5000, {1, 1, 1}), make_uv_sphere(2, 25).vertices, make_uv_sphere(1, 60).vertices};
-  clouds.push_back(random.cloud(300, {1, 1e-9, 1e-3}));   // a needle
-  clouds.push_back(random.cloud(300, {1, 1, 0}));         // flat
-  clouds.push_back(std::vector<Vec3d>(100, {1, 2, 3}));   // a point
-  for (Vec3d& v : clouds.emplace_back(random.cloud(500, {1, 1, 1}))) v += Vec3d{1e9, -3e9, 2e9};   // far from its frame
-  for (Vec3d& v : clouds.emplace_back(random.cloud(400, {1, 1, 1}))) v = {std::round(v.x), std::round(v.y), std::round(v.z)};
+  std::vector<std::vector<Vec3d>> clouds{random.cloud(5000, {1, 1, 1}), make_uv_sphere(2, 25).vertices,
+                                         make_uv_sphere(1, 60).vertices};
+  clouds.push_back(random.cloud(300, {1, 1e-9, 1e-3}));                                           // a needle
+  clouds.push_back(random.cloud(300, {1, 1, 0}));                                                 // flat
+  clouds.push_back(std::vector<Vec3d>(100, {1, 2, 3}));                                           // a point
+  for (Vec3d& v : clouds.emplace_back(random.cloud(500, {1, 1, 1}))) v += Vec3d{1e9, -3e9, 2e9};  // far from its frame
+  for (Vec3d& v : clouds.emplace_back(random.cloud(400, {1, 1, 1})))
+    v = {std::round(v.x), std::round(v.y), std::round(v.z)};
   const Shape box = make_box({1, 2, 3});
-  for (int i = 0; i < 20; ++i) clouds.back().insert(clouds.back().end(), box.vertices.begin(), box.vertices.end());   // repeats
+  for (int i = 0; i < 20; ++i)
+    clouds.back().insert(clouds.back().end(), box.vertices.begin(), box.vertices.end());  // repeats
   for (const std::vector<Vec3d>& cloud : clouds) {
     const PiecePtr piece = make_piece(cloud);
     ASSERT_TRUE(piece->table);
@@ -102,7 +107,8 @@ TEST(DirectionTable, FindsTheVertexThatAScanFinds) {
       if (!(size > 1e-30f && size < 1e30f)) continue;
       ++in_float;
       const MapPoint<float> at = map_point(f);
-      const std::uint32_t* found = blurred.lists.data() + find_list(blurred.cells.data(), blurred.grid_bits, at.u, at.v);
+      const std::uint32_t* found =
+          blurred.lists.data() + find_list(blurred.cells.data(), blurred.grid_bits, at.u, at.v);
       ASSERT_TRUE(std::binary_search(found + 1, found + 1 + found[0], best));
     }
     EXPECT_GT(in_float, 1000);
@@ -114,10 +120,11 @@ TEST(DirectionTable, ListsAreShortWhateverTheMesh) {
   struct Mesh {
     const char* what;
     std::vector<Vec3d> vertices;
-    double most;   // vertices looked at on average
+    double most;  // vertices looked at on average
   };
-  for (const Mesh& m : {Mesh{"sphere", make_uv_sphere(1, 100).vertices, 7}, Mesh{"cloud", random.cloud(20000, {1, 1, 1}), 7},
-                        Mesh{"cylinder", make_cylinder(1, 2).vertices, 7}}) {
+  for (const Mesh& m :
+       {Mesh{"sphere", make_uv_sphere(1, 100).vertices, 7}, Mesh{"cloud", random.cloud(20000, {1, 1, 1}), 7},
+        Mesh{"cylinder", make_cylinder(1, 2).vertices, 7}}) {
     const PiecePtr piece = make_piece(m.vertices);
     double sum = 0;
     std::size_t longest = 0;
@@ -126,8 +133,9 @@ TEST(DirectionTable, ListsAreShortWhateverTheMesh) {
       sum += static_cast<double>(size);
       longest = std::max(longest, size);
     }
-    std::printf("%s: %zu vertices, %.2f looked at on average, %zu at most, %.1f bytes each\n", m.what, m.vertices.size(), sum / 2000,
-                longest, static_cast<double>(piece->table->bytes()) / static_cast<double>(m.vertices.size()));
+    std::printf("%s: %zu vertices, %.2f looked at on average, %zu at most, %.1f bytes each\n", m.what,
+                m.vertices.size(), sum / 2000, longest,
+                static_cast<double>(piece->table->bytes()) / static_cast<double>(m.vertices.size()));
     EXPECT_LT(sum / 2000, m.most) << m.what;
     EXPECT_LT(longest, 64u) << m.what;
   }

@@ -51,8 +51,9 @@ struct Tally {
   void add(const Tally& other);
 };
 
-/// The settings that tests and the campaign ask each backend with: float64 and float32; with and without depth; full and
-/// compact; default, zero and loose tolerances; cut-off distances. The reference is asked with and without depth alone.
+/// The settings that tests and the campaign ask each backend with: float64 and float32; with and without depth; full
+/// and compact; default, zero and loose tolerances; cut-off distances. The reference is asked with and without depth
+/// alone.
 std::vector<Setting> standard_settings(const std::vector<std::string>& backends = {"cpu", "reference"});
 
 /// A setting as the columns backend to max_distance of docs/results/accuracy.csv.

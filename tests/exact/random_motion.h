@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "engine/pose/pose.h"
 #include "engine/hull/shapes.h"
+#include "engine/pose/pose.h"
 
 namespace clearance {
 

@@ -7,9 +7,9 @@
 #include <cmath>
 
 #include "campaign.h"
-#include "engine/query/columns.h"
 #include "engine/engine.h"
 #include "engine/narrow/piece_batch.h"
+#include "engine/query/columns.h"
 #include "misleading_table.h"
 
 namespace clearance::exact {
@@ -140,9 +140,7 @@ struct Batch {
     std::vector<Interval> found(tasks.size());
     PieceBatch(options).run(
         tasks,
-        [&](const PieceTask& t, const LaneAnswer& lane, const LaneWitness&) {
-          found[t.id] = {lane.lower, lane.upper};
-        },
+        [&](const PieceTask& t, const LaneAnswer& lane, const LaneWitness&) { found[t.id] = {lane.lower, lane.upper}; },
         [&](const PieceTask& t, const NarrowAnswer& answer) { found[t.id] = answer.bounds; });
     return found;
   }

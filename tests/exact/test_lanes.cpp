@@ -1,4 +1,5 @@
-// Lanes against one pair alone: the same bits, on every instruction set that this machine has, for every class of cases.
+// Lanes against one pair alone: the same bits, on every instruction set that this machine has, for every class of
+// cases.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,10 +14,15 @@
 namespace clearance::exact {
 namespace {
 
-constexpr int kCases = 12, kPairs = 21;  // not a multiple of any number of lanes: some end while others wait to be filled
+constexpr int kCases = 12,
+              kPairs = 21;  // not a multiple of any number of lanes: some end while others wait to be filled
 
-bool same_bits(double p, double q) { return std::memcmp(&p, &q, sizeof p) == 0; }
-bool same_bits(const Vec3d& p, const Vec3d& q) { return same_bits(p.x, q.x) && same_bits(p.y, q.y) && same_bits(p.z, q.z); }
+bool same_bits(double p, double q) {
+  return std::memcmp(&p, &q, sizeof p) == 0;
+}
+bool same_bits(const Vec3d& p, const Vec3d& q) {
+  return same_bits(p.x, q.x) && same_bits(p.y, q.y) && same_bits(p.z, q.z);
+}
 
 struct Placed {
   PlacedPose a, b;
@@ -27,7 +33,8 @@ std::vector<Placed> placements(const Case& c, Random& random) {
   std::vector<Placed> placed;
   for (int i = 0; i < kPairs; ++i) {
     Pose X_wa = c.X_wa, X_wb = c.X_wb;
-    if (i % 3 == 1) X_wb.translation += random.direction() * (random.uniform() * norm(X_wb.translation - X_wa.translation));
+    if (i % 3 == 1)
+      X_wb.translation += random.direction() * (random.uniform() * norm(X_wb.translation - X_wa.translation));
     if (i % 3 == 2) X_wa = random.rotation(X_wa.translation);
     placed.push_back({{rotation_of(X_wa), X_wa.translation, X_wa}, {rotation_of(X_wb), X_wb.translation, X_wb}});
   }
@@ -69,7 +76,8 @@ struct Seen {
   int settled = 0, unsettled = 0, beyond = 0;
 };
 
-void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool same_hulls, NarrowLimits limits, Seen& seen) {
+void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool same_hulls, NarrowLimits limits,
+                              Seen& seen) {
   const std::size_t count = asked.placed.size();
   std::vector<LaneHull> hulls;
   for (const PiecePtr& piece : asked.pieces) hulls.emplace_back(*piece);
@@ -100,8 +108,10 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool
     }
     ++seen.settled;
     EXPECT_TRUE(alone.settled) << where;
-    EXPECT_TRUE(same_bits(answers[k].lower, alone.bounds.lower)) << where << ' ' << answers[k].lower << ' ' << alone.bounds.lower;
-    EXPECT_TRUE(same_bits(answers[k].upper, alone.bounds.upper)) << where << ' ' << answers[k].upper << ' ' << alone.bounds.upper;
+    EXPECT_TRUE(same_bits(answers[k].lower, alone.bounds.lower))
+        << where << ' ' << answers[k].lower << ' ' << alone.bounds.lower;
+    EXPECT_TRUE(same_bits(answers[k].upper, alone.bounds.upper))
+        << where << ' ' << answers[k].upper << ' ' << alone.bounds.upper;
     if (alone.beyond) {
       ++seen.beyond;
       continue;
@@ -114,7 +124,9 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool
   }
 }
 
-double centre_distance(const Case& c) { return norm(c.X_wb.translation - c.X_wa.translation); }
+double centre_distance(const Case& c) {
+  return norm(c.X_wb.translation - c.X_wa.translation);
+}
 
 TEST_P(Lanes, GiveTheBitsOfOnePairAlone) {
   const LaneKernel& kernel = lane_kernel(GetParam());
@@ -181,9 +193,11 @@ TEST_P(Lanes, WarmStartsEndSoonerAndProveTheSame) {
       };
       std::vector<LanePair> cold = pairs;
       for (LanePair& p : cold) p.warm = nullptr;
-      const std::vector<LaneAnswer> first = run(cold, 256), from_rubbish = run(pairs, 256), again = run(pairs, 2), cold_again = run(cold, 2);
+      const std::vector<LaneAnswer> first = run(cold, 256), from_rubbish = run(pairs, 256), again = run(pairs, 2),
+                                    cold_again = run(cold, 2);
       for (std::size_t k = 0; k < placed.size(); ++k) {
-        EXPECT_TRUE(from_rubbish[k].lower <= first[k].upper && first[k].lower <= from_rubbish[k].upper) << cls.name << ' ' << i;
+        EXPECT_TRUE(from_rubbish[k].lower <= first[k].upper && first[k].lower <= from_rubbish[k].upper)
+            << cls.name << ' ' << i;
         EXPECT_TRUE(again[k].lower <= first[k].upper && first[k].lower <= again[k].upper) << cls.name << ' ' << i;
         settled += from_rubbish[k].settled;
         warm_in_two_steps += again[k].settled;

@@ -1,6 +1,6 @@
 // Mutation tests: this file is linked once with the engine as it is, and once with each version of it that has one
-// proof taken out (CMakeLists.txt). The judge must find nothing wrong with the first, and the judge or the engine's own look
-// at its intervals must find every other, on the same cases.
+// proof taken out (CMakeLists.txt). The judge must find nothing wrong with the first, and the judge or the engine's own
+// look at its intervals must find every other, on the same cases.
 #include <gtest/gtest.h>
 
 #include <cstdio>

@@ -110,7 +110,8 @@ TEST(Rounding, TheUpperTermCoversEveryErrorAndIsOfItsSize) {
   EXPECT_GE(worst, RoundingUnits<double>::kUpper / 10);
 }
 
-// Float32 lanes: the bounds that they prove, their terms taken off again. Loose tolerances end GJK at its first directions.
+// Float32 lanes: the bounds that they prove, their terms taken off again. Loose tolerances end GJK at its first
+// directions.
 TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
   double worst_lower = 0, worst_upper = 0;
   int proved = 0;
@@ -139,11 +140,12 @@ TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
         take_lane_witness(*p.a, p.pair.R_wa, *p.b, p.pair.R_wb, witness, point_a, point_b, normal);
         const double between = norm(point_b - point_a + p.pair.D);
         ASSERT_LE(between, answer.upper + 0x1p-49 * p.pair.scale) << cls.name << ' ' << i;
-        worst_upper = std::max(worst_upper, std::abs(answer.upper - RoundingUnits<float>::kUpper * unit - extra - between) / unit);
+        worst_upper = std::max(worst_upper,
+                               std::abs(answer.upper - RoundingUnits<float>::kUpper * unit - extra - between) / unit);
       }
     }
-  std::printf("float32, %d answers: worst errors %.3g and %.3g x 2^-24 S, allowed %g and %g\n", proved, worst_lower, worst_upper,
-              RoundingUnits<float>::kLower, RoundingUnits<float>::kUpper);
+  std::printf("float32, %d answers: worst errors %.3g and %.3g x 2^-24 S, allowed %g and %g\n", proved, worst_lower,
+              worst_upper, RoundingUnits<float>::kLower, RoundingUnits<float>::kUpper);
   EXPECT_GT(proved, 1500);
   EXPECT_LE(worst_lower, RoundingUnits<float>::kLower);
   EXPECT_GE(worst_lower, RoundingUnits<float>::kLower / 16);

@@ -119,8 +119,8 @@ TEST(Surface, ThatIsClosedButElsewhereIsRefused) {
   EXPECT_GT(tried, 200);
 }
 
-// Volumes underflow long before squares do, and with them the doubt about their signs: a tetrahedron just beside the origin
-// then looks as if it were around it.
+// Volumes underflow long before squares do, and with them the doubt about their signs: a tetrahedron just beside the
+// origin then looks as if it were around it.
 TEST(Surface, OfTinyBodiesIsNotProvedByVolumesThatUnderflow) {
   Random random(kSeed);
   const PiecePtr origin = make_piece({{0, 0, 0}});
@@ -143,7 +143,9 @@ TEST(Surface, OfTinyBodiesIsNotProvedByVolumesThatUnderflow) {
       for (std::uint32_t k = 0; k < 4; ++k) v[k] = s.vertex[k].w * size;
       const PiecePtr beside = make_piece(v);
       const PlacedPair<double> pair(*beside, rotation_of(Pose{}), {0, 0, 0}, *origin, rotation_of(Pose{}), {0, 0, 0});
-      const auto volume = [&](const CsoFace<double>& f) { return dot(v[f.vertex[0]], cross(v[f.vertex[1]], v[f.vertex[2]])); };
+      const auto volume = [&](const CsoFace<double>& f) {
+        return dot(v[f.vertex[0]], cross(v[f.vertex[1]], v[f.vertex[2]]));
+      };
       ++tried;
       looks_proved += std::all_of(faces, faces + 4, [&](const auto& f) { return volume(f) > 0; }) ||
                       std::all_of(faces, faces + 4, [&](const auto& f) { return volume(f) < 0; });

@@ -75,21 +75,10 @@ TEST(Verdict, SeesEveryLie) {
       {"ok but wide", 1.0 / 3, [](Apart& a) { a.answer.lower *= 0.99; }},
       {"not clipped", -0.25, [](Apart& a) { a.setting.signed_distance = false; }},
       {"distance is not a bound", 1.0 / 3, [&](Apart& a) { a.answer.distance = up(a.answer.distance); }},
-      {"normal of length 2", 1.0 / 3,
-       [](Apart& a) {
-         a.answer.normal = {2, 0, 0};
-       }},
+      {"normal of length 2", 1.0 / 3, [](Apart& a) { a.answer.normal = {2, 0, 0}; }},
       {"a point that is NaN", 1.0 / 3, [](Apart& a) { a.answer.point_a.x = std::nan(""); }},
-      {"normal that proves nothing", 1.0 / 3,
-       [](Apart& a) {
-         a.answer.normal = {0, 1, 0};
-       },
-       false},
-      {"normal reversed", 1.0 / 3,
-       [](Apart& a) {
-         a.answer.normal = {-1, 0, 0};
-       },
-       false},
+      {"normal that proves nothing", 1.0 / 3, [](Apart& a) { a.answer.normal = {0, 1, 0}; }, false},
+      {"normal reversed", 1.0 / 3, [](Apart& a) { a.answer.normal = {-1, 0, 0}; }, false},
       {"point_a outside", 1.0 / 3, [](Apart& a) { a.answer.point_a.x += 1e-13; }, false},
       {"point_b outside", 1.0 / 3, [](Apart& a) { a.answer.point_b.x -= 1e-13; }, false},
       {"points too far apart", 1.0 / 3, [](Apart& a) { a.answer.point_b.x += 0.1; }, false},

@@ -12,8 +12,8 @@
 #include <stdexcept>
 #include <thread>
 
-#include "wire/lcm_bus.h"
 #include "victim.h"
+#include "wire/lcm_bus.h"
 
 namespace clearance::fire {
 

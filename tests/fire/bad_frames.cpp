@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "wire/wire.h"
 #include "tests/server/memory_transport.h"
+#include "wire/wire.h"
 
 namespace clearance::fire {
 namespace {
@@ -47,7 +47,8 @@ Bytes good_frame(std::uint64_t id, std::mt19937_64& random) {
   query.header.max_distance = 5;
   if (random() % 2)
     for (std::uint64_t n = 1 + random() % 20; n > 0; --n)
-      query.pairs.push_back({static_cast<std::uint32_t>(random() % 50), static_cast<std::uint32_t>(50 + random() % 50)});
+      query.pairs.push_back(
+          {static_cast<std::uint32_t>(random() % 50), static_cast<std::uint32_t>(50 + random() % 50)});
   query.header.reduce = static_cast<std::uint8_t>(random() % 4);
   if (query.pairs.empty() || random() % 2) {
     query.bodies = {3, 7};
@@ -129,7 +130,8 @@ Bytes bad_body(std::uint64_t id, std::mt19937_64& random) {
       if (random() % 2) {
         body.vertex_count = 1;
         Bytes frame = record_frame(FrameType::kAddBody, id, body, sizeof(wire::VertexRecord));
-        change<wire::VertexRecord>(frame, frame.size() - sizeof(wire::VertexRecord), [](auto& v) { v.xyz[1] = std::nan(""); });
+        change<wire::VertexRecord>(frame, frame.size() - sizeof(wire::VertexRecord),
+                                   [](auto& v) { v.xyz[1] = std::nan(""); });
         return frame;
       }
   }
@@ -211,8 +213,8 @@ Bytes bad_frame(std::string_view kind, std::uint64_t id, std::mt19937_64& random
     for (std::size_t i = sizeof(wire::FrameHeader); i < frame.size(); ++i) frame[i] = static_cast<std::byte>(random());
     mend_size(frame);
     const auto type = one_of(random, {FrameType::kQuery, FrameType::kPairs, FrameType::kDescribe, FrameType::kSetPoses,
-                                      FrameType::kAttach, FrameType::kGetStates, FrameType::kGetStats, FrameType::kReload,
-                                      FrameType::kAddBody, FrameType::kRemoveBody});
+                                      FrameType::kAttach, FrameType::kGetStates, FrameType::kGetStats,
+                                      FrameType::kReload, FrameType::kAddBody, FrameType::kRemoveBody});
     change_header(frame, [&](auto& h) { h.type = static_cast<std::uint16_t>(type); });
   } else if (kind == "counts") {
     change_query(frame, [&](auto& q) {
@@ -243,7 +245,8 @@ Bytes bad_frame(std::string_view kind, std::uint64_t id, std::mt19937_64& random
     frame = record_frame(FrameType::kRemoveBody, id, gone, random() % 2);
   } else if (kind == kFlippedBits) {
     for (std::uint64_t n = 1 + random() % 3; n > 0; --n)
-      frame[sizeof(wire::FrameHeader) + random() % (frame.size() - sizeof(wire::FrameHeader))] ^= static_cast<std::byte>(1u << random() % 8);
+      frame[sizeof(wire::FrameHeader) + random() % (frame.size() - sizeof(wire::FrameHeader))] ^=
+          static_cast<std::byte>(1u << random() % 8);
   } else {
     throw std::logic_error("no such kind");
   }

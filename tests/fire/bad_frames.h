@@ -11,9 +11,9 @@ namespace clearance::fire {
 /// The kinds. All are refused; but a flipped bit may leave a request as good as another.
 inline constexpr std::string_view kFlippedBits = "flipped bits";
 inline constexpr std::string_view kBadKinds[] = {
-    "magic",           "version",        "type",          "said size",        "reserved words", "cut",
-    "longer",          "noise",          "counts",        "values",           "choices",        "groups without end",
-    "another scene",   "poses",          "attachment",    "new body",         "removed body",   kFlippedBits};
+    "magic",         "version", "type",       "said size", "reserved words", "cut",
+    "longer",        "noise",   "counts",     "values",    "choices",        "groups without end",
+    "another scene", "poses",   "attachment", "new body",  "removed body",   kFlippedBits};
 
 /// One whole frame of that kind, of less than 48 KB, for the scene random_100 or one that begins with it. None of them
 /// changes what the daemon answers, refused or not.

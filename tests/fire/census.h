@@ -8,10 +8,10 @@
 namespace clearance::fire {
 
 struct Census {
-  int descriptors = 0;  ///< /proc/PID/fd
-  int segments = 0;     ///< mappings of shared-memory segments
-  int mappings = 0;     ///< all of /proc/PID/maps
-  int threads = 0;      ///< /proc/PID/task
+  int descriptors = 0;                          ///< /proc/PID/fd
+  int segments = 0;                             ///< mappings of shared-memory segments
+  int mappings = 0;                             ///< all of /proc/PID/maps
+  int threads = 0;                              ///< /proc/PID/task
   std::uint64_t private_kb = 0, shared_kb = 0;  ///< resident: RssAnon; RssShmem and RssFile
   std::vector<std::string> files;               ///< of the daemon's folders; segments in /dev/shm
 

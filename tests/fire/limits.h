@@ -42,7 +42,7 @@ class Limit {
 /// The limit of descriptors that leaves a process just so many free ones: it may have gaps.
 inline std::uint64_t descriptors_for(int pid, int spare) {
   const auto is_open = [pid](std::uint64_t fd) {
-    struct stat info {};
+    struct stat info{};
     return lstat(("/proc/" + std::to_string(pid) + "/fd/" + std::to_string(fd)).c_str(), &info) == 0;
   };
   std::uint64_t limit = 0;

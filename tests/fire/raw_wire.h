@@ -10,11 +10,11 @@
 #include <vector>
 #include <zmq.hpp>
 
+#include "tests/server/raw_shm_client.h"
 #include "wire/lcm_bus.h"
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"
 #include "wire/protocol.h"
-#include "tests/server/raw_shm_client.h"
 
 namespace clearance::fire {
 
@@ -54,7 +54,8 @@ class RawShmWire final : public RawWire {
       if (std::chrono::steady_clock::now() > deadline) throw std::runtime_error("no reply");
       std::this_thread::yield();
     }
-    return raw_reply({client_.base + header.reply_offset, header.replies[(asked_ - 1) % shm::kRingEntries].frame_bytes.load()});
+    return raw_reply(
+        {client_.base + header.reply_offset, header.replies[(asked_ - 1) % shm::kRingEntries].frame_bytes.load()});
   }
 
  private:

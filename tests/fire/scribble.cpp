@@ -1,45 +1,46 @@
-// A client that writes over every byte it shares with the daemon, by chance and by design, while the daemon works on it.
+// A client that writes over every byte it shares with the daemon, by chance and by design, while the daemon works on
+// it.
 #include <atomic>
 #include <chrono>
 #include <thread>
 
-#include "wire/wire.h"
 #include "tests/server/raw_shm_client.h"
 #include "victim.h"
+#include "wire/wire.h"
 
 namespace clearance::fire {
 namespace {
 
 /// What a session writes over. The first two keep the rules of the rings, so that the daemon goes on answering from
 /// memory that changes under it; the others break them.
-/// kToggle: the words of the ring that the daemon checks are now right, now wrong, as fast as a core can: whoever loaded
-/// one again after checking it would go by the wrong one.
+/// kToggle: the words of the ring that the daemon checks are now right, now wrong, as fast as a core can: whoever
+/// loaded one again after checking it would go by the wrong one.
 enum class Target { kRequests, kReplies, kRings, kEverything, kToggle };
 
 /// Values near what checks compare with, and plain chance.
 std::uint64_t nasty_word(const shm::SegmentHeader& header, std::mt19937_64& random) {
-  const std::uint64_t values[] = {0,
-                                  1,
-                                  2,
-                                  header.slot_count - 1,
-                                  header.slot_count,
-                                  shm::kRingEntries,
-                                  sizeof(wire::FrameHeader),
-                                  sizeof(wire::FrameHeader) + sizeof(wire::QueryHeader),
-                                  header.request_capacity,
-                                  header.request_capacity + 1,
-                                  header.reply_capacity,
-                                  header.segment_bytes,
-                                  0x7FFFFFFF,
-                                  0x80000000,
-                                  0xFFFFFFFF,
-                                  0x7FFFFFFFFFFFFFFF,
-                                  ~std::uint64_t{0},
-                                  0x7FF8000000000000,  // NaN
-                                  0x7FF0000000000000,  // inf
-                                  shm::pack_ticket(random() % 16, 1 + random() % 4),
-                                  std::uint64_t{wire::kMagic} | std::uint64_t{wire::kVersion} << 32 |
-                                      (1 + random() % 8) << 48};
+  const std::uint64_t values[] = {
+      0,
+      1,
+      2,
+      header.slot_count - 1,
+      header.slot_count,
+      shm::kRingEntries,
+      sizeof(wire::FrameHeader),
+      sizeof(wire::FrameHeader) + sizeof(wire::QueryHeader),
+      header.request_capacity,
+      header.request_capacity + 1,
+      header.reply_capacity,
+      header.segment_bytes,
+      0x7FFFFFFF,
+      0x80000000,
+      0xFFFFFFFF,
+      0x7FFFFFFFFFFFFFFF,
+      ~std::uint64_t{0},
+      0x7FF8000000000000,  // NaN
+      0x7FF0000000000000,  // inf
+      shm::pack_ticket(random() % 16, 1 + random() % 4),
+      std::uint64_t{wire::kMagic} | std::uint64_t{wire::kVersion} << 32 | (1 + random() % 8) << 48};
   const std::uint64_t drawn = random();
   return drawn % 4 == 0 ? random() : values[drawn / 4 % std::size(values)];
 }
@@ -97,7 +98,7 @@ void session(const std::string& socket_path, std::mt19937_64& random) {
   const std::uint64_t request_capacity = client.header->request_capacity;
   const std::uint32_t slots = client.header->slot_count;
   // Toggling ends a connection soonest: more of those.
-  constexpr Target kTargets[] = {Target::kRequests, Target::kReplies, Target::kRings, Target::kEverything,
+  constexpr Target kTargets[] = {Target::kRequests, Target::kReplies, Target::kRings,  Target::kEverything,
                                  Target::kToggle,   Target::kToggle,  Target::kToggle, Target::kToggle};
   const Target target = kTargets[random() % std::size(kTargets)];
   std::vector<std::vector<std::byte>> frames;
@@ -117,8 +118,8 @@ void session(const std::string& socket_path, std::mt19937_64& random) {
       const auto& frame = frames[posted % frames.size()];
       std::byte* room = client.base + shm::kPage + slot * request_capacity;
       std::memcpy(room, frame.data(), frame.size());
-      // Some queries are bad before the daemon can look: whether the other thread hits one in time is chance, and on a busy
-      // machine a rare one.
+      // Some queries are bad before the daemon can look: whether the other thread hits one in time is chance, and on a
+      // busy machine a rare one.
       if (target == Target::kRequests && posted % 8 == 7) {
         const std::uint64_t word = nasty_word(*client.header, random);
         const std::uint64_t at = random() % (sizeof(wire::QueryHeader) / sizeof word) * sizeof word;

@@ -39,7 +39,8 @@ Witness::Counts sum_of(const Witnesses& witnesses) {
 
 }  // namespace
 
-Soak::Soak(std::uint64_t seed, double load) : random_(seed), exam_(kScene, seed), counters_(connect(living_.zmq(), 30s)) {
+Soak::Soak(std::uint64_t seed, double load)
+    : random_(seed), exam_(kScene, seed), counters_(connect(living_.zmq(), 30s)) {
   counters_.set_timeout(30s);
   const auto witness = [&](Witnesses& all, const std::string& url, double part, std::chrono::nanoseconds timeout) {
     all.push_back(std::make_unique<Witness>(url, exam_, random_(), part, timeout));
@@ -79,7 +80,8 @@ void Soak::kill_client(Arena& arena, const char* name) {
   const auto points = points_of(url);
   const std::string_view point = points[below(points.size())];
   const int end = arena.talk(url, point, SIGKILL, random_()).await_end();
-  expect(end == -SIGKILL, "a talk over " + url + " ended with " + std::to_string(end) + " before " + std::string(point));
+  expect(end == -SIGKILL,
+         "a talk over " + url + " ended with " + std::to_string(end) + " before " + std::string(point));
   ++faults_[name];
 }
 

@@ -12,8 +12,8 @@
 namespace clearance::fire {
 namespace {
 
-/// Growth of the daemon's private memory that is not called one: allocators keep what large requests once took, the more
-/// of it is new the shorter the run.
+/// Growth of the daemon's private memory that is not called one: allocators keep what large requests once took, the
+/// more of it is new the shorter the run.
 constexpr double kGrowthSparedKb = 8192, kGrowthSparedShortKb = 65536, kShortMinutes = 10;
 
 struct Options {
@@ -25,8 +25,8 @@ struct Options {
 
 const char* const kFaults[] = {"killed",    "frozen",  "scribbling",       "descriptors",   "memory",
                                "file_size", "reloads", "killed_of_mortal", "daemons_killed"};
-const char* const kStats[] = {"frames", "replies", "errors", "requests.dropped", "shm.connections", "shm.violations",
-                              "engine.warm_bytes"};
+const char* const kStats[] = {"frames",          "replies",        "errors",           "requests.dropped",
+                              "shm.connections", "shm.violations", "engine.warm_bytes"};
 
 void write_head(std::ostream& out, const Options& o) {
   out << "# clearance-soak --minutes " << o.minutes << " --seed " << o.seed << " --load " << o.load << "\nseconds,cpu";
@@ -45,8 +45,9 @@ void write_row(std::ostream& out, Soak::Sample s) {
       << s.mortal.right << ',' << s.mortal.wrong << ',' << s.mortal.lost << ',' << s.mortal.late;
   for (const char* name : kStats) out << ',' << s.stats[name];
   const Census& c = s.census;
-  out << ',' << c.private_kb << ',' << c.shared_kb << ',' << c.descriptors << ',' << c.segments << ',' << c.mappings << ','
-      << c.threads << '\n' << std::flush;
+  out << ',' << c.private_kb << ',' << c.shared_kb << ',' << c.descriptors << ',' << c.segments << ',' << c.mappings
+      << ',' << c.threads << '\n'
+      << std::flush;
 }
 
 /// Of the daemon's private memory, without what it keeps for clients that ask again (bounded, and counted). The first
@@ -67,8 +68,7 @@ bool is_flat(const std::vector<Soak::Sample>& samples) {
   const double spared = samples.back().seconds < 60 * kShortMinutes ? kGrowthSparedShortKb : kGrowthSparedKb;
   const bool flat = trend.slope <= 3 * trend.standard_error || grown <= spared;
   std::printf("memory: %.0f KB, slope %.2f KB a minute (standard error %.2f), %.0f KB in %.1f minutes: %s\n",
-              kilobytes.back(), trend.slope, trend.standard_error, grown, span,
-              flat ? "flat" : "IT GROWS");
+              kilobytes.back(), trend.slope, trend.standard_error, grown, span, flat ? "flat" : "IT GROWS");
   return flat;
 }
 
@@ -83,7 +83,8 @@ int soak(const Options& o) {
 
   const auto begin = Soak::Clock::now();
   const std::chrono::duration<double> length(60 * o.minutes);
-  const auto pause = std::clamp<std::chrono::duration<double>>(length / 40, std::chrono::seconds(3), std::chrono::seconds(60));
+  const auto pause =
+      std::clamp<std::chrono::duration<double>>(length / 40, std::chrono::seconds(3), std::chrono::seconds(60));
   std::mt19937_64 random(o.seed + 1);
   Soak all(o.seed, o.load);
   std::vector<Soak::Sample> samples;
@@ -108,13 +109,16 @@ int soak(const Options& o) {
   failed |= !trouble.empty();
   if (!is_flat(samples)) failed = true;
   Soak::Sample& last = samples.back();
-  std::printf("%.1f minutes: %llu right answers of %llu and %llu wrong ones; %llu clients killed, %llu frozen, %llu scribbling, %llu deaths of a daemon\n",
-              last.seconds / 60, static_cast<unsigned long long>(last.living.right + last.mortal.right),
-              static_cast<unsigned long long>(last.living.right + last.mortal.right + last.living.wrong + last.mortal.wrong),
-              static_cast<unsigned long long>(last.living.wrong + last.mortal.wrong),
-              static_cast<unsigned long long>(last.faults["killed"] + last.faults["killed_of_mortal"]),
-              static_cast<unsigned long long>(last.faults["frozen"]), static_cast<unsigned long long>(last.faults["scribbling"]),
-              static_cast<unsigned long long>(last.faults["daemons_killed"]));
+  std::printf(
+      "%.1f minutes: %llu right answers of %llu and %llu wrong ones; %llu clients killed, %llu frozen, %llu "
+      "scribbling, %llu deaths of a daemon\n",
+      last.seconds / 60, static_cast<unsigned long long>(last.living.right + last.mortal.right),
+      static_cast<unsigned long long>(last.living.right + last.mortal.right + last.living.wrong + last.mortal.wrong),
+      static_cast<unsigned long long>(last.living.wrong + last.mortal.wrong),
+      static_cast<unsigned long long>(last.faults["killed"] + last.faults["killed_of_mortal"]),
+      static_cast<unsigned long long>(last.faults["frozen"]),
+      static_cast<unsigned long long>(last.faults["scribbling"]),
+      static_cast<unsigned long long>(last.faults["daemons_killed"]));
   if (failed)
     for (const std::string& complaint : all.complaints()) std::printf("  %s\n", complaint.c_str());
   std::printf("%s\n", failed ? "FAILED" : "passed");
@@ -126,10 +130,11 @@ int soak(const Options& o) {
 
 int main(int argc, char** argv) {
   clearance::fire::Options o;
-  CLI::App app("Clients are killed, frozen and scribble, a daemon is starved of what it needs and another one killed, at "
-               "random; clients beside them check every bit of their answers against an engine of their own. Exit code 0: "
-               "no answer was wrong, nothing was left behind, the counters add up and memory is flat.",
-               "clearance-soak");
+  CLI::App app(
+      "Clients are killed, frozen and scribble, a daemon is starved of what it needs and another one killed, at "
+      "random; clients beside them check every bit of their answers against an engine of their own. Exit code 0: "
+      "no answer was wrong, nothing was left behind, the counters add up and memory is flat.",
+      "clearance-soak");
   app.add_option("--minutes", o.minutes, "how long")->check(CLI::Range(0.05, 1e5))->capture_default_str();
   app.add_option("--seed", o.seed, "of all that is drawn at random")->capture_default_str();
   app.add_option("--load", o.load, "part of the time that each of the four clients of the daemon that lives asks")

@@ -66,7 +66,8 @@ TEST(FireDaemon, SignalledAllTheTimeItMissesNoRequest) {
   const Exam exam(kScene, 5);
   Arena arena;
   Witnesses witnesses;
-  for (const std::string& url : arena.urls()) witnesses.push_back(std::make_unique<Witness>(url, exam, 40 + witnesses.size()));
+  for (const std::string& url : arena.urls())
+    witnesses.push_back(std::make_unique<Witness>(url, exam, 40 + witnesses.size()));
   Client client = patient(arena.zmq());
   Stats stats;
   std::mt19937_64 random(6);

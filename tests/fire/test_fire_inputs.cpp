@@ -1,5 +1,5 @@
-// One daemon, more than a thousand inputs that nobody should send, over each transport and through its files, and after each of
-// them a good query whose every bit must be right.
+// One daemon, more than a thousand inputs that nobody should send, over each transport and through its files, and after
+// each of them a good query whose every bit must be right.
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -82,7 +82,8 @@ class FireInputs : public testing::Test {
         expect_good(url, std::string(kind));
         if (HasFatalFailure()) return;
       }
-    for (const std::string_view kind : kBadKinds) EXPECT_GT(refused[kind], kind == kFlippedBits ? 0 : rounds - 1) << kind;
+    for (const std::string_view kind : kBadKinds)
+      EXPECT_GT(refused[kind], kind == kFlippedBits ? 0 : rounds - 1) << kind;
   }
   Bytes noise(std::size_t size) {
     Bytes bytes(size);
@@ -92,8 +93,9 @@ class FireInputs : public testing::Test {
 
   TestFolder folder_;
   const std::string mesh_ = folder_.write("hull.stl", stl());
-  const std::string yaml_ = "bodies:\n  - {name: part, mesh: hull.stl, convexify: hull, pose: [40,0,0, 1,0,0,0]}\n"
-                            "random: {count: 100, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 28, seed: 1}\n";
+  const std::string yaml_ =
+      "bodies:\n  - {name: part, mesh: hull.stl, convexify: hull, pose: [40,0,0, 1,0,0,0]}\n"
+      "random: {count: 100, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 28, seed: 1}\n";
   const std::string scene_ = folder_.write("scene.yaml", yaml_);
   const Exam exam_{scene_, 5};
   Arena arena_{{}, scene_};
@@ -206,7 +208,8 @@ TEST_F(FireInputs, PacketsOnTheLcmNetwork) {
         Bytes cut = RawSender::datagram(channel, {});
         cut.resize(random_() % cut.size());
         sender.send(cut);
-        Bytes fragment = RawSender::big_endian({0x4c433033, 7, static_cast<std::uint32_t>(random_()), static_cast<std::uint32_t>(random_()),
+        Bytes fragment = RawSender::big_endian({0x4c433033, 7, static_cast<std::uint32_t>(random_()),
+                                                static_cast<std::uint32_t>(random_()),
                                                 static_cast<std::uint32_t>(random_() % 5 << 16 | random_() % 5)});
         const Bytes tail = noise(random_() % 300);
         fragment.insert(fragment.end(), tail.begin(), tail.end());
@@ -230,15 +233,26 @@ TEST_F(FireInputs, PacketsOnTheLcmNetwork) {
     expect_good(arena_.lcm(), "packet " + std::to_string(i));
     if (HasFatalFailure()) return;
   }
-  EXPECT_GE(counter("lcm.bad_messages"), bad + static_cast<std::uint64_t>(on_a_channel) / 2) << "a packet may be lost, not half of them";
+  EXPECT_GE(counter("lcm.bad_messages"), bad + static_cast<std::uint64_t>(on_a_channel) / 2)
+      << "a packet may be lost, not half of them";
 }
 
 TEST_F(FireInputs, ScenesAndMeshesAtAReload) {
-  std::vector<std::string> scenes{"", "[]", "bodies: 3\n", "bodies: [{name: x}]\n", "bodies: [{name: x, sphere: nan}]\n", "\t- : :\n",
-                                  "random: {count: 1e18, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 28, seed: 1}\n",
-                                  "bodies: [{name: x, mesh: ../../../../etc/passwd}]\n", "bodies: [{name: x, mesh: nowhere.stl}]\n",
-                                  "bodies: [{name: x, mesh: scene.yaml}]\n", "bodies: &a [*a, *a]\n", std::string(100'000, '['),
-                                  std::string("bodies: [{name: \0x}]\n", 21), "bodies:\n  - {name: a, box: [1,1,1], parent: b}\n"};
+  std::vector<std::string> scenes{
+      "",
+      "[]",
+      "bodies: 3\n",
+      "bodies: [{name: x}]\n",
+      "bodies: [{name: x, sphere: nan}]\n",
+      "\t- : :\n",
+      "random: {count: 1e18, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 28, seed: 1}\n",
+      "bodies: [{name: x, mesh: ../../../../etc/passwd}]\n",
+      "bodies: [{name: x, mesh: nowhere.stl}]\n",
+      "bodies: [{name: x, mesh: scene.yaml}]\n",
+      "bodies: &a [*a, *a]\n",
+      std::string(100'000, '['),
+      std::string("bodies: [{name: \0x}]\n", 21),
+      "bodies:\n  - {name: a, box: [1,1,1], parent: b}\n"};
   for (int i = 0; i < 30 * rounds(1); ++i) {
     std::string text = yaml_;
     if (i % 3 == 0) text.resize(random_() % text.size());

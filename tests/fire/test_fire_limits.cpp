@@ -1,5 +1,5 @@
-// A daemon without descriptors, memory or disk: what it cannot do it refuses in words, the rest goes on, and it is whole
-// again when there is room.
+// A daemon without descriptors, memory or disk: what it cannot do it refuses in words, the rest goes on, and it is
+// whole again when there is room.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/mount.h>
@@ -60,7 +60,8 @@ TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
         const Limit limit(arena_.daemon().pid(), RLIMIT_NOFILE, descriptors_for(arena_.daemon().pid(), spare));
         while (refused.empty() && clients.size() < 100)
           refused = error_of([&] { clients.push_back(patient(arena_.shm())); });
-        EXPECT_TRUE(contains(refused, "refused: ") && contains(refused, "Too many open files")) << spare << ": " << refused;
+        EXPECT_TRUE(contains(refused, "refused: ") && contains(refused, "Too many open files"))
+            << spare << ": " << refused;
         EXPECT_EQ(clients.size(), static_cast<std::size_t>(spare / 3)) << "a client takes three";
         // ZeroMQ has nobody who could say why.
         const std::string hung_up = error_of([&] { patient(arena_.zmq()); });
@@ -129,7 +130,9 @@ TEST_F(FireLimits, SegmentsBeyondTheFileSizeLimitAreRefused) {
 /// A small file system of its own; only root can mount one.
 class SmallDisk {
  public:
-  explicit SmallDisk(const char* options) { mounted_ = mount("tmpfs", folder_.path().c_str(), "tmpfs", 0, options) == 0; }
+  explicit SmallDisk(const char* options) {
+    mounted_ = mount("tmpfs", folder_.path().c_str(), "tmpfs", 0, options) == 0;
+  }
   ~SmallDisk() {
     if (mounted_) umount2(folder_.path().c_str(), MNT_DETACH);
   }
@@ -151,7 +154,8 @@ TEST(FireDisk, AFullRunTimeFolderIsSaidInWords) {
   const SmallDisk disk("size=1m,nr_inodes=2");
   if (!disk.is_there()) GTEST_SKIP() << "only root can mount a small disk";
   std::ofstream(disk.path() + "/last_inode") << "x";
-  for (const auto& [option, url] : {std::pair{"--shm", disk.path() + "/c.sock"}, {"--zmq", "ipc://" + disk.path() + "/c.ipc"}}) {
+  for (const auto& [option, url] :
+       {std::pair{"--shm", disk.path() + "/c.sock"}, {"--zmq", "ipc://" + disk.path() + "/c.ipc"}}) {
     const Finished daemon = run({program("clearanced"), "--scene", kScene, option, url});
     EXPECT_EQ(daemon.code, 4) << daemon.err;
     EXPECT_TRUE(contains(daemon.err, "No space left on device")) << daemon.err;
@@ -166,7 +170,8 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
   const char* before = getenv("TMPDIR");
   const std::string kept = before ? before : "";
   setenv("TMPDIR", disk.path().c_str(), 1);  // where the daemon's standard error goes
-  Daemon daemon({"--scene", kScene, "--shm", disk.path() + "/c.sock", "--backend", "cpu", "--threads", "1", "--log-level", "trace"});
+  Daemon daemon({"--scene", kScene, "--shm", disk.path() + "/c.sock", "--backend", "cpu", "--threads", "1",
+                 "--log-level", "trace"});
   before ? setenv("TMPDIR", kept.c_str(), 1) : unsetenv("TMPDIR");
   disk.fill();
   const std::size_t written = daemon.log().size();

@@ -22,12 +22,10 @@ inline constexpr std::string_view kShmPoints[] = {
     // reading replies
     "reply_there", "reply_half_read", "many_posted", "grow_sent", "grown", "posted_in_second", "all_there", "retired"};
 inline constexpr std::string_view kZmqPoints[] = {
-    "connected", "greeting_cut", "greeted", "ready_cut", "ready",
-    "header_cut", "header_sent", "payload_cut", "sent",
-    "reply_begun", "reply_cut", "reply_read", "many_sent", "many_begun"};
-inline constexpr std::string_view kLcmPoints[] = {"opened",    "poses_sent",  "part_sent",
-                                                  "sent",      "reply_begun", "reply_there",
-                                                  "many_sent", "query_sent"};
+    "connected",   "greeting_cut", "greeted",     "ready_cut", "ready",      "header_cut", "header_sent",
+    "payload_cut", "sent",         "reply_begun", "reply_cut", "reply_read", "many_sent",  "many_begun"};
+inline constexpr std::string_view kLcmPoints[] = {"opened",      "poses_sent",  "part_sent", "sent",
+                                                  "reply_begun", "reply_there", "many_sent", "query_sent"};
 
 /// Raises a signal at one point. SIGKILL: the end; SIGSTOP: goes on once somebody continues it.
 class Fate {

@@ -3,10 +3,10 @@
 
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
+#include "victim.h"
 #include "wire/lcm_bus.h"
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"
-#include "victim.h"
 
 namespace clearance::fire {
 

@@ -10,8 +10,8 @@
 #include <cstring>
 
 #include "client/client.h"
-#include "wire/wire.h"
 #include "victim.h"
+#include "wire/wire.h"
 
 namespace clearance::fire {
 
@@ -21,7 +21,8 @@ std::vector<std::byte> large_request(std::uint64_t id) {
   query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
   const std::uint64_t bytes = wire::query_payload_bytes(0, 0, 0);
   std::vector<std::byte> frame(sizeof(wire::FrameHeader) + bytes);
-  wire::write_query(frame.data(), wire::make_header(wire::FrameType::kQuery, id, bytes), query, nullptr, nullptr, nullptr);
+  wire::write_query(frame.data(), wire::make_header(wire::FrameType::kQuery, id, bytes), query, nullptr, nullptr,
+                    nullptr);
   return frame;
 }
 
@@ -32,7 +33,8 @@ std::vector<std::byte> request_of(std::uint64_t id, std::uint32_t configurations
   query.configuration_count = configurations;
   const std::uint32_t body = 1;
   std::vector<Pose7> poses(configurations);
-  for (Pose7& pose : poses) pose = {static_cast<double>(random() % 28), static_cast<double>(random() % 28), 5, 1, 0, 0, 0};
+  for (Pose7& pose : poses)
+    pose = {static_cast<double>(random() % 28), static_cast<double>(random() % 28), 5, 1, 0, 0, 0};
   const std::uint64_t bytes = wire::query_payload_bytes(0, 1, configurations);
   std::vector<std::byte> frame(sizeof(wire::FrameHeader) + bytes);
   wire::write_query(frame.data(), wire::make_header(wire::FrameType::kQuery, id, bytes), query, nullptr, &body,

@@ -4,9 +4,9 @@
 #include <chrono>
 #include <thread>
 
-#include "wire/wire.h"
 #include "tests/server/raw_shm_client.h"
 #include "victim.h"
+#include "wire/wire.h"
 
 namespace clearance::fire {
 namespace {

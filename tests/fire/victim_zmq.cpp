@@ -6,9 +6,9 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "victim.h"
 #include "wire/protocol.h"
 #include "wire/shm_os.h"
-#include "victim.h"
 
 namespace clearance::fire {
 namespace {

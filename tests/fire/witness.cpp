@@ -83,12 +83,13 @@ Exam::Exam(const std::string& scene_file, std::uint64_t seed) {
     question->bodies = movable;
     const std::size_t configurations = i % 8 == 0 ? 6 : 1 + i % 3;
     for (std::size_t k = 0; k < configurations * movable.size(); ++k)
-      question->configurations.push_back(
-          {place(random), place(random), place(random), normal(random), normal(random), normal(random), normal(random)});
+      question->configurations.push_back({place(random), place(random), place(random), normal(random), normal(random),
+                                          normal(random), normal(random)});
     if (i % 4 < 2)  // a control loop's: few pairs
       for (std::uint64_t n = 1 + random() % 200; n > 0; --n) {
         const auto a = static_cast<std::uint32_t>(random() % bodies.size());
-        question->pairs.push_back({a, static_cast<std::uint32_t>((a + 1 + random() % (bodies.size() - 1)) % bodies.size())});
+        question->pairs.push_back(
+            {a, static_cast<std::uint32_t>((a + 1 + random() % (bodies.size() - 1)) % bodies.size())});
       }
     q.bodies = question->bodies;
     q.configurations = question->configurations;
@@ -138,12 +139,13 @@ void Witness::run(std::uint64_t seed) {
     const auto begin = std::chrono::steady_clock::now();
     ask(exam_.draw(random));
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
-    std::this_thread::sleep_for(std::min<std::chrono::duration<double>>(took * (1 / load_ - 1), 100ms));  // not as long as one was late
+    std::this_thread::sleep_for(
+        std::min<std::chrono::duration<double>>(took * (1 / load_ - 1), 100ms));  // not as long as one was late
   }
 }
 
 void Witness::ask(const Question& question) {
-  const auto count = [this](std::uint64_t Counts::*what) {
+  const auto count = [this](std::uint64_t Counts::* what) {
     const std::lock_guard lock(mutex_);
     ++(counts_.*what);
   };

@@ -44,9 +44,13 @@ bool is_right(const Reply& reply, const Question& question);
 Reply ask_surely(Client& client, const Question& question);
 
 /// LCM loses packets when a core is late to read them; an answer is then late, never wrong.
-inline bool may_lose(const std::string& url) { return url.rfind("udpm://", 0) == 0; }
+inline bool may_lose(const std::string& url) {
+  return url.rfind("udpm://", 0) == 0;
+}
 /// How long a call may take that is not to be late.
-inline std::chrono::nanoseconds patience(const std::string& url) { return may_lose(url) ? std::chrono::seconds(5) : kPatience; }
+inline std::chrono::nanoseconds patience(const std::string& url) {
+  return may_lose(url) ? std::chrono::seconds(5) : kPatience;
+}
 
 /// A client on a thread of its own.
 class Witness {
@@ -94,8 +98,8 @@ class Witness {
 
 using Witnesses = std::vector<std::unique_ptr<Witness>>;
 
-/// Waits until each has had so many more right answers, at most kPatience for each of them. Returns whom it waited for in vain, or an
-/// empty text.
+/// Waits until each has had so many more right answers, at most kPatience for each of them. Returns whom it waited for
+/// in vain, or an empty text.
 std::string await_answers(const Witnesses& witnesses, std::uint64_t count);
 
 }  // namespace clearance::fire

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "wire/wire.h"
 #include "fuzz_target.h"
+#include "wire/wire.h"
 
 namespace clearance::fuzz {
 

@@ -2,11 +2,11 @@
 // the loop can be given.
 #include <vector>
 
+#include "fuzz_target.h"
+#include "server/lcm_translate.h"
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"
 #include "wire/wire.h"
-#include "fuzz_target.h"
-#include "server/lcm_translate.h"
 
 namespace clearance::fuzz {
 namespace {

@@ -24,7 +24,9 @@ CLEARANCE_FUZZ_TARGET(mesh_import) {
   require(::ftruncate(fd, 0) == 0, "the result is emptied");
   {
     std::unique_ptr<Assimp::Importer> kept;
-    require(import_mesh(&kept, path, {reinterpret_cast<const char*>(content.data()), content.size()}, std::uint64_t{1} << 28, fd), "the loader leaves a whole result");
+    require(import_mesh(&kept, path, {reinterpret_cast<const char*>(content.data()), content.size()},
+                        std::uint64_t{1} << 28, fd),
+            "the loader leaves a whole result");
   }
   Assimp::DefaultLogger::kill();
   try {
@@ -32,7 +34,8 @@ CLEARANCE_FUZZ_TARGET(mesh_import) {
     require(mesh.has_value(), "a whole result is read");
     return true;
   } catch (const MeshError& error) {
-    require(!std::string_view(error.what()).starts_with("the mesh loader's result is garbled"), "a whole result makes sense");
+    require(!std::string_view(error.what()).starts_with("the mesh loader's result is garbled"),
+            "a whole result makes sense");
     return false;
   }
 }

@@ -1,10 +1,10 @@
 // Replies of any bytes to the client library: it takes what it checked, or says what is wrong.
 #include <memory>
 
-#include "wire/aligned_buffer.h"
 #include "client/channel.h"
 #include "client/client.h"
 #include "frames.h"
+#include "wire/aligned_buffer.h"
 
 namespace clearance::fuzz {
 namespace {

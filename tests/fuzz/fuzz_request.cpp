@@ -71,7 +71,8 @@ CLEARANCE_FUZZ_TARGET(request) {
   turn_until_idle(loop);
   // Those that wait for poses wait for longer than this.
   const std::size_t held = loop.held();
-  require(client.replies.size() + held == sent && client.sinks == static_cast<int>(held), "each request is answered once, or held");
+  require(client.replies.size() + held == sent && client.sinks == static_cast<int>(held),
+          "each request is answered once, or held");
   for (const auto& reply : client.replies) {
     check_reply(*reply);
     accepted += reply->type() != wire::FrameType::kError;

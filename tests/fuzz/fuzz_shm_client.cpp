@@ -9,10 +9,10 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "wire/shm_os.h"
-#include "wire/wire.h"
 #include "frames.h"
 #include "scratch_file.h"
+#include "wire/shm_os.h"
+#include "wire/wire.h"
 
 namespace clearance::fuzz {
 namespace {

@@ -5,12 +5,12 @@
 
 #include <array>
 
-#include "wire/shm_os.h"
 #include "frames.h"
 #include "scratch_file.h"
 #include "server/loop.h"
 #include "server/shm_transport.h"
 #include "tests/server/test_scene.h"
+#include "wire/shm_os.h"
 
 namespace clearance::fuzz {
 namespace {

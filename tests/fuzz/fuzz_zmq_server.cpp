@@ -1,5 +1,5 @@
-// A ZeroMQ client that frames its messages in any way, under any name, beside strangers who speak no ZeroMQ at all: each
-// message is answered once, by a frame that a client takes, and the next client is served.
+// A ZeroMQ client that frames its messages in any way, under any name, beside strangers who speak no ZeroMQ at all:
+// each message is answered once, by a frame that a client takes, and the next client is served.
 #include <sys/socket.h>
 #include <sys/un.h>
 
@@ -8,12 +8,12 @@
 #include <utility>
 #include <zmq.hpp>
 
-#include "wire/shm_os.h"
 #include "frames.h"
 #include "scratch_file.h"
 #include "server/loop.h"
 #include "server/zmq_calls.h"
 #include "tests/server/test_scene.h"
+#include "wire/shm_os.h"
 
 namespace clearance::fuzz {
 namespace {
@@ -26,12 +26,14 @@ class Dealer {
     socket_.set(zmq::sockopt::linger, 0);
     // A name that begins with 0 is libzmq's own, and it takes none.
     if (!identity.empty() && identity[0] != std::byte{0})
-      socket_.set(zmq::sockopt::routing_id, std::string(reinterpret_cast<const char*>(identity.data()), identity.size()));
+      socket_.set(zmq::sockopt::routing_id,
+                  std::string(reinterpret_cast<const char*>(identity.data()), identity.size()));
     socket_.connect(url);
   }
   void send(Bytes part, bool more) {
     zmq::message_t message(part.data(), part.size());
-    clearance::send(socket_, message, more ? zmq::send_flags::sndmore : zmq::send_flags::none);  // libFuzzer's clock is a signal
+    clearance::send(socket_, message,
+                    more ? zmq::send_flags::sndmore : zmq::send_flags::none);  // libFuzzer's clock is a signal
   }
   void send_frame(Bytes frame) {
     send(frame.first(sizeof(wire::FrameHeader)), true);
@@ -85,7 +87,8 @@ void say(const std::string& path, Bytes bytes) {
 }  // namespace
 }  // namespace clearance::fuzz
 
-/// [name's length 1 B | name], then steps, [what 1 B | its arguments]. Accepted: every message was a request that is answered.
+/// [name's length 1 B | name], then steps, [what 1 B | its arguments]. Accepted: every message was a request that is
+/// answered.
 CLEARANCE_FUZZ_TARGET(zmq_server) {
   using namespace clearance;
   using namespace clearance::fuzz;

@@ -10,22 +10,22 @@
 #include <map>
 #include <memory>
 
+#include "changing_scene.h"
 #include "clearance_lcm/frame_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
-#include "changing_scene.h"
-#include "wire/lcm_frames.h"
-#include "wire/shm_layout.h"
 #include "engine/hull/hull.h"
-#include "engine/scene/mesh_geometry.h"
 #include "engine/mesh/mesh_import.h"
+#include "engine/scene/mesh_geometry.h"
 #include "frames.h"
 #include "mesh_extension.h"
 #include "server/loop.h"
 #include "tests/scene/mesh_files.h"
 #include "tests/server/memory_transport.h"
 #include "tests/server/test_scene.h"
+#include "wire/lcm_frames.h"
+#include "wire/shm_layout.h"
 
 namespace clearance::fuzz {
 namespace {
@@ -126,7 +126,8 @@ std::vector<std::pair<std::string, Data>> requests() {
   attach.parent = 2;
   attach.has_pose = 1;
   std::copy(here.begin(), here.end(), attach.pose);
-  const auto new_body = [&](const std::string& name, wire::BodyShape shape, std::span<const wire::VertexRecord> vertices) {
+  const auto new_body = [&](const std::string& name, wire::BodyShape shape,
+                            std::span<const wire::VertexRecord> vertices) {
     wire::NewBodyRecord record;
     wire::set_name(record.name, name);
     record.shape = static_cast<std::uint8_t>(shape);
@@ -141,7 +142,8 @@ std::vector<std::pair<std::string, Data>> requests() {
     all.emplace_back("add_" + name, simple_frame(wire::FrameType::kAddBody, all.size() + 1, payload));
   };
   new_body("capsule", wire::BodyShape::kCapsule, {});
-  const wire::VertexRecord corners[] = {{{0, 0, 0}}, {{1, 0, 0}}, {{0, 1, 0}}, {{0, 0, 1}}, {{0.2, 0.2, 0.2}}, {{1, 1, 1}}};
+  const wire::VertexRecord corners[] = {{{0, 0, 0}}, {{1, 0, 0}},       {{0, 1, 0}},
+                                        {{0, 0, 1}}, {{0.2, 0.2, 0.2}}, {{1, 1, 1}}};
   new_body("hull", wire::BodyShape::kHull, corners);
   all.emplace_back("reload", simple_frame(wire::FrameType::kReload, 27));
   all.emplace_back("attach", simple_frame(wire::FrameType::kAttach, 26, std::as_bytes(std::span(&attach, 1))));
@@ -220,7 +222,8 @@ void save_zmq() {
   wire::append_bytes(odd, "abc", 3);
   add(odd, std::uint16_t{0}, std::uint16_t{0});
   save("zmq_server", "bad_parts", odd);
-  add(strangers, no_name, noise, std::uint16_t{10}, std::uint64_t{0xFF}, std::uint16_t{0x037F}, noise, std::uint16_t{3});
+  add(strangers, no_name, noise, std::uint16_t{10}, std::uint64_t{0xFF}, std::uint16_t{0x037F}, noise,
+      std::uint16_t{3});
   wire::append_bytes(strangers, "GET", 3);
   save("zmq_server", "bad_strangers", strangers);
   add(twice, same_name);

@@ -7,8 +7,8 @@
 #include <iostream>
 #include <sstream>
 
-#include "engine/device/reply_columns.h"
 #include "engine/base/digest.h"
+#include "engine/device/reply_columns.h"
 #include "engine/engine.h"
 #include "golden_scenes.h"
 #include "tests/engine/engine_test_util.h"
@@ -46,8 +46,8 @@ std::vector<Setting> all_settings() {
       for (const Precision precision : {Precision::kF64, Precision::kF32})
         for (const bool depth : {false, true})
           for (const bool warm : {false, true}) {
-            if (depth && precision == Precision::kF32) continue;        // depths are float64's in any case
-            if (warm && question.reduce != Reduce::kNone) continue;     // reductions begin cold
+            if (depth && precision == Precision::kF32) continue;     // depths are float64's in any case
+            if (warm && question.reduce != Reduce::kNone) continue;  // reductions begin cold
             all.push_back({question, format, precision, depth, warm});
           }
   return all;
@@ -60,10 +60,18 @@ struct Digests {
 };
 
 // Bits of a number; one NaN is as good as another.
-std::uint64_t bits_of(double x) { return std::isnan(x) ? ~std::uint64_t{0} : std::bit_cast<std::uint64_t>(x); }
-std::uint64_t bits_of(float x) { return std::isnan(x) ? ~std::uint64_t{0} : std::bit_cast<std::uint32_t>(x); }
-std::uint64_t bits_of(std::uint64_t x) { return x; }
-std::uint64_t bits_of(BodyPair pair) { return std::uint64_t{pair.a} << 32 | pair.b; }
+std::uint64_t bits_of(double x) {
+  return std::isnan(x) ? ~std::uint64_t{0} : std::bit_cast<std::uint64_t>(x);
+}
+std::uint64_t bits_of(float x) {
+  return std::isnan(x) ? ~std::uint64_t{0} : std::bit_cast<std::uint32_t>(x);
+}
+std::uint64_t bits_of(std::uint64_t x) {
+  return x;
+}
+std::uint64_t bits_of(BodyPair pair) {
+  return std::uint64_t{pair.a} << 32 | pair.b;
+}
 
 void add(const test::Answer& answer, Digests* to) {
   const ReplyView& view = answer.view;
@@ -190,7 +198,8 @@ int run(const std::string& check, const std::string& write) {
 
 int main(int argc, char** argv) {
   std::string check, write;
-  CLI::App app{"Digests of answers, every bit of them, by every instruction set of this machine and with 1 and 3 threads."};
+  CLI::App app{
+      "Digests of answers, every bit of them, by every instruction set of this machine and with 1 and 3 threads."};
   auto* to_check = app.add_option("--check", check, "file of digests that must come out");
   app.add_option("--write", write, "file to write them to")->excludes(to_check);
   CLI11_PARSE(app, argc, argv);

@@ -32,7 +32,8 @@ class Dice {
   }
   std::vector<Vec3d> points(int count, Vec3d size) {
     std::vector<Vec3d> v;
-    for (int i = 0; i < count; ++i) v.push_back({number(-size.x, size.x), number(-size.y, size.y), number(-size.z, size.z)});
+    for (int i = 0; i < count; ++i)
+      v.push_back({number(-size.x, size.x), number(-size.y, size.y), number(-size.z, size.z)});
     return v;
   }
   /// On a sphere up to rounding.
@@ -82,9 +83,13 @@ PiecePtr box(Vec3d half, Vec3d at = {0, 0, 0}) {
   return make_piece(std::move(v));
 }
 
-Pieces clouds(Dice& d, int i) { return {make_piece(d.points(4 + 3 * i, {0.5, 0.4, 0.3}))}; }
+Pieces clouds(Dice& d, int i) {
+  return {make_piece(d.points(4 + 3 * i, {0.5, 0.4, 0.3}))};
+}
 
-Pieces boxes(Dice& d, int) { return {box({d.integer(1, 4) * 0.125, d.integer(1, 4) * 0.125, d.integer(1, 4) * 0.125})}; }
+Pieces boxes(Dice& d, int) {
+  return {box({d.integer(1, 4) * 0.125, d.integer(1, 4) * 0.125, d.integer(1, 4) * 0.125})};
+}
 
 Pieces rounded(Dice& d, int i) {
   const double radius = d.integer(1, 8) * 0.0625;
@@ -115,7 +120,9 @@ Pieces sizes(Dice& d, int i) {
 }
 
 // Above 64 vertices a piece has a direction table.
-Pieces large(Dice& d, int i) { return {make_piece(d.shell(48 << i % 4, 0.5))}; }
+Pieces large(Dice& d, int i) {
+  return {make_piece(d.shell(48 << i % 4, 0.5))};
+}
 
 Pieces several(Dice& d, int i) {
   Pieces all;

@@ -10,10 +10,10 @@
 
 #include "client/channel.h"
 #include "client/client.h"
+#include "lcm_fixture.h"
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"
 #include "wire/wire.h"
-#include "lcm_fixture.h"
 
 namespace clearance {
 namespace {
@@ -165,7 +165,8 @@ TEST_F(LcmChannelTest, ALostPartIsADeadlinePassed) {
   std::uint64_t request = 0;
   for (lose = 0; lose < 5; ++lose) {
     const Deadline end = in(kPatience);
-    for (const std::uint64_t before = server.requests(); server.requests() == before;) {  // until the server has heard one
+    for (const std::uint64_t before = server.requests();
+         server.requests() == before;) {  // until the server has heard one
       ASSERT_LT(Deadline::clock::now(), end);
       ask(*channel, ++request, payload);
       EXPECT_FALSE(channel->receive(request, in(milliseconds(100))));

@@ -8,11 +8,11 @@
 #include <thread>
 
 #include "client/client.h"
-#include "wire/protocol.h"
 #include "engine/engine.h"
 #include "lcm_fixture.h"
 #include "server/loop.h"
 #include "server/transport.h"
+#include "wire/protocol.h"
 
 namespace clearance {
 namespace {

@@ -195,8 +195,8 @@ TEST_F(LcmDaemonTest, AllowListsThatMakeNoSenseEndWith2) {
 
 TEST_F(LcmDaemonTest, AControlLoopCountsItsCycles) {
   const Daemon daemon({"--scene", scene_file(), "--shm", folder_ / "c.sock", "--lcm", url()});
-  const Finished done = run({program("clearance"), "bench-loop", "--connect", daemon.urls().at(0), "--lcm", url(), "--pairs", "1",
-                             "--minutes", "0.01", "--rate", "500", "--csv", folder_ / "loop.csv"});
+  const Finished done = run({program("clearance"), "bench-loop", "--connect", daemon.urls().at(0), "--lcm", url(),
+                             "--pairs", "1", "--minutes", "0.01", "--rate", "500", "--csv", folder_ / "loop.csv"});
   ASSERT_EQ(done.code, 0) << done.err;
   std::uint64_t working[2] = {}, idle[2] = {};
   std::istringstream lines(done.out);

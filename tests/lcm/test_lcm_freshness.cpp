@@ -2,11 +2,11 @@
 // and the newest that was sent after one repeat; publishers and daemons that begin anew agree within two repeats.
 #include <limits>
 
-#include "wire/lcm_frames.h"
-#include "wire/wire.h"
 #include "engine/scene/pose_store.h"
 #include "faulty_link.h"
 #include "lcm_transport_fixture.h"
+#include "wire/lcm_frames.h"
+#include "wire/wire.h"
 
 namespace clearance {
 namespace {
@@ -340,7 +340,8 @@ TEST_F(LcmFreshness, AnOldMessageIsOldHoweverOldItIs) {
 TEST_F(LcmFreshness, StampsThatAreNoTimePoisonNothing) {
   start();
   set_poses(1, 1.0);
-  constexpr std::int64_t kMin = std::numeric_limits<std::int64_t>::min(), kMax = std::numeric_limits<std::int64_t>::max();
+  constexpr std::int64_t kMin = std::numeric_limits<std::int64_t>::min(),
+                         kMax = std::numeric_limits<std::int64_t>::max();
   const std::int64_t now = std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count();
   std::uint64_t refused = 0;
   for (const std::int64_t stamp : {kMax, now + 3'600'000'000'000, std::int64_t{-1}, kMin})
@@ -366,17 +367,20 @@ TEST_F(LcmFreshness, AFrameThatMovesBodiesIsTakenOnce) {
     record.body = 1;
     record.pose[0] = x;
     record.pose[3] = 1;
-    const auto bytes = wire::FrameBuilder(wire::make_header(wire::FrameType::kSetPoses, static_cast<std::uint64_t>(sequence), 0))
-                           .add(wire::PosesHeader{.count = 1})
-                           .add(record)
-                           .take();
+    const auto bytes =
+        wire::FrameBuilder(wire::make_header(wire::FrameType::kSetPoses, static_cast<std::uint64_t>(sequence), 0))
+            .add(wire::PosesHeader{.count = 1})
+            .add(record)
+            .take();
     auto part = frame_part(bytes, 0);
     part.client_id = 77;
     part.request_id = sequence;
     part.sequence = sequence;
     return part;
   };
-  const auto send = [&](const clearance_lcm::frame_t& part) { ASSERT_TRUE(bus_->publish_message("CLEARANCE_FRAME_IN", part)); };
+  const auto send = [&](const clearance_lcm::frame_t& part) {
+    ASSERT_TRUE(bus_->publish_message("CLEARANCE_FRAME_IN", part));
+  };
   send(frame_at(1, 1));
   ASSERT_TRUE(until_counter("poses.batches", 1));
   send(frame_at(2, 2));

@@ -7,10 +7,10 @@
 #include <limits>
 #include <random>
 
+#include "lcm_fixture.h"
 #include "wire/lcm_check.h"
 #include "wire/lcm_frames.h"
 #include "wire/wire.h"
-#include "lcm_fixture.h"
 
 namespace clearance {
 namespace {

@@ -11,8 +11,8 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "wire/lcm_bus.h"
 #include "lcm_fixture.h"
+#include "wire/lcm_bus.h"
 
 namespace clearance {
 namespace {

@@ -6,11 +6,11 @@
 #include <random>
 #include <set>
 
-#include "wire/wire.h"
 #include "lcm_fixture.h"
 #include "server/lcm_outbox.h"
 #include "server/lcm_publishers.h"
 #include "server/lcm_translate.h"
+#include "wire/wire.h"
 
 namespace clearance {
 namespace {
@@ -276,9 +276,11 @@ TEST(LcmPublishers, AQuarrelIsTakingTurns) {
   // Four in turns: noticed from the second turn on.
   for (int turn = 0; turn < 3; ++turn)
     for (const int publisher : {1, 2, 3, 4})
-      EXPECT_EQ(log.note(publisher, one, t + std::chrono::seconds(40)).size(), turn == 0 ? 0u : 1u) << turn << " " << publisher;
+      EXPECT_EQ(log.note(publisher, one, t + std::chrono::seconds(40)).size(), turn == 0 ? 0u : 1u)
+          << turn << " " << publisher;
   // One after another, none of which comes back: restarts.
-  for (int publisher = 5; publisher < 50; ++publisher) EXPECT_TRUE(log.note(publisher, one, t + std::chrono::seconds(41)).empty());
+  for (int publisher = 5; publisher < 50; ++publisher)
+    EXPECT_TRUE(log.note(publisher, one, t + std::chrono::seconds(41)).empty());
 }
 
 // --- the outbox

@@ -95,7 +95,7 @@ const std::map<std::string, std::function<long(const std::string& path)>> kAttem
      }},
     {"catch_the_end",
      [](const std::string&) {
-       struct sigaction ignore {};
+       struct sigaction ignore{};
        ignore.sa_handler = SIG_IGN;
        return ::sigaction(SIGSYS, &ignore, nullptr);
      }},

@@ -9,12 +9,12 @@
 #include <set>
 #include <span>
 
+#include "engine/base/orientation.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/mesh_rows.h"
-#include "engine/base/orientation.h"
-#include "engine/pose/pose.h"
 #include "engine/hull/qhull_guess.h"
 #include "engine/hull/shapes.h"
+#include "engine/pose/pose.h"
 
 namespace clearance {
 namespace {

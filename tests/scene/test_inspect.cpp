@@ -6,8 +6,8 @@
 #include <random>
 
 #include "engine/engine.h"
-#include "inspect/inspect.h"
 #include "engine/hull/shapes.h"
+#include "inspect/inspect.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
 

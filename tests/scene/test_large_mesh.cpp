@@ -8,9 +8,9 @@
 #include <set>
 
 #include "engine/hull/direction_table.h"
-#include "engine/scene/scene.h"
 #include "engine/hull/shapes.h"
 #include "engine/hull/support.h"
+#include "engine/scene/scene.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
 

@@ -9,8 +9,8 @@
 #include <functional>
 #include <set>
 
-#include "engine/mesh/mesh.h"
 #include "engine/base/sanitizers.h"
+#include "engine/mesh/mesh.h"
 #include "error_text.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"

@@ -8,8 +8,8 @@
 #include <iterator>
 
 #include "engine/base/digest.h"
-#include "engine/hull/direction_table.h"
 #include "engine/engine.h"
+#include "engine/hull/direction_table.h"
 #include "engine/scene/mesh_geometry.h"
 #include "error_text.h"
 #include "mesh_files.h"

@@ -94,9 +94,8 @@ TEST(Scene, RevisionTellsScenesApartAndIsRepeatable) {
   expect_new("a body", [](Scene& s) { s.add_box("d", {1, 1, 1}, {}); });
   expect_new("its name", [](Scene& s) { s.add_box("e", {1, 1, 1}, {}); });
   expect_new("its size", [](Scene& s) { s.add_box("d", {1, 1, 1.0000000000000002}, {}); });
-  expect_new("its radius", [](Scene& s) {
-    s.add_box("d", {1, 1, 1}, {.radius = 1, .parent = "", .is_static = false, .pose = {}});
-  });
+  expect_new("its radius",
+             [](Scene& s) { s.add_box("d", {1, 1, 1}, {.radius = 1, .parent = "", .is_static = false, .pose = {}}); });
   expect_new("its pose", [](Scene& s) {
     s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "", .is_static = false, .pose = Pose{}});
   });
@@ -122,27 +121,17 @@ TEST(Scene, BadInputIsRefusedInWords) {
   EXPECT_EQ(text([](Scene& s) { s.add_box("a", {1, 1, 1}, {}); }), "body name \"a\" is already that of a body");
   EXPECT_EQ(text([](Scene& s) { s.add_box("g", {1, 1, 1}, {}); }), "body name \"g\" is already that of a group");
   EXPECT_EQ(text([](Scene& s) { s.add_box("", {1, 1, 1}, {}); }), "body name is empty");
-  EXPECT_EQ(text([](Scene& s) {
-              s.add_box("*", {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](Scene& s) { s.add_box("*", {1, 1, 1}, {}); }),
             "body name \"*\" is taken: it stands for every body");
-  EXPECT_EQ(text([](Scene& s) {
-              s.add_box("x\ny", {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](Scene& s) { s.add_box("x\ny", {1, 1, 1}, {}); }),
             "body name holds an unprintable character or bad UTF-8 at byte 1");
-  EXPECT_EQ(text([](Scene& s) {
-              s.add_box("x\xff", {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](Scene& s) { s.add_box("x\xff", {1, 1, 1}, {}); }),
             "body name holds an unprintable character or bad UTF-8 at byte 1");
-  EXPECT_EQ(text([](Scene& s) {
-              s.add_box(std::string(64, 'n'), {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](Scene& s) { s.add_box(std::string(64, 'n'), {1, 1, 1}, {}); }),
             "body name has 64 bytes, expected at most 63: \"" + std::string(40, 'n') + "\"...");
   EXPECT_EQ(text([](Scene& s) { s.add_box(std::string(63, 'n'), {1, 1, 1}, {}); }), "");
   EXPECT_EQ(text([](Scene& s) { s.add_box("Gl\xc3\xa4ser", {1, 1, 1}, {}); }), "");
-  EXPECT_EQ(text([](Scene& s) {
-              s.add_box("d", {1, 0, 1}, {});
-            }),
+  EXPECT_EQ(text([](Scene& s) { s.add_box("d", {1, 0, 1}, {}); }),
             "body \"d\": box edge: expected a number of metres > 0, got 0");
   EXPECT_EQ(text([&](Scene& s) { s.add_sphere("d", nan, {}); }),
             "body \"d\": sphere radius: expected a number of metres > 0, got nan");
@@ -151,28 +140,23 @@ TEST(Scene, BadInputIsRefusedInWords) {
   EXPECT_EQ(text([](Scene& s) { s.add_uv_sphere("d", 1, 1, {}); }),
             "body \"d\": uv_sphere resolution: expected an integer from 2 to 2000, got 1");
   EXPECT_EQ(text([](Scene& s) { s.add_hull("d", {}, {}); }), "body \"d\": a piece needs at least one vertex");
-  EXPECT_EQ(text([&](Scene& s) {
-              s.add_hull("d", std::vector<Vec3d>{{0, 0, 0}, {0, nan, 0}}, {});
-            }),
+  EXPECT_EQ(text([&](Scene& s) { s.add_hull("d", std::vector<Vec3d>{{0, 0, 0}, {0, nan, 0}}, {}); }),
             "body \"d\": vertex 1 has the coordinate nan; expected a finite number up to 1e60 m");
-  EXPECT_EQ(text([](Scene& s) {
-              s.add_box("d", {1, 1, 1}, {.radius = -1, .parent = "", .is_static = false, .pose = {}});
-            }),
-            "body \"d\": radius: expected a number of metres >= 0, got -1");
-  EXPECT_EQ(text([](Scene& s) {
-              s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "z", .is_static = false, .pose = {}});
-            }),
-            "body \"d\": parent: there is no body \"z\"");
+  EXPECT_EQ(
+      text([](Scene& s) { s.add_box("d", {1, 1, 1}, {.radius = -1, .parent = "", .is_static = false, .pose = {}}); }),
+      "body \"d\": radius: expected a number of metres >= 0, got -1");
+  EXPECT_EQ(
+      text([](Scene& s) { s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "z", .is_static = false, .pose = {}}); }),
+      "body \"d\": parent: there is no body \"z\"");
   EXPECT_EQ(text([](Scene& s) {
               Pose bad;
               bad.qw = 0;
               s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "", .is_static = false, .pose = bad});
             }),
             "body \"d\": pose: expected finite numbers and a quaternion of norm 1e-6 to 1e6");
-  EXPECT_EQ(text([](Scene& s) {
-              s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "a", .is_static = true, .pose = {}});
-            }),
-            "body \"d\": a static body cannot follow the movable body \"a\"");
+  EXPECT_EQ(
+      text([](Scene& s) { s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "a", .is_static = true, .pose = {}}); }),
+      "body \"d\": a static body cannot follow the movable body \"a\"");
   EXPECT_EQ(text([](Scene& s) {
               s.set_parent("b", "a");
               s.set_parent("c", "b");
@@ -205,10 +189,11 @@ TEST(Scene, MeshesKeepTheirDistanceAtMapCoordinates) {
     return mesh;
   };
   using Write = std::function<std::string(const mesh_files::Source&)>;
-  const std::pair<const char*, Write> formats[] = {{".obj", mesh_files::obj},
-                                                   {".off", mesh_files::off},
-                                                   {".stl", mesh_files::stl_text},
-                                                   {".ply", [](const auto& m) { return mesh_files::ply(m, mesh_files::Ply::kText); }}};
+  const std::pair<const char*, Write> formats[] = {
+      {".obj", mesh_files::obj},
+      {".off", mesh_files::off},
+      {".stl", mesh_files::stl_text},
+      {".ply", [](const auto& m) { return mesh_files::ply(m, mesh_files::Ply::kText); }}};
   for (const auto& [extension, write] : formats)
     for (const double scale : {1.0, 1e-3}) {
       Scene scene;

@@ -13,11 +13,11 @@
 #include <optional>
 #include <vector>
 
-#include "wire/aligned_buffer.h"
 #include "client/channel.h"
 #include "client/client.h"
-#include "wire/wire.h"
 #include "server/transport.h"
+#include "wire/aligned_buffer.h"
+#include "wire/wire.h"
 
 namespace clearance {
 

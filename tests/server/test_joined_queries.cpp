@@ -76,7 +76,9 @@ class JoinedQueries : public LoopTest {
     EXPECT_EQ(got.header().request_id, wanted.header().request_id);
     ASSERT_EQ(got.payload().size(), wanted.payload().size());
     const std::size_t skipped = got.type() == FrameType::kReply ? sizeof(wire::ReplyHeader) : 0;
-    EXPECT_EQ(std::memcmp(got.payload().data() + skipped, wanted.payload().data() + skipped, got.payload().size() - skipped), 0);
+    EXPECT_EQ(
+        std::memcmp(got.payload().data() + skipped, wanted.payload().data() + skipped, got.payload().size() - skipped),
+        0);
     if (!skipped) return;
     const wire::ReplyHeader g = wire::parse_reply(got.payload()), w = wire::parse_reply(wanted.payload());
     EXPECT_EQ(g.rows, w.rows);

@@ -334,7 +334,7 @@ TEST_F(ShmTransport, TheSocketIsOursAloneAndGoesWithTheDaemon) {
   const mode_t old = ::umask(0);
   {
     EchoServer server(path_);
-    struct stat made {};
+    struct stat made{};
     ASSERT_EQ(::stat(path_.c_str(), &made), 0);
     EXPECT_EQ(made.st_mode & 07777, 0600u);
     EXPECT_EQ(server.transport->url(), "shm://" + path_);
@@ -423,7 +423,9 @@ TEST_F(ShmTransport, FramesMayBeLetGoOfInAnotherThread) {
 
 TEST_F(ShmTransport, NothingIsLeftOfClientsThatWent) {
   EchoThread server(path_);
-  { auto channel = open_shm_channel(path_, soon()); }
+  {
+    auto channel = open_shm_channel(path_, soon());
+  }
   while (server.counter("shm.clients") > 0) std::this_thread::yield();
   const std::size_t descriptors = open_descriptors();
   EXPECT_EQ(mapped_segments(), 0u);

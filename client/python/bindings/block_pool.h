@@ -1,5 +1,5 @@
-// Memory of replies, kept for the replies that follow. Fresh memory costs a page fault for every 4 KiB, which for a large
-// reply takes longer than its answer does.
+// Memory of replies, kept for the replies that follow. Fresh memory costs a page fault for every 4 KiB, which for a
+// large reply takes longer than its answer does.
 #pragma once
 
 #include <algorithm>
@@ -22,8 +22,8 @@ inline std::shared_ptr<void> allocate_block(std::size_t bytes) {
   return {block, std::free};
 }
 
-/// Blocks of memory that come back when the last array over them is gone. Thread-safe. A pool outlives all its blocks: make
-/// it static, and never destroy it.
+/// Blocks of memory that come back when the last array over them is gone. Thread-safe. A pool outlives all its blocks:
+/// make it static, and never destroy it.
 class BlockPool {
  public:
   using Allocate = std::function<std::shared_ptr<void>(std::size_t bytes)>;

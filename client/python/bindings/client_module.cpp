@@ -38,7 +38,9 @@ std::chrono::nanoseconds duration_of(double seconds) {
 class Connection {
  public:
   Connection(const std::string& url, double timeout_s, const std::string& server_key, const std::string& key)
-      : client_(connect(url, ConnectOptions{duration_of(timeout_s), server_key, key})), url_(client_.url()), timeout_s_(timeout_s) {}
+      : client_(connect(url, ConnectOptions{duration_of(timeout_s), server_key, key})),
+        url_(client_.url()),
+        timeout_s_(timeout_s) {}
 
   /// Runs f(client) alone, with the GIL released.
   template <class F>
@@ -298,7 +300,8 @@ class PyClient {
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
 
-  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns, std::int64_t sequence) const {
+  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
+                      std::int64_t sequence) const {
     if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
     std::vector<std::pair<std::uint32_t, Pose7>> batch(ids.shape(0));
     for (std::size_t i = 0; i < batch.size(); ++i) {
@@ -320,7 +323,8 @@ class PyClient {
   nb::tuple reload(double timeout_s) const {
     return changed(use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); }));
   }
-  /// \param shape "vertices", "box", "sphere", "capsule" or "cylinder"; \param numbers its vertices (V, 3), or sizes (1, 3).
+  /// \param shape "vertices", "box", "sphere", "capsule" or "cylinder"; \param numbers its vertices (V, 3), or sizes
+  /// (1, 3).
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
                      std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose) const {
     const auto* rows = reinterpret_cast<const std::array<double, 3>*>(numbers.data());
@@ -349,9 +353,8 @@ class PyClient {
     });
     nb::list bodies, groups;
     for (const BodyInfo& b : info.bodies) {
-      bodies.append(
-          nb::make_tuple(b.name, b.parent, b.is_static, b.piece_count, b.vertex_count, b.model_error, b.extent,
-                         b.hull_excess, b.empty_share));
+      bodies.append(nb::make_tuple(b.name, b.parent, b.is_static, b.piece_count, b.vertex_count, b.model_error,
+                                   b.extent, b.hull_excess, b.empty_share));
     }
     for (const GroupInfo& g : info.groups) groups.append(nb::make_tuple(g.name, g.bodies));
     return nb::make_tuple(info.revision, info.backend, info.pair_count, bodies, groups);
@@ -418,7 +421,8 @@ NB_MODULE(_client, m) {
       .def("submit", &PyClient::submit, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"))
       .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"), nb::arg("timeout_s"))
       .def("pairs", &PyClient::pairs, nb::arg("query"))
-      .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"), nb::arg("sequence"))
+      .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
+           nb::arg("sequence"))
       .def("attach", &PyClient::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),

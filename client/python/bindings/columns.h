@@ -190,7 +190,8 @@ class OutArrays {
   std::uint32_t fields() const { return fields_; }
   std::byte* data(int field) const { return static_cast<std::byte*>(view_[static_cast<std::size_t>(field)].buf); }
 
-  /// Throws ValueError unless every array has the shape of the answer (kWithin: room for all rows) and memory of its own.
+  /// Throws ValueError unless every array has the shape of the answer (kWithin: room for all rows) and memory of its
+  /// own.
   void check(Reduce reduce, std::uint64_t configurations, std::uint64_t pairs, std::uint64_t rows) const {
     check_apart();
     for (int i = 0; i < kFieldCount; ++i) {
@@ -228,8 +229,8 @@ class OutArrays {
         if (!(fields_ >> i & fields_ >> j & 1u)) continue;
         const Py_buffer &a = view_[static_cast<std::size_t>(i)], &b = view_[static_cast<std::size_t>(j)];
         if (data(i) < data(j) + b.len && data(j) < data(i) + a.len) {
-          throw nb::value_error(("out['" + std::string(kFieldNames[i]) + "'] and out['" + kFieldNames[j] +
-                                 "'] share memory").c_str());
+          throw nb::value_error(
+              ("out['" + std::string(kFieldNames[i]) + "'] and out['" + kFieldNames[j] + "'] share memory").c_str());
         }
       }
     }
