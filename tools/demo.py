@@ -52,7 +52,7 @@ def main():
             print("Left behind: " + ", ".join(left), file=sys.stderr)
             status = status or 1
         else:
-            print("Left behind: nothing (no process, no socket, no shared memory)")
+            print("Left behind: nothing (no process, no socket)")
     return status
 
 

@@ -25,7 +25,6 @@ class Stage:
     def __init__(self):
         self.folder = Path(tempfile.mkdtemp(prefix="clearance-demo-"))
         self.children = []
-        self._shared_memory = _shared_memory()
 
     def __enter__(self):
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
@@ -75,13 +74,12 @@ class Stage:
             time.sleep(0.01)
 
     def left_behind(self):
-        """What is still there after the end: processes, sockets, shared memory. To be asked once it was left."""
+        """What is still there after the end: processes, and the folder with the sockets. Shared memory has no name, and goes with
+        the processes. To be asked once the stage was left."""
         found = [f"process {child.pid} ({name})" for name, child in self.children if child.poll() is None]
         found += [f"process {pid}" for pid in _processes_naming(str(self.folder))]
         if self.folder.exists():
             found.append(f"folder {self.folder}")
-        found += [f"shared memory /dev/shm/{name}" for name in sorted(_shared_memory() - self._shared_memory)
-                  if "clearance" in name]
         return found
 
 
@@ -111,13 +109,6 @@ def _end(child):
     except subprocess.TimeoutExpired:
         child.kill()
         child.wait()
-
-
-def _shared_memory():
-    try:
-        return set(os.listdir("/dev/shm"))
-    except OSError:
-        return set()
 
 
 def _processes_naming(text):
