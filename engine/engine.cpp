@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <atomic>
 #include <stdexcept>
+#include <utility>
 
 #include "engine/base/fp_environment.h"
-#include "engine/calibrate.h"
 #include "engine/device/device_job.h"
 #include "engine/device/device_self_test.h"
 #include "engine/device/router.h"
@@ -59,21 +59,6 @@ std::vector<std::string> Engine::backends() {
 
 namespace {
 
-// How long queries take on this machine, from where it was kept or measured now.
-cuda::Calibration calibration_of(const Scene& scene, const Engine::Options& options) {
-  const cuda::Bodies bodies = cuda::bodies_of(scene);
-  if (options.calibration == "measure") return cuda::calibrate(options, bodies);
-  std::string devices = options.devices.empty() ? cuda::device_info().name : std::string();
-  for (const int device : options.devices) devices += (devices.empty() ? "" : " and ") + cuda::device_name(device);
-  const std::string key =
-      cuda::calibration_key(devices, options.threads, lane_kernel(options.instruction_set).name, bodies);
-  const Cache cache = Cache::of_environment();
-  if (auto kept = cuda::load_calibration(cache, key)) return *kept;
-  const cuda::Calibration measured = cuda::calibrate(options, bodies);
-  cuda::save_calibration(cache, key, measured);
-  return measured;
-}
-
 void check_devices(const Engine::Options& options) {
   if (options.devices.empty()) return;
   if (options.backend != "auto" && options.backend != "cuda")
@@ -115,12 +100,9 @@ Engine::Engine(Scene scene, const Options& options) {
   const std::vector<Body>& bodies = impl_->scene.bodies();
   impl_->light = !impl_->reference &&
                  std::all_of(bodies.begin(), bodies.end(), [](const Body& b) { return b.pieces.size() == 1; });
-  if (options.calibration != "auto" && options.calibration != "measure" && options.calibration != "off")
-    throw std::invalid_argument("calibration: expected auto, measure or off, got '" + options.calibration + "'");
   check_devices(options);
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
-  const bool both =
-      options.backend == "auto" && options.calibration != "off" && !bodies.empty() && cuda::device_info().present;
+  const bool both = options.backend == "auto" && !bodies.empty() && cuda::device_info().present;
   const bool wanted = options.backend == "cuda" || both;
   if (const SelfTest* test = wanted && options.self_test ? &cuda::device_self_test(options.devices) : nullptr;
       test && !test->passed())
@@ -134,8 +116,7 @@ Engine::Engine(Scene scene, const Options& options) {
     device.devices = options.devices;
     impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene, device);
     if (both && impl_->device->usable())
-      impl_->router = std::make_unique<cuda::Router>(impl_->scene, impl_->device->device(),
-                                                     calibration_of(impl_->scene, impl_->options));
+      impl_->router = std::make_unique<cuda::Router>(impl_->options.threads);
   }
 }
 
@@ -249,12 +230,29 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
                                                       " rows and there is room for " + std::to_string(reply.rows) +
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
-  const JobContext context{&impl_->scene, impl_->options.threads,  impl_->reference,       impl_->lanes,
-                           impl_->light,  &impl_->pairs_evaluated, &impl_->contradictions, &impl_->warm,
-                           &impl_->trees, impl_->near_by,          impl_->device.get(),    impl_->router.get()};
-  if (context.device && (!context.router || context.router->to_device(plan)))
-    if (auto job = cuda::make_device_job(context, plan, reply)) return Job(std::move(job));
-  return Job(make_cpu_job(context, std::move(plan), reply));
+  const JobContext context{&impl_->scene,
+                           impl_->options.threads,
+                           impl_->reference,
+                           impl_->lanes,
+                           impl_->light,
+                           &impl_->pairs_evaluated,
+                           &impl_->contradictions,
+                           &impl_->warm,
+                           &impl_->trees,
+                           impl_->near_by,
+                           impl_->device.get()};
+  cuda::Router* const router = impl_->router.get();
+  const cuda::QueryKind kind = cuda::kind_of(plan.query);
+  const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
+  std::unique_ptr<Job::State> state;
+  if (impl_->device && (!router || router->to_device(kind, pairs)))
+    state = cuda::make_device_job(context, plan, reply);
+  if (!state) state = make_cpu_job(context, std::move(plan), reply);
+  if (router)
+    state->when_done = [router, kind, pairs](const ReplyInfo& info, std::chrono::nanoseconds took) {
+      router->learn(kind, pairs, info.backend == "cuda", took);
+    };
+  return Job(std::move(state));
 }
 
 const std::uint64_t Engine::kMostWarmBytes = WarmStore::kMostSimplices * sizeof(WarmSimplex);
@@ -309,7 +307,13 @@ Job& Job::operator=(Job&&) noexcept = default;
 Job::~Job() = default;
 bool Job::advance(std::chrono::nanoseconds budget) {
   const FpEnvironment environment;
-  return state_->advance(budget);
+  if (!state_->when_done) return state_->advance(budget);
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point begin = Clock::now();
+  const bool done = state_->advance(budget);
+  state_->took += Clock::now() - begin;
+  if (done) std::exchange(state_->when_done, nullptr)(state_->info, state_->took);
+  return done;
 }
 bool Job::joins(const Job& other) const {
   const FpEnvironment environment;

@@ -37,10 +37,6 @@ class Engine {
     /// Whether the CPU answers where the device cannot: it failed, or memory does not suffice. If not, such queries are
     /// refused (kNotSupported, with the reason).
     bool device_fallback = true;
-    /// Of backend auto, where there is a device: "auto" looks up how long queries take on both backends where it was
-    /// kept (cache/cache.h), and measures and keeps it if need be; "measure" measures and keeps nothing; "off": auto
-    /// means the CPU.
-    std::string calibration = "auto";
     /// CUDA devices of backends cuda and auto, by their numbers; none: the calling thread's current one. Each holds the
     /// scene, and queries are shared out among them; answers do not depend on how many there are.
     std::vector<int> devices{};

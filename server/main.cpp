@@ -222,7 +222,6 @@ int serve(DaemonOptions options) {
   engine_options.warm_memory = std::uint64_t{options.max_warm_mib} << 20;
   engine_options.device_memory = std::uint64_t{options.device_memory_mib} << 20;
   engine_options.device_fallback = options.device_fallback;
-  engine_options.calibration = options.calibration;
   engine_options.devices = options.devices;
   engine_options.max_stamp_lead = std::chrono::seconds(options.max_stamp_lead_s);
   try {

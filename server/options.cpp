@@ -101,13 +101,6 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->type_name("N")
       ->capture_default_str();
   app.add_option(
-         "--calibration", o.calibration,
-         "how backend auto knows whether CPU or device is faster: auto (measured once on this machine and kept),\n"
-         "measure (now, and not kept), off (the CPU answers)")
-      ->check(quiet(CLI::IsMember({"auto", "measure", "off"})))
-      ->type_name("HOW")
-      ->capture_default_str();
-  app.add_option(
          "--devices", o.devices,
          "GPUs of the cuda backend by number, as in 0,1: each holds the scene, and queries are shared out among\n"
          "them; where none is named, the first")

@@ -35,7 +35,6 @@ struct DaemonOptions {
   unsigned device_memory_mib = 0;
   bool device_fallback = true;
   unsigned pinned_mib = 1024;
-  std::string calibration = "auto";
   unsigned slice_us = 200;
   unsigned spin_us = 50;
   unsigned batch_pairs = 64;

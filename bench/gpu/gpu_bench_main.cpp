@@ -418,10 +418,5 @@ int main(int argc, char** argv) {
       name.find(filter) != std::string::npos)
     run_baseline(name, spheres(1000, 100), csv, table);
   std::printf("\n%s\n", cuda::device_info().name.c_str());
-  const auto begin = Clock::now();
-  const Engine measured(spheres(10, 20), {.calibration = "measure"});
-  std::printf("calibration: %.0f ms\n", std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
-  for (const auto& [key, value] : measured.stats())
-    if (key.ends_with("cuda_from_pairs")) std::printf("%s %llu\n", key.c_str(), static_cast<unsigned long long>(value));
   for (const std::string& line : table) std::puts(line.c_str());
 }

@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/hull/box.h"
 #include "engine/hull/shapes.h"
 #include "engine/narrow/certify.h"
 #include "engine/pose/pose.h"

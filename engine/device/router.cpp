@@ -1,8 +1,31 @@
 #include "engine/device/router.h"
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
+#include <string>
 
 namespace clearance::cuda {
+
+namespace {
+
+// A first guess, by kind: ns for each pair-configuration on one thread of a CPU and on a device, and what a query costs besides.
+// Rounded from docs/results/gpu_nvidia_h100_80gb_hbm3.csv.
+struct Guess {
+  double cpu, device;
+};
+constexpr std::array<Guess, kQueryKinds> kGuesses{{{400, 1}, {200, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}}};
+constexpr double kCpuQueryNs = 1000, kDeviceQueryNs = 30'000;
+constexpr double kPairsPerThread = 300;  // fewer are not worth waking a thread for
+
+// The slower backend is tried again while it is thought to take at most so many times as long.
+constexpr double kMostSlower = 4, kMostSlowerUnseen = 16;
+// A query that was slower than the fastest of its size counts by this share: others' work only ever adds to a time.
+constexpr double kForget = 1.0 / 8;
+
+int size_of(std::uint64_t pairs) { return static_cast<int>(std::bit_width(std::max<std::uint64_t>(pairs, 1))) - 1; }
+
+}  // namespace
 
 QueryKind kind_of(const QueryView& q) {
   if (q.reduce != Reduce::kNone) {
@@ -14,57 +37,62 @@ QueryKind kind_of(const QueryView& q) {
   return q.warm_slot != 0 ? QueryKind::kWarm : QueryKind::kDense;
 }
 
-std::optional<double> Calibration::device_from(QueryKind kind, int hull_size, double open_share) const {
-  const auto& all = samples[static_cast<std::size_t>(kind)][static_cast<std::size_t>(hull_size)];
-  const auto lost_ns = [&](const CostSample& s) { return s.device_ns + open_share * s.cpu_ns - s.cpu_ns; };
-  std::optional<double> from;
-  for (std::size_t i = all.size(); i-- > 0 && lost_ns(all[i]) <= 0; from = all[i].pairs) {
-    if (i == 0) return 0;
-    const CostSample& before = all[i - 1];
-    if (const double lost = lost_ns(before); lost > 0)
-      return std::ceil(before.pairs + (all[i].pairs - before.pairs) * lost / (lost - lost_ns(all[i])));
-  }
-  return from;
+double Router::guess(QueryKind kind, Backend backend, double pairs) const {
+  const Guess& each = kGuesses[static_cast<std::size_t>(kind)];
+  if (backend == kDevice) return kDeviceQueryNs + each.device * pairs;
+  return kCpuQueryNs + each.cpu * pairs / std::clamp(pairs / kPairsPerThread, 1.0, static_cast<double>(threads_));
 }
 
-Router::Router(const Scene& scene, const Device& device, const Calibration& calibration) {
-  double vertices = 0, pieces = 0, known = 0;
-  const auto n = static_cast<std::uint32_t>(scene.bodies().size());
-  for (std::uint32_t b = 0; b < n; ++b) {
-    if (device.hull_of(b) == kNone) continue;
-    ++known;
-    for (const PiecePtr& piece : scene.bodies()[b].pieces) {
-      ++pieces;
-      vertices += static_cast<double>(piece->vertices.size());
-    }
-  }
-  if (known == 0) return;
-  const int hull_size = vertices / pieces <= kSmallHull ? 0 : 1;
-  const double share = known / n, open_share = 1 - share * share;
-  for (int kind = 0; kind < kQueryKinds; ++kind)
-    choices_[static_cast<std::size_t>(kind)].device_from =
-        calibration.device_from(static_cast<QueryKind>(kind), hull_size, open_share);
+// Where a size was not seen: the guess, by as much as it was wrong at the nearest size that was.
+double Router::estimate(QueryKind kind, Backend backend, int size) const {
+  const auto& seen = kinds_[static_cast<std::size_t>(kind)].ns[backend];
+  const double wanted = guess(kind, backend, std::ldexp(1.5, size));
+  for (int away = 0; away < kSizes; ++away)
+    for (const int near : {size - away, size + away})
+      if (near >= 0 && near < kSizes && seen[static_cast<std::size_t>(near)] != kUnknown)
+        return wanted * seen[static_cast<std::size_t>(near)] / guess(kind, backend, std::ldexp(1.5, near));
+  return wanted;
 }
 
-bool Router::to_device(const Plan& plan) {
-  Choice& choice = choices_[static_cast<std::size_t>(kind_of(plan.query))];
-  const double pairs = static_cast<double>(plan.size.configurations) * static_cast<double>(plan.size.pairs);
-  const bool device = choice.device_from && pairs >= *choice.device_from;
-  ++(device ? choice.to_device : choice.to_cpu);
+bool Router::to_device(QueryKind kind, std::uint64_t pairs) {
+  const std::lock_guard lock(mutex_);
+  Kind& known = kinds_[static_cast<std::size_t>(kind)];
+  const int size = std::min(size_of(pairs), kSizes - 1);
+  const double ns[] = {estimate(kind, kCpu, size), estimate(kind, kDevice, size)};
+  bool device = ns[kDevice] < ns[kCpu];
+  const auto at = static_cast<std::size_t>(size);
+  const double most = known.ns[device ? kCpu : kDevice][at] == kUnknown ? kMostSlowerUnseen : kMostSlower;
+  const std::uint64_t queries = ++known.queries[at];
+  if (queries > 1 && std::has_single_bit(queries) && ns[device ? kCpu : kDevice] < most * ns[device ? kDevice : kCpu]) {
+    device = !device;
+    ++known.tried_again;
+  }
+  ++(device ? known.to_device : known.to_cpu);
   return device;
+}
+
+void Router::learn(QueryKind kind, std::uint64_t pairs, bool on_device, std::chrono::nanoseconds took) {
+  const int size = size_of(pairs);
+  if (size >= kSizes) return;
+  // Of the size's middle, so that queries of different sizes in it can be compared.
+  const Backend backend = on_device ? kDevice : kCpu;
+  const double middle = std::ldexp(1.5, size), count = static_cast<double>(std::max<std::uint64_t>(pairs, 1));
+  const double ns = static_cast<double>(std::max<std::int64_t>(took.count(), 1)) * guess(kind, backend, middle) /
+                    guess(kind, backend, count);
+  const std::lock_guard lock(mutex_);
+  double& known = kinds_[static_cast<std::size_t>(kind)].ns[backend][static_cast<std::size_t>(size)];
+  known = known == kUnknown || ns < known ? ns : known + kForget * (ns - known);
 }
 
 void Router::append(Counters& counters) const {
   static constexpr const char* kNames[kQueryKinds] = {"dense", "warm",   "near",          "depth",
                                                       "table", "within", "configurations"};
-  for (int kind = 0; kind < kQueryKinds; ++kind) {
-    const Choice& choice = choices_[static_cast<std::size_t>(kind)];
+  const std::lock_guard lock(mutex_);
+  for (std::size_t kind = 0; kind < kQueryKinds; ++kind) {
     const std::string name = std::string("route.") + kNames[kind];
-    counters.emplace_back(name + ".to_cuda", choice.to_device);
-    counters.emplace_back(name + ".to_cpu", choice.to_cpu);
-    const double from = choice.device_from.value_or(INFINITY);
-    constexpr std::uint64_t kNever = ~std::uint64_t{0};
-    counters.emplace_back(name + ".cuda_from_pairs", from < 1e18 ? static_cast<std::uint64_t>(from) : kNever);
+    counters.emplace_back(name + ".to_cuda", kinds_[kind].to_device);
+    counters.emplace_back(name + ".to_cpu", kinds_[kind].to_cpu);
+    counters.emplace_back(name + ".tried_again", kinds_[kind].tried_again);
   }
 }
 

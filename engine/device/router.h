@@ -1,22 +1,15 @@
-// Backend auto: whether the CPU or the device answers a query, by how long each took for others like it.
+// Backend auto: whether the CPU or the device answers a query, by how long each took for queries like it.
 #pragma once
 
 #include <array>
-#include <atomic>
+#include <chrono>
 #include <cstdint>
-#include <optional>
+#include <mutex>
 
 #include "engine/base/counters.h"
-#include "engine/device/device.h"
-#include "engine/query/plan.h"
+#include "engine/query/query.h"
 
 namespace clearance::cuda {
-
-/// Time that a query of so many pair-configurations took.
-struct CostSample {
-  double pairs = 0, cpu_ns = 0, device_ns = 0;
-};
-inline constexpr int kCostSamples = 5;
 
 /// Kinds of queries that take different time.
 enum class QueryKind : std::uint8_t {
@@ -31,40 +24,39 @@ enum class QueryKind : std::uint8_t {
 inline constexpr int kQueryKinds = 7;
 /// Depth before max_distance before warm: what costs most decides.
 QueryKind kind_of(const QueryView& query);
-/// Hulls of few vertices and of more.
-inline constexpr int kHullSizes = 2;
-inline constexpr double kSmallHull = 110;  ///< mean vertices up to which hulls are small
 
-/// What bodies are made of, which queries take very different time with.
-enum class Bodies { kOfOnePiece, kOfSeveral };
-/// Those of a scene, by the greater part of them.
-Bodies bodies_of(const Scene& scene);
-
-/// Measured on one machine with a certain device.
-struct Calibration {
-  std::array<std::array<std::array<CostSample, kCostSamples>, kHullSizes>, kQueryKinds>
-      samples;  ///< ascending in pairs
-
-  /// The fewest pair-configurations from which on the device is faster, between samples as on a line; none: it never
-  /// is.
-  /// \param open_share of pairs that the CPU has to finish for the device.
-  std::optional<double> device_from(QueryKind kind, int hull_size, double open_share) const;
-};
-
+/// Learns from every query how long its kind and size take on each backend, and sends the next one to the faster. Both give
+/// the same bits, so only time is at stake. A size that was not seen yet is guessed from the nearest that was, and before there
+/// is any from figures of one machine. So that a wrong guess does not stay, the slower backend is tried again at the 2nd, 4th,
+/// 8th ... query of a kind and size, unless it is thought to be much slower. Thread-safe.
 class Router {
  public:
-  Router(const Scene& scene, const Device& device, const Calibration& calibration);
-  /// Whether the device is to answer. Counts what it says.
-  bool to_device(const Plan& plan);
-  /// Adds what stats() shows: how often, and from how many pair-configurations on.
+  /// \param threads of the CPU
+  explicit Router(int threads) : threads_(threads) {}
+
+  /// Whether the device is to answer a query of so many pair-configurations.
+  bool to_device(QueryKind kind, std::uint64_t pairs);
+  /// How long a query took, where it was answered.
+  void learn(QueryKind kind, std::uint64_t pairs, bool on_device, std::chrono::nanoseconds took);
+  /// Adds what stats() shows: how often each backend was asked, and how often to try it again.
   void append(Counters& counters) const;
 
  private:
-  struct Choice {
-    std::optional<double> device_from;
-    std::atomic<std::uint64_t> to_device{0}, to_cpu{0};
+  enum Backend { kCpu, kDevice };
+  static constexpr int kSizes = 41;  // powers of two: 1, 2-3, 4-7, ...
+  static constexpr double kUnknown = 0;
+  struct Kind {
+    std::array<std::array<double, kSizes>, 2> ns{};  // that a query of a size takes, by backend; kUnknown: not seen
+    std::array<std::uint64_t, kSizes> queries{};
+    std::uint64_t to_device = 0, to_cpu = 0, tried_again = 0;
   };
-  std::array<Choice, kQueryKinds> choices_;
+
+  double guess(QueryKind kind, Backend backend, double pairs) const;
+  double estimate(QueryKind kind, Backend backend, int size) const;
+
+  const int threads_;
+  mutable std::mutex mutex_;
+  std::array<Kind, kQueryKinds> kinds_;
 };
 
 }  // namespace clearance::cuda

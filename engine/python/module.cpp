@@ -127,8 +127,7 @@ BlockPool& pinned_blocks() {
 class PyEngine {
  public:
   PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows,
-           std::uint64_t device_memory, bool device_fallback, const std::string& calibration,
-           const std::vector<int>& devices) {
+           std::uint64_t device_memory, bool device_fallback, const std::vector<int>& devices) {
     nb::gil_scoped_release release;
     Engine::Options options;
     options.backend = backend;
@@ -136,7 +135,6 @@ class PyEngine {
     options.max_rows = max_rows;
     options.device_memory = device_memory;
     options.device_fallback = device_fallback;
-    options.calibration = calibration;
     options.devices = devices;
     engine_ = std::make_shared<Engine>(scene, options);
   }
@@ -305,10 +303,10 @@ NB_MODULE(_engine, m) {
       .def("answer", &PyJob::answer);
 
   nb::class_<PyEngine>(m, "Engine")
-      .def(nb::init<const Scene&, const std::string&, int, std::uint64_t, std::uint64_t, bool, const std::string&,
+      .def(nb::init<const Scene&, const std::string&, int, std::uint64_t, std::uint64_t, bool,
                     const std::vector<int>&>(),
            nb::arg("scene"), nb::arg("backend"), nb::arg("threads"), nb::arg("max_rows"), nb::arg("device_memory"),
-           nb::arg("device_fallback"), nb::arg("calibration"), nb::arg("devices"))
+           nb::arg("device_fallback"), nb::arg("devices"))
       .def_prop_ro("device_error", [](const PyEngine& e) { return e.use().device_error(); })
       .def_static("backends", &Engine::backends)
       .def_prop_ro("backend", [](const PyEngine& e) { return std::string(e.use().backend()); })

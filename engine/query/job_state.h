@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <span>
 
@@ -17,7 +18,6 @@ namespace clearance {
 
 namespace cuda {
 class DeviceBackend;  // engine/device/device_job.h
-class Router;         // engine/device/router.h
 }  // namespace cuda
 
 /// What the engine gives each job.
@@ -33,7 +33,6 @@ struct JobContext {
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
   cuda::DeviceBackend* device = nullptr;  ///< null: the CPU alone
-  cuda::Router* router = nullptr;         ///< null: whatever the device can answer is the device's
 };
 
 struct Job::State {
@@ -44,6 +43,9 @@ struct Job::State {
   virtual bool joins(const State&) const { return false; }
   virtual void finish_with(std::span<State* const>) {}  ///< with others that join it
   ReplyInfo info;
+  /// Told once how long the work took: the calls of advance() together. Empty: nobody asks.
+  std::function<void(const ReplyInfo&, std::chrono::nanoseconds)> when_done;
+  std::chrono::nanoseconds took{0};
 };
 
 /// On the CPU.

@@ -98,7 +98,7 @@ SCENE = {
 PUBLIC = {
     "Engine": ({}, {
         "scene": [None, "scene.yaml", 3], "backend": WORDS, "threads": [*INTEGERS, -1], "max_rows": COUNTS,
-        "device_memory": COUNTS, "device_fallback": BOOLS, "calibration": WORDS,
+        "device_memory": COUNTS, "device_fallback": BOOLS,
         "devices": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
     "connect": ({"url": "ipc:///nowhere"}, {
         "url": [*TEXTS, "http://localhost"], "timeout_s": [*NUMBERS_FROM_0, None], "server_key": PATHS, "key": PATHS}),

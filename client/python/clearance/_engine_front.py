@@ -15,21 +15,20 @@ from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query
 from ._future import EngineFuture, Worker
 from ._names import NameTable
 from ._scene import Scene, name_table
-from ._words import BACKENDS, CALIBRATIONS, DEFAULT_FIELDS, NONE, Status
+from ._words import BACKENDS, DEFAULT_FIELDS, NONE, Status
 
 
 class Engine(Front):
     """A scene resident in memory, the poses of its bodies, and answers to batched distance queries.
 
     backend: "auto", "cpu", "reference" (brute force, the fast path's oracle), or another that Engine.backends() names;
-        asking for an absent one raises. "auto": the CPU, or where there is a device whichever is faster for a query.
+        asking for an absent one raises. "auto": the CPU, or where there is a device whichever was
+        faster for queries like it.
     threads: 0: all cores.
     max_rows: larger answers are refused with QueryError.
     device_memory: bytes of each device's memory that backend "cuda" may take; 0: what there is.
     devices: CUDA devices of backends "cuda" and "auto", by number, as in [0, 1]: each holds the scene, and queries are shared
         out among them; empty: the current one. Naming one twice raises ValueError, one that is absent RuntimeError.
-    calibration: how "auto" knows what is faster: "auto" (measured once on this machine and kept), "measure" (now, and not
-        kept), "off" (it does not: the CPU answers).
     device_fallback: whether the CPU answers where the device fails or has no room; if not, QueryError says why.
 
     May be used from several threads; the GIL is released while it works. Not usable in a forked child (RuntimeError).
@@ -38,7 +37,7 @@ class Engine(Front):
     _module = _engine
 
     def __init__(self, scene: Scene, backend: str = "auto", threads: int = 0, max_rows: int = 1 << 28,
-                 device_memory: int = 0, device_fallback: bool = True, calibration: str = "auto",
+                 device_memory: int = 0, device_fallback: bool = True,
                  devices: Sequence[int] = ()):
         super().__init__()
         if not isinstance(scene, Scene):
@@ -54,7 +53,6 @@ class Engine(Front):
                 to_count(max_rows, "max_rows"),
                 to_count(device_memory, "device_memory"),
                 to_bool(device_fallback, "device_fallback"),
-                to_word(calibration, CALIBRATIONS, "calibration"),
                 [to_count(device, f"devices[{i}]") for i, device in enumerate(devices)],
             )
         self._worker: Optional[Worker] = None

@@ -118,7 +118,6 @@ REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
 FORMATS = {word.name.lower(): int(word) for word in Format}
 CONVEXIFY = {"hull": 0, "submeshes": 1, "decompose": 2}
 BACKENDS = {name: name for name in ("auto", "cpu", "cuda", "reference")}
-CALIBRATIONS = {name: name for name in ("auto", "measure", "off")}
 
 #: Set in a pair selector that names a group; the other bits are the group's index.
 GROUP_BIT = 0x80000000
