@@ -11,6 +11,7 @@
 
 #include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
+#include "wire/types.h"
 
 namespace clearance {
 

@@ -139,8 +139,8 @@ TEST_F(RoutedEngine, AnswersTheSameWhoeverAnswers) {
       q.pairs = std::span(all).first(count);
       const Answer a = ask(engine, q);
       expect_same(a, ask(cpu, q), std::to_string(count) + " pairs");
-      if (count == 1) {
-        EXPECT_EQ(a.info.backend, "cpu");
+      if (count == 1 && i == 0) {
+        EXPECT_EQ(a.info.backend, "cpu") << "a device takes longer than one pair, as a first guess";
       }
     }
   EXPECT_EQ(counter(engine, "route.dense.to_cpu") + counter(engine, "route.dense.to_cuda"), 40u);
