@@ -115,8 +115,7 @@ Engine::Engine(Scene scene, const Options& options) {
     device.fallback = options.device_fallback;
     device.devices = options.devices;
     impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene, device);
-    if (both && impl_->device->usable())
-      impl_->router = std::make_unique<cuda::Router>(impl_->options.threads);
+    if (both && impl_->device->usable()) impl_->router = std::make_unique<cuda::Router>(impl_->options.threads);
   }
 }
 
@@ -230,23 +229,14 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
                                                       " rows and there is room for " + std::to_string(reply.rows) +
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
-  const JobContext context{&impl_->scene,
-                           impl_->options.threads,
-                           impl_->reference,
-                           impl_->lanes,
-                           impl_->light,
-                           &impl_->pairs_evaluated,
-                           &impl_->contradictions,
-                           &impl_->warm,
-                           &impl_->trees,
-                           impl_->near_by,
-                           impl_->device.get()};
+  const JobContext context{&impl_->scene, impl_->options.threads,  impl_->reference,       impl_->lanes,
+                           impl_->light,  &impl_->pairs_evaluated, &impl_->contradictions, &impl_->warm,
+                           &impl_->trees, impl_->near_by,          impl_->device.get()};
   cuda::Router* const router = impl_->router.get();
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
   std::unique_ptr<Job::State> state;
-  if (impl_->device && (!router || router->to_device(kind, pairs)))
-    state = cuda::make_device_job(context, plan, reply);
+  if (impl_->device && (!router || router->to_device(kind, pairs))) state = cuda::make_device_job(context, plan, reply);
   if (!state) state = make_cpu_job(context, std::move(plan), reply);
   if (router)
     state->when_done = [router, kind, pairs](const ReplyInfo& info, std::chrono::nanoseconds took) {
@@ -314,17 +304,6 @@ bool Job::advance(std::chrono::nanoseconds budget) {
   state_->took += Clock::now() - begin;
   if (done) std::exchange(state_->when_done, nullptr)(state_->info, state_->took);
   return done;
-}
-bool Job::joins(const Job& other) const {
-  const FpEnvironment environment;
-  return state_->joins(*other.state_);
-}
-void Job::finish_together(std::span<Job* const> jobs) {
-  if (jobs.empty()) return;
-  const FpEnvironment environment;
-  std::vector<State*> others;
-  for (Job* job : jobs.subspan(1)) others.push_back(job->state_.get());
-  jobs[0]->state_->finish_with(others);
 }
 const QuerySize& Job::size() const {
   return state_->size();

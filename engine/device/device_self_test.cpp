@@ -61,7 +61,7 @@ void ask(SelfTest& test, const std::vector<int>& devices) {
   BoxTreeStore trees;
   std::atomic<std::uint64_t> evaluated{0}, contradictions{0};
   const JobContext context{
-      &scene,        1,       false,  &lane_kernel("baseline"), true, &evaluated, &contradictions, &warm, &trees,
+      &scene,        1,      false, &lane_kernel("baseline"), true, &evaluated, &contradictions, &warm, &trees,
       NearBy::kAuto, &device};
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
     Question question(known);

@@ -9,12 +9,13 @@ namespace clearance::cuda {
 
 namespace {
 
-// A first guess, by kind: ns for each pair-configuration on one thread of a CPU and on a device, and what a query costs besides.
-// Rounded from docs/results/gpu_nvidia_h100_80gb_hbm3.csv.
+// A first guess, by kind: ns for each pair-configuration on one thread of a CPU and on a device, and what a query costs
+// besides. Rounded from docs/results/gpu_nvidia_h100_80gb_hbm3.csv.
 struct Guess {
   double cpu, device;
 };
-constexpr std::array<Guess, kQueryKinds> kGuesses{{{400, 1}, {200, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}}};
+constexpr std::array<Guess, kQueryKinds> kGuesses{
+    {{400, 1}, {200, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}}};
 constexpr double kCpuQueryNs = 1000, kDeviceQueryNs = 30'000;
 constexpr double kPairsPerThread = 300;  // fewer are not worth waking a thread for
 
@@ -23,7 +24,9 @@ constexpr double kMostSlower = 4, kMostSlowerUnseen = 16;
 // A query that was slower than the fastest of its size counts by this share: others' work only ever adds to a time.
 constexpr double kForget = 1.0 / 8;
 
-int size_of(std::uint64_t pairs) { return static_cast<int>(std::bit_width(std::max<std::uint64_t>(pairs, 1))) - 1; }
+int size_of(std::uint64_t pairs) {
+  return static_cast<int>(std::bit_width(std::max<std::uint64_t>(pairs, 1))) - 1;
+}
 
 }  // namespace
 

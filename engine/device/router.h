@@ -25,10 +25,10 @@ inline constexpr int kQueryKinds = 7;
 /// Depth before max_distance before warm: what costs most decides.
 QueryKind kind_of(const QueryView& query);
 
-/// Learns from every query how long its kind and size take on each backend, and sends the next one to the faster. Both give
-/// the same bits, so only time is at stake. A size that was not seen yet is guessed from the nearest that was, and before there
-/// is any from figures of one machine. So that a wrong guess does not stay, the slower backend is tried again at the 2nd, 4th,
-/// 8th ... query of a kind and size, unless it is thought to be much slower. Thread-safe.
+/// Learns from every query how long its kind and size take on each backend, and sends the next one to the faster. Both
+/// give the same bits, so only time is at stake. A size that was not seen yet is guessed from the nearest that was, and
+/// before there is any from figures of one machine. So that a wrong guess does not stay, the slower backend is tried
+/// again at the 2nd, 4th, 8th ... query of a kind and size, unless it is thought to be much slower. Thread-safe.
 class Router {
  public:
   /// \param threads of the CPU

@@ -15,7 +15,6 @@ struct NarrowLimits {
   double rel_tol = 1e-6;  ///< wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
   bool signed_distance = false;
   int max_iterations = 256;
-  bool operator==(const NarrowLimits&) const = default;
 };
 
 /// One answer, before it is written into columns. Points are relative to their bodies' origins, world axes.

@@ -1,5 +1,5 @@
-// Backend auto: who answers, and why. Needs no GPU: costs are made up, and a stand-in for the device leaves all rows to the
-// CPU.
+// Backend auto: who answers, and why. Needs no GPU: costs are made up, and a stand-in for the device leaves all rows to
+// the CPU.
 #include <functional>
 
 #include "engine/device/router.h"
@@ -17,7 +17,9 @@ struct Machine {
   std::function<double(double)> cpu, device;
   double best(double pairs) const { return std::min(cpu(pairs), device(pairs)); }
 };
-double line(double fixed, double each, double pairs) { return fixed + each * pairs; }
+double line(double fixed, double each, double pairs) {
+  return fixed + each * pairs;
+}
 Machine machine(double cpu_each, double device_fixed, double device_each) {
   return {[=](double p) { return line(1'000, cpu_each, p); },
           [=](double p) { return line(device_fixed, device_each, p); }};
@@ -27,8 +29,7 @@ struct Ran {
   double took = 0, best = 0;
   int on_device = 0;
 };
-Ran run(Router& router, const Machine& machine, std::uint64_t pairs, int queries,
-        QueryKind kind = QueryKind::kDense) {
+Ran run(Router& router, const Machine& machine, std::uint64_t pairs, int queries, QueryKind kind = QueryKind::kDense) {
   Ran ran;
   for (int i = 0; i < queries; ++i) {
     const bool device = router.to_device(kind, pairs);
