@@ -276,17 +276,6 @@ bool Job::advance(std::chrono::nanoseconds budget) {
   const FpEnvironment environment;
   return state_->advance(budget);
 }
-bool Job::joins(const Job& other) const {
-  const FpEnvironment environment;
-  return state_->joins(*other.state_);
-}
-void Job::finish_together(std::span<Job* const> jobs) {
-  if (jobs.empty()) return;
-  const FpEnvironment environment;
-  std::vector<State*> others;
-  for (Job* job : jobs.subspan(1)) others.push_back(job->state_.get());
-  jobs[0]->state_->finish_with(others);
-}
 const QuerySize& Job::size() const { return state_->size(); }
 const ReplyInfo& Job::info() const { return state_->info; }
 

@@ -1,7 +1,6 @@
 // Pairs of bodies in configurations: from poses to answers.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -19,11 +18,6 @@ struct EvaluateOptions : NarrowOptions {
   bool cull = false;             ///< compare bounding boxes with max_distance first
   bool want_flags = false;
   std::span<const std::uint8_t> stale;  ///< of each body
-
-  bool operator==(const EvaluateOptions& other) const {
-    return NarrowOptions::operator==(other) && cull == other.cull && want_flags == other.want_flags &&
-           std::ranges::equal(stale, other.stale);
-  }
 };
 
 /// The least of two bodies' piece pairs' intervals.
@@ -45,8 +39,6 @@ class Evaluator {
  public:
   Evaluator(const Scene& scene, const EvaluateOptions& options) : scene_(scene), options_(options), batch_(options), boxes_(scene) {}
   void run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
-  /// Whether `other` would answer the same pair of the same placement with the same bits.
-  bool answers_as(const Evaluator& other) const { return options_ == other.options_; }
 
  private:
   // The distance of two bodies is the least over their piece pairs (piece_search.h).

@@ -43,37 +43,14 @@ class DenseJob final : public ParallelJob {
 
   bool advance(std::chrono::nanoseconds budget) override {
     const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
-    const bool done =
-        run_units(next_, units(), deadline, [&](std::uint64_t unit, int worker) { run(unit, worker); });
-    if (done) finish();
+    const bool done = run_units(next_, layout_.pair_blocks * layout_.configuration_blocks, deadline,
+                                [&](std::uint64_t unit, int worker) { run(unit, worker); });
+    if (done) {
+      info.rows = info.total = plan_.size.rows;
+      info.pairs_evaluated = evaluated_;
+      context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+    }
     return done;
-  }
-
-  bool joins(const State& state) const override {
-    const auto* other = dynamic_cast<const DenseJob*>(&state);
-    return other && is_small() && other->is_small() && context_.scene == other->context_.scene &&
-           evaluators_[0].answers_as(other->evaluators_[0]);
-  }
-
-  void finish_with(std::span<State* const> others) override {
-    Room& room = rooms_[0];
-    room.asked.clear();
-    room.places.clear();
-    std::vector<std::size_t> ends;
-    ask_all(room);
-    ends.push_back(room.asked.size());
-    for (State* other : others) {
-      static_cast<DenseJob*>(other)->ask_all(room);
-      ends.push_back(room.asked.size());
-    }
-    answer(room, 0);
-    write_answers(room, 0, ends[0], 0, 0);
-    finish();
-    for (std::size_t i = 0; i < others.size(); ++i) {
-      auto* other = static_cast<DenseJob*>(others[i]);
-      other->write_answers(room, ends[i], ends[i + 1], 0, 0);
-      other->finish();
-    }
   }
 
  private:
@@ -117,50 +94,28 @@ class DenseJob final : public ParallelJob {
     const std::uint64_t configurations = std::min(layout_.configurations, plan_.size.configurations - first);
     const std::uint64_t end = std::min(begin + layout_.pairs, plan_.size.pairs);
     const std::span<const Placement> placed = placements(worker, first, configurations);
+    std::uint64_t evaluated = 0;
     const std::uint64_t step = std::max<std::uint64_t>(layout_.block / configurations, 1);
     for (std::uint64_t p = begin; p < end; p += step) {
       const auto pairs = plan_.pairs.slice(p, std::min(step, end - p), room.pairs);
-      room.asked.clear();
-      room.places.clear();
-      take(pairs, p, placed, first, worker, room);
-      answer(room, worker);
-      write_answers(room, 0, room.asked.size(), first, p);
-    }
-  }
-
-  // All of a small job, at the end of what is asked in a room, which may be another job's.
-  void ask_all(Room& room) {
-    const std::span<const Placement> placed = placements(0, 0, plan_.size.configurations);
-    take(plan_.pairs.slice(0, plan_.size.pairs, rooms_[0].pairs), 0, placed, 0, 0, room);
-  }
-
-  void answer(Room& room, int worker) {
-    room.answers.resize(std::max(room.answers.size(), room.asked.size()));
-    evaluators_[static_cast<std::size_t>(worker)].run(room.asked, room.answers);
-  }
-
-  // Writes those of the answers in [begin, end) of a room, which are this job's. \param first, pair where their block begins.
-  void write_answers(const Room& room, std::size_t begin, std::size_t end, std::uint64_t first, std::uint64_t pair) {
-    std::uint64_t evaluated = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      const auto [k, at] = room.places[i];
-      write((first + k) * plan_.size.pairs + pair + at, static_cast<std::uint32_t>(first + k), room.asked[i], room.answers[i]);
-      evaluated += reached_narrow_phase(room.answers[i]);
+      take(pairs, p, placed, first, worker);
+      room.answers.resize(std::max(room.answers.size(), room.asked.size()));
+      evaluators_[static_cast<std::size_t>(worker)].run(room.asked, room.answers);
+      for (std::size_t i = 0; i < room.asked.size(); ++i) {
+        const auto [k, at] = room.places[i];
+        write((first + k) * plan_.size.pairs + p + at, static_cast<std::uint32_t>(first + k), room.asked[i], room.answers[i]);
+        evaluated += reached_narrow_phase(room.answers[i]);
+      }
     }
     evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
   }
 
-  void finish() {
-    info.rows = info.total = plan_.size.rows;
-    info.pairs_evaluated = evaluated_;
-    context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
-  }
-
-  // Adds to what a room asks a block of pairs, from `begin` on, in configurations from `first` on: all but those that boxes
-  // answer.
+  // Asks for a block of pairs, from `begin` on, in configurations from `first` on: all but those that boxes answer.
   void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const Placement> placed, std::uint64_t first,
-            int worker, Room& room) {
-    const std::size_t already = room.asked.size();
+            int worker) {
+    Room& room = rooms_[static_cast<std::size_t>(worker)];
+    room.asked.clear();
+    room.places.clear();
     const auto ask = [&](std::size_t i, std::size_t k) {
       room.asked.push_back({pairs[i], &placed[k], warm(first + k, begin + i)});
       room.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
@@ -176,7 +131,7 @@ class DenseJob final : public ParallelJob {
       const std::size_t count = gaps_within(gaps.data() + k * pairs.size(), pairs.size(), plan_.query.max_distance, room.near.data());
       for (std::size_t i = 0; i < count; ++i) ask(room.near[i], k);
     }
-    if (room.asked.size() - already == gaps.size()) return;
+    if (room.asked.size() == gaps.size()) return;
     // Rows of the others, and under those that are still to be written.
     for (std::size_t k = 0; k < placed.size(); ++k)
       write_beyond_rows(reply_, (first + k) * plan_.size.pairs + begin, pairs, static_cast<std::uint32_t>(first + k),
@@ -191,12 +146,6 @@ class DenseJob final : public ParallelJob {
     for (std::size_t i = 0; i < pairs.size(); ++i)
       room.flags[i] = pairs[i].a < n && pairs[i].b < n ? pose_flags(here, pairs[i], options_.stale) : 0;
     return room.flags.data();
-  }
-
-  std::uint64_t units() const { return layout_.pair_blocks * layout_.configuration_blocks; }
-  // One block, whose answers one worker writes at once.
-  bool is_small() const {
-    return workers() == 1 && units() == 1 && plan_.size.configurations * plan_.size.pairs <= layout_.block && !options_.reference;
   }
 
   WarmSimplex* warm(std::uint64_t configuration, std::uint64_t pair) const {

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <chrono>
 #include <memory>
-#include <span>
 
 #include "near_pairs.h"
 #include "engine.h"
@@ -40,9 +39,6 @@ struct Job::State {
   virtual ~State() = default;
   virtual bool advance(std::chrono::nanoseconds budget) = 0;
   virtual const QuerySize& size() const = 0;
-  /// Job::joins() and Job::finish_together().
-  virtual bool joins(const State&) const { return false; }
-  virtual void finish_with(std::span<State* const>) {}  ///< with others that join it
   ReplyInfo info;
 };
 

@@ -16,7 +16,6 @@ struct NarrowLimits {
   double rel_tol = 1e-6;
   bool signed_distance = false;
   int max_iterations = 256;
-  bool operator==(const NarrowLimits&) const = default;
 };
 
 struct NarrowAnswer {

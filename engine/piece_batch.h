@@ -19,7 +19,6 @@ struct NarrowOptions {
   bool reference = false;             ///< the brute-force oracle: double-double, one pair after another
   bool want_points = true;            ///< witness points and normals; without, only the interval
   std::atomic<std::uint64_t>* contradictions = nullptr;  ///< counts bounds that contradicted each other; null: nobody does
-  bool operator==(const NarrowOptions&) const = default;
 };
 
 /// Two placed pieces; all that they point to must outlive the run.

@@ -7,7 +7,6 @@
 #include <deque>
 #include <unordered_map>
 #include <utility>
-#include <vector>
 
 namespace clearance {
 
@@ -50,32 +49,6 @@ class FairQueue {
     return item;
   }
 
-  /// Offers the clients' first items, in turns, until none is taken: `take(item)` moves from the item and returns true, or leaves
-  /// it and returns false; it does not throw. Clients that gave one go behind the others.
-  template <class Take>
-  void take_each(Take take) {
-    kept_.reserve(order_.size());
-    gave_.reserve(order_.size());
-    for (bool any = true; any;) {
-      any = false;
-      kept_.clear();
-      gave_.clear();
-      for (const std::uint64_t client : order_) {
-        auto& items = items_.find(client)->second;
-        if (!take(items.front())) {
-          kept_.push_back(client);
-          continue;
-        }
-        any = true;
-        items.pop_front();
-        --size_;
-        if (!items.empty()) gave_.push_back(client);
-      }
-      const auto end = std::copy(gave_.begin(), gave_.end(), std::copy(kept_.begin(), kept_.end(), order_.begin()));
-      order_.erase(end, order_.end());
-    }
-  }
-
   /// Takes out what `unwanted(item)` says, calling `dropped(item)` on each.
   template <class Predicate, class Dropped>
   void remove_if(Predicate unwanted, Dropped dropped) {
@@ -96,7 +69,6 @@ class FairQueue {
   std::unordered_map<std::uint64_t, std::deque<T>> items_;
   std::deque<std::uint64_t> order_;  // clients with items, the next one first
   std::size_t size_ = 0;
-  std::vector<std::uint64_t> kept_, gave_;  // take_each()'s own: clients
 };
 
 }  // namespace clearance

@@ -26,8 +26,6 @@ constexpr int kFreshBeforeLong = 4;
 /// Wake-ups that brought nothing, after which a descriptor that stays readable (a listener without descriptors left,
 /// say) may no longer keep the loop from sleeping.
 constexpr int kWakesForNothing = 100;
-/// Queries that are answered as one batch with the one whose turn it is.
-constexpr std::size_t kMostJoined = 63;
 /// Clients whose counts of queries under way are kept at a tick though they are 0: one that asks again and again allocates
 /// nothing.
 constexpr std::size_t kIdleClientsKept = 256;
@@ -78,8 +76,6 @@ Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
     : engine_(std::move(engine)), options_(options), started_(Clock::now()), next_tick_(started_) {
   for (int i = 0; i < kLatencyBuckets; ++i)
     latency_[i] = &counter("latency_us." + (i + 1 < kLatencyBuckets ? std::to_string(1u << i) : "more"));
-  joined_.reserve(kMostJoined + 1);
-  batch_.reserve(kMostJoined + 1);
   wake_fd_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
   if (wake_fd_ < 0) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
 }
@@ -263,17 +259,12 @@ bool Loop::work_for_a_slice() {
       ++counter("queries.dropped");
       continue;
     }
-    if (!task->begun) gather(*task);
-    if (joined_.empty())
-      take_slice(std::move(task), now);
-    else
-      answer_together(std::move(task), now);
+    take_slice(std::move(task), now);
   } while (waiting() && now - begin < options_.slice);
   return true;
 }
 
 void Loop::take_slice(TaskPtr task, Clock::time_point& now) {
-  task->begun = true;
   bool done = false, failed = true;
   guarded(*task->sink, task->request, [&] {
     done = task->job.advance(options_.slice);
@@ -289,53 +280,6 @@ void Loop::take_slice(TaskPtr task, Clock::time_point& now) {
     const std::uint64_t client = task->sink->client();
     long_.push(client, std::move(task));
   }
-}
-
-/// Takes, out of what waits for its first slice, small queries that the engine can answer together with this one.
-void Loop::gather(const Task& first) {
-  if (fresh_.empty()) return;
-  const auto pairs_of = [](const Task& task) { return task.job.size().configurations * task.job.size().pairs; };
-  std::uint64_t pairs = pairs_of(first);
-  if (pairs >= options_.batch_pairs) return;
-  try {
-    fresh_.take_each([&](TaskPtr& task) {
-      const std::uint64_t more = pairs_of(*task);
-      if (more > options_.batch_pairs - pairs || joined_.size() == kMostJoined || !task->sink->alive() ||
-          !task->job.joins(first.job))
-        return false;
-      pairs += more;
-      joined_.push_back(std::move(task));
-      return true;
-    });
-  } catch (const std::bad_alloc&) {
-    // Before any was taken: each is answered by itself.
-  }
-}
-
-void Loop::answer_together(TaskPtr first, Clock::time_point& now) {
-  joined_.insert(joined_.begin(), std::move(first));
-  batch_.clear();
-  for (const TaskPtr& task : joined_) batch_.push_back(&task->job);
-  bool done = false;
-  try {
-    Job::finish_together(batch_);
-    done = true;
-  } catch (const std::exception& error) {
-    spdlog::warn("event=batch_failed queries={} error=\"{}\"", joined_.size(), log_text(error.what()));
-  }
-  if (done) {
-    const auto after = Clock::now();
-    queries_joined_ += joined_.size();
-    for (const TaskPtr& task : joined_) {
-      task->in_engine += after - now;
-      guarded(*task->sink, task->request, [&] { finish(*task, after); });
-      forget(*task);
-    }
-    now = after;
-  } else {  // whatever it was, it is the trouble of one of them
-    for (TaskPtr& task : joined_) take_slice(std::move(task), now);
-  }
-  joined_.clear();
 }
 
 void Loop::forget(const Task& task) {

@@ -35,7 +35,6 @@ class Loop final : public Inbox {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
     std::chrono::nanoseconds spin = std::chrono::microseconds(50);    ///< the most to poll in memory before going to sleep
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
-    std::uint64_t batch_pairs = 64;  ///< of small queries that wait at once and are answered as one batch; 0: each alone
     std::uint32_t max_waiting_per_client = 64;                 ///< queries of one client under way; more: kBusy
     std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< of requests and replies under way; more: kBusy
     std::uint64_t max_client_bytes = std::uint64_t{2} << 30;   ///< of one client's; one request may always be under way
@@ -135,8 +134,6 @@ class Loop final : public Inbox {
   bool work_for_a_slice();
   TaskPtr next_task();
   void take_slice(TaskPtr task, Clock::time_point& now);
-  void gather(const Task& first);
-  void answer_together(TaskPtr first, Clock::time_point& now);
   void finish(Task& task, Clock::time_point now);
   void forget(const Task& task);
   /// Throws a Refusal (kBusy) if as many requests of this client are under way as may be.
@@ -157,8 +154,7 @@ class Loop final : public Inbox {
   // frames = replies + errors + requests.dropped (their client is gone) + requests.waiting
   std::uint64_t &frames_ = counters_["frames"], &replies_ = counters_["replies"],
                 &dropped_ = counters_["requests.dropped"], &queries_ = counters_["queries"],
-                &answered_ = counters_["queries.answered"], &queries_joined_ = counters_["queries.joined"],
-                &rows_ = counters_["rows"];
+                &answered_ = counters_["queries.answered"], &rows_ = counters_["rows"];
   // "latency_us.N": queries that took from arrival to reply more than N/2 and at most N microseconds; "latency_us.more".
   static constexpr int kLatencyBuckets = 24;
   std::array<std::uint64_t*, kLatencyBuckets> latency_;
@@ -182,8 +178,6 @@ class Loop final : public Inbox {
   };
   FairQueue<TaskPtr, DueFirst> fresh_, long_;
   int fresh_in_a_row_ = 0;
-  std::vector<TaskPtr> joined_;  // queries that are answered as one batch
-  std::vector<Job*> batch_;      // their jobs
   /// What one client has under way.
   struct Usage {
     std::uint32_t requests = 0;

@@ -38,7 +38,6 @@ struct Loop::Task {
   std::uint64_t held_bytes = 0;  // the frame, and what the request itself takes
   Reduce reduce = Reduce::kNone;
   Format format = Format::kFull;
-  bool begun = false;  ///< has had its first slice
   Clock::time_point received, due;
   std::chrono::nanoseconds in_engine{0};
 };

@@ -252,7 +252,6 @@ int serve(DaemonOptions options) {
   Loop::Options loop_options;
   loop_options.slice = std::chrono::microseconds(options.slice_us);
   loop_options.spin = std::chrono::microseconds(options.spin_us);
-  loop_options.batch_pairs = options.batch_pairs;
   loop_options.max_waiting_per_client = options.max_waiting;
   loop_options.max_client_bytes = std::uint64_t{options.max_client_mib} << 20;
   loop_options.max_added_bodies = options.max_added_bodies;

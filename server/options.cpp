@@ -127,11 +127,6 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(0u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--batch-pairs", o.batch_pairs,
-                 "small queries that wait at once are answered as one batch of at most so many pairs; 0: each by itself")
-      ->check(quiet(CLI::Range(0u, 4096u)))
-      ->type_name("N")
-      ->capture_default_str();
   app.add_option("--max-waiting", o.max_waiting, "queries that one client may have under way; more are refused (busy)")
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")

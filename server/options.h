@@ -38,7 +38,6 @@ struct DaemonOptions {
   std::string calibration = "auto";
   unsigned slice_us = 200;
   unsigned spin_us = 50;
-  unsigned batch_pairs = 64;
   unsigned max_waiting = 64;
   unsigned max_clients = 256;
   unsigned max_client_mib = 2048;

@@ -30,7 +30,6 @@ class LoopTest : public testing::Test {
   static Loop::Options short_slices() {
     Loop::Options options;
     options.slice = 1ns;
-    options.batch_pairs = 0;
     return options;
   }
   void turn_until_idle() {
