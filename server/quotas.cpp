@@ -1,0 +1,63 @@
+#include "quotas.h"
+
+#include <algorithm>
+#include <string>
+
+#include "refusal.h"
+
+namespace clearance {
+namespace {
+
+/// Clients that are remembered though nothing of theirs is under way: one that asks again and again allocates nothing.
+constexpr std::size_t kIdleClientsKept = 256;
+
+[[noreturn]] void refuse(const std::string& text) {
+  throw Refusal{wire::ErrorCode::kBusy, text};
+}
+
+}  // namespace
+
+Quotas::Share::Share(Quotas& quotas, Usage& usage, std::uint64_t bytes)
+    : quotas_(&quotas), usage_(&usage), bytes_(bytes) {
+  ++usage.requests;
+  usage.bytes += bytes;
+  quotas.all_bytes_ += bytes;
+}
+
+void Quotas::Share::give_back() {
+  Quotas* quotas = std::exchange(quotas_, nullptr);
+  if (!quotas) return;
+  --usage_->requests;
+  usage_->bytes -= bytes_;
+  quotas->all_bytes_ -= bytes_;
+}
+
+Quotas::Usage Quotas::of(std::uint64_t client) const {
+  const auto found = clients_.find(client);
+  return found == clients_.end() ? Usage() : found->second;
+}
+
+void Quotas::check_requests(std::uint64_t client) const {
+  const std::uint32_t requests = of(client).requests;
+  if (requests >= limits_.max_waiting_per_client)
+    refuse(std::to_string(requests) + " queries of this client are under way already; ask again (--max-waiting)");
+}
+
+std::uint64_t Quotas::check_bytes(std::uint64_t client, std::uint64_t bytes, std::uint64_t unsent) const {
+  const std::uint64_t taken = of(client).bytes + unsent;
+  if (taken && taken + bytes > limits_.max_client_bytes)
+    refuse("the requests and replies of this client under way take " + std::to_string(taken) +
+           " bytes already; ask again (--max-client-mib)");
+  if (all_bytes_ && all_bytes_ + bytes > limits_.max_waiting_bytes)
+    refuse("the requests and replies under way take " + std::to_string(all_bytes_) + " bytes already; ask again");
+  return limits_.max_client_bytes - std::min(limits_.max_client_bytes, taken + bytes);
+}
+
+Quotas::Share Quotas::take(std::uint64_t client, std::uint64_t bytes) { return Share(*this, clients_[client], bytes); }
+
+void Quotas::forget_idle() {
+  if (clients_.size() > kIdleClientsKept)
+    std::erase_if(clients_, [](const auto& client) { return client.second.requests == 0; });
+}
+
+}  // namespace clearance
