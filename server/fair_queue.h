@@ -49,17 +49,13 @@ class FairQueue {
     return item;
   }
 
-  /// Takes out what `unwanted(item)` says, calling `dropped(item)` on each.
-  template <class Predicate, class Dropped>
-  void remove_if(Predicate unwanted, Dropped dropped) {
+  /// Takes out what `unwanted(item)` says.
+  template <class Predicate>
+  void remove_if(Predicate unwanted) {
     FairQueue kept;
     for (const std::uint64_t client : order_)
-      for (T& item : items_[client]) {
-        if (unwanted(item))
-          dropped(item);
-        else
-          kept.push(client, std::move(item));
-      }
+      for (T& item : items_[client])
+        if (!unwanted(item)) kept.push(client, std::move(item));
     *this = std::move(kept);
   }
 

@@ -187,10 +187,13 @@ void Loop::tick() {
   const auto now = Clock::now();
   if (now >= next_tick_) {
     next_tick_ = now + options_.tick;
-    const auto gone = [](const TaskPtr& task) { return !task->sink->alive(); };
-    const auto drop = [this](const TaskPtr& task) { forget(*task), ++dropped_, ++counter("queries.dropped"); };
-    fresh_.remove_if(gone, drop);
-    long_.remove_if(gone, drop);
+    const auto drop_gone = [this](const TaskPtr& task) {
+      if (task->sink->alive()) return false;
+      forget(*task), ++dropped_, ++counter("queries.dropped");
+      return true;
+    };
+    fresh_.remove_if(drop_gone);
+    long_.remove_if(drop_gone);
     drop_held_of_the_gone();
     std::erase_if(scene_waiters_, [this](const SceneWaiter& waiter) {
       if (waiter.sink->alive() || waiter.removes) return false;  // a removal is looked at once more: why_not()

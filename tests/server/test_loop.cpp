@@ -4,7 +4,6 @@
 
 #include "client/spin_gate.h"
 #include "loop_fixture.h"
-#include "server/fair_queue.h"
 
 namespace clearance {
 namespace {
@@ -28,39 +27,6 @@ TEST(SpinGate, IsGivenUpWhereItDoesNotPayAndTriedAgain) {
   gate.paid();
   EXPECT_TRUE(gate.opens());
   EXPECT_TRUE(gate.opens());
-}
-
-TEST(FairQueue, ClientsTakeTurns) {
-  FairQueue<int> queue;
-  for (int i = 0; i < 3; ++i) queue.push(1, 10 + i);
-  queue.push(2, 20);
-  queue.push(3, 30);
-  std::vector<int> order;
-  while (!queue.empty()) order.push_back(queue.pop());
-  EXPECT_EQ(order, (std::vector<int>{10, 20, 30, 11, 12}));
-}
-
-TEST(FairQueue, OneClientsItemsAreOrdered) {
-  struct ByTens {
-    bool operator()(int a, int b) const { return a / 10 < b / 10; }
-  };
-  FairQueue<int, ByTens> queue;
-  for (const int i : {31, 10, 32, 20, 11}) queue.push(1, i);
-  queue.push(2, 90);
-  std::vector<int> order;
-  while (!queue.empty()) order.push_back(queue.pop());
-  EXPECT_EQ(order, (std::vector<int>{10, 90, 11, 20, 31, 32}));
-}
-
-TEST(FairQueue, RemovesAndKeepsTheOrder) {
-  FairQueue<int> queue;
-  for (int i = 0; i < 6; ++i) queue.push(i % 2, i);
-  std::vector<int> dropped, kept;
-  queue.remove_if([](int i) { return i == 0 || i == 3; }, [&](int i) { dropped.push_back(i); });
-  EXPECT_EQ(queue.size(), 4u);
-  while (!queue.empty()) kept.push_back(queue.pop());
-  EXPECT_EQ(dropped, (std::vector<int>{0, 3}));
-  EXPECT_EQ(kept, (std::vector<int>{2, 1, 4, 5}));
 }
 
 TEST_F(LoopTest, AnswersAreTheEnginesBits) {
