@@ -1,0 +1,65 @@
+// How a request ends: with a reply or an error, each of them counted. Every frame that the loop sends goes this way.
+#pragma once
+
+#include <spdlog/spdlog.h>
+
+#include <memory>
+#include <new>
+#include <string>
+
+#include "client/wire.h"
+#include "stats.h"
+#include "log_text.h"
+#include "refusal.h"
+#include "transport.h"
+
+namespace clearance {
+
+class Answers {
+ public:
+  /// Both must outlive this. \param engine the one that serves, which a new scene replaces.
+  Answers(Stats& stats, const std::shared_ptr<Engine>& engine) : stats_(stats), engine_(engine) {}
+
+  /// Throws a Refusal (kTooLarge) if it does not fit.
+  void reply(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type,
+             std::span<const std::byte> payload);
+  /// Counts the reply of a query, which was published.
+  void count_query(std::uint64_t server_ns, std::uint64_t rows);
+  void refuse(ReplySink& sink, const wire::FrameHeader& request, const Refusal& refusal);
+  /// Runs `work`. Whatever it throws is answered with kError; then this returns false.
+  template <class Work>
+  bool guard(ReplySink& sink, const wire::FrameHeader& request, Work work);
+
+ private:
+  Stats& stats_;
+  const std::shared_ptr<Engine>& engine_;
+};
+
+constexpr wire::ErrorCode code_of(QueryErrorCode code) { return static_cast<wire::ErrorCode>(code); }
+static_assert(code_of(QueryErrorCode::kBadQuery) == wire::ErrorCode::kBadQuery);
+static_assert(code_of(QueryErrorCode::kWrongScene) == wire::ErrorCode::kWrongScene);
+static_assert(code_of(QueryErrorCode::kTooLarge) == wire::ErrorCode::kTooLarge);
+static_assert(code_of(QueryErrorCode::kNotSupported) == wire::ErrorCode::kNotSupported);
+
+template <class Work>
+bool Answers::guard(ReplySink& sink, const wire::FrameHeader& request, Work work) {
+  try {
+    work();
+    return true;
+  } catch (const Refusal& refusal) {
+    refuse(sink, request, refusal);
+  } catch (const wire::WireError& error) {
+    refuse(sink, request, {error.code, error.what()});
+  } catch (const QueryError& error) {
+    refuse(sink, request, {code_of(error.code), error.what()});
+  } catch (const std::bad_alloc&) {
+    refuse(sink, request, {wire::ErrorCode::kTooLarge, "the daemon has no memory for this request"});
+  } catch (const std::exception& error) {
+    spdlog::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type),
+                  log_text(error.what()));
+    refuse(sink, request, {wire::ErrorCode::kInternal, std::string("internal error of the daemon: ") + error.what()});
+  }
+  return false;
+}
+
+}  // namespace clearance

@@ -1,0 +1,234 @@
+#include "scene_changes.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <iterator>
+
+#include "scene_check.h"
+#include "scene_log.h"
+
+namespace clearance {
+namespace {
+
+using wire::ErrorCode;
+using wire::FrameHeader;
+
+/// The geometry of a body that a client describes. Throws SceneError.
+Body body_of(const wire::NewBodyRecord& record, std::span<const Vec3d> vertices) {
+  const std::string name = wire::name_of(record.name);
+  Scene::BodyOptions options;
+  options.radius = record.radius;
+  options.is_static = record.is_static;
+  if (record.has_pose) {
+    options.pose.emplace();
+    static_assert(sizeof record.pose == sizeof(Pose));
+    std::memcpy(&*options.pose, record.pose, sizeof record.pose);
+  }
+  Scene alone;
+  switch (static_cast<wire::BodyShape>(record.shape)) {
+    case wire::BodyShape::kHull:
+      alone.add_hull(name, vertices, options);
+      break;
+    case wire::BodyShape::kBox:
+      alone.add_box(name, {record.size[0], record.size[1], record.size[2]}, options);
+      break;
+    case wire::BodyShape::kSphere:
+      alone.add_sphere(name, record.size[0], options);
+      break;
+    case wire::BodyShape::kCapsule:
+      alone.add_capsule(name, record.size[0], record.size[1], options);
+      break;
+    case wire::BodyShape::kCylinder:
+      alone.add_cylinder(name, record.size[0], record.size[1], options);
+      break;
+  }
+  Body body = alone.bodies()[0];
+  if (!record.has_pose) body.pose.reset();
+  return body;
+}
+
+/// Adds a body, unless there are as many as may be. Throws SceneError.
+Reloader::Edit addition(const wire::NewBodyRecord& record, std::vector<Vec3d> vertices, std::string parent,
+                        std::uint32_t most) {
+  return [record, vertices = std::move(vertices), parent = std::move(parent), most](SceneParts& scene) {
+    if (scene.added.size() >= most)
+      throw SceneError("add_body: " + std::to_string(most) +
+                       " bodies were added already, and no more may be (--max-added-bodies)");
+    scene.added.push_back({body_of(record, vertices), parent});
+  };
+}
+
+/// Removes a body that was added. Throws SceneError.
+Reloader::Edit removal(const std::string& name) {
+  return [name](SceneParts& scene) {
+    const auto found = std::find_if(scene.added.begin(), scene.added.end(),
+                                    [&](const AddedBody& added) { return added.body.name == name; });
+    if (found == scene.added.end())
+      throw SceneError("remove_body: \"" + name + "\" " +
+                       (scene.file->find_body(name) == kNone ? "is not in the scene"
+                                                             : "is the scene file's: change the file, and reload it"));
+    scene.added.erase(found);
+    for (AddedBody& other : scene.added)  // it followed at first, and has been set free since: see why_not()
+      if (other.parent == name) {
+        other.parent.clear();
+        other.body.pose.reset();
+      }
+  };
+}
+
+}  // namespace
+
+void SceneChanges::allow(Reloader::Make make, Reloader::Build build, std::function<void()> wake) {
+  reloader_ = std::make_unique<Reloader>(std::move(make), std::move(build), std::move(wake));
+}
+
+bool SceneChanges::reload() noexcept {
+  if (reloader_) reloader_->ask();
+  return reloader_ != nullptr;
+}
+
+// --- requests
+
+void SceneChanges::let_wait(const FrameHeader& request, std::unique_ptr<ReplySink>& sink, Waiter waiter) {
+  waiter.asked.header = request;
+  waiter.asked.share = quotas_.take(sink->client(), 0);
+  waiters_.push_back(std::move(waiter));
+  waiters_.back().asked.sink = std::move(sink);  // now that nothing can fail any more
+}
+
+void SceneChanges::ask_reload(const FrameHeader& request, std::unique_ptr<ReplySink>& sink) {
+  if (!reloader_) throw Refusal{ErrorCode::kNotSupported, "there is no scene file to load anew"};
+  quotas_.check_requests(sink->client());
+  spdlog::info("event=reload_asked client={}", sink->client());
+  let_wait(request, sink, {.asked = {}, .load = reloader_->next_load(), .name = ""});
+  reloader_->ask();
+}
+
+void SceneChanges::begin_edit(const FrameHeader& request, std::unique_ptr<ReplySink>& sink, const std::string& name,
+                              bool removes, Reloader::Edit edit) {
+  if (!reloader_ || !reloader_->can_edit())
+    throw Refusal{ErrorCode::kNotSupported, "bodies can be neither added nor removed here"};
+  quotas_.check_requests(sink->client());
+  const std::uint64_t number = reloader_->push(std::move(edit));
+  let_wait(request, sink, {.asked = {}, .edit = number, .name = name, .removes = removes});
+}
+
+void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byte> payload,
+                            std::unique_ptr<ReplySink>& sink) {
+  const wire::NewBodyParts parts = wire::parse_new_body(payload);
+  const std::uint32_t parent = parts.record.parent;
+  if (parent != kNone) check_scene(*engine_, request, std::array{parent});
+  const auto& bodies = engine_->scene().bodies();
+  if (parent != kNone && parent >= bodies.size())
+    throw Refusal{ErrorCode::kBadQuery, "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
+  if (parts.vertices.size() > limits_.max_added_vertices)
+    throw Refusal{ErrorCode::kTooLarge, "add_body: " + std::to_string(parts.vertices.size()) +
+                                            " vertices are more than the " + std::to_string(limits_.max_added_vertices) +
+                                            " that an added body may have (--max-added-vertices)"};
+  std::vector<Vec3d> vertices(parts.vertices.size());
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const wire::VertexRecord v = parts.vertices[i];
+    vertices[i] = {v.xyz[0], v.xyz[1], v.xyz[2]};
+  }
+  begin_edit(request, sink, wire::name_of(parts.record.name), false,
+             addition(parts.record, std::move(vertices), parent == kNone ? "" : bodies[parent].name,
+                      limits_.max_added_bodies));
+}
+
+void SceneChanges::remove_body(const FrameHeader& request, std::span<const std::byte> payload,
+                               std::unique_ptr<ReplySink>& sink) {
+  const std::string name = wire::name_of(wire::parse_remove_body(payload).name);
+  check_scene(*engine_, request, std::array{engine_->scene().find_body(name)});
+  begin_edit(request, sink, name, true, removal(name));
+}
+
+// --- ends of changes
+
+bool SceneChanges::turn() {
+  if (!reloader_) return false;
+  bool is_new = false;
+  if (std::optional<Reloader::Outcome> outcome = reloader_->take()) is_new = end(*outcome);
+  reloader_->begin(engine_, parts_);
+  return is_new;
+}
+
+bool SceneChanges::end(Reloader::Outcome& outcome) {
+  std::vector<Waiter> waiters = take_waiters(outcome);
+  if (outcome.edit && outcome.engine)
+    for (const Waiter& waiter : waiters)
+      if (std::string why = why_not(waiter); !why.empty()) {
+        outcome.engine = nullptr;
+        outcome.bad_input = true;
+        outcome.error = std::move(why);
+      }
+  const bool is_new = install(outcome);
+  for (Waiter& waiter : waiters) answer(waiter, outcome);
+  return is_new;
+}
+
+/// Those who waited for this. Who asked for a reload while one was under way waits for the next: this one may have read
+/// the files before they changed.
+std::vector<SceneChanges::Waiter> SceneChanges::take_waiters(const Reloader::Outcome& outcome) {
+  const auto first = std::stable_partition(waiters_.begin(), waiters_.end(), [&](const Waiter& waiter) {
+    return outcome.edit ? waiter.edit != outcome.edit : waiter.load == 0 || waiter.load > outcome.load;
+  });
+  std::vector<Waiter> waiters(std::make_move_iterator(first), std::make_move_iterator(waiters_.end()));
+  waiters_.erase(first, waiters_.end());
+  return waiters;
+}
+
+/// Why a body cannot go now; empty: it can, or is not to go.
+std::string SceneChanges::why_not(const Waiter& waiter) const {
+  if (!waiter.removes) return "";
+  const auto& bodies = engine_->scene().bodies();
+  const std::uint32_t gone = engine_->scene().find_body(waiter.name);
+  for (std::uint32_t i = 0; i < bodies.size(); ++i)
+    if (engine_->body_state(i).parent == gone)
+      return "remove_body: \"" + bodies[i].name + "\" follows \"" + waiter.name + "\": set it free before";
+  return "";
+}
+
+bool SceneChanges::install(Reloader::Outcome& outcome) {
+  const char* what = outcome.edit ? "scene_edit" : "reload";
+  if (!outcome.engine) {
+    ++stats_[std::string(what) + "s.failed"];
+    if (outcome.edit)
+      spdlog::info("event=scene_edit_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
+    else
+      spdlog::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
+    return false;
+  }
+  outcome.engine->take_poses(*engine_);
+  engine_ = std::move(outcome.engine);
+  parts_ = std::move(outcome.parts);
+  ++stats_[std::string(what) + "s"];
+  spdlog::info("event={} bodies={} revision={:016x} seconds={:.3f}", outcome.edit ? "scene_edited" : "reloaded",
+               engine_->scene().bodies().size(), engine_->scene_revision(), outcome.seconds);
+  if (!outcome.left_out.empty()) spdlog::warn("event=added_bodies_left_out error=\"{}\"", log_text(outcome.left_out));
+  if (!outcome.edit) log_hull_warnings(engine_->scene());
+  return true;
+}
+
+void SceneChanges::answer(Waiter& waiter, const Reloader::Outcome& outcome) {
+  waiter.asked.share.give_back();
+  ReplySink& sink = *waiter.asked.sink;
+  answers_.guard(sink, waiter.asked.header, [&] {
+    if (!outcome.error.empty())
+      throw Refusal{outcome.edit && outcome.bad_input ? ErrorCode::kBadQuery : ErrorCode::kReloadFailed, outcome.error};
+    wire::SceneChange change;
+    change.scene_revision = engine_->scene_revision();
+    change.body_count = static_cast<std::uint32_t>(engine_->scene().bodies().size());
+    change.body = engine_->scene().find_body(waiter.name);
+    change.seconds = outcome.seconds;
+    answers_.reply(sink, waiter.asked.header, wire::FrameType::kSceneChanged, std::as_bytes(std::span(&change, 1)));
+  });
+}
+
+std::size_t SceneChanges::drop_gone() {
+  return std::erase_if(waiters_, [](const Waiter& waiter) {
+    return !waiter.asked.sink->alive() && !waiter.removes;  // a removal is looked at once more: why_not()
+  });
+}
+
+}  // namespace clearance
