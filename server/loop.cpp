@@ -6,86 +6,42 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 #include <stdexcept>
 #include <utility>
 
 #include "log_text.h"
-#include "loop_task.h"
 
 namespace clearance {
 namespace {
 
-using wire::ErrorCode;
-using wire::FrameHeader;
-using wire::FrameType;
-
-/// First slices given out before one of the long queries gets its turn.
-constexpr int kFreshBeforeLong = 4;
 /// Wake-ups that brought nothing, after which a descriptor that stays readable (a listener without descriptors left,
 /// say) may no longer keep the loop from sleeping.
 constexpr int kWakesForNothing = 100;
-/// Clients whose counts of queries under way are kept at a tick though they are 0: one that asks again and again allocates
-/// nothing.
-constexpr std::size_t kIdleClientsKept = 256;
 /// How often a loop that is kept awake looks at transports that are polled by system calls: so late may a request or a
 /// pose be seen there, while the look, of a microsecond or two, delays requests in memory that seldom.
 constexpr auto kLookEvery = std::chrono::microseconds(50);
 /// A transport that is polled in memory is in use for so long after its last frame.
 constexpr auto kInUse = std::chrono::milliseconds(100);
 
-/// A device's reply from this size on is worth memory that the device writes to itself: some ten microseconds of copying.
-constexpr std::uint64_t kWorthPinning = 64 << 10;
-
-std::string scheme_of(const std::string& url) {
-  return url.substr(0, url.find(':'));
-}
-
-/// Moves columns that have room for `from_rows` rows to where they lie with `to_rows` (fewer) rows.
-void close_up_columns(std::byte* columns, std::uint32_t fields, std::uint64_t from_rows, std::uint64_t to_rows) {
-  // Each column moves towards the front, the first ones first: nothing is overwritten before it has moved.
-  for (int f = 0; f < kFieldCount; ++f) {
-    const Field field = Field(1u << f);
-    if (!(fields & field)) continue;
-    std::memmove(columns + wire::column_offset(to_rows, fields, field),
-                 columns + wire::column_offset(from_rows, fields, field), to_rows * kFieldBytes[f]);
-  }
-}
-
-/// Zeroes what lies between the columns: whatever was in that memory is nobody's business.
-void clear_gaps(std::byte* columns, std::uint32_t fields, std::uint64_t rows) {
-  std::byte* column = columns;
-  for (int f = 0; f < kFieldCount; ++f) {
-    if (!(fields >> f & 1)) continue;
-    std::byte* end = column + rows * kFieldBytes[f];
-    column += wire::columns_bytes(rows, 1u << f);
-    std::memset(end, 0, static_cast<std::size_t>(column - end));
-  }
-}
+std::string scheme_of(const std::string& url) { return url.substr(0, url.find(':')); }
 
 }  // namespace
 
-bool Loop::DueFirst::operator()(const TaskPtr& a, const TaskPtr& b) const {
-  return a->due < b->due;
-}
-
-Loop::Loop(Engine& engine, const Options& options) : Loop(std::shared_ptr<Engine>(std::shared_ptr<Engine>(), &engine), options) {}
+Loop::Loop(Engine& engine, const Options& options)
+    : Loop(std::shared_ptr<Engine>(std::shared_ptr<Engine>(), &engine), options) {}
 
 Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
-    : engine_(std::move(engine)), options_(options), started_(Clock::now()), next_tick_(started_) {
-  for (int i = 0; i < kLatencyBuckets; ++i)
-    latency_[i] = &counter("latency_us." + (i + 1 < kLatencyBuckets ? std::to_string(1u << i) : "more"));
-  wake_fd_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-  if (wake_fd_ < 0) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
-}
-
-Loop::~Loop() {
-  close(wake_fd_);
+    : options_(options),
+      wake_fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
+      engine_(std::move(engine)),
+      started_(Clock::now()),
+      next_tick_(started_) {
+  if (!wake_fd_) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
 }
 
 void Loop::add(std::unique_ptr<Transport> transport) {
-  transport_frames_.push_back(&counter(scheme_of(transport->url()) + ".frames"));
+  transport_frames_.push_back(&stats_[scheme_of(transport->url()) + ".frames"]);
   transports_.push_back(std::move(transport));
 }
 
@@ -96,29 +52,24 @@ void Loop::stop() noexcept {
 
 void Loop::wake() noexcept {
   const std::uint64_t one = 1;
-  [[maybe_unused]] const auto written = write(wake_fd_, &one, sizeof one);
+  [[maybe_unused]] const auto written = write(wake_fd_.get(), &one, sizeof one);
 }
 
 void Loop::reload_by(Reloader::Make make, Reloader::Build build) {
-  reloader_ = std::make_unique<Reloader>(std::move(make), std::move(build), [this] { wake(); });
+  scenes_.allow(std::move(make), std::move(build), [this] { wake(); });
 }
 
 void Loop::reload() noexcept {
-  if (!reloader_) return;
-  reloader_->ask();
-  wake();
+  if (scenes_.reload()) wake();
+}
+
+std::optional<Stats::Figures> Loop::read_figures(std::chrono::nanoseconds patience) {
+  return stats_.read(patience, [this] { wake(); });
 }
 
 void Loop::run() {
   while (!stopping_) {
-    if (turn()) continue;
-    if (spin_pays()) {
-      const auto end = Clock::now() + options_.spin;
-      bool paid = false;
-      while (!paid && !stopping_ && turn_began_ < end) paid = turn();
-      paid ? spins_.paid() : spins_.missed();
-      if (paid) continue;
-    }
+    if (turn() || spin()) continue;
     if (!looked_at_all_) {  // nothing that has arrived or is due may be slept over
       next_look_ = {};
       if (turn()) continue;
@@ -134,12 +85,23 @@ bool Loop::spin_pays() {
   return options_.spin > options_.spin.zero() && last_frame_in_memory_ + kInUse > Clock::now() && spins_.opens();
 }
 
+/// Polls for a while, if that pays. Returns whether something came meanwhile.
+bool Loop::spin() {
+  if (!spin_pays()) return false;
+  const auto end = Clock::now() + options_.spin;
+  bool paid = false;
+  while (!paid && !stopping_ && turn_began_ < end) paid = turn();
+  paid ? spins_.paid() : spins_.missed();
+  return paid;
+}
+
 bool Loop::turn() {
   turn_began_ = Clock::now();
-  if (reloader_) take_new_engine();
-  if (figures_wanted_.load(std::memory_order_relaxed)) hand_out_figures();
+  if (scenes_.turn()) poses_changed_ = true;
+  if (stats_.are_wanted()) stats_.hand_out(all_counters());
   bool worked = poll_in_memory();
-  if (!held_.empty()) worked |= look_at_held();
+  if (!held_.empty())
+    worked |= held_.release(*engine_, turn_began_, [this](HeldQuery held) { begin_held(std::move(held)); });
   if (poses_changed_ || turn_began_ >= next_tick_) tick();
   worked |= work_for_a_slice();
   worked |= poll_by_system_call();  // after the work, so that no request in memory waits for it
@@ -173,7 +135,7 @@ int Loop::poll_transport(std::size_t i) {
     *transport_frames_[i] += static_cast<std::uint64_t>(taken);
     return taken;
   } catch (const std::exception& error) {
-    ++counter("errors.transport");
+    ++stats_["errors.transport"];
     if (const auto now = Clock::now(); now >= next_warning_) {
       next_warning_ = now + std::chrono::seconds(1);
       spdlog::warn("event=poll_failed url={} error=\"{}\"", transports_[i]->url(), log_text(error.what()));
@@ -182,170 +144,78 @@ int Loop::poll_transport(std::size_t i) {
   }
 }
 
+bool Loop::work_for_a_slice() {
+  if (scheduler_.empty()) return false;
+  if (const std::size_t dropped = scheduler_.work(Clock::now())) count_dropped(dropped);
+  warn_of_contradictions();
+  return true;
+}
+
+void Loop::warn_of_contradictions() {
+  if (engine_->contradictions() > 0 && !std::exchange(contradiction_logged_, true))
+    spdlog::error(
+        "event=contradiction text=\"bounds of a pair contradicted each other, and it was answered anew: this machine, "
+        "this build or a table of the scene is broken; clearance selftest may tell which; engine.contradictions "
+        "counts\"");
+}
+
 void Loop::tick() {
   poses_changed_ = false;
   const auto now = Clock::now();
   if (now >= next_tick_) {
     next_tick_ = now + options_.tick;
-    const auto drop_gone = [this](const TaskPtr& task) {
-      if (task->sink->alive()) return false;
-      forget(*task), ++dropped_, ++counter("queries.dropped");
-      return true;
-    };
-    fresh_.remove_if(drop_gone);
-    long_.remove_if(drop_gone);
-    drop_held_of_the_gone();
-    std::erase_if(scene_waiters_, [this](const SceneWaiter& waiter) {
-      if (waiter.sink->alive() || waiter.removes) return false;  // a removal is looked at once more: why_not()
-      leave(waiter.sink->client());
-      ++dropped_;
-      return true;
-    });
-    if (waiting_per_client_.size() > kIdleClientsKept)
-      std::erase_if(waiting_per_client_, [](const auto& client) { return client.second.requests == 0; });
+    drop_gone();
+    quotas_.forget_idle();
   }
   for (const auto& transport : transports_) {
     try {
       transport->tick(*this);
     } catch (const std::exception& error) {
-      ++counter("errors.transport");
+      ++stats_["errors.transport"];
       spdlog::warn("event=tick_failed url={} error=\"{}\"", transport->url(), log_text(error.what()));
     }
   }
 }
 
+/// Lets go of requests whose clients are gone.
+void Loop::drop_gone() {
+  if (const std::size_t queries = scheduler_.drop_unwanted() + held_.drop_gone()) count_dropped(queries);
+  stats_.dropped += scenes_.drop_gone();
+}
+
+void Loop::count_dropped(std::size_t queries) {
+  stats_.dropped += queries;
+  stats_["queries.dropped"] += queries;
+}
+
 void Loop::sleep() {
   // poll() and not epoll: descriptors come and go with clients, and one that was closed and is used again for another
   // would silently be missing from an epoll set. For tens of descriptors it takes no longer.
-  std::vector<pollfd> fds{{wake_fd_, POLLIN, 0}};
+  std::vector<pollfd> fds{{wake_fd_.get(), POLLIN, 0}};
   for (const auto& transport : transports_)
     for (const int fd : transport->descriptors()) fds.push_back({fd, POLLIN, 0});
 
   std::size_t prepared = 0;
   bool work = false;
   while (prepared < transports_.size() && !work) work = transports_[prepared++]->prepare_sleep();
-  if (!work && !stopping_) {
-    const auto until = held_.empty() ? next_tick_ : std::min(next_tick_, held_deadline_);
-    const auto left = std::max<std::chrono::nanoseconds>(until - Clock::now(), std::chrono::nanoseconds(0));
-    timespec timeout{left.count() / 1'000'000'000, left.count() % 1'000'000'000};
-    // A descriptor that stays readable though there is nothing to take is not listened to for a while.
-    const bool nagged = ++wakes_for_nothing_ > kWakesForNothing;
-    if (nagged) timeout = {0, std::min<long>(1'000'000, timeout.tv_sec ? 1'000'000 : timeout.tv_nsec)};
-    ++counter("loop.sleeps");
-    const int ready = ppoll(fds.data(), nagged ? 1 : fds.size(), &timeout, nullptr);
-    if (ready == 0 && !nagged) wakes_for_nothing_ = 0;
-    // Only now: who wakes the loop has said before what for, and the turn that follows sees it.
-    std::uint64_t woken;
-    [[maybe_unused]] const auto taken = read(wake_fd_, &woken, sizeof woken);
-  }
+  if (!work && !stopping_) wait_for(fds);
   for (std::size_t i = 0; i < prepared; ++i) transports_[i]->finish_sleep();
 }
 
-// --- slices
-// -----------------------------------------------------------------------------------------------------------
-
-Loop::TaskPtr Loop::next_task() {
-  const bool take_long = fresh_.empty() || (!long_.empty() && fresh_in_a_row_ >= kFreshBeforeLong);
-  fresh_in_a_row_ = take_long ? 0 : fresh_in_a_row_ + 1;
-  return take_long ? long_.pop() : fresh_.pop();
-}
-
-bool Loop::work_for_a_slice() {
-  if (!waiting()) return false;
-  const auto begin = Clock::now();
-  auto now = begin;
-  do {
-    TaskPtr task = next_task();
-    if (!task->sink->alive()) {
-      forget(*task);
-      ++dropped_;
-      ++counter("queries.dropped");
-      continue;
-    }
-    take_slice(std::move(task), now);
-  } while (waiting() && now - begin < options_.slice);
-  return true;
-}
-
-void Loop::take_slice(TaskPtr task, Clock::time_point& now) {
-  bool done = false, failed = true;
-  guarded(*task->sink, task->request, [&] {
-    done = task->job.advance(options_.slice);
-    failed = false;
-  });
-  const auto after = Clock::now();
-  task->in_engine += after - now;
-  now = after;
-  if (done) guarded(*task->sink, task->request, [&] { finish(*task, now); });
-  if (done || failed) {
-    forget(*task);
-  } else {
-    const std::uint64_t client = task->sink->client();
-    long_.push(client, std::move(task));
-  }
-}
-
-void Loop::forget(const Task& task) {
-  waiting_bytes_ -= task.held_bytes;
-  leave(task.sink->client(), task.held_bytes);
-}
-
-void Loop::leave(std::uint64_t client, std::uint64_t held_bytes) {
-  Usage& usage = waiting_per_client_.find(client)->second;
-  --usage.requests;
-  usage.bytes -= held_bytes;
-}
-
-void Loop::finish(Task& task, Clock::time_point now) {
-  if (engine_->contradictions() > 0 && !std::exchange(contradiction_logged_, true))
-    spdlog::error(
-        "event=contradiction text=\"bounds of a pair contradicted each other, and it was answered anew: this machine, this "
-        "build or a table of the scene is broken; clearance selftest may tell which; engine.contradictions counts\"");
-  const QuerySize& size = task.job.size();
-  const ReplyInfo& info = task.job.info();
-  std::byte* frame = task.frame;
-  if (info.rows < size.rows) close_up_columns(frame + kColumnsBegin, size.fields, size.rows, info.rows);
-  clear_gaps(frame + kColumnsBegin, size.fields, info.rows);
-  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(info.rows, size.fields);
-  if (task.own) {
-    frame = task.sink->reserve(bytes);
-    if (!frame)
-      throw Refusal{ErrorCode::kTooLarge,
-                    "the reply of " + std::to_string(info.rows) + " rows needs " + std::to_string(bytes) +
-                        " bytes, more than this client has room for",
-                    bytes};
-    std::memcpy(frame + kColumnsBegin, task.own.get() + kColumnsBegin, bytes - kColumnsBegin);
-  }
-
-  wire::ReplyHeader reply;
-  reply.rows = info.rows;
-  reply.total = info.total;
-  reply.configurations = size.configurations;
-  reply.pairs = size.pairs;
-  reply.fields = size.fields;
-  reply.reduce = static_cast<std::uint8_t>(task.reduce);
-  reply.format = static_cast<std::uint8_t>(task.format);
-  reply.scene_revision = info.scene_revision;
-  reply.snapshot_revision = info.snapshot_revision;
-  reply.snapshot_stamp_ns = info.snapshot_stamp_ns;
-  reply.oldest_receipt_ns = info.oldest_receipt_ns;
-  reply.snapshot_sequence = info.snapshot_sequence;
-  reply.pose_age_ns = info.pose_age_ns;
-  reply.pairs_evaluated = info.pairs_evaluated;
-  wire::set_name(reply.backend, info.backend);
-  reply.engine_ns = static_cast<std::uint64_t>(task.in_engine.count());
-  const auto header = wire::make_header(FrameType::kReply, task.request.request_id, bytes - sizeof(FrameHeader),
-                                        info.scene_revision, task.request.client_id);
-  std::memcpy(frame, &header, sizeof header);
-  reply.server_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(now - task.received).count());
-  std::memcpy(frame + sizeof header, &reply, sizeof reply);
-  if (bytes >= kWorthPinning && info.backend == "cuda") task.sink->written_by_device();
-  task.sink->publish(bytes);
-  ++replies_;
-  ++answered_;
-  const std::uint64_t us = (reply.server_ns + 999) / 1000;
-  ++*latency_[std::min<int>(std::bit_width(us > 0 ? us - 1 : 0), kLatencyBuckets - 1)];
-  rows_ += info.rows;
+/// Until one is readable, somebody calls wake(), or something is due. \param fds the one that wake() writes to, and others.
+void Loop::wait_for(std::span<pollfd> fds) {
+  const auto until = std::min(next_tick_, held_.deadline());
+  const auto left = std::max<std::chrono::nanoseconds>(until - Clock::now(), std::chrono::nanoseconds(0));
+  timespec timeout{left.count() / 1'000'000'000, left.count() % 1'000'000'000};
+  // A descriptor that stays readable though there is nothing to take is not listened to for a while.
+  const bool nagged = ++wakes_for_nothing_ > kWakesForNothing;
+  if (nagged) timeout = {0, std::min<long>(1'000'000, timeout.tv_sec ? 1'000'000 : timeout.tv_nsec)};
+  ++stats_["loop.sleeps"];
+  const int ready = ppoll(fds.data(), nagged ? 1 : fds.size(), &timeout, nullptr);
+  if (ready == 0 && !nagged) wakes_for_nothing_ = 0;
+  // Only now: who wakes the loop has said before what for, and the turn that follows sees it.
+  std::uint64_t woken;
+  [[maybe_unused]] const auto taken = read(wake_fd_.get(), &woken, sizeof woken);
 }
 
 }  // namespace clearance

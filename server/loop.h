@@ -1,29 +1,30 @@
-// The daemon's one loop: poll the transports, advance one query by a slice, answer.
+// The daemon's one loop: polls the transports, has each request answered, and sleeps where there is nothing to do.
 //
-// Queries are taken in short slices, so that a small one never waits behind a large one: each new query gets its first
-// slice before those that have had one already go on, the clients taking turns. A query that needs more slices goes
-// behind the others of its kind, and is not forgotten however many new ones come.
+// What happens between a request and its answer has owners of its own: whose turn it is (scheduler.h), what each client
+// may have under way (quotas.h), queries that wait for poses (held_queries.h), changes of the scene (scene_changes.h),
+// replies and errors (answers.h), figures (stats.h). The loop hands requests to them; they know nothing of transports.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
-#include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
+#include <span>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
-#include "client/aligned_buffer.h"
+#include "answers.h"
+#include "client/shm_os.h"
 #include "client/spin_gate.h"
 #include "client/wire.h"
-#include "error_log.h"
-#include "fair_queue.h"
-#include "reloader.h"
+#include "stats.h"
+#include "held_queries.h"
+#include "quotas.h"
+#include "scene_changes.h"
+#include "scheduler.h"
 #include "transport.h"
+
+struct pollfd;
 
 namespace clearance {
 
@@ -31,22 +32,16 @@ class Loop final : public Inbox {
  public:
   using Clock = std::chrono::steady_clock;
 
-  struct Options {
+  struct Options : Quotas::Limits, SceneChanges::Limits {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
-    std::chrono::nanoseconds spin = std::chrono::microseconds(50);    ///< the most to poll in memory before going to sleep
+    std::chrono::nanoseconds spin = std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
-    std::uint32_t max_waiting_per_client = 64;                 ///< queries of one client under way; more: kBusy
-    std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< of requests and replies under way; more: kBusy
-    std::uint64_t max_client_bytes = std::uint64_t{2} << 30;   ///< of one client's; one request may always be under way
-    std::uint32_t max_added_bodies = 64;                       ///< kAddBody; more: kBadQuery
-    std::uint64_t max_added_vertices = 20'000;                 ///< of each
-    std::uint64_t max_pairs_per_query = 10'000'000'000;        ///< pairs times configurations; more: kTooLarge
+    std::uint64_t max_pairs_per_query = 10'000'000'000;  ///< pairs times configurations; more: kTooLarge
   };
 
   explicit Loop(Engine& engine) : Loop(engine, Options()) {}
   Loop(Engine& engine, const Options& options);  ///< the engine must outlive the loop
   Loop(std::shared_ptr<Engine> engine, const Options& options);
-  ~Loop() override;
 
   void add(std::unique_ptr<Transport> transport);
   const std::vector<std::unique_ptr<Transport>>& transports() const { return transports_; }
@@ -60,135 +55,71 @@ class Loop final : public Inbox {
   bool turn();
   /// Makes run() return soon. From any thread, and from a signal handler.
   void stop() noexcept;
-  /// How reload() makes another engine, and how one is made of a scene with a body more or less (null: that is refused).
-  /// Before run().
+  /// How reload() makes another engine, and how one is made of a scene with a body more or less (null: that is
+  /// refused). Before run().
   void reload_by(Reloader::Make make, Reloader::Build build = nullptr);
-  /// Has the scene loaded anew, aside; queries go on. The new engine takes over the poses and the queries that come from then
-  /// on; those under way are answered by the old one. If it fails, the old one stays. Without reload_by(): nothing
+  /// Has the scene loaded anew, aside; queries go on. The new engine takes over the poses and the queries that come from
+  /// then on; those under way are answered by the old one. If it fails, the old one stays. Without reload_by(): nothing
   /// happens. From any thread, and from a signal handler.
   void reload() noexcept;
-  /// What the daemon counts, and what it refused.
-  struct Figures {
-    std::vector<std::pair<std::string, std::uint64_t>> counters;
-    std::vector<ErrorLog::Entry> errors;
-  };
-  /// The figures as of the loop's next turn, which copies them; none if that takes longer than `patience`. From any thread
-  /// but the loop's.
-  std::optional<Figures> read_figures(std::chrono::nanoseconds patience);
-  bool is_reloading() const { return reloader_ && reloader_->is_busy(); }
+  /// The figures as of the loop's next turn, which copies them; none if that takes longer than `patience`. From any
+  /// thread but the loop's.
+  std::optional<Stats::Figures> read_figures(std::chrono::nanoseconds patience);
+  bool is_reloading() const { return scenes_.is_busy(); }
   /// Queries under way.
-  std::size_t waiting() const { return fresh_.size() + long_.size(); }
+  std::size_t waiting() const { return scheduler_.size(); }
   /// Queries that wait for poses.
-  std::size_t held() const;
+  std::size_t held() const { return held_.size(); }
 
   void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
                 std::unique_ptr<ReplySink> sink) override;
   PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
                             std::uint64_t publisher = 0) override;
-  std::uint64_t& counter(const std::string& name) override { return counters_[name]; }
+  std::uint64_t& counter(const std::string& name) override { return stats_[name]; }
   Engine& engine() override { return *engine_; }
 
  private:
-  struct Task;
-  struct Held;
-  struct Refusal;
-  using TaskPtr = std::unique_ptr<Task>;
-
+  // Requests (loop_requests.cpp). Those that are answered later take the sink.
   void handle(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
   void start_query(const wire::FrameHeader& header, std::span<const std::byte> payload,
                    std::unique_ptr<ReplySink>& sink);
   void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::uint64_t payload_bytes,
                    std::unique_ptr<ReplySink>& sink, Clock::time_point received);
-  // held_queries.cpp
-  void hold_query(const wire::FrameHeader& header, const wire::QueryHeader& query, std::span<const std::byte> payload,
-                  std::unique_ptr<ReplySink>& sink);
-  bool look_at_held();
-  void drop_held_of_the_gone();
-  void answer_pairs(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
-  void set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
-  void attach(const wire::FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink);
-  void ask_reload(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink);
-  // body_requests.cpp
-  void add_body(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
-  void remove_body(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
-  void begin_edit(const wire::FrameHeader& header, std::unique_ptr<ReplySink>& sink, const std::string& name, bool removes,
-                  Reloader::Edit edit);
-  /// Throws a Refusal (kWrongScene) if the request's ids are of another scene, where they mean something else.
-  void check_scene(const wire::FrameHeader& header, std::span<const std::uint32_t> ids, bool with_parents = false) const;
-  void check_wait_for(const wire::FrameHeader& header, const wire::QueryHeader& query) const;
-  std::vector<std::pair<std::string, std::uint64_t>> all_counters() const;
+  void begin_held(HeldQuery held);
+  std::vector<std::byte> pair_table(const wire::FrameHeader& header, std::span<const std::byte> payload) const;
+  wire::PosesResult set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload,
+                              std::uint64_t client);
+  wire::PosesResult attach(const wire::FrameHeader& header, std::span<const std::byte> payload);
+  std::span<const std::byte> aligned(std::span<const std::byte> payload);
+  Stats::Named all_counters() const;
   std::vector<std::byte> stats_payload() const;
-  void hand_out_figures();
-
-  void answer(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type,
-              std::span<const std::byte> payload);
-  void refuse(ReplySink& sink, const wire::FrameHeader& request, const Refusal& refusal);
-  /// Runs `work`; whatever it throws is answered with kError.
-  template <class Work>
-  void guarded(ReplySink& sink, const wire::FrameHeader& request, Work work);
 
   bool poll_in_memory();
   bool poll_by_system_call();
   int poll_transport(std::size_t i);
-  bool spin_pays();
   bool work_for_a_slice();
-  TaskPtr next_task();
-  void take_slice(TaskPtr task, Clock::time_point& now);
-  void finish(Task& task, Clock::time_point now);
-  void forget(const Task& task);
-  /// Throws a Refusal (kBusy) if as many requests of this client are under way as may be.
-  void check_room_for(std::uint64_t client) const;
-  /// The same for bytes, of this client and of all. \returns what its requests and replies take already.
-  std::uint64_t check_room_for_bytes(const ReplySink& sink, std::uint64_t bytes) const;
-  void leave(std::uint64_t client, std::uint64_t held_bytes = 0);
+  void warn_of_contradictions();
   void tick();
-  void take_new_engine();
+  void drop_gone();
+  void count_dropped(std::size_t queries);
+  bool spin_pays();
+  bool spin();
   void sleep();
+  void wait_for(std::span<pollfd> fds);
   void wake() noexcept;
 
-  std::shared_ptr<Engine> engine_;
   Options options_;
+  shm::UniqueFd wake_fd_;  // first: a reload that is still under way may use it to the end
   std::vector<std::unique_ptr<Transport>> transports_;
-  std::vector<std::uint64_t*> transport_frames_;   // counters, beside transports_
-  std::map<std::string, std::uint64_t> counters_;  // a map: references stay valid
-  // frames = replies + errors + requests.dropped (their client is gone) + requests.waiting
-  std::uint64_t &frames_ = counters_["frames"], &replies_ = counters_["replies"],
-                &dropped_ = counters_["requests.dropped"], &queries_ = counters_["queries"],
-                &answered_ = counters_["queries.answered"], &rows_ = counters_["rows"];
-  // "latency_us.N": queries that took from arrival to reply more than N/2 and at most N microseconds; "latency_us.more".
-  static constexpr int kLatencyBuckets = 24;
-  std::array<std::uint64_t*, kLatencyBuckets> latency_;
+  std::vector<std::uint64_t*> transport_frames_;  // counters, beside transports_
 
-  /// A request that changes the scene, answered when the load or edit of that number has ended.
-  struct SceneWaiter {
-    std::unique_ptr<ReplySink> sink;
-    wire::FrameHeader request;
-    std::uint64_t load, edit;  ///< one of them is 0
-    std::string name;          ///< of the body that is added or removed
-    bool removes;
-  };
-  std::vector<SceneWaiter> scene_waiters_;
-  std::string why_not(const SceneWaiter& waiter) const;
-  void install(Reloader::Outcome& outcome);
-  void answer_scene_waiter(const SceneWaiter& waiter, const Reloader::Outcome& outcome);
-  SceneParts parts_;  // of the engine's scene
-
-  struct DueFirst {
-    bool operator()(const TaskPtr& a, const TaskPtr& b) const;
-  };
-  FairQueue<TaskPtr, DueFirst> fresh_, long_;
-  int fresh_in_a_row_ = 0;
-  /// What one client has under way.
-  struct Usage {
-    std::uint32_t requests = 0;
-    std::uint64_t bytes = 0;  ///< of its requests and of the replies to come
-  };
-  std::unordered_map<std::uint64_t, Usage> waiting_per_client_;
-  std::uint64_t waiting_bytes_ = 0;
-
-  std::vector<Held> held_;
-  std::uint64_t held_until_revision_ = 0;  // of the poses when held_ was last looked at
-  Clock::time_point held_deadline_;        // the first of theirs
+  std::shared_ptr<Engine> engine_;
+  Stats stats_;
+  Answers answers_{stats_, engine_};
+  Quotas quotas_{options_};
+  Scheduler scheduler_{options_.slice};
+  HeldQueries held_;
+  SceneChanges scenes_{engine_, answers_, stats_, quotas_, options_};
 
   std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
   std::vector<BodyPose> poses_;
@@ -201,14 +132,7 @@ class Loop final : public Inbox {
   Clock::time_point last_frame_in_memory_;  // of a transport that is polled without
   SpinGate spins_;
   int wakes_for_nothing_ = 0;
-  ErrorLog error_log_;
-  std::atomic<bool> figures_wanted_{false};
-  std::mutex figures_mutex_;
-  std::condition_variable figures_there_;
-  std::optional<Figures> figures_;  // with the mutex
   std::atomic<bool> stopping_{false};
-  int wake_fd_ = -1;
-  std::unique_ptr<Reloader> reloader_;  // last: its thread wakes this
 };
 
 }  // namespace clearance

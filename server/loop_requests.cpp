@@ -1,11 +1,11 @@
-// The loop's answers to requests: each is checked, then answered at once or, a query, put among those under way.
+// The loop's answers to requests: each is checked, then answered at once or handed to whoever answers it later.
 #include <algorithm>
 #include <array>
 #include <cstring>
 
-#include "error_frame.h"
-#include "log_text.h"
-#include "loop_task.h"
+#include "loop.h"
+#include "running_query.h"
+#include "scene_check.h"
 #include "scene_frame.h"
 
 namespace clearance {
@@ -61,12 +61,17 @@ Pose pose_of(const double (&seven)[7]) {
   return pose;
 }
 
+template <class Record>
+std::span<const std::byte> bytes_of(const Record& record) {
+  return std::as_bytes(std::span(&record, 1));
+}
+
 }  // namespace
 
 void Loop::on_frame(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink> sink) {
-  ++frames_;
-  ReplySink& way_back = *sink;  // lives on in a Task if a query began
-  guarded(way_back, header, [&] { handle(header, payload, sink); });
+  ++stats_.frames;
+  ReplySink& way_back = *sink;  // lives on with the request if that is answered later
+  answers_.guard(way_back, header, [&] { handle(header, payload, sink); });
 }
 
 void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
@@ -75,75 +80,74 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   if (const Rights needed = right_for(type); needed & ~sink->rights())
     throw Refusal{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" + rights_text(needed) +
                                              "\"; this client has " + rights_text(sink->rights())};
+  const auto reply = [&](FrameType with, std::span<const std::byte> bytes) {
+    answers_.reply(*sink, header, with, bytes);
+  };
+  const auto is_empty = [&] { wire::parse_empty(payload, header.type); };
   switch (type) {
     case FrameType::kPing:
-      return answer(*sink, header, FrameType::kPong, payload);
+      return reply(FrameType::kPong, payload);
     case FrameType::kDescribe:
-      wire::parse_empty(payload, header.type);
-      return answer(*sink, header, FrameType::kScene, scene_payload(*engine_));
+      is_empty();
+      return reply(FrameType::kScene, scene_payload(*engine_));
     case FrameType::kQuery:
       return start_query(header, payload, sink);
     case FrameType::kPairs:
-      return answer_pairs(header, payload, *sink);
+      return reply(FrameType::kPairTable, pair_table(header, payload));
     case FrameType::kSetPoses:
-      return set_poses(header, payload, *sink);
+      return reply(FrameType::kPosesDone, bytes_of(set_poses(header, payload, sink->client())));
     case FrameType::kAttach:
-      return attach(header, payload, *sink);
+      return reply(FrameType::kPosesDone, bytes_of(attach(header, payload)));
     case FrameType::kGetStates:
-      wire::parse_empty(payload, header.type);
-      return answer(*sink, header, FrameType::kBodyStates, states_payload(*engine_));
+      is_empty();
+      return reply(FrameType::kBodyStates, states_payload(*engine_));
     case FrameType::kGetStats:
-      wire::parse_empty(payload, header.type);
-      return answer(*sink, header, FrameType::kStats, stats_payload());
+      is_empty();
+      return reply(FrameType::kStats, stats_payload());
     case FrameType::kReload:
-      wire::parse_empty(payload, header.type);
-      return ask_reload(header, sink);
+      is_empty();
+      return scenes_.ask_reload(header, sink);
     case FrameType::kAddBody:
-      return add_body(header, payload, sink);
+      return scenes_.add_body(header, payload, sink);
     case FrameType::kRemoveBody:
-      return remove_body(header, payload, sink);
+      return scenes_.remove_body(header, payload, sink);
     default:
       break;
   }
   throw Refusal{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
 }
 
-void Loop::check_room_for(std::uint64_t client) const {
-  const auto found = waiting_per_client_.find(client);
-  if (found != waiting_per_client_.end() && found->second.requests >= options_.max_waiting_per_client)
-    throw Refusal{ErrorCode::kBusy, std::to_string(found->second.requests) +
-                                        " queries of this client are under way already; ask again (--max-waiting)"};
-}
-
-std::uint64_t Loop::check_room_for_bytes(const ReplySink& sink, std::uint64_t bytes) const {
-  const auto found = waiting_per_client_.find(sink.client());
-  const std::uint64_t taken = (found == waiting_per_client_.end() ? 0 : found->second.bytes) + sink.unsent_bytes();
-  if (taken && taken + bytes > options_.max_client_bytes)
-    throw Refusal{ErrorCode::kBusy, "the requests and replies of this client under way take " + std::to_string(taken) +
-                                        " bytes already; ask again (--max-client-mib)"};
-  if (waiting_bytes_ && waiting_bytes_ + bytes > options_.max_waiting_bytes)
-    throw Refusal{ErrorCode::kBusy,
-                  "the requests and replies under way take " + std::to_string(waiting_bytes_) + " bytes already; ask again"};
-  return taken;
+/// A payload whose first byte lies on a multiple of 8: this one, or a copy that is good until the next call.
+std::span<const std::byte> Loop::aligned(std::span<const std::byte> payload) {
+  if (payload.empty() || reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t) == 0) return payload;
+  aligned_.resize((payload.size() + 7) / 8);
+  std::memcpy(aligned_.data(), payload.data(), payload.size());
+  return std::as_bytes(std::span(aligned_)).first(payload.size());
 }
 
 void Loop::start_query(const FrameHeader& header, std::span<const std::byte> payload,
                        std::unique_ptr<ReplySink>& sink) {
-  ++queries_;
-  check_room_for(sink->client());
-  if (!payload.empty() && reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t)) {
-    aligned_.resize((payload.size() + 7) / 8);
-    std::memcpy(aligned_.data(), payload.data(), payload.size());
-    payload = std::as_bytes(std::span(aligned_)).first(payload.size());
-  }
+  ++stats_.queries;
+  quotas_.check_requests(sink->client());
+  payload = aligned(payload);
   const wire::QueryParts parts = wire::parse_query(payload);
   const wire::QueryHeader& q = parts.header;
-  if (q.min_pose_stamp_ns != 0) check_wait_for(header, q);
-  if (q.min_pose_stamp_ns != 0 && !engine_->poses_reach(q.wait_for, q.min_pose_stamp_ns)) {
-    engine_->size(view_of(parts, header.scene_revision));  // what is wrong with it is said at once
-    return hold_query(header, q, payload, sink);
-  }
-  begin_query(header, parts, payload.size(), sink, turn_began_);
+  if (q.min_pose_stamp_ns == 0 || HeldQueries::poses_are_there(*engine_, header, q))
+    return begin_query(header, parts, payload.size(), sink, turn_began_);
+  engine_->size(view_of(parts, header.scene_revision));  // what is wrong with it is said at once
+  held_.hold(header, q, payload, sink, quotas_, *engine_, turn_began_);
+  ++stats_["queries.held_back"];
+}
+
+void Loop::begin_held(HeldQuery held) {
+  std::unique_ptr<ReplySink> sink = std::move(held.asked.sink);
+  ReplySink& way_back = *sink;  // lives on with the query
+  held.asked.share.give_back();
+  answers_.guard(way_back, held.asked.header, [&] {
+    if (!HeldQueries::poses_are_there(*engine_, held.asked.header, held.query)) throw poses_late(held.query, true);
+    const auto payload = held.payload();
+    begin_query(held.asked.header, wire::parse_query(payload), payload.size(), sink, held.received);
+  });
 }
 
 void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts, std::uint64_t payload_bytes,
@@ -158,75 +162,44 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
                                             std::to_string(size.pairs) + " pairs are more than the " +
                                             std::to_string(options_.max_pairs_per_query) +
                                             " that one query may ask about (--max-pairs): split it"};
-  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields);
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   const bool whole_table = parts.header.all_pairs && parts.bodies.size() == 0;
-  std::uint64_t held = bytes + payload_bytes + (whole_table ? 0 : size.pairs * sizeof(BodyPair));
-  Usage& usage = waiting_per_client_[client];
-  const std::uint64_t taken = check_room_for_bytes(*sink, held);
+  std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields) + payload_bytes +
+                        (whole_table ? 0 : size.pairs * sizeof(BodyPair));
+  const std::uint64_t left = quotas_.check_bytes(client, bytes, sink->unsent_bytes());
   // Warm state has what is left, and makes way: without it an answer takes longer, and no more.
-  const std::uint64_t left = options_.max_client_bytes - std::min(options_.max_client_bytes, taken + held);
   std::uint64_t warm = Engine::warm_bytes(query, size);
   if (warm > left) {
     warm = query.warm_slot = 0;
-    ++counter("queries.cold");
+    ++stats_["queries.cold"];
   }
-  held += warm;
   if (warm == 0 && left < Engine::kMostWarmBytes) engine_->trim_warm(client, left);  // else the query takes what was left
+  bytes += warm;
 
-  AlignedBytes own;
-  std::byte* frame = sink->reserve(bytes);
-  if (!frame && query.reduce == Reduce::kWithin) {  // what comes back may well fit
-    own = aligned_bytes(bytes);
-    frame = own.get();
-  }
-  if (!frame)
-    throw Refusal{ErrorCode::kTooLarge,
-                  "the reply of " + std::to_string(size.rows) + " rows needs " + std::to_string(bytes) +
-                      " bytes, more than this client has room for",
-                  bytes};
-  Job job = engine_->start(query, reply_view_over(frame + kColumnsBegin, size.rows, size.fields));
-  const std::chrono::nanoseconds in_engine = Clock::now() - begun;
-  auto task = std::make_unique<Task>(std::move(sink), header, engine_, std::move(job));
-  task->frame = frame;
-  task->own = std::move(own);
-  task->held_bytes = held;
-  task->reduce = query.reduce;
-  task->format = query.format;
-  task->received = received;
-  task->due = begun + kPairCost * std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
-  task->in_engine = in_engine;
-  ++usage.requests;
-  usage.bytes += held;
-  waiting_bytes_ += held;
-  fresh_.push(client, std::move(task));
+  Quotas::Share share = quotas_.take(client, bytes);
+  ReplyRoom room = reserve_room(*sink, size, query.reduce);
+  Job job = engine_->start(query, reply_view_over(room.frame + kColumnsBegin, size.rows, size.fields));
+  const std::uint64_t pairs = std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
+  const RunningQuery::Traits traits{query.reduce, query.format, received, begun + kPairCost * pairs,
+                                    Clock::now() - begun};
+  scheduler_.add(std::make_unique<RunningQuery>(answers_, std::move(sink), header, std::move(share), engine_,
+                                                std::move(job), std::move(room), traits));
 }
 
-void Loop::answer_pairs(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
-  std::vector<std::byte> copy(payload.begin(), payload.end());  // aligned
-  const QueryView query = view_of(wire::parse_query(copy, false), header.scene_revision);
-  const std::vector<BodyPair> pairs = engine_->pairs(query);
+std::vector<std::byte> Loop::pair_table(const FrameHeader& header, std::span<const std::byte> payload) const {
+  const std::vector<std::byte> copy(payload.begin(), payload.end());  // aligned
+  const std::vector<BodyPair> pairs = engine_->pairs(view_of(wire::parse_query(copy, false), header.scene_revision));
   wire::PairsHeader table;
   table.scene_revision = header.scene_revision ? header.scene_revision : engine_->scene_revision();
   table.count = pairs.size();
   std::vector<std::byte> reply(sizeof table + pairs.size() * sizeof(BodyPair));
   std::memcpy(reply.data(), &table, sizeof table);
   if (!pairs.empty()) std::memcpy(reply.data() + sizeof table, pairs.data(), pairs.size() * sizeof(BodyPair));
-  answer(sink, header, FrameType::kPairTable, reply);
+  return reply;
 }
 
-void Loop::check_scene(const FrameHeader& header, std::span<const std::uint32_t> ids, bool with_parents) const {
-  if (header.scene_revision && !engine_->still_means(header.scene_revision, ids, with_parents))
-    throw Refusal{ErrorCode::kWrongScene, "the request is for scene revision " + std::to_string(header.scene_revision) +
-                                              ", the daemon's is " + std::to_string(engine_->scene_revision()) +
-                                              ": fetch the scene again"};
-}
-
-void Loop::check_wait_for(const FrameHeader& header, const wire::QueryHeader& query) const {
-  if (query.wait_for != kEveryBody) check_scene(header, std::array{query.wait_for});
-}
-
-void Loop::set_poses(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
+wire::PosesResult Loop::set_poses(const FrameHeader& header, std::span<const std::byte> payload,
+                                  std::uint64_t client) {
   const wire::PosesParts parts = wire::parse_poses(payload);
   poses_.resize(parts.poses.size());
   ids_.resize(parts.poses.size());
@@ -235,45 +208,43 @@ void Loop::set_poses(const FrameHeader& header, std::span<const std::byte> paylo
     poses_[i] = {record.body, pose_of(record.pose)};
     ids_[i] = record.body;
   }
-  check_scene(header, ids_, true);
-  const auto result = result_of(on_poses(poses_, parts.header.stamp_ns, parts.header.sequence, sink.client()),
-                                engine_->scene_revision());
-  answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
+  check_scene(*engine_, header, ids_, true);
+  return result_of(on_poses(poses_, parts.header.stamp_ns, parts.header.sequence, client), engine_->scene_revision());
 }
 
 PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
                                 std::uint64_t publisher) {
   const PoseUpdateResult done = engine_->set_poses(poses, stamp_ns, sequence, publisher);
-  ++counter("poses.batches");
-  counter("poses.applied") += done.applied;
-  counter("poses.bad") += done.bad;
-  counter("poses.unknown") += done.unknown;
-  counter("poses.fixed") += done.fixed;
+  ++stats_["poses.batches"];
+  stats_["poses.applied"] += done.applied;
+  stats_["poses.bad"] += done.bad;
+  stats_["poses.unknown"] += done.unknown;
+  stats_["poses.fixed"] += done.fixed;
   poses_changed_ = true;
   return done;
 }
 
-void Loop::attach(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
+wire::PosesResult Loop::attach(const FrameHeader& header, std::span<const std::byte> payload) {
   const wire::AttachRecord record = wire::parse_attach(payload);
-  check_scene(header, std::array{record.child}, true);
-  if (record.parent != kNone) check_scene(header, std::array{record.parent});
+  check_scene(*engine_, header, std::array{record.child}, true);
+  if (record.parent != kNone) check_scene(*engine_, header, std::array{record.parent});
   const Pose X_pc = pose_of(record.pose);
   const bool is_behind = header.scene_revision && header.scene_revision != engine_->scene_revision();
   const auto done = engine_->attach(record.child, record.parent, record.has_pose ? &X_pc : nullptr);
-  ++counter("attachments");
+  ++stats_["attachments"];
   poses_changed_ = true;
   // Who knew the scene before this knows the one after it; who was behind goes on with the ids that it knows.
-  const auto result = result_of(done, is_behind ? header.scene_revision : engine_->scene_revision());
-  answer(sink, header, FrameType::kPosesDone, std::as_bytes(std::span(&result, 1)));
+  return result_of(done, is_behind ? header.scene_revision : engine_->scene_revision());
 }
 
-std::vector<std::pair<std::string, std::uint64_t>> Loop::all_counters() const {
-  std::vector<std::pair<std::string, std::uint64_t>> all;
+Stats::Named Loop::all_counters() const {
+  const std::uint64_t waiting = scheduler_.size(), held = held_.size();
+  Stats::Named all;
   all.emplace_back("uptime_s", std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count());
-  all.emplace_back("queries.waiting", waiting());
-  all.emplace_back("queries.held", held_.size());
-  all.emplace_back("requests.waiting", waiting() + held_.size() + scene_waiters_.size());
-  all.insert(all.end(), counters_.begin(), counters_.end());
+  all.emplace_back("queries.waiting", waiting);
+  all.emplace_back("queries.held", held);
+  all.emplace_back("requests.waiting", waiting + held + scenes_.waiting());
+  stats_.append_to(all);
   const auto engine = engine_->stats();
   all.insert(all.end(), engine.begin(), engine.end());
   return all;
@@ -288,57 +259,6 @@ std::vector<std::byte> Loop::stats_payload() const {
     wire::append(payload, record);
   }
   return payload;
-}
-
-void Loop::hand_out_figures() {
-  Figures figures{all_counters(), error_log_.entries()};
-  {
-    const std::lock_guard lock(figures_mutex_);
-    figures_wanted_ = false;
-    figures_ = std::move(figures);
-  }
-  figures_there_.notify_all();
-}
-
-std::optional<Loop::Figures> Loop::read_figures(std::chrono::nanoseconds patience) {
-  std::unique_lock lock(figures_mutex_);
-  figures_.reset();
-  figures_wanted_ = true;
-  wake();
-  figures_there_.wait_for(lock, patience, [this] { return figures_.has_value(); });
-  return figures_;
-}
-
-void Loop::answer(ReplySink& sink, const FrameHeader& request, FrameType type, std::span<const std::byte> payload) {
-  const std::uint64_t bytes = sizeof(FrameHeader) + payload.size();
-  if (bytes > wire::kMaxFrameBytes)
-    throw Refusal{ErrorCode::kTooLarge,
-                  "the reply needs " + std::to_string(bytes) + " bytes, more than a frame may have", bytes};
-  std::byte* frame = sink.reserve(bytes);
-  if (!frame)
-    throw Refusal{ErrorCode::kTooLarge,
-                  "the reply needs " + std::to_string(bytes) + " bytes, more than this client has room for", bytes};
-  const auto header =
-      wire::make_header(type, request.request_id, payload.size(), engine_->scene_revision(), request.client_id);
-  std::memcpy(frame, &header, sizeof header);
-  if (!payload.empty()) std::memcpy(frame + sizeof header, payload.data(), payload.size());
-  sink.publish(bytes);
-  ++replies_;
-}
-
-void Loop::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& refusal) {
-  ++counter("errors");
-  error_log_.note(std::string(wire::error_name(refusal.code)), refusal.text);
-  ++counter("errors." + std::string(wire::error_name(refusal.code)));
-  spdlog::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
-                log_text(refusal.text));
-  try {
-    if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes))
-      ++counter("errors.unsent");
-  } catch (const std::exception& failure) {
-    ++counter("errors.unsent");
-    spdlog::warn("event=error_unsent error=\"{}\" cause=\"{}\"", log_text(refusal.text), log_text(failure.what()));
-  }
 }
 
 }  // namespace clearance

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "client/shm_os.h"
-#include "loop.h"
+#include "stats.h"
 #include "unix_socket.h"
 
 namespace clearance {
@@ -17,7 +17,7 @@ namespace clearance {
 /// and the loop for nothing.
 class MetricsServer {
  public:
-  using Read = std::function<std::optional<Loop::Figures>()>;
+  using Read = std::function<std::optional<Stats::Figures>()>;
 
   /// \param endpoint "127.0.0.1:PORT", "[::1]:PORT" (0: a free one) or a Unix socket's path, which is then mode 0600.
   /// \param read called on the server's thread; none: the daemon is too busy to say.

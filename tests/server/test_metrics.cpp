@@ -69,7 +69,7 @@ TEST_F(LoopTest, RefusalsAreAmongTheFigures) {
     turn_until_idle();
   }
   std::thread reading;
-  std::optional<Loop::Figures> figures;
+  std::optional<Stats::Figures> figures;
   reading = std::thread([&] { figures = loop_->read_figures(30s); });
   std::atomic<bool> there{false};
   std::thread watching([&] {
