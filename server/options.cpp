@@ -48,16 +48,7 @@ CLI::Validator quiet(CLI::Validator check) {
   return check.description("");
 }
 
-}  // namespace
-
-bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exit_code) {
-  CLI::App app(kDescription, "clearanced");
-  app.footer(kFooter);
-  app.set_version_flag("--version", std::string("clearanced ") + CLEARANCE_VERSION);
-  app.set_config("--config", "", "read options from this file (TOML or INI)")->type_name("FILE");
-  app.allow_config_extras(CLI::config_extras_mode::error);
-  app.get_formatter()->column_width(26);
-
+void add_endpoints(CLI::App& app, DaemonOptions& o) {
   app.add_option("--scene", o.scene, "scene file (YAML); paths in it are relative to it")
       ->type_name("FILE")
       ->required();
@@ -77,6 +68,9 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
   app.add_option("--group-rights", o.group_rights, "what they may do: query, poses, admin, separated by commas")
       ->type_name("RIGHTS")
       ->capture_default_str();
+}
+
+void add_lcm(CLI::App& app, DaemonOptions& o) {
   app.add_option("--lcm", o.lcm, "serve LCM and follow poses there, as in \"udpm://239.255.76.67:7667?ttl=0\"")
       ->type_name("URL");
   app.add_option("--lcm-prefix", o.lcm_prefix, "begins the names of all LCM channels: several daemons on one bus")
@@ -89,6 +83,9 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->capture_default_str();
   app.add_option("--lcm-allow", o.lcm_allow, "a body or group whose poses are taken from LCM; may be repeated")
       ->type_name("NAME");
+}
+
+void add_backend(CLI::App& app, DaemonOptions& o) {
   app.add_option("--backend", o.backend, "what computes: auto, cpu, cuda, reference (slow: brute force, to compare with)")
       ->type_name("NAME")
       ->capture_default_str();
@@ -119,6 +116,9 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
                  "them there itself; 0: they are copied")
       ->type_name("N")
       ->capture_default_str();
+}
+
+void add_times(CLI::App& app, DaemonOptions& o) {
   app.add_option("--slice-us", o.slice_us, "microseconds that one query may take before the others get a turn")
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")
@@ -127,6 +127,9 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(0u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
+}
+
+void add_limits(CLI::App& app, DaemonOptions& o) {
   app.add_option("--max-waiting", o.max_waiting, "queries that one client may have under way; more are refused (busy)")
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")
@@ -164,6 +167,9 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
       ->check(quiet(CLI::Range(0u, 1000000000u)))
       ->type_name("N")
       ->capture_default_str();
+}
+
+void add_watching(CLI::App& app, DaemonOptions& o) {
   app.add_option("--metrics", o.metrics,
                  "counters in Prometheus' text format by HTTP, at 127.0.0.1:PORT/metrics or on a Unix socket (/path);\n"
                  "the distinct errors at /errors")
@@ -175,6 +181,23 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
   app.add_option("--ready-fd", o.ready_fd, "open descriptor that is told when the daemon is ready")
       ->check(quiet(CLI::Range(0, 1 << 20)))
       ->type_name("N");
+}
+
+}  // namespace
+
+bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exit_code) {
+  CLI::App app(kDescription, "clearanced");
+  app.footer(kFooter);
+  app.set_version_flag("--version", std::string("clearanced ") + CLEARANCE_VERSION);
+  app.set_config("--config", "", "read options from this file (TOML or INI)")->type_name("FILE");
+  app.allow_config_extras(CLI::config_extras_mode::error);
+  app.get_formatter()->column_width(26);
+  add_endpoints(app, o);
+  add_lcm(app, o);
+  add_backend(app, o);
+  add_times(app, o);
+  add_limits(app, o);
+  add_watching(app, o);
 
   try {
     app.parse(argc, argv);

@@ -1,0 +1,88 @@
+#include "endpoints.h"
+
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "accepting.h"
+#include "client/default_socket.h"
+#include "doorman.h"
+#include "key_ring.h"
+#include "shm_transport.h"
+
+namespace clearance {
+namespace {
+
+/// Where nothing was asked for, what needs no set-up is served.
+void add_default_endpoint(DaemonOptions& options) {
+  if (!options.shm.empty() || !options.zmq.empty() || !options.lcm.empty()) return;
+  const std::string folder = default_socket_folder();
+  mkdir(folder.c_str(), 0700);  // only /tmp/clearance-UID may be missing
+  struct stat info {};
+  if (stat(folder.c_str(), &info) || info.st_uid != getuid())
+    throw std::runtime_error("shm://" + default_socket_path() + ": the folder " + folder +
+                             " is not ours; choose an endpoint with --shm or --zmq");
+  options.shm.push_back(default_socket_path());
+}
+
+std::unique_ptr<Transport> open_shm(const std::string& path, [[maybe_unused]] const Access& access,
+                                    [[maybe_unused]] std::uint64_t pinned_bytes) {
+#ifdef CLEARANCE_HAVE_SHM
+  ShmLimits limits;
+  limits.max_clients = access.max_clients;
+  limits.pinned_bytes = pinned_bytes;
+  return make_shm_transport(path, limits, access);
+#else
+  throw std::runtime_error("shm://" + path + ": this clearanced was built without shared memory");
+#endif
+}
+
+std::unique_ptr<Transport> open_lcm(const std::string& url, [[maybe_unused]] const std::string& prefix,
+                                    [[maybe_unused]] const LcmPoses& poses) {
+#ifdef CLEARANCE_HAVE_LCM
+  return make_lcm_transport(url, prefix, poses);
+#else
+  throw std::runtime_error(url + ": this clearanced was built without LCM");
+#endif
+}
+
+}  // namespace
+
+Access access_of(const DaemonOptions& options) {
+  Access access;
+  const auto option = [](const char* name, auto read) {
+    try {
+      return read();
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument(std::string(name) + ": " + error.what());
+    }
+  };
+  if (!options.socket_group.empty())
+    access.group = option("--socket-group", [&] { return group_named(options.socket_group); });
+  access.group_rights = option("--group-rights", [&] { return parse_rights(options.group_rights); });
+  access.max_clients = options.max_clients;
+  if (!options.keys.empty()) access.keys = std::make_shared<KeyRing>(options.keys);
+  return access;
+}
+
+LcmPoses lcm_poses_of(const DaemonOptions& options, const Scene& scene) {
+  const bool list = options.lcm_poses == "allowlist";
+  if (list == options.lcm_allow.empty())
+    throw std::invalid_argument(list ? "--lcm-poses allowlist: name bodies or groups with --lcm-allow"
+                                     : "--lcm-allow: only with --lcm-poses allowlist");
+  for (const std::string& name : options.lcm_allow)
+    if (scene.find_body(name) == kNone && scene.find_group(name) == kNone)
+      throw std::invalid_argument("--lcm-allow: the scene has no body or group \"" + name + "\"");
+  return {options.lcm_poses == "on", options.lcm_allow};
+}
+
+void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, const LcmPoses& lcm_poses) {
+  reserve_descriptor();
+  spdlog::info("event=descriptors_of_strangers refused_by={}", kernel_refuses_descriptors() ? "kernel" : "doorman");
+  add_default_endpoint(options);
+  for (const std::string& path : options.shm) loop.add(open_shm(path, access, std::uint64_t{options.pinned_mib} << 20));
+  for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));
+  if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix, lcm_poses));
+}
+
+}  // namespace clearance
