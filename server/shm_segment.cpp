@@ -10,6 +10,7 @@
 #include <cassert>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 
 #include "client/protocol.h"
 
@@ -46,6 +47,44 @@ shm::UniqueFd make_sealed_memfd(std::uint64_t bytes, std::string& why) {
   return fd;
 }
 
+/// Sizes of a segment.
+struct Plan {
+  std::uint32_t slots;
+  std::uint64_t request_bytes, reply_bytes;  // of each slot
+  std::uint64_t bytes() const { return shm::segment_bytes(slots, request_bytes, reply_bytes); }
+};
+
+/// What a client asks for, with as many slots as the limits allow; none, with `why`, if they forbid it.
+std::optional<Plan> plan_segment(const ShmLimits& limits, std::uint64_t request_capacity, std::uint64_t reply_capacity,
+                                 std::string& why) {
+  // The sizes come from a client: compare before adding, so that nothing wraps.
+  if (request_capacity > wire::kMaxRequestBytes) {
+    why = "a request of " + std::to_string(request_capacity) + " bytes; the limit is " +
+          std::to_string(wire::kMaxRequestBytes);
+    return std::nullopt;
+  }
+  if (reply_capacity > wire::kMaxFrameBytes) {
+    why =
+        "a reply of " + std::to_string(reply_capacity) + " bytes; the limit is " + std::to_string(wire::kMaxFrameBytes);
+    return std::nullopt;
+  }
+  const std::uint64_t request_bytes = shm::round_to_page(std::max(request_capacity, limits.request_capacity));
+  const std::uint64_t reply_bytes =
+      shm::round_to_page(std::max({reply_capacity, limits.reply_capacity, shm::kMinReplyCapacity}));
+  const std::uint64_t slot_bytes = request_bytes + reply_bytes;
+  const std::uint64_t most = limits.max_segment_bytes / slot_bytes;
+  if (most < kFewestSlots) {
+    why = "a request of " + std::to_string(request_capacity) + " and a reply of " + std::to_string(reply_capacity) +
+          " bytes need a segment of " + std::to_string(shm::segment_bytes(kFewestSlots, request_bytes, reply_bytes)) +
+          " bytes; this daemon's limit is " + std::to_string(limits.max_segment_bytes);
+    return std::nullopt;
+  }
+  const std::uint64_t ceiling = std::min<std::uint64_t>({limits.slots, shm::kMaxSlots, most});
+  const std::uint64_t roomy = std::max<std::uint64_t>(kRoomyBytes / slot_bytes, kGrownSlots);
+  return Plan{static_cast<std::uint32_t>(std::max<std::uint64_t>(std::min(ceiling, roomy), 1)), request_bytes,
+              reply_bytes};
+}
+
 }  // namespace
 
 std::byte* ScratchBuffer::reserve(std::size_t bytes) {
@@ -68,32 +107,9 @@ void ScratchBuffer::trim(std::size_t bytes) {
 std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
                                        const ShmLimits& limits, std::uint32_t id,
                                        std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why) {
-  // The sizes come from a client: compare before adding, so that nothing wraps.
-  if (request_capacity > wire::kMaxRequestBytes) {
-    why = "a request of " + std::to_string(request_capacity) + " bytes; the limit is " +
-          std::to_string(wire::kMaxRequestBytes);
-    return nullptr;
-  }
-  if (reply_capacity > wire::kMaxFrameBytes) {
-    why =
-        "a reply of " + std::to_string(reply_capacity) + " bytes; the limit is " + std::to_string(wire::kMaxFrameBytes);
-    return nullptr;
-  }
-  const std::uint64_t request_bytes = shm::round_to_page(std::max(request_capacity, limits.request_capacity));
-  const std::uint64_t reply_bytes =
-      shm::round_to_page(std::max({reply_capacity, limits.reply_capacity, shm::kMinReplyCapacity}));
-  const std::uint64_t slot_bytes = request_bytes + reply_bytes;
-  const std::uint64_t most = limits.max_segment_bytes / slot_bytes;
-  if (most < kFewestSlots) {
-    why = "a request of " + std::to_string(request_capacity) + " and a reply of " + std::to_string(reply_capacity) +
-          " bytes need a segment of " + std::to_string(shm::segment_bytes(kFewestSlots, request_bytes, reply_bytes)) +
-          " bytes; this daemon's limit is " + std::to_string(limits.max_segment_bytes);
-    return nullptr;
-  }
-  const std::uint64_t ceiling = std::min<std::uint64_t>({limits.slots, shm::kMaxSlots, most});
-  const std::uint64_t roomy = std::max<std::uint64_t>(kRoomyBytes / slot_bytes, kGrownSlots);
-  const auto slots = static_cast<std::uint32_t>(std::max<std::uint64_t>(std::min(ceiling, roomy), 1));
-  const std::uint64_t bytes = shm::segment_bytes(slots, request_bytes, reply_bytes);
+  const std::optional<Plan> plan = plan_segment(limits, request_capacity, reply_capacity, why);
+  if (!plan) return nullptr;
+  const std::uint64_t bytes = plan->bytes();
   // Whoever grows leaves room for those who come in.
   const bool is_usual = id == 0 && request_capacity <= limits.request_capacity && reply_capacity <= limits.reply_capacity;
   const std::uint64_t limit = budget->limit - (is_usual ? 0 : budget->limit / kKeptForNewcomers);
@@ -102,7 +118,6 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, st
           std::to_string(limit) + " bytes of shared memory are given out to clients";
     return nullptr;
   }
-
   shm::UniqueFd memfd = make_sealed_memfd(bytes, why);
   if (!memfd) return nullptr;
   void* base = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, memfd.get(), 0);
@@ -119,26 +134,29 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, st
   segment->budget_->used += bytes;
   segment->pinner_ = std::move(pinner);
   segment->memfd_ = std::move(memfd);
-  segment->request_capacity_ = request_bytes;
-  segment->reply_capacity_ = reply_bytes;
+  segment->request_capacity_ = plan->request_bytes;
+  segment->reply_capacity_ = plan->reply_bytes;
   segment->request_offset_ = shm::kPage;
-  segment->reply_offset_ = shm::kPage + slots * request_bytes;
+  segment->reply_offset_ = shm::kPage + plan->slots * plan->request_bytes;
   segment->id_ = id;
-  segment->slots_.resize(slots);
-
-  auto* header = new (base) shm::SegmentHeader{};  // the file is all zeros already; this begins the objects' lifetime
-  segment->header_ = header;
-  header->magic = shm::kMagic;
-  header->segment_id = id;
-  header->slot_count = slots;
-  header->ring_entries = shm::kRingEntries;
-  header->segment_bytes = bytes;
-  header->request_capacity = request_bytes;
-  header->reply_capacity = reply_bytes;
-  header->request_offset = segment->request_offset_;
-  header->reply_offset = segment->reply_offset_;
-  header->version.store(shm::kLayoutVersion, std::memory_order_release);
+  segment->slots_.resize(plan->slots);
+  segment->write_header();
   return segment;
+}
+
+/// Says what is where; the version comes last, when the rest may be read.
+void Segment::write_header() {
+  header_ = new (base_) shm::SegmentHeader{};  // the file is all zeros already; this begins the objects' lifetime
+  header_->magic = shm::kMagic;
+  header_->segment_id = id_;
+  header_->slot_count = static_cast<std::uint32_t>(slots_.size());
+  header_->ring_entries = shm::kRingEntries;
+  header_->segment_bytes = mapping_->bytes();
+  header_->request_capacity = request_capacity_;
+  header_->reply_capacity = reply_capacity_;
+  header_->request_offset = request_offset_;
+  header_->reply_offset = reply_offset_;
+  header_->version.store(shm::kLayoutVersion, std::memory_order_release);
 }
 
 Segment::~Segment() {

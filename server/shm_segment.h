@@ -83,6 +83,7 @@ class Segment {
   };
 
   Segment() = default;
+  void write_header();
   Take violation(const char* why);
 
   // Everything the daemon decides by is here, in private memory.

@@ -7,12 +7,10 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <cassert>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
 #include <new>
-#include <stdexcept>
 
 #include "accepting.h"
 #include "client/shm_layout.h"
@@ -20,7 +18,7 @@
 #include "doorman.h"
 #include "places.h"
 #include "shm_segment.h"
-#include "unix_socket.h"
+#include "shm_session.h"
 
 namespace clearance {
 
@@ -41,82 +39,6 @@ constexpr int kMessagesPerEvent = 8;
 constexpr auto kSocketLookEvery = std::chrono::milliseconds(1);
 constexpr int kPollsPerClockLook = 16;
 
-[[noreturn]] void fail(const std::string& path, const std::string& what, int error = 0) {
-  throw std::runtime_error("shm://" + path + ": " + what + (error ? std::string(": ") + std::strerror(error) : ""));
-}
-
-/// One connected client.
-struct Session {
-  std::uint64_t id = 0;
-  Rights rights = 0;
-  ucred who{};
-  UniqueFd socket;  ///< what the doorman gave for the client's
-  UniqueFd wake;  ///< eventfd that the client writes to when the daemon sleeps
-  std::vector<std::shared_ptr<Segment>> segments;
-  std::uint32_t next_segment = 0;
-  Clock::time_point connected;
-  bool gone = false;
-};
-
-class ShmSink final : public ReplySink {
- public:
-  ShmSink(std::shared_ptr<Session> session, std::shared_ptr<Segment> segment, std::uint32_t slot,
-          std::uint32_t generation)
-      : session_(std::move(session)), segment_(std::move(segment)), slot_(slot), generation_(generation) {}
-  ~ShmSink() override {
-    if (!published_) segment_->post_reply(slot_, generation_, 0);
-  }
-
-  std::byte* reserve(std::uint64_t frame_bytes) override {
-    if (frame_bytes > segment_->reply_capacity()) return nullptr;
-    reserved_ = frame_bytes;
-    return segment_->reply_area(slot_);
-  }
-  void publish(std::uint64_t frame_bytes) override {
-    assert(!published_ && frame_bytes <= reserved_ && frame_bytes >= sizeof(wire::FrameHeader));
-    published_ = true;
-    segment_->post_reply(slot_, generation_, frame_bytes);
-  }
-  void written_by_device() override { segment_->pin(); }
-  bool alive() const override { return !session_->gone; }
-  std::uint64_t client() const override { return session_->id; }
-  Rights rights() const override { return session_->rights; }
-
- private:
-  std::shared_ptr<Session> session_;
-  std::shared_ptr<Segment> segment_;  ///< stays mapped while the reply is being written, even if the client goes
-  std::uint32_t slot_, generation_;
-  std::uint64_t reserved_ = 0;
-  bool published_ = false;
-};
-
-/// The listening socket, for this user alone or for a group too. A dead daemon's is replaced, a living one's refused.
-class Listener {
- public:
-  Listener(const std::string& path, const Access& access) {
-    sockaddr_un address;
-    if (!shm::socket_address(path.c_str(), address))
-      fail(path, "a socket's path has 1 to " + std::to_string(sizeof address.sun_path - 1) + " bytes");
-    const FolderLock lock(path);
-    clear_stale_socket(path, "shm://" + path, SOCK_SEQPACKET);
-    socket_.reset(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-    if (!socket_) fail(path, "socket", errno);
-    refuse_descriptors(socket_.get());
-    if (::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
-      fail(path, "cannot create the socket", errno);
-    file_ = SocketFile(path);
-    // Nobody can connect before listen(), so the mode is right before the first client can come.
-    set_socket_mode(path, "shm://" + path, access);
-    if (::listen(socket_.get(), 64) != 0) fail(path, "cannot listen", errno);
-  }
-
-  int get() const { return socket_.get(); }
-
- private:
-  UniqueFd socket_;
-  SocketFile file_;
-};
-
 class ShmTransport final : public Transport {
  public:
   ShmTransport(const std::string& path, const ShmLimits& limits, const Access& access)
@@ -129,8 +51,8 @@ class ShmTransport final : public Transport {
     limits_.max_segment_bytes = std::min(limits_.max_segment_bytes, budget_->limit);
     limits_.slots = std::clamp<std::uint32_t>(limits_.slots, 1, shm::kMaxSlots);
     epoll_.reset(::epoll_create1(EPOLL_CLOEXEC));
-    if (!epoll_) fail(path, "epoll_create1", errno);
-    if (!watch(listener_.get(), EPOLLIN, 0)) fail(path, "epoll_ctl", errno);
+    if (!epoll_) fail_shm(path, "epoll_create1", errno);
+    if (!watch(listener_.get(), EPOLLIN, 0)) fail_shm(path, "epoll_ctl", errno);
   }
   ~ShmTransport() override {
     for (auto& session : sessions_) session->gone = true;  // sinks may live longer than this
@@ -232,7 +154,7 @@ class ShmTransport final : public Transport {
         refuse(socket.get(), rights ? why + " (--max-clients)" : why);
         continue;
       }
-      auto session = std::make_shared<Session>();
+      auto session = std::make_shared<ShmSession>();
       session->id = next_client_id();
       session->rights = *rights;
       session->who = *who;
@@ -263,7 +185,7 @@ class ShmTransport final : public Transport {
     return message;
   }
 
-  void serve_socket(Session& session) {
+  void serve_socket(ShmSession& session) {
     for (int i = 0; i < kMessagesPerEvent && !session.gone; ++i) {
       Message message;
       const ssize_t received = shm::receive_message(session.socket.get(), message);
@@ -274,7 +196,7 @@ class ShmTransport final : public Transport {
     look_at_sockets_ = true;
   }
 
-  void serve_message(Session& session, const Message& message, std::size_t received) {
+  void serve_message(ShmSession& session, const Message& message, std::size_t received) {
     if (received < shm::kMessagePrefixBytes || message.magic != shm::kMagic)
       return violate(session, "not a message of this protocol");
     if (message.layout_version != shm::kLayoutVersion || message.wire_version != wire::kVersion) {
@@ -311,7 +233,7 @@ class ShmTransport final : public Transport {
     }
   }
 
-  void give_segment(Session& session, const Message& wanted, bool first) {
+  void give_segment(ShmSession& session, const Message& wanted, bool first) {
     std::string why;
     auto segment =
         Segment::make(budget_, pinner_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
@@ -337,7 +259,7 @@ class ShmTransport final : public Transport {
     session.segments.push_back(std::move(segment));
   }
 
-  int serve_requests(const std::shared_ptr<Session>& session, Inbox& inbox, std::uint64_t& bytes) {
+  int serve_requests(const std::shared_ptr<ShmSession>& session, Inbox& inbox, std::uint64_t& bytes) {
     int frames = 0;
     // By index: the inbox may not touch the sessions, but be safe against growth all the same.
     for (std::size_t i = 0; i < session->segments.size(); ++i) {
@@ -367,14 +289,14 @@ class ShmTransport final : public Transport {
     return frames;
   }
 
-  void violate(Session& session, const char* why) {
+  void violate(ShmSession& session, const char* why) {
     refuse(session.socket.get(), std::string("disconnected: ") + why);
     ++*counters_.violations;
     drop(session);
   }
 
   /// The session leaves the list in remove_gone(); requests under way keep its segments until they end.
-  void drop(Session& session) {
+  void drop(ShmSession& session) {
     session.gone = true;
     any_gone_ = true;
   }
@@ -382,7 +304,7 @@ class ShmTransport final : public Transport {
   void remove_gone() {
     if (any_gone_) {
       any_gone_ = false;
-      std::erase_if(sessions_, [this](const std::shared_ptr<Session>& session) {
+      std::erase_if(sessions_, [this](const std::shared_ptr<ShmSession>& session) {
         if (!session->gone) return false;
         // The client holds the same eventfd: closing our end alone would leave it among the watched.
         places_.leave(session->who);
@@ -417,9 +339,9 @@ class ShmTransport final : public Transport {
   Places places_;
   std::shared_ptr<SegmentBudget> budget_;
   std::shared_ptr<SegmentPinner> pinner_;
-  Listener listener_;
+  ShmListener listener_;
   UniqueFd epoll_;
-  std::vector<std::shared_ptr<Session>> sessions_;
+  std::vector<std::shared_ptr<ShmSession>> sessions_;
   ScratchBuffer scratch_;
   CounterRefs counters_;
   std::size_t first_ = 0;
