@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "server/transport.h"
+
 namespace clearance {
 
 PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::int64_t sequence, std::int64_t stamp_ns,
@@ -48,6 +50,13 @@ std::vector<std::uint32_t> OwnerLog::note(std::int64_t publisher, std::span<cons
     owners.front() = {publisher, now};
   }
   return contested;
+}
+
+std::uint64_t LcmClients::number_of(std::int64_t lcm_client) {
+  if (numbers_.size() >= kMaxClients && !numbers_.contains(lcm_client)) numbers_.clear();
+  std::uint64_t& number = numbers_[lcm_client];
+  if (number == 0) number = next_client_id();
+  return number;
 }
 
 }  // namespace clearance

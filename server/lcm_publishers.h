@@ -76,4 +76,14 @@ class OwnerLog {
   std::vector<std::array<Owner, kRemembered>> owners_;  // by body id; the last to move it first
 };
 
+/// The loop's numbers for clients and publishers that drew their own. Past so many all are numbered anew.
+class LcmClients {
+ public:
+  static constexpr std::size_t kMaxClients = 4096;
+  std::uint64_t number_of(std::int64_t lcm_client);
+
+ private:
+  std::unordered_map<std::int64_t, std::uint64_t> numbers_;
+};
+
 }  // namespace clearance
