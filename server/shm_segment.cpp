@@ -162,6 +162,7 @@ void Segment::write_header() {
 }
 
 Segment::~Segment() {
+  assert(budget_->used >= mapping_->bytes());
   budget_->used -= mapping_->bytes();
   mapping_.reset();
   if (pin_) pinner_->let_go(pin_);
@@ -216,6 +217,7 @@ void Segment::set_sleeping(bool sleeping) {
 }
 
 std::byte* Segment::reply_area(std::uint32_t slot) {
+  assert(slot < slots_.size());
   return base_ + reply_offset_ + slot * reply_capacity_;
 }
 

@@ -1,4 +1,6 @@
 // A query on the device that the CPU takes over where the device fails.
+#include <cassert>
+
 #include "engine/device/device_query.h"
 
 namespace clearance::cuda {
@@ -46,6 +48,7 @@ class FallbackJob final : public Job::State {
         begin_again(error);
       }
     }
+    assert(!query_);
     if (!on_cpu_) refuse(context_.device->error());  // again
     const bool done = on_cpu_->advance(budget);
     info = on_cpu_->info;

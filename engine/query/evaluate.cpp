@@ -1,6 +1,7 @@
 #include "engine/query/evaluate.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace clearance {
@@ -71,6 +72,8 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
     if (found.best.rounding > 0) return found.best.rounding;
     return rounding_of(*a.pieces[found.piece_a], pose_a, *b.pieces[found.piece_b], pose_b);
   };
+  assert(lower <= best.bounds.upper);
+  assert(piece_a < a.pieces.size() && piece_b < b.pieces.size());
   decide(limits, lower, best.bounds.upper, rounding, answer);
   if (limits.signed_distance && best.bounds.upper <= 0 && (a.pieces.size() > 1 || b.pieces.size() > 1))
     answer.flags |= kFlagPieces;
@@ -83,6 +86,7 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
 void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane,
                const LaneWitness& witness, PairAnswer& answer) {
+  assert(lane.settled && lane.lower <= lane.upper);
   decide_apart(options.limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
   const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
@@ -108,6 +112,7 @@ std::size_t most_bodies(const Scene& scene, std::span<const PlacedBodies> pairs)
 }  // namespace
 
 void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
+  assert(answers.size() >= pairs.size());
   tasks_.clear();
   searches_.clear();
   piece_pairs_.clear();
@@ -115,6 +120,7 @@ void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> a
     const auto& [pair, placement, warm] = pairs[i];
     if (answer_without_pieces(scene_, *placement, pair, options_, answers[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
+    assert(!a.empty() && !b.empty());
     if (a.size() == 1 && b.size() == 1) {
       tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
                         options_.limits.max_distance, i, warm});
@@ -154,6 +160,7 @@ void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> a
       take_round(s, std::span(found_).subspan(taken, s.asked));
       taken += s.asked;
     }
+    assert(taken == found_.size());
     tasks_.clear();
   }
 }
@@ -189,6 +196,7 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
 }
 
 void Evaluator::take_round(Search& search, std::span<const NarrowAnswer> answers) {
+  assert(search.next + answers.size() <= search.end);
   PieceSearch& state = search.state;
   for (const NarrowAnswer& answer : answers) {
     const PiecePair& p = piece_pairs_[search.next++];

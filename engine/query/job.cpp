@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cassert>
 
 #include "engine/query/box_cull.h"
 #include "engine/query/job_state.h"
@@ -88,6 +89,7 @@ class DenseJob final : public ParallelJob {
   };
 
   void run(std::uint64_t unit, int worker) {
+    assert(unit < units());
     Room& room = rooms_[static_cast<std::size_t>(worker)];
     const std::uint64_t first = unit / layout_.pair_blocks * layout_.configurations,
                         begin = unit % layout_.pair_blocks * layout_.pairs;
@@ -117,6 +119,7 @@ class DenseJob final : public ParallelJob {
     Room& room = rooms_[static_cast<std::size_t>(worker)];
     room.asked.clear();
     room.places.clear();
+    assert(begin + pairs.size() <= plan_.size.pairs && first + placed.size() <= plan_.size.configurations);
     const auto ask = [&](std::size_t i, std::size_t k) {
       room.asked.push_back({pairs[i], &placed[k], warm(first + k, begin + i)});
       room.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
@@ -151,6 +154,7 @@ class DenseJob final : public ParallelJob {
   }
 
   WarmSimplex* warm(std::uint64_t configuration, std::uint64_t pair) const {
+    assert(!warm_ || configuration * plan_.size.pairs + pair < warm_->simplices.size());
     return warm_ ? &warm_->simplices[configuration * plan_.size.pairs + pair] : nullptr;
   }
 

@@ -1,4 +1,6 @@
 """The set-up script and the Makefile: what a newcomer's machine meets first."""
+
+import json
 import os
 import re
 import shutil
@@ -7,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,8 +40,15 @@ def bare_machine(tmp_path):
 
 
 def run_setup(env, **more):
-    return subprocess.run(["bash", "tools/setup.sh"], cwd=ROOT, env={**env, **more}, capture_output=True, text=True,
-                          stdin=subprocess.DEVNULL, timeout=PATIENCE_S)
+    return subprocess.run(
+        ["bash", "tools/setup.sh"],
+        cwd=ROOT,
+        env={**env, **more},
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        timeout=PATIENCE_S,
+    )
 
 
 def test_without_root_the_exact_command_is_printed(bare_machine):
@@ -78,5 +88,16 @@ def test_a_second_run_does_nothing():
 
 def test_help_lists_every_target():
     phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE).group(1).split()
-    listed = subprocess.run(["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(
+        ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
     assert re.findall(r"^  ([a-z-]+) +\S", listed, re.MULTILINE) == phony
+
+
+def test_presets_of_developers_have_assertions_and_take_warnings_for_errors():
+    presets = json.loads((ROOT / "CMakePresets.json").read_text())["configurePresets"]
+    assert {"asan", "debug", "fuzz", "release", "tsan"} <= {preset["name"] for preset in presets}
+    for name, variables in ((preset["name"], preset["cacheVariables"]) for preset in presets):
+        assert variables.get("CLEARANCE_WERROR", "OFF") == ("OFF" if name == "release" else "ON"), name
+        if variables["CMAKE_BUILD_TYPE"] == "RelWithDebInfo":  # whose own flags leave assertions out
+            assert "NDEBUG" not in variables["CMAKE_CXX_FLAGS_RELWITHDEBINFO"], name
