@@ -56,9 +56,9 @@ def table(remark, rows):
 
 def main():
     text = PAGE.read_text()
-    new = re.sub(f"{re.escape(BEGIN)}.*{re.escape(END)}", lambda _: f"{BEGIN}\n{table(*read(CSV))}{END}", text, flags=re.S)
-    if BEGIN not in text:
-        sys.exit(f"{PAGE}: the marker {BEGIN} is missing")
+    new, found = re.subn(f"{re.escape(BEGIN)}.*{re.escape(END)}", lambda _: f"{BEGIN}\n{table(*read(CSV))}{END}", text, flags=re.S)
+    if found != 1:
+        sys.exit(f"{PAGE}: the marker {BEGIN} or {END} is missing")
     if "--check" in sys.argv[1:]:
         if new != text:
             sys.exit(f"{PAGE} does not show {CSV}: run tools/accuracy_table.py")

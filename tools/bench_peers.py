@@ -409,6 +409,9 @@ def accuracy_table(remark, rows):
 
 
 def write_pages(check=False):
+    for path in (TIMING, ACCURACY):
+        if check and not read_csv(path)[1]:
+            sys.exit(f"{path} has no rows to check the pages by")
     remark, rows = read_csv(TIMING)
     if rows:
         groups = grouped(rows, "workload")

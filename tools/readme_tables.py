@@ -183,8 +183,11 @@ def fill(page, text):
 def main():
     if sys.argv[1:] not in ([], ["--check"]):
         sys.exit(__doc__)
-    for page in PAGES:
-        old = (ROOT / page).read_text()
+    pages = {page: (ROOT / page).read_text() for page in PAGES}
+    nowhere = [name for name in TABLES if not any(f"<!-- table {name} -->" in text for text in pages.values())]
+    if nowhere:
+        sys.exit(f"no page shows the table {' or '.join(nowhere)}")
+    for page, old in pages.items():
         new = fill(page, old)
         if not sys.argv[1:]:
             (ROOT / page).write_text(new)

@@ -62,9 +62,11 @@ TEST_P(FuzzReplay, KeptInputsBreakNothing) {
 }
 
 TEST(FuzzReplay, EveryFolderIsSomeTargets) {
-  for (const char* kind : {"corpus", "regressions"})
-    for (const fs::path& folder : inputs_of(kFolder / kind))
-      EXPECT_TRUE(targets().contains(folder.filename().string())) << folder;
+  for (const char* kind : {"corpus", "regressions"}) {
+    const std::vector<fs::path> folders = inputs_of(kFolder / kind);
+    EXPECT_FALSE(folders.empty()) << kind;
+    for (const fs::path& folder : folders) EXPECT_TRUE(targets().contains(folder.filename().string())) << folder;
+  }
 }
 
 std::vector<std::string> names() {

@@ -162,6 +162,7 @@ std::vector<std::string> read_lines(const std::string& path) {
   if (!file) throw std::runtime_error("cannot read " + path);
   std::vector<std::string> lines;
   for (std::string line; std::getline(file, line);) lines.push_back(line);
+  if (lines.empty()) throw std::runtime_error(path + " holds no digests");
   return lines;
 }
 

@@ -297,7 +297,7 @@ TEST(SceneFile, FilesThatAreNoSceneFile) {
   EXPECT_EQ(error(folder / "none.yaml"), folder / "none.yaml: No such file or directory");
   EXPECT_EQ(error(folder.path().string()), folder.path().string() + ": expected a scene file, got a folder");
   EXPECT_EQ(error("/dev/zero"), "/dev/zero: expected a scene file, got a device, pipe or socket");
-  EXPECT_EQ(error(folder.write("zero.yaml", std::string("bodies:\n  - {name: \0a}", 20))),
+  EXPECT_EQ(error(folder.write("zero.yaml", std::string("bodies:\n  - {name: \0a}", 22))),
             folder / "zero.yaml:2: not a text file: it holds a zero byte");
   std::ofstream(folder / "huge.yaml").close();
   std::filesystem::resize_file(folder / "huge.yaml", std::uintmax_t{1} << 40);
