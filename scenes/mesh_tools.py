@@ -98,7 +98,10 @@ def uv_sphere(name, radius, resolution, shape=lambda v: v):
     for i in range(1, n):
         a = math.pi * i / n
         v += [(math.sin(a) * math.cos(math.pi * j / n), math.sin(a) * math.sin(math.pi * j / n), math.cos(a)) for j in range(2 * n)]
-    ring = lambda i: 2 + 2 * n * (i - 1)
+
+    def ring(i):
+        return 2 + 2 * n * (i - 1)
+
     t = []
     for j in range(2 * n):
         k = (j + 1) % (2 * n)

@@ -7,6 +7,7 @@ import argparse
 import csv
 import json
 import os
+import statistics
 import subprocess
 import sys
 from pathlib import Path
@@ -96,11 +97,10 @@ def python(machine, options, path):
                 if done.returncode:
                     raise DemoError(f"bench_python: {done.stderr.strip()}")
                 rounds.append((bench, json.loads(done.stdout)))
-            median = lambda values: sorted(values)[len(rounds) // 2]  # noqa: E731
-            floor, cpp = (median(bench[key] for bench, _ in rounds) for key in ("floor_p50_us", "p50_us"))
+            floor, cpp = (statistics.median_high(bench[key] for bench, _ in rounds) for key in ("floor_p50_us", "p50_us"))
             row = {"machine": rounds[0][0]["machine"], "date": rounds[0][0]["date"], "pairs": rounds[0][0]["pairs"],
                    "floor_p50_us": floor, "cpp_p50_us": cpp}
-            row.update({key: median(mine[key] for _, mine in rounds) for key in rounds[0][1]})
+            row.update({key: statistics.median_high(mine[key] for _, mine in rounds) for key in rounds[0][1]})
             for kind in ("prepared", "distances"):
                 row[f"{kind}_added_us"] = round(row[f"{kind}_p50_us"] - floor - row["engine_p50_us"], 3)
             row.update(bar_us=3, met="yes" if row["prepared_added_us"] <= 3 else "no", command="tools/bench.py python")
@@ -119,11 +119,11 @@ def doorbell(machine, options, path):
                 for i in range(len(machine.cores)):
                     stage.start(f"busy{i}", [sys.executable, "-c", BUSY])
             # Beside busy programs the scheduler is what is measured: no cores or priorities of one's own.
-            place = (lambda core: []) if cores == "busy" else (lambda core: machine.on(core if cores == "apart" else 0))
-            _, urls, _ = start_daemon(stage, options.scene, place(0))
+            server, client = {"apart": (machine.on(0), machine.on(1)), "together": (machine.on(0), machine.on(0)), "busy": ([], [])}[cores]
+            _, urls, _ = start_daemon(stage, options.scene, server)
             for pairs in (1, 0):
                 for spin_us in (0, 20, LONG_SPIN_US):
-                    row = json.loads(clearance(stage, place(1), "bench", "--connect", urls["shm"], "--spin-us", spin_us, "--pairs", pairs,
+                    row = json.loads(clearance(stage, client, "bench", "--connect", urls["shm"], "--spin-us", spin_us, "--pairs", pairs,
                                                "--seconds", options.seconds / 2, "--warmup", 0.3, "--json"))[0]
                     rows.append({"cores": cores, "client_spin_us": spin_us, **row})
                     print(f"cores {cores:9} {row['pairs']:>4} pairs, client spins {spin_us:>4} us: p50 {row['p50_us']:8.2f}, p99 {row['p99_us']:9.2f}, "

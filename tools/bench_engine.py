@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "build/python"))
-import clearance  # noqa: E402
+import clearance
 
 BODIES, PAIRS, CONFIGURATIONS = 30, 150, 4096
 

@@ -71,7 +71,8 @@ def versions():
 
 
 def machine():
-    model = next((line.split(": ")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), "?")
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    model = next((line.split(": ")[1].strip() for line in lines if line.startswith("model name")), "?")
     return f"{model} x{os.cpu_count()}, {datetime.date.today()}"
 
 
@@ -125,7 +126,7 @@ class Contender:
 
     def __init__(self, name, problem):
         self.name = name
-        self.log = open(PROBLEMS / "stderr.txt", "w+")
+        self.log = open(PROBLEMS / "stderr.txt", "w+")  # noqa: SIM115  # until close()
         self.process = subprocess.Popen([CONTENDERS[name], problem.path], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                         stderr=self.log, text=True, bufsize=1)
         line = self.process.stdout.readline().rstrip("\n").split("\t")
@@ -168,7 +169,10 @@ def time_workload(problem, what, rounds, seconds):
             if k > 0:  # the first round warms up
                 times[c, s].append(t)
     rows = []
-    clock = lambda s: 0 if "threads" in s else 1  # what several threads gain shows on the wall alone
+
+    def clock(s):
+        return 0 if "threads" in s else 1  # what several threads gain shows on the wall alone
+
     for c, s in asked:
         ns = [1e9 * t[clock(s)] / problem.count for t in times[c, s]]
         error, relative, _ = problem.errors(c.answers(s))
@@ -225,7 +229,10 @@ def answer_one_by_one(contender, problem, setting):
     path.unlink(missing_ok=True)
     path.touch()
     ends = {"crash": 0, "hang": 0}
-    done = lambda: path.stat().st_size // 8
+
+    def done():
+        return path.stat().st_size // 8
+
     while done() < problem.count:
         process = subprocess.Popen([CONTENDERS[contender], problem.path, path, setting, str(done())],
                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -336,7 +343,9 @@ def peer_cells(rows, show):
 
 
 def timing_table(remark, groups):
-    show = lambda r: f"{nanoseconds(float(r['ns_median']))} ({figure(r)})"
+    def show(r):
+        return f"{nanoseconds(float(r['ns_median']))} ({figure(r)})"
+
     lines = ["| work | ours, float64 | ours, float32 | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|--:|"]
     for rows in groups.values():
         cells = [rows[0]["what"], show(ours(rows, "f64")), show(ours(rows, "f32")), *peer_cells(rows, show)]
@@ -349,7 +358,10 @@ def timing_table(remark, groups):
 
 def short_table(remark, groups):
     """Some of the workloads, in float64, for the README."""
-    show = lambda r: nanoseconds(float(r["ns_median"]))
+
+    def show(r):
+        return nanoseconds(float(r["ns_median"]))
+
     lines = ["| time per pair, one thread | Clearance | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|"]
     for name in ("all_pairs", "cut", "within", "gap_1mm_42", "motion_1202", "cell", "cell_least", "depth_1202",
                  "two_2M"):
@@ -388,6 +400,10 @@ def share(count, cases):
     return "0" if not count else f"{100 * count / cases:.2g} %" if count < cases else "all"
 
 
+def total(rows, *keys):
+    return sum(int(r[k]) for r in rows for k in keys)
+
+
 def accuracy_table(remark, rows):
     tried = list(dict.fromkeys((r["contender"], r["setting"]) for r in rows if r["contender"] != "Bullet f32"))
     label = {"Clearance": "ours"}
@@ -398,10 +414,9 @@ def accuracy_table(remark, rows):
         cells = [f"`{name}`" if name else "**all**"]
         for who in tried:
             mine = [r for r in rows if (r["contender"], r["setting"]) == who and name in (None, r["class"])]
-            total = lambda *keys: sum(int(r[k]) for r in mine for k in keys)
-            cases, none = total("cases"), total("refused", "crashed", "hung")
-            cells.append(" / ".join(share(x, cases) for x in (total("wrong"), total("wrong_by_1e-3"),
-                                                               total("wrong_by_1e-6_of_size"), none)))
+            cases, none = total(mine, "cases"), total(mine, "refused", "crashed", "hung")
+            cells.append(" / ".join(share(x, cases) for x in (total(mine, "wrong"), total(mine, "wrong_by_1e-3"),
+                                                               total(mine, "wrong_by_1e-6_of_size"), none)))
         lines.append("| " + " | ".join(cells) + " |")
     return (f"From `docs/results/peers_accuracy.csv` ({remark}); of all cases: wrong by more than 1e-6 of the distance (and "
             "16 eps S) / by more than 1e-3 of the distance / by more than 1e-6 of S, the bodies' size and separation / without "

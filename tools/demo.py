@@ -199,8 +199,9 @@ def ask_cpp(client, url):
     def numbers(*names):
         return np.array([[float(row[name]) for name in names] for row in rows])
 
+    distance, lower, upper = numbers("distance", "lower", "upper").T
     return Answer(int(first.split()[-1]), [ids.get(row["neighbour"], clearance.NONE) for row in rows],
-                  [int(row["status"]) for row in rows], *numbers("distance", "lower", "upper").T,
+                  [int(row["status"]) for row in rows], distance, lower, upper,
                   numbers("x", "y", "z"), numbers("other_x", "other_y", "other_z"))
 
 

@@ -43,15 +43,13 @@ class Stage:
 
     def start(self, name, command, **options):
         """Starts a child; what it prints goes to a log in the folder, unless stdout= says otherwise."""
-        log = open(self.folder / f"{name}.log", "w")
-        options.setdefault("stdout", log)
-        try:
-            child = subprocess.Popen([str(part) for part in command], stdin=subprocess.DEVNULL, stderr=log,
-                                     start_new_session=True, preexec_fn=_die_with_parent, **options)
-        except OSError as error:
-            raise DemoError(f"cannot start {command[0]}: {error.strerror}") from None
-        finally:
-            log.close()
+        with open(self.folder / f"{name}.log", "w") as log:
+            options.setdefault("stdout", log)
+            try:
+                child = subprocess.Popen([str(part) for part in command], stdin=subprocess.DEVNULL, stderr=log,
+                                         start_new_session=True, preexec_fn=_die_with_parent, **options)
+            except OSError as error:
+                raise DemoError(f"cannot start {command[0]}: {error.strerror}") from None
         self.children.append((name, child))
         return child
 

@@ -8,6 +8,7 @@
 The words of the page that rest on figures are marked there with <!-- claim NAME -->; CLAIMS says what each one means.
 """
 import csv
+import functools
 import math
 import re
 import subprocess
@@ -302,7 +303,6 @@ def draw(results):
     import matplotlib
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
-
     from matplotlib.lines import Line2D
 
     figure, axes = plt.subplots(4, 2, figsize=(15, 22), layout="constrained")
@@ -317,7 +317,7 @@ def draw(results):
         found = list(dict.fromkeys(r["method"] for x in results for r in x.case(experiment, name)))
         methods = [m for m in found if not m.startswith(("clearance", "coal"))] + [m for m in found if m.startswith(("coal", "clearance"))]
         sides = [("the report", reported.get, "gray")] * bool(reported) + [
-            (x.short, lambda m, x=x: x.us(experiment, name, m), colour) for x, colour in zip(results, colours[1:])]
+            (x.short, functools.partial(x.us, experiment, name), colour) for x, colour in zip(results, colours[1:])]
         for k, (who, us, colour) in enumerate(sides):
             values = [us(m) or math.nan for m in methods]
             axis.barh([i + (k - (len(sides) - 1) / 2) * 0.26 for i in range(len(methods))], values, 0.26, label=who, color=colour)

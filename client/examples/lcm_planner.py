@@ -4,9 +4,10 @@
     clearanced --scene scenes/nineteen/scene.yaml --lcm "udpm://239.255.76.67:7667?ttl=0" &
     python3 client/examples/lcm_planner.py --url "udpm://239.255.76.67:7667?ttl=0"
 
-It waits for the scene, publishes where the bodies are (again every second, for late joiners and losses), then asks about
-a batch of configurations of one body and prints, for each, the nearest pair with its certified bounds.
+It waits for the scene, publishes where the bodies are (again every second, for late joiners and losses), then asks
+about a batch of configurations of one body and prints, for each, the nearest pair with its certified bounds.
 """
+
 import argparse
 import math
 import pathlib
@@ -35,8 +36,14 @@ class Planner:
         self.poses = {}  # body id: [x, y, z, qw, qx, qy, qz]
         self.published = 0.0
         self.scene_parts, self.state_parts, self.reply_parts = {}, {}, {}
-        self.subscribe("CLEARANCE_SCENE", scene_t, lambda m: self.scene_parts.setdefault(m.revision, {}).update({m.part: m}))
-        self.subscribe("CLEARANCE_STATES", states_t, lambda m: self.state_parts.setdefault(m.scene_revision, {}).update({m.part: m}))
+        self.subscribe(
+            "CLEARANCE_SCENE", scene_t, lambda m: self.scene_parts.setdefault(m.revision, {}).update({m.part: m})
+        )
+        self.subscribe(
+            "CLEARANCE_STATES",
+            states_t,
+            lambda m: self.state_parts.setdefault(m.scene_revision, {}).update({m.part: m}),
+        )
         self.subscribe("CLEARANCE_REPLY", reply_t, self.on_reply)
 
     def subscribe(self, channel, kind, handler):
@@ -53,7 +60,9 @@ class Planner:
         deadline = time.monotonic() + seconds
         while not (result := found()):
             if time.monotonic() > deadline:
-                sys.exit(f"lcm_planner: {what} did not come within {seconds:g} s; is clearanced running with this --lcm url?")
+                sys.exit(
+                    f"lcm_planner: {what} did not come within {seconds:g} s; is clearanced running with this --lcm url?"
+                )
             self.spin(0.1)
         return result
 
@@ -85,7 +94,7 @@ class Planner:
     def publish_poses(self):
         items = sorted(self.poses.items())
         for begin in range(0, len(items), 700):  # under 48 KB each
-            some = items[begin:begin + 700]
+            some = items[begin : begin + 700]
             message = pose_update_t()
             self.sequence += 1
             message.publisher_id, message.sequence, message.stamp_ns = self.id, self.sequence, time.time_ns()
@@ -122,8 +131,15 @@ def circle(center, radius, count):
     """Poses around `center`, turning once about z on the way."""
     for k in range(count):
         a = 2 * math.pi * k / count
-        yield [center[0] + radius * math.cos(a), center[1] + radius * math.sin(a), center[2],
-               math.cos(a / 2), 0.0, 0.0, math.sin(a / 2)]
+        yield [
+            center[0] + radius * math.cos(a),
+            center[1] + radius * math.sin(a),
+            center[2],
+            math.cos(a / 2),
+            0.0,
+            0.0,
+            math.sin(a / 2),
+        ]
 
 
 def main():
@@ -131,7 +147,9 @@ def main():
     parser.add_argument("--url", default="udpm://239.255.76.67:7667?ttl=0", help="LCM url")
     parser.add_argument("--prefix", default="", help="of the daemon's channels")
     parser.add_argument("--body", help="name of the body to plan for (default: the first that moves)")
-    parser.add_argument("--configurations", type=int, default=12, metavar="K", help="poses of it to ask about (at most 600)")
+    parser.add_argument(
+        "--configurations", type=int, default=12, metavar="K", help="poses of it to ask about (at most 600)"
+    )
     parser.add_argument("--radius", type=float, default=0.5, help="of the circle that they lie on, metres")
     parser.add_argument("--listen", action="store_true", help="publish no poses: somebody else does")
     options = parser.parse_args()
@@ -161,10 +179,14 @@ def main():
     for part in parts:
         for i in range(part.pair_count):
             a, b = (planner.names.get(j, "none") for j in part.pair[i])
-            print(f"{part.first_row + i:>13}  {a + ' - ' + b:<32} {part.distance[i]:12.6f} {part.lower[i]:12.6f} "
-                  f"{part.upper[i]:12.6f}  {STATUS[part.status[i]]}")
-    print(f"\npose revision {parts[0].snapshot_revision}, {parts[0].pairs_evaluated} pairs in "
-          f"{parts[0].server_ns / 1000:.0f} us on backend {parts[0].backend}")
+            print(
+                f"{part.first_row + i:>13}  {a + ' - ' + b:<32} {part.distance[i]:12.6f} {part.lower[i]:12.6f} "
+                f"{part.upper[i]:12.6f}  {STATUS[part.status[i]]}"
+            )
+    print(
+        f"\npose revision {parts[0].snapshot_revision}, {parts[0].pairs_evaluated} pairs in "
+        f"{parts[0].server_ns / 1000:.0f} us on backend {parts[0].backend}"
+    )
 
 
 if __name__ == "__main__":

@@ -3,11 +3,12 @@
 
     python3 client/examples/pose_publisher.py --url "udpm://239.255.76.67:7667?ttl=0" --rate 100 --seconds 10
 
-It learns the bodies from CLEARANCE_SCENE and where they are from CLEARANCE_STATES, and lets each wander about that place
-(bodies that never had a pose are laid out on a grid). Static bodies and those that follow another stay as they are. All
-poses are in every update, so that late joiners and losses need no more. It uses nothing of Clearance but lcmtypes/.
-Ends after --seconds, or with SIGTERM or Ctrl-C, exit code 0.
+It learns the bodies from CLEARANCE_SCENE and where they are from CLEARANCE_STATES, and lets each wander about that
+place (bodies that never had a pose are laid out on a grid). Static bodies and those that follow another stay as they
+are. All poses are in every update, so that late joiners and losses need no more. It uses nothing of Clearance but
+lcmtypes/. Ends after --seconds, or with SIGTERM or Ctrl-C, exit code 0.
 """
+
 import argparse
 import math
 import pathlib
@@ -33,8 +34,10 @@ class Wanderer:
     def __init__(self, body, place, reach):
         chance = random.Random(body)
         self.body, self.place = body, place
-        self.waves = [(reach * chance.uniform(0.3, 0.6), chance.uniform(0.3, 1.2), chance.uniform(0, 2 * math.pi))
-                      for _ in range(3)]
+        self.waves = [
+            (reach * chance.uniform(0.3, 0.6), chance.uniform(0.3, 1.2), chance.uniform(0, 2 * math.pi))
+            for _ in range(3)
+        ]
         axis = [chance.gauss(0, 1) for _ in range(3)]
         length = math.hypot(*axis)
         self.axis = [a / length for a in axis]
@@ -50,10 +53,12 @@ class Wanderer:
 
 def multiply(p, q):
     """The product of two quaternions, scalar first."""
-    return [p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-            p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-            p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-            p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0]]
+    return [
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+    ]
 
 
 class Publisher:
@@ -95,8 +100,12 @@ class Publisher:
                 extent[i] = far
                 if not is_static and parent == scene_t.NONE:
                     movable.append(i)
-        known = {i: list(pose) for part in self.states["parts"].values()
-                 for i, pose, status in zip(part.ids, part.poses, part.status) if status == reply_t.STATUS_OK}
+        known = {
+            i: list(pose)
+            for part in self.states["parts"].values()
+            for i, pose, status in zip(part.ids, part.poses, part.status)
+            if status == reply_t.STATUS_OK
+        }
         pitch = 2.0 * max((extent[i] for i in movable), default=1.0)
         side = math.ceil(len(movable) ** (1 / 3) - 1e-9) or 1
         kept = {w.body: w for w in self.wanderers}
@@ -110,7 +119,7 @@ class Publisher:
 
     def publish(self, t):
         for begin in range(0, len(self.wanderers), BODIES_PER_MESSAGE):
-            some = self.wanderers[begin:begin + BODIES_PER_MESSAGE]
+            some = self.wanderers[begin : begin + BODIES_PER_MESSAGE]
             message = pose_update_t()
             self.sequence += 1
             message.publisher_id, message.sequence, message.stamp_ns = self.id, self.sequence, time.time_ns()
@@ -141,7 +150,9 @@ def main():
     deadline = time.monotonic() + options.wait
     while not ended and publisher.revision is None:
         if time.monotonic() > deadline:
-            sys.exit(f"pose_publisher: no scene on {options.url} within {options.wait:g} s; is clearanced running there?")
+            sys.exit(
+                f"pose_publisher: no scene on {options.url} within {options.wait:g} s; is clearanced running there?"
+            )
         publisher.lcm.handle_timeout(50)
         publisher.follow_scene()
 

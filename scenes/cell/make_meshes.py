@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
-import mesh_tools as mt  # noqa: E402
+import mesh_tools as mt
 
 os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), "meshes"))
 
@@ -70,7 +70,12 @@ mt.write_ply("cup.ply", [mt.turned("cup", [(0.028, 0.0), (0.030, 0.004), (0.0385
 mt.write_gltf("table.gltf", [mt.box("top", (1.6, 1.2, 0.04)), mt.box("leg", (0.06, 0.06, 0.69)), mt.box("apron", (1.4, 0.03, 0.08))],
               [("top", {"translation": [0, 0, -0.02]})] + [("leg", {"translation": [x, y, -0.385]}) for x in (-0.73, 0.73) for y in (-0.53, 0.53)] +
               [("apron", {"translation": [0, y, -0.08]}) for y in (-0.53, 0.53)])
-place = lambda x, y, z: np.array([[1.0, 0, 0, x], [0, 1, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
+
+
+def place(x, y, z):
+    return np.array([[1.0, 0, 0, x], [0, 1, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
+
+
 mt.write_dae("shelf.dae", [mt.box("side", (0.02, 0.35, 0.9)), mt.box("board", (0.80, 0.35, 0.02)), mt.box("back", (0.80, 0.01, 0.9))],
              [("side", place(-0.41, 0, 0.45)), ("side", place(0.41, 0, 0.45)), ("back", place(0, 0.17, 0.45))] + [("board", place(0, 0, z)) for z in (0.01, 0.32, 0.60, 0.89)])
 mt.write_obj("bin.obj", [mt.box("floor", (0.30, 0.22, 0.006), (0, 0, 0.003))] + [mt.box(f"wall_x{s}", (0.006, 0.22, 0.12), (s * 0.147, 0, 0.06)) for s in (-1, 1)] +

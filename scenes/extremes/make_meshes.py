@@ -5,7 +5,7 @@ import os
 import sys
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
-import mesh_tools as mt  # noqa: E402
+import mesh_tools as mt
 
 os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), "meshes"))
 

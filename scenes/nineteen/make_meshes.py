@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
-import mesh_tools as mt  # noqa: E402
+import mesh_tools as mt
 
 os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), "meshes"))
 
@@ -64,9 +64,9 @@ mt.write_gltf("chair.gltf", [mt.box("leg", (0.06, 0.06, 0.45)), mt.box("seat", (
               [("seat", {"translation": [0, 0, 0.475]}), ("back", {"translation": [0, 0.225, 0.77], "rotation": [-math.sin(0.06), 0, 0, math.cos(0.06)]})])
 
 # A hammer, drawn in millimetres: the handle at one node, the head at another, and the same head's face at each end.
-def at(x, y, z, r=np.eye(3)):
+def at(x, y, z, r=None):
     m = np.eye(4)
-    m[:3, :3], m[:3, 3] = r, (x, y, z)
+    m[:3, :3], m[:3, 3] = np.eye(3) if r is None else r, (x, y, z)
     return m
 
 

@@ -15,6 +15,7 @@ import sys
 import tempfile
 
 import pytest
+
 from patience import PATIENCE_S
 
 # A runner in the background may have left SIGINT ignored, which the programs that tests start would inherit.
@@ -30,7 +31,9 @@ INSTALLED = os.environ.get("CLEARANCE_INSTALLED") == "1"
 
 if not INSTALLED:
     sys.path.insert(0, str(BUILD / "python"))
-    os.environ["PYTHONPATH"] = os.pathsep.join([str(BUILD / "python"), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    os.environ["PYTHONPATH"] = os.pathsep.join([str(BUILD / "python"), os.environ.get("PYTHONPATH", "")]).rstrip(
+        os.pathsep
+    )
 
 
 @pytest.fixture(scope="session")
@@ -157,8 +160,9 @@ def engine():
 
 @pytest.fixture(scope="module")
 def crowd():
-    import clearance
     import numpy as np
+
+    import clearance
     from scenes import random_hulls, random_poses
 
     scene, poses = random_hulls(40, seed=9)

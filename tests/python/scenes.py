@@ -47,7 +47,9 @@ def random_hulls(count, seed, vertices=12, spread=3.0):
 
 def random_poses(rng, count, spread):
     q = rng.normal(size=(count, 4))
-    return np.concatenate([rng.uniform(-spread, spread, (count, 3)), q / np.linalg.norm(q, axis=1, keepdims=True)], axis=1)
+    return np.concatenate(
+        [rng.uniform(-spread, spread, (count, 3)), q / np.linalg.norm(q, axis=1, keepdims=True)], axis=1
+    )
 
 
 def rotation(pose):

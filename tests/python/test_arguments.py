@@ -5,10 +5,10 @@ import re
 
 import numpy as np
 import pytest
-from patience import PATIENCE_S
-from scenes import IDENTITY
 
 import clearance
+from patience import PATIENCE_S
+from scenes import IDENTITY
 
 BOOLS = ["yes", "", 1, 0.0, None, np.array([True]), b"\1"]
 NUMBERS = ["1.5", b"1", True, np.True_, 1j, np.array("2"), np.ones(2), [1.0], float("nan"), 10**400]

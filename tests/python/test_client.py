@@ -1,5 +1,6 @@
 """The client through a daemon, on every transport, before the engine in this process."""
 
+import contextlib
 import gc
 import os
 import pathlib
@@ -10,13 +11,13 @@ import traceback
 
 import numpy as np
 import pytest
-from patience import PATIENCE_S
-from scenes import at, random_poses
-from threads import turns_beside
 
 import clearance
 from clearance import Status
 from clearance.wire import ErrorCode
+from patience import PATIENCE_S
+from scenes import at, random_poses
+from threads import turns_beside
 
 EVERY_FIELD = ("default", "points", "normal", "pieces", "flags", "gradient")
 
@@ -115,7 +116,9 @@ def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
             assert answer.backend == expected.backend and answer.server_ns >= answer.engine_ns > 0
             states = client.body_states()
             for mine, theirs in zip(states, engine.body_states()):
-                assert mine.status == theirs.status and mine.parent == theirs.parent and mine.stamp_ns == theirs.stamp_ns
+                assert (
+                    mine.status == theirs.status and mine.parent == theirs.parent and mine.stamp_ns == theirs.stamp_ns
+                )
                 assert np.array_equal(mine.pose, theirs.pose, equal_nan=True)
             assert states[client.body_id("bottle")].age_ns > 0
     finally:
@@ -140,9 +143,11 @@ def test_a_query_waits_for_its_poses(daemon, engine):
             answer = waiting.result(timeout=PATIENCE_S)
             assert answer.snapshot_stamp_ns == stamp and answer.snapshot_sequence == stamp // 2
             prepared = client.prepare(min_pose_stamp_ns=1, **asked)
-            assert prepared().snapshot_stamp_ns == stamp and prepared(min_pose_stamp_ns=stamp).snapshot_stamp_ns == stamp
+            assert (
+                prepared().snapshot_stamp_ns == stamp and prepared(min_pose_stamp_ns=stamp).snapshot_stamp_ns == stamp
+            )
             asked_too_early = {**asked, "pose_wait_s": 0.001}
-            with pytest.raises(clearance.RequestError, match="no poses with stamp .* came within 1.0* ms") as late:
+            with pytest.raises(clearance.RequestError, match=r"no poses with stamp .* came within 1.0* ms") as late:
                 client.distances(min_pose_stamp_ns=stamp + 1, **asked_too_early)
             assert late.value.code == ErrorCode.POSES_LATE
             with pytest.raises(ValueError, match="pose_wait_s: expected 0 to 10 seconds, got 11"):
@@ -170,7 +175,12 @@ def test_scene_and_pairs(client, engine):
 
 def test_points_come_by_default_as_they_do_in_process(client, engine):
     few = np.tile(at(0.5), (20, 1, 1))
-    for query in ({"configurations": few, "bodies": ["ball"]}, {"pairs": ("ball", "*")}, {"reduce": "nearest"}, {"reduce": "min"}):
+    for query in (
+        {"configurations": few, "bodies": ["ball"]},
+        {"pairs": ("ball", "*")},
+        {"reduce": "nearest"},
+        {"reduce": "min"},
+    ):
         assert set(client.distances(**query).columns) == set(engine.distances(**query).columns) >= {"point_a", "normal"}
     if client.url.startswith("udpm"):
         return  # large requests take seconds there
@@ -201,7 +211,7 @@ def test_refusals_are_those_of_the_engine(client, engine, query):
     with pytest.raises(clearance.QueryError) as ours:
         client.distances(**query)
     assert ours.value.code == theirs.value.code == ErrorCode.BAD_QUERY
-    future = client.submit(fields=("lower",), **{**query})
+    future = client.submit(fields=("lower",), **query)
     with pytest.raises(clearance.QueryError):
         future.result()
     assert future.done()
@@ -275,10 +285,8 @@ def test_views_die_on_another_thread_while_the_client_works(daemon, kinds):
 
     def drop():
         while not stop.is_set():
-            try:
+            with contextlib.suppress(IndexError):
                 boxes.pop()
-            except IndexError:
-                pass
 
     thread = threading.Thread(target=drop)
     thread.start()
@@ -308,7 +316,7 @@ def test_futures_in_any_order(client, engine):
         assert same_bits(answer, engine.distances(configurations=configurations[k], **query))
         assert futures[k].done() and not futures[k].cancel()
     assert futures[2].result() is futures[2].result()
-    cancelled = client.submit(**{"reduce": "min"})
+    cancelled = client.submit(reduce="min")
     if cancelled.cancel():
         import concurrent.futures
 
@@ -411,7 +419,9 @@ def test_bad_urls(url, error, text):
         clearance.connect(url, timeout_s=0.2)
 
 
-@pytest.mark.parametrize("timeout, error", [(-1, ValueError), (float("nan"), ValueError), ("1", TypeError), (None, TypeError)])
+@pytest.mark.parametrize(
+    "timeout, error", [(-1, ValueError), (float("nan"), ValueError), ("1", TypeError), (None, TypeError)]
+)
 def test_bad_timeouts(timeout, error):
     with pytest.raises(error, match="timeout_s: expected a number"):
         clearance.connect("ipc:///nowhere", timeout_s=timeout)

@@ -4,12 +4,12 @@ import subprocess
 
 import numpy as np
 import pytest
-from conftest import BUILD, INSTALLED
-from patience import PATIENCE_S
-from scenes import at
 
 import clearance
 from clearance.wire import ErrorCode
+from conftest import BUILD, INSTALLED
+from patience import PATIENCE_S
+from scenes import at
 
 PROGRAM = "clearance" if INSTALLED else str(BUILD / "bin" / "clearance")
 
@@ -38,7 +38,9 @@ def test_attachments_of_another_client(ipc):
 
 def test_bodies_come_and_go(start_daemon, cell, tmp_path):
     scene = tmp_path / "scene.yaml"
-    scene.write_text("bodies:\n  - {name: gripper, sphere: 0.1, pose: [0,0,0, 1,0,0,0]}\n  - {name: wall, box: [1,1,1], pose: [5,0,0, 1,0,0,0]}\n")
+    scene.write_text(
+        "bodies:\n  - {name: gripper, sphere: 0.1, pose: [0,0,0, 1,0,0,0]}\n  - {name: wall, box: [1,1,1], pose: [5,0,0, 1,0,0,0]}\n"
+    )
     daemon = start_daemon(scene, ["ipc"])
     with clearance.connect(daemon.urls["ipc"]) as client:
         before = client.distances().scene_revision

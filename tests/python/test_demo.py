@@ -1,4 +1,5 @@
 """The demo ends by itself, shows that the transports agree, and leaves nothing behind, whatever ends it."""
+
 import os
 import re
 import shutil
@@ -13,17 +14,33 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
+from patience import PATIENCE_S  # noqa: E402
 from service import ROUTE, free_udp_port, multicast_works  # noqa: E402
-from patience import PATIENCE_S
 
 MULTICAST = multicast_works(free_udp_port())
 
 
 def start(tmp_path, *options, prefix=()):
-    command = [*prefix, sys.executable, "tools/demo.py", "--move", "0.5", "--seconds", "0.2", "--picture",
-               str(tmp_path / "demo.png"), *options]
-    return subprocess.Popen(command, cwd=ROOT, env={**os.environ, "TMPDIR": str(tmp_path), "PYTHONUNBUFFERED": "1"},
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = [
+        *prefix,
+        sys.executable,
+        "tools/demo.py",
+        "--move",
+        "0.5",
+        "--seconds",
+        "0.2",
+        "--picture",
+        str(tmp_path / "demo.png"),
+        *options,
+    ]
+    return subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env={**os.environ, "TMPDIR": str(tmp_path), "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def read_until(process, pattern):
@@ -52,7 +69,9 @@ def test_it_runs_to_its_end(tmp_path):
     output, errors = start(tmp_path).communicate(timeout=PATIENCE_S)
     assert "The demo failed" not in errors, errors
     # 19 rows, each with an interval that holds its distance.
-    rows = re.findall(r"^  (\w+) +(\w+) +(\d+\.\d+) +(\d+\.\d+) +(\d+\.\d+)  (ok|overlap|contact)$", output, re.MULTILINE)
+    rows = re.findall(
+        r"^  (\w+) +(\w+) +(\d+\.\d+) +(\d+\.\d+) +(\d+\.\d+)  (ok|overlap|contact)$", output, re.MULTILINE
+    )
     assert len(rows) == len({row[0] for row in rows}) == 19, output
     assert all(float(lower) <= float(upper) for _, _, _, lower, upper, _ in rows)
     assert {"ok", "overlap"} <= {row[5] for row in rows}

@@ -1,4 +1,5 @@
 """What the README and the pages say is true: examples run, links lead somewhere, tables are those of the result files."""
+
 import os
 import re
 import subprocess
@@ -6,9 +7,10 @@ import sys
 import textwrap
 from pathlib import Path
 
-import clearance
 import numpy as np
 import pytest
+
+import clearance
 from patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,7 +24,7 @@ def code_blocks(path, language):
 @pytest.fixture
 def daemon(tmp_path):
     """The daemon that the README starts, with its sockets in tmp_path. Gives a function that places a text there, too."""
-    command, = re.findall(r"^    (build/bin/clearanced .*)$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    (command,) = re.findall(r"^    (build/bin/clearanced .*)$", (ROOT / "README.md").read_text(), re.MULTILINE)
 
     def place(text):
         assert "/tmp/clearance." in text
@@ -54,7 +56,7 @@ def run_python(code, *arguments):
 
 
 def test_python_example_of_the_readme(daemon, engine):
-    code, = code_blocks("README.md", "python")
+    (code,) = code_blocks("README.md", "python")
     printed = [line.split() for line in run_python(daemon(code)).splitlines()]
     expected = engine.distances(reduce="within", max_distance=0.2)
     names = [body.name for body in engine.bodies]
@@ -66,20 +68,24 @@ def test_python_example_of_the_readme(daemon, engine):
 
 def test_cpp_example_of_the_readme(daemon, engine, tmp_path):
     """Built as a user would: against an installed Clearance, through find_package."""
-    code, = code_blocks("README.md", "cpp")
+    (code,) = code_blocks("README.md", "cpp")
     prefix, source, build = tmp_path / "prefix", tmp_path / "source", tmp_path / "out"
     source.mkdir()
     (source / "main.cpp").write_text(daemon(code))
-    (source / "CMakeLists.txt").write_text(textwrap.dedent("""\
+    (source / "CMakeLists.txt").write_text(
+        textwrap.dedent("""\
         cmake_minimum_required(VERSION 3.22)
         project(example CXX)
         find_package(Clearance REQUIRED)
         add_executable(example main.cpp)
         target_link_libraries(example PRIVATE Clearance::client)
-        """))
-    for command in (["cmake", "--install", BUILD, "--prefix", prefix],
-                    ["cmake", "-S", source, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}"],
-                    ["cmake", "--build", build]):
+        """)
+    )
+    for command in (
+        ["cmake", "--install", BUILD, "--prefix", prefix],
+        ["cmake", "-S", source, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefix}"],
+        ["cmake", "--build", build],
+    ):
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
         assert done.returncode == 0, done.stdout + done.stderr
     done = subprocess.run([build / "example"], capture_output=True, text=True, timeout=PATIENCE_S)
@@ -98,7 +104,7 @@ def test_cpp_example_of_the_readme(daemon, engine, tmp_path):
 
 
 def test_the_client_of_the_wire_page(daemon, engine, tmp_path):
-    code, = code_blocks("docs/wire.md", "python")
+    (code,) = code_blocks("docs/wire.md", "python")
     printed = [line.split() for line in run_python(code, daemon("ipc:///tmp/clearance.ipc")).splitlines()]
     expected = engine.distances(reduce="nearest")
     names = np.array([body.name for body in engine.bodies])
@@ -107,8 +113,12 @@ def test_the_client_of_the_wire_page(daemon, engine, tmp_path):
 
 
 def test_links_lead_somewhere():
-    pages = [ROOT / name for name in subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True,
-                                                    check=True).stdout.split()] or list(ROOT.glob("*.md"))
+    pages = [
+        ROOT / name
+        for name in subprocess.run(
+            ["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout.split()
+    ] or list(ROOT.glob("*.md"))
     checked = 0
     for page in pages:
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
@@ -119,12 +129,16 @@ def test_links_lead_somewhere():
 
 def test_every_page_is_listed():
     index = (ROOT / "docs/README.md").read_text()
-    missing = [page.name for page in (ROOT / "docs").glob("*.md") if page.name != "README.md" and f"({page.name})" not in index]
+    missing = [
+        page.name for page in (ROOT / "docs").glob("*.md") if page.name != "README.md" and f"({page.name})" not in index
+    ]
     assert not missing, f"docs/README.md does not list {missing}"
 
 
 def test_tables_are_those_of_the_result_files():
-    done = subprocess.run([sys.executable, "tools/readme_tables.py", "--check"], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "tools/readme_tables.py", "--check"], cwd=ROOT, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -134,7 +148,9 @@ def test_the_example_of_the_python_page(front, start_daemon):
     code = textwrap.dedent("\n".join(re.findall(r"^    .*$|^$", text[: text.index("`add_body()`")], re.MULTILINE)))
     if front == "client":
         url = start_daemon(ROOT / "scenes/cell/scene.yaml", ["shm"]).urls["shm"]
-        code = re.sub(r"^engine = .*\n# (client = .*)\"shm:[^\"]*\"(\)).*$", rf'engine = \1"{url}"\2', code, flags=re.MULTILINE)
+        code = re.sub(
+            r"^engine = .*\n# (client = .*)\"shm:[^\"]*\"(\)).*$", rf'engine = \1"{url}"\2', code, flags=re.MULTILINE
+        )
         code = re.sub(r"^# (client\.add_body\(.*\]\)) .*$", r"\1", code, flags=re.MULTILINE)
         assert url in code and "\nclient.add_body" in code
     run_python(code + "\nassert r.upper.shape == (100,) and r.pairs.shape == (100, 2)")

@@ -4,12 +4,21 @@ import gc
 
 import numpy as np
 import pytest
-from scenes import (ARM_PAIRS, ARM_POSES, IDENTITY, arm, at, hull_distance,
-                    placed, random_hulls, random_poses, sphere_gap_bounds_hold, same)  # fmt: skip
 
 import clearance
 from clearance import Status
-
+from scenes import (
+    ARM_PAIRS,
+    ARM_POSES,
+    IDENTITY,
+    at,
+    hull_distance,
+    placed,  # fmt: skip
+    random_hulls,
+    random_poses,
+    same,
+    sphere_gap_bounds_hold,
+)
 
 # ---- answers --------------------------------------------------------------------------------------------------------
 
@@ -242,14 +251,19 @@ def test_gradient_is_the_change_of_distance(engine):
     for axis in range(3):
         moved = np.array(ARM_POSES["link2"])
         moved[axis] += step
-        changed = engine.distances(pairs=("link1", "link2"), configurations=moved[None, None], bodies=["link2"], rel_tol=1e-12)
+        changed = engine.distances(
+            pairs=("link1", "link2"), configurations=moved[None, None], bodies=["link2"], rel_tol=1e-12
+        )
         slope = (changed.distance[0, 0] - r.distance[0, 0]) / step
         assert slope == pytest.approx(r.gradient[0, 0, 1, 3 + axis], abs=1e-3)
 
 
 @pytest.mark.parametrize("name, row", [("link1", 0), ("link2", 1)])
 def test_the_gradient_is_about_the_bodys_own_origin_turn_first(engine, name, row):
-    poses = {"link1": [0.2, -0.3, 0.4, *quaternion(0.3, [1, 2, 3])], "link2": [0.5, 0.1, 0.9, *quaternion(0.8, [3, -1, 1])]}
+    poses = {
+        "link1": [0.2, -0.3, 0.4, *quaternion(0.3, [1, 2, 3])],
+        "link2": [0.5, 0.1, 0.9, *quaternion(0.8, [3, -1, 1])],
+    }
     engine.set_poses(poses)
     ask = dict(pairs=("link1", "link2"), rel_tol=1e-12)
     r = engine.distances(**ask, fields=("distance", "gradient", "flags"))
@@ -264,7 +278,9 @@ def test_the_gradient_is_about_the_bodys_own_origin_turn_first(engine, name, row
         else:
             moved[name] = [*(origin + step * np.eye(3)[axis - 3]), *poses[name][3:]]
         engine.set_poses(moved)
-        assert (engine.distances(**ask).distance[0, 0] - r.distance[0, 0]) / step == pytest.approx(gradient[axis], abs=1e-4)
+        assert (engine.distances(**ask).distance[0, 0] - r.distance[0, 0]) / step == pytest.approx(
+            gradient[axis], abs=1e-4
+        )
 
 
 def quaternion(angle, axis):

@@ -1,5 +1,6 @@
 """Futures, threads, processes and interrupts on an engine in this process."""
 
+import contextlib
 import itertools
 import os
 import threading
@@ -7,12 +8,12 @@ import time
 
 import numpy as np
 import pytest
-from patience import PATIENCE_S
-from scenes import ARM_PAIRS, ARM_POSES, arm, at, random_hulls, random_poses, same
-from threads import turns_beside
 
 import clearance
 from clearance import Status
+from patience import PATIENCE_S
+from scenes import ARM_PAIRS, ARM_POSES, arm, at, random_hulls, random_poses, same
+from threads import turns_beside
 
 
 def big_query():
@@ -76,10 +77,8 @@ def test_the_gil_is_released():
     engine, query = big_query()
 
     def ask():
-        try:
+        with contextlib.suppress(clearance.TimeoutError):
             engine.distances(**query, timeout_s=0.5)
-        except clearance.TimeoutError:
-            pass
 
     assert turns_beside(ask) > 1000, "this thread ran while the other was in the engine"
 
@@ -158,7 +157,9 @@ def test_use_after_fork_is_refused(engine):
     with os.fdopen(read) as pipe:
         lines = pipe.read().splitlines()
     os.waitpid(child, 0)
-    refusal = f"this Engine was made by process {os.getpid()} and cannot be used after a fork; make a new one in the child"
+    refusal = (
+        f"this Engine was made by process {os.getpid()} and cannot be used after a fork; make a new one in the child"
+    )
     assert lines[:4] == [refusal] * 4
     assert lines[4] == repr(float(engine.distances(pairs=(1, 2)).upper[0, 0])), "a new engine works in the child"
 

@@ -4,11 +4,10 @@ import pickle
 
 import numpy as np
 import pytest
-from scenes import IDENTITY, arm, at
 
 import clearance
 from clearance import Flag, Status
-
+from scenes import IDENTITY, arm, at
 
 # ---- statuses are not exceptions ------------------------------------------------------------------------------------
 
@@ -172,7 +171,6 @@ def test_too_many_rows():
 
 
 def test_errors_can_be_pickled():
-    import pickle
 
     error = pickle.loads(pickle.dumps(clearance.QueryError(3, "too large")))
     assert (error.code, str(error)) == (3, "too large")

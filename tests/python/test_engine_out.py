@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scenes import IDENTITY, at, same
 
-import clearance
+from scenes import IDENTITY, at, same
 
 
 def empty_columns(shape, names=("lower", "upper", "status", "point_a", "gradient")):
@@ -49,7 +48,9 @@ def test_out_within_needs_room_and_shows_what_was_found(crowd):
     own = engine.distances(reduce="within", max_distance=0.2, max_results=400)
     wider = engine.distances(reduce="within", max_distance=0.4, max_results=400, out=own)
     assert wider.total == expected.total > own.total, "room that the first answer did not need is used"
-    lower_only = engine.distances(reduce="within", max_distance=0.4, max_results=400, out=empty_columns((400,), ("lower",)))
+    lower_only = engine.distances(
+        reduce="within", max_distance=0.4, max_results=400, out=empty_columns((400,), ("lower",))
+    )
     assert lower_only.pairs.tolist() == expected.pairs.tolist(), "pairs come anyway"
 
 

@@ -5,9 +5,9 @@ import platform
 
 import numpy as np
 import pytest
-from scenes import random_poses
 
 import clearance
+from scenes import random_poses
 
 #: fenv.h, as the C library has it: FE_DOWNWARD, FE_UPWARD, FE_TOWARDZERO, FE_INVALID.
 NUMBERS = {

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 
 import pytest
+
 from conftest import BUILD, INSTALLED, ROOT
 from patience import PATIENCE_S
 
@@ -87,5 +88,7 @@ def test_a_client_alone_says_what_to_install(tmp_path):
     program.parent.mkdir()
     program.write_text('#!/bin/sh\necho "found: $*"\n')
     program.chmod(0o755)
-    answer = run("scene.yaml", "--json", program=alone, env={**os.environ, "PATH": f"{program.parent}:{os.environ['PATH']}"})
+    answer = run(
+        "scene.yaml", "--json", program=alone, env={**os.environ, "PATH": f"{program.parent}:{os.environ['PATH']}"}
+    )
     assert answer.stdout == "found: scene.yaml --json\n"

@@ -43,7 +43,9 @@ def run(code):
 
 
 def test_importing_the_package_loads_no_engine():
-    out = run("import clearance, sys; clearance.connect; print([m for m in sys.modules if m.startswith('clearance._')])")
+    out = run(
+        "import clearance, sys; clearance.connect; print([m for m in sys.modules if m.startswith('clearance._')])"
+    )
     assert "clearance._client" in out and "clearance._engine" not in out
     out = run("import clearance; clearance.connect; print(open('/proc/self/maps').read())")
     assert "_client" in out and "assimp" not in out and "qhull" not in out

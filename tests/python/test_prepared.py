@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scenes import at, random_poses
 
 import clearance
+from scenes import at, random_poses
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,9 @@ def front(request, kinds, scene_file, tmp_path_factory):
 
 
 def same(a, b):
-    return all(np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in ("lower", "upper", "status"))
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in ("lower", "upper", "status")
+    )
 
 
 @pytest.mark.parametrize("copy", [True, False])
@@ -40,7 +42,11 @@ def test_answers_are_those_of_distances(front, copy):
         result = prepared()
         assert same(result, expected)
     assert np.array_equal(result.pairs, expected.pairs)
-    assert (result.fields, result.total, result.configurations) == (expected.fields, expected.total, expected.configurations)
+    assert (result.fields, result.total, result.configurations) == (
+        expected.fields,
+        expected.total,
+        expected.configurations,
+    )
     assert (result.scene_revision, result.backend) == (expected.scene_revision, expected.backend)
 
 

@@ -4,9 +4,9 @@ import warnings
 
 import numpy as np
 import pytest
-from scenes import ARM_PAIRS, IDENTITY, arm, at, box_vertices
 
 import clearance
+from scenes import ARM_PAIRS, IDENTITY, arm, at, box_vertices
 
 
 def test_bodies_groups_and_pairs():
@@ -25,9 +25,9 @@ def test_bodies_groups_and_pairs():
 
 def test_pieces_initial_poses_and_revision():
     scene = arm()
-    (vertices, radius), = scene.pieces("link1")
+    ((vertices, radius),) = scene.pieces("link1")
     assert radius == 0 and sorted(map(tuple, vertices)) == sorted(map(tuple, box_vertices(0.1, 0.1, 0.5)))
-    (vertices, radius), = scene.pieces("link2")
+    ((vertices, radius),) = scene.pieces("link2")
     assert radius == 0.05 and sorted(vertices[:, 2]) == [-0.2, 0.2]
     assert scene.initial_pose("base").tolist() == IDENTITY
     assert scene.initial_pose("cup").tolist() == at(0, 0, 0.3)
@@ -47,8 +47,13 @@ def test_a_cylinder_publishes_its_model_error():
 
 def write_shelf(path):
     """Five panels that do not touch: an open shelf, 1 m wide, 0.4 m deep, 2 m high."""
-    panels = [((0, 0.19, 0), (1, 0.02, 2)), ((-0.49, 0, 0), (0.02, 0.3, 2)), ((0.49, 0, 0), (0.02, 0.3, 2)),
-              ((0, 0, -0.9), (0.9, 0.3, 0.02)), ((0, -0.05, 0.9), (0.9, 0.3, 0.02))]
+    panels = [
+        ((0, 0.19, 0), (1, 0.02, 2)),
+        ((-0.49, 0, 0), (0.02, 0.3, 2)),
+        ((0.49, 0, 0), (0.02, 0.3, 2)),
+        ((0, 0, -0.9), (0.9, 0.3, 0.02)),
+        ((0, -0.05, 0.9), (0.9, 0.3, 0.02)),
+    ]
     faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     with open(path, "w") as f:
         for i, (centre, size) in enumerate(panels):
@@ -62,8 +67,12 @@ def write_shelf(path):
 
 def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
     write_shelf(tmp_path / "shelf.obj")
-    (tmp_path / "scene.yaml").write_text("bodies:\n  - {name: one, mesh: shelf.obj}\n  - {name: two, mesh: shelf.obj, scale: 2}\n")
-    with pytest.warns(clearance.HullWarning, match=r"one: its hull stands up to .* m out of its mesh, .* % of it is empty.*; two: ") as caught:
+    (tmp_path / "scene.yaml").write_text(
+        "bodies:\n  - {name: one, mesh: shelf.obj}\n  - {name: two, mesh: shelf.obj, scale: 2}\n"
+    )
+    with pytest.warns(
+        clearance.HullWarning, match=r"one: its hull stands up to .* m out of its mesh, .* % of it is empty.*; two: "
+    ) as caught:
         scene = clearance.Scene.load(tmp_path / "scene.yaml")
     assert len(caught) == 1 and caught[0].filename == __file__
     one, two = scene.bodies
@@ -135,9 +144,11 @@ def test_scene_file(tmp_path):
         "  - {name: ball, sphere: 0.5, pose: [5, 0, 0, 1, 0, 0, 0], static: true}\n"
     )
     scene = clearance.Scene.load(tmp_path / "scene.yaml")
-    (vertices, radius), = scene.pieces("tet")
+    ((vertices, radius),) = scene.pieces("tet")
     assert radius == 0 and sorted(map(tuple, vertices)) == [(0, 0, 0), (0, 0, 2), (0, 2, 0), (2, 0, 0)]
-    vertices, triangles = scene.display_mesh("tet")
+    shown = scene.display_mesh("tet")
+    assert shown is not None
+    vertices, triangles = shown
     assert triangles.shape == (4, 3) and len(vertices) > triangles.max()
     engine = clearance.Engine(scene)
     engine.set_poses({"tet": IDENTITY})

@@ -1,4 +1,5 @@
 """The set-up script and the Makefile: what a newcomer's machine meets first."""
+
 import os
 import re
 import shutil
@@ -7,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,8 +39,15 @@ def bare_machine(tmp_path):
 
 
 def run_setup(env, **more):
-    return subprocess.run(["bash", "tools/setup.sh"], cwd=ROOT, env={**env, **more}, capture_output=True, text=True,
-                          stdin=subprocess.DEVNULL, timeout=PATIENCE_S)
+    return subprocess.run(
+        ["bash", "tools/setup.sh"],
+        cwd=ROOT,
+        env={**env, **more},
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        timeout=PATIENCE_S,
+    )
 
 
 def test_without_root_the_exact_command_is_printed(bare_machine):
@@ -78,5 +87,7 @@ def test_a_second_run_does_nothing():
 
 def test_help_lists_every_target():
     phony = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE).group(1).split()
-    listed = subprocess.run(["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(
+        ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
     assert re.findall(r"^  ([a-z-]+) +\S", listed, re.MULTILINE) == phony

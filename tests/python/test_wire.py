@@ -60,7 +60,9 @@ def test_frame_and_query_header_hold_the_defaults_of_the_structs(root):
     assert (header["request_id"], header["payload_bytes"], header["scene_revision"]) == (9, 4, 3)
     assert frame[64:] == b"abcd"
     query = wire.query_header(reduce=2)
-    assert query["rel_tol"] == -1 and query["all_pairs"] == 1 and query["reduce"] == 2 and np.isinf(query["max_distance"])
+    assert (
+        query["rel_tol"] == -1 and query["all_pairs"] == 1 and query["reduce"] == 2 and np.isinf(query["max_distance"])
+    )
     with pytest.raises(ValueError):
         wire.query_header(radius=2)
 

@@ -35,7 +35,7 @@ def test_enum_mirrors_header(header, name, prefix):
     assert len(values) >= 2
     ours = getattr(_words, name)
     assert {member.name: int(member) for member in ours} == {
-        upper_snake(key[len(prefix):]): value for key, value in values.items()
+        upper_snake(key[len(prefix) :]): value for key, value in values.items()
     }
 
 
@@ -56,7 +56,7 @@ def test_constants(header):
     assert _words.DEFAULT_POINTS_ROWS == constant("kDefaultPointsRows")
     default = re.search(r"kDefaultFields = ([^;]+);", header).group(1)
     assert _words.DEFAULT_FIELDS == sum(
-        1 << _words.COLUMNS[name.strip()[len("kField"):].lower()].bit for name in default.split("|")
+        1 << _words.COLUMNS[name.strip()[len("kField") :].lower()].bit for name in default.split("|")
     )
 
 

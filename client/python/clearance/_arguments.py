@@ -9,7 +9,8 @@ from __future__ import annotations
 import difflib
 import math
 import os
-from typing import Any, Iterable, List, Mapping, TypeVar
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -100,7 +101,7 @@ def to_path(value: Any, what: str) -> str:
         raise TypeError(f"{what}: expected a path (str or os.PathLike), got {value!r}") from None
 
 
-def to_list(value: Any, what: str, expected: str) -> List[Any]:
+def to_list(value: Any, what: str, expected: str) -> list[Any]:
     try:
         if isinstance(value, (str, bytes, bytearray)):
             raise TypeError
@@ -109,7 +110,7 @@ def to_list(value: Any, what: str, expected: str) -> List[Any]:
         raise TypeError(f"{what}: expected {expected}, got {value!r}") from None
 
 
-def to_numbers(value: Any, what: str, count: int, expected: str) -> List[float]:
+def to_numbers(value: Any, what: str, count: int, expected: str) -> list[float]:
     items = to_list(value, what, expected)
     if len(items) != count:
         raise ValueError(f"{what}: expected {expected}, got {value!r}")
@@ -134,7 +135,7 @@ def contiguous(array: np.ndarray) -> np.ndarray:
 
 
 def did_you_mean(value: Any, words: Iterable[str], cutoff: float = 0.6) -> str:
-    """"; did you mean 'nearest'?" for a near miss, else nothing."""
+    """ "; did you mean 'nearest'?" for a near miss, else nothing."""
     if not isinstance(value, str):
         return ""
     by_fold = {word.casefold(): word for word in words}

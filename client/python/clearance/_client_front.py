@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import concurrent.futures
 import os
-from typing import Any, Dict, List, Optional, Union
+from typing import Any, Optional, Union
 
 import numpy as np
 
 import clearance._client as _client
+
 from ._arguments import to_bool, to_floats, to_number, to_number_from_0, to_numbers, to_path, to_text
 from ._errors import ConnectionError, QueryError, TimeoutError
 from ._front import BodyRef, BodyState, Front, PosesDone, Query, SceneChanged
@@ -24,13 +25,13 @@ def connect(
     url: str,
     timeout_s: float = 5.0,
     *,
-    server_key: Union[str, "os.PathLike[str]", None] = None,
-    key: Union[str, "os.PathLike[str]", None] = None,
-) -> "Client":
+    server_key: Union[str, os.PathLike[str], None] = None,
+    key: Union[str, os.PathLike[str], None] = None,
+) -> Client:
     """Connects to a daemon.
 
-    url: "shm:///run/user/1000/clearance.sock" (shared memory, the quickest), "ipc:///path" or "tcp://host:port" (ZeroMQ),
-        "udpm://239.255.76.67:7667?ttl=0" (LCM; "&prefix=NAME_" sets the channels' prefix).
+    url: "shm:///run/user/1000/clearance.sock" (shared memory, the quickest), "ipc:///path" or "tcp://host:port"
+        (ZeroMQ), "udpm://239.255.76.67:7667?ttl=0" (LCM; "&prefix=NAME_" sets the channels' prefix).
     timeout_s: seconds, for this and for every later call that gives none.
     server_key, key: of a daemon that listens on TCP with keys, files of its public key and of one's own pair, as
         `clearance keygen` writes them. None: those of the url ("?server_key=FILE&key=FILE"), else of the environment
@@ -56,8 +57,8 @@ class Client(Front):
         url: str,
         timeout_s: float = 5.0,
         *,
-        server_key: Union[str, "os.PathLike[str]", None] = None,
-        key: Union[str, "os.PathLike[str]", None] = None,
+        server_key: Union[str, os.PathLike[str], None] = None,
+        key: Union[str, os.PathLike[str], None] = None,
     ):
         super().__init__()
         self._connection: Any = None
@@ -101,8 +102,8 @@ class Client(Front):
     def reload(self, timeout_s: float = 600.0) -> SceneChanged:
         """Has the daemon load its scene file anew, and waits until the new scene is in; other clients' queries go on.
 
-        Poses and attachments stay with the bodies of the same names. Raises RequestError with the code RELOAD_FAILED and
-        the loader's words if it fails: the old scene then stays. timeout_s: of this call alone.
+        Poses and attachments stay with the bodies of the same names. Raises RequestError with the code RELOAD_FAILED
+        and the loader's words if it fails: the old scene then stays. timeout_s: of this call alone.
         """
         return self._changed(*self._use().reload(to_number_from_0(timeout_s, "timeout_s")))
 
@@ -126,11 +127,12 @@ class Client(Front):
             capsule and cylinder: (radius, length), as in clearance.Scene.
         radius: metres, grows the shape.
         parent: a name or id that it follows.
-        pose: X_world_body, with a parent X_parent_body; None: none until one arrives (with a parent or static: the identity).
+        pose: X_world_body, with a parent X_parent_body; None: none until one arrives (with a parent or static: the
+            identity).
 
-        It comes behind the bodies that are there, which keep ids and poses; queries under way are answered for the scene they
-        began with. Raises QueryError for a name that is taken, a shape that is none, or too many bodies; ValueError and
-        TypeError for a wrong argument.
+        It comes behind the bodies that are there, which keep ids and poses; queries under way are answered for the
+        scene they began with. Raises QueryError for a name that is taken, a shape that is none, or too many bodies;
+        ValueError and TypeError for a wrong argument.
         """
         shapes = {"vertices": vertices, "box": box, "sphere": sphere, "capsule": capsule, "cylinder": cylinder}
         given = [shape for shape, value in shapes.items() if value is not None]
@@ -142,8 +144,14 @@ class Client(Front):
         row = None if pose is None else as_one_pose(pose, "pose").reshape(1, 7)
         return self._changed(
             *self._guarded(
-                self._use().add_body, to_text(name, "name"), shape, numbers, to_number(radius, "radius"), parent_id,
-                to_bool(static, "static"), row,
+                self._use().add_body,
+                to_text(name, "name"),
+                shape,
+                numbers,
+                to_number(radius, "radius"),
+                parent_id,
+                to_bool(static, "static"),
+                row,
             )
         )
 
@@ -158,14 +166,16 @@ class Client(Front):
         self._names_cache = None
         return SceneChanged(revision, body_count, None if body == NONE else body, seconds)
 
-    def body_states(self) -> List[BodyState]:
+    def body_states(self) -> list[BodyState]:
         """Where each body is now, by id."""
         return [
-            BodyState(np.array(pose), Status(status), None if parent == NONE else parent, stamp, None if age < 0 else age)
+            BodyState(
+                np.array(pose), Status(status), None if parent == NONE else parent, stamp, None if age < 0 else age
+            )
             for pose, status, parent, stamp, age in self._use().body_states()
         ]
 
-    def stats(self) -> Dict[str, int]:
+    def stats(self) -> dict[str, int]:
         """The daemon's counters."""
         return dict(self._use().stats())
 
@@ -179,7 +189,7 @@ class Client(Front):
         """Ends the connection; answers with copy=False stay valid until they are gone."""
         self._connection = None
 
-    def __enter__(self) -> "Client":
+    def __enter__(self) -> Client:
         return self
 
     def __exit__(self, *exception: Any) -> None:
@@ -258,7 +268,9 @@ class Client(Front):
         return PosesDone(*self._guarded(self._use().set_poses, ids, poses, stamp_ns, sequence))
 
     def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
-        return PosesDone(*self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7)))
+        return PosesDone(
+            *self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7))
+        )
 
     def _guarded(self, call: Any, *args: Any) -> Any:
         """Calls; once the daemon has refused for another scene, names are looked up anew."""

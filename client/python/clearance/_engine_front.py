@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Dict, List, Optional, Sequence
+from typing import Any, Optional
 
 import numpy as np
 
 import clearance._engine as _engine
+
 from ._arguments import to_bool, to_count, to_integer, to_list, to_word
 from ._errors import TimeoutError
 from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query
@@ -26,10 +28,11 @@ class Engine(Front):
     threads: 0: all cores.
     max_rows: larger answers are refused with QueryError.
     device_memory: bytes of each device's memory that backend "cuda" may take; 0: what there is.
-    devices: CUDA devices of backends "cuda" and "auto", by number, as in [0, 1]: each holds the scene, and queries are shared
-        out among them; empty: the current one. Naming one twice raises ValueError, one that is absent RuntimeError.
-    calibration: how "auto" knows what is faster: "auto" (measured once on this machine and kept), "measure" (now, and not
-        kept), "off" (it does not: the CPU answers).
+    devices: CUDA devices of backends "cuda" and "auto", by number, as in [0, 1]: each holds the scene, and queries are
+        shared out among them; empty: the current one. Naming one twice raises ValueError, one that is absent
+        RuntimeError.
+    calibration: how "auto" knows what is faster: "auto" (measured once on this machine and kept), "measure" (now, and
+        not kept), "off" (it does not: the CPU answers).
     device_fallback: whether the CPU answers where the device fails or has no room; if not, QueryError says why.
 
     May be used from several threads; the GIL is released while it works. Not usable in a forked child (RuntimeError).
@@ -37,9 +40,17 @@ class Engine(Front):
 
     _module = _engine
 
-    def __init__(self, scene: Scene, backend: str = "auto", threads: int = 0, max_rows: int = 1 << 28,
-                 device_memory: int = 0, device_fallback: bool = True, calibration: str = "auto",
-                 devices: Sequence[int] = ()):
+    def __init__(
+        self,
+        scene: Scene,
+        backend: str = "auto",
+        threads: int = 0,
+        max_rows: int = 1 << 28,
+        device_memory: int = 0,
+        device_fallback: bool = True,
+        calibration: str = "auto",
+        devices: Sequence[int] = (),
+    ):
         super().__init__()
         if not isinstance(scene, Scene):
             raise TypeError(f"scene: expected a clearance.Scene, got {type(scene).__name__}")
@@ -60,7 +71,7 @@ class Engine(Front):
         self._worker: Optional[Worker] = None
 
     @staticmethod
-    def backends() -> List[str]:
+    def backends() -> list[str]:
         """Backends that can be asked for on this machine."""
         return _engine.Engine.backends()
 
@@ -79,11 +90,11 @@ class Engine(Front):
         """Of the newest snapshot."""
         return self._engine.pose_revision
 
-    def body_states(self) -> List[BodyState]:
+    def body_states(self) -> list[BodyState]:
         """Where each body is now, by id."""
         return [_state(*row) for row in self._engine.body_states()]
 
-    def stats(self) -> Dict[str, int]:
+    def stats(self) -> dict[str, int]:
         """Counters that the engine keeps about itself."""
         return dict(self._engine.stats())
 
@@ -115,9 +126,7 @@ class Engine(Front):
         if self._worker is None:
             self._worker = Worker()
         job = self._engine.start(query.raw, query.out_list())
-        return EngineFuture(
-            self._worker.submit(job, lambda done: self._result(query, done.answer())), query.timeout_s
-        )
+        return EngineFuture(self._worker.submit(job, lambda done: self._result(query, done.answer())), query.timeout_s)
 
     def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
         return PosesDone(*self._engine.set_poses(ids, poses, stamp_ns, sequence))

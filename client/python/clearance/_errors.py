@@ -33,7 +33,7 @@ class QueryError(ClearanceError, ValueError):
         super().__init__(text)
         self.code = code
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type, tuple[int, str]]:
         return type(self), (self.code, str(self))
 
 
@@ -44,7 +44,7 @@ class RequestError(ClearanceError, RuntimeError):
         super().__init__(text)
         self.code = code
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type, tuple[int, str]]:
         return type(self), (self.code, str(self))
 
 

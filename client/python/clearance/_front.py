@@ -9,8 +9,9 @@ import inspect
 import math
 import threading
 from collections import OrderedDict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Optional, Union
 
 import numpy as np
 
@@ -20,12 +21,15 @@ from ._future import Future
 from ._names import BodyInfo, NameTable, has_selectors
 from ._poses import as_one_pose, as_pose7, stack_poses
 from ._result import Out, Result, fields_mask, out_arrays
-from ._words import COLUMNS, DEFAULT_FIELDS, EVERY_BODY, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Reduce, Status
+from ._words import COLUMNS, DEFAULT_FIELDS, EVERY_BODY, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Status
 
 BodyRef = Union[str, int]
-_NO_WAIT = "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
-Pairs = Union[np.ndarray, Sequence[Tuple[BodyRef, BodyRef]], Tuple[BodyRef, BodyRef], None]
+_NO_WAIT = (
+    "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
+)
+Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
 
+_TableKey = tuple[int, Optional[bytes], Optional[bytes]]  #: scene revision, pairs and bodies
 _TABLES_KEPT = 16
 #: Beside the bits of columns: the extension module adds points and normal if there are few rows.
 POINTS_BY_DEFAULT = 1 << 31
@@ -74,12 +78,12 @@ class Query:
     pairs: Optional[np.ndarray]
     selects: bool  #: some pair stands for more than one
     bodies: Optional[np.ndarray]
-    out: Optional[Dict[str, np.ndarray]]
+    out: Optional[dict[str, np.ndarray]]
     timeout_s: Optional[float]
     copy: bool
     max_results: int
 
-    def out_list(self) -> "Optional[List[Optional[np.ndarray]]]":
+    def out_list(self) -> Optional[list[Optional[np.ndarray]]]:
         """The arrays to write into, one entry for each column, as the extension modules take them."""
         return None if self.out is None else [self.out.get(name) for name in COLUMNS]
 
@@ -89,7 +93,7 @@ class Front:
 
     def __init__(self) -> None:
         self._names_cache: Optional[NameTable] = None
-        self._tables: "OrderedDict[tuple, np.ndarray]" = OrderedDict()
+        self._tables: OrderedDict[_TableKey, np.ndarray] = OrderedDict()
         self._tables_lock = threading.Lock()
 
     # ---- for subclasses -------------------------------------------------------------------------------------------
@@ -133,12 +137,12 @@ class Front:
         return names
 
     @property
-    def bodies(self) -> Tuple[BodyInfo, ...]:
+    def bodies(self) -> tuple[BodyInfo, ...]:
         """The scene's bodies; a body's id is its place here."""
         return self._names.bodies
 
     @property
-    def groups(self) -> Dict[str, np.ndarray]:
+    def groups(self) -> dict[str, np.ndarray]:
         """(n,) uint32 body ids of each group."""
         return dict(self._names.groups)
 
@@ -187,7 +191,7 @@ class Front:
                 self._tables.popitem(last=False)
         return table
 
-    def _table_key(self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray]) -> tuple:
+    def _table_key(self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray]) -> _TableKey:
         return (
             self._scene_revision(),
             None if pairs is None else pairs.tobytes(),
@@ -198,7 +202,7 @@ class Front:
 
     def set_poses(
         self,
-        poses: Union[Mapping[BodyRef, Any], np.ndarray],
+        poses: Union[Mapping[str, Any], Mapping[int, Any], Mapping[BodyRef, Any], np.ndarray],
         bodies: Optional[Sequence[BodyRef]] = None,
         stamp_ns: int = 0,
         sequence: int = 0,
@@ -208,9 +212,10 @@ class Front:
         poses: {body: pose}, bodies by name or id; a pose is 7 numbers [x, y, z, qw, qx, qy, qz] (metres) or a (4, 4)
             matrix, X_wb, or of a body with a parent X_parent_body. Or an array (M, 7) or (M, 4, 4) with `bodies`.
         bodies: (M,) names or ids, only with an array; None: every movable body in the order of ids.
-        stamp_ns: the caller's clock, handed on with answers (snapshot_stamp_ns); 0: none. Raises QueryError, and applies
-            nothing, if it is below 0, more than a minute ahead of this machine's clock (UTC), or older than the last that
-            this caller gave for one of the bodies; a clock that begins anew gives one update without a stamp first.
+        stamp_ns: the caller's clock, handed on with answers (snapshot_stamp_ns); 0: none. Raises QueryError, and
+            applies nothing, if it is below 0, more than a minute ahead of this machine's clock (UTC), or older than the
+            last that this caller gave for one of the bodies; a clock that begins anew gives one update without a stamp
+            first.
         sequence: the caller's count of its updates, handed on with answers (snapshot_sequence); 0: none.
 
         A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
@@ -230,7 +235,7 @@ class Front:
         return self._send_poses(ids, array, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
 
     def attach(self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None) -> PosesDone:
-        """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child); None sets it free where it is.
+        """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child); None sets it free there.
 
         Raises QueryError for a cycle, a static child, or a body whose pose is not known and was not given.
         """
@@ -273,7 +278,7 @@ class Front:
         configurations: (K, M, 7) or (K, M, 4, 4) poses of M bodies that replace their current ones (children follow).
         bodies: (M,) names or ids of those bodies; None: every movable body, in the order of ids.
         max_distance: metres; a pair proved farther is BEYOND and not refined.
-        abs_tol, rel_tol: wanted: upper - lower <= max(abs_tol, rel_tol |distance|). rel_tol None: 1e-6 (f64), 1e-4 (f32).
+        abs_tol, rel_tol: wanted: upper - lower <= max(abs_tol, rel_tol |distance|). rel_tol None: 1e-6 (f32: 1e-4).
         precision: "f64" or "f32" iterations; the bounds are valid in either.
         signed: also the penetration depth of overlapping pairs.
         reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body) or "min" (per configuration).
@@ -284,7 +289,7 @@ class Front:
         timeout_s: seconds; None: the client's own; in process no limit.
         max_results: most rows of reduce="within".
         max_pose_age_ns: older poses set Flag.STALE; 0: never.
-        warm: keep warm state between calls (faster; bits then depend on earlier calls). The CPU's reductions begin cold.
+        warm: keep warm state between calls (faster; bits then depend on earlier calls). The CPU reduces cold.
         copy: False: the columns of a client's answer are read-only views of the transport's own memory, given back when
             the arrays are gone. In process the columns are always the result's own.
         min_pose_stamp_ns: begin once poses with this stamp or a newer one are there (publisher's clock); 0: at once. In
@@ -292,8 +297,9 @@ class Front:
         pose_wait_s: seconds to wait for them, at most 10; then a RequestError with the code POSES_LATE.
         wait_for: the body or group whose poses are meant: those of its bodies that ever had a stamp, and one at least.
 
-        Raises TypeError or ValueError naming the argument; QueryError for a query that cannot be answered; TimeoutError;
-        and from a client ConnectionError and RequestError. A bad pose or an unknown id is a status of its rows.
+        Raises TypeError or ValueError naming the argument; QueryError for a query that cannot be answered;
+        TimeoutError; and from a client ConnectionError and RequestError. A bad pose or an unknown id is a status of its
+        rows.
         """
         query = self._parse(
             pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
@@ -301,11 +307,11 @@ class Front:
         )  # fmt: skip
         return self._result(query, self._answer(query))
 
-    def prepare(self, **arguments: Any) -> "Prepared":
+    def prepare(self, **arguments: Any) -> Prepared:
         """Parses a query once, to be asked again and again: what a control loop wants.
 
-        arguments: those of distances(), by name. Of these, `configurations` of dtype float64, shape (K, M, 7) and C order are
-            looked at anew by each call: new poses may be written into them in between.
+        arguments: those of distances(), by name. Of these, `configurations` of dtype float64, shape (K, M, 7) and C
+            order are looked at anew by each call: new poses may be written into them in between.
 
         Raises as distances() does. Names are looked up here: prepare anew after a scene has changed.
         """
@@ -347,7 +353,7 @@ class Front:
         )  # fmt: skip
         return self._start(query)
 
-    def _parse(
+    def _parse(  # type: ignore[no-untyped-def]  # the arguments of distances() are said once
         self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
         out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
     ) -> Query:  # fmt: skip
@@ -400,12 +406,14 @@ class Front:
             query.raw.wait_for_poses(stamp_ns, round(1e9 * wait_s), waited_for)
         return query
 
-    def _configurations(self, configurations: Any, bodies: Any) -> Tuple[np.ndarray, np.ndarray]:
+    def _configurations(self, configurations: Any, bodies: Any) -> tuple[np.ndarray, np.ndarray]:
         poses = as_pose7(configurations, "configurations")
         names = self._names
         ids = names.movable if bodies is None else names.bodies_array(bodies, "bodies")
         if poses.ndim != 3:
-            raise ValueError(f"configurations: expected shape (K, M, 7) or (K, M, 4, 4), got {np.shape(configurations)}")
+            raise ValueError(
+                f"configurations: expected shape (K, M, 7) or (K, M, 4, 4), got {np.shape(configurations)}"
+            )
         if poses.shape[1] != len(ids):
             whose = "every movable body" if bodies is None else "bodies"
             raise ValueError(
@@ -418,15 +426,15 @@ class Front:
         return poses, ids
 
     def _mask(self, query: Query, fields: Any, format_word: int, configurations: int) -> int:
-        """Column bits of the query; POINTS_BY_DEFAULT is set if the answering side is to decide about points and normal."""
+        """Column bits of the query; POINTS_BY_DEFAULT: the answering side decides about points and normal."""
         if query.out is not None:
             held = fields_mask(tuple(query.out))
             if fields is None:
                 return held
             mask = fields_mask(fields)
-            for name, bit in _names_of(mask & ~held):
+            for name in _names_of(mask & ~held):
                 raise ValueError(f"out: no array for the column {name!r}, which fields names")
-            for name, bit in _names_of(held & ~mask):
+            for name in _names_of(held & ~mask):
                 raise ValueError(f"out: holds {name!r}, which fields does not name")
             return mask
         if fields is not None:
@@ -487,5 +495,5 @@ class _TableOf:
         return table
 
 
-def _names_of(mask: int) -> List[Tuple[str, int]]:
-    return [(str(field.name).lower(), int(field)) for field in Field if mask & field]
+def _names_of(mask: int) -> list[str]:
+    return [str(field.name).lower() for field in Field if mask & field]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import threading
 from collections import deque
-from typing import Any, Callable, Deque, Optional, Tuple
+from typing import Any, Callable, Optional
 
 from ._arguments import to_number_from_0
 from ._errors import TimeoutError
@@ -36,7 +36,7 @@ class Future:
 class EngineFuture(Future):
     """A query on an in-process engine; `concurrent` is its concurrent.futures.Future, for asyncio.wrap_future()."""
 
-    def __init__(self, concurrent: "concurrent.futures.Future[Result]", timeout_s: Optional[float]):
+    def __init__(self, concurrent: concurrent.futures.Future[Result], timeout_s: Optional[float]):
         self.concurrent = concurrent
         self._timeout_s = timeout_s
 
@@ -61,13 +61,13 @@ class Worker:
 
     def __init__(self) -> None:
         self._executor = concurrent.futures.ThreadPoolExecutor(1, thread_name_prefix="clearance")
-        self._jobs: Deque[Tuple[Any, Callable[[Any], Result], "concurrent.futures.Future[Result]"]] = deque()
+        self._jobs: deque[tuple[Any, Callable[[Any], Result], concurrent.futures.Future[Result]]] = deque()
         self._lock = threading.Lock()
         self._running = False
 
-    def submit(self, job: Any, finish: Callable[[Any], Result]) -> "concurrent.futures.Future[Result]":
+    def submit(self, job: Any, finish: Callable[[Any], Result]) -> concurrent.futures.Future[Result]:
         """Works on `job` until it is done; the future's result is then finish(job)."""
-        future: "concurrent.futures.Future[Result]" = concurrent.futures.Future()
+        future: concurrent.futures.Future[Result] = concurrent.futures.Future()
         with self._lock:
             self._jobs.append((job, finish, future))
             if not self._running:
@@ -82,7 +82,7 @@ class Worker:
                     self._running = False
                     return
                 job, finish, future = self._jobs.popleft()
-            # Cancelled between slices: the job is dropped here. The state stays PENDING until the end so that it can be.
+            # Cancelled between slices: the job is dropped here. The state stays PENDING to the end, so that it can be.
             if future.cancelled():
                 future.set_running_or_notify_cancel()
                 continue

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Sequence, Tuple
+from typing import Any, Optional
 
 import numpy as np
 
@@ -18,25 +19,25 @@ class BodyInfo:
 
     name: str
     id: int
-    parent: "int | None"  #: id of the body that this one follows
+    parent: Optional[int]  #: id of the body that this one follows
     is_static: bool
     piece_count: int
     vertex_count: int
     model_error: float  #: metres: how far the pieces may stand out from the shape they were asked for
     extent: float  #: metres, farthest point from the body's origin
-    hull_excess: float = 0.0  #: metres: no point of a piece is farther from the mesh that it stands for; 0: a convex body
+    hull_excess: float = 0.0  #: metres: no point of a piece is farther from the mesh it stands for; 0: a convex body
     empty_share: float = 0.0  #: of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
 
 
 class NameTable:
     """The bodies and groups of one scene revision."""
 
-    def __init__(self, revision: int, bodies: Sequence[BodyInfo], groups: Dict[str, np.ndarray]):
+    def __init__(self, revision: int, bodies: Sequence[BodyInfo], groups: dict[str, np.ndarray]):
         self.revision = revision
-        self.bodies: Tuple[BodyInfo, ...] = tuple(bodies)
+        self.bodies: tuple[BodyInfo, ...] = tuple(bodies)
         self.groups = groups
-        self.ids: Dict[str, int] = {body.name: body.id for body in bodies}
-        self.selectors: Dict[str, int] = {name: GROUP_BIT | index for index, name in enumerate(groups)}
+        self.ids: dict[str, int] = {body.name: body.id for body in bodies}
+        self.selectors: dict[str, int] = {name: GROUP_BIT | index for index, name in enumerate(groups)}
         self.selectors.update(self.ids)
         self.selectors["*"] = EVERY_BODY
         self.movable = np.array([body.id for body in bodies if not body.is_static], dtype=np.uint32)
@@ -73,7 +74,7 @@ class NameTable:
         rows = to_list(value, "pairs", "(P, 2) ids, a list of name pairs or one pair")
         if len(rows) == 2 and not any(_is_pair(row) for row in rows):
             rows = [rows]
-        flat: List[int] = []
+        flat: list[int] = []
         for i, row in enumerate(rows):
             if not _is_pair(row):
                 raise ValueError(f"pairs[{i}]: expected two bodies or groups, got {row!r}")

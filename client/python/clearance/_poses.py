@@ -1,12 +1,13 @@
 """Poses as seven numbers or as matrices.
 
-A pose is [x, y, z, qw, qx, qy, qz]: metres, quaternion scalar first, of the body in the world (X_wb) or, for a body with a
-parent, in its parent (X_pb).
+A pose is [x, y, z, qw, qx, qy, qz]: metres, quaternion scalar first, of the body in the world (X_wb) or, for a body
+with a parent, in its parent (X_pb).
 """
 
 from __future__ import annotations
 
-from typing import Any, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +23,10 @@ _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 def pose7_from_matrix(matrix: Any, what: str = "matrix") -> np.ndarray:
     """Converts homogeneous matrices (..., 4, 4) to poses (..., 7).
 
-    The quaternion is a unit quaternion with qw >= 0 whose rotation is nearest to the matrix, to about 1e-15 for a matrix
-    that is orthogonal to rounding. A matrix with NaN or Inf becomes a pose of NaN, which a query answers BAD_POSE.
-    Raises ValueError for a matrix that is not rigid (scaled, sheared, mirrored, or with another last row than 0 0 0 1).
+    The quaternion is a unit quaternion with qw >= 0 whose rotation is nearest to the matrix, to about 1e-15 for a
+    matrix that is orthogonal to rounding. A matrix with NaN or Inf becomes a pose of NaN, which a query answers
+    BAD_POSE. Raises ValueError for a matrix that is not rigid (scaled, sheared, mirrored, or with another last row than
+    0 0 0 1).
     """
     m = to_floats(matrix, what)
     if m.ndim < 2 or m.shape[-2:] != (4, 4):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, Mapping, Optional, Tuple, Union
+from collections.abc import Mapping
+from typing import Any, Callable, Optional, Union
 
 import numpy as np
 
@@ -19,7 +20,7 @@ class _ColumnAttribute:
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
-    def __get__(self, result: "Optional[Result]", owner: Optional[type] = None) -> Any:
+    def __get__(self, result: Optional[Result], owner: Optional[type] = None) -> Any:
         if result is None:
             return self
         array = result.__dict__[self.name] = result._column(self.name)
@@ -27,7 +28,7 @@ class _ColumnAttribute:
 
 
 class _AnswerAttribute:
-    """A number of the answer, looked up when it is asked for: one of a thousand answers a second is not asked for all."""
+    """A number of the answer, looked up when asked for: of a thousand answers a second most are asked for few."""
 
     def __init__(self, doc: str):
         self.__doc__ = doc
@@ -35,7 +36,7 @@ class _AnswerAttribute:
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
 
-    def __get__(self, result: "Optional[Result]", owner: Optional[type] = None) -> Any:
+    def __get__(self, result: Optional[Result], owner: Optional[type] = None) -> Any:
         return self if result is None else getattr(result._answer, self.name)
 
 
@@ -43,9 +44,9 @@ class Result:
     """The answer to one query.
 
     The columns' shapes begin with (K, P) for reduce="none", (K, N) for "nearest", (K,) for "min" and (R,) for "within",
-    where K counts configurations (1 without), P pairs, N bodies and R the pairs found. Metres, world frame. A column that
-    was not asked for raises AttributeError. With format="compact", lower, upper, point_a and point_b are float32 and the
-    points are relative to each body's origin, in world axes.
+    where K counts configurations (1 without), P pairs, N bodies and R the pairs found. Metres, world frame. A column
+    that was not asked for raises AttributeError. With format="compact", lower, upper, point_a and point_b are float32
+    and the points are relative to each body's origin, in world axes.
 
     The bounds are certified: the exact distance of the stored convex pieces at the given poses lies in [lower, upper].
     """
@@ -59,7 +60,9 @@ class Result:
     point_b: np.ndarray = _ColumnAttribute("(..., 3) float64: witness point on b, world frame; NaN where there is none")  # type: ignore[assignment]
     normal: np.ndarray = _ColumnAttribute("(..., 3) float64: unit, from a towards b: the direction that proves lower")  # type: ignore[assignment]
     pieces: np.ndarray = _ColumnAttribute("(..., 2) uint32: index of the nearest piece within a and b")  # type: ignore[assignment]
-    gradient: np.ndarray = _ColumnAttribute("(..., 2, 6) float64, of a, of b: by a turn about its own origin (m/rad), by a shift (m/m); world axes")  # type: ignore[assignment]
+    gradient: np.ndarray = _ColumnAttribute(
+        "(..., 2, 6) float64, of a, of b: by a turn about its own origin (m/rad), by a shift (m/m); world axes"
+    )  # type: ignore[assignment]
     pair: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids, as a column; see pairs")  # type: ignore[assignment]
     compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
 
@@ -80,18 +83,22 @@ class Result:
 
     fields: int = _AnswerAttribute("Bits of clearance.Field: the columns that are there.")  # type: ignore[assignment]
     configurations: int = _AnswerAttribute("K, at least 1.")  # type: ignore[assignment]
-    total: int = _AnswerAttribute("Pairs found by reduce=\"within\", also those past max_results; else the number of rows.")  # type: ignore[assignment]
+    total: int = _AnswerAttribute(
+        'Pairs found by reduce="within", also those past max_results; else the number of rows.'
+    )  # type: ignore[assignment]
     snapshot_revision: int = _AnswerAttribute("Revision of the poses that this answer saw.")  # type: ignore[assignment]
     snapshot_stamp_ns: int = _AnswerAttribute("Newest publisher's stamp among those poses.")  # type: ignore[assignment]
     snapshot_sequence: int = _AnswerAttribute("Its publisher's count of the update with that stamp; 0: not counted.")  # type: ignore[assignment]
-    pose_age_ns: int = _AnswerAttribute("Nanoseconds from the receipt of the oldest pose to the query's begin; -1: none was received.")  # type: ignore[assignment]
+    pose_age_ns: int = _AnswerAttribute(
+        "Nanoseconds from the receipt of the oldest pose to the query's begin; -1: none was received."
+    )  # type: ignore[assignment]
     scene_revision: int = _AnswerAttribute("Revision of the scene.")  # type: ignore[assignment]
     engine_ns: int = _AnswerAttribute("Nanoseconds spent in the engine.")  # type: ignore[assignment]
     server_ns: int = _AnswerAttribute("Nanoseconds spent in the daemon as a whole (0 in process).")  # type: ignore[assignment]
     backend: str = _AnswerAttribute("The backend that answered.")  # type: ignore[assignment]
 
     @property
-    def _lead(self) -> Tuple[int, ...]:
+    def _lead(self) -> tuple[int, ...]:
         answer = self._answer
         if self._reduce == Reduce.NONE:
             return (answer.configurations, answer.pairs)
@@ -119,7 +126,7 @@ class Result:
 
     @property
     def neighbours(self) -> np.ndarray:
-        """(K, N) uint32, for reduce="nearest": the body that each body is nearest to; clearance.NONE where there is none."""
+        """(K, N) uint32, for reduce="nearest": the body that each body is nearest to; clearance.NONE: there is none."""
         if self._reduce != Reduce.NEAREST:
             raise AttributeError(f"neighbours: only for reduce='nearest', not for {self.reduce!r}")
         own = np.arange(self._lead[1], dtype=np.uint32)
@@ -136,7 +143,7 @@ class Result:
         return self._configuration
 
     @property
-    def columns(self) -> Dict[str, np.ndarray]:
+    def columns(self) -> dict[str, np.ndarray]:
         """The columns that are there, by name."""
         names = [name for name, column in COLUMNS.items() if self.fields & (1 << column.bit)]
         return {name: self.configuration if name == "configuration" else getattr(self, name) for name in names}
@@ -153,11 +160,11 @@ class Result:
             return array[: self._answer.rows] if self._reduce == Reduce.WITHIN else array
         return np.ndarray(self._lead + column.shape, column.dtype, self._answer, self._answer.offset(column.bit))
 
-    def _reusable(self) -> Dict[str, np.ndarray]:
+    def _reusable(self) -> dict[str, np.ndarray]:
         """The columns with all the room they have, to write another answer into."""
         if self._reduce != Reduce.WITHIN:
             return self.columns
-        arrays: Dict[str, np.ndarray] = {}
+        arrays: dict[str, np.ndarray] = {}
         for name, column in COLUMNS.items():
             if self._out is not None and name in self._out:
                 arrays[name] = self._out[name]
@@ -191,14 +198,17 @@ def fields_mask(fields: Any) -> int:
     for name in names:
         bits = FIELD_MASKS.get(name) if isinstance(name, str) else None
         if bits is None:
-            raise ValueError(f"fields: no column is named {name!r}; there are {', '.join(FIELD_MASKS)}{did_you_mean(name, FIELD_MASKS)}")
+            raise ValueError(
+                f"fields: no column is named {name!r}; there are {', '.join(FIELD_MASKS)}"
+                f"{did_you_mean(name, FIELD_MASKS)}"
+            )
         mask |= bits
     if not mask:
         raise ValueError("fields: expected at least one column")
     return mask
 
 
-def out_arrays(out: Any) -> Dict[str, np.ndarray]:
+def out_arrays(out: Any) -> dict[str, np.ndarray]:
     """The arrays of `out`, checked for what can be checked before the answer's size is known."""
     if isinstance(out, Result):
         arrays = out._reusable()

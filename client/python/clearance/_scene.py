@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import threading
 import warnings
-from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
+from collections.abc import Sequence
+from typing import Any, Optional, Union
 
 import numpy as np
 
 import clearance._engine as _engine
+
 from ._arguments import to_bool, to_floats, to_list, to_number, to_numbers, to_path, to_text, to_word
 from ._errors import HullWarning, SceneError
 from ._names import BodyInfo, NameTable
@@ -25,7 +27,8 @@ class Scene:
     Build it with the add_* calls or with Scene.load(); an Engine takes a copy. Metres; vertices in the body's frame.
     Every add_* call returns the new body's id and takes, by keyword,
 
-    parent: a body that this one follows (its poses are then X_parent_body); static: it never moves; pose: where it is at
+    parent: a body that this one follows (its poses are then X_parent_body); static: it never moves; pose: where it is
+        at
     first, 7 numbers or a (4, 4) matrix. A body without a pose is answered NO_POSE until it gets one.
 
     Each raises SceneError for a bad or repeated name or bad geometry, TypeError or ValueError for a wrong argument.
@@ -36,12 +39,12 @@ class Scene:
         self._lock = threading.RLock()
 
     @classmethod
-    def load(cls, path: "str | os.PathLike[str]", allow_outside: bool = False) -> "Scene":
+    def load(cls, path: str | os.PathLike[str], allow_outside: bool = False) -> Scene:
         """Reads a scene file (YAML) and the meshes that it names.
 
         allow_outside: meshes may lie outside the scene file's folder.
-        Raises SceneError naming file, line, key and what was expected. Warns (HullWarning) of bodies whose pieces stand far
-        out of their meshes.
+        Raises SceneError naming file, line, key and what was expected. Warns (HullWarning) of bodies whose pieces stand
+        far out of their meshes.
         """
         scene = cls.__new__(cls)
         scene._lock = threading.RLock()
@@ -64,12 +67,14 @@ class Scene:
         if rows.ndim != 2 or rows.shape[1] != 3:
             raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
         with self._lock:
-            return self._scene.add_hull(to_text(name, "name"), rows, to_number(radius, "radius"), *self._rest(parent, static, pose))
+            return self._scene.add_hull(
+                to_text(name, "name"), rows, to_number(radius, "radius"), *self._rest(parent, static, pose)
+            )
 
     def add_mesh(
         self,
         name: str,
-        path: "str | os.PathLike[str]",
+        path: str | os.PathLike[str],
         scale: Any = 1.0,
         convexify: str = "hull",
         *,
@@ -119,7 +124,9 @@ class Scene:
     ) -> int:
         """Adds a sphere about the body's origin."""
         with self._lock:
-            return self._scene.add_sphere(to_text(name, "name"), to_number(radius, "radius"), *self._rest(parent, static, pose))
+            return self._scene.add_sphere(
+                to_text(name, "name"), to_number(radius, "radius"), *self._rest(parent, static, pose)
+            )
 
     def add_capsule(
         self,
@@ -134,7 +141,10 @@ class Scene:
         """Adds a capsule along z; `length` is between the centres of its caps."""
         with self._lock:
             return self._scene.add_capsule(
-                to_text(name, "name"), to_number(radius, "radius"), to_number(length, "length"), *self._rest(parent, static, pose)
+                to_text(name, "name"),
+                to_number(radius, "radius"),
+                to_number(length, "length"),
+                *self._rest(parent, static, pose),
             )
 
     def add_cylinder(
@@ -150,7 +160,10 @@ class Scene:
         """Adds a cylinder along z as a circumscribed prism; BodyInfo.model_error says by how much that is larger."""
         with self._lock:
             return self._scene.add_cylinder(
-                to_text(name, "name"), to_number(radius, "radius"), to_number(length, "length"), *self._rest(parent, static, pose)
+                to_text(name, "name"),
+                to_number(radius, "radius"),
+                to_number(length, "length"),
+                *self._rest(parent, static, pose),
             )
 
     def add_group(self, name: str, bodies: Sequence[str]) -> None:
@@ -163,7 +176,10 @@ class Scene:
     def ignore(self, a: BodyRef, b: BodyRef) -> None:
         """Leaves out every pair between two bodies or groups (a group with itself: its inner pairs)."""
         with self._lock:
-            names = [value if isinstance(value, str) else self._body(value, what).name for value, what in ((a, "a"), (b, "b"))]
+            names = [
+                value if isinstance(value, str) else self._body(value, what).name
+                for value, what in ((a, "a"), (b, "b"))
+            ]
             try:
                 self._scene.ignore(*names)
             except SceneError:
@@ -172,12 +188,12 @@ class Scene:
                 raise
 
     @property
-    def bodies(self) -> Tuple[BodyInfo, ...]:
+    def bodies(self) -> tuple[BodyInfo, ...]:
         """The bodies; a body's id is its place here."""
         return self._table().bodies
 
     @property
-    def groups(self) -> Dict[str, np.ndarray]:
+    def groups(self) -> dict[str, np.ndarray]:
         """(n,) uint32 body ids of each group."""
         return self._table().groups
 
@@ -200,11 +216,11 @@ class Scene:
         """Where a body's geometry came from: "meshes/base.stl (hull)", "box", ..."""
         return self._scene.source(self._body(body, "body").id)
 
-    def pieces(self, body: BodyRef) -> List[Tuple[np.ndarray, float]]:
+    def pieces(self, body: BodyRef) -> list[tuple[np.ndarray, float]]:
         """Each convex piece of a body: (V, 3) vertices in the body's frame, and the radius that grows their hull."""
         return self._scene.pieces(self._body(body, "body").id)
 
-    def display_mesh(self, body: BodyRef) -> Optional[Tuple[np.ndarray, np.ndarray]]:
+    def display_mesh(self, body: BodyRef) -> Optional[tuple[np.ndarray, np.ndarray]]:
         """Triangles for a picture: (V, 3) float64 vertices and (T, 3) uint32 indices; None if there are none."""
         return self._scene.display(self._body(body, "body").id)
 
@@ -217,10 +233,11 @@ class Scene:
     def _table(self) -> NameTable:
         return name_table(self._scene, 0)
 
-    def _rest(self, parent: Optional[BodyRef], static: bool, pose: Any) -> tuple:
-        if parent is not None:
-            parent = self._body(parent, "parent").name
-        return parent, to_bool(static, "static"), None if pose is None else as_one_pose(pose, "pose")
+    def _rest(
+        self, parent: Optional[BodyRef], static: bool, pose: Any
+    ) -> tuple[Optional[str], bool, Optional[np.ndarray]]:
+        name = None if parent is None else self._body(parent, "parent").name
+        return name, to_bool(static, "static"), None if pose is None else as_one_pose(pose, "pose")
 
     def _body(self, body: BodyRef, what: str) -> BodyInfo:
         table = self._table()
@@ -254,7 +271,7 @@ def _warn_of_hulls(scene: Any, first: int) -> None:
     warnings.warn(text, HullWarning, stacklevel=3)
 
 
-def _three(value: Any, what: str, one: bool = False) -> Tuple[float, float, float]:
+def _three(value: Any, what: str, one: bool = False) -> tuple[float, float, float]:
     if one and not getattr(value, "ndim", hasattr(value, "__len__")):
         number = to_number(value, what)
         return number, number, number

@@ -6,7 +6,7 @@ Mirrors client/types.h, value by value (tests/python/test_words.py compares the 
 from __future__ import annotations
 
 import enum
-from typing import Dict, NamedTuple, Tuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -85,11 +85,11 @@ class Column(NamedTuple):
 
     bit: int
     dtype: np.dtype
-    shape: Tuple[int, ...]  #: of one row
+    shape: tuple[int, ...]  #: of one row
 
 
 #: Every column by name, in the order of Field.
-COLUMNS: Dict[str, Column] = {
+COLUMNS: dict[str, Column] = {
     "distance": Column(0, np.dtype("<f8"), ()),
     "lower": Column(1, np.dtype("<f8"), ()),
     "upper": Column(2, np.dtype("<f8"), ()),
@@ -107,7 +107,7 @@ COLUMNS: Dict[str, Column] = {
 
 DEFAULT_FIELDS = int(Field.DISTANCE | Field.LOWER | Field.UPPER | Field.STATUS)
 #: What `fields` may name, as masks. "points" is both points, "default" the columns that come unasked.
-FIELD_MASKS: Dict[str, int] = {
+FIELD_MASKS: dict[str, int] = {
     **{name: 1 << column.bit for name, column in COLUMNS.items()},
     "points": int(Field.POINT_A | Field.POINT_B),
     "default": DEFAULT_FIELDS,

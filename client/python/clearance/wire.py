@@ -209,7 +209,13 @@ RECORDS = {name: value for name, value in list(globals().items()) if isinstance(
 def query_header(**values: object) -> np.ndarray:
     """A QueryHeader with the defaults of the C++ struct, and the values given."""
     header = np.zeros((), QueryHeader)
-    defaults = {"max_distance": np.inf, "rel_tol": -1.0, "fields": DEFAULT_FIELDS, "max_results": 1 << 20, "all_pairs": 1}
+    defaults = {
+        "max_distance": np.inf,
+        "rel_tol": -1.0,
+        "fields": DEFAULT_FIELDS,
+        "max_results": 1 << 20,
+        "all_pairs": 1,
+    }
     for key, value in {**defaults, **values}.items():
         header[key] = value
     return header
@@ -224,7 +230,7 @@ def frame(type: FrameType, payload: bytes = b"", request_id: int = 0, scene_revi
     return header.tobytes() + payload
 
 
-def columns(payload: bytes, reply: np.ndarray) -> "dict[str, np.ndarray]":
+def columns(payload: bytes, reply: np.ndarray) -> dict[str, np.ndarray]:
     """Flat columns of a kReply payload; `reply` is its ReplyHeader."""
     arrays = {}
     offset = ReplyHeader.itemsize
