@@ -74,7 +74,7 @@ class Scene {
     double radius = 0;        ///< grows every piece, metres
     std::string parent = {};  ///< name of a body already there; empty: none
     bool is_static = false;
-    std::optional<Pose> pose;
+    std::optional<Pose> pose = {};
   };
 
   /// Reads a scene file (YAML) and the meshes it names. Throws SceneError.

@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# Layout of C++ and CUDA (clang-format), lint and layout (ruff) and types (mypy) of Python. All are run, whatever the first
+# says; the exit code is 1 if any finds something.
+set -euo pipefail
+. "$(dirname "$0")/step.sh"
+
+bin=.venv/bin
+if ! cmp -s tools/lint_requirements.txt .venv/clearance-lint; then
+  step lint-setup "Install the linters into .venv" \
+    "$bin/python" -m pip install --disable-pip-version-check --progress-bar off -r tools/lint_requirements.txt
+  cp tools/lint_requirements.txt .venv/clearance-lint
+fi
+
+failed=()
+run() {
+  local name=$1
+  shift
+  say "$name"
+  "$@" || failed+=("$name")
+}
+mapfile -t sources < <(git ls-files '*.cpp' '*.h' '*.cu' '*.cuh')
+run clang-format "$bin/clang-format" --dry-run -Werror --ferror-limit=1 "${sources[@]}"
+run "ruff check" "$bin/ruff" check
+run "ruff format" "$bin/ruff" format --check
+run mypy "$bin/mypy" --python-executable "$bin/python"
+((${#failed[@]} == 0)) || die "found by ${failed[*]}. clang-format -i and ruff format write the layout; both are in $bin"
