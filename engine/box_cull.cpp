@@ -1,6 +1,7 @@
 #include "box_cull.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cstring>
 
 #include "columns.h"
@@ -16,6 +17,7 @@ constexpr std::size_t kSideBySideFrom = 4;  // fewer configurations are compared
 
 std::span<const double> BoxCull::gaps(std::span<const BodyPair> pairs, std::span<const Placement> placed,
                                       std::uint64_t first) {
+  assert(!placed.empty());
   gaps_.resize(std::max(gaps_.size(), pairs.size() * placed.size()));
   const std::span<const double> all(gaps_.data(), pairs.size() * placed.size());
   if (!placed[0].moves_any()) {

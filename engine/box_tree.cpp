@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <limits>
 #include <numeric>
 
@@ -72,6 +73,7 @@ void BoxTree::build(std::span<const std::uint32_t> ids, std::span<const Aabb> bo
 }
 
 void BoxTree::fit(std::span<const std::uint32_t> ids, std::span<const Aabb> boxes) {
+  assert(std::all_of(ids.begin(), ids.end(), [&](std::uint32_t id) { return id < boxes.size(); }));
   if (!std::equal(ids.begin(), ids.end(), ids_.begin(), ids_.end())) return build(ids, boxes);
   fit_boxes(boxes);
   if (worn()) build(ids, boxes);
@@ -141,6 +143,7 @@ std::uint64_t BoxTree::bytes() const {
 }
 
 void BoxTree::pairs_within(std::uint32_t first, std::uint32_t last, double margin, std::vector<BodyPair>& out) const {
+  assert(first <= last && last <= blocks());
   if (!(margin >= 0)) return;
   const double limit = squared_limit(margin);
   const auto top = static_cast<std::uint32_t>(levels_.size()) - 1;

@@ -4,6 +4,7 @@
 #include "overlap.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 
@@ -65,11 +66,15 @@ double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& direction) {
 
 template <class T>
 Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
+  assert(proposed.size >= 0 && proposed.size <= 4);
   Simplex<T> simplex = proposed;
   if (simplex.size == 0) {
     simplex.size = 1;
     simplex.vertex[0].a = simplex.vertex[0].b = 0;
   }
+  assert(std::all_of(simplex.vertex, simplex.vertex + simplex.size, [&](const auto& v) {
+    return v.a < pair.a->vertices.size() && v.b < pair.b->vertices.size();
+  }));
   for (int i = 0; i < simplex.size; ++i)
     simplex.vertex[i].w = pair.cso_vertex(simplex.vertex[i].a, simplex.vertex[i].b);
   const CsoPoint<T> point(simplex, pair.R_wa, [&](std::uint32_t k) { return cast<T>(pair.a->vertices[k]); }, pair.R_wb,
@@ -98,6 +103,9 @@ bool is_closed(std::span<const CsoFace<T>> faces) {
 
 template <class T>
 double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices, std::span<const CsoFace<T>> faces) {
+  assert(std::all_of(faces.begin(), faces.end(), [&](const CsoFace<T>& face) {
+    return std::all_of(face.vertex.begin(), face.vertex.end(), [&](std::uint32_t v) { return v < vertices.size(); });
+  }));
   std::vector<Vec3<T>> w(vertices.size());
   for (std::size_t i = 0; i < w.size(); ++i) w[i] = pair.cso_vertex(vertices[i].a, vertices[i].b);
   const auto [ball, one_side] = view_surface(w.data(), faces.data(), faces.size(), T(pair.scale));
@@ -108,6 +116,7 @@ double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> ver
 }
 
 double certify_overlap(const Piece& a, const Piece& b, double ball) {
+  assert(ball > 0);
   return round_up(-(dd::two_sum(a.radius, b.radius) + DoubleDouble(ball)));
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -26,6 +27,7 @@ template <class T, class F>
 UniquePositions<T> unique_positions(std::size_t count, F&& position) {
   using Bits = std::conditional_t<sizeof(T) == 8, std::uint64_t, std::uint32_t>;
   constexpr std::uint32_t kFree = 0xFFFFFFFFu;
+  assert(count < kFree);
   const auto hash = [](const Vec3<T>& v) {
     std::uint64_t h = 0;
     for (int k = 0; k < 3; ++k) {

@@ -1,6 +1,7 @@
 #include "evaluate.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace clearance {
@@ -87,6 +88,8 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
     if (found.best.rounding > 0) return found.best.rounding;
     return rounding_of(*a.pieces[found.piece_a], pose_a, *b.pieces[found.piece_b], pose_b);
   };
+  assert(answer.lower <= answer.upper);
+  assert(piece_a < a.pieces.size() && piece_b < b.pieces.size());
   if (answer.lower > limits.max_distance || (best.bounds.upper > 0 && answer.lower > 0)) {
     take_apart(limits.max_distance, limits.abs_tol, limits.rel_tol, answer.lower, answer.upper, rounding, answer);
   } else {
@@ -113,6 +116,7 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
 void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness,
                PairAnswer& answer) {
+  assert(lane.settled && lane.lower <= lane.upper);
   const bool beyond = lane.lower > options.limits.max_distance;
   answer.status = beyond ? Status::kBeyond : Status::kOk;
   answer.lower = lane.lower;
@@ -141,6 +145,7 @@ std::size_t most_bodies(const Scene& scene, std::span<const PlacedBodies> pairs)
 }  // namespace
 
 void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
+  assert(answers.size() >= pairs.size());
   tasks_.clear();
   searches_.clear();
   piece_pairs_.clear();
@@ -148,6 +153,7 @@ void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> a
     const auto& [pair, placement, warm] = pairs[i];
     if (answer_without_pieces(scene_, *placement, pair, options_, answers[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
+    assert(!a.empty() && !b.empty());
     if (a.size() == 1 && b.size() == 1) {
       tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
                         options_.limits.max_distance, i, warm});
@@ -185,6 +191,7 @@ void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> a
       take_round(s, std::span(found_).subspan(taken, s.asked));
       taken += s.asked;
     }
+    assert(taken == found_.size());
     tasks_.clear();
   }
 }
@@ -217,6 +224,7 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
 }
 
 void Evaluator::take_round(Search& search, std::span<const NarrowAnswer> answers) {
+  assert(search.next + answers.size() <= search.end);
   PieceSearch& state = search.state;
   for (const NarrowAnswer& answer : answers) {
     const PiecePair& p = piece_pairs_[search.next++];

@@ -1,6 +1,7 @@
 #include "job.h"
 
 #include <algorithm>
+#include <cassert>
 
 #include "box_cull.h"
 #include "cuda/device_job.h"
@@ -56,6 +57,7 @@ class DenseJob final : public ParallelJob {
   }
 
   void finish_with(std::span<State* const> others) override {
+    assert(std::all_of(others.begin(), others.end(), [&](State* other) { return joins(*other); }));
     Room& room = rooms_[0];
     room.asked.clear();
     room.places.clear();
@@ -112,6 +114,7 @@ class DenseJob final : public ParallelJob {
   };
 
   void run(std::uint64_t unit, int worker) {
+    assert(unit < units());
     Room& room = rooms_[static_cast<std::size_t>(worker)];
     const std::uint64_t first = unit / layout_.pair_blocks * layout_.configurations, begin = unit % layout_.pair_blocks * layout_.pairs;
     const std::uint64_t configurations = std::min(layout_.configurations, plan_.size.configurations - first);
@@ -141,6 +144,7 @@ class DenseJob final : public ParallelJob {
 
   // Writes those of the answers in [begin, end) of a room, which are this job's. \param first, pair where their block begins.
   void write_answers(const Room& room, std::size_t begin, std::size_t end, std::uint64_t first, std::uint64_t pair) {
+    assert(begin <= end && end <= room.places.size() && end <= room.answers.size());
     std::uint64_t evaluated = 0;
     for (std::size_t i = begin; i < end; ++i) {
       const auto [k, at] = room.places[i];
@@ -161,6 +165,7 @@ class DenseJob final : public ParallelJob {
   void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const Placement> placed, std::uint64_t first,
             int worker, Room& room) {
     const std::size_t already = room.asked.size();
+    assert(begin + pairs.size() <= plan_.size.pairs && first + placed.size() <= plan_.size.configurations);
     const auto ask = [&](std::size_t i, std::size_t k) {
       room.asked.push_back({pairs[i], &placed[k], warm(first + k, begin + i)});
       room.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
@@ -200,6 +205,7 @@ class DenseJob final : public ParallelJob {
   }
 
   WarmSimplex* warm(std::uint64_t configuration, std::uint64_t pair) const {
+    assert(!warm_ || configuration * plan_.size.pairs + pair < warm_->simplices.size());
     return warm_ ? &warm_->simplices[configuration * plan_.size.pairs + pair] : nullptr;
   }
 

@@ -1,6 +1,7 @@
 #include "narrow_phase.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <optional>
 
@@ -42,12 +43,14 @@ class Answer {
       : limits_(limits), radius_a_(radius_a), radius_b_(radius_b) {}
 
   void raise_lower(double lower, const Vec3d& n) {
+    assert(!std::isnan(lower));
     if (!(lower > answer_.bounds.lower)) return;
     answer_.bounds.lower = lower;
     const Vec3d m = rescaled(n);
     answer_.normal = m * (1 / norm(m));
   }
   void take_witness(const Witness& w) {
+    assert(!std::isnan(w.upper));
     if (!(w.upper < answer_.bounds.upper)) return;
     answer_.bounds.upper = w.upper;
     witness_ = w;
@@ -213,6 +216,7 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
 // The tetrahedron that GJK ended with, as a surface: outward faces.
 template <class T>
 void take_tetrahedron(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answer) {
+  assert(s.size == 4);
   CsoFace<T> faces[4];
   if (!tetrahedron_faces(s, faces)) return;
   take_overlap<T>(pair, std::span<const CsoVertex<T>>(s.vertex, 4), faces, s, answer);

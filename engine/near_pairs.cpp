@@ -1,6 +1,7 @@
 #include "near_pairs.h"
 
 #include <algorithm>
+#include <cassert>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
@@ -126,6 +127,7 @@ std::uint64_t NearPairs::position(std::uint32_t a, std::uint32_t b) const {
 }
 
 std::uint64_t NearPairs::first_position(std::uint32_t body) const {
+  assert(table_ && body < bodies_);
   for (std::uint32_t b = 0; b < bodies_; ++b)
     if (b != body && table_->enabled(body, b)) return position(body, b);
   return kNowhere;
@@ -157,6 +159,7 @@ void TreeSearch::stand(const Placement& placement) {
 // Offers (gap, position) of the query's pairs of a body.
 template <class Offer>
 void TreeSearch::ask(std::uint32_t body, double bound, Offer&& offer) const {
+  assert(placement_ && near_pairs_.by_tree());
   if ((*placement_)[body].status != Status::kOk) return;
   const Aabb box = placement_->box(body);
   const auto of_query = [&](double gap, std::uint32_t other) {

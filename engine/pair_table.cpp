@@ -1,6 +1,7 @@
 #include "pair_table.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cstring>
 #include <iterator>
 
@@ -8,6 +9,7 @@ namespace clearance {
 
 PairTable::PairTable(const Scene& scene, std::span<const std::uint32_t> parents)
     : bodies_(static_cast<std::uint32_t>(scene.bodies().size())) {
+  assert(parents.size() == bodies_);
   for (const Body& body : scene.bodies()) is_static_.push_back(body.is_static);
 
   std::vector<BodyPair> excluded;
@@ -37,6 +39,7 @@ std::uint32_t PairTable::partners_before(std::uint32_t row, std::uint32_t j) con
 }
 
 std::uint64_t PairTable::position(BodyPair pair) const {
+  assert(pair.a < pair.b && enabled(pair.a, pair.b));
   const auto row = excluded_.begin() + excluded_begin_[pair.a];
   const auto left_out = std::lower_bound(row, excluded_.begin() + excluded_begin_[pair.a + 1], pair.b) - row;
   return row_begin_[pair.a] + partners_before(pair.a, pair.b) - static_cast<std::uint64_t>(left_out);
@@ -63,6 +66,7 @@ bool PairTable::is(std::span<const BodyPair> pairs) const {
 }
 
 void PairTable::copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const {
+  assert(begin + count <= size());
   if (count == 0) return;
   auto row = static_cast<std::uint32_t>(std::upper_bound(row_begin_.begin(), row_begin_.end(), begin) - row_begin_.begin() - 1);
   std::uint64_t skip = begin - row_begin_[row];

@@ -3,6 +3,7 @@
 
 #include <omp.h>
 
+#include <cassert>
 #include <cmath>
 #include <exception>
 #include <limits>
@@ -74,6 +75,7 @@ class ParallelJob : public Job::State {
 
   // Placements of configurations [first, first + count), the worker's own.
   std::span<const Placement> placements(int worker, std::uint64_t first, std::uint64_t count) {
+    assert(worker < workers() && count > 0 && first + count <= plan_.size.configurations);
     auto& [p, rotations] = placements_[static_cast<std::size_t>(worker)];
     while (p.size() < count) p.emplace_back(scene(), plan_, boxes_);
     if (p[0].stands_at(first) && p[count - 1].stands_at(first + count - 1)) return {p.data(), count};
@@ -86,6 +88,7 @@ class ParallelJob : public Job::State {
 
   // Writes the answer to a pair of one configuration into row `index`.
   void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& asked, const PairAnswer& answer) {
+    assert(index < plan_.size.rows);
     static constexpr Vec3d kNoOrigin{0, 0, 0};
     const auto& [pair, here, warm] = asked;
     const std::size_t n = scene().bodies().size();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 
 namespace clearance {
 
@@ -31,6 +32,7 @@ std::uint32_t PieceBatch::kind_of(const PieceTask& task) {
 
 // Pairs of the same two pieces go side by side if they fill the lanes; the rest fill lanes with whatever there is.
 void PieceBatch::deal(std::span<const PieceTask> tasks) {
+  assert(!tasks.empty());
   order_.clear();
   groups_.clear();
   if (!options_.lanes || options_.reference) {
@@ -67,6 +69,7 @@ void PieceBatch::deal(std::span<const PieceTask> tasks) {
     }
     if (part > 0) add_group(begin, next, false, part == 1);
   }
+  assert(next == tasks.size());
   order_.resize(tasks.size());
   for (std::uint32_t i = 0; i < tasks.size(); ++i) order_[kinds_[kind_of_task_[i]].begin++] = i;
 }
@@ -86,6 +89,7 @@ void PieceBatch::run_group(std::span<const PieceTask> tasks, const Group& group)
     pairs_.push_back({hull_a, hull_b, &task.pose_a->R_wb, &task.pose_b->R_wb, &task.pose_a->t_w, &task.pose_b->t_w,
                       task.max_distance, task.warm});
   }
+  assert(hulls_.size() <= (group.same_hulls ? 2 : 2 * count));  // else they have moved
   if (answers_.size() < count) {  // that one last: memory may run out in between
     witnesses_.resize(count);
     unsettled_.resize(count);

@@ -1,5 +1,7 @@
 #include "placement.h"
 
+#include <cassert>
+
 #include "aabb.h"
 
 namespace clearance {
@@ -26,6 +28,7 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
 
 void Placement::configure(std::uint64_t k, std::span<const Mat3d> rotations) {
   if (moved_slot_.empty() || k == configuration_) return;
+  assert(rotations.size() == plan_.bodies.size() && (k + 1) * plan_.bodies.size() <= plan_.configurations.size());
   configuration_ = k;
   const PoseSnapshot& snapshot = *plan_.snapshot;
   const std::size_t count = plan_.bodies.size();

@@ -1,6 +1,7 @@
 #include "plan.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <string>
 
@@ -9,6 +10,7 @@
 namespace clearance {
 
 std::span<const BodyPair> PairList::slice(std::uint64_t begin, std::uint64_t count, std::vector<BodyPair>& room) const {
+  assert(begin + count <= size());
   if (!table_) return std::span(pairs_).subspan(begin, count);
   room.resize(count);
   table_->copy(begin, count, room.data());
@@ -16,6 +18,7 @@ std::span<const BodyPair> PairList::slice(std::uint64_t begin, std::uint64_t cou
 }
 
 BodyPair PairList::at(std::uint64_t position) const {
+  assert(position < size());
   if (!table_) return pairs_[position];
   BodyPair pair;
   table_->copy(position, 1, &pair);

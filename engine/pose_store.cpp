@@ -1,6 +1,7 @@
 #include "pose_store.h"
 
 #include <algorithm>
+#include <cassert>
 #include <chrono>
 #include <string>
 #include <tuple>
@@ -16,6 +17,7 @@ void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
   constexpr std::size_t kAtATime = 64;
   Pose poses[kAtATime];
   Mat3d rotations[kAtATime];
+  assert(placed.size() == local.size() && parent.size() == local.size());
   for (std::size_t begin = 0; begin < bodies.size(); begin += kAtATime) {
     const auto part = bodies.subspan(begin, std::min(kAtATime, bodies.size() - begin));
     for (std::size_t i = 0; i < part.size(); ++i) poses[i] = local[part[i]];
@@ -60,6 +62,7 @@ std::shared_ptr<const std::vector<std::uint32_t>> order_of(const std::vector<std
       order->push_back(chain.back());
     }
   }
+  assert(order->size() == parent.size());
   return order;
 }
 
@@ -140,6 +143,7 @@ void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
     if (stamped > std::pair(next->newest_stamp_ns, next->newest_sequence))
       std::tie(next->newest_stamp_ns, next->newest_sequence) = stamped;
   }
+  assert(next->pairs && next->order && next->local.size() == scene_.bodies().size());
   std::shared_ptr<const PoseSnapshot> old = std::move(next);  // freed outside the lock
   const std::lock_guard lock(current_mutex_);
   current_.swap(old);

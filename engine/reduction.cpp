@@ -1,6 +1,7 @@
 #include "reduction.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <tuple>
 
@@ -88,6 +89,7 @@ bool Reduction::worth_threads(bool light) const {
 }
 
 void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) {
+  assert(unit < units() && static_cast<std::size_t>(worker) < workers_.size());
   switch (stage_) {
     case kSeedScan:
       return by_tree_ ? seed_scan_by_tree(unit, workers_[worker], placement) : seed_scan(unit, workers_[worker], placement);
@@ -220,6 +222,7 @@ void Reduction::end_stage() {
       }
       std::sort(seeds_.begin(), seeds_.end());
       seeds_.erase(std::unique(seeds_.begin(), seeds_.end()), seeds_.end());
+      assert(seeds_.empty() || seeds_.back() < plan_.pairs.size());
       seed_pairs_.resize(seeds_.size());
       seed_answers_.resize(seeds_.size());
       stage_ = kSeeds;
@@ -244,6 +247,7 @@ void Reduction::end_stage() {
       }
       std::sort(candidates_.begin(), candidates_.end());
       candidates_.erase(std::unique(candidates_.begin(), candidates_.end()), candidates_.end());
+      assert(candidates_.empty() || candidates_.back() < plan_.pairs.size());
       candidates_.erase(std::remove_if(candidates_.begin(), candidates_.end(),
                                        [&](std::uint64_t p) { return std::binary_search(seeds_.begin(), seeds_.end(), p); }),
                         candidates_.end());
@@ -257,6 +261,7 @@ void Reduction::end_stage() {
 }
 
 std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
+  assert(stage_ == kDone);
   const auto row_of = [&](BodyPair pair, const PairAnswer& answer) {
     Row row{pair, configuration, answer, {}, {}};
     if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
@@ -300,6 +305,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
     }
     Row row = row_of(plan_.pairs.at(b.position), *b.winner);
     widen_to_group(row.answer, b.lower, options_.limits.max_distance, options_.limits.abs_tol, options_.limits.rel_tol);
+    assert(row.answer.lower <= row.answer.upper);
     if (incomplete_[g]) row.answer.flags |= kFlagIncomplete;
     rows.push_back(row);
   }

@@ -1,6 +1,7 @@
 #include "scene_history.h"
 
 #include <algorithm>
+#include <cassert>
 #include <iterator>
 
 namespace clearance {
@@ -54,6 +55,7 @@ void SceneHistory::forget_old() {
 
 void SceneHistory::attached(std::uint64_t revision, std::uint32_t child, std::uint32_t was, std::uint32_t is) {
   const std::lock_guard lock(mutex_);
+  assert(was != is);
   begin_change(revision);
   mark(parent_changed_, child, changes_);
   for (const std::uint32_t parent : {was, is})
@@ -64,6 +66,7 @@ void SceneHistory::attached(std::uint64_t revision, std::uint32_t child, std::ui
 void SceneHistory::replaced(const SceneHistory& old, std::uint64_t old_revision, const Scene& old_scene,
                             std::span<const std::uint32_t> old_parents, const Scene& scene,
                             std::span<const std::uint32_t> parents) {
+  assert(old_parents.size() == old_scene.bodies().size() && parents.size() == scene.bodies().size());
   const std::scoped_lock lock(mutex_, old.mutex_);
   changes_ = old.changes_;
   seen_ = old.seen_;

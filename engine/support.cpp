@@ -1,6 +1,7 @@
 #include "support.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <cstring>
 
@@ -95,8 +96,10 @@ double upper_length(const Vec3d& n) { return norm(n) * (1 + 4 * kUnitRoundoff); 
 }  // namespace
 
 SupportPoint<double> support(const Piece& piece, const Vec3d& n) {
+  assert(!piece.vertices.empty() && piece.x.size() % 8 == 0);
   if (!piece.table) return scan(piece, n);
   const std::span<const std::uint32_t> candidates = piece.table->candidates(n);
+  assert(!candidates.empty());
   SupportPoint<double> best{candidates[0], dot(n, piece.vertices[candidates[0]])};
   for (const std::uint32_t i : candidates.subspan(1))
     if (const double s = dot(n, piece.vertices[i]); s > best.value) best = {i, s};

@@ -1,5 +1,6 @@
 #include "warm.h"
 
+#include <cassert>
 #include <new>
 
 namespace clearance {
@@ -37,6 +38,7 @@ std::unique_ptr<WarmTable> WarmStore::take(std::uint64_t client, std::uint64_t q
 
 void WarmStore::put_back(std::unique_ptr<WarmTable> table) {
   const std::lock_guard lock(mutex_);
+  assert(in_use_ >= table->bytes());
   in_use_ -= table->bytes();
   tables_.put_back(std::move(table));
 }

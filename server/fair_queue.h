@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cassert>
 #include <cstdint>
 #include <deque>
 #include <unordered_map>
@@ -37,9 +38,11 @@ class FairQueue {
 
   /// The first item of the client whose turn it is. Not to be called on an empty queue.
   T pop() {
+    assert(!empty() && size_ > 0);
     const std::uint64_t client = order_.front();
     order_.pop_front();
     const auto found = items_.find(client);
+    assert(found != items_.end() && !found->second.empty());
     T item = std::move(found->second.front());
     found->second.pop_front();
     if (!found->second.empty())

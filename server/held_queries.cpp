@@ -1,5 +1,6 @@
 // Queries that wait for poses (QueryHeader::min_pose_stamp_ns): held aside, looked at when poses have come or time is up.
 #include <algorithm>
+#include <cassert>
 #include <cstring>
 
 #include "loop_task.h"
@@ -25,6 +26,7 @@ void Loop::hold_query(const wire::FrameHeader& header, const wire::QueryHeader& 
   held_until_revision_ = engine_->pose_revision();
   held_.push_back(std::move(held));
   held_.back().sink = std::move(sink);
+  assert(held_.back().sink && !sink);
   ++usage.requests;
   usage.bytes += payload.size();
   waiting_bytes_ += payload.size();
@@ -58,6 +60,7 @@ bool Loop::look_at_held() {
     Held held = std::move(held_.back());
     held_.pop_back();
     ReplySink& way_back = *held.sink;  // lives on in a Task
+    assert(waiting_bytes_ >= held.payload_bytes);
     waiting_bytes_ -= held.payload_bytes;
     leave(way_back.client(), held.payload_bytes);
     guarded(way_back, held.request, [&] {
@@ -75,6 +78,7 @@ bool Loop::look_at_held() {
 void Loop::drop_held_of_the_gone() {
   std::erase_if(held_, [this](const Held& held) {
     if (held.sink->alive()) return false;
+    assert(waiting_bytes_ >= held.payload_bytes);
     waiting_bytes_ -= held.payload_bytes;
     leave(held.sink->client(), held.payload_bytes);
     ++dropped_;

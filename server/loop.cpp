@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cstring>
 #include <stdexcept>
 #include <utility>
@@ -46,6 +47,7 @@ std::string scheme_of(const std::string& url) {
 
 /// Moves columns that have room for `from_rows` rows to where they lie with `to_rows` (fewer) rows.
 void close_up_columns(std::byte* columns, std::uint32_t fields, std::uint64_t from_rows, std::uint64_t to_rows) {
+  assert(to_rows <= from_rows);
   // Each column moves towards the front, the first ones first: nothing is overwritten before it has moved.
   for (int f = 0; f < kFieldCount; ++f) {
     const Field field = Field(1u << f);
@@ -293,6 +295,7 @@ void Loop::take_slice(TaskPtr task, Clock::time_point& now) {
 
 /// Takes, out of what waits for its first slice, small queries that the engine can answer together with this one.
 void Loop::gather(const Task& first) {
+  assert(joined_.empty());
   if (fresh_.empty()) return;
   const auto pairs_of = [](const Task& task) { return task.job.size().configurations * task.job.size().pairs; };
   std::uint64_t pairs = pairs_of(first);
@@ -339,12 +342,15 @@ void Loop::answer_together(TaskPtr first, Clock::time_point& now) {
 }
 
 void Loop::forget(const Task& task) {
+  assert(waiting_bytes_ >= task.held_bytes);
   waiting_bytes_ -= task.held_bytes;
   leave(task.sink->client(), task.held_bytes);
 }
 
 void Loop::leave(std::uint64_t client, std::uint64_t held_bytes) {
+  assert(waiting_per_client_.contains(client));
   Usage& usage = waiting_per_client_.find(client)->second;
+  assert(usage.requests > 0 && usage.bytes >= held_bytes);
   --usage.requests;
   usage.bytes -= held_bytes;
 }
@@ -357,6 +363,7 @@ void Loop::finish(Task& task, Clock::time_point now) {
   const QuerySize& size = task.job.size();
   const ReplyInfo& info = task.job.info();
   std::byte* frame = task.frame;
+  assert(info.rows <= size.rows && frame);
   if (info.rows < size.rows) close_up_columns(frame + kColumnsBegin, size.fields, size.rows, info.rows);
   clear_gaps(frame + kColumnsBegin, size.fields, info.rows);
   const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(info.rows, size.fields);

@@ -1,5 +1,7 @@
 #include "places.h"
 
+#include <cassert>
+
 namespace clearance {
 namespace {
 
@@ -39,6 +41,7 @@ void Places::take(const ucred& who) {
 }
 
 void Places::leave(const ucred& who) {
+  assert(taken_ > 0 && count(by_user_, who.uid) > 0);
   --taken_;
   drop_one(by_user_, who.uid);
   drop_one(by_process_, static_cast<std::uint64_t>(who.pid));

@@ -4,6 +4,7 @@
 #include <sys/mman.h>
 
 #include <algorithm>
+#include <cassert>
 #include <exception>
 
 #include "engine/cuda/device.h"
@@ -43,6 +44,7 @@ SegmentPinner::Ticket* SegmentPinner::pin(std::shared_ptr<Mapping> mapping) noex
 
 void SegmentPinner::let_go(Ticket* ticket) noexcept {
   const std::lock_guard lock(mutex_);
+  assert(!ticket->done);
   ticket->done = true;
   wake_.notify_one();
 }

@@ -142,6 +142,7 @@ std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, st
 }
 
 Segment::~Segment() {
+  assert(budget_->used >= mapping_->bytes());
   budget_->used -= mapping_->bytes();
   mapping_.reset();
   if (pin_) pinner_->let_go(pin_);
@@ -195,6 +196,7 @@ void Segment::set_sleeping(bool sleeping) {
 }
 
 std::byte* Segment::reply_area(std::uint32_t slot) {
+  assert(slot < slots_.size());
   return base_ + reply_offset_ + slot * reply_capacity_;
 }
 

@@ -2,6 +2,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cassert>
 #include <chrono>
 #include <cstring>
 #include <stdexcept>
@@ -218,6 +219,7 @@ class ZmqTransport final : public Transport {
   }
 
   void send(Peer& peer, AlignedBytes frame, std::uint64_t frame_bytes) {
+    assert(frame && frame_bytes >= sizeof(wire::FrameHeader));
     const std::uint64_t payload_bytes = frame_bytes - sizeof(wire::FrameHeader);
     const std::uint64_t waiting = peer.unsent_bytes->load();
     if (waiting && waiting + payload_bytes > kMaxUnsentBytes) {

@@ -1,6 +1,8 @@
 // A query on the device that the CPU takes over where the device fails.
 #include "device_query.h"
 
+#include <cassert>
+
 namespace clearance::cuda {
 
 namespace {
@@ -46,6 +48,7 @@ class FallbackJob final : public Job::State {
         begin_again(error);
       }
     }
+    assert(!query_);
     if (!on_cpu_) refuse(context_.device->error());  // again
     const bool done = on_cpu_->advance(budget);
     info = on_cpu_->info;

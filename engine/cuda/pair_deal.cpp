@@ -1,5 +1,6 @@
 // Dealing a query's pairs to chunks, and within a chunk to groups of the same two hulls.
 #include <algorithm>
+#include <cassert>
 #include <numeric>
 
 #include "device_job.h"
@@ -50,6 +51,7 @@ class Dealer {
 
  private:
   void add_part(std::uint64_t first, std::uint32_t count) {
+    assert(count > 0 && first + count <= plan_.size.pairs);
     PairDeal::Part part;
     part.first = first;
     part.count = count;

@@ -1,5 +1,6 @@
 """The set-up script and the Makefile: what a newcomer's machine meets first."""
 
+import json
 import os
 import re
 import shutil
@@ -91,3 +92,12 @@ def test_help_lists_every_target():
         ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout
     assert re.findall(r"^  ([a-z-]+) +\S", listed, re.MULTILINE) == phony
+
+
+def test_presets_of_developers_have_assertions_and_take_warnings_for_errors():
+    presets = json.loads((ROOT / "CMakePresets.json").read_text())["configurePresets"]
+    assert {"asan", "debug", "fuzz", "release", "tsan"} <= {preset["name"] for preset in presets}
+    for name, variables in ((preset["name"], preset["cacheVariables"]) for preset in presets):
+        assert variables.get("CLEARANCE_WERROR", "OFF") == ("OFF" if name == "release" else "ON"), name
+        if variables["CMAKE_BUILD_TYPE"] == "RelWithDebInfo":  # whose own flags leave assertions out
+            assert "NDEBUG" not in variables["CMAKE_CXX_FLAGS_RELWITHDEBINFO"], name
