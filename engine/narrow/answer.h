@@ -85,8 +85,8 @@ CLEARANCE_HD inline bool is_narrow(double width, double distance, double abs_tol
   return width <= (abs_tol < relative ? relative : abs_tol);
 }
 
-/// The status and distance of a pair that is proved apart: lower > 0. \param narrow whether its bounds are as narrow as
-/// asked
+/// The status and distance of a pair that is proved apart: lower > 0. Points are the caller's.
+/// \param narrow whether its bounds are as narrow as asked
 CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double upper, bool narrow,
                                       PairAnswer& answer) {
   const bool beyond = lower > max_distance;
@@ -94,7 +94,6 @@ CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double 
   answer.lower = lower;
   answer.upper = upper;
   answer.distance = beyond ? lower : upper;
-  if (beyond) answer.point_a = answer.point_b = no_point();
 }
 /// Says what bounds on a signed distance mean: the status, the distance, and whether rounding alone keeps them apart.
 /// Nobody else decides that. \param rounding returns the width that bounds of these pieces have from rounding alone,
@@ -113,7 +112,10 @@ CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double 
   if (lower > asked.max_distance || (!overlap && lower > 0)) {
     settled = narrow(upper);
     decide_apart(asked.max_distance, lower, upper, settled, answer);
-    if (answer.status == Status::kBeyond) return;
+    if (answer.status == Status::kBeyond) {
+      answer.point_a = answer.point_b = no_point();
+      return;
+    }
   } else {
     answer.lower = lower;
     answer.upper = upper;

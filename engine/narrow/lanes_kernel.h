@@ -261,14 +261,28 @@ HWY_INLINE FoundVertex<T> find_each(const LaneHull* const* hulls, const bool* bu
   return {p.pack(), index.pack(), value.pack()};
 }
 
-// Two hulls for each lane: the pieces themselves, and what of their sizes the lanes compute with.
+// What each lane works on: in memory, where single lanes are written and all are read as packs.
 template <class T>
-struct LaneHulls {
-  const LaneHull *a[Pack<T>::kLanes], *b[Pack<T>::kLanes];
+struct Lanes {
+  static constexpr int kCount = Pack<T>::kLanes;
+  const LaneHull *a[kCount], *b[kCount];
   Columns3<T> centre_a, centre_b;
   Column<T> rho_a, rho_b, radius;
+  PlacedColumns<T> rotation_a = {}, rotation_b = {};
+  Columns3<T> offset = {};
+  Column<T> extra = {}, cut_off = {}, steps = {};
+  Column<T> fresh = {};  // 1: the pair has come since the last step
+  Column<T> seeds = {};  // vertices of an earlier run to begin from
+  std::uint32_t seed_a[3][kCount] = {}, seed_b[3][kCount] = {};
+  std::size_t pair_of[kCount] = {};
+  bool busy_at[kCount] = {};
+  int busy = 0;
+  std::size_t next = 0;  // of the batch's pairs
 
-  HWY_INLINE void set(int lane, const LaneHull& hull_a, const LaneHull& hull_b) {
+  HWY_INLINE explicit Lanes(const LaneBatch& batch) {
+    for (int lane = 0; lane < kCount; ++lane) set_hulls(lane, *batch.pairs[0].a, *batch.pairs[0].b);
+  }
+  HWY_INLINE void set_hulls(int lane, const LaneHull& hull_a, const LaneHull& hull_b) {
     const Source<T> from_a(hull_a), from_b(hull_b);
     a[lane] = &hull_a;
     b[lane] = &hull_b;
@@ -278,60 +292,23 @@ struct LaneHulls {
     rho_b.at[lane] = reach_of<T>(hull_b);
     radius.at[lane] = static_cast<T>(hull_a.radius + hull_b.radius);
   }
-};
-
-template <class T, bool kSameHulls>
-void run_pairs(const LaneBatch& batch) {
-  using P = Pack<T>;
-  using Setup = RunSetup<T>;
-  constexpr int kLanes = P::kLanes;
-
-  LaneHulls<T> hulls;
-  bool rounded = false, bounded = false, busy_at[kLanes] = {};
-  for (int lane = 0; lane < kLanes; ++lane) hulls.set(lane, *batch.pairs[0].a, *batch.pairs[0].b);
-  for (std::size_t i = 0; i < batch.count; ++i) {
-    const LanePair& pair = batch.pairs[i];
-    bounded = bounded || pair.max_distance < Setup::kUnbounded;
-    rounded = rounded || pair.a->radius + pair.b->radius > 0;
-  }
-
-  PlacedColumns<T> rotation_a = {}, rotation_b = {};
-  Columns3<T> offset = {};
-  Column<T> fresh = {}, steps = {}, extra = {}, seeds = {}, cut_off = {};
-  std::uint32_t seed_a[3][kLanes] = {}, seed_b[3][kLanes] = {};
-  GjkLimits<P> limits = run_limits<P>(batch.abs_tol, batch.rel_tol, rounded, bounded);
-  const P zero(0.0), one(1.0), idle(-1.0), most(static_cast<T>(batch.max_iterations));
-  P scale = zero;
-
-  Gjk<P> g;
-  g.v = {one, zero, zero};
-  for (int i = 0; i < 4; ++i) {
-    g.simplex.vertex[i] = {{zero, zero, zero}, zero, zero};
-    g.simplex.weight[i] = zero;
-  }
-  g.last = g.simplex.vertex[0];
-  g.end = idle;
-
-  std::size_t next = 0, pair_of[kLanes] = {};
-  int busy = 0;
-  const auto fill = [&](int lane) {
-    set_lane(g.end, lane, T(-1));
-    busy_at[lane] = false;
+  // Puts the next pair that the arithmetic can hold into a lane; answers those before it that it cannot. False: there
+  // is none.
+  template <bool kSameHulls>
+  HWY_INLINE bool take_next(const LaneBatch& batch, int lane) {
     PairOffset<T> from_a_to_b;
-    while (next < batch.count) {
+    for (; next < batch.count; batch.answers[next++] = {-__builtin_inf(), __builtin_inf(), false}) {
       const LanePair& pair = batch.pairs[next];
       from_a_to_b = pair_offset<T>(*pair.a, *pair.R_wa, *pair.t_a, *pair.b, *pair.R_wb, *pair.t_b);
       if (from_a_to_b.fits) break;
-      batch.answers[next++] = {-__builtin_inf(), __builtin_inf(), false};
     }
-    if (next == batch.count) return;
+    busy_at[lane] = next < batch.count;
+    if (!busy_at[lane]) return false;
     const LanePair& pair = batch.pairs[next];
-    const LaneHull &a = *pair.a, &b = *pair.b;
     pair_of[lane] = next++;
-    busy_at[lane] = true;
     ++busy;
-    if (!kSameHulls) hulls.set(lane, a, b);
-    cut_off.at[lane] = static_cast<T>(pair.max_distance * Setup::kMore);
+    if (!kSameHulls) set_hulls(lane, *pair.a, *pair.b);
+    cut_off.at[lane] = static_cast<T>(pair.max_distance * RunSetup<T>::kMore);
     for (int r = 0; r < 3; ++r) {
       rotation_a.row[r].set(lane, pair.R_wa->row[r]);
       rotation_b.row[r].set(lane, pair.R_wb->row[r]);
@@ -340,96 +317,164 @@ void run_pairs(const LaneBatch& batch) {
     offset.set(lane, from_a_to_b.D);
     fresh.at[lane] = 1;
     steps.at[lane] = 0;
+    take_seeds(pair, lane);
+    return true;
+  }
+  HWY_INLINE void take_seeds(const LanePair& pair, int lane) {
     seeds.at[lane] = 0;
-    if (pair.warm) {
-      const WarmSimplex& warm = *pair.warm;
-      for (int i = 0; i < warm.size && i < 3 && warm.a[i] < a.vertex_count && warm.b[i] < b.vertex_count; ++i) {
-        seed_a[i][lane] = warm.a[i];
-        seed_b[i][lane] = warm.b[i];
-        seeds.at[lane] = static_cast<T>(i + 1);
-      }
+    if (!pair.warm) return;
+    const WarmSimplex& warm = *pair.warm;
+    for (int i = 0; i < warm.size && i < 3 && warm.a[i] < pair.a->vertex_count && warm.b[i] < pair.b->vertex_count;
+         ++i) {
+      seed_a[i][lane] = warm.a[i];
+      seed_b[i][lane] = warm.b[i];
+      seeds.at[lane] = static_cast<T>(i + 1);
     }
-    set_lane(g.end, lane, T(0));
+  }
+};
+
+// Where the pairs of all lanes are.
+template <class T>
+struct LanePoses {
+  Mat3<Pack<T>> R_wa, R_wb;
+  Vec3<Pack<T>> D;
+  HWY_INLINE explicit LanePoses(const Lanes<T>& lanes)
+      : R_wa(lanes.rotation_a.pack()), R_wb(lanes.rotation_b.pack()), D(lanes.offset.pack()) {}
+};
+
+// First directions and seeds of the pairs that have just come, and what all lanes are limited by from now on.
+template <class T>
+HWY_INLINE void begin_fresh(Lanes<T>& lanes, const LanePoses<T>& at, GjkLimits<Pack<T>>& limits, Pack<T>& scale,
+                            Gjk<Pack<T>>& g) {
+  using P = Pack<T>;
+  const P zero(0.0);
+  const auto is_fresh = lanes.fresh.pack() > zero;
+  g.v =
+      select(is_fresh, first_direction(at.R_wa * lanes.centre_a.pack() - at.R_wb * lanes.centre_b.pack() - at.D), g.v);
+  for (int i = 0; i < 3; ++i) {
+    const auto seeded = is_fresh & (lanes.seeds.pack() > P(static_cast<double>(i)));
+    if (!any(seeded)) break;
+    Columns3<T> p, q;
+    Column<T> index_a, index_b;
+    for (int lane = 0; lane < Lanes<T>::kCount; ++lane) {
+      p.set(lane, Source<T>::vertex(*lanes.a[lane], lanes.seed_a[i][lane]));
+      q.set(lane, Source<T>::vertex(*lanes.b[lane], lanes.seed_b[i][lane]));
+      index_a.at[lane] = static_cast<T>(lanes.seed_a[i][lane]);
+      index_b.at[lane] = static_cast<T>(lanes.seed_b[i][lane]);
+    }
+    g.seed({at.R_wa * p.pack() - at.R_wb * q.pack() - at.D, index_a.pack(), index_b.pack()}, seeded);
+  }
+  lanes.fresh.set(zero);
+  limits.radius = lanes.radius.pack();
+  scale = pair_scale(at.D, lanes.rho_a.pack(), lanes.rho_b.pack(), limits.radius);
+  if (limits.bounded) limits.max_distance = core_cut_off_at(lanes.cut_off.pack(), limits.radius, scale);
+}
+
+// Both hulls' farthest vertices along the directions of all lanes.
+template <class T, bool kSameHulls>
+HWY_INLINE void find_farthest(const Lanes<T>& lanes, const Vec3<Pack<T>>& along_a, const Vec3<Pack<T>>& along_b,
+                              FoundVertex<T>& in_a, FoundVertex<T>& in_b) {
+  const LaneHull &a = *lanes.a[0], &b = *lanes.b[0];
+  if (!kSameHulls || a.has_table || b.has_table) {
+    in_a = kSameHulls && !a.has_table ? scan_one<T>(a, along_a) : find_each<T>(lanes.a, lanes.busy_at, along_a);
+    in_b = kSameHulls && !b.has_table ? scan_one<T>(b, along_b) : find_each<T>(lanes.b, lanes.busy_at, along_b);
+  } else {
+    Scan<T> scan_a(a, along_a), scan_b(b, along_b);
+    scan_both(scan_a, scan_b);
+    in_a = scan_a.found();
+    in_b = scan_b.found();
+  }
+}
+
+// Where a lane's run ended, for the pair's next one.
+template <class T>
+HWY_INLINE void copy_warm(const Simplex<Pack<T>>& from, int lane, WarmSimplex& to) {
+  const int size = static_cast<int>(lane_of(from.size, lane));
+  to.size = static_cast<std::uint8_t>(size < 3 ? size : 3);
+  for (int i = 0; i < to.size; ++i) {
+    to.a[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.vertex[i].a, lane)));
+    to.b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.vertex[i].b, lane)));
+  }
+}
+
+// Hands out what the ended lanes have found: their bounds, and more for those that need no more or that need it still.
+template <class T>
+HWY_INLINE void hand_out(const LaneBatch& batch, const Lanes<T>& lanes, const Gjk<Pack<T>>& g,
+                         const RunBounds<Pack<T>>& bounds, std::uint32_t ended) {
+  Column<T> lower, upper;
+  lower.set(bounds.lower);
+  upper.set(bounds.upper);
+  const std::uint32_t settled = bits_of(bounds.settled);
+  for (; ended != 0; ended &= ended - 1) {
+    const int lane = __builtin_ctz(ended);
+    const std::size_t pair = lanes.pair_of[lane];
+    const bool done = settled >> lane & 1;
+    batch.answers[pair] = {lower.at[lane], upper.at[lane], done};
+    if (batch.pairs[pair].warm) copy_warm<T>(g.simplex, lane, *batch.pairs[pair].warm);
+    if constexpr (std::is_same_v<T, double>)
+      if (!done) copy_lane(g, lane, batch.unsettled[pair]);
+    if (done && batch.witnesses) copy_witness(g, bounds, lane, batch.witnesses[pair]);
+  }
+}
+
+template <class T, bool kSameHulls>
+void run_pairs(const LaneBatch& batch) {
+  using P = Pack<T>;
+  using Setup = RunSetup<T>;
+  bool rounded = false, bounded = false;
+  for (std::size_t i = 0; i < batch.count; ++i) {
+    const LanePair& pair = batch.pairs[i];
+    bounded = bounded || pair.max_distance < Setup::kUnbounded;
+    rounded = rounded || pair.a->radius + pair.b->radius > 0;
+  }
+  GjkLimits<P> limits = run_limits<P>(batch.abs_tol, batch.rel_tol, rounded, bounded);
+  const P zero(0.0), one(1.0), most(static_cast<T>(batch.max_iterations));
+  P scale = zero;
+  Gjk<P> g;
+  g.v = {one, zero, zero};
+  for (int i = 0; i < 4; ++i) {
+    g.simplex.vertex[i] = {{zero, zero, zero}, zero, zero};
+    g.simplex.weight[i] = zero;
+  }
+  g.last = g.simplex.vertex[0];
+
+  Lanes<T> lanes(batch);
+  const auto fill = [&](int lane) {
+    const bool taken = lanes.template take_next<kSameHulls>(batch, lane);
+    set_lane(g.end, lane, T(taken ? 0 : -1));
+    if (!taken) return;
     set_lane(g.simplex.size, lane, T(0));
     set_lane(g.squared_distance, lane, T(0));
   };
-  for (int lane = 0; lane < kLanes; ++lane) fill(lane);
+  g.end = zero;
+  for (int lane = 0; lane < Lanes<T>::kCount; ++lane) fill(lane);
 
   bool any_fresh = true;
-  while (busy > 0) {
-    const Mat3<P> R_wa = rotation_a.pack(), R_wb = rotation_b.pack();
-    const Vec3<P> D = offset.pack();
-    if (any_fresh) {
-      const auto is_fresh = fresh.pack() > zero;
-      g.v = select(is_fresh, first_direction(R_wa * hulls.centre_a.pack() - R_wb * hulls.centre_b.pack() - D), g.v);
-      for (int i = 0; i < 3; ++i) {
-        const auto seeded = is_fresh & (seeds.pack() > P(static_cast<double>(i)));
-        if (!any(seeded)) break;
-        Columns3<T> p, q;
-        Column<T> index_a, index_b;
-        for (int lane = 0; lane < kLanes; ++lane) {
-          p.set(lane, Source<T>::vertex(*hulls.a[lane], seed_a[i][lane]));
-          q.set(lane, Source<T>::vertex(*hulls.b[lane], seed_b[i][lane]));
-          index_a.at[lane] = static_cast<T>(seed_a[i][lane]);
-          index_b.at[lane] = static_cast<T>(seed_b[i][lane]);
-        }
-        g.seed({R_wa * p.pack() - R_wb * q.pack() - D, index_a.pack(), index_b.pack()}, seeded);
-      }
-      fresh.set(zero);
-      limits.radius = hulls.radius.pack();
-      scale = pair_scale(D, hulls.rho_a.pack(), hulls.rho_b.pack(), limits.radius);
-      if (limits.bounded) limits.max_distance = core_cut_off_at(cut_off.pack(), limits.radius, scale);
-      any_fresh = false;
-    }
+  while (lanes.busy > 0) {
+    const LanePoses<T> at(lanes);
+    if (any_fresh) begin_fresh(lanes, at, limits, scale, g);
+    any_fresh = false;
     const auto running = g.end == zero;
-    const Vec3<P> along_a = -R_wa.transpose_times(g.v), along_b = R_wb.transpose_times(g.v);
-    FoundVertex<T> fa, fb;
-    const LaneHull &a = *hulls.a[0], &b = *hulls.b[0];
-    if (!kSameHulls || a.has_table || b.has_table) {
-      fa = kSameHulls && !a.has_table ? scan_one<T>(a, along_a) : find_each<T>(hulls.a, busy_at, along_a);
-      fb = kSameHulls && !b.has_table ? scan_one<T>(b, along_b) : find_each<T>(hulls.b, busy_at, along_b);
-    } else {
-      Scan<T> scan_a(a, along_a), scan_b(b, along_b);
-      scan_both(scan_a, scan_b);
-      fa = scan_a.found();
-      fb = scan_b.found();
-    }
-    const CsoVertex<P> vertex{R_wa * fa.p - R_wb * fb.p - D, fa.index, fb.index};
-    g.step(vertex, -dot(g.v, D) - (fa.value + fb.value), limits, running);
-    const P count = steps.pack() + one;
-    steps.set(count);
+    FoundVertex<T> a, b;
+    find_farthest<T, kSameHulls>(lanes, -at.R_wa.transpose_times(g.v), at.R_wb.transpose_times(g.v), a, b);
+    const CsoVertex<P> vertex{at.R_wa * a.p - at.R_wb * b.p - at.D, a.index, b.index};
+    g.step(vertex, -dot(g.v, at.D) - (a.value + b.value), limits, running);
+    const P count = lanes.steps.pack() + one;
+    lanes.steps.set(count);
     const auto at_limit = running & (g.end == zero) & !(count < most);
     g.end = select(at_limit, g.code(GjkEnd::kLimit), g.end);
     const auto ended = running & !(g.end == zero);
     if (!any(ended)) continue;
 
     // What narrow_phase() makes of such a run, for the pairs that need no more than that.
-    const RunBounds<P> bounds(g, limits.radius, scale, cut_off.pack(), P(batch.abs_tol * Setup::kStrict),
-                              P(batch.rel_tol * Setup::kStrict), extra.pack());
-    alignas(64) T lower_at[kLanes], upper_at[kLanes];
-    bounds.lower.store(lower_at);
-    bounds.upper.store(upper_at);
-    const std::uint32_t settled = bits_of(bounds.settled);
+    const RunBounds<P> bounds(g, limits.radius, scale, lanes.cut_off.pack(), P(batch.abs_tol * Setup::kStrict),
+                              P(batch.rel_tol * Setup::kStrict), lanes.extra.pack());
+    hand_out(batch, lanes, g, bounds, bits_of(ended));
     for (std::uint32_t left = bits_of(ended); left != 0; left &= left - 1) {
-      const int lane = __builtin_ctz(left);
-      const std::size_t pair = pair_of[lane];
-      const bool done = settled >> lane & 1;
-      batch.answers[pair] = {lower_at[lane], upper_at[lane], done};
-      if (WarmSimplex* warm = batch.pairs[pair].warm) {
-        const int size = static_cast<int>(lane_of(g.simplex.size, lane));
-        warm->size = static_cast<std::uint8_t>(size < 3 ? size : 3);
-        for (int i = 0; i < warm->size; ++i) {
-          warm->a[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(g.simplex.vertex[i].a, lane)));
-          warm->b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(g.simplex.vertex[i].b, lane)));
-        }
-      }
-      if constexpr (std::is_same_v<T, double>)
-        if (!done) copy_lane(g, lane, batch.unsettled[pair]);
-      if (done && batch.witnesses) copy_witness(g, bounds, lane, batch.witnesses[pair]);
-      --busy;
-      fill(lane);
-      any_fresh = true;
+      --lanes.busy;
+      fill(__builtin_ctz(left));
     }
+    any_fresh = true;
   }
 }
 
