@@ -1,1 +1,2 @@
 // Holds the precompiled headers of all tests (CMakeLists.txt).
+int main() {}
