@@ -20,8 +20,8 @@ struct Answer {
 
 inline constexpr std::uint32_t kAllFields = (1u << kFieldCount) - 1 - kFieldCompact;
 
-inline Answer ask(const Engine& engine, const QueryView& query,
-                  std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
+/// The memory that a query's answer takes.
+inline Answer room_for(const Engine& engine, const QueryView& query) {
   Answer a;
   a.size = engine.size(query);
   std::uint64_t bytes = 0;
@@ -31,6 +31,12 @@ inline Answer ask(const Engine& engine, const QueryView& query,
   std::size_t room = a.memory.size();
   std::align(64, bytes, base, room);
   a.view = reply_view_over(static_cast<std::byte*>(base), a.size.rows, a.size.fields);
+  return a;
+}
+
+inline Answer ask(const Engine& engine, const QueryView& query,
+                  std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
+  Answer a = room_for(engine, query);
   Job job = engine.start(query, a.view);
   while (!job.advance(slice)) {
   }
