@@ -61,7 +61,8 @@ Rights parse_rights(const std::string& text) {
   for (std::size_t at = 0; at <= text.size();) {
     const std::size_t end = std::min(text.find(',', at), text.size());
     const std::string word = text.substr(at, end - at);
-    const auto known = std::find_if(std::begin(kWords), std::end(kWords), [&](const Word& w) { return w.word == word; });
+    const auto known =
+        std::find_if(std::begin(kWords), std::end(kWords), [&](const Word& w) { return w.word == word; });
     if (known == std::end(kWords))
       throw std::invalid_argument("\"" + word + "\" is no right: expected query, poses or admin, separated by commas");
     rights |= known->right;

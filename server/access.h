@@ -35,10 +35,10 @@ class KeyRing;
 
 /// Who may come in at the endpoints of a daemon.
 struct Access {
-  std::optional<gid_t> group;         ///< whose members may connect to Unix sockets; none: this user alone
-  Rights group_rights = kMayQuery;    ///< theirs
-  std::shared_ptr<KeyRing> keys;      ///< of TCP; null: the loopback alone, without keys
-  std::uint32_t max_clients = 256;    ///< of one endpoint
+  std::optional<gid_t> group;       ///< whose members may connect to Unix sockets; none: this user alone
+  Rights group_rights = kMayQuery;  ///< theirs
+  std::shared_ptr<KeyRing> keys;    ///< of TCP; null: the loopback alone, without keys
+  std::uint32_t max_clients = 256;  ///< of one endpoint
 };
 
 /// The group of a name or number. Throws std::invalid_argument.
@@ -47,8 +47,8 @@ gid_t group_named(const std::string& name);
 /// The process at the other end of a Unix socket, by SO_PEERCRED; none with errno.
 std::optional<ucred> process_behind(int socket);
 
-/// What the process at the other end of a Unix socket may do, by SO_PEERCRED and SO_PEERGROUPS. None, with `why`: it may not
-/// connect.
+/// What the process at the other end of a Unix socket may do, by SO_PEERCRED and SO_PEERGROUPS. None, with `why`: it
+/// may not connect.
 std::optional<Rights> rights_of_peer(int socket, const Access& access, std::string& why);
 
 /// Makes a socket file this user's alone, or the group's too. Throws std::runtime_error naming `url` and the cause.

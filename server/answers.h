@@ -8,9 +8,9 @@
 #include <string>
 
 #include "client/wire.h"
-#include "stats.h"
 #include "log_text.h"
 #include "refusal.h"
+#include "stats.h"
 #include "transport.h"
 
 namespace clearance {
@@ -35,7 +35,9 @@ class Answers {
   const std::shared_ptr<Engine>& engine_;
 };
 
-constexpr wire::ErrorCode code_of(QueryErrorCode code) { return static_cast<wire::ErrorCode>(code); }
+constexpr wire::ErrorCode code_of(QueryErrorCode code) {
+  return static_cast<wire::ErrorCode>(code);
+}
 static_assert(code_of(QueryErrorCode::kBadQuery) == wire::ErrorCode::kBadQuery);
 static_assert(code_of(QueryErrorCode::kWrongScene) == wire::ErrorCode::kWrongScene);
 static_assert(code_of(QueryErrorCode::kTooLarge) == wire::ErrorCode::kTooLarge);

@@ -26,8 +26,8 @@ class HeldQueries {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// Whether the poses that a query asks for are there. Throws a Refusal (kWrongScene) or a QueryError if what it waits for
-  /// is not, or no more, in the scene.
+  /// Whether the poses that a query asks for are there. Throws a Refusal (kWrongScene) or a QueryError if what it waits
+  /// for is not, or no more, in the scene.
   static bool poses_are_there(const Engine& engine, const wire::FrameHeader& request, const wire::QueryHeader& query);
 
   bool empty() const { return held_.empty(); }
@@ -38,8 +38,8 @@ class HeldQueries {
   /// Takes a query aside. Throws a Refusal (kPosesLate) if it does not want to wait, and if there is no room (kBusy).
   void hold(const wire::FrameHeader& request, const wire::QueryHeader& query, std::span<const std::byte> payload,
             std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine, Clock::time_point received);
-  /// Lets go of those whose poses are there, whose scene is another or whose time is up, in the order in which they came:
-  /// `release(HeldQuery)`. Returns whether there were any.
+  /// Lets go of those whose poses are there, whose scene is another or whose time is up, in the order in which they
+  /// came: `release(HeldQuery)`. Returns whether there were any.
   template <class Release>
   bool release(const Engine& engine, Clock::time_point now, Release release) {
     const std::size_t kept = part(engine, now);

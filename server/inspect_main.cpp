@@ -21,10 +21,9 @@ struct Options {
 };
 
 Table table_of(const Scene& scene, const SceneReport& report, Output output) {
-  std::vector<std::string> columns{"body",     "form",    "kind",     "parent",  "pieces",
-                                   "loaded",   "inside",  "vertices", "faces",   "radius_m",
-                                   "extent_m", "error_m", "hull_excess_m", "empty_share",
-                                   "partners", "ignored", "ns_per_pair"};
+  std::vector<std::string> columns{"body",          "form",        "kind",     "parent",   "pieces",     "loaded",
+                                   "inside",        "vertices",    "faces",    "radius_m", "extent_m",   "error_m",
+                                   "hull_excess_m", "empty_share", "partners", "ignored",  "ns_per_pair"};
   const bool for_people = output == Output::kTable;
   if (for_people)
     columns.insert(columns.end(), {"KiB", "shared_by", "source"});

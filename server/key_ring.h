@@ -31,8 +31,8 @@ class KeyRing {
   const Entry* find(const std::string& public_key) const;
   std::size_t size() const { return entries_.size(); }
 
-  /// Reads the list again if the file has changed. Returns whether it did; throws as the constructor, once for each change,
-  /// and keeps the old list.
+  /// Reads the list again if the file has changed. Returns whether it did; throws as the constructor, once for each
+  /// change, and keeps the old list.
   bool refresh();
 
  private:

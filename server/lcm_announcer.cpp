@@ -96,8 +96,7 @@ void LcmAnnouncer::ask_distances() {
   asked_at_ = Clock::now();
   hand_in(nearest_query_frame(), [this](LcmLink& link, std::span<const std::byte> frame) {
     asked_distances_ = false;
-    link.push_all(link.outbox, "CLEARANCE_DISTANCES",
-                  distances_messages(frame, link.server_id, ++distances_sequence_));
+    link.push_all(link.outbox, "CLEARANCE_DISTANCES", distances_messages(frame, link.server_id, ++distances_sequence_));
   });
 }
 

@@ -1,5 +1,5 @@
-// What the daemon publishes on LCM by itself: the scene, where bodies are, its state, nearest distances. It asks the loop
-// for each in the way that clients ask, so that there is one source for each number.
+// What the daemon publishes on LCM by itself: the scene, where bodies are, its state, nearest distances. It asks the
+// loop for each in the way that clients ask, so that there is one source for each number.
 #pragma once
 
 #include <chrono>

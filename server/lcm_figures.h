@@ -17,7 +17,8 @@ class LcmFigures {
  public:
   explicit LcmFigures(Inbox& inbox);
 
-  /// Writes a log line, at most every few seconds for each kind of trouble; `more` counts those not said since the last.
+  /// Writes a log line, at most every few seconds for each kind of trouble; `more` counts those not said since the
+  /// last.
   void complain(const char* kind, const std::string& what);
   /// Whether a message is good; what is wrong with it is counted and said.
   bool accept(const std::string& problem) {
@@ -38,6 +39,5 @@ class LcmFigures {
   };
   std::unordered_map<std::string, Complaint> complaints_;
 };
-
 
 }  // namespace clearance

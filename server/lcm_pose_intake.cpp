@@ -22,8 +22,7 @@ bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
   const Engine& engine = inbox_.engine();
   static_assert(sizeof update.bodies[0] == sizeof(std::uint32_t));
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
-  if (update.scene_revision != 0 &&
-      !engine.still_means(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
+  if (update.scene_revision != 0 && !engine.still_means(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
     ++figures_.wrong_scene;
     figures_.complain("scene", "poses for scene " + std::to_string(update.scene_revision) + " refused, this is " +
                                    std::to_string(static_cast<std::int64_t>(engine.scene_revision())));
@@ -93,7 +92,9 @@ bool LcmPoseIntake::is_in_order(const Message& message) {
   const auto& [channel, channel_number, publisher, sequence, stamp_ns] = message;
   const PublisherLog::Note note =
       publishers_.note(channel_number, publisher, sequence, stamp_ns, PublisherLog::Clock::now());
-  const auto complain = [&](const char* kind, const std::string& what) { figures_.complain(kind, message.who() + what); };
+  const auto complain = [&](const char* kind, const std::string& what) {
+    figures_.complain(kind, message.who() + what);
+  };
   switch (note.verdict) {
     case PublisherLog::Verdict::kNew:
       spdlog::info("event=lcm_publisher channel={} id={}", channel, publisher);

@@ -13,12 +13,13 @@
 
 namespace clearance {
 
-/// Follows the sequence numbers of each publisher on each channel. UDP loses and (on real networks) reorders and repeats:
-/// the newest message wins, an older one is left out however old it is, and what is missing is counted.
+/// Follows the sequence numbers of each publisher on each channel. UDP loses and (on real networks) reorders and
+/// repeats: the newest message wins, an older one is left out however old it is, and what is missing is counted.
 ///
-/// A publisher draws its id when it starts, so one that has begun anew is another one. One that keeps its id is known by
-/// its clock, which goes on where its count begins anew: a lower sequence under a stamp newer than all before cannot be an
-/// old message. From then on messages with stamps from before are those of its former life, whatever their sequence.
+/// A publisher draws its id when it starts, so one that has begun anew is another one. One that keeps its id is known
+/// by its clock, which goes on where its count begins anew: a lower sequence under a stamp newer than all before cannot
+/// be an old message. From then on messages with stamps from before are those of its former life, whatever their
+/// sequence.
 class PublisherLog {
  public:
   using Clock = std::chrono::steady_clock;

@@ -135,8 +135,8 @@ class LcmTransport final : public Transport {
     if (assembler_.counts().bad != bad) figures_->accept("frame_t: its part and sizes do not fit together");
     if (!whole || !is_in_order(*whole, part.sequence)) return;
     ++figures_->frames;
-    auto sink =
-        std::make_unique<LcmFrameSink>(link_, clients_.number_of(whole->client_id), whole->client_id, whole->request_id);
+    auto sink = std::make_unique<LcmFrameSink>(link_, clients_.number_of(whole->client_id), whole->client_id,
+                                               whole->request_id);
     hand_in(whole->frame.span(), std::move(sink));
   }
 
@@ -150,7 +150,7 @@ class LcmTransport final : public Transport {
     if (note.use()) return true;
     ++(note.verdict == PublisherLog::Verdict::kRepeated ? figures_->repeated : figures_->reordered);
     figures_->complain("old", "client " + std::to_string(whole.client_id) + ": frame " + std::to_string(sequence) +
-                               " is not newer than its last that changed something, left out");
+                                  " is not newer than its last that changed something, left out");
     return false;
   }
 

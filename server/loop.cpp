@@ -24,7 +24,9 @@ constexpr auto kLookEvery = std::chrono::microseconds(50);
 /// A transport that is polled in memory is in use for so long after its last frame.
 constexpr auto kInUse = std::chrono::milliseconds(100);
 
-std::string scheme_of(const std::string& url) { return url.substr(0, url.find(':')); }
+std::string scheme_of(const std::string& url) {
+  return url.substr(0, url.find(':'));
+}
 
 }  // namespace
 
@@ -202,7 +204,8 @@ void Loop::sleep() {
   for (std::size_t i = 0; i < prepared; ++i) transports_[i]->finish_sleep();
 }
 
-/// Until one is readable, somebody calls wake(), or something is due. \param fds the one that wake() writes to, and others.
+/// Until one is readable, somebody calls wake(), or something is due. \param fds the one that wake() writes to, and
+/// others.
 void Loop::wait_for(std::span<pollfd> fds) {
   const auto until = std::min(next_tick_, held_.deadline());
   const auto left = std::max<std::chrono::nanoseconds>(until - Clock::now(), std::chrono::nanoseconds(0));

@@ -17,11 +17,11 @@
 #include "client/shm_os.h"
 #include "client/spin_gate.h"
 #include "client/wire.h"
-#include "stats.h"
 #include "held_queries.h"
 #include "quotas.h"
 #include "scene_changes.h"
 #include "scheduler.h"
+#include "stats.h"
 #include "transport.h"
 
 struct pollfd;
@@ -34,7 +34,7 @@ class Loop final : public Inbox {
 
   struct Options : Quotas::Limits, SceneChanges::Limits {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
-    std::chrono::nanoseconds spin = std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
+    std::chrono::nanoseconds spin = std::chrono::microseconds(50);    ///< at most, in memory, before going to sleep
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
     std::uint64_t max_pairs_per_query = 10'000'000'000;  ///< pairs times configurations; more: kTooLarge
   };
@@ -58,9 +58,9 @@ class Loop final : public Inbox {
   /// How reload() makes another engine, and how one is made of a scene with a body more or less (null: that is
   /// refused). Before run().
   void reload_by(Reloader::Make make, Reloader::Build build = nullptr);
-  /// Has the scene loaded anew, aside; queries go on. The new engine takes over the poses and the queries that come from
-  /// then on; those under way are answered by the old one. If it fails, the old one stays. Without reload_by(): nothing
-  /// happens. From any thread, and from a signal handler.
+  /// Has the scene loaded anew, aside; queries go on. The new engine takes over the poses and the queries that come
+  /// from then on; those under way are answered by the old one. If it fails, the old one stays. Without reload_by():
+  /// nothing happens. From any thread, and from a signal handler.
   void reload() noexcept;
   /// The figures as of the loop's next turn, which copies them; none if that takes longer than `patience`. From any
   /// thread but the loop's.

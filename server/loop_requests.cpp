@@ -173,7 +173,8 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
     warm = query.warm_slot = 0;
     ++stats_["queries.cold"];
   }
-  if (warm == 0 && left < Engine::kMostWarmBytes) engine_->trim_warm(client, left);  // else the query takes what was left
+  if (warm == 0 && left < Engine::kMostWarmBytes)
+    engine_->trim_warm(client, left);  // else the query takes what was left
   bytes += warm;
 
   Quotas::Share share = quotas_.take(client, bytes);
@@ -198,8 +199,7 @@ std::vector<std::byte> Loop::pair_table(const FrameHeader& header, std::span<con
   return reply;
 }
 
-wire::PosesResult Loop::set_poses(const FrameHeader& header, std::span<const std::byte> payload,
-                                  std::uint64_t client) {
+wire::PosesResult Loop::set_poses(const FrameHeader& header, std::span<const std::byte> payload, std::uint64_t client) {
   const wire::PosesParts parts = wire::parse_poses(payload);
   poses_.resize(parts.poses.size());
   ids_.resize(parts.poses.size());

@@ -80,9 +80,10 @@ void let_threads_sleep(char** argv) {
   execv(path, argv);  // if that fails, we go on as we are
 }
 
-/// Has memory that a query gave back stay with the process. By its defaults the C library returns what is free at the end
-/// of the heap to the system from 128 KB on, and a query that needs as much then has the kernel clear the same pages
-/// again: batches of 171 pairs were seen to take 200 us instead of 110. Larger blocks still come and go by mmap().
+/// Has memory that a query gave back stay with the process. By its defaults the C library returns what is free at the
+/// end of the heap to the system from 128 KB on, and a query that needs as much then has the kernel clear the same
+/// pages again: batches of 171 pairs were seen to take 200 us instead of 110. Larger blocks still come and go by
+/// mmap().
 void keep_freed_memory() {
 #ifdef __GLIBC__
   mallopt(M_TRIM_THRESHOLD, 64 << 20);
@@ -119,8 +120,8 @@ void log_scene(const DaemonOptions& options, const Engine& engine, double load_s
   }
   spdlog::info(
       "event=scene_loaded scene=\"{}\" bodies={} pieces={} vertices={} revision={:016x} backend={} seconds={:.3f}",
-      log_text(options.scene), engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(), engine.backend(),
-      load_seconds);
+      log_text(options.scene), engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(),
+      engine.backend(), load_seconds);
   log_hull_warnings(engine.scene());
 }
 
@@ -171,8 +172,8 @@ void check_backend(const Engine::Options& options) {
   or_fail<std::exception>(kExitBackend, "", [&] { Engine probe(Scene{}, options); });
   for (const SelfTest& test : self_tests())
     if (!test.passed())
-      spdlog::error("event=self_test_failed name={} wrong={} answers={} first=\"{}\" text=\"it is not used\"", test.name,
-                    test.wrong, test.answers, test.first_wrong);
+      spdlog::error("event=self_test_failed name={} wrong={} answers={} first=\"{}\" text=\"it is not used\"",
+                    test.name, test.wrong, test.answers, test.first_wrong);
 }
 
 /// Tells everybody who waits for that.

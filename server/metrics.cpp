@@ -36,7 +36,8 @@ constexpr int kNicer = 10;  // than the threads that answer
 shm::UniqueFd listen_at(const std::string& endpoint, int family, const sockaddr* address, socklen_t bytes) {
   shm::UniqueFd listener(::socket(family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int yes = 1;
-  if (!listener || (family != AF_UNIX && ::setsockopt(listener.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0) ||
+  if (!listener ||
+      (family != AF_UNIX && ::setsockopt(listener.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0) ||
       ::bind(listener.get(), address, bytes) != 0)
     fail(endpoint, std::string("cannot listen there: ") + std::strerror(errno));
   if (family == AF_UNIX) refuse_descriptors(listener.get());
@@ -53,10 +54,9 @@ shm::UniqueFd listen_on_loopback(const std::string& endpoint, std::string& url) 
   hints.ai_socktype = SOCK_STREAM;
   if (host.empty() || ::getaddrinfo(host.c_str(), endpoint.c_str() + colon + 1, &hints, &found) != 0)
     fail(endpoint, "expected 127.0.0.1:PORT, [::1]:PORT or the path of a Unix socket");
-  const bool loopback =
-      found->ai_family == AF_INET
-          ? ntohl(reinterpret_cast<const sockaddr_in*>(found->ai_addr)->sin_addr.s_addr) >> 24 == 127
-          : IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6*>(found->ai_addr)->sin6_addr);
+  const bool loopback = found->ai_family == AF_INET
+                            ? ntohl(reinterpret_cast<const sockaddr_in*>(found->ai_addr)->sin_addr.s_addr) >> 24 == 127
+                            : IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6*>(found->ai_addr)->sin6_addr);
   if (!loopback) {
     ::freeaddrinfo(found);
     fail(endpoint, "it is for the loopback alone: nobody is asked who they are; put a proxy before it");
@@ -91,8 +91,8 @@ shm::UniqueFd listen_on_path(const std::string& path, SocketFile& file) {
 
 std::string response(const char* status, const std::string& body) {
   return std::string("HTTP/1.0 ") + status +
-         "\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: " + std::to_string(body.size()) +
-         "\r\nConnection: close\r\n\r\n" + body;
+         "\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: " +
+         std::to_string(body.size()) + "\r\nConnection: close\r\n\r\n" + body;
 }
 
 /// Waits until a connection can be read or written. False after the deadline.
@@ -112,7 +112,8 @@ MetricsServer::MetricsServer(const std::string& endpoint, Read read) : read_(std
     listener_ = listen_on_loopback(endpoint, url_);
   }
   stop_.reset(::eventfd(0, EFD_CLOEXEC));
-  if (!stop_ || ::listen(listener_.get(), 16) != 0) fail(endpoint, std::string("cannot listen there: ") + std::strerror(errno));
+  if (!stop_ || ::listen(listener_.get(), 16) != 0)
+    fail(endpoint, std::string("cannot listen there: ") + std::strerror(errno));
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);  // signals are the loop's

@@ -13,8 +13,8 @@
 
 namespace clearance {
 
-/// On a thread of its own, one request at a time, each within a second: who is slow keeps the others waiting for so long,
-/// and the loop for nothing.
+/// On a thread of its own, one request at a time, each within a second: who is slow keeps the others waiting for so
+/// long, and the loop for nothing.
 class MetricsServer {
  public:
   using Read = std::function<std::optional<Stats::Figures>()>;

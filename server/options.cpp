@@ -29,14 +29,16 @@ Ready
 
 Who may do what
   The daemon's own user may do everything through the Unix sockets, a group what --group-rights says. Rights are
-  query (ask), poses (move, attach and add bodies) and admin (reload). TCP without keys and LCM know nobody: query, poses.
+  query (ask), poses (move, attach and add bodies) and admin (reload). TCP without keys and LCM know nobody:
+  query, poses.
     clearance keygen keys/server.key              for the daemon; clients get keys/server.key.pub
     clearance keygen planner.key                  for a client; prints its public key
     echo 'KEY query,poses planner' >> keys/authorized    read again within a second of a change
 
 Reload
-  SIGHUP, or `clearance reload`, has the scene loaded anew, aside; queries go on. Poses and attachments that were received stay with the
-  bodies of the same names. If the scene cannot be loaded the old one stays, and the log says event=reload_failed.
+  SIGHUP, or `clearance reload`, has the scene loaded anew, aside; queries go on. Poses and attachments that were
+  received stay with the bodies of the same names. If the scene cannot be loaded the old one stays, and the log says
+  event=reload_failed.
 
 Exit codes
   0 ended by a signal, as it should be    3 the scene cannot be loaded
@@ -57,11 +59,14 @@ void add_endpoints(CLI::App& app, DaemonOptions& o) {
          "--shm", o.shm,
          "serve shared memory, met at this Unix socket; where no endpoint is given, at\n" + default_socket_path())
       ->type_name("PATH");
-  app.add_option("--zmq", o.zmq, "serve ZeroMQ at ipc:///path, tcp://127.0.0.1:PORT, or with --keys tcp://ADDRESS:PORT;\nmay be repeated")
+  app.add_option(
+         "--zmq", o.zmq,
+         "serve ZeroMQ at ipc:///path, tcp://127.0.0.1:PORT, or with --keys tcp://ADDRESS:PORT;\nmay be repeated")
       ->type_name("ENDPOINT");
-  app.add_option("--keys", o.keys,
-                 "TCP for those alone whose keys are known (CURVE): a folder with server.key and the list `authorized`,\n"
-                 "a line for each client: KEY RIGHTS NAME (see Who may do what)")
+  app.add_option(
+         "--keys", o.keys,
+         "TCP for those alone whose keys are known (CURVE): a folder with server.key and the list `authorized`,\n"
+         "a line for each client: KEY RIGHTS NAME (see Who may do what)")
       ->type_name("DIR");
   app.add_option("--socket-group", o.socket_group, "let this group's members connect to the Unix sockets (mode 0660)")
       ->type_name("GROUP");
@@ -86,22 +91,25 @@ void add_lcm(CLI::App& app, DaemonOptions& o) {
 }
 
 void add_backend(CLI::App& app, DaemonOptions& o) {
-  app.add_option("--backend", o.backend, "what computes: auto, cpu, cuda, reference (slow: brute force, to compare with)")
+  app.add_option("--backend", o.backend,
+                 "what computes: auto, cpu, cuda, reference (slow: brute force, to compare with)")
       ->type_name("NAME")
       ->capture_default_str();
   app.add_option("--threads", o.threads, "threads of the cpu backend; 0: one for each core")
       ->check(quiet(CLI::Range(0, 4096)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--calibration", o.calibration,
-                 "how backend auto knows whether CPU or device is faster: auto (measured once on this machine and kept),\n"
-                 "measure (now, and not kept), off (the CPU answers)")
+  app.add_option(
+         "--calibration", o.calibration,
+         "how backend auto knows whether CPU or device is faster: auto (measured once on this machine and kept),\n"
+         "measure (now, and not kept), off (the CPU answers)")
       ->check(quiet(CLI::IsMember({"auto", "measure", "off"})))
       ->type_name("HOW")
       ->capture_default_str();
-  app.add_option("--devices", o.devices,
-                 "GPUs of the cuda backend by number, as in 0,1: each holds the scene, and queries are shared out among\n"
-                 "them; where none is named, the first")
+  app.add_option(
+         "--devices", o.devices,
+         "GPUs of the cuda backend by number, as in 0,1: each holds the scene, and queries are shared out among\n"
+         "them; where none is named, the first")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("N,N");
@@ -112,7 +120,8 @@ void add_backend(CLI::App& app, DaemonOptions& o) {
   app.add_flag("!--no-device-fallback", o.device_fallback,
                "refuse what the device cannot answer; else the CPU answers it");
   app.add_option("--pinned-mib", o.pinned_mib,
-                 "MiB of clients' shared memory that are pinned where the device has large replies for them, so that it writes\n"
+                 "MiB of clients' shared memory that are pinned where the device has large replies for them, so that "
+                 "it writes\n"
                  "them there itself; 0: they are copied")
       ->type_name("N")
       ->capture_default_str();
@@ -134,14 +143,16 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--max-clients", o.max_clients,
-                 "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way); more are refused")
+  app.add_option(
+         "--max-clients", o.max_clients,
+         "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way); more are refused")
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--max-client-mib", o.max_client_mib,
-                 "MiB that one client's requests and replies under way may take; more are refused (busy), though one always\n"
-                 "may. Its warm state has what is left")
+  app.add_option(
+         "--max-client-mib", o.max_client_mib,
+         "MiB that one client's requests and replies under way may take; more are refused (busy), though one always\n"
+         "may. Its warm state has what is left")
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
@@ -150,7 +161,8 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(0u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--max-pairs", o.max_pairs, "pairs times configurations that one query may ask about; more are refused")
+  app.add_option("--max-pairs", o.max_pairs,
+                 "pairs times configurations that one query may ask about; more are refused")
       ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
       ->type_name("N")
       ->capture_default_str();
@@ -162,8 +174,9 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(1u, 10000000u)))
       ->type_name("N")
       ->capture_default_str();
-  app.add_option("--max-stamp-lead-s", o.max_stamp_lead_s,
-                 "seconds that the stamp of a pose may be ahead of this machine's clock; poses farther ahead are refused")
+  app.add_option(
+         "--max-stamp-lead-s", o.max_stamp_lead_s,
+         "seconds that the stamp of a pose may be ahead of this machine's clock; poses farther ahead are refused")
       ->check(quiet(CLI::Range(0u, 1000000000u)))
       ->type_name("N")
       ->capture_default_str();

@@ -25,9 +25,9 @@ struct DaemonOptions {
   std::string keys;              ///< folder; empty: no keys
   std::string socket_group;      ///< name or number; empty: none
   std::string group_rights = "query";
-  std::string lcm;               ///< url; empty: no LCM
+  std::string lcm;  ///< url; empty: no LCM
   std::string lcm_prefix;
-  std::string lcm_poses = "on";       ///< on, off, allowlist
+  std::string lcm_poses = "on";        ///< on, off, allowlist
   std::vector<std::string> lcm_allow;  ///< bodies and groups
   std::string backend = "auto";
   int threads = 0;

@@ -53,7 +53,9 @@ std::uint64_t Quotas::check_bytes(std::uint64_t client, std::uint64_t bytes, std
   return limits_.max_client_bytes - std::min(limits_.max_client_bytes, taken + bytes);
 }
 
-Quotas::Share Quotas::take(std::uint64_t client, std::uint64_t bytes) { return Share(*this, clients_[client], bytes); }
+Quotas::Share Quotas::take(std::uint64_t client, std::uint64_t bytes) {
+  return Share(*this, clients_[client], bytes);
+}
 
 void Quotas::forget_idle() {
   if (clients_.size() > kIdleClientsKept)

@@ -1,5 +1,5 @@
-// Makes a new engine on a thread of its own, while the old one goes on answering: of the scene file read anew, or of the
-// scene with a body more or less.
+// Makes a new engine on a thread of its own, while the old one goes on answering: of the scene file read anew, or of
+// the scene with a body more or less.
 #pragma once
 
 #include <atomic>
@@ -58,8 +58,8 @@ class Reloader {
   /// Waits for what is under way.
   ~Reloader();
 
-  /// Asks for a load. One that is under way may have read the old files: then another one follows it. From any thread, and
-  /// from a signal handler.
+  /// Asks for a load. One that is under way may have read the old files: then another one follows it. From any thread,
+  /// and from a signal handler.
   void ask() noexcept { asked_ = true; }
   /// The number of the load that answers an ask() of now. From the one thread that calls what follows.
   std::uint64_t next_load() const { return loads_ + 1; }
@@ -69,7 +69,8 @@ class Reloader {
   std::uint64_t push(Edit edit);
   /// What has ended.
   std::optional<Outcome> take();
-  /// Begins what was asked for, a load first, unless something is under way. \param current what serves now, with its parts.
+  /// Begins what was asked for, a load first, unless something is under way. \param current what serves now, with its
+  /// parts.
   void begin(const std::shared_ptr<Engine>& current, const SceneParts& parts);
   bool is_busy() const { return thread_.joinable(); }
 

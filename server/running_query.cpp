@@ -7,7 +7,8 @@ namespace {
 
 using wire::FrameHeader;
 
-/// A device's reply from this size on is worth memory that the device writes to itself: some ten microseconds of copying.
+/// A device's reply from this size on is worth memory that the device writes to itself: some ten microseconds of
+/// copying.
 constexpr std::uint64_t kWorthPinning = 64 << 10;
 
 /// Moves columns that have room for `from_rows` rows to where they lie with `to_rows` (fewer) rows.
@@ -81,9 +82,8 @@ void RunningQuery::publish(Clock::time_point now) {
   clear_gaps(columns, size.fields, info.rows);
   const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(info.rows, size.fields);
   std::byte* frame = final_frame(bytes);
-  const auto header =
-      wire::make_header(wire::FrameType::kReply, asked_.header.request_id, bytes - sizeof(FrameHeader),
-                        info.scene_revision, asked_.header.client_id);
+  const auto header = wire::make_header(wire::FrameType::kReply, asked_.header.request_id, bytes - sizeof(FrameHeader),
+                                        info.scene_revision, asked_.header.client_id);
   const wire::ReplyHeader reply = reply_header(now);
   std::memcpy(frame, &header, sizeof header);
   std::memcpy(frame + sizeof header, &reply, sizeof reply);

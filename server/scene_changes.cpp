@@ -121,10 +121,12 @@ void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byt
   if (parent != kNone) check_scene(*engine_, request, std::array{parent});
   const auto& bodies = engine_->scene().bodies();
   if (parent != kNone && parent >= bodies.size())
-    throw Refusal{ErrorCode::kBadQuery, "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
+    throw Refusal{ErrorCode::kBadQuery,
+                  "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
   if (parts.vertices.size() > limits_.max_added_vertices)
     throw Refusal{ErrorCode::kTooLarge, "add_body: " + std::to_string(parts.vertices.size()) +
-                                            " vertices are more than the " + std::to_string(limits_.max_added_vertices) +
+                                            " vertices are more than the " +
+                                            std::to_string(limits_.max_added_vertices) +
                                             " that an added body may have (--max-added-vertices)"};
   std::vector<Vec3d> vertices(parts.vertices.size());
   for (std::size_t i = 0; i < vertices.size(); ++i) {

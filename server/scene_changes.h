@@ -1,5 +1,5 @@
-// What changes the scene while the daemon runs: loading it anew, adding and removing bodies. Each is made aside, while the
-// old engine goes on answering; whoever asked for it is answered when the engine with the new scene has taken over.
+// What changes the scene while the daemon runs: loading it anew, adding and removing bodies. Each is made aside, while
+// the old engine goes on answering; whoever asked for it is answered when the engine with the new scene has taken over.
 #pragma once
 
 #include <memory>
@@ -16,13 +16,12 @@ namespace clearance {
 class SceneChanges {
  public:
   struct Limits {
-    std::uint32_t max_added_bodies = 64;          ///< more: kBadQuery
-    std::uint64_t max_added_vertices = 20'000;    ///< of each; more: kTooLarge
+    std::uint32_t max_added_bodies = 64;        ///< more: kBadQuery
+    std::uint64_t max_added_vertices = 20'000;  ///< of each; more: kTooLarge
   };
 
   /// What is passed must outlive this. \param engine the one that serves, which turn() replaces.
-  SceneChanges(std::shared_ptr<Engine>& engine, Answers& answers, Stats& stats, Quotas& quotas,
-               const Limits& limits)
+  SceneChanges(std::shared_ptr<Engine>& engine, Answers& answers, Stats& stats, Quotas& quotas, const Limits& limits)
       : engine_(engine), answers_(answers), stats_(stats), quotas_(quotas), limits_(limits) {}
 
   /// As Loop::reload_by(). \param wake called on another thread when turn() has something to do.

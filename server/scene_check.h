@@ -10,8 +10,8 @@
 
 namespace clearance {
 
-/// False if these ids mean something else in the engine's scene than in the one that the request names. Of a request that
-/// names none, they mean what they mean.
+/// False if these ids mean something else in the engine's scene than in the one that the request names. Of a request
+/// that names none, they mean what they mean.
 inline bool knows_scene(const Engine& engine, const wire::FrameHeader& request, std::span<const std::uint32_t> ids,
                         bool with_parents = false) {
   return !request.scene_revision || engine.still_means(request.scene_revision, ids, with_parents);

@@ -83,7 +83,8 @@ std::shared_ptr<void> SegmentPinner::try_to_pin(const Mapping& mapping) {
     bytes_ += mapping.bytes();
     return pinned;
   } catch (const std::exception& error) {
-    if (refusals_++ == 0) spdlog::warn("event=pinning_failed bytes={} error=\"{}\"", mapping.bytes(), log_text(error.what()));
+    if (refusals_++ == 0)
+      spdlog::warn("event=pinning_failed bytes={} error=\"{}\"", mapping.bytes(), log_text(error.what()));
     return nullptr;
   }
 }

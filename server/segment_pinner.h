@@ -1,5 +1,5 @@
-// Pins segments, so that a GPU writes its replies straight into them. Both pinning and the end of it take milliseconds: a
-// thread does it, while queries go on with a copy on the host.
+// Pins segments, so that a GPU writes its replies straight into them. Both pinning and the end of it take milliseconds:
+// a thread does it, while queries go on with a copy on the host.
 #pragma once
 
 #include <atomic>

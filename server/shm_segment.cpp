@@ -23,7 +23,8 @@ constexpr std::uint64_t kRoomyBytes = std::uint64_t{256} << 20;
 /// A caller that keeps one reply while it asks for the next needs two slots.
 constexpr std::uint32_t kFewestSlots = 2;
 constexpr std::uint32_t kGrownSlots = 4;
-/// This part of all shared memory is for the first segments of clients, of the usual size: few that grow shut nobody out.
+/// This part of all shared memory is for the first segments of clients, of the usual size: few that grow shut nobody
+/// out.
 constexpr std::uint64_t kKeptForNewcomers = 4;
 
 #ifndef MFD_NOEXEC_SEAL
@@ -105,13 +106,14 @@ void ScratchBuffer::trim(std::size_t bytes) {
 }
 
 std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
-                                       const ShmLimits& limits, std::uint32_t id,
-                                       std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why) {
+                                       const ShmLimits& limits, std::uint32_t id, std::uint64_t request_capacity,
+                                       std::uint64_t reply_capacity, std::string& why) {
   const std::optional<Plan> plan = plan_segment(limits, request_capacity, reply_capacity, why);
   if (!plan) return nullptr;
   const std::uint64_t bytes = plan->bytes();
   // Whoever grows leaves room for those who come in.
-  const bool is_usual = id == 0 && request_capacity <= limits.request_capacity && reply_capacity <= limits.reply_capacity;
+  const bool is_usual =
+      id == 0 && request_capacity <= limits.request_capacity && reply_capacity <= limits.reply_capacity;
   const std::uint64_t limit = budget->limit - (is_usual ? 0 : budget->limit / kKeptForNewcomers);
   if (bytes > limit - std::min(budget->used, limit)) {
     why = "no room for a segment of " + std::to_string(bytes) + " bytes: " + std::to_string(budget->used) + " of " +
@@ -175,7 +177,8 @@ Segment::Take Segment::take(ScratchBuffer& scratch, Request& request) {
   const std::uint32_t waiting = head - request_tail_;
   if (waiting == 0) return Take::kNothing;
   if (waiting > slots_.size()) return violation("request_head ran ahead of the slots");
-  shm::prefetch_to_read(base_ + request_offset_ + last_slot_ * request_capacity_);  // a guess: mostly the same slot again
+  shm::prefetch_to_read(base_ + request_offset_ +
+                        last_slot_ * request_capacity_);  // a guess: mostly the same slot again
   const shm::RingEntry& entry = header_->requests[request_tail_ % shm::kRingEntries];
   const std::uint64_t ticket = entry.ticket.load(std::memory_order_relaxed);
   const std::uint64_t bytes = entry.frame_bytes.load(std::memory_order_relaxed);

@@ -51,8 +51,8 @@ class Segment {
   /// Null with `why` filled if the limits or the machine forbid it.
   /// \param pinner null: the segment is never pinned.
   static std::shared_ptr<Segment> make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
-                                       const ShmLimits& limits, std::uint32_t id,
-                                       std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why);
+                                       const ShmLimits& limits, std::uint32_t id, std::uint64_t request_capacity,
+                                       std::uint64_t reply_capacity, std::string& why);
   ~Segment();
   Segment(const Segment&) = delete;
   Segment& operator=(const Segment&) = delete;

@@ -42,7 +42,12 @@ constexpr int kPollsPerClockLook = 16;
 class ShmTransport final : public Transport {
  public:
   ShmTransport(const std::string& path, const ShmLimits& limits, const Access& access)
-      : path_(path), limits_(limits), access_(access), places_(limits.max_clients), budget_(std::make_shared<SegmentBudget>()), listener_(path, access) {
+      : path_(path),
+        limits_(limits),
+        access_(access),
+        places_(limits.max_clients),
+        budget_(std::make_shared<SegmentBudget>()),
+        listener_(path, access) {
     budget_->limit = limits.pool_bytes;
     if (budget_->limit == 0)
       budget_->limit = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
@@ -235,8 +240,8 @@ class ShmTransport final : public Transport {
 
   void give_segment(ShmSession& session, const Message& wanted, bool first) {
     std::string why;
-    auto segment =
-        Segment::make(budget_, pinner_, limits_, session.next_segment, wanted.request_capacity, wanted.reply_capacity, why);
+    auto segment = Segment::make(budget_, pinner_, limits_, session.next_segment, wanted.request_capacity,
+                                 wanted.reply_capacity, why);
     if (segment && first) {
       session.wake.reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
       if (!session.wake || !watch(session.wake.get(), EPOLLIN | EPOLLET, 2 * session.id + 1)) {

@@ -35,7 +35,8 @@ class ReplySink {
   /// Sends the frame written into the reserved room; its size is read from `header_bytes + payload_bytes`, never more
   /// than was reserved. Called once.
   virtual void publish(std::uint64_t frame_bytes) = 0;
-  /// A device wrote much of this reply: it is worth a delay, once, that it reaches the room of the next ones without a copy.
+  /// A device wrote much of this reply: it is worth a delay, once, that it reaches the room of the next ones without a
+  /// copy.
   virtual void written_by_device() {}
   /// False once the client is known to be gone: its job is then dropped.
   virtual bool alive() const = 0;
@@ -56,8 +57,8 @@ class Inbox {
   /// only. The header has been copied but not validated.
   virtual void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
                         std::unique_ptr<ReplySink> sink) = 0;
-  /// Poses from a listener transport (LCM), already validated for size; stamp and sequence are the publisher's, who has a
-  /// number as a client has. Throws what Engine::set_poses() throws.
+  /// Poses from a listener transport (LCM), already validated for size; stamp and sequence are the publisher's, who has
+  /// a number as a client has. Throws what Engine::set_poses() throws.
   virtual PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
                                     std::uint64_t publisher = 0) = 0;
   /// A counter, made on first use: "shm.clients", "lcm.gaps". The reference stays valid.
@@ -75,8 +76,8 @@ class Transport {
   virtual std::vector<int> descriptors() const = 0;
   /// Takes what arrived, a bounded number of frames, without blocking. Returns how many frames it handed in.
   virtual int poll(Inbox& inbox) = 0;
-  /// Whether poll() makes system calls even where nothing has arrived. The loop then polls it less often than the others
-  /// while these keep it awake, and does not stay awake for it.
+  /// Whether poll() makes system calls even where nothing has arrived. The loop then polls it less often than the
+  /// others while these keep it awake, and does not stay awake for it.
   virtual bool polls_by_system_call() const { return false; }
   /// Called before the loop goes to sleep in epoll. Returns true if work arrived meanwhile (then the loop does not
   /// sleep).

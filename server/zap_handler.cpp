@@ -31,9 +31,7 @@ std::vector<zmq::message_t> receive_all(zmq::socket_t& socket) {
 }  // namespace
 
 ZapHandler::ZapHandler(zmq::context_t& context, std::shared_ptr<KeyRing> keys)
-    : socket_(context, zmq::socket_type::rep),
-      monitor_(context, zmq::socket_type::pair),
-      keys_(std::move(keys)) {
+    : socket_(context, zmq::socket_type::rep), monitor_(context, zmq::socket_type::pair), keys_(std::move(keys)) {
   socket_.set(zmq::sockopt::linger, 0);
   socket_.bind(kHandlerEndpoint);
 }
@@ -79,10 +77,11 @@ void ZapHandler::answer(Inbox& inbox) {
   const std::string address = parts.size() > 3 ? parts[3].to_string() : "";
   if (entry) {
     ++inbox.counter("zmq.keys_accepted");
-    spdlog::info("event=key_accepted address={} key=\"{}\" name=\"{}\" rights={}", log_text(address), log_text(key), log_text(entry->name),
-                 rights_text(entry->rights));
+    spdlog::info("event=key_accepted address={} key=\"{}\" name=\"{}\" rights={}", log_text(address), log_text(key),
+                 log_text(entry->name), rights_text(entry->rights));
   } else {
-    complain(inbox, "reason=\"this key is not authorized\" address=" + log_text(address) + " key=\"" + log_text(key) + "\"");
+    complain(inbox,
+             "reason=\"this key is not authorized\" address=" + log_text(address) + " key=\"" + log_text(key) + "\"");
   }
   const auto reply = [this](const std::string& text, bool more) {
     zmq::message_t part(text.data(), text.size());
@@ -99,7 +98,8 @@ void ZapHandler::answer(Inbox& inbox) {
 void ZapHandler::read_event(Inbox& inbox) {
   const auto parts = receive_all(monitor_);
   if (parts.size() < 2) return;
-  complain(inbox, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" + log_text(parts[1].to_string()));
+  complain(inbox,
+           "reason=\"the handshake failed: no keys, or another server's\" endpoint=" + log_text(parts[1].to_string()));
 }
 
 void ZapHandler::complain(Inbox& inbox, const std::string& what) {

@@ -1,5 +1,5 @@
-// Calls of libzmq that a signal may interrupt (EINTR), made again until they are through: SIGHUP must not cost a message
-// its second half, nor SIGTERM end in an error.
+// Calls of libzmq that a signal may interrupt (EINTR), made again until they are through: SIGHUP must not cost a
+// message its second half, nor SIGTERM end in an error.
 #pragma once
 
 #include <cerrno>

@@ -4,8 +4,8 @@
 
 #include <chrono>
 #include <cstring>
-#include <stdexcept>
 #include <optional>
+#include <stdexcept>
 #include <unordered_map>
 #include <zmq.hpp>
 
@@ -39,7 +39,7 @@ constexpr auto kForgetPeerAfter = std::chrono::minutes(1);
 struct Peer {
   std::string identity;
   std::optional<ucred> who;  ///< over ipc://
-  std::string key;  ///< with which it came in; empty: without
+  std::string key;           ///< with which it came in; empty: without
   std::uint64_t id = next_client_id();
   bool gone = false;
   std::chrono::steady_clock::time_point last_seen;
@@ -112,7 +112,8 @@ std::optional<ucred> sender_of(const zmq::message_t& message) {
   ucred who{};
   const std::string text(address);
   std::size_t colon = text.size();
-  for (int i = 0; i < 3 && colon != std::string::npos; ++i) colon = colon ? text.rfind(':', colon - 1) : std::string::npos;
+  for (int i = 0; i < 3 && colon != std::string::npos; ++i)
+    colon = colon ? text.rfind(':', colon - 1) : std::string::npos;
   if (colon == std::string::npos || std::sscanf(text.c_str() + colon, ":%u:%u:%d", &who.uid, &who.gid, &who.pid) != 3)
     return std::nullopt;
   return who;
@@ -124,7 +125,8 @@ shm::UniqueFd listen_at(const std::string& path, const std::string& endpoint) {
   shm::socket_address(path.c_str(), address);
   shm::UniqueFd listener(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const mode_t mask = umask(077);
-  const bool bound = listener && ::bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  const bool bound =
+      listener && ::bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
   umask(mask);
   if (bound) refuse_descriptors(listener.get());
   if (!bound || ::listen(listener.get(), kBacklog) != 0)
@@ -276,7 +278,8 @@ class ZmqTransport final : public Transport {
     listener.release();  // libzmq closes it
   }
 
-  /// The client that a message is from. Null, with `why`: it is a new one, and as many as may be have requests under way.
+  /// The client that a message is from. Null, with `why`: it is a new one, and as many as may be have requests under
+  /// way.
   PeerPtr peer_of(const zmq::message_t& identity, const zmq::message_t& sent, std::string& why) {
     const std::optional<ucred> who = is_tcp_ ? std::nullopt : sender_of(sent);
     if (!peers_.contains(identity.to_string()) && !has_place(who, why)) return nullptr;
@@ -314,19 +317,21 @@ class ZmqTransport final : public Transport {
     return why.empty() && (peers_.size() < most || forget_one());
   }
 
-  /// Forgets the client without requests that was silent for longest; it is a new one if it comes again. False: there is
-  /// none.
+  /// Forgets the client without requests that was silent for longest; it is a new one if it comes again. False: there
+  /// is none.
   bool forget_one() {
     auto oldest = peers_.end();
     for (auto peer = peers_.begin(); peer != peers_.end(); ++peer)
-      if (peer->second.use_count() == 1 && (oldest == peers_.end() || peer->second->last_seen < oldest->second->last_seen))
+      if (peer->second.use_count() == 1 &&
+          (oldest == peers_.end() || peer->second->last_seen < oldest->second->last_seen))
         oldest = peer;
     if (oldest == peers_.end()) return false;
     peers_.erase(oldest);
     return true;
   }
 
-  void refuse_one_more(Inbox& inbox, const zmq::message_t& identity, const zmq::message_t& head, const std::string& why) {
+  void refuse_one_more(Inbox& inbox, const zmq::message_t& identity, const zmq::message_t& head,
+                       const std::string& why) {
     ++inbox.counter("zmq.over_quota");
     ++inbox.counter("frames");
     ++inbox.counter("errors");
@@ -349,7 +354,8 @@ class ZmqTransport final : public Transport {
     return who && who->uid == geteuid() ? kAllRights : access_.group_rights;
   }
 
-  void hand_in(Inbox& inbox, PeerPtr peer, Rights rights, int parts, const zmq::message_t& head, const zmq::message_t& payload) {
+  void hand_in(Inbox& inbox, PeerPtr peer, Rights rights, int parts, const zmq::message_t& head,
+               const zmq::message_t& payload) {
     wire::FrameHeader header;
     auto sink = std::make_unique<ZmqSink>(*this, std::move(peer), rights);
     if (parts != 2 || head.size() != sizeof header) {

@@ -68,7 +68,9 @@ class EchoInbox final : public Inbox {
     else if (mode == Mode::kEcho)
       answer(header, payload, *sink);
   }
-  PoseUpdateResult on_poses(std::span<const BodyPose>, std::int64_t, std::int64_t, std::uint64_t) override { return {}; }
+  PoseUpdateResult on_poses(std::span<const BodyPose>, std::int64_t, std::int64_t, std::uint64_t) override {
+    return {};
+  }
   std::uint64_t& counter(const std::string& name) override { return counters[name]; }
   Engine& engine() override { throw std::logic_error("this server has no engine"); }
 

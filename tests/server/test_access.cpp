@@ -1,6 +1,6 @@
 // Who may do what: rights in words, in the loop, and of those who come through Unix sockets.
-#include <gtest/gtest.h>
 #include <grp.h>
+#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -143,8 +143,8 @@ class SocketGroup : public testing::Test {
     ASSERT_EQ(chmod(folder_.path().c_str(), 0755), 0);
   }
   std::unique_ptr<Daemon> start(std::vector<std::string> options, const std::vector<std::string>& environment = {}) {
-    options.insert(options.end(), {"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--shm", folder_ / "c.sock", "--zmq",
-                                   "ipc://" + (folder_ / "c.ipc")});
+    options.insert(options.end(), {"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--shm", folder_ / "c.sock",
+                                   "--zmq", "ipc://" + (folder_ / "c.ipc")});
     return std::make_unique<Daemon>(std::move(options), environment);
   }
   void expect_rights_of_members(const std::vector<std::string>& environment);
@@ -227,7 +227,8 @@ TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNobodyElse) {
         } catch (const ConnectionError& error) {
           why = error.what();
         }
-      const bool said = why.find("already has " + std::to_string(idle.size()) + " shared-memory clients; the last ") != std::string::npos &&
+      const bool said = why.find("already has " + std::to_string(idle.size()) + " shared-memory clients; the last ") !=
+                            std::string::npos &&
                         why.find("(--max-clients)") != std::string::npos;
       if (!said) std::fprintf(stderr, "child: %s\n", why.c_str());
       char byte = said && idle.size() >= 2 ? 'y' : 'n';
@@ -277,8 +278,9 @@ TEST(Clearanced, WrongGroupsAndRightsEndWith2) {
   };
   EXPECT_NE(said("--socket-group", "no such group").find("--socket-group: there is no group \"no such group\""),
             std::string::npos);
-  EXPECT_NE(said("--group-rights", "query,root").find("--group-rights: \"root\" is no right: expected query, poses or admin"),
-            std::string::npos);
+  EXPECT_NE(
+      said("--group-rights", "query,root").find("--group-rights: \"root\" is no right: expected query, poses or admin"),
+      std::string::npos);
 }
 
 }  // namespace

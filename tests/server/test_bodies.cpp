@@ -54,7 +54,8 @@ class Bodies : public LoopTest {
   wire::SceneChange change(std::vector<std::byte> frame) {
     const auto reply = ask_scene(a_, std::move(frame));
     EXPECT_EQ(reply->type(), FrameType::kSceneChanged);
-    return reply->type() == FrameType::kSceneChanged ? wire::parse_scene_changed(reply->payload()) : wire::SceneChange{};
+    return reply->type() == FrameType::kSceneChanged ? wire::parse_scene_changed(reply->payload())
+                                                     : wire::SceneChange{};
   }
   /// The refusal's text; the scene is as it was.
   std::string refusal(std::vector<std::byte> frame, ErrorCode code = ErrorCode::kBadQuery) {
@@ -162,9 +163,12 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
     return simple_frame(FrameType::kAddBody, 1, payload);
   };
   EXPECT_NE(refusal(odd([](auto&) {})).find("body \"odd\""), std::string::npos) << "the hull of nothing";
-  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = -1; })).find("sphere radius: expected"), std::string::npos);
-  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = NAN; })).find("sphere radius: expected"), std::string::npos);
-  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"), std::string::npos)
+  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = -1; })).find("sphere radius: expected"),
+            std::string::npos);
+  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = NAN; })).find("sphere radius: expected"),
+            std::string::npos);
+  EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"),
+            std::string::npos)
       << "a quaternion of zeros";
   EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 4");
   EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are for a hull alone");
@@ -205,7 +209,8 @@ TEST_F(Bodies, WhoAsksAboutOthersIsAnsweredWhileTheyComeAndGo) {
   record.child = 1;
   const auto attach_to = [&](std::uint32_t parent) {
     record.parent = parent;
-    EXPECT_EQ(ask(a_, simple_frame(FrameType::kAttach, 1, std::as_bytes(std::span(&record, 1))))->type(), FrameType::kPosesDone);
+    EXPECT_EQ(ask(a_, simple_frame(FrameType::kAttach, 1, std::as_bytes(std::span(&record, 1))))->type(),
+              FrameType::kPosesDone);
   };
   int refused = 0;
   const auto look = [&] {
@@ -237,7 +242,8 @@ TEST_F(Bodies, WhereNoneCanBeMadeTheyAreRefused) {
 
 TEST(ClearancedBodies, TheirNamesStayWithinTheirLineOfTheLog) {
   const TestFolder folder;
-  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--log-level", "debug"});
+  Daemon daemon(
+      {"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--log-level", "debug"});
   Client client = connect(daemon.url());
   const std::string name = "x\n\x1b[2J\" event=reloaded";
   EXPECT_THROW(client.remove_body(name), RequestError);
@@ -247,7 +253,8 @@ TEST(ClearancedBodies, TheirNamesStayWithinTheirLineOfTheLog) {
   std::istringstream lines(log);
   for (std::string line; std::getline(lines, line);) {
     EXPECT_EQ(line.rfind("time=", 0), 0u) << line;
-    failures += line.find(R"(x\n\x1b[2J)") != std::string::npos && line.find(R"(\" event=reloaded)") != std::string::npos;
+    failures +=
+        line.find(R"(x\n\x1b[2J)") != std::string::npos && line.find(R"(\" event=reloaded)") != std::string::npos;
   }
   EXPECT_GE(failures, 2) << log;
   EXPECT_EQ(log.find('\x1b'), std::string::npos);
@@ -256,9 +263,12 @@ TEST(ClearancedBodies, TheirNamesStayWithinTheirLineOfTheLog) {
 // A client that goes on after a refusal, with the ids that it has, is not told about other bodies.
 TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
   const TestFolder folder;
-  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc")});
+  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq",
+                 "ipc://" + (folder / "c.ipc")});
   Client other = patient(daemon.url());
-  const auto ball = [](const char* name, double x) { return NewBody{.name = name, .sphere = 0.1, .pose = Pose7{x, 0, 2, 1, 0, 0, 0}}; };
+  const auto ball = [](const char* name, double x) {
+    return NewBody{.name = name, .sphere = 0.1, .pose = Pose7{x, 0, 2, 1, 0, 0, 0}};
+  };
   other.add_body(ball("near", 0));
   other.add_body(ball("far", 50));
   for (const std::string& url : daemon.urls()) {
@@ -287,7 +297,10 @@ TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
       EXPECT_TRUE(refused([&] { client.submit(query).get(); })) << url << ", time " << i;
       EXPECT_TRUE(refused([&] { client.pairs(query); })) << url << ", time " << i;
       EXPECT_TRUE(refused([&] { client.attach(pair[0], pair[1]); })) << url << ", time " << i;
-      EXPECT_TRUE(refused([&] { client.set_poses(std::array{std::pair{pair[1], elsewhere}}); })) << url << ", time " << i;
+      EXPECT_TRUE(refused([&] {
+        client.set_poses(std::array{std::pair{pair[1], elsewhere}});
+      })) << url
+          << ", time " << i;
     }
     EXPECT_EQ(client.scene().bodies[pair[1]].name, "third");
     EXPECT_NEAR(client.distances(query).distance()[0], 6.8, 1e-5) << "now it knows";
@@ -325,7 +338,8 @@ TEST(ClearancedBodies, WhatAClientChangesItselfItNeedNotLookAt) {
 
 TEST(ClearancedBodies, AreAskedAboutByEveryClient) {
   const TestFolder folder;
-  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc")});
+  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq",
+                 "ipc://" + (folder / "c.ipc")});
   Client one = patient(daemon.urls()[0]), other = patient(daemon.urls()[1]);
   other.scene();
   NewBody ball{.name = "ball", .sphere = 0.25, .pose = Pose7{0, 0, 2, 1, 0, 0, 0}};

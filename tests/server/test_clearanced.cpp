@@ -151,14 +151,18 @@ TEST_F(Clearanced, LogSaysWhenAndWhereItServes) {
 TEST_F(Clearanced, LogWarnsOfMeshesThatAreFarFromConvex) {
   std::string obj;
   for (const int x : {0, 10})
-    for (const char* corner : {"0 0 0", "1 0 0", "0 1 0", "0 0 1"}) obj += "v " + std::to_string(x + (corner[0] - '0')) + (corner + 1) + "\n";
+    for (const char* corner : {"0 0 0", "1 0 0", "0 1 0", "0 0 1"})
+      obj += "v " + std::to_string(x + (corner[0] - '0')) + (corner + 1) + "\n";
   for (const int first : {1, 5})
     for (const auto& [a, b, c] : {std::array{0, 2, 1}, std::array{0, 1, 3}, std::array{1, 2, 3}, std::array{0, 3, 2}})
-      obj += "f " + std::to_string(first + a) + " " + std::to_string(first + b) + " " + std::to_string(first + c) + "\n";
+      obj +=
+          "f " + std::to_string(first + a) + " " + std::to_string(first + b) + " " + std::to_string(first + c) + "\n";
   folder_.write("apart.obj", obj);
-  const std::string scene = folder_.write("apart.yaml", "bodies: [{name: apart, mesh: apart.obj}, {name: again, mesh: apart.obj}, {name: box, box: 1}]\n");
+  const std::string scene = folder_.write(
+      "apart.yaml", "bodies: [{name: apart, mesh: apart.obj}, {name: again, mesh: apart.obj}, {name: box, box: 1}]\n");
   Daemon daemon({"--scene", scene, "--zmq", ipc_});
-  const std::string log = daemon.log(), event = "level=warning event=hull_stands_out body=\"apart\" more=1 hull_excess_m=";
+  const std::string log = daemon.log(),
+                    event = "level=warning event=hull_stands_out body=\"apart\" more=1 hull_excess_m=";
   ASSERT_TRUE(contains(log, event));
   EXPECT_EQ(log.find("hull_stands_out", log.find(event) + event.size()), std::string::npos) << "once for each mesh";
   const auto bodies = connect(ipc_).scene().bodies;
@@ -226,7 +230,8 @@ TEST_F(Clearanced, IsQuietWhileNobodyAsks) {
   const auto begin = std::chrono::steady_clock::now();
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   const double halves = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() / 0.5;
-  EXPECT_LT(static_cast<double>(sleeps() - before), 100 * halves + 100) << "the answer itself may have been long in coming";
+  EXPECT_LT(static_cast<double>(sleeps() - before), 100 * halves + 100)
+      << "the answer itself may have been long in coming";
 }
 
 // --- the command line client
@@ -245,10 +250,13 @@ TEST_F(CommandLine, Bodies) {
   const Finished table = ask({"bodies"});
   EXPECT_EQ(table.code, 0) << table.err;
   EXPECT_TRUE(contains(table.out, "id  body   kind     parent  pieces  vertices"));
-  EXPECT_TRUE(contains(table.out, " 0  table  static   -            1         8   1.11915              0              0            0\n"));
+  EXPECT_TRUE(
+      contains(table.out,
+               " 0  table  static   -            1         8   1.11915              0              0            0\n"));
   EXPECT_TRUE(contains(table.out, "group arm: link1 link2\n4 bodies, 6 enabled pairs, backend cpu, scene "));
-  EXPECT_TRUE(contains(ask({"bodies", "--csv"}).out,
-                       "id,body,kind,parent,pieces,vertices,extent_m,model_error_m,hull_excess_m,empty_share\n0,table,static,,1,8,"));
+  EXPECT_TRUE(contains(
+      ask({"bodies", "--csv"}).out,
+      "id,body,kind,parent,pieces,vertices,extent_m,model_error_m,hull_excess_m,empty_share\n0,table,static,,1,8,"));
   EXPECT_TRUE(contains(ask({"bodies", "--json"}).out,
                        "[{\"id\": 0, \"body\": \"table\", \"kind\": \"static\", \"parent\": null, \"pieces\": 1,"));
 }
@@ -284,7 +292,8 @@ TEST_F(CommandLine, PosesAndAttachments) {
 }
 
 TEST_F(CommandLine, BodiesComeAndGo) {
-  const Finished added = ask({"add-body", "mug", "--cylinder", "0.04", "0.1", "--parent", "link1", "--pose", "0", "0", "0.3"});
+  const Finished added =
+      ask({"add-body", "mug", "--cylinder", "0.04", "0.1", "--parent", "link1", "--pose", "0", "0", "0.3"});
   EXPECT_TRUE(contains(added.out, ", 5 bodies, added in ")) << added.out << added.err;
   EXPECT_TRUE(contains(ask({"poses", "--csv"}).out, "4,mug,ok,"));
   EXPECT_EQ(ask({"add-body", "ball", "--sphere", "0.25", "--pose", "0", "0", "2"}).code, 0);
@@ -294,7 +303,8 @@ TEST_F(CommandLine, BodiesComeAndGo) {
   const std::string wedge = folder_.write("wedge.txt", "0 0 0\n1, 0, 0\n\n0\t1 0\r\n0 0 1\n");
   const Finished hull = ask({"add-body", "wedge", "--vertices", wedge, "--pose", "0", "0", "5", "0", "1", "0", "0"});
   EXPECT_TRUE(contains(hull.out, ", 9 bodies, added in ")) << hull.out << hull.err;
-  EXPECT_TRUE(contains(ask({"query", "--pairs", "table,wedge", "--csv", "--fields", "distance"}).out, "table,wedge,3.95"));
+  EXPECT_TRUE(
+      contains(ask({"query", "--pairs", "table,wedge", "--csv", "--fields", "distance"}).out, "table,wedge,3.95"));
 
   EXPECT_TRUE(contains(ask({"remove-body", "ball"}).out, ", 8 bodies, removed in "));
   const std::string bad = folder_.write("bad.txt", "0 0 0\n1 0\n"), empty = folder_.write("empty.txt", "\n");
@@ -305,17 +315,29 @@ TEST_F(CommandLine, BodiesComeAndGo) {
   };
   const Case cases[] = {
       {{"remove-body", "ball"}, 1, "clearance: remove_body: \"ball\" is not in the scene\n"},
-      {{"remove-body", "cup"}, 1, "clearance: remove_body: \"cup\" is the scene file's: change the file, and reload it\n"},
+      {{"remove-body", "cup"},
+       1,
+       "clearance: remove_body: \"cup\" is the scene file's: change the file, and reload it\n"},
       {{"add-body", "mug", "--sphere", "1"}, 1, "clearance: body name \"mug\" is already that of a body\n"},
-      {{"add-body", "x", "--sphere", "-1"}, 1, "clearance: body \"x\": sphere radius: expected a number of metres > 0, got -1\n"},
+      {{"add-body", "x", "--sphere", "-1"},
+       1,
+       "clearance: body \"x\": sphere radius: expected a number of metres > 0, got -1\n"},
       {{"add-body", "x"}, 2, "clearance: "},
       {{"add-body", "x", "--sphere", "1", "--box", "1", "1", "1"}, 2, "clearance: "},
       {{"add-body", "x", "--box", "1", "1"}, 2, "clearance: --box: At least 3 required but received 2\n"},
-      {{"add-body", "x", "--sphere", "1", "--parent", "link9"}, 2, "clearance: no body \"link9\" in the scene; did you mean"},
-      {{"add-body", "x", "--sphere", "1", "--pose", "1", "2", "3", "4"}, 2, "clearance: --pose: expected x y z, or x y z qw qx qy qz; got 4 numbers\n"},
-      {{"add-body", "x", "--vertices", bad}, 2, "clearance: --vertices " + bad + ":2: expected three numbers, got \"1 0\"\n"},
+      {{"add-body", "x", "--sphere", "1", "--parent", "link9"},
+       2,
+       "clearance: no body \"link9\" in the scene; did you mean"},
+      {{"add-body", "x", "--sphere", "1", "--pose", "1", "2", "3", "4"},
+       2,
+       "clearance: --pose: expected x y z, or x y z qw qx qy qz; got 4 numbers\n"},
+      {{"add-body", "x", "--vertices", bad},
+       2,
+       "clearance: --vertices " + bad + ":2: expected three numbers, got \"1 0\"\n"},
       {{"add-body", "x", "--vertices", empty}, 2, "clearance: --vertices " + empty + ": there are none\n"},
-      {{"add-body", "x", "--vertices", folder_ / "nowhere"}, 2, "clearance: --vertices " + (folder_ / "nowhere") + ": cannot be read\n"},
+      {{"add-body", "x", "--vertices", folder_ / "nowhere"},
+       2,
+       "clearance: --vertices " + (folder_ / "nowhere") + ": cannot be read\n"},
   };
   for (const Case& c : cases) {
     const Finished finished = ask(c.options);
@@ -330,7 +352,8 @@ TEST_F(CommandLine, StatAndPing) {
   for (int i = 0; i < 3; ++i) ask({"query"});
   const Finished text = ask({"stat", "--prometheus"});
   EXPECT_TRUE(contains(text.out, "\nclearance_queries_answered 3\n"));
-  EXPECT_TRUE(contains(text.out, "\nclearance_latency_seconds_bucket{le=\"+Inf\"} 3\nclearance_latency_seconds_count 3\n"));
+  EXPECT_TRUE(
+      contains(text.out, "\nclearance_latency_seconds_bucket{le=\"+Inf\"} 3\nclearance_latency_seconds_count 3\n"));
   EXPECT_TRUE(contains(ask({"stat"}).out, "latency_us, half at most"));
   const Finished watched = ask({"stat", "--watch", "0.05", "--count", "2", "--csv"});
   EXPECT_TRUE(contains(watched.out, "queries.answered,3,\n")) << "none in between";
@@ -387,8 +410,8 @@ TEST_F(CommandLine, FindsTheDaemonByTheEnvironment) {
 TEST_F(CommandLine, HelpHasAnExample) {
   const Finished help = clearance_cli({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* part : {"bodies", "poses", "query", "stat", "ping", "set-pose", "attach", "reload", "add-body", "remove-body",
-                           "Example\n  clearance query", "CLEARANCE_URL"})
+  for (const char* part : {"bodies", "poses", "query", "stat", "ping", "set-pose", "attach", "reload", "add-body",
+                           "remove-body", "Example\n  clearance query", "CLEARANCE_URL"})
     EXPECT_TRUE(contains(help.out, part));
   EXPECT_FALSE(contains(clearance_cli({"query", "--help"}).out, "Exit codes"));
 }

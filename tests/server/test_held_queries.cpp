@@ -13,7 +13,8 @@ using wire::FrameType;
 
 class HeldQueries : public LoopTest {
  protected:
-  static TestQuery waiting_query(std::int64_t stamp_ns, std::chrono::nanoseconds wait, std::uint32_t wait_for = kEveryBody) {
+  static TestQuery waiting_query(std::int64_t stamp_ns, std::chrono::nanoseconds wait,
+                                 std::uint32_t wait_for = kEveryBody) {
     TestQuery query = small_query();
     query.header.min_pose_stamp_ns = stamp_ns;
     query.header.pose_wait_ns = wait.count();
@@ -51,7 +52,8 @@ TEST_F(HeldQueries, BeginOnceThePosesAreThereAndHoldUpNobody) {
   EXPECT_EQ(reply.snapshot_stamp_ns(), 100);
   EXPECT_EQ(reply.snapshot_sequence(), 9);
   EXPECT_GE(reply.pose_age_ns(), 0);
-  EXPECT_LT(reply.pose_age_ns(), static_cast<std::int64_t>(reply.server_ns())) << "the query arrived before these poses";
+  EXPECT_LT(reply.pose_age_ns(), static_cast<std::int64_t>(reply.server_ns()))
+      << "the query arrived before these poses";
   EXPECT_EQ(ask(a_, waiting_query(100, 0s)).snapshot_stamp_ns(), 100) << "who finds them there does not wait";
 }
 
@@ -64,7 +66,8 @@ TEST_F(HeldQueries, AreRefusedWhenTimeIsUp) {
   transport_->send(b_, waiting_query(100, 10s).frame(3));
   loop_->turn();
   loop_->turn();
-  EXPECT_EQ(refusal(a_), std::pair(ErrorCode::kPosesLate, std::string("no poses with stamp 100 or newer came within 0.000001 ms")));
+  EXPECT_EQ(refusal(a_),
+            std::pair(ErrorCode::kPosesLate, std::string("no poses with stamp 100 or newer came within 0.000001 ms")));
   EXPECT_TRUE(b_.replies.empty());
   move(2, 101);
   loop_->turn();
@@ -110,11 +113,14 @@ TEST_F(HeldQueries, WhatIsWrongIsSaidAtOnce) {
   TestQuery query = waiting_query(100, 10s);
   query.pairs = {{1, 1}};
   EXPECT_EQ(error_of(ask(a_, query.frame(1))).header.code, static_cast<std::uint16_t>(ErrorCode::kBadQuery));
-  for (const auto& [who, text] : {std::pair(9u, "wait_for: unknown body 9"), std::pair(kGroupBit | 5u, "wait_for: unknown group 5")})
+  for (const auto& [who, text] :
+       {std::pair(9u, "wait_for: unknown body 9"), std::pair(kGroupBit | 5u, "wait_for: unknown group 5")})
     EXPECT_EQ(error_of(ask(a_, waiting_query(100, 10s, who).frame(1))).text, text);
   EXPECT_EQ(error_of(ask(a_, waiting_query(-1, 10s).frame(1))).text, "query: min_pose_stamp_ns must be >= 0, got -1");
-  EXPECT_EQ(error_of(ask(a_, waiting_query(1, 11s).frame(1))).text, "query: pose_wait_ns must be 0 to 10000000000, got 11000000000");
-  EXPECT_EQ(error_of(ask(a_, waiting_query(0, 1s).frame(1))).text, "query: pose_wait_ns is for a query with min_pose_stamp_ns");
+  EXPECT_EQ(error_of(ask(a_, waiting_query(1, 11s).frame(1))).text,
+            "query: pose_wait_ns must be 0 to 10000000000, got 11000000000");
+  EXPECT_EQ(error_of(ask(a_, waiting_query(0, 1s).frame(1))).text,
+            "query: pose_wait_ns is for a query with min_pose_stamp_ns");
 }
 
 TEST_F(HeldQueries, CountAsUnderWayUntilTheirClientIsGone) {
@@ -146,7 +152,8 @@ TEST_F(HeldQueries, CountAmongTheBytesOfTheirClientAndOfAll) {
   EXPECT_EQ(loop_->held(), 2u);
   auto error = refusal(a_);
   EXPECT_EQ(error.first, ErrorCode::kBusy);
-  EXPECT_NE(error.second.find("of this client under way take " + std::to_string(bytes) + " bytes"), std::string::npos) << error.second;
+  EXPECT_NE(error.second.find("of this client under way take " + std::to_string(bytes) + " bytes"), std::string::npos)
+      << error.second;
   move(1, 100);
   turn_until_idle();
   EXPECT_EQ(take(a_)->type(), FrameType::kReply);
@@ -160,7 +167,8 @@ TEST_F(HeldQueries, CountAmongTheBytesOfTheirClientAndOfAll) {
   EXPECT_EQ(loop_->held(), 1u);
   error = refusal(b_);
   EXPECT_EQ(error.first, ErrorCode::kBusy);
-  EXPECT_NE(error.second.find("the requests and replies under way take " + std::to_string(bytes) + " bytes"), std::string::npos)
+  EXPECT_NE(error.second.find("the requests and replies under way take " + std::to_string(bytes) + " bytes"),
+            std::string::npos)
       << error.second;
   move(1, 100);
   turn_until_idle();

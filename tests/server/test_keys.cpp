@@ -64,8 +64,9 @@ class Keys : public testing::Test {
     std::ofstream(folder_ / "keys/authorized", std::ios::app) << read_public_key(folder_ / file) << ' ' << what << '\n';
   }
   void start() {
-    daemon_ = std::make_unique<Daemon>(std::vector<std::string>{"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--zmq",
-                                                                "tcp://127.0.0.1:*", "--keys", folder_ / "keys"});
+    daemon_ =
+        std::make_unique<Daemon>(std::vector<std::string>{"--scene", folder_.write("scene.yaml", kSmallSceneYaml),
+                                                          "--zmq", "tcp://127.0.0.1:*", "--keys", folder_ / "keys"});
   }
   ConnectOptions with(const std::string& key, const std::string& server = "keys/server.key.pub") const {
     return {kPatience, folder_ / server, folder_ / (key + ".key")};
@@ -126,7 +127,8 @@ TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
   Client witness = come("all");
   ask(witness);
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { come("stranger"); }), "the daemon refuses this client's key"));
-  EXPECT_TRUE(contains(daemon_->log(), "event=zmq_refused more=0 reason=\"this key is not authorized\" address=127.0.0.1"));
+  EXPECT_TRUE(
+      contains(daemon_->log(), "event=zmq_refused more=0 reason=\"this key is not authorized\" address=127.0.0.1"));
   EXPECT_TRUE(contains(daemon_->log(), read_public_key(folder_ / "stranger.key")));
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { patient(daemon_->url()); }), "the daemon there wants keys"));
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url(), with("all", "asker.key.pub")); }),
@@ -142,7 +144,9 @@ TEST_F(Keys, AKeyThatIsStruckOffLosesItsRightsAndOneThatIsAddedComesIn) {
   const std::string all = read_public_key(folder_ / "all.key");
   {
     std::ofstream list(folder_ / "keys/next");
-    list << "# the first again, and another\n\n" << all << " query,admin\n" << read_public_key(folder_ / "stranger.key") << " query\n";
+    list << "# the first again, and another\n\n"
+         << all << " query,admin\n"
+         << read_public_key(folder_ / "stranger.key") << " query\n";
   }
   std::filesystem::rename(folder_ / "keys/next", folder_ / "keys/authorized");
   Client stranger = come("stranger");  // the list is looked at when somebody knocks
@@ -173,7 +177,8 @@ TEST_F(Keys, InTheUrlAndInTheEnvironment) {
                        "/none: No such file or directory"));
   EXPECT_TRUE(contains(query(daemon_->url() + "?keys=x", {}).err, "\"keys=x\" is no option of it"));
   chmod(own.c_str(), 0644);
-  EXPECT_TRUE(contains(query(daemon_->url() + "?server_key=" + server + "&key=" + own, {}).err, "others may read this secret key"));
+  EXPECT_TRUE(contains(query(daemon_->url() + "?server_key=" + server + "&key=" + own, {}).err,
+                       "others may read this secret key"));
 }
 
 TEST_F(Keys, ADaemonWithoutThemAndAClientWithThem) {
@@ -196,7 +201,8 @@ TEST_F(Keys, WithThemOtherAddressesAreOpened) {
 TEST_F(Keys, FilesThatWillNotDoEndTheDaemonWith4) {
   const std::string scene = folder_.write("scene.yaml", kSmallSceneYaml);
   const auto said = [&] {
-    const Finished ended = run({program("clearanced"), "--scene", scene, "--zmq", "tcp://127.0.0.1:*", "--keys", folder_ / "keys"});
+    const Finished ended =
+        run({program("clearanced"), "--scene", scene, "--zmq", "tcp://127.0.0.1:*", "--keys", folder_ / "keys"});
     EXPECT_EQ(ended.code, 4);
     return ended.err;
   };
@@ -242,10 +248,12 @@ TEST(KeyFiles, AreThisUsersAloneAndNeverOverwritten) {
   EXPECT_FALSE(std::filesystem::exists(folder / "b.key")) << "no half of a pair";
   EXPECT_NE(read_key_pair((keygen("c.key"), folder / "c.key")).secret_key, pair.secret_key);
 
-  EXPECT_TRUE(contains(thrown_by<std::runtime_error>([&] { read_key_pair(folder / "a.key.pub"); }), "no secret key in it"));
+  EXPECT_TRUE(
+      contains(thrown_by<std::runtime_error>([&] { read_key_pair(folder / "a.key.pub"); }), "no secret key in it"));
   EXPECT_TRUE(contains(thrown_by<std::runtime_error>([&] { read_public_key(folder.write("d", "public short\n")); }),
                        "d: expected a key of 40 characters"));
-  EXPECT_TRUE(contains(thrown_by<std::runtime_error>([&] { read_public_key(folder.write("e", "")); }), "no public key"));
+  EXPECT_TRUE(
+      contains(thrown_by<std::runtime_error>([&] { read_public_key(folder.write("e", "")); }), "no public key"));
 }
 
 }  // namespace

@@ -128,7 +128,8 @@ TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
   carrier.bodies = {2};
   nearest.pairs = {{0, 3}};
   nearest.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
-  for (const auto& [query, stays] : {std::pair(others, true), {both, true}, {moved, false}, {carrier, true}, {all, false}, {nearest, true}}) {
+  for (const auto& [query, stays] :
+       {std::pair(others, true), {both, true}, {moved, false}, {carrier, true}, {all, false}, {nearest, true}}) {
     EXPECT_EQ(answered(query, old_revision), stays);
     EXPECT_TRUE(answered(query, engine_->scene_revision()));
     EXPECT_FALSE(answered(query, old_revision + 1)) << "a revision that never was";
@@ -138,16 +139,22 @@ TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
     wire::PoseRecord pose;
     pose.body = body;
     pose.pose[3] = 1;
-    return ask(b_, wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0, old_revision)).add(head).add(pose).take())->type();
+    return ask(b_, wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0, old_revision))
+                       .add(head)
+                       .add(pose)
+                       .take())
+        ->type();
   };
   EXPECT_EQ(pose_of_body(1), FrameType::kError) << "X_wb is not X_pb";
   EXPECT_EQ(pose_of_body(2), FrameType::kPosesDone);
   EXPECT_EQ(pose_of_body(3), FrameType::kPosesDone);
   record.child = 4;
   record.parent = 5;
-  const auto done = ask(b_, wire::FrameBuilder(wire::make_header(FrameType::kAttach, 1, 0, old_revision)).add(record).take());
+  const auto done =
+      ask(b_, wire::FrameBuilder(wire::make_header(FrameType::kAttach, 1, 0, old_revision)).add(record).take());
   ASSERT_EQ(done->type(), FrameType::kPosesDone);
-  EXPECT_EQ(wire::parse_poses_done(done->payload()).scene_revision, old_revision) << "it does not know what the first one did";
+  EXPECT_EQ(wire::parse_poses_done(done->payload()).scene_revision, old_revision)
+      << "it does not know what the first one did";
 }
 
 TEST_F(LoopTest, TellsTheOrderOfPairs) {

@@ -107,7 +107,8 @@ shm::UniqueFd connect_to(int port) {
 std::string read_to_end(int socket) {
   std::string text;
   char buffer[4096];
-  for (ssize_t got; (got = ::recv(socket, buffer, sizeof buffer, 0)) > 0;) text.append(buffer, static_cast<std::size_t>(got));
+  for (ssize_t got; (got = ::recv(socket, buffer, sizeof buffer, 0)) > 0;)
+    text.append(buffer, static_cast<std::size_t>(got));
   return text;
 }
 template <class Where>
@@ -128,7 +129,9 @@ const std::string kGet = "GET /metrics HTTP/1.1\r\nHost: x\r\n\r\n";
 class Metrics : public testing::Test {
  protected:
   std::vector<std::string> options(const std::string& endpoint) {
-    return {"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--zmq", "ipc://" + (folder_ / "c.ipc"), "--metrics", endpoint};
+    return {"--scene",   folder_.write("scene.yaml", kSmallSceneYaml),
+            "--zmq",     "ipc://" + (folder_ / "c.ipc"),
+            "--metrics", endpoint};
   }
   TestFolder folder_;
 };
@@ -147,15 +150,17 @@ TEST_F(Metrics, OnAUnixSocket) {
   EXPECT_THROW(client.distances(bad), RequestError);
 
   const std::string reply = ask_http(path, kGet), text = body_of(reply);
-  EXPECT_EQ(reply.rfind("HTTP/1.0 200 OK\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: " +
-                            std::to_string(text.size()) + "\r\n",
-                        0),
-            0u)
+  EXPECT_EQ(
+      reply.rfind("HTTP/1.0 200 OK\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: " +
+                      std::to_string(text.size()) + "\r\n",
+                  0),
+      0u)
       << reply;
   EXPECT_TRUE(has(text, "\nclearance_queries_answered 3\n")) << text;
   EXPECT_TRUE(has(text, "\nclearance_errors 1\n")) << text;
   EXPECT_TRUE(has(text, "clearance_engine_bodies 4\n")) << text;
-  EXPECT_TRUE(has(text, "clearance_latency_seconds_bucket{le=\"+Inf\"} 3\nclearance_latency_seconds_count 3\n")) << text;
+  EXPECT_TRUE(has(text, "clearance_latency_seconds_bucket{le=\"+Inf\"} 3\nclearance_latency_seconds_count 3\n"))
+      << text;
   const std::string errors = body_of(ask_http(path, "GET /errors HTTP/1.0\r\n\r\n"));
   EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
   EXPECT_EQ(errors.rfind("1\t20", 0), 0u) << errors;
@@ -209,8 +214,8 @@ TEST_F(Metrics, WhatWakesTheDaemonLetsItSleepAgain) {
       if (key == name) return value;
     return std::uint64_t{0};
   };
-  // Idle it wakes ten times a second for its tick, and a few times for each of our looks, of which there are fifty: fewer on a
-  // busy machine.
+  // Idle it wakes ten times a second for its tick, and a few times for each of our looks, of which there are fifty:
+  // fewer on a busy machine.
   const auto expect_sleep = [&](const char* after) {
     for (auto uptime = counter("uptime_s"); counter("uptime_s") == uptime;) std::this_thread::sleep_for(20ms);
     const std::uint64_t sleeps = counter("loop.sleeps"), uptime = counter("uptime_s");

@@ -17,7 +17,9 @@ using wire::ErrorCode;
 class Quotas : public LoopTest {
  protected:
   /// Sends without serving; the replies come by turn_until_idle().
-  void send(MemoryClient& client, const TestQuery& query, std::uint64_t id) { transport_->send(client, query.frame(id)); }
+  void send(MemoryClient& client, const TestQuery& query, std::uint64_t id) {
+    transport_->send(client, query.frame(id));
+  }
 };
 
 TEST_F(Quotas, PairsOfOneQuery) {
@@ -53,7 +55,8 @@ TEST_F(Quotas, BytesOfOneClientsReplies) {
   loop_->turn();
   const auto error = error_of(take(a_));
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kBusy);
-  EXPECT_NE(error.text.find("the requests and replies of this client under way take "), std::string::npos) << error.text;
+  EXPECT_NE(error.text.find("the requests and replies of this client under way take "), std::string::npos)
+      << error.text;
   EXPECT_NE(error.text.find("(--max-client-mib)"), std::string::npos) << error.text;
   send(b_, small_query(), 3);
   turn_until_idle();
@@ -66,7 +69,7 @@ TEST_F(Quotas, BytesOfOneClientsRequests) {
   Loop::Options options = short_slices();
   options.max_client_bytes = 100'000;
   start(scattered_scene(20), options);
-  TestQuery query = large_query(20);  // 800 poses of 56 bytes
+  TestQuery query = large_query(20);                              // 800 poses of 56 bytes
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);  // and 40 rows
   for (const std::uint64_t id : {1, 2, 3}) send(a_, query, id);
   loop_->turn();
@@ -111,7 +114,8 @@ TEST_F(Quotas, WarmStateHasWhatIsLeft) {
     const Reply answer = ask(a_, warm);
     EXPECT_EQ(warm_bytes(), kWarm);
     ASSERT_EQ(answer.rows(), cold.rows());
-    for (std::size_t row = 0; i == 0 && row < cold.rows(); ++row) ASSERT_EQ(answer.upper()[row], cold.upper()[row]) << "the first is cold, too";
+    for (std::size_t row = 0; i == 0 && row < cold.rows(); ++row)
+      ASSERT_EQ(answer.upper()[row], cold.upper()[row]) << "the first is cold, too";
   }
   EXPECT_EQ(loop_->counter("queries.cold"), 0u);
   // While it works on it, warm state is under way like the rest.
@@ -148,7 +152,8 @@ TEST_F(Quotas, OfAClientThatGoesAreGivenBack) {
 std::vector<std::string> for_two(const TestFolder& folder) {
   const std::string scene = folder.write(
       "scene.yaml", "random: {count: 400, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 60, seed: 1}\n");
-  return {"--scene", scene, "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc"), "--max-clients", "2", "--threads", "1"};
+  return {"--scene", scene,       "--shm", folder / "c.sock", "--zmq", "ipc://" + (folder / "c.ipc"), "--max-clients",
+          "2",       "--threads", "1"};
 }
 
 TEST(Places, AreKeptForThoseWhoHaveFew) {
@@ -182,7 +187,8 @@ TEST(Places, AreKeptForThoseWhoHaveFew) {
 
 TEST(MaxClients, ConnectionsThatAProgramForgetsShutOutNoOtherProgram) {
   const TestFolder folder;
-  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--max-clients", "16"});
+  Daemon daemon(
+      {"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--max-clients", "16"});
   std::vector<Client> idle;
   std::string why;
   while (why.empty()) try {
@@ -191,7 +197,9 @@ TEST(MaxClients, ConnectionsThatAProgramForgetsShutOutNoOtherProgram) {
       why = error.what();
     }
   EXPECT_EQ(idle.size(), 8u);
-  EXPECT_NE(why.find("already has 8 shared-memory clients; the last 8 places are for others (--max-clients)"), std::string::npos) << why;
+  EXPECT_NE(why.find("already has 8 shared-memory clients; the last 8 places are for others (--max-clients)"),
+            std::string::npos)
+      << why;
   const Finished controller = run({program("clearance"), "ping", "--connect", daemon.url()});
   EXPECT_EQ(controller.code, 0) << controller.err;
 }
@@ -206,7 +214,8 @@ TEST(MaxClients, OverSharedMemory) {
       patient(daemon.urls()[0]);
       FAIL();
     } catch (const ConnectionError& error) {
-      EXPECT_NE(std::string(error.what()).find("already has 2 shared-memory clients (--max-clients)"), std::string::npos)
+      EXPECT_NE(std::string(error.what()).find("already has 2 shared-memory clients (--max-clients)"),
+                std::string::npos)
           << error.what();
     }
     second.ping();

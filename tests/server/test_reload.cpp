@@ -1,4 +1,5 @@
-// A scene that is loaded anew while the daemon serves: aside, as a whole or not at all, and with the poses that are known.
+// A scene that is loaded anew while the daemon serves: aside, as a whole or not at all, and with the poses that are
+// known.
 #include <gtest/gtest.h>
 #include <signal.h>
 

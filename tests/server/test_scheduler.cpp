@@ -1,9 +1,9 @@
 // Whose turn it is, told by queries that do nothing but write down their slices, by a clock that they move themselves.
-#include "server/scheduler.h"
-
 #include <gtest/gtest.h>
 
 #include <vector>
+
+#include "server/scheduler.h"
 
 namespace clearance {
 namespace {

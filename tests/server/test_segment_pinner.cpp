@@ -1,6 +1,5 @@
-// Segments that are pinned for a GPU: what the thread does that pins them, and through a whole service where there is a GPU.
-#include "server/segment_pinner.h"
-
+// Segments that are pinned for a GPU: what the thread does that pins them, and through a whole service where there is a
+// GPU.
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 
@@ -9,6 +8,7 @@
 #include <stdexcept>
 
 #include "server/loop.h"
+#include "server/segment_pinner.h"
 #include "server/shm_transport.h"
 #include "shm_echo.h"
 #include "tests/cuda/skip_without_device.h"
@@ -89,7 +89,8 @@ TEST(SegmentPinner, PinsNoMoreThanItsBudgetAtATime) {
 }
 
 TEST(SegmentPinner, LeavesAMappingAsItIsThatCannotBePinned) {
-  SegmentPinner pinner(kBytes, [](std::byte*, std::size_t) -> std::shared_ptr<void> { throw std::runtime_error("no"); });
+  SegmentPinner pinner(kBytes,
+                       [](std::byte*, std::size_t) -> std::shared_ptr<void> { throw std::runtime_error("no"); });
   SegmentPinner::Ticket* ticket = pinner.pin(map_some());
   EXPECT_TRUE(comes([&] { return pinner.refusals() == 1; }));
   EXPECT_EQ(pinner.bytes(), 0u);

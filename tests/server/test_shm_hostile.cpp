@@ -158,7 +158,8 @@ TEST_F(ShmHostile, ClientsThatHoardSegmentsLeaveRoomForNewOnes) {
   std::string said;
   for (int i = 0; i < 8 && said.find("are given out to clients") == std::string::npos; ++i) {
     hoarders.push_back(std::make_unique<RawClient>(path));
-    for (Message answer = RawClient::make(MessageKind::kSegment); answer.kind == static_cast<std::uint32_t>(MessageKind::kSegment);) {
+    for (Message answer = RawClient::make(MessageKind::kSegment);
+         answer.kind == static_cast<std::uint32_t>(MessageKind::kSegment);) {
       hoarders.back()->send(RawClient::make(MessageKind::kGrow));
       answer = hoarders.back()->receive();
       said = answer.text;
@@ -169,7 +170,8 @@ TEST_F(ShmHostile, ClientsThatHoardSegmentsLeaveRoomForNewOnes) {
   large.reply_capacity = 2 << 20;
   RawClient greedy(path, false);
   greedy.send(large);
-  EXPECT_NE(std::string(greedy.receive().text).find("are given out to clients"), std::string::npos) << "nor at the door";
+  EXPECT_NE(std::string(greedy.receive().text).find("are given out to clients"), std::string::npos)
+      << "nor at the door";
   std::vector<std::unique_ptr<Channel>> newcomers;
   for (std::uint64_t i = 1; i <= 4; ++i) {
     newcomers.push_back(open_shm_channel(path, soon()));

@@ -167,8 +167,8 @@ TEST_F(ZmqTest, RepliesToAClientThatDoesNotReadAreDroppedAndCounted) {
 }
 
 TEST_F(ZmqTest, RepliesThatAClientDoesNotReadAreCountedAmongItsOwn) {
-  const Daemon daemon({"--scene", folder_.write("two.yaml", scattered_yaml(100)), "--zmq", "ipc://" + (folder_ / "d.ipc"),
-                       "--threads", "1", "--max-client-mib", "4"});
+  const Daemon daemon({"--scene", folder_.write("two.yaml", scattered_yaml(100)), "--zmq",
+                       "ipc://" + (folder_ / "d.ipc"), "--threads", "1", "--max-client-mib", "4"});
   zmq::context_t context;
   zmq::socket_t lazy = lazy_client(context, daemon.url());
   Client witness = patient(daemon.url());
@@ -178,7 +178,8 @@ TEST_F(ZmqTest, RepliesThatAClientDoesNotReadAreCountedAmongItsOwn) {
     ASSERT_LT(sent, 2000u) << "never too many";
     const std::vector<std::byte> frame = query.frame(sent);
     lazy.send(zmq::buffer(frame.data(), sizeof(wire::FrameHeader)), zmq::send_flags::sndmore);
-    lazy.send(zmq::buffer(frame.data() + sizeof(wire::FrameHeader), frame.size() - sizeof(wire::FrameHeader)), zmq::send_flags::none);
+    lazy.send(zmq::buffer(frame.data() + sizeof(wire::FrameHeader), frame.size() - sizeof(wire::FrameHeader)),
+              zmq::send_flags::none);
     while (counter(witness, "queries") < sent || counter(witness, "queries.waiting")) std::this_thread::sleep_for(1ms);
   }
   EXPECT_EQ(counter(witness, "zmq.replies_dropped"), 0u) << "long before that";
