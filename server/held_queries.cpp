@@ -49,7 +49,7 @@ void HeldQueries::hold(const wire::FrameHeader& request, const wire::QueryHeader
                  received,
                  received + std::chrono::nanoseconds(query.pose_wait_ns)};
   std::memcpy(held.words.data(), payload.data(), payload.size());
-  looked_at_revision_ = engine.pose_revision();
+  if (held_.empty()) looked_at_revision_ = engine.pose_revision();  // the others have not been looked at yet
   deadline_ = std::min(deadline_, held.deadline);
   held_.push_back(std::move(held));
   held_.back().asked.sink = std::move(sink);  // now that nothing can fail any more

@@ -57,6 +57,25 @@ TEST_F(HeldQueries, BeginOnceThePosesAreThereAndHoldUpNobody) {
   EXPECT_EQ(ask(a_, waiting_query(100, 0s)).snapshot_stamp_ns(), 100) << "who finds them there does not wait";
 }
 
+TEST_F(HeldQueries, AreLetGoOfThoughAnotherIsHeldInTheTurnInWhichThePosesCame) {
+  start(small_scene());
+  transport_->send(a_, waiting_query(100, 10s).frame(1));
+  turn_until_idle();
+  ASSERT_EQ(loop_->held(), 1u);
+  wire::PosesHeader header;
+  header.count = 1;
+  header.stamp_ns = 100;
+  wire::FrameBuilder poses(wire::make_header(wire::FrameType::kSetPoses, 1, 0));
+  poses.add(header).add(wire::PoseRecord{1, 0, {0, 0, 2, 1, 0, 0, 0}});
+  transport_->send(c_, poses.take());
+  transport_->send(b_, waiting_query(200, 10s).frame(1));
+  loop_->turn();
+  EXPECT_EQ(take(c_)->type(), wire::FrameType::kPosesDone);
+  EXPECT_EQ(a_.replies.size(), 1u) << "its poses are there";
+  EXPECT_EQ(loop_->held(), 1u);
+  EXPECT_TRUE(b_.replies.empty());
+}
+
 TEST_F(HeldQueries, AreRefusedWhenTimeIsUp) {
   start(small_scene());
   transport_->send(a_, waiting_query(100, 0s).frame(1));
