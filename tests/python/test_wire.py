@@ -12,7 +12,7 @@ LAYOUT = _client.wire_layout()
 
 
 def test_every_struct_is_mirrored(root):
-    header = (root / "client" / "protocol.h").read_text()
+    header = (root / "wire" / "protocol.h").read_text()
     structs = set(re.findall(r"^struct (\w+) {", header, re.M))
     assert len(structs) >= 15
     assert set(wire.RECORDS) == structs == set(LAYOUT)
@@ -30,7 +30,7 @@ def test_sizes_and_offsets(name):
 
 @pytest.mark.parametrize("name", ["FrameType", "ErrorCode"])
 def test_enums(root, name):
-    header = (root / "client" / "protocol.h").read_text()
+    header = (root / "wire" / "protocol.h").read_text()
     body = re.sub(r"//.*", "", re.search(rf"enum class {name} : [\w:]+ {{(.*?)}};", header, re.S).group(1))
     values = {}
     for key, value in re.findall(r"k(\w+)\s*=\s*(\w+)", body):
@@ -40,7 +40,7 @@ def test_enums(root, name):
 
 
 def test_constants(root):
-    header = (root / "client" / "protocol.h").read_text() + (root / "client" / "types.h").read_text()
+    header = (root / "wire" / "protocol.h").read_text() + (root / "wire" / "types.h").read_text()
 
     def constant(name):
         text = re.search(rf"{name} = ([^;]+);", header).group(1)
