@@ -1,4 +1,4 @@
-// Queries that wait for poses (QueryHeader::min_pose_stamp_ns): held aside, looked at when poses have come or time is
+// Queries that wait for poses (QueryOptions::min_pose_stamp_ns): held aside, looked at when poses have come or time is
 // up.
 #include <algorithm>
 #include <cstring>
@@ -13,7 +13,7 @@ std::size_t Loop::held() const {
   return held_.size();
 }
 
-void Loop::hold_query(const wire::FrameHeader& header, const wire::QueryHeader& query,
+void Loop::hold_query(const wire::FrameHeader& header, const QueryOptions& query,
                       std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
   if (query.pose_wait_ns == 0)
     throw Refusal{ErrorCode::kPosesLate,
@@ -69,7 +69,7 @@ bool Loop::look_at_held() {
                       "no poses with stamp " + std::to_string(held.query.min_pose_stamp_ns) + " or newer came within " +
                           std::to_string(1e-6 * static_cast<double>(held.query.pose_wait_ns)) + " ms"};
       const auto payload = std::as_bytes(std::span(held.payload)).first(held.payload_bytes);
-      begin_query(held.request, wire::parse_query(payload), payload.size(), held.sink, held.received);
+      begin_query(held.request, wire::parse_query(held.request, payload), payload.size(), held.sink, held.received);
     });
   }
   return any;

@@ -362,7 +362,9 @@ void Loop::finish(Task& task, Clock::time_point now) {
   std::byte* frame = task.frame;
   if (info.rows < size.rows) close_up_columns(frame + kColumnsBegin, size.fields, size.rows, info.rows);
   clear_gaps(frame + kColumnsBegin, size.fields, info.rows);
-  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(info.rows, size.fields);
+  const std::uint64_t columns_end = kColumnsBegin + wire::columns_bytes(info.rows, size.fields);
+  const std::uint64_t bytes = columns_end + task.records.size();
+  check_reply_size(info.rows, bytes, task.max_reply_bytes);
   if (task.own) {
     frame = task.sink->reserve(bytes);
     if (!frame)
@@ -370,8 +372,9 @@ void Loop::finish(Task& task, Clock::time_point now) {
                     "the reply of " + std::to_string(info.rows) + " rows needs " + std::to_string(bytes) +
                         " bytes, more than this client has room for",
                     bytes};
-    std::memcpy(frame + kColumnsBegin, task.own.get() + kColumnsBegin, bytes - kColumnsBegin);
+    std::memcpy(frame + kColumnsBegin, task.own.get() + kColumnsBegin, columns_end - kColumnsBegin);
   }
+  if (!task.records.empty()) std::memcpy(frame + columns_end, task.records.data(), task.records.size());
 
   wire::ReplyHeader reply;
   reply.rows = info.rows;
@@ -390,8 +393,9 @@ void Loop::finish(Task& task, Clock::time_point now) {
   reply.pairs_evaluated = info.pairs_evaluated;
   wire::set_name(reply.backend, info.backend);
   reply.engine_ns = static_cast<std::uint64_t>(task.in_engine.count());
-  const auto header = wire::make_header(FrameType::kReply, task.request.request_id, bytes - sizeof(FrameHeader),
-                                        info.scene_revision, task.request.client_id);
+  const auto header = wire::with_records(
+      wire::make_reply_header(task.request, FrameType::kReply, columns_end - sizeof(FrameHeader), info.scene_revision),
+      task.records.size());
   std::memcpy(frame, &header, sizeof header);
   reply.server_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(now - task.received).count());
   std::memcpy(frame + sizeof header, &reply, sizeof reply);

@@ -103,7 +103,7 @@ class Loop final : public Inbox {
   void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::uint64_t payload_bytes,
                    std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   // held_queries.cpp
-  void hold_query(const wire::FrameHeader& header, const wire::QueryHeader& query, std::span<const std::byte> payload,
+  void hold_query(const wire::FrameHeader& header, const QueryOptions& query, std::span<const std::byte> payload,
                   std::unique_ptr<ReplySink>& sink);
   bool look_at_held();
   void drop_held_of_the_gone();
@@ -120,7 +120,9 @@ class Loop final : public Inbox {
   /// Throws a Refusal (kWrongScene) if the request's ids are of another scene, where they mean something else.
   void check_scene(const wire::FrameHeader& header, std::span<const std::uint32_t> ids,
                    bool with_parents = false) const;
-  void check_wait_for(const wire::FrameHeader& header, const wire::QueryHeader& query) const;
+  void check_wait_for(const wire::FrameHeader& header, const QueryOptions& query) const;
+  /// The payload of a request of which no record is known. Throws WireError if one of them is required.
+  std::span<const std::byte> without_records(const wire::FrameHeader& header, std::span<const std::byte> payload);
   std::vector<std::pair<std::string, std::uint64_t>> all_counters() const;
   std::vector<std::byte> stats_payload() const;
   void hand_out_figures();
@@ -147,6 +149,7 @@ class Loop final : public Inbox {
   void check_room_for(std::uint64_t client) const;
   /// The same for bytes, of this client and of all. \returns what its requests and replies take already.
   std::uint64_t check_room_for_bytes(const ReplySink& sink, std::uint64_t bytes) const;
+  static void check_reply_size(std::uint64_t rows, std::uint64_t bytes, std::uint64_t most);
   void leave(std::uint64_t client, std::uint64_t held_bytes = 0);
   void tick();
   void take_new_engine();
@@ -162,7 +165,7 @@ class Loop final : public Inbox {
   std::uint64_t &frames_ = counters_["frames"], &replies_ = counters_["replies"],
                 &dropped_ = counters_["requests.dropped"], &queries_ = counters_["queries"],
                 &answered_ = counters_["queries.answered"], &queries_joined_ = counters_["queries.joined"],
-                &rows_ = counters_["rows"];
+                &rows_ = counters_["rows"], &records_ignored_ = counters_["records.ignored"];
   // "latency_us.N": queries that took from arrival to reply more than N/2 and at most N microseconds;
   // "latency_us.more".
   static constexpr int kLatencyBuckets = 24;

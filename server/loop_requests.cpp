@@ -18,6 +18,15 @@ using wire::FrameType;
 /// What a pair is taken to cost, to tell when a query is due. A guess is enough: it only orders one client's queries.
 constexpr auto kPairCost = std::chrono::microseconds(1);
 
+/// What of a reply's records its query decides.
+std::vector<std::byte> reply_records(const wire::PassedOver& passed_over) {
+  std::vector<std::byte> records;
+  if (!passed_over.empty())
+    wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kIgnored), 0,
+                        std::as_bytes(std::span(passed_over)));
+  return records;
+}
+
 /// The engine's view of a query whose payload begins on a multiple of 8.
 QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
   const wire::QueryHeader& h = parts.header;
@@ -30,16 +39,7 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
                       static_cast<std::size_t>(parts.configurations.size())};
   q.all_pairs = h.all_pairs;
   q.configuration_count = h.configuration_count;
-  q.max_distance = h.max_distance;
-  q.abs_tol = h.abs_tol;
-  q.rel_tol = h.rel_tol;
-  q.precision = static_cast<Precision>(h.precision);
-  q.signed_distance = h.signed_distance;
-  q.reduce = static_cast<Reduce>(h.reduce);
-  q.format = static_cast<Format>(h.format);
-  q.fields = h.fields;
-  q.max_results = h.max_results;
-  q.max_pose_age_ns = h.max_pose_age_ns;
+  copy_options(parts.options, q);
   q.scene_revision = scene_revision;
   return q;
 }
@@ -75,6 +75,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   if (const Rights needed = right_for(type); needed & ~sink->rights())
     throw Refusal{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" + rights_text(needed) +
                                              "\"; this client has " + rights_text(sink->rights())};
+  if (type != FrameType::kQuery && type != FrameType::kPairs) payload = without_records(header, payload);
   switch (type) {
     case FrameType::kPing:
       return answer(*sink, header, FrameType::kPong, payload);
@@ -108,6 +109,15 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   throw Refusal{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
 }
 
+std::span<const std::byte> Loop::without_records(const FrameHeader& header, std::span<const std::byte> payload) {
+  const wire::PayloadParts parts = wire::split_payload(header, payload);
+  wire::PassedOver passed_over;
+  wire::read_records(wire::type_name(header.type).c_str(), parts.records, passed_over,
+                     [](const wire::RecordView&) { return false; });
+  records_ignored_ += passed_over.size();
+  return parts.body;
+}
+
 void Loop::check_room_for(std::uint64_t client) const {
   const auto found = waiting_per_client_.find(client);
   if (found != waiting_per_client_.end() && found->second.requests >= options_.max_waiting_per_client)
@@ -136,12 +146,13 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
     std::memcpy(aligned_.data(), payload.data(), payload.size());
     payload = std::as_bytes(std::span(aligned_)).first(payload.size());
   }
-  const wire::QueryParts parts = wire::parse_query(payload);
-  const wire::QueryHeader& q = parts.header;
-  if (q.min_pose_stamp_ns != 0) check_wait_for(header, q);
-  if (q.min_pose_stamp_ns != 0 && !engine_->poses_reach(q.wait_for, q.min_pose_stamp_ns)) {
+  const wire::QueryParts parts = wire::parse_query(header, payload);
+  const QueryOptions& o = parts.options;
+  records_ignored_ += parts.passed_over.size();
+  if (o.min_pose_stamp_ns != 0) check_wait_for(header, o);
+  if (o.min_pose_stamp_ns != 0 && !engine_->poses_reach(o.wait_for, o.min_pose_stamp_ns)) {
     engine_->size(view_of(parts, header.scene_revision));  // what is wrong with it is said at once
-    return hold_query(header, q, payload, sink);
+    return hold_query(header, o, payload, sink);
   }
   begin_query(header, parts, payload.size(), sink, turn_began_);
 }
@@ -150,7 +161,7 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
                        std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
   const std::uint64_t client = sink->client();
   QueryView query = view_of(parts, header.scene_revision);
-  query.warm_slot = parts.header.warm ? client : 0;
+  query.warm_slot = parts.options.warm ? client : 0;
   const auto begun = Clock::now();
   const QuerySize size = engine_->size(query);
   if (size.pairs && size.configurations > options_.max_pairs_per_query / size.pairs)
@@ -158,7 +169,9 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
                                             std::to_string(size.pairs) + " pairs are more than the " +
                                             std::to_string(options_.max_pairs_per_query) +
                                             " that one query may ask about (--max-pairs): split it"};
-  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields);
+  std::vector<std::byte> records = reply_records(parts.passed_over);
+  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields) + records.size();
+  if (query.reduce != Reduce::kWithin) check_reply_size(size.rows, bytes, parts.options.max_reply_bytes);
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   const bool whole_table = parts.header.all_pairs && parts.bodies.size() == 0;
   std::uint64_t held = bytes + payload_bytes + (whole_table ? 0 : size.pairs * sizeof(BodyPair));
@@ -191,7 +204,9 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
   auto task = std::make_unique<Task>(std::move(sink), header, engine_, std::move(job));
   task->frame = frame;
   task->own = std::move(own);
+  task->records = std::move(records);
   task->held_bytes = held;
+  task->max_reply_bytes = parts.options.max_reply_bytes;
   task->reduce = query.reduce;
   task->format = query.format;
   task->received = received;
@@ -205,7 +220,9 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
 
 void Loop::answer_pairs(const FrameHeader& header, std::span<const std::byte> payload, ReplySink& sink) {
   std::vector<std::byte> copy(payload.begin(), payload.end());  // aligned
-  const QueryView query = view_of(wire::parse_query(copy, false), header.scene_revision);
+  const wire::QueryParts parts = wire::parse_query(header, copy);
+  records_ignored_ += parts.passed_over.size();
+  const QueryView query = view_of(parts, header.scene_revision);
   const std::vector<BodyPair> pairs = engine_->pairs(query);
   wire::PairsHeader table;
   table.scene_revision = header.scene_revision ? header.scene_revision : engine_->scene_revision();
@@ -223,7 +240,7 @@ void Loop::check_scene(const FrameHeader& header, std::span<const std::uint32_t>
                                               ": fetch the scene again"};
 }
 
-void Loop::check_wait_for(const FrameHeader& header, const wire::QueryHeader& query) const {
+void Loop::check_wait_for(const FrameHeader& header, const QueryOptions& query) const {
   if (query.wait_for != kEveryBody) check_scene(header, std::array{query.wait_for});
 }
 
@@ -319,8 +336,7 @@ void Loop::answer(ReplySink& sink, const FrameHeader& request, FrameType type, s
   if (!frame)
     throw Refusal{ErrorCode::kTooLarge,
                   "the reply needs " + std::to_string(bytes) + " bytes, more than this client has room for", bytes};
-  const auto header =
-      wire::make_header(type, request.request_id, payload.size(), engine_->scene_revision(), request.client_id);
+  const auto header = wire::make_reply_header(request, type, payload.size(), engine_->scene_revision());
   std::memcpy(frame, &header, sizeof header);
   if (!payload.empty()) std::memcpy(frame + sizeof header, payload.data(), payload.size());
   sink.publish(bytes);

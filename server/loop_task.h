@@ -35,7 +35,9 @@ struct Loop::Task {
   Job job;
   std::byte* frame = nullptr;    // the sink's room, or `own`
   AlignedBytes own;              // where the sink has no room for the most that may come back
-  std::uint64_t held_bytes = 0;  // the frame, and what the request itself takes
+  std::vector<std::byte> records;     // of the reply, behind its columns
+  std::uint64_t held_bytes = 0;       // the frame, and what the request itself takes
+  std::uint64_t max_reply_bytes = 0;  // 0: no limit
   Reduce reduce = Reduce::kNone;
   Format format = Format::kFull;
   bool begun = false;  ///< has had its first slice
@@ -49,9 +51,17 @@ struct Loop::Held {
   wire::FrameHeader request;
   std::vector<std::uint64_t> payload;  // aligned; the frame's own ends with its client's call
   std::uint64_t payload_bytes;
-  wire::QueryHeader query;
+  QueryOptions query;
   Clock::time_point received, deadline;
 };
+
+/// Throws a Refusal if the query wants no reply of so many bytes. \param most 0: it takes any.
+inline void Loop::check_reply_size(std::uint64_t rows, std::uint64_t bytes, std::uint64_t most) {
+  if (most && bytes > most)
+    throw Refusal{wire::ErrorCode::kTooLarge, "the reply of " + std::to_string(rows) + " rows needs " +
+                                                  std::to_string(bytes) + " bytes, more than the max_reply_bytes = " +
+                                                  std::to_string(most) + " of this query"};
+}
 
 inline wire::ErrorCode code_of(QueryErrorCode code) {
   return static_cast<wire::ErrorCode>(code);

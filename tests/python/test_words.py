@@ -15,7 +15,7 @@ def upper_snake(name):
 
 @pytest.fixture(scope="module")
 def header(root):
-    return (root / "client" / "types.h").read_text()
+    return (root / "wire" / "types.h").read_text()
 
 
 def enum_values(header, name):
