@@ -1,4 +1,5 @@
 // clearance query: asks for distances and prints the rows.
+#include <algorithm>
 #include <iostream>
 #include <limits>
 #include <memory>
@@ -21,6 +22,12 @@ std::vector<std::string> names_of(const std::map<std::string, Value>& words) {
   std::vector<std::string> names;
   for (const auto& [name, value] : words) names.push_back(name);
   return names;
+}
+
+/// "--max-reply-bytes"
+std::string flag_of(std::string name) {
+  std::replace(name.begin(), name.end(), '_', '-');
+  return "--" + name;
 }
 
 struct Options {
@@ -175,6 +182,9 @@ void add_query(CLI::App& app) {
   command.add_option("--max-pose-age", options->max_pose_age_s, "older poses are flagged stale; 0: never")
       ->check(quiet(CLI::Range(0.0, 1e9)))
       ->type_name("S");
+  for_each_query_option([&](const QueryOption& option, auto member) {  // those that came after the ones above
+    if (option.tag) command.add_option(flag_of(option.name), member(q), option.text)->type_name(option.unit);
+  });
   command.add_option("--limit", options->limit, "rows to print as a table; 0: all")
       ->type_name("N")
       ->capture_default_str();

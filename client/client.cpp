@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <map>
 #include <optional>
 
 #include "channel.h"
@@ -69,6 +70,7 @@ struct Client::Impl {
   void connect_anew() {
     channel = open_channel(asked_url, asked_options, deadline_in(timeout));
     oldest_request_id = next_request_id;
+    sent_in_records.clear();
   }
 
   /// The reply to a request, or null once `deadline` has passed.
@@ -102,21 +104,29 @@ struct Client::Impl {
     const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;  // before the room: it may ask, too
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
-    std::byte* room =
-        begin(payload_bytes, is_query ? expected_reply_bytes(q, query.pairs, scene ? &*scene : nullptr) : 0);
-    const auto header = wire::make_header(type, next_request_id++, payload_bytes, scene_revision);
-    wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data());
+    // Without records a query is of version 1, which every daemon answers.
+    const std::vector<std::byte> records = wire::option_records(query);
+    std::byte* room = begin(payload_bytes + records.size(),
+                            is_query ? expected_reply_bytes(q, query.pairs, scene ? &*scene : nullptr) : 0);
+    const auto header =
+        wire::with_records(wire::make_header(type, next_request_id++, payload_bytes, scene_revision), records.size());
+    wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data(), records);
     channel->send();
+    if (!records.empty()) sent_in_records[header.request_id] = options_in_records(query);
     return header.request_id;
   }
 
   /// What arrived, if it is of `type`; errors and malformed frames are thrown.
   std::unique_ptr<Frame> interpret(std::unique_ptr<Frame> frame, FrameType type) {
     const std::uint16_t got = frame->header().type;
+    const auto sent = sent_in_records.extract(frame->header().request_id);
     if (got == static_cast<std::uint16_t>(FrameType::kError)) {
       const auto error = checked([&] { return wire::parse_error(frame->payload()); });
       if (error.header.code == static_cast<std::uint16_t>(wire::ErrorCode::kWrongScene)) scene_is_old = true;
-      throw RequestError(error.header.code, error.text);
+      const auto code = static_cast<wire::ErrorCode>(error.header.code);
+      const bool is_old = sent && (code == wire::ErrorCode::kWrongVersion || code == wire::ErrorCode::kNotSupported);
+      throw RequestError(error.header.code,
+                         error.text + (is_old ? "; the daemon is too old for one of: " + sent.mapped() : ""));
     }
     if (got != static_cast<std::uint16_t>(type))
       throw ConnectionError(url + ": the daemon answered with " + wire::type_name(got) + ", expected " +
@@ -130,6 +140,7 @@ struct Client::Impl {
   std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type, std::chrono::nanoseconds limit) {
     std::unique_ptr<Frame> frame = await(request_id, deadline_in(limit));
     if (!frame) {
+      sent_in_records.erase(request_id);
       channel->forget(request_id);
       throw TimeoutError(url + ": no " + wire::type_name(static_cast<std::uint16_t>(type)) + " within " +
                          seconds(limit));
@@ -191,6 +202,7 @@ struct Client::Impl {
   ForkGuard fork_guard;
   std::chrono::nanoseconds timeout = std::chrono::seconds(5);
   std::uint64_t next_request_id = 1;
+  std::map<std::uint64_t, std::string> sent_in_records;  // names of such options, by request under way
   std::uint64_t oldest_request_id = 1;  // of this channel's; older ones went out over one that was lost
   std::optional<SceneInfo> scene;       // as the caller has seen it
   bool scene_is_old = false;            // the daemon has said so: fetched anew before the caller's next look
@@ -420,7 +432,9 @@ Pending& Pending::operator=(Pending&& other) noexcept {
   return *this;
 }
 Pending::~Pending() {
-  if (!client_ || frame_ || client_->fork_guard.forked()) return;
+  if (!client_ || client_->fork_guard.forked()) return;
+  client_->sent_in_records.erase(request_id_);
+  if (frame_) return;
   try {
     client_->channel->forget(request_id_);
   } catch (const std::exception&) {

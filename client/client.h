@@ -6,6 +6,7 @@
 //   for (std::size_t i = 0; i < reply.rows(); ++i) use(reply.lower()[i], reply.upper()[i]);
 #pragma once
 
+#include <clearance/query_options.h>
 #include <clearance/types.h>
 
 #include <array>
@@ -55,22 +56,8 @@ struct Query {
   bool all_pairs = true;                       ///< what empty `pairs` means; with pairs it is not read
   std::span<const std::uint32_t> bodies = {};  ///< (M,) moved bodies
   std::span<const Pose7> configurations = {};  ///< (K * M,) their poses; empty: the current poses
-  double max_distance = std::numeric_limits<double>::infinity();
-  double abs_tol = 0;
-  double rel_tol = -1;  ///< negative: 1e-6 (f64), 1e-4 (f32)
-  Precision precision = Precision::kF64;
-  bool signed_distance = false;
-  Reduce reduce = Reduce::kNone;
-  Format format = Format::kFull;
-  std::uint32_t fields = kDefaultFields;
-  std::uint64_t max_results = 1u << 20;
-  std::int64_t max_pose_age_ns = 0;
-  bool warm = false;
-  /// Begin once poses with this stamp or a newer one are there (publisher's clock): of the body or group `wait_for`,
-  /// those of its bodies that ever had a stamp, and one at least. 0: at once.
-  std::int64_t min_pose_stamp_ns = 0;
-  std::int64_t pose_wait_ns = 0;  ///< wait so long for them, at most 10 s; then RequestError with code kPosesLate
-  std::uint32_t wait_for = kEveryBody;
+  /// max_distance, reduce, ...: one member for each row of the table in query_options.h, which says what it is for.
+  CLEARANCE_QUERY_OPTIONS(CLEARANCE_OPTION_MEMBER)
   bool check_scene = true;  ///< refuse an answer for another scene than the one this client fetched
 };
 

@@ -18,7 +18,8 @@ wire::ReplyHeader header_of(const Frame& frame) {
 
 Reply::Reply(std::unique_ptr<Frame> frame) : frame_(std::move(frame)) {
   try {
-    const auto header = wire::parse_reply(frame_->payload());
+    const wire::PayloadParts parts = wire::split_payload(frame_->header(), frame_->payload());
+    const auto header = wire::parse_reply(parts.body, parts.records);
     rows_ = header.rows;
     fields_ = header.fields;
   } catch (const wire::WireError& error) {

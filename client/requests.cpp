@@ -17,25 +17,21 @@ wire::QueryHeader header_of(const Query& query) {
   const std::size_t configurations = query.bodies.empty() ? 0 : query.configurations.size() / query.bodies.size();
   wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), configurations);  // throws if a count does not fit
   wire::QueryHeader q;
-  q.max_distance = query.max_distance;
-  q.abs_tol = query.abs_tol;
-  q.rel_tol = query.rel_tol;
+  copy_options(query, q);
   q.pair_count = static_cast<std::uint32_t>(query.pairs.size());
   q.body_count = static_cast<std::uint32_t>(query.bodies.size());
   q.configuration_count = static_cast<std::uint32_t>(configurations);
-  q.fields = query.fields;
-  q.max_results = query.max_results;
-  q.max_pose_age_ns = query.max_pose_age_ns;
   q.all_pairs = query.pairs.empty() && query.all_pairs;
-  q.precision = static_cast<std::uint8_t>(query.precision);
-  q.signed_distance = query.signed_distance;
-  q.reduce = static_cast<std::uint8_t>(query.reduce);
-  q.format = static_cast<std::uint8_t>(query.format);
-  q.warm = query.warm;
-  q.min_pose_stamp_ns = query.min_pose_stamp_ns;
-  q.pose_wait_ns = query.pose_wait_ns;
-  q.wait_for = query.wait_for;
   return q;
+}
+
+std::string options_in_records(const Query& query) {
+  std::string names;
+  for_each_query_option([&](const QueryOption& option, auto member) {
+    if (option.tag && member(query) != member(kDefaultOptions))
+      names += (names.empty() ? "" : ", ") + std::string(option.name);
+  });
+  return names;
 }
 
 std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, const SceneInfo* scene) {

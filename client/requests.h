@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -14,6 +15,9 @@ namespace clearance {
 
 /// Throws std::invalid_argument for configurations and bodies that do not match, wire::WireError for more than fits.
 wire::QueryHeader header_of(const Query& query);
+
+/// Names of its options that travel in records, which not every daemon knows.
+std::string options_in_records(const Query& query);
 
 /// Bytes of the whole frame that answers a query, at most; 0 if only the daemon knows.
 /// \param scene what is known of it; null: nothing.

@@ -19,8 +19,7 @@ void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType
   if (bytes > wire::kMaxFrameBytes) throw too_large("a frame may have");
   std::byte* frame = sink.reserve(bytes);
   if (!frame) throw too_large("this client has room for");
-  const auto header =
-      wire::make_header(type, request.request_id, payload.size(), engine_->scene_revision(), request.client_id);
+  const auto header = wire::make_reply_header(request, type, payload.size(), engine_->scene_revision());
   std::memcpy(frame, &header, sizeof header);
   if (!payload.empty()) std::memcpy(frame + sizeof header, payload.data(), payload.size());
   sink.publish(bytes);

@@ -13,8 +13,7 @@ bool send_error(ReplySink& sink, const wire::FrameHeader& request, std::uint64_t
   error.text_bytes = static_cast<std::uint32_t>(text.size());
   error.needed_bytes = needed_bytes;
   const std::uint64_t payload_bytes = sizeof error + text.size();
-  const auto header =
-      wire::make_header(wire::FrameType::kError, request.request_id, payload_bytes, scene_revision, request.client_id);
+  const auto header = wire::make_reply_header(request, wire::FrameType::kError, payload_bytes, scene_revision);
   std::byte* frame = sink.reserve(sizeof header + payload_bytes);
   if (!frame) return false;
   std::memcpy(frame, &header, sizeof header);

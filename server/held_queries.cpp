@@ -23,22 +23,21 @@ bool is_over(const HeldQuery& held, const Engine& engine, HeldQueries::Clock::ti
 
 }  // namespace
 
-Refusal poses_late(const wire::QueryHeader& query, bool waited) {
+Refusal poses_late(const QueryOptions& query, bool waited) {
   const std::string poses = "no poses with stamp " + std::to_string(query.min_pose_stamp_ns) + " or newer ";
   if (!waited) return {wire::ErrorCode::kPosesLate, poses + "are there"};
   const double ms = 1e-6 * static_cast<double>(query.pose_wait_ns);
   return {wire::ErrorCode::kPosesLate, poses + "came within " + std::to_string(ms) + " ms"};
 }
 
-bool HeldQueries::poses_are_there(const Engine& engine, const wire::FrameHeader& request,
-                                  const wire::QueryHeader& query) {
+bool HeldQueries::poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query) {
   if (query.wait_for != kEveryBody) check_scene(engine, request, std::array{query.wait_for});
   return engine.poses_reach(query.wait_for, query.min_pose_stamp_ns);
 }
 
-void HeldQueries::hold(const wire::FrameHeader& request, const wire::QueryHeader& query,
-                       std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink, Quotas& quotas,
-                       const Engine& engine, Clock::time_point received) {
+void HeldQueries::hold(const wire::FrameHeader& request, const QueryOptions& query, std::span<const std::byte> payload,
+                       std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine,
+                       Clock::time_point received) {
   if (query.pose_wait_ns == 0) throw poses_late(query, false);
   const std::uint64_t client = sink->client();
   quotas.check_bytes(client, payload.size(), sink->unsent_bytes());

@@ -1,4 +1,4 @@
-// Queries that wait for poses (QueryHeader::min_pose_stamp_ns): held aside, so that they hold nobody up, and looked at
+// Queries that wait for poses (QueryOptions::min_pose_stamp_ns): held aside, so that they hold nobody up, and looked at
 // when poses have come or time is up.
 #pragma once
 
@@ -14,7 +14,7 @@ namespace clearance {
 
 struct HeldQuery {
   PendingRequest asked;
-  wire::QueryHeader query;
+  QueryOptions query;
   std::vector<std::uint64_t> words;  ///< of the payload; the frame's own memory ends with its client's call
   std::uint64_t payload_bytes;
   std::chrono::steady_clock::time_point received, deadline;
@@ -28,7 +28,7 @@ class HeldQueries {
 
   /// Whether the poses that a query asks for are there. Throws a Refusal (kWrongScene) or a QueryError if what it waits
   /// for is not, or no more, in the scene.
-  static bool poses_are_there(const Engine& engine, const wire::FrameHeader& request, const wire::QueryHeader& query);
+  static bool poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query);
 
   bool empty() const { return held_.empty(); }
   std::size_t size() const { return held_.size(); }
@@ -36,7 +36,7 @@ class HeldQueries {
   Clock::time_point deadline() const { return deadline_; }
 
   /// Takes a query aside. Throws a Refusal (kPosesLate) if it does not want to wait, and if there is no room (kBusy).
-  void hold(const wire::FrameHeader& request, const wire::QueryHeader& query, std::span<const std::byte> payload,
+  void hold(const wire::FrameHeader& request, const QueryOptions& query, std::span<const std::byte> payload,
             std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine, Clock::time_point received);
   /// Lets go of those whose poses are there, whose scene is another or whose time is up, in the order in which they
   /// came: `release(HeldQuery)`. Returns whether there were any.
@@ -63,6 +63,6 @@ class HeldQueries {
 };
 
 /// What is said when the poses are not there. \param waited in vain, or not at all.
-Refusal poses_late(const wire::QueryHeader& query, bool waited);
+Refusal poses_late(const QueryOptions& query, bool waited);
 
 }  // namespace clearance

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <limits>
 #include <string>
 
 #include "wire/lcm_bus.h"
@@ -10,7 +9,6 @@
 namespace clearance {
 namespace {
 
-constexpr std::uint64_t kDefaultMaxResults = std::uint64_t{1} << 20;
 /// What a message says besides its rows, generously: ids, counts, the backend's name.
 constexpr std::size_t kMessageOverhead = 512;
 constexpr std::size_t kRoomForRows = kLcmMessageBytes - kMessageOverhead;
@@ -81,23 +79,20 @@ std::span<const std::byte> payload_of(std::span<const std::byte> frame, wire::Fr
 }  // namespace
 
 std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
+  QueryOptions options;
+  for_each_query_option([&](const QueryOption&, auto member) {
+    if constexpr (requires { member(query); })
+      if (const auto value = member(query); value != 0)
+        member(options) = static_cast<std::remove_reference_t<decltype(member(options))>>(value);
+  });
+  // The pair table is not served over LCM, so rows say their pair unless told otherwise.
+  if (query.fields == 0) options.fields |= kFieldPair;
   wire::QueryHeader header;
-  header.max_distance = query.max_distance == 0 ? std::numeric_limits<double>::infinity() : query.max_distance;
-  header.abs_tol = query.abs_tol;
-  header.rel_tol = query.rel_tol == 0 ? -1 : query.rel_tol;
+  copy_options(options, header);
+  header.all_pairs = query.pair_count == 0;
   header.pair_count = static_cast<std::uint32_t>(query.pair_count);
   header.body_count = static_cast<std::uint32_t>(query.body_count);
   header.configuration_count = static_cast<std::uint32_t>(query.configuration_count);
-  // The pair table is not served over LCM, so rows say their pair unless told otherwise.
-  header.fields = query.fields == 0 ? kDefaultFields | kFieldPair : static_cast<std::uint32_t>(query.fields);
-  header.max_results = query.max_results == 0 ? kDefaultMaxResults : static_cast<std::uint64_t>(query.max_results);
-  header.max_pose_age_ns = query.max_pose_age_ns;
-  header.all_pairs = query.pair_count == 0;
-  header.precision = static_cast<std::uint8_t>(query.precision);
-  header.signed_distance = query.signed_distance != 0;
-  header.reduce = static_cast<std::uint8_t>(query.reduce);
-  header.format = static_cast<std::uint8_t>(query.format);
-  header.warm = query.warm != 0;
 
   std::vector<std::uint32_t> pairs;
   pairs.reserve(query.pairs.size() * 2);

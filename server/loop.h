@@ -87,10 +87,11 @@ class Loop final : public Inbox {
   void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::uint64_t payload_bytes,
                    std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   void begin_held(HeldQuery held);
-  std::vector<std::byte> pair_table(const wire::FrameHeader& header, std::span<const std::byte> payload) const;
+  std::vector<std::byte> pair_table(const wire::FrameHeader& header, std::span<const std::byte> payload);
   wire::PosesResult set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload,
                               std::uint64_t client);
   wire::PosesResult attach(const wire::FrameHeader& header, std::span<const std::byte> payload);
+  std::span<const std::byte> without_records(const wire::FrameHeader& header, std::span<const std::byte> payload);
   std::span<const std::byte> aligned(std::span<const std::byte> payload);
   Stats::Named all_counters() const;
   std::vector<std::byte> stats_payload() const;

@@ -18,6 +18,15 @@ using wire::FrameType;
 /// What a pair is taken to cost, to tell when a query is due. A guess is enough: it only orders one client's queries.
 constexpr auto kPairCost = std::chrono::microseconds(1);
 
+/// What of a reply's records its query decides.
+std::vector<std::byte> reply_records(const wire::PassedOver& passed_over) {
+  std::vector<std::byte> records;
+  if (!passed_over.empty())
+    wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kIgnored), 0,
+                        std::as_bytes(std::span(passed_over)));
+  return records;
+}
+
 /// The engine's view of a query whose payload begins on a multiple of 8.
 QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
   const wire::QueryHeader& h = parts.header;
@@ -30,16 +39,7 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
                       static_cast<std::size_t>(parts.configurations.size())};
   q.all_pairs = h.all_pairs;
   q.configuration_count = h.configuration_count;
-  q.max_distance = h.max_distance;
-  q.abs_tol = h.abs_tol;
-  q.rel_tol = h.rel_tol;
-  q.precision = static_cast<Precision>(h.precision);
-  q.signed_distance = h.signed_distance;
-  q.reduce = static_cast<Reduce>(h.reduce);
-  q.format = static_cast<Format>(h.format);
-  q.fields = h.fields;
-  q.max_results = h.max_results;
-  q.max_pose_age_ns = h.max_pose_age_ns;
+  copy_options(parts.options, q);
   q.scene_revision = scene_revision;
   return q;
 }
@@ -80,6 +80,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   if (const Rights needed = right_for(type); needed & ~sink->rights())
     throw Refusal{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" + rights_text(needed) +
                                              "\"; this client has " + rights_text(sink->rights())};
+  if (type != FrameType::kQuery && type != FrameType::kPairs) payload = without_records(header, payload);
   const auto reply = [&](FrameType with, std::span<const std::byte> bytes) {
     answers_.reply(*sink, header, with, bytes);
   };
@@ -117,6 +118,16 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   throw Refusal{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
 }
 
+/// The payload of a request of which no record is known. Throws WireError if one of them is required.
+std::span<const std::byte> Loop::without_records(const FrameHeader& header, std::span<const std::byte> payload) {
+  const wire::PayloadParts parts = wire::split_payload(header, payload);
+  wire::PassedOver passed_over;
+  wire::read_records(wire::type_name(header.type).c_str(), parts.records, passed_over,
+                     [](const wire::RecordView&) { return false; });
+  stats_.records_ignored += passed_over.size();
+  return parts.body;
+}
+
 /// A payload whose first byte lies on a multiple of 8: this one, or a copy that is good until the next call.
 std::span<const std::byte> Loop::aligned(std::span<const std::byte> payload) {
   if (payload.empty() || reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t) == 0) return payload;
@@ -130,12 +141,13 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   ++stats_.queries;
   quotas_.check_requests(sink->client());
   payload = aligned(payload);
-  const wire::QueryParts parts = wire::parse_query(payload);
-  const wire::QueryHeader& q = parts.header;
-  if (q.min_pose_stamp_ns == 0 || HeldQueries::poses_are_there(*engine_, header, q))
+  const wire::QueryParts parts = wire::parse_query(header, payload);
+  const QueryOptions& asked = parts.options;
+  stats_.records_ignored += parts.passed_over.size();
+  if (asked.min_pose_stamp_ns == 0 || HeldQueries::poses_are_there(*engine_, header, asked))
     return begin_query(header, parts, payload.size(), sink, turn_began_);
   engine_->size(view_of(parts, header.scene_revision));  // what is wrong with it is said at once
-  held_.hold(header, q, payload, sink, quotas_, *engine_, turn_began_);
+  held_.hold(header, asked, payload, sink, quotas_, *engine_, turn_began_);
   ++stats_["queries.held_back"];
 }
 
@@ -146,7 +158,7 @@ void Loop::begin_held(HeldQuery held) {
   answers_.guard(way_back, held.asked.header, [&] {
     if (!HeldQueries::poses_are_there(*engine_, held.asked.header, held.query)) throw poses_late(held.query, true);
     const auto payload = held.payload();
-    begin_query(held.asked.header, wire::parse_query(payload), payload.size(), sink, held.received);
+    begin_query(held.asked.header, wire::parse_query(held.asked.header, payload), payload.size(), sink, held.received);
   });
 }
 
@@ -154,7 +166,7 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
                        std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
   const std::uint64_t client = sink->client();
   QueryView query = view_of(parts, header.scene_revision);
-  query.warm_slot = parts.header.warm ? client : 0;
+  query.warm_slot = parts.options.warm ? client : 0;
   const auto begun = Clock::now();
   const QuerySize size = engine_->size(query);
   if (size.pairs && size.configurations > options_.max_pairs_per_query / size.pairs)
@@ -164,8 +176,10 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
                                             " that one query may ask about (--max-pairs): split it"};
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   const bool whole_table = parts.header.all_pairs && parts.bodies.size() == 0;
-  std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields) + payload_bytes +
-                        (whole_table ? 0 : size.pairs * sizeof(BodyPair));
+  std::vector<std::byte> records = reply_records(parts.passed_over);
+  const std::uint64_t reply_bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields) + records.size();
+  if (query.reduce != Reduce::kWithin) check_reply_size(size.rows, reply_bytes, parts.options.max_reply_bytes);
+  std::uint64_t bytes = reply_bytes + payload_bytes + (whole_table ? 0 : size.pairs * sizeof(BodyPair));
   const std::uint64_t left = quotas_.check_bytes(client, bytes, sink->unsent_bytes());
   // Warm state has what is left, and makes way: without it an answer takes longer, and no more.
   std::uint64_t warm = Engine::warm_bytes(query, size);
@@ -178,18 +192,25 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
   bytes += warm;
 
   Quotas::Share share = quotas_.take(client, bytes);
-  ReplyRoom room = reserve_room(*sink, size, query.reduce);
+  ReplyRoom room = reserve_room(*sink, size, query.reduce, records.size());
   Job job = engine_->start(query, reply_view_over(room.frame + kColumnsBegin, size.rows, size.fields));
   const std::uint64_t pairs = std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
-  const RunningQuery::Traits traits{query.reduce, query.format, received, begun + kPairCost * pairs,
-                                    Clock::now() - begun};
+  RunningQuery::Traits traits{query.reduce,
+                              query.format,
+                              received,
+                              begun + kPairCost * pairs,
+                              Clock::now() - begun,
+                              std::move(records),
+                              parts.options.max_reply_bytes};
   scheduler_.add(std::make_unique<RunningQuery>(answers_, std::move(sink), header, std::move(share), engine_,
-                                                std::move(job), std::move(room), traits));
+                                                std::move(job), std::move(room), std::move(traits)));
 }
 
-std::vector<std::byte> Loop::pair_table(const FrameHeader& header, std::span<const std::byte> payload) const {
+std::vector<std::byte> Loop::pair_table(const FrameHeader& header, std::span<const std::byte> payload) {
   const std::vector<std::byte> copy(payload.begin(), payload.end());  // aligned
-  const std::vector<BodyPair> pairs = engine_->pairs(view_of(wire::parse_query(copy, false), header.scene_revision));
+  const wire::QueryParts parts = wire::parse_query(header, copy);
+  stats_.records_ignored += parts.passed_over.size();
+  const std::vector<BodyPair> pairs = engine_->pairs(view_of(parts, header.scene_revision));
   wire::PairsHeader table;
   table.scene_revision = header.scene_revision ? header.scene_revision : engine_->scene_revision();
   table.count = pairs.size();

@@ -42,8 +42,15 @@ Refusal no_room(std::uint64_t rows, std::uint64_t bytes) {
 
 }  // namespace
 
-ReplyRoom reserve_room(ReplySink& sink, const QuerySize& size, Reduce reduce) {
-  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields);
+void check_reply_size(std::uint64_t rows, std::uint64_t bytes, std::uint64_t most) {
+  if (most && bytes > most)
+    throw Refusal{wire::ErrorCode::kTooLarge,
+                  "the reply of " + std::to_string(rows) + " rows needs " + std::to_string(bytes) +
+                      " bytes, more than the max_reply_bytes = " + std::to_string(most) + " of this query"};
+}
+
+ReplyRoom reserve_room(ReplySink& sink, const QuerySize& size, Reduce reduce, std::uint64_t records_bytes) {
+  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields) + records_bytes;
   ReplyRoom room{sink.reserve(bytes), nullptr};
   if (!room.frame && reduce == Reduce::kWithin) {  // what comes back may well fit
     room.own = aligned_bytes(bytes);
@@ -54,15 +61,14 @@ ReplyRoom reserve_room(ReplySink& sink, const QuerySize& size, Reduce reduce) {
 }
 
 RunningQuery::RunningQuery(Answers& answers, std::unique_ptr<ReplySink>&& sink, const FrameHeader& request,
-                           Quotas::Share share, std::shared_ptr<Engine> engine, Job job, ReplyRoom room,
-                           const Traits& traits)
+                           Quotas::Share share, std::shared_ptr<Engine> engine, Job job, ReplyRoom room, Traits traits)
     : ScheduledQuery(sink->client(), traits.due),
       answers_(answers),
       asked_{std::move(sink), request, std::move(share)},
       engine_(std::move(engine)),
       job_(std::move(job)),
       room_(std::move(room)),
-      traits_(traits) {}
+      traits_(std::move(traits)) {}
 
 bool RunningQuery::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
   bool done = false;
@@ -80,10 +86,15 @@ void RunningQuery::publish(Clock::time_point now) {
   std::byte* columns = room_.frame + kColumnsBegin;
   if (info.rows < size.rows) close_up_columns(columns, size.fields, size.rows, info.rows);
   clear_gaps(columns, size.fields, info.rows);
-  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(info.rows, size.fields);
-  std::byte* frame = final_frame(bytes);
-  const auto header = wire::make_header(wire::FrameType::kReply, asked_.header.request_id, bytes - sizeof(FrameHeader),
-                                        info.scene_revision, asked_.header.client_id);
+  const std::uint64_t columns_end = kColumnsBegin + wire::columns_bytes(info.rows, size.fields);
+  const std::uint64_t bytes = columns_end + traits_.records.size();
+  check_reply_size(info.rows, bytes, traits_.max_reply_bytes);
+  std::byte* frame = final_frame(columns_end, bytes);
+  if (!traits_.records.empty()) std::memcpy(frame + columns_end, traits_.records.data(), traits_.records.size());
+  const auto header =
+      wire::with_records(wire::make_reply_header(asked_.header, wire::FrameType::kReply,
+                                                 columns_end - sizeof(FrameHeader), info.scene_revision),
+                         traits_.records.size());
   const wire::ReplyHeader reply = reply_header(now);
   std::memcpy(frame, &header, sizeof header);
   std::memcpy(frame + sizeof header, &reply, sizeof reply);
@@ -93,11 +104,11 @@ void RunningQuery::publish(Clock::time_point now) {
 }
 
 /// Where the reply is sent from: it has been written there, or is copied there now that its size is known.
-std::byte* RunningQuery::final_frame(std::uint64_t bytes) {
+std::byte* RunningQuery::final_frame(std::uint64_t columns_end, std::uint64_t bytes) {
   if (!room_.own) return room_.frame;
   std::byte* frame = asked_.sink->reserve(bytes);
   if (!frame) throw no_room(job_.info().rows, bytes);
-  std::memcpy(frame + kColumnsBegin, room_.own.get() + kColumnsBegin, bytes - kColumnsBegin);
+  std::memcpy(frame + kColumnsBegin, room_.own.get() + kColumnsBegin, columns_end - kColumnsBegin);
   return frame;
 }
 

@@ -17,8 +17,10 @@ struct ReplyRoom {
   std::byte* frame = nullptr;  ///< the sink's, or `own`
   AlignedBytes own;            ///< where the sink has no room for so many, and far fewer may come back
 };
-/// Throws a Refusal (kTooLarge).
-ReplyRoom reserve_room(ReplySink& sink, const QuerySize& size, Reduce reduce);
+/// Throws a Refusal (kTooLarge). \param records_bytes of the reply's records, behind its columns
+ReplyRoom reserve_room(ReplySink& sink, const QuerySize& size, Reduce reduce, std::uint64_t records_bytes);
+/// Throws a Refusal (kTooLarge) if the query wants no reply of so many bytes. \param most 0: it takes any.
+void check_reply_size(std::uint64_t rows, std::uint64_t bytes, std::uint64_t most);
 
 class RunningQuery final : public ScheduledQuery {
  public:
@@ -28,11 +30,13 @@ class RunningQuery final : public ScheduledQuery {
     Format format;
     Clock::time_point received, due;
     std::chrono::nanoseconds in_engine;  ///< until the job was there
+    std::vector<std::byte> records;      ///< of the reply, behind its columns
+    std::uint64_t max_reply_bytes = 0;   ///< 0: no limit
   };
 
   /// \param engine the job's, though another one may serve by the time that it ends.
   RunningQuery(Answers& answers, std::unique_ptr<ReplySink>&& sink, const wire::FrameHeader& request,
-               Quotas::Share share, std::shared_ptr<Engine> engine, Job job, ReplyRoom room, const Traits& traits);
+               Quotas::Share share, std::shared_ptr<Engine> engine, Job job, ReplyRoom room, Traits traits);
 
   bool is_wanted() const override { return asked_.sink->alive(); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
@@ -40,7 +44,7 @@ class RunningQuery final : public ScheduledQuery {
  private:
   void publish(Clock::time_point now);
   wire::ReplyHeader reply_header(Clock::time_point now) const;
-  std::byte* final_frame(std::uint64_t bytes);
+  std::byte* final_frame(std::uint64_t columns_end, std::uint64_t bytes);
 
   Answers& answers_;
   PendingRequest asked_;

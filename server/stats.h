@@ -57,7 +57,8 @@ class Stats {
   // What every request counts, without looking for its name.
   // frames = replies + errors + requests.dropped (their client is gone) + requests.waiting
   std::uint64_t &frames = named_["frames"], &replies = named_["replies"], &dropped = named_["requests.dropped"],
-                &queries = named_["queries"], &answered = named_["queries.answered"], &rows = named_["rows"];
+                &queries = named_["queries"], &answered = named_["queries.answered"], &rows = named_["rows"],
+                &records_ignored = named_["records.ignored"];
 
  private:
   static constexpr int kLatencyBuckets = 24;

@@ -8,10 +8,11 @@
 //   kPairs     [ QueryHeader, pairs, bodies as in kQuery; configurations left out ]  ->  kPairTable [ PairsHeader 16 B
 //   | P x 8 ] kBodyStates[ StatesHeader 32 B | bodies x BodyStateRecord 96 B ] kStats     [ count x CounterRecord 64 B
 //   ] kError     [ ErrorHeader 16 B  | text, UTF-8 ]
+//   version 2  [ FrameHeader | payload as above | records, each RecordHeader 8 B and its bytes padded to 8 ]
 //
 // ZeroMQ carries a frame as two message parts (header, payload), shared memory as one contiguous block that starts on a
 // 64-byte boundary, LCM inside typed messages (lcmtypes/). Little-endian throughout; metres, radians, nanoseconds.
-// A version changes when a struct does; a peer of another version is refused with kWrongVersion.
+// These structs do not change any more: what comes later travels in records (docs/wire.md, "Versions").
 // Everything read from a peer is copied once and validated (wire.h) before it is used.
 #pragma once
 
@@ -26,14 +27,15 @@ namespace clearance::wire {
 static_assert(std::endian::native == std::endian::little, "the wire is little-endian");
 
 inline constexpr std::uint32_t kMagic = 0x31524C43;  // "CLR1"
+/// Of a frame without records, and of the greeting over shared memory.
 inline constexpr std::uint16_t kVersion = 1;
+/// Of a frame whose payload may end in records, and of the replies to it.
+inline constexpr std::uint16_t kRecordsVersion = 2;
 using clearance::kColumnAlignment;
 /// A frame larger than this is refused, whatever the transport.
 inline constexpr std::uint64_t kMaxFrameBytes = std::uint64_t{1} << 31;
 /// A request larger than this is refused by clients before it is sent; ZeroMQ closes the connection of one who tries.
 inline constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{1} << 28;
-/// A query waits no longer for poses.
-inline constexpr std::int64_t kMaxPoseWaitNs = 10'000'000'000;
 
 enum class FrameType : std::uint16_t {
   // client to daemon
@@ -69,7 +71,22 @@ struct FrameHeader {
   std::uint64_t payload_bytes = 0;   ///< bytes after this header
   std::uint64_t scene_revision = 0;  ///< the sender's; 0 in a request: any
   std::uint64_t client_id = 0;       ///< LCM: whom a reply is for; elsewhere 0
-  std::uint64_t reserved[3] = {};    ///< 0
+  std::uint64_t records_bytes = 0;   ///< kRecordsVersion: of the payload, at its end; else 0
+  std::uint64_t reserved[2] = {};    ///< 0
+};
+
+/// Begins a record. Its bytes follow, and zeros up to the next multiple of 8.
+struct RecordHeader {
+  std::uint16_t tag = 0;    ///< of a query: query_options.h; of a reply: ReplyRecord
+  std::uint16_t flags = 0;  ///< kRecordRequired
+  std::uint32_t bytes = 0;
+};
+/// Who does not know the tag refuses the frame; without this bit it passes over the record.
+inline constexpr std::uint16_t kRecordRequired = 1;
+
+/// Records of a kReply.
+enum class ReplyRecord : std::uint16_t {
+  kIgnored = 1,  ///< uint16 each: tags of the query's records that the daemon passed over
 };
 
 struct QueryHeader {
@@ -90,7 +107,7 @@ struct QueryHeader {
   std::uint8_t warm = 0;    ///< keep warm state for this client
   std::uint8_t padding[2] = {};
   std::int64_t min_pose_stamp_ns = 0;  ///< begin once the poses of wait_for have this stamp or a newer one; 0: at once
-  std::int64_t pose_wait_ns = 0;       ///< at most so long, 0 to kMaxPoseWaitNs; then kPosesLate
+  std::int64_t pose_wait_ns = 0;       ///< at most so long, 0 to 10 s; then kPosesLate
   std::uint32_t wait_for =
       kEveryBody;  ///< body, or group selector: those of its bodies that ever had a stamp, and one at least
   std::uint32_t padding2[1] = {};
@@ -271,6 +288,7 @@ struct ErrorHeader {
 #define CLEARANCE_WIRE(type, bytes) \
   static_assert(sizeof(type) == bytes && std::is_trivially_copyable_v<type> && std::is_standard_layout_v<type>)
 CLEARANCE_WIRE(FrameHeader, 64);
+CLEARANCE_WIRE(RecordHeader, 8);
 CLEARANCE_WIRE(QueryHeader, 128);
 CLEARANCE_WIRE(ReplyHeader, 128);
 CLEARANCE_WIRE(PosesHeader, 32);

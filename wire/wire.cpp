@@ -1,6 +1,6 @@
 #include "wire.h"
 
-#include <cmath>
+#include <concepts>
 #include <limits>
 
 namespace clearance::wire {
@@ -8,6 +8,7 @@ namespace {
 
 constexpr std::uint64_t kMaxPayloadBytes = kMaxFrameBytes - sizeof(FrameHeader);
 constexpr std::uint32_t kAllFields = (1u << kFieldCount) - 1;
+constexpr std::uint64_t kRecordAlignment = 8;
 
 // Sizes are summed in 128 bits: three counts of 32 bits and a record size cannot overflow it.
 using Wide = unsigned __int128;
@@ -16,7 +17,8 @@ constexpr std::uint64_t align(std::uint64_t bytes, std::uint64_t to) {
   return (bytes + to - 1) / to * to;
 }
 
-std::string str(std::uint64_t value) {
+template <std::integral T>
+std::string str(T value) {
   return std::to_string(value);
 }
 
@@ -100,40 +102,66 @@ Wide columns_wide(std::uint64_t rows, std::uint32_t fields) {
   return bytes;
 }
 
-void expect_at_most(const char* what, unsigned value, unsigned most) {
-  if (value > most)
-    bad_query(std::string("query: ") + what + " " + str(std::uint64_t{value}) + " is none of 0 to " +
-              str(std::uint64_t{most}));
+/// An option's value as it came: a word as its number.
+template <class T>
+void check_option(const QueryOption& option, T value) {
+  const std::string name = std::string("query: ") + option.name;
+  const Legal& legal = option.legal;
+  switch (legal.kind) {
+    case Legal::Kind::kAnything:
+      return;
+    case Legal::Kind::kWord:
+      if (double(value) > legal.most) bad_query(name + " " + str(value) + " is none of 0 to " + str(legal.most));
+      return;
+    case Legal::Kind::kBits:
+      if (const auto unknown = static_cast<std::uint64_t>(value) & ~legal.mask)
+        bad_query(name + " has unknown bits: " + str(unknown));
+      return;
+    case Legal::Kind::kRange:
+      if (double(value) >= legal.least && double(value) <= legal.most) return;
+      bad_query(name + " must be " +
+                (legal.text ? legal.text : str(std::int64_t(legal.least)) + " to " + str(std::int64_t(legal.most))) +
+                ", got " + str(value));
+  }
 }
 
-void check_query_values(const QueryHeader& q) {
-  if (std::isnan(q.max_distance) || q.max_distance < 0)
-    bad_query("query: max_distance must be a number of metres >= 0, got " + str(q.max_distance));
-  if (!std::isfinite(q.abs_tol) || q.abs_tol < 0)
-    bad_query("query: abs_tol must be a finite number of metres >= 0, got " + str(q.abs_tol));
-  if (!std::isfinite(q.rel_tol)) bad_query("query: rel_tol must be finite, got " + str(q.rel_tol));
-  expect_at_most("all_pairs", q.all_pairs, 1);
-  expect_at_most("precision", q.precision, static_cast<unsigned>(Precision::kF32));
-  expect_at_most("signed_distance", q.signed_distance, 1);
-  expect_at_most("reduce", q.reduce, static_cast<unsigned>(Reduce::kMin));
-  expect_at_most("format", q.format, static_cast<unsigned>(Format::kCompact));
-  expect_at_most("warm", q.warm, 1);
-  if (q.fields & ~kAllFields)
-    bad_query("query: fields has unknown bits: " + str(std::uint64_t{q.fields & ~kAllFields}));
-  if (q.max_pose_age_ns < 0) bad_query("query: max_pose_age_ns must be >= 0, got " + std::to_string(q.max_pose_age_ns));
-  if (q.all_pairs && q.pair_count)
-    bad_query("query: all_pairs is set, yet " + str(std::uint64_t{q.pair_count}) + " pairs are named");
+void check_query_header(const QueryHeader& q) {
+  if (q.all_pairs > 1) bad_query("query: all_pairs " + str(q.all_pairs) + " is none of 0 to 1");
+  if (q.all_pairs && q.pair_count) bad_query("query: all_pairs is set, yet " + str(q.pair_count) + " pairs are named");
   if (q.configuration_count && !q.body_count)
-    bad_query("query: " + str(std::uint64_t{q.configuration_count}) + " configurations of no bodies");
-  if (q.min_pose_stamp_ns < 0)
-    bad_query("query: min_pose_stamp_ns must be >= 0, got " + std::to_string(q.min_pose_stamp_ns));
-  if (q.pose_wait_ns < 0 || q.pose_wait_ns > kMaxPoseWaitNs)
-    bad_query("query: pose_wait_ns must be 0 to " + std::to_string(kMaxPoseWaitNs) + ", got " +
-              std::to_string(q.pose_wait_ns));
-  if (q.pose_wait_ns && !q.min_pose_stamp_ns) bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");
+    bad_query("query: " + str(q.configuration_count) + " configurations of no bodies");
   expect_zero(q.padding, "query");
   expect_zero(q.padding2, "query");
   expect_zero(q.reserved, "query");
+}
+
+QueryOptions read_options(const QueryHeader& header, std::span<const std::byte> records, PassedOver& passed_over) {
+  QueryOptions options;
+  for_each_query_option([&](const QueryOption& option, auto member) {
+    if constexpr (requires { member(header); }) {
+      check_option(option, member(header));
+      member(options) = static_cast<std::remove_reference_t<decltype(member(options))>>(member(header));
+    }
+  });
+  read_records("query", records, passed_over, [&](const RecordView& record) {
+    bool known = false;
+    for_each_query_option([&](const QueryOption& option, auto member) {
+      using T = std::remove_reference_t<decltype(member(options))>;
+      if (option.tag == 0 || option.tag != record.tag) return;
+      known = true;
+      OptionOnWire<T> value;
+      if (record.bytes.size() != sizeof value)
+        bad_frame("query: " + std::string(option.name) + " (record " + str(option.tag) + ") has " +
+                  str(record.bytes.size()) + " bytes, expected " + str(sizeof value));
+      std::memcpy(&value, record.bytes.data(), sizeof value);
+      check_option(option, value);
+      member(options) = static_cast<T>(value);
+    });
+    return known;
+  });
+  if (options.pose_wait_ns && !options.min_pose_stamp_ns)
+    bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");
+  return options;
 }
 
 }  // namespace
@@ -144,15 +172,16 @@ void check_header(const FrameHeader& h, std::uint64_t payload_bytes) {
     std::snprintf(text, sizeof text, "frame: magic is 0x%08x, expected 0x%08x", h.magic, kMagic);
     bad_frame(text);
   }
-  if (h.version != kVersion)
-    throw WireError(ErrorCode::kWrongVersion, "frame: version " + std::to_string(h.version) +
-                                                  ", this side speaks version " + std::to_string(kVersion));
+  if (h.version != kVersion && h.version != kRecordsVersion)
+    throw WireError(ErrorCode::kWrongVersion,
+                    "frame: version " + str(h.version) + ", this side speaks versions 1 and " + str(kRecordsVersion));
   if (h.payload_bytes > kMaxPayloadBytes)
     bad_frame("frame: a payload of " + str(h.payload_bytes) + " bytes is more than the " + str(kMaxPayloadBytes) +
               " allowed");
   if (h.payload_bytes != payload_bytes)
     bad_frame("frame: the header speaks of a payload of " + str(h.payload_bytes) + " bytes, " + str(payload_bytes) +
               " came");
+  if (h.version == kVersion && h.records_bytes) bad_frame("frame: reserved words must be 0");
   expect_zero(h.reserved, "frame");
 }
 
@@ -165,6 +194,15 @@ std::span<const std::byte> split_frame(std::span<const std::byte> frame, FrameHe
   return payload;
 }
 
+PayloadParts split_payload(const FrameHeader& h, std::span<const std::byte> payload) {
+  if (h.version == kVersion) return {payload, {}};
+  if (h.records_bytes > payload.size() || h.records_bytes % kRecordAlignment)
+    bad_frame("frame: " + str(h.records_bytes) + " bytes are no whole records at the end of a payload of " +
+              str(payload.size()));
+  const std::size_t body = payload.size() - static_cast<std::size_t>(h.records_bytes);
+  return {payload.first(body), payload.subspan(body)};
+}
+
 FrameHeader make_header(FrameType type, std::uint64_t request_id, std::uint64_t payload_bytes,
                         std::uint64_t scene_revision, std::uint64_t client_id) {
   FrameHeader header;
@@ -173,6 +211,13 @@ FrameHeader make_header(FrameType type, std::uint64_t request_id, std::uint64_t 
   header.payload_bytes = payload_bytes;
   header.scene_revision = scene_revision;
   header.client_id = client_id;
+  return header;
+}
+
+FrameHeader make_reply_header(const FrameHeader& request, FrameType type, std::uint64_t payload_bytes,
+                              std::uint64_t scene_revision) {
+  FrameHeader header = make_header(type, request.request_id, payload_bytes, scene_revision, request.client_id);
+  if (request.version == kRecordsVersion) header.version = kRecordsVersion;
   return header;
 }
 
@@ -264,6 +309,42 @@ std::vector<std::byte> FrameBuilder::take() {
   return std::move(bytes_);
 }
 
+void append_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
+                   std::span<const std::byte> bytes) {
+  append(records, RecordHeader{tag, flags, static_cast<std::uint32_t>(bytes.size())});
+  append_bytes(records, bytes.data(), bytes.size());
+  records.resize(align(records.size(), kRecordAlignment));
+}
+
+FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes) {
+  if (records_bytes == 0) return header;
+  header.version = kRecordsVersion;
+  header.records_bytes = records_bytes;
+  header.payload_bytes += records_bytes;
+  return header;
+}
+
+RecordView take_record(const char* what, std::span<const std::byte>& records, std::uint16_t& last) {
+  const auto header = head<RecordHeader>(records, (what + std::string(": a record")).c_str());
+  const std::string name = std::string(what) + ": record " + str(header.tag);
+  if (header.flags & ~kRecordRequired) bad_frame(name + " has unknown flags");
+  if (header.tag <= last) bad_frame(name + " comes after record " + str(last) + ": tags must rise, from 1 on");
+  last = header.tag;
+  const std::uint64_t whole = align(sizeof header + std::uint64_t{header.bytes}, kRecordAlignment);
+  if (whole > records.size()) bad_frame(name + " goes past the end of the frame");
+  const RecordView record{header.tag, (header.flags & kRecordRequired) != 0,
+                          records.subspan(sizeof header, header.bytes)};
+  records = records.subspan(static_cast<std::size_t>(whole));
+  return record;
+}
+
+void pass_over(const char* what, const RecordView& record, PassedOver& passed_over) {
+  if (record.required)
+    throw WireError(ErrorCode::kNotSupported,
+                    std::string(what) + ": record " + str(record.tag) + " is required, and this side does not know it");
+  passed_over.push_back(record.tag);
+}
+
 std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t configurations) {
   constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
   if (pairs > kMost || bodies > kMost || configurations > kMost ||
@@ -274,7 +355,7 @@ std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std
 }
 
 void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,
-                 const void* bodies, const void* configurations) {
+                 const void* bodies, const void* configurations, std::span<const std::byte> records) {
   const auto append = [&frame](const void* data, std::size_t size) {
     if (size) std::memcpy(frame, data, size);
     frame += size;
@@ -287,9 +368,11 @@ void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader&
   append(&zero, query.body_count % 2 * 4);
   if (header.type == static_cast<std::uint16_t>(FrameType::kQuery))
     append(configurations, std::size_t{query.configuration_count} * query.body_count * sizeof(ConfigurationRecord));
+  append(records.data(), records.size());
 }
 
-QueryParts parse_query(std::span<const std::byte> payload, bool with_configurations) {
+QueryParts parse_query(std::span<const std::byte> payload, bool with_configurations,
+                       std::span<const std::byte> records) {
   QueryParts parts;
   parts.header = head<QueryHeader>(payload, "query");
   const QueryHeader& q = parts.header;
@@ -297,17 +380,23 @@ QueryParts parse_query(std::span<const std::byte> payload, bool with_configurati
   expect_size(
       "query",
       [&] {
-        return str(std::uint64_t{q.pair_count}) + " pairs, " + str(std::uint64_t{q.body_count}) + " bodies and " +
-               str(configurations) + " configurations";
+        return str(q.pair_count) + " pairs, " + str(q.body_count) + " bodies and " + str(configurations) +
+               " configurations";
       },
       query_bytes(q.pair_count, q.body_count, configurations), payload.size());
-  check_query_values(q);
+  check_query_header(q);
+  parts.options = read_options(q, records, parts.passed_over);
   Cursor cursor(payload.data() + sizeof(QueryHeader));
   parts.pairs = cursor.take<PairRecord>(q.pair_count);
   parts.bodies = cursor.take<std::uint32_t>(q.body_count);
   cursor.skip(q.body_count % 2 * 4);
   parts.configurations = cursor.take<ConfigurationRecord>(configurations * q.body_count);
   return parts;
+}
+
+QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> payload) {
+  const PayloadParts parts = split_payload(header, payload);
+  return parse_query(parts.body, header.type == static_cast<std::uint16_t>(FrameType::kQuery), parts.records);
 }
 
 std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields) {
@@ -325,16 +414,19 @@ std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field fiel
   return offset;
 }
 
-ReplyHeader parse_reply(std::span<const std::byte> payload) {
+ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records) {
   const auto header = head<ReplyHeader>(payload, "reply");
-  if (header.fields & ~kAllFields)
-    bad_frame("reply: fields has unknown bits: " + str(std::uint64_t{header.fields & ~kAllFields}));
+  if (header.fields & ~kAllFields) bad_frame("reply: fields has unknown bits: " + str(header.fields & ~kAllFields));
   expect_size(
       "reply", [&] { return str(header.rows) + " rows"; },
       sizeof(ReplyHeader) + columns_wide(header.rows, header.fields), payload.size());
   // The last column's end is padded too, so that the whole block has one rule.
   if (strnlen(header.backend, sizeof header.backend) == sizeof header.backend)
     bad_frame("reply: the backend's name does not end");
+  PassedOver passed_over;
+  read_records("reply", records, passed_over, [](const RecordView& record) {
+    return record.tag == static_cast<std::uint16_t>(ReplyRecord::kIgnored);
+  });
   return header;
 }
 
@@ -369,8 +461,7 @@ SceneParts parse_scene(std::span<const std::byte> payload) {
   expect_size(
       "scene",
       [&] {
-        return str(std::uint64_t{h.body_count}) + " bodies, " + str(std::uint64_t{h.group_count}) + " groups and " +
-               str(std::uint64_t{h.member_count}) + " members";
+        return str(h.body_count) + " bodies, " + str(h.group_count) + " groups and " + str(h.member_count) + " members";
       },
       sizeof(SceneHeader) + Wide(h.body_count) * sizeof(BodyRecord) + Wide(h.group_count) * sizeof(GroupRecord) +
           Wide(h.member_count) * 4,
@@ -421,7 +512,7 @@ NewBodyParts parse_new_body(std::span<const std::byte> payload) {
       sizeof(NewBodyRecord) + Wide(r.vertex_count) * sizeof(VertexRecord), payload.size());
   expect_name(r.name, "new body", 0);
   if (r.shape > static_cast<std::uint8_t>(BodyShape::kCylinder))
-    bad_query("new body: shape " + str(std::uint64_t{r.shape}) + " is none of 0 to 4");
+    bad_query("new body: shape " + str(r.shape) + " is none of 0 to 4");
   if (r.shape != static_cast<std::uint8_t>(BodyShape::kHull) && r.vertex_count)
     bad_query("new body: vertices are for a hull alone");
   if (r.is_static > 1 || r.has_pose > 1) bad_query("new body: is_static and has_pose are 0 or 1");
@@ -457,7 +548,7 @@ ErrorParts parse_error(std::span<const std::byte> payload) {
   ErrorParts parts;
   parts.header = head<ErrorHeader>(payload, "error");
   expect_size(
-      "error", [&] { return "a text of " + str(std::uint64_t{parts.header.text_bytes}) + " bytes and its header"; },
+      "error", [&] { return "a text of " + str(parts.header.text_bytes) + " bytes and its header"; },
       Wide(sizeof(ErrorHeader)) + parts.header.text_bytes, payload.size());
   const auto text = payload.subspan(sizeof(ErrorHeader));
   parts.text.assign(reinterpret_cast<const char*>(text.data()), text.size());

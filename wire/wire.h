@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "protocol.h"
+#include "query_options.h"
 
 namespace clearance::wire {
 
@@ -62,9 +63,20 @@ void check_header(const FrameHeader& header, std::uint64_t payload_bytes);
 /// Copies the header of a contiguous frame, checks it and returns its payload. Throws WireError.
 std::span<const std::byte> split_frame(std::span<const std::byte> frame, FrameHeader& header);
 
+/// A payload without its records, and these.
+struct PayloadParts {
+  std::span<const std::byte> body, records;
+};
+/// Throws WireError for a header that speaks of more records than there are bytes.
+PayloadParts split_payload(const FrameHeader& header, std::span<const std::byte> payload);
+
 /// The header of a frame of `type`.
 FrameHeader make_header(FrameType type, std::uint64_t request_id, std::uint64_t payload_bytes,
                         std::uint64_t scene_revision = 0, std::uint64_t client_id = 0);
+
+/// The header of what answers `request`: in its version, for whoever sent it.
+FrameHeader make_reply_header(const FrameHeader& request, FrameType type, std::uint64_t payload_bytes,
+                              std::uint64_t scene_revision);
 
 /// The type's name for messages: "kQuery"; of an unknown one its number.
 std::string type_name(std::uint16_t type);
@@ -100,11 +112,34 @@ class FrameBuilder {
   std::vector<std::byte> bytes_;
 };
 
+// --- records
+// ----------------------------------------------------------------------------------------------------------
+
+struct RecordView {
+  std::uint16_t tag;
+  bool required;
+  std::span<const std::byte> bytes;
+};
+/// Tags of records that were passed over.
+using PassedOver = std::vector<std::uint16_t>;
+
+void append_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
+                   std::span<const std::byte> bytes);
+/// The header of a frame whose payload ends in so many bytes of records; unchanged if there are none.
+FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes);
+/// Calls know(record), which returns whether the tag is known to it. One that is not is noted in `passed_over`, or, if
+/// it is required, refused. Throws WireError (kBadFrame for sizes, flags and tags that do not rise; kNotSupported).
+/// \param what names the frame in errors.
+template <class Know>
+void read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know);
+
 // --- kQuery, kPairs
 // ---------------------------------------------------------------------------------------------------
 
 struct QueryParts {
   QueryHeader header;
+  QueryOptions options;  ///< whether they came in the header or in records
+  PassedOver passed_over;
   Records<PairRecord> pairs;                    ///< (P,)
   Records<std::uint32_t> bodies;                ///< (M,)
   Records<ConfigurationRecord> configurations;  ///< (K, M); empty in kPairs
@@ -113,14 +148,22 @@ struct QueryParts {
 /// Bytes of a query's payload. Throws WireError (kTooLarge) if a frame cannot be so large.
 std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t configurations);
 
-/// Writes a whole kQuery or kPairs frame of sizeof(FrameHeader) + query_payload_bytes(...) at `frame`. The counts are
-/// those of `query`; of kPairs the configurations are left out (and counted as 0 in query_payload_bytes).
+/// Writes a whole kQuery or kPairs frame of sizeof(FrameHeader) + query_payload_bytes(...) + records at `frame`. The
+/// counts are those of `query`; of kPairs the configurations are left out (and counted as 0 in query_payload_bytes).
 void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,
-                 const void* bodies, const void* configurations);
+                 const void* bodies, const void* configurations, std::span<const std::byte> records = {});
 
-/// Throws WireError (kBadFrame for sizes, kBadQuery for values).
+/// The records of those options that have no place in QueryHeader and differ from their defaults, each required.
+/// \param options QueryOptions, or what has members of the same names.
+template <class Options>
+std::vector<std::byte> option_records(const Options& options);
+
+/// Throws WireError (kBadFrame for sizes, kBadQuery for values, kNotSupported for a record that it may not pass over).
 /// \param with_configurations false for kPairs.
-QueryParts parse_query(std::span<const std::byte> payload, bool with_configurations = true);
+QueryParts parse_query(std::span<const std::byte> payload, bool with_configurations = true,
+                       std::span<const std::byte> records = {});
+/// The payload of a kQuery or kPairs frame, with its records.
+QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> payload);
 
 // --- kReply
 // -----------------------------------------------------------------------------------------------------------
@@ -129,8 +172,9 @@ QueryParts parse_query(std::span<const std::byte> payload, bool with_configurati
 std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields);
 /// Where the column of `field` begins, from the end of the ReplyHeader. The column must be among `fields`.
 std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field);
-/// Throws WireError unless the columns that the header speaks of are all there.
-ReplyHeader parse_reply(std::span<const std::byte> payload);
+/// Throws WireError unless the columns that the header speaks of are all there, and nothing else but records that it
+/// may pass over.
+ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 
 // --- the others
 // -------------------------------------------------------------------------------------------------------
@@ -184,6 +228,34 @@ ErrorParts parse_error(std::span<const std::byte> payload);
 
 /// The payload of a frame without one: throws WireError if there are bytes.
 void parse_empty(std::span<const std::byte> payload, std::uint16_t type);
+
+// --- templates of the above
+// -------------------------------------------------------------------------------------------
+
+/// The record at the front of `records`, which it is taken from. \param last tag before it, 0 at first, and then its
+/// own. Throws WireError (kBadFrame).
+RecordView take_record(const char* what, std::span<const std::byte>& records, std::uint16_t& last);
+/// Throws WireError (kNotSupported) if the record is required.
+void pass_over(const char* what, const RecordView& record, PassedOver& passed_over);
+
+template <class Know>
+void read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know) {
+  for (std::uint16_t last = 0; !records.empty();)
+    if (const RecordView record = take_record(what, records, last); !know(record)) pass_over(what, record, passed_over);
+}
+
+template <class Options>
+std::vector<std::byte> option_records(const Options& options) {
+  std::vector<std::byte> records;
+  for_each_query_option([&](const QueryOption& option, auto member) {
+    if constexpr (!requires(QueryHeader& header) { member(header); })
+      if (const auto& value = member(options); value != member(kDefaultOptions)) {
+        const auto sent = static_cast<OptionOnWire<std::remove_cvref_t<decltype(value)>>>(value);
+        append_record(records, option.tag, kRecordRequired, std::as_bytes(std::span(&sent, 1)));
+      }
+  });
+  return records;
+}
 
 /// The name in a fixed field, up to its NUL.
 template <std::size_t N>

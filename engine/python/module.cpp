@@ -86,16 +86,7 @@ QueryView view_of(const Query& q) {
     view.configurations = {reinterpret_cast<const Pose*>(q.configurations->data()),
                            q.configurations->shape(0) * q.configurations->shape(1)};
   }
-  view.max_distance = q.max_distance;
-  view.abs_tol = q.abs_tol;
-  view.rel_tol = q.rel_tol;
-  view.precision = static_cast<Precision>(q.precision);
-  view.signed_distance = q.signed_distance;
-  view.reduce = static_cast<Reduce>(q.reduce);
-  view.format = static_cast<Format>(q.format);
-  view.fields = q.fields;
-  view.max_results = q.max_results;
-  view.max_pose_age_ns = q.max_pose_age_ns;
+  copy_options(q, view);
   view.warm_slot = q.warm ? 1 : 0;
   return view;
 }
@@ -294,6 +285,7 @@ NB_MODULE(_engine, m) {
     }
   });
   bind_query(m);
+  m.attr("OPTIONS") = query_options<QueryView>();
   bind_answer(m);
   bind_scene(m);
 

@@ -317,7 +317,7 @@ TEST(Wire, BadQueryValuesAreNamed) {
        "query: min_pose_stamp_ns must be >= 0, got -2"},
       {offsetof(QueryHeader, pose_wait_ns), single(std::int64_t{1}),
        "query: pose_wait_ns is for a query with min_pose_stamp_ns"},
-      {offsetof(QueryHeader, pose_wait_ns), single(kMaxPoseWaitNs + 1),
+      {offsetof(QueryHeader, pose_wait_ns), single(std::int64_t{10'000'000'001}),
        "query: pose_wait_ns must be 0 to 10000000000, got 10000000001"},
       {offsetof(QueryHeader, all_pairs), single(std::uint8_t{1}), "query: all_pairs is set, yet 2 pairs are named"},
   };
@@ -332,6 +332,64 @@ TEST(Wire, BadQueryValuesAreNamed) {
   query = query_payload(2, 0, 0);
   overwrite(query, offsetof(QueryHeader, reserved) + 8, std::uint64_t{1});
   EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadFrame), "query: reserved words must be 0");
+}
+
+TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {
+  std::uint16_t last = 0;
+  int in_header = 0;
+  for_each_query_option([&](const QueryOption& option, auto member) {
+    const bool has_place = requires(QueryHeader& header) { member(header); };
+    EXPECT_EQ(option.tag == 0, has_place) << option.name;
+    in_header += has_place;
+    if (!option.tag) return;
+    EXPECT_EQ(option.tag, ++last) << option.name << ": tags are given out one after another";
+  });
+  EXPECT_EQ(in_header, 14);
+  EXPECT_GE(last, 1);
+}
+
+TEST(Wire, OptionsInRecordsArriveAsTheyWereSent) {
+  QueryOptions options;
+  EXPECT_TRUE(option_records(options).empty()) << "defaults need no version 2";
+  options.max_reply_bytes = 12345;
+  options.reduce = Reduce::kMin;  // has its place in the header
+  const Bytes records = option_records(options);
+  ASSERT_EQ(records.size(), sizeof(RecordHeader) + 8);
+  Bytes payload = query_payload(3, 3, 2);
+  const std::size_t body = payload.size();
+  payload.insert(payload.end(), records.begin(), records.end());
+  const FrameHeader header = with_records(make_header(FrameType::kQuery, 7, body), records.size());
+  EXPECT_EQ(header.payload_bytes, payload.size());
+  EXPECT_NO_THROW(check_header(header, payload.size()));
+  const auto parts = parse_query(header, payload);
+  EXPECT_EQ(parts.options.max_reply_bytes, 12345u);
+  EXPECT_EQ(parts.options.reduce, Reduce::kNone);
+  EXPECT_EQ(parts.configurations.size(), 6u);
+  // A record that is cut anywhere, in a header that says so.
+  for (std::size_t left = 1; left < records.size(); ++left) {
+    const std::span<const std::byte> cut(payload.data() + body, left);
+    EXPECT_EQ(
+        error_of([&] { parse_query(std::span(payload).first(body), true, cut); }, ErrorCode::kBadFrame).substr(0, 6),
+        "query:");
+  }
+}
+
+TEST(Wire, ARecordMayHoldAnArray) {
+  const std::vector<double> joints{0.5, -1, 2};
+  Bytes records;
+  append_record(records, 3, 0, std::as_bytes(std::span(joints)));
+  append_record(records, 8, 0, std::as_bytes(std::span("abc", 3)));
+  EXPECT_EQ(records.size(), 8u + 24 + 8 + 8);
+  std::vector<double> arrived;
+  PassedOver passed_over;
+  read_records("query", records, passed_over, [&](const RecordView& record) {
+    if (record.tag != 3) return false;
+    arrived.resize(record.bytes.size() / 8);
+    std::memcpy(arrived.data(), record.bytes.data(), record.bytes.size());
+    return true;
+  });
+  EXPECT_EQ(arrived, joints);
+  EXPECT_EQ(passed_over, (PassedOver{8}));
 }
 
 TEST(Wire, QueryRoundTrip) {
@@ -371,7 +429,7 @@ TEST(Wire, BadHeadersAreNamed) {
   h = good;
   h.version = 9;
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kWrongVersion),
-            "frame: version 9, this side speaks version 1");
+            "frame: version 9, this side speaks versions 1 and 2");
   EXPECT_EQ(error_of([&] { check_header(good, 16); }, ErrorCode::kBadFrame),
             "frame: the header speaks of a payload of 24 bytes, 16 came");
   h = good;
@@ -379,7 +437,7 @@ TEST(Wire, BadHeadersAreNamed) {
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame),
             "frame: a payload of 18446744073709551615 bytes is more than the 2147483584 allowed");
   h = good;
-  h.reserved[2] = 1;
+  h.reserved[1] = 1;
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame), "frame: reserved words must be 0");
   FrameHeader out;
   EXPECT_EQ(error_of([&] { split_frame(Bytes(63), out); }, ErrorCode::kBadFrame),

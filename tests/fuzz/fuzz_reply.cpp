@@ -55,7 +55,7 @@ void interpret(Bytes frame) {
   wire::FrameHeader header;
   const Bytes payload = wire::split_frame(frame, header);
   switch (static_cast<wire::FrameType>(header.type)) {
-    case wire::FrameType::kReply:
+    case wire::FrameType::kReply:  // looks at its records, too
       return use(Reply(std::make_unique<InputReply>(header, payload)));
     case wire::FrameType::kScene: {
       const auto scene = wire::parse_scene(payload);

@@ -9,13 +9,14 @@ namespace {
 
 /// Every parser of a client, on what came back. A reply of ours that it refuses is a bug of ours.
 void check_reply(const MemoryFrame& frame) {
-  const auto payload = frame.payload();
+  const auto [payload, records] = wire::split_payload(frame.header(), frame.payload());
+  require(records.empty() || frame.type() == wire::FrameType::kReply, "only replies to queries have records");
   switch (frame.type()) {
     case wire::FrameType::kScene:
       wire::parse_scene(payload);
       break;
     case wire::FrameType::kReply:
-      wire::parse_reply(payload);
+      wire::parse_reply(payload, records);
       break;
     case wire::FrameType::kPairTable:
       wire::parse_pair_table(payload);

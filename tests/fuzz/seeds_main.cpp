@@ -54,6 +54,13 @@ void add(Data& data, Numbers... numbers) {
 
 // --- frames
 
+/// The control byte of a frame that is whole.
+std::uint8_t mended(const Data& frame) {
+  wire::FrameHeader header;
+  std::memcpy(&header, frame.data(), sizeof header);
+  return header.version == wire::kRecordsVersion ? kMendHeader | kHasRecords : kMendHeader;
+}
+
 /// Requests by name, as a client sends them to the daemon of small_scene().
 std::vector<std::pair<std::string, Data>> requests() {
   std::vector<std::pair<std::string, Data>> all;
@@ -99,6 +106,14 @@ std::vector<std::pair<std::string, Data>> requests() {
     q.header.min_pose_stamp_ns = 1000;  // of the poses below
     q.header.pose_wait_ns = 1'000'000'000;
     q.header.wait_for = 1;
+  });
+  const auto add_record = [](TestQuery& q, std::uint16_t tag, std::uint16_t flags, std::uint64_t value) {
+    wire::append_record(q.records, tag, flags, std::as_bytes(std::span(&value, 1)));
+  };
+  query("held_to_a_size", [&](TestQuery& q) { add_record(q, 1, wire::kRecordRequired, 1 << 20); });
+  query("with_an_unknown_record", [&](TestQuery& q) {
+    add_record(q, 1, wire::kRecordRequired, 1 << 20);
+    add_record(q, 500, 0, 7);
   });
   TestQuery pairs;
   pairs.bodies = {1};
@@ -162,7 +177,7 @@ void save_requests_and_replies() {
   Data conversation;
   for (const auto& [name, frame] : requests()) {
     Data request, reply;
-    append_frame(request, kMendHeader, frame);
+    append_frame(request, mended(frame), frame);
     save("request", "good_" + name, request);
     append_frame(conversation, 0, frame);
     MemoryClient client;
@@ -172,7 +187,7 @@ void save_requests_and_replies() {
     Data bytes;
     add(bytes, got.header());
     wire::append_bytes(bytes, got.payload().data(), got.payload().size());
-    append_frame(reply, kMendHeader, bytes);
+    append_frame(reply, mended(bytes), bytes);
     save("reply", "good_" + name, reply);
   }
   save("request", "good_conversation", conversation);
@@ -207,9 +222,9 @@ void save_zmq() {
   Data every, named, odd, strangers, twice;
   add(every, no_name);
   for (const auto& [name, request] : all)
-    if (name == "ping" || name == "query_pairs" || name == "stats") {
+    if (name == "ping" || name == "query_pairs" || name == "query_held_to_a_size" || name == "stats") {
       add(every, frame);
-      append_frame(every, kMendHeader, request);
+      append_frame(every, mended(request), request);
     }
   save("zmq_server", "good_requests", every);
   add(named, std::uint8_t{7});
@@ -235,7 +250,7 @@ void save_zmq() {
 
 void add_post(Data& steps, std::uint8_t slot, const Data& frame) {
   add(steps, std::uint8_t{5}, slot);
-  append_frame(steps, kMendHeader, frame);
+  append_frame(steps, mended(frame), frame);
 }
 
 void save_shm() {
@@ -328,6 +343,7 @@ void save_lcm() {
   query.configuration_count = 2;
   query.configurations.assign(2, {{0, 0, 1, 1, 0, 0, 0}});
   TestQuery large;
+  wire::append_record(large.records, 500, 0, data_of("passed over"));
   large.bodies = {1};
   large.configurations.assign(900, {0, 0, 1, 1, 0, 0, 0});
   const Data frame = large.frame(3);

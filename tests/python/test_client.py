@@ -494,6 +494,28 @@ def test_a_fork_while_another_thread_waits(ipc):
     assert client.distances().lower.tobytes() == view.lower.tobytes()
 
 
+def test_an_option_that_travels_in_a_record(client, engine):
+    """Of wire version 2, over every transport; Python has no code of its own for it."""
+    whole = client.distances(fields=["lower", "upper"])
+    rows = whole.lower.size
+    bytes_needed = 64 + 128 + 2 * -(-8 * rows // 64) * 64
+    assert same_bits(client.distances(fields=["lower", "upper"], max_reply_bytes=bytes_needed), whole)
+    prepared = client.prepare(fields=["lower", "upper"], max_reply_bytes=bytes_needed - 1)
+    for ask in (prepared, lambda: client.submit(fields=["lower", "upper"], max_reply_bytes=bytes_needed - 1).result()):
+        with pytest.raises(clearance.QueryError, match=f"needs {bytes_needed} bytes, more than the max_reply_bytes") as error:
+            ask()
+        assert error.value.code == ErrorCode.TOO_LARGE
+    with pytest.raises(ValueError, match="max_reply_bytes: expected an integer >= 0, got -1"):
+        client.distances(max_reply_bytes=-1)
+    with pytest.raises(TypeError, match="max_reply_bytes: expected an integer, got 1.5"):
+        client.distances(max_reply_bytes=1.5)
+    for wrong in ("max_reply_byte", "min_pose_stamp", "signed_distance"):
+        with pytest.raises(TypeError, match=f"unexpected keyword argument '{wrong}'"):
+            client.distances(**{wrong: 1})
+    with pytest.raises(TypeError, match="unexpected keyword argument 'max_reply_bytes', or one for a daemon alone"):
+        engine.distances(max_reply_bytes=1)
+
+
 def test_the_gil_is_released_while_waiting(ipc):
     client = clearance.connect(ipc.urls["ipc"], timeout_s=PATIENCE_S)
     client.distances()

@@ -1,4 +1,4 @@
-"""clearance.wire is wire/protocol.h: sizes, offsets, numbers."""
+"""clearance.wire is wire/protocol.h, and docs/wire.md has the table of options that the extension module has."""
 
 import re
 
@@ -8,34 +8,65 @@ import pytest
 from clearance import _client, wire
 from clearance._words import COLUMNS
 
-LAYOUT = _client.wire_layout()
 
-
-def test_every_struct_is_mirrored(root):
+def test_every_struct_is_a_dtype(root):
     header = (root / "wire" / "protocol.h").read_text()
     structs = set(re.findall(r"^struct (\w+) {", header, re.M))
     assert len(structs) >= 15
-    assert set(wire.RECORDS) == structs == set(LAYOUT)
+    assert set(wire.RECORDS) == structs
+    sizes = dict(re.findall(r"^CLEARANCE_WIRE\((\w+), (\d+)\)", header, re.M))
+    assert {name: record.itemsize for name, record in wire.RECORDS.items()} == {n: int(size) for n, size in sizes.items()}
 
 
-@pytest.mark.parametrize("name", sorted(LAYOUT))
-def test_sizes_and_offsets(name):
-    size, members = LAYOUT[name]
-    record = wire.RECORDS[name]
-    assert record.itemsize == size
-    ours = {field: (offset, dtype.itemsize) for field, (dtype, offset, *_) in record.fields.items()}
-    assert ours == members
-    assert sum(n for _, n in members.values()) == size, "every byte is named"
+def test_dtypes_have_the_members_types_and_places_of_the_structs(root):
+    header = (root / "wire" / "protocol.h").read_text()
+    kinds = {"double": "f8", "char": "S", **{f"std::{s}int{n}_t": f"{s or 'i'}{n // 8}" for s in ("", "u") for n in (8, 16, 32, 64)}}
+    seen = 0
+    for struct, body in re.findall(r"^struct (\w+) {\n(.*?)^};", header, re.M | re.S):
+        offset = 0
+        members = re.findall(r"^  (\S+)\s+(\w+)(?:\[(\d+)\])?\s*=", re.sub(r"//.*", "", body), re.M)
+        assert tuple(name for _, name, _ in members) == wire.RECORDS[struct].names
+        for kind, name, count in members:
+            dtype, at = wire.RECORDS[struct].fields[name][:2]
+            expected = np.dtype(f"S{count}" if kind == "char" else (kinds[kind], int(count)) if count else kinds[kind])
+            assert (at, dtype.itemsize, dtype.base) == (offset, expected.itemsize, expected.base), f"{struct}.{name}"
+            offset += dtype.itemsize
+            seen += 1
+    assert seen > 100
 
 
-@pytest.mark.parametrize("name", ["FrameType", "ErrorCode"])
+def test_a_name_that_is_no_struct():
+    with pytest.raises(AttributeError, match="no attribute 'QueryFooter'"):
+        wire.QueryFooter
+
+
+def test_the_page_has_every_option(root):
+    rows = []
+    for name, (tag, kind, default, words, unit, text) in _client.OPTIONS.items():
+        takes = words if kind == "word" else f"{kind}, {unit}" if unit else kind
+        value = words.split()[default] if kind == "word" else str(default).lower()
+        rows.append(f"| `{name}` | {f'record {tag}' if tag else 'header'} | {takes} | {value} | {text} |")
+    table = "\n".join(rows)
+    assert table in (root / "docs" / "wire.md").read_text(), f"docs/wire.md should have:\n{table}"
+
+
+def test_records_of_a_frame():
+    record = wire.record(1, np.uint64(7).tobytes()) + wire.record(500, b"abc", required=False)
+    frame = wire.frame(wire.FrameType.QUERY, wire.query_header().tobytes(), 5, records=record)
+    header = np.frombuffer(frame, wire.FrameHeader, 1)[0]
+    assert (header["version"], header["payload_bytes"], header["records_bytes"]) == (2, 128 + 32, 32)
+    assert frame[-32:] == bytes.fromhex("0100010008000000 0700000000000000 f401000003000000 6162630000000000")
+    assert wire.frame(wire.FrameType.PING)[4] == 1, "without records a frame is of version 1"
+
+
+@pytest.mark.parametrize("name", ["FrameType", "ErrorCode", "ReplyRecord"])
 def test_enums(root, name):
     header = (root / "wire" / "protocol.h").read_text()
     body = re.sub(r"//.*", "", re.search(rf"enum class {name} : [\w:]+ {{(.*?)}};", header, re.S).group(1))
     values = {}
     for key, value in re.findall(r"k(\w+)\s*=\s*(\w+)", body):
         values[re.sub(r"(?<=[a-z])(?=[A-Z])", "_", key).upper()] = int(value, 0)
-    assert len(values) >= 9
+    assert values
     assert {member.name: int(member) for member in getattr(wire, name)} == values
 
 
@@ -48,6 +79,8 @@ def test_constants(root):
 
     assert wire.MAGIC == constant("kMagic")
     assert wire.VERSION == constant("kVersion")
+    assert wire.RECORDS_VERSION == constant("kRecordsVersion")
+    assert wire.RECORD_REQUIRED == constant("kRecordRequired")
     assert wire.COLUMN_ALIGNMENT == constant("kColumnAlignment")
     assert wire.MAX_FRAME_BYTES == constant("kMaxFrameBytes")
     assert wire.MAX_REQUEST_BYTES == constant("kMaxRequestBytes")

@@ -14,7 +14,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = (".h", ".cpp", ".cu", ".cuh")
 FOLDERS = ("wire", "engine", "client", "server", "cli", "inspect", "bench", "tests")
-INSTALLED = {"clearance/types.h": "wire/types.h", "clearance/protocol.h": "wire/protocol.h", "clearance/client.h": "client/client.h"}
+INSTALLED = {f"clearance/{name}": f"{room}/{name}" for room, name in (
+    ("wire", "types.h"), ("wire", "query_options.h"), ("wire", "protocol.h"), ("client", "client.h"))}
 
 
 def files() -> list[Path]:

@@ -137,6 +137,7 @@ struct TestQuery {
   std::vector<IdPair> pairs;
   std::vector<std::uint32_t> bodies;
   std::vector<Pose7> configurations;
+  std::vector<std::byte> records;
   std::uint64_t scene_revision = 0;
 
   TestQuery() { header.max_distance = std::numeric_limits<double>::infinity(); }
@@ -149,9 +150,10 @@ struct TestQuery {
     const bool is_query = type == wire::FrameType::kQuery;
     const std::uint64_t payload =
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
-    std::vector<std::byte> bytes(sizeof(wire::FrameHeader) + payload);
-    wire::write_query(bytes.data(), wire::make_header(type, request_id, payload, scene_revision), q, pairs.data(),
-                      bodies.data(), configurations.data());
+    std::vector<std::byte> bytes(sizeof(wire::FrameHeader) + payload + records.size());
+    const auto frame_header =
+        wire::with_records(wire::make_header(type, request_id, payload, scene_revision), records.size());
+    wire::write_query(bytes.data(), frame_header, q, pairs.data(), bodies.data(), configurations.data(), records);
     return bytes;
   }
 };

@@ -17,7 +17,7 @@
 #include "client/client.h"
 #include "client/fork_guard.h"
 #include "columns.h"
-#include "wire_layout.h"
+#include "wire/layout.h"
 
 namespace clearance::python {
 namespace {
@@ -106,22 +106,23 @@ clearance::Query query_of(const Query& q) {
     query.configurations = {reinterpret_cast<const Pose7*>(q.configurations->data()),
                             q.configurations->shape(0) * q.configurations->shape(1)};
   }
-  query.max_distance = q.max_distance;
-  query.abs_tol = q.abs_tol;
-  query.rel_tol = q.rel_tol;
-  query.precision = static_cast<Precision>(q.precision);
-  query.signed_distance = q.signed_distance;
-  query.reduce = static_cast<Reduce>(q.reduce);
-  query.format = static_cast<Format>(q.format);
-  query.fields = q.fields;
-  query.max_results = q.max_results;
-  query.max_pose_age_ns = q.max_pose_age_ns;
-  query.warm = q.warm;
-  query.min_pose_stamp_ns = q.min_pose_stamp_ns;
+  copy_options(q, query);
   // A query that stopped waiting for a stamp keeps how long it may wait.
-  query.pose_wait_ns = q.min_pose_stamp_ns ? q.pose_wait_ns : 0;
-  query.wait_for = q.wait_for;
+  if (!q.min_pose_stamp_ns) query.pose_wait_ns = 0;
   return query;
+}
+
+/// {"FrameHeader": [("magic", "<u4"), ...], ...}: what numpy makes dtypes of.
+nb::dict wire_structs() {
+  nb::dict structs;
+  nb::list members;
+  wire::for_each_struct(
+      [&](const char* name) {
+        members = nb::list();
+        structs[name] = members;
+      },
+      [&](const char* name, const std::string& format) { members.append(nb::make_tuple(name, format)); });
+  return structs;
 }
 
 std::array<const void*, kFieldCount> columns_of(const Reply& r) {
@@ -433,7 +434,8 @@ NB_MODULE(_client, m) {
       .def("stats", [](const PyClient& c) { return c.use().with([](Client& client) { return client.stats(); }); })
       .def("ping", &PyClient::ping, nb::arg("payload"));
 
-  m.def("wire_layout", &wire_layout);
+  m.attr("OPTIONS") = query_options<QueryOptions>();
+  m.def("wire_structs", &wire_structs);
 }
 
 }  // namespace clearance::python

@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "block_pool.h"
+#include "wire/query_options.h"
 #include "wire/types.h"
 
 namespace clearance::python {
@@ -35,62 +36,55 @@ using PosesArray = nb::ndarray<const double, nb::shape<-1, -1, 7>, nb::c_contig,
 using PoseRows = nb::ndarray<const double, nb::shape<-1, 7>, nb::c_contig, nb::device::cpu>;
 
 /// Keeps its arrays alive; they are not copied.
-struct Query {
+struct Query : QueryOptions {
   std::optional<PairsArray> pairs;  ///< none: all enabled pairs
   std::optional<BodiesArray> bodies;
   std::optional<PosesArray> configurations;  ///< (K, M, 7)
-  double max_distance, abs_tol, rel_tol;
-  std::uint8_t precision;
-  bool signed_distance;
-  std::uint8_t reduce, format;
-  std::uint32_t fields;
-  bool points_by_default;  ///< add points and normal if there are few rows
-  std::uint64_t max_results;
-  std::int64_t max_pose_age_ns;
-  bool warm;
-  std::int64_t min_pose_stamp_ns = 0, pose_wait_ns = 0;
-  std::uint32_t wait_for = kEveryBody;
+  bool points_by_default;                    ///< add points and normal if there are few rows
 };
 
+/// How Python sees an option of type T.
+template <class T>
+using OptionInPython = std::conditional_t<std::is_enum_v<T>, std::uint8_t, T>;
+
 inline void bind_query(nb::module_& m) {
-  nb::class_<Query>(m, "Query")
-      .def(
-          "__init__",
-          [](Query* self, std::optional<PairsArray> pairs, std::optional<BodiesArray> bodies,
-             std::optional<PosesArray> configurations, double max_distance, double abs_tol, double rel_tol,
-             std::uint8_t precision, bool signed_distance, std::uint8_t reduce, std::uint8_t format,
-             std::uint32_t fields, bool points_by_default, std::uint64_t max_results, std::int64_t max_pose_age_ns,
-             bool warm) {
-            if (configurations && (!bodies || configurations->shape(1) != bodies->shape(0))) {
-              throw nb::value_error("configurations: expected one pose for each of bodies");
-            }
-            new (self) Query{std::move(pairs),
-                             std::move(bodies),
-                             std::move(configurations),
-                             max_distance,
-                             abs_tol,
-                             rel_tol,
-                             precision,
-                             signed_distance,
-                             reduce,
-                             format,
-                             fields,
-                             points_by_default,
-                             max_results,
-                             max_pose_age_ns,
-                             warm};
-          },
-          nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("configurations").none(), nb::arg("max_distance"),
-          nb::arg("abs_tol"), nb::arg("rel_tol"), nb::arg("precision"), nb::arg("signed"), nb::arg("reduce"),
-          nb::arg("format"), nb::arg("fields"), nb::arg("points_by_default"), nb::arg("max_results"),
-          nb::arg("max_pose_age_ns"), nb::arg("warm"))
-      .def("wait_for_poses",
-           [](Query& self, std::int64_t min_pose_stamp_ns, std::int64_t pose_wait_ns, std::uint32_t wait_for) {
-             self.min_pose_stamp_ns = min_pose_stamp_ns;
-             self.pose_wait_ns = pose_wait_ns;
-             self.wait_for = wait_for;
-           })
-      .def_rw("min_pose_stamp_ns", &Query::min_pose_stamp_ns);
+  nb::class_<Query> query(m, "Query");
+  query.def(
+      "__init__",
+      [](Query* self, std::optional<PairsArray> pairs, std::optional<BodiesArray> bodies,
+         std::optional<PosesArray> configurations, bool points_by_default) {
+        if (configurations && (!bodies || configurations->shape(1) != bodies->shape(0)))
+          throw nb::value_error("configurations: expected one pose for each of bodies");
+        new (self) Query{{}, std::move(pairs), std::move(bodies), std::move(configurations), points_by_default};
+      },
+      nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("configurations").none(),
+      nb::arg("points_by_default"));
+  for_each_query_option([&query](const QueryOption& option, auto member) {
+    using T = std::remove_reference_t<decltype(member(std::declval<QueryOptions&>()))>;
+    query.def_prop_rw(
+        option.name, [member](Query& q) { return static_cast<OptionInPython<T>>(member(q)); },
+        [member](Query& q, OptionInPython<T> value) { member(q) = static_cast<T>(value); });
+  });
+}
+
+/// The rows of query_options.h that Asked has as members: {name: (tag, kind, default, words, unit, text)}.
+template <class Asked>
+nb::dict query_options() {
+  nb::dict rows;
+  for_each_query_option([&rows](const QueryOption& option, auto member) {
+    if constexpr (requires(Asked& asked) { member(asked); }) {
+      using T = std::remove_cvref_t<decltype(member(kDefaultOptions))>;
+      const bool is_word = option.legal.kind == Legal::Kind::kWord;
+      const char* kind = std::is_same_v<T, bool>       ? "bool"
+                         : is_word                     ? "word"
+                         : std::is_floating_point_v<T> ? "number"
+                         : std::is_signed_v<T>         ? "integer"
+                                                       : "count";
+      rows[option.name] = nb::make_tuple(option.tag, kind, static_cast<OptionInPython<T>>(member(kDefaultOptions)),
+                                         is_word ? option.legal.text : "", option.unit, option.text);
+    }
+  });
+  return rows;
 }
 
 /// Where each column lies in a block: in the order of Field, each from a 64-byte boundary (wire/protocol.h).

@@ -84,6 +84,13 @@ def to_word(value: Any, words: Mapping[str, _Word], what: str) -> _Word:
     return word
 
 
+def to_option(value: Any, kind: str, words: str, what: str) -> Any:
+    """kind, words: as the table of query options has them (wire/query_options.h)."""
+    if kind == "word":
+        return to_word(value, {word: i for i, word in enumerate(words.split())}, what)
+    return {"bool": to_bool, "number": to_number, "integer": to_integer, "count": to_count}[kind](value, what)
+
+
 def to_text(value: Any, what: str) -> str:
     if not isinstance(value, str):
         raise TypeError(f"{what}: expected a string, got {value!r}")

@@ -4,4 +4,6 @@ from typing import Any
 Query: Any
 Client: Any
 
-def wire_layout() -> dict[str, tuple[int, dict[str, tuple[int, int]]]]: ...
+OPTIONS: dict[str, tuple[int, str, object, str, str, str]]
+
+def wire_structs() -> dict[str, list[tuple[str, str]]]: ...

@@ -15,13 +15,13 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_bool, to_count, to_integer, to_number, to_number_from_0, to_word
+from ._arguments import to_bool, to_count, to_integer, to_number, to_number_from_0, to_option, to_word
 from ._errors import QueryError
 from ._future import Future
 from ._names import BodyInfo, NameTable, has_selectors
 from ._poses import as_one_pose, as_pose7, stack_poses
 from ._result import Out, Result, fields_mask, out_arrays
-from ._words import COLUMNS, DEFAULT_FIELDS, EVERY_BODY, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Status
+from ._words import COLUMNS, EVERY_BODY, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Reduce, Status
 
 BodyRef = Union[str, int]
 _NO_WAIT = (
@@ -171,9 +171,7 @@ class Front:
 
     def _table(self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray]) -> np.ndarray:
         poses = None if bodies is None else np.zeros((1, len(bodies), 7))
-        raw = self._module.Query(
-            pairs, bodies, poses, math.inf, 0.0, -1.0, 0, False, 0, 0, DEFAULT_FIELDS, False, 1 << 20, 0, False
-        )
+        raw = self._module.Query(pairs, bodies, poses, False)
         while True:
             key = self._table_key(pairs, bodies)
             with self._tables_lock:
@@ -270,6 +268,7 @@ class Front:
         min_pose_stamp_ns: int = 0,
         pose_wait_s: float = 0.0,
         wait_for: BodyRef = "*",
+        **more: Any,
     ) -> Result:
         """Answers how far apart bodies are, and where, on one consistent snapshot of the poses.
 
@@ -296,6 +295,8 @@ class Front:
             process poses are there when set_poses() returns, so nothing waits: such a query is a ValueError.
         pose_wait_s: seconds to wait for them, at most 10; then a RequestError with the code POSES_LATE.
         wait_for: the body or group whose poses are meant: those of its bodies that ever had a stamp, and one at least.
+        more: options that came later, by name; docs/wire.md has a table of them all. One that a daemon is too old for is a
+            RequestError that names it.
 
         Raises TypeError or ValueError naming the argument; QueryError for a query that cannot be answered;
         TimeoutError; and from a client ConnectionError and RequestError. A bad pose or an unknown id is a status of its
@@ -303,7 +304,7 @@ class Front:
         """
         query = self._parse(
             pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
+            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, **more,
         )  # fmt: skip
         return self._result(query, self._answer(query))
 
@@ -342,6 +343,7 @@ class Front:
         min_pose_stamp_ns: int = 0,
         pose_wait_s: float = 0.0,
         wait_for: BodyRef = "*",
+        **more: Any,
     ) -> Future:
         """Begins a query, as distances() does, and returns a future: .result(timeout=None), .done(), .cancel().
 
@@ -349,13 +351,13 @@ class Front:
         """
         query = self._parse(
             pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
+            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, **more,
         )  # fmt: skip
         return self._start(query)
 
     def _parse(  # type: ignore[no-untyped-def]  # the arguments of distances() are said once
         self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-        out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
+        out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, **more,
     ) -> Query:  # fmt: skip
         query = Query()
         query.pairs = None if pairs is None else self._names.pairs_array(pairs)
@@ -378,23 +380,20 @@ class Front:
             raise ValueError("copy: out= is a copy; expected copy=True")
         query.max_results = to_count(max_results, "max_results")
         mask = self._mask(query, fields, format_word, count)
-        query.raw = self._module.Query(
-            query.pairs,
-            query.bodies,
-            poses,
-            to_number(max_distance, "max_distance"),
-            to_number(abs_tol, "abs_tol"),
-            -1.0 if rel_tol is None else to_number_from_0(rel_tol, "rel_tol", " or None"),
-            to_word(precision, PRECISIONS, "precision"),
-            to_bool(signed, "signed"),
-            query.reduce,
-            format_word,
-            mask & ~POINTS_BY_DEFAULT,
-            bool(mask & POINTS_BY_DEFAULT),
-            query.max_results,
-            to_count(max_pose_age_ns, "max_pose_age_ns"),
-            to_bool(warm, "warm"),
-        )
+        raw = query.raw = self._module.Query(query.pairs, query.bodies, poses, bool(mask & POINTS_BY_DEFAULT))
+        raw.max_distance = to_number(max_distance, "max_distance")
+        raw.abs_tol = to_number(abs_tol, "abs_tol")
+        raw.rel_tol = -1.0 if rel_tol is None else to_number_from_0(rel_tol, "rel_tol", " or None")
+        raw.precision = to_word(precision, PRECISIONS, "precision")
+        raw.signed_distance = to_bool(signed, "signed")
+        raw.reduce = query.reduce
+        raw.format = format_word
+        raw.fields = mask & ~POINTS_BY_DEFAULT
+        raw.max_results = query.max_results
+        raw.max_pose_age_ns = to_count(max_pose_age_ns, "max_pose_age_ns")
+        raw.warm = to_bool(warm, "warm")
+        if more:
+            self._add_options(raw, more)
         stamp_ns, wait_s = to_count(min_pose_stamp_ns, "min_pose_stamp_ns"), to_number(pose_wait_s, "pose_wait_s")
         every = isinstance(wait_for, str) and wait_for == "*"
         waited_for = EVERY_BODY if every else self._names.selector(wait_for, "wait_for")
@@ -403,8 +402,18 @@ class Front:
         if stamp_ns or wait_s or waited_for != EVERY_BODY:
             if not self._waits:
                 raise ValueError(_NO_WAIT)
-            query.raw.wait_for_poses(stamp_ns, round(1e9 * wait_s), waited_for)
+            raw.min_pose_stamp_ns, raw.pose_wait_ns, raw.wait_for = stamp_ns, round(1e9 * wait_s), waited_for
         return query
+
+    def _add_options(self, raw: Any, more: Mapping[str, Any]) -> None:
+        """Options without a parameter of their own: those of wire/query_options.h that travel in records."""
+        for name, value in more.items():
+            if name not in self._module.OPTIONS:
+                raise TypeError(f"distances() got an unexpected keyword argument {name!r}, or one for a daemon alone")
+            tag, kind, default, words, *_ = self._module.OPTIONS[name]
+            if not tag:
+                raise TypeError(f"distances() got an unexpected keyword argument {name!r}")
+            setattr(raw, name, to_option(value, kind, words, name))
 
     def _configurations(self, configurations: Any, bodies: Any) -> tuple[np.ndarray, np.ndarray]:
         poses = as_pose7(configurations, "configurations")
@@ -453,7 +462,7 @@ class Front:
 
 
 #: Of distances().
-_DEFAULTS = {name: p.default for name, p in inspect.signature(Front.distances).parameters.items() if name != "self"}
+_DEFAULTS = {name: p.default for name, p in inspect.signature(Front.distances).parameters.items() if name not in ("self", "more")}
 
 
 class Prepared:

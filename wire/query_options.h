@@ -1,0 +1,121 @@
+// What a query may ask besides its pairs and poses: each option is one row of this table.
+//
+// What follows from a row: the member of Query in C++ (client.h) and in Python's extension modules, its place on the
+// wire, what a daemon accepts and in which words it refuses the rest (wire.cpp), its translation from LCM where query_t
+// has a member of that name, a flag of `clearance query`, a keyword argument of Python's calls, and its row in
+// docs/wire.md, which a test compares. What is left to write is its use: the daemon reads QueryParts::options, the
+// engine gets it once QueryView has a member of that name.
+//
+// The first rows travel in QueryHeader, which is what it is for good. A new option takes the next free tag, and travels
+// in a record of that tag where it differs from its default; rows stay in the order in which they came.
+#pragma once
+
+#include <clearance/types.h>
+
+#include <cstdint>
+#include <limits>
+#include <type_traits>
+#include <utility>
+
+// X(type, name, default, tag (0: in QueryHeader), legal values, unit, what it is for)
+// clang-format off
+#define CLEARANCE_QUERY_OPTIONS(X)                                                                                     \
+  X(double, max_distance, std::numeric_limits<double>::infinity(), 0, Legal::at_least(0, "a number of metres >= 0"),  \
+    "m", "pairs proved farther are `beyond` and not refined")                                                          \
+  X(double, abs_tol, 0, 0, Legal::finite(0, "a finite number of metres >= 0"),                                         \
+    "m", "wanted: upper - lower <= max(abs_tol, rel_tol * distance)")                                                  \
+  X(double, rel_tol, -1, 0, Legal::finite(std::numeric_limits<double>::lowest(), "finite"),                            \
+    "1", "negative: 1e-6 (f64), 1e-4 (f32)")                                                                           \
+  X(Precision, precision, Precision::kF64, 0, Legal::word("f64 f32"),                                                  \
+    "", "arithmetic of the iterations; the bounds hold in either")                                                     \
+  X(bool, signed_distance, false, 0, Legal::word("false true"),                                                        \
+    "", "also how deep bodies overlap")                                                                                \
+  X(Reduce, reduce, Reduce::kNone, 0, Legal::word("none within nearest min"),                                          \
+    "", "which rows come back")                                                                                        \
+  X(Format, format, Format::kFull, 0, Legal::word("full compact"),                                                     \
+    "", "how columns are encoded")                                                                                     \
+  X(std::uint32_t, fields, kDefaultFields, 0, Legal::bits((1u << kFieldCount) - 1),                                    \
+    "", "columns that come back")                                                                                      \
+  X(std::uint64_t, max_results, 1u << 20, 0, Legal::anything(),                                                        \
+    "rows", "most rows of reduce `within`")                                                                            \
+  X(std::int64_t, max_pose_age_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                   \
+    "ns", "older poses set the flag `stale`; 0: never")                                                                \
+  X(bool, warm, false, 0, Legal::word("false true"),                                                                   \
+    "", "keep warm state for this client: faster, but bits may differ from call to call")                              \
+  X(std::int64_t, min_pose_stamp_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                 \
+    "ns", "begin once the poses of wait_for have this stamp or a newer one (publisher's clock); 0: at once")           \
+  X(std::int64_t, pose_wait_ns, 0, 0, Legal::range(0, 10'000'000'000),                                                 \
+    "ns", "wait at most so long for them; then `kPosesLate`")                                                          \
+  X(std::uint32_t, wait_for, kEveryBody, 0, Legal::anything(),                                                         \
+    "", "body, or selector of a group: those of its bodies that ever had a stamp, and at least one")                   \
+  X(std::uint64_t, max_reply_bytes, 0, 1, Legal::anything(),                                                           \
+    "bytes", "a larger reply frame is refused with `kTooLarge`; 0: no limit but the daemon's")
+// clang-format on
+
+namespace clearance {
+
+/// Which values an option may have.
+struct Legal {
+  enum class Kind : std::uint8_t { kAnything, kRange, kWord, kBits };
+  Kind kind = Kind::kAnything;
+  double least = 0, most = 0;  ///< kRange; kWord: the last word
+  std::uint64_t mask = 0;      ///< kBits
+  const char* text = nullptr;  ///< kRange, for people; null: "LEAST to MOST". kWord: the words, from 0 on
+
+  static constexpr Legal anything() { return {}; }
+  static constexpr Legal range(double least, double most, const char* text = nullptr) {
+    return {Kind::kRange, least, most, 0, text};
+  }
+  static constexpr Legal at_least(double least, const char* text) {
+    return range(least, std::numeric_limits<double>::infinity(), text);
+  }
+  static constexpr Legal finite(double least, const char* text) {
+    return range(least, std::numeric_limits<double>::max(), text);
+  }
+  static constexpr Legal word(const char* words) {
+    double last = 0;
+    for (const char* c = words; *c; ++c) last += *c == ' ';
+    return {Kind::kWord, 0, last, 0, words};
+  }
+  static constexpr Legal bits(std::uint64_t mask) { return {Kind::kBits, 0, 0, mask, nullptr}; }
+};
+
+#define CLEARANCE_OPTION_MEMBER(type, name, value, ...) type name = value;
+/// The options of one query.
+struct QueryOptions {
+  CLEARANCE_QUERY_OPTIONS(CLEARANCE_OPTION_MEMBER)
+};
+
+inline constexpr QueryOptions kDefaultOptions;
+
+/// A row of the table, but for type and default.
+struct QueryOption {
+  const char* name;
+  std::uint16_t tag;
+  Legal legal;
+  const char *unit, *text;
+};
+
+/// Calls f(row, member) for each row; member(x) is the option in any x that has it.
+template <class F>
+constexpr void for_each_query_option(F f) {
+#define CLEARANCE_OPTION_VISIT(type, name, value, tag, legal, unit, text) \
+  f(QueryOption{#name, tag, legal, unit, text}, [](auto& x) -> decltype((x.name)) { return x.name; });
+  CLEARANCE_QUERY_OPTIONS(CLEARANCE_OPTION_VISIT)
+#undef CLEARANCE_OPTION_VISIT
+}
+
+/// Copies the options that both have, by name.
+template <class From, class To>
+void copy_options(const From& from, To& to) {
+  for_each_query_option([&](const QueryOption&, auto member) {
+    if constexpr (requires { member(from), member(to); })
+      member(to) = static_cast<std::remove_reference_t<decltype(member(to))>>(member(from));
+  });
+}
+
+/// How a record holds an option of type T.
+template <class T>
+using OptionOnWire = std::conditional_t<std::is_enum_v<T> || std::is_same_v<T, bool>, std::uint8_t, T>;
+
+}  // namespace clearance
