@@ -9,6 +9,7 @@
 #include "engine/engine.h"
 #include "pending_request.h"
 #include "refusal.h"
+#include "wire/query_options.h"
 
 namespace clearance {
 

@@ -15,12 +15,18 @@ def test_every_struct_is_a_dtype(root):
     assert len(structs) >= 15
     assert set(wire.RECORDS) == structs
     sizes = dict(re.findall(r"^CLEARANCE_WIRE\((\w+), (\d+)\)", header, re.M))
-    assert {name: record.itemsize for name, record in wire.RECORDS.items()} == {n: int(size) for n, size in sizes.items()}
+    assert {name: record.itemsize for name, record in wire.RECORDS.items()} == {
+        n: int(size) for n, size in sizes.items()
+    }
 
 
 def test_dtypes_have_the_members_types_and_places_of_the_structs(root):
     header = (root / "wire" / "protocol.h").read_text()
-    kinds = {"double": "f8", "char": "S", **{f"std::{s}int{n}_t": f"{s or 'i'}{n // 8}" for s in ("", "u") for n in (8, 16, 32, 64)}}
+    kinds = {
+        "double": "f8",
+        "char": "S",
+        **{f"std::{s}int{n}_t": f"{s or 'i'}{n // 8}" for s in ("", "u") for n in (8, 16, 32, 64)},
+    }
     seen = 0
     for struct, body in re.findall(r"^struct (\w+) {\n(.*?)^};", header, re.M | re.S):
         offset = 0

@@ -4,6 +4,7 @@
 check_rooms.py arrows                      every include is allowed, and the rooms have an order
 check_rooms.py headers COMPILER FLAGS...   every header compiles alone
 """
+
 import concurrent.futures
 import os
 import re
@@ -14,12 +15,16 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = (".h", ".cpp", ".cu", ".cuh")
 FOLDERS = ("wire", "engine", "client", "server", "cli", "inspect", "bench", "tests")
-INSTALLED = {f"clearance/{name}": f"{room}/{name}" for room, name in (
-    ("wire", "types.h"), ("wire", "query_options.h"), ("wire", "protocol.h"), ("client", "client.h"))}
+INSTALLED = {
+    f"clearance/{name}": f"{room}/{name}"
+    for room, name in (("wire", "types.h"), ("wire", "query_options.h"), ("wire", "protocol.h"), ("client", "client.h"))
+}
 
 
 def files() -> list[Path]:
-    found = [p.relative_to(ROOT) for folder in FOLDERS for p in sorted((ROOT / folder).rglob("*")) if p.suffix in SOURCES]
+    found = [
+        p.relative_to(ROOT) for folder in FOLDERS for p in sorted((ROOT / folder).rglob("*")) if p.suffix in SOURCES
+    ]
     if len(found) < 300:
         sys.exit(f"only {len(found)} sources under {ROOT}: the check looks in the wrong place")
     return found
@@ -54,8 +59,11 @@ def read_rooms() -> dict[str, set[str]]:
 def check_arrows() -> list[str]:
     rooms, errors, arrows, seen = read_rooms(), [], 0, []
     for room, allowed in rooms.items():  # each may use only what stands above it: so there is no way round in a circle
-        errors += [f"rooms.txt: {room} stands above {other}, which it may use" for other in allowed - set(seen) - {"*"}
-                   if room != "engine" and other != "bench"]
+        errors += [
+            f"rooms.txt: {room} stands above {other}, which it may use"
+            for other in allowed - set(seen) - {"*"}
+            if room != "engine" and other != "bench"
+        ]
         seen.append(room)
     for path in files():
         room = room_of(path)
@@ -76,13 +84,26 @@ def check_headers(compiler: list[str]) -> list[str]:
     """A header that is the first thing that some source includes has been compiled alone by that. Bindings need Python's."""
     sources = files()
     first = {includes(path)[0] for path in sources if path.suffix == ".cpp" and includes(path)}
-    left = [p for p in sources if p.suffix == ".h" and p not in first and p.parts[0] not in ("tests", "bench") and p.parts[:2] != ("client", "python")]
+    left = [
+        p
+        for p in sources
+        if p.suffix == ".h"
+        and p not in first
+        and p.parts[0] not in ("tests", "bench")
+        and p.parts[:2] != ("client", "python")
+    ]
     if not left:
         return ["every header is the first of some source: the check sees none by itself"]
 
     def compile_alone(path: Path) -> str:
-        done = subprocess.run([*compiler, "-fsyntax-only", "-x", "c++", "-"], input=f'#include "{path}"\n', text=True,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=ROOT)
+        done = subprocess.run(
+            [*compiler, "-fsyntax-only", "-x", "c++", "-"],
+            input=f'#include "{path}"\n',
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            cwd=ROOT,
+        )
         return f"{path} does not compile alone:\n{done.stdout}" if done.returncode else ""
 
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:

@@ -4,6 +4,6 @@ from typing import Any
 Query: Any
 Client: Any
 
-OPTIONS: dict[str, tuple[int, str, object, str, str, str]]
+OPTIONS: dict[str, tuple[int, str, Any, str, str, str]]
 
 def wire_structs() -> dict[str, list[tuple[str, str]]]: ...

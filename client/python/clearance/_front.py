@@ -21,7 +21,7 @@ from ._future import Future
 from ._names import BodyInfo, NameTable, has_selectors
 from ._poses import as_one_pose, as_pose7, stack_poses
 from ._result import Out, Result, fields_mask, out_arrays
-from ._words import COLUMNS, EVERY_BODY, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Reduce, Status
+from ._words import COLUMNS, EVERY_BODY, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Status
 
 BodyRef = Union[str, int]
 _NO_WAIT = (
@@ -295,8 +295,8 @@ class Front:
             process poses are there when set_poses() returns, so nothing waits: such a query is a ValueError.
         pose_wait_s: seconds to wait for them, at most 10; then a RequestError with the code POSES_LATE.
         wait_for: the body or group whose poses are meant: those of its bodies that ever had a stamp, and one at least.
-        more: options that came later, by name; docs/wire.md has a table of them all. One that a daemon is too old for is a
-            RequestError that names it.
+        more: options that came later, by name; docs/wire.md has a table of them all. One that a daemon is too old for
+            is a RequestError that names it.
 
         Raises TypeError or ValueError naming the argument; QueryError for a query that cannot be answered;
         TimeoutError; and from a client ConnectionError and RequestError. A bad pose or an unknown id is a status of its
@@ -410,7 +410,7 @@ class Front:
         for name, value in more.items():
             if name not in self._module.OPTIONS:
                 raise TypeError(f"distances() got an unexpected keyword argument {name!r}, or one for a daemon alone")
-            tag, kind, default, words, *_ = self._module.OPTIONS[name]
+            tag, kind, _, words, *_ = self._module.OPTIONS[name]
             if not tag:
                 raise TypeError(f"distances() got an unexpected keyword argument {name!r}")
             setattr(raw, name, to_option(value, kind, words, name))
@@ -462,7 +462,9 @@ class Front:
 
 
 #: Of distances().
-_DEFAULTS = {name: p.default for name, p in inspect.signature(Front.distances).parameters.items() if name not in ("self", "more")}
+_DEFAULTS = {
+    name: p.default for name, p in inspect.signature(Front.distances).parameters.items() if name not in ("self", "more")
+}
 
 
 class Prepared:

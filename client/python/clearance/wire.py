@@ -75,7 +75,7 @@ class ReplyRecord(enum.IntEnum):
     IGNORED = 1  #: uint16 each: tags of the query's records that the daemon passed over
 
 
-def __getattr__(name: str) -> np.dtype:
+def __getattr__(name: str) -> Any:
     """The structs, made when one is first asked for: RECORDS["FrameHeader"], or FrameHeader."""
     if name.startswith("_"):  # the import system looks for some that no module of one file has
         raise AttributeError(name)
@@ -95,7 +95,13 @@ _wire: Any = sys.modules[__name__]  # through which functions here get at the st
 def query_header(**values: object) -> np.ndarray:
     """A QueryHeader with the defaults of the C++ struct, and the values given."""
     header = np.zeros((), _wire.QueryHeader)
-    defaults = {"max_distance": np.inf, "rel_tol": -1.0, "fields": DEFAULT_FIELDS, "max_results": 1 << 20, "all_pairs": 1}
+    defaults = {
+        "max_distance": np.inf,
+        "rel_tol": -1.0,
+        "fields": DEFAULT_FIELDS,
+        "max_results": 1 << 20,
+        "all_pairs": 1,
+    }
     for key, value in {**defaults, **values}.items():
         header[key] = value
     return header
