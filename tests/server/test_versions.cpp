@@ -171,8 +171,14 @@ class RecordedShmClient final : public RecordedClient {
   Bytes ask(const Bytes& frame) override {
     const auto& header = *client_.header;
     std::memcpy(client_.base + header.request_offset, frame.data(), frame.size());
-    client_.post(shm::pack_ticket(0, ++asked_), frame.size(), asked_);
-    while (header.reply_head.load() != asked_) std::this_thread::yield();
+    ++asked_;
+    client_.post(shm::pack_ticket(0, asked_), frame.size(), asked_);
+    const auto deadline = std::chrono::steady_clock::now() + kPatience;
+    while (header.reply_head.load() != asked_) {
+      if (std::chrono::steady_clock::now() > deadline)
+        throw std::runtime_error("no answer to request " + std::to_string(asked_));
+      std::this_thread::yield();
+    }
     const std::byte* reply = client_.base + header.reply_offset;
     return {reply, reply + header.replies[(asked_ - 1) % shm::kRingEntries].frame_bytes.load()};
   }
