@@ -89,7 +89,7 @@ class DenseJob final : public ParallelJob {
   };
 
   void run(std::uint64_t unit, int worker) {
-    assert(unit < units());
+    assert(unit < layout_.pair_blocks * layout_.configuration_blocks);
     Room& room = rooms_[static_cast<std::size_t>(worker)];
     const std::uint64_t first = unit / layout_.pair_blocks * layout_.configurations,
                         begin = unit % layout_.pair_blocks * layout_.pairs;
