@@ -111,8 +111,8 @@ HELPFUL = r"expected .*(got|numpy says)|named|no body|at least one|expected \[0,
 
 def complaints(call, right, arguments, leave_out=()):
     """Which bad values were taken, or refused in words that do not help."""
-    named = inspect.signature(call).parameters.values()  # options that travel in records: test_client.py
-    parameters = {p.name for p in named if p.kind is not p.VAR_KEYWORD} - set(leave_out)
+    all_of_them = inspect.signature(call).parameters.values()  # options that travel in records: test_client.py
+    parameters = {p.name for p in all_of_them if p.kind is not p.VAR_KEYWORD} - set(leave_out)
     assert set(arguments) == parameters, "an argument is missing from the table"
     for argument, bad in arguments.items():
         fixed = {name: value for name, value in right.items() if name != argument}
