@@ -122,8 +122,9 @@ void expect_same(const Exchange& then, Bytes now) {
         EXPECT_TRUE(a == b || std::abs(a - b) <= 1e-6 || (std::isnan(a) && std::isnan(b)))
             << f << ": " << a << " " << b;
       }
-      if (!are_doubles && (1u << f) != kFieldCompact)
+      if (!are_doubles && (1u << f) != kFieldCompact) {
         EXPECT_EQ(std::memcmp(now.data() + at, expected.data() + at, bytes), 0) << "column " << f;
+      }
     }
   }
   EXPECT_TRUE(std::equal(now.begin(), now.begin() + static_cast<std::ptrdiff_t>(end), expected.begin()));
