@@ -284,7 +284,6 @@ PosesDone Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose
 }
 
 // --- Client
-// -----------------------------------------------------------------------------------------------------------
 
 Client::Client(std::shared_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Client::Client(Client&&) noexcept = default;
@@ -420,7 +419,6 @@ std::string Client::url() const {
 }
 
 // --- Pending
-// ----------------------------------------------------------------------------------------------------------
 
 Pending::Pending(std::shared_ptr<Client::Impl> client, std::uint64_t request_id)
     : client_(std::move(client)), request_id_(request_id) {}

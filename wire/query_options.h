@@ -1,8 +1,8 @@
 // What a query may ask besides its pairs and poses: each option is one row of this table.
 //
 // What follows from a row: the member of Query in C++ (client.h) and in Python's extension modules, its place on the
-// wire, what a daemon accepts and in which words it refuses the rest (wire.cpp), its translation from LCM where query_t
-// has a member of that name, a flag of `clearance query`, a keyword argument of Python's calls, and its row in
+// wire, what a daemon accepts and in which words it refuses the rest (query_frame.cpp), its translation from LCM where
+// query_t has a member of that name, a flag of `clearance query`, a keyword argument of Python's calls, and its row in
 // docs/wire.md, which a test compares. What is left to write is its use: the daemon reads QueryParts::options, the
 // engine gets it once QueryView has a member of that name.
 //

@@ -55,7 +55,6 @@ struct ConfigurationRecord {
 static_assert(sizeof(PairRecord) == 8 && sizeof(ConfigurationRecord) == 56);
 
 // --- frames
-// -----------------------------------------------------------------------------------------------------------
 
 /// Throws WireError (kBadFrame, kWrongVersion) unless the header fits this version and the payload that came with it.
 void check_header(const FrameHeader& header, std::uint64_t payload_bytes);
@@ -113,7 +112,6 @@ class FrameBuilder {
 };
 
 // --- records
-// ----------------------------------------------------------------------------------------------------------
 
 struct RecordView {
   std::uint16_t tag;
@@ -134,7 +132,6 @@ template <class Know>
 void read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know);
 
 // --- kQuery, kPairs
-// ---------------------------------------------------------------------------------------------------
 
 struct QueryParts {
   QueryHeader header;
@@ -166,7 +163,6 @@ QueryParts parse_query(std::span<const std::byte> payload, bool with_configurati
 QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> payload);
 
 // --- kReply
-// -----------------------------------------------------------------------------------------------------------
 
 /// Bytes of the columns of a reply. Throws WireError (kTooLarge) if a frame cannot be so large.
 std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields);
@@ -177,7 +173,6 @@ std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field fiel
 ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 
 // --- the others
-// -------------------------------------------------------------------------------------------------------
 
 struct PosesParts {
   PosesHeader header;
@@ -230,7 +225,6 @@ ErrorParts parse_error(std::span<const std::byte> payload);
 void parse_empty(std::span<const std::byte> payload, std::uint16_t type);
 
 // --- templates of the above
-// -------------------------------------------------------------------------------------------
 
 /// The record at the front of `records`, which it is taken from. \param last tag before it, 0 at first, and then its
 /// own. Throws WireError (kBadFrame).

@@ -155,7 +155,6 @@ TEST(BoxTree, CoherentMotionKeepsItsOrderAndATeleportMakesANewOne) {
 }
 
 // ---- whole answers
-// -------------------------------------------------------------------------------------------------------
 
 void expect_same_rows(const Answer& a, const Answer& b, const std::string& what) {
   ASSERT_EQ(a.info.rows, b.info.rows) << what;

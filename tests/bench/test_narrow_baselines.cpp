@@ -259,7 +259,7 @@ TEST(CudaBlocks, OfAnySizeGiveTheBitsOfTheCpu) {
     }
 }
 
-// ---- what is known to fail -----------------------------------------------------------------------------------------
+// ---- what is known to fail
 
 // Algorithm 1 alone looks at surfaces: of a body inside another it tells how far the surfaces are apart.
 TEST(KnownFailures, SurfacesDoNotSeeABodyInsideAnother) {

@@ -16,7 +16,7 @@ double largest(const Vec3d& v) {
   return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
 }
 
-// ---- placing -------------------------------------------------------------------------------------------------------
+// ---- placing
 
 /// Turns both at random and puts b at random near a, so that some pairs are apart and some overlap; then, more often
 /// than not, sets a gap between `least` and 1 of the smaller size, either side of contact.
@@ -38,7 +38,7 @@ Case any(Random& random) {
   return placed(random, solid(ordinary(random)), solid(ordinary(random)));
 }
 
-// ---- size and place ------------------------------------------------------------------------------------------------
+// ---- size and place
 
 Case nano(Random& random) {
   const double s = random.log_uniform(1e-10, 1e-8);
@@ -92,7 +92,7 @@ bool far_from_frame_hits(const Case& c, const Result&) {
   return reach(*c.a) > 9e5;
 }
 
-// ---- gap -----------------------------------------------------------------------------------------------------------
+// ---- gap
 
 /// Bodies that touch exactly: two lattice bodies turned by rational rotations, an extreme point of one put on an
 /// extreme point of the other. With a radius: pushed apart along (3, 4, 12), whose length is 13, by the sum of the
@@ -163,7 +163,7 @@ bool far_gap_hits(const Case&, const Result& r) {
   return r.distance.lower() > 50;
 }
 
-// ---- shape ---------------------------------------------------------------------------------------------------------
+// ---- shape
 
 Case needles(Random& random) {
   return placed(random, needle(random), random.chance(0.7) ? needle(random) : solid(ordinary(random)), 1e-12);
@@ -281,7 +281,7 @@ bool dense_spheres_hits(const Case& c, const Result&) {
   return c.a->vertices.size() >= 482;
 }
 
-// ---- relation ------------------------------------------------------------------------------------------------------
+// ---- relation
 
 /// Faces and edges of b parallel to those of a: the same rotation, or turned by right angles.
 Case parallel(Random& random) {
@@ -375,7 +375,7 @@ Case crossing(Random& random) {
   return c;
 }
 
-// ---- rounded -------------------------------------------------------------------------------------------------------
+// ---- rounded
 
 /// Two bodies with radii: apart, cores apart but grown bodies overlapping, or cores overlapping.
 Case rounded_pair(Random& random, std::vector<Vec3d> a, std::vector<Vec3d> b) {
@@ -406,7 +406,7 @@ bool rounded_hits(const Case& c, const Result&) {
   return c.a->radius > 0;
 }
 
-// ---- input ---------------------------------------------------------------------------------------------------------
+// ---- input
 
 Case odd_quaternions(Random& random) {
   Case c = any(random);

@@ -172,7 +172,7 @@ TEST(ExactSupportGap, IsTheGapOfBoxesAlongAnAxis) {
   EXPECT_EQ(exact_support_gap({a, 0}, {}, {c, 0}, {}, {3, 4, 0}).compare(1), 0);  // (3 * 4 - 3 - 4) / 5
 }
 
-// ---- against enumeration --------------------------------------------------------------------------------------------
+// ---- against enumeration
 
 /// All differences b - a, as integers in the unit that the cases use.
 std::vector<Vec3z> differences(const Vertices& a, const Vertices& b) {

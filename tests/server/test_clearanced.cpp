@@ -235,7 +235,6 @@ TEST_F(Clearanced, IsQuietWhileNobodyAsks) {
 }
 
 // --- the command line client
-// ------------------------------------------------------------------------------------------
 
 class CommandLine : public Clearanced {
  protected:

@@ -1,0 +1,187 @@
+// Frames and their records, whatever they hold.
+#include <utility>
+
+#include "checks.h"
+
+namespace clearance::wire {
+
+void check_header(const FrameHeader& h, std::uint64_t payload_bytes) {
+  if (h.magic != kMagic) {
+    char text[80];
+    std::snprintf(text, sizeof text, "frame: magic is 0x%08x, expected 0x%08x", h.magic, kMagic);
+    bad_frame(text);
+  }
+  if (h.version != kVersion && h.version != kRecordsVersion)
+    throw WireError(ErrorCode::kWrongVersion,
+                    "frame: version " + str(h.version) + ", this side speaks versions 1 and " + str(kRecordsVersion));
+  if (h.payload_bytes > kMaxPayloadBytes)
+    bad_frame("frame: a payload of " + str(h.payload_bytes) + " bytes is more than the " + str(kMaxPayloadBytes) +
+              " allowed");
+  if (h.payload_bytes != payload_bytes)
+    bad_frame("frame: the header speaks of a payload of " + str(h.payload_bytes) + " bytes, " + str(payload_bytes) +
+              " came");
+  if (h.version == kVersion && h.records_bytes) bad_frame("frame: reserved words must be 0");
+  expect_zero(h.reserved, "frame");
+}
+
+std::span<const std::byte> split_frame(std::span<const std::byte> frame, FrameHeader& header) {
+  if (frame.size() < sizeof header)
+    bad_frame("frame: " + str(frame.size()) + " bytes, fewer than a header of " + str(sizeof header));
+  std::memcpy(&header, frame.data(), sizeof header);
+  const auto payload = frame.subspan(sizeof header);
+  check_header(header, payload.size());
+  return payload;
+}
+
+PayloadParts split_payload(const FrameHeader& h, std::span<const std::byte> payload) {
+  if (h.version == kVersion) return {payload, {}};
+  if (h.records_bytes > payload.size() || h.records_bytes % kRecordAlignment)
+    bad_frame("frame: " + str(h.records_bytes) + " bytes are no whole records at the end of a payload of " +
+              str(payload.size()));
+  const std::size_t body = payload.size() - static_cast<std::size_t>(h.records_bytes);
+  return {payload.first(body), payload.subspan(body)};
+}
+
+FrameHeader make_header(FrameType type, std::uint64_t request_id, std::uint64_t payload_bytes,
+                        std::uint64_t scene_revision, std::uint64_t client_id) {
+  FrameHeader header;
+  header.type = static_cast<std::uint16_t>(type);
+  header.request_id = request_id;
+  header.payload_bytes = payload_bytes;
+  header.scene_revision = scene_revision;
+  header.client_id = client_id;
+  return header;
+}
+
+FrameHeader make_reply_header(const FrameHeader& request, FrameType type, std::uint64_t payload_bytes,
+                              std::uint64_t scene_revision) {
+  FrameHeader header = make_header(type, request.request_id, payload_bytes, scene_revision, request.client_id);
+  if (request.version == kRecordsVersion) header.version = kRecordsVersion;
+  return header;
+}
+
+std::string type_name(std::uint16_t type) {
+  switch (static_cast<FrameType>(type)) {
+    case FrameType::kPing:
+      return "kPing";
+    case FrameType::kDescribe:
+      return "kDescribe";
+    case FrameType::kQuery:
+      return "kQuery";
+    case FrameType::kPairs:
+      return "kPairs";
+    case FrameType::kSetPoses:
+      return "kSetPoses";
+    case FrameType::kAttach:
+      return "kAttach";
+    case FrameType::kGetStates:
+      return "kGetStates";
+    case FrameType::kGetStats:
+      return "kGetStats";
+    case FrameType::kReload:
+      return "kReload";
+    case FrameType::kAddBody:
+      return "kAddBody";
+    case FrameType::kRemoveBody:
+      return "kRemoveBody";
+    case FrameType::kPong:
+      return "kPong";
+    case FrameType::kScene:
+      return "kScene";
+    case FrameType::kReply:
+      return "kReply";
+    case FrameType::kPairTable:
+      return "kPairTable";
+    case FrameType::kPosesDone:
+      return "kPosesDone";
+    case FrameType::kBodyStates:
+      return "kBodyStates";
+    case FrameType::kStats:
+      return "kStats";
+    case FrameType::kSceneChanged:
+      return "kSceneChanged";
+    case FrameType::kError:
+      return "kError";
+  }
+  return std::to_string(type);
+}
+
+std::string_view error_name(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::kBadQuery:
+      return "bad_query";
+    case ErrorCode::kWrongScene:
+      return "wrong_scene";
+    case ErrorCode::kTooLarge:
+      return "too_large";
+    case ErrorCode::kNotSupported:
+      return "not_supported";
+    case ErrorCode::kBadFrame:
+      return "bad_frame";
+    case ErrorCode::kWrongVersion:
+      return "wrong_version";
+    case ErrorCode::kUnknownType:
+      return "unknown_type";
+    case ErrorCode::kBusy:
+      return "busy";
+    case ErrorCode::kInternal:
+      return "internal";
+    case ErrorCode::kPosesLate:
+      return "poses_late";
+    case ErrorCode::kReloadFailed:
+      return "reload_failed";
+    case ErrorCode::kForbidden:
+      return "forbidden";
+  }
+  return "unknown";
+}
+
+void append_bytes(std::vector<std::byte>& bytes, const void* data, std::size_t size) {
+  const std::size_t at = bytes.size();
+  bytes.resize(at + size);
+  if (size) std::memcpy(bytes.data() + at, data, size);
+}
+
+std::vector<std::byte> FrameBuilder::take() {
+  const std::uint64_t payload_bytes = bytes_.size() - sizeof(FrameHeader);
+  std::memcpy(bytes_.data() + offsetof(FrameHeader, payload_bytes), &payload_bytes, sizeof payload_bytes);
+  return std::move(bytes_);
+}
+
+void append_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
+                   std::span<const std::byte> bytes) {
+  append(records, RecordHeader{tag, flags, static_cast<std::uint32_t>(bytes.size())});
+  append_bytes(records, bytes.data(), bytes.size());
+  records.resize(align(records.size(), kRecordAlignment));
+}
+
+FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes) {
+  if (records_bytes == 0) return header;
+  header.version = kRecordsVersion;
+  header.records_bytes = records_bytes;
+  header.payload_bytes += records_bytes;
+  return header;
+}
+
+RecordView take_record(const char* what, std::span<const std::byte>& records, std::uint16_t& last) {
+  const auto header = head<RecordHeader>(records, (what + std::string(": a record")).c_str());
+  const std::string name = std::string(what) + ": record " + str(header.tag);
+  if (header.flags & ~kRecordRequired) bad_frame(name + " has unknown flags");
+  if (header.tag <= last) bad_frame(name + " comes after record " + str(last) + ": tags must rise, from 1 on");
+  last = header.tag;
+  const std::uint64_t whole = align(sizeof header + std::uint64_t{header.bytes}, kRecordAlignment);
+  if (whole > records.size()) bad_frame(name + " goes past the end of the frame");
+  const RecordView record{header.tag, (header.flags & kRecordRequired) != 0,
+                          records.subspan(sizeof header, header.bytes)};
+  records = records.subspan(static_cast<std::size_t>(whole));
+  return record;
+}
+
+void pass_over(const char* what, const RecordView& record, PassedOver& passed_over) {
+  if (record.required)
+    throw WireError(ErrorCode::kNotSupported,
+                    std::string(what) + ": record " + str(record.tag) + " is required, and this side does not know it");
+  passed_over.push_back(record.tag);
+}
+
+}  // namespace clearance::wire

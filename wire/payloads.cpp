@@ -1,0 +1,180 @@
+// What the other frames hold: replies, poses, scenes, bodies, counters, errors.
+#include "checks.h"
+
+namespace clearance::wire {
+namespace {
+
+constexpr std::uint32_t kAllFields = (1u << kFieldCount) - 1;
+
+Wide columns_wide(std::uint64_t rows, std::uint32_t fields) {
+  Wide bytes = 0;
+  for (int f = 0; f < kFieldCount; ++f)
+    if (fields >> f & 1)
+      bytes = (bytes + Wide(rows) * kFieldBytes[f] + kColumnAlignment - 1) / kColumnAlignment * kColumnAlignment;
+  return bytes;
+}
+
+}  // namespace
+
+std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields) {
+  const Wide bytes = columns_wide(rows, fields);
+  if (bytes > kMaxPayloadBytes - sizeof(ReplyHeader))
+    throw WireError(ErrorCode::kTooLarge, "reply: " + str(rows) + " rows need " + str(bytes) +
+                                              " bytes, more than a frame may have (" + str(kMaxFrameBytes) + ")");
+  return static_cast<std::uint64_t>(bytes);
+}
+
+std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field) {
+  std::uint64_t offset = 0;
+  for (int f = 0; f < kFieldCount && (1u << f) != field; ++f)
+    if (fields >> f & 1) offset = align(offset + rows * kFieldBytes[f], kColumnAlignment);
+  return offset;
+}
+
+ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records) {
+  const auto header = head<ReplyHeader>(payload, "reply");
+  if (header.fields & ~kAllFields) bad_frame("reply: fields has unknown bits: " + str(header.fields & ~kAllFields));
+  expect_size(
+      "reply", [&] { return str(header.rows) + " rows"; },
+      sizeof(ReplyHeader) + columns_wide(header.rows, header.fields), payload.size());
+  // The last column's end is padded too, so that the whole block has one rule.
+  if (strnlen(header.backend, sizeof header.backend) == sizeof header.backend)
+    bad_frame("reply: the backend's name does not end");
+  PassedOver passed_over;
+  read_records("reply", records, passed_over, [](const RecordView& record) {
+    return record.tag == static_cast<std::uint16_t>(ReplyRecord::kIgnored);
+  });
+  return header;
+}
+
+PosesParts parse_poses(std::span<const std::byte> payload) {
+  PosesParts parts;
+  parts.header = head<PosesHeader>(payload, "poses");
+  expect_size(
+      "poses", [&] { return str(parts.header.count) + " poses"; },
+      sizeof(PosesHeader) + Wide(parts.header.count) * sizeof(PoseRecord), payload.size());
+  expect_zero(parts.header.reserved, "poses");
+  parts.poses = Records<PoseRecord>(payload.data() + sizeof(PosesHeader), parts.header.count);
+  return parts;
+}
+
+AttachRecord parse_attach(std::span<const std::byte> payload) {
+  const auto record = head<AttachRecord>(payload, "attach");
+  expect_size("attach", its_contents, sizeof(AttachRecord), payload.size());
+  if (record.has_pose > 1) bad_frame("attach: has_pose " + std::to_string(record.has_pose) + " is neither 0 nor 1");
+  return record;
+}
+
+PosesResult parse_poses_done(std::span<const std::byte> payload) {
+  const auto result = head<PosesResult>(payload, "poses done");
+  expect_size("poses done", its_contents, sizeof(PosesResult), payload.size());
+  return result;
+}
+
+SceneParts parse_scene(std::span<const std::byte> payload) {
+  SceneParts parts;
+  parts.header = head<SceneHeader>(payload, "scene");
+  const SceneHeader& h = parts.header;
+  expect_size(
+      "scene",
+      [&] {
+        return str(h.body_count) + " bodies, " + str(h.group_count) + " groups and " + str(h.member_count) + " members";
+      },
+      sizeof(SceneHeader) + Wide(h.body_count) * sizeof(BodyRecord) + Wide(h.group_count) * sizeof(GroupRecord) +
+          Wide(h.member_count) * 4,
+      payload.size());
+  Cursor cursor(payload.data() + sizeof(SceneHeader));
+  parts.bodies = cursor.take<BodyRecord>(h.body_count);
+  parts.groups = cursor.take<GroupRecord>(h.group_count);
+  parts.members = cursor.take<std::uint32_t>(h.member_count);
+  if (strnlen(h.backend, sizeof h.backend) == sizeof h.backend) bad_frame("scene: the backend's name does not end");
+  for (std::uint64_t i = 0; i < parts.bodies.size(); ++i) expect_name(parts.bodies[i].name, "scene: bodies", i);
+  for (std::uint64_t i = 0; i < parts.groups.size(); ++i) {
+    const GroupRecord group = parts.groups[i];
+    expect_name(group.name, "scene: groups", i);
+    if (std::uint64_t{group.first_member} + group.member_count > h.member_count)
+      bad_frame("scene: groups[" + str(i) + "]: its members go past the end of the list");
+  }
+  for (std::uint64_t i = 0; i < parts.members.size(); ++i)
+    if (parts.members[i] >= h.body_count) bad_frame("scene: members[" + str(i) + "] is no body");
+  return parts;
+}
+
+PairTableParts parse_pair_table(std::span<const std::byte> payload) {
+  PairTableParts parts;
+  parts.header = head<PairsHeader>(payload, "pair table");
+  expect_size(
+      "pair table", [&] { return str(parts.header.count) + " pairs"; },
+      sizeof(PairsHeader) + Wide(parts.header.count) * sizeof(PairRecord), payload.size());
+  parts.pairs = Records<PairRecord>(payload.data() + sizeof(PairsHeader), parts.header.count);
+  return parts;
+}
+
+StatesParts parse_states(std::span<const std::byte> payload) {
+  StatesParts parts;
+  parts.header = head<StatesHeader>(payload, "body states");
+  expect_size(
+      "body states", [&] { return str(parts.header.count) + " bodies"; },
+      sizeof(StatesHeader) + Wide(parts.header.count) * sizeof(BodyStateRecord), payload.size());
+  parts.states = Records<BodyStateRecord>(payload.data() + sizeof(StatesHeader), parts.header.count);
+  return parts;
+}
+
+NewBodyParts parse_new_body(std::span<const std::byte> payload) {
+  NewBodyParts parts;
+  parts.record = head<NewBodyRecord>(payload, "new body");
+  const NewBodyRecord& r = parts.record;
+  expect_size(
+      "new body", [&] { return str(r.vertex_count) + " vertices"; },
+      sizeof(NewBodyRecord) + Wide(r.vertex_count) * sizeof(VertexRecord), payload.size());
+  expect_name(r.name, "new body", 0);
+  if (r.shape > static_cast<std::uint8_t>(BodyShape::kCylinder))
+    bad_query("new body: shape " + str(r.shape) + " is none of 0 to 4");
+  if (r.shape != static_cast<std::uint8_t>(BodyShape::kHull) && r.vertex_count)
+    bad_query("new body: vertices are for a hull alone");
+  if (r.is_static > 1 || r.has_pose > 1) bad_query("new body: is_static and has_pose are 0 or 1");
+  expect_zero(r.reserved, "new body");
+  parts.vertices = Records<VertexRecord>(payload.data() + sizeof(NewBodyRecord), r.vertex_count);
+  return parts;
+}
+
+RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload) {
+  const auto record = head<RemoveBodyRecord>(payload, "remove body");
+  expect_size("remove body", its_contents, sizeof(RemoveBodyRecord), payload.size());
+  expect_name(record.name, "remove body", 0);
+  return record;
+}
+
+SceneChange parse_scene_changed(std::span<const std::byte> payload) {
+  const auto change = head<SceneChange>(payload, "scene changed");
+  expect_size("scene changed", its_contents, sizeof(SceneChange), payload.size());
+  expect_zero(change.reserved, "scene changed");
+  return change;
+}
+
+Records<CounterRecord> parse_stats(std::span<const std::byte> payload) {
+  if (payload.size() % sizeof(CounterRecord))
+    bad_frame("stats: " + str(payload.size()) + " bytes are no whole number of records of " +
+              str(sizeof(CounterRecord)));
+  const Records<CounterRecord> counters(payload.data(), payload.size() / sizeof(CounterRecord));
+  for (std::uint64_t i = 0; i < counters.size(); ++i) expect_name(counters[i].name, "stats: counters", i);
+  return counters;
+}
+
+ErrorParts parse_error(std::span<const std::byte> payload) {
+  ErrorParts parts;
+  parts.header = head<ErrorHeader>(payload, "error");
+  expect_size(
+      "error", [&] { return "a text of " + str(parts.header.text_bytes) + " bytes and its header"; },
+      Wide(sizeof(ErrorHeader)) + parts.header.text_bytes, payload.size());
+  const auto text = payload.subspan(sizeof(ErrorHeader));
+  parts.text.assign(reinterpret_cast<const char*>(text.data()), text.size());
+  return parts;
+}
+
+void parse_empty(std::span<const std::byte> payload, std::uint16_t type) {
+  if (!payload.empty())
+    bad_frame("a " + type_name(type) + " frame has no payload, got " + str(payload.size()) + " bytes");
+}
+
+}  // namespace clearance::wire

@@ -1,0 +1,128 @@
+// kQuery and kPairs: written by clients, checked by the daemon.
+#include "checks.h"
+
+namespace clearance::wire {
+namespace {
+
+Wide query_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t configurations) {
+  return Wide(sizeof(QueryHeader)) + Wide(pairs) * sizeof(PairRecord) + (Wide(bodies) * 4 + 7) / 8 * 8 +
+         Wide(configurations) * bodies * sizeof(ConfigurationRecord);
+}
+
+/// What is wrong with an option's value as it came (a word as its number).
+template <class T>
+[[noreturn]] void refuse_option(const QueryOption& option, T value) {
+  const std::string name = std::string("query: ") + option.name;
+  const Legal& legal = option.legal;
+  if (legal.kind == Legal::Kind::kWord) bad_query(name + " " + str(value) + " is none of 0 to " + str(legal.most));
+  if (legal.kind == Legal::Kind::kBits)
+    bad_query(name + " has unknown bits: " + str(static_cast<std::uint64_t>(value) & ~legal.mask));
+  const std::string range = str(std::int64_t(legal.least)) + " to " + str(std::int64_t(legal.most));
+  bad_query(name + " must be " + (legal.text ? legal.text : range) + ", got " + str(value));
+}
+template <class T>
+void check_option(const QueryOption& option, T value) {
+  const Legal& legal = option.legal;
+  bool is_legal = true;
+  if (legal.kind == Legal::Kind::kWord) is_legal = double(value) <= legal.most;
+  if (legal.kind == Legal::Kind::kBits) is_legal = (static_cast<std::uint64_t>(value) & ~legal.mask) == 0;
+  if (legal.kind == Legal::Kind::kRange) is_legal = double(value) >= legal.least && double(value) <= legal.most;
+  if (!is_legal) refuse_option(option, value);
+}
+
+void check_query_header(const QueryHeader& q) {
+  if (q.all_pairs > 1) bad_query("query: all_pairs " + str(q.all_pairs) + " is none of 0 to 1");
+  if (q.all_pairs && q.pair_count) bad_query("query: all_pairs is set, yet " + str(q.pair_count) + " pairs are named");
+  if (q.configuration_count && !q.body_count)
+    bad_query("query: " + str(q.configuration_count) + " configurations of no bodies");
+  expect_zero(q.padding, "query");
+  expect_zero(q.padding2, "query");
+  expect_zero(q.reserved, "query");
+}
+
+QueryOptions read_options(const QueryHeader& header, std::span<const std::byte> records, PassedOver& passed_over) {
+  QueryOptions options;
+  for_each_query_option([&](const QueryOption& option, auto member) {
+    if constexpr (requires { member(header); }) {
+      check_option(option, member(header));
+      member(options) = static_cast<std::remove_reference_t<decltype(member(options))>>(member(header));
+    }
+  });
+  read_records("query", records, passed_over, [&](const RecordView& record) {
+    bool known = false;
+    for_each_query_option([&](const QueryOption& option, auto member) {
+      using T = std::remove_reference_t<decltype(member(options))>;
+      if (option.tag == 0 || option.tag != record.tag) return;
+      known = true;
+      OptionOnWire<T> value;
+      if (record.bytes.size() != sizeof value)
+        bad_frame("query: " + std::string(option.name) + " (record " + str(option.tag) + ") has " +
+                  str(record.bytes.size()) + " bytes, expected " + str(sizeof value));
+      std::memcpy(&value, record.bytes.data(), sizeof value);
+      check_option(option, value);
+      member(options) = static_cast<T>(value);
+    });
+    return known;
+  });
+  if (options.pose_wait_ns && !options.min_pose_stamp_ns)
+    bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");
+  return options;
+}
+
+}  // namespace
+
+std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t configurations) {
+  constexpr std::uint64_t kMost = std::numeric_limits<std::uint32_t>::max();
+  if (pairs > kMost || bodies > kMost || configurations > kMost ||
+      query_bytes(pairs, bodies, configurations) > kMaxPayloadBytes)
+    throw WireError(ErrorCode::kTooLarge, "query: " + str(pairs) + " pairs and " + str(configurations) +
+                                              " configurations of " + str(bodies) + " bodies do not fit into a frame");
+  return static_cast<std::uint64_t>(query_bytes(pairs, bodies, configurations));
+}
+
+void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,
+                 const void* bodies, const void* configurations, std::span<const std::byte> records) {
+  const auto append = [&frame](const void* data, std::size_t size) {
+    if (size) std::memcpy(frame, data, size);
+    frame += size;
+  };
+  append(&header, sizeof header);
+  append(&query, sizeof query);
+  append(pairs, std::size_t{query.pair_count} * sizeof(PairRecord));
+  append(bodies, std::size_t{query.body_count} * 4);
+  const std::uint32_t zero = 0;
+  append(&zero, query.body_count % 2 * 4);
+  if (header.type == static_cast<std::uint16_t>(FrameType::kQuery))
+    append(configurations, std::size_t{query.configuration_count} * query.body_count * sizeof(ConfigurationRecord));
+  append(records.data(), records.size());
+}
+
+QueryParts parse_query(std::span<const std::byte> payload, bool with_configurations,
+                       std::span<const std::byte> records) {
+  QueryParts parts;
+  parts.header = head<QueryHeader>(payload, "query");
+  const QueryHeader& q = parts.header;
+  const std::uint64_t configurations = with_configurations ? q.configuration_count : 0;
+  expect_size(
+      "query",
+      [&] {
+        return str(q.pair_count) + " pairs, " + str(q.body_count) + " bodies and " + str(configurations) +
+               " configurations";
+      },
+      query_bytes(q.pair_count, q.body_count, configurations), payload.size());
+  check_query_header(q);
+  parts.options = read_options(q, records, parts.passed_over);
+  Cursor cursor(payload.data() + sizeof(QueryHeader));
+  parts.pairs = cursor.take<PairRecord>(q.pair_count);
+  parts.bodies = cursor.take<std::uint32_t>(q.body_count);
+  cursor.skip(q.body_count % 2 * 4);
+  parts.configurations = cursor.take<ConfigurationRecord>(configurations * q.body_count);
+  return parts;
+}
+
+QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> payload) {
+  const PayloadParts parts = split_payload(header, payload);
+  return parse_query(parts.body, header.type == static_cast<std::uint16_t>(FrameType::kQuery), parts.records);
+}
+
+}  // namespace clearance::wire
