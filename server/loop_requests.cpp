@@ -120,6 +120,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
 
 /// The payload of a request of which no record is known. Throws WireError if one of them is required.
 std::span<const std::byte> Loop::without_records(const FrameHeader& header, std::span<const std::byte> payload) {
+  if (header.records_bytes == 0) return payload;
   const wire::PayloadParts parts = wire::split_payload(header, payload);
   wire::PassedOver passed_over;
   wire::read_records(wire::type_name(header.type).c_str(), parts.records, passed_over,
