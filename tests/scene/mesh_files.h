@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,13 @@ std::string print(const char* format, T... values) {
   char text[256];
   std::snprintf(text, sizeof text, format, values...);
   return text;
+}
+
+/// A text with one of its places changed. Throws std::invalid_argument if it has no such place.
+inline std::string replaced(std::string text, const std::string& what, const std::string& with) {
+  const std::size_t at = text.find(what);
+  if (at == std::string::npos) throw std::invalid_argument("there is no " + what);
+  return text.replace(at, what.size(), with);
 }
 
 /// The bytes of a number as they lie in a little-endian file.
