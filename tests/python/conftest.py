@@ -170,3 +170,11 @@ def crowd():
     engine.set_poses(poses)
     rng = np.random.default_rng(10)
     return engine, np.stack([random_poses(rng, 40, 2.5) for _ in range(3)])
+
+
+@pytest.fixture(scope="module")
+def daemon(cell, kinds, tmp_path_factory):
+    """One daemon on every transport there is, for the tests that leave its scene alone."""
+    daemon = Daemon(tmp_path_factory.mktemp("daemon"), cell, [kind for kind, why in kinds.items() if why is None])
+    yield daemon
+    assert daemon.stop() == 0, daemon.log()

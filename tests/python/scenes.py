@@ -122,3 +122,14 @@ def same(a, b, fields=None):
     names = set(a.columns) & set(b.columns) if fields is None else fields
     assert names
     return all(a.columns[name].tobytes() == b.columns[name].tobytes() for name in names)
+
+
+def same_bits(a, b):
+    assert set(a.columns) == set(b.columns)
+    assert a.scene_revision == b.scene_revision
+    for name, column in a.columns.items():
+        other = b.columns[name]
+        assert column.dtype == other.dtype and column.shape == other.shape, name
+        assert column.tobytes() == other.tobytes(), name
+    assert np.array_equal(a.pairs, b.pairs)
+    return True

@@ -3,11 +3,8 @@
 import contextlib
 import gc
 import os
-import pathlib
 import signal
-import sys
 import threading
-import traceback
 
 import numpy as np
 import pytest
@@ -16,20 +13,10 @@ import clearance
 from clearance import Status
 from clearance.wire import ErrorCode
 from patience import PATIENCE_S
-from scenes import at, random_poses
+from scenes import at, random_poses, same_bits
 from threads import turns_beside
 
 EVERY_FIELD = ("default", "points", "normal", "pieces", "flags", "gradient")
-
-
-@pytest.fixture(scope="module")
-def daemon(cell, kinds, tmp_path_factory):
-    """One daemon on every transport there is, for the tests that leave its scene alone."""
-    from conftest import Daemon
-
-    daemon = Daemon(tmp_path_factory.mktemp("daemon"), cell, [kind for kind, why in kinds.items() if why is None])
-    yield daemon
-    assert daemon.stop() == 0, daemon.log()
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +28,6 @@ def engine(cell):
 def client(daemon, kind):
     with clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S) as client:
         yield client
-
-
-def same_bits(a, b):
-    assert set(a.columns) == set(b.columns)
-    assert a.scene_revision == b.scene_revision
-    for name, column in a.columns.items():
-        other = b.columns[name]
-        assert column.dtype == other.dtype and column.shape == other.shape, name
-        assert column.tobytes() == other.tobytes(), name
-    assert np.array_equal(a.pairs, b.pairs)
-    return True
 
 
 ARM = ["shoulder", "upper_arm", "forearm"]
@@ -233,6 +209,30 @@ def test_wrong_arguments_are_named(client, arguments, error, text):
     assert client.distances(pairs=("cup", "ball")).status.size == 1
 
 
+def test_an_option_that_travels_in_a_record(client, engine):
+    """Of wire version 2, over every transport; Python has no code of its own for it."""
+    whole = client.distances(fields=["lower", "upper"])
+    rows = whole.lower.size
+    bytes_needed = 64 + 128 + 2 * -(-8 * rows // 64) * 64
+    assert same_bits(client.distances(fields=["lower", "upper"], max_reply_bytes=bytes_needed), whole)
+    prepared = client.prepare(fields=["lower", "upper"], max_reply_bytes=bytes_needed - 1)
+    for ask in (prepared, lambda: client.submit(fields=["lower", "upper"], max_reply_bytes=bytes_needed - 1).result()):
+        with pytest.raises(
+            clearance.QueryError, match=f"needs {bytes_needed} bytes, more than the max_reply_bytes"
+        ) as error:
+            ask()
+        assert error.value.code == ErrorCode.TOO_LARGE
+    with pytest.raises(ValueError, match="max_reply_bytes: expected an integer >= 0, got -1"):
+        client.distances(max_reply_bytes=-1)
+    with pytest.raises(TypeError, match=r"max_reply_bytes: expected an integer, got 1\.5"):
+        client.distances(max_reply_bytes=1.5)
+    for wrong in ("max_reply_byte", "min_pose_stamp", "signed_distance"):
+        with pytest.raises(TypeError, match=f"unexpected keyword argument '{wrong}'"):
+            client.distances(**{wrong: 1})
+    with pytest.raises(TypeError, match="unexpected keyword argument 'max_reply_bytes', or one for a daemon alone"):
+        engine.distances(max_reply_bytes=1)
+
+
 # ---- answers that are views -----------------------------------------------------------------------------------------
 
 
@@ -343,179 +343,6 @@ def test_two_threads_on_one_client(client, engine):
     for thread in threads:
         thread.join()
     assert not failures
-
-
-# ---- what goes wrong ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("kind", ["shm", "ipc"])
-def test_a_client_finds_the_next_daemon(start_daemon, cell, kind):
-    first = start_daemon(cell, [kind])
-    client = clearance.connect(first.urls[kind], timeout_s=PATIENCE_S)
-    expected = client.distances(pairs=("cup", "*"))
-    os.kill(first.process.pid, signal.SIGSTOP)
-    future = client.submit(pairs=("cup", "*"))
-    first.process.kill()
-    first.process.wait()
-    with pytest.raises(clearance.ConnectionError):
-        future.result()
-    with pytest.raises(clearance.ConnectionError):
-        client.distances(pairs=("cup", "*"))
-    second = type(first)(pathlib.Path(first.urls[kind].partition("://")[2]).parent, cell, [kind])
-    try:
-        assert same_bits(client.distances(pairs=("cup", "*")), expected)
-        with pytest.raises(clearance.ConnectionError):
-            future.result()  # what the first daemon left unanswered stays so
-    finally:
-        second.stop()
-
-
-def test_timeout_and_recovery(start_daemon, cell, kind):
-    daemon = start_daemon(cell, [kind])
-    client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
-    expected = client.distances(pairs=("cup", "*"))
-    os.kill(daemon.process.pid, signal.SIGSTOP)
-    with pytest.raises(clearance.TimeoutError, match=r"no answer within 0\.05 s"):
-        client.distances(pairs=("cup", "*"), timeout_s=0.05)
-    future = client.submit(pairs=("cup", "*"), timeout_s=0.05)
-    with pytest.raises(TimeoutError):
-        future.result()
-    assert not future.done()
-    client.timeout_s = 0.05
-    assert client.timeout_s == 0.05
-    with pytest.raises(clearance.TimeoutError):
-        client.stats()
-    os.kill(daemon.process.pid, signal.SIGCONT)
-    client.timeout_s = PATIENCE_S
-    assert same_bits(future.result(timeout=PATIENCE_S), expected), "result() may be called again"
-    assert same_bits(client.distances(pairs=("cup", "*")), expected)
-
-
-def test_a_daemon_that_ends_is_noticed(start_daemon, cell, kinds):
-    kind = "ipc" if kinds["shm"] else "shm"
-    daemon = start_daemon(cell, [kind])
-    client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
-    client.distances()
-    future = client.submit()
-    future.result()
-    assert daemon.stop() == 0
-    with pytest.raises(clearance.ConnectionError) as info:
-        client.distances()
-    assert isinstance(info.value, ConnectionError) and daemon.urls[kind] in str(info.value)
-    with pytest.raises(clearance.ConnectionError):
-        clearance.connect(daemon.urls[kind], timeout_s=1)
-
-
-@pytest.mark.parametrize("url, error, text", [
-    ("ipc:///nowhere/clearance.ipc", clearance.ConnectionError, r"ipc:///nowhere/clearance.ipc: no such socket"),
-    ("shm:///nowhere/clearance.sock", clearance.ConnectionError, r"shm:///nowhere/clearance.sock"),
-    ("http://localhost", ValueError, r'"http://localhost" is no url of a daemon: expected shm:///path'),
-    ("", ValueError, r"is no url of a daemon"),
-    (b"ipc:///x", TypeError, r"url: expected a string, got b'ipc:///x'"),
-    (None, TypeError, r"url: expected a string, got None"),
-])  # fmt: skip
-def test_bad_urls(url, error, text):
-    with pytest.raises(error, match=text):
-        clearance.connect(url, timeout_s=0.2)
-
-
-@pytest.mark.parametrize(
-    "timeout, error", [(-1, ValueError), (float("nan"), ValueError), ("1", TypeError), (None, TypeError)]
-)
-def test_bad_timeouts(timeout, error):
-    with pytest.raises(error, match="timeout_s: expected a number"):
-        clearance.connect("ipc:///nowhere", timeout_s=timeout)
-
-
-def test_closed_client(ipc):
-    client = clearance.connect(ipc.urls["ipc"])
-    client.close()
-    assert repr(client).endswith("(closed)>")
-    for call in (client.distances, client.stats, client.body_states, client.refresh):
-        with pytest.raises(clearance.ConnectionError, match="this client is closed"):
-            call()
-
-
-def test_a_forked_child_must_connect_anew(daemon, kind):
-    url = daemon.urls[kind]
-    client = clearance.connect(url, timeout_s=PATIENCE_S)
-    expected = client.distances(pairs=("cup", "*"))
-    view = client.distances(pairs=("cup", "*"), copy=False)
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:
-        try:
-            texts = []
-            for call in (client.distances, client.stats):
-                try:
-                    call()
-                    texts.append("no error")
-                except clearance.ConnectionError as error:
-                    texts.append(str(error))
-            del view, client
-            gc.collect()
-            fresh = clearance.connect(url, timeout_s=PATIENCE_S)
-            texts.append(fresh.distances(pairs=("cup", "*")).lower.tobytes().hex())
-            os.write(write, "\n".join(texts).encode())
-        finally:
-            os._exit(0)
-    os.close(write)
-    with os.fdopen(read) as pipe:
-        lines = pipe.read().splitlines()
-    os.waitpid(child, 0)
-    assert len(lines) == 3 and all("must connect anew" in line for line in lines[:2]), lines
-    assert lines[2] == expected.lower.tobytes().hex()
-    assert same_bits(client.distances(pairs=("cup", "*")), expected), "the parent's connection is as it was"
-    assert np.array_equal(view.lower, expected.lower)
-
-
-def test_a_fork_while_another_thread_waits(ipc):
-    """The lock that the other thread held does not stop the child."""
-    client = clearance.connect(ipc.urls["ipc"], timeout_s=PATIENCE_S)
-    view = client.distances(copy=False)
-    os.kill(ipc.process.pid, signal.SIGSTOP)
-    thread = threading.Thread(target=client.distances)
-    thread.start()
-    while "_guarded" not in [frame.name for frame in traceback.extract_stack(sys._current_frames()[thread.ident])]:
-        pass
-    for _ in range(20):
-        child = os.fork()
-        if child == 0:
-            signal.alarm(PATIENCE_S)
-            try:
-                client.distances()
-            except clearance.ConnectionError as error:
-                del view
-                os._exit(0 if "must connect anew" in str(error) else 1)
-            os._exit(2)
-        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    os.kill(ipc.process.pid, signal.SIGCONT)
-    thread.join()
-    assert client.distances().lower.tobytes() == view.lower.tobytes()
-
-
-def test_an_option_that_travels_in_a_record(client, engine):
-    """Of wire version 2, over every transport; Python has no code of its own for it."""
-    whole = client.distances(fields=["lower", "upper"])
-    rows = whole.lower.size
-    bytes_needed = 64 + 128 + 2 * -(-8 * rows // 64) * 64
-    assert same_bits(client.distances(fields=["lower", "upper"], max_reply_bytes=bytes_needed), whole)
-    prepared = client.prepare(fields=["lower", "upper"], max_reply_bytes=bytes_needed - 1)
-    for ask in (prepared, lambda: client.submit(fields=["lower", "upper"], max_reply_bytes=bytes_needed - 1).result()):
-        with pytest.raises(
-            clearance.QueryError, match=f"needs {bytes_needed} bytes, more than the max_reply_bytes"
-        ) as error:
-            ask()
-        assert error.value.code == ErrorCode.TOO_LARGE
-    with pytest.raises(ValueError, match="max_reply_bytes: expected an integer >= 0, got -1"):
-        client.distances(max_reply_bytes=-1)
-    with pytest.raises(TypeError, match=r"max_reply_bytes: expected an integer, got 1\.5"):
-        client.distances(max_reply_bytes=1.5)
-    for wrong in ("max_reply_byte", "min_pose_stamp", "signed_distance"):
-        with pytest.raises(TypeError, match=f"unexpected keyword argument '{wrong}'"):
-            client.distances(**{wrong: 1})
-    with pytest.raises(TypeError, match="unexpected keyword argument 'max_reply_bytes', or one for a daemon alone"):
-        engine.distances(max_reply_bytes=1)
 
 
 def test_the_gil_is_released_while_waiting(ipc):

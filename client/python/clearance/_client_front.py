@@ -12,10 +12,11 @@ import clearance._client as _client
 
 from ._arguments import to_bool, to_floats, to_number, to_number_from_0, to_numbers, to_path, to_text
 from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyRef, BodyState, Front, PosesDone, Query, SceneChanged
+from ._front import BodyRef, BodyState, Front, PosesDone, SceneChanged
 from ._future import Future
 from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose
+from ._query import Query
 from ._result import Result
 from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce, Status
 from .wire import ErrorCode

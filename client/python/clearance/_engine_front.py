@@ -13,9 +13,10 @@ import clearance._engine as _engine
 
 from ._arguments import to_bool, to_count, to_integer, to_list, to_word
 from ._errors import TimeoutError
-from ._front import POINTS_BY_DEFAULT, BodyState, Front, PosesDone, Query
+from ._front import BodyState, Front, PosesDone
 from ._future import EngineFuture, Worker
 from ._names import NameTable
+from ._query import POINTS_BY_DEFAULT, Query
 from ._scene import Scene, name_table
 from ._words import BACKENDS, DEFAULT_FIELDS, NONE, Status
 

@@ -15,24 +15,20 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_bool, to_count, to_integer, to_number, to_number_from_0, to_option, to_word
+from ._arguments import to_count, to_integer
 from ._errors import QueryError
 from ._future import Future
-from ._names import BodyInfo, NameTable, has_selectors
+from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose, as_pose7, stack_poses
-from ._result import Out, Result, fields_mask, out_arrays
-from ._words import COLUMNS, EVERY_BODY, FORMATS, NONE, PRECISIONS, REDUCTIONS, Field, Status
+from ._query import NO_WAIT, Parser, Query
+from ._result import Out, Result
+from ._words import NONE, Status
 
 BodyRef = Union[str, int]
-_NO_WAIT = (
-    "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
-)
 Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
 
 _TableKey = tuple[int, Optional[bytes], Optional[bytes]]  #: scene revision, pairs and bodies
 _TABLES_KEPT = 16
-#: Beside the bits of columns: the extension module adds points and normal if there are few rows.
-POINTS_BY_DEFAULT = 1 << 31
 
 
 @dataclass(frozen=True)
@@ -68,27 +64,7 @@ class BodyState:
     age_ns: Optional[int]  #: since it was received; None: never
 
 
-class Query:
-    """A query with every argument parsed: what is sent, and what is needed to shape the answer."""
-
-    __slots__ = ("raw", "reduce", "pairs", "selects", "bodies", "out", "timeout_s", "copy", "max_results")
-
-    raw: Any  #: the extension module's Query
-    reduce: int
-    pairs: Optional[np.ndarray]
-    selects: bool  #: some pair stands for more than one
-    bodies: Optional[np.ndarray]
-    out: Optional[dict[str, np.ndarray]]
-    timeout_s: Optional[float]
-    copy: bool
-    max_results: int
-
-    def out_list(self) -> Optional[list[Optional[np.ndarray]]]:
-        """The arrays to write into, one entry for each column, as the extension modules take them."""
-        return None if self.out is None else [self.out.get(name) for name in COLUMNS]
-
-
-class Front:
+class Front(Parser):
     """Methods of both clearance.Engine and clearance.Client."""
 
     def __init__(self) -> None:
@@ -98,9 +74,6 @@ class Front:
 
     # ---- for subclasses -------------------------------------------------------------------------------------------
 
-    _module: Any  # the extension module, which has Query
-    _waits = False  # whether queries may wait for poses
-
     def _load_names(self) -> NameTable:
         raise NotImplementedError
 
@@ -109,10 +82,6 @@ class Front:
         raise NotImplementedError
 
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
-        raise NotImplementedError
-
-    def _default_fields(self, query: Query, configurations: int) -> int:
-        """Column bits where none are asked for: points and normal come if there are few rows."""
         raise NotImplementedError
 
     def _answer(self, query: Query) -> Any:
@@ -355,103 +324,6 @@ class Front:
         )  # fmt: skip
         return self._start(query)
 
-    def _parse(  # type: ignore[no-untyped-def]  # the arguments of distances() are said once
-        self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-        out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, **more,
-    ) -> Query:  # fmt: skip
-        query = Query()
-        query.pairs = None if pairs is None else self._names.pairs_array(pairs)
-        query.selects = query.pairs is not None and has_selectors(query.pairs)
-        query.bodies = None
-        poses = None
-        count = 1
-        if configurations is not None:
-            poses, query.bodies = self._configurations(configurations, bodies)
-            count = len(poses)
-        elif bodies is not None:
-            raise ValueError("bodies: only together with configurations")
-
-        query.reduce = to_word(reduce, REDUCTIONS, "reduce")
-        format_word = to_word(format, FORMATS, "format")
-        query.out = None if out is None else out_arrays(out)
-        query.timeout_s = None if timeout_s is None else to_number_from_0(timeout_s, "timeout_s")
-        query.copy = to_bool(copy, "copy")
-        if query.out is not None and not query.copy:
-            raise ValueError("copy: out= is a copy; expected copy=True")
-        query.max_results = to_count(max_results, "max_results")
-        mask = self._mask(query, fields, format_word, count)
-        raw = query.raw = self._module.Query(query.pairs, query.bodies, poses, bool(mask & POINTS_BY_DEFAULT))
-        raw.max_distance = to_number(max_distance, "max_distance")
-        raw.abs_tol = to_number(abs_tol, "abs_tol")
-        raw.rel_tol = -1.0 if rel_tol is None else to_number_from_0(rel_tol, "rel_tol", " or None")
-        raw.precision = to_word(precision, PRECISIONS, "precision")
-        raw.signed_distance = to_bool(signed, "signed")
-        raw.reduce = query.reduce
-        raw.format = format_word
-        raw.fields = mask & ~POINTS_BY_DEFAULT
-        raw.max_results = query.max_results
-        raw.max_pose_age_ns = to_count(max_pose_age_ns, "max_pose_age_ns")
-        raw.warm = to_bool(warm, "warm")
-        if more:
-            self._add_options(raw, more)
-        stamp_ns, wait_s = to_count(min_pose_stamp_ns, "min_pose_stamp_ns"), to_number(pose_wait_s, "pose_wait_s")
-        every = isinstance(wait_for, str) and wait_for == "*"
-        waited_for = EVERY_BODY if every else self._names.selector(wait_for, "wait_for")
-        if not 0 <= wait_s <= 10:
-            raise ValueError(f"pose_wait_s: expected 0 to 10 seconds, got {pose_wait_s}")
-        if stamp_ns or wait_s or waited_for != EVERY_BODY:
-            if not self._waits:
-                raise ValueError(_NO_WAIT)
-            raw.min_pose_stamp_ns, raw.pose_wait_ns, raw.wait_for = stamp_ns, round(1e9 * wait_s), waited_for
-        return query
-
-    def _add_options(self, raw: Any, more: Mapping[str, Any]) -> None:
-        """Options without a parameter of their own: those of wire/query_options.h that travel in records."""
-        for name, value in more.items():
-            if name not in self._module.OPTIONS:
-                raise TypeError(f"distances() got an unexpected keyword argument {name!r}, or one for a daemon alone")
-            tag, kind, _, words, *_ = self._module.OPTIONS[name]
-            if not tag:
-                raise TypeError(f"distances() got an unexpected keyword argument {name!r}")
-            setattr(raw, name, to_option(value, kind, words, name))
-
-    def _configurations(self, configurations: Any, bodies: Any) -> tuple[np.ndarray, np.ndarray]:
-        poses = as_pose7(configurations, "configurations")
-        names = self._names
-        ids = names.movable if bodies is None else names.bodies_array(bodies, "bodies")
-        if poses.ndim != 3:
-            raise ValueError(
-                f"configurations: expected shape (K, M, 7) or (K, M, 4, 4), got {np.shape(configurations)}"
-            )
-        if poses.shape[1] != len(ids):
-            whose = "every movable body" if bodies is None else "bodies"
-            raise ValueError(
-                f"configurations: expected M = {len(ids)} poses each ({whose}), got shape {np.shape(configurations)}"
-            )
-        if len(ids) == 0:
-            raise ValueError("bodies: expected at least one")
-        if len(poses) == 0:
-            raise ValueError(f"configurations: expected at least one, got shape {np.shape(configurations)}")
-        return poses, ids
-
-    def _mask(self, query: Query, fields: Any, format_word: int, configurations: int) -> int:
-        """Column bits of the query; POINTS_BY_DEFAULT: the answering side decides about points and normal."""
-        if query.out is not None:
-            held = fields_mask(tuple(query.out))
-            if fields is None:
-                return held
-            mask = fields_mask(fields)
-            for name in _names_of(mask & ~held):
-                raise ValueError(f"out: no array for the column {name!r}, which fields names")
-            for name in _names_of(held & ~mask):
-                raise ValueError(f"out: holds {name!r}, which fields does not name")
-            return mask
-        if fields is not None:
-            return fields_mask(fields)
-        if format_word:
-            return int(Field.COMPACT | Field.STATUS)
-        return self._default_fields(query, configurations)
-
     def _result(self, query: Query, answer: Any) -> Result:
         return Result(answer, query.reduce, query.out, self._known_pairs(query), _TableOf(self, query))
 
@@ -485,7 +357,7 @@ class Prepared:
         query = self._query
         if min_pose_stamp_ns is not None:
             if not self._front._waits:
-                raise ValueError(_NO_WAIT)
+                raise ValueError(NO_WAIT)
             query.raw.min_pose_stamp_ns = to_count(min_pose_stamp_ns, "min_pose_stamp_ns")
         return Result(self._front._answer(query), query.reduce, query.out, self._pairs, self._table)
 
@@ -504,7 +376,3 @@ class _TableOf:
         if self.front._scene_revision() != revision:
             raise QueryError(2, "pairs: the scene has changed since this answer; ask for pairs before changing it")
         return table
-
-
-def _names_of(mask: int) -> list[str]:
-    return [str(field.name).lower() for field in Field if mask & field]
