@@ -25,25 +25,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     s.chunks = chunks_;
     s.all_pairs = plan_.size.pairs;
     s.warm = take_warm(plan_.size.configurations * plan_.size.pairs);
-    launch_while_copying([&] {
-      workspace_->begin(s);
-      slots_ = static_cast<std::uint64_t>(workspace_->slots());
-      launch_ahead();
-    });
-  }
-
-  bool advance(std::chrono::nanoseconds budget) override {
-    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
-    while (finished_ < chunks_) {
-      launch_ahead();
-      finish(finished_++);
-      if (finished_ < chunks_ && Clock::now() >= deadline) return false;
-    }
-    info.rows = info.total = plan_.size.rows;
-    info.pairs_evaluated = evaluated_;
-    context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
-    backend_.queries.fetch_add(1, std::memory_order_relaxed);
-    return true;
+    begin_chunks(*workspace_, s);
   }
 
  private:
@@ -61,11 +43,9 @@ class DenseDeviceQuery final : public DeviceQuery {
     return {&part, first, configurations, first * plan_.size.pairs + part.first};
   }
 
-  void launch_ahead() {
-    while (launched_ < chunks_ && launched_ < finished_ + slots_) launch(launched_++);
-  }
+  void end() override { info.rows = info.total = plan_.size.rows; }
 
-  void launch(std::uint64_t index) {
+  void launch(std::uint64_t index) override {
     const Chunk c = chunk(index);
     const bool is_last = c.configurations != deal_->configurations;
     const PairDeal::Part::Groups& g = is_last ? c.part->last : c.part->whole;
@@ -91,7 +71,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     workspace_->launch(slot, s, direct);
   }
 
-  void finish(std::uint64_t index) {
+  void finish(std::uint64_t index) override {
     const Chunk c = chunk(index);
     const ChunkResult r = workspace_->finish(static_cast<int>(index % slots_));
     const std::uint64_t rows = std::uint64_t{c.configurations} * c.part->count;
@@ -120,7 +100,6 @@ class DenseDeviceQuery final : public DeviceQuery {
   }
 
   std::shared_ptr<const PairDeal> deal_;
-  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0;
   std::vector<std::uint32_t> cpu_rows_;
   std::shared_ptr<Workspace> workspace_;  // the last member: the first to go, and to wait for the device
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <exception>
 
 #include "engine/device/reply_columns.h"
 
@@ -121,6 +122,49 @@ void DeviceQuery::chain_moved(QuerySetup& s) {
   s.own = own_;
   s.base = base_;
   s.has_base = has_base_;
+}
+
+void DeviceQuery::begin_chunks(QueryWorkspace& workspace, const QuerySetup& setup) {
+  const auto begin = [&] {
+    workspace.begin(setup);
+    slots_ = static_cast<std::uint64_t>(workspace.slots());
+    launch_ahead();
+  };
+  if (!poses_) return begin();
+  std::exception_ptr failure;  // an exception may not leave a parallel region
+  const bool is_large = poses_->is_large();
+#pragma omp parallel num_threads(workers()) if (is_large)
+  {
+    if (omp_get_thread_num() == 0) {
+      try {
+        begin();
+      } catch (...) {
+        failure = std::current_exception();
+      }
+    }
+    while (poses_->copy_block()) {
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
+  plan_.configurations = {pinned_poses_, plan_.configurations.size()};
+}
+
+void DeviceQuery::launch_ahead() {
+  while (launched_ < chunks_ && launched_ < finished_ + slots_) launch(launched_++);
+}
+
+bool DeviceQuery::advance(std::chrono::nanoseconds budget) {
+  const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
+  while (finished_ < chunks_) {
+    launch_ahead();
+    finish(finished_++);
+    if (finished_ < chunks_ && Clock::now() >= deadline) return false;
+  }
+  end();
+  info.pairs_evaluated = evaluated_;
+  context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+  backend_.queries.fetch_add(1, std::memory_order_relaxed);
+  return true;
 }
 
 void DeviceQuery::give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& chunk) {

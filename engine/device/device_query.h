@@ -1,4 +1,5 @@
-// What dense and reduced queries on a device have in common: poses on their way there, and rows that the CPU answers.
+// What dense and reduced queries on a device have in common: poses on their way there, chunks that follow each other,
+// and rows that the CPU answers.
 #pragma once
 
 #include <atomic>
@@ -18,6 +19,7 @@ class DeviceQuery : public ParallelJob {
 
   /// Sends what the query needs to the device. Throws DeviceError, as advance() does.
   virtual void begin() = 0;
+  bool advance(std::chrono::nanoseconds budget) final;
   /// The plan, for the CPU to answer it from the beginning.
   Plan give_up();
 
@@ -31,27 +33,14 @@ class DeviceQuery : public ParallelJob {
   QuerySetup setup(QueryWorkspace& workspace);
   /// The client's warm state of so many rows, if it keeps one. The workspace must be let go before this is.
   ResidentWarm* take_warm(std::uint64_t rows);
-  /// Calls what starts the first chunks, while other threads copy the poses of configurations: the caller's memory is
-  /// free once the query has begun.
-  template <class Launch>
-  void launch_while_copying(Launch launch) {
-    if (!poses_) return launch();
-    std::exception_ptr failure;  // an exception may not leave a parallel region
-#pragma omp parallel num_threads(workers()) if (poses_ -> is_large())
-    {
-      if (omp_get_thread_num() == 0) {
-        try {
-          launch();
-        } catch (...) {
-          failure = std::current_exception();
-        }
-      }
-      while (poses_->copy_block()) {
-      }
-    }
-    if (failure) std::rethrow_exception(failure);
-    plan_.configurations = {pinned_poses_, plan_.configurations.size()};
-  }
+  /// Begins chunks_ chunks: the first ones at once, while other threads copy the poses of configurations, so that the
+  /// caller's memory is free once the query has begun.
+  void begin_chunks(QueryWorkspace& workspace, const QuerySetup& setup);
+  /// Starts a chunk on the device, and takes what it has made of one. Both come in order.
+  virtual void launch(std::uint64_t chunk) = 0;
+  virtual void finish(std::uint64_t chunk) = 0;
+  /// Says in `info` how many rows there are, once all chunks are finished.
+  virtual void end() = 0;
   /// The poses of a slot's next chunk, pinned. Chunks come in order.
   void give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
   /// Copies rows of a column that the device could not write itself.
@@ -89,6 +78,7 @@ class DeviceQuery : public ParallelJob {
   std::uint32_t fields_ = 0;  ///< columns that are wanted, Field bits
   ReplyView direct_;          ///< those of them in pinned memory
   std::atomic<std::uint64_t> evaluated_{0};
+  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0;  ///< chunks take the workspace's slots in turn
 
  private:
   static constexpr std::uint64_t kRestUnit = 16;  // rows that a thread finishes at a time
@@ -96,6 +86,7 @@ class DeviceQuery : public ParallelJob {
     std::vector<PlacedBodies> asked;
     std::vector<PairAnswer> answers;
   };
+  void launch_ahead();
   void find_direct_columns();
   void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);
   void place_fixed(const FixedBodies& fixed);

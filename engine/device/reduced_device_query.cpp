@@ -49,35 +49,15 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.most_rows = plan_.size.rows;
     s.by_teams = by_teams;
     s.warm = take_warm(K * P);
-    launch_while_copying([&] {
-      workspace_->begin(s);
-      slots_ = static_cast<std::uint64_t>(workspace_->slots());
-      launch_ahead();
-    });
-  }
-
-  bool advance(std::chrono::nanoseconds budget) override {
-    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
-    while (finished_ < chunks_) {
-      launch_ahead();
-      finish(finished_++);
-      if (finished_ < chunks_ && Clock::now() >= deadline) return false;
-    }
-    info.rows = written_;
-    info.pairs_evaluated = evaluated_;
-    context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
-    backend_.queries.fetch_add(1, std::memory_order_relaxed);
-    return true;
+    begin_chunks(*workspace_, s);
   }
 
  private:
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
 
-  void launch_ahead() {
-    while (launched_ < chunks_ && launched_ < finished_ + slots_) launch(launched_++);
-  }
+  void end() override { info.rows = written_; }
 
-  void launch(std::uint64_t index) {
+  void launch(std::uint64_t index) override {
     const int slot = static_cast<int>(index % slots_);
     ChunkSetup s;
     s.first_configuration = index * configurations_;
@@ -94,7 +74,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     workspace_->launch(slot, s, direct);
   }
 
-  void finish(std::uint64_t index) {
+  void finish(std::uint64_t index) override {
     const int slot = static_cast<int>(index % slots_);
     ReducedResult r = workspace_->finish(slot);
     if (!r.rest.empty()) {
@@ -129,7 +109,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
   std::shared_ptr<const PairListOnDevice> list_;  // one of the two
   std::shared_ptr<const TableOnDevice> table_;
   std::uint64_t groups_, configurations_ = 1;  // of one configuration; of one chunk
-  std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0, written_ = 0;
+  std::uint64_t written_ = 0;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> order_;
   std::vector<PairAnswer> answers_;
   std::shared_ptr<ReducedWorkspace> workspace_;  // the last member: the first to go, and to wait for the device

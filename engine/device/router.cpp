@@ -10,7 +10,8 @@ namespace clearance::cuda {
 namespace {
 
 // A first guess, by kind: ns for each pair-configuration on one thread of a CPU and on a device, and what a query costs
-// besides. Rounded from docs/results/gpu_nvidia_h100_80gb_hbm3.csv.
+// besides. Of the order that machines have (docs/results/gpu_*.csv), rather too near each other than too far: only a
+// backend that is not thought much slower is tried, and then what it took counts.
 struct Guess {
   double cpu, device;
 };
