@@ -98,10 +98,6 @@ void take_lane(const EvaluateOptions& options, const PieceTask& task, const Lane
     answer.flags |= kFlagNonsmooth;
 }
 
-}  // namespace
-
-namespace {
-
 // How many bodies there may be in so many pairs; one in two placements counts as two.
 std::size_t most_bodies(const Scene& scene, std::span<const PlacedBodies> pairs) {
   const bool one_placement =

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <functional>
 #include <memory>
-#include <span>
 
 #include "engine/narrow/lanes.h"
 #include "engine/narrow/warm.h"
