@@ -163,97 +163,133 @@ class Decision {
     next_ += 32 * kLanes;
   }
 
+  // The pair that a thread looks at.
+  struct Look {
+    const bool there;  // else it goes along with another thread's pair, and adds nothing
+    const std::uint32_t member;
+    const Where at_a, at_b;
+    const HullHead *head_a, *head_b;
+    const Hull<SceneVertices> a, b;
+    const Place<double> place;
+    PairAnswer answer;
+    const bool runs;  // its poses and boxes do not answer it
+    Run<Hull<SceneVertices>> run;
+    bool apart;  // is proved, so far
+
+    __device__ Look(const ChunkView& c, bool is_there, std::uint32_t i, PairRef ref, std::uint32_t k)
+        : there(is_there),
+          member(i),
+          at_a(c.bodies, c.configurations, ref.a, k),
+          at_b(c.bodies, c.configurations, ref.b, k),
+          head_a(head_of(c, ref.a)),
+          head_b(head_of(c, ref.b)),
+          a(scene_hull(c.hulls, head_a)),
+          b(scene_hull(c.hulls, head_b)),
+          place(place_pair<double>(at_a, *head_a, at_b, *head_b)),
+          runs(!answer_without_pieces(c.question, at_a, at_b, answer) && is_there),
+          run(c.question, a, b, place),
+          apart(is_there && !runs) {}
+  };
+
   // Looks at the pairs that are queued, a thread for each.
   __device__ void look() {
     const bool there = !decided_ && team_.lane < queued_ && members_.has_poses(queue_[team_.lane]);
     const std::uint32_t all_there = __ballot_sync(~0u, there);
     if (all_there == 0) return;
-    // Threads without a pair go along with another's, and add nothing.
     const int source = static_cast<int>(there ? threadIdx.x % 32 : first_bit(all_there));
     const std::uint32_t member = there ? queue_[team_.lane] : 0;
-    PairRef ref = members_.ref(member);
-    ref = {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)};
-    const std::uint32_t k = __shfl_sync(~0u, members_.k, source);
-    const Where at_a(c_.bodies, c_.configurations, ref.a, k), at_b(c_.bodies, c_.configurations, ref.b, k);
-    const HullHead *head_a = head_of(c_, ref.a), *head_b = head_of(c_, ref.b);
-    const Hull<SceneVertices> a = scene_hull(c_.hulls, head_a), b = scene_hull(c_.hulls, head_b);
-    const Place<double> place = place_pair<double>(at_a, *head_a, at_b, *head_b);
-    PairAnswer answer;
-    const bool runs = !answer_without_pieces(c_.question, at_a, at_b, answer) && there;
-    Run<Hull<SceneVertices>> run(c_.question, a, b, place);
-    if (kWarm && runs) run.begin_at(*warm_row(r_, members_.row(member)));
+    const PairRef ref = members_.ref(member);
+    Look pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
+              __shfl_sync(~0u, members_.k, source));
+    if (kWarm && pair.runs) pair.run.begin_at(*warm_row(r_, members_.row(member)));
+    const std::uint32_t enclosing = race(pair);
+    if (kWarm && pair.runs) *warm_row(r_, members_.row(member)) = pair.run.end();
+    add_count(c_.counts + kSettledRows, pair.runs);
 
-    // Without depths the first pair that overlaps has won: what comes after it waits, and before it all that is asked
-    // is whether a pair is proved to be apart.
-    const double margin = run.radius + rounding_error(double(RoundingUnits<double>::kLower), run.scale);
-    const double apart_from = margin * margin * (1 + 0x1p-30);
-    bool apart = there && !runs;
-    std::uint32_t enclosing = 0;
-    for (int steps = 0;;) {
-      enclosing = team_.ballot(runs && run.g.end == Gjk<double>::code(GjkEnd::kEncloses) && run.g.simplex.size == 4);
-      const bool goes_on =
-          runs && run.g.end == 0 && (enclosing & bits_before(team_.lane)) == 0 && !(enclosing != 0 && apart);
-      if (!__any_sync(~0u, goes_on)) break;
-      if (!goes_on) continue;
-      const double vv = squared_norm(run.g.v);
-      run.step();
-      apart = apart || (run.g.gap > 0 && run.g.gap * run.g.gap > apart_from * vv);
-      if (run.g.end == 0 && ++steps >= c_.question.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
-    }
-    if (kWarm && runs) *warm_row(r_, members_.row(member)) = run.end();
-    add_count(c_.counts + kSettledRows, runs);
-
-    bool unsure = false, overlaps = false;
-    if (there && enclosing != 0 && team_.lane == first_bit(enclosing)) {
-      Enclosed enclosed;
-      take_enclosed(run.g, enclosed);
-      overlaps = proved(c_, enclosed, at_a, at_b, answer) == Outcome::kSettled;
-      unsure = !overlaps;
-    } else if (enclosing != 0) {
-      unsure = runs && team_.lane < first_bit(enclosing) && !apart;
-    }
-    const bool overlap = team_.ballot(overlaps) != 0;
-
-    // Without an overlap bounds tell.
-    const bool ends = there && enclosing == 0;
-    if (__any_sync(~0u, ends || unsure)) {
-      const RunBounds<double> bounds = run.bounds();
-      const bool settles = ends && (!runs || bounds.settled);
-      unsure = unsure || (ends && !settles);
-      const double lower = runs ? bounds.lower : answer.lower, upper = runs ? bounds.upper : answer.upper;
-      const std::uint64_t u = settles ? order_key(upper) : kNoKey, least_u = team_.least(u);
-      const std::uint64_t n = settles && u == least_u ? order_key(upper < __builtin_inf() ? 0 : lower) : kNoKey,
-                          least_n = team_.least(n);
-      const std::uint32_t nearest = team_.ballot(settles && u == least_u && n == least_n);
-      const std::uint64_t least_lower =
-          team_.least(settles ? order_key(lower_with_box(lower, certify_box_gap(at_a.box(), at_b.box()))) : kNoKey);
-      const double least_limit = team_.least(there ? (runs ? upper_so_far(run) : lower) : __builtin_inf());
-      if (nearest != 0 && is_better(least_u, least_n, queue_[first_bit(nearest)])) {
-        upper_ = least_u, beyond_ = least_n, member_ = queue_[first_bit(nearest)];
-        if (team_.lane == first_bit(nearest)) {
-          if (runs)
-            take_settled<false>(c_.question, PairHulls<Hull<SceneVertices>>{a, b}, at_a, at_b, place, run.g, bounds,
-                                answer);
-          r_.answers[at_] = answer;
-        }
-      }
-      if (least_lower < lower_) lower_ = least_lower;
-      if (least_limit < cutoff_) cutoff_ = least_limit;
-      reach_ = fminf(reach_, square_from_above(cutoff_));
-    }
-    const bool opens = team_.ballot(unsure) != 0;
+    const bool overlaps = proves_overlap(pair, enclosing);
+    bool unsure = is_unsure_of_overlap(pair, enclosing, overlaps);
+    if (__any_sync(~0u, unsure || (there && enclosing == 0)))
+      unsure = !take_bounds(pair, there && enclosing == 0) || unsure;
+    const bool opens = team_.ballot(unsure) != 0, overlap = team_.ballot(overlaps) != 0;
     if (opens) {
       is_open_ = decided_ = true;
     } else if (overlap) {
       decided_ = true;
-      member_ = queue_[first_bit(enclosing)];
-      lower_ = order_key(0.0);
-      if (overlaps) r_.answers[at_] = answer;
+      best_.place = queue_[first_bit(enclosing)];
+      lower_ = 0;
+      if (overlaps) r_.answers[at_] = pair.answer;
     }
     if (__any_sync(~0u, opens)) list(opens);
   }
-  __device__ bool is_better(std::uint64_t u, std::uint64_t n, std::uint32_t m) const {
-    return u != upper_ ? u < upper_ : n != beyond_ ? n < beyond_ : m < member_;
+
+  // Runs GJK on the team's pairs, side by side. Without depths the first pair that overlaps has won: what comes after
+  // it waits, and before it all that is asked is whether a pair is proved to be apart. Returns a bit for each pair
+  // whose simplex holds the origin.
+  __device__ __forceinline__ std::uint32_t race(Look& pair) const {
+    auto& run = pair.run;
+    const double margin = run.radius + rounding_error(double(RoundingUnits<double>::kLower), run.scale);
+    const double apart_from = margin * margin * (1 + 0x1p-30);
+    for (int steps = 0;;) {
+      const std::uint32_t enclosing =
+          team_.ballot(pair.runs && run.g.end == Gjk<double>::code(GjkEnd::kEncloses) && run.g.simplex.size == 4);
+      const bool goes_on =
+          pair.runs && run.g.end == 0 && (enclosing & bits_before(team_.lane)) == 0 && !(enclosing != 0 && pair.apart);
+      if (!__any_sync(~0u, goes_on)) return enclosing;
+      if (!goes_on) continue;
+      const double vv = squared_norm(run.g.v);
+      run.step();
+      pair.apart = pair.apart || (run.g.gap > 0 && run.g.gap * run.g.gap > apart_from * vv);
+      if (run.g.end == 0 && ++steps >= c_.question.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
+    }
+  }
+
+  // Whether this thread's pair is the first that encloses, and is proved to overlap.
+  __device__ __forceinline__ bool proves_overlap(Look& pair, std::uint32_t enclosing) const {
+    if (enclosing == 0 || !pair.there || team_.lane != first_bit(enclosing)) return false;
+    Enclosed enclosed;
+    take_enclosed(pair.run.g, enclosed);
+    return proved(c_, enclosed, pair.at_a, pair.at_b, pair.answer) == Outcome::kSettled;
+  }
+  // Whether it leaves open which pair overlaps first.
+  __device__ __forceinline__ bool is_unsure_of_overlap(const Look& pair, std::uint32_t enclosing, bool overlaps) const {
+    if (enclosing == 0 || !pair.there) return false;
+    const std::uint32_t first = first_bit(enclosing);
+    return team_.lane == first ? !overlaps : pair.runs && team_.lane < first && !pair.apart;
+  }
+
+  // Takes the team's bounds, where no pair encloses, before the configuration. All the warp's threads call it.
+  // \param ends this thread's pair has come to its end. False: its bounds are not settled.
+  __device__ __forceinline__ bool take_bounds(Look& pair, bool ends) {
+    constexpr double kInf = __builtin_inf();
+    const RunBounds<double> bounds = pair.run.bounds();
+    const bool settles = ends && (!pair.runs || bounds.settled);
+    const double lower = pair.runs ? bounds.lower : pair.answer.lower,
+                 upper = pair.runs ? bounds.upper : pair.answer.upper;
+    const Standing mine = settles ? standing_of(lower, upper, pair.member) : Standing{};
+    const double least_upper = team_.least(mine.upper),
+                 least_gap = team_.least(mine.upper == least_upper ? mine.gap : kInf);
+    // The queue is in order: of those that are alike the first thread's has the first place.
+    const std::uint32_t nearest = team_.ballot(settles && mine.upper == least_upper && mine.gap == least_gap);
+    const double least_lower =
+        team_.least(settles ? lower_with_box(lower, certify_box_gap(pair.at_a.box(), pair.at_b.box())) : kInf);
+    const double least_limit = team_.least(pair.there ? (pair.runs ? upper_so_far(pair.run) : lower) : kInf);
+    if (nearest != 0) {
+      const Standing found{least_upper, least_gap, queue_[first_bit(nearest)]};
+      if (found < best_) {
+        best_ = found;
+        if (team_.lane == first_bit(nearest)) keep(pair, bounds);
+      }
+    }
+    if (least_lower < lower_) lower_ = least_lower;
+    if (least_limit < cutoff_) cutoff_ = least_limit;
+    reach_ = fminf(reach_, square_from_above(cutoff_));
+    return !ends || settles;
+  }
+  __device__ __forceinline__ void keep(Look& pair, const RunBounds<double>& bounds) const {
+    if (pair.runs)
+      take_settled<false>(c_.question, PairHulls<Hull<SceneVertices>>{pair.a, pair.b}, pair.at_a, pair.at_b, pair.place,
+                          pair.run.g, bounds, pair.answer);
+    r_.answers[at_] = pair.answer;
   }
 
   // Lists all that may be the nearest.
@@ -290,7 +326,8 @@ class Decision {
       r_.seed[at_] = 0;
       r_.complete[at_] = first_.unusable == kNone;
     } else if (is_usable()) {
-      write_winner(r_, at_, members_.ref(member_), r_.answers[at_], from_order_key(lower_), first_.unusable == kNone);
+      write_winner(r_, at_, members_.ref(static_cast<std::uint32_t>(best_.place)), r_.answers[at_], lower_,
+                   first_.unusable == kNone);
     } else if (first_.unusable != kNone) {
       write_unusable(r_, at_, members_.ref(first_.unusable));
     } else {
@@ -298,7 +335,6 @@ class Decision {
     }
   }
 
-  static constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
   const ReducedView& r_;
   const ChunkView& c_;
   const ConfigurationPairs members_;
@@ -313,9 +349,8 @@ class Decision {
   std::uint32_t next_ = 0, queued_ = 0;
   std::uint32_t hits_ = 0, first_hit_ = 0;  // of the boxes compared last: a bit for each that is still to be queued
   bool is_left_ = false;                    // such a bit, of any thread
-  // The winner so far; bounds are keys, `lower` is the group's.
-  std::uint64_t upper_ = kNoKey, beyond_ = kNoKey, lower_ = kNoKey;
-  std::uint32_t member_ = kNone;
+  Standing best_;                           // the winner so far
+  double lower_ = __builtin_inf();          // the group's
 };
 
 // A team for each configuration.

@@ -11,6 +11,7 @@
 #include "engine/cuda/pair_kernel.cuh"
 #include "engine/cuda/pair_table.cuh"
 #include "engine/cuda/piece_kernel.cuh"
+#include "engine/narrow/group.h"
 
 namespace clearance::cuda {
 
@@ -381,7 +382,7 @@ __global__ void __launch_bounds__(kItemThreads)
   offer(r, item, at, answer, at_a, at_b);
 }
 
-// The winner: least upper bound, then nearest_beyond(), then the first place.
+// The winner, as Standing has it: by keys, since threads of many blocks bring their candidates.
 __global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_constant__ ReducedView r) {
   const std::uint32_t count = item_count(r);
   for (std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x; i < count; i += gridDim.x * kItemThreads) {

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <tuple>
+
+#include "engine/narrow/group.h"
 
 namespace clearance {
 
@@ -298,40 +299,41 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
         rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i]));
     return rows;
   }
-  struct Best {
-    std::uint64_t position = ~std::uint64_t{0};
-    const PairAnswer* winner = nullptr;
-    double lower = kInf;
+  struct Group {
+    Standing best, unusable;  // the winner, and the first pair without usable poses
+    const PairAnswer *winner = nullptr, *first_unusable = nullptr;
+    double lower = kInf;  // the least of all
   };
-  std::vector<Best> best(groups_);
+  std::vector<Group> groups(groups_);
   const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
     const bool usable = !std::isnan(answer.distance);
     const double lower =
         usable && !options_.reference ? lower_with_box(answer.lower, box_gap(scene_, placement, pair)) : answer.lower;
+    const Standing standing = standing_of(answer.lower, answer.upper, position);
     for_groups(pair, [&](std::uint32_t g) {
-      Best& b = best[g];
+      Group& group = groups[g];
       if (!usable) incomplete_[g] = 1;
-      if (usable) b.lower = std::min(b.lower, lower);
-      const bool had_usable = b.winner && !std::isnan(b.winner->distance);
-      const bool better =
-          !b.winner || (usable && !had_usable) ||
-          (usable == had_usable && std::tuple(answer.upper, nearest_beyond(answer), position) <
-                                       std::tuple(b.winner->upper, nearest_beyond(*b.winner), b.position));
-      if (better) b = {position, &answer, b.lower};
+      if (usable) group.lower = std::min(group.lower, lower);
+      Standing& best = usable ? group.best : group.unusable;
+      if (!(standing < best)) return;
+      best = standing;
+      (usable ? group.winner : group.first_unusable) = &answer;
     });
   };
   for (std::size_t i = 0; i < seeds_.size(); ++i) offer(seeds_[i], seed_pairs_[i], seed_answers_[i]);
   for (std::size_t i = 0; i < candidates_.size(); ++i)
     offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
   for (std::size_t g = 0; g < groups_; ++g) {
-    const Best& b = best[g];
-    if (!b.winner) {
+    const Group& group = groups[g];
+    const PairAnswer* answer = group.winner ? group.winner : group.first_unusable;
+    if (!answer) {
       const auto body = static_cast<std::uint32_t>(g);
       rows.push_back(row_of({per_body() ? body : kNone, kNone}, empty_answer()));
       continue;
     }
-    Row row = row_of(plan_.pairs.at(b.position), *b.winner);
-    widen_to_group(row.answer, b.lower, options_.limits.max_distance, options_.limits.abs_tol, options_.limits.rel_tol);
+    Row row = row_of(plan_.pairs.at(group.winner ? group.best.place : group.unusable.place), *answer);
+    widen_to_group(row.answer, group.lower, options_.limits.max_distance, options_.limits.abs_tol,
+                   options_.limits.rel_tol);
     assert(row.answer.lower <= row.answer.upper);
     if (incomplete_[g]) row.answer.flags |= kFlagIncomplete;
     rows.push_back(row);

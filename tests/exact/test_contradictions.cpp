@@ -8,6 +8,7 @@
 
 #include "campaign.h"
 #include "engine/engine.h"
+#include "engine/narrow/group.h"
 #include "engine/narrow/piece_batch.h"
 #include "engine/query/columns.h"
 #include "misleading_table.h"

@@ -1,0 +1,52 @@
+// What bounds of pairs say of a group of pairs: of a configuration's, of a body's. Which pair stands for the group, and
+// what is proved of them all. For host and device.
+#pragma once
+
+#include "engine/narrow/answer.h"
+
+namespace clearance {
+
+/// Where a candidate stands among its group's: the least upper bound wins; where no upper bound is finite, since boxes
+/// alone prove the pairs to be beyond max_distance, the least gap; then the first place.
+struct Standing {
+  double upper = __builtin_inf();
+  double gap = __builtin_inf();    ///< metres; 0 where `upper` is finite
+  std::uint64_t place = kNowhere;  ///< in the query's order
+
+  static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
+
+  CLEARANCE_HD friend bool operator<(const Standing& p, const Standing& q) {
+    return p.upper != q.upper ? p.upper < q.upper : p.gap != q.gap ? p.gap < q.gap : p.place < q.place;
+  }
+};
+CLEARANCE_HD inline Standing standing_of(double lower, double upper, std::uint64_t place) {
+  return {upper, upper < __builtin_inf() ? 0 : lower, place};
+}
+
+/// What an answer adds to the lower bound of its group, where a group's far pairs are left out by their boxes' gap: a
+/// pair that is looked at nevertheless must add no less than its gap, unless nothing could be proved of it.
+/// \param lower of the answer; \param gap 0: the boxes touch
+CLEARANCE_HD inline double lower_with_box(double lower, double gap) {
+  return gap > 0 && gap > lower && lower > -__builtin_inf() ? gap : lower;
+}
+
+/// The answer for a group without pairs: farther than anything.
+CLEARANCE_HD inline PairAnswer empty_answer() {
+  const double infinite = __builtin_inf();
+  return {infinite, infinite, infinite, Status::kBeyond, 0, kNone, kNone, no_point(), no_point(), no_point()};
+}
+
+/// Makes the winner's answer its group's: the interval reaches down to the group's least lower bound.
+CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double max_distance, double abs_tol,
+                                        double rel_tol) {
+  if (answer.distance != answer.distance) return;  // no pair of the group has usable poses
+  if (lower < answer.lower) answer.lower = lower;
+  if (answer.status == Status::kOk && !is_narrow(answer.upper - answer.lower, answer.upper, abs_tol, rel_tol))
+    answer.status = Status::kUnconverged;
+  if (answer.status != Status::kBeyond) return;
+  const bool is_beyond = answer.lower > max_distance;
+  if (!is_beyond) answer.status = Status::kUnconverged;
+  answer.distance = is_beyond ? answer.lower : answer.upper;
+}
+
+}  // namespace clearance
