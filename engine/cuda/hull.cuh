@@ -60,16 +60,15 @@ struct Hull {
         head(h) {}
   __device__ Vec3<T> vertex(std::uint32_t i) const { return vertices[i]; }
   __device__ std::uint32_t count() const { return size; }
-  __device__ double radius() const { return head->radius; }
-  __device__ double spread() const { return head->spread; }
+  __device__ const HullExtents& extents() const { return *head; }
 
-  // The farthest vertex along n, ties to the lowest index: support()'s words.
-  __device__ SupportPoint<T> farthest(const Vec3<T>& n) const {
-    if (!cells) return scan(n);
-    const std::uint16_t* list = lists + list_along(n);
+  // The farthest vertex along n, ties to the lowest index, as support() of a Piece.
+  __device__ friend SupportPoint<T> support(const Hull& hull, const Vec3<T>& n) {
+    if (!hull.cells) return hull.scan(n);
+    const std::uint16_t* list = hull.lists + hull.list_along(n);
     const std::uint32_t candidates = list[0];
-    SupportPoint<T> best = look_at(list[1], n);
-    for (std::uint32_t k = 2; k <= candidates; ++k) take_farther(look_at(list[k], n), best);
+    SupportPoint<T> best = hull.look_at(list[1], n);
+    for (std::uint32_t k = 2; k <= candidates; ++k) take_farther(hull.look_at(list[k], n), best);
     return best;
   }
   __device__ SupportPoint<T> look_at(std::uint32_t i, const Vec3<T>& n) const { return {i, dot(n, vertex(i))}; }
@@ -104,8 +103,8 @@ template <class Vertices, class T>
 __device__ inline void find_farthest(const Hull<Vertices>& a, const Vec3<T>& n_a, SupportPoint<T>& in_a,
                                      const Hull<Vertices>& b, const Vec3<T>& n_b, SupportPoint<T>& in_b) {
   if (!a.cells || !b.cells) {
-    in_a = a.farthest(n_a);
-    in_b = b.farthest(n_b);
+    in_a = support(a, n_a);
+    in_b = support(b, n_b);
     return;
   }
   const std::uint16_t *list_a = a.lists + a.list_along(n_a), *list_b = b.lists + b.list_along(n_b);

@@ -68,7 +68,7 @@ struct Run {
   T radius, scale;
 
   __device__ Run(const Question& q, const Hull& a, const Hull& b, const Place<T>& at)
-      : radius(static_cast<T>(a.radius() + b.radius())), q_(q), a_(a), b_(b), at_(at) {
+      : radius(static_cast<T>(a.head->radius + b.head->radius)), q_(q), a_(a), b_(b), at_(at) {
     const Vec3<T>& D = at.D;
     scale = pair_scale(D, reach_of<T>(*a.head), reach_of<T>(*b.head), radius);
     limits_ = run_limits<T>(q.abs_tol, q.rel_tol, radius > 0, q.max_distance < Setup::kUnbounded);

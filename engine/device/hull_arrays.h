@@ -59,11 +59,7 @@ class HullArrays {
   // Its index; kNone: the device cannot hold it.
   std::uint32_t add_hull(const Piece& p) {
     if (p.vertices.size() > kMostVertices) return kNone;
-    HullHead head{p.centre,
-                  p.half,
-                  p.rho,
-                  p.radius,
-                  p.spread,
+    HullHead head{p.extents(),
                   p.table ? std::numeric_limits<double>::infinity() : p.spread + p.radius,
                   static_cast<std::uint32_t>(x.size()),
                   static_cast<std::uint32_t>(p.vertices.size()),

@@ -11,9 +11,7 @@
 namespace clearance::cuda {
 
 /// A piece as the device knows it; its vertices are [first, first + count) of the scene's coordinate arrays.
-struct HullHead {
-  Vec3d centre, half;
-  double rho, radius, spread;
+struct HullHead : HullExtents {
   double f32_size;  ///< spread + radius, for fits_f32(); infinite: float32 is not tried
   std::uint32_t first, count;
   /// Its direction table, narrowed to 16 bits: cells, then lists, from word `first_word` on. No words: no table.

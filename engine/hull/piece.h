@@ -12,31 +12,38 @@ namespace clearance {
 
 struct DirectionTable;  // engine/hull/direction_table.h
 
-/// Immutable geometry in the body's frame, metres.
-///
-/// `vertices` holds every vertex that was loaded except exact duplicates and those proved to lie inside the hull of the
-/// rest (hull.h). Bounds are stated for this set. Bodies made from the same shape share one Piece.
-struct Piece {
-  std::vector<Vec3d> vertices;        ///< at least one
-  double radius = 0;                  ///< metres, >= 0
-  std::uint64_t loaded_vertices = 0;  ///< before duplicates and inner vertices were dropped
-  std::uint64_t digest = 0;           ///< of the vertices as loaded and the radius; the same on every machine
-
-  // Derived by make_piece().
+/// What a hull says of itself without its vertices: metres, in the body's frame. Whoever holds a hull has it: a piece,
+/// lanes, a device.
+struct HullExtents {
   Vec3d centre{0, 0, 0};  ///< of the bounding box of the vertices
   Vec3d half{0, 0, 0};    ///< half extents of that box, rounded up; without radius
   double rho = 0;         ///< max |v| from the body's origin, rounded up
   double spread = 0;      ///< max |v - centre|, rounded up
+  double radius = 0;      ///< by which it is grown, >= 0
+
+  CLEARANCE_HD const HullExtents& extents() const { return *this; }
+};
+
+/// Immutable geometry in the body's frame, metres.
+///
+/// `vertices` holds every vertex that was loaded except exact duplicates and those proved to lie inside the hull of the
+/// rest (hull.h). Bounds are stated for this set. Bodies made from the same shape share one Piece.
+struct Piece : HullExtents {
+  std::vector<Vec3d> vertices;        ///< at least one
+  std::uint64_t loaded_vertices = 0;  ///< before duplicates and inner vertices were dropped
+  std::uint64_t digest = 0;           ///< of the vertices as loaded and the radius; the same on every machine
 
   /// For supports: a structure-of-arrays copy of the vertices of a small piece, the table of a larger one. The arrays
   /// are padded with the first vertex to a multiple of the widest register.
   std::vector<double> x, y, z;
   std::vector<float> x_f32, y_f32, z_f32;       ///< the same relative to `centre`, rounded
   std::shared_ptr<const DirectionTable> table;  ///< null for small pieces
+
+  std::uint32_t count() const { return static_cast<std::uint32_t>(vertices.size()); }
 };
 using PiecePtr = std::shared_ptr<const Piece>;
 
-/// Builds a piece and what is derived from it. Vertices as they come: nothing is dropped here.
+/// Builds a piece and all that is derived from it. Vertices as they come: nothing is dropped here.
 /// \param digest of the vertices as loaded; 0: of `vertices` and `radius`. \param table the one that an earlier call
 /// has made of the same vertices, if it was kept. Throws std::invalid_argument for no vertex, a non-finite or too large
 /// coordinate, or a negative or non-finite radius.

@@ -11,7 +11,8 @@
 namespace clearance {
 
 LaneHull::LaneHull(const Piece& p)
-    : x(p.x.data()),
+    : HullExtents(p),
+      x(p.x.data()),
       y(p.y.data()),
       z(p.z.data()),
       x_f32(p.x_f32.data()),
@@ -23,11 +24,7 @@ LaneHull::LaneHull(const Piece& p)
       cells(p.table ? p.table->cells.data() : nullptr),
       lists(p.table ? p.table->lists.data() : nullptr),
       grid_bits(p.table ? p.table->grid_bits : 0),
-      has_table(p.table != nullptr),
-      centre(p.centre),
-      rho(p.rho),
-      spread(p.spread),
-      radius(p.radius) {}
+      has_table(p.table != nullptr) {}
 
 bool fits_f32(const Piece& a, const Piece& b) {
   return !a.table && !b.table && sizes_fit_f32(a.spread + a.radius, b.spread + b.radius);

@@ -20,7 +20,7 @@
 namespace clearance {
 
 /// A piece as lanes see it: plain pointers, so that files compiled for one instruction set share no code with others.
-struct LaneHull {
+struct LaneHull : HullExtents {
   const double *x, *y, *z;             ///< (count,) the vertices of a small piece
   const float *x_f32, *y_f32, *z_f32;  ///< the same relative to its centre
   std::size_t count;
@@ -29,8 +29,6 @@ struct LaneHull {
   const std::uint32_t *cells, *lists;  ///< of a larger piece: its DirectionTable
   std::uint32_t grid_bits;
   bool has_table;
-  Vec3d centre;
-  double rho, spread, radius;
 
   explicit LaneHull(const Piece& piece);
 };

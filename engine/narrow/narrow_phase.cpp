@@ -311,23 +311,9 @@ double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, con
   return rounding_width(pair.scale);
 }
 
-namespace {
-
-// A piece in the words of witness.h.
-struct WholePiece {
-  const Piece& piece;
-  const Vec3d& vertex(std::uint32_t i) const { return piece.vertices[i]; }
-  std::uint32_t count() const { return static_cast<std::uint32_t>(piece.vertices.size()); }
-  double radius() const { return piece.radius; }
-  double spread() const { return piece.spread; }
-  SupportPoint<double> farthest(const Vec3d& n) const { return support(piece, n); }
-};
-
-}  // namespace
-
 void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const LaneWitness& lane,
                        Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
-  settled_points(WholePiece{a}, R_wa, WholePiece{b}, R_wb, lane, point_a, point_b);
+  settled_points(a, R_wa, b, R_wb, lane, point_a, point_b);
   normal = settled_normal(lane);
 }
 
@@ -343,10 +329,6 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
   r.beyond = r.bounds.lower > limits.max_distance;
   r.rounding = rounding_of(a, pose_a, b, pose_b);
   return r;
-}
-
-bool witness_is_ambiguous(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const Vec3d& n) {
-  return witness_is_ambiguous(WholePiece{a}, R_wa, WholePiece{b}, R_wb, n);
 }
 
 }  // namespace clearance

@@ -39,8 +39,4 @@ void take_lane_witness(const Piece& a, const Mat3d& R_wa, const Piece& b, const 
 NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
                                     const NarrowLimits& limits);
 
-/// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in
-/// faces or edges that lie side by side. n: unit, world axes, from a towards b.
-bool witness_is_ambiguous(const Piece& a, const Mat3d& R_wa, const Piece& b, const Mat3d& R_wb, const Vec3d& n);
-
 }  // namespace clearance

@@ -1,6 +1,6 @@
 // What a settled run of GJK says beyond its bounds: witness points, the normal, and whether the points are unique.
 // For host and device: `Hull` is a piece as each of them holds it, with
-//   Vec3d vertex(i), std::uint32_t count(), double radius(), double spread(), SupportPoint<double> farthest(n).
+//   Vec3d vertices[i], std::uint32_t count(), HullExtents extents(), SupportPoint<double> support(hull, n).
 #pragma once
 
 #include <cmath>
@@ -18,13 +18,13 @@ CLEARANCE_HD inline void settled_points(const Hull& a, const Mat3d& R_wa, const 
   CLEARANCE_UNROLL
   for (std::uint32_t i = 0; i < 3; ++i) {
     if (i >= lane.size) continue;
-    core_a += a.vertex(lane.a[i]) * lane.share[i];
-    core_b += b.vertex(lane.b[i]) * lane.share[i];
+    core_a += a.vertices[lane.a[i]] * lane.share[i];
+    core_b += b.vertices[lane.b[i]] * lane.share[i];
   }
   Vec3d outward = lane.separation;  // where nothing is rounded its length does not matter
-  if (a.radius() + b.radius() > 0) outward = outward * (1 / lane.separation_length);
-  point_a = R_wa * core_a + outward * a.radius();
-  point_b = R_wb * core_b - outward * b.radius();
+  if (a.extents().radius + b.extents().radius > 0) outward = outward * (1 / lane.separation_length);
+  point_a = R_wa * core_a + outward * a.extents().radius;
+  point_b = R_wb * core_b - outward * b.extents().radius;
 }
 
 /// And its normal.
@@ -43,13 +43,13 @@ template <class Hull>
 CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, const Vec3d& n_w) {
   using std::sqrt;
   const Vec3d n = R.transpose_times(n_w);
-  const SupportPoint<double> best = hull.farthest(n);
-  const double tolerance = 1e-9 * hull.spread();
-  const Vec3d first = hull.vertex(best.index);
+  const SupportPoint<double> best = support(hull, n);
+  const double tolerance = 1e-9 * hull.extents().spread;
+  const Vec3d first = hull.vertices[best.index];
   Contact c;
   double longest = 0;
   for (std::uint32_t i = 0; i < hull.count(); ++i) {
-    const Vec3d v = hull.vertex(i);
+    const Vec3d v = hull.vertices[i];
     if (!(best.value - dot(n, v) <= tolerance)) continue;
     const Vec3d e = v - first;
     if (squared_norm(e) <= tolerance * tolerance) continue;
@@ -62,7 +62,7 @@ CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, cons
   if (c.dimensions == 0) return c;
   c.edge = c.edge * (1 / sqrt(longest));
   for (std::uint32_t i = 0; i < hull.count() && c.dimensions == 1; ++i) {
-    const Vec3d v = hull.vertex(i);
+    const Vec3d v = hull.vertices[i];
     if (!(best.value - dot(n, v) <= tolerance)) continue;
     const Vec3d e = v - first;
     if (squared_norm(e) <= tolerance * tolerance) continue;

@@ -4,6 +4,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "engine/narrow/witness.h"
+
 namespace clearance {
 
 namespace {
