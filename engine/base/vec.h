@@ -98,8 +98,19 @@ struct Mat3 {
     return {row[0].x * v.x + row[1].x * v.y + row[2].x * v.z, row[0].y * v.x + row[1].y * v.y + row[2].y * v.z,
             row[0].z * v.x + row[1].z * v.y + row[2].z * v.z};
   }
+  /// m^T b, the same way.
+  CLEARANCE_HD Mat3 transpose_times(const Mat3& b) const {
+    const auto row_of = [&](const T& x, const T& y, const T& z) { return b.transpose_times(Vec3<T>{x, y, z}); };
+    return {{row_of(row[0].x, row[1].x, row[2].x), row_of(row[0].y, row[1].y, row[2].y),
+             row_of(row[0].z, row[1].z, row[2].z)}};
+  }
   CLEARANCE_HD static Mat3 identity() { return {{{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}}}; }
 };
+
+template <class To, class From>
+CLEARANCE_HD inline Mat3<To> cast(const Mat3<From>& m) {
+  return {{cast<To>(m.row[0]), cast<To>(m.row[1]), cast<To>(m.row[2])}};
+}
 
 using Vec3d = Vec3<double>;
 using Mat3d = Mat3<double>;

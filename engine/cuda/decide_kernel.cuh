@@ -170,7 +170,7 @@ class Decision {
     const Where at_a, at_b;
     const HullHead *head_a, *head_b;
     const Hull<SceneVertices> a, b;
-    const Place<double> place;
+    const PairFrame<double> place;
     PairAnswer answer;
     const bool runs;  // its poses and boxes do not answer it
     Run<Hull<SceneVertices>> run;
@@ -287,8 +287,8 @@ class Decision {
   }
   __device__ __forceinline__ void keep(Look& pair, const RunBounds<double>& bounds) const {
     if (pair.runs)
-      take_settled<false>(c_.question, PairHulls<Hull<SceneVertices>>{pair.a, pair.b}, pair.at_a, pair.at_b, pair.place,
-                          pair.run.g, bounds, pair.answer);
+      take_settled<false>(c_.question, PairHulls<Hull<SceneVertices>>{pair.a, pair.b}, pair.at_a, pair.at_b, pair.run.g,
+                          bounds, pair.answer);
     r_.answers[at_] = pair.answer;
   }
 

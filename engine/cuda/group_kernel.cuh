@@ -52,7 +52,7 @@ struct GroupItem {
 // Answers it and writes its row, unless it is not settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull>
 __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,
-                                      const PairHulls<PointHull>& hulls, const Place<typename Hull::T>& at,
+                                      const PairHulls<PointHull>& hulls, const PairFrame<typename Hull::T>& at,
                                       Enclosed& enclosed) {
   enclosed.pair = item.pair;
   enclosed.configuration = item.k;
@@ -80,7 +80,7 @@ __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
                       count = group.count * c.configurations;
   const GroupItem item(c, group, place < count ? place : count - 1);
   // Poses are on their way while hulls are copied.
-  const Place<T> at = place_pair<T>(item.at_a, *head_a, item.at_b, *head_b);
+  const PairFrame<T> at = place_pair<T>(item.at_a, *head_a, item.at_b, *head_b);
   const SharedHull a = share<T>(c.hulls, head_a, memory);
   const SharedHull b =
       group.hull_a == group.hull_b
@@ -113,12 +113,12 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
   if (is_there) {
     outcome = Outcome::kUnsettled;
     if (kBoth && fit_f32(*head_a, *head_b)) {
-      const Place<float> at = place_pair<float>(item.at_a, *head_a, item.at_b, *head_b);
+      const PairFrame<float> at = place_pair<float>(item.at_a, *head_a, item.at_b, *head_b);
       outcome = answer_item<kLean, kWarm>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
                                           hulls, at, enclosed);
     }
     if (outcome == Outcome::kUnsettled) {
-      const Place<double> at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
+      const PairFrame<double> at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
       outcome = answer_item<kLean, kWarm>(c, item, a, b, hulls, at, enclosed);
     }
   }

@@ -11,21 +11,20 @@ namespace clearance::cuda {
 // finishes the pair.
 __device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b, const Enclosed& e,
                                            const Where& at_a, const Where& at_b, PairAnswer& answer) {
-  const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
-  const Vec3d D = at_b.translation() - at_a.translation();
+  const PairFrame<double> at = place_pair<double>(at_a, a, at_b, b);
   const auto vertex_a = [&](std::uint32_t i) {
     return Vec3d{c.hulls.x[a.first + i], c.hulls.y[a.first + i], c.hulls.z[a.first + i]};
   };
   const auto vertex_b = [&](std::uint32_t i) {
     return Vec3d{c.hulls.x[b.first + i], c.hulls.y[b.first + i], c.hulls.z[b.first + i]};
   };
-  const double scale = pair_scale(D, a.rho, b.rho, a.radius + b.radius);
+  const double scale = pair_scale(at.D, a.rho, b.rho, a.radius + b.radius);
 
   Simplex<double> s;
   s.size = 4;
   Vec3d w[4];
   for (int i = 0; i < 4; ++i) {
-    w[i] = R_wa * vertex_a(e.a[i]) - R_wb * vertex_b(e.b[i]) - D;
+    w[i] = at.cso_vertex(vertex_a(e.a[i]), vertex_b(e.b[i]));
     s.vertex[i] = {w[i], e.a[i], e.b[i]};
   }
   CsoFace<double> faces[4];
@@ -39,9 +38,9 @@ __device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a
   if (!c.question.want_points) return true;
   const Simplex<double> around = around_origin(s.vertex, faces, 4);
   if (around.size == 0) return false;
-  const CsoPoint<double> point(around, R_wa, vertex_a, R_wb, vertex_b);
-  const Vec3d separation = -point.w;
-  const double length = norm(separation), radius = a.radius + b.radius;
+  const CsoPoint<double> point(around, at_a.rotation(), vertex_a, at_b.rotation(), vertex_b);
+  const Vec3d separation = point.separation;
+  const double length = norm(point.w), radius = a.radius + b.radius;
   if (!(length <= 0.5 * rounding_error(double(RoundingUnits<double>::kUpper), scale))) return false;
   const double share = radius > 0 ? a.radius / radius : 0.5;
   answer.piece_a = answer.piece_b = 0;

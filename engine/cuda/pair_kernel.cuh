@@ -18,25 +18,9 @@ inline constexpr int kBlocks = 3, kBlocksF32 = 5;
 template <class T>
 inline constexpr bool kIsF32 = std::is_same_v<T, float>;
 
-// Where both bodies of a pair are, in the arithmetic T: rotations, and the offset of the bodies (float32: of their
-// centres).
 template <class T>
-struct Place {
-  Mat3<T> R_wa, R_wb;
-  Vec3<T> D;
-  T extra{0};        // what the offset errs by
-  bool fits = true;  // float32 can hold it
-};
-template <class T>
-__device__ inline Mat3<T> cast(const Mat3d& m) {
-  return {{clearance::cast<T>(m.row[0]), clearance::cast<T>(m.row[1]), clearance::cast<T>(m.row[2])}};
-}
-
-template <class T>
-__device__ inline Place<T> place_pair(const Where& at_a, const HullHead& a, const Where& at_b, const HullHead& b) {
-  const Mat3d R_wa = at_a.rotation(), R_wb = at_b.rotation();
-  const PairOffset<T> offset = pair_offset<T>(a, R_wa, at_a.translation(), b, R_wb, at_b.translation());
-  return {cast<T>(R_wa), cast<T>(R_wb), clearance::cast<T>(offset.D), offset.extra, offset.fits};
+__device__ inline PairFrame<T> place_pair(const Where& at_a, const HullHead& a, const Where& at_b, const HullHead& b) {
+  return pair_frame<T>(a, at_a.rotation(), at_a.translation(), b, at_b.rotation(), at_b.translation());
 }
 
 // The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
@@ -67,7 +51,7 @@ struct Run {
   Gjk<T> g;
   T radius, scale;
 
-  __device__ Run(const Question& q, const Hull& a, const Hull& b, const Place<T>& at)
+  __device__ Run(const Question& q, const Hull& a, const Hull& b, const PairFrame<T>& at)
       : radius(static_cast<T>(a.head->radius + b.head->radius)), q_(q), a_(a), b_(b), at_(at) {
     const Vec3<T>& D = at.D;
     scale = pair_scale(D, reach_of<T>(*a.head), reach_of<T>(*b.head), radius);
@@ -77,7 +61,7 @@ struct Run {
     if constexpr (Setup::kFromCentres)
       g.v = first_direction(Vec3<T>{0, 0, 0} - D);
     else
-      g.v = first_direction(at.R_wa * a.head->centre - at.R_wb * b.head->centre - D);
+      g.v = first_direction(at.cso_vertex(a.head->centre, b.head->centre));
   }
   // Begins where an earlier run ended.
   __device__ void begin_at(const WarmRow& warm) {
@@ -90,11 +74,8 @@ struct Run {
       if (ia >= a_.count() || ib >= b_.count()) return;
       simplex.vertex[i] = cso_vertex(ia, ib);
     }
-    const CsoVertex<T> newest = simplex.vertex[0];
-    simplex.vertex[0] = simplex.vertex[1];
-    simplex.vertex[1] = simplex.vertex[2];
-    simplex.size = size - 1;
-    g.begin(simplex, newest, true);
+    simplex.size = size;
+    g.begin(simplex, true);
   }
   __device__ WarmRow end() const {
     WarmRow row{};
@@ -108,7 +89,7 @@ struct Run {
   }
   __device__ __forceinline__ void step() {
     SupportPoint<T> fa, fb;
-    find_farthest(a_, -at_.R_wa.transpose_times(g.v), fa, b_, at_.R_wb.transpose_times(g.v), fb);
+    find_farthest(a_, -g.v, fa, b_, at_.R.transpose_times(g.v), fb);
     g.step(cso_vertex(fa.index, fb.index), -dot(g.v, at_.D) - (fa.value + fb.value), limits_, true);
   }
   __device__ RunBounds<T> bounds() const {
@@ -124,12 +105,12 @@ struct Run {
  private:
   __device__ T cut_off() const { return static_cast<T>(q_.max_distance * Setup::kMore); }
   __device__ CsoVertex<T> cso_vertex(std::uint32_t a, std::uint32_t b) const {
-    return {at_.R_wa * a_.vertex(a) - at_.R_wb * b_.vertex(b) - at_.D, a, b};
+    return {at_.cso_vertex(a_.vertex(a), b_.vertex(b)), a, b};
   }
 
   const Question& q_;
   const Hull &a_, &b_;
-  const Place<T>& at_;
+  const PairFrame<T>& at_;
   GjkLimits<T> limits_;
 };
 
@@ -146,10 +127,8 @@ __device__ inline bool take_enclosed(const Gjk<double>& g, Enclosed& enclosed) {
 
 // What copy_witness() of the lanes makes of a settled run.
 template <class T>
-__device__ inline LaneWitness witness_of(const Gjk<T>& g, const RunBounds<T>& bounds) {
+__device__ inline LaneWitness witness_of(const Gjk<T>& g, const RunBounds<T>& bounds, const Mat3d& R_wa) {
   LaneWitness w;
-  w.v = clearance::cast<double>(g.v);
-  w.separation = -clearance::cast<double>(bounds.nearest.w);
   w.size = static_cast<std::uint32_t>(g.simplex.size);
   CLEARANCE_UNROLL
   for (int i = 0; i < 3; ++i) {
@@ -157,7 +136,7 @@ __device__ inline LaneWitness witness_of(const Gjk<T>& g, const RunBounds<T>& bo
     w.b[i] = g.simplex.vertex[i].b;
     w.share[i] = bounds.nearest.share[i];
   }
-  take_lengths<T>(w, bounds.v_length, bounds.length);
+  take_run<T>(w, R_wa, cast<double>(g.v), bounds.v_length, cast<double>(bounds.nearest.w), bounds.length);
   return w;
 }
 
@@ -171,18 +150,15 @@ struct PairHulls {
 // points for compact rows alone.
 template <bool kLean, class T, class Hull>
 __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hulls, const Where& at_a,
-                                    const Where& at_b, const Place<T>& at, const Gjk<T>& g, const RunBounds<T>& bounds,
+                                    const Where& at_b, const Gjk<T>& g, const RunBounds<T>& bounds,
                                     PairAnswer& answer) {
   decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
   if (!q.want_points) return;
-  const LaneWitness w = witness_of(g, bounds);
+  const LaneWitness w = witness_of(g, bounds, at_a.rotation());
   if (!kLean) {
     add_points(hulls.a, at_a, hulls.b, at_b, w, q.want_nonsmooth, answer);
   } else {
-    if constexpr (kIsF32<T>)
-      settled_points(hulls.a, at_a.rotation(), hulls.b, at_b.rotation(), w, answer.point_a, answer.point_b);
-    else
-      settled_points(hulls.a, at.R_wa, hulls.b, at.R_wb, w, answer.point_a, answer.point_b);
+    settled_points(hulls.a, at_a.rotation(), hulls.b, at_b.rotation(), w, answer.point_a, answer.point_b);
     if (answer.status == Status::kBeyond) answer.point_a = answer.point_b = no_point();
   }
 }
@@ -190,8 +166,9 @@ __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hu
 // Runs GJK on a pair that has poses, to its end. \param enclosed the simplex is left here if that holds the origin.
 // \param warm with kWarm: where the run begins and what it leaves. \param take is called with what settles the pair.
 template <bool kWarm, class Hull, class Take>
-__device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hull& b, const Place<typename Hull::T>& at,
-                                     Enclosed& enclosed, WarmRow* warm, const Take& take) {
+__device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hull& b,
+                                     const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
+                                     const Take& take) {
   using T = typename Hull::T;
   if (kIsF32<T> && !at.fits) return Outcome::kUnsettled;
   Run<Hull> run(q, a, b, at);
@@ -212,11 +189,11 @@ __device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hul
 // Answers one pair that has poses, if it can be settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull>
 __device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
-                                 const Where& at_a, const Where& at_b, const Place<typename Hull::T>& at,
+                                 const Where& at_a, const Where& at_b, const PairFrame<typename Hull::T>& at,
                                  PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
   using T = typename Hull::T;
   return run_to_end<kWarm>(q, a, b, at, enclosed, warm, [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
-    take_settled<kLean>(q, hulls, at_a, at_b, at, g, bounds, answer);
+    take_settled<kLean>(q, hulls, at_a, at_b, g, bounds, answer);
   });
 }
 
@@ -275,7 +252,7 @@ __device__ inline bool answer_without_pieces(const Question& q, const Where& at_
 template <bool kLean, bool kWarm, class Hull, class PointHull>
 __device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
                                      const PairHulls<PointHull>& hulls, const Where& at_a, const Where& at_b,
-                                     const Place<typename Hull::T>& at, PairAnswer& answer, Enclosed& enclosed,
+                                     const PairFrame<typename Hull::T>& at, PairAnswer& answer, Enclosed& enclosed,
                                      WarmRow* warm = nullptr) {
   if (answer_without_pieces(c.question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
   return narrow<kLean, kWarm>(c.question, a, b, hulls, at_a, at_b, at, answer, enclosed, warm);

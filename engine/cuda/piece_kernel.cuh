@@ -70,15 +70,15 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uin
     const auto take = [&](const auto& g, const auto& bounds) {
       if (!search.take(p.gap, bounds.lower, bounds.upper)) return;
       best = p;
-      if (q.want_points) witness = witness_of(g, bounds);
+      if (q.want_points) witness = witness_of(g, bounds, at_a.rotation());
     };
     if (kBoth && question.f32 && fit_f32(*of_a, *of_b)) {
-      const Place<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
+      const PairFrame<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
       if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr,
                             take) == Outcome::kSettled)
         return PieceEnd::kApart;
     }
-    const Place<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
+    const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
     const Outcome outcome =
         run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed, nullptr, take);
     if (outcome == Outcome::kSettled) return PieceEnd::kApart;
@@ -93,8 +93,8 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uin
   if (end == PieceEnd::kApart) {
     const HullHead *of_a = head_a(best.a), *of_b = head_b(best.b);
     const auto rounding = [&] {
-      return rounding_width(
-          pair_scale(at_b.translation() - at_a.translation(), of_a->rho, of_b->rho, of_a->radius + of_b->radius));
+      const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
+      return rounding_width(pair_scale(at.D, of_a->rho, of_b->rho, of_a->radius + of_b->radius));
     };
     decide({question.max_distance, question.abs_tol, question.rel_tol}, search.lower, search.upper, rounding, answer);
     if (question.want_points)

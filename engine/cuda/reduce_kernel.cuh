@@ -304,13 +304,13 @@ __device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, 
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairHulls<Hull<SceneVertices>> hulls{a, b};
   if (c.question.f32 && fit_f32(*head_a, *head_b)) {
-    const Place<float> at = place_pair<float>(at_a, *head_a, at_b, *head_b);
+    const PairFrame<float> at = place_pair<float>(at_a, *head_a, at_b, *head_b);
     const Outcome outcome =
         solve_item<false, kWarm>(c, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b), hulls, at_a, at_b,
                                  at, answer, enclosed, warm);
     if (outcome != Outcome::kUnsettled) return outcome;
   }
-  const Place<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
+  const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
   return solve_item<false, kWarm>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, warm);
 }
 

@@ -53,7 +53,12 @@ DoubleDouble sum(double a, double b, DoubleDouble) {
 template <class T>
 PlacedPair<T>::PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b,
                           const Mat3<T>& R_b, const Vec3d& t_b)
-    : a(&piece_a), b(&piece_b), R_wa(R_a), R_wb(R_b), D(difference(t_b, t_a, T())) {
+    : a(&piece_a),
+      b(&piece_b),
+      R_wa(R_a),
+      R_wb(R_b),
+      R(R_a.transpose_times(R_b)),
+      D(R_a.transpose_times(difference(t_b, t_a, T()))) {
   radius = sum(piece_a.radius, piece_b.radius, T());
   scale = pair_scale<double>(to_double(D), piece_a.rho, piece_b.rho, piece_a.radius + piece_b.radius);
 }
@@ -73,8 +78,8 @@ double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length) {
 template <class T>
 double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& direction) {
   const Vec3<T> n = rescaled(direction);
-  const SupportPoint<T> sa = support(*pair.a, pair.R_wa.transpose_times(n));
-  const SupportPoint<T> sb = support(*pair.b, -pair.R_wb.transpose_times(n));
+  const SupportPoint<T> sa = support(*pair.a, n);
+  const SupportPoint<T> sb = support(*pair.b, -pair.R.transpose_times(n));
   return certify_lower(pair, dot(n, pair.D) - (sa.value + sb.value), norm(n));
 }
 
@@ -94,7 +99,8 @@ Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
       simplex, pair.R_wa, [&](std::uint32_t k) { return cast<T>(pair.a->vertices[k]); }, pair.R_wb,
       [&](std::uint32_t k) { return cast<T>(pair.b->vertices[k]); });
   const double upper = round_up(upper_from_point(norm(point.w), pair.radius, T(pair.upper_error())));
-  return {std::isnan(upper) ? kInf : upper, to_double(point.core_a), to_double(point.core_b), to_double(-point.w)};
+  return {std::isnan(upper) ? kInf : upper, to_double(point.core_a), to_double(point.core_b),
+          to_double(point.separation), norm(to_double(point.w))};
 }
 
 namespace {

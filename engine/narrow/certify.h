@@ -1,7 +1,8 @@
 // The one maker of bounds. Everything else only proposes directions, points and simplices.
 //
-// All of it works in world axes with the origin of body a as origin, on the pieces' stored vertices, so that a bound
-// does not depend on how its proposal was found. docs/bounds.md derives the rounding terms; tests/exact measures them.
+// All of it works in the frame of body a, on the pieces' stored vertices, so that a bound does not depend on how its
+// proposal was found. One rotation then takes b's vertices there and directions back; a's stay as they are stored.
+// docs/bounds.md derives the rounding terms; tests/exact measures them.
 #pragma once
 
 #include <array>
@@ -30,7 +31,7 @@ template <class T>
 struct RoundingUnits;
 template <>
 struct RoundingUnits<double> {
-  static constexpr double kLower = 20, kUpper = 24, kBall = 24;
+  static constexpr double kLower = 30, kUpper = 34, kBall = 34;
 };
 /// Of vertices relative to the piece's centre, each rounded to float32.
 template <>
@@ -39,13 +40,13 @@ struct RoundingUnits<float> {
 };
 template <>
 struct RoundingUnits<DoubleDouble> {
-  static constexpr double kLower = 32, kUpper = 32, kBall = 32;
+  static constexpr double kLower = 44, kUpper = 48, kBall = 48;
 };
 
 /// S of two pieces: |D| + rho_a + rho_b + r_a + r_b, rounded up. A scalar or a pack.
 template <class T>
 CLEARANCE_HD inline T pair_scale(const Vec3<T>& D, const T& rho_a, const T& rho_b, const T& radius) {
-  return (norm(D) + rho_a + rho_b + radius) * T(1 + 16 * Arithmetic<T>::kUnit);
+  return (norm(D) + rho_a + rho_b + radius) * T(1 + 32 * Arithmetic<T>::kUnit);
 }
 /// Whether float32 can be tried on two pieces of these sizes, spread + radius in metres: their sixth powers neither
 /// overflow nor vanish.
@@ -138,15 +139,16 @@ struct RunBounds {
   }
 };
 
-/// Two pieces where they are, in the arithmetic T: rotations R_wa and R_wb, and D = t_b - t_a in world axes.
+/// Two pieces where they are, in the arithmetic T and the frame of a.
 template <class T>
 struct PlacedPair {
   const Piece* a;
   const Piece* b;
-  Mat3<T> R_wa, R_wb;
-  Vec3<T> D;
-  double scale;  ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
-  T radius;      ///< r_a + r_b; exact in double-double
+  Mat3<T> R_wa, R_wb;  ///< for what is said in world axes
+  Mat3<T> R;           ///< R_wa^T R_wb
+  Vec3<T> D;           ///< R_wa^T (t_b - t_a)
+  double scale;        ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
+  T radius;            ///< r_a + r_b; exact in double-double
 
   PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b, const Mat3<T>& R_b,
              const Vec3d& t_b);
@@ -155,9 +157,9 @@ struct PlacedPair {
   double upper_error() const { return error(RoundingUnits<T>::kUpper); }
   double ball_error() const { return error(RoundingUnits<T>::kBall); }
 
-  /// A vertex of the CSO A - B in world axes.
+  /// A vertex of the CSO A - B, a's axes.
   Vec3<T> cso_vertex(std::uint32_t ia, std::uint32_t ib) const {
-    return R_wa * cast<T>(a->vertices[ia]) - R_wb * cast<T>(b->vertices[ib]) - D;
+    return cast<T>(a->vertices[ia]) - R * cast<T>(b->vertices[ib]) - D;
   }
 
  private:
@@ -169,7 +171,7 @@ struct PlacedPair {
 template <class T>
 double certify_lower(const PlacedPair<T>& pair, const T& gap, const T& length);
 /// A lower bound on the signed distance: the gap between the supporting planes normal to n.
-/// \param n world axes, from a towards b, any length but zero.
+/// \param n axes of a, from a towards b, any length but zero.
 template <class T>
 double certify_lower(const PlacedPair<T>& pair, const Vec3<T>& n);
 
@@ -179,13 +181,14 @@ struct Witness {
   Vec3d core_a;      ///< of the core of a, from the origin of a, world axes
   Vec3d core_b;      ///< of the core of b, from the origin of b, world axes
   Vec3d separation;  ///< p_b - p_a of the cores, world axes
+  double length;     ///< its length, from before it was turned to world axes
 };
 /// The witness that a simplex and its weights stand for. Weights below 0 count as 0; they need not add up to 1. Reads
 /// the vertices' indices, not their `w`.
 template <class T>
 Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex);
 
-/// A triangle of CSO vertices (indices into a list), a direction that it lies beyond, world axes, and the triangles
+/// A triangle of CSO vertices (indices into a list), a direction that it lies beyond, axes of a, and the triangles
 /// across its edges. Edge i goes from vertex i to the next; a half-edge is an edge of a face.
 template <class T>
 struct CsoFace {

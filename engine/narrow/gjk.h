@@ -253,23 +253,18 @@ struct Gjk {
   T gap{0};      ///< of the supporting planes normal to v, times |v|: proves a lower bound if v did not move since
   Count end{0};  ///< a GjkEnd
 
-  /// Takes a vertex into the simplex without a test, where that brings it nearer: a seed from an earlier run.
+  /// Begins at the simplex of an earlier run: one to three vertices, the newest first. Where it does not hold the
+  /// nearest point any more, it is a worse guess, no more.
   /// \param running lanes for which this is meant.
-  CLEARANCE_HD void seed(const CsoVertex<T>& vertex, const Mask& running) {
-    const Nearest<T> next = reduce(vertex);
-    const Mask take = running & !next.encloses & (next.squared_distance > T(0)) &
-                      ((simplex.size == Count(0)) | (next.squared_distance < squared_distance));
-    advance(next, take);
-    last = select(take, vertex, last);
-  }
-
-  /// Begins at a simplex of an earlier run: `newest` and up to two more vertices. Where it does not hold the nearest
-  /// point any more, it is a worse guess, no more.
-  CLEARANCE_HD void begin(const Simplex<T>& others, const CsoVertex<T>& newest, const Mask& running) {
-    const Nearest<T> next = reduce_to_nearest(others, newest);
+  CLEARANCE_HD void begin(const Simplex<T>& start, const Mask& running) {
+    Simplex<T> others;
+    others.vertex[0] = start.vertex[1];
+    others.vertex[1] = others.vertex[2] = start.vertex[2];
+    others.size = start.size - Count(1);
+    const Nearest<T> next = reduce(others, start.vertex[0]);
     const Mask take = running & (next.squared_distance > T(0));
     advance(next, take);
-    last = select(take, newest, last);
+    last = select(take, start.vertex[0], last);
   }
 
   /// One step: `vertex` is the CSO's farthest along -v, and `support_gap` = v.w, by way of the support values.
@@ -305,7 +300,7 @@ struct Gjk {
     end = select(beyond, code(GjkEnd::kBeyond), end);
     const Mask going = running & !converged & !beyond;
     if (!any(going)) return;
-    const Nearest<T> next = reduce(vertex);
+    const Nearest<T> next = reduce(simplex, vertex);
     const Mask encloses = going & (next.encloses | !(next.squared_distance > zero));
     const Mask stalled = going & !encloses & begun & !(next.squared_distance < vv);
     if (any(encloses)) {
@@ -325,11 +320,11 @@ struct Gjk {
   CLEARANCE_HD static Count code(GjkEnd e) { return Count(static_cast<int>(e)); }
 
  private:
-  CLEARANCE_HD Nearest<T> reduce(const CsoVertex<T>& vertex) const {
+  CLEARANCE_HD static Nearest<T> reduce(const Simplex<T>& old, const CsoVertex<T>& newest) {
     if constexpr (Arithmetic<T>::kCareful)
-      return reduce_carefully(simplex, vertex);
+      return reduce_carefully(old, newest);
     else
-      return reduce_to_nearest(simplex, vertex);
+      return reduce_to_nearest(old, newest);
   }
   CLEARANCE_HD void advance(const Nearest<T>& next, const Mask& take) {
     CLEARANCE_UNROLL
@@ -351,12 +346,12 @@ struct CsoSupport {
 };
 
 /// Runs GJK on one pair. `cso(v)` returns the CSO's vertex farthest along -v.
-/// \param v0 a first guess of v (any direction but zero). \param seed vertices to begin from (may be none).
+/// \param v0 a first guess of v (any direction but zero). \param seed a simplex to begin from (may be empty).
 template <class T, class Cso>
 CLEARANCE_HD inline Gjk<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& seed, const GjkLimits<T>& limits) {
   Gjk<T> g;
   g.v = v0;
-  for (int i = 0; i < seed.size; ++i) g.seed(seed.vertex[i], true);
+  if (seed.size > 0) g.begin(seed, true);
   for (int i = 0; i < limits.max_iterations && g.end == 0; ++i) {
     const CsoSupport<T> s = cso(g.v);
     g.step(s.vertex, s.gap, limits, true);

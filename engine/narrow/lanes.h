@@ -52,9 +52,9 @@ struct LaneAnswer {
 
 /// The witness of a settled pair: what Witness is made from.
 struct LaneWitness {
-  Vec3d v;           ///< world axes: the normal that proves `lower` points along -v
+  Vec3d n;           ///< world axes, towards b: the direction that proves `lower`
   Vec3d separation;  ///< p_b - p_a of the cores, world axes
-  double v_length, separation_length;
+  double n_length, separation_length;
   std::uint32_t size;
   std::uint32_t a[3], b[3];  ///< the vertices that carry the points
   double share[3];

@@ -215,20 +215,19 @@ HWY_INLINE void copy_lane(const Gjk<Pack<T>>& from, int lane, Gjk<T>& to) {
 }
 
 template <class T>
-HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const RunBounds<Pack<T>>& bounds, int lane, LaneWitness& to) {
+HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const RunBounds<Pack<T>>& bounds, int lane, const Mat3d& R_wa,
+                             LaneWitness& to) {
   const SimplexPoint<Pack<T>>& point = bounds.nearest;
-  copy_lane(from.v, lane, to.v);
-  copy_lane(point.w, lane, to.separation);
-  to.separation.x = -to.separation.x;
-  to.separation.y = -to.separation.y;
-  to.separation.z = -to.separation.z;
+  Vec3d v, w;
+  copy_lane(from.v, lane, v);
+  copy_lane(point.w, lane, w);
   to.size = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.size, lane)));
   for (std::uint32_t i = 0; i < to.size; ++i) {
     to.a[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.vertex[i].a, lane)));
     to.b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.simplex.vertex[i].b, lane)));
     to.share[i] = lane_of(point.share[i], lane);
   }
-  take_lengths<T>(to, lane_of(bounds.v_length, lane), lane_of(bounds.length, lane));
+  take_run<T>(to, R_wa, v, lane_of(bounds.v_length, lane), w, lane_of(bounds.length, lane));
 }
 
 // The farthest vertices of each lane's own hull. \param busy lanes that want one; the others get their first vertex.
@@ -268,7 +267,7 @@ struct Lanes {
   const LaneHull *a[kCount], *b[kCount];
   Columns3<T> centre_a, centre_b;
   Column<T> rho_a, rho_b, radius;
-  PlacedColumns<T> rotation_a = {}, rotation_b = {};
+  PlacedColumns<T> rotation = {};
   Columns3<T> offset = {};
   Column<T> extra = {}, cut_off = {}, steps = {};
   Column<T> fresh = {};  // 1: the pair has come since the last step
@@ -296,11 +295,11 @@ struct Lanes {
   // is none.
   template <bool kSameHulls>
   HWY_INLINE bool take_next(const LaneBatch& batch, int lane) {
-    PairOffset<T> from_a_to_b;
+    PairFrame<T> frame;
     for (; next < batch.count; batch.answers[next++] = {-__builtin_inf(), __builtin_inf(), false}) {
       const LanePair& pair = batch.pairs[next];
-      from_a_to_b = pair_offset<T>(*pair.a, *pair.R_wa, *pair.t_a, *pair.b, *pair.R_wb, *pair.t_b);
-      if (from_a_to_b.fits) break;
+      frame = pair_frame<T>(*pair.a, *pair.R_wa, *pair.t_a, *pair.b, *pair.R_wb, *pair.t_b);
+      if (frame.fits) break;
     }
     busy_at[lane] = next < batch.count;
     if (!busy_at[lane]) return false;
@@ -309,12 +308,9 @@ struct Lanes {
     ++busy;
     if (!kSameHulls) set_hulls(lane, *pair.a, *pair.b);
     cut_off.at[lane] = static_cast<T>(pair.max_distance * RunSetup<T>::kMore);
-    for (int r = 0; r < 3; ++r) {
-      rotation_a.row[r].set(lane, pair.R_wa->row[r]);
-      rotation_b.row[r].set(lane, pair.R_wb->row[r]);
-    }
-    extra.at[lane] = from_a_to_b.extra;
-    offset.set(lane, from_a_to_b.D);
+    for (int r = 0; r < 3; ++r) rotation.row[r].set(lane, frame.R.row[r]);
+    extra.at[lane] = frame.extra;
+    offset.set(lane, frame.D);
     fresh.at[lane] = 1;
     steps.at[lane] = 0;
     take_seeds(pair, lane);
@@ -322,6 +318,7 @@ struct Lanes {
   }
   HWY_INLINE void take_seeds(const LanePair& pair, int lane) {
     seeds.at[lane] = 0;
+    for (int i = 0; i < 3; ++i) seed_a[i][lane] = seed_b[i][lane] = 0;
     if (!pair.warm) return;
     const WarmSimplex& warm = *pair.warm;
     for (int i = 0; i < warm.size && i < 3 && warm.a[i] < pair.a->vertex_count && warm.b[i] < pair.b->vertex_count;
@@ -333,27 +330,17 @@ struct Lanes {
   }
 };
 
-// Where the pairs of all lanes are.
 template <class T>
-struct LanePoses {
-  Mat3<Pack<T>> R_wa, R_wb;
-  Vec3<Pack<T>> D;
-  HWY_INLINE explicit LanePoses(const Lanes<T>& lanes)
-      : R_wa(lanes.rotation_a.pack()), R_wb(lanes.rotation_b.pack()), D(lanes.offset.pack()) {}
-};
+HWY_INLINE PairFrame<Pack<T>> frames_of(const Lanes<T>& lanes) {
+  return {lanes.rotation.pack(), lanes.offset.pack(), lanes.extra.pack()};
+}
 
-// First directions and seeds of the pairs that have just come, and what all lanes are limited by from now on.
+// The simplices to begin from, of the lanes that have one.
 template <class T>
-HWY_INLINE void begin_fresh(Lanes<T>& lanes, const LanePoses<T>& at, GjkLimits<Pack<T>>& limits, Pack<T>& scale,
-                            Gjk<Pack<T>>& g) {
-  using P = Pack<T>;
-  const P zero(0.0);
-  const auto is_fresh = lanes.fresh.pack() > zero;
-  g.v =
-      select(is_fresh, first_direction(at.R_wa * lanes.centre_a.pack() - at.R_wb * lanes.centre_b.pack() - at.D), g.v);
+HWY_INLINE Simplex<Pack<T>> seeds_of(const Lanes<T>& lanes, const PairFrame<Pack<T>>& at) {
+  Simplex<Pack<T>> simplex;
+  simplex.size = lanes.seeds.pack();
   for (int i = 0; i < 3; ++i) {
-    const auto seeded = is_fresh & (lanes.seeds.pack() > P(static_cast<double>(i)));
-    if (!any(seeded)) break;
     Columns3<T> p, q;
     Column<T> index_a, index_b;
     for (int lane = 0; lane < Lanes<T>::kCount; ++lane) {
@@ -362,8 +349,20 @@ HWY_INLINE void begin_fresh(Lanes<T>& lanes, const LanePoses<T>& at, GjkLimits<P
       index_a.at[lane] = static_cast<T>(lanes.seed_a[i][lane]);
       index_b.at[lane] = static_cast<T>(lanes.seed_b[i][lane]);
     }
-    g.seed({at.R_wa * p.pack() - at.R_wb * q.pack() - at.D, index_a.pack(), index_b.pack()}, seeded);
+    simplex.vertex[i] = {at.cso_vertex(p.pack(), q.pack()), index_a.pack(), index_b.pack()};
   }
+  return simplex;
+}
+
+// First directions and seeds of the pairs that have just come, and what all lanes are limited by from now on.
+template <class T>
+HWY_INLINE void begin_fresh(Lanes<T>& lanes, const PairFrame<Pack<T>>& at, GjkLimits<Pack<T>>& limits, Pack<T>& scale,
+                            Gjk<Pack<T>>& g) {
+  using P = Pack<T>;
+  const P zero(0.0);
+  const auto is_fresh = lanes.fresh.pack() > zero;
+  g.v = select(is_fresh, first_direction(at.cso_vertex(lanes.centre_a.pack(), lanes.centre_b.pack())), g.v);
+  if (const auto seeded = is_fresh & (lanes.seeds.pack() > zero); any(seeded)) g.begin(seeds_of(lanes, at), seeded);
   lanes.fresh.set(zero);
   limits.radius = lanes.radius.pack();
   scale = pair_scale(at.D, lanes.rho_a.pack(), lanes.rho_b.pack(), limits.radius);
@@ -413,7 +412,7 @@ HWY_INLINE void hand_out(const LaneBatch& batch, const Lanes<T>& lanes, const Gj
     if (batch.pairs[pair].warm) copy_warm<T>(g.simplex, lane, *batch.pairs[pair].warm);
     if constexpr (std::is_same_v<T, double>)
       if (!done) copy_lane(g, lane, batch.unsettled[pair]);
-    if (done && batch.witnesses) copy_witness(g, bounds, lane, batch.witnesses[pair]);
+    if (done && batch.witnesses) copy_witness(g, bounds, lane, *batch.pairs[pair].R_wa, batch.witnesses[pair]);
   }
 }
 
@@ -451,13 +450,13 @@ void run_pairs(const LaneBatch& batch) {
 
   bool any_fresh = true;
   while (lanes.busy > 0) {
-    const LanePoses<T> at(lanes);
+    const PairFrame<P> at = frames_of(lanes);
     if (any_fresh) begin_fresh(lanes, at, limits, scale, g);
     any_fresh = false;
     const auto running = g.end == zero;
     FoundVertex<T> a, b;
-    find_farthest<T, kSameHulls>(lanes, -at.R_wa.transpose_times(g.v), at.R_wb.transpose_times(g.v), a, b);
-    const CsoVertex<P> vertex{at.R_wa * a.p - at.R_wb * b.p - at.D, a.index, b.index};
+    find_farthest<T, kSameHulls>(lanes, -g.v, at.R.transpose_times(g.v), a, b);
+    const CsoVertex<P> vertex{at.cso_vertex(a.p, b.p), a.index, b.index};
     g.step(vertex, -dot(g.v, at.D) - (a.value + b.value), limits, running);
     const P count = lanes.steps.pack() + one;
     lanes.steps.set(count);
@@ -468,7 +467,7 @@ void run_pairs(const LaneBatch& batch) {
 
     // What narrow_phase() makes of such a run, for the pairs that need no more than that.
     const RunBounds<P> bounds(g, limits.radius, scale, lanes.cut_off.pack(), P(batch.abs_tol * Setup::kStrict),
-                              P(batch.rel_tol * Setup::kStrict), lanes.extra.pack());
+                              P(batch.rel_tol * Setup::kStrict), at.extra);
     hand_out(batch, lanes, g, bounds, bits_of(ended));
     for (std::uint32_t left = bits_of(ended); left != 0; left &= left - 1) {
       --lanes.busy;

@@ -16,24 +16,22 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-// The CSO of two pieces, as GJK and EPA see it: world axes, the origin of a as origin.
+// The CSO of two pieces, as GJK and EPA see it: in the frame of a.
 template <class T>
 class SupportedCso {
  public:
   explicit SupportedCso(const PlacedPair<T>& pair) : pair_(pair) {}
 
   CsoSupport<T> operator()(const Vec3<T>& v) const {
-    const SupportPoint<T> a = support(*pair_.a, -pair_.R_wa.transpose_times(v));
-    const SupportPoint<T> b = support(*pair_.b, pair_.R_wb.transpose_times(v));
+    const SupportPoint<T> a = support(*pair_.a, -v);
+    const SupportPoint<T> b = support(*pair_.b, pair_.R.transpose_times(v));
     return {vertex(a.index, b.index), -dot(v, pair_.D) - (a.value + b.value)};
   }
 
   CsoVertex<T> vertex(std::uint32_t ia, std::uint32_t ib) const { return {pair_.cso_vertex(ia, ib), ia, ib}; }
 
   /// From the centre of b to the centre of a: where the CSO's centre is.
-  Vec3<T> centre() const {
-    return pair_.R_wa * cast<T>(pair_.a->centre) - pair_.R_wb * cast<T>(pair_.b->centre) - pair_.D;
-  }
+  Vec3<T> centre() const { return cast<T>(pair_.a->centre) - pair_.R * cast<T>(pair_.b->centre) - pair_.D; }
 
  private:
   const PlacedPair<T>& pair_;
@@ -42,15 +40,16 @@ class SupportedCso {
 // Gathers bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower end.
 class Answer {
  public:
-  Answer(const NarrowLimits& limits, double radius_a, double radius_b)
-      : limits_(limits), radius_a_(radius_a), radius_b_(radius_b) {}
+  Answer(const NarrowLimits& limits, const Mat3d& R_wa, double radius_a, double radius_b)
+      : limits_(limits), R_wa_(R_wa), radius_a_(radius_a), radius_b_(radius_b) {}
 
+  /// \param n axes of a
   void raise_lower(double lower, const Vec3d& n) {
     assert(!std::isnan(lower));
     if (!(lower > answer_.bounds.lower)) return;
     answer_.bounds.lower = lower;
     const Vec3d m = rescaled(n);
-    answer_.normal = m * (1 / norm(m));
+    answer_.normal = (R_wa_ * m) * (1 / norm(m));
   }
   void take_witness(const Witness& w) {
     assert(!std::isnan(w.upper));
@@ -98,7 +97,7 @@ class Answer {
     answer_.settled = settled();
     answer_.beyond = answer_.bounds.lower > limits_.max_distance;
     // Without a wish for depth the separating direction may be unknown: then the witnesses' own line has to do.
-    const double length = norm(witness_.separation), radius = radius_a_ + radius_b_;
+    const double length = witness_.length, radius = radius_a_ + radius_b_;
     if (!(norm(answer_.normal) > 0)) answer_.normal = length > 0 ? witness_.separation * (1 / length) : Vec3d{1, 0, 0};
     const bool apart = answer_.bounds.upper > 0 || length > 0;
     const Vec3d outward = apart && length > 0 && !deep_ ? witness_.separation * (1 / length) : answer_.normal;
@@ -116,9 +115,10 @@ class Answer {
 
  private:
   NarrowLimits limits_;
+  Mat3d R_wa_;
   double radius_a_, radius_b_;
   NarrowAnswer answer_;
-  Witness witness_{kInf, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+  Witness witness_{kInf, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0};
   bool deep_ = false;
   std::vector<CsoVertex<DoubleDouble>> surface_vertices_;
   std::vector<CsoFace<DoubleDouble>> surface_faces_;
@@ -191,11 +191,10 @@ void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> verti
   // Rounding left the surface concave, so that its nearest point is far from its nearest plane: a matter for
   // double-double.
   if (std::is_same_v<T, double> && answer.wants_depth() &&
-      norm(witness.separation) - ball > answer.tolerance(ball) + 2 * pair.upper_error())
+      witness.length - ball > answer.tolerance(ball) + 2 * pair.upper_error())
     return;
   answer.mark_deep();
-  if (!answer.wants_depth() && !(norm(witness.separation) <= 0.5 * pair.upper_error()))
-    answer.keep_surface<T>(vertices, faces);
+  if (!answer.wants_depth() && !(witness.length <= 0.5 * pair.upper_error())) answer.keep_surface<T>(vertices, faces);
   answer.lower_upper(certify_overlap(*pair.a, *pair.b, ball), witness);
 }
 
@@ -283,7 +282,7 @@ Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) {
 
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
                           const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done) {
-  Answer answer(limits, a.radius, b.radius);
+  Answer answer(limits, pose_a.R_wb, a.radius, b.radius);
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
   WarmSimplex seed = warm ? *warm : WarmSimplex{};
   seed = remember(attempt(pair, limits, seed, answer, done));
@@ -321,7 +320,7 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
                                     const NarrowLimits& limits) {
   NarrowLimits whole = limits;
   whole.max_distance = kInf;
-  Answer answer(whole, a.radius, b.radius);
+  Answer answer(whole, pose_a.R_wb, a.radius, b.radius);
   const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
                                       pose_b.t_w);
   attempt(pair, whole, WarmSimplex{}, answer);

@@ -53,7 +53,7 @@ struct SurfaceView {
   /// The origin sees every triangle from the same side, for certain: a closed surface then goes around it.
   bool one_side;
 };
-/// \param w the vertices, world axes. \param scale none is farther from the origin.
+/// \param w the vertices, axes of a. \param scale none is farther from the origin.
 template <class T>
 CLEARANCE_HD inline SurfaceView<T> view_surface(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count,
                                                 const T& scale) {
@@ -179,7 +179,8 @@ CLEARANCE_HD inline Simplex<T> around_origin(const CsoVertex<T>* vertices, const
 template <class T>
 struct CsoPoint {
   Vec3<T> core_a, core_b;
-  Vec3<T> w;  ///< core_a - core_b - D
+  Vec3<T> w;           ///< the point of the CSO, axes of a
+  Vec3<T> separation;  ///< from the core of a to that of b, world axes
 
   template <class A, class B>
   CLEARANCE_HD CsoPoint(const Simplex<T>& simplex, const Mat3<T>& R_wa, const A& a, const Mat3<T>& R_wb, const B& b) {
@@ -192,6 +193,7 @@ struct CsoPoint {
     core_a = R_wa * on_a;
     core_b = R_wb * on_b;
     w = point.w;
+    separation = -(R_wa * w);
   }
 };
 

@@ -31,27 +31,34 @@ CLEARANCE_INLINE S reach_of(const Hull& hull) {
   return static_cast<S>(RunSetup<S>::kFromCentres ? hull.spread * (1 + 0x1p-20) : hull.rho);
 }
 
-/// From what a's vertices are counted from to what b's are, world axes, in float64.
+/// Where b is for a: the axes are those of a's body.
 template <class S>
-struct PairOffset {
-  Vec3d D;
-  S extra{0};        ///< metres: what it errs by once it is rounded to S, beyond what RoundingUnits cover
+struct PairFrame {
+  Mat3<S> R;         ///< turns what has b's axes
+  Vec3<S> D;         ///< from what a's vertices are counted from to what b's are, metres
+  S extra{0};        ///< metres: what D errs by in float32, beyond what RoundingUnits cover
   bool fits = true;  ///< S can hold it
+
+  template <class Vertex>
+  CLEARANCE_HD Vec3<S> cso_vertex(const Vertex& a, const Vertex& b) const {
+    return a - R * b - D;
+  }
 };
 /// \param t_a, t_b origins of the bodies in the world
 template <class S, class HullA, class HullB>
-CLEARANCE_INLINE PairOffset<S> pair_offset(const HullA& a, const Mat3d& R_wa, const Vec3d& t_a, const HullB& b,
-                                           const Mat3d& R_wb, const Vec3d& t_b) {
-  Vec3d D = t_b - t_a;
+CLEARANCE_INLINE PairFrame<S> pair_frame(const HullA& a, const Mat3d& R_wa, const Vec3d& t_a, const HullB& b,
+                                         const Mat3d& R_wb, const Vec3d& t_b) {
+  const Mat3d R = R_wa.transpose_times(R_wb);
+  Vec3d D = R_wa.transpose_times(t_b - t_a);
   if constexpr (!RunSetup<S>::kFromCentres) {
-    return {D};
+    return {R, D};
   } else {
     using std::abs;
     const double size = a.rho + b.rho + a.radius + b.radius + abs(D.x) + abs(D.y) + abs(D.z);
-    if (!is_zero(a.centre)) D = D - R_wa * a.centre;
-    if (!is_zero(b.centre)) D = D + R_wb * b.centre;
+    if (!is_zero(a.centre)) D = D - a.centre;
+    if (!is_zero(b.centre)) D = D + R * b.centre;
     // Rotations, products and sums of float64: docs/bounds.md, float32.
-    return {D, static_cast<S>(16 * 0x1p-53 * (1 + 0x1p-20) * size), size < 1e6};
+    return {cast<S>(R), cast<S>(D), static_cast<S>(24 * 0x1p-53 * (1 + 0x1p-20) * size), size < 1e6};
   }
 }
 
@@ -86,16 +93,19 @@ CLEARANCE_INLINE Vec3<T> first_direction(Vec3<T> centre) {
   return centre;
 }
 
-/// What a settled run in the arithmetic S says of lengths and shares, where `v`, `separation`, `size` and `share` are
-/// set.
+/// What a settled run in the arithmetic S says of directions, lengths and shares, where `size` and `share` are set.
+/// \param v, w of the run, the point that proves its upper bound: a's axes
 template <class S>
-CLEARANCE_INLINE void take_lengths(LaneWitness& witness, double v_length, double separation_length) {
+CLEARANCE_INLINE void take_run(LaneWitness& witness, const Mat3d& R_wa, const Vec3d& v, double v_length, const Vec3d& w,
+                               double separation_length) {
+  witness.n = R_wa * -v;
+  witness.separation = -(R_wa * w);
   if constexpr (!RunSetup<S>::kFromCentres) {
-    witness.v_length = v_length;
+    witness.n_length = v_length;
     witness.separation_length = separation_length;
   } else {
     // Float32 lengths are right in float32 only. So are shares, which would put the points outside their pieces.
-    witness.v_length = norm(witness.v);
+    witness.n_length = norm(witness.n);
     witness.separation_length = norm(witness.separation);
     double sum = 0;
     CLEARANCE_UNROLL

@@ -29,7 +29,7 @@ CLEARANCE_HD inline void settled_points(const Hull& a, const Mat3d& R_wa, const 
 
 /// And its normal.
 CLEARANCE_HD inline Vec3d settled_normal(const LaneWitness& lane) {
-  return -lane.v * (1 / lane.v_length);
+  return lane.n * (1 / lane.n_length);
 }
 
 /// The vertices of a piece within rounding of its support along a direction: how many dimensions they span, and one

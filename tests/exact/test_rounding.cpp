@@ -60,7 +60,9 @@ TEST(Rounding, TheLowerTermCoversEveryErrorAndIsOfItsSize) {
       directions.push_back(directions[0] * random.log_uniform(1e-9, 1e9));
       for (const Vec3d& n : directions) {
         const Value gap = exact_support_gap(view(*c.a), c.X_wa, view(*c.b), c.X_wb, n);
-        const double lower = certify_lower(p.pair, n), fine = certify_lower(p.fine, cast<DoubleDouble>(n));
+        // Bounds take directions in a's axes; rounding this one to double costs less than two of the units.
+        const Vec3<DoubleDouble> n_a = p.fine.R_wa.transpose_times(cast<DoubleDouble>(n));
+        const double lower = certify_lower(p.pair, cast<double>(n_a)), fine = certify_lower(p.fine, n_a);
         ASSERT_GE(gap.compare(lower), 0) << cls.name << ' ' << i;
         ASSERT_GE(gap.compare(fine), 0) << cls.name << ' ' << i;
         ASSERT_LE(gap.lower() - fine, 0x1p-51 * std::abs(fine) + 0x1p-95 * p.pair.scale) << cls.name << ' ' << i;
@@ -129,16 +131,16 @@ TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
         lane_kernel("auto").run_f32({&placed, 1, true, 0, rel_tol, 64, &answer, &witness, &unused});
         if (!answer.settled) continue;
         ++proved;
-        const Vec3d centres = p.pair.R_wa * p.a->centre - p.pair.R_wb * p.b->centre - p.pair.D;
+        const Vec3d centres = p.a->centre - p.pair.R * p.b->centre - p.pair.D;
         const double scale = norm(centres) + p.a->spread + p.b->spread + p.pair.radius, unit = 0x1p-24 * scale;
-        const double extra = 16 * 0x1p-53 * (norm(p.pair.D) + p.a->rho + p.b->rho + p.pair.radius);
-        const Value gap = exact_support_gap(view(*c.a), c.X_wa, view(*c.b), c.X_wb, -witness.v);
+        const double extra = 24 * 0x1p-53 * (norm(p.pair.D) + p.a->rho + p.b->rho + p.pair.radius);
+        const Value gap = exact_support_gap(view(*c.a), c.X_wa, view(*c.b), c.X_wb, witness.n);
         ASSERT_GE(gap.compare(answer.lower), 0) << cls.name << ' ' << i;
         const double error = std::abs(answer.lower + RoundingUnits<float>::kLower * unit + extra - gap.lower()) / unit;
         worst_lower = std::max(worst_lower, error);
         Vec3d point_a, point_b, normal;
         take_lane_witness(*p.a, p.pair.R_wa, *p.b, p.pair.R_wb, witness, point_a, point_b, normal);
-        const double between = norm(point_b - point_a + p.pair.D);
+        const double between = norm(point_b - point_a + (c.X_wb.translation - c.X_wa.translation));
         ASSERT_LE(between, answer.upper + 0x1p-49 * p.pair.scale) << cls.name << ' ' << i;
         worst_upper = std::max(worst_upper,
                                std::abs(answer.upper - RoundingUnits<float>::kUpper * unit - extra - between) / unit);

@@ -18,8 +18,8 @@ struct Cso {
   const PlacedPair<double>& pair;
 
   CsoSupport<double> operator()(const Vec3d& v) const {
-    const SupportPoint<double> a = support(*pair.a, -pair.R_wa.transpose_times(v));
-    const SupportPoint<double> b = support(*pair.b, pair.R_wb.transpose_times(v));
+    const SupportPoint<double> a = support(*pair.a, -v);
+    const SupportPoint<double> b = support(*pair.b, pair.R.transpose_times(v));
     return {{pair.cso_vertex(a.index, b.index), a.index, b.index}, -dot(v, pair.D) - (a.value + b.value)};
   }
 };
