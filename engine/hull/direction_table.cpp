@@ -209,6 +209,22 @@ struct Cell {
   bool final = false;
 };
 
+// Writes a final cell's list, and where it stands into all words that the cell covers.
+// \param above how many levels it is above the grid's; below 0: it has a word of its own
+void put_list(DirectionTable& table, const Cell& cell, int above) {
+  const auto at = static_cast<std::uint32_t>(table.lists.size());
+  table.lists.push_back(static_cast<std::uint32_t>(cell.list.size()));
+  table.lists.insert(table.lists.end(), cell.list.begin(), cell.list.end());
+  if (above < 0) {
+    table.cells[cell.word] = at;
+    return;
+  }
+  const std::size_t grid = std::size_t{1} << table.grid_bits;
+  for (std::size_t v = std::size_t{cell.v} << above; v < std::size_t{cell.v + 1} << above; ++v)
+    for (std::size_t u = std::size_t{cell.u} << above; u < std::size_t{cell.u + 1} << above; ++u)
+      table.cells[v * grid + u] = at;
+}
+
 }  // namespace
 
 DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho, const TableStyle& style) {
@@ -221,13 +237,6 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho,
   const std::size_t grid = std::size_t{1} << grid_level;
   const int deepest = std::min(grid_level + kBelowGrid, DirectionTable::kDeepest);
   table.cells.assign(grid * grid, 0);
-
-  const auto add_list = [&](const std::vector<std::uint32_t>& list) {
-    const auto at = static_cast<std::uint32_t>(table.lists.size());
-    table.lists.push_back(static_cast<std::uint32_t>(list.size()));
-    table.lists.insert(table.lists.end(), list.begin(), list.end());
-    return at;
-  };
 
   // Level by level, from the whole square: its four quadrants each hold an upper and a lower face of the octahedron.
   std::vector<Cell> cells(1);
@@ -253,17 +262,8 @@ DirectionTable make_direction_table(std::span<const Vec3d> vertices, double rho,
     }
     cells.clear();
     for (Cell& cell : children) {
-      const bool in_grid = level + 1 <= grid_level;
       if (cell.final) {
-        const std::uint32_t at = add_list(cell.list);
-        if (!in_grid) {
-          table.cells[cell.word] = at;
-          continue;
-        }
-        const int bits = grid_level - (level + 1);
-        for (std::size_t v = std::size_t{cell.v} << bits; v < std::size_t{cell.v + 1} << bits; ++v)
-          for (std::size_t u = std::size_t{cell.u} << bits; u < std::size_t{cell.u + 1} << bits; ++u)
-            table.cells[v * grid + u] = at;
+        put_list(table, cell, grid_level - (level + 1));
         continue;
       }
       if (level + 1 >= grid_level) {

@@ -163,27 +163,19 @@ class PyEngine {
       answer.configurations = size.configurations;
       answer.pairs = size.pairs;
 
-      const auto column = [&](Field field) -> std::byte* {
-        const int i = std::countr_zero(static_cast<std::uint32_t>(field));
-        if (out.fields() & field) return out.data(i);
-        const std::int64_t offset = layout.offset[static_cast<std::size_t>(i)];
-        return offset < 0 ? nullptr : static_cast<std::byte*>(answer.owner.get()) + offset;
-      };
       ReplyView reply;
       reply.rows = size.rows;
-      reply.distance = reinterpret_cast<double*>(column(kFieldDistance));
-      reply.lower = reinterpret_cast<double*>(column(kFieldLower));
-      reply.upper = reinterpret_cast<double*>(column(kFieldUpper));
-      reply.status = reinterpret_cast<std::uint8_t*>(column(kFieldStatus));
-      reply.flags = reinterpret_cast<std::uint16_t*>(column(kFieldFlags));
-      reply.point_a = reinterpret_cast<double*>(column(kFieldPointA));
-      reply.point_b = reinterpret_cast<double*>(column(kFieldPointB));
-      reply.normal = reinterpret_cast<double*>(column(kFieldNormal));
-      reply.pieces = reinterpret_cast<std::uint32_t*>(column(kFieldPieces));
-      reply.gradient = reinterpret_cast<double*>(column(kFieldGradient));
-      reply.pair = reinterpret_cast<BodyPair*>(column(kFieldPair));
-      reply.configuration = reinterpret_cast<std::uint32_t*>(column(kFieldConfiguration));
-      reply.compact = reinterpret_cast<CompactAnswer*>(column(kFieldCompact));
+      int position = 0;
+      for_each_column(
+          [&]<class Column>(Column*& column, int) {
+            const int at = position++;
+            const std::int64_t offset = layout.offset[static_cast<std::size_t>(at)];
+            if (out.fields() >> at & 1)
+              column = reinterpret_cast<Column*>(out.data(at));
+            else if (offset >= 0)
+              column = reinterpret_cast<Column*>(static_cast<std::byte*>(answer.owner.get()) + offset);
+          },
+          reply);
 
       // Another thread may have attached a body since size(): then the room does not fit the answer.
       std::optional<Job> job;

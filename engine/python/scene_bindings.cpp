@@ -74,13 +74,13 @@ nb::object display(const Scene& scene, std::uint32_t id) {
 
 }  // namespace
 
-void bind_scene(nb::module_& m) {
+namespace {
+
+// What adds bodies.
+void bind_shapes(nb::class_<Scene>& scene) {
   using Parent = std::optional<std::string>;
   using P = std::optional<PoseRow>;
-  nb::class_<Scene>(m, "Scene")
-      .def(nb::init<>())
-      .def_static("load", &Scene::load, nb::arg("path"), nb::arg("allow_outside"),
-                  nb::call_guard<nb::gil_scoped_release>())
+  scene
       .def(
           "add_hull",
           [](Scene& s, const std::string& name, const VertexRows& v, double radius, const Parent& parent, bool fixed,
@@ -123,7 +123,18 @@ void bind_scene(nb::module_& m) {
           [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
              const P& pose) { return s.add_cylinder(name, radius, length, options(0, parent, fixed, pose)); },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
-          nb::arg("pose").none())
+          nb::arg("pose").none());
+}
+
+}  // namespace
+
+void bind_scene(nb::module_& m) {
+  nb::class_<Scene> scene(m, "Scene");
+  scene.def(nb::init<>())
+      .def_static("load", &Scene::load, nb::arg("path"), nb::arg("allow_outside"),
+                  nb::call_guard<nb::gil_scoped_release>());
+  bind_shapes(scene);
+  scene
       .def("add_group", [](Scene& s, const std::string& name,
                            const std::vector<std::string>& members) { s.add_group(name, members); })
       .def("ignore", &Scene::ignore)

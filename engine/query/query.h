@@ -73,6 +73,25 @@ struct ReplyView {
   CompactAnswer* compact = nullptr;        ///< (rows,)
 };
 
+/// Calls f(column of each view..., entries a row) for every column that there may be, in the order of Field. Views may
+/// be const.
+template <class F, class... View>
+void for_each_column(F&& f, View&... view) {
+  f(view.distance..., 1);
+  f(view.lower..., 1);
+  f(view.upper..., 1);
+  f(view.status..., 1);
+  f(view.flags..., 1);
+  f(view.point_a..., 3);
+  f(view.point_b..., 3);
+  f(view.normal..., 3);
+  f(view.pieces..., 2);
+  f(view.gradient..., 12);
+  f(view.pair..., 1);
+  f(view.configuration..., 1);
+  f(view.compact..., 1);
+}
+
 /// A view of columns laid out one after another in the order of Field, each starting on a 64-byte boundary: the layout
 /// of a reply on the wire and of the engine's own buffers. With `base` null only the size is computed.
 /// \param rows rows of each column. \param fields Field bits. \param bytes receives the size of the block, if not null.
