@@ -46,7 +46,7 @@ struct CLEARANCE_API RequestError : std::runtime_error {
   std::uint16_t code;
 };
 
-/// x, y, z, qw, qx, qy, qz; metres. X_wb, or of a body with a parent X_parent_body.
+/// x, y, z, qw, qx, qy, qz; metres. X_wb, or X_parent_body for a body with a parent.
 using Pose7 = std::array<double, 7>;
 /// Body ids, or group selectors (types.h).
 using IdPair = std::array<std::uint32_t, 2>;
@@ -63,8 +63,8 @@ struct Query {
 
 class Frame;
 
-/// An answer. Columns are views into the frame that arrived (shared memory: a leased slot, given back on destruction);
-/// a column that was not asked for is empty.
+/// An answer. Columns are views into the frame that arrived (over shared memory: a slot, given back on destruction). A
+/// column that was not asked for is empty.
 class CLEARANCE_API Reply {
  public:
   explicit Reply(std::unique_ptr<Frame> frame);  ///< of type kReply; throws ConnectionError if it is malformed
@@ -73,7 +73,7 @@ class CLEARANCE_API Reply {
   ~Reply();
 
   std::size_t rows() const;
-  std::uint64_t total() const;           ///< kWithin: pairs found, also those past max_results
+  std::uint64_t total() const;           ///< kWithin: pairs found, including those past max_results
   std::uint64_t configurations() const;  ///< K
   std::uint64_t pairs() const;           ///< P
   std::uint32_t fields() const;
@@ -95,7 +95,7 @@ class CLEARANCE_API Reply {
   std::uint64_t snapshot_revision() const;
   std::int64_t snapshot_stamp_ns() const;  ///< publisher's clock: the newest stamp among the poses
   std::int64_t snapshot_sequence() const;  ///< its publisher's count of the update with that stamp; 0: not counted
-  /// Nanoseconds from the daemon's receipt of the oldest of all poses to the begin of the query; -1: none was received.
+  /// Age of the oldest of all poses when the query began, from its receipt by the daemon; -1: none was received.
   std::int64_t pose_age_ns() const;
   std::uint64_t engine_ns() const;
   std::uint64_t server_ns() const;
@@ -117,8 +117,7 @@ struct BodyInfo {
   std::uint64_t vertex_count = 0;
   double model_error = 0;  ///< metres: how far the pieces may stand out from the shape they were asked for
   double extent = 0;       ///< metres: farthest point from the body's origin
-  double hull_excess =
-      0;  ///< metres: no point of a piece is farther from the mesh that it stands for; 0: a convex body
+  double hull_excess = 0;  ///< metres: no point of a piece is farther from its mesh; 0: a convex body
   double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
 };
 struct GroupInfo {
@@ -154,17 +153,17 @@ struct NewBody {
   std::optional<std::array<double, 2>> capsule = {};     ///< radius, length between the centres of its caps; along z
   std::optional<std::array<double, 2>> cylinder = {};    ///< radius, length; along z
   double radius = 0;                                     ///< metres, grows the shape
-  std::uint32_t parent = kNone;                          ///< that it follows
+  std::uint32_t parent = kNone;                          ///< body that it follows
   std::optional<Pose7> pose = {};                        ///< X_world_body, with a parent X_parent_body
   bool is_static = false;
 };
 
-/// A scene that took the place of another.
+/// The scene that replaced another.
 struct SceneChanged {
   std::uint64_t scene_revision = 0;
   std::uint32_t body_count = 0;
-  std::uint32_t body = kNone;  ///< add_body(): the new one
-  double seconds = 0;          ///< that it took to make
+  std::uint32_t body = kNone;  ///< after add_body(): the new body
+  double seconds = 0;          ///< time that making the scene took
 };
 
 /// A request that is under way. Destroying it unread forgets the reply.
@@ -172,11 +171,11 @@ class Pending;
 
 struct ConnectOptions;
 
-/// Not thread-safe: one client per thread. After a fork the child must connect anew (calls throw).
+/// Not thread-safe: one client per thread. After a fork the child must connect again (calls throw).
 ///
-/// A daemon that goes away is never passed over in silence: calls and replies under way throw ConnectionError, at least
-/// one does. The next call connects anew to whoever serves the url then, or throws ConnectionError at once if nobody
-/// does. Poses and attachments that this client had sent are gone with the daemon that had them.
+/// When a daemon goes away the caller learns it: calls and replies under way throw ConnectionError, at least one of
+/// them. The next call connects again to whoever serves the url then, or throws ConnectionError at once if nobody does.
+/// Poses and attachments that this client had sent are lost with the old daemon.
 class CLEARANCE_API Client {
  public:
   using Duration = std::chrono::nanoseconds;
@@ -190,35 +189,35 @@ class CLEARANCE_API Client {
   /// Sends a query and returns at once.
   Pending submit(const Query& query = {});
 
-  /// \param stamp_ns, sequence the caller's clock and its count of updates, which replies then carry; 0: none. A stamp
-  /// below 0, far ahead of the daemon's clock, or older than this client's last for one of the bodies is refused
-  /// (RequestError), and with it the update.
+  /// \param stamp_ns, sequence the caller's clock and its count of updates, which replies then carry; 0: none. Throws
+  /// RequestError, and applies nothing, for a stamp below 0, far ahead of the daemon's clock, or older than this
+  /// client's last for one of the bodies.
   PosesDone set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0,
                       std::int64_t sequence = 0);
   PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0,
                       std::int64_t sequence = 0);
   PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
 
-  /// Has the daemon load its scene file anew, and waits until the new scene is in. Queries go on meanwhile; poses and
-  /// attachments stay with the bodies of the same names. Throws RequestError with the loader's words if it fails: the
-  /// old scene then stays. \param timeout of this call alone.
+  /// Makes the daemon load its scene file again, and waits until the new scene is in. Queries go on meanwhile; poses and
+  /// attachments stay with the bodies of the same names. If loading fails the old scene stays, and this throws
+  /// RequestError with the loader's message. \param timeout for this call alone.
   SceneChanged reload(Duration timeout = std::chrono::minutes(10));
 
-  /// Adds a body, behind those that are there, as an object that is grasped; waits until the scene has it. Other bodies
-  /// keep ids and poses, queries under way are answered for the scene they began with. Throws RequestError for a name
-  /// that is taken, a shape that is none, or too many bodies; std::invalid_argument unless there is exactly one shape.
+  /// Adds a body (a grasped object, say), and waits until the scene has it. Its id comes after those of the other
+  /// bodies, which keep their ids and poses. Queries under way are answered for the scene they began with. Throws
+  /// RequestError for a name that is taken, a shape that cannot be made, or too many bodies; std::invalid_argument
+  /// unless there is exactly one shape.
   SceneChanged add_body(const NewBody& body);
-  /// Removes a body that add_body() added; those added after it get other ids. Throws RequestError for any other, and
-  /// for one that another follows.
+  /// Removes a body that add_body() added; bodies added after it get other ids. Throws RequestError for any other body,
+  /// and for one that another follows.
   SceneChanged remove_body(std::string_view name);
 
-  /// The scene that this client's ids are of: fetched once, and again if it has changed since (a refusal with
-  /// kWrongScene, or a change that this client made); valid until then. Once it was fetched, requests with ids are for
-  /// that scene: when another client or a reload has changed it, they are refused with kWrongScene until scene(),
-  /// refresh(), body() or group() is called. Not so changes that this client made, if every id that was there means the
-  /// same body still.
+  /// The scene that this client's ids belong to. It is fetched once, and again after a refusal with kWrongScene or a
+  /// change that this client made; the reference is valid until then. Once it is fetched, requests with ids are for that
+  /// scene: if another client or a reload changes it, they are refused with kWrongScene until scene(), refresh(), body()
+  /// or group() is called. After a change that this client made they go on, if every old id still means the same body.
   const SceneInfo& scene();
-  void refresh();                                      ///< fetches the scene anew
+  void refresh();                                      ///< fetches the scene again
   std::uint32_t body(std::string_view name);           ///< id; throws std::invalid_argument naming near misses
   std::uint32_t group(std::string_view name);          ///< selector; "*": every body
   std::vector<IdPair> pairs(const Query& query = {});  ///< the pairs a query answers, in order
@@ -226,7 +225,7 @@ class CLEARANCE_API Client {
   std::vector<std::pair<std::string, std::uint64_t>> stats();
   Duration ping(std::span<const std::byte> payload = {});  ///< a bare echo through the daemon
 
-  void set_timeout(Duration timeout);  ///< of every call; default 5 s
+  void set_timeout(Duration timeout);  ///< for every call; default 5 s
   std::string url() const;
 
  private:
@@ -244,8 +243,8 @@ class CLEARANCE_API Pending {
   Pending& operator=(Pending&&) noexcept;
   ~Pending();
   bool ready();                                     ///< polls once; errors are thrown by get()
-  bool wait_for(std::chrono::nanoseconds timeout);  ///< as ready(), waiting for at most so long
-  Reply get();  ///< once: waits up to the client's timeout; throws as Client::distances()
+  bool wait_for(std::chrono::nanoseconds timeout);  ///< as ready(), but waits for at most so long
+  Reply get();  ///< call it once: waits up to the client's timeout; throws as Client::distances()
 
  private:
   friend class Client;
@@ -257,8 +256,8 @@ class CLEARANCE_API Pending {
 
 struct ConnectOptions {
   std::chrono::nanoseconds timeout = std::chrono::seconds(5);
-  /// Of a daemon that listens on TCP with keys: files of its public key and of this client's own pair, as `clearance
-  /// keygen` writes them. Empty: those of the url ("?server_key=FILE&key=FILE"), else of the environment
+  /// For a daemon that listens on TCP with keys: the files of its public key and of this client's own key pair, as
+  /// `clearance keygen` writes them. Empty: those of the url ("?server_key=FILE&key=FILE"), else of the environment
   /// (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), else no keys.
   std::string server_key = {}, key = {};
 };

@@ -109,7 +109,7 @@ struct QueryHeader {
   std::int64_t min_pose_stamp_ns = 0;  ///< begin once the poses of wait_for have this stamp or a newer one; 0: at once
   std::int64_t pose_wait_ns = 0;       ///< at most so long, 0 to 10 s; then kPosesLate
   std::uint32_t wait_for =
-      kEveryBody;  ///< body, or group selector: those of its bodies that ever had a stamp, and one at least
+      kEveryBody;  ///< body, or group selector; bodies without a stamp do not count, but one must have one
   std::uint32_t padding2[1] = {};
   std::uint64_t reserved[5] = {};
 };

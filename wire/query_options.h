@@ -47,7 +47,7 @@
   X(std::int64_t, pose_wait_ns, 0, 0, Legal::range(0, 10'000'000'000),                                                 \
     "ns", "wait at most so long for them; then `kPosesLate`")                                                          \
   X(std::uint32_t, wait_for, kEveryBody, 0, Legal::anything(),                                                         \
-    "", "body, or selector of a group: those of its bodies that ever had a stamp, and at least one")                   \
+    "", "body, or selector of a group; bodies that never had a stamp do not count, but at least one must have one")                   \
   X(std::uint64_t, max_reply_bytes, 0, 1, Legal::anything(),                                                           \
     "bytes", "a larger reply frame is refused with `kTooLarge`; 0: no limit but the daemon's")
 // clang-format on

@@ -59,7 +59,7 @@ class Planner {
     listen("CLEARANCE_REPLY", &Planner::on_reply);
   }
 
-  /// Learns the bodies and where they are; those that never had a pose are put side by side.
+  /// Learns the bodies and their poses; bodies without a pose are put side by side.
   void learn_scene() {
     wait([this] { return scene_.whole() != nullptr && states_.whole() != nullptr; }, "the scene");
     for (const auto& [number, part] : *scene_.whole()) {

@@ -4,8 +4,8 @@
     clearanced --scene scenes/nineteen/scene.yaml --lcm "udpm://239.255.76.67:7667?ttl=0" &
     python3 client/examples/lcm_planner.py --url "udpm://239.255.76.67:7667?ttl=0"
 
-It waits for the scene, publishes where the bodies are (again every second, for late joiners and losses), then asks
-about a batch of configurations of one body and prints, for each, the nearest pair with its certified bounds.
+It waits for the scene and publishes the bodies' poses (again every second, for late joiners and losses). Then it asks
+about a batch of configurations of one body, and prints the nearest pair of each with its certified bounds.
 """
 
 import argparse
@@ -85,7 +85,7 @@ class Planner:
                     self.movable.append(i)
 
     def learn_poses(self):
-        """Where the daemon has the bodies now; those that never had a pose are put side by side."""
+        """Learns the bodies' poses from the daemon; bodies without a pose are put side by side."""
         for part in self.wait(lambda: self.whole(self.state_parts), "where the bodies are"):
             for i, pose, status in zip(part.ids, part.poses, part.status):
                 if i in self.movable:

@@ -3,10 +3,10 @@
 
     python3 client/examples/pose_publisher.py --url "udpm://239.255.76.67:7667?ttl=0" --rate 100 --seconds 10
 
-It learns the bodies from CLEARANCE_SCENE and where they are from CLEARANCE_STATES, and lets each wander about that
-place (bodies that never had a pose are laid out on a grid). Static bodies and those that follow another stay as they
-are. All poses are in every update, so that late joiners and losses need no more. It uses nothing of Clearance but
-lcmtypes/. Ends after --seconds, or with SIGTERM or Ctrl-C, exit code 0.
+It learns the bodies from CLEARANCE_SCENE and their poses from CLEARANCE_STATES, and lets each body wander about its
+place (bodies without a pose are laid out on a grid). Static bodies and those that follow another stay as they are.
+Every update holds all poses, so late joiners and losses need nothing else. It uses only lcmtypes/ of Clearance.
+It ends after --seconds, or on SIGTERM or Ctrl-C, with exit code 0.
 """
 
 import argparse
@@ -29,7 +29,7 @@ BODIES_PER_MESSAGE = 700  # 42 KB: one datagram
 
 
 class Wanderer:
-    """One body's way: sums of sines about its place, in position and in attitude; a few seconds a turn."""
+    """The motion of one body about its place: sums of sines in position and orientation, with periods of seconds."""
 
     def __init__(self, body, place, reach):
         chance = random.Random(body)

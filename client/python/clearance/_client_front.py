@@ -31,11 +31,11 @@ def connect(
 ) -> Client:
     """Connects to a daemon.
 
-    url: "shm:///run/user/1000/clearance.sock" (shared memory, the quickest), "ipc:///path" or "tcp://host:port"
+    url: "shm:///run/user/1000/clearance.sock" (shared memory, the fastest), "ipc:///path" or "tcp://host:port"
         (ZeroMQ), "udpm://239.255.76.67:7667?ttl=0" (LCM; "&prefix=NAME_" sets the channels' prefix).
-    timeout_s: seconds, for this and for every later call that gives none.
-    server_key, key: of a daemon that listens on TCP with keys, files of its public key and of one's own pair, as
-        `clearance keygen` writes them. None: those of the url ("?server_key=FILE&key=FILE"), else of the environment
+    timeout_s: seconds, for this call and for every later one that gives none.
+    server_key, key: for a daemon that listens on TCP with keys: the files of its public key and of your own key pair,
+        as `clearance keygen` writes them. None: those of the url ("?server_key=FILE&key=FILE"), else of the environment
         (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), else no keys.
 
     Raises ConnectionError naming url and cause; ValueError for a url of no known kind.
@@ -46,8 +46,8 @@ def connect(
 class Client(Front):
     """A connection to the daemon: the methods of clearance.Engine, answered by it.
 
-    Usable from several threads, one call at a time; a client for each thread is quicker. Not usable in a forked child
-    (ConnectionError): connect anew. Also a context manager that closes the connection.
+    Several threads may use it, one call at a time; a client for each thread is faster. A forked child cannot use it
+    (ConnectionError) and connects again. Also a context manager that closes the connection.
     """
 
     _module = _client
@@ -75,7 +75,7 @@ class Client(Front):
 
     @property
     def url(self) -> str:
-        """What this client is connected to."""
+        """The url that this client is connected to."""
         return self._url
 
     @property
@@ -94,17 +94,17 @@ class Client(Front):
         return self._backend
 
     def refresh(self) -> None:
-        """Fetches the scene anew, after another client changed it or the daemon was started with another one.
+        """Fetches the scene again, after another client has changed it or the daemon was started with another one.
 
-        A query of a client that knows an older scene raises QueryError with the code WRONG_SCENE.
+        If the client knows only an older scene, a query raises QueryError with the code WRONG_SCENE.
         """
         self._names_cache = self._fetch_names(True)
 
     def reload(self, timeout_s: float = 600.0) -> SceneChanged:
-        """Has the daemon load its scene file anew, and waits until the new scene is in; other clients' queries go on.
+        """Makes the daemon load its scene file again, and waits until the new scene is in; other clients' queries go on.
 
-        Poses and attachments stay with the bodies of the same names. Raises RequestError with the code RELOAD_FAILED
-        and the loader's words if it fails: the old scene then stays. timeout_s: of this call alone.
+        Poses and attachments stay with the bodies of the same names. If loading fails the old scene stays, and this
+        raises RequestError with the code RELOAD_FAILED and the loader's message. timeout_s: for this call alone.
         """
         return self._changed(*self._use().reload(to_number_from_0(timeout_s, "timeout_s")))
 
@@ -122,18 +122,18 @@ class Client(Front):
         static: bool = False,
         pose: Any = None,
     ) -> SceneChanged:
-        """Adds a body while the daemon runs, as an object that is grasped, and waits until the scene has it.
+        """Adds a body while the daemon runs (a grasped object, say), and waits until the scene has it.
 
-        vertices: (V, 3) metres in the body's frame: their hull; or one of box: (x, y, z) edge lengths, sphere: radius,
-            capsule and cylinder: (radius, length), as in clearance.Scene.
+        vertices: (V, 3) metres in the body's frame; the shape is their hull. Or one of box: (x, y, z) edge lengths,
+            sphere: radius, capsule and cylinder: (radius, length), as in clearance.Scene.
         radius: metres, grows the shape.
-        parent: a name or id that it follows.
-        pose: X_world_body, with a parent X_parent_body; None: none until one arrives (with a parent or static: the
+        parent: name or id of the body that it follows.
+        pose: X_world_body, with a parent X_parent_body; None: no pose until one arrives (with a parent or static: the
             identity).
 
-        It comes behind the bodies that are there, which keep ids and poses; queries under way are answered for the
-        scene they began with. Raises QueryError for a name that is taken, a shape that is none, or too many bodies;
-        ValueError and TypeError for a wrong argument.
+        Its id comes after those of the other bodies, which keep their ids and poses. Queries under way are answered
+        for the scene they began with. Raises QueryError for a name that is taken, a shape that cannot be made, or too
+        many bodies; ValueError and TypeError for a wrong argument.
         """
         shapes = {"vertices": vertices, "box": box, "sphere": sphere, "capsule": capsule, "cylinder": cylinder}
         given = [shape for shape, value in shapes.items() if value is not None]
@@ -157,7 +157,7 @@ class Client(Front):
         )
 
     def remove_body(self, name: str) -> SceneChanged:
-        """Removes a body that add_body() added; those that were added after it get other ids.
+        """Removes a body that add_body() added; bodies added after it get other ids.
 
         Raises QueryError for any other body, and for one that another follows.
         """
@@ -168,7 +168,7 @@ class Client(Front):
         return SceneChanged(revision, body_count, None if body == NONE else body, seconds)
 
     def body_states(self) -> list[BodyState]:
-        """Where each body is now, by id."""
+        """Where each body is now, in the order of ids."""
         return [
             BodyState(
                 np.array(pose), Status(status), None if parent == NONE else parent, stamp, None if age < 0 else age
@@ -181,13 +181,13 @@ class Client(Front):
         return dict(self._use().stats())
 
     def ping(self, payload: bytes = b"") -> float:
-        """Seconds that a bare echo of `payload` through the daemon took."""
+        """Sends `payload` to the daemon and back; returns the seconds that took."""
         if not isinstance(payload, bytes):
             raise TypeError(f"payload: expected bytes, got {payload!r}")
         return self._use().ping(payload)
 
     def close(self) -> None:
-        """Ends the connection; answers with copy=False stay valid until they are gone."""
+        """Ends the connection. Answers with copy=False stay valid as long as you hold them."""
         self._connection = None
 
     def __enter__(self) -> Client:
@@ -274,7 +274,7 @@ class Client(Front):
         )
 
     def _guarded(self, call: Any, *args: Any) -> Any:
-        """Calls; once the daemon has refused for another scene, names are looked up anew."""
+        """Calls; if the daemon refuses for another scene, the next call looks names up again."""
         try:
             return call(*args)
         except QueryError as error:

@@ -33,24 +33,24 @@ _TABLES_KEPT = 16
 
 @dataclass(frozen=True)
 class PosesDone:
-    """What became of a pose update. It applied as a whole, in one snapshot."""
+    """The effect of a pose update, which applies as a whole, in one snapshot."""
 
     revision: int  #: of the snapshot that holds the update
     scene_revision: int
     applied: int
     bad: int  #: stored, and answered BAD_POSE until a good one comes
-    unknown: int  #: ids outside the scene, left out
-    fixed: int  #: static bodies, left out
+    unknown: int  #: ids outside the scene, ignored
+    fixed: int  #: static bodies, ignored
 
 
 @dataclass(frozen=True)
 class SceneChanged:
-    """A scene that took the place of another."""
+    """The scene that replaced another."""
 
     scene_revision: int
     body_count: int
-    body: Optional[int]  #: the id of one that was added
-    seconds: float  #: that it took to make
+    body: Optional[int]  #: the id of the body that was added
+    seconds: float  #: time that making the scene took
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class BodyState:
     status: Status  #: OK, NO_POSE or BAD_POSE
     parent: Optional[int]
     stamp_ns: int  #: publisher's clock
-    age_ns: Optional[int]  #: since it was received; None: never
+    age_ns: Optional[int]  #: since the pose was received; None: never received
 
 
 class Front(Parser):
@@ -78,7 +78,7 @@ class Front(Parser):
         raise NotImplementedError
 
     def _scene_revision(self) -> int:
-        """Of the scene that names and pair tables are of."""
+        """The revision of the scene to which names and pair tables belong."""
         raise NotImplementedError
 
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
@@ -121,7 +121,7 @@ class Front(Parser):
 
     @property
     def scene_revision(self) -> int:
-        """Names this scene: geometry, bodies, groups and attachments."""
+        """A number that stands for this scene: its geometry, bodies, groups and attachments."""
         return self._scene_revision()
 
     @property
@@ -179,11 +179,11 @@ class Front(Parser):
         poses: {body: pose}, bodies by name or id; a pose is 7 numbers [x, y, z, qw, qx, qy, qz] (metres) or a (4, 4)
             matrix, X_wb, or of a body with a parent X_parent_body. Or an array (M, 7) or (M, 4, 4) with `bodies`.
         bodies: (M,) names or ids, only with an array; None: every movable body in the order of ids.
-        stamp_ns: the caller's clock, handed on with answers (snapshot_stamp_ns); 0: none. Raises QueryError, and
-            applies nothing, if it is below 0, more than a minute ahead of this machine's clock (UTC), or older than the
-            last that this caller gave for one of the bodies; a clock that begins anew gives one update without a stamp
-            first.
-        sequence: the caller's count of its updates, handed on with answers (snapshot_sequence); 0: none.
+        stamp_ns: a time of the caller's clock, which answers then carry (snapshot_stamp_ns); 0: none. Raises QueryError,
+            and applies nothing, if it is below 0, more than a minute ahead of this machine's clock (UTC), or older than
+            the last that this caller gave for one of the bodies. A caller whose clock starts again sends one update
+            without a stamp first.
+        sequence: the caller's count of its updates, which answers then carry (snapshot_sequence); 0: none.
 
         A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
         Raises ValueError for a wrong shape, a matrix that is not rigid or an unknown name, TypeError for a wrong type.
@@ -202,7 +202,9 @@ class Front(Parser):
         return self._send_poses(ids, array, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
 
     def attach(self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None) -> PosesDone:
-        """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child); None sets it free there.
+        """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child).
+
+        With parent None the child follows nobody and stays where it is.
 
         Raises QueryError for a cycle, a static child, or a body whose pose is not known and was not given.
         """
@@ -246,26 +248,27 @@ class Front(Parser):
         configurations: (K, M, 7) or (K, M, 4, 4) poses of M bodies that replace their current ones (children follow).
         bodies: (M,) names or ids of those bodies; None: every movable body, in the order of ids.
         max_distance: metres; a pair proved farther is BEYOND and not refined.
-        abs_tol, rel_tol: wanted: upper - lower <= max(abs_tol, rel_tol |distance|). rel_tol None: 1e-6 (f32: 1e-4).
+        abs_tol, rel_tol: asks for upper - lower <= max(abs_tol, rel_tol |distance|). rel_tol None: 1e-6 (f32: 1e-4).
         precision: "f64" or "f32" iterations; the bounds are valid in either.
         signed: also the penetration depth of overlapping pairs.
         reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body) or "min" (per configuration).
         fields: names of the columns that come back; "points" is both points, "default" is distance, lower, upper and
-            status. None: "default", and points and normal if there are at most 100,000 rows.
+            status. None: "default", with points and normal too if there are at most 100,000 rows.
         format: "full", or "compact": float32 bounds rounded outward, points relative to each body's origin.
-        out: a dict of arrays or an earlier result to write into; `fields` is then what it holds.
+        out: a dict of arrays or an earlier result to write into; `fields` then follows from its columns.
         timeout_s: seconds; None: the client's own; in process no limit.
-        max_results: most rows of reduce="within".
-        max_pose_age_ns: older poses set Flag.STALE; 0: never.
+        max_results: the most rows that reduce="within" returns.
+        max_pose_age_ns: poses older than this set Flag.STALE; 0: never.
         warm: keep warm state between calls (faster; bits then depend on earlier calls). The CPU reduces cold.
         copy: False: the columns of a client's answer are read-only views of the transport's own memory, given back when
             the arrays are gone. In process the columns are always the result's own.
-        min_pose_stamp_ns: begin once poses with this stamp or a newer one are there (publisher's clock); 0: at once. In
-            process poses are there when set_poses() returns, so nothing waits: such a query is a ValueError.
+        min_pose_stamp_ns: wait for poses with this stamp or a newer one (publisher's clock); 0: do not wait. In process
+            poses are there when set_poses() returns, so nothing needs to wait: such a query is a ValueError.
         pose_wait_s: seconds to wait for them, at most 10; then a RequestError with the code POSES_LATE.
-        wait_for: the body or group whose poses are meant: those of its bodies that ever had a stamp, and one at least.
-        more: options that came later, by name; docs/wire.md has a table of them all. One that a daemon is too old for
-            is a RequestError that names it.
+        wait_for: the body or group whose poses to wait for. Bodies that have never had a stamp do not count, but at
+            least one must have one.
+        more: options that came later, by name; docs/wire.md has a table of them all. An option that the daemon is too
+            old for is a RequestError that names it.
 
         Raises TypeError or ValueError naming the argument; QueryError for a query that cannot be answered;
         TimeoutError; and from a client ConnectionError and RequestError. A bad pose or an unknown id is a status of its
@@ -278,12 +281,12 @@ class Front(Parser):
         return self._result(query, self._answer(query))
 
     def prepare(self, **arguments: Any) -> Prepared:
-        """Parses a query once, to be asked again and again: what a control loop wants.
+        """Parses a query once, for a control loop that asks it again and again.
 
-        arguments: those of distances(), by name. Of these, `configurations` of dtype float64, shape (K, M, 7) and C
-            order are looked at anew by each call: new poses may be written into them in between.
+        arguments: those of distances(), by name. Each call reads `configurations` again if they are float64, of shape
+            (K, M, 7) and in C order: you may write new poses into them in between.
 
-        Raises as distances() does. Names are looked up here: prepare anew after a scene has changed.
+        Raises as distances() does. Names are looked up here: prepare again after the scene has changed.
         """
         arguments = {**_DEFAULTS, **arguments}
         if isinstance(arguments["pairs"], np.ndarray):
@@ -314,9 +317,9 @@ class Front(Parser):
         wait_for: BodyRef = "*",
         **more: Any,
     ) -> Future:
-        """Begins a query, as distances() does, and returns a future: .result(timeout=None), .done(), .cancel().
+        """Begins the query that distances() would answer, and returns a future: .result(timeout=None), .done(), .cancel().
 
-        In process the snapshot is that of this call; through a daemon it is that of the request's arrival.
+        In process the poses are those at this call; through a daemon, those at the request's arrival.
         """
         query = self._parse(
             pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
@@ -340,7 +343,7 @@ _DEFAULTS = {
 
 
 class Prepared:
-    """A query that was parsed by prepare(). A call answers it, as distances() would, at the poses of that moment."""
+    """A query that prepare() has parsed. A call answers it as distances() would, for the poses at that moment."""
 
     __slots__ = ("_front", "_query", "_table", "_pairs")
 
@@ -353,7 +356,7 @@ class Prepared:
             self._pairs.flags.writeable = False  # all its results share it
 
     def __call__(self, min_pose_stamp_ns: Optional[int] = None) -> Result:
-        """min_pose_stamp_ns: of this call and those after it; None: as it was."""
+        """min_pose_stamp_ns: for this call and later ones; None: unchanged."""
         query = self._query
         if min_pose_stamp_ns is not None:
             if not self._front._waits:
