@@ -41,20 +41,20 @@ demo: build  ## 19 moving bodies asked about through all three transports; out/d
 	@$(PYTHON_VENV) tools/demo.py
 
 bench: build  ## latency and throughput of every transport, beside their floors and bars: out/latency*.csv
-	@$(PYTHON_VENV) tools/bench.py
+	@$(PYTHON_VENV) bench/latency/bench.py
 
 bench-peers:  ## ours beside Coal, FCL and Bullet, which it installs: times and errors; rewrites docs/performance.*
 	@tools/setup.sh tools/peers_packages.txt
 	@tools/build.sh release clearance-peers-export clearance-peers-ours
-	@$(PYTHON_VENV) tools/bench_peers.py
+	@$(PYTHON_VENV) bench/peers/bench_peers.py
 
 bench-broad: setup  ## the ways to find near pairs, alone and within queries; rewrites docs/results/broad.csv and docs/performance.md
 	@tools/build.sh release clearance-broad
 	@build/bin/clearance-broad --csv docs/results/broad.csv
-	@$(PYTHON_VENV) tools/broad.py
+	@$(PYTHON_VENV) bench/broad/broad.py
 
 bench-load: build  ## how long 1000 meshes take to load, with an empty cache and with a full one; rewrites docs/results/load.csv
-	@$(PYTHON_VENV) tools/bench_load.py --csv docs/results/load.csv
+	@$(PYTHON_VENV) bench/load/bench_load.py --csv docs/results/load.csv
 
 certify: setup  ## a million pairs of every hard class against exact arithmetic; rewrites docs/results/accuracy.csv
 	@tools/build.sh release clearance-certify
@@ -64,16 +64,16 @@ certify: setup  ## a million pairs of every hard class against exact arithmetic;
 tradeoff: setup  ## time against accuracy for every setting of a query; rewrites docs/results/tradeoff.csv and docs/tradeoff.*
 	@tools/build.sh release clearance-tradeoff
 	@build/bin/clearance-tradeoff --csv docs/results/tradeoff.csv
-	@$(PYTHON_VENV) tools/tradeoff.py
+	@$(PYTHON_VENV) bench/tradeoff/tradeoff.py
 
 report: setup  ## the experiments of the 2023 report with its systems, ours and Coal; rewrites docs/report.* and docs/results/report.csv
 	@tools/build.sh release clearance-report
-	@$(PYTHON_VENV) tools/report.py --measure
+	@$(PYTHON_VENV) bench/report/report.py --measure
 
 report-gpu: setup  ## the same with the systems on this machine's GPU; writes docs/results/report_*.csv
 	@tools/build.sh release clearance-report clearance-gpu-bench
 	@tools/gpu.sh report
-	@$(PYTHON_VENV) tools/report.py
+	@$(PYTHON_VENV) bench/report/report.py
 
 gpu-compile: setup  ## the kernels for every GPU architecture from 7.5 to 12.0; needs nvcc, but no GPU
 	@tools/build.sh gpus kernels

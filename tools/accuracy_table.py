@@ -56,7 +56,9 @@ def table(remark, rows):
 
 def main():
     text = PAGE.read_text()
-    new, found = re.subn(f"{re.escape(BEGIN)}.*{re.escape(END)}", lambda _: f"{BEGIN}\n{table(*read(CSV))}{END}", text, flags=re.S)
+    new, found = re.subn(
+        f"{re.escape(BEGIN)}.*{re.escape(END)}", lambda _: f"{BEGIN}\n{table(*read(CSV))}{END}", text, flags=re.S
+    )
     if found != 1:
         sys.exit(f"{PAGE}: the marker {BEGIN} or {END} is missing")
     if "--check" in sys.argv[1:]:

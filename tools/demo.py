@@ -79,11 +79,11 @@ def run(stage, options):
     draw_picture(options, scene, states, answers["shm"])
 
 
-# ---- poses ------------------------------------------------------------------------------------------------------------
+# ---- poses -----------------------------------------------------------------------------------------------------------
 
 
 class Mover:
-    """Moves the bodies: a separate process over LCM, or, where there is no multicast, this one through shared memory."""
+    """Moves the bodies: a separate process over LCM or, without multicast, this one through shared memory."""
 
     def __init__(self, stage, client, lcm_url):
         self.stage, self.client, self.process = stage, client, None
@@ -133,7 +133,7 @@ def wandered(body, pose, t):
     return moved
 
 
-# ---- the question -----------------------------------------------------------------------------------------------------
+# ---- the question ----------------------------------------------------------------------------------------------------
 
 
 def ask_everywhere(client, urls, mover):
@@ -182,9 +182,16 @@ def ask_python(client):
     pairs = r.pairs[0]
     bodies = np.arange(len(pairs))
     first = pairs[:, 0] == bodies  # else the body is the second of its pair
-    return Answer(r.snapshot_revision, np.where(first, pairs[:, 1], pairs[:, 0]), r.status[0], r.distance[0], r.lower[0],
-                  r.upper[0], np.where(first[:, None], r.point_a[0], r.point_b[0]),
-                  np.where(first[:, None], r.point_b[0], r.point_a[0]))
+    return Answer(
+        r.snapshot_revision,
+        np.where(first, pairs[:, 1], pairs[:, 0]),
+        r.status[0],
+        r.distance[0],
+        r.lower[0],
+        r.upper[0],
+        np.where(first[:, None], r.point_a[0], r.point_b[0]),
+        np.where(first[:, None], r.point_b[0], r.point_a[0]),
+    )
 
 
 def ask_cpp(client, url):
@@ -219,14 +226,16 @@ def compare(answers, attempts):
     say()
 
 
-# ---- what is shown ----------------------------------------------------------------------------------------------------
+# ---- what is shown ---------------------------------------------------------------------------------------------------
 
 WAYS = {"shm": "shared memory (Python)", "zmq": "ZeroMQ (C++)", "lcm": "LCM (Python)"}
 
 
 def print_table(names, answer):
     width = max(map(len, names + ["nearest neighbour"]))
-    say(f"  {'body':{width}}  {'nearest neighbour':{width}}  {'distance [m]':>12}  {'lower':>18}  {'upper':>18}  status")
+    say(
+        f"  {'body':{width}}  {'nearest neighbour':{width}}  {'distance [m]':>12}  {'lower':>18}  {'upper':>18}  status"
+    )
     for i, name in enumerate(names):
         other = names[answer.neighbour[i]] if answer.neighbour[i] < len(names) else "(none)"
         say(f"  {name:{width}}  {other:{width}}  {answer.distance[i]:12.6f}  {answer.lower[i]:18.15f}"
@@ -238,8 +247,24 @@ def print_latency(stage, urls, seconds):
     """Measures with the command line's benchmark, each transport in turn."""
     file = stage.folder / "latency.csv"
     for transport, url in urls.items():
-        done = subprocess.run([BIN / "clearance", "bench", "--connect", url, "--pairs", "0", "--rate", "closed", "--seconds",
-                               str(seconds), "--csv", file], capture_output=True, text=True)
+        done = subprocess.run(
+            [
+                BIN / "clearance",
+                "bench",
+                "--connect",
+                url,
+                "--pairs",
+                "0",
+                "--rate",
+                "closed",
+                "--seconds",
+                str(seconds),
+                "--csv",
+                file,
+            ],
+            capture_output=True,
+            text=True,
+        )
         stage.check()
         if done.returncode:
             raise DemoError(f"clearance bench over {WAYS[transport]}: {done.stderr.strip()}")
@@ -247,8 +272,11 @@ def print_latency(stage, urls, seconds):
         if transport == "shm":
             say(f"Latency of a query of {row['pairs']} pairs, one after another for {seconds:g} s, bodies still moving "
                 "(floor: a bare echo of as many bytes)")
-        say(f"  {WAYS[transport].split(' (')[0]:24} p50 {float(row['p50_us']):8.1f} us   p99 {float(row['p99_us']):8.1f} us   "
-            f"floor p50 {float(row['floor_p50_us']):6.1f} us")
+        say(
+            f"  {WAYS[transport].split(' (')[0]:24} p50 {float(row['p50_us']):8.1f} us   p99 "
+            f"{float(row['p99_us']):8.1f} us   "
+            f"floor p50 {float(row['floor_p50_us']):6.1f} us"
+        )
     say()
 
 
@@ -260,18 +288,26 @@ def draw_picture(options, scene, states, answer):
     names = [body.name for body in scene.bodies]
     meshes = []
     for body, state in zip(scene.bodies, states):
-        vertices, triangles = scene.display_mesh(body.id) or hull_of(np.concatenate([v for v, _ in scene.pieces(body.id)]))
+        vertices, triangles = scene.display_mesh(body.id) or hull_of(
+            np.concatenate([v for v, _ in scene.pieces(body.id)])
+        )
         meshes.append((vertices @ rotation(state.pose[3:]).T + state.pose[:3], triangles))
     rows = [{"body": i, "neighbour": int(answer.neighbour[i]), "status": status_word(answer.status[i]),
              "distance": answer.distance[i], "point": answer.point[i], "other_point": answer.other_point[i]}
             for i in range(len(names))]
     options.picture.parent.mkdir(parents=True, exist_ok=True)
-    picture.draw(options.picture, names, meshes, rows, title=f"{options.scene.parent.name}: every body's nearest neighbour",
-                 footnote=f"pose revision {answer.revision}; distances with certified bounds, in metres")
+    picture.draw(
+        options.picture,
+        names,
+        meshes,
+        rows,
+        title=f"{options.scene.parent.name}: every body's nearest neighbour",
+        footnote=f"pose revision {answer.revision}; distances with certified bounds, in metres",
+    )
     say(f"Picture   {shown(options.picture)} ({time.monotonic() - started:.0f} s)")
 
 
-# ---- small things -----------------------------------------------------------------------------------------------------
+# ---- small things ----------------------------------------------------------------------------------------------------
 
 
 def say(line=""):
@@ -287,7 +323,7 @@ def status_word(value):
 
 
 def hull_of(points):
-    """Triangles of the hull of a few points (bodies given as points have no mesh of their own), by trying all of them."""
+    """Triangles of the hull of a few points, by trying all of them: bodies given as points have no mesh."""
     points = points[:60]
     triples = np.array(list(itertools.combinations(range(len(points)), 3)), dtype=np.int64).reshape(-1, 3)
     a, b, c = (points[triples[:, i]] for i in range(3))

@@ -3,9 +3,10 @@
 
     tools/fuzz.py [--seconds 600] [--jobs 1] [--csv docs/results/fuzz.csv] [TARGET...]
 
-Seeds are tests/fuzz/corpus/TARGET and regressions/TARGET; what a run adds to them is kept in out/fuzz/corpus/TARGET, so
-that the next one goes on from there. An input that breaks something is left in out/fuzz/findings and ends with exit code 1;
-made small (-minimize_crash=1) and mended, it goes into tests/fuzz/regressions/TARGET under a name that says what it was.
+Seeds are tests/fuzz/corpus/TARGET and regressions/TARGET. What a run adds is kept in out/fuzz/corpus/TARGET, and the
+next run goes on from there. An input that breaks something is left in out/fuzz/findings, and the exit code is 1.
+Make it small (-minimize_crash=1), mend the cause, and keep it in tests/fuzz/regressions/TARGET under a name that says
+what it was.
 """
 
 import argparse
@@ -44,14 +45,21 @@ def run(target: str, seconds: int) -> dict:
                "-rss_limit_mb=4096", f"-artifact_prefix={findings}/"]
     if target in CONTAINED:
         command += ["-fork=1", "-ignore_crashes=1", "-ignore_timeouts=1", "-ignore_ooms=1", "-detect_leaks=0"]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "UBSAN_OPTIONS": "print_stacktrace=1", "CLEARANCE_CACHE": "off"}
+    environment = {
+        **os.environ,
+        "OMP_NUM_THREADS": "1",
+        "UBSAN_OPTIONS": "print_stacktrace=1",
+        "CLEARANCE_CACHE": "off",
+    }
     log = OUT / f"{target}.log"
     begin = time.monotonic()
     with log.open("w") as file:
         subprocess.run(["nice", "-n", "15", *command, str(corpus), *map(str, seeds)], env=environment, stdout=file,
                        stderr=subprocess.STDOUT, cwd=OUT)
     took = time.monotonic() - begin
-    progress = [tuple(map(int, m.groups())) for m in map(PROGRESS.search, log.read_text(errors="replace").splitlines()) if m]
+    progress = [
+        tuple(map(int, m.groups())) for m in map(PROGRESS.search, log.read_text(errors="replace").splitlines()) if m
+    ]
     if not progress:
         sys.exit(f"{target} did not run; see {log}")
     found = sorted(p for p in set(findings.iterdir()) - before if p.name.startswith(FINDINGS))
@@ -86,8 +94,12 @@ def main() -> None:
             note = f" ({CONTAINED[target]})"
         else:
             broken += row["findings"]
-        print(f"{target}: {row['executions']} inputs in {row['seconds']} s, {row['edges']} edges, corpus {row['corpus']}, "
-              f"findings {row['findings']}{note}", flush=True)
+        print(
+            f"{target}: {row['executions']} inputs in {row['seconds']} s, {row['edges']} edges, corpus "
+            f"{row['corpus']}, "
+            f"findings {row['findings']}{note}",
+            flush=True,
+        )
         if arguments.csv:
             with arguments.csv.open("w", newline="") as file:
                 writer = csv.DictWriter(file, list(row), lineterminator="\n")

@@ -77,7 +77,7 @@ case $what in
     python=${PYTHON:-.venv/bin/python}
     if "$python" -c "import clearance" 2>/dev/null; then
       file=$(results_file gpu_python) && printf '# device: %s\n# command: make gpu-bench\nway,python_us,engine_us,kernel_us\n' "$("$bin/clearance-gpu-bench" --device)" >"$file" &&
-        "$python" tools/bench_engine.py cuda --csv "$file" && echo "$file"
+        "$python" bench/gpu/bench_engine.py cuda --csv "$file" && echo "$file"
     fi
     ;;
   several)

@@ -15,9 +15,18 @@ RED = np.array([0.86, 0.30, 0.26])
 INK = "#1f2937"
 SEGMENT = "#0b57d0"
 # Calm, light colours that leave red and blue to the meaning.
-PALETTE = np.array([
-    [0.58, 0.68, 0.78], [0.78, 0.72, 0.60], [0.62, 0.74, 0.66], [0.72, 0.66, 0.78], [0.80, 0.68, 0.64], [0.60, 0.74, 0.77],
-    [0.74, 0.76, 0.62], [0.69, 0.71, 0.75]])
+PALETTE = np.array(
+    [
+        [0.58, 0.68, 0.78],
+        [0.78, 0.72, 0.60],
+        [0.62, 0.74, 0.66],
+        [0.72, 0.66, 0.78],
+        [0.80, 0.68, 0.64],
+        [0.60, 0.74, 0.77],
+        [0.74, 0.76, 0.62],
+        [0.69, 0.71, 0.75],
+    ]
+)
 
 
 def draw(path, names, meshes, rows, title, footnote):
@@ -30,7 +39,9 @@ def draw(path, names, meshes, rows, title, footnote):
     coloured = [(v, t, RED if i in touching else PALETTE[i % len(PALETTE)]) for i, (v, t) in enumerate(meshes)]
     points = np.concatenate([v for v, _ in meshes])
     low, high = points.min(0), points.max(0)
-    large = render.Camera(points, _best_azimuth(meshes, points), ELEVATION, WIDTH * OVERSAMPLING, HEIGHT * OVERSAMPLING, MARGIN)
+    large = render.Camera(
+        points, _best_azimuth(meshes, points), ELEVATION, WIDTH * OVERSAMPLING, HEIGHT * OVERSAMPLING, MARGIN
+    )
     image, distance, owner = render.render(coloured, large, ground=low[2] - 0.04 * (high - low).max())
     distance = distance[OVERSAMPLING // 2::OVERSAMPLING, OVERSAMPLING // 2::OVERSAMPLING]
 
@@ -64,8 +75,17 @@ def draw(path, names, meshes, rows, title, footnote):
     centres = np.array([_label_place(owner[::8, ::8] == i) * 8 / OVERSAMPLING if (owner[::8, ::8] == i).any()
                         else project(v.mean(0))[0, :2] for i, (v, _) in enumerate(meshes)])
     for i, (name, (x, y)) in enumerate(zip(names, _spread(centres, [7.6 * len(name) + 8 for name in names], 20))):
-        axes.text(x, y, name, color="#8c1d18" if i in touching else INK, fontsize=10.5, ha="center", va="center", zorder=4,
-                  path_effects=[effects.withStroke(linewidth=2.6, foreground="white", alpha=0.8)])
+        axes.text(
+            x,
+            y,
+            name,
+            color="#8c1d18" if i in touching else INK,
+            fontsize=10.5,
+            ha="center",
+            va="center",
+            zorder=4,
+            path_effects=[effects.withStroke(linewidth=2.6, foreground="white", alpha=0.8)],
+        )
 
     axes.text(36, 48, title, color=INK, fontsize=17, weight="bold", va="center")
     axes.text(36, 78, footnote, color="#4b5563", fontsize=11.5, va="center")

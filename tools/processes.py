@@ -20,7 +20,7 @@ def _die_with_parent():
 
 
 class Stage:
-    """A folder for sockets and logs, and the processes that use it. A context manager: leaving it ends and removes all."""
+    """A folder for sockets and logs, and the processes that use it. Leaving this context ends and removes all."""
 
     def __init__(self):
         self.folder = Path(tempfile.mkdtemp(prefix="clearance-demo-"))
@@ -72,8 +72,8 @@ class Stage:
             time.sleep(0.01)
 
     def left_behind(self):
-        """What is still there after the end: processes, and the folder with the sockets. Shared memory has no name, and goes with
-        the processes. To be asked once the stage was left."""
+        """What is still there after the end: processes, and the folder with the sockets. To be asked after the stage
+        was left. (Shared memory has no name, and goes with the processes.)"""
         found = [f"process {child.pid} ({name})" for name, child in self.children if child.poll() is None]
         found += [f"process {pid}" for pid in _processes_naming(str(self.folder))]
         if self.folder.exists():

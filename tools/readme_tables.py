@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the tables of the README and of docs/accuracy.md, docs/latency.md and docs/cuda.md from the files in docs/results.
+"""Writes the tables of the README and of docs/accuracy.md, latency.md and cuda.md from the files in docs/results.
 
     tools/readme_tables.py            write them
     tools/readme_tables.py --check    exit code 1 if they are not those of the files
@@ -47,8 +47,10 @@ def accuracy():
         return [what, f"{total['cases']:,}", str(total["violations"]), f"{worst['worst_error']:.2f}",
                 f"{worst['worst_width']:.2f}", str(total["unconverged"])]
 
-    table = markdown(["question", "answers judged", "intervals that miss", "worst error", "widest interval", "wider than asked"],
-                     [line(kind, kinds[kind]) for kind in sorted(kinds)])
+    table = markdown(
+        ["question", "answers judged", "intervals that miss", "worst error", "widest interval", "wider than asked"],
+        [line(kind, kinds[kind]) for kind in sorted(kinds)],
+    )
     return f"{table}\n\nFrom [results/accuracy.csv](results/accuracy.csv) ({remark}), by `build/bin/clearance-certify`."
 
 
@@ -72,8 +74,22 @@ def latency_bars():
                 f"{float(row['p99.9_us']):,.0f}", f"{float(row['p99.9_bar']):.2f} (2): {row['p99.9_bar_met']}",
                 f"{float(row['throughput_hz']):,.0f}"]
 
-    return markdown(["query", "transport", "floor", "engine", "p50", "added", "bar: met?", "p99.9", "over floor: met?", "queries/s"],
-                    [line(row) for row in rows], words=2)
+    return markdown(
+        [
+            "query",
+            "transport",
+            "floor",
+            "engine",
+            "p50",
+            "added",
+            "bar: met?",
+            "p99.9",
+            "over floor: met?",
+            "queries/s",
+        ],
+        [line(row) for row in rows],
+        words=2,
+    )
 
 
 def latency_doorbell():
@@ -82,8 +98,13 @@ def latency_doorbell():
 
     def line(row):
         keys = ("p50_us", "p99_us", "transport_p50_us", "floor_p50_us")
-        return [row["cores"], question(row), f"{int(row['client_spin_us']):,}", *(f"{float(row[key]):,.1f}" for key in keys),
-                f"{float(row['throughput_hz']):,.0f}"]
+        return [
+            row["cores"],
+            question(row),
+            f"{int(row['client_spin_us']):,}",
+            *(f"{float(row[key]):,.1f}" for key in keys),
+            f"{float(row['throughput_hz']):,.0f}",
+        ]
 
     return markdown(["cores", "query", "client spins [us]", "p50", "p99", "transport p50", "floor p50", "queries/s"],
                     [line(row) for row in rows], words=2)
@@ -100,7 +121,8 @@ GPU_NAMES = {
     "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, near 0.1, compact": "the same, `max_distance` 0.1",
     "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min": "the same, min",
     "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, depth, compact": "the same, with depths",
-    "30 hulls, 150 pairs, 4096 configurations, depth, compact": "30 hulls, 150 pairs, 4096 configurations, compact, with depths",
+    "30 hulls, 150 pairs, 4096 configurations, depth, compact":
+        "30 hulls, 150 pairs, 4096 configurations, compact, with depths",
 }
 
 
@@ -112,10 +134,25 @@ def gpu_all():
     def line(row):
         keys = ("kernel_us", "wall_pinned_us", "wall_pageable_us", "cpu_wall_us")
         routed = f"{microseconds(row['auto_wall_us'])} ({row['auto_backend']})" if row["auto_wall_us"] else ""
-        return [GPU_NAMES.get(row["workload"], row["workload"]), f"{int(row['pairs']):,}", *(microseconds(row[key]) for key in keys), routed]
+        return [
+            GPU_NAMES.get(row["workload"], row["workload"]),
+            f"{int(row['pairs']):,}",
+            *(microseconds(row[key]) for key in keys),
+            routed,
+        ]
 
-    return markdown(["work", "pairs", "kernels [us]", "wall, pinned [us]", "wall, pageable [us]", f"CPU, {cores} cores [us]", "`auto` [us]"],
-                    [line(row) for row in rows])
+    return markdown(
+        [
+            "work",
+            "pairs",
+            "kernels [us]",
+            "wall, pinned [us]",
+            "wall, pageable [us]",
+            f"CPU, {cores} cores [us]",
+            "`auto` [us]",
+        ],
+        [line(row) for row in rows],
+    )
 
 
 GPU_SHOWN = {
@@ -125,7 +162,8 @@ GPU_SHOWN = {
     "50000 spheres, box 368, within 2": "pairs nearer than 2 m among 50,000",
     "30 hulls, 150 pairs, 4096 configurations, compact": "30 hulls, 150 pairs, in 4096 configurations",
     "30 hulls, 150 pairs, 4096 configurations, min": "the nearest pair in each of these",
-    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min": "the same of two arms among obstacles, of 141 pieces",
+    "2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min":
+        "the same of two arms among obstacles, of 141 pieces",
 }
 
 
@@ -137,11 +175,20 @@ def gpu():
 
     def line(row):
         device, cpu = float(row["wall_pinned_us"]), float(row["cpu_wall_us"])
-        return [GPU_SHOWN[row["workload"]], f"{int(row['pairs']):,}", f"{device / 1000:,.2f}", f"{cpu / 1000:,.1f}", f"{cpu / device:,.0f}x"]
+        return [
+            GPU_SHOWN[row["workload"]],
+            f"{int(row['pairs']):,}",
+            f"{device / 1000:,.2f}",
+            f"{cpu / 1000:,.1f}",
+            f"{cpu / device:,.0f}x",
+        ]
 
-    table = markdown(["query", "pairs", "GPU [ms]", f"{cores} cores [ms]", "ratio"], [line(found[name]) for name in GPU_SHOWN])
+    table = markdown(
+        ["query", "pairs", "GPU [ms]", f"{cores} cores [ms]", "ratio"], [line(found[name]) for name in GPU_SHOWN]
+    )
     device = remark.removeprefix("device: ")
-    return f"{table}\n\nFrom [docs/results/{GPU}.csv](docs/results/{GPU}.csv) ({device}, and the CPU of the same machine), by `make gpu-bench`."
+    source = f"[docs/results/{GPU}.csv](docs/results/{GPU}.csv) ({device}, and the CPU of the same machine)"
+    return f"{table}\n\nFrom {source}, by `make gpu-bench`."
 
 
 TABLES = {"accuracy": accuracy, "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,

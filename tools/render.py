@@ -19,8 +19,8 @@ class Camera:
         self.axes = np.stack([right, np.cross(back, right), back])  # rows: right, up, towards the eye
         self.size = np.array([width, height])
         self.focal = height / 2 / np.tan(np.radians(field_of_view) / 2)
-        # Nearest eye from which every point falls inside the image: each point asks for a distance along `back` once the
-        # view is centred, and centring is done by a few rounds because it moves with perspective.
+        # Nearest eye from which every point falls inside the image: each point asks for a distance along `back` once
+        # the view is centred, and centring is done by a few rounds because it moves with perspective.
         local = points @ self.axes.T
         half = self.size / 2 * (1 - 2 * margin) / self.focal
         centre = (local.min(0) + local.max(0)) / 2
@@ -39,7 +39,9 @@ class Camera:
 
     def rays(self, x, y):
         """(..., 3) directions through the centres of pixels, with length 1 along the view."""
-        x, y = np.broadcast_arrays((x + 0.5 - self.size[0] / 2) / self.focal, -(y + 0.5 - self.size[1] / 2) / self.focal)
+        x, y = np.broadcast_arrays(
+            (x + 0.5 - self.size[0] / 2) / self.focal, -(y + 0.5 - self.size[1] / 2) / self.focal
+        )
         return np.stack([x, y, -np.ones_like(x)], axis=-1) @ self.axes
 
 
@@ -115,7 +117,9 @@ def corner_normals(vertices, triangles, crease=35.0):
                 alike = np.einsum("nik,njk->nij", flat[part], flat[part]) >= limit
                 mean[begin:begin + step] = np.einsum("nij,njk->nik", alike, weighted[part])
         length = np.linalg.norm(mean, axis=2, keepdims=True)
-        normals[rows.reshape(-1)] = np.where(length > 0, mean / np.maximum(length, 1e-300), flat[faces[rows]]).reshape(-1, 3)
+        normals[rows.reshape(-1)] = np.where(length > 0, mean / np.maximum(length, 1e-300), flat[faces[rows]]).reshape(
+            -1, 3
+        )
     return normals.reshape(-1, 3, 3)
 
 
@@ -123,8 +127,8 @@ def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
     """Draws meshes: a list of (vertices (V, 3), triangles (T, 3), colour (3,)).
 
     ground: height of a floor that catches shadows, or None. The light comes over the viewer's left shoulder.
-    Returns the image, (height, width) distance in front of the eye, infinite where nothing is, and (height, width) index
-    of the mesh that is seen, -1 for none.
+    Returns the image, (height, width) distance in front of the eye, infinite where nothing is, and (height, width)
+    index of the mesh that is seen, -1 for none.
     """
     width, height = camera.size
     offsets = np.cumsum([0] + [len(v) for v, _, _ in meshes])

@@ -22,7 +22,16 @@ def start_daemon(stage, scene, prefix=()):
     Returns the process, {"shm": url, "zmq": url, "lcm": url} (lcm only where multicast works), and the seconds it took.
     """
     urls = {"shm": f"shm://{stage.folder}/shm.sock", "zmq": f"ipc://{stage.folder}/zmq.sock"}
-    command = [*prefix, BIN / "clearanced", "--scene", scene, "--shm", urls["shm"][len("shm://"):], "--zmq", urls["zmq"]]
+    command = [
+        *prefix,
+        BIN / "clearanced",
+        "--scene",
+        scene,
+        "--shm",
+        urls["shm"][len("shm://") :],
+        "--zmq",
+        urls["zmq"],
+    ]
     port = free_udp_port()
     if multicast_works(port):
         urls["lcm"] = f"udpm://{GROUP}:{port}?ttl=0"

@@ -296,7 +296,7 @@ int main(int argc, char** argv) {
                  "close_pairs, tree_profile, support, pairs, lite, spheres or transfers (may be repeated)");
   app.add_option("--threads", o.contest.threads, "of methods with several; 0: all cores")->capture_default_str();
   app.add_option("--coal", o.contest.coal,
-                 "Coal's program, built by tools/bench_peers.py; without it Coal is left out");
+                 "Coal's program, built by bench/peers/bench_peers.py; without it Coal is left out");
   app.add_option("--scratch", o.contest.scratch, "folder for Coal's problems")->default_val("/tmp");
   app.add_flag("--brief", o.brief, "small cases only, to see that it runs");
   CLI11_PARSE(app, argc, argv);

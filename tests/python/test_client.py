@@ -197,7 +197,8 @@ def test_refusals_are_those_of_the_engine(client, engine, query):
 
 
 @pytest.mark.parametrize("arguments, error, text", [
-    ({"pairs": ("gripr", "*")}, ValueError, r"pairs\[0\]\[0\]: no body or group is named 'gripr'; did you mean 'gripper'"),
+    ({"pairs": ("gripr", "*")}, ValueError,
+     r"pairs\[0\]\[0\]: no body or group is named 'gripr'; did you mean 'gripper'"),
     ({"fields": "lowr"}, ValueError, r"fields: no column is named 'lowr'"),
     ({"configurations": np.zeros((1, 7))}, ValueError, r"configurations: expected shape \(K, M, 7\)"),
     ({"out": {"lower": np.empty((3, 3))}}, ValueError, r"out\['lower'\]: expected shape \(1, \d+\), got \(3, 3\)"),

@@ -39,7 +39,8 @@ def test_attachments_of_another_client(ipc):
 def test_bodies_come_and_go(start_daemon, cell, tmp_path):
     scene = tmp_path / "scene.yaml"
     scene.write_text(
-        "bodies:\n  - {name: gripper, sphere: 0.1, pose: [0,0,0, 1,0,0,0]}\n  - {name: wall, box: [1,1,1], pose: [5,0,0, 1,0,0,0]}\n"
+        "bodies:\n  - {name: gripper, sphere: 0.1, pose: [0,0,0, 1,0,0,0]}\n  - "
+        "{name: wall, box: [1,1,1], pose: [5,0,0, 1,0,0,0]}\n"
     )
     daemon = start_daemon(scene, ["ipc"])
     with clearance.connect(daemon.urls["ipc"]) as client:

@@ -1,4 +1,4 @@
-"""What the README and the pages say is true: examples run, links lead somewhere, tables are those of the result files."""
+"""What the README and the pages say is true: examples run, links lead somewhere, tables show the result files."""
 
 import os
 import re
@@ -23,7 +23,7 @@ def code_blocks(path, language):
 
 @pytest.fixture
 def daemon(tmp_path):
-    """The daemon that the README starts, with its sockets in tmp_path. Gives a function that places a text there, too."""
+    """The daemon that the README starts, with its sockets in tmp_path. Gives a function that moves code there, too."""
     (command,) = re.findall(r"^    (build/bin/clearanced .*)$", (ROOT / "README.md").read_text(), re.MULTILINE)
 
     def place(text):
@@ -125,6 +125,15 @@ def test_links_lead_somewhere():
             assert (page.parent / target).exists(), f"{page.relative_to(ROOT)} links to {target}, which is not there"
             checked += 1
     assert checked > 10
+
+
+def test_scripts_that_commands_name_are_there():
+    named = set()
+    for file in ("Makefile", ".ci/run", "tools/gpu.sh", "CONTRIBUTING.md"):
+        text = (ROOT / file).read_text()
+        named |= set(re.findall(r"(?:^|[\s`@(])((?:tools|bench|tests)/[\w/]+\.(?:py|sh|txt))", text))
+    assert len(named) > 10
+    assert not [name for name in named if not (ROOT / name).exists()]
 
 
 def test_every_page_is_listed():

@@ -232,8 +232,8 @@ def test_max_distance(crowd):
 
 def test_fields(engine):
     r = engine.distances(fields=("default", "points", "normal", "pieces", "flags", "gradient", "pair"))
-    assert list(r.columns) == ["distance", "lower", "upper", "status", "flags", "point_a", "point_b", "normal", "pieces",
-                               "gradient", "pair"]  # fmt: skip
+    columns = "distance lower upper status flags point_a point_b normal pieces gradient pair"
+    assert list(r.columns) == columns.split()
     assert r.flags.dtype == np.uint16 and r.flags.shape == (1, 7)
     assert r.pieces.dtype == np.uint32 and r.pieces.shape == (1, 7, 2) and (r.pieces == 0).all()
     assert r.gradient.shape == (1, 7, 2, 6) and r.pair.shape == (1, 7, 2) and r.pair[0].tolist() == ARM_PAIRS

@@ -63,9 +63,11 @@ def test_out_within_needs_room_and_shows_what_was_found(crowd):
     ({"lower": np.empty((1, 6))}, ValueError, r"out\['lower'\]: expected shape \(1, 7\), got \(1, 6\)"),
     ({"lower": np.empty(7)}, ValueError, r"out\['lower'\]: expected shape \(1, 7\), got \(7,\)"),
     ({"point_a": np.empty((1, 7))}, ValueError, r"out\['point_a'\]: expected shape \(1, 7, 3\), got \(1, 7\)"),
-    ({"gradient": np.empty((1, 7, 12))}, ValueError, r"out\['gradient'\]: expected shape \(1, 7, 2, 6\), got \(1, 7, 12\)"),
+    ({"gradient": np.empty((1, 7, 12))}, ValueError,
+     r"out\['gradient'\]: expected shape \(1, 7, 2, 6\), got \(1, 7, 12\)"),
     ({"lower": np.empty((1, 14))[:, ::2]}, ValueError, r"out\['lower'\]: expected a C-contiguous, aligned array"),
-    ({"lower": np.broadcast_to(0.0, (1, 7))}, ValueError, r"out\['lower'\]: (expected a C-contiguous|the array is read-only)"),
+    ({"lower": np.broadcast_to(0.0, (1, 7))}, ValueError,
+     r"out\['lower'\]: (expected a C-contiguous|the array is read-only)"),
     ({}, ValueError, r"fields: expected at least one column"),
 ])  # fmt: skip
 def test_bad_out(engine, out, error, text):

@@ -104,7 +104,8 @@ def test_non_finite_matrix_becomes_a_bad_pose(value):
 
 
 @pytest.mark.parametrize("value, error, text", [
-    (np.zeros(6), ValueError, r"p: expected poses of 7 numbers \[x, y, z, qw, qx, qy, qz\] or \(4, 4\) matrices, got shape \(6,\)"),
+    (np.zeros(6), ValueError,
+     r"p: expected poses of 7 numbers \[x, y, z, qw, qx, qy, qz\] or \(4, 4\) matrices, got shape \(6,\)"),
     (np.zeros((3, 4)), ValueError, r"got shape \(3, 4\)"),
     (1.0, ValueError, r"got shape \(\)"),
     (["a"] * 7, TypeError, r"p: expected numbers, got an array of <U1"),

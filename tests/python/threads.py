@@ -4,7 +4,7 @@ import threading
 
 
 def turns_beside(work):
-    """How many turns this thread's loop makes while another thread does `work`: few if that holds the interpreter's lock."""
+    """How many turns this thread's loop makes while another does `work`: few if that holds the interpreter's lock."""
     begun, done = threading.Event(), threading.Event()
 
     def run():

@@ -81,7 +81,7 @@ def check_arrows() -> list[str]:
 
 
 def check_headers(compiler: list[str]) -> list[str]:
-    """A header that is the first thing that some source includes has been compiled alone by that. Bindings need Python's."""
+    """A header that some source includes first has been compiled alone by that source. Bindings need Python's."""
     sources = files()
     first = {includes(path)[0] for path in sources if path.suffix == ".cpp" and includes(path)}
     left = [

@@ -101,7 +101,7 @@ class Client(Front):
         self._names_cache = self._fetch_names(True)
 
     def reload(self, timeout_s: float = 600.0) -> SceneChanged:
-        """Makes the daemon load its scene file again, and waits until the new scene is in; other clients' queries go on.
+        """Makes the daemon load its scene file again, and waits until the new scene is in. Others' queries go on.
 
         Poses and attachments stay with the bodies of the same names. If loading fails the old scene stays, and this
         raises RequestError with the code RELOAD_FAILED and the loader's message. timeout_s: for this call alone.

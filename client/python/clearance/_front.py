@@ -179,10 +179,10 @@ class Front(Parser):
         poses: {body: pose}, bodies by name or id; a pose is 7 numbers [x, y, z, qw, qx, qy, qz] (metres) or a (4, 4)
             matrix, X_wb, or of a body with a parent X_parent_body. Or an array (M, 7) or (M, 4, 4) with `bodies`.
         bodies: (M,) names or ids, only with an array; None: every movable body in the order of ids.
-        stamp_ns: a time of the caller's clock, which answers then carry (snapshot_stamp_ns); 0: none. Raises QueryError,
-            and applies nothing, if it is below 0, more than a minute ahead of this machine's clock (UTC), or older than
-            the last that this caller gave for one of the bodies. A caller whose clock starts again sends one update
-            without a stamp first.
+        stamp_ns: a time of the caller's clock, which answers then carry (snapshot_stamp_ns); 0: none. Raises
+            QueryError, and applies nothing, if it is below 0, more than a minute ahead of this machine's clock (UTC),
+            or older than the last that this caller gave for one of the bodies. A caller whose clock starts again sends
+            one update without a stamp first.
         sequence: the caller's count of its updates, which answers then carry (snapshot_sequence); 0: none.
 
         A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
@@ -317,7 +317,7 @@ class Front(Parser):
         wait_for: BodyRef = "*",
         **more: Any,
     ) -> Future:
-        """Begins the query that distances() would answer, and returns a future: .result(timeout=None), .done(), .cancel().
+        """Begins a query as distances() asks it; returns a future: .result(timeout=None), .done(), .cancel().
 
         In process the poses are those at this call; through a daemon, those at the request's arrival.
         """

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Writes what docs/results/tradeoff.csv says into docs/tradeoff.md (between its markers) and draws docs/tradeoff.png.
 
-    tools/tradeoff.py            write them; exit code 1 if the page's own words no longer hold
-    tools/tradeoff.py --check    only says whether the page shows the CSV and its words hold (exit code 1 if not)
+    bench/tradeoff/tradeoff.py            write them; exit code 1 if the page's own words no longer hold
+    bench/tradeoff/tradeoff.py --check    only check that the page shows the CSV and its words hold (exit code 1 if not)
 
 The words of the page that rest on figures are marked there with <!-- claim NAME -->; CLAIMS says what each one means.
 """
@@ -13,7 +13,7 @@ import statistics
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "tradeoff.md"
 PICTURE = ROOT / "docs" / "tradeoff.png"
 CSV = ROOT / "docs" / "results" / "tradeoff.csv"
@@ -51,11 +51,21 @@ def markdown(header, rows):
 
 
 def time_table(s):
-    columns = [("`rel_tol` 1e-1", dict(rel_tol=1e-1)), ("1e-2", dict(rel_tol=1e-2)), ("1e-4", dict(rel_tol=1e-4)),
-               ("1e-8", dict(rel_tol=1e-8)), ("1e-12", dict(rel_tol=1e-12)), ("`abs_tol` 1 mm", dict(abs_tol=1e-3)),
-               ("1 µm", dict(abs_tol=1e-6)), ("f32 at 1e-4", dict(rel_tol=1e-4, precision="f32")), ("warm", dict(asked="warm")), ("batch", dict(asked="batch")),
-               ("batch, f32 at 1e-4", dict(asked="batch", rel_tol=1e-4, precision="f32")),
-               ("`max_distance` median", dict(reach=1.0)), ("a tenth of it", dict(reach=0.1))]
+    columns = [
+        ("`rel_tol` 1e-1", dict(rel_tol=1e-1)),
+        ("1e-2", dict(rel_tol=1e-2)),
+        ("1e-4", dict(rel_tol=1e-4)),
+        ("1e-8", dict(rel_tol=1e-8)),
+        ("1e-12", dict(rel_tol=1e-12)),
+        ("`abs_tol` 1 mm", dict(abs_tol=1e-3)),
+        ("1 µm", dict(abs_tol=1e-6)),
+        ("f32 at 1e-4", dict(rel_tol=1e-4, precision="f32")),
+        ("warm", dict(asked="warm")),
+        ("batch", dict(asked="batch")),
+        ("batch, f32 at 1e-4", dict(asked="batch", rel_tol=1e-4, precision="f32")),
+        ("`max_distance` median", dict(reach=1.0)),
+        ("a tenth of it", dict(reach=0.1)),
+    ]
     rows = []
     for scene in s.scenes:
         default = s.at(scene)
@@ -71,13 +81,33 @@ def accuracy_table(s):
     rows = []
     for scene in s.scenes:
         loose, usual, tight = (s.at(scene, rel_tol=t) for t in (1e-2, 1e-6, 1e-12))
-        rows.append([f"`{scene}`", *(f"{cell(r, 'rel_error_p99')} / {cell(r, 'rel_width_p99')}" for r in (loose, usual, tight)),
-                     cell(usual, "error_max"), cell(usual, "width_max"), f"{100 * float(usual['overlap']):.3g} %",
-                     f"{100 * float(usual['contact']):.2g} %",
-                     f"{100 * max(float(s.at(scene, rel_tol=t)['unconverged']) for t in (1e-2, 1e-6)):.2g} %",
-                     f"{100 * float(tight['unconverged']):.2g} %"])
-    return markdown(["scene", "error / width at 1e-2", "at 1e-6", "at 1e-12", "largest error at 1e-6 [m]", "largest width [m]",
-                     "overlap", "contact", "wider than asked at 1e-2 and 1e-6", "at 1e-12"], rows)
+        rows.append(
+            [
+                f"`{scene}`",
+                *(f"{cell(r, 'rel_error_p99')} / {cell(r, 'rel_width_p99')}" for r in (loose, usual, tight)),
+                cell(usual, "error_max"),
+                cell(usual, "width_max"),
+                f"{100 * float(usual['overlap']):.3g} %",
+                f"{100 * float(usual['contact']):.2g} %",
+                f"{100 * max(float(s.at(scene, rel_tol=t)['unconverged']) for t in (1e-2, 1e-6)):.2g} %",
+                f"{100 * float(tight['unconverged']):.2g} %",
+            ]
+        )
+    return markdown(
+        [
+            "scene",
+            "error / width at 1e-2",
+            "at 1e-6",
+            "at 1e-12",
+            "largest error at 1e-6 [m]",
+            "largest width [m]",
+            "overlap",
+            "contact",
+            "wider than asked at 1e-2 and 1e-6",
+            "at 1e-12",
+        ],
+        rows,
+    )
 
 
 def span(values):
@@ -88,7 +118,9 @@ def unused(s, **setting):
     """Whether a setting gives the very answers of the same query without it."""
     columns = [c for c in s.rows[0] if c.split("_")[0] in ("error", "width", "rel")]
     plain = {k: v for k, v in setting.items() if k not in ("precision", "asked")}
-    return all(s.at(scene, **setting)[c] == s.at(scene, **plain)[c] for scene in s.scenes for c in columns if c != "rel_tol")
+    return all(
+        s.at(scene, **setting)[c] == s.at(scene, **plain)[c] for scene in s.scenes for c in columns if c != "rel_tol"
+    )
 
 
 def sentences(s):
@@ -98,7 +130,10 @@ def sentences(s):
     wrong = sum(int(r["violations"]) for r in s.rows)
 
     def f32(asked):
-        return [a / b for a, b in zip(s.ratios(rel_tol=1e-4, precision="f32", asked=asked), s.ratios(rel_tol=1e-4, asked=asked))]
+        return [
+            a / b
+            for a, b in zip(s.ratios(rel_tol=1e-4, precision="f32", asked=asked), s.ratios(rel_tol=1e-4, asked=asked))
+        ]
 
     warm = s.ratios(asked="warm")
     lines = [
@@ -106,17 +141,26 @@ def sentences(s):
         f"**Tolerance.** Time over that of the default (1e-6): at 1e-1 {span(s.ratios(others, rel_tol=1e-1))}, at 1e-2 "
         f"{span(s.ratios(others, rel_tol=1e-2))}, at 1e-12 {span(s.ratios(others, rel_tol=1e-12))}; of touching pairs "
         f"{s.ratios(['touching'], rel_tol=1e-1)[0]:.2f}, {s.ratios(['touching'], rel_tol=1e-2)[0]:.2f} and "
-        f"{s.ratios(['touching'], rel_tol=1e-12)[0]:.2f}, or {s.ratios(['touching'], abs_tol=1e-6)[0]:.2f} with `abs_tol` 1e-6 m "
+        f"{s.ratios(['touching'], rel_tol=1e-12)[0]:.2f}, or {s.ratios(['touching'], abs_tol=1e-6)[0]:.2f} with "
+        "`abs_tol` 1e-6 m "
         "in place of `rel_tol`.",
-        f"**max_distance.** At the median distance {span(s.ratios(reach=1.0))}, at a tenth of it {span(s.ratios(reach=0.1))}.",
+        f"**max_distance.** At the median distance {span(s.ratios(reach=1.0))}, at a tenth of it "
+        f"{span(s.ratios(reach=0.1))}.",
         f"**float32 iterations.** Time over that of float64 at the same tolerance (1e-4): {span(f32('cold'))}; in "
         f"batches {span(f32('batch'))}."
-        + (" The answers are the same to the last digit: this backend iterates in float64 whatever is asked."
-           if unused(s, precision="f32", rel_tol=1e-4) else ""),
+        + (
+            " The answers are the same to the last digit: this backend iterates in float64 whatever is asked."
+            if unused(s, precision="f32", rel_tol=1e-4)
+            else ""
+        ),
         f"**Warm start.** Time over that of a cold start: {span(warm)}."
-        + (" The answers are the same to the last digit: this backend keeps no warm state."
-           if unused(s, asked="warm") and abs(statistics.median(warm) - 1) < 0.03 else ""),
-        f"**Batches.** All steps as the configurations of one query, over one query for each step: {span(s.ratios(asked='batch'))}.",
+        + (
+            " The answers are the same to the last digit: this backend keeps no warm state."
+            if unused(s, asked="warm") and abs(statistics.median(warm) - 1) < 0.03
+            else ""
+        ),
+        f"**Batches.** All steps as the configurations of one query, over one query for each step: "
+        f"{span(s.ratios(asked='batch'))}.",
     ]
     return "\n".join(f"- {line}" for line in lines)
 
@@ -126,11 +170,17 @@ def generated(remark, rows):
     parts = [f"From `docs/results/tradeoff.csv` ({remark}), by `make tradeoff`."]
     for backend in dict.fromkeys(r["backend"] for r in rows):
         s = Sweep(rows, backend)
-        parts += [f"### Backend `{backend}`", sentences(s),
-                  "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, cold, one query for each step), each column with "
-                  "one thing changed. `max_distance` is set to the median of all distances, and to a tenth of it:", time_table(s),
-                  "Error and certified width over the exact distance, 99th percentile over the pairs that are apart, by `rel_tol`:",
-                  accuracy_table(s)]
+        parts += [
+            f"### Backend `{backend}`",
+            sentences(s),
+            "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, cold, one query for "
+            "each step), each column with "
+            "one thing changed. `max_distance` is set to the median of all distances, and to a tenth of it:",
+            time_table(s),
+            "Error and certified width over the exact distance, 99th percentile over the pairs that are apart, by "
+            "`rel_tol`:",
+            accuracy_table(s),
+        ]
     return "\n\n".join(parts)
 
 
@@ -142,33 +192,46 @@ def no_more_than(values, limit):
 CLAIMS = {
     "contained": lambda s: all(r["violations"] == "0" for r in s.rows),
     # Loosening from 1e-6 to 1e-2 saves less than two fifths wherever bodies do not touch.
-    "loose saves little": lambda s: all(r >= 0.6 for x in s.scenes if x != "touching" for r in s.ratios([x], rel_tol=1e-2)),
+    "loose saves little": lambda s: all(
+        r >= 0.6 for x in s.scenes if x != "touching" for r in s.ratios([x], rel_tol=1e-2)
+    ),
     # Two digits more than the default cost less than a tenth.
     "tight is cheap": lambda s: no_more_than(s.ratios(rel_tol=1e-8), 1.1),
     # Nothing asked for with 1e-2 comes out slower than with 1e-6, to the noise of timing.
     "looser is no slower": lambda s: no_more_than(s.ratios(rel_tol=1e-2) + s.ratios(rel_tol=1e-1), 1.1),
     # Where the curve is flat, the answer is exact already at 1e-4.
-    "exact already": lambda s: all(float(s.at(x, rel_tol=1e-4)["rel_width_p99"]) < 1e-9 for x in ("near", "boxes", "spheres", "capsules")),
+    "exact already": lambda s: all(
+        float(s.at(x, rel_tol=1e-4)["rel_width_p99"]) < 1e-9 for x in ("near", "boxes", "spheres", "capsules")
+    ),
     # max_distance at a tenth of the median at least halves the time, but for scenes whose boxes all overlap.
     "max_distance is the lever": lambda s: no_more_than(
-        s.ratios([x for x in s.scenes if float(s.at(x, reach=0.1)["evaluated"]) < 0.4], reach=0.1), 0.5),
-    "boxes that overlap": lambda s: all(float(s.at(x, reach=0.1)["evaluated"]) > 0.9 and s.ratios([x], reach=0.1)[0] > 0.5
-                                        for x in ("near", "touching")),
+        s.ratios([x for x in s.scenes if float(s.at(x, reach=0.1)["evaluated"]) < 0.4], reach=0.1), 0.5
+    ),
+    "boxes that overlap": lambda s: all(
+        float(s.at(x, reach=0.1)["evaluated"]) > 0.9 and s.ratios([x], reach=0.1)[0] > 0.5 for x in ("near", "touching")
+    ),
     # Touching pairs: an absolute tolerance of a micrometre makes them at least three times as fast.
     "abs_tol for touching": lambda s: no_more_than(s.ratios(["touching"], abs_tol=1e-6), 1 / 3),
     # Spheres and capsules take less than half of the time of hulls, small or fine.
-    "cheap forms": lambda s: all(float(s.at(x)["ns_per_pair"]) < 0.5 * min(float(s.at(y)["ns_per_pair"]) for y in ("near", "fine"))
-                                 for x in ("spheres", "capsules")),
+    "cheap forms": lambda s: all(
+        float(s.at(x)["ns_per_pair"]) < 0.5 * min(float(s.at(y)["ns_per_pair"]) for y in ("near", "fine"))
+        for x in ("spheres", "capsules")
+    ),
     "batches": lambda s: no_more_than(
-        s.ratios(["near", "boxes", "spheres", "capsules", "dense", "fine", "extremes"], asked="batch"), 0.75),
+        s.ratios(["near", "boxes", "spheres", "capsules", "dense", "fine", "extremes"], asked="batch"), 0.75
+    ),
     "heavy batches": lambda s: s.ratios(["cell"], asked="batch")[0] < 0.75,
     # A warm start costs nothing anywhere, and near bodies take less than half of the time.
     "warm pays": lambda s: no_more_than(s.ratios(asked="warm"), 1.02) and s.ratios(["near"], asked="warm")[0] < 0.5,
-    "f32 takes as long": lambda s: all(5 / 6 < single / double < 7 / 6 for single, double in zip(
-        s.ratios(rel_tol=1e-4, precision="f32"), s.ratios(rel_tol=1e-4))),
+    "f32 takes as long": lambda s: all(
+        5 / 6 < single / double < 7 / 6
+        for single, double in zip(s.ratios(rel_tol=1e-4, precision="f32"), s.ratios(rel_tol=1e-4))
+    ),
     # Below rounding an absolute tolerance only costs.
     "abs_tol below rounding": lambda s: s.ratios(["extremes"], abs_tol=1e-6)[0] > 1.5,
-    "none wider than asked": lambda s: all(float(s.at(x, rel_tol=t)["unconverged"]) == 0 for x in s.scenes for t in (1e-1, 1e-2, 1e-4, 1e-6)),
+    "none wider than asked": lambda s: all(
+        float(s.at(x, rel_tol=t)["unconverged"]) == 0 for x in s.scenes for t in (1e-1, 1e-2, 1e-4, 1e-6)
+    ),
 }
 
 
@@ -178,7 +241,7 @@ def broken_claims(text, rows):
     names = re.findall(r"<!-- claim (.*?) -->", text)
     unknown = set(names) ^ set(CLAIMS)
     if unknown:
-        sys.exit(f"{PAGE}: claims of the page and of tools/tradeoff.py differ: {', '.join(sorted(unknown))}")
+        sys.exit(f"{PAGE}: claims of the page and of bench/tradeoff/tradeoff.py differ: {', '.join(sorted(unknown))}")
     return [name for name in names if not CLAIMS[name](s)]
 
 
@@ -191,17 +254,35 @@ def draw(remark, rows):
     sweeps = [Sweep(rows, b) for b in backends]
     scenes = sweeps[0].scenes
     columns = 5
-    figure, axes = plt.subplots(math.ceil(len(scenes) / columns), columns, figsize=(17, 3.6 * math.ceil(len(scenes) / columns)))
+    figure, axes = plt.subplots(
+        math.ceil(len(scenes) / columns), columns, figsize=(17, 3.6 * math.ceil(len(scenes) / columns))
+    )
     for axis, scene in zip(axes.flat, scenes):
         for k, s in enumerate(sweeps):
-            for colour, (precision, asked) in enumerate((("f64", "cold"), ("f32", "cold"), ("f64", "warm"), ("f64", "batch"),
-                                                         ("f32", "batch"))):
-                mine = sorted((r for r in s.rows if (r["scene"], r["precision"], r["asked"]) == (scene, precision, asked)
-                               and float(r["reach"]) == INF and float(r["rel_tol"]) > 0), key=lambda r: -float(r["rel_tol"]))
+            for colour, (precision, asked) in enumerate(
+                (("f64", "cold"), ("f32", "cold"), ("f64", "warm"), ("f64", "batch"), ("f32", "batch"))
+            ):
+                mine = sorted(
+                    (
+                        r
+                        for r in s.rows
+                        if (r["scene"], r["precision"], r["asked"]) == (scene, precision, asked)
+                        and float(r["reach"]) == INF
+                        and float(r["rel_tol"]) > 0
+                    ),
+                    key=lambda r: -float(r["rel_tol"]),
+                )
                 x = [float(r["ns_per_pair"]) for r in mine]
                 label = f"{s.backend} {precision}{'' if asked == 'cold' else ' ' + asked}"
-                axis.plot(x, [max(1e-16, float(r["rel_width_p99"])) for r in mine], "o-" if k == 0 else "s--", color=f"C{colour}",
-                          ms=4, lw=1, label=label + ", width")
+                axis.plot(
+                    x,
+                    [max(1e-16, float(r["rel_width_p99"])) for r in mine],
+                    "o-" if k == 0 else "s--",
+                    color=f"C{colour}",
+                    ms=4,
+                    lw=1,
+                    label=label + ", width",
+                )
                 if asked == "cold":
                     axis.plot(x, [max(1e-16, float(r["rel_error_p99"])) for r in mine], ":", color=f"C{colour}", lw=1,
                               label=label + ", error")
@@ -239,13 +320,16 @@ def main():
     broken = broken_claims(text, rows)
     if sys.argv[1:]:
         if new != text:
-            sys.exit(f"{PAGE} does not show {CSV}: run tools/tradeoff.py")
+            sys.exit(f"{PAGE} does not show {CSV}: run bench/tradeoff/tradeoff.py")
     else:
         PAGE.write_text(new)
         draw(remark, rows)
     if broken:
-        sys.exit(f"{PAGE}: the figures contradict what the page says (<!-- claim ... -->): {', '.join(broken)}. Write it anew, and "
-                 "CLAIMS in tools/tradeoff.py with it")
+        sys.exit(
+            f"{PAGE}: the figures contradict what the page says (<!-- claim ... -->): {', '.join(broken)}. Write it "
+            "anew, and "
+            "CLAIMS in bench/tradeoff/tradeoff.py with it"
+        )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Times how long a scene of many meshes takes to load, with an empty cache and with a full one.
 
-    tools/bench_load.py [--meshes 1000] [--runs 3] [--csv docs/results/load.csv]
+    bench/load/bench_load.py [--meshes 1000] [--runs 3] [--csv docs/results/load.csv]
 
-Each mesh is a sphere of 9,942 vertices in a file of its own, no two alike. Every load is a process of its own, which has the
+Each mesh is a sphere of 9,942 vertices in a file of its own, no two alike. Every load is a process of its own, with the
 Python package and the file system's cache warm. `off` is without a cache, `cold` with an empty one, `warm` with what
 `cold` left.
 """
@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 RESOLUTION = 71  # of make_uv_sphere: 2 r (r - 1) + 2 vertices
 LOAD = """
 import os, resource, sys, time
@@ -38,7 +38,10 @@ def sphere():
     rings = np.stack([np.outer(np.sin(phi), np.cos(theta)), np.outer(np.sin(phi), np.sin(theta)),
                       np.outer(np.cos(phi), np.ones(n))], axis=-1).reshape(-1, 3)
     j, k = np.arange(n), (np.arange(n) + 1) % n
-    faces = [np.stack([np.zeros(n, int), 2 + j, 2 + k], 1), np.stack([np.ones(n, int), len(rings) + 2 - n + k, len(rings) + 2 - n + j], 1)]
+    faces = [
+        np.stack([np.zeros(n, int), 2 + j, 2 + k], 1),
+        np.stack([np.ones(n, int), len(rings) + 2 - n + k, len(rings) + 2 - n + j], 1),
+    ]
     for ring in range(r - 2):
         a, b = 2 + n * ring, 2 + n * (ring + 1)
         faces += [np.stack([b + j, a + k, a + j], 1), np.stack([b + j, b + k, a + k], 1)]
@@ -61,7 +64,12 @@ def write_scene(folder: Path, meshes: int) -> Path:
 
 def load(scene: Path, cache: str):
     """(seconds, seconds of processor time, cores) of one load."""
-    environment = {**os.environ, "CLEARANCE_CACHE": cache, "CLEARANCE_CACHE_MIB": "8192", "PYTHONPATH": str(ROOT / "build" / "python")}
+    environment = {
+        **os.environ,
+        "CLEARANCE_CACHE": cache,
+        "CLEARANCE_CACHE_MIB": "8192",
+        "PYTHONPATH": str(ROOT / "build" / "python"),
+    }
     answer = subprocess.run([sys.executable, "-c", LOAD, str(scene)], env=environment, capture_output=True, text=True)
     if answer.returncode:
         sys.exit(answer.stderr)
@@ -83,9 +91,11 @@ def main() -> None:
                 runs[kind].append(load(scene, where))
                 print(f"{kind}: {runs[kind][-1][0]:.2f} s, {runs[kind][-1][1]:.2f} s of processor time", flush=True)
     best = {kind: min(times) for kind, times in runs.items()}
-    print(f"{arguments.meshes} meshes of {2 * RESOLUTION * (RESOLUTION - 1) + 2} vertices, {best['cold'][2]:.0f} cores: "
-          f"{best['cold'][0]:.2f} s with an empty cache, {best['warm'][0]:.2f} s with a full one, "
-          f"{best['cold'][0] / best['warm'][0]:.1f} times as fast")
+    print(
+        f"{arguments.meshes} meshes of {2 * RESOLUTION * (RESOLUTION - 1) + 2} vertices, {best['cold'][2]:.0f} cores: "
+        f"{best['cold'][0]:.2f} s with an empty cache, {best['warm'][0]:.2f} s with a full one, "
+        f"{best['cold'][0] / best['warm'][0]:.1f} times as fast"
+    )
     if arguments.csv:
         with arguments.csv.open("w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")

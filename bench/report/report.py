@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """The 2023 report's experiments: writes the tables of docs/report.md (between its markers) and draws docs/report.png.
 
-    tools/report.py              write them from docs/results/report*.csv
-    tools/report.py --check      only says whether the page shows the files and its words hold (exit code 1 if not)
-    tools/report.py --measure    first runs build/bin/clearance-report on this machine (make report), with Coal if it can be had
+    bench/report/report.py              write them from docs/results/report*.csv
+    bench/report/report.py --check      only check that the page shows the files and its words hold (exit code 1 if not)
+    bench/report/report.py --measure    first run build/bin/clearance-report here (make report), with Coal if possible
 
 The words of the page that rest on figures are marked there with <!-- claim NAME -->; CLAIMS says what each one means.
 """
@@ -15,7 +15,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "report.md"
 PICTURE = ROOT / "docs" / "report.png"
 CPU_FILE = ROOT / "docs" / "results" / "report.csv"
@@ -24,9 +24,10 @@ CPU_FILE = ROOT / "docs" / "results" / "report.csv"
 REPORTED = {
     ("close_pairs", "1000 meshes; margin inf"): {"aabb_naive": 634560, "aabb_naive_omp": 281005, "aabb_tree": 3001880,
                                                  "aabb_tree_omp": 2053380},
-    ("close_pairs", "2 meshes; margin inf"): {"aabb_naive": 8, "aabb_naive_omp": 21, "aabb_tree": 23, "aabb_tree_omp": 20},
-    ("support", "2 large spheres"): {"gjk": 12717400, "gjk_hill": 2566810, "gjk_omp": 1248690, "cuda_support_seq": 235575,
-                                     "cuda_support_par": 25758},
+    ("close_pairs", "2 meshes; margin inf"): {"aabb_naive": 8, "aabb_naive_omp": 21, "aabb_tree": 23,
+                                              "aabb_tree_omp": 20},
+    ("support", "2 large spheres"): {"gjk": 12717400, "gjk_hill": 2566810, "gjk_omp": 1248690,
+                                     "cuda_support_seq": 235575, "cuda_support_par": 25758},
     ("terms", "2 large spheres"): {"cuda_terms_seq": 25118, "cuda_terms_par": 21985},
     ("pairs", "1000 spheres"): {"gjk": 34328600, "gjk_omp": 3575860, "cuda_pairwise": 1619300, "cuda_batched": 1028300},
     ("pairs", "5000 spheres"): {"cuda_pairwise": 54142600, "cuda_batched": 26261300},
@@ -38,10 +39,16 @@ IN_WORDS = {
     ("lite", "benchmark_lite", "naive_omp"): "about 10x",
     ("lite", "benchmark_lite", "cuda_pairwise"): "13.5x over `gjk`",
 }
-LABELS = {"clearance_1": "Clearance, one thread", "clearance": "Clearance, all cores", "clearance_cuda": "Clearance on the GPU",
-          "clearance_brute": "Clearance, all pairs of boxes, one thread", "clearance_tree": "Clearance, tree, one thread",
-          "clearance_tree_kept": "Clearance, tree that follows, one thread",
-          "clearance_nearest": "Clearance, nearest neighbours", "coal": "Coal, one thread"}
+LABELS = {
+    "clearance_1": "Clearance, one thread",
+    "clearance": "Clearance, all cores",
+    "clearance_cuda": "Clearance on the GPU",
+    "clearance_brute": "Clearance, all pairs of boxes, one thread",
+    "clearance_tree": "Clearance, tree, one thread",
+    "clearance_tree_kept": "Clearance, tree that follows, one thread",
+    "clearance_nearest": "Clearance, nearest neighbours",
+    "coal": "Coal, one thread",
+}
 
 
 class Results:
@@ -114,7 +121,7 @@ def label(method):
 
 
 def comparison(results, experiment, name, base, methods=None):
-    """One row for each method; each column has times and speed-ups over `base` (where the report has it not: over its first)."""
+    """One row for each method; each column has times and speed-ups over `base` (or over the report's first)."""
     reported = REPORTED.get((experiment, name), {})
     methods = methods or list(dict.fromkeys(r["method"] for x in results for r in x.case(experiment, name)))
     rows = []
@@ -145,10 +152,29 @@ def tree_table(results):
     for r in x.case("tree_profile", "build"):
         method = r["method"]
         depth, visited, costs = (int(part.split()[i]) for part, i in zip(r["note"].split("; "), (1, 0, 0)))
-        rows.append([f"{method}", f"{visited / 1000:,.0f}", f"{costs / 1000:,.0f}", str(depth), time_of(float(r["wall_us"])),
-                     time_of(x.us("tree_profile", "query margin 0", method)), time_of(x.us("tree_profile", "query margin inf", method))])
-    return markdown(["insertion", "nodes visited by one", "costs compared by one", "depth", "building", "queries, margin 0",
-                     "queries, margin inf"], rows)
+        rows.append(
+            [
+                f"{method}",
+                f"{visited / 1000:,.0f}",
+                f"{costs / 1000:,.0f}",
+                str(depth),
+                time_of(float(r["wall_us"])),
+                time_of(x.us("tree_profile", "query margin 0", method)),
+                time_of(x.us("tree_profile", "query margin inf", method)),
+            ]
+        )
+    return markdown(
+        [
+            "insertion",
+            "nodes visited by one",
+            "costs compared by one",
+            "depth",
+            "building",
+            "queries, margin 0",
+            "queries, margin inf",
+        ],
+        rows,
+    )
 
 
 def sphere_table(results):
@@ -156,14 +182,28 @@ def sphere_table(results):
     counts = list(dict.fromkeys(r["case"] for x in results for r in x.rows if r["experiment"] == "spheres"))
     parts = []
     for x in results:
-        methods = [m for m in ("naive", "gjk", "gjk_omp", "cuda_batched", "coal", "clearance", "clearance_cuda", "clearance_nearest")
-                   if any(x.row("spheres", c, m) for c in counts)]
+        methods = [
+            m
+            for m in (
+                "naive",
+                "gjk",
+                "gjk_omp",
+                "cuda_batched",
+                "coal",
+                "clearance",
+                "clearance_cuda",
+                "clearance_nearest",
+            )
+            if any(x.row("spheres", c, m) for c in counts)
+        ]
         rows = []
         for count in counts:
             row = [f"{int(count):,}"]
             for method in methods:
                 r = x.row("spheres", count, method)
-                row.append("" if r is None else time_of(float(r["wall_us"])) + ("" if r["measured"] == r["pairs"] else " \\*"))
+                row.append(
+                    "" if r is None else time_of(float(r["wall_us"])) + ("" if r["measured"] == r["pairs"] else " \\*")
+                )
             naive, gjk = x.us("spheres", count, "naive"), x.us("spheres", count, "gjk")
             parallel = x.us("spheres", count, "cuda_batched" if x.gpu else "gjk_omp")
             row += [ratio_of(naive / parallel), ratio_of(gjk / parallel)]
@@ -180,8 +220,10 @@ def transfer_table(results):
         return "No GPU was there."
     rows = [["the report: all copies, no kernel", "", time_of(58133)]]
     for r in x.case("transfers", "1000 spheres"):
-        name = {"cuda_batched": "`cuda_batched`: vertices and pairs there, kernel, answers back",
-                "clearance_cuda": "Clearance, geometry and poses resident: the whole query"}.get(r["method"], r["method"])
+        name = {
+            "cuda_batched": "`cuda_batched`: vertices and pairs there, kernel, answers back",
+            "clearance_cuda": "Clearance, geometry and poses resident: the whole query",
+        }.get(r["method"], r["method"])
         rows.append([name, r["note"].split()[0] if r["note"].endswith("bytes") else "", time_of(float(r["wall_us"]))])
     return markdown(["", "bytes", "time"], rows)
 
@@ -214,10 +256,13 @@ def tables(results):
     close = ["aabb_naive", "aabb_naive_omp", "aabb_tree", "aabb_tree_noheuristic", "aabb_tree_omp",
              "clearance_brute", "clearance_tree", "clearance_tree_kept"]
     return {
-        "machines": "\n".join(f"- {x.machine}{x.load}, by `{x.command}`: [results/{x.path.name}](results/{x.path.name})" for x in results),
+        "machines": "\n".join(
+            f"- {x.machine}{x.load}, by `{x.command}`: [results/{x.path.name}](results/{x.path.name})" for x in results
+        ),
         "close 1000": "\n\n".join(
             f"{title}:\n\n" + comparison(results, "close_pairs", f"1000 meshes; margin {margin}", "aabb_naive", close)
-            for margin, title in (("inf", "1000 meshes, margin infinite"), ("1", "margin 1 m"), ("0", "margin 0"))),
+            for margin, title in (("inf", "1000 meshes, margin infinite"), ("1", "margin 1 m"), ("0", "margin 0"))
+        ),
         "close 2": comparison(results, "close_pairs", "2 meshes; margin inf", "aabb_naive", close),
         "tree": tree_table(results),
         "support": comparison(results, "support", "2 large spheres", "gjk"),
@@ -235,44 +280,90 @@ def tables(results):
 # Each takes the results of all machines; where a GPU or many cores matter, those of machines that have them.
 CLOSE = [f"1000 meshes; margin {m}" for m in ("0", "1", "inf")]
 CLAIMS = {
-    "tree loses": lambda all, gpu: all_of(x.us("close_pairs", c, "aabb_tree") > 3 * x.us("close_pairs", c, "aabb_naive")
-                                          for x in all for c in CLOSE),
+    "tree loses": lambda all, gpu: all_of(
+        x.us("close_pairs", c, "aabb_tree") > 3 * x.us("close_pairs", c, "aabb_naive") for x in all for c in CLOSE
+    ),
     "pairs in parallel win": lambda all, gpu: all_of(
-        x.us("close_pairs", c, "aabb_naive_omp") == min(x.us("close_pairs", c, m) for m in (
-            "aabb_naive", "aabb_naive_omp", "aabb_tree", "aabb_tree_omp", "aabb_tree_noheuristic")) for x in gpu for c in CLOSE),
-    "heuristic makes a list": lambda all, gpu: all_of(depth(x, "heuristic as printed") > 0.8 * depth(x, "without it") for x in all),
+        x.us("close_pairs", c, "aabb_naive_omp")
+        == min(
+            x.us("close_pairs", c, m)
+            for m in ("aabb_naive", "aabb_naive_omp", "aabb_tree", "aabb_tree_omp", "aabb_tree_noheuristic")
+        )
+        for x in gpu
+        for c in CLOSE
+    ),
+    "heuristic makes a list": lambda all, gpu: all_of(
+        depth(x, "heuristic as printed") > 0.8 * depth(x, "without it") for x in all
+    ),
     "one line wins": lambda all, gpu: all_of(
-        x.us("tree_profile", "build", "price of the new parent") + x.us("tree_profile", "query margin 0", "price of the new parent")
-        < 0.5 * x.us("close_pairs", CLOSE[0], "aabb_naive") for x in all),
-    "our tree wins": lambda all, gpu: all_of(x.us("close_pairs", c, m) < 0.2 * x.us("close_pairs", c, "aabb_naive") for x in all
-                                             for c in CLOSE[:2] for m in ("clearance_tree", "clearance_tree_kept")),
+        x.us("tree_profile", "build", "price of the new parent")
+        + x.us("tree_profile", "query margin 0", "price of the new parent")
+        < 0.5 * x.us("close_pairs", CLOSE[0], "aabb_naive")
+        for x in all
+    ),
+    "our tree wins": lambda all, gpu: all_of(
+        x.us("close_pairs", c, m) < 0.2 * x.us("close_pairs", c, "aabb_naive")
+        for x in all
+        for c in CLOSE[:2]
+        for m in ("clearance_tree", "clearance_tree_kept")
+    ),
     "climbing wins": lambda all, gpu: all_of(
-        x.us("support", LARGE, "gjk_hill") < 0.005 * min(x.us("support", LARGE, "gjk"), x.us("support", LARGE, "cuda_support_par"))
-        for x in gpu),
+        x.us("support", LARGE, "gjk_hill")
+        < 0.005 * min(x.us("support", LARGE, "gjk"), x.us("support", LARGE, "cuda_support_par"))
+        for x in gpu
+    ),
     "one block one multiprocessor": lambda all, gpu: all_of(
-        0.5 < x.us("support", LARGE, "cuda_support_par", "kernel_us") / REPORTED["support", LARGE]["cuda_support_par"] < 2 for x in gpu),
+        0.5
+        < x.us("support", LARGE, "cuda_support_par", "kernel_us") / REPORTED["support", LARGE]["cuda_support_par"]
+        < 2
+        for x in gpu
+    ),
     "terms do not matter": lambda all, gpu: all_of(
         abs(x.us("terms", c, "cuda_terms_par", "kernel_us") / x.us("terms", c, "cuda_terms_seq", "kernel_us") - 1) < 0.1
-        for x in gpu for c in (LARGE, "1000 spheres")),
-    "batching wins": lambda all, gpu: all_of(200 < x.us("pairs", c, "cuda_pairwise") / x.us("pairs", c, "cuda_batched") < 1500
-                                             for x in gpu for c in ("1000 spheres", "5000 spheres")),
-    "launches lose": lambda all, gpu: all_of(x.us("pairs", c, "gjk") < x.us("pairs", c, "cuda_pairwise") for x in gpu
-                                             for c in ("1000 spheres", "5000 spheres")),
+        for x in gpu
+        for c in (LARGE, "1000 spheres")
+    ),
+    "batching wins": lambda all, gpu: all_of(
+        200 < x.us("pairs", c, "cuda_pairwise") / x.us("pairs", c, "cuda_batched") < 1500
+        for x in gpu
+        for c in ("1000 spheres", "5000 spheres")
+    ),
+    "launches lose": lambda all, gpu: all_of(
+        x.us("pairs", c, "gjk") < x.us("pairs", c, "cuda_pairwise")
+        for x in gpu
+        for c in ("1000 spheres", "5000 spheres")
+    ),
     "a warp is best": lambda all, gpu: all_of(
-        min(x.case("block_size", "1000 spheres"), key=lambda r: float(r["kernel_us"]))["note"] in ("block 16", "block 26", "block 32") for x in gpu),
+        min(x.case("block_size", "1000 spheres"), key=lambda r: float(r["kernel_us"]))["note"]
+        in ("block 16", "block 26", "block 32")
+        for x in gpu
+    ),
     "a thread for each pair": lambda all, gpu: all_of(
         x.us("pairs", "1000 spheres", "clearance_cuda", "kernel_us")
-        < 0.35 * min(float(r["kernel_us"]) for r in x.case("block_size", "1000 spheres")) for x in gpu),
+        < 0.35 * min(float(r["kernel_us"]) for r in x.case("block_size", "1000 spheres"))
+        for x in gpu
+    ),
     "one pair belongs on the CPU": lambda all, gpu: all_of(
-        x.us("lite", "benchmark_lite", "gjk") < x.us("lite", "benchmark_lite", "cuda_batched", "kernel_us") for x in gpu),
-    "speed-up stays": lambda all, gpu: all_of(
-        20 < x.us("spheres", n, "gjk") / x.us("spheres", n, "cuda_batched") < 80 for x in gpu for n in ("100", "200", "1000", "5000"))
-    and all_of(x.us("spheres", "10", "gjk") < 2 * x.us("spheres", "10", "cuda_batched") for x in gpu),
-    "nearest is cheap": lambda all, gpu: all_of(x.us("spheres", n, "clearance_nearest") < 0.15 * x.us("spheres", n, "clearance")
-                                                for x in all for n in ("5000", "20000")),
+        x.us("lite", "benchmark_lite", "gjk") < x.us("lite", "benchmark_lite", "cuda_batched", "kernel_us") for x in gpu
+    ),
+    "speed-up stays": lambda all, gpu: (
+        all_of(
+            20 < x.us("spheres", n, "gjk") / x.us("spheres", n, "cuda_batched") < 80
+            for x in gpu
+            for n in ("100", "200", "1000", "5000")
+        )
+        and all_of(x.us("spheres", "10", "gjk") < 2 * x.us("spheres", "10", "cuda_batched") for x in gpu)
+    ),
+    "nearest is cheap": lambda all, gpu: all_of(
+        x.us("spheres", n, "clearance_nearest") < 0.15 * x.us("spheres", n, "clearance")
+        for x in all
+        for n in ("5000", "20000")
+    ),
     "mesh by mesh": lambda all, gpu: all_of(
-        x.us("transfers", "1000 spheres", "vertices mesh by mesh") > 50 * x.us("transfers", "1000 spheres", "vertices in one array")
-        for x in gpu),
+        x.us("transfers", "1000 spheres", "vertices mesh by mesh")
+        > 50 * x.us("transfers", "1000 spheres", "vertices in one array")
+        for x in gpu
+    ),
 }
 
 
@@ -294,7 +385,7 @@ def broken_claims(text, results):
     names = re.findall(r"<!-- claim (.*?) -->", text)
     unknown = set(names) ^ set(CLAIMS)
     if unknown:
-        sys.exit(f"{PAGE}: claims of the page and of tools/report.py differ: {', '.join(sorted(unknown))}")
+        sys.exit(f"{PAGE}: claims of the page and of bench/report/report.py differ: {', '.join(sorted(unknown))}")
     gpu = [x for x in results if x.gpu]
     return [name for name in names if not CLAIMS[name](results, gpu)]
 
@@ -306,21 +397,32 @@ def draw(results):
     from matplotlib.lines import Line2D
 
     figure, axes = plt.subplots(4, 2, figsize=(15, 22), layout="constrained")
-    panels = [("close_pairs", "1000 meshes; margin inf", "Close pairs of 1000 meshes, margin infinite"),
-              ("close_pairs", "1000 meshes; margin 0", "The same, margin 0"),
-              ("support", LARGE, "One pair of 1,998,002 vertices each (Coal refuses it)"),
-              ("lite", "benchmark_lite", "One pair of 2400 faces (the report's figure 4)"),
-              ("pairs", "1000 spheres", "All pairs of 1000 spheres"), ("pairs", "5000 spheres", "All pairs of 5000 spheres")]
+    panels = [
+        ("close_pairs", "1000 meshes; margin inf", "Close pairs of 1000 meshes, margin infinite"),
+        ("close_pairs", "1000 meshes; margin 0", "The same, margin 0"),
+        ("support", LARGE, "One pair of 1,998,002 vertices each (Coal refuses it)"),
+        ("lite", "benchmark_lite", "One pair of 2400 faces (the report's figure 4)"),
+        ("pairs", "1000 spheres", "All pairs of 1000 spheres"),
+        ("pairs", "5000 spheres", "All pairs of 5000 spheres"),
+    ]
     colours = ["black", "C0", "C1", "C2", "C3"]
     for axis, (experiment, name, title) in zip(axes.flat, panels):
         reported = REPORTED.get((experiment, name), {})
         found = list(dict.fromkeys(r["method"] for x in results for r in x.case(experiment, name)))
-        methods = [m for m in found if not m.startswith(("clearance", "coal"))] + [m for m in found if m.startswith(("coal", "clearance"))]
+        methods = [m for m in found if not m.startswith(("clearance", "coal"))] + [
+            m for m in found if m.startswith(("coal", "clearance"))
+        ]
         sides = [("the report", reported.get, "gray")] * bool(reported) + [
             (x.short, functools.partial(x.us, experiment, name), colour) for x, colour in zip(results, colours[1:])]
         for k, (who, us, colour) in enumerate(sides):
             values = [us(m) or math.nan for m in methods]
-            axis.barh([i + (k - (len(sides) - 1) / 2) * 0.26 for i in range(len(methods))], values, 0.26, label=who, color=colour)
+            axis.barh(
+                [i + (k - (len(sides) - 1) / 2) * 0.26 for i in range(len(methods))],
+                values,
+                0.26,
+                label=who,
+                color=colour,
+            )
         axis.set_yticks(range(len(methods)), [label(m).strip("`") for m in methods])
         axis.invert_yaxis()
         axis.set(xscale="log", title=title, xlabel="us")
@@ -335,8 +437,14 @@ def draw(results):
             counts = [int(r["case"]) for r in rows]
             times.plot(counts, [float(r["wall_us"]) for r in rows], style, marker="o", ms=3, color=f"C{k}")
             if method not in ("naive", "gjk"):
-                gains.plot(counts, [x.us("spheres", r["case"], "gjk") / float(r["wall_us"]) for r in rows], style, marker="o", ms=3,
-                           color=f"C{k}")
+                gains.plot(
+                    counts,
+                    [x.us("spheres", r["case"], "gjk") / float(r["wall_us"]) for r in rows],
+                    style,
+                    marker="o",
+                    ms=3,
+                    color=f"C{k}",
+                )
     handles = [Line2D([], [], color=f"C{k}", label=label(m).strip("`")) for k, m in enumerate(methods)]
     handles += [Line2D([], [], color="black", ls=style, label=x.short) for x, style in zip(reversed(results), styles)]
     for axis, title, unit in ((times, "Random spheres, all pairs (the report's figure 5, and on)", "us"),
@@ -348,7 +456,7 @@ def draw(results):
 
 
 def measure():
-    sys.path.insert(0, str(ROOT / "tools"))
+    sys.path.insert(0, str(ROOT / "bench/peers"))
     import bench_peers
     coal = []
     try:
@@ -373,13 +481,16 @@ def main():
     broken = broken_claims(text, results)
     if sys.argv[1:] == ["--check"]:
         if new != text:
-            sys.exit(f"{PAGE} does not show docs/results/report*.csv: run tools/report.py")
+            sys.exit(f"{PAGE} does not show docs/results/report*.csv: run bench/report/report.py")
     else:
         PAGE.write_text(new)
         draw(results)
     if broken:
-        sys.exit(f"{PAGE}: the figures contradict what the page says (<!-- claim ... -->): {', '.join(broken)}. Write it anew, and "
-                 "CLAIMS in tools/report.py with it")
+        sys.exit(
+            f"{PAGE}: the figures contradict what the page says (<!-- claim ... -->): {', '.join(broken)}. Write it "
+            "anew, and "
+            "CLAIMS in bench/report/report.py with it"
+        )
 
 
 if __name__ == "__main__":

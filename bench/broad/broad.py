@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
 """Writes what docs/results/broad.csv says into docs/performance.md, between its markers.
 
-    tools/broad.py            write it
-    tools/broad.py --check    only says whether the page shows the CSV (exit code 1 if not)
+    bench/broad/broad.py            write it
+    bench/broad/broad.py --check    only says whether the page shows the CSV (exit code 1 if not)
 """
 import sys
+from pathlib import Path
 
-from bench_peers import ROOT, grouped, read_csv, replace_table, times
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "peers"))
+
+from peers_pages import ROOT, grouped, read_csv, replace_table, times
 
 CSV = ROOT / "docs/results/broad.csv"
 PAGE = ROOT / "docs/performance.md"
@@ -59,8 +62,14 @@ def main():
     for setting, mine in grouped(rows, "setting").items():
         boxes = [r for r in mine if r["what"] == "boxes"]
         most = max(boxes, key=lambda r: int(r["bodies"]))
-        lines += ["", f"**{setting}**, {int(most['pairs']):,} pairs of {int(most['bodies']):,} bodies", "", *boxes_table(boxes), "",
-                  *queries_table([r for r in mine if r["what"] != "boxes"])]
+        lines += [
+            "",
+            f"**{setting}**, {int(most['pairs']):,} pairs of {int(most['bodies']):,} bodies",
+            "",
+            *boxes_table(boxes),
+            "",
+            *queries_table([r for r in mine if r["what"] != "boxes"]),
+        ]
     replace_table(PAGE, "broad", "\n".join(lines), "--check" in sys.argv[1:])
 
 

@@ -1,19 +1,18 @@
 #!/usr/bin/env python3
-"""Clearance beside Coal, FCL and Bullet: the very same vertices and poses, timed side by side and judged in the same run.
+"""Clearance beside Coal, FCL and Bullet: the same vertices and poses, timed side by side and judged in the same run.
 
-    tools/bench_peers.py                     time every workload, then count wrong answers in every class of hard cases
-    tools/bench_peers.py --workload cell     some workloads only (repeat, or a part of the name); classes are left out
-    tools/bench_peers.py --classes           the classes only
-    tools/bench_peers.py --pages             only write the pages from the CSV files
-    tools/bench_peers.py --check             only say whether the pages show them (exit code 1 if not)
+    bench/peers/bench_peers.py                     time every workload, then count wrong answers in every hard class
+    bench/peers/bench_peers.py --workload cell     only workloads of that name or part of it (repeat); no classes
+    bench/peers/bench_peers.py --classes           the classes only
+    bench/peers/bench_peers.py --pages             only write the pages from the CSV files
+    bench/peers/bench_peers.py --check             only say whether the pages show them (exit code 1 if not)
 
 Builds the peers in build/peers (Coal in a Python environment of its own there), asks each in a process of its own, and
-writes docs/results/peers_timing.csv, peers_accuracy.csv, docs/performance.{md,png} and the peers' tables of docs/accuracy.md
-and the README.
+writes docs/results/peers_timing.csv, peers_accuracy.csv, docs/performance.{md,png} and the peers' tables of
+docs/accuracy.md and the README.
 A workload that is not asked for keeps its rows.
 """
 import argparse
-import csv
 import datetime
 import os
 import statistics
@@ -24,7 +23,8 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+from peers_pages import ACCURACY, LEFT_OUT, ROOT, TIMING, best, grouped, read_csv, write_csv, write_pages
+
 BUILD = ROOT / "build/peers"
 PROBLEMS = ROOT / "out/peers"
 EXPORT = ROOT / "build/bin/clearance-peers-export"
@@ -36,8 +36,6 @@ CONTENDERS = {
     "Bullet f32": BUILD / "bullet/peer_f32",
 }
 CELL_CONFIGURATIONS = 4096
-LEFT_OUT = {("two_2M", "Bullet"), ("two_2M", "Bullet f32")}  # 80 ms a pair, and wrong
-RIGHT = 1e-5  # a peer's setting counts if its worst relative error in the run is below
 
 
 def run(command, **kwargs):
@@ -76,7 +74,8 @@ def machine():
     return f"{model} x{os.cpu_count()}, {datetime.date.today()}"
 
 
-# ---- problems ------------------------------------------------------------------------------------------------------------
+# ---- problems --------------------------------------------------------------------------------------------------------
+
 
 class Problem:
     """A file of bench/peers/problem.h; read here is only what answers are judged by."""
@@ -119,7 +118,8 @@ def link_poses():
     return ["--links", ",".join(poses[0]), "--link-poses", path]
 
 
-# ---- timing --------------------------------------------------------------------------------------------------------------
+# ---- timing ----------------------------------------------------------------------------------------------------------
+
 
 class Contender:
     """A contender's program on one problem."""
@@ -176,10 +176,22 @@ def time_workload(problem, what, rounds, seconds):
     for c, s in asked:
         ns = [1e9 * t[clock(s)] / problem.count for t in times[c, s]]
         error, relative, _ = problem.errors(c.answers(s))
-        rows.append({"workload": problem.name, "what": what, "pairs": problem.count, "contender": c.name, "setting": s,
-                     "ns_median": f"{statistics.median(ns):.4g}", "ns_least": f"{min(ns):.4g}", "ns_most": f"{max(ns):.4g}",
-                     "worst_relative_error": f"{relative.max():.2g}", "worst_error_m": f"{error.max():.2g}",
-                     "rounds": rounds, "load": f"{load:.1f}"})
+        rows.append(
+            {
+                "workload": problem.name,
+                "what": what,
+                "pairs": problem.count,
+                "contender": c.name,
+                "setting": s,
+                "ns_median": f"{statistics.median(ns):.4g}",
+                "ns_least": f"{min(ns):.4g}",
+                "ns_most": f"{max(ns):.4g}",
+                "worst_relative_error": f"{relative.max():.2g}",
+                "worst_error_m": f"{error.max():.2g}",
+                "rounds": rounds,
+                "load": f"{load:.1f}",
+            }
+        )
     for c in contenders:
         if not c.settings:
             rows.append({"workload": problem.name, "what": what, "pairs": problem.count, "contender": c.name,
@@ -195,14 +207,6 @@ def time_workload(problem, what, rounds, seconds):
     return rows
 
 
-def best(rows, contender):
-    """The contender's fastest setting that is right, or its fastest if none is; and whether it is right."""
-    mine = [r for r in rows if r["contender"] == contender and r.get("ns_median")]
-    right = [r for r in mine if float(r["worst_relative_error"]) < RIGHT]
-    rows = right or mine
-    return (min(rows, key=lambda r: float(r["ns_median"])), bool(right)) if rows else (None, False)
-
-
 def show(rows):
     print(f"\n{rows[0]['what']} ({rows[0]['pairs']} pairs a pass, load {rows[0]['load']})")
     for r in rows:
@@ -211,12 +215,16 @@ def show(rows):
             continue
         chosen, right = best(rows, r["contender"])
         mark = "*" if r is chosen and right else " "
-        print(f" {mark}{r['contender']:11} {r['setting']:22} {float(r['ns_median']):11.0f} ns "
-              f"[{float(r['ns_least']):.0f}, {float(r['ns_most']):.0f}]   error {float(r['worst_relative_error']):8.1e}   "
-              f"{float(r['over_ours_f64']):7.2f} x ours f64 {float(r['over_ours_f32']):7.2f} x f32", flush=True)
+        print(
+            f" {mark}{r['contender']:11} {r['setting']:22} {float(r['ns_median']):11.0f} ns "
+            f"[{float(r['ns_least']):.0f}, {float(r['ns_most']):.0f}]   error {float(r['worst_relative_error']):8.1e} "
+            "  "
+            f"{float(r['over_ours_f64']):7.2f} x ours f64 {float(r['over_ours_f32']):7.2f} x f32",
+            flush=True,
+        )
 
 
-# ---- classes -------------------------------------------------------------------------------------------------------------
+# ---- classes ---------------------------------------------------------------------------------------------------------
 
 HARD = {"Clearance": ["f64"], "Coal": ["default", "default 1e-12"], "FCL": ["libccd signed"], "Bullet": ["gjk epa"],
         "Bullet f32": ["gjk epa"]}
@@ -266,183 +274,26 @@ def try_class(name, count):
             error, relative, scale = problem.errors(answers)
             given = ~np.isnan(answers)
             wrong, gross = relative[given] > 1e-6, relative[given] > 1e-3
-            rows.append({"class": name, "contender": contender, "setting": setting, "cases": problem.count,
-                         "refused": int((~given).sum()) - crashes - hangs, "crashed": crashes, "hung": hangs,
-                         "wrong": int(wrong.sum()), "wrong_by_1e-3": int(gross.sum()),
-                         "wrong_by_1e-6_of_size": int((error[given] > 1e-6 * scale[given]).sum()),
-                         "apart_called_touching": int(((answers <= 0) & (problem.truth > 16 * 2**-52 * problem.scale)).sum()),
-                         "worst_relative_error": f"{relative[given].max(initial=0):.2g}",
-                         "worst_error_over_size": f"{(error / scale)[given].max(initial=0):.2g}"})
+            rows.append(
+                {
+                    "class": name,
+                    "contender": contender,
+                    "setting": setting,
+                    "cases": problem.count,
+                    "refused": int((~given).sum()) - crashes - hangs,
+                    "crashed": crashes,
+                    "hung": hangs,
+                    "wrong": int(wrong.sum()),
+                    "wrong_by_1e-3": int(gross.sum()),
+                    "wrong_by_1e-6_of_size": int((error[given] > 1e-6 * scale[given]).sum()),
+                    "apart_called_touching": int(
+                        ((answers <= 0) & (problem.truth > 16 * 2**-52 * problem.scale)).sum()
+                    ),
+                    "worst_relative_error": f"{relative[given].max(initial=0):.2g}",
+                    "worst_error_over_size": f"{(error / scale)[given].max(initial=0):.2g}",
+                }
+            )
     return rows
-
-
-# ---- pages ---------------------------------------------------------------------------------------------------------------
-
-def read_csv(path):
-    if not path.exists():
-        return "", []
-    with open(path, newline="") as f:
-        remark = f.readline().lstrip("# ").strip()
-        return remark, list(csv.DictReader(f))
-
-
-def write_csv(path, remark, rows):
-    with open(path, "w", newline="") as f:
-        f.write(f"# {remark}\n")
-        columns = list(dict.fromkeys(key for row in rows for key in row))
-        writer = csv.DictWriter(f, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-def grouped(rows, key):
-    groups = {}
-    for row in rows:
-        groups.setdefault(row[key], []).append(row)
-    return groups
-
-
-def replace_table(page, name, text, check):
-    begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
-    old = page.read_text()
-    head, rest = old.split(begin)
-    new = f"{head}{begin}\n{text}\n{end}{rest.split(end)[1]}"
-    if check and new != old:
-        sys.exit(f"{page} does not show what docs/results has: run tools/bench_peers.py --pages")
-    page.write_text(new) if new != old else None
-
-
-def nanoseconds(value):
-    return f"{value:,.0f} ns" if value < 1e4 else f"{value / 1e3:,.1f} us" if value < 1e7 else f"{value / 1e6:,.1f} ms"
-
-
-def figure(row):
-    error = float(row["worst_relative_error"])
-    return "0" if error == 0 else f"{error:.0e}"
-
-
-def times(ratio):
-    return f"{ratio:,.0f}x" if ratio >= 10 else f"{ratio:.2g}x"
-
-
-def ours(rows, precision):
-    return next(r for r in rows if r["contender"] == "Clearance" and r["setting"].startswith(precision))
-
-
-def peer_cells(rows, show):
-    """The peers' best settings. show: what is said of one beside how many times our time it takes."""
-    cells = []
-    for contender in ("Coal", "FCL", "Bullet"):
-        r, right = best(rows, contender)
-        if r is None:
-            cells.append("left out" if (rows[0]["workload"], contender) in LEFT_OUT else "refused")
-            continue
-        ratio = times(float(r["over_ours_f64"]))
-        cells.append(f"{show(r)}, " + (f"**{ratio}**" if right else f"{ratio}, *wrong*"))
-    return cells
-
-
-def timing_table(remark, groups):
-    def show(r):
-        return f"{nanoseconds(float(r['ns_median']))} ({figure(r)})"
-
-    lines = ["| work | ours, float64 | ours, float32 | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|--:|"]
-    for rows in groups.values():
-        cells = [rows[0]["what"], show(ours(rows, "f64")), show(ours(rows, "f32")), *peer_cells(rows, show)]
-        lines.append("| " + " | ".join(cells) + " |")
-    faster = [f"{1 / float(r['over_ours_f64']):.2f}x ({r['what']})" for rows in groups.values() for r in rows
-              if r["setting"].endswith("two threads")]
-    threads = f"\n\nTwo threads over one, float64: {', '.join(faster)}." if faster else ""
-    return f"From `docs/results/peers_timing.csv` ({remark}):\n\n" + "\n".join(lines) + threads
-
-
-def short_table(remark, groups):
-    """Some of the workloads, in float64, for the README."""
-
-    def show(r):
-        return nanoseconds(float(r["ns_median"]))
-
-    lines = ["| time per pair, one thread | Clearance | Coal | FCL | Bullet |", "|---|--:|--:|--:|--:|"]
-    for name in ("all_pairs", "cut", "within", "gap_1mm_42", "motion_1202", "cell", "cell_least", "depth_1202",
-                 "two_2M"):
-        rows = groups[name]
-        lines.append("| " + " | ".join([rows[0]["what"], show(ours(rows, "f64")), *peer_cells(rows, show)]) + " |")
-    return ("\n".join(lines) + f"\n\nFrom [docs/results/peers_timing.csv](docs/results/peers_timing.csv) ({remark}), by `make bench-peers`."
-            "\nOurs has bounds, the peers have none; *wrong*: no setting of the peer errs by less than 1e-5 there.")
-
-
-def draw(groups, path):
-    import matplotlib
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-    names = ["Clearance f64", "Clearance f32", "Coal", "FCL", "Bullet"]
-    figure, axes = plt.subplots(figsize=(11, 6), layout="constrained")
-    for i, name in enumerate(names):
-        heights = []
-        for rows in groups.values():
-            if name.startswith("Clearance"):
-                r = next(r for r in rows if r["contender"] == "Clearance" and r["setting"].startswith(name[-3:]))
-                heights.append(float(r["ns_median"]))
-            else:
-                r, right = best(rows, name)
-                heights.append(float(r["ns_median"]) if r and right else float("nan"))
-        axes.barh([k + (i - 2) * 0.16 for k in range(len(groups))], heights, 0.16, label=name)
-    axes.set_yticks(range(len(groups)), [rows[0]["what"] for rows in groups.values()])
-    axes.invert_yaxis()
-    axes.set_xscale("log")
-    axes.set_xlabel("ns per pair, one thread; a peer's fastest setting that is right to 1e-5 (no bar: none is)")
-    axes.grid(axis="x", alpha=0.3)
-    axes.legend()
-    figure.savefig(path, dpi=100)
-
-
-def share(count, cases):
-    return "0" if not count else f"{100 * count / cases:.2g} %" if count < cases else "all"
-
-
-def total(rows, *keys):
-    return sum(int(r[k]) for r in rows for k in keys)
-
-
-def accuracy_table(remark, rows):
-    tried = list(dict.fromkeys((r["contender"], r["setting"]) for r in rows if r["contender"] != "Bullet f32"))
-    label = {"Clearance": "ours"}
-    names = [label.get(c, f"{c} {s}" if c == "Coal" else c) for c, s in tried]
-    lines = ["| class | " + " | ".join(names) + " |", "|---|" + "--:|" * len(tried)]
-    groups = grouped(rows, "class")
-    for name in [*groups, None]:
-        cells = [f"`{name}`" if name else "**all**"]
-        for who in tried:
-            mine = [r for r in rows if (r["contender"], r["setting"]) == who and name in (None, r["class"])]
-            cases, none = total(mine, "cases"), total(mine, "refused", "crashed", "hung")
-            cells.append(" / ".join(share(x, cases) for x in (total(mine, "wrong"), total(mine, "wrong_by_1e-3"),
-                                                               total(mine, "wrong_by_1e-6_of_size"), none)))
-        lines.append("| " + " | ".join(cells) + " |")
-    return (f"From `docs/results/peers_accuracy.csv` ({remark}); of all cases: wrong by more than 1e-6 of the distance (and "
-            "16 eps S) / by more than 1e-3 of the distance / by more than 1e-6 of S, the bodies' size and separation / without "
-            "an answer (refused, crashed or hung):\n\n" + "\n".join(lines))
-
-
-def write_pages(check=False):
-    for path in (TIMING, ACCURACY):
-        if check and not read_csv(path)[1]:
-            sys.exit(f"{path} has no rows to check the pages by")
-    remark, rows = read_csv(TIMING)
-    if rows:
-        groups = grouped(rows, "workload")
-        loads = [float(row["load"]) for row in rows if row.get("load")]
-        remark += f", load {min(loads):.0f} to {max(loads):.0f}"
-        replace_table(ROOT / "docs/performance.md", "peers timing", timing_table(remark, groups), check)
-        replace_table(ROOT / "README.md", "peers timing", short_table(remark, groups), check)
-        if not check:
-            draw(groups, ROOT / "docs/performance.png")
-    remark, rows = read_csv(ACCURACY)
-    if rows:
-        replace_table(ROOT / "docs/accuracy.md", "peers accuracy", accuracy_table(remark, rows), check)
-
-
-TIMING = ROOT / "docs/results/peers_timing.csv"
-ACCURACY = ROOT / "docs/results/peers_accuracy.csv"
 
 
 def main():

@@ -1,4 +1,5 @@
-"""How long the Python client takes for a query: `bench_python.py URL PAIRS SECONDS` prints medians in microseconds as JSON."""
+"""How long the Python client takes for a query: `bench_python.py URL PAIRS SECONDS` prints medians [us] as JSON."""
+
 import json
 import sys
 import time
@@ -6,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "build/python"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "build/python"))
 import clearance
 
 

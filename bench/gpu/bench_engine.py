@@ -1,7 +1,7 @@
 """How long Python waits for large answers of an engine in process: `bench_engine.py [BACKEND] [--csv FILE]`.
 
-30 random hulls, 150 pairs, 4096 configurations: 614,400 rows a call. Each row of the table is a way to ask; `engine` is the
-time within the engine's own code, so that the difference is what Python and fresh memory cost.
+30 random hulls, 150 pairs, 4096 configurations: 614,400 rows a call. Each row of the table is a way to ask; `engine`
+is the time within the engine's own code, so the difference is what Python and fresh memory cost.
 """
 
 import argparse
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "build/python"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "build/python"))
 import clearance
 
 BODIES, PAIRS, CONFIGURATIONS = 30, 150, 4096
@@ -23,7 +23,9 @@ def scene_and_poses(rng):
         points = rng.normal(size=(32 + i * 224 // (BODIES - 1), 3))
         scene.add_hull(f"h{i}", points / np.linalg.norm(points, axis=1, keepdims=True) * rng.uniform(0.1, 0.4, 3))
     q = rng.normal(size=(CONFIGURATIONS, BODIES, 4))
-    poses = np.concatenate([rng.uniform(-1, 1, (CONFIGURATIONS, BODIES, 3)), q / np.linalg.norm(q, axis=-1, keepdims=True)], axis=-1)
+    poses = np.concatenate(
+        [rng.uniform(-1, 1, (CONFIGURATIONS, BODIES, 3)), q / np.linalg.norm(q, axis=-1, keepdims=True)], axis=-1
+    )
     return scene, poses
 
 

@@ -12,10 +12,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-from processes import DemoError, Stage
-from service import BIN, ROUTE, start_daemon
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
 
-ROOT = Path(__file__).resolve().parents[1]
+from processes import DemoError, Stage  # noqa: E402
+from service import BIN, ROUTE, start_daemon  # noqa: E402
+
 # What is asked: pairs (0: all enabled), configurations (0: the current poses), and how often.
 QUESTIONS = [
     {"pairs": 1, "configs": 0, "rate": "closed"},
@@ -64,21 +66,34 @@ def latency(machine, options, path):
         _, urls, _ = start_daemon(stage, options.scene, machine.on(0))
         if "lcm" not in urls:
             print(f"LCM is left out: this machine has no multicast route. As root, this adds one: {ROUTE}")
-        print(f"{'transport':14} {'pairs':>5} {'configs':>7} {'rate':>6} {'floor p50':>9} {'engine':>8} {'p50 us':>9} {'added':>8} "
-              f"{'bar: at most':>18} {'met':>4} {'p99.9':>9} {'over floor':>10} {'met':>4} {'queries/s':>9}", flush=True)
+        print(
+            f"{'transport':14} {'pairs':>5} {'configs':>7} {'rate':>6} {'floor p50':>9} {'engine':>8} {'p50 us':>9} "
+            f"{'added':>8} "
+            f"{'bar: at most':>18} {'met':>4} {'p99.9':>9} {'over floor':>10} {'met':>4} {'queries/s':>9}",
+            flush=True,
+        )
         for question in QUESTIONS:
             for transport, url in urls.items():
                 words = [part for key, value in question.items() for part in (f"--{key}", value)]
                 if transport == "shm":
                     words += ["--spin-us", LONG_SPIN_US]
-                clearance(stage, machine.on(1), "bench", "--connect", url, "--seconds", options.seconds, "--csv", path, *words)
+                clearance(
+                    stage, machine.on(1), "bench", "--connect", url, "--seconds", options.seconds, "--csv", path, *words
+                )
                 row = list(csv.DictReader(path.open()))[-1]
-                number = {key: float(value) for key, value in row.items() if key.endswith(("_us", "_hz", "bar", "limit"))}
+                number = {
+                    key: float(value) for key, value in row.items() if key.endswith(("_us", "_hz", "bar", "limit"))
+                }
                 bar = f"{number['p50_bar']:.2f} {'us' if transport == 'shm' else 'x'}: {number['p50_bar_limit']:g}"
-                print(f"{NAMES[transport]:14} {row['pairs']:>5} {row['configs']:>7} {row['mode']:>6} {number['floor_p50_us']:9.2f} "
-                      f"{number['engine_p50_us']:8.2f} {number['p50_us']:9.2f} {number['added_p50_us']:8.2f} {bar:>18} "
-                      f"{row['p50_bar_met']:>4} {number['p99.9_us']:9.1f} {number['p99.9_bar']:10.2f} {row['p99.9_bar_met']:>4} "
-                      f"{number['throughput_hz']:9.0f}", flush=True)
+                print(
+                    f"{NAMES[transport]:14} {row['pairs']:>5} {row['configs']:>7} {row['mode']:>6} "
+                    f"{number['floor_p50_us']:9.2f} "
+                    f"{number['engine_p50_us']:8.2f} {number['p50_us']:9.2f} {number['added_p50_us']:8.2f} {bar:>18} "
+                    f"{row['p50_bar_met']:>4} {number['p99.9_us']:9.1f} {number['p99.9_bar']:10.2f} "
+                    f"{row['p99.9_bar_met']:>4} "
+                    f"{number['throughput_hz']:9.0f}",
+                    flush=True,
+                )
 
 
 def python(machine, options, path):
@@ -90,23 +105,56 @@ def python(machine, options, path):
             url = f"{urls['shm']}?spin_us={LONG_SPIN_US}"
             rounds = []
             for _ in range(5):
-                bench = json.loads(clearance(stage, machine.on(1), "bench", "--connect", url, "--pairs", pairs, "--seconds",
-                                             options.seconds / 5, "--warmup", 0.2, "--json"))[0]
-                done = subprocess.run([*machine.on(1), sys.executable, str(ROOT / "tools/bench_python.py"), url, str(pairs),
-                                       str(options.seconds / 5)], capture_output=True, text=True)
+                bench = json.loads(
+                    clearance(
+                        stage,
+                        machine.on(1),
+                        "bench",
+                        "--connect",
+                        url,
+                        "--pairs",
+                        pairs,
+                        "--seconds",
+                        options.seconds / 5,
+                        "--warmup",
+                        0.2,
+                        "--json",
+                    )
+                )[0]
+                done = subprocess.run(
+                    [
+                        *machine.on(1),
+                        sys.executable,
+                        str(ROOT / "bench/latency/bench_python.py"),
+                        url,
+                        str(pairs),
+                        str(options.seconds / 5),
+                    ],
+                    capture_output=True,
+                    text=True,
+                )
                 if done.returncode:
                     raise DemoError(f"bench_python: {done.stderr.strip()}")
                 rounds.append((bench, json.loads(done.stdout)))
-            floor, cpp = (statistics.median_high(bench[key] for bench, _ in rounds) for key in ("floor_p50_us", "p50_us"))
+            floor, cpp = (
+                statistics.median_high(bench[key] for bench, _ in rounds) for key in ("floor_p50_us", "p50_us")
+            )
             row = {"machine": rounds[0][0]["machine"], "date": rounds[0][0]["date"], "pairs": rounds[0][0]["pairs"],
                    "floor_p50_us": floor, "cpp_p50_us": cpp}
             row.update({key: statistics.median_high(mine[key] for _, mine in rounds) for key in rounds[0][1]})
             for kind in ("prepared", "distances"):
                 row[f"{kind}_added_us"] = round(row[f"{kind}_p50_us"] - floor - row["engine_p50_us"], 3)
-            row.update(bar_us=3, met="yes" if row["prepared_added_us"] <= 3 else "no", command="tools/bench.py python")
+            row.update(
+                bar_us=3, met="yes" if row["prepared_added_us"] <= 3 else "no", command="bench/latency/bench.py python"
+            )
             rows.append(row)
-            print(f"Python, {row['pairs']} pairs: floor {floor:.2f} + engine {row['engine_p50_us']:.2f}; prepared {row['prepared_p50_us']:.2f}: "
-                  f"added {row['prepared_added_us']:.2f} us, at most 3: {row['met']}; distances() added {row['distances_added_us']:.2f} us", flush=True)
+            print(
+                f"Python, {row['pairs']} pairs: floor {floor:.2f} + engine {row['engine_p50_us']:.2f}; prepared "
+                f"{row['prepared_p50_us']:.2f}: "
+                f"added {row['prepared_added_us']:.2f} us, at most 3: {row['met']}; distances() added "
+                f"{row['distances_added_us']:.2f} us",
+                flush=True,
+            )
         write_rows(path, rows)
 
 
@@ -119,15 +167,40 @@ def doorbell(machine, options, path):
                 for i in range(len(machine.cores)):
                     stage.start(f"busy{i}", [sys.executable, "-c", BUSY])
             # Beside busy programs the scheduler is what is measured: no cores or priorities of one's own.
-            server, client = {"apart": (machine.on(0), machine.on(1)), "together": (machine.on(0), machine.on(0)), "busy": ([], [])}[cores]
+            server, client = {
+                "apart": (machine.on(0), machine.on(1)),
+                "together": (machine.on(0), machine.on(0)),
+                "busy": ([], []),
+            }[cores]
             _, urls, _ = start_daemon(stage, options.scene, server)
             for pairs in (1, 0):
                 for spin_us in (0, 20, LONG_SPIN_US):
-                    row = json.loads(clearance(stage, client, "bench", "--connect", urls["shm"], "--spin-us", spin_us, "--pairs", pairs,
-                                               "--seconds", options.seconds / 2, "--warmup", 0.3, "--json"))[0]
+                    row = json.loads(
+                        clearance(
+                            stage,
+                            client,
+                            "bench",
+                            "--connect",
+                            urls["shm"],
+                            "--spin-us",
+                            spin_us,
+                            "--pairs",
+                            pairs,
+                            "--seconds",
+                            options.seconds / 2,
+                            "--warmup",
+                            0.3,
+                            "--json",
+                        )
+                    )[0]
                     rows.append({"cores": cores, "client_spin_us": spin_us, **row})
-                    print(f"cores {cores:9} {row['pairs']:>4} pairs, client spins {spin_us:>4} us: p50 {row['p50_us']:8.2f}, p99 {row['p99_us']:9.2f}, "
-                          f"transport {row['transport_p50_us']:8.2f}; floor {row['floor_p50_us']:6.2f}; {row['throughput_hz']:.0f} queries/s", flush=True)
+                    print(
+                        f"cores {cores:9} {row['pairs']:>4} pairs, client spins {spin_us:>4} us: p50 "
+                        f"{row['p50_us']:8.2f}, p99 {row['p99_us']:9.2f}, "
+                        f"transport {row['transport_p50_us']:8.2f}; floor {row['floor_p50_us']:6.2f}; "
+                        f"{row['throughput_hz']:.0f} queries/s",
+                        flush=True,
+                    )
     write_rows(path, rows)
 
 
@@ -137,12 +210,30 @@ def throughput(machine, options, path):
     with Stage() as stage:
         _, urls, _ = start_daemon(stage, options.scene, machine.on(0))
         for transport, url in urls.items():
-            for words in (["--pairs", 1], ["--pairs", 1, "--depth", 8], ["--pairs", 1, "--clients", 8], ["--pairs", 8, "--clients", 64],
-                          ["--configs", 7200, "--max-distance", 1e-3]):
+            for words in (
+                ["--pairs", 1],
+                ["--pairs", 1, "--depth", 8],
+                ["--pairs", 1, "--clients", 8],
+                ["--pairs", 8, "--clients", 64],
+                ["--configs", 7200, "--max-distance", 1e-3],
+            ):
                 if transport != "shm" and "--configs" in words:
                     continue
-                print(clearance(stage, machine.on(1), "bench-throughput", "--connect", url, "--seconds", options.seconds, "--csv", path,
-                                *words), flush=True)
+                print(
+                    clearance(
+                        stage,
+                        machine.on(1),
+                        "bench-throughput",
+                        "--connect",
+                        url,
+                        "--seconds",
+                        options.seconds,
+                        "--csv",
+                        path,
+                        *words,
+                    ),
+                    flush=True,
+                )
 
 
 PARTS = {"latency": latency, "python": python, "doorbell": doorbell, "throughput": throughput}
@@ -154,7 +245,9 @@ def main():
     parser.add_argument("--scene", default="scenes/nineteen/scene.yaml", type=Path, help="from the repository's folder")
     parser.add_argument("--seconds", default=5.0, type=float, help="of each measurement")
     parser.add_argument("--out", default="out", type=Path, help="folder of the CSV files, written anew")
-    parser.add_argument("--real-time", action="store_true", help="daemon and bench at real-time priority, on a machine that is shared")
+    parser.add_argument(
+        "--real-time", action="store_true", help="daemon and bench at real-time priority, on a machine that is shared"
+    )
     options = parser.parse_args()
     unknown = set(options.parts) - set(PARTS)
     if unknown:
@@ -165,7 +258,10 @@ def main():
     try:
         for part in options.parts or PARTS:
             path = options.out / ("latency.csv" if part == "latency" else f"latency_{part}.csv")
-            print(f"{part}: {PARTS[part].__doc__} {options.scene}, {options.seconds:g} s each; load {os.getloadavg()[0]:.1f}")
+            print(
+                f"{part}: {PARTS[part].__doc__} {options.scene}, {options.seconds:g} s each; load "
+                f"{os.getloadavg()[0]:.1f}"
+            )
             PARTS[part](machine, options, path)
             print(f"Written to {path}\n")
     except KeyboardInterrupt:
