@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test lint fuzz soak demo bench bench-peers bench-broad bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -20,6 +20,9 @@ test: setup  ## every test: ctest, then pytest
 	@tools/build.sh release
 	@ctest --test-dir build -j $(CORES) --output-on-failure
 	@$(PYTHON_VENV) -m pytest -q tests/python
+
+test-extras: setup  ## what takes more packages or minutes than test: a client's install, fuzzing, races, kernels; EXTRAS="fuzz races"
+	@tools/extras.sh $(EXTRAS)
 
 lint: setup  ## layout of C++ (clang-format), lint, layout and types of Python (ruff, mypy); installs them into .venv
 	@tools/lint.sh

@@ -1,0 +1,89 @@
+"""tools/extras.sh runs what needs much, and --changed only what a change is about."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+NAMES = ["client_install", "fuzz", "races", "kernels"]
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A repository with the script and, in place of what it calls, programs that say how they were called."""
+    (tmp_path / "tools").mkdir()
+    for name in ("extras.sh", "step.sh"):
+        shutil.copy(ROOT / "tools" / name, tmp_path / "tools")
+    for name in ("tools/build.sh", "tools/setup.sh", "bin/nvcc", ".venv/bin/python"):
+        file = tmp_path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(f'#!/bin/sh\necho "{name} $*" >>calls\ncase "$*" in *venv*) exit 7;; esac\n')
+        file.chmod(0o755)
+    (tmp_path / ".gitignore").write_text("calls\nout\n")
+    git(tmp_path, "init", "-q", "-b", "main")
+    commit(tmp_path, "engine/cuda/pair.cu", "first")
+    return tmp_path
+
+
+def git(folder, *arguments):
+    name = ["-c", "user.name=t", "-c", "user.email=t@example.org", "-c", "commit.gpgsign=false"]
+    return subprocess.run(["git", *name, *arguments], cwd=folder, capture_output=True, text=True, check=True).stdout
+
+
+def commit(folder, path, text):
+    (folder / path).parent.mkdir(parents=True, exist_ok=True)
+    (folder / path).write_text(text)
+    git(folder, "add", "-A")
+    git(folder, "commit", "-q", "-m", text)
+
+
+def extras(folder, *arguments):
+    path = f"{folder}/bin:/usr/bin:/bin"
+    done = subprocess.run(
+        ["bash", "tools/extras.sh", *arguments], cwd=folder, capture_output=True, text=True, env={"PATH": path}
+    )
+    calls = folder / "calls"
+    return done, calls.read_text() if calls.exists() else ""
+
+
+def test_a_change_runs_what_depends_on_it(checkout):
+    git(checkout, "checkout", "-q", "-b", "work")
+    commit(checkout, "engine/cuda/pair.cu", "second")
+    commit(checkout, "docs/page.md", "third")  # the change before it counts all the same
+    done, calls = extras(checkout, "--changed")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "differ from" in done.stdout and "(first)" in done.stdout
+    for name in NAMES:
+        assert (f"{name}: nothing of it has changed" in done.stdout) == (name != "kernels"), done.stdout
+    assert calls == "tools/build.sh gpus kernels\n"
+
+
+def test_what_is_not_committed_counts(checkout):
+    commit(checkout, "docs/page.md", "second")
+    (checkout / "engine/cuda/new.cuh").write_text("")
+    done, calls = extras(checkout, "--changed")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "(first)" in done.stdout and calls == "tools/build.sh gpus kernels\n"
+
+
+def test_a_change_of_no_folder_of_theirs_runs_nothing(checkout):
+    commit(checkout, "docs/page.md", "second")  # on main: against the commit before
+    done, calls = extras(checkout, "--changed")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("nothing of it has changed") == len(NAMES) and not calls
+
+
+def test_without_history_all_are_run(checkout):
+    done, calls = extras(checkout, "--changed")
+    assert "no commit to compare with: all extras" in done.stdout
+    assert done.returncode != 0 and "client_install ..." in done.stdout, done.stdout  # the first, which fails here
+    assert "venv" in calls
+
+
+def test_names(checkout):
+    done, calls = extras(checkout, "kernels")
+    assert (done.returncode, calls) == (0, "tools/build.sh gpus kernels\n"), done.stderr
+    done, _ = extras(checkout, "kernel")
+    assert done.returncode == 1 and "no extra 'kernel'; there are " + " ".join(NAMES) in done.stderr
