@@ -1,8 +1,13 @@
 #include "answers.h"
 
+#include <spdlog/spdlog.h>
+
 #include <cstring>
+#include <new>
+#include <string>
 
 #include "error_frame.h"
+#include "log_text.h"
 
 namespace clearance {
 
@@ -43,6 +48,24 @@ void Answers::refuse(ReplySink& sink, const FrameHeader& request, const Refusal&
   } catch (const std::exception& failure) {
     ++stats_["errors.unsent"];
     spdlog::warn("event=error_unsent error=\"{}\" cause=\"{}\"", log_text(refusal.text), log_text(failure.what()));
+  }
+}
+
+Refusal Answers::refusal_of_caught(const FrameHeader& request) {
+  try {
+    throw;
+  } catch (const Refusal& refusal) {
+    return refusal;
+  } catch (const wire::WireError& error) {
+    return {error.code, error.what()};
+  } catch (const QueryError& error) {
+    return {code_of(error.code), error.what()};
+  } catch (const std::bad_alloc&) {
+    return {ErrorCode::kTooLarge, "the daemon has no memory for this request"};
+  } catch (const std::exception& error) {
+    spdlog::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type),
+                  log_text(error.what()));
+    return {ErrorCode::kInternal, std::string("internal error of the daemon: ") + error.what()};
   }
 }
 

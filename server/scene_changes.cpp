@@ -1,10 +1,13 @@
 #include "scene_changes.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <array>
 #include <cstring>
 #include <iterator>
 
+#include "log_text.h"
 #include "scene_check.h"
 #include "scene_log.h"
 
