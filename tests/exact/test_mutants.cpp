@@ -65,7 +65,7 @@ TEST(Mutants, AreFound) {
               static_cast<unsigned long long>(tried.contradictions), tried.answers);
 #ifdef CLEARANCE_MUTANT
   // Bounds that contradict each other do not leave the engine: it finds such a mutant itself, and answers rightly.
-  EXPECT_GT(static_cast<std::uint64_t>(tried.violations) + tried.contradictions, 0u) << CLEARANCE_MUTANT;
+  EXPECT_GT(static_cast<std::uint64_t>(tried.violations) + tried.contradictions, 0u);
 #else
   EXPECT_EQ(tried.violations, 0);
   EXPECT_EQ(tried.contradictions, 0u);
@@ -87,7 +87,7 @@ TEST(Mutants, OfRoundingAreFoundByMinedCases) {
   const auto count = std::count(found.begin(), found.end(), true);
   std::printf("%d of %zu mined cases find a violation\n", static_cast<int>(count), cases.size());
 #ifdef CLEARANCE_MUTANT
-  EXPECT_GT(count, 0) << CLEARANCE_MUTANT;
+  EXPECT_GT(count, 0);
 #else
   EXPECT_EQ(count, 0);
 #endif

@@ -1,0 +1,13 @@
+# clearance_use_cli11(target): links CLI11. Its header alone takes the compiler eight seconds, so it is precompiled once for
+# all programs that read options. (Not for targets with OpenMP: GCC takes no header that was compiled without.)
+function(clearance_use_cli11 target)
+  find_package(CLI11 REQUIRED)
+  target_link_libraries(${target} PRIVATE CLI11::CLI11)
+  if(NOT TARGET clearance_cli11_headers)
+    add_executable(clearance_cli11_headers ${PROJECT_SOURCE_DIR}/cmake/headers.cpp)
+    set_target_properties(clearance_cli11_headers PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/cmake)
+    target_link_libraries(clearance_cli11_headers PRIVATE clearance_options CLI11::CLI11)
+    target_precompile_headers(clearance_cli11_headers PRIVATE <CLI/CLI.hpp>)
+  endif()
+  target_precompile_headers(${target} REUSE_FROM clearance_cli11_headers)
+endfunction()

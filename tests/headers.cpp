@@ -1,2 +1,0 @@
-// Holds the precompiled headers of all tests (CMakeLists.txt).
-int main() {}
