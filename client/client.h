@@ -198,7 +198,7 @@ class CLEARANCE_API Client {
                       std::int64_t sequence = 0);
   PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
 
-  /// Makes the daemon load its scene file again, and waits until the new scene is in. Queries go on meanwhile; poses and
+  /// Makes the daemon load its scene file again and waits until the new scene is in. Queries go on meanwhile; poses and
   /// attachments stay with the bodies of the same names. If loading fails the old scene stays, and this throws
   /// RequestError with the loader's message. \param timeout for this call alone.
   SceneChanged reload(Duration timeout = std::chrono::minutes(10));
@@ -213,8 +213,8 @@ class CLEARANCE_API Client {
   SceneChanged remove_body(std::string_view name);
 
   /// The scene that this client's ids belong to. It is fetched once, and again after a refusal with kWrongScene or a
-  /// change that this client made; the reference is valid until then. Once it is fetched, requests with ids are for that
-  /// scene: if another client or a reload changes it, they are refused with kWrongScene until scene(), refresh(), body()
+  /// change that this client made; the reference is valid until then. Once fetched, requests with ids are for that
+  /// scene: if another client or reload changes it, they are refused with kWrongScene until scene(), refresh(), body()
   /// or group() is called. After a change that this client made they go on, if every old id still means the same body.
   const SceneInfo& scene();
   void refresh();                                      ///< fetches the scene again

@@ -86,7 +86,7 @@ class Engine {
   /// daemon does that loads its scene anew. Other bodies stay as this scene has them.
   void take_poses(const Engine& old);
   BodyState body_state(std::uint32_t body) const;
-  /// Whether the poses of a body, or of a group (selector), have this stamp or a newer one. Bodies that never had a stamp
+  /// Whether the poses of a body or of a group (selector) have this stamp or a newer one. Bodies that never had a stamp
   /// do not count, but one must have one. Throws QueryError for an unknown body or group.
   bool poses_reach(std::uint32_t bodies, std::int64_t stamp_ns) const;
   std::uint64_t pose_revision() const;

@@ -227,7 +227,7 @@ class RegisteredMemory {
   RegisteredMemory& operator=(const RegisteredMemory&) = delete;
 
  private:
-  std::byte* memory_;
+  [[maybe_unused]] std::byte* memory_;  // not used where the backend is absent
 };
 
 /// Pinned host memory: replies in it need no copy on the host.

@@ -91,8 +91,8 @@ Filter make_filter() {
                          SCMP_SYS(sigreturn), SCMP_SYS(restart_syscall)})
     filter.allow(call);
   const auto self = static_cast<scmp_datum_t>(::getpid());
-  filter.allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, self));
-  filter.allow(SCMP_SYS(rt_sigaction), SCMP_A0(SCMP_CMP_EQ, SIGABRT));
+  filter.allow(SCMP_SYS(tgkill), SCMP_A0(SCMP_CMP_EQ, self, 0));
+  filter.allow(SCMP_SYS(rt_sigaction), SCMP_A0(SCMP_CMP_EQ, SIGABRT, 0));
 #if defined(CLEARANCE_ASAN) || defined(CLEARANCE_TSAN)
   // What their own code asks for: whether memory can be read is tried with a pipe.
   for (const int call :
