@@ -13,7 +13,8 @@ PRODUCT = re.compile(r"\s(v?mulp[sd]|fmul)\s")
 
 failures = []
 for path in sys.argv[1:]:
-    code = subprocess.run(["objdump", "-d", "--no-show-raw-insn", path], check=True, capture_output=True, text=True).stdout
+    objdump = ["objdump", "-d", "--no-show-raw-insn", path]
+    code = subprocess.run(objdump, check=True, capture_output=True, text=True).stdout
     fused: dict[str, int] = {}
     products = 0
     function = "?"
