@@ -163,20 +163,21 @@ class Decision {
     next_ += 32 * kLanes;
   }
 
-  // The pair that a thread looks at.
+  // The pair that a thread looks at. It lives in registers, as long as nobody keeps the address of a part of it: its
+  // run, which does, is none of its members, and functions that are not inlined get copies.
+  using Scene = Hull<SceneVertices>;
   struct Look {
     const bool there;  // else it goes along with another thread's pair, and adds nothing
     const std::uint32_t member;
     const Where at_a, at_b;
     const HullHead *head_a, *head_b;
-    const Hull<SceneVertices> a, b;
+    const Scene a, b;
     const PairFrame<double> place;
     PairAnswer answer;
     const bool runs;  // its poses and boxes do not answer it
-    Run<Hull<SceneVertices>> run;
-    bool apart;  // is proved, so far
+    bool apart;       // is proved, so far
 
-    __device__ Look(const ChunkView& c, bool is_there, std::uint32_t i, PairRef ref, std::uint32_t k)
+    __device__ __forceinline__ Look(const ChunkView& c, bool is_there, std::uint32_t i, PairRef ref, std::uint32_t k)
         : there(is_there),
           member(i),
           at_a(c.bodies, c.configurations, ref.a, k),
@@ -187,7 +188,6 @@ class Decision {
           b(scene_hull(c.hulls, head_b)),
           place(place_pair<double>(at_a, *head_a, at_b, *head_b)),
           runs(!answer_without_pieces(c.question, at_a, at_b, answer) && is_there),
-          run(c.question, a, b, place),
           apart(is_there && !runs) {}
   };
 
@@ -201,15 +201,16 @@ class Decision {
     const PairRef ref = members_.ref(member);
     Look pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
               __shfl_sync(~0u, members_.k, source));
-    if (kWarm && pair.runs) pair.run.begin_at(*warm_row(r_, members_.row(member)));
-    const std::uint32_t enclosing = race(pair);
-    if (kWarm && pair.runs) *warm_row(r_, members_.row(member)) = pair.run.end();
+    Run<Scene> run(c_.question, pair.a, pair.b, pair.place);
+    if (kWarm && pair.runs) run.begin_at(*warm_row(r_, members_.row(member)));
+    const std::uint32_t enclosing = race(pair, run);
+    if (kWarm && pair.runs) *warm_row(r_, members_.row(member)) = run.end();
     add_count(c_.counts + kSettledRows, pair.runs);
 
-    const bool overlaps = proves_overlap(pair, enclosing);
+    const bool overlaps = proves_overlap(pair, run, enclosing);
     bool unsure = is_unsure_of_overlap(pair, enclosing, overlaps);
     if (__any_sync(~0u, unsure || (there && enclosing == 0)))
-      unsure = !take_bounds(pair, there && enclosing == 0) || unsure;
+      unsure = !take_bounds(pair, run, there && enclosing == 0) || unsure;
     const bool opens = team_.ballot(unsure) != 0, overlap = team_.ballot(overlaps) != 0;
     if (opens) {
       is_open_ = decided_ = true;
@@ -225,8 +226,7 @@ class Decision {
   // Runs GJK on the team's pairs, side by side. Without depths the first pair that overlaps has won: what comes after
   // it waits, and before it all that is asked is whether a pair is proved to be apart. Returns a bit for each pair
   // whose simplex holds the origin.
-  __device__ __forceinline__ std::uint32_t race(Look& pair) const {
-    auto& run = pair.run;
+  __device__ __forceinline__ std::uint32_t race(Look& pair, Run<Scene>& run) const {
     const double margin = run.radius + rounding_error(double(RoundingUnits<double>::kLower), run.scale);
     const double apart_from = margin * margin * (1 + 0x1p-30);
     for (int steps = 0;;) {
@@ -244,11 +244,15 @@ class Decision {
   }
 
   // Whether this thread's pair is the first that encloses, and is proved to overlap.
-  __device__ __forceinline__ bool proves_overlap(Look& pair, std::uint32_t enclosing) const {
+  __device__ __forceinline__ bool proves_overlap(Look& pair, const Run<Scene>& run, std::uint32_t enclosing) const {
     if (enclosing == 0 || !pair.there || team_.lane != first_bit(enclosing)) return false;
     Enclosed enclosed;
-    take_enclosed(pair.run.g, enclosed);
-    return proved(c_, enclosed, pair.at_a, pair.at_b, pair.answer) == Outcome::kSettled;
+    take_enclosed(run.g, enclosed);
+    const Where at_a = pair.at_a, at_b = pair.at_b;
+    PairAnswer answer = pair.answer;
+    const bool overlaps = proved(c_, enclosed, at_a, at_b, answer) == Outcome::kSettled;
+    pair.answer = answer;
+    return overlaps;
   }
   // Whether it leaves open which pair overlaps first.
   __device__ __forceinline__ bool is_unsure_of_overlap(const Look& pair, std::uint32_t enclosing, bool overlaps) const {
@@ -259,9 +263,9 @@ class Decision {
 
   // Takes the team's bounds, where no pair encloses, before the configuration. All the warp's threads call it.
   // \param ends this thread's pair has come to its end. False: its bounds are not settled.
-  __device__ __forceinline__ bool take_bounds(Look& pair, bool ends) {
+  __device__ __forceinline__ bool take_bounds(Look& pair, const Run<Scene>& run, bool ends) {
     constexpr double kInf = __builtin_inf();
-    const RunBounds<double> bounds = pair.run.bounds();
+    const RunBounds<double> bounds = run.bounds();
     const bool settles = ends && (!pair.runs || bounds.settled);
     const double lower = pair.runs ? bounds.lower : pair.answer.lower,
                  upper = pair.runs ? bounds.upper : pair.answer.upper;
@@ -272,12 +276,12 @@ class Decision {
     const std::uint32_t nearest = team_.ballot(settles && mine.upper == least_upper && mine.gap == least_gap);
     const double least_lower =
         team_.least(settles ? lower_with_box(lower, certify_box_gap(pair.at_a.box(), pair.at_b.box())) : kInf);
-    const double least_limit = team_.least(pair.there ? (pair.runs ? upper_so_far(pair.run) : lower) : kInf);
+    const double least_limit = team_.least(pair.there ? (pair.runs ? upper_so_far(run) : lower) : kInf);
     if (nearest != 0) {
       const Standing found{least_upper, least_gap, queue_[first_bit(nearest)]};
       if (found < best_) {
         best_ = found;
-        if (team_.lane == first_bit(nearest)) keep(pair, bounds);
+        if (team_.lane == first_bit(nearest)) keep(pair, run, bounds);
       }
     }
     if (least_lower < lower_) lower_ = least_lower;
@@ -285,11 +289,12 @@ class Decision {
     reach_ = fminf(reach_, square_from_above(cutoff_));
     return !ends || settles;
   }
-  __device__ __forceinline__ void keep(Look& pair, const RunBounds<double>& bounds) const {
-    if (pair.runs)
-      take_settled<false>(c_.question, PairHulls<Hull<SceneVertices>>{pair.a, pair.b}, pair.at_a, pair.at_b, pair.run.g,
-                          bounds, pair.answer);
-    r_.answers[at_] = pair.answer;
+  __device__ __forceinline__ void keep(const Look& pair, const Run<Scene>& run, const RunBounds<double>& bounds) const {
+    const Scene a = pair.a, b = pair.b;
+    const Where at_a = pair.at_a, at_b = pair.at_b;
+    PairAnswer answer = pair.answer;
+    if (pair.runs) take_settled<false>(c_.question, PairHulls<Scene>{a, b}, at_a, at_b, run.g, bounds, answer);
+    r_.answers[at_] = answer;
   }
 
   // Lists all that may be the nearest.
