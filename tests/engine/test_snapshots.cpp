@@ -65,6 +65,27 @@ TEST_P(EngineTest, StalePosesAreFlagged) {
   EXPECT_TRUE(ask(engine, q).view.flags[0] & kFlagStale);
 }
 
+TEST_P(EngineTest, ALiveBodyHasNoPoseUntilOneIsReceived) {
+  Scene scene;
+  scene.add_sphere("tool", 0.5, {.pose = Pose{}, .is_live = true});
+  scene.add_sphere("cup", 0.5, {.parent = "tool", .pose = Pose{{0, 2, 0}}});
+  scene.add_sphere("wall", 0.5, {.is_static = true, .pose = Pose{{3, 0, 0}}});
+  EXPECT_THROW(scene.add_sphere("rock", 0.5, {.is_static = true, .is_live = true}), SceneError);
+  Engine engine = make(std::move(scene));
+  const std::vector<BodyPair> pairs{{0, 2}, {1, 2}};
+  QueryView q;
+  q.pairs = pairs;
+  q.all_pairs = false;
+  for (int row = 0; row < 2; ++row)
+    EXPECT_EQ(static_cast<Status>(ask(engine, q).view.status[row]), Status::kNoPose) << row;
+  EXPECT_EQ(engine.body_state(0).status, Status::kNoPose);
+  EXPECT_THROW(engine.attach(1, kNone), QueryError) << "from nowhere";
+  const BodyPose update{0, {}};
+  engine.set_poses({&update, 1});
+  EXPECT_NEAR(ask(engine, q).view.distance[0], 2, 1e-9);
+  EXPECT_EQ(static_cast<Status>(ask(engine, q).view.status[1]), Status::kOk);
+}
+
 TEST_P(EngineTest, TheAgeOfPosesIsWhatStaleGoesBy) {
   Scene scene;
   for (const char* name : {"a", "b", "c"}) scene.add_sphere(name, 0.1, {.pose = Pose{}});
