@@ -50,6 +50,7 @@ QUERY = {
     "timeout_s": NUMBERS_FROM_0,
     "max_results": COUNTS,
     "max_pose_age_ns": COUNTS,
+    "stale_status": BOOLS,
     "warm": BOOLS,
     "copy": BOOLS,
     "min_pose_stamp_ns": COUNTS,
