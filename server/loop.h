@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -37,6 +38,7 @@ class Loop final : public Inbox {
     std::chrono::nanoseconds spin =
         std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
+    std::function<void()> on_tick = {};                  ///< called by the loop itself, once a tick: a watchdog's food
     std::uint64_t max_pairs_per_query = 10'000'000'000;  ///< pairs times configurations; more: kTooLarge
     bool require_epoch = false;  ///< requests that deal with poses and name no epoch are refused (kNewEpoch)
   };

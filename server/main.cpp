@@ -198,7 +198,7 @@ struct SignalledLoop {
 
 int serve(DaemonOptions options) {
   const auto begin = std::chrono::steady_clock::now();
-  const Supervisor supervisor;
+  Supervisor supervisor;
   use_cache_directory();
   keep_ready_fd(options);
   start_log(options);
@@ -216,7 +216,9 @@ int serve(DaemonOptions options) {
   const double load_seconds = seconds_since(begin);
   log_scene(options, *engine, load_seconds);
 
-  Loop loop(engine, loop_options_of(options));
+  Loop::Options loop_options = loop_options_of(options);
+  loop_options.on_tick = [&supervisor] { supervisor.alive(); };
+  Loop loop(engine, loop_options);
   const auto build = [engine_options](Scene scene_to_serve) {
     return std::make_unique<Engine>(std::move(scene_to_serve), engine_options);
   };
