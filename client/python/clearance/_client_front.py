@@ -72,8 +72,9 @@ class Client(Front):
         self._connection: Any = None
         self._pair_count = 0
         self._backend = ""
+        urls = [url] if isinstance(url, (str, bytes)) or not isinstance(url, Sequence) else url
         self._connection = _client.Client(
-            [to_text(url, "url")] if isinstance(url, str) else [to_text(one, "url") for one in url],
+            [to_text(one, "url") for one in urls],
             to_number_from_0(timeout_s, "timeout_s"),
             "" if server_key is None else to_path(server_key, "server_key"),
             "" if key is None else to_path(key, "key"),
