@@ -73,6 +73,8 @@ class Client(Front):
         self._pair_count = 0
         self._backend = ""
         urls = [url] if isinstance(url, (str, bytes)) or not isinstance(url, Sequence) else url
+        if not len(urls):
+            raise ValueError("url: expected at least one, got none")
         self._connection = _client.Client(
             [to_text(one, "url") for one in urls],
             to_number_from_0(timeout_s, "timeout_s"),
