@@ -59,8 +59,8 @@ std::uint32_t parse_fields(const std::vector<std::string>& names) {
 }
 
 const char* status_name(Status status) {
-  constexpr const char* kNames[] = {"ok",          "overlap",  "contact", "beyond",
-                                    "unconverged", "bad_pose", "no_pose", "unknown_body"};
+  constexpr const char* kNames[] = {"ok",       "overlap", "contact",      "beyond",    "unconverged",
+                                    "bad_pose", "no_pose", "unknown_body", "stale_pose"};
   return static_cast<std::size_t>(status) < std::size(kNames) ? kNames[static_cast<std::size_t>(status)] : "?";
 }
 

@@ -14,6 +14,10 @@
 namespace clearance {
 
 using Deadline = std::chrono::steady_clock::time_point;
+/// Request ids from here on are of what the library itself asks: a caller's requests count from 1.
+inline constexpr std::uint64_t kOwnRequests = std::uint64_t{1} << 62;
+/// Of an echo that nobody reads: that it comes is a sign of life.
+inline constexpr std::uint64_t kSignRequest = kOwnRequests | std::uint64_t{1} << 61;
 struct ConnectOptions;
 
 /// A frame that arrived. The bytes stay valid until the frame is destroyed (shared memory: a leased slot).
@@ -43,6 +47,13 @@ class Channel {
   /// Whether the connection has ended for good, as far as was noticed: it sends nothing any more. Where there is no
   /// connection underneath (LCM), never.
   virtual bool lost() const { return false; }
+  /// Whether a frame may be lost on its way, without a word.
+  virtual bool may_lose() const { return false; }
+  /// A number that is another one each time, as long as the daemon's loop goes round; 0: this daemon shows none. Asks
+  /// for the next sign, where the daemon gives none by itself.
+  virtual std::uint64_t sign_of_life() = 0;
+  /// Whether signs of life come behind the frames that are on their way.
+  virtual bool signs_queue_up() const { return true; }
   virtual std::string url() const = 0;
 };
 

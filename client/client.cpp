@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "channel.h"
-#include "fork_guard.h"
+#include "connection.h"
 #include "requests.h"
 #include "unknown_name.h"
 #include "wire/wire.h"
@@ -15,12 +15,6 @@ namespace clearance {
 namespace {
 
 using wire::FrameType;
-
-/// `duration` from now, kept inside what the clock can hold.
-Deadline deadline_in(std::chrono::nanoseconds duration) {
-  constexpr std::chrono::nanoseconds kLongest = std::chrono::hours(24 * 365);
-  return std::chrono::steady_clock::now() + std::clamp(duration, std::chrono::nanoseconds(0), kLongest);
-}
 
 std::string seconds(std::chrono::nanoseconds duration) {
   char text[32];
@@ -31,17 +25,9 @@ std::string seconds(std::chrono::nanoseconds duration) {
 }  // namespace
 
 struct Client::Impl {
-  Impl(const std::string& asked, const ConnectOptions& options)
-      : asked_url(asked), asked_options(options), channel(open_channel(asked, options, deadline_in(options.timeout))) {}
-  ~Impl() {
-    // In a forked child the channel's sockets, threads and slots are the parent's: they are left alone, not closed.
-    if (fork_guard.forked()) (void)channel.release();
-  }
+  Impl(std::span<const std::string> urls, const ConnectOptions& options) : connection(urls, options) {}
 
-  void check_process() const {
-    if (fork_guard.forked())
-      throw ConnectionError(url + ": this connection was opened before a fork; the child process must connect anew");
-  }
+  const std::string& url() const { return connection.url(); }
 
   /// Runs a parser; what it refuses is the daemon's fault.
   template <class Parse>
@@ -49,47 +35,36 @@ struct Client::Impl {
     try {
       return parse();
     } catch (const wire::WireError& error) {
-      throw ConnectionError(url + ": the daemon sent a malformed frame: " + error.what());
+      throw ConnectionError(url() + ": the daemon sent a malformed frame: " + error.what());
     }
   }
 
   /// Room for a request; throws RequestError for one that no transport takes.
   std::byte* begin(std::uint64_t payload_bytes, std::uint64_t reply_bytes) {
-    check_process();
     const std::uint64_t bytes = sizeof(wire::FrameHeader) + payload_bytes;
     if (bytes > wire::kMaxRequestBytes)
       throw RequestError(static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge),
                          "a request of " + std::to_string(bytes) + " bytes is more than the " +
                              std::to_string(wire::kMaxRequestBytes) + " allowed: split it");
-    if (channel->lost()) connect_anew();
-    return channel->begin(bytes, reply_bytes);
+    return connection.begin(bytes, reply_bytes ? reply_bytes + wire::kEpochRecordBytes : 0);
   }
 
-  /// After a call has thrown because the daemon went away. The scene that the caller knows stays what its requests are
-  /// for: a daemon that came back with another one refuses them (kWrongScene).
-  void connect_anew() {
-    channel = open_channel(asked_url, asked_options, deadline_in(timeout));
-    oldest_request_id = next_request_id;
-    sent_in_records.clear();
-  }
-
-  /// The reply to a request, or null once `deadline` has passed.
-  std::unique_ptr<Frame> await(std::uint64_t request_id, Deadline deadline) {
-    check_process();
-    if (request_id < oldest_request_id)
-      throw ConnectionError(url + ": the daemon went away before request " + std::to_string(request_id) +
-                            " was answered; the connection is another one now");
-    return channel->receive(request_id, deadline);
+  /// What a reply says, without its records.
+  std::span<const std::byte> body_of(const Frame& frame) const {
+    return checked([&] { return wire::split_payload(frame.header(), frame.payload()).body; });
   }
 
   /// Sends a frame that is not a query and returns its request id.
   std::uint64_t send(FrameType type, std::span<const std::byte> payload, std::uint64_t reply_bytes,
                      std::uint64_t scene_revision = 0) {
-    std::byte* room = begin(payload.size(), reply_bytes);
-    const auto header = wire::make_header(type, next_request_id++, payload.size(), scene_revision);
+    const std::vector<std::byte>& records = connection.prepare();
+    std::byte* room = begin(payload.size() + records.size(), reply_bytes);
+    const auto header = wire::with_records(
+        wire::make_header(type, connection.next_request_id(), payload.size(), scene_revision), records.size());
     std::memcpy(room, &header, sizeof header);
     if (!payload.empty()) std::memcpy(room + sizeof header, payload.data(), payload.size());
-    channel->send();
+    if (!records.empty()) std::memcpy(room + sizeof header + payload.size(), records.data(), records.size());
+    connection.send();
     return header.request_id;
   }
 
@@ -105,14 +80,18 @@ struct Client::Impl {
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
     // Without records a query is of version 1, which every daemon answers.
-    const std::vector<std::byte> records = wire::option_records(query);
+    std::vector<std::byte> records = wire::option_records(query);
+    const bool has_options = !records.empty();
+    const std::vector<std::byte>& epoch = connection.prepare();
+    records.insert(records.end(), epoch.begin(), epoch.end());
     std::byte* room = begin(payload_bytes + records.size(),
                             is_query ? expected_reply_bytes(q, query.pairs, scene ? &*scene : nullptr) : 0);
-    const auto header =
-        wire::with_records(wire::make_header(type, next_request_id++, payload_bytes, scene_revision), records.size());
+    const auto header = wire::with_records(
+        wire::make_header(type, connection.next_request_id(), payload_bytes, scene_revision), records.size());
     wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data(), records);
-    channel->send();
-    if (!records.empty()) sent_in_records[header.request_id] = options_in_records(query);
+    connection.send();
+    sent_in_records.erase(sent_in_records.begin(), sent_in_records.lower_bound(connection.oldest_request_id()));
+    if (has_options) sent_in_records[header.request_id] = options_in_records(query);
     return header.request_id;
   }
 
@@ -121,28 +100,29 @@ struct Client::Impl {
     const std::uint16_t got = frame->header().type;
     const auto sent = sent_in_records.extract(frame->header().request_id);
     if (got == static_cast<std::uint16_t>(FrameType::kError)) {
-      const auto error = checked([&] { return wire::parse_error(frame->payload()); });
-      if (error.header.code == static_cast<std::uint16_t>(wire::ErrorCode::kWrongScene)) scene_is_old = true;
+      const auto error = checked([&] { return wire::parse_error(body_of(*frame)); });
       const auto code = static_cast<wire::ErrorCode>(error.header.code);
+      if (code == wire::ErrorCode::kWrongScene) scene_is_old = true;
+      if (code == wire::ErrorCode::kNewEpoch) throw NewEpoch(error.header.code, url() + ": " + error.text);
       const bool is_old = sent && (code == wire::ErrorCode::kWrongVersion || code == wire::ErrorCode::kNotSupported);
       throw RequestError(error.header.code,
                          error.text + (is_old ? "; the daemon is too old for one of: " + sent.mapped() : ""));
     }
     if (got != static_cast<std::uint16_t>(type))
-      throw ConnectionError(url + ": the daemon answered with " + wire::type_name(got) + ", expected " +
+      throw ConnectionError(url() + ": the daemon answered with " + wire::type_name(got) + ", expected " +
                             wire::type_name(static_cast<std::uint16_t>(type)));
     return frame;
   }
 
   std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type) {
-    return receive(request_id, type, timeout);
+    return receive(request_id, type, connection.timeout());
   }
   std::unique_ptr<Frame> receive(std::uint64_t request_id, FrameType type, std::chrono::nanoseconds limit) {
-    std::unique_ptr<Frame> frame = await(request_id, deadline_in(limit));
+    std::unique_ptr<Frame> frame = connection.await(request_id, deadline_in(limit));
     if (!frame) {
       sent_in_records.erase(request_id);
-      channel->forget(request_id);
-      throw TimeoutError(url + ": no " + wire::type_name(static_cast<std::uint16_t>(type)) + " within " +
+      connection.forget(request_id);
+      throw TimeoutError(url() + ": no " + wire::type_name(static_cast<std::uint16_t>(type)) + " within " +
                          seconds(limit));
     }
     return interpret(std::move(frame), type);
@@ -180,7 +160,7 @@ struct Client::Impl {
   PosesDone send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
                        std::int64_t sequence);
   PosesDone poses_done(const Frame& frame) const {
-    const auto r = checked([&] { return wire::parse_poses_done(frame.payload()); });
+    const auto r = checked([&] { return wire::parse_poses_done(body_of(frame)); });
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
   }
 
@@ -191,29 +171,22 @@ struct Client::Impl {
     const std::uint64_t request = send(type, payload, 0, scene_revision);
     const auto frame = receive(request, FrameType::kSceneChanged, limit);
     scene_is_old = changed_by_us = true;
-    const auto change = checked([&] { return wire::parse_scene_changed(frame->payload()); });
+    const auto change = checked([&] { return wire::parse_scene_changed(body_of(*frame)); });
     return {change.scene_revision, change.body_count, change.body, change.seconds};
   }
 
-  std::string asked_url;
-  ConnectOptions asked_options;
-  std::unique_ptr<Channel> channel;
-  std::string url = channel->url();
-  ForkGuard fork_guard;
-  std::chrono::nanoseconds timeout = std::chrono::seconds(5);
-  std::uint64_t next_request_id = 1;
+  Connection connection;
   std::map<std::uint64_t, std::string> sent_in_records;  // names of such options, by request under way
-  std::uint64_t oldest_request_id = 1;  // of this channel's; older ones went out over one that was lost
-  std::optional<SceneInfo> scene;       // as the caller has seen it
-  bool scene_is_old = false;            // the daemon has said so: fetched anew before the caller's next look
-  bool changed_by_us = false;           // since, in a way that may have given bodies other ids
-  std::uint64_t known_revision = 0;     // of the scene that the caller's ids are of; 0: it has not looked
+  std::optional<SceneInfo> scene;                        // as the caller has seen it
+  bool scene_is_old = false;         // the daemon has said so: fetched anew before the caller's next look
+  bool changed_by_us = false;        // since, in a way that may have given bodies other ids
+  std::uint64_t known_revision = 0;  // of the scene that the caller's ids are of; 0: it has not looked
   std::uint64_t poses_revision = 0;  // of the last one known in which they are of the same bodies with the same parents
 };
 
 SceneInfo Client::Impl::fetch_scene() {
   const auto frame = call(FrameType::kDescribe, {}, FrameType::kScene, 0);
-  const auto parts = checked([&] { return wire::parse_scene(frame->payload()); });
+  const auto parts = checked([&] { return wire::parse_scene(body_of(*frame)); });
   SceneInfo info;
   info.revision = parts.header.scene_revision;
   info.pair_count = parts.header.pair_count;
@@ -336,14 +309,14 @@ SceneChanged Client::reload(Duration timeout) {
 }
 
 SceneChanged Client::add_body(const NewBody& body) {
-  return impl().change_scene(FrameType::kAddBody, payload_of(body), impl().timeout,
+  return impl().change_scene(FrameType::kAddBody, payload_of(body), impl().connection.timeout(),
                              body.parent == kNone ? 0 : impl().revision_of_ids());
 }
 
 SceneChanged Client::remove_body(std::string_view name) {
   wire::RemoveBodyRecord record;
   set_body_name(record.name, name);
-  return impl().change_scene(FrameType::kRemoveBody, std::as_bytes(std::span(&record, 1)), impl().timeout);
+  return impl().change_scene(FrameType::kRemoveBody, std::as_bytes(std::span(&record, 1)), impl().connection.timeout());
 }
 
 const SceneInfo& Client::scene() {
@@ -370,7 +343,7 @@ std::uint32_t Client::group(std::string_view name) {
 
 std::vector<IdPair> Client::pairs(const Query& query) {
   const auto frame = impl().receive(impl().send_query(FrameType::kPairs, query), FrameType::kPairTable);
-  const auto table = impl().checked([&] { return wire::parse_pair_table(frame->payload()); });
+  const auto table = impl().checked([&] { return wire::parse_pair_table(impl().body_of(*frame)); });
   std::vector<IdPair> pairs(table.pairs.size());
   if (!pairs.empty()) std::memcpy(pairs.data(), table.pairs.data(), table.pairs.size_bytes());
   return pairs;
@@ -378,7 +351,7 @@ std::vector<IdPair> Client::pairs(const Query& query) {
 
 std::vector<BodyStateInfo> Client::body_states() {
   const auto frame = impl().call(FrameType::kGetStates, {}, FrameType::kBodyStates, 0);
-  const auto parts = impl().checked([&] { return wire::parse_states(frame->payload()); });
+  const auto parts = impl().checked([&] { return wire::parse_states(impl().body_of(*frame)); });
   std::vector<BodyStateInfo> states(parts.states.size());
   for (std::size_t i = 0; i < states.size(); ++i) {
     const wire::BodyStateRecord r = parts.states[i];
@@ -393,7 +366,7 @@ std::vector<BodyStateInfo> Client::body_states() {
 
 std::vector<std::pair<std::string, std::uint64_t>> Client::stats() {
   const auto frame = impl().call(FrameType::kGetStats, {}, FrameType::kStats, 0);
-  const auto counters = impl().checked([&] { return wire::parse_stats(frame->payload()); });
+  const auto counters = impl().checked([&] { return wire::parse_stats(impl().body_of(*frame)); });
   std::vector<std::pair<std::string, std::uint64_t>> stats;
   for (std::uint64_t i = 0; i < counters.size(); ++i)
     stats.emplace_back(wire::name_of(counters[i].name), counters[i].value);
@@ -405,17 +378,23 @@ Client::Duration Client::ping(std::span<const std::byte> payload) {
   const auto frame =
       impl().call(FrameType::kPing, payload, FrameType::kPong, sizeof(wire::FrameHeader) + payload.size());
   const Duration round_trip = std::chrono::steady_clock::now() - start;
-  const auto echo = frame->payload();
+  const auto echo = impl().body_of(*frame);
   if (!std::equal(echo.begin(), echo.end(), payload.begin(), payload.end()))
     throw ConnectionError(url() + ": the echo is not what was sent");
   return round_trip;
 }
 
 void Client::set_timeout(Duration timeout) {
-  impl().timeout = timeout;
+  impl().connection.set_timeout(timeout);
 }
 std::string Client::url() const {
-  return impl().url;
+  return impl().url();
+}
+std::uint64_t Client::epoch() const {
+  return impl().connection.epoch();
+}
+std::uint64_t Client::acknowledge_epoch() {
+  return impl().connection.acknowledge_epoch();
 }
 
 // --- Pending
@@ -430,11 +409,11 @@ Pending& Pending::operator=(Pending&& other) noexcept {
   return *this;
 }
 Pending::~Pending() {
-  if (!client_ || client_->fork_guard.forked()) return;
+  if (!client_ || client_->connection.forked()) return;
   client_->sent_in_records.erase(request_id_);
   if (frame_) return;
   try {
-    client_->channel->forget(request_id_);
+    client_->connection.forget(request_id_);
   } catch (const std::exception&) {
     // The connection is gone, and the reply with it.
   }
@@ -448,7 +427,7 @@ bool Pending::wait_for(std::chrono::nanoseconds timeout) {
   if (!client_) throw std::logic_error("this reply was fetched already");
   if (frame_) return true;
   // Taken as it is, so that an error frame is thrown where the answer is asked for.
-  frame_ = client_->await(request_id_, deadline_in(timeout));
+  frame_ = client_->connection.await(request_id_, deadline_in(timeout));
   return frame_ != nullptr;
 }
 
@@ -461,11 +440,15 @@ Reply Pending::get() {
 }
 
 Client connect(const std::string& url, std::chrono::nanoseconds timeout) {
-  return connect(url, ConnectOptions{timeout});
+  return connect(url, ConnectOptions{.timeout = timeout});
 }
 
 Client connect(const std::string& url, const ConnectOptions& options) {
-  return Client(std::make_shared<Client::Impl>(url, options));
+  return connect(std::span(&url, 1), options);
+}
+
+Client connect(std::span<const std::string> urls, const ConnectOptions& options) {
+  return Client(std::make_shared<Client::Impl>(urls, options));
 }
 
 }  // namespace clearance

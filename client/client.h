@@ -46,6 +46,16 @@ struct CLEARANCE_API RequestError : std::runtime_error {
   std::uint16_t code;
 };
 
+/// The daemon was started anew, or is another one, since this client's first contact: what clients had sent it (poses,
+/// attachments, bodies) is gone. Requests are refused so until Client::acknowledge_epoch().
+struct CLEARANCE_API NewEpoch : RequestError {
+  using RequestError::RequestError;
+};
+/// The daemon is there, but its loop stood still for ConnectOptions::hang while a request was under way.
+struct CLEARANCE_API DaemonHung : ConnectionError {
+  using ConnectionError::ConnectionError;
+};
+
 /// x, y, z, qw, qx, qy, qz; metres. X_wb, or X_parent_body for a body with a parent.
 using Pose7 = std::array<double, 7>;
 /// Body ids, or group selectors (types.h).
@@ -91,6 +101,7 @@ class CLEARANCE_API Reply {
   std::span<const std::uint32_t> configuration() const;
   std::span<const CompactAnswer> compact() const;
 
+  std::uint64_t epoch() const;  ///< of the daemon that answered; 0: it is too old to have one
   std::uint64_t scene_revision() const;
   std::uint64_t snapshot_revision() const;
   std::int64_t snapshot_stamp_ns() const;  ///< publisher's clock: the newest stamp among the poses
@@ -105,6 +116,7 @@ class CLEARANCE_API Reply {
   template <class T>
   std::span<const T> column(Field field, std::size_t width) const;
   std::unique_ptr<Frame> frame_;
+  std::uint64_t epoch_ = 0;
   std::uint64_t rows_ = 0;  // copies: what was checked is what is used
   std::uint32_t fields_ = 0;
 };
@@ -173,9 +185,11 @@ struct ConnectOptions;
 
 /// Not thread-safe: one client per thread. After a fork the child must connect again (calls throw).
 ///
-/// When a daemon goes away the caller learns it: calls and replies under way throw ConnectionError, at least one of
-/// them. The next call connects again to whoever serves the url then, or throws ConnectionError at once if nobody does.
-/// Poses and attachments that this client had sent are lost with the old daemon.
+/// When a daemon goes away the caller learns it: calls and replies under way throw ConnectionError (over LCM TimeoutError
+/// or DaemonHung), at least one of them. The next call connects again to whoever serves the url then, or the next url of
+/// the list, or throws ConnectionError at once if nobody does. Whoever serves there is not the daemon that this client
+/// knew: each call throws NewEpoch, until acknowledge_epoch(). Poses, attachments and bodies that clients had sent are
+/// lost with the old daemon.
 class CLEARANCE_API Client {
  public:
   using Duration = std::chrono::nanoseconds;
@@ -225,11 +239,18 @@ class CLEARANCE_API Client {
   std::vector<std::pair<std::string, std::uint64_t>> stats();
   Duration ping(std::span<const std::byte> payload = {});  ///< a bare echo through the daemon
 
+  /// Which run of the daemon this client's requests are for: the one that it met when it connected, or that was
+  /// acknowledged last. 0: that daemon is too old to have epochs.
+  std::uint64_t epoch() const;
+  /// Goes on with the daemon that serves now, whichever it is, and returns its epoch. After NewEpoch: then send poses,
+  /// attachments and bodies again. Throws ConnectionError.
+  std::uint64_t acknowledge_epoch();
+
   void set_timeout(Duration timeout);  ///< for every call; default 5 s
   std::string url() const;
 
  private:
-  friend CLEARANCE_API Client connect(const std::string& url, const ConnectOptions& options);
+  friend CLEARANCE_API Client connect(std::span<const std::string> urls, const ConnectOptions& options);
   friend class Pending;
   struct Impl;
   explicit Client(std::shared_ptr<Impl> impl);
@@ -260,6 +281,10 @@ struct ConnectOptions {
   /// `clearance keygen` writes them. Empty: those of the url ("?server_key=FILE&key=FILE"), else of the environment
   /// (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), else no keys.
   std::string server_key = {}, key = {};
+  /// How long the daemon's loop may stand still while a request is under way: calls then throw DaemonHung, after a
+  /// quarter more at most. 10 ms or more; 0: only the timeout ends a call. None: 1 s, or a fifth of `timeout` if that
+  /// is more.
+  std::optional<std::chrono::nanoseconds> hang = {};
 };
 
 /// Connects. "shm:///run/user/0/clearance.sock", "ipc:///path", "tcp://host:port",
@@ -267,5 +292,9 @@ struct ConnectOptions {
 /// Throws ConnectionError naming url and cause; std::invalid_argument for a url of no known kind.
 CLEARANCE_API Client connect(const std::string& url, std::chrono::nanoseconds timeout = std::chrono::seconds(5));
 CLEARANCE_API Client connect(const std::string& url, const ConnectOptions& options);
+/// Connects to the first of these that answers, and goes on to the next, round and round, when one is gone or hung.
+/// Nothing is carried over: the next one is another daemon (NewEpoch). Each but the last is given as long as
+/// ConnectOptions::hang.
+CLEARANCE_API Client connect(std::span<const std::string> urls, const ConnectOptions& options);
 
 }  // namespace clearance

@@ -26,8 +26,6 @@ constexpr std::uint64_t kMaxReplyBytes = std::uint64_t{64} << 20;
 /// Messages that liblcm keeps between two calls of receive(): parts of 24 MB.
 constexpr int kQueue = 512;
 constexpr std::chrono::milliseconds kAskAgain{200};
-/// The first of the request ids that connecting uses; a client counts its own from 1.
-constexpr std::uint64_t kGreeting = std::uint64_t{1} << 62;
 
 class LcmFrame final : public Frame {
  public:
@@ -110,6 +108,16 @@ class LcmChannel final : public Channel {
   }
 
   std::string url() const override { return url_; }
+  bool may_lose() const override { return true; }
+
+  /// Parts that came for us; where none comes, an echo brings one.
+  std::uint64_t sign_of_life() override {
+    const wire::FrameHeader echo = wire::make_header(wire::FrameType::kPing, kSignRequest, 0);
+    std::memcpy(begin(sizeof echo, 0), &echo, sizeof echo);
+    send();
+    forget(kSignRequest);
+    return arrived_ + 1;
+  }
 
  private:
   static std::int64_t client_id_of(std::span<const std::byte> packet) {
@@ -123,6 +131,7 @@ class LcmChannel final : public Channel {
   void take(std::span<const std::byte> packet) {
     clearance_lcm::frame_t part;
     if (!decode_checked(packet, part).empty()) return;
+    ++arrived_;
     const auto request_id = static_cast<std::uint64_t>(part.request_id);
     if (!outstanding_.contains(request_id)) return;
     auto whole = assembler_.add(part, FrameAssembler::Clock::now());
@@ -139,7 +148,7 @@ class LcmChannel final : public Channel {
 
   /// Pings until the daemon answers: it may not be up yet, and the first packets may be lost.
   void greet(Deadline deadline) {
-    for (std::uint64_t id = kGreeting;; ++id) {
+    for (std::uint64_t id = kOwnRequests;; ++id) {
       const wire::FrameHeader header = wire::make_header(wire::FrameType::kPing, id, 0);
       std::memcpy(begin(sizeof header, 0), &header, sizeof header);
       send();
@@ -157,6 +166,7 @@ class LcmChannel final : public Channel {
   std::string url_;
   std::int64_t client_id_ = draw_lcm_id();
   std::int64_t sequence_ = 0;
+  std::uint64_t arrived_ = 0;  // parts
   LcmPacer pacer_;
   FrameBytes room_;
   FrameAssembler assembler_{{.frame_bytes = kMaxReplyBytes, .total_bytes = 4 * kMaxReplyBytes, .frames = 1024}};

@@ -20,6 +20,7 @@ Reply::Reply(std::unique_ptr<Frame> frame) : frame_(std::move(frame)) {
   try {
     const wire::PayloadParts parts = wire::split_payload(frame_->header(), frame_->payload());
     const auto header = wire::parse_reply(parts.body, parts.records);
+    epoch_ = wire::epoch_of(frame_->header(), frame_->payload());
     rows_ = header.rows;
     fields_ = header.fields;
   } catch (const wire::WireError& error) {
@@ -93,6 +94,9 @@ std::span<const CompactAnswer> Reply::compact() const {
   return column<CompactAnswer>(kFieldCompact, 1);
 }
 
+std::uint64_t Reply::epoch() const {
+  return epoch_;
+}
 std::uint64_t Reply::scene_revision() const {
   return header_of(*frame_).scene_revision;
 }

@@ -1,16 +1,12 @@
 // A channel over shared memory. The layout and the rules are drawn in shm_layout.h.
 #include <poll.h>
-#include <pwd.h>
 
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <cerrno>
-#include <charconv>
 #include <cstring>
-#include <optional>
 #include <stdexcept>
-#include <string_view>
 #include <thread>
 #include <tuple>
 #include <utility>
@@ -20,6 +16,7 @@
 #include "client.h"
 #include "fork_guard.h"
 #include "shm_client_segment.h"
+#include "shm_options.h"
 #include "wire/shm_layout.h"
 #include "wire/shm_os.h"
 #include "wire/spin_gate.h"
@@ -36,56 +33,11 @@ using shm::UniqueFd;
 using SegmentPtr = std::shared_ptr<ClientSegment>;
 using State = ClientSegment::State;
 
-constexpr std::chrono::nanoseconds kDefaultSpin = 20us;
-constexpr std::uint32_t kMaxSpinUs = 1'000'000;
 /// Longest sleep before the socket is looked at: how late a daemon's death is noticed.
 constexpr std::chrono::nanoseconds kNap = 10ms;
 /// How long begin() waits for the daemon: for a larger segment, or for a slot whose reply nobody wants any more.
 constexpr std::chrono::seconds kBeginTimeout{5};
 constexpr int kSpinsPerClockLook = 16;
-
-struct Options {
-  std::string path;
-  std::chrono::nanoseconds spin = kDefaultSpin;
-  std::optional<uid_t> user;  ///< whose daemon it is; none: our own
-};
-
-/// A user's name or number.
-std::optional<uid_t> user_named(const std::string& name) {
-  if (const passwd* entry = getpwnam(name.c_str())) return entry->pw_uid;
-  uid_t number = 0;
-  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
-  if (name.empty() || error != std::errc() || end != name.data() + name.size()) return std::nullopt;
-  return number;
-}
-
-/// "path?spin_us=20&user=clearance". Throws std::invalid_argument for an option that it does not know.
-Options parse_options(const std::string& target) {
-  constexpr std::string_view kSpin = "spin_us=", kUser = "user=";
-  const std::size_t question = target.find('?');
-  Options options{target.substr(0, question), kDefaultSpin, std::nullopt};
-  for (std::size_t at = question; at != std::string::npos;) {
-    const std::size_t end = target.find('&', at + 1);
-    const std::string option = target.substr(at + 1, end == std::string::npos ? end : end - at - 1);
-    at = end;
-    if (option.empty()) continue;
-    if (option.rfind(kUser, 0) == 0) {
-      options.user = user_named(option.substr(kUser.size()));
-      if (!options.user)
-        throw std::invalid_argument("shm://" + target + ": there is no user \"" + option.substr(kUser.size()) + "\"");
-      continue;
-    }
-    std::uint32_t us = 0;
-    const char* last = option.data() + option.size();
-    const auto parsed = std::from_chars(option.data() + std::min(kSpin.size(), option.size()), last, us);
-    if (option.rfind(kSpin, 0) != 0 || parsed.ec != std::errc{} || parsed.ptr != last || us > kMaxSpinUs)
-      throw std::invalid_argument("shm://" + target + ": \"" + option +
-                                  "\" is not an option; there is spin_us=0 to spin_us=" + std::to_string(kMaxSpinUs) +
-                                  ", and user=NAME");
-    options.spin = std::chrono::microseconds(us);
-  }
-  return options;
-}
 
 class ShmFrame final : public Frame {
  public:
@@ -118,13 +70,19 @@ std::uint64_t room_needed(const Frame& frame) {
 
 class ShmChannel final : public Channel {
  public:
-  ShmChannel(const std::string& target, Deadline deadline) : target_(target), options_(parse_options(target)) {
+  ShmChannel(const std::string& target, Deadline deadline) : target_(target), options_(parse_shm_options(target)) {
     if (std::thread::hardware_concurrency() == 1) options_.spin = 0ns;  // the daemon could not run meanwhile
     open(deadline);
   }
 
   std::string url() const override { return "shm://" + target_; }
   bool lost() const override { return !dead_.empty(); }
+  bool signs_queue_up() const override { return false; }
+
+  std::uint64_t sign_of_life() override {
+    if (current_->daemon_sleeps()) wake_daemon();
+    return current_->turns();
+  }
 
   std::byte* begin(std::uint64_t frame_bytes, std::uint64_t reply_bytes) override {
     check_usable();
@@ -410,7 +368,10 @@ class ShmChannel final : public Channel {
   // --- requests and replies
 
   void post(ClientSegment& segment, std::uint32_t slot) {
-    if (!segment.post(slot)) return;
+    if (segment.post(slot)) wake_daemon();
+  }
+
+  void wake_daemon() {
     const std::uint64_t one = 1;
     while (::write(wake_.get(), &one, sizeof one) < 0 && errno == EINTR) {
     }
@@ -478,7 +439,7 @@ class ShmChannel final : public Channel {
   }
 
   std::string target_;
-  Options options_;
+  ShmOptions options_;
   ForkGuard guard_;
   UniqueFd socket_;
   UniqueFd wake_;  ///< eventfd that wakes the daemon

@@ -59,6 +59,9 @@ class ClientSegment {
   bool collect();
   /// Whether no reply was posted since the last collect().
   bool nothing_new() const { return header_->reply_head.load(std::memory_order_acquire) == reply_tail_; }
+  /// Turns of the daemon's loop so far; 0: it does not count them.
+  std::uint64_t turns() const { return header_->turns.load(std::memory_order_relaxed); }
+  bool daemon_sleeps() const { return header_->daemon_sleeping.load(std::memory_order_seq_cst) != 0; }
   /// Sleeps until a reply is posted, at most `timeout`. May return early.
   void sleep(std::chrono::nanoseconds timeout);
 

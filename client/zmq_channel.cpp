@@ -135,6 +135,17 @@ class ZmqChannel final : public Channel {
   std::string url() const override { return endpoint_; }
   bool lost() const override { return gone_; }
 
+  /// Heartbeats of ZeroMQ's own are answered by its thread, whatever the daemon's loop does; an echo by the loop.
+  std::uint64_t sign_of_life() override {
+    const wire::FrameHeader echo = wire::make_header(wire::FrameType::kPing, kSignRequest, 0);
+    try {
+      if (socket_.send(zmq::buffer(&echo, sizeof echo), zmq::send_flags::sndmore | zmq::send_flags::dontwait))
+        socket_.send(zmq::message_t(), zmq::send_flags::none);
+    } catch (const zmq::error_t&) {  // no sign then
+    }
+    return arrived_ + 1;
+  }
+
  private:
   [[noreturn]] void fail(const std::string& cause) const { throw ConnectionError(endpoint_ + ": " + cause); }
 
@@ -199,6 +210,7 @@ class ZmqChannel final : public Channel {
       throw wire::WireError(wire::ErrorCode::kBadFrame, "a frame is a header of 64 bytes and a payload");
     std::memcpy(&header, parts_[0].data(), sizeof header);
     wire::check_header(header, parts_[1].size());
+    ++arrived_;
     if (outstanding_.erase(header.request_id))
       kept_[header.request_id] = std::make_unique<ZmqFrame>(header, std::move(parts_[1]));
   }
@@ -240,6 +252,7 @@ class ZmqChannel final : public Channel {
   AlignedBytes room_;
   std::uint64_t room_bytes_ = 0;
   std::vector<zmq::message_t> parts_;
+  std::uint64_t arrived_ = 0;  // frames
   std::unordered_set<std::uint64_t> outstanding_;
   std::unordered_map<std::uint64_t, std::unique_ptr<Frame>> kept_;
 };

@@ -4,6 +4,7 @@
 
 #include <cstring>
 #include <new>
+#include <random>
 #include <string>
 
 #include "error_frame.h"
@@ -14,9 +15,34 @@ namespace clearance {
 using wire::ErrorCode;
 using wire::FrameHeader;
 
+namespace {
+
+std::uint64_t draw_epoch() {
+  std::random_device device;
+  std::uint64_t epoch = 0;
+  while (epoch == 0) epoch = std::uint64_t{device()} << 32 | device();
+  return epoch;
+}
+
+}  // namespace
+
+Answers::Answers(Stats& stats, const std::shared_ptr<Engine>& engine)
+    : stats_(stats), engine_(engine), epoch_(draw_epoch()) {}
+
+std::vector<std::byte> Answers::records(const FrameHeader& request, const wire::PassedOver& passed_over) const {
+  std::vector<std::byte> records;
+  if (request.version != wire::kRecordsVersion) return records;
+  if (!passed_over.empty())
+    wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kIgnored), 0,
+                        std::as_bytes(std::span(passed_over)));
+  wire::append_epoch(records, epoch_);
+  return records;
+}
+
 void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType type,
                     std::span<const std::byte> payload) {
-  const std::uint64_t bytes = sizeof(FrameHeader) + payload.size();
+  const std::vector<std::byte> ending = records(request);
+  const std::uint64_t bytes = sizeof(FrameHeader) + payload.size() + ending.size();
   const auto too_large = [bytes](const char* room) {
     return Refusal{ErrorCode::kTooLarge, "the reply needs " + std::to_string(bytes) + " bytes, more than " + room,
                    bytes};
@@ -24,9 +50,11 @@ void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType
   if (bytes > wire::kMaxFrameBytes) throw too_large("a frame may have");
   std::byte* frame = sink.reserve(bytes);
   if (!frame) throw too_large("this client has room for");
-  const auto header = wire::make_reply_header(request, type, payload.size(), engine_->scene_revision());
+  const auto header = wire::with_records(
+      wire::make_reply_header(request, type, payload.size(), engine_->scene_revision()), ending.size());
   std::memcpy(frame, &header, sizeof header);
   if (!payload.empty()) std::memcpy(frame + sizeof header, payload.data(), payload.size());
+  if (!ending.empty()) std::memcpy(frame + sizeof header + payload.size(), ending.data(), ending.size());
   sink.publish(bytes);
   ++stats_.replies;
 }
@@ -43,7 +71,8 @@ void Answers::refuse(ReplySink& sink, const FrameHeader& request, const Refusal&
   spdlog::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
                 log_text(refusal.text));
   try {
-    if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes))
+    if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes,
+                    records(request)))
       ++stats_["errors.unsent"];
   } catch (const std::exception& failure) {
     ++stats_["errors.unsent"];

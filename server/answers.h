@@ -16,7 +16,12 @@ namespace clearance {
 class Answers {
  public:
   /// Both must outlive this. \param engine the one that serves, which a new scene replaces.
-  Answers(Stats& stats, const std::shared_ptr<Engine>& engine) : stats_(stats), engine_(engine) {}
+  Answers(Stats& stats, const std::shared_ptr<Engine>& engine);
+
+  /// Which run of the daemon answers (wire::CommonRecord::kEpoch).
+  std::uint64_t epoch() const { return epoch_; }
+  /// What a reply to `request` ends in. \param passed_over tags of the request's records that nobody here knows
+  std::vector<std::byte> records(const wire::FrameHeader& request, const wire::PassedOver& passed_over = {}) const;
 
   /// Throws a Refusal (kTooLarge) if it does not fit.
   void reply(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type,
@@ -43,6 +48,7 @@ class Answers {
 
   Stats& stats_;
   const std::shared_ptr<Engine>& engine_;
+  std::uint64_t epoch_;
 };
 
 constexpr wire::ErrorCode code_of(QueryErrorCode code) {

@@ -168,6 +168,7 @@ void Loop::tick() {
     next_tick_ = now + options_.tick;
     drop_gone();
     quotas_.forget_idle();
+    if (options_.on_tick) options_.on_tick();
   }
   for (const auto& transport : transports_) {
     try {

@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -37,8 +38,13 @@ class Loop final : public Inbox {
     std::chrono::nanoseconds spin =
         std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
+    std::function<void()> on_tick = {};                  ///< called by the loop itself, once a tick: a watchdog's food
     std::uint64_t max_pairs_per_query = 10'000'000'000;  ///< pairs times configurations; more: kTooLarge
+    bool require_epoch = false;  ///< requests that deal with poses and name no epoch are refused (kNewEpoch)
   };
+
+  /// Which run of the daemon this is: a number drawn at random, never 0, which every reply of version 2 carries.
+  std::uint64_t epoch() const { return answers_.epoch(); }
 
   explicit Loop(Engine& engine) : Loop(engine, Options()) {}
   Loop(Engine& engine, const Options& options);  ///< the engine must outlive the loop
@@ -92,6 +98,7 @@ class Loop final : public Inbox {
                               std::uint64_t client);
   wire::PosesResult attach(const wire::FrameHeader& header, std::span<const std::byte> payload);
   std::span<const std::byte> without_records(const wire::FrameHeader& header, std::span<const std::byte> payload);
+  void check_epoch(wire::FrameType type, std::uint64_t named) const;
   std::span<const std::byte> aligned(std::span<const std::byte> payload);
   Stats::Named all_counters() const;
   std::vector<std::byte> stats_payload() const;

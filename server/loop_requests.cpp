@@ -18,15 +18,6 @@ using wire::FrameType;
 /// What a pair is taken to cost, to tell when a query is due. A guess is enough: it only orders one client's queries.
 constexpr auto kPairCost = std::chrono::microseconds(1);
 
-/// What of a reply's records its query decides.
-std::vector<std::byte> reply_records(const wire::PassedOver& passed_over) {
-  std::vector<std::byte> records;
-  if (!passed_over.empty())
-    wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kIgnored), 0,
-                        std::as_bytes(std::span(passed_over)));
-  return records;
-}
-
 /// The engine's view of a query whose payload begins on a multiple of 8.
 QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
   const wire::QueryHeader& h = parts.header;
@@ -118,15 +109,29 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   throw Refusal{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
 }
 
-/// The payload of a request of which no record is known. Throws WireError if one of them is required.
+/// The payload of a request of which no record but the epoch is known. Throws WireError if one of them is required.
 std::span<const std::byte> Loop::without_records(const FrameHeader& header, std::span<const std::byte> payload) {
-  if (header.records_bytes == 0) return payload;
   const wire::PayloadParts parts = wire::split_payload(header, payload);
   wire::PassedOver passed_over;
-  wire::read_records(wire::type_name(header.type).c_str(), parts.records, passed_over,
-                     [](const wire::RecordView&) { return false; });
+  const std::uint64_t epoch = wire::read_records(wire::type_name(header.type).c_str(), parts.records, passed_over,
+                                                 [](const wire::RecordView&) { return false; });
   stats_.records_ignored += passed_over.size();
+  check_epoch(static_cast<FrameType>(header.type), epoch);
   return parts.body;
+}
+
+/// Whether a request is for this run of the daemon. What was sent to another one - poses, attachments, bodies - is not
+/// here, so an answer would be of other poses than the client thinks. \param named 0: the request names none
+void Loop::check_epoch(FrameType type, std::uint64_t named) const {
+  if (named == epoch()) return;
+  if (named)
+    throw Refusal{ErrorCode::kNewEpoch,
+                  "the daemon was started anew, or is another one, since this client's first contact: poses, "
+                  "attachments and bodies that clients had sent are gone; acknowledge its epoch, and send them again"};
+  const bool is_harmless = type == FrameType::kPing || type == FrameType::kDescribe || type == FrameType::kGetStats;
+  if (options_.require_epoch && !is_harmless)
+    throw Refusal{ErrorCode::kNewEpoch,
+                  wire::type_name(static_cast<std::uint16_t>(type)) + " names no epoch (--require-epoch)"};
 }
 
 /// A payload whose first byte lies on a multiple of 8: this one, or a copy that is good until the next call.
@@ -143,6 +148,7 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
   quotas_.check_requests(sink->client());
   payload = aligned(payload);
   const wire::QueryParts parts = wire::parse_query(header, payload);
+  check_epoch(FrameType::kQuery, parts.epoch);
   const QueryOptions& asked = parts.options;
   stats_.records_ignored += parts.passed_over.size();
   if (asked.min_pose_stamp_ns == 0 || HeldQueries::poses_are_there(*engine_, header, asked))
@@ -177,7 +183,7 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
                                             " that one query may ask about (--max-pairs): split it"};
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   const bool whole_table = parts.header.all_pairs && parts.bodies.size() == 0;
-  std::vector<std::byte> records = reply_records(parts.passed_over);
+  std::vector<std::byte> records = answers_.records(header, parts.passed_over);
   const std::uint64_t reply_bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields) + records.size();
   if (query.reduce != Reduce::kWithin) check_reply_size(size.rows, reply_bytes, parts.options.max_reply_bytes);
   std::uint64_t bytes = reply_bytes + payload_bytes + (whole_table ? 0 : size.pairs * sizeof(BodyPair));
@@ -210,6 +216,7 @@ void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts,
 std::vector<std::byte> Loop::pair_table(const FrameHeader& header, std::span<const std::byte> payload) {
   const std::vector<std::byte> copy(payload.begin(), payload.end());  // aligned
   const wire::QueryParts parts = wire::parse_query(header, copy);
+  check_epoch(FrameType::kPairs, parts.epoch);
   stats_.records_ignored += parts.passed_over.size();
   const std::vector<BodyPair> pairs = engine_->pairs(view_of(parts, header.scene_revision));
   wire::PairsHeader table;

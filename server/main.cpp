@@ -163,6 +163,7 @@ Loop::Options loop_options_of(const DaemonOptions& options) {
   loop.max_added_bodies = options.max_added_bodies;
   loop.max_added_vertices = options.max_added_vertices;
   loop.max_pairs_per_query = options.max_pairs;
+  loop.require_epoch = options.require_epoch;
   return loop;
 }
 
@@ -181,7 +182,7 @@ void say_ready(const Loop& loop, const DaemonOptions& options, const Supervisor&
   for (const auto& transport : loop.transports()) urls.push_back(transport->url());
   std::string all;
   for (const std::string& url : urls) all += (all.empty() ? "" : " ") + url;
-  spdlog::info("event=ready urls=\"{}\" load_seconds={:.3f}", log_text(all), load_seconds);
+  spdlog::info("event=ready urls=\"{}\" load_seconds={:.3f} epoch={:016x}", log_text(all), load_seconds, loop.epoch());
   if (options.ready_fd >= 0) write_ready(options.ready_fd, urls);
   supervisor.ready("serving " + options.scene + " at " + all);
 }
@@ -197,7 +198,7 @@ struct SignalledLoop {
 
 int serve(DaemonOptions options) {
   const auto begin = std::chrono::steady_clock::now();
-  const Supervisor supervisor;
+  Supervisor supervisor;
   use_cache_directory();
   keep_ready_fd(options);
   start_log(options);
@@ -215,7 +216,9 @@ int serve(DaemonOptions options) {
   const double load_seconds = seconds_since(begin);
   log_scene(options, *engine, load_seconds);
 
-  Loop loop(engine, loop_options_of(options));
+  Loop::Options loop_options = loop_options_of(options);
+  loop_options.on_tick = [&supervisor] { supervisor.alive(); };
+  Loop loop(engine, loop_options);
   const auto build = [engine_options](Scene scene_to_serve) {
     return std::make_unique<Engine>(std::move(scene_to_serve), engine_options);
   };

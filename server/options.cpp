@@ -171,6 +171,9 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(0u, 1000000000u)))
       ->type_name("N")
       ->capture_default_str();
+  app.add_flag("--require-epoch", o.require_epoch,
+               "refuse requests that deal with poses and name no epoch (docs/wire.md): a client that would not notice "
+               "a\nrestart gets no answer");
 }
 
 void add_watching(CLI::App& app, DaemonOptions& o) {

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <charconv>
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
@@ -13,7 +14,15 @@ namespace clearance {
 
 Supervisor::Supervisor() {
   if (const char* socket = std::getenv("NOTIFY_SOCKET")) socket_ = socket;
-  unsetenv("NOTIFY_SOCKET");
+  // sd_watchdog_enabled(3): the interval is this process's own if WATCHDOG_PID says so, or says nothing.
+  const char *interval = std::getenv("WATCHDOG_USEC"), *pid = std::getenv("WATCHDOG_PID");
+  if (interval && (!pid || pid == std::to_string(getpid()))) {
+    std::int64_t us = 0;
+    const char* end = interval + std::strlen(interval);
+    if (const auto read = std::from_chars(interval, end, us); read.ec == std::errc() && read.ptr == end && us > 0)
+      watchdog_ = std::chrono::microseconds(us);
+  }
+  for (const char* name : {"NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID"}) unsetenv(name);
 }
 
 void Supervisor::ready(const std::string& status) const {
@@ -22,9 +31,15 @@ void Supervisor::ready(const std::string& status) const {
 void Supervisor::stopping() const {
   send("STOPPING=1");
 }
+void Supervisor::alive() {
+  const auto now = std::chrono::steady_clock::now();
+  if (watchdog_.count() == 0 || now < next_alive_) return;
+  next_alive_ = now + watchdog_ / 4;
+  send("WATCHDOG=1", MSG_DONTWAIT);  // a supervisor that does not read may not hold up the loop
+}
 
 // The protocol of sd_notify(3): one datagram to a Unix socket; a name that begins with '@' is an abstract one.
-void Supervisor::send(const std::string& state) const {
+void Supervisor::send(const std::string& state, int flags) const {
   sockaddr_un address{};
   if (socket_.empty() || socket_.size() >= sizeof address.sun_path) return;
   address.sun_family = AF_UNIX;
@@ -35,7 +50,7 @@ void Supervisor::send(const std::string& state) const {
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + socket_.size());
   // A supervisor that does not listen is not our error.
   [[maybe_unused]] const auto sent =
-      sendto(fd, state.data(), state.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&address), size);
+      sendto(fd, state.data(), state.size(), MSG_NOSIGNAL | flags, reinterpret_cast<const sockaddr*>(&address), size);
   close(fd);
 }
 

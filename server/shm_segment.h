@@ -62,6 +62,8 @@ class Segment {
   /// Whether a request waits. Sequentially consistent, for the look after set_sleeping(true).
   bool has_request() const;
   void set_sleeping(bool sleeping);
+  /// Shows the client how often the loop has gone round.
+  void show_turns(std::uint64_t turns) { header_->turns.store(turns, std::memory_order_relaxed); }
 
   /// The room of a slot's reply.
   std::byte* reply_area(std::uint32_t slot);

@@ -71,11 +71,14 @@ class ShmTransport final : public Transport {
     int frames = 0;
     std::uint64_t bytes = 0;
     const std::size_t count = sessions_.size();
+    ++polls_;  // each turn of the loop polls once
+    for (const auto& session : sessions_)
+      for (const auto& segment : session->segments) segment->show_turns(polls_);
     for (std::size_t i = 0; i < count && frames < kMaxFramesPerPoll && bytes < kMaxBytesPerPoll; ++i)
       frames += serve_requests(sessions_[(first_ + i) % count], inbox, bytes);
     ++first_;  // another client is first next time
     // After the requests: whoever woke us waits for an answer.
-    if (look_at_sockets_ || (++polls_ % kPollsPerClockLook == 0 && Clock::now() >= next_socket_look_)) serve_sockets();
+    if (look_at_sockets_ || (polls_ % kPollsPerClockLook == 0 && Clock::now() >= next_socket_look_)) serve_sockets();
     remove_gone();
     return frames;
   }
@@ -254,6 +257,7 @@ class ShmTransport final : public Transport {
       if (first) drop(session);
       return;
     }
+    segment->show_turns(polls_ + 1);
     ++session.next_segment;
     Message message = make_message(MessageKind::kSegment);
     message.segment_id = segment->id();
@@ -350,7 +354,7 @@ class ShmTransport final : public Transport {
   ScratchBuffer scratch_;
   CounterRefs counters_;
   std::size_t first_ = 0;
-  unsigned polls_ = 0;
+  std::uint64_t polls_ = 0;
   Clock::time_point next_socket_look_;
   bool look_at_sockets_ = true;
   bool any_gone_ = false;

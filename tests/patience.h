@@ -13,6 +13,7 @@ inline constexpr std::chrono::seconds kPatience{300};
 /// A client that waits so long, to connect and for every answer. Not over LCM, which may lose an answer.
 inline Client patient(const std::string& url, ConnectOptions options = {}) {
   options.timeout = kPatience;
+  options.hang = kPatience;
   Client client = connect(url, options);
   client.set_timeout(kPatience);
   return client;

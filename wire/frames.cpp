@@ -132,6 +132,8 @@ std::string_view error_name(ErrorCode code) {
       return "reload_failed";
     case ErrorCode::kForbidden:
       return "forbidden";
+    case ErrorCode::kNewEpoch:
+      return "new_epoch";
   }
   return "unknown";
 }
@@ -153,6 +155,22 @@ void append_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint
   append(records, RecordHeader{tag, flags, static_cast<std::uint32_t>(bytes.size())});
   append_bytes(records, bytes.data(), bytes.size());
   records.resize(align(records.size(), kRecordAlignment));
+}
+
+void append_epoch(std::vector<std::byte>& records, std::uint64_t epoch, std::uint16_t flags) {
+  append_record(records, static_cast<std::uint16_t>(CommonRecord::kEpoch), flags, std::as_bytes(std::span(&epoch, 1)));
+}
+
+std::uint64_t epoch_of(const FrameHeader& header, std::span<const std::byte> payload) {
+  PassedOver none;
+  return read_records("reply", split_payload(header, payload).records, none, [](const RecordView&) { return true; });
+}
+
+std::uint64_t epoch_in(const char* what, const RecordView& record) {
+  std::uint64_t epoch = 0;
+  if (record.bytes.size() == sizeof epoch) std::memcpy(&epoch, record.bytes.data(), sizeof epoch);
+  if (epoch == 0) bad_frame(what + std::string(": an epoch is a number of 8 bytes, and not 0"));
+  return epoch;
 }
 
 FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes) {

@@ -84,6 +84,14 @@ struct RecordHeader {
 /// Who does not know the tag refuses the frame; without this bit it passes over the record.
 inline constexpr std::uint16_t kRecordRequired = 1;
 
+/// Records that mean the same in every frame.
+enum class CommonRecord : std::uint16_t {
+  /// uint64, never 0: which run of the daemon, a number that it draws at random when it starts. In every reply of
+  /// version 2 the one that answers; in a request the one that it is for: any other refuses it with kNewEpoch.
+  kEpoch = 0xFF00,
+};
+inline constexpr std::uint64_t kEpochRecordBytes = sizeof(RecordHeader) + sizeof(std::uint64_t);
+
 /// Records of a kReply.
 enum class ReplyRecord : std::uint16_t {
   kIgnored = 1,  ///< uint16 each: tags of the query's records that the daemon passed over
@@ -276,6 +284,7 @@ enum class ErrorCode : std::uint16_t {
   kReloadFailed = 21,  ///< the old scene stays; the text is the loader's
   kForbidden = 22,     ///< this client may not do that; the text names the right that it lacks
   kPosesLate = 23,     ///< the poses that the query waits for have not come in time
+  kNewEpoch = 24,      ///< the daemon was started anew, or is another one, since the client's first contact
 };
 
 struct ErrorHeader {

@@ -40,7 +40,8 @@ void check_query_header(const QueryHeader& q) {
   expect_zero(q.reserved, "query");
 }
 
-QueryOptions read_options(const QueryHeader& header, std::span<const std::byte> records, PassedOver& passed_over) {
+QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts) {
+  const QueryHeader& header = parts.header;
   QueryOptions options;
   for_each_query_option([&](const QueryOption& option, auto member) {
     if constexpr (requires { member(header); }) {
@@ -48,7 +49,7 @@ QueryOptions read_options(const QueryHeader& header, std::span<const std::byte> 
       member(options) = static_cast<std::remove_reference_t<decltype(member(options))>>(member(header));
     }
   });
-  read_records("query", records, passed_over, [&](const RecordView& record) {
+  parts.epoch = read_records("query", records, parts.passed_over, [&](const RecordView& record) {
     bool known = false;
     for_each_query_option([&](const QueryOption& option, auto member) {
       using T = std::remove_reference_t<decltype(member(options))>;
@@ -66,6 +67,8 @@ QueryOptions read_options(const QueryHeader& header, std::span<const std::byte> 
   });
   if (options.pose_wait_ns && !options.min_pose_stamp_ns)
     bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");
+  if (options.stale_status && !options.max_pose_age_ns)
+    bad_query("query: stale_status is for a query with max_pose_age_ns");
   return options;
 }
 
@@ -111,7 +114,7 @@ QueryParts parse_query(std::span<const std::byte> payload, bool with_configurati
       },
       query_bytes(q.pair_count, q.body_count, configurations), payload.size());
   check_query_header(q);
-  parts.options = read_options(q, records, parts.passed_over);
+  parts.options = read_options(records, parts);
   Cursor cursor(payload.data() + sizeof(QueryHeader));
   parts.pairs = cursor.take<PairRecord>(q.pair_count);
   parts.bodies = cursor.take<std::uint32_t>(q.body_count);

@@ -8,6 +8,7 @@
 //     256   client_waiting                                                                          client
 //     320   request ring: kRingEntries x RingEntry                                                  client
 //    1344   reply ring:   kRingEntries x RingEntry                                                  daemon
+//    2368   turns: of the daemon's loop, so far                                                     daemon
 //    4096   request areas: slot_count x request_capacity, one frame in each                         client
 //     ...   reply areas:   slot_count x reply_capacity, one frame in each                           daemon
 //
@@ -26,6 +27,9 @@
 //   daemon  daemon_sleeping = 1, look at request_head, sleep     client  request_head = n, daemon_sleeping? eventfd
 //   client  client_waiting = 1, look at reply_head, sleep        daemon  reply_head = n, client_waiting? futex wake
 //
+// The turns go up as long as the daemon's loop goes round. Where the loop sleeps that may take 100 ms; a client that
+// wants to know wakes it. 0 for good: a daemon that does not count them.
+//
 // Beside the segment: a Unix socket (SOCK_SEQPACKET) carries Message structs both ways and shows a peer's death.
 //   client  kHello                      daemon  kSegment + memfd + eventfd, or kRefused and the end
 //   client  kGrow (capacities wanted)   daemon  kSegment + memfd, or kRefused (the connection goes on)
@@ -40,7 +44,8 @@
 namespace clearance::shm {
 
 inline constexpr std::uint32_t kMagic = 0x4D534C43;  // "CLSM"
-/// Changes when anything in this header does. A peer of another version is refused.
+/// Changes when anything in this header does, but for words that were 0 so far and mean "not there" then. A peer of
+/// another version is refused.
 inline constexpr std::uint16_t kLayoutVersion = 1;
 
 inline constexpr std::size_t kCacheLine = 64;
@@ -85,6 +90,8 @@ struct SegmentHeader {
 
   alignas(kCacheLine) RingEntry requests[kRingEntries];
   alignas(kCacheLine) RingEntry replies[kRingEntries];
+
+  alignas(kCacheLine) std::atomic<std::uint64_t> turns;
 };
 
 static_assert(std::atomic<std::uint32_t>::is_always_lock_free && std::atomic<std::uint64_t>::is_always_lock_free,
@@ -100,7 +107,8 @@ static_assert(offsetof(SegmentHeader, reply_head) == 192);
 static_assert(offsetof(SegmentHeader, client_waiting) == 256);
 static_assert(offsetof(SegmentHeader, requests) == 320);
 static_assert(offsetof(SegmentHeader, replies) == 1344);
-static_assert(sizeof(SegmentHeader) == 2368 && sizeof(SegmentHeader) <= kPage);
+static_assert(offsetof(SegmentHeader, turns) == 2368);
+static_assert(sizeof(SegmentHeader) == 2432 && sizeof(SegmentHeader) <= kPage);
 
 enum class MessageKind : std::uint32_t {
   // client to daemon

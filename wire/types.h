@@ -19,6 +19,7 @@ enum class Status : std::uint8_t {
   kBadPose = 5,      ///< a pose with NaN, Inf or a quaternion that cannot be normalised
   kNoPose = 6,       ///< a movable body that never got a pose
   kUnknownBody = 7,  ///< a body id outside the scene
+  kStalePose = 8,    ///< a pose older than max_pose_age_ns, where the query has stale_status
 };
 
 /// Facts about one answer, as bits.

@@ -123,13 +123,18 @@ using PassedOver = std::vector<std::uint16_t>;
 
 void append_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
                    std::span<const std::byte> bytes);
+/// Appends CommonRecord::kEpoch. \param flags kRecordRequired in a request
+void append_epoch(std::vector<std::byte>& records, std::uint64_t epoch, std::uint16_t flags = 0);
+/// The epoch that a reply names; 0: none. Throws WireError for records that make no sense.
+std::uint64_t epoch_of(const FrameHeader& header, std::span<const std::byte> payload);
 /// The header of a frame whose payload ends in so many bytes of records; unchanged if there are none.
 FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes);
 /// Calls know(record), which returns whether the tag is known to it. One that is not is noted in `passed_over`, or, if
 /// it is required, refused. Throws WireError (kBadFrame for sizes, flags and tags that do not rise; kNotSupported).
 /// \param what names the frame in errors.
+/// \return the epoch among them, which know() is not asked about; 0: there is none
 template <class Know>
-void read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know);
+std::uint64_t read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know);
 
 // --- kQuery, kPairs
 
@@ -137,6 +142,7 @@ struct QueryParts {
   QueryHeader header;
   QueryOptions options;  ///< whether they came in the header or in records
   PassedOver passed_over;
+  std::uint64_t epoch = 0;                      ///< that it is for; 0: it names none
   Records<PairRecord> pairs;                    ///< (P,)
   Records<std::uint32_t> bodies;                ///< (M,)
   Records<ConfigurationRecord> configurations;  ///< (K, M); empty in kPairs
@@ -232,10 +238,20 @@ RecordView take_record(const char* what, std::span<const std::byte>& records, st
 /// Throws WireError (kNotSupported) if the record is required.
 void pass_over(const char* what, const RecordView& record, PassedOver& passed_over);
 
+/// The epoch that a record names. Throws WireError (kBadFrame).
+std::uint64_t epoch_in(const char* what, const RecordView& record);
+
 template <class Know>
-void read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know) {
-  for (std::uint16_t last = 0; !records.empty();)
-    if (const RecordView record = take_record(what, records, last); !know(record)) pass_over(what, record, passed_over);
+std::uint64_t read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know) {
+  std::uint64_t epoch = 0;
+  for (std::uint16_t last = 0; !records.empty();) {
+    const RecordView record = take_record(what, records, last);
+    if (record.tag == static_cast<std::uint16_t>(CommonRecord::kEpoch))
+      epoch = epoch_in(what, record);
+    else if (!know(record))
+      pass_over(what, record, passed_over);
+  }
+  return epoch;
 }
 
 template <class Options>

@@ -49,10 +49,11 @@ CLEARANCE_HD inline PairAnswer beyond_answer(double lower) {
   return {lower, lower, __builtin_inf(), Status::kBeyond, 0, kNone, kNone, no_point(), no_point(), no_point()};
 }
 
-/// What the poses of two bodies say of their pair: a bad one, then a missing one, else kOk.
+/// What the poses of two bodies say of their pair: a bad one, then a missing one, then one too old, else kOk.
 CLEARANCE_HD inline Status pair_status(Status a, Status b) {
   if (a == Status::kBadPose || b == Status::kBadPose) return Status::kBadPose;
-  return a == Status::kNoPose || b == Status::kNoPose ? Status::kNoPose : Status::kOk;
+  if (a == Status::kNoPose || b == Status::kNoPose) return Status::kNoPose;
+  return a == Status::kStalePose || b == Status::kStalePose ? Status::kStalePose : Status::kOk;
 }
 
 /// The answer that two bodies' poses and boxes give without a look at their pieces, if they give one; else its flags

@@ -16,7 +16,7 @@ struct PlacedPose {
 /// A body in the world.
 struct BodyPlacement {
   PlacedPose pose;                  ///< meaningful if `status` is kOk
-  Status status = Status::kNoPose;  ///< kOk, kNoPose or kBadPose
+  Status status = Status::kNoPose;  ///< kOk, kNoPose, kBadPose; kStalePose in a query that takes such for none
   bool renormalised = false;        ///< the body's own quaternion was off by more than 1e-3
 };
 

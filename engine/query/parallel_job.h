@@ -3,10 +3,13 @@
 
 #include <omp.h>
 
+#include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <exception>
 #include <limits>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "engine/base/fp_environment.h"
@@ -32,6 +35,7 @@ class ParallelJob : public Job::State {
   /// \param boxes whether boxes of all bodies are worth making beforehand, if boxes will be asked for.
   ParallelJob(const JobContext& context, Plan&& plan, const ReplyView& reply, bool boxes = true)
       : context_(context), plan_(std::move(plan)), reply_(reply) {
+    find_stale();
     const QueryView& q = plan_.query;
     const PoseSnapshot& snapshot = *plan_.snapshot;
     options_.limits.max_distance = q.max_distance;
@@ -47,7 +51,6 @@ class ParallelJob : public Job::State {
     const std::uint32_t interval = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration;
     options_.want_flags = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
     options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_flags;
-    find_stale(snapshot);
     if (boxes && needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
       for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
         boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b]));
@@ -141,8 +144,9 @@ class ParallelJob : public Job::State {
     if (failure) std::rethrow_exception(failure);
   }
 
-  void find_stale(const PoseSnapshot& snapshot) {
+  void find_stale() {
     if (plan_.query.max_pose_age_ns == 0) return;
+    const PoseSnapshot& snapshot = *plan_.snapshot;
     const std::int64_t oldest_allowed = begun_ns_ - plan_.query.max_pose_age_ns;
     stale_.resize(scene().bodies().size());
     for (std::uint32_t b = 0; b < stale_.size(); ++b) {
@@ -152,6 +156,16 @@ class ParallelJob : public Job::State {
     if (plan_.query.configuration_count > 0)
       for (const std::uint32_t b : plan_.moved) stale_[b] = 0;  // the query itself says where they are
     options_.stale = stale_;
+    if (plan_.query.stale_status) take_stale_for_none();
+  }
+
+  /// From here on the plan's snapshot has no pose for them, nor for what follows them.
+  void take_stale_for_none() {
+    if (std::find(stale_.begin(), stale_.end(), 1) == stale_.end()) return;
+    auto own = std::make_shared<PoseSnapshot>(*plan_.snapshot);
+    for (std::uint32_t b = 0; b < stale_.size(); ++b)
+      if (stale_[b] && own->placed[b].status == Status::kOk) own->placed[b].status = Status::kStalePose;
+    plan_.snapshot = std::move(own);
   }
 
   std::int64_t begun_ns_ = monotonic_ns();  // ages of poses are as of then

@@ -43,6 +43,7 @@ void check_numbers(const QueryView& q) {
   if (q.fields >= 1u << kFieldCount) refuse("fields: unknown bits in " + std::to_string(q.fields));
   if (q.max_pose_age_ns < 0)
     refuse("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
+  if (q.stale_status && q.max_pose_age_ns == 0) refuse("stale_status: is for a query with max_pose_age_ns");
 }
 
 std::vector<std::uint32_t> members(std::uint32_t selector, const Scene& scene, std::size_t position) {

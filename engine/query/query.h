@@ -37,6 +37,7 @@ struct QueryView {
   std::uint32_t fields = kDefaultFields;  ///< Field bits
   std::uint64_t max_results = 1u << 20;   ///< rows of Reduce::kWithin that may come back
   std::int64_t max_pose_age_ns = 0;       ///< older poses set kFlagStale; 0: never
+  bool stale_status = false;              ///< they are none: kStalePose in place of an answer
   std::uint64_t scene_revision = 0;       ///< the scene the caller knows, whose bodies and pairs are meant; 0: any
   /// Warm state of this client; 0: none (answers repeat bit for bit). The CPU's reductions begin cold all the same.
   std::uint64_t warm_slot = 0;

@@ -104,7 +104,7 @@ PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead
     const Body& body = scene.bodies()[i];
     first->parent.push_back(body.parent);
     first->local[i] = body.pose.value_or(Pose{});
-    first->given[i] = body.pose.has_value();
+    first->given[i] = body.pose.has_value() && !body.is_live;
   }
   enable_pairs(*first);
   first->place_again(*first->order);

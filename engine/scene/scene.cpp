@@ -71,6 +71,11 @@ void check_positive(const std::string& name, const char* what, double x, bool ze
                    (zero_allowed ? ">= 0" : "> 0") + ", got " + number(x));
 }
 
+void check_may_be_live(const Body& body) {
+  if (body.is_static)
+    throw SceneError("body " + in_quotes(body.name) + ": live: a static body never gets another pose than its own");
+}
+
 constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recognised before their hulls are made
 
 // What a file is recognised by: another one, or the same one written anew, gives another key.
@@ -86,6 +91,7 @@ Body body_from(const std::string& name, const Scene& scene, const Scene::BodyOpt
   body.name = name;
   body.is_static = options.is_static;
   body.pose = options.pose;
+  body.is_live = options.is_live;
   check_positive(name, "radius", options.radius, true);
   if (!options.parent.empty()) {
     body.parent = scene.find_body(options.parent);
@@ -228,6 +234,7 @@ std::uint32_t Scene::add_body(Body body) {
     throw SceneError(who + "pose: expected finite numbers and a quaternion of norm 1e-6 to 1e6");
   if (!(body.model_error >= 0 && body.model_error <= kMaxCoordinate))
     throw SceneError(who + "model_error: expected a number of metres >= 0, got " + number(body.model_error));
+  if (body.is_live) check_may_be_live(body);
   const std::uint32_t parent = body.parent;
   body.parent = kNone;
   if (parent != kNone && parent >= bodies_.size())
@@ -253,6 +260,13 @@ void Scene::set_parent(const std::string& child, const std::string& parent) {
     if (above == c) throw SceneError(who + "parent: " + in_quotes(parent) + " follows " + in_quotes(child) + " itself");
   bodies_[c].parent = p;
   if (!bodies_[c].pose) bodies_[c].pose = Pose{};
+}
+
+void Scene::set_live(const std::string& body) {
+  const std::uint32_t id = find_body(body);
+  if (id == kNone) throw SceneError("there is no body " + in_quotes(body));
+  check_may_be_live(bodies_[id]);
+  bodies_[id].is_live = true;
 }
 
 void Scene::add_group(const std::string& name, std::span<const std::string> bodies) {
@@ -326,7 +340,7 @@ std::uint64_t Scene::revision() const {
   for (const Body& body : bodies_) {
     digest.add(std::string_view(body.name));
     digest.add(std::uint64_t{body.parent});
-    digest.add(std::uint64_t{body.is_static});
+    digest.add(std::uint64_t{body.is_static} | std::uint64_t{body.is_live} << 1);
     digest.add(body.model_error);
     digest.add(std::uint64_t{body.pose.has_value()});
     if (body.pose) {

@@ -46,6 +46,7 @@ struct Body {
   std::vector<PiecePtr> pieces;  ///< at least one
   std::uint32_t parent = kNone;  ///< the body that this one follows at load
   bool is_static = false;        ///< never moves after load
+  bool is_live = false;          ///< `pose` counts for nothing: no_pose until one is received
   std::optional<Pose> pose;      ///< initial X_wb, or X_pb with a parent; none: no_pose until one arrives
   /// metres: how far the pieces may stand out from the shape they were asked for; of a mesh, from the hulls that its
   /// file and scale mean: rounding
@@ -75,6 +76,7 @@ class Scene {
     std::string parent = {};  ///< name of a body already there; empty: none
     bool is_static = false;
     std::optional<Pose> pose = {};
+    bool is_live = false;  ///< no_pose until a pose is received, whatever `pose` says
   };
 
   /// Reads a scene file (YAML) and the meshes it names. Throws SceneError.
@@ -99,6 +101,8 @@ class Scene {
   std::uint32_t add_body(Body body);                       ///< ready-made pieces
   /// Makes a body follow another from the start. Throws SceneError for an unknown body, a cycle, or a static child.
   void set_parent(const std::string& child, const std::string& parent);
+  /// The body has no pose until one is received. Throws SceneError for an unknown or static body.
+  void set_live(const std::string& body);
 
   void add_group(const std::string& name, std::span<const std::string> bodies);
   /// Leaves out every pair between two bodies or groups (a group with itself: its inner pairs).

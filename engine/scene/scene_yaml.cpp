@@ -69,12 +69,13 @@ class SceneReader {
   void read_body(const YamlValue& value) {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
     value.check_keys({"name", "mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale",
-                      "convexify", "radius", "static", "pose", "parent"});
+                      "convexify", "radius", "static", "live", "pose", "parent"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};
     plan.body.name = name->text("a name");
     if (const auto is_static = value.find("static")) plan.body.is_static = is_static->boolean();
+    if (const auto is_live = value.find("live")) plan.body.is_live = is_live->boolean();
     if (const auto pose = value.find("pose")) plan.body.pose = read_pose(*pose);
     if (const auto parent = value.find("parent")) {
       parent->text("the name of a body");
@@ -294,15 +295,40 @@ class SceneReader {
       if (!plan.built) plan.place.fail(plan.error.empty() ? "cannot be built" : plan.error);
   }
 
+  // Runs what may find fault with the scene, at the place in the file that is to blame.
+  template <class F>
+  static void placed(const YamlValue& place, F&& f) {
+    try {
+      f();
+    } catch (const SceneError& e) {
+      place.fail(e.what());
+    }
+  }
+
+  // A list of bodies, or a map that says more of them.
+  static void read_group(Scene& scene, const std::string& name, const YamlValue& group) {
+    std::unique_ptr<YamlValue> members;
+    bool is_live = false;
+    if (group.is_map()) {
+      group.check_keys({"bodies", "live"});
+      members = group.find("bodies");
+      if (!members) group.fail("expected the key \"bodies\"");
+      if (const auto live = group.find("live")) is_live = live->boolean();
+    }
+    std::vector<std::string> names;
+    for (const YamlValue& member : (members ? *members : group).list("a list of bodies")) {
+      names.push_back(member.text("the name of a body"));
+      if (scene.find_body(names.back()) == kNone) member.fail("there is no body \"" + names.back() + "\"");
+    }
+    placed(group, [&] {
+      scene.add_group(name, names);
+      if (is_live)
+        for (const std::string& body : names) scene.set_live(body);
+    });
+  }
+
   Scene assemble() {
     Scene scene;
-    const auto placed = [](const YamlValue& place, auto&& f) {
-      try {
-        f();
-      } catch (const SceneError& e) {
-        place.fail(e.what());
-      }
-    };
     for (BodyPlan& plan : bodies_) {
       const Geometry& geometry = *geometries_[plan.geometry].built;
       plan.body.pieces = geometry.pieces;
@@ -316,14 +342,7 @@ class SceneReader {
     for (const BodyPlan& plan : bodies_)
       if (plan.parent) placed(*plan.parent, [&] { scene.set_parent(plan.body.name, plan.parent->text("")); });
     if (const auto groups = root_.find("groups"))
-      for (const auto& [name, members] : groups->map("a map of names to lists of bodies")) {
-        std::vector<std::string> names;
-        for (const YamlValue& member : members.list("a list of bodies")) {
-          names.push_back(member.text("the name of a body"));
-          if (scene.find_body(names.back()) == kNone) member.fail("there is no body \"" + names.back() + "\"");
-        }
-        placed(members, [&, &group = name] { scene.add_group(group, names); });
-      }
+      for (const auto& [name, group] : groups->map("a map of names to lists of bodies")) read_group(scene, name, group);
     if (const auto ignore = root_.find("ignore"))
       for (const YamlValue& pair : ignore->list("a list of pairs [body or group, body or group]")) {
         if (!pair.is_list() || pair.size() != 2) pair.fail_expected("a pair [body or group, body or group]");

@@ -13,7 +13,8 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "wire/protocol.h"
+#include "client/channel.h"
+#include "wire/wire.h"
 
 namespace clearance {
 
@@ -23,7 +24,9 @@ class ScriptedServer {
   /// Whole frames to send back for a request, in order. Called on the server's thread.
   using Answer = std::function<std::vector<Bytes>(const wire::FrameHeader& header, std::span<const std::byte> payload)>;
 
-  explicit ScriptedServer(Answer answer) : answer_(std::move(answer)) {
+  /// \param greets answers what the client library asks by itself: who is there, and whether it lives. Else the script
+  /// does.
+  explicit ScriptedServer(Answer answer, bool greets = true) : answer_(std::move(answer)), greets_(greets) {
     std::string folder = (std::filesystem::temp_directory_path() / "clearance-XXXXXX").string();
     folder_ = mkdtemp(folder.data());
     socket_.set(zmq::sockopt::linger, 0);
@@ -46,6 +49,10 @@ class ScriptedServer {
   }
 
  private:
+  std::vector<Bytes> answers_to(const wire::FrameHeader& header, std::span<const std::byte> payload) {
+    if (!greets_ || header.request_id < kOwnRequests) return answer_(header, payload);
+    return {wire::FrameBuilder(wire::make_header(wire::FrameType::kPong, header.request_id, 0)).take()};
+  }
   void run() {
     std::vector<zmq::pollitem_t> items{{socket_.handle(), 0, ZMQ_POLLIN, 0}};
     while (!stopping_) {
@@ -56,7 +63,7 @@ class ScriptedServer {
       (void)socket_.recv(payload);
       wire::FrameHeader header;
       std::memcpy(&header, head.data(), sizeof header);
-      for (const Bytes& frame : answer_(header, {payload.data<std::byte>(), payload.size()})) {
+      for (const Bytes& frame : answers_to(header, {payload.data<std::byte>(), payload.size()})) {
         zmq::message_t to;
         to.copy(identity);
         socket_.send(to, zmq::send_flags::sndmore);
@@ -67,6 +74,7 @@ class ScriptedServer {
   }
 
   Answer answer_;
+  bool greets_;
   std::string folder_;
   zmq::context_t context_;
   zmq::socket_t socket_{context_, zmq::socket_type::router};

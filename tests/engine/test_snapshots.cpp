@@ -65,6 +65,81 @@ TEST_P(EngineTest, StalePosesAreFlagged) {
   EXPECT_TRUE(ask(engine, q).view.flags[0] & kFlagStale);
 }
 
+TEST_P(EngineTest, StalePosesAreNoneWhereTheQuerySaysSo) {
+  Scene scene;
+  scene.add_sphere("a", 0.5, {.pose = Pose{}});
+  scene.add_sphere("hand", 0.5, {.parent = "a", .pose = Pose{{0, 2, 0}}});
+  scene.add_sphere("wall", 0.5, {.is_static = true, .pose = Pose{{3, 0, 0}}});
+  scene.add_sphere("floor", 0.5, {.is_static = true, .pose = Pose{{3, 0, 9}}});
+  Engine engine = make(std::move(scene));
+  const std::vector<BodyPair> pairs{{0, 2}, {1, 2}, {2, 3}};
+  QueryView q;
+  q.pairs = pairs;
+  q.all_pairs = false;
+  q.fields = kAllFields;
+  q.stale_status = true;
+  EXPECT_THROW(ask(engine, q), QueryError) << "older than what?";
+  q.max_pose_age_ns = 3'600'000'000'000;
+  const auto expect_stale = [&] {
+    const Answer answer = ask(engine, q);
+    for (int row = 0; row < 2; ++row) {
+      EXPECT_EQ(static_cast<Status>(answer.view.status[row]), Status::kStalePose);
+      EXPECT_TRUE(std::isnan(answer.view.distance[row]));
+      EXPECT_EQ(answer.view.lower[row], -kInf);
+      EXPECT_EQ(answer.view.upper[row], kInf);
+    }
+    EXPECT_EQ(static_cast<Status>(answer.view.status[2]), Status::kOk) << "what never moves is never stale";
+    EXPECT_NEAR(answer.view.distance[2], 8, 1e-9);
+  };
+  expect_stale();
+  const BodyPose update{0, {}};
+  engine.set_poses({&update, 1});
+  EXPECT_NEAR(ask(engine, q).view.distance[0], 2, 1e-9);
+  q.max_pose_age_ns = 1;
+  expect_stale();
+
+  q.reduce = Reduce::kMin;
+  const Answer least = ask(engine, q);
+  EXPECT_NEAR(least.view.distance[0], 8, 1e-9);
+  EXPECT_TRUE(least.view.flags[0] & kFlagIncomplete);
+
+  q.reduce = Reduce::kNone;
+  const std::uint32_t moved = 0;
+  const Pose there{{0, 0, 1}};
+  q.bodies = {&moved, 1};
+  q.configurations = {&there, 1};
+  q.configuration_count = 1;
+  EXPECT_EQ(static_cast<Status>(ask(engine, q).view.status[0]), Status::kOk) << "the query says where it is";
+  q.configuration_count = 0;
+  q.bodies = {};
+  q.configurations = {};
+  q.stale_status = false;
+  const Answer flagged = ask(engine, q);
+  EXPECT_EQ(static_cast<Status>(flagged.view.status[0]), Status::kOk) << "others still get their answer";
+  EXPECT_TRUE(flagged.view.flags[0] & kFlagStale);
+}
+
+TEST_P(EngineTest, ALiveBodyHasNoPoseUntilOneIsReceived) {
+  Scene scene;
+  scene.add_sphere("tool", 0.5, {.pose = Pose{}, .is_live = true});
+  scene.add_sphere("cup", 0.5, {.parent = "tool", .pose = Pose{{0, 2, 0}}});
+  scene.add_sphere("wall", 0.5, {.is_static = true, .pose = Pose{{3, 0, 0}}});
+  EXPECT_THROW(scene.add_sphere("rock", 0.5, {.is_static = true, .is_live = true}), SceneError);
+  Engine engine = make(std::move(scene));
+  const std::vector<BodyPair> pairs{{0, 2}, {1, 2}};
+  QueryView q;
+  q.pairs = pairs;
+  q.all_pairs = false;
+  for (int row = 0; row < 2; ++row)
+    EXPECT_EQ(static_cast<Status>(ask(engine, q).view.status[row]), Status::kNoPose) << row;
+  EXPECT_EQ(engine.body_state(0).status, Status::kNoPose);
+  EXPECT_THROW(engine.attach(1, kNone), QueryError) << "from nowhere";
+  const BodyPose update{0, {}};
+  engine.set_poses({&update, 1});
+  EXPECT_NEAR(ask(engine, q).view.distance[0], 2, 1e-9);
+  EXPECT_EQ(static_cast<Status>(ask(engine, q).view.status[1]), Status::kOk);
+}
+
 TEST_P(EngineTest, TheAgeOfPosesIsWhatStaleGoesBy) {
   Scene scene;
   for (const char* name : {"a", "b", "c"}) scene.add_sphere(name, 0.1, {.pose = Pose{}});

@@ -32,7 +32,7 @@ Witness::Counts sum_of(const Witnesses& witnesses) {
   for (const auto& witness : witnesses) {
     const Witness::Counts c = witness->counts();
     sum.right += c.right, sum.wrong += c.wrong, sum.lost += c.lost;
-    sum.late += c.late, sum.busy += c.busy, sum.others += c.others;
+    sum.renewed += c.renewed, sum.late += c.late, sum.busy += c.busy, sum.others += c.others;
   }
   return sum;
 }

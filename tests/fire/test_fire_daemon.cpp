@@ -52,6 +52,7 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
       EXPECT_GE(counts.lost, static_cast<std::uint64_t>(kills)) << w->url() << ": a death was passed over in silence";
       EXPECT_EQ(counts.late, 0u) << w->url() << ": a death was not noticed";
     }
+    EXPECT_GE(counts.renewed, static_cast<std::uint64_t>(kills)) << w->url() << ": a new daemon was taken for the old";
     for (const std::string& text : w->complaints())
       in_flight += text.find("the daemon is gone") != std::string::npos || text.find("has gone") != std::string::npos;
     if (testing::Test::HasFailure())

@@ -165,12 +165,23 @@ void Witness::ask(const Question& question) {
     count(&Counts::lost);
     complain(error.what());
     std::this_thread::sleep_for(5ms);  // as a planner would: the daemon needs the core to come back
+  } catch (const NewEpoch&) {
+    count(&Counts::renewed);
+    acknowledge();
   } catch (const RequestError& error) {
     count(&Counts::busy);
     complain(error.what());
   } catch (const std::exception& error) {
     count(&Counts::others);
     complain(std::string("unexpected: ") + error.what());
+  }
+}
+
+void Witness::acknowledge() {
+  try {
+    client_.acknowledge_epoch();
+  } catch (const ConnectionError& error) {  // gone again: the next call says so, too
+    complain(error.what());
   }
 }
 

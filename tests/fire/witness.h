@@ -56,12 +56,13 @@ inline std::chrono::nanoseconds patience(const std::string& url) {
 class Witness {
  public:
   struct Counts {
-    std::uint64_t right = 0;   ///< answers with every bit as it should be
-    std::uint64_t wrong = 0;   ///< answers with another bit: never
-    std::uint64_t lost = 0;    ///< calls that ended with a ConnectionError
-    std::uint64_t late = 0;    ///< calls that ended with a TimeoutError
-    std::uint64_t busy = 0;    ///< refused (RequestError)
-    std::uint64_t others = 0;  ///< that ended with anything else: never
+    std::uint64_t right = 0;    ///< answers with every bit as it should be
+    std::uint64_t wrong = 0;    ///< answers with another bit: never
+    std::uint64_t lost = 0;     ///< calls that ended with a ConnectionError
+    std::uint64_t renewed = 0;  ///< calls that ended with NewEpoch, which was acknowledged
+    std::uint64_t late = 0;     ///< calls that ended with a TimeoutError
+    std::uint64_t busy = 0;     ///< refused (RequestError)
+    std::uint64_t others = 0;   ///< that ended with anything else: never
   };
 
   /// Connects and has every question answered once, so that its segments have their size. \param load of the time that
@@ -82,6 +83,7 @@ class Witness {
  private:
   void ask(const Question& question);
   void run(std::uint64_t seed);
+  void acknowledge();
   void complain(const std::string& text);
 
   std::string url_;

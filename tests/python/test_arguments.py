@@ -101,7 +101,8 @@ PUBLIC = {
         "device_memory": COUNTS, "device_fallback": BOOLS,
         "devices": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
     "connect": ({"url": "ipc:///nowhere"}, {
-        "url": [*TEXTS, "http://localhost"], "timeout_s": [*NUMBERS_FROM_0, None], "server_key": PATHS, "key": PATHS}),
+        "url": [*TEXTS, "http://localhost", [], ["ipc:///nowhere", 3]], "timeout_s": [*NUMBERS_FROM_0, None],
+        "server_key": PATHS, "key": PATHS, "hang_s": NUMBERS_FROM_0}),
     "Scene.load": ({"path": "scene.yaml"}, {"path": [*PATHS, None], "allow_outside": BOOLS}),
     "pose7_from_matrix": ({}, {"matrix": ["here", 3, None, np.zeros((3, 3)), [["0"] * 4] * 4, 2 * np.eye(4)]}),
 }  # fmt: skip

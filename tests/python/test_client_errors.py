@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import clearance
+from clearance.wire import ErrorCode
 from patience import PATIENCE_S
 from scenes import same_bits
 
@@ -31,11 +32,39 @@ def test_a_client_finds_the_next_daemon(start_daemon, cell, kind):
         client.distances(pairs=("cup", "*"))
     second = type(first)(pathlib.Path(first.urls[kind].partition("://")[2]).parent, cell, [kind])
     try:
+        known = client.epoch
+        for _ in range(2):
+            with pytest.raises(clearance.NewEpoch, match="was started anew") as refused:
+                client.distances(pairs=("cup", "*"))
+            assert refused.value.code == ErrorCode.NEW_EPOCH and client.epoch == known
+        with pytest.raises(clearance.NewEpoch):
+            client.set_poses({"cup": [0, 0, 0, 1, 0, 0, 0]})
+        assert client.acknowledge_epoch() == client.epoch != known
         assert same_bits(client.distances(pairs=("cup", "*")), expected)
         with pytest.raises(clearance.ConnectionError):
             future.result()  # what the first daemon left unanswered stays so
     finally:
         second.stop()
+
+
+def test_a_hung_daemon_is_noticed_and_the_next_one_asked(start_daemon, cell, kinds):
+    one, two = ("ipc", "ipc") if kinds["shm"] else ("shm", "ipc")
+    first, second = start_daemon(cell, [one]), start_daemon(cell, [two])
+    urls = [first.urls[one], second.urls[two]]
+    client = clearance.connect(urls, timeout_s=PATIENCE_S, hang_s=0.3)
+    expected = client.distances(pairs=("cup", "*"))
+    assert client.url == urls[0]
+    os.kill(first.process.pid, signal.SIGSTOP)
+    try:
+        with pytest.raises(clearance.DaemonHung, match=r"stood still for 0\.3 s"):
+            client.distances(pairs=("cup", "*"))
+        with pytest.raises(clearance.NewEpoch):
+            client.distances(pairs=("cup", "*"))
+        assert client.url == urls[1]
+        client.acknowledge_epoch()
+        assert same_bits(client.distances(pairs=("cup", "*")), expected)
+    finally:
+        os.kill(first.process.pid, signal.SIGCONT)
 
 
 def test_timeout_and_recovery(start_daemon, cell, kind):

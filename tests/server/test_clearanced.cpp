@@ -217,6 +217,27 @@ TEST_F(Clearanced, TellsSystemd) {
   close(socket);
 }
 
+TEST_F(Clearanced, ItsLoopFeedsAWatchdog) {
+  const int socket = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const std::string path = folder_ / "watchdog";
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
+  ASSERT_EQ(bind(socket, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  const timeval patience{kPatience.count(), 0};
+  setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  const auto next = [&] {
+    char text[1000];
+    const ssize_t size = recv(socket, text, sizeof text, 0);
+    return std::string(text, static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
+  };
+  Daemon daemon({"--scene", scene_, "--zmq", ipc_}, {"NOTIFY_SOCKET=" + path, "WATCHDOG_USEC=400000"});
+  EXPECT_EQ(next().substr(0, 8), "READY=1\n");
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(next(), "WATCHDOG=1");
+  daemon.stop(SIGTERM);
+  close(socket);
+}
+
 TEST_F(Clearanced, IsQuietWhileNobodyAsks) {
   Daemon daemon({"--scene", scene_, "--zmq", ipc_});
   Client client = patient(ipc_);

@@ -150,6 +150,8 @@ TEST_F(ShmDaemon, ADaemonThatIsKilledIsNoticedAndItsSuccessorTakesThePath) {
   EXPECT_TRUE(std::filesystem::exists(path_)) << "a killed daemon cannot clean up";
 
   daemon = std::make_unique<Daemon>(options());
+  EXPECT_THROW(client.distances(query), NewEpoch);
+  client.acknowledge_epoch();
   const Reply again = client.distances(query);
   ASSERT_EQ(again.rows(), distances.size()) << "the client connects anew by itself";
   EXPECT_TRUE(std::equal(distances.begin(), distances.end(), again.distance().begin()));

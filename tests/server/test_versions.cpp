@@ -295,9 +295,11 @@ void ask_a_recorded_daemon(const std::string& url, const RecordedDaemon& daemon)
 
 TEST(OldDaemon, AnswersThisClientOverZmq) {
   RecordedDaemon daemon;
-  const ScriptedServer server([&](const wire::FrameHeader& header, std::span<const std::byte> payload) {
-    return std::vector<Bytes>{daemon.answer(header, payload)};
-  });
+  const ScriptedServer server(
+      [&](const wire::FrameHeader& header, std::span<const std::byte> payload) {
+        return std::vector<Bytes>{daemon.answer(header, payload)};
+      },
+      false);
   ask_a_recorded_daemon(server.url(), daemon);
 }
 
@@ -313,7 +315,8 @@ TEST_P(NewDaemon, HoldsAReplyToItsLimit) {
   Client client = patient(url(GetParam()));
   Query query;
   const Reply without = client.distances(query);
-  const std::uint64_t bytes = 64 + 128 + wire::columns_bytes(without.rows(), without.fields());
+  const std::uint64_t bytes =
+      64 + 128 + wire::columns_bytes(without.rows(), without.fields()) + wire::kEpochRecordBytes;
   query.max_reply_bytes = bytes;
   EXPECT_EQ(client.distances(query).rows(), without.rows());
   query.max_reply_bytes = bytes - 1;
@@ -343,7 +346,10 @@ class Records : public LoopTest {
     return records;
   }
   std::string refusal_of(Bytes frame, ErrorCode code) {
-    const auto error = error_of(ask(a_, std::move(frame)));
+    const auto reply = ask(a_, std::move(frame));
+    EXPECT_EQ(reply->type(), FrameType::kError);
+    const auto error =
+        wire::parse_error(reply->payload().first(reply->payload().size() - reply->header().records_bytes));
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(code)) << error.text;
     return error.text;
   }
@@ -362,7 +368,7 @@ TEST_F(Records, OfUnknownTagsAreRefusedIfRequiredElsePassedOver) {
   EXPECT_EQ(frame->header().version, wire::kRecordsVersion);
   const auto parts = wire::split_payload(frame->header(), frame->payload());
   EXPECT_EQ(wire::parse_reply(parts.body, parts.records).rows, 1u);
-  EXPECT_EQ(parts.records.size(), 16u);
+  EXPECT_EQ(parts.records.size(), 16u + wire::kEpochRecordBytes);
   std::vector<std::uint16_t> ignored;
   wire::PassedOver none;
   wire::read_records("reply", parts.records, none, [&](const wire::RecordView& r) {
@@ -444,7 +450,7 @@ TEST_F(Records, StayWithAQueryThatWaitsForPoses) {
   turn_until_idle();
   const auto frame = take(a_);
   ASSERT_EQ(frame->type(), FrameType::kReply);
-  EXPECT_EQ(frame->header().records_bytes, 16u);
+  EXPECT_EQ(frame->header().records_bytes, 16u + wire::kEpochRecordBytes);
 }
 
 }  // namespace

@@ -37,17 +37,17 @@ std::chrono::nanoseconds duration_of(double seconds) {
 /// next call.
 class Connection {
  public:
-  Connection(const std::string& url, double timeout_s, const std::string& server_key, const std::string& key)
-      : client_(connect(url, ConnectOptions{duration_of(timeout_s), server_key, key})),
-        url_(client_.url()),
-        timeout_s_(timeout_s) {}
+  Connection(const std::vector<std::string>& urls, const ConnectOptions& options)
+      : client_(connect(urls, options)), timeout_s_(1e-9 * static_cast<double>(options.timeout.count())) {
+    name_ = client_.url();
+  }
 
   /// Runs f(client) alone, with the GIL released.
   template <class F>
   auto with(F&& f) {
     // Before the lock: another thread may have held it at the fork, and does not exist in the child.
     if (fork_guard_.forked())
-      throw ConnectionError(url_ + ": this connection was opened before a fork; the child process must connect anew");
+      throw ConnectionError(name_ + ": this connection was opened before a fork; the child process must connect anew");
     nb::gil_scoped_release release;
     const std::lock_guard lock(mutex_);
     empty_trash();
@@ -69,7 +69,6 @@ class Connection {
     }
   }
 
-  const std::string& url() const { return url_; }
   double timeout_s() const { return timeout_s_; }
   void set_timeout(double seconds) {
     timeout_s_ = seconds;
@@ -86,7 +85,7 @@ class Connection {
   ForkGuard fork_guard_;
   std::mutex mutex_;
   Client client_;
-  std::string url_;
+  std::string name_;  // the url at first
   double timeout_s_;
   std::mutex trash_mutex_;
   std::vector<std::variant<Reply, Pending>> trash_;
@@ -261,9 +260,12 @@ using VertexRows = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb:
 
 class PyClient {
  public:
-  PyClient(const std::string& url, double timeout_s, const std::string& server_key, const std::string& key) {
+  PyClient(const std::vector<std::string>& urls, double timeout_s, const std::string& server_key,
+           const std::string& key, std::optional<double> hang_s) {
+    ConnectOptions options{duration_of(timeout_s), server_key, key, {}};
+    if (hang_s) options.hang = duration_of(*hang_s);
     nb::gil_scoped_release release;
-    connection_ = std::make_shared<Connection>(url, timeout_s, server_key, key);
+    connection_ = std::make_shared<Connection>(urls, options);
   }
 
   Connection& use() const { return *connection_; }
@@ -396,10 +398,14 @@ NB_MODULE(_client, m) {
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {
     try {
       std::rethrow_exception(p);
+    } catch (const DaemonHung& e) {
+      raise_ours("DaemonHung", -1, e.what());
     } catch (const TimeoutError& e) {
       raise_ours("TimeoutError", -1, e.what());
     } catch (const ConnectionError& e) {
       raise_ours("ConnectionError", -1, e.what());
+    } catch (const NewEpoch& e) {
+      raise_ours("NewEpoch", e.code, e.what());
     } catch (const RequestError& e) {
       raise_ours(e.code < 16 ? "QueryError" : "RequestError", e.code, e.what());
     }
@@ -413,9 +419,14 @@ NB_MODULE(_client, m) {
       .def("cancel", &PyPending::cancel);
 
   nb::class_<PyClient>(m, "Client")
-      .def(nb::init<const std::string&, double, const std::string&, const std::string&>(), nb::arg("url"),
-           nb::arg("timeout_s"), nb::arg("server_key"), nb::arg("key"))
-      .def_prop_ro("url", [](const PyClient& c) { return c.use().url(); })
+      .def(nb::init<const std::vector<std::string>&, double, const std::string&, const std::string&,
+                    std::optional<double>>(),
+           nb::arg("urls"), nb::arg("timeout_s"), nb::arg("server_key"), nb::arg("key"), nb::arg("hang_s").none())
+      .def_prop_ro("url", [](const PyClient& c) { return c.use().with([](Client& client) { return client.url(); }); })
+      .def_prop_ro("epoch",
+                   [](const PyClient& c) { return c.use().with([](Client& client) { return client.epoch(); }); })
+      .def("acknowledge_epoch",
+           [](const PyClient& c) { return c.use().with([](Client& client) { return client.acknowledge_epoch(); }); })
       .def_prop_rw(
           "timeout_s", [](const PyClient& c) { return c.use().timeout_s(); },
           [](PyClient& c, double seconds) { c.use().set_timeout(seconds); })

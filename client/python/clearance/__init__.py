@@ -18,7 +18,17 @@ import importlib.util
 from typing import TYPE_CHECKING, Any
 
 from . import wire
-from ._errors import ClearanceError, ConnectionError, HullWarning, QueryError, RequestError, SceneError, TimeoutError
+from ._errors import (
+    ClearanceError,
+    ConnectionError,
+    DaemonHung,
+    HullWarning,
+    NewEpoch,
+    QueryError,
+    RequestError,
+    SceneError,
+    TimeoutError,
+)
 from ._front import BodyState, PosesDone, Prepared, SceneChanged
 from ._future import Future
 from ._names import BodyInfo
@@ -37,6 +47,7 @@ __all__ = [
     "ClearanceError",
     "Client",
     "ConnectionError",
+    "DaemonHung",
     "EVERY_BODY",
     "Engine",
     "Field",
@@ -45,6 +56,7 @@ __all__ = [
     "Future",
     "HullWarning",
     "NONE",
+    "NewEpoch",
     "PosesDone",
     "Precision",
     "Prepared",

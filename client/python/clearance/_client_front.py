@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import os
+from collections.abc import Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -23,24 +24,29 @@ from .wire import ErrorCode
 
 
 def connect(
-    url: str,
+    url: Union[str, Sequence[str]],
     timeout_s: float = 5.0,
     *,
     server_key: Union[str, os.PathLike[str], None] = None,
     key: Union[str, os.PathLike[str], None] = None,
+    hang_s: Optional[float] = None,
 ) -> Client:
     """Connects to a daemon.
 
     url: "shm:///run/user/1000/clearance.sock" (shared memory, the fastest), "ipc:///path" or "tcp://host:port"
-        (ZeroMQ), "udpm://239.255.76.67:7667?ttl=0" (LCM; "&prefix=NAME_" sets the channels' prefix).
+        (ZeroMQ), "udpm://239.255.76.67:7667?ttl=0" (LCM; "&prefix=NAME_" sets the channels' prefix). Of several, the
+        first that answers; when one is gone or hung, the next, round and round. Nothing is carried over (NewEpoch).
     timeout_s: seconds, for this call and for every later one that gives none.
     server_key, key: for a daemon that listens on TCP with keys: the files of its public key and of your own key pair,
         as `clearance keygen` writes them. None: those of the url ("?server_key=FILE&key=FILE"), else of the environment
         (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), else no keys.
+    hang_s: seconds that the daemon's loop may stand still while a request is under way, 0.01 or more; then calls raise
+        DaemonHung, after a quarter more at most. 0: only the timeout ends a call. None: 1 s, or a fifth of timeout_s if
+        that is more.
 
     Raises ConnectionError naming url and cause; ValueError for a url of no known kind.
     """
-    return Client(url, timeout_s, server_key=server_key, key=key)
+    return Client(url, timeout_s, server_key=server_key, key=key, hang_s=hang_s)
 
 
 class Client(Front):
@@ -55,28 +61,47 @@ class Client(Front):
 
     def __init__(
         self,
-        url: str,
+        url: Union[str, Sequence[str]],
         timeout_s: float = 5.0,
         *,
         server_key: Union[str, os.PathLike[str], None] = None,
         key: Union[str, os.PathLike[str], None] = None,
+        hang_s: Optional[float] = None,
     ):
         super().__init__()
         self._connection: Any = None
         self._pair_count = 0
         self._backend = ""
+        urls = [url] if isinstance(url, (str, bytes)) or not isinstance(url, Sequence) else url
+        if not len(urls):
+            raise ValueError("url: expected at least one, got none")
         self._connection = _client.Client(
-            to_text(url, "url"),
+            [to_text(one, "url") for one in urls],
             to_number_from_0(timeout_s, "timeout_s"),
             "" if server_key is None else to_path(server_key, "server_key"),
             "" if key is None else to_path(key, "key"),
+            None if hang_s is None else to_number_from_0(hang_s, "hang_s"),
         )
         self._url = self._connection.url
 
     @property
     def url(self) -> str:
         """The url that this client is connected to."""
+        if self._connection is not None:
+            self._url = self._connection.url
         return self._url
+
+    @property
+    def epoch(self) -> int:
+        """Which run of the daemon this client's requests are for; 0: that daemon is too old to have epochs."""
+        return self._use().epoch
+
+    def acknowledge_epoch(self) -> int:
+        """Goes on with the daemon that serves now, whichever it is, and returns its epoch.
+
+        After NewEpoch; poses, attachments and bodies that clients had sent are gone: send them again.
+        """
+        return self._use().acknowledge_epoch()
 
     @property
     def timeout_s(self) -> float:

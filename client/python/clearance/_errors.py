@@ -48,9 +48,21 @@ class RequestError(ClearanceError, RuntimeError):
         return type(self), (self.code, str(self))
 
 
+class NewEpoch(RequestError):
+    """The daemon was started anew, or is another one, since this client's first contact.
+
+    What clients had sent it - poses, attachments, bodies - is gone. Requests are refused so until
+    Client.acknowledge_epoch(). ``code`` is wire.ErrorCode.NEW_EPOCH.
+    """
+
+
 class ConnectionError(ClearanceError, builtins.ConnectionError):
     """The daemon cannot be reached or is gone."""
 
 
 class TimeoutError(ConnectionError, builtins.TimeoutError):
     """No answer in time."""
+
+
+class DaemonHung(ConnectionError):
+    """The daemon is there, but its loop stood still for hang_s while a request was under way."""

@@ -22,6 +22,7 @@ class Status(enum.IntEnum):
     BAD_POSE = 5  #: a pose with NaN, Inf or a quaternion that cannot be normalised
     NO_POSE = 6  #: a movable body that never got a pose
     UNKNOWN_BODY = 7  #: a body id outside the scene
+    STALE_POSE = 8  #: a pose older than max_pose_age_ns, where the query has stale_status
 
 
 class Flag(enum.IntFlag):

@@ -64,6 +64,7 @@ class ErrorCode(enum.IntEnum):
     RELOAD_FAILED = 21
     FORBIDDEN = 22
     POSES_LATE = 23
+    NEW_EPOCH = 24
 
 
 RECORD_REQUIRED = 1  #: flag of a record: who does not know its tag refuses the frame
@@ -73,6 +74,12 @@ class ReplyRecord(enum.IntEnum):
     """Tags of a reply's records."""
 
     IGNORED = 1  #: uint16 each: tags of the query's records that the daemon passed over
+
+
+class CommonRecord(enum.IntEnum):
+    """Tags of records that mean the same in every frame."""
+
+    EPOCH = 0xFF00  #: uint64: of a reply the run of the daemon that answers, of a request the one that it is for
 
 
 def __getattr__(name: str) -> Any:

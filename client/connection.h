@@ -1,0 +1,77 @@
+// What a client talks to: the daemon behind one of its urls, which may go away, hang, or be another one the next time.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "channel.h"
+#include "client.h"
+#include "fork_guard.h"
+#include "hang_watch.h"
+
+namespace clearance {
+
+/// `duration` from now, kept inside what the clock can hold.
+Deadline deadline_in(std::chrono::nanoseconds duration);
+
+/// Not thread-safe, as the channel underneath.
+class Connection {
+ public:
+  /// Connects to the first url that answers. Throws ConnectionError, and std::invalid_argument for a bad url.
+  Connection(std::span<const std::string> urls, const ConnectOptions& options);
+  ~Connection();
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  const std::string& url() const { return url_; }
+  bool forked() const { return fork_guard_.forked(); }
+  std::chrono::nanoseconds timeout() const { return timeout_; }
+  void set_timeout(std::chrono::nanoseconds timeout) { timeout_ = timeout; }
+
+  /// Connects anew if the last connection was lost. Returns the records that each request ends in: the epoch, if there
+  /// is one. Before begin().
+  const std::vector<std::byte>& prepare();
+  /// As of the channel.
+  std::byte* begin(std::uint64_t frame_bytes, std::uint64_t reply_bytes);
+  void send() { channel_->send(); }
+  /// The reply, or null once `deadline` has passed. Throws ConnectionError, DaemonHung.
+  std::unique_ptr<Frame> await(std::uint64_t request_id, Deadline deadline);
+  void forget(std::uint64_t request_id) { channel_->forget(request_id); }
+
+  std::uint64_t next_request_id() { return next_request_id_++; }
+  /// Those below it went out over a connection that was lost.
+  std::uint64_t oldest_request_id() const { return oldest_request_id_; }
+
+  /// Of the daemon that requests are for; 0: it has none.
+  std::uint64_t epoch() const { return epoch_; }
+  /// Requests are for the daemon that serves now. Returns its epoch.
+  std::uint64_t acknowledge_epoch();
+
+ private:
+  void check_process() const;
+  void connect_to(std::size_t first, std::chrono::nanoseconds patience);
+  void connect_anew();
+  void meet(Deadline deadline);
+
+  std::vector<std::string> urls_;
+  ConnectOptions options_;
+  std::chrono::nanoseconds hang_;
+  std::chrono::nanoseconds timeout_ = std::chrono::seconds(5);
+  ForkGuard fork_guard_;
+  std::unique_ptr<Channel> channel_;
+  HangWatch watch_;
+  std::size_t at_ = 0;  ///< of urls_
+  std::string url_;
+  bool has_hung_ = false;
+  bool has_met_ = false;
+  std::uint64_t epoch_ = 0;
+  std::vector<std::byte> epoch_record_;
+  std::uint64_t next_request_id_ = 1, oldest_request_id_ = 1;
+  std::uint64_t next_own_request_ = kOwnRequests;
+};
+
+}  // namespace clearance

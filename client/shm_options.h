@@ -1,0 +1,21 @@
+// What the url of a shared-memory daemon says.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+namespace clearance {
+
+struct ShmOptions {
+  std::string path;
+  std::chrono::nanoseconds spin = std::chrono::microseconds(20);
+  std::optional<uid_t> user = {};  ///< whose daemon it is; none: our own
+};
+
+/// "path?spin_us=20&user=clearance". Throws std::invalid_argument for an option that it does not know.
+ShmOptions parse_shm_options(const std::string& target);
+
+}  // namespace clearance

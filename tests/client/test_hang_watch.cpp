@@ -1,0 +1,89 @@
+// What is taken for a hang, with clocks and signs of the test's own.
+#include <gtest/gtest.h>
+
+#include "client/hang_watch.h"
+
+namespace clearance {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// A channel that only lives, or not.
+class Signs final : public Channel {
+ public:
+  std::byte* begin(std::uint64_t, std::uint64_t) override { return nullptr; }
+  void send() override {}
+  std::unique_ptr<Frame> receive(std::uint64_t, Deadline) override { return nullptr; }
+  void forget(std::uint64_t) override {}
+  std::string url() const override { return ""; }
+  std::uint64_t sign_of_life() override {
+    ++asked;
+    return sign;
+  }
+  std::uint64_t sign = 7;
+  int asked = 0;
+};
+
+class Watched : public testing::Test {
+ protected:
+  /// Looks whenever it is due. Returns how long it took to be taken for dead; zero: it was not, for a minute.
+  template <class Live>
+  std::chrono::nanoseconds until_hung(Live live) {
+    const Deadline begin = now_;
+    while (now_ < begin + 60s) {
+      now_ = std::max(now_ + 1ms, watch_.due());
+      live();
+      if (watch_.look(signs_, now_)) return now_ - begin;
+    }
+    return 0ns;
+  }
+  HangWatch watch_{800ms};
+  Signs signs_;
+  Deadline now_{1000h};
+};
+
+TEST_F(Watched, SignsThatStandStillAreAHang) {
+  const auto took = until_hung([] {});
+  EXPECT_GE(took, 800ms);
+  EXPECT_LE(took, 1000ms + 1ms);
+}
+
+TEST_F(Watched, SignsThatMoveAreNone) {
+  int looks = 0;
+  EXPECT_EQ(until_hung([&] { signs_.sign += ++looks % 7 == 0; }), 0ns) << "once in seven looks is enough";
+  EXPECT_GT(looks, 100);
+}
+
+TEST_F(Watched, ADaemonThatShowsNoneIsNotTakenForDead) {
+  signs_.sign = 0;
+  EXPECT_EQ(until_hung([] {}), 0ns);
+}
+
+TEST_F(Watched, TimeInWhichWeDidNotRunDoesNotCount) {
+  EXPECT_FALSE(watch_.look(signs_, now_)) << "nobody waited before";
+  EXPECT_EQ(signs_.asked, 0);
+  for (int i = 0; i < 100; ++i) {
+    now_ += 10s;  // stopped, or suspended together with the daemon
+    EXPECT_FALSE(watch_.look(signs_, now_));
+  }
+  EXPECT_NE(until_hung([] {}), 0ns) << "now it runs";
+}
+
+TEST_F(Watched, WhatQueuesUpBehindLargeFramesIsWaitedFor) {
+  watch_.expect(1000);
+  EXPECT_LE(until_hung([] {}), 1001ms) << "small ones take no time";
+  HangWatch patient(800ms);
+  watch_ = patient;
+  now_ = Deadline::clock::now();
+  watch_.expect(100 << 20);  // 10 s at 10 MB/s
+  const auto took = until_hung([] {});
+  EXPECT_GE(took, 10s);
+  EXPECT_LE(took, 13s);
+}
+
+TEST(HangWatch, IsOffWithoutPatience) {
+  EXPECT_EQ(HangWatch(0ns).due(), Deadline::max());
+}
+
+}  // namespace
+}  // namespace clearance
