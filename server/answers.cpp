@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "engine/narrow/work_meter.h"
 #include "error_frame.h"
 
 namespace clearance {
@@ -11,7 +12,14 @@ using wire::FrameHeader;
 
 void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType type,
                     std::span<const std::byte> payload) {
-  const std::uint64_t bytes = sizeof(FrameHeader) + payload.size();
+  std::byte* frame = reserve(sink, payload.size());
+  count_copied(payload.size());
+  if (!payload.empty()) std::memcpy(frame + sizeof(FrameHeader), payload.data(), payload.size());
+  publish(sink, request, type, frame, payload.size());
+}
+
+std::byte* Answers::reserve(ReplySink& sink, std::uint64_t payload_bytes) {
+  const std::uint64_t bytes = sizeof(FrameHeader) + payload_bytes;
   const auto too_large = [bytes](const char* room) {
     return Refusal{ErrorCode::kTooLarge, "the reply needs " + std::to_string(bytes) + " bytes, more than " + room,
                    bytes};
@@ -19,10 +27,14 @@ void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType
   if (bytes > wire::kMaxFrameBytes) throw too_large("a frame may have");
   std::byte* frame = sink.reserve(bytes);
   if (!frame) throw too_large("this client has room for");
-  const auto header = wire::make_reply_header(request, type, payload.size(), engine_->scene_revision());
+  return frame;
+}
+
+void Answers::publish(ReplySink& sink, const FrameHeader& request, wire::FrameType type, std::byte* frame,
+                      std::uint64_t payload_bytes) {
+  const auto header = wire::make_reply_header(request, type, payload_bytes, engine_->scene_revision());
   std::memcpy(frame, &header, sizeof header);
-  if (!payload.empty()) std::memcpy(frame + sizeof header, payload.data(), payload.size());
-  sink.publish(bytes);
+  sink.publish(sizeof header + payload_bytes);
   ++stats_.replies;
 }
 

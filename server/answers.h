@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <new>
+#include <optional>
 #include <string>
 
 #include "log_text.h"
@@ -23,12 +24,25 @@ class Answers {
   /// Throws a Refusal (kTooLarge) if it does not fit.
   void reply(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type,
              std::span<const std::byte> payload);
+  /// The same in steps: room for the frame, where the payload is then written behind the header, and its publication.
+  std::byte* reserve(ReplySink& sink, std::uint64_t payload_bytes);
+  void publish(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type, std::byte* frame,
+               std::uint64_t payload_bytes);
+  /// Counts a request whose client is gone.
+  void count_dropped() { ++stats_.dropped; }
   /// Counts the reply of a query, which was published.
   void count_query(std::uint64_t server_ns, std::uint64_t rows);
   void refuse(ReplySink& sink, const wire::FrameHeader& request, const Refusal& refusal);
   /// Runs `work`. Whatever it throws is answered with kError; then this returns false.
   template <class Work>
-  bool guard(ReplySink& sink, const wire::FrameHeader& request, Work work);
+  bool guard(ReplySink& sink, const wire::FrameHeader& request, Work work) {
+    const std::optional<Refusal> refusal = refusal_of(request, work);
+    if (refusal) refuse(sink, request, *refusal);
+    return !refusal;
+  }
+  /// Runs `work`. What it throws, in words for whoever asked. From any thread.
+  template <class Work>
+  static std::optional<Refusal> refusal_of(const wire::FrameHeader& request, Work work);
 
  private:
   Stats& stats_;
@@ -44,24 +58,23 @@ static_assert(code_of(QueryErrorCode::kTooLarge) == wire::ErrorCode::kTooLarge);
 static_assert(code_of(QueryErrorCode::kNotSupported) == wire::ErrorCode::kNotSupported);
 
 template <class Work>
-bool Answers::guard(ReplySink& sink, const wire::FrameHeader& request, Work work) {
+std::optional<Refusal> Answers::refusal_of(const wire::FrameHeader& request, Work work) {
   try {
     work();
-    return true;
+    return std::nullopt;
   } catch (const Refusal& refusal) {
-    refuse(sink, request, refusal);
+    return refusal;
   } catch (const wire::WireError& error) {
-    refuse(sink, request, {error.code, error.what()});
+    return Refusal{error.code, error.what()};
   } catch (const QueryError& error) {
-    refuse(sink, request, {code_of(error.code), error.what()});
+    return Refusal{code_of(error.code), error.what()};
   } catch (const std::bad_alloc&) {
-    refuse(sink, request, {wire::ErrorCode::kTooLarge, "the daemon has no memory for this request"});
+    return Refusal{wire::ErrorCode::kTooLarge, "the daemon has no memory for this request"};
   } catch (const std::exception& error) {
     spdlog::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type),
                   log_text(error.what()));
-    refuse(sink, request, {wire::ErrorCode::kInternal, std::string("internal error of the daemon: ") + error.what()});
+    return Refusal{wire::ErrorCode::kInternal, std::string("internal error of the daemon: ") + error.what()};
   }
-  return false;
 }
 
 }  // namespace clearance
