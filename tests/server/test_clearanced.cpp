@@ -156,7 +156,8 @@ TEST_F(Clearanced, ASignalEndsItWhateverItWorksOn) {
   query.bodies = bodies;
   query.pairs = pairs;
   query.all_pairs = false;
-  query.configurations.assign(4000, Pose7{0, 0, 0, 1, 0, 0, 0});
+  const std::vector<Pose7> configurations(4000, Pose7{0, 0, 0, 1, 0, 0, 0});
+  query.configurations = configurations;
   std::thread asking([&] { EXPECT_THROW(client.distances(query), std::exception); });
   const auto waiting = [&] {
     for (const auto& [name, value] : other.stats())
