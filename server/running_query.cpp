@@ -134,6 +134,7 @@ void RunningQuery::let_go() {
   payload_ = {};
   aligned_ = {};
   own_.reset();
+  engine_.reset();  // the last one of a scene that is gone may take long to free
 }
 
 bool RunningQuery::settle() {
