@@ -13,6 +13,7 @@
 #include "engine/device/device_self_test.h"
 #include "engine/device/router.h"
 #include "engine/narrow/self_test.h"
+#include "engine/query/extent.h"
 #include "engine/query/job_state.h"
 #include "engine/query/plan.h"
 #include "engine/scene/pose_store.h"
@@ -35,6 +36,7 @@ struct Engine::Impl {
   std::string refused_device;  // why it is not used; empty: it is, or there is none
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
+  SceneBulk bulk{scene};
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0};
@@ -180,7 +182,7 @@ BodyState Engine::body_state(std::uint32_t body) const {
   return {p.pose.X_wb, p.status, snapshot->parent[body], snapshot->stamp_ns[body], snapshot->receipt_ns[body]};
 }
 
-bool Engine::poses_reach(std::uint32_t bodies, std::int64_t stamp_ns) const {
+std::int64_t Engine::oldest_stamp(std::uint32_t bodies) const {
   const auto snapshot = impl_->poses.snapshot();
   const std::vector<Group>& groups = impl_->scene.groups();
   const bool is_group = bodies != kEveryBody && (bodies & kGroupBit);
@@ -188,20 +190,18 @@ bool Engine::poses_reach(std::uint32_t bodies, std::int64_t stamp_ns) const {
     throw QueryError(QueryErrorCode::kBadQuery, "wait_for: unknown group " + std::to_string(bodies & ~kGroupBit));
   if (!is_group && bodies != kEveryBody && bodies >= snapshot->stamp_ns.size())
     throw QueryError(QueryErrorCode::kBadQuery, "wait_for: unknown body " + std::to_string(bodies));
-  bool any = false;
-  const auto is_late = [&](std::int64_t stamp) {
-    any |= stamp != 0;
-    return stamp != 0 && stamp < stamp_ns;
+  units_of_this_thread += (is_group ? groups[bodies & ~kGroupBit].bodies.size() : snapshot->stamp_ns.size()) / 64;
+  std::int64_t oldest = 0;
+  const auto look = [&](std::int64_t stamp) {
+    if (stamp != 0 && (oldest == 0 || stamp < oldest)) oldest = stamp;
   };
-  if (is_group) {
-    for (const std::uint32_t b : groups[bodies & ~kGroupBit].bodies)
-      if (is_late(snapshot->stamp_ns[b])) return false;
-  } else if (bodies == kEveryBody) {
-    if (std::any_of(snapshot->stamp_ns.begin(), snapshot->stamp_ns.end(), is_late)) return false;
-  } else if (is_late(snapshot->stamp_ns[bodies])) {
-    return false;
-  }
-  return any;
+  if (is_group)
+    for (const std::uint32_t b : groups[bodies & ~kGroupBit].bodies) look(snapshot->stamp_ns[b]);
+  else if (bodies == kEveryBody)
+    for (const std::int64_t stamp : snapshot->stamp_ns) look(stamp);
+  else
+    look(snapshot->stamp_ns[bodies]);
+  return oldest;
 }
 
 QuerySize Engine::size(const QueryView& query) const {
@@ -220,10 +220,20 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
   return {all.begin(), all.end()};
 }
 
+PreparedQuery Engine::prepare(const QueryView& query) const {
+  const FpEnvironment environment;
+  return PreparedQuery(
+      std::make_unique<Plan>(make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true)));
+}
+
 Job Engine::start(const QueryView& query, const ReplyView& reply) const {
+  return start(prepare(query), reply);
+}
+
+Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const FpEnvironment environment;
   impl_->check_process();
-  Plan plan = make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true);
+  Plan plan = std::move(*query.plan_);
   if (plan.size.rows > reply.rows)  // an attachment since size() was asked can make more pairs
     throw QueryError(QueryErrorCode::kWrongScene, "the answer needs " + std::to_string(plan.size.rows) +
                                                       " rows and there is room for " + std::to_string(reply.rows) +
@@ -232,11 +242,12 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
   const JobContext context{&impl_->scene, impl_->options.threads,  impl_->reference,       impl_->lanes,
                            impl_->light,  &impl_->pairs_evaluated, &impl_->contradictions, &impl_->warm,
                            &impl_->trees, impl_->near_by,          impl_->device.get()};
-  cuda::Router* const router = impl_->router.get();
+  cuda::Router* const router = query.keep_on_cpu_ ? nullptr : impl_->router.get();
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
   std::unique_ptr<Job::State> state;
-  if (impl_->device && (!router || router->to_device(kind, pairs))) state = cuda::make_device_job(context, plan, reply);
+  if (impl_->device && !query.keep_on_cpu_ && (!router || router->to_device(kind, pairs)))
+    state = cuda::make_device_job(context, plan, reply);
   if (!state) state = make_cpu_job(context, std::move(plan), reply);
   if (router)
     state->when_done = [router, kind, pairs](const ReplyInfo& info, std::chrono::nanoseconds took) {
@@ -257,8 +268,8 @@ std::uint64_t Engine::contradictions() const {
   return impl_->contradictions;
 }
 
-void Engine::trim_warm(std::uint64_t client, std::uint64_t room) const {
-  impl_->warm.trim(client, room);
+std::shared_ptr<void> Engine::trim_warm(std::uint64_t client, std::uint64_t room) const {
+  return impl_->warm.trim(client, room);
 }
 
 Counters Engine::stats() const {
@@ -291,19 +302,49 @@ Counters Engine::stats() const {
   return counters;
 }
 
+Extent Engine::extent(const QueryView& query) const {
+  return impl_->bulk.of(query, *impl_->poses.snapshot());
+}
+bool Engine::has_cpu() const {
+  return !impl_->device || impl_->router;
+}
+
+PreparedQuery::PreparedQuery(std::unique_ptr<Plan> plan) : plan_(std::move(plan)) {}
+PreparedQuery::PreparedQuery(PreparedQuery&&) noexcept = default;
+PreparedQuery& PreparedQuery::operator=(PreparedQuery&&) noexcept = default;
+PreparedQuery::~PreparedQuery() = default;
+const QuerySize& PreparedQuery::size() const {
+  return plan_->size;
+}
+std::uint64_t PreparedQuery::bytes() const {
+  return plan_->pairs.list().size_bytes() + plan_->configurations.size_bytes();
+}
+void PreparedQuery::begin_cold() {
+  plan_->query.warm_slot = 0;
+}
+void PreparedQuery::keep_on_cpu() {
+  keep_on_cpu_ = true;
+}
+
 Job::Job(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Job::Job(Job&&) noexcept = default;
 Job& Job::operator=(Job&&) noexcept = default;
 Job::~Job() = default;
-bool Job::advance(std::chrono::nanoseconds budget) {
+bool Job::advance(const WorkBudget& budget) {
   const FpEnvironment environment;
-  if (!state_->when_done) return state_->advance(budget);
+  const std::uint64_t before = state_->units;
   using Clock = std::chrono::steady_clock;
-  const Clock::time_point begin = Clock::now();
+  const bool timed = state_->when_done != nullptr;
+  const Clock::time_point begin = timed ? Clock::now() : Clock::time_point();
   const bool done = state_->advance(budget);
+  units_of_this_thread += state_->units - before;
+  if (!timed) return done;
   state_->took += Clock::now() - begin;
   if (done) std::exchange(state_->when_done, nullptr)(state_->info, state_->took);
   return done;
+}
+std::uint64_t Job::units() const {
+  return state_->units;
 }
 const QuerySize& Job::size() const {
   return state_->size();

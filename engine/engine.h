@@ -11,6 +11,7 @@
 
 #include "engine/base/counters.h"
 #include "engine/pose/body_pose.h"
+#include "engine/query/extent.h"
 #include "engine/query/job.h"
 #include "engine/query/query.h"
 #include "engine/scene/scene.h"
@@ -86,9 +87,9 @@ class Engine {
   /// daemon does that loads its scene anew. Other bodies stay as this scene has them.
   void take_poses(const Engine& old);
   BodyState body_state(std::uint32_t body) const;
-  /// Whether the poses of a body or of a group (selector) have this stamp or a newer one. Bodies that never had a stamp
-  /// do not count, but one must have one. Throws QueryError for an unknown body or group.
-  bool poses_reach(std::uint32_t bodies, std::int64_t stamp_ns) const;
+  /// The oldest stamp of the poses of a body or of a group (selector). Bodies that never had a stamp do not count. 0:
+  /// none of them had one. Throws QueryError for an unknown body or group.
+  std::int64_t oldest_stamp(std::uint32_t bodies) const;
   std::uint64_t pose_revision() const;
 
   /// The size of the answer. Throws QueryError.
@@ -97,13 +98,23 @@ class Engine {
   std::vector<BodyPair> pairs(const QueryView& query) const;
   /// Begins a query on the newest snapshot. Copies what it needs of `query`; throws QueryError.
   Job start(const QueryView& query, const ReplyView& reply) const;
+  /// The same in two steps, between which the caller sees how large the answer is. What `query` points to must stay
+  /// until start(). Both throw QueryError.
+  PreparedQuery prepare(const QueryView& query) const;
+  Job start(PreparedQuery query, const ReplyView& reply) const;
+
+  /// What a query asks for at most (SceneBulk::of()).
+  Extent extent(const QueryView& query) const;
+  /// Whether the CPU can answer: no device was asked for by name.
+  bool has_cpu() const;
 
   /// Bytes that the warm state of a query takes on the host while it is under way, and after that until its client asks
   /// for something else.
   static std::uint64_t warm_bytes(const QueryView& query, const QuerySize& size);
   static const std::uint64_t kMostWarmBytes;  ///< of one query; larger ones are always cold
-  /// Lets go of the warm state that a client's queries left on the host, if it takes more than `room` bytes.
-  void trim_warm(std::uint64_t client, std::uint64_t room) const;
+  /// Lets go of the warm state that a client's queries left on the host, if it takes more than `room` bytes. Freeing
+  /// what comes back may take milliseconds; null: nothing.
+  std::shared_ptr<void> trim_warm(std::uint64_t client, std::uint64_t room) const;
 
   Counters stats() const;
   /// How often the bounds of two pieces contradicted each other, so that the pair was answered anew by what shares the

@@ -7,6 +7,7 @@
 #include <random>
 #include <string>
 
+#include "engine/narrow/work_meter.h"
 #include "error_frame.h"
 #include "log_text.h"
 
@@ -26,8 +27,21 @@ std::uint64_t draw_epoch() {
 
 }  // namespace
 
-Answers::Answers(Stats& stats, const std::shared_ptr<Engine>& engine)
-    : stats_(stats), engine_(engine), epoch_(draw_epoch()) {}
+Answers::Answers(Stats& stats, const std::shared_ptr<Engine>& engine, bool require_epoch)
+    : stats_(stats), engine_(engine), epoch_(draw_epoch()), require_epoch_(require_epoch) {}
+
+void Answers::check_epoch(const FrameHeader& request, std::uint64_t named) const {
+  if (named == epoch_) return;
+  if (named)
+    throw Refusal{ErrorCode::kNewEpoch,
+                  "the daemon was started anew, or is another one, since this client's first contact: poses, "
+                  "attachments and bodies that clients had sent are gone; acknowledge its epoch, and send them again"};
+  using wire::FrameType;
+  const auto type = static_cast<FrameType>(request.type);
+  const bool is_harmless = type == FrameType::kPing || type == FrameType::kDescribe || type == FrameType::kGetStats;
+  if (require_epoch_ && !is_harmless)
+    throw Refusal{ErrorCode::kNewEpoch, wire::type_name(request.type) + " names no epoch (--require-epoch)"};
+}
 
 std::vector<std::byte> Answers::records(const FrameHeader& request, const wire::PassedOver& passed_over) const {
   std::vector<std::byte> records;
@@ -41,8 +55,14 @@ std::vector<std::byte> Answers::records(const FrameHeader& request, const wire::
 
 void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType type,
                     std::span<const std::byte> payload) {
-  const std::vector<std::byte> ending = records(request);
-  const std::uint64_t bytes = sizeof(FrameHeader) + payload.size() + ending.size();
+  std::byte* frame = reserve(sink, request, payload.size());
+  count_copied(payload.size());
+  if (!payload.empty()) std::memcpy(frame + sizeof(FrameHeader), payload.data(), payload.size());
+  publish(sink, request, type, frame, payload.size());
+}
+
+std::byte* Answers::reserve(ReplySink& sink, const FrameHeader& request, std::uint64_t payload_bytes) {
+  const std::uint64_t bytes = sizeof(FrameHeader) + payload_bytes + records(request).size();
   const auto too_large = [bytes](const char* room) {
     return Refusal{ErrorCode::kTooLarge, "the reply needs " + std::to_string(bytes) + " bytes, more than " + room,
                    bytes};
@@ -50,12 +70,17 @@ void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType
   if (bytes > wire::kMaxFrameBytes) throw too_large("a frame may have");
   std::byte* frame = sink.reserve(bytes);
   if (!frame) throw too_large("this client has room for");
+  return frame;
+}
+
+void Answers::publish(ReplySink& sink, const FrameHeader& request, wire::FrameType type, std::byte* frame,
+                      std::uint64_t payload_bytes) {
+  const std::vector<std::byte> ending = records(request);
   const auto header = wire::with_records(
-      wire::make_reply_header(request, type, payload.size(), engine_->scene_revision()), ending.size());
+      wire::make_reply_header(request, type, payload_bytes, engine_->scene_revision()), ending.size());
   std::memcpy(frame, &header, sizeof header);
-  if (!payload.empty()) std::memcpy(frame + sizeof header, payload.data(), payload.size());
-  if (!ending.empty()) std::memcpy(frame + sizeof header + payload.size(), ending.data(), ending.size());
-  sink.publish(bytes);
+  if (!ending.empty()) std::memcpy(frame + sizeof header + payload_bytes, ending.data(), ending.size());
+  sink.publish(sizeof header + payload_bytes + ending.size());
   ++stats_.replies;
 }
 

@@ -52,16 +52,6 @@ class FairQueue {
     return item;
   }
 
-  /// Takes out what `unwanted(item)` says.
-  template <class Predicate>
-  void remove_if(Predicate unwanted) {
-    FairQueue kept;
-    for (const std::uint64_t client : order_)
-      for (T& item : items_[client])
-        if (!unwanted(item)) kept.push(client, std::move(item));
-    *this = std::move(kept);
-  }
-
  private:
   /// Clients without items that keep their place in the map: one that asks again and again allocates nothing.
   static constexpr std::size_t kIdleClientsKept = 256;

@@ -2,18 +2,40 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
+#include <iterator>
+#include <unordered_map>
 
 #include "scene_check.h"
 
 namespace clearance {
 namespace {
 
+/// The stamps that poses have reached, each looked for once however many wait for it.
+class Reached {
+ public:
+  explicit Reached(const Engine& engine) : engine_(engine) {}
+  std::int64_t stamp(std::uint32_t bodies) {
+    const auto [known, is_new] = known_.try_emplace(bodies, 0);
+    if (is_new) known->second = engine_.oldest_stamp(bodies);
+    return known->second;
+  }
+
+ private:
+  const Engine& engine_;
+  std::unordered_map<std::uint32_t, std::int64_t> known_;
+};
+
+bool is_reached(Reached& reached, const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query) {
+  if (query.wait_for != kEveryBody) check_scene(engine, request, std::array{query.wait_for});
+  const std::int64_t stamp = reached.stamp(query.wait_for);
+  return stamp != 0 && stamp >= query.min_pose_stamp_ns;
+}
+
 /// Whether a query need not wait any longer.
-bool is_over(const HeldQuery& held, const Engine& engine, HeldQueries::Clock::time_point now) {
+bool is_over(const HeldQuery& held, const Engine& engine, Reached& reached, HeldQueries::Clock::time_point now) {
   if (now >= held.deadline) return true;
   try {
-    return HeldQueries::poses_are_there(engine, held.asked.header, held.query);
+    return is_reached(reached, engine, held.asked.header, held.query);
   } catch (const QueryError&) {  // another scene: said where the query begins
     return true;
   } catch (const Refusal&) {  // likewise
@@ -31,44 +53,44 @@ Refusal poses_late(const QueryOptions& query, bool waited) {
 }
 
 bool HeldQueries::poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query) {
-  if (query.wait_for != kEveryBody) check_scene(engine, request, std::array{query.wait_for});
-  return engine.poses_reach(query.wait_for, query.min_pose_stamp_ns);
+  Reached reached(engine);
+  return is_reached(reached, engine, request, query);
 }
 
-void HeldQueries::hold(const wire::FrameHeader& request, const QueryOptions& query, std::span<const std::byte> payload,
+void HeldQueries::hold(const wire::FrameHeader& request, const QueryOptions& query, OwnPayload payload,
                        std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine,
                        Clock::time_point received) {
   if (query.pose_wait_ns == 0) throw poses_late(query, false);
   const std::uint64_t client = sink->client();
-  quotas.check_bytes(client, payload.size(), sink->unsent_bytes());
-  HeldQuery held{{nullptr, request, quotas.take(client, payload.size())},
+  quotas.check_bytes(client, payload.bytes, sink->unsent_bytes());
+  HeldQuery held{{nullptr, request, quotas.take(client, payload.bytes)},
                  query,
-                 std::vector<std::uint64_t>((payload.size() + 7) / 8),
-                 payload.size(),
+                 std::move(payload),
                  received,
                  received + std::chrono::nanoseconds(query.pose_wait_ns)};
-  std::memcpy(held.words.data(), payload.data(), payload.size());
   if (held_.empty()) looked_at_revision_ = engine.pose_revision();  // the others have not been looked at yet
   deadline_ = std::min(deadline_, held.deadline);
   held_.push_back(std::move(held));
   held_.back().asked.sink = std::move(sink);  // now that nothing can fail any more
 }
 
-/// Puts those that are over behind the others, the last one first. Returns how many stay.
-std::size_t HeldQueries::part(const Engine& engine, Clock::time_point now) {
+/// Takes those that are over from the others.
+void HeldQueries::part(const Engine& engine, Clock::time_point now) {
   const std::uint64_t revision = engine.pose_revision();
-  if (revision == looked_at_revision_ && now < deadline_) return held_.size();
+  if (revision == looked_at_revision_ && now < deadline_) return;
   looked_at_revision_ = revision;
+  Reached reached(engine);
   const auto first = std::stable_partition(held_.begin(), held_.end(),
-                                           [&](const HeldQuery& held) { return !is_over(held, engine, now); });
-  std::reverse(first, held_.end());
+                                           [&](const HeldQuery& held) { return !is_over(held, engine, reached, now); });
+  over_.insert(over_.end(), std::make_move_iterator(first), std::make_move_iterator(held_.end()));
+  held_.erase(first, held_.end());
   deadline_ = Clock::time_point::max();
-  for (auto held = held_.begin(); held != first; ++held) deadline_ = std::min(deadline_, held->deadline);
-  return static_cast<std::size_t>(first - held_.begin());
+  for (const HeldQuery& held : held_) deadline_ = std::min(deadline_, held.deadline);
 }
 
 std::size_t HeldQueries::drop_gone() {
-  const auto dropped = std::erase_if(held_, [](const HeldQuery& held) { return !held.asked.sink->alive(); });
+  const auto is_gone = [](const HeldQuery& held) { return !held.asked.sink->alive(); };
+  const auto dropped = std::erase_if(held_, is_gone) + std::erase_if(over_, is_gone);
   if (held_.empty()) deadline_ = Clock::time_point::max();
   return dropped;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <deque>
 #include <span>
 #include <vector>
 
@@ -16,11 +17,8 @@ namespace clearance {
 struct HeldQuery {
   PendingRequest asked;
   QueryOptions query;
-  std::vector<std::uint64_t> words;  ///< of the payload; the frame's own memory ends with its client's call
-  std::uint64_t payload_bytes;
+  OwnPayload payload;
   std::chrono::steady_clock::time_point received, deadline;
-
-  std::span<const std::byte> payload() const { return std::as_bytes(std::span(words)).first(payload_bytes); }
 };
 
 class HeldQueries {
@@ -31,23 +29,23 @@ class HeldQueries {
   /// for is not, or no more, in the scene.
   static bool poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query);
 
-  bool empty() const { return held_.empty(); }
-  std::size_t size() const { return held_.size(); }
+  bool empty() const { return held_.empty() && over_.empty(); }
+  std::size_t size() const { return held_.size() + over_.size(); }
   /// The first of theirs; of none: the end of time.
   Clock::time_point deadline() const { return deadline_; }
 
   /// Takes a query aside. Throws a Refusal (kPosesLate) if it does not want to wait, and if there is no room (kBusy).
-  void hold(const wire::FrameHeader& request, const QueryOptions& query, std::span<const std::byte> payload,
+  void hold(const wire::FrameHeader& request, const QueryOptions& query, OwnPayload payload,
             std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine, Clock::time_point received);
   /// Lets go of those whose poses are there, whose scene is another or whose time is up, in the order in which they
-  /// came: `release(HeldQuery)`. Returns whether there were any.
+  /// came and a few at a time: `release(HeldQuery)`. Returns whether there were any.
   template <class Release>
   bool release(const Engine& engine, Clock::time_point now, Release release) {
-    const std::size_t kept = part(engine, now);
-    const bool any = held_.size() > kept;
-    while (held_.size() > kept) {
-      HeldQuery held = std::move(held_.back());
-      held_.pop_back();
+    part(engine, now);
+    const bool any = !over_.empty();
+    for (int i = 0; i < kReleasedAtATime && !over_.empty(); ++i) {
+      HeldQuery held = std::move(over_.front());
+      over_.pop_front();
       release(std::move(held));
     }
     return any;
@@ -56,9 +54,11 @@ class HeldQueries {
   std::size_t drop_gone();
 
  private:
-  std::size_t part(const Engine& engine, Clock::time_point now);
+  static constexpr int kReleasedAtATime = 16;
+  void part(const Engine& engine, Clock::time_point now);
 
   std::vector<HeldQuery> held_;
+  std::deque<HeldQuery> over_;            // that need not wait any longer
   std::uint64_t looked_at_revision_ = 0;  // of the poses
   Clock::time_point deadline_ = Clock::time_point::max();
 };

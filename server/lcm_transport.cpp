@@ -120,7 +120,8 @@ class LcmTransport final : public Transport {
     }
     ++figures_->queries;
     auto sink = std::make_unique<LcmReplySink>(link_, clients_.number_of(query.client_id), query.client_id);
-    hand_in(query_frame_of(query), std::move(sink));
+    const auto frame = std::make_shared<std::vector<std::byte>>(query_frame_of(query));
+    hand_in(*frame, frame, std::move(sink));
   }
 
   void on_frame(std::span<const std::byte> packet) {
@@ -137,7 +138,8 @@ class LcmTransport final : public Transport {
     ++figures_->frames;
     auto sink = std::make_unique<LcmFrameSink>(link_, clients_.number_of(whole->client_id), whole->client_id,
                                                whole->request_id);
-    hand_in(whole->frame.span(), std::move(sink));
+    const auto frame = std::make_shared<FrameBytes>(std::move(whole->frame));
+    hand_in(frame->span(), frame, std::move(sink));
   }
 
   /// Whether a frame that changes something is newer than its client's last such frame. One that came late or once more
@@ -154,11 +156,15 @@ class LcmTransport final : public Transport {
     return false;
   }
 
-  void hand_in(std::span<const std::byte> frame, std::unique_ptr<ReplySink> sink) {
+  /// \param owner of the frame's memory
+  void hand_in(std::span<const std::byte> frame, const std::shared_ptr<void>& owner, std::unique_ptr<ReplySink> sink) {
     wire::FrameHeader header;
     std::memcpy(&header, frame.data(), sizeof header);
     ++handed_in_;
-    inbox_->on_frame(header, frame.subspan(sizeof header), std::move(sink));
+    const std::span<const std::byte> payload = frame.subspan(sizeof header);
+    if (payload.size() <= kLargePayload) return inbox_->on_frame(header, payload, std::move(sink));
+    const OwnPayload fetched{{owner, payload.data()}, payload.size()};
+    inbox_->on_large_frame(header, payload.size(), [fetched] { return fetched; }, std::move(sink));
   }
 
   void on_status(std::span<const std::byte> packet) {

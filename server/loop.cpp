@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "engine/narrow/work_meter.h"
 #include "log_text.h"
 
 namespace clearance {
@@ -38,7 +39,8 @@ Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
       wake_fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
       engine_(std::move(engine)),
       started_(Clock::now()),
-      next_tick_(started_) {
+      next_tick_(started_),
+      worker_({options.slice, options.worker_thread}, [this] { wake(); }) {
   if (!wake_fd_) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
 }
 
@@ -98,17 +100,32 @@ bool Loop::spin() {
 }
 
 bool Loop::turn() {
-  turn_began_ = Clock::now();
-  if (scenes_.turn()) poses_changed_ = true;
+  section_began_ = turn_began_ = Clock::now();
+  units_before_ = units_of_this_thread;
+  bool worked = settle_what_was_worked_on();
+  const std::shared_ptr<Engine> before = scenes_.is_busy() ? engine_ : nullptr;
+  if (scenes_.turn()) {
+    poses_changed_ = true;
+    worker_.drop(before);
+  }
   if (stats_.are_wanted()) stats_.hand_out(all_counters());
-  bool worked = poll_in_memory();
+  worked |= poll_in_memory();
   if (!held_.empty())
     worked |= held_.release(*engine_, turn_began_, [this](HeldQuery held) { begin_held(std::move(held)); });
   if (poses_changed_ || turn_began_ >= next_tick_) tick();
   worked |= work_for_a_slice();
   worked |= poll_by_system_call();  // after the work, so that no request in memory waits for it
-  if (worked) wakes_for_nothing_ = 0;
-  return worked;
+  if (!worked) return false;
+  wakes_for_nothing_ = 0;
+  note_section();
+  return true;
+}
+
+/// What the loop has done since it looked at its transports last.
+void Loop::note_section() {
+  const auto took = static_cast<std::uint64_t>(std::chrono::nanoseconds(Clock::now() - section_began_).count());
+  stats_.longest_section_ns = std::max(stats_.longest_section_ns, took);
+  stats_.longest_section_units = std::max(stats_.longest_section_units, units_of_this_thread - units_before_);
 }
 
 bool Loop::poll_in_memory() {
@@ -147,10 +164,22 @@ int Loop::poll_transport(std::size_t i) {
 }
 
 bool Loop::work_for_a_slice() {
-  if (scheduler_.empty()) return false;
-  if (const std::size_t dropped = scheduler_.work(Clock::now())) count_dropped(dropped);
-  warn_of_contradictions();
+  bool worked = !small_.empty();
+  if (worked) small_.work(Clock::now(), [this](Worker::QueryPtr query) { settle(std::move(query)); });
+  if (!options_.worker_thread && worker_.work()) worked = settle_what_was_worked_on() || true;
+  if (worked) warn_of_contradictions();
+  return worked;
+}
+
+bool Loop::settle_what_was_worked_on() {
+  if (!worker_.has_done()) return false;
+  for (Worker::QueryPtr& query : worker_.take()) settle(std::move(query));
   return true;
+}
+
+/// Does what only the loop may; what is not over then is the worker's.
+void Loop::settle(Worker::QueryPtr query) {
+  if (!query->settle()) worker_.add(std::move(query));
 }
 
 void Loop::warn_of_contradictions() {
@@ -182,7 +211,8 @@ void Loop::tick() {
 
 /// Lets go of requests whose clients are gone.
 void Loop::drop_gone() {
-  if (const std::size_t queries = scheduler_.drop_unwanted() + held_.drop_gone()) count_dropped(queries);
+  worker_.look();
+  if (const std::size_t queries = held_.drop_gone()) count_dropped(queries);
   stats_.dropped += scenes_.drop_gone();
 }
 

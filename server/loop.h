@@ -1,8 +1,13 @@
 // The daemon's one loop: polls the transports, has each request answered, and sleeps where there is nothing to do.
 //
-// What happens between a request and its answer has owners of its own: whose turn it is (scheduler.h), what each client
-// may have under way (quotas.h), queries that wait for poses (held_queries.h), changes of the scene (scene_changes.h),
-// replies and errors (answers.h), figures (stats.h). The loop hands requests to them; they know nothing of transports.
+// What happens between a request and its answer has owners of its own: whose turn it is (scheduler.h), who works on
+// what is too dear for the loop (worker.h), what each client may have under way (quotas.h), queries that wait for poses
+// (held_queries.h), changes of the scene (scene_changes.h), replies and errors (answers.h), figures (stats.h). The loop
+// hands requests to them; they know nothing of transports.
+//
+// Between two looks at the transports the loop does a bounded number of units of work (engine/narrow/work_meter.h;
+// payloads count a unit for each KiB): a query is begun here if what it names is little, and gets one slice here; what
+// is left then, and everything else, is the worker's.
 #pragma once
 
 #include <atomic>
@@ -12,11 +17,14 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "answers.h"
+#include "dear_request.h"
 #include "held_queries.h"
 #include "quotas.h"
+#include "running_query.h"
 #include "scene_changes.h"
 #include "scheduler.h"
 #include "stats.h"
@@ -24,6 +32,7 @@
 #include "wire/shm_os.h"
 #include "wire/spin_gate.h"
 #include "wire/wire.h"
+#include "worker.h"
 
 struct pollfd;
 
@@ -33,14 +42,14 @@ class Loop final : public Inbox {
  public:
   using Clock = std::chrono::steady_clock;
 
-  struct Options : Quotas::Limits, SceneChanges::Limits {
+  struct Options : Quotas::Limits, SceneChanges::Limits, RunningQuery::Limits {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
     std::chrono::nanoseconds spin =
         std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
     std::chrono::nanoseconds tick = std::chrono::milliseconds(100);
-    std::function<void()> on_tick = {};                  ///< called by the loop itself, once a tick: a watchdog's food
-    std::uint64_t max_pairs_per_query = 10'000'000'000;  ///< pairs times configurations; more: kTooLarge
-    bool require_epoch = false;  ///< requests that deal with poses and name no epoch are refused (kNewEpoch)
+    std::function<void()> on_tick = {};  ///< called by the loop itself, once a tick: a watchdog's food
+    bool require_epoch = false;          ///< requests that deal with poses and name no epoch are refused (kNewEpoch)
+    bool worker_thread = true;  ///< false: the loop works on everything itself, so that a test can count slices
   };
 
   /// Which run of the daemon this is: a number drawn at random, never 0, which every reply of version 2 carries.
@@ -49,6 +58,7 @@ class Loop final : public Inbox {
   explicit Loop(Engine& engine) : Loop(engine, Options()) {}
   Loop(Engine& engine, const Options& options);  ///< the engine must outlive the loop
   Loop(std::shared_ptr<Engine> engine, const Options& options);
+  ~Loop() override { close_transports(); }  // they let go of memory by way of the worker
 
   void add(std::unique_ptr<Transport> transport);
   const std::vector<std::unique_ptr<Transport>>& transports() const { return transports_; }
@@ -74,32 +84,51 @@ class Loop final : public Inbox {
   std::optional<Stats::Figures> read_figures(std::chrono::nanoseconds patience);
   bool is_reloading() const { return scenes_.is_busy(); }
   /// Queries under way.
-  std::size_t waiting() const { return scheduler_.size(); }
+  std::size_t waiting() const { return small_.size() + worker_.size(); }
+  /// Whether somebody still works on queries.
+  bool is_working() const { return worker_.size() > 0; }
   /// Queries that wait for poses.
   std::size_t held() const { return held_.size(); }
 
   void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
                 std::unique_ptr<ReplySink> sink) override;
+  void on_large_frame(const wire::FrameHeader& header, std::uint64_t payload_bytes, std::function<OwnPayload()> fetch,
+                      std::unique_ptr<ReplySink> sink) override;
   PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
                             std::uint64_t publisher = 0) override;
+  void drop(std::shared_ptr<void> thing) override { worker_.drop(std::move(thing)); }
   std::uint64_t& counter(const std::string& name) override { return stats_[name]; }
   Engine& engine() override { return *engine_; }
 
  private:
   // Requests (loop_requests.cpp). Those that are answered later take the sink.
+  static void check_right(const wire::FrameHeader& header, const ReplySink& sink);
   void handle(const wire::FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink);
   void start_query(const wire::FrameHeader& header, std::span<const std::byte> payload,
                    std::unique_ptr<ReplySink>& sink);
-  void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::uint64_t payload_bytes,
+  void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
                    std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   void begin_held(HeldQuery held);
-  std::vector<std::byte> pair_table(const wire::FrameHeader& header, std::span<const std::byte> payload);
+  void begin_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
+                       const Extent& extent, std::unique_ptr<ReplySink>& sink, Clock::time_point received,
+                       bool has_waited);
+  bool hold(const wire::FrameHeader& header, const QueryOptions& asked, const OwnPayload& payload,
+            std::unique_ptr<ReplySink>& sink, Clock::time_point received);
+  bool is_small(const Extent& extent) const;
+  void reply_elsewhere(const wire::FrameHeader& header, std::uint64_t bytes, wire::FrameType type,
+                       DearRequest::Make make, std::unique_ptr<ReplySink>& sink, DearRequest::Done done = nullptr);
+  using MakeOfPayload =
+      std::function<std::vector<std::byte>(std::span<const std::byte> payload, std::uint64_t& ignored)>;
+  void reply_to_payload(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                        wire::FrameType type, MakeOfPayload make, std::unique_ptr<ReplySink>& sink);
+  void list_pairs(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                  std::unique_ptr<ReplySink>& sink);
+  void set_poses_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch,
+                           std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
   wire::PosesResult set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload,
                               std::uint64_t client);
+  void count_poses(const PoseUpdateResult& done);
   wire::PosesResult attach(const wire::FrameHeader& header, std::span<const std::byte> payload);
-  std::span<const std::byte> without_records(const wire::FrameHeader& header, std::span<const std::byte> payload);
-  void check_epoch(wire::FrameType type, std::uint64_t named) const;
-  std::span<const std::byte> aligned(std::span<const std::byte> payload);
   Stats::Named all_counters() const;
   std::vector<std::byte> stats_payload() const;
 
@@ -107,6 +136,9 @@ class Loop final : public Inbox {
   bool poll_by_system_call();
   int poll_transport(std::size_t i);
   bool work_for_a_slice();
+  bool settle_what_was_worked_on();
+  void settle(Worker::QueryPtr query);
+  void note_section();
   void warn_of_contradictions();
   void tick();
   void drop_gone();
@@ -124,24 +156,34 @@ class Loop final : public Inbox {
 
   std::shared_ptr<Engine> engine_;
   Stats stats_;
-  Answers answers_{stats_, engine_};
+  Answers answers_{stats_, engine_, options_.require_epoch};
   Quotas quotas_{options_};
-  Scheduler scheduler_{options_.slice};
+  Scheduler small_{options_.slice};  // what the loop itself works on
   HeldQueries held_;
   SceneChanges scenes_{engine_, answers_, stats_, quotas_, options_};
 
-  std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
-  std::vector<BodyPose> poses_;
-  std::vector<std::uint32_t> ids_;  // theirs
+  std::vector<std::uint64_t> aligned_;                           // a query's payload, where it arrived unaligned
+  std::unordered_map<std::uint64_t, std::uint32_t> poses_away_;  // of each client: pose updates that the worker has
   bool poses_changed_ = false;
   bool contradiction_logged_ = false;
-  Clock::time_point started_, turn_began_, next_tick_, next_warning_;
+  Clock::time_point started_, turn_began_, section_began_, next_tick_, next_warning_;
   Clock::time_point next_look_;             // at the transports that are polled by system calls
   bool looked_at_all_ = false;              // the last turn did
   Clock::time_point last_frame_in_memory_;  // of a transport that is polled without
   SpinGate spins_;
   int wakes_for_nothing_ = 0;
+  std::uint64_t units_before_ = 0;  // the section that is under way
   std::atomic<bool> stopping_{false};
+  RunningQuery::Daemon daemon_{
+      answers_,
+      quotas_,
+      stats_,
+      options_,
+      [this](std::shared_ptr<void> thing) { worker_.drop(std::move(thing)); },
+      [this](const wire::FrameHeader& header, const QueryOptions& asked, const OwnPayload& payload,
+             std::unique_ptr<ReplySink>& sink,
+             Clock::time_point received) { return hold(header, asked, payload, sink, received); }};
+  Worker worker_;  // last: what it works on uses the others
 };
 
 }  // namespace clearance

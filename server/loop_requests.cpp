@@ -2,11 +2,13 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <utility>
 
 #include "loop.h"
 #include "running_query.h"
 #include "scene_check.h"
 #include "scene_frame.h"
+#include "wire/aligned_buffer.h"
 
 namespace clearance {
 namespace {
@@ -18,22 +20,13 @@ using wire::FrameType;
 /// What a pair is taken to cost, to tell when a query is due. A guess is enough: it only orders one client's queries.
 constexpr auto kPairCost = std::chrono::microseconds(1);
 
-/// The engine's view of a query whose payload begins on a multiple of 8.
-QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
-  const wire::QueryHeader& h = parts.header;
-  static_assert(sizeof(BodyPair) == sizeof(wire::PairRecord) && sizeof(Pose) == sizeof(wire::ConfigurationRecord));
-  QueryView q;
-  q.pairs = {reinterpret_cast<const BodyPair*>(parts.pairs.data()), static_cast<std::size_t>(parts.pairs.size())};
-  q.bodies = {reinterpret_cast<const std::uint32_t*>(parts.bodies.data()),
-              static_cast<std::size_t>(parts.bodies.size())};
-  q.configurations = {reinterpret_cast<const Pose*>(parts.configurations.data()),
-                      static_cast<std::size_t>(parts.configurations.size())};
-  q.all_pairs = h.all_pairs;
-  q.configuration_count = h.configuration_count;
-  copy_options(parts.options, q);
-  q.scene_revision = scene_revision;
-  return q;
-}
+/// What a query may name so that the loop itself begins it: it is then answered by one thread, and what it takes
+/// beyond a slice, by the worker.
+constexpr std::uint64_t kSmallPairs = 256, kSmallPiecePairs = 8192;
+/// Scenes of more bodies are described by the worker.
+constexpr std::size_t kFewBodies = 1000;
+/// The largest requests of other types (kAddBody) are read here.
+constexpr std::uint64_t kMostOfOthers = 1 << 20;
 
 wire::PosesResult result_of(const PoseUpdateResult& done, std::uint64_t scene_revision) {
   wire::PosesResult result;
@@ -57,6 +50,62 @@ std::span<const std::byte> bytes_of(const Record& record) {
   return std::as_bytes(std::span(&record, 1));
 }
 
+Loop::Clock::time_point due(Loop::Clock::time_point begun, std::uint64_t pairs) {
+  return begun + kPairCost * std::min<std::uint64_t>(pairs, 1u << 30);
+}
+
+/// A payload that is good after the call, too.
+std::function<OwnPayload()> own_copy(std::span<const std::byte> payload) {
+  const std::shared_ptr<std::byte> copy(aligned_bytes(payload.size()).release(), FreeDeleter());
+  if (!payload.empty()) std::memcpy(copy.get(), payload.data(), payload.size());
+  count_copied(payload.size());
+  return [own = OwnPayload{copy, payload.size()}] { return own; };
+}
+
+/// The payload of a request of which no record but the epoch is known. Throws WireError if one of them is required, a
+/// Refusal if it is for another epoch. \param ignored counts the others.
+std::span<const std::byte> without_records(const Answers& answers, const FrameHeader& header,
+                                           std::span<const std::byte> payload, std::uint64_t& ignored) {
+  if (header.records_bytes == 0) {
+    answers.check_epoch(header, 0);
+    return payload;
+  }
+  const wire::PayloadParts parts = wire::split_payload(header, payload);
+  wire::PassedOver passed_over;
+  const std::uint64_t epoch = wire::read_records(wire::type_name(header.type).c_str(), parts.records, passed_over,
+                                                 [](const wire::RecordView&) { return false; });
+  ignored += passed_over.size();
+  answers.check_epoch(header, epoch);
+  return parts.body;
+}
+
+/// Payload of kPairTable.
+std::vector<std::byte> pair_table(const Engine& engine, const FrameHeader& header, const wire::QueryParts& parts) {
+  const std::vector<BodyPair> pairs = engine.pairs(view_of(parts, header.scene_revision));
+  wire::PairsHeader table;
+  table.scene_revision = header.scene_revision ? header.scene_revision : engine.scene_revision();
+  table.count = pairs.size();
+  std::vector<std::byte> reply(sizeof table + pairs.size() * sizeof(BodyPair));
+  std::memcpy(reply.data(), &table, sizeof table);
+  if (!pairs.empty()) std::memcpy(reply.data() + sizeof table, pairs.data(), pairs.size() * sizeof(BodyPair));
+  return reply;
+}
+
+PoseUpdateResult apply_poses(Engine& engine, const FrameHeader& header, std::span<const std::byte> payload,
+                             std::uint64_t client) {
+  const wire::PosesParts parts = wire::parse_poses(payload);
+  count_copied(payload.size());
+  std::vector<BodyPose> poses(parts.poses.size());
+  std::vector<std::uint32_t> ids(parts.poses.size());
+  for (std::uint64_t i = 0; i < parts.poses.size(); ++i) {
+    const wire::PoseRecord record = parts.poses[i];
+    poses[i] = {record.body, pose_of(record.pose)};
+    ids[i] = record.body;
+  }
+  check_scene(engine, header, ids, true);
+  return engine.set_poses(poses, parts.header.stamp_ns, parts.header.sequence, client);
+}
+
 }  // namespace
 
 void Loop::on_frame(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink> sink) {
@@ -65,34 +114,44 @@ void Loop::on_frame(const FrameHeader& header, std::span<const std::byte> payloa
   answers_.guard(way_back, header, [&] { handle(header, payload, sink); });
 }
 
+void Loop::check_right(const FrameHeader& header, const ReplySink& sink) {
+  if (const Rights needed = right_for(static_cast<FrameType>(header.type)); needed & ~sink.rights())
+    throw Refusal{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" + rights_text(needed) +
+                                             "\"; this client has " + rights_text(sink.rights())};
+}
+
 void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload, std::unique_ptr<ReplySink>& sink) {
   wire::check_header(header, payload.size());
   const auto type = static_cast<FrameType>(header.type);
-  if (const Rights needed = right_for(type); needed & ~sink->rights())
-    throw Refusal{ErrorCode::kForbidden, wire::type_name(header.type) + " needs the right \"" + rights_text(needed) +
-                                             "\"; this client has " + rights_text(sink->rights())};
-  if (type != FrameType::kQuery && type != FrameType::kPairs) payload = without_records(header, payload);
+  check_right(header, *sink);
+  const bool waits = type == FrameType::kSetPoses && poses_away_.contains(sink->client());
+  if (type != FrameType::kQuery && type != FrameType::kPairs && !waits)
+    payload = without_records(answers_, header, payload, stats_.records_ignored);
   const auto reply = [&](FrameType with, std::span<const std::byte> bytes) {
     answers_.reply(*sink, header, with, bytes);
   };
   const auto is_empty = [&] { wire::parse_empty(payload, header.type); };
+  const bool few = engine_->scene().bodies().size() <= kFewBodies;
   switch (type) {
     case FrameType::kPing:
       return reply(FrameType::kPong, payload);
     case FrameType::kDescribe:
       is_empty();
-      return reply(FrameType::kScene, scene_payload(*engine_));
+      if (few) return reply(FrameType::kScene, scene_payload(*engine_));
+      return reply_elsewhere(header, 0, FrameType::kScene, [e = engine_] { return scene_payload(*e); }, sink);
     case FrameType::kQuery:
       return start_query(header, payload, sink);
     case FrameType::kPairs:
-      return reply(FrameType::kPairTable, pair_table(header, payload));
+      return list_pairs(header, own_copy(payload), payload.size(), sink);
     case FrameType::kSetPoses:
+      if (waits) return set_poses_elsewhere(header, own_copy(payload), payload.size(), sink);
       return reply(FrameType::kPosesDone, bytes_of(set_poses(header, payload, sink->client())));
     case FrameType::kAttach:
       return reply(FrameType::kPosesDone, bytes_of(attach(header, payload)));
     case FrameType::kGetStates:
       is_empty();
-      return reply(FrameType::kBodyStates, states_payload(*engine_));
+      if (few) return reply(FrameType::kBodyStates, states_payload(*engine_));
+      return reply_elsewhere(header, 0, FrameType::kBodyStates, [e = engine_] { return states_payload(*e); }, sink);
     case FrameType::kGetStats:
       is_empty();
       return reply(FrameType::kStats, stats_payload());
@@ -109,148 +168,201 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   throw Refusal{ErrorCode::kUnknownType, "frame: type " + wire::type_name(header.type) + " is no request"};
 }
 
-/// The payload of a request of which no record but the epoch is known. Throws WireError if one of them is required.
-std::span<const std::byte> Loop::without_records(const FrameHeader& header, std::span<const std::byte> payload) {
-  const wire::PayloadParts parts = wire::split_payload(header, payload);
-  wire::PassedOver passed_over;
-  const std::uint64_t epoch = wire::read_records(wire::type_name(header.type).c_str(), parts.records, passed_over,
-                                                 [](const wire::RecordView&) { return false; });
-  stats_.records_ignored += passed_over.size();
-  check_epoch(static_cast<FrameType>(header.type), epoch);
-  return parts.body;
-}
-
-/// Whether a request is for this run of the daemon. What was sent to another one - poses, attachments, bodies - is not
-/// here, so an answer would be of other poses than the client thinks. \param named 0: the request names none
-void Loop::check_epoch(FrameType type, std::uint64_t named) const {
-  if (named == epoch()) return;
-  if (named)
-    throw Refusal{ErrorCode::kNewEpoch,
-                  "the daemon was started anew, or is another one, since this client's first contact: poses, "
-                  "attachments and bodies that clients had sent are gone; acknowledge its epoch, and send them again"};
-  const bool is_harmless = type == FrameType::kPing || type == FrameType::kDescribe || type == FrameType::kGetStats;
-  if (options_.require_epoch && !is_harmless)
-    throw Refusal{ErrorCode::kNewEpoch,
-                  wire::type_name(static_cast<std::uint16_t>(type)) + " names no epoch (--require-epoch)"};
-}
-
-/// A payload whose first byte lies on a multiple of 8: this one, or a copy that is good until the next call.
-std::span<const std::byte> Loop::aligned(std::span<const std::byte> payload) {
-  if (payload.empty() || reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t) == 0) return payload;
-  aligned_.resize((payload.size() + 7) / 8);
-  std::memcpy(aligned_.data(), payload.data(), payload.size());
-  return std::as_bytes(std::span(aligned_)).first(payload.size());
-}
-
 void Loop::start_query(const FrameHeader& header, std::span<const std::byte> payload,
                        std::unique_ptr<ReplySink>& sink) {
   ++stats_.queries;
   quotas_.check_requests(sink->client());
-  payload = aligned(payload);
+  payload = aligned(payload, aligned_);
   const wire::QueryParts parts = wire::parse_query(header, payload);
-  check_epoch(FrameType::kQuery, parts.epoch);
+  answers_.check_epoch(header, parts.epoch);
   const QueryOptions& asked = parts.options;
   stats_.records_ignored += parts.passed_over.size();
   if (asked.min_pose_stamp_ns == 0 || HeldQueries::poses_are_there(*engine_, header, asked))
-    return begin_query(header, parts, payload.size(), sink, turn_began_);
-  engine_->size(view_of(parts, header.scene_revision));  // what is wrong with it is said at once
-  held_.hold(header, asked, payload, sink, quotas_, *engine_, turn_began_);
+    return begin_query(header, parts, payload, sink, turn_began_);
+  const QueryView query = view_of(parts, header.scene_revision);
+  if (is_small(engine_->extent(query))) engine_->size(query);  // what is wrong with it is said at once
+  hold(header, asked, own_copy(payload)(), sink, turn_began_);
+}
+
+/// Holds a query until its poses are there; false: they are.
+bool Loop::hold(const FrameHeader& header, const QueryOptions& asked, const OwnPayload& payload,
+                std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
+  if (HeldQueries::poses_are_there(*engine_, header, asked)) return false;
+  held_.hold(header, asked, payload, sink, quotas_, *engine_, received);
   ++stats_["queries.held_back"];
+  return true;
 }
 
 void Loop::begin_held(HeldQuery held) {
   std::unique_ptr<ReplySink> sink = std::move(held.asked.sink);
   ReplySink& way_back = *sink;  // lives on with the query
+  const FrameHeader& header = held.asked.header;
   held.asked.share.give_back();
-  answers_.guard(way_back, held.asked.header, [&] {
-    if (!HeldQueries::poses_are_there(*engine_, held.asked.header, held.query)) throw poses_late(held.query, true);
-    const auto payload = held.payload();
-    begin_query(held.asked.header, wire::parse_query(held.asked.header, payload), payload.size(), sink, held.received);
+  answers_.guard(way_back, header, [&] {
+    if (!HeldQueries::poses_are_there(*engine_, header, held.query)) throw poses_late(held.query, true);
+    const auto fetch = [payload = held.payload] { return payload; };
+    if (held.payload.bytes > kLargePayload)
+      return begin_elsewhere(header, fetch, held.payload.bytes, {}, sink, held.received, true);
+    const auto payload = aligned(held.payload.span(), aligned_);
+    begin_query(header, wire::parse_query(header, payload), payload, sink, held.received);
   });
 }
 
-void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts, std::uint64_t payload_bytes,
-                       std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
-  const std::uint64_t client = sink->client();
-  QueryView query = view_of(parts, header.scene_revision);
-  query.warm_slot = parts.options.warm ? client : 0;
-  const auto begun = Clock::now();
-  const QuerySize size = engine_->size(query);
-  if (size.pairs && size.configurations > options_.max_pairs_per_query / size.pairs)
-    throw Refusal{ErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations of " +
-                                            std::to_string(size.pairs) + " pairs are more than the " +
-                                            std::to_string(options_.max_pairs_per_query) +
-                                            " that one query may ask about (--max-pairs): split it"};
-  // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
-  const bool whole_table = parts.header.all_pairs && parts.bodies.size() == 0;
-  std::vector<std::byte> records = answers_.records(header, parts.passed_over);
-  const std::uint64_t reply_bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields) + records.size();
-  if (query.reduce != Reduce::kWithin) check_reply_size(size.rows, reply_bytes, parts.options.max_reply_bytes);
-  std::uint64_t bytes = reply_bytes + payload_bytes + (whole_table ? 0 : size.pairs * sizeof(BodyPair));
-  const std::uint64_t left = quotas_.check_bytes(client, bytes, sink->unsent_bytes());
-  // Warm state has what is left, and makes way: without it an answer takes longer, and no more.
-  std::uint64_t warm = Engine::warm_bytes(query, size);
-  if (warm > left) {
-    warm = query.warm_slot = 0;
-    ++stats_["queries.cold"];
-  }
-  if (warm == 0 && left < Engine::kMostWarmBytes)
-    engine_->trim_warm(client, left);  // else the query takes what was left
-  bytes += warm;
-
-  Quotas::Share share = quotas_.take(client, bytes);
-  ReplyRoom room = reserve_room(*sink, size, query.reduce, records.size());
-  Job job = engine_->start(query, reply_view_over(room.frame + kColumnsBegin, size.rows, size.fields));
-  const std::uint64_t pairs = std::min<std::uint64_t>(size.configurations * size.pairs, 1u << 30);
-  RunningQuery::Traits traits{query.reduce,
-                              query.format,
-                              received,
-                              begun + kPairCost * pairs,
-                              Clock::now() - begun,
-                              std::move(records),
-                              parts.options.max_reply_bytes};
-  scheduler_.add(std::make_unique<RunningQuery>(answers_, std::move(sink), header, std::move(share), engine_,
-                                                std::move(job), std::move(room), std::move(traits)));
+bool Loop::is_small(const Extent& extent) const {
+  return extent.pairs < kSmallPairs && extent.piece_pairs <= kSmallPiecePairs && engine_->has_cpu();
 }
 
-std::vector<std::byte> Loop::pair_table(const FrameHeader& header, std::span<const std::byte> payload) {
-  const std::vector<std::byte> copy(payload.begin(), payload.end());  // aligned
-  const wire::QueryParts parts = wire::parse_query(header, copy);
-  check_epoch(FrameType::kPairs, parts.epoch);
-  stats_.records_ignored += parts.passed_over.size();
-  const std::vector<BodyPair> pairs = engine_->pairs(view_of(parts, header.scene_revision));
-  wire::PairsHeader table;
-  table.scene_revision = header.scene_revision ? header.scene_revision : engine_->scene_revision();
-  table.count = pairs.size();
-  std::vector<std::byte> reply(sizeof table + pairs.size() * sizeof(BodyPair));
-  std::memcpy(reply.data(), &table, sizeof table);
-  if (!pairs.empty()) std::memcpy(reply.data() + sizeof table, pairs.data(), pairs.size() * sizeof(BodyPair));
-  return reply;
+/// Begins a query here if it is small, else has it begun by the worker. Its poses are there.
+void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
+                       std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
+  const std::uint64_t client = sink->client();
+  const Extent extent = engine_->extent(view_of(parts, header.scene_revision));
+  if (!is_small(extent) || poses_away_.contains(client))
+    return begin_elsewhere(header, own_copy(payload), payload.size(), extent, sink, received, true);
+  auto query = std::make_unique<RunningQuery>(daemon_, client, header, engine_, received, due(received, extent.pairs));
+  query->begin_here(parts, payload.size(), sink);
+  small_.add(std::move(query));
+}
+
+void Loop::begin_elsewhere(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
+                           const Extent& extent, std::unique_ptr<ReplySink>& sink, Clock::time_point received,
+                           bool has_waited) {
+  auto query = std::make_unique<RunningQuery>(
+      daemon_, sink->client(), header, engine_, received,
+      due(Clock::now(), extent.pairs));  // no two are due at once: one ends, then the next
+  query->begin_elsewhere(std::move(fetch), payload_bytes, has_waited, sink);
+  worker_.add(std::move(query));
+}
+
+/// Has the worker make a reply's payload. \param bytes of the request
+void Loop::reply_elsewhere(const FrameHeader& header, std::uint64_t bytes, FrameType type, DearRequest::Make make,
+                           std::unique_ptr<ReplySink>& sink, DearRequest::Done done) {
+  quotas_.check_requests(sink->client());
+  quotas_.check_bytes(sink->client(), bytes, sink->unsent_bytes());
+  PendingRequest asked{nullptr, header, quotas_.take(sink->client(), bytes)};
+  asked.sink = std::move(sink);
+  worker_.add(
+      std::make_unique<DearRequest>(answers_, std::move(asked), type, turn_began_, std::move(make), std::move(done)));
+}
+
+/// A list of pairs, or an echo. \param make makes the reply's payload, and counts records that it ignored.
+void Loop::reply_to_payload(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                            FrameType type, MakeOfPayload make, std::unique_ptr<ReplySink>& sink) {
+  const auto ignored = std::make_shared<std::uint64_t>(0);
+  const auto make_reply = [=, fetch = std::move(fetch), make = std::move(make)] {
+    const OwnPayload payload = fetch();
+    return make(payload.span(), *ignored);
+  };
+  reply_elsewhere(header, bytes, type, make_reply, sink, [this, ignored](bool) {
+    stats_.records_ignored += *ignored;
+    return true;
+  });
+}
+
+void Loop::list_pairs(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                      std::unique_ptr<ReplySink>& sink) {
+  const auto make = [this, header, engine = engine_](std::span<const std::byte> payload, std::uint64_t& ignored) {
+    std::vector<std::uint64_t> room;
+    const wire::QueryParts parts = wire::parse_query(header, aligned(payload, room));
+    ignored += parts.passed_over.size();
+    answers_.check_epoch(header, parts.epoch);
+    return pair_table(*engine, header, parts);
+  };
+  reply_to_payload(header, std::move(fetch), bytes, FrameType::kPairTable, make, sink);
 }
 
 wire::PosesResult Loop::set_poses(const FrameHeader& header, std::span<const std::byte> payload, std::uint64_t client) {
-  const wire::PosesParts parts = wire::parse_poses(payload);
-  poses_.resize(parts.poses.size());
-  ids_.resize(parts.poses.size());
-  for (std::uint64_t i = 0; i < parts.poses.size(); ++i) {
-    const wire::PoseRecord record = parts.poses[i];
-    poses_[i] = {record.body, pose_of(record.pose)};
-    ids_[i] = record.body;
-  }
-  check_scene(*engine_, header, ids_, true);
-  return result_of(on_poses(poses_, parts.header.stamp_ns, parts.header.sequence, client), engine_->scene_revision());
+  const PoseUpdateResult done = apply_poses(*engine_, header, payload, client);
+  count_poses(done);
+  return result_of(done, engine_->scene_revision());
+}
+
+/// Has the worker apply poses. What their client sends meanwhile goes the same way, so that nothing overtakes them.
+void Loop::set_poses_elsewhere(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                               std::unique_ptr<ReplySink>& sink) {
+  struct Update {
+    std::shared_ptr<Engine> engine;
+    OwnPayload payload;
+    PoseUpdateResult result;
+    std::uint64_t ignored = 0;  // records
+  };
+  const auto update = std::make_shared<Update>(Update{engine_, {}, {}});
+  const std::uint64_t client = sink->client();
+  const auto make = [=, fetch = std::move(fetch)] {
+    if (!update->payload.begin) update->payload = fetch();
+    update->ignored = 0;
+    const auto body = without_records(answers_, header, update->payload.span(), update->ignored);
+    update->result = apply_poses(*update->engine, header, body, client);
+    const wire::PosesResult result = result_of(update->result, update->engine->scene_revision());
+    const auto bytes_of_it = bytes_of(result);
+    return std::vector<std::byte>(bytes_of_it.begin(), bytes_of_it.end());
+  };
+  const auto done = [=, this](bool made) {
+    if (made && update->engine != engine_) {  // a scene that came meanwhile needs them too
+      update->engine = engine_;
+      return false;
+    }
+    if (--poses_away_[client] == 0) poses_away_.erase(client);
+    stats_.records_ignored += update->ignored;
+    if (made) count_poses(update->result);
+    return true;
+  };
+  reply_elsewhere(header, bytes, FrameType::kPosesDone, make, sink, done);
+  ++poses_away_[client];
+}
+
+void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes, std::function<OwnPayload()> fetch,
+                          std::unique_ptr<ReplySink> sink) {
+  ++stats_.frames;
+  ReplySink& way_back = *sink;  // lives on with the request if that is answered later
+  answers_.guard(way_back, header, [&] {
+    wire::check_header(header, payload_bytes);
+    check_right(header, *sink);
+    switch (static_cast<FrameType>(header.type)) {
+      case FrameType::kQuery:
+        ++stats_.queries;
+        quotas_.check_requests(sink->client());
+        return begin_elsewhere(header, std::move(fetch), payload_bytes, {payload_bytes / sizeof(BodyPair), 0, 0}, sink,
+                               turn_began_, false);
+      case FrameType::kPairs:
+        return list_pairs(header, std::move(fetch), payload_bytes, sink);
+      case FrameType::kSetPoses:
+        return set_poses_elsewhere(header, std::move(fetch), payload_bytes, sink);
+      case FrameType::kPing:
+        return reply_to_payload(
+            header, std::move(fetch), payload_bytes, FrameType::kPong,
+            [this, header](std::span<const std::byte> payload, std::uint64_t& ignored) {
+              const auto body = without_records(answers_, header, payload, ignored);
+              count_copied(body.size());
+              return std::vector<std::byte>(body.begin(), body.end());
+            },
+            sink);
+      default:
+        break;
+    }
+    if (payload_bytes > kMostOfOthers)
+      throw Refusal{ErrorCode::kBadFrame, wire::type_name(header.type) + ": a payload of " +
+                                              std::to_string(payload_bytes) + " bytes, more than the " +
+                                              std::to_string(kMostOfOthers) + " that a request of this type has"};
+    const OwnPayload payload = fetch();
+    handle(header, payload.span(), sink);
+  });
 }
 
 PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
                                 std::uint64_t publisher) {
   const PoseUpdateResult done = engine_->set_poses(poses, stamp_ns, sequence, publisher);
+  count_poses(done);
+  return done;
+}
+
+void Loop::count_poses(const PoseUpdateResult& done) {
   ++stats_["poses.batches"];
   stats_["poses.applied"] += done.applied;
   stats_["poses.bad"] += done.bad;
   stats_["poses.unknown"] += done.unknown;
   stats_["poses.fixed"] += done.fixed;
   poses_changed_ = true;
-  return done;
 }
 
 wire::PosesResult Loop::attach(const FrameHeader& header, std::span<const std::byte> payload) {
@@ -267,7 +379,7 @@ wire::PosesResult Loop::attach(const FrameHeader& header, std::span<const std::b
 }
 
 Stats::Named Loop::all_counters() const {
-  const std::uint64_t waiting = scheduler_.size(), held = held_.size();
+  const std::uint64_t waiting = this->waiting(), held = held_.size();
   Stats::Named all;
   all.emplace_back("uptime_s", std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_).count());
   all.emplace_back("queries.waiting", waiting);

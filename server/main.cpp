@@ -162,7 +162,8 @@ Loop::Options loop_options_of(const DaemonOptions& options) {
   loop.max_client_bytes = std::uint64_t{options.max_client_mib} << 20;
   loop.max_added_bodies = options.max_added_bodies;
   loop.max_added_vertices = options.max_added_vertices;
-  loop.max_pairs_per_query = options.max_pairs;
+  loop.max_pairs = options.max_pairs;
+  loop.max_piece_pairs = options.max_piece_pairs;
   loop.require_epoch = options.require_epoch;
   return loop;
 }
@@ -239,7 +240,7 @@ int serve(DaemonOptions options) {
   supervisor.stopping();
   spdlog::info("event=end signal={} frames={} queries={} errors={} uptime_seconds={:.1f}", last_signal.load(),
                loop.counter("frames"), loop.counter("queries"), loop.counter("errors"), seconds_since(begin));
-  if (loop.is_reloading()) {  // nobody waits for a scene that nobody will ask about
+  if (loop.is_reloading() || loop.is_working()) {  // nobody waits for what nobody will get
     loop.close_transports();
     spdlog::shutdown();
     std::_Exit(kExitClean);

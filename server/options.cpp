@@ -157,6 +157,11 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
       ->type_name("N")
       ->capture_default_str();
+  app.add_option("--max-piece-pairs", o.max_piece_pairs,
+                 "the same, counted in pairs of the bodies' pieces, before any of them is looked at")
+      ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
+      ->type_name("N")
+      ->capture_default_str();
   app.add_option("--max-added-bodies", o.max_added_bodies, "bodies that clients may have added to the scene")
       ->check(quiet(CLI::Range(0u, 100000u)))
       ->type_name("N")

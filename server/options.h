@@ -44,6 +44,7 @@ struct DaemonOptions {
   unsigned max_added_bodies = 64;
   unsigned max_added_vertices = 20'000;
   std::uint64_t max_pairs = 10'000'000'000;
+  std::uint64_t max_piece_pairs = 10'000'000'000'000;
   unsigned max_stamp_lead_s = 60;
   bool require_epoch = false;
   std::string log_level = "info";

@@ -1,6 +1,7 @@
 #include "running_query.h"
 
 #include <cstring>
+#include <utility>
 
 namespace clearance {
 namespace {
@@ -40,8 +41,7 @@ Refusal no_room(std::uint64_t rows, std::uint64_t bytes) {
           bytes};
 }
 
-}  // namespace
-
+/// Throws a Refusal (kTooLarge) if the query wants no reply of so many bytes. \param most 0: it takes any.
 void check_reply_size(std::uint64_t rows, std::uint64_t bytes, std::uint64_t most) {
   if (most && bytes > most)
     throw Refusal{wire::ErrorCode::kTooLarge,
@@ -49,90 +49,251 @@ void check_reply_size(std::uint64_t rows, std::uint64_t bytes, std::uint64_t mos
                       " bytes, more than the max_reply_bytes = " + std::to_string(most) + " of this query"};
 }
 
-ReplyRoom reserve_room(ReplySink& sink, const QuerySize& size, Reduce reduce, std::uint64_t records_bytes) {
-  const std::uint64_t bytes = kColumnsBegin + wire::columns_bytes(size.rows, size.fields) + records_bytes;
-  ReplyRoom room{sink.reserve(bytes), nullptr};
-  if (!room.frame && reduce == Reduce::kWithin) {  // what comes back may well fit
-    room.own = aligned_bytes(bytes);
-    room.frame = room.own.get();
-  }
-  if (!room.frame) throw no_room(size.rows, bytes);
-  return room;
+}  // namespace
+
+QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
+  const wire::QueryHeader& h = parts.header;
+  static_assert(sizeof(BodyPair) == sizeof(wire::PairRecord) && sizeof(Pose) == sizeof(wire::ConfigurationRecord));
+  QueryView q;
+  q.pairs = {reinterpret_cast<const BodyPair*>(parts.pairs.data()), static_cast<std::size_t>(parts.pairs.size())};
+  q.bodies = {reinterpret_cast<const std::uint32_t*>(parts.bodies.data()),
+              static_cast<std::size_t>(parts.bodies.size())};
+  q.configurations = {reinterpret_cast<const Pose*>(parts.configurations.data()),
+                      static_cast<std::size_t>(parts.configurations.size())};
+  q.all_pairs = h.all_pairs;
+  q.configuration_count = h.configuration_count;
+  copy_options(parts.options, q);
+  q.scene_revision = scene_revision;
+  return q;
 }
 
-RunningQuery::RunningQuery(Answers& answers, std::unique_ptr<ReplySink>&& sink, const FrameHeader& request,
-                           Quotas::Share share, std::shared_ptr<Engine> engine, Job job, ReplyRoom room, Traits traits)
-    : ScheduledQuery(sink->client(), traits.due),
-      answers_(answers),
-      asked_{std::move(sink), request, std::move(share)},
-      engine_(std::move(engine)),
-      job_(std::move(job)),
-      room_(std::move(room)),
-      traits_(std::move(traits)) {}
+std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vector<std::uint64_t>& room) {
+  if (payload.empty() || reinterpret_cast<std::uintptr_t>(payload.data()) % alignof(std::uint64_t) == 0) return payload;
+  room.resize((payload.size() + 7) / 8);
+  std::memcpy(room.data(), payload.data(), payload.size());
+  return std::as_bytes(std::span(room)).first(payload.size());
+}
+
+void RunningQuery::begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes,
+                              std::unique_ptr<ReplySink>& sink) {
+  worked_ = Clock::now();
+  const auto begun = worked_;
+  on_loop_ = true;
+  payload_bytes_ = payload_bytes;
+  prepare(parts);
+  prepared_->keep_on_cpu();
+  take_room(*sink);
+  start();
+  worked_ = Clock::now();
+  in_engine_ = worked_ - begun;
+  asked_.sink = std::move(sink);  // now that nothing can fail any more
+}
+
+void RunningQuery::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, bool has_waited,
+                                   std::unique_ptr<ReplySink>& sink) {
+  daemon_.quotas.check_bytes(client(), payload_bytes, sink->unsent_bytes());
+  fetch_ = std::move(fetch);
+  payload_bytes_ = payload_bytes;
+  has_waited_ = has_waited;
+  asked_.share = daemon_.quotas.take(client(), payload_bytes);
+  asked_.sink = std::move(sink);
+}
 
 bool RunningQuery::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
-  bool done = false;
-  const bool worked = answers_.guard(*asked_.sink, asked_.header, [&] { done = job_.advance(budget); });
-  const auto after = Clock::now();
-  traits_.in_engine += after - now;
-  now = after;
-  if (done) answers_.guard(*asked_.sink, asked_.header, [&] { publish(after); });
-  return done || !worked;
+  failure_ = Answers::refusal_of(asked_.header, [&] {
+    if (step_ == Step::kPrepare) {
+      read();
+    } else if (step_ == Step::kRun) {
+      run(budget);
+    } else if (step_ == Step::kCopy) {
+      count_copied(columns_end());
+      std::memcpy(frame_ + kColumnsBegin, own_.get() + kColumnsBegin, columns_end() - kColumnsBegin);
+      step_ = Step::kPublish;
+    }
+  });
+  if (failure_ || step_ == Step::kPublish || step_ == Step::kOver) let_go();
+  worked_ = Clock::now();
+  in_engine_ += worked_ - now;
+  now = worked_;
+  return failure_ || step_ != Step::kRun || on_loop_;
 }
 
-void RunningQuery::publish(Clock::time_point now) {
-  const QuerySize& size = job_.size();
-  const ReplyInfo& info = job_.info();
-  std::byte* columns = room_.frame + kColumnsBegin;
-  if (info.rows < size.rows) close_up_columns(columns, size.fields, size.rows, info.rows);
-  clear_gaps(columns, size.fields, info.rows);
-  const std::uint64_t columns_end = kColumnsBegin + wire::columns_bytes(info.rows, size.fields);
-  const std::uint64_t bytes = columns_end + traits_.records.size();
-  check_reply_size(info.rows, bytes, traits_.max_reply_bytes);
-  std::byte* frame = final_frame(columns_end, bytes);
-  if (!traits_.records.empty()) std::memcpy(frame + columns_end, traits_.records.data(), traits_.records.size());
+void RunningQuery::let_go() {
+  fetch_ = nullptr;
+  prepared_.reset();
+  job_.reset();
+  payload_ = {};
+  aligned_ = {};
+  own_.reset();
+  engine_.reset();  // the last one of a scene that is gone may take long to free
+}
+
+bool RunningQuery::settle() {
+  if (step_ == Step::kOver) return true;
+  if (!asked_.sink->alive()) {
+    ++daemon_.stats.dropped;
+    ++daemon_.stats["queries.dropped"];
+    step_ = Step::kOver;  // once more to whoever works, who frees what there is
+  } else if (failure_) {
+    daemon_.answers.refuse(*asked_.sink, asked_.header, *failure_);
+    return true;
+  } else if (step_ == Step::kPublish) {
+    daemon_.answers.guard(*asked_.sink, asked_.header, [&] { publish(); });
+    return true;
+  } else if (!daemon_.answers.guard(*asked_.sink, asked_.header, [&] {
+               if (step_ == Step::kWait) wait();
+               if (step_ == Step::kRoom) take_room(*asked_.sink);
+               if (step_ == Step::kFinalRoom) take_final_room();
+             })) {
+    step_ = Step::kOver;
+  }
+  if (!asked_.sink) return true;  // held
+  if (on_loop_ && step_ == Step::kRun) ++daemon_.stats["queries.handed_over"];
+  on_loop_ = false;
+  return false;
+}
+
+/// Begins anew at once if the poses are there, else when they are.
+void RunningQuery::wait() {
+  asked_.share.give_back();  // what is held has its own
+  if (daemon_.hold(asked_.header, options_, payload_, asked_.sink, received_)) return;
+  asked_.share = daemon_.quotas.take(client(), payload_bytes_);
+  has_waited_ = true;
+  step_ = Step::kPrepare;
+}
+
+/// What came with the request.
+void RunningQuery::read() {
+  if (fetch_) payload_ = std::exchange(fetch_, nullptr)();
+  const wire::QueryParts parts = wire::parse_query(asked_.header, aligned(payload_.span(), aligned_));
+  daemon_.answers.check_epoch(asked_.header, parts.epoch);
+  options_ = parts.options;
+  if (options_.min_pose_stamp_ns != 0 && !has_waited_) {
+    step_ = Step::kWait;
+    return;
+  }
+  prepare(parts);
+  step_ = Step::kRoom;
+}
+
+void RunningQuery::prepare(const wire::QueryParts& parts) {
+  const Limits& limits = daemon_.limits;
+  QueryView query = view_of(parts, asked_.header.scene_revision);
+  if (const std::uint64_t pieces = engine_->extent(query).piece_pairs; pieces > limits.max_piece_pairs)
+    throw Refusal{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
+                                                  " pairs of pieces, more than the " +
+                                                  std::to_string(limits.max_piece_pairs) +
+                                                  " that one query may ask about (--max-piece-pairs): split it"};
+  query.warm_slot = parts.options.warm ? client() : 0;
+  wants_warm_ = parts.options.warm;
+  reduce_ = query.reduce;
+  format_ = query.format;
+  max_reply_bytes_ = parts.options.max_reply_bytes;
+  // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
+  whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0;
+  records_ = daemon_.answers.records(asked_.header, parts.passed_over);
+  prepared_ = engine_->prepare(query);
+  size_ = prepared_->size();
+  if (size_.pairs && size_.configurations > limits.max_pairs / size_.pairs)
+    throw Refusal{wire::ErrorCode::kTooLarge, std::to_string(size_.configurations) + " configurations of " +
+                                                  std::to_string(size_.pairs) + " pairs are more than the " +
+                                                  std::to_string(limits.max_pairs) +
+                                                  " that one query may ask about (--max-pairs): split it"};
+}
+
+/// Room for the reply: what the client may have under way, and memory for the most rows that may come back.
+void RunningQuery::take_room(ReplySink& sink) {
+  const std::uint64_t reply_bytes = kColumnsBegin + wire::columns_bytes(size_.rows, size_.fields) + records_.size();
+  if (reduce_ != Reduce::kWithin) check_reply_size(size_.rows, reply_bytes, max_reply_bytes_);
+  std::uint64_t bytes = reply_bytes + payload_bytes_ + (whole_table_ ? 0 : size_.pairs * sizeof(BodyPair));
+  asked_.share.give_back();
+  const std::uint64_t left = daemon_.quotas.check_bytes(client(), bytes, sink.unsent_bytes());
+  // Warm state has what is left, and makes way: without it an answer takes longer, and no more.
+  QueryView query;
+  query.warm_slot = wants_warm_ ? client() : 0;
+  query.reduce = reduce_;
+  std::uint64_t warm = Engine::warm_bytes(query, size_);
+  if (warm > left) {
+    warm = 0;
+    prepared_->begin_cold();
+    ++daemon_.stats["queries.cold"];
+  }
+  if (warm == 0 && left < Engine::kMostWarmBytes)  // else the query takes what was left
+    if (auto table = engine_->trim_warm(client(), left)) daemon_.drop(std::move(table));
+  asked_.share = daemon_.quotas.take(client(), bytes + warm);
+  frame_ = sink.reserve(reply_bytes);
+  if (!frame_ && reduce_ == Reduce::kWithin) {  // what comes back may well fit
+    own_ = aligned_bytes(reply_bytes);
+    frame_ = own_.get();
+  }
+  if (!frame_) throw no_room(size_.rows, reply_bytes);
+  step_ = Step::kRun;
+}
+
+/// The job copies what it needs of the request.
+void RunningQuery::start() {
+  job_ = engine_->start(std::move(*prepared_), reply_view_over(frame_ + kColumnsBegin, size_.rows, size_.fields));
+  prepared_.reset();
+  payload_ = {};
+  aligned_ = {};
+}
+
+void RunningQuery::run(std::chrono::nanoseconds budget) {
+  if (!job_) start();
+  const bool done = job_->advance(on_loop_ ? daemon_.limits.on_loop : WorkBudget{.time = budget});
+  units_ = job_->units();
+  if (!done) return;
+  info_ = job_->info();
+  std::byte* columns = frame_ + kColumnsBegin;
+  if (info_.rows < size_.rows) close_up_columns(columns, size_.fields, size_.rows, info_.rows);
+  clear_gaps(columns, size_.fields, info_.rows);
+  check_reply_size(info_.rows, columns_end() + records_.size(), max_reply_bytes_);
+  step_ = own_ ? Step::kFinalRoom : Step::kPublish;
+}
+
+/// Where the reply is sent from, now that its size is known.
+void RunningQuery::take_final_room() {
+  const std::uint64_t bytes = columns_end() + records_.size();
+  frame_ = asked_.sink->reserve(bytes);
+  if (!frame_) throw no_room(info_.rows, bytes);
+  step_ = Step::kCopy;
+}
+
+void RunningQuery::publish() {
+  const std::uint64_t bytes = columns_end() + records_.size();
+  if (!records_.empty()) std::memcpy(frame_ + columns_end(), records_.data(), records_.size());
   const auto header =
       wire::with_records(wire::make_reply_header(asked_.header, wire::FrameType::kReply,
-                                                 columns_end - sizeof(FrameHeader), info.scene_revision),
-                         traits_.records.size());
-  const wire::ReplyHeader reply = reply_header(now);
-  std::memcpy(frame, &header, sizeof header);
-  std::memcpy(frame + sizeof header, &reply, sizeof reply);
-  if (bytes >= kWorthPinning && info.backend == "cuda") asked_.sink->written_by_device();
+                                                 columns_end() - sizeof(FrameHeader), info_.scene_revision),
+                         records_.size());
+  if (!on_loop_) worked_ = Clock::now();
+  const wire::ReplyHeader reply = reply_header();
+  std::memcpy(frame_, &header, sizeof header);
+  std::memcpy(frame_ + sizeof header, &reply, sizeof reply);
+  if (bytes >= kWorthPinning && info_.backend == "cuda") asked_.sink->written_by_device();
   asked_.sink->publish(bytes);
-  answers_.count_query(reply.server_ns, info.rows);
+  daemon_.answers.count_query(reply.server_ns, info_.rows);
 }
 
-/// Where the reply is sent from: it has been written there, or is copied there now that its size is known.
-std::byte* RunningQuery::final_frame(std::uint64_t columns_end, std::uint64_t bytes) {
-  if (!room_.own) return room_.frame;
-  std::byte* frame = asked_.sink->reserve(bytes);
-  if (!frame) throw no_room(job_.info().rows, bytes);
-  std::memcpy(frame + kColumnsBegin, room_.own.get() + kColumnsBegin, columns_end - kColumnsBegin);
-  return frame;
-}
-
-wire::ReplyHeader RunningQuery::reply_header(Clock::time_point now) const {
-  const QuerySize& size = job_.size();
-  const ReplyInfo& info = job_.info();
+wire::ReplyHeader RunningQuery::reply_header() const {
   wire::ReplyHeader reply;
-  reply.rows = info.rows;
-  reply.total = info.total;
-  reply.configurations = size.configurations;
-  reply.pairs = size.pairs;
-  reply.fields = size.fields;
-  reply.reduce = static_cast<std::uint8_t>(traits_.reduce);
-  reply.format = static_cast<std::uint8_t>(traits_.format);
-  reply.scene_revision = info.scene_revision;
-  reply.snapshot_revision = info.snapshot_revision;
-  reply.snapshot_stamp_ns = info.snapshot_stamp_ns;
-  reply.oldest_receipt_ns = info.oldest_receipt_ns;
-  reply.snapshot_sequence = info.snapshot_sequence;
-  reply.pose_age_ns = info.pose_age_ns;
-  reply.pairs_evaluated = info.pairs_evaluated;
-  wire::set_name(reply.backend, info.backend);
-  reply.engine_ns = static_cast<std::uint64_t>(traits_.in_engine.count());
-  reply.server_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(now - traits_.received).count());
+  reply.rows = info_.rows;
+  reply.total = info_.total;
+  reply.configurations = size_.configurations;
+  reply.pairs = size_.pairs;
+  reply.fields = size_.fields;
+  reply.reduce = static_cast<std::uint8_t>(reduce_);
+  reply.format = static_cast<std::uint8_t>(format_);
+  reply.scene_revision = info_.scene_revision;
+  reply.snapshot_revision = info_.snapshot_revision;
+  reply.snapshot_stamp_ns = info_.snapshot_stamp_ns;
+  reply.oldest_receipt_ns = info_.oldest_receipt_ns;
+  reply.snapshot_sequence = info_.snapshot_sequence;
+  reply.pose_age_ns = info_.pose_age_ns;
+  reply.pairs_evaluated = info_.pairs_evaluated;
+  wire::set_name(reply.backend, info_.backend);
+  reply.engine_ns = static_cast<std::uint64_t>(in_engine_.count());
+  reply.server_ns = static_cast<std::uint64_t>(std::chrono::nanoseconds(worked_ - received_).count());
   return reply;
 }
 

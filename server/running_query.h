@@ -1,10 +1,19 @@
 // A query under way: the engine's job, and the reply that it becomes.
+//
+// It goes back and forth between two threads. What may take long is done by whoever works (advance()): the request is
+// read and checked, its pairs are listed, the job runs, its reply is put in order. What needs the daemon's state, the
+// loop does (settle()): room for the reply, and its publication.
 #pragma once
+
+#include <atomic>
+#include <functional>
+#include <optional>
 
 #include "answers.h"
 #include "pending_request.h"
 #include "scheduler.h"
 #include "wire/aligned_buffer.h"
+#include "wire/wire.h"
 
 namespace clearance {
 
@@ -12,46 +21,104 @@ namespace clearance {
 inline constexpr std::uint64_t kColumnsBegin = sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader);
 static_assert(kColumnsBegin % wire::kColumnAlignment == 0);
 
-/// Where a query's reply is written: room for the most rows that may come back.
-struct ReplyRoom {
-  std::byte* frame = nullptr;  ///< the sink's, or `own`
-  AlignedBytes own;            ///< where the sink has no room for so many, and far fewer may come back
-};
-/// Throws a Refusal (kTooLarge). \param records_bytes of the reply's records, behind its columns
-ReplyRoom reserve_room(ReplySink& sink, const QuerySize& size, Reduce reduce, std::uint64_t records_bytes);
-/// Throws a Refusal (kTooLarge) if the query wants no reply of so many bytes. \param most 0: it takes any.
-void check_reply_size(std::uint64_t rows, std::uint64_t bytes, std::uint64_t most);
+/// The engine's view of a query whose payload begins on a multiple of 8.
+QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision);
+
+/// A payload whose first byte lies on a multiple of 8: this one, or a copy in `room`.
+std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vector<std::uint64_t>& room);
 
 class RunningQuery final : public ScheduledQuery {
  public:
-  /// What of a query the reply repeats, and when it came.
-  struct Traits {
-    Reduce reduce;
-    Format format;
-    Clock::time_point received, due;
-    std::chrono::nanoseconds in_engine;  ///< until the job was there
-    std::vector<std::byte> records;      ///< of the reply, behind its columns
-    std::uint64_t max_reply_bytes = 0;   ///< 0: no limit
+  /// What one query may ask for.
+  struct Limits {
+    std::uint64_t max_pairs = 10'000'000'000;            ///< pairs times configurations; more: kTooLarge
+    std::uint64_t max_piece_pairs = 10'000'000'000'000;  ///< pairs of pieces, likewise
+    /// Of the one slice that the loop itself gives. Work, not time, so that what the machine does beside decides
+    /// nothing.
+    WorkBudget on_loop{.units = 4096, .pair_units = 1024};
+  };
+  /// What it uses of the daemon; all of it outlives this.
+  struct Daemon {
+    Answers& answers;
+    Quotas& quotas;
+    Stats& stats;
+    const Limits& limits;
+    std::function<void(std::shared_ptr<void>)> drop;  ///< lets go of what takes long to free, elsewhere
+    /// Holds a query until its poses are there, and takes the sink; false: they are. Throws a Refusal.
+    std::function<bool(const wire::FrameHeader&, const QueryOptions&, const OwnPayload&, std::unique_ptr<ReplySink>&,
+                       Clock::time_point received)>
+        hold;
   };
 
-  /// \param engine the job's, though another one may serve by the time that it ends.
-  RunningQuery(Answers& answers, std::unique_ptr<ReplySink>&& sink, const wire::FrameHeader& request,
-               Quotas::Share share, std::shared_ptr<Engine> engine, Job job, ReplyRoom room, Traits traits);
+  /// \param received when the request came. \param engine that answers, though another one may serve by the time that
+  /// this ends.
+  RunningQuery(const Daemon& daemon, std::uint64_t client, const wire::FrameHeader& request,
+               std::shared_ptr<Engine> engine, Clock::time_point received, Clock::time_point due)
+      : ScheduledQuery(client, due),
+        daemon_(daemon),
+        asked_{nullptr, request, {}},
+        engine_(std::move(engine)),
+        received_(received) {}
 
-  bool is_wanted() const override { return asked_.sink->alive(); }
+  /// A small query, up to its job: on the loop, while its payload is there. Throws what it is refused for, and takes
+  /// the sink if it is not.
+  void begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
+  /// A large one, whose payload is brought by whoever works. \param has_waited for the poses that it asks for. Throws a
+  /// Refusal (kBusy).
+  void begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, bool has_waited,
+                       std::unique_ptr<ReplySink>& sink);
+
+  bool is_wanted() const override { return on_loop_ ? asked_.sink->alive() : !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
+  void let_go() override;
+  void look() override { gone_.store(!asked_.sink->alive(), std::memory_order_relaxed); }
+  bool settle() override;
+  /// Units of work so far.
+  std::uint64_t units() const { return units_; }
 
  private:
-  void publish(Clock::time_point now);
-  wire::ReplyHeader reply_header(Clock::time_point now) const;
-  std::byte* final_frame(std::uint64_t columns_end, std::uint64_t bytes);
+  enum class Step { kPrepare, kWait, kRoom, kRun, kFinalRoom, kCopy, kPublish, kOver };
 
-  Answers& answers_;
+  void read();
+  void wait();
+  void prepare(const wire::QueryParts& parts);
+  void take_room(ReplySink& sink);
+  void start();
+  void run(std::chrono::nanoseconds budget);
+  void take_final_room();
+  void publish();
+  wire::ReplyHeader reply_header() const;
+  std::uint64_t columns_end() const { return kColumnsBegin + wire::columns_bytes(info_.rows, size_.fields); }
+
+  const Daemon& daemon_;
   PendingRequest asked_;
   std::shared_ptr<Engine> engine_;
-  Job job_;
-  ReplyRoom room_;
-  Traits traits_;
+  Clock::time_point received_, worked_;  // until when it was worked on
+  std::chrono::nanoseconds in_engine_{0};
+  Step step_ = Step::kPrepare;
+  bool on_loop_ = false, has_waited_ = false;
+  std::atomic<bool> gone_{false};
+  std::optional<Refusal> failure_;
+  std::uint64_t payload_bytes_ = 0, units_ = 0;
+
+  // Of the query. The memory of what is large is given back by whoever works.
+  std::function<OwnPayload()> fetch_;
+  std::vector<std::uint64_t> aligned_;
+  OwnPayload payload_;
+  bool whole_table_ = false, wants_warm_ = false;
+  Reduce reduce_ = Reduce::kNone;
+  Format format_ = Format::kFull;
+  QueryOptions options_;               // of one that waits
+  std::uint64_t max_reply_bytes_ = 0;  // 0: no limit
+  std::vector<std::byte> records_;     // of the reply, behind its columns
+  std::optional<PreparedQuery> prepared_;
+  std::optional<Job> job_;
+
+  // Of the reply.
+  QuerySize size_;
+  ReplyInfo info_;
+  std::byte* frame_ = nullptr;  // the sink's, or own_
+  AlignedBytes own_;            // where the sink has no room for so many rows, and far fewer may come back
 };
 
 }  // namespace clearance

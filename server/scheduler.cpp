@@ -19,28 +19,20 @@ Scheduler::QueryPtr Scheduler::next() {
   return take_long ? long_.pop() : fresh_.pop();
 }
 
-std::size_t Scheduler::work(Clock::time_point now) {
-  if (empty()) return 0;
+void Scheduler::work(Clock::time_point now, const Over& over) {
   const auto begin = now;
-  std::size_t dropped = 0;
-  do {
+  while (!empty()) {
     QueryPtr query = next();
-    if (!query->is_wanted()) {
-      ++dropped;
-    } else if (!query->advance(slice_, now)) {
+    const bool is_wanted = query->is_wanted();
+    if (!is_wanted) query->let_go();
+    if (!is_wanted || query->advance(slice_, now)) {
+      over(std::move(query));
+    } else {
       const std::uint64_t client = query->client();
       long_.push(client, std::move(query));
     }
-  } while (!empty() && now - begin < slice_);
-  return dropped;
-}
-
-std::size_t Scheduler::drop_unwanted() {
-  const std::size_t before = size();
-  const auto unwanted = [](const QueryPtr& query) { return !query->is_wanted(); };
-  fresh_.remove_if(unwanted);
-  long_.remove_if(unwanted);
-  return before - size();
+    if (now - begin >= slice_) break;
+  }
 }
 
 }  // namespace clearance

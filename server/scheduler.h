@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 
 #include "fair_queue.h"
@@ -18,11 +19,22 @@ class ScheduledQuery {
   using Clock = std::chrono::steady_clock;
 
   virtual ~ScheduledQuery() = default;
-  /// Whether its client is still there.
+
+  // On the thread that works.
+  /// Whether anybody waits for it.
   virtual bool is_wanted() const = 0;
-  /// Works for about `budget`. Returns true once it is over, answered or refused. Does not throw.
+  /// Works for about `budget`. Returns true where the loop is needed. Does not throw.
   /// \param now the time; it is then the time at which the work ended.
   virtual bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) = 0;
+  /// Frees what takes long to free. Nobody wants it any more.
+  virtual void let_go() {}
+
+  // On the loop's.
+  /// Looks whether its client is still there.
+  virtual void look() {}
+  /// Does what only the loop may, after advance() has returned true. Returns true once it is over, answered, refused or
+  /// unwanted. Does not throw.
+  virtual bool settle() { return true; }
 
   std::uint64_t client() const { return client_; }
   /// Orders one client's queries: the one that should be over first goes first.
@@ -48,11 +60,10 @@ class Scheduler {
   void add(QueryPtr query);
   bool empty() const { return fresh_.empty() && long_.empty(); }
   std::size_t size() const { return fresh_.size() + long_.size(); }
-  /// Works on one query after another until about a slice has passed since `now`; on one, if there is any. Those that
-  /// nobody wants any more are let go of. Returns how many these were.
-  std::size_t work(Clock::time_point now);
-  /// Lets go of all that nobody wants any more. Returns how many these were.
-  std::size_t drop_unwanted();
+  /// Takes those for which the loop is needed, and those that nobody wants any more.
+  using Over = std::function<void(QueryPtr)>;
+  /// Works on one query after another until about a slice has passed since `now`; on one, if there is any.
+  void work(Clock::time_point now, const Over& over);
 
  private:
   QueryPtr next();

@@ -12,6 +12,7 @@
 #include <cstring>
 #include <optional>
 
+#include "engine/narrow/work_meter.h"
 #include "wire/protocol.h"
 
 namespace clearance {
@@ -49,15 +50,15 @@ shm::UniqueFd make_sealed_memfd(std::uint64_t bytes, std::string& why) {
 }
 
 /// Sizes of a segment.
-struct Plan {
+struct Sizes {
   std::uint32_t slots;
   std::uint64_t request_bytes, reply_bytes;  // of each slot
   std::uint64_t bytes() const { return shm::segment_bytes(slots, request_bytes, reply_bytes); }
 };
 
 /// What a client asks for, with as many slots as the limits allow; none, with `why`, if they forbid it.
-std::optional<Plan> plan_segment(const ShmLimits& limits, std::uint64_t request_capacity, std::uint64_t reply_capacity,
-                                 std::string& why) {
+std::optional<Sizes> plan_segment(const ShmLimits& limits, std::uint64_t request_capacity, std::uint64_t reply_capacity,
+                                  std::string& why) {
   // The sizes come from a client: compare before adding, so that nothing wraps.
   if (request_capacity > wire::kMaxRequestBytes) {
     why = "a request of " + std::to_string(request_capacity) + " bytes; the limit is " +
@@ -82,8 +83,8 @@ std::optional<Plan> plan_segment(const ShmLimits& limits, std::uint64_t request_
   }
   const std::uint64_t ceiling = std::min<std::uint64_t>({limits.slots, shm::kMaxSlots, most});
   const std::uint64_t roomy = std::max<std::uint64_t>(kRoomyBytes / slot_bytes, kGrownSlots);
-  return Plan{static_cast<std::uint32_t>(std::max<std::uint64_t>(std::min(ceiling, roomy), 1)), request_bytes,
-              reply_bytes};
+  return Sizes{static_cast<std::uint32_t>(std::max<std::uint64_t>(std::min(ceiling, roomy), 1)), request_bytes,
+               reply_bytes};
 }
 
 }  // namespace
@@ -108,16 +109,16 @@ void ScratchBuffer::trim(std::size_t bytes) {
 std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
                                        const ShmLimits& limits, std::uint32_t id, std::uint64_t request_capacity,
                                        std::uint64_t reply_capacity, std::string& why) {
-  const std::optional<Plan> plan = plan_segment(limits, request_capacity, reply_capacity, why);
+  const std::optional<Sizes> plan = plan_segment(limits, request_capacity, reply_capacity, why);
   if (!plan) return nullptr;
   const std::uint64_t bytes = plan->bytes();
   // Whoever grows leaves room for those who come in.
   const bool is_usual =
       id == 0 && request_capacity <= limits.request_capacity && reply_capacity <= limits.reply_capacity;
   const std::uint64_t limit = budget->limit - (is_usual ? 0 : budget->limit / kKeptForNewcomers);
-  if (bytes > limit - std::min(budget->used, limit)) {
-    why = "no room for a segment of " + std::to_string(bytes) + " bytes: " + std::to_string(budget->used) + " of " +
-          std::to_string(limit) + " bytes of shared memory are given out to clients";
+  if (bytes > limit - std::min(budget->used.load(), limit)) {
+    why = "no room for a segment of " + std::to_string(bytes) + " bytes: " + std::to_string(budget->used.load()) +
+          " of " + std::to_string(limit) + " bytes of shared memory are given out to clients";
     return nullptr;
   }
   shm::UniqueFd memfd = make_sealed_memfd(bytes, why);
@@ -163,9 +164,24 @@ void Segment::write_header() {
 
 Segment::~Segment() {
   assert(budget_->used >= mapping_->bytes());
-  budget_->used -= mapping_->bytes();
-  mapping_.reset();
-  if (pin_) pinner_->let_go(pin_);
+  if (pin_) {
+    budget_->used -= mapping_->bytes();
+    mapping_.reset();
+    pinner_->let_go(pin_);
+  } else if (budget_->drop) {  // unmapping gigabytes takes tenths of a second
+    struct Last {
+      std::shared_ptr<SegmentBudget> budget;
+      std::shared_ptr<Mapping> mapping;
+      ~Last() {
+        const std::uint64_t bytes = mapping->bytes();
+        mapping.reset();
+        budget->used -= bytes;
+      }
+    };
+    budget_->drop(std::make_shared<Last>(budget_, std::move(mapping_)));
+  } else {
+    budget_->used -= mapping_->bytes();
+  }
 }
 
 Segment::Take Segment::violation(const char* why) {
@@ -191,8 +207,11 @@ Segment::Take Segment::take(ScratchBuffer& scratch, Request& request) {
   if (generation != slot.generation + 1) return violation("a generation out of order");
   if (bytes < sizeof(wire::FrameHeader) || bytes > request_capacity_) return violation("a frame size that cannot be");
 
-  std::byte* copy = scratch.reserve(bytes);
-  std::memcpy(copy, base_ + request_offset_ + index * request_capacity_, bytes);
+  const bool is_large = bytes > sizeof(wire::FrameHeader) + kLargePayload;
+  const std::uint64_t copied = is_large ? sizeof(wire::FrameHeader) : bytes;
+  std::byte* copy = scratch.reserve(copied);
+  std::memcpy(copy, base_ + request_offset_ + index * request_capacity_, copied);
+  count_copied(copied);
   // The compiler may not go back to the shared bytes for anything that is read from the copy.
   std::atomic_signal_fence(std::memory_order_seq_cst);
 
@@ -201,8 +220,18 @@ Segment::Take Segment::take(ScratchBuffer& scratch, Request& request) {
   slot.generation = generation;
   last_slot_ = index;
   shm::prefetch_to_write(reply_area(index));  // while the request is worked on
-  request = {index, generation, {copy, bytes}};
+  request = {index, generation, {copy, copied}, bytes};
   return Take::kRequest;
+}
+
+OwnPayload Segment::copy_payload(std::uint32_t slot, std::uint64_t payload_bytes) const {
+  assert(slot < slots_.size() && sizeof(wire::FrameHeader) + payload_bytes <= request_capacity_);
+  const std::shared_ptr<std::byte> copy(aligned_bytes(payload_bytes).release(), FreeDeleter());
+  std::memcpy(copy.get(), base_ + request_offset_ + slot * request_capacity_ + sizeof(wire::FrameHeader),
+              payload_bytes);
+  std::atomic_signal_fence(std::memory_order_seq_cst);  // as for what take() has copied
+  count_copied(payload_bytes);
+  return {copy, payload_bytes};
 }
 
 bool Segment::has_request() const {

@@ -1,8 +1,10 @@
 // The daemon's side of shared segments: their memory, their budget, and the rings in them.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -19,7 +21,9 @@ namespace clearance {
 /// Bytes of address space that all segments may take together. Shared by the transport and every living segment.
 struct SegmentBudget {
   std::uint64_t limit = 0;
-  std::uint64_t used = 0;
+  std::atomic<std::uint64_t> used{0};
+  /// Lets go of a segment's memory where that holds up nobody; empty: at once.
+  std::function<void(std::shared_ptr<void>)> drop;
 };
 
 /// Private memory on a 64-byte boundary that is reused from request to request.
@@ -39,11 +43,12 @@ class ScratchBuffer {
 /// request in it that is still being worked on.
 class Segment {
  public:
-  /// A request taken from the ring: its frame in private memory.
+  /// A request taken from the ring: its frame in private memory, or of a large one the header alone.
   struct Request {
     std::uint32_t slot = 0;
     std::uint32_t generation = 0;
     std::span<const std::byte> frame;
+    std::uint64_t frame_bytes = 0;
   };
   enum class Take { kNothing, kRequest, kViolation };
 
@@ -59,6 +64,8 @@ class Segment {
 
   /// Takes the next request, if there is one. kViolation: the client broke the rules (why() says how) and must go.
   Take take(ScratchBuffer& scratch, Request& request);
+  /// Copies the payload of a request that has not been answered yet. From any thread. Throws std::bad_alloc.
+  OwnPayload copy_payload(std::uint32_t slot, std::uint64_t payload_bytes) const;
   /// Whether a request waits. Sequentially consistent, for the look after set_sleeping(true).
   bool has_request() const;
   void set_sleeping(bool sleeping);

@@ -61,13 +61,14 @@ class ShmTransport final : public Transport {
   }
   ~ShmTransport() override {
     for (auto& session : sessions_) session->gone = true;  // sinks may live longer than this
+    budget_->drop = nullptr;
   }
 
   std::string url() const override { return "shm://" + path_; }
   std::vector<int> descriptors() const override { return {epoll_.get()}; }
 
   int poll(Inbox& inbox) override {
-    if (!counters_.connections) counters_.bind(inbox);
+    meet(inbox);
     int frames = 0;
     std::uint64_t bytes = 0;
     const std::size_t count = sessions_.size();
@@ -102,7 +103,7 @@ class ShmTransport final : public Transport {
   }
 
   void tick(Inbox& inbox) override {
-    if (!counters_.connections) counters_.bind(inbox);
+    meet(inbox);
     scratch_.trim(kScratchKept);
     look_at_sockets_ = true;
     const auto now = Clock::now();
@@ -115,6 +116,12 @@ class ShmTransport final : public Transport {
   }
 
  private:
+  /// The loop is only known from its first call on.
+  void meet(Inbox& inbox) {
+    if (counters_.connections) return;
+    counters_.bind(inbox);
+    budget_->drop = [&inbox](std::shared_ptr<void> memory) { inbox.drop(std::move(memory)); };
+  }
   /// Event tags: 0 is the listener; a session's socket is 2 id, its eventfd 2 id + 1.
   bool watch(int fd, std::uint32_t events, std::uint64_t tag) {
     epoll_event event{};
@@ -291,8 +298,15 @@ class ShmTransport final : public Transport {
         bytes += request.frame.size();
         wire::FrameHeader header;
         std::memcpy(&header, request.frame.data(), sizeof header);
-        inbox.on_frame(header, request.frame.subspan(sizeof header),
-                       std::make_unique<ShmSink>(session, segment, request.slot, request.generation));
+        auto sink = std::make_unique<ShmSink>(session, segment, request.slot, request.generation);
+        if (request.frame.size() == request.frame_bytes) {
+          inbox.on_frame(header, request.frame.subspan(sizeof header), std::move(sink));
+        } else {
+          const std::uint64_t payload = request.frame_bytes - sizeof header;
+          inbox.on_large_frame(
+              header, payload, [segment, slot = request.slot, payload] { return segment->copy_payload(slot, payload); },
+              std::move(sink));
+        }
       }
     }
     return frames;

@@ -59,6 +59,9 @@ class Stats {
   std::uint64_t &frames = named_["frames"], &replies = named_["replies"], &dropped = named_["requests.dropped"],
                 &queries = named_["queries"], &answered = named_["queries.answered"], &rows = named_["rows"],
                 &records_ignored = named_["records.ignored"];
+  // The most between two looks of the loop at its transports: time, and units of work (engine/narrow/work_meter.h).
+  std::uint64_t &longest_section_ns = named_["loop.longest_section_ns"],
+                &longest_section_units = named_["loop.longest_section_units"];
 
  private:
   static constexpr int kLatencyBuckets = 24;

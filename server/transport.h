@@ -48,6 +48,17 @@ class ReplySink {
   virtual Rights rights() const { return kAllRights; }
 };
 
+/// A request's payload in memory of the daemon's own.
+struct OwnPayload {
+  std::shared_ptr<const std::byte> begin;
+  std::uint64_t bytes = 0;
+
+  std::span<const std::byte> span() const { return {begin.get(), bytes}; }
+};
+
+/// Payloads beyond this are copied, read and checked off the loop.
+inline constexpr std::uint64_t kLargePayload = 64 << 10;
+
 /// Where a transport hands in what arrived. Implemented by the loop.
 class Inbox {
  public:
@@ -57,10 +68,20 @@ class Inbox {
   /// only. The header has been copied but not validated.
   virtual void on_frame(const wire::FrameHeader& header, std::span<const std::byte> payload,
                         std::unique_ptr<ReplySink> sink) = 0;
+  /// A frame whose payload is large. \param fetch brings it, once, on any thread, and may throw std::bad_alloc: a copy
+  /// of what the client can still write, or the memory in which it came.
+  virtual void on_large_frame(const wire::FrameHeader& header, std::uint64_t payload_bytes,
+                              std::function<OwnPayload()> fetch, std::unique_ptr<ReplySink> sink) {
+    (void)payload_bytes;
+    const OwnPayload payload = fetch();
+    on_frame(header, payload.span(), std::move(sink));
+  }
   /// Poses from a listener transport (LCM), already validated for size; stamp and sequence are the publisher's, who has
   /// a number as a client has. Throws what Engine::set_poses() throws.
   virtual PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
                                     std::uint64_t publisher = 0) = 0;
+  /// Lets go of what takes long to free, where that holds up nobody.
+  virtual void drop(std::shared_ptr<void> thing) { thing.reset(); }
   /// A counter, made on first use: "shm.clients", "lcm.gaps". The reference stays valid.
   virtual std::uint64_t& counter(const std::string& name) = 0;
   virtual Engine& engine() = 0;

@@ -357,7 +357,7 @@ class ZmqTransport final : public Transport {
   }
 
   void hand_in(Inbox& inbox, PeerPtr peer, Rights rights, int parts, const zmq::message_t& head,
-               const zmq::message_t& payload) {
+               zmq::message_t& payload) {
     wire::FrameHeader header;
     auto sink = std::make_unique<ZmqSink>(*this, std::move(peer), rights);
     if (parts != 2 || head.size() != sizeof header) {
@@ -372,7 +372,11 @@ class ZmqTransport final : public Transport {
       return;
     }
     std::memcpy(&header, head.data(), sizeof header);
-    inbox.on_frame(header, {payload.data<std::byte>(), payload.size()}, std::move(sink));
+    if (payload.size() <= kLargePayload)
+      return inbox.on_frame(header, {payload.data<std::byte>(), payload.size()}, std::move(sink));
+    const auto own = std::make_shared<zmq::message_t>(std::move(payload));
+    const OwnPayload fetched{{own, own->data<std::byte>()}, own->size()};
+    inbox.on_large_frame(header, fetched.bytes, [fetched] { return fetched; }, std::move(sink));
   }
 
   std::string url_;

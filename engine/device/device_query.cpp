@@ -153,12 +153,12 @@ void DeviceQuery::launch_ahead() {
   while (launched_ < chunks_ && launched_ < finished_ + slots_) launch(launched_++);
 }
 
-bool DeviceQuery::advance(std::chrono::nanoseconds budget) {
-  const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
+bool DeviceQuery::go_on(WorkMeter& slice) {
   while (finished_ < chunks_) {
     launch_ahead();
     finish(finished_++);
-    if (finished_ < chunks_ && Clock::now() >= deadline) return false;
+    slice.count(kUnitsPerChunk);
+    if (finished_ < chunks_ && slice.is_over()) return false;
   }
   end();
   info.pairs_evaluated = evaluated_;

@@ -19,7 +19,7 @@ class DeviceQuery : public ParallelJob {
 
   /// Sends what the query needs to the device. Throws DeviceError, as advance() does.
   virtual void begin() = 0;
-  bool advance(std::chrono::nanoseconds budget) final;
+  bool go_on(WorkMeter& slice) final;
   /// The plan, for the CPU to answer it from the beginning.
   Plan give_up();
 
@@ -51,7 +51,8 @@ class DeviceQuery : public ParallelJob {
   void answer_on_cpu(std::size_t count, Open open, Take take) {
     if (count == 0) return;
     std::uint64_t next = 0;
-    run_units(next, (count + kRestUnit - 1) / kRestUnit, Clock::time_point::max(), [&](std::uint64_t unit, int worker) {
+    WorkMeter unlimited;
+    run_units(next, (count + kRestUnit - 1) / kRestUnit, unlimited, [&](std::uint64_t unit, int worker, WorkMeter&) {
       const auto w = static_cast<std::size_t>(worker);
       Room& room = rooms_[w];
       const std::size_t begin = unit * kRestUnit, end = std::min<std::size_t>(begin + kRestUnit, count);
@@ -70,6 +71,7 @@ class DeviceQuery : public ParallelJob {
         }
       }
       evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
+      return true;
     });
     backend_.finished_on_cpu.fetch_add(count, std::memory_order_relaxed);
   }
@@ -81,7 +83,8 @@ class DeviceQuery : public ParallelJob {
   std::uint64_t slots_ = 1, chunks_ = 0, launched_ = 0, finished_ = 0;  ///< chunks take the workspace's slots in turn
 
  private:
-  static constexpr std::uint64_t kRestUnit = 16;  // rows that a thread finishes at a time
+  static constexpr std::uint64_t kUnitsPerChunk = 1024;  // what waiting for one counts
+  static constexpr std::uint64_t kRestUnit = 16;         // rows that a thread finishes at a time
   struct Room {
     std::vector<PlacedBodies> asked;
     std::vector<PairAnswer> answers;

@@ -38,11 +38,12 @@ class FallbackJob final : public Job::State {
   FallbackJob(const JobContext& context, std::unique_ptr<DeviceQuery> query, const ReplyView& reply)
       : context_(context), reply_(reply), query_(std::move(query)), size_(query_->size()) {}
 
-  bool advance(std::chrono::nanoseconds budget) override {
+  bool advance(const WorkBudget& budget) override {
     while (query_) {
       try {
         const bool done = query_->advance(budget);
         info = query_->info;
+        units = query_->units;
         return done;
       } catch (const DeviceError& error) {
         begin_again(error);
@@ -52,6 +53,7 @@ class FallbackJob final : public Job::State {
     if (!on_cpu_) refuse(context_.device->error());  // again
     const bool done = on_cpu_->advance(budget);
     info = on_cpu_->info;
+    units = on_cpu_->units;
     return done;
   }
 

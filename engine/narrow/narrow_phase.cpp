@@ -20,9 +20,12 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 template <class T>
 class SupportedCso {
  public:
-  explicit SupportedCso(const PlacedPair<T>& pair) : pair_(pair) {}
+  SupportedCso(const PlacedPair<T>& pair, WorkMeter* meter)
+      : pair_(pair), meter_(meter), units_(kDearer * WorkMeter::units_of(*pair.a, *pair.b)) {}
 
   CsoSupport<T> operator()(const Vec3<T>& v) const {
+    // An EPA's surface grows by two faces a support, and each step looks at all of them.
+    if (meter_) meter_->spend(units_ + kDearer * (++supports_ / kSupportsPerUnit));
     const SupportPoint<T> a = support(*pair_.a, -v);
     const SupportPoint<T> b = support(*pair_.b, pair_.R.transpose_times(v));
     return {vertex(a.index, b.index), -dot(v, pair_.D) - (a.value + b.value)};
@@ -34,7 +37,12 @@ class SupportedCso {
   Vec3<T> centre() const { return cast<T>(pair_.a->centre) - pair_.R * cast<T>(pair_.b->centre) - pair_.D; }
 
  private:
+  static constexpr std::uint64_t kDearer = std::is_same_v<T, DoubleDouble> ? 16 : 1, kSupportsPerUnit = 32;
+
   const PlacedPair<T>& pair_;
+  WorkMeter* meter_;
+  std::uint64_t units_;
+  mutable std::uint64_t supports_ = 0;
 };
 
 // Gathers bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower end.
@@ -239,8 +247,8 @@ Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedC
 // \param done a run of GJK on this pair, if there was one already.
 template <class T>
 Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const WarmSimplex& seed, Answer& answer,
-                   const Gjk<T>* done = nullptr) {
-  SupportedCso<T> cso(pair);
+                   WorkMeter* meter, const Gjk<T>* done = nullptr) {
+  SupportedCso<T> cso(pair, meter);
   const Gjk<T> g = done ? *done : run_gjk(pair, limits, cso, seed);
   const auto end = static_cast<GjkEnd>(g.end);
 
@@ -281,16 +289,16 @@ Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) {
 }  // namespace
 
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
-                          const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done) {
+                          const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done, WorkMeter* meter) {
   Answer answer(limits, pose_a.R_wb, a.radius, b.radius);
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
   WarmSimplex seed = warm ? *warm : WarmSimplex{};
-  seed = remember(attempt(pair, limits, seed, answer, done));
+  seed = remember(attempt(pair, limits, seed, answer, meter, done));
   if (warm) *warm = seed;
   if (!answer.settled()) {
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b,
                                         double_double_rotation(pose_b), pose_b.t_w);
-    attempt(fine, limits, seed, answer);
+    attempt(fine, limits, seed, answer, meter);
   }
   if (answer.has_surface()) {
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b,
@@ -323,7 +331,7 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
   Answer answer(whole, pose_a.R_wb, a.radius, b.radius);
   const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
                                       pose_b.t_w);
-  attempt(pair, whole, WarmSimplex{}, answer);
+  attempt(pair, whole, WarmSimplex{}, answer, nullptr);
   NarrowAnswer r = answer.finish();
   r.beyond = r.bounds.lower > limits.max_distance;
   r.rounding = rounding_of(a, pose_a, b, pose_b);

@@ -7,6 +7,7 @@
 #include "engine/narrow/certify.h"
 #include "engine/narrow/lanes.h"
 #include "engine/narrow/warm.h"
+#include "engine/narrow/work_meter.h"
 #include "engine/pose/placed.h"
 
 namespace clearance {
@@ -25,8 +26,10 @@ struct NarrowAnswer {
 /// Bounds the signed distance of two pieces: float64 first, double-double where float64 cannot make it narrow enough.
 /// \param warm read for a first simplex and overwritten with the last one; may be null.
 /// \param done a float64 run of GJK on this pair with proved supports (lanes.h), to begin from its end; may be null.
+/// \param meter counts the work; may be null. What it throws leaves nothing behind but another `warm`.
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
-                          const NarrowLimits& limits, WarmSimplex* warm = nullptr, const Gjk<double>* done = nullptr);
+                          const NarrowLimits& limits, WarmSimplex* warm = nullptr, const Gjk<double>* done = nullptr,
+                          WorkMeter* meter = nullptr);
 
 /// NarrowAnswer::rounding of two placed pieces.
 double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b);

@@ -9,6 +9,7 @@ namespace clearance {
 namespace {
 
 constexpr std::uint32_t kFree = ~std::uint32_t{0};
+constexpr std::size_t kMostInLanes = 512;  // tasks that lanes answer before the meter is looked at
 
 std::size_t hash_of(const Piece* a, const Piece* b) {
   const auto bits = reinterpret_cast<std::uintptr_t>(a) * 3 + reinterpret_cast<std::uintptr_t>(b);
@@ -30,9 +31,17 @@ std::uint32_t PieceBatch::kind_of(const PieceTask& task) {
   }
 }
 
-// Pairs of the same two pieces go side by side if they fill the lanes; the rest fill lanes with whatever there is.
-void PieceBatch::deal(std::span<const PieceTask> tasks) {
+void PieceBatch::begin(std::span<const PieceTask> tasks) {
   assert(!tasks.empty());
+  tasks_ = tasks;
+  group_ = next_ = 0;
+  in_group_ = false;
+  deal();
+}
+
+// Pairs of the same two pieces go side by side if they fill the lanes; the rest fill lanes with whatever there is.
+void PieceBatch::deal() {
+  const std::span<const PieceTask> tasks = tasks_;
   order_.clear();
   groups_.clear();
   if (!options_.lanes || options_.reference) {
@@ -42,7 +51,10 @@ void PieceBatch::deal(std::span<const PieceTask> tasks) {
   const auto lanes = static_cast<std::size_t>(options_.lanes->lanes);
   // In float32 also the few: an answer's bits must not depend on how many are asked for.
   const auto add_group = [&](std::size_t begin, std::size_t end, bool same_hulls, bool f32) {
-    if (begin < end) groups_.push_back({begin, end, f32 || end - begin > lanes / 4, same_hulls, f32});
+    for (std::size_t next; begin < end; begin = next) {
+      next = std::min(end, begin + kMostInLanes);
+      groups_.push_back({begin, next, f32 || next - begin > lanes / 4, same_hulls, f32});
+    }
   };
   const PieceTask& first = tasks[0];
   if (std::all_of(tasks.begin(), tasks.end(), [&](const PieceTask& t) { return t.a == first.a && t.b == first.b; })) {
@@ -74,16 +86,18 @@ void PieceBatch::deal(std::span<const PieceTask> tasks) {
   for (std::uint32_t i = 0; i < tasks.size(); ++i) order_[kinds_[kind_of_task_[i]].begin++] = i;
 }
 
-void PieceBatch::run_group(std::span<const PieceTask> tasks, const Group& group) {
+void PieceBatch::run_group(const Group& group, WorkMeter& meter) {
   if (!group.in_lanes) return;
   const std::size_t count = group.end - group.begin;
   hulls_.clear();
   hulls_.reserve(group.same_hulls ? 2 : 2 * count);  // lanes keep pointers to them
   pairs_.clear();
+  std::uint64_t units = 0;
   const Piece *a = nullptr, *b = nullptr;
   const LaneHull *hull_a = nullptr, *hull_b = nullptr;
   for (std::size_t i = group.begin; i < group.end; ++i) {
-    const PieceTask& task = tasks[at(i)];
+    const PieceTask& task = tasks_[at(i)];
+    units += WorkMeter::units_of(*task.a, *task.b);
     if (task.a != a) hull_a = &hulls_.emplace_back(*(a = task.a));
     if (task.b != b) hull_b = &hulls_.emplace_back(*(b = task.b));
     pairs_.push_back({hull_a, hull_b, &task.pose_a->R_wb, &task.pose_b->R_wb, &task.pose_a->t_w, &task.pose_b->t_w,
@@ -95,6 +109,7 @@ void PieceBatch::run_group(std::span<const PieceTask> tasks, const Group& group)
     unsettled_.resize(count);
     answers_.resize(count);
   }
+  meter.count(units);
   const NarrowLimits& limits = options_.limits;
   const LaneBatch batch{pairs_.data(),    count,
                         group.same_hulls, limits.abs_tol,
@@ -146,11 +161,12 @@ NarrowLimits PieceBatch::limits_of(const PieceTask& task) const {
   return limits;
 }
 
-NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* done) const {
+NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter) const {
+  meter.begin_pair();
   const auto& [a, b, pose_a, pose_b, max_distance, id, warm] = task;
   const NarrowLimits limits = limits_of(task);
   const NarrowAnswer answer = options_.reference ? narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits)
-                                                 : narrow_phase(*a, *pose_a, *b, *pose_b, limits, warm, done);
+                                                 : narrow_phase(*a, *pose_a, *b, *pose_b, limits, warm, done, &meter);
   return answer.bounds.is_possible() ? answer : answer_anew(task);
 }
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/narrow/lanes.h"
@@ -42,20 +43,46 @@ class PieceBatch {
   /// or else take(task, its NarrowAnswer). NarrowAnswers say the same of a pair as lanes do: see settled_answer().
   template <class Settled, class Take>
   void run(std::span<const PieceTask> tasks, Settled&& settled, Take&& take) {
-    deal(tasks);
-    for (const Group& group : groups_) {
-      run_group(tasks, group);
-      for (std::size_t i = group.begin; i < group.end; ++i) {
-        const PieceTask& task = tasks[at(i)];
-        const std::size_t place = i - group.begin;
-        if (group.in_lanes && !is_possible(answers_[place]))
+    WorkMeter unlimited;
+    begin(tasks);
+    advance(unlimited, settled, take);
+  }
+
+  /// The same in slices. `tasks` must stay until all are answered.
+  void begin(std::span<const PieceTask> tasks);
+  /// Answers one task at least, unless it is too dear, and others until the slice is over. Returns true once all are
+  /// answered.
+  template <class Settled, class Take>
+  bool advance(WorkMeter& meter, Settled&& settled, Take&& take) {
+    for (; group_ < groups_.size(); ++group_, in_group_ = false) {
+      const Group& group = groups_[group_];
+      if (!std::exchange(in_group_, true)) run_group(group, meter);
+      for (; next_ < group.end; ++next_) {
+        const PieceTask& task = tasks_[at(next_)];
+        const std::size_t place = next_ - group.begin;
+        if (group.in_lanes && !is_possible(answers_[place])) {
           take(task, answer_anew(task));
-        else if (group.in_lanes && answers_[place].settled)
+        } else if (group.in_lanes && answers_[place].settled) {
           settled(task, answers_[place], witnesses_[place]);
-        else
-          take(task, answer_alone(task, group.in_lanes ? &unsettled_[place] : nullptr));
+          continue;
+        } else {
+          try {
+            take(task, answer_alone(task, group.in_lanes ? &unsettled_[place] : nullptr, meter));
+          } catch (const WorkMeter::PairTooDear&) {
+            return false;
+          }
+        }
+        if (next_ + 1 < group.end && meter.is_over()) {
+          ++next_;
+          return false;
+        }
+      }
+      if (group_ + 1 < groups_.size() && meter.is_over()) {
+        ++group_, in_group_ = false;
+        return false;
       }
     }
+    return true;
   }
 
   /// The NarrowAnswer of a pair that lanes have settled. `rounding` is left 0.
@@ -73,15 +100,18 @@ class PieceBatch {
   };
   std::size_t at(std::size_t i) const { return order_.empty() ? i : order_[i]; }
   std::uint32_t kind_of(const PieceTask& task);
-  void deal(std::span<const PieceTask> tasks);
-  void run_group(std::span<const PieceTask> tasks, const Group& group);
+  void deal();
+  void run_group(const Group& group, WorkMeter& meter);
   void settle_in_f64(const LaneBatch& all);
   static bool is_possible(const LaneAnswer& lane) { return Interval{lane.lower, lane.upper}.is_possible(); }
   NarrowLimits limits_of(const PieceTask& task) const;
-  NarrowAnswer answer_alone(const PieceTask& task, const Gjk<double>* done) const;
+  NarrowAnswer answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter) const;
   NarrowAnswer answer_anew(const PieceTask& task) const;
 
   NarrowOptions options_;
+  std::span<const PieceTask> tasks_;
+  std::size_t group_ = 0, next_ = 0;  // how far advance() has come: in groups_, and in the order that at() tells
+  bool in_group_ = false;             // lanes have run
   std::vector<std::uint32_t> order_;
   std::vector<Group> groups_;
   std::vector<Kind> kinds_;

@@ -8,6 +8,7 @@ namespace clearance {
 std::unique_ptr<WarmTable> WarmStore::take(std::uint64_t client, std::uint64_t question, std::uint64_t size) {
   if (size == 0 || size > kMostSimplices) return nullptr;
   const std::uint64_t bytes = size * sizeof(WarmSimplex);
+  std::vector<std::unique_ptr<WarmTable>> gone;  // freed without the lock
   std::unique_ptr<WarmTable> table;
   {
     const std::lock_guard lock(mutex_);
@@ -16,8 +17,10 @@ std::unique_ptr<WarmTable> WarmStore::take(std::uint64_t client, std::uint64_t q
       return nullptr;
     }
     table = tables_.take(client);
-    if (table && table->simplices.size() != size) table.reset();
-    while (in_use_ + bytes + kept_bytes() > limit_ && tables_.drop_oldest()) {
+    if (table && table->simplices.size() != size) gone.push_back(std::move(table));
+    while (in_use_ + bytes + kept_bytes() > limit_) {
+      gone.push_back(tables_.take_oldest());
+      if (!gone.back()) break;
     }
     in_use_ += bytes;
   }
@@ -43,10 +46,11 @@ void WarmStore::put_back(std::unique_ptr<WarmTable> table) {
   tables_.put_back(std::move(table));
 }
 
-void WarmStore::trim(std::uint64_t client, std::uint64_t room) {
+std::unique_ptr<WarmTable> WarmStore::trim(std::uint64_t client, std::uint64_t room) {
   const std::lock_guard lock(mutex_);
   std::unique_ptr<WarmTable> table = tables_.take(client);
   if (table && table->bytes() <= room) tables_.put_back(std::move(table));
+  return table;
 }
 
 std::uint64_t WarmStore::bytes() const {

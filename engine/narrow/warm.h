@@ -46,12 +46,13 @@ class LatestTables {
     if (tables_.size() >= clients_) tables_.erase(tables_.begin());
     tables_.push_back(std::move(table));
   }
-  /// Lets go of the table of the client that was silent for longest; false: there is none.
-  bool drop_oldest() {
+  /// The table of the client that was silent for longest; null: there is none.
+  std::unique_ptr<Table> take_oldest() {
     const std::lock_guard lock(mutex_);
-    if (tables_.empty()) return false;
+    if (tables_.empty()) return nullptr;
+    std::unique_ptr<Table> table = std::move(tables_.front());
     tables_.erase(tables_.begin());
-    return true;
+    return table;
   }
   template <class Visit>
   void for_each(Visit visit) const {
@@ -78,8 +79,8 @@ class WarmStore {
   /// large, or there is no room: what clients have left makes way, the longest silent first, but not what jobs work on.
   std::unique_ptr<WarmTable> take(std::uint64_t client, std::uint64_t question, std::uint64_t size);
   void put_back(std::unique_ptr<WarmTable> table);
-  /// Lets go of what `client` left, if it takes more than `room` bytes.
-  void trim(std::uint64_t client, std::uint64_t room);
+  /// What `client` left, if it takes more than `room` bytes.
+  std::unique_ptr<WarmTable> trim(std::uint64_t client, std::uint64_t room);
   std::uint64_t bytes() const;         ///< of all tables
   std::uint64_t without_room() const;  ///< times that there was no room
 

@@ -11,6 +11,8 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::size_t kBoxesPerUnit = 16;   // that are compared
+constexpr std::size_t kSortedAtOnce = 256;  // piece pairs
 
 }  // namespace
 
@@ -109,71 +111,110 @@ std::size_t most_bodies(const Scene& scene, std::span<const PlacedBodies> pairs)
 
 }  // namespace
 
-void Evaluator::run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
+void Evaluator::begin(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
   assert(answers.size() >= pairs.size());
+  pairs_ = pairs;
+  answers_ = answers;
+  next_ = singles_ = 0;
+  in_round_ = false;
   tasks_.clear();
   searches_.clear();
-  piece_pairs_.clear();
-  for (std::uint32_t i = 0; i < pairs.size(); ++i) {
-    const auto& [pair, placement, warm] = pairs[i];
-    if (answer_without_pieces(scene_, *placement, pair, options_, answers[i])) continue;
-    const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
-    assert(!a.empty() && !b.empty());
-    if (a.size() == 1 && b.size() == 1) {
-      tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
-                        options_.limits.max_distance, i, warm});
-    } else {
-      if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs));
-      begin_search(pairs[i], i);
-    }
-  }
-  for (std::size_t singles = tasks_.size();; singles = 0) {  // in the first round
-    std::erase_if(searches_, [&](Search& s) {
-      if (ask(s, pairs[s.index], singles)) return false;
-      s.found.lower = s.state.lower;
-      finish(scene_, pairs[s.index], options_, s.found, answers[s.index]);
-      return true;
-    });
-    if (tasks_.empty()) return;
-    found_.resize(tasks_.size() - singles);
+}
+
+bool Evaluator::advance(WorkMeter& meter) {
+  while (in_round_ || begin_round(meter)) {
+    in_round_ = true;
     const auto is_single = [&](const PieceTask& task) {
-      return static_cast<std::size_t>(&task - tasks_.data()) < singles;
+      return static_cast<std::size_t>(&task - tasks_.data()) < singles_;
     };
-    batch_.run(
-        tasks_,
+    const bool answered = batch_.advance(
+        meter,
         [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
           if (is_single(task))
-            take_lane(options_, task, lane, witness, answers[task.id]);
+            take_lane(options_, task, lane, witness, answers_[task.id]);
           else
             found_[task.id] = batch_.settled_answer(task, lane, witness);
         },
         [&](const PieceTask& task, const NarrowAnswer& answer) {
           if (is_single(task))
-            finish(scene_, pairs[task.id], options_, {answer, answer.bounds.lower}, answers[task.id]);
+            finish(scene_, pairs_[task.id], options_, {answer, answer.bounds.lower}, answers_[task.id]);
           else
             found_[task.id] = answer;
         });
+    if (!answered) return false;
+    in_round_ = false;
     std::size_t taken = 0;
     for (Search& s : searches_) {
       take_round(s, std::span(found_).subspan(taken, s.asked));
       taken += s.asked;
     }
     assert(taken == found_.size());
-    tasks_.clear();
+    if ((!searches_.empty() || next_ < pairs_.size()) && meter.is_over()) return false;
   }
+  return true;
 }
 
-void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index) {
+// The piece pairs that are asked next, in tasks_; false: there are none, and all pairs are answered.
+bool Evaluator::begin_round(WorkMeter& meter) {
+  tasks_.clear();
+  singles_ = 0;
+  do {
+    if (searches_.empty()) take_in(meter);
+    std::erase_if(searches_, [&](Search& s) {
+      if (ask(s, pairs_[s.index], singles_)) return false;
+      s.found.lower = s.state.lower;
+      finish(scene_, pairs_[s.index], options_, s.found, answers_[s.index]);
+      return true;
+    });
+  } while (tasks_.empty() && next_ < pairs_.size());
+  if (tasks_.empty()) return false;
+  found_.resize(tasks_.size() - singles_);
+  batch_.begin(tasks_);
+  return true;
+}
+
+// Takes in pairs: those of single pieces become tasks, others searches, some are answered at once.
+void Evaluator::take_in(WorkMeter& meter) {
+  piece_pairs_.clear();
+  for (; next_ < pairs_.size() && piece_pairs_.size() < kMostPiecePairs; ++next_) {
+    const auto i = static_cast<std::uint32_t>(next_);
+    const auto& [pair, placement, warm] = pairs_[i];
+    if (answer_without_pieces(scene_, *placement, pair, options_, answers_[i])) continue;
+    const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
+    assert(!a.empty() && !b.empty());
+    if (a.size() == 1 && b.size() == 1) {
+      tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
+                        options_.limits.max_distance, i, warm});
+    } else {
+      if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs_));
+      begin_search(pairs_[i], i, meter);
+    }
+  }
+  singles_ = tasks_.size();
+}
+
+void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter) {
   const std::size_t begin = piece_pairs_.size();
   const std::span<const Aabb> boxes_a = boxes_.at(*bodies.placement, bodies.pair.a),
                               boxes_b = boxes_.at(*bodies.placement, bodies.pair.b);
   for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
     for (std::uint32_t j = 0; j < boxes_b.size(); ++j)
       piece_pairs_.push_back({certify_box_gap(boxes_a[i], boxes_b[j]), i, j});
-  std::sort(piece_pairs_.begin() + static_cast<std::ptrdiff_t>(begin), piece_pairs_.end(),
-            [](const PiecePair& p, const PiecePair& q) { return goes_before(p, q); });
-  searches_.push_back({index, begin, piece_pairs_.size(), 0, {}, {}});
+  meter.count((piece_pairs_.size() - begin) / kBoxesPerUnit);
+  searches_.push_back({index, begin, piece_pairs_.size(), begin, 0, {}, {}});
   if (options_.reference) searches_.back().state.round = piece_pairs_.size() - begin;  // all at once
+}
+
+// Brings the piece pairs of the next round into their order. Of the others it is enough that they come later: most
+// searches end after a few.
+void Evaluator::sort_ahead(Search& search) {
+  const std::size_t wanted = std::min(search.next + search.state.round, search.end);
+  if (wanted <= search.sorted) return;
+  const auto at = [&](std::size_t i) { return piece_pairs_.begin() + static_cast<std::ptrdiff_t>(i); };
+  const std::size_t to = std::min(search.end, std::max(wanted, search.sorted + kSortedAtOnce));
+  if (to < search.end) std::nth_element(at(search.sorted), at(to), at(search.end), goes_before);
+  std::sort(at(search.sorted), at(to), goes_before);
+  search.sorted = to;
 }
 
 // Adds the next round to tasks_, after those of single pieces; false: nothing is left to ask.
@@ -182,6 +223,7 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
   PieceSearch& state = search.state;
   const double user = options_.limits.max_distance, cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
+  sort_ahead(search);
   for (std::size_t i = search.next; i < search.end && search.asked < state.round; ++i, ++search.asked) {
     const PiecePair& p = piece_pairs_[i];
     if (!options_.reference && !state.asks(p.gap, cut_off)) break;

@@ -39,18 +39,35 @@ class Evaluator {
  public:
   Evaluator(const Scene& scene, const EvaluateOptions& options)
       : scene_(scene), options_(options), batch_(options), boxes_(scene) {}
-  void run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
+  void run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
+    WorkMeter unlimited;
+    begin(pairs, answers);
+    advance(unlimited);
+  }
+
+  /// The same in slices. What is passed must stay until advance() has returned true.
+  void begin(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers);
+  /// Goes on until the slice is over, which may be between two piece pairs of a pair. Returns true once all are
+  /// answered.
+  bool advance(WorkMeter& meter);
 
  private:
+  // Piece pairs that are listed at a time, unless those of one pair are more.
+  static constexpr std::size_t kMostPiecePairs = 1u << 16;
+
   // The distance of two bodies is the least over their piece pairs (piece_search.h).
   struct Search {
     std::uint32_t index;    // of the pair
     std::size_t next, end;  // of piece_pairs_: not looked at yet
+    std::size_t sorted;     // before this one they are in their order, and nearer than the others
     std::size_t asked;      // of a round: how many wait in tasks_
     PieceSearch state;
     BodiesAnswer found;  // without the lower bound
   };
-  void begin_search(const PlacedBodies& bodies, std::uint32_t index);
+  bool begin_round(WorkMeter& meter);
+  void take_in(WorkMeter& meter);
+  void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
+  void sort_ahead(Search& search);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
   void take_round(Search& search, std::span<const NarrowAnswer> answers);
 
@@ -58,6 +75,11 @@ class Evaluator {
   EvaluateOptions options_;
   PieceBatch batch_;
   PieceBoxes boxes_;
+  std::span<const PlacedBodies> pairs_;
+  std::span<PairAnswer> answers_;
+  std::size_t next_ = 0;     // of pairs_: not taken in yet
+  std::size_t singles_ = 0;  // of tasks_: pairs of single pieces, the first ones
+  bool in_round_ = false;    // tasks_ are being answered
   std::vector<PieceTask> tasks_;
   std::vector<Search> searches_;
   std::vector<PiecePair> piece_pairs_;

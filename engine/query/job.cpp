@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cassert>
+#include <utility>
 
 #include "engine/query/box_cull.h"
 #include "engine/query/job_state.h"
@@ -13,6 +14,7 @@ namespace {
 constexpr std::uint64_t kBlock = 512, kHeavyBlock = 256;  // pair-configurations that are evaluated at a time
 constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 1024;  // ... that a thread takes at a time, if there are many
 constexpr std::uint64_t kFewest = 64;                     // ... if they are few
+constexpr std::uint64_t kBoxesPerUnit = 64;               // of work
 constexpr std::uint64_t kSideBySide = 64;                 // configurations that a thread has placed at a time
 constexpr std::uint64_t kPlacedBodies = 8192;             // ... and bodies in them
 constexpr std::uint64_t kWholeConfigurations =
@@ -32,7 +34,9 @@ class DenseJob final : public ParallelJob {
     }
     for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), left);
     layout_ = Layout(plan_, context.light, !culls_.empty(), workers());
-    if (const std::uint64_t client = plan_.query.warm_slot; client != 0 && !options_.reference)
+    // What is too large for warm state is not looked at for it.
+    const bool fits = plan_.size.rows <= WarmStore::kMostSimplices;
+    if (const std::uint64_t client = plan_.query.warm_slot; client != 0 && fits && !options_.reference)
       warm_ = context_.warm->take(client, warm_question(plan_), plan_.size.configurations * plan_.size.pairs);
   }
 
@@ -40,10 +44,10 @@ class DenseJob final : public ParallelJob {
     if (warm_) context_.warm->put_back(std::move(warm_));
   }
 
-  bool advance(std::chrono::nanoseconds budget) override {
-    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
-    const bool done = run_units(next_, layout_.pair_blocks * layout_.configuration_blocks, deadline,
-                                [&](std::uint64_t unit, int worker) { run(unit, worker); });
+  bool go_on(WorkMeter& slice) override {
+    const bool done =
+        run_units(next_, layout_.pair_blocks * layout_.configuration_blocks, slice,
+                  [&](std::uint64_t unit, int worker, WorkMeter& meter) { return run(unit, worker, meter); });
     if (done) {
       info.rows = info.total = plan_.size.rows;
       info.pairs_evaluated = evaluated_;
@@ -79,7 +83,10 @@ class DenseJob final : public ParallelJob {
   struct Place {  // in a block
     std::uint32_t configuration, pair;
   };
+  static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
   struct Room {
+    std::uint64_t next = kNowhere;  // pair of the unit whose block is answered now; kNowhere: of none
+    bool is_asked = false;          // that block has begun
     std::vector<BodyPair> pairs;
     std::vector<PlacedBodies> asked;
     std::vector<Place> places;  // of those asked
@@ -88,27 +95,43 @@ class DenseJob final : public ParallelJob {
     std::vector<std::uint16_t> flags;
   };
 
-  void run(std::uint64_t unit, int worker) {
+  bool run(std::uint64_t unit, int worker, WorkMeter& meter) {
     assert(unit < layout_.pair_blocks * layout_.configuration_blocks);
     Room& room = rooms_[static_cast<std::size_t>(worker)];
+    Evaluator& evaluator = evaluators_[static_cast<std::size_t>(worker)];
     const std::uint64_t first = unit / layout_.pair_blocks * layout_.configurations,
                         begin = unit % layout_.pair_blocks * layout_.pairs;
     const std::uint64_t configurations = std::min(layout_.configurations, plan_.size.configurations - first);
     const std::uint64_t end = std::min(begin + layout_.pairs, plan_.size.pairs);
     const std::span<const Placement> placed = placements(worker, first, configurations);
-    std::uint64_t evaluated = 0;
     const std::uint64_t step = std::max<std::uint64_t>(layout_.block / configurations, 1);
-    for (std::uint64_t p = begin; p < end; p += step) {
-      const auto pairs = plan_.pairs.slice(p, std::min(step, end - p), room.pairs);
-      take(pairs, p, placed, first, worker);
-      room.answers.resize(std::max(room.answers.size(), room.asked.size()));
-      evaluators_[static_cast<std::size_t>(worker)].run(room.asked, room.answers);
-      for (std::size_t i = 0; i < room.asked.size(); ++i) {
-        const auto [k, at] = room.places[i];
-        write((first + k) * plan_.size.pairs + p + at, static_cast<std::uint32_t>(first + k), room.asked[i],
-              room.answers[i]);
-        evaluated += reached_narrow_phase(room.answers[i]);
+    if (room.next == kNowhere) room.next = begin;
+    while (room.next < end) {
+      if (!std::exchange(room.is_asked, true)) {
+        const auto pairs = plan_.pairs.slice(room.next, std::min(step, end - room.next), room.pairs);
+        take(pairs, room.next, placed, first, worker);
+        meter.count(pairs.size() * configurations / kBoxesPerUnit);
+        room.answers.resize(std::max(room.answers.size(), room.asked.size()));
+        evaluator.begin(room.asked, room.answers);
       }
+      if (!evaluator.advance(meter)) return false;
+      write_block(room, first);
+      room.is_asked = false;
+      room.next += step;
+      if (room.next < end && meter.is_over()) return false;
+    }
+    room.next = kNowhere;
+    return true;
+  }
+
+  // The rows of a block that is answered.
+  void write_block(const Room& room, std::uint64_t first) {
+    std::uint64_t evaluated = 0;
+    for (std::size_t i = 0; i < room.asked.size(); ++i) {
+      const auto [k, at] = room.places[i];
+      write((first + k) * plan_.size.pairs + room.next + at, static_cast<std::uint32_t>(first + k), room.asked[i],
+            room.answers[i]);
+      evaluated += reached_narrow_phase(room.answers[i]);
     }
     evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
   }
@@ -180,11 +203,11 @@ class ReducedJob final : public ParallelJob {
     for (int i = 0; i < (whole_ ? workers() : 1); ++i)
       reductions_.emplace_back(scene(), plan_, options_, Reduction::Boxes{boxes(), columns_, near_pairs_},
                                whole_ ? 1 : workers());
+    unit_of_.assign(reductions_.size(), 0);
   }
 
-  bool advance(std::chrono::nanoseconds budget) override {
-    const auto deadline = budget == std::chrono::nanoseconds::max() ? Clock::time_point::max() : Clock::now() + budget;
-    const bool done = whole_ ? advance_side_by_side(deadline) : advance_one_by_one(deadline);
+  bool go_on(WorkMeter& slice) override {
+    const bool done = whole_ ? advance_side_by_side(slice) : advance_one_by_one(slice);
     if (done) {
       info.rows = written_;
       context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
@@ -193,19 +216,14 @@ class ReducedJob final : public ParallelJob {
   }
 
  private:
-  bool advance_side_by_side(Clock::time_point deadline) {
+  bool advance_side_by_side(WorkMeter& slice) {
     // A batch of configurations at a time, so that rows come in order and wait in bounded memory.
     const std::uint64_t count = plan_.size.configurations;
     while (true) {
       if (batch_rows_.empty()) batch_rows_.resize(std::min<std::uint64_t>(count - first_, 64 * reductions_.size()));
-      const bool batch_done = run_units(next_, batch_rows_.size(), deadline, [&](std::uint64_t i, int worker) {
-        Reduction& r = reductions_[static_cast<std::size_t>(worker)];
-        const Placement& here = placement(worker, first_ + i);
-        for (r.begin(); r.stage() != Reduction::kDone; r.end_stage())
-          for (std::uint64_t u = 0; u < r.units(); ++u) r.run(u, 0, here);
-        batch_rows_[i] = r.rows(static_cast<std::uint32_t>(first_ + i), here);
-        evaluated_.fetch_add(r.evaluated(), std::memory_order_relaxed);
-      });
+      const bool batch_done =
+          run_units(next_, batch_rows_.size(), slice,
+                    [&](std::uint64_t i, int worker, WorkMeter& meter) { return reduce(i, worker, meter); });
       if (!batch_done) return false;
       for (const auto& rows : batch_rows_) write(rows);
       first_ += batch_rows_.size();
@@ -213,26 +231,44 @@ class ReducedJob final : public ParallelJob {
       next_ = 0;
       info.pairs_evaluated = evaluated_;
       if (first_ == count) return true;
-      if (Clock::now() >= deadline) return false;
+      if (slice.is_over()) return false;
     }
   }
 
-  bool advance_one_by_one(Clock::time_point deadline) {
+  // The rows of one configuration of the batch.
+  bool reduce(std::uint64_t i, int worker, WorkMeter& meter) {
+    Reduction& r = reductions_[static_cast<std::size_t>(worker)];
+    std::uint64_t& unit = unit_of_[static_cast<std::size_t>(worker)];
+    const Placement& here = placement(worker, first_ + i);
+    if (r.stage() == Reduction::kDone) r.begin();
+    for (; r.stage() != Reduction::kDone; r.end_stage(), unit = 0)
+      while (unit < r.units()) {
+        if (!r.run(unit, 0, here, meter)) return false;
+        if (++unit < r.units() && meter.is_over()) return false;
+      }
+    batch_rows_[i] = r.rows(static_cast<std::uint32_t>(first_ + i), here);
+    evaluated_.fetch_add(r.evaluated(), std::memory_order_relaxed);
+    return true;
+  }
+
+  bool advance_one_by_one(WorkMeter& slice) {
     Reduction& r = reductions_[0];
     while (first_ < plan_.size.configurations) {
       if (!begun_) r.begin();
       begun_ = true;
       for (; r.stage() != Reduction::kDone; r.end_stage(), next_ = 0) {
         const bool stage_done = run_units(
-            next_, r.units(), deadline,
-            [&](std::uint64_t unit, int worker) { r.run(unit, worker, placement(worker, first_)); },
+            next_, r.units(), slice,
+            [&](std::uint64_t unit, int worker, WorkMeter& meter) {
+              return r.run(unit, worker, placement(worker, first_), meter);
+            },
             !r.worth_threads(context_.light));
         if (!stage_done) return false;
       }
       write(r.rows(static_cast<std::uint32_t>(first_), placement(0, first_)));
       info.pairs_evaluated += r.evaluated();
       begun_ = false;
-      ++first_;
+      if (++first_ < plan_.size.configurations && slice.is_over()) return false;
     }
     return true;
   }
@@ -248,6 +284,7 @@ class ReducedJob final : public ParallelJob {
   NearPairs near_pairs_;
   BoxColumns columns_;
   std::vector<Reduction> reductions_;
+  std::vector<std::uint64_t> unit_of_;  // of each reduction: the next one of its stage
   std::vector<std::vector<Row>> batch_rows_;
   std::uint64_t first_ = 0, next_ = 0, written_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};

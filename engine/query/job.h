@@ -4,11 +4,34 @@
 #include <chrono>
 #include <memory>
 
+#include "engine/narrow/work_meter.h"
 #include "engine/query/query.h"
 
 namespace clearance {
 
 class Engine;
+struct Plan;
+
+/// A query made ready for start(): checked, with one snapshot of the poses, its pairs listed and counted.
+class PreparedQuery {
+ public:
+  PreparedQuery(PreparedQuery&&) noexcept;
+  PreparedQuery& operator=(PreparedQuery&&) noexcept;
+  ~PreparedQuery();
+  const QuerySize& size() const;
+  /// Bytes that it holds.
+  std::uint64_t bytes() const;
+  /// Leaves warm state out: QueryView::warm_slot = 0.
+  void begin_cold();
+  /// Has no device asked. Where Engine::has_cpu().
+  void keep_on_cpu();
+
+ private:
+  friend class Engine;
+  explicit PreparedQuery(std::unique_ptr<Plan> plan);
+  std::unique_ptr<Plan> plan_;
+  bool keep_on_cpu_ = false;
+};
 
 /// A query under way. Holds the snapshot it began with; the columns it writes belong to the caller and must outlive it.
 class Job {
@@ -17,8 +40,14 @@ class Job {
   Job& operator=(Job&&) noexcept;
   ~Job();
 
-  /// Works for about `budget` (one slice of work at least). Returns true once the answer is whole.
-  bool advance(std::chrono::nanoseconds budget = std::chrono::nanoseconds::max());
+  /// Works for about `budget` (on one pair of pieces at least). Returns true once the answer is whole.
+  bool advance(std::chrono::nanoseconds budget = std::chrono::nanoseconds::max()) {
+    return advance(WorkBudget{.time = budget});
+  }
+  /// The same within a number of units. Where one pair may not take as many as it needs, nothing comes of it.
+  bool advance(const WorkBudget& budget);
+  /// Units of work so far, all threads'.
+  std::uint64_t units() const;
 
   const QuerySize& size() const;
   /// Valid once advance() returned true.

@@ -8,6 +8,7 @@
 
 #include "engine/narrow/lanes.h"
 #include "engine/narrow/warm.h"
+#include "engine/narrow/work_meter.h"
 #include "engine/query/evaluate.h"
 #include "engine/query/job.h"
 #include "engine/query/near_pairs.h"
@@ -36,9 +37,10 @@ struct JobContext {
 
 struct Job::State {
   virtual ~State() = default;
-  virtual bool advance(std::chrono::nanoseconds budget) = 0;
+  virtual bool advance(const WorkBudget& budget) = 0;
   virtual const QuerySize& size() const = 0;
   ReplyInfo info;
+  std::uint64_t units = 0;  ///< of work, so far
   /// Told once how long the work took: the calls of advance() together. Empty: nobody asks.
   std::function<void(const ReplyInfo&, std::chrono::nanoseconds)> when_done;
   std::chrono::nanoseconds took{0};

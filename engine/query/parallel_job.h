@@ -4,6 +4,7 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cassert>
 #include <cmath>
 #include <exception>
@@ -29,7 +30,7 @@ inline bool reached_narrow_phase(const PairAnswer& answer) {
   return !std::isnan(answer.distance) && answer.upper < std::numeric_limits<double>::infinity();
 }
 
-/// A job's common part: workers with their own placements, and units run in parallel until the budget is spent.
+/// A job's common part: workers with their own placements, and units run in parallel until the slice is over.
 class ParallelJob : public Job::State {
  public:
   /// \param boxes whether boxes of all bodies are worth making beforehand, if boxes will be asked for.
@@ -56,6 +57,7 @@ class ParallelJob : public Job::State {
         boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b]));
     const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
     placements_.resize(serial ? 1 : static_cast<std::size_t>(context.threads));
+    open_.assign(placements_.size(), kNone64);
     info.backend = context.reference ? "reference" : "cpu";
     info.snapshot_revision = snapshot.revision;
     info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
@@ -67,8 +69,16 @@ class ParallelJob : public Job::State {
   }
 
   const QuerySize& size() const override { return plan_.size; }
+  bool advance(const WorkBudget& budget) final {
+    WorkMeter slice(budget);
+    const bool done = go_on(slice);
+    units += slice.spent();
+    return done;
+  }
 
  protected:
+  /// Works until the slice is over. Returns true once the answer is whole.
+  virtual bool go_on(WorkMeter& slice) = 0;
   const Scene& scene() const { return *context_.scene; }
   std::span<const Aabb> boxes() const { return boxes_; }  ///< of all bodies in the snapshot; empty: not made
   int workers() const { return static_cast<int>(placements_.size()); }
@@ -100,21 +110,36 @@ class ParallelJob : public Job::State {
               pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);
   }
 
-  // Runs units [next, count) in growing batches until all are done (true) or the deadline has passed. \param alone
-  // without waking threads, which takes as long as some microseconds of work, and far longer where others use the
-  // cores.
+  // Runs units [next, count) until all are done (true) or the slice is over. `unit(i, worker, meter)` returns false
+  // where the slice ended within it: the same worker's state then goes on with it in the next one. \param alone without
+  // waking threads, which takes as long as some microseconds of work, and far longer where others use the cores.
   template <class Unit>
-  bool run_units(std::uint64_t& next, std::uint64_t count, Clock::time_point deadline, Unit unit, bool alone = false) {
-    const bool unbounded = deadline == Clock::time_point::max();
-    std::uint64_t batch = static_cast<std::uint64_t>(workers());
-    while (next < count) {
-      const std::uint64_t end = unbounded ? count : std::min(count, next + batch);
-      run_batch(next, end, alone, unit);
-      next = end;
-      if (!unbounded && Clock::now() >= deadline) break;
-      batch *= 2;
-    }
-    return next >= count;
+  bool run_units(std::uint64_t& next, std::uint64_t count, WorkMeter& slice, Unit unit, bool alone = false) {
+    std::atomic<std::uint64_t> from{next}, spent{0};
+    const auto finish = [&](int worker, WorkMeter& meter) {  // what is open
+      std::uint64_t& open = open_[static_cast<std::size_t>(worker)];
+      if (open == kNone64 || !unit(open, worker, meter)) return;
+      open = kNone64;
+    };
+    const auto work = [&](int thread, int threads) {
+      WorkMeter meter = slice.share();
+      for (int worker = thread; worker < workers(); worker += threads) finish(worker, meter);
+      std::uint64_t& open = open_[static_cast<std::size_t>(thread)];
+      while (open == kNone64 && !(meter.spent() > 0 && meter.is_over())) {
+        open = from.fetch_add(1, std::memory_order_relaxed);
+        if (open < count)
+          finish(thread, meter);
+        else
+          break;
+      }
+      if (open != kNone64 && open >= count) open = kNone64;
+      spent.fetch_add(meter.spent(), std::memory_order_relaxed);
+    };
+    const std::uint64_t wanted = none_open() ? count - next : static_cast<std::uint64_t>(workers());
+    run_on(alone ? 1 : static_cast<int>(std::min(wanted, static_cast<std::uint64_t>(workers()))), work);
+    next = std::min<std::uint64_t>(from, count);
+    slice.count(spent);
+    return next == count && none_open();
   }
 
   JobContext context_;
@@ -123,19 +148,22 @@ class ParallelJob : public Job::State {
   EvaluateOptions options_;
 
  private:
-  template <class Unit>
-  void run_batch(std::uint64_t begin, std::uint64_t end, bool alone, Unit& unit) {
-    if (alone || workers() == 1 || end - begin == 1) {
-      for (std::uint64_t i = begin; i < end; ++i) unit(i, 0);
-      return;
-    }
+  static constexpr std::uint64_t kNone64 = ~std::uint64_t{0};
+
+  bool none_open() const {
+    return std::all_of(open_.begin(), open_.end(), [](std::uint64_t unit) { return unit == kNone64; });
+  }
+
+  // Runs work(thread, threads) on as many threads, or on fewer where the system has no more.
+  template <class Work>
+  static void run_on(int threads, const Work& work) {
+    if (threads <= 1) return work(0, 1);
     std::exception_ptr failure;  // an exception may not leave a parallel region
-    const int threads = static_cast<int>(std::min(static_cast<std::uint64_t>(workers()), end - begin));
-#pragma omp parallel for schedule(dynamic) num_threads(threads)
-    for (std::uint64_t i = begin; i < end; ++i) {
+#pragma omp parallel num_threads(threads)
+    {
       try {
         const FpEnvironment environment;  // the worker's own
-        unit(i, omp_get_thread_num());
+        work(omp_get_thread_num(), omp_get_num_threads());
       } catch (...) {
 #pragma omp critical(clearance_job_failure)
         failure = std::current_exception();
@@ -176,6 +204,7 @@ class ParallelJob : public Job::State {
     std::vector<Mat3d> rotations;  // of the configurations that are being placed
   };
   std::vector<WorkerPlacements> placements_;  // of each worker
+  std::vector<std::uint64_t> open_;           // of each worker: the unit that a slice ended in, or kNone64
 };
 
 }  // namespace clearance

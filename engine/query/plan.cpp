@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <iterator>
 #include <string>
 
 #include "engine/base/digest.h"
+#include "engine/narrow/work_meter.h"
 
 namespace clearance {
 
@@ -46,6 +48,7 @@ void check_numbers(const QueryView& q) {
   if (q.stale_status && q.max_pose_age_ns == 0) refuse("stale_status: is for a query with max_pose_age_ns");
 }
 
+// Ascending, each once.
 std::vector<std::uint32_t> members(std::uint32_t selector, const Scene& scene, std::size_t position) {
   std::vector<std::uint32_t> all;
   if (selector == kEveryBody) {
@@ -57,14 +60,32 @@ std::vector<std::uint32_t> members(std::uint32_t selector, const Scene& scene, s
       refuse("pairs[" + std::to_string(position) + "]: unknown group " + std::to_string(group) + "; the scene has " +
              std::to_string(scene.groups().size()));
     all = scene.groups()[group].bodies;
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
   } else if (selector < scene.bodies().size()) {
     all.push_back(selector);
   }
   return all;
 }
 
+// Appends the enabled pairs of a body of `as` and one of `bs`, each once, in lexicographic order; both ascending.
+void append_enabled(const std::vector<std::uint32_t>& as, const std::vector<std::uint32_t>& bs, const PairTable& table,
+                    std::vector<BodyPair>& pairs) {
+  std::vector<std::uint32_t> all;
+  std::set_union(as.begin(), as.end(), bs.begin(), bs.end(), std::back_inserter(all));
+  const auto has = [](const std::vector<std::uint32_t>& bodies, std::uint32_t body) {
+    return std::binary_search(bodies.begin(), bodies.end(), body);
+  };
+  for (const std::uint32_t body : all) {
+    const std::vector<std::uint32_t>& others = !has(as, body) ? as : !has(bs, body) ? bs : all;
+    for (auto other = std::upper_bound(others.begin(), others.end(), body); other != others.end(); ++other)
+      if (table.enabled(body, *other)) pairs.push_back({body, *other});
+  }
+}
+
 // Pairs of bodies that the groups of one query may name together: as many as the largest request could name itself. A
 // few bytes would fill memory otherwise.
+constexpr std::uint64_t kPairsPerUnit = 16;  // of work: that are listed
 constexpr std::uint64_t kMaxNamedByGroups = std::uint64_t{1} << 25;
 
 void check_named_by_groups(std::span<const BodyPair> pairs, const Scene& scene) {
@@ -98,13 +119,7 @@ std::vector<BodyPair> expand(const QueryView& q, const Scene& scene, const PairT
       pairs.push_back(p);
       continue;
     }
-    const std::size_t first = pairs.size();
-    const std::vector<std::uint32_t> as = members(p.a, scene, i), bs = members(p.b, scene, i);
-    for (const std::uint32_t a : as)
-      for (const std::uint32_t b : bs)
-        if (table.enabled(a, b)) pairs.push_back({std::min(a, b), std::max(a, b)});
-    std::sort(pairs.begin() + static_cast<std::ptrdiff_t>(first), pairs.end());
-    pairs.erase(std::unique(pairs.begin() + static_cast<std::ptrdiff_t>(first), pairs.end()), pairs.end());
+    append_enabled(members(p.a, scene, i), members(p.b, scene, i), table, pairs);
   }
   return pairs;
 }
@@ -194,6 +209,8 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
   else
     plan.pairs = PairList(plan.snapshot->pairs);
   plan.query.pairs = {};
+  units_of_this_thread +=
+      (plan.pairs.list().size() + query.pairs.size() + query.bodies.size()) / kPairsPerUnit + seen.size() / 1024;
 
   QuerySize& size = plan.size;
   size.configurations = std::max<std::uint64_t>(query.configuration_count, 1);
@@ -215,6 +232,7 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
 
 void Plan::keep_configurations() {
   if (configurations.data() == kept_configurations.data()) return;
+  count_copied(configurations.size_bytes());
   kept_configurations.assign(configurations.begin(), configurations.end());
   configurations = kept_configurations;
 }

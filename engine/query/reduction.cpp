@@ -20,6 +20,8 @@ constexpr std::uint64_t kAtFirst = 8;  // of them, where the first that overlaps
 // What takes one thread a tenth of a millisecond or more.
 constexpr std::uint64_t kManyProbes = 512, kManyPairs = 65536, kManyAnswers = 1024;
 
+constexpr std::uint64_t kUnitsPerScan = kBlock / 128;  // boxes are compared eight at a time
+
 std::uint64_t blocks(std::uint64_t count, std::uint64_t size) {
   return (count + size - 1) / size;
 }
@@ -102,46 +104,66 @@ bool Reduction::worth_threads(bool light) const {
   return false;
 }
 
-void Reduction::run(std::uint64_t unit, int worker, const Placement& placement) {
+bool Reduction::run(std::uint64_t unit, int worker, const Placement& placement, WorkMeter& meter) {
   assert(unit < units() && static_cast<std::size_t>(worker) < workers_.size());
+  WorkerState& w = workers_[static_cast<std::size_t>(worker)];
   switch (stage_) {
     case kSeedScan:
-      return by_tree_ ? seed_scan_by_tree(unit, workers_[worker], placement)
-                      : seed_scan(unit, workers_[worker], placement);
+      meter.count(kUnitsPerScan);
+      by_tree_ ? seed_scan_by_tree(unit, w, placement) : seed_scan(unit, w, placement);
+      return true;
     case kScan:
-      return by_tree_ ? scan_by_tree(unit, workers_[worker], placement) : scan(unit, workers_[worker], placement);
+      meter.count(kUnitsPerScan);
+      by_tree_ ? scan_by_tree(unit, w, placement) : scan(unit, w, placement);
+      return true;
     case kSeeds:
-    case kCandidates: {
-      const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
-      auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
-      auto& answers = stage_ == kSeeds ? seed_answers_ : candidate_answers_;
-      const std::uint64_t begin = unit * kEvaluate, end = std::min<std::uint64_t>(positions.size(), begin + kEvaluate);
-      WorkerState& w = workers_[worker];
-      std::uint64_t step = stops_at_overlap() ? kAtFirst : kEvaluate;
-      for (std::uint64_t first = begin, next; first < end; first = next, step *= 2) {
-        next = std::min(end, first + step);
-        w.asked.clear();
-        for (std::uint64_t i = first; i < next; ++i) {
-          pairs[i] = plan_.pairs.at(positions[i]);
-          w.asked.push_back({pairs[i], &placement});
-        }
-        const std::span<PairAnswer> found = std::span(answers).subspan(first, next - first);
-        w.evaluator.run(w.asked, found);
-        w.evaluated += next - first;
-        const auto overlaps = [](const PairAnswer& a) { return a.status == Status::kOverlap; };
-        if (stops_at_overlap() && std::any_of(found.begin(), found.end(), overlaps)) {
-          for (std::uint64_t i = next; i < end; ++i) {
-            pairs[i] = plan_.pairs.at(positions[i]);
-            answers[i] = beyond_answer(0);  // no nearer than the one found, and behind it
-          }
-          return;
-        }
-      }
-      return;
-    }
+    case kCandidates:
+      return answer(unit, w, placement, meter);
     case kDone:
-      return;
+      break;
   }
+  return true;
+}
+
+// The exact answers of a unit's pairs.
+bool Reduction::answer(std::uint64_t unit, WorkerState& w, const Placement& placement, WorkMeter& meter) {
+  const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
+  auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
+  auto& answers = stage_ == kSeeds ? seed_answers_ : candidate_answers_;
+  const std::uint64_t begin = unit * kEvaluate, end = std::min<std::uint64_t>(positions.size(), begin + kEvaluate);
+  const auto next = [&] { return std::min(end, w.first + w.step); };
+  const auto found = [&] { return std::span(answers).subspan(w.first, next() - w.first); };
+  const auto ask = [&] {
+    w.asked.clear();
+    for (std::uint64_t i = w.first; i < next(); ++i) {
+      pairs[i] = plan_.pairs.at(positions[i]);
+      w.asked.push_back({pairs[i], &placement});
+    }
+    w.evaluator.begin(w.asked, found());
+  };
+  if (w.step == 0) {
+    w.first = begin;
+    w.step = stops_at_overlap() ? kAtFirst : kEvaluate;
+    ask();
+  }
+  while (true) {
+    if (!w.evaluator.advance(meter)) return false;
+    w.evaluated += next() - w.first;
+    const auto overlaps = [](const PairAnswer& a) { return a.status == Status::kOverlap; };
+    const std::span<PairAnswer> last = found();
+    w.first = next();
+    if (stops_at_overlap() && std::any_of(last.begin(), last.end(), overlaps))
+      for (; w.first < end; ++w.first) {
+        pairs[w.first] = plan_.pairs.at(positions[w.first]);
+        answers[w.first] = beyond_answer(0);  // no nearer than the one found, and behind it
+      }
+    w.step *= 2;
+    if (w.first == end) break;
+    ask();
+    if (meter.is_over()) return false;
+  }
+  w.step = 0;
+  return true;
 }
 
 // box_gap() of each.

@@ -38,8 +38,9 @@ class Reduction {
   /// Whether the current stage is so much work that several threads pay. \param light an answer takes well under 1 us,
   /// not 10.
   bool worth_threads(bool light) const;
-  /// Runs one unit of the current stage. The placement must be configured.
-  void run(std::uint64_t unit, int worker, const Placement& placement);
+  /// Runs one unit of the current stage until the slice is over. Returns true at its end; else the same worker goes on
+  /// with it. The placement must be configured.
+  bool run(std::uint64_t unit, int worker, const Placement& placement, WorkMeter& meter);
   /// Ends the stage after all its units.
   void end_stage();
   /// The rows, once the stage is kDone. \param placement of the configuration.
@@ -58,6 +59,7 @@ class Reduction {
     std::uint64_t evaluated = 0;            // pairs
     std::vector<BodyPair> room;
     std::vector<PlacedBodies> asked;
+    std::uint64_t first = 0, step = 0;  // of the positions that are being answered; step 0: none of a unit
     std::vector<double> gaps;
     Evaluator evaluator;
     BoxCull cull;
@@ -71,6 +73,7 @@ class Reduction {
   }
   template <class Visit>
   void for_groups(BodyPair pair, Visit visit) const;
+  bool answer(std::uint64_t unit, WorkerState& worker, const Placement& placement, WorkMeter& meter);
   std::span<const double> gaps(std::span<const BodyPair> pairs, WorkerState& worker, const Placement& placement) const;
   void seed_scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
   void scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const;

@@ -55,7 +55,7 @@ CLEARANCE_FUZZ_TARGET(request) {
   static const Scene scene = small_scene();
   Engine engine(scene, options);
   MemoryClient client, other;  // before the loop, which may hold requests of theirs to its end
-  Loop loop(engine);
+  Loop loop(engine, on_one_thread());
   serve_changing_scenes(loop);
   auto owned = std::make_unique<MemoryTransport>();
   MemoryTransport& transport = *owned;

@@ -124,7 +124,7 @@ CLEARANCE_FUZZ_TARGET(shm_server) {
   options.threads = 1;
   static const Scene scene = small_scene();
   Engine engine(scene, options);
-  Loop::Options every_turn;  // what waits for poses is let go of at a tick
+  Loop::Options every_turn = on_one_thread();  // what waits for poses is let go of at a tick
   every_turn.tick = std::chrono::nanoseconds(0);
   Loop loop(engine, every_turn);
   loop.add(make_shm_transport(path, small_limits()));

@@ -98,7 +98,7 @@ CLEARANCE_FUZZ_TARGET(zmq_server) {
   options.threads = 1;
   static const Scene scene = small_scene();
   Engine engine(scene, options);
-  Loop loop(engine);
+  Loop loop(engine, on_one_thread());
   loop.add(make_zmq_transport(url));
 
   Input in(bytes);

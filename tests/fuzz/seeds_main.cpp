@@ -169,7 +169,7 @@ void save_requests_and_replies() {
   Engine::Options options;
   options.threads = 1;
   Engine engine(small_scene(), options);
-  Loop loop(engine);
+  Loop loop(engine, on_one_thread());
   serve_changing_scenes(loop);
   auto owned = std::make_unique<MemoryTransport>();
   MemoryTransport& transport = *owned;

@@ -17,7 +17,9 @@ using namespace std::chrono_literals;
 /// A loop over an engine, with one in-memory transport and the clients of a test.
 class LoopTest : public testing::Test {
  protected:
+  /// Without a worker's thread: what the loop would leave to it takes its turns, too, so that they can be counted.
   void start(Scene scene, Loop::Options options = {}, int threads = 1) {
+    options.worker_thread = with_worker_;
     Engine::Options engine_options;
     engine_options.threads = threads;
     engine_ = std::make_unique<Engine>(std::move(scene), engine_options);
@@ -55,6 +57,7 @@ class LoopTest : public testing::Test {
     return wire::parse_error(frame->payload());
   }
 
+  bool with_worker_ = false;
   MemoryClient a_, b_, c_;  // before the loop, which may hold requests of theirs to its end
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<Loop> loop_;

@@ -50,7 +50,7 @@ TEST(BadRequests, ThereAreEnough) {
 
 TEST(BadRequests, AreRefusedByTheLoop) {
   Engine engine(small_scene());
-  Loop loop(engine);
+  Loop loop(engine, on_one_thread());
   auto made = std::make_unique<MemoryTransport>();
   MemoryTransport& transport = *made;
   loop.add(std::move(made));

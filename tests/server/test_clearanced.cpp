@@ -8,6 +8,7 @@
 
 #include <array>
 #include <filesystem>
+#include <thread>
 
 #include "client/client.h"
 #include "daemon_fixture.h"
@@ -138,6 +139,36 @@ TEST_F(Clearanced, SignalsEndItCleanly) {
     EXPECT_FALSE(std::filesystem::exists(folder_ / "c.ipc"));
     EXPECT_TRUE(contains(daemon.log(), "event=end signal=" + std::to_string(signal)));
   }
+}
+
+TEST_F(Clearanced, ASignalEndsItWhateverItWorksOn) {
+  // Hours of work: who waited for its end, or for that of its listing, would never come back.
+  const std::string scene = folder_.write(
+      "many.yaml", "random: {count: 300, shape: {uv_sphere: {radius: 2, resolution: 5}}, box: 1, seed: 1}\n");
+  const std::string shm = "shm://" + (folder_ / "c.shm");
+  Daemon daemon({"--scene", scene, "--shm", folder_ / "c.shm"});
+  Client client = patient(shm), other = patient(shm);
+  Query query;
+  query.reduce = Reduce::kMin;
+  query.signed_distance = true;
+  const std::vector<std::uint32_t> bodies{0};
+  const std::vector<IdPair> pairs{{kEveryBody, kEveryBody}};
+  query.bodies = bodies;
+  query.pairs = pairs;
+  query.all_pairs = false;
+  const std::vector<Pose7> configurations(4000, Pose7{0, 0, 0, 1, 0, 0, 0});
+  query.configurations = configurations;
+  std::thread asking([&] { EXPECT_THROW(client.distances(query), std::exception); });
+  const auto waiting = [&] {
+    for (const auto& [name, value] : other.stats())
+      if (name == "queries.waiting") return value;
+    return std::uint64_t{0};
+  };
+  while (waiting() == 0) std::this_thread::yield();
+  EXPECT_EQ(daemon.stop(SIGTERM), 0);
+  EXPECT_TRUE(contains(daemon.log(), "event=end signal=15"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "c.shm"));
+  asking.join();
 }
 
 TEST_F(Clearanced, LogSaysWhenAndWhereItServes) {

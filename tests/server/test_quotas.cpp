@@ -24,7 +24,7 @@ class Quotas : public LoopTest {
 
 TEST_F(Quotas, PairsOfOneQuery) {
   Loop::Options options;
-  options.max_pairs_per_query = 120;
+  options.max_pairs = 120;
   start(small_scene(), options);
   TestQuery query;  // six pairs
   query.bodies = {1};

@@ -1,0 +1,73 @@
+#include "engine/query/extent.h"
+
+#include <algorithm>
+
+#include "engine/narrow/work_meter.h"
+
+namespace clearance {
+namespace {
+
+std::uint64_t times(std::uint64_t a, std::uint64_t b) {
+  std::uint64_t product;
+  return __builtin_mul_overflow(a, b, &product) ? ~std::uint64_t{0} : product;
+}
+
+std::uint64_t plus(std::uint64_t a, std::uint64_t b) {
+  std::uint64_t sum;
+  return __builtin_add_overflow(a, b, &sum) ? ~std::uint64_t{0} : sum;
+}
+
+}  // namespace
+
+void SceneBulk::Side::add(const Side& other) {
+  bodies += other.bodies;
+  pieces += other.pieces;
+  units += other.units;
+}
+
+SceneBulk::SceneBulk(const Scene& scene) {
+  for (const Body& body : scene.bodies()) {
+    Side& side = bodies_.emplace_back(Side{1, body.pieces.size(), 0});
+    for (const PiecePtr& piece : body.pieces) side.units += WorkMeter::units_of(*piece);
+    all_.add(side);
+  }
+  for (const Group& group : scene.groups()) {
+    Side& side = groups_.emplace_back();
+    for (const std::uint32_t body : group.bodies) side.add(bodies_[body]);
+  }
+}
+
+SceneBulk::Side SceneBulk::side(std::uint32_t selector) const {
+  if (selector == kEveryBody) return all_;
+  const bool is_group = selector & kGroupBit;
+  const std::vector<Side>& known = is_group ? groups_ : bodies_;
+  const std::uint32_t at = is_group ? selector & ~kGroupBit : selector;
+  return at < known.size() ? known[at] : Side{1, 0, 0};
+}
+
+void SceneBulk::add_pairs(Extent& extent, const Side& a, const Side& b) {
+  extent.pairs = plus(extent.pairs, times(a.bodies, b.bodies));
+  extent.piece_pairs = plus(extent.piece_pairs, times(a.pieces, b.pieces));
+  extent.units = plus(extent.units, plus(times(a.units, b.pieces), times(b.units, a.pieces)));
+}
+
+Extent SceneBulk::of(const QueryView& query, const PoseSnapshot& snapshot) const {
+  Extent extent;
+  if (!query.all_pairs) {
+    for (const BodyPair pair : query.pairs) add_pairs(extent, side(pair.a), side(pair.b));
+  } else {
+    Side moved;
+    std::vector<std::uint32_t> known;
+    for (const std::uint32_t body : query.bodies)
+      if (body < bodies_.size()) known.push_back(body);
+    if (!known.empty())
+      for (const std::uint32_t body : snapshot.with_followers(known)) moved.add(bodies_[body]);
+    add_pairs(extent, query.bodies.empty() ? all_ : moved, all_);
+    extent.pairs = std::min(extent.pairs, snapshot.pairs->size());
+  }
+  const std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
+  return {times(extent.pairs, configurations), times(extent.piece_pairs, configurations),
+          times(extent.units, configurations)};
+}
+
+}  // namespace clearance

@@ -1,0 +1,61 @@
+#include "dear_request.h"
+
+#include <cstring>
+#include <utility>
+
+#include "engine/narrow/work_meter.h"
+
+namespace clearance {
+
+bool DearRequest::advance(std::chrono::nanoseconds, Clock::time_point& now) {
+  if (step_ == Step::kMake) {
+    failure_ = Answers::refusal_of(asked_.header, [&] { payload_ = make_(); });
+    payload_bytes_ = payload_.size();
+    step_ = Step::kRoom;
+  } else if (step_ == Step::kCopy) {
+    count_copied(payload_.size());
+    if (!payload_.empty()) std::memcpy(frame_ + sizeof(wire::FrameHeader), payload_.data(), payload_.size());
+    step_ = Step::kPublish;
+  }
+  if (failure_ || step_ != Step::kRoom) let_go();
+  now = Clock::now();
+  return true;
+}
+
+void DearRequest::let_go() {
+  make_ = nullptr;
+  payload_ = {};
+}
+
+void DearRequest::look() {
+  // Poses that were sent are taken, whether or not anybody waits for the reply.
+  gone_.store(type_ != wire::FrameType::kPosesDone && !asked_.sink->alive(), std::memory_order_relaxed);
+}
+
+bool DearRequest::settle() {
+  if (step_ == Step::kOver) return true;
+  if (step_ == Step::kRoom && done_ && !done_(!failure_)) {
+    step_ = Step::kMake;
+    return false;
+  }
+  if (failure_) {
+    answers_.refuse(*asked_.sink, asked_.header, *failure_);
+    return true;
+  }
+  if (!asked_.sink->alive()) {
+    answers_.count_dropped();
+    step_ = Step::kOver;
+    return false;
+  }
+  const bool went_well = answers_.guard(*asked_.sink, asked_.header, [&] {
+    if (step_ == Step::kPublish)
+      answers_.publish(*asked_.sink, asked_.header, type_, frame_, payload_bytes_);
+    else
+      frame_ = answers_.reserve(*asked_.sink, asked_.header, payload_bytes_);
+  });
+  if (step_ == Step::kPublish) return true;
+  step_ = went_well ? Step::kCopy : Step::kOver;
+  return false;
+}
+
+}  // namespace clearance

@@ -1,0 +1,54 @@
+// A request that is no query, but too dear for the loop: whoever works makes the reply's payload, and copies it.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "answers.h"
+#include "pending_request.h"
+#include "scheduler.h"
+
+namespace clearance {
+
+class DearRequest final : public ScheduledQuery {
+ public:
+  /// Reads the request and makes the reply's payload; throws what it is refused for. On the thread that works.
+  using Make = std::function<std::vector<std::byte>()>;
+  /// Called on the loop once make() has ended. \param made it did not throw. Returns false where it must be called once
+  /// more.
+  using Done = std::function<bool(bool made)>;
+
+  DearRequest(Answers& answers, PendingRequest asked, wire::FrameType type, Clock::time_point received, Make make,
+              Done done = nullptr)
+      : ScheduledQuery(asked.sink->client(), received),
+        answers_(answers),
+        asked_(std::move(asked)),
+        type_(type),
+        make_(std::move(make)),
+        done_(std::move(done)) {}
+
+  bool is_wanted() const override { return !gone_.load(std::memory_order_relaxed); }
+  bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
+  void let_go() override;
+  void look() override;
+  bool settle() override;
+
+ private:
+  enum class Step { kMake, kRoom, kCopy, kPublish, kOver };
+
+  Answers& answers_;
+  PendingRequest asked_;
+  wire::FrameType type_;
+  Make make_;
+  Done done_;
+  Step step_ = Step::kMake;
+  std::atomic<bool> gone_{false};
+  std::optional<Refusal> failure_;
+  std::vector<std::byte> payload_;
+  std::uint64_t payload_bytes_ = 0;
+  std::byte* frame_ = nullptr;
+};
+
+}  // namespace clearance

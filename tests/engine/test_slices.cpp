@@ -1,0 +1,142 @@
+// Jobs in slices of few units of work: they stop between the piece pairs of a pair, and the bits are those of one
+// slice.
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "engine_test_util.h"
+
+namespace clearance::test {
+namespace {
+
+constexpr std::uint64_t kSlice = 16;  // units
+
+/// Bodies of many pieces, each a cloud of 20 vertices, all over each other.
+Scene heaps(int bodies, int pieces) {
+  Random random(5);
+  Scene scene;
+  for (int b = 0; b < bodies; ++b) {
+    Body body;
+    body.name = "heap" + std::to_string(b);
+    body.pose = Pose{};
+    for (int p = 0; p < pieces; ++p) {
+      const Vec3d centre{random.uniform(-3, 3), random.uniform(-3, 3), random.uniform(-3, 3)};
+      std::vector<Vec3d> vertices = random.cloud(20, {0.3, 0.3, 0.3});
+      for (Vec3d& v : vertices) v = v + centre;
+      body.pieces.push_back(make_piece(std::move(vertices)));
+    }
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
+/// The answer in slices of so few units. \param slices how many it took. \param longest units of one.
+Answer in_slices(const Engine& engine, const QueryView& query, int& slices, std::uint64_t& longest) {
+  Answer a = room_for(engine, query);
+  Job job = engine.start(query, a.view);
+  slices = 0;
+  longest = 0;
+  for (bool done = false; !done; ++slices) {
+    const std::uint64_t before = job.units();
+    done = job.advance(WorkBudget{.units = kSlice});
+    longest = std::max(longest, job.units() - before);
+  }
+  a.info = job.info();
+  return a;
+}
+
+TEST(Slices, EndWithinAPairOfBodiesOfManyPieces) {
+  const Engine engine(heaps(2, 60), {.threads = 1});
+  QueryView query;
+  query.signed_distance = true;
+  query.fields = kAllFields;
+  const Answer whole = ask(engine, query);
+  ASSERT_EQ(whole.info.rows, 1u) << "one pair of bodies";
+  int slices = 0;
+  std::uint64_t longest = 0;
+  const Answer sliced = in_slices(engine, query, slices, longest);
+  EXPECT_GT(slices, 10);
+  // A slice ends after the pair of pieces, or the boxes, that it was in: of 60 x 60 a unit for each sixteen.
+  EXPECT_LT(longest, 5000u);
+  EXPECT_EQ(whole.view.lower[0], sliced.view.lower[0]);
+  EXPECT_EQ(whole.view.upper[0], sliced.view.upper[0]);
+  EXPECT_EQ(whole.view.pieces[0], sliced.view.pieces[0]);
+  EXPECT_EQ(whole.view.pieces[1], sliced.view.pieces[1]);
+}
+
+TEST(Slices, GiveEveryReductionTheSameBits) {
+  for (const int threads : {1, 3}) {
+    const Engine engine(heaps(12, 6), {.threads = threads});
+    for (const Reduce reduce : {Reduce::kNone, Reduce::kWithin, Reduce::kNearest, Reduce::kMin}) {
+      QueryView query;
+      query.reduce = reduce;
+      query.signed_distance = true;
+      const std::vector<std::uint32_t> bodies{3};
+      std::vector<Pose> configurations;
+      for (int k = 0; k < 9; ++k) configurations.push_back(Pose{{0.5 * k, 0, 0}});
+      query.bodies = bodies;
+      query.configurations = configurations;
+      query.configuration_count = 9;
+      query.max_distance = 2;
+      const Answer whole = ask(engine, query);
+      int slices = 0;
+      std::uint64_t longest = 0;
+      const Answer sliced = in_slices(engine, query, slices, longest);
+      EXPECT_GT(slices, 3) << int(reduce);
+      ASSERT_EQ(whole.info.rows, sliced.info.rows);
+      ASSERT_GT(whole.info.rows, 0u);
+      EXPECT_EQ(whole.info.pairs_evaluated, sliced.info.pairs_evaluated);
+      EXPECT_EQ(std::memcmp(whole.view.lower, sliced.view.lower, 8 * whole.info.rows), 0) << int(reduce);
+      EXPECT_EQ(std::memcmp(whole.view.upper, sliced.view.upper, 8 * whole.info.rows), 0) << int(reduce);
+    }
+  }
+}
+
+TEST(Slices, APairThatIsTooDearIsBegunAnewInTheNextOne) {
+  Random random(9);
+  Scene scene;
+  for (int b = 0; b < 2; ++b) {
+    Scene::BodyOptions options;
+    options.pose = Pose{{0.1 * b, 0, 0}};
+    std::vector<Vec3d> vertices = random.cloud(3000, {1, 1, 1});
+    for (Vec3d& v : vertices) v = v * (1 / norm(v));
+    scene.add_hull("ball" + std::to_string(b), vertices, options);
+  }
+  const Engine engine(std::move(scene), {.threads = 1});
+  QueryView query;
+  query.signed_distance = true;
+  const Answer whole = ask(engine, query);
+  ASSERT_LT(whole.view.upper[0], 0);
+  Answer again = room_for(engine, query);
+  Job job = engine.start(query, again.view);
+  const WorkBudget little{.units = 100, .pair_units = 100};
+  for (int i = 0; i < 3; ++i) {
+    const std::uint64_t before = job.units();
+    ASSERT_FALSE(job.advance(little));
+    EXPECT_LT(job.units() - before, 1000u);
+  }
+  ASSERT_TRUE(job.advance());
+  EXPECT_EQ(whole.view.lower[0], again.view.lower[0]);
+  EXPECT_EQ(whole.view.upper[0], again.view.upper[0]);
+}
+
+TEST(Slices, CountWhatAQueryNames) {
+  Scene scene = heaps(5, 4);
+  const std::vector<std::string> names{"heap0", "heap1", "heap2"};
+  scene.add_group("three", names);
+  const Engine engine(std::move(scene), {.threads = 1});
+  QueryView query;
+  EXPECT_EQ(engine.extent(query).pairs, 10u) << "the table's";
+  const std::vector<BodyPair> pairs{{0, 1}, {kGroupBit, kEveryBody}, {99, 0}};
+  query.pairs = pairs;
+  query.all_pairs = false;
+  const Extent extent = engine.extent(query);
+  EXPECT_EQ(extent.pairs, 1u + 15 + 1);
+  EXPECT_EQ(extent.piece_pairs, 16u + 12 * 20);
+  EXPECT_EQ(extent.units, 2 * (16u + 12 * 20)) << "20 vertices are a unit";
+  query.configuration_count = 7;
+  EXPECT_EQ(engine.extent(query).piece_pairs, 7 * (16u + 12 * 20));
+}
+
+}  // namespace
+}  // namespace clearance::test

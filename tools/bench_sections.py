@@ -1,0 +1,155 @@
+"""How long the daemon's loop is away from its transports, by kind of request, and what a client beside it sees.
+
+For each kind: a daemon of its own, a client that asks for the largest thing of that kind again and again, and beside it
+`clearance bench` with one pair over shared memory. Prints and writes, as CSV: the longest section of the loop by the wall
+clock and in units of work, the CPU time that the loop's thread took in all, and the other client's latency.
+"""
+import argparse
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from processes import DemoError, Stage
+from service import BIN
+
+ROOT = Path(__file__).resolve().parents[1]
+BODIES = 5000
+PIECES = 100
+SCENE = f"""\
+bodies:
+  - {{name: first, sphere: 0.1, pose: [0, 0, 0, 1, 0, 0, 0]}}
+  - {{name: second, sphere: 0.1, pose: [0, 0, 1, 1, 0, 0, 0]}}
+random: {{count: {BODIES}, shape: {{uv_sphere: {{radius: 0.2, resolution: 5}}}}, box: 60, seed: 1}}
+"""
+
+
+def heap(path):
+    """A mesh of many parts, each an octahedron, in one file."""
+    random = np.random.default_rng(1)
+    lines = []
+    for part in range(PIECES):
+        centre = random.uniform(-1, 1, 3)
+        lines.append(f"o part{part}")
+        for axis in range(3):
+            for sign in (-1, 1):
+                corner = centre.copy()
+                corner[axis] += 0.3 * sign
+                lines.append("v {:.6f} {:.6f} {:.6f}".format(*corner))
+        first = 6 * part + 1
+        for x in (0, 1):
+            for y in (2, 3):
+                for z in (4, 5):
+                    face = (x, y, z) if (x + y + z) % 2 else (x, z, y)
+                    lines.append("f " + " ".join(str(first + corner) for corner in face))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def write_scene(folder):
+    heap(folder / "heap.obj")
+    scene = folder / "scene.yaml"
+    heaps = [f"  - {{name: heap{i}, mesh: heap.obj, convexify: submeshes, pose: [{0.1 * i}, 0, 0, 1, 0, 0, 0]}}\n" for i in range(4)]
+    scene.write_text(SCENE.replace("random:", "".join(heaps) + "random:", 1))
+    return scene
+
+
+def aggressor(kind, url):
+    """Asks for one kind of thing, again and again, until it is ended."""
+    import clearance
+
+    client = clearance.connect(url)
+    names = [body.name for body in client.bodies]
+    heaps = [name for name in names if name.startswith("heap")]
+    pose = [0.1, 0, 0, 1, 0, 0, 0]
+    pairs = np.stack([np.arange(4_000_000) % 4000, 4001 + np.arange(4_000_000) % 900], axis=1).astype(np.uint32)
+    asks = {
+        "nothing": None,
+        "groups": lambda: client.distances(pairs=[("*", "*"), ("*", "heap0")], reduce="min", configurations=[[pose]],
+                                           bodies=["first"], timeout_s=600),
+        "explicit pairs": lambda: client.distances(pairs=pairs, reduce="min", timeout_s=600),
+        "poses": lambda: client.set_poses(dict.fromkeys(names, pose)),
+        "pieces with depths": lambda: client.distances(pairs=[(a, b) for a in heaps for b in heaps if a < b], signed=True,
+                                                       timeout_s=600),
+        "within": lambda: client.distances(reduce="within", max_distance=0.5, timeout_s=600),
+        "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs, timeout_s=600),
+    }
+    ask = asks[kind]
+    print("ready", flush=True)
+    while True:
+        if ask:
+            ask()
+        print("asked", flush=True)
+        if not ask:
+            return
+
+
+KINDS = ["nothing", "groups", "explicit pairs", "poses", "pieces with depths", "within", "dense"]
+
+
+def cpu_ms(pid):
+    """CPU time of a process's first thread so far, which is the daemon's loop."""
+    return int(Path(f"/proc/{pid}/task/{pid}/schedstat").read_text().split()[0]) / 1e6
+
+
+def stats(binaries, url):
+    done = subprocess.run([binaries / "clearance", "stat", "--connect", url, "--json"], capture_output=True, text=True)
+    return {row["counter"]: row["value"] for row in json.loads(done.stdout)} if done.returncode == 0 else {}
+
+
+def measure(kind, binaries, seconds):
+    with Stage() as stage:
+        url = f"shm://{stage.folder}/c.sock"
+        scene = write_scene(stage.folder)
+        daemon = stage.start("clearanced", [binaries / "clearanced", "--scene", scene, "--shm", stage.folder / "c.sock"])
+        stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
+        asking = stage.start("aggressor", [sys.executable, __file__, "--aggressor", kind, url], stdout=subprocess.PIPE, text=True)
+        asking.stdout.readline()
+        before = cpu_ms(daemon.pid)
+        bench = subprocess.run([binaries / "clearance", "bench", "--connect", url, "--pairs", "1", "--rate", "1000", "--warmup", "0",
+                                "--timeout", "120", "--seconds", str(seconds), "--json"], capture_output=True, text=True)
+        if bench.returncode:
+            raise DemoError(f"clearance bench beside {kind}: {bench.stderr.strip()}")
+        loop_cpu = cpu_ms(daemon.pid) - before
+        row, counters = json.loads(bench.stdout)[0], stats(binaries, url)
+        section = counters.get("loop.longest_section_ns")
+        return {
+            "request": kind,
+            "section_us": "" if section is None else round(section / 1000),
+            "section_units": counters.get("loop.longest_section_units", ""),
+            "loop_cpu_ms": round(loop_cpu),
+            "p50_us": round(row["p50_us"]),
+            "p99.9_us": round(row["p99.9_us"]),
+            "max_us": round(row["max_us"]),
+            "load": round(os.getloadavg()[0], 1),
+        }
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--csv", type=Path, default=ROOT / "docs/results/sections.csv")
+    parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
+    parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--kinds", nargs="*", default=KINDS, choices=KINDS)
+    parser.add_argument("--aggressor", nargs=2, metavar=("KIND", "URL"), help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.aggressor:
+        return aggressor(*options.aggressor)
+    rows = []
+    for kind in options.kinds:
+        rows.append(measure(kind, options.binaries, options.seconds))
+        print(rows[-1], flush=True)
+    with options.csv.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except DemoError as error:
+        sys.exit(f"bench_sections: {error}")
