@@ -57,7 +57,7 @@ bench-broad: setup  ## the ways to find near pairs, alone and within queries; re
 	@$(PYTHON_VENV) bench/broad/broad.py
 
 bench-sections: build  ## the longest that the loop is away from its transports, by kind of request; rewrites docs/results/sections.csv
-	@$(PYTHON_VENV) tools/bench_sections.py
+	@$(PYTHON_VENV) bench/latency/bench_sections.py
 
 bench-load: build  ## how long 1000 meshes take to load, with an empty cache and with a full one; rewrites docs/results/load.csv
 	@$(PYTHON_VENV) bench/load/bench_load.py --csv docs/results/load.csv

@@ -185,11 +185,11 @@ struct ConnectOptions;
 
 /// Not thread-safe: one client per thread. After a fork the child must connect again (calls throw).
 ///
-/// When a daemon goes away the caller learns it: calls and replies under way throw ConnectionError (over LCM TimeoutError
-/// or DaemonHung), at least one of them. The next call connects again to whoever serves the url then, or the next url of
-/// the list, or throws ConnectionError at once if nobody does. Whoever serves there is not the daemon that this client
-/// knew: each call throws NewEpoch, until acknowledge_epoch(). Poses, attachments and bodies that clients had sent are
-/// lost with the old daemon.
+/// When a daemon goes away the caller learns it: calls and replies under way throw ConnectionError (over LCM
+/// TimeoutError or DaemonHung), at least one of them. The next call connects again to whoever serves the url then, or
+/// the next url of the list, or throws ConnectionError at once if nobody does. Whoever serves there is not the daemon
+/// that this client knew: each call throws NewEpoch, until acknowledge_epoch(). Poses, attachments and bodies that
+/// clients had sent are lost with the old daemon.
 class CLEARANCE_API Client {
  public:
   using Duration = std::chrono::nanoseconds;

@@ -230,7 +230,7 @@ void Loop::begin_elsewhere(const FrameHeader& header, std::function<OwnPayload()
   auto query = std::make_unique<RunningQuery>(
       daemon_, sink->client(), header, engine_, received,
       due(Clock::now(), extent.pairs));  // no two are due at once: one ends, then the next
-  query->begin_elsewhere(std::move(fetch), payload_bytes, has_waited, sink);
+  query->begin_elsewhere(std::move(fetch), payload_bytes, extent.listed, has_waited, sink);
   worker_.add(std::move(query));
 }
 
@@ -322,8 +322,8 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
       case FrameType::kQuery:
         ++stats_.queries;
         quotas_.check_requests(sink->client());
-        return begin_elsewhere(header, std::move(fetch), payload_bytes, {payload_bytes / sizeof(BodyPair), 0, 0}, sink,
-                               turn_began_, false);
+        return begin_elsewhere(header, std::move(fetch), payload_bytes, {.pairs = payload_bytes / sizeof(BodyPair)},
+                               sink, turn_began_, false);
       case FrameType::kPairs:
         return list_pairs(header, std::move(fetch), payload_bytes, sink);
       case FrameType::kSetPoses:

@@ -1,5 +1,6 @@
 #include "running_query.h"
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
@@ -11,6 +12,9 @@ using wire::FrameHeader;
 /// A device's reply from this size on is worth memory that the device writes to itself: some ten microseconds of
 /// copying.
 constexpr std::uint64_t kWorthPinning = 64 << 10;
+
+/// More pairs than memory holds: so that their bytes are a number.
+constexpr std::uint64_t kMostListed = std::uint64_t{1} << 56;
 
 /// Moves columns that have room for `from_rows` rows to where they lie with `to_rows` (fewer) rows.
 void close_up_columns(std::byte* columns, std::uint32_t fields, std::uint64_t from_rows, std::uint64_t to_rows) {
@@ -89,13 +93,14 @@ void RunningQuery::begin_here(const wire::QueryParts& parts, std::uint64_t paylo
   asked_.sink = std::move(sink);  // now that nothing can fail any more
 }
 
-void RunningQuery::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, bool has_waited,
-                                   std::unique_ptr<ReplySink>& sink) {
-  daemon_.quotas.check_bytes(client(), payload_bytes, sink->unsent_bytes());
+void RunningQuery::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
+                                   std::uint64_t listed_pairs, bool has_waited, std::unique_ptr<ReplySink>& sink) {
+  const std::uint64_t bytes = payload_bytes + std::min(listed_pairs, kMostListed) * sizeof(BodyPair);
+  daemon_.quotas.check_bytes(client(), bytes, sink->unsent_bytes());
   fetch_ = std::move(fetch);
   payload_bytes_ = payload_bytes;
   has_waited_ = has_waited;
-  asked_.share = daemon_.quotas.take(client(), payload_bytes);
+  asked_.share = daemon_.quotas.take(client(), bytes);
   asked_.sink = std::move(sink);
 }
 

@@ -65,8 +65,8 @@ class RunningQuery final : public ScheduledQuery {
   void begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
   /// A large one, whose payload is brought by whoever works. \param has_waited for the poses that it asks for. Throws a
   /// Refusal (kBusy).
-  void begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, bool has_waited,
-                       std::unique_ptr<ReplySink>& sink);
+  void begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, std::uint64_t listed_pairs,
+                       bool has_waited, std::unique_ptr<ReplySink>& sink);
 
   bool is_wanted() const override { return on_loop_ ? asked_.sink->alive() : !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;

@@ -45,8 +45,10 @@ SceneBulk::Side SceneBulk::side(std::uint32_t selector) const {
   return at < known.size() ? known[at] : Side{1, 0, 0};
 }
 
-void SceneBulk::add_pairs(Extent& extent, const Side& a, const Side& b) {
-  extent.pairs = plus(extent.pairs, times(a.bodies, b.bodies));
+/// \param are_same both sides are the same bodies: each pair of them counts once
+void SceneBulk::add_pairs(Extent& extent, const Side& a, const Side& b, bool are_same) {
+  const std::uint64_t ordered = times(a.bodies, b.bodies);
+  extent.pairs = plus(extent.pairs, are_same ? (ordered - a.bodies) / 2 : ordered);
   extent.piece_pairs = plus(extent.piece_pairs, times(a.pieces, b.pieces));
   extent.units = plus(extent.units, plus(times(a.units, b.pieces), times(b.units, a.pieces)));
 }
@@ -54,7 +56,11 @@ void SceneBulk::add_pairs(Extent& extent, const Side& a, const Side& b) {
 Extent SceneBulk::of(const QueryView& query, const PoseSnapshot& snapshot) const {
   Extent extent;
   if (!query.all_pairs) {
-    for (const BodyPair pair : query.pairs) add_pairs(extent, side(pair.a), side(pair.b));
+    for (const BodyPair pair : query.pairs) {
+      const Side a = side(pair.a), b = side(pair.b);
+      add_pairs(extent, a, b, pair.a == pair.b && a.bodies > 1);
+    }
+    extent.listed = extent.pairs;
   } else {
     Side moved;
     std::vector<std::uint32_t> known;
@@ -64,10 +70,11 @@ Extent SceneBulk::of(const QueryView& query, const PoseSnapshot& snapshot) const
       for (const std::uint32_t body : snapshot.with_followers(known)) moved.add(bodies_[body]);
     add_pairs(extent, query.bodies.empty() ? all_ : moved, all_);
     extent.pairs = std::min(extent.pairs, snapshot.pairs->size());
+    extent.listed = query.bodies.empty() ? 0 : extent.pairs;
   }
   const std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
   return {times(extent.pairs, configurations), times(extent.piece_pairs, configurations),
-          times(extent.units, configurations)};
+          times(extent.units, configurations), extent.listed};
 }
 
 }  // namespace clearance

@@ -14,6 +14,7 @@ struct Extent {
   std::uint64_t pairs = 0;        ///< pairs of bodies, times configurations
   std::uint64_t piece_pairs = 0;  ///< likewise
   std::uint64_t units = 0;        ///< of work (WorkMeter), if each piece pair took one support
+  std::uint64_t listed = 0;       ///< pairs of bodies that a list is made of; none where the scene's table is all of it
 };
 
 /// Counts what selectors stand for, which it knows of a scene beforehand.
@@ -31,7 +32,7 @@ class SceneBulk {
     void add(const Side& other);
   };
   Side side(std::uint32_t selector) const;
-  static void add_pairs(Extent& extent, const Side& a, const Side& b);
+  static void add_pairs(Extent& extent, const Side& a, const Side& b, bool are_same = false);
 
   std::vector<Side> bodies_, groups_;
   Side all_;

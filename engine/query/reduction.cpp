@@ -321,19 +321,19 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
         rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i]));
     return rows;
   }
-  struct Group {
+  struct Candidates {
     Standing best, unusable;  // the winner, and the first pair without usable poses
     const PairAnswer *winner = nullptr, *first_unusable = nullptr;
     double lower = kInf;  // the least of all
   };
-  std::vector<Group> groups(groups_);
+  std::vector<Candidates> groups(groups_);
   const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
     const bool usable = !std::isnan(answer.distance);
     const double lower =
         usable && !options_.reference ? lower_with_box(answer.lower, box_gap(scene_, placement, pair)) : answer.lower;
     const Standing standing = standing_of(answer.lower, answer.upper, position);
     for_groups(pair, [&](std::uint32_t g) {
-      Group& group = groups[g];
+      Candidates& group = groups[g];
       if (!usable) incomplete_[g] = 1;
       if (usable) group.lower = std::min(group.lower, lower);
       Standing& best = usable ? group.best : group.unusable;
@@ -346,7 +346,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
   for (std::size_t i = 0; i < candidates_.size(); ++i)
     offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
   for (std::size_t g = 0; g < groups_; ++g) {
-    const Group& group = groups[g];
+    const Candidates& group = groups[g];
     const PairAnswer* answer = group.winner ? group.winner : group.first_unusable;
     if (!answer) {
       const auto body = static_cast<std::uint32_t>(g);

@@ -1,9 +1,10 @@
 """How long the daemon's loop is away from its transports, by kind of request, and what a client beside it sees.
 
 For each kind: a daemon of its own, a client that asks for the largest thing of that kind again and again, and beside it
-`clearance bench` with one pair over shared memory. Prints and writes, as CSV: the longest section of the loop by the wall
-clock and in units of work, the CPU time that the loop's thread took in all, and the other client's latency.
+`clearance bench` with one pair over shared memory. Prints and writes, as CSV: the longest section of the loop by the
+wall clock and in units of work, the CPU time that the loop's thread took in all, and the other client's latency.
 """
+
 import argparse
 import csv
 import json
@@ -14,10 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from processes import DemoError, Stage
-from service import BIN
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
 
-ROOT = Path(__file__).resolve().parents[1]
+from processes import DemoError, Stage  # noqa: E402
+from service import BIN  # noqa: E402
+
 BODIES = 5000
 PIECES = 100
 SCENE = f"""\
@@ -52,7 +55,10 @@ def heap(path):
 def write_scene(folder):
     heap(folder / "heap.obj")
     scene = folder / "scene.yaml"
-    heaps = [f"  - {{name: heap{i}, mesh: heap.obj, convexify: submeshes, pose: [{0.1 * i}, 0, 0, 1, 0, 0, 0]}}\n" for i in range(4)]
+    heaps = [
+        f"  - {{name: heap{i}, mesh: heap.obj, convexify: submeshes, pose: [{0.1 * i}, 0, 0, 1, 0, 0, 0]}}\n"
+        for i in range(4)
+    ]
     scene.write_text(SCENE.replace("random:", "".join(heaps) + "random:", 1))
     return scene
 
@@ -68,12 +74,14 @@ def aggressor(kind, url):
     pairs = np.stack([np.arange(4_000_000) % 4000, 4001 + np.arange(4_000_000) % 900], axis=1).astype(np.uint32)
     asks = {
         "nothing": None,
-        "groups": lambda: client.distances(pairs=[("*", "*"), ("*", "heap0")], reduce="min", configurations=[[pose]],
-                                           bodies=["first"], timeout_s=600),
+        "groups": lambda: client.distances(
+            pairs=[("*", "*"), ("*", "heap0")], reduce="min", configurations=[[pose]], bodies=["first"], timeout_s=600
+        ),
         "explicit pairs": lambda: client.distances(pairs=pairs, reduce="min", timeout_s=600),
         "poses": lambda: client.set_poses(dict.fromkeys(names, pose)),
-        "pieces with depths": lambda: client.distances(pairs=[(a, b) for a in heaps for b in heaps if a < b], signed=True,
-                                                       timeout_s=600),
+        "pieces with depths": lambda: client.distances(
+            pairs=[(a, b) for a in heaps for b in heaps if a < b], signed=True, timeout_s=600
+        ),
         "within": lambda: client.distances(reduce="within", max_distance=0.5, timeout_s=600),
         "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs, timeout_s=600),
     }
@@ -104,13 +112,36 @@ def measure(kind, binaries, seconds):
     with Stage() as stage:
         url = f"shm://{stage.folder}/c.sock"
         scene = write_scene(stage.folder)
-        daemon = stage.start("clearanced", [binaries / "clearanced", "--scene", scene, "--shm", stage.folder / "c.sock"])
+        daemon = stage.start(
+            "clearanced", [binaries / "clearanced", "--scene", scene, "--shm", stage.folder / "c.sock"]
+        )
         stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
-        asking = stage.start("aggressor", [sys.executable, __file__, "--aggressor", kind, url], stdout=subprocess.PIPE, text=True)
+        asking = stage.start(
+            "aggressor", [sys.executable, __file__, "--aggressor", kind, url], stdout=subprocess.PIPE, text=True
+        )
         asking.stdout.readline()
         before = cpu_ms(daemon.pid)
-        bench = subprocess.run([binaries / "clearance", "bench", "--connect", url, "--pairs", "1", "--rate", "1000", "--warmup", "0",
-                                "--timeout", "120", "--seconds", str(seconds), "--json"], capture_output=True, text=True)
+        bench = subprocess.run(
+            [
+                binaries / "clearance",
+                "bench",
+                "--connect",
+                url,
+                "--pairs",
+                "1",
+                "--rate",
+                "1000",
+                "--warmup",
+                "0",
+                "--timeout",
+                "120",
+                "--seconds",
+                str(seconds),
+                "--json",
+            ],
+            capture_output=True,
+            text=True,
+        )
         if bench.returncode:
             raise DemoError(f"clearance bench beside {kind}: {bench.stderr.strip()}")
         loop_cpu = cpu_ms(daemon.pid) - before
