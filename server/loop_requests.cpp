@@ -288,7 +288,7 @@ void Loop::set_poses_elsewhere(const FrameHeader& header, std::function<OwnPaylo
   };
   const auto update = std::make_shared<Update>(Update{engine_, {}, {}});
   const std::uint64_t client = sink->client();
-  const auto make = [=, fetch = std::move(fetch)] {
+  const auto make = [=, this, fetch = std::move(fetch)] {
     if (!update->payload.begin) update->payload = fetch();
     update->ignored = 0;
     const auto body = without_records(answers_, header, update->payload.span(), update->ignored);

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "engine/device/reply_columns.h"
+#include "engine/query/query.h"
 #include "skip_without_device.h"
 #include "tests/engine/engine_test_util.h"
 
@@ -52,7 +52,7 @@ inline void expect_same(const Answer& device, const Answer& cpu, const std::stri
     EXPECT_EQ(different, 0u) << what << ": of column " << column;
     ++column;
   };
-  cuda::for_each_column(compare, device.view, cpu.view);
+  for_each_column(compare, device.view, cpu.view);
 }
 
 inline std::vector<Vec3d> cloud_on_sphere(int count, double radius, std::uint64_t seed) {

@@ -95,7 +95,7 @@ std::size_t expect_the_cpus_rows(const Engine& cpu, const QueryView& q, const De
     const auto copy = [&](auto* from, auto* to, std::size_t width) {
       std::copy_n(from + k * width, from ? width : 0, to + k * width);
     };
-    clearance::cuda::for_each_column(copy, expected.view, d.rows.view);  // it is not to be compared
+    for_each_column(copy, expected.view, d.rows.view);  // it is not to be compared
   }
   expect_same(d.rows, expected, what, true);
   return answered;

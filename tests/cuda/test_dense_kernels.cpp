@@ -114,7 +114,7 @@ struct HostChunk {
       const auto copy = [&](auto* from, auto* to, std::size_t width) {
         std::copy_n(from + row * width, from ? width : 0, to + row * width);
       };
-      clearance::cuda::for_each_column(copy, expected.view, rows.view);
+      for_each_column(copy, expected.view, rows.view);
     }
     expect_same(rows, expected, what, true);
   }

@@ -9,6 +9,7 @@
 #include "scratch_file.h"
 #include "server/loop.h"
 #include "server/shm_transport.h"
+#include "tests/server/memory_transport.h"
 #include "tests/server/test_scene.h"
 #include "wire/shm_os.h"
 

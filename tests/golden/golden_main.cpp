@@ -8,8 +8,8 @@
 #include <sstream>
 
 #include "engine/base/digest.h"
-#include "engine/device/reply_columns.h"
 #include "engine/engine.h"
+#include "engine/query/query.h"
 #include "golden_scenes.h"
 #include "tests/engine/engine_test_util.h"
 
@@ -103,7 +103,7 @@ void add(const test::Answer& answer, Digests* to) {
       }
     }
   };
-  cuda::for_each_column(column, view);
+  for_each_column(column, view);
 }
 
 Digests ask(const Engine& engine, const GoldenScene& g, const Setting& s, std::uint64_t client) {
