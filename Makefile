@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-load bench-sections certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
