@@ -178,7 +178,8 @@ Segment::~Segment() {
         budget->used -= bytes;
       }
     };
-    budget_->drop(std::make_shared<Last>(budget_, std::move(mapping_)));
+    budget_->drop(
+        std::shared_ptr<Last>(new Last{budget_, std::move(mapping_)}));  // clang 14 makes no aggregate in place
   } else {
     budget_->used -= mapping_->bytes();
   }

@@ -295,28 +295,31 @@ struct Lanes {
   // is none.
   template <bool kSameHulls>
   HWY_INLINE bool take_next(const LaneBatch& batch, int lane) {
-    PairFrame<T> frame;
-    for (; next < batch.count; batch.answers[next++] = {-__builtin_inf(), __builtin_inf(), false}) {
+    for (; next < batch.count; ++next) {
       const LanePair& pair = batch.pairs[next];
-      frame = pair_frame<T>(*pair.a, *pair.R_wa, *pair.t_a, *pair.b, *pair.R_wb, *pair.t_b);
-      if (frame.fits) break;
+      const PairFrame<T> frame = pair_frame<T>(*pair.a, *pair.R_wa, *pair.t_a, *pair.b, *pair.R_wb, *pair.t_b);
+      if (!frame.fits) {
+        batch.answers[next] = {-__builtin_inf(), __builtin_inf(), false};
+        continue;
+      }
+      if (!kSameHulls) set_hulls(lane, *pair.a, *pair.b);
+      cut_off.at[lane] = static_cast<T>(pair.max_distance * RunSetup<T>::kMore);
+      for (int r = 0; r < 3; ++r) rotation.row[r].set(lane, frame.R.row[r]);
+      extra.at[lane] = frame.extra;
+      offset.set(lane, frame.D);
+      fresh.at[lane] = 1;
+      steps.at[lane] = 0;
+      take_seeds(pair, lane);
+      pair_of[lane] = next++;
+      busy_at[lane] = true;
+      ++busy;
+      return true;
     }
-    busy_at[lane] = next < batch.count;
-    if (!busy_at[lane]) return false;
-    const LanePair& pair = batch.pairs[next];
-    pair_of[lane] = next++;
-    ++busy;
-    if (!kSameHulls) set_hulls(lane, *pair.a, *pair.b);
-    cut_off.at[lane] = static_cast<T>(pair.max_distance * RunSetup<T>::kMore);
-    for (int r = 0; r < 3; ++r) rotation.row[r].set(lane, frame.R.row[r]);
-    extra.at[lane] = frame.extra;
-    offset.set(lane, frame.D);
-    fresh.at[lane] = 1;
-    steps.at[lane] = 0;
-    take_seeds(pair, lane);
-    return true;
+    busy_at[lane] = false;
+    return false;
   }
   HWY_INLINE void take_seeds(const LanePair& pair, int lane) {
+    if (!pair.warm && !(seeds.at[lane] > 0)) return;
     seeds.at[lane] = 0;
     for (int i = 0; i < 3; ++i) seed_a[i][lane] = seed_b[i][lane] = 0;
     if (!pair.warm) return;
@@ -438,7 +441,7 @@ void run_pairs(const LaneBatch& batch) {
   g.last = g.simplex.vertex[0];
 
   Lanes<T> lanes(batch);
-  const auto fill = [&](int lane) {
+  const auto fill = [&](int lane) __attribute__((always_inline)) {
     const bool taken = lanes.template take_next<kSameHulls>(batch, lane);
     set_lane(g.end, lane, T(taken ? 0 : -1));
     if (!taken) return;
