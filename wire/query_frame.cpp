@@ -17,8 +17,10 @@ template <class T>
   if (legal.kind == Legal::Kind::kWord) bad_query(name + " " + str(value) + " is none of 0 to " + str(legal.most));
   if (legal.kind == Legal::Kind::kBits)
     bad_query(name + " has unknown bits: " + str(static_cast<std::uint64_t>(value) & ~legal.mask));
-  const std::string range = str(std::int64_t(legal.least)) + " to " + str(std::int64_t(legal.most));
-  bad_query(name + " must be " + (legal.text ? legal.text : range) + ", got " + str(value));
+  // Where there is no text, both ends are whole numbers.
+  const std::string range =
+      legal.text ? legal.text : str(std::int64_t(legal.least)) + " to " + str(std::int64_t(legal.most));
+  bad_query(name + " must be " + range + ", got " + str(value));
 }
 template <class T>
 void check_option(const QueryOption& option, T value) {
