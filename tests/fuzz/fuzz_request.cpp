@@ -10,7 +10,11 @@ namespace {
 /// Every parser of a client, on what came back. A reply of ours that it refuses is a bug of ours.
 void check_reply(const MemoryFrame& frame) {
   const auto [payload, records] = wire::split_payload(frame.header(), frame.payload());
-  require(records.empty() || frame.type() == wire::FrameType::kReply, "only replies to queries have records");
+  wire::PassedOver unknown;
+  const std::uint64_t epoch = wire::read_records(
+      "reply", records, unknown, [&](const wire::RecordView&) { return frame.type() == wire::FrameType::kReply; });
+  require(unknown.empty(), "only replies to queries have records of their own");
+  require(records.empty() || epoch != 0, "records end in the epoch");
   switch (frame.type()) {
     case wire::FrameType::kScene:
       wire::parse_scene(payload);
