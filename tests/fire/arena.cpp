@@ -12,8 +12,8 @@
 #include <stdexcept>
 #include <thread>
 
+#include "tests/lcm/lcm_network.h"
 #include "victim.h"
-#include "wire/lcm_bus.h"
 
 namespace clearance::fire {
 
@@ -25,16 +25,8 @@ namespace {
 
 /// An LCM network of our own on this host; empty where packets do not come back.
 std::string lcm_url() {
-  LcmAddress address;
-  address.prefix = "fire" + std::to_string(draw_lcm_id()) + "_";
-  std::random_device random;
-  address.port = static_cast<std::uint16_t>(20000 + random() % 40000);
-  try {
-    check_multicast(address);
-  } catch (const std::runtime_error&) {
-    return "";
-  }
-  return address.url();
+  const std::optional<LcmAddress> address = own_lcm_address("fire");
+  return address ? address->url() : "";
 }
 
 int code_of(int status) {

@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <initializer_list>
+#include <optional>
 #include <random>
 #include <span>
 #include <stdexcept>
@@ -34,6 +35,20 @@ inline std::uint16_t free_udp_port() {
     if (free) return port;
   }
   throw std::runtime_error("no free UDP port");
+}
+
+/// The address of a network on this host that nobody else uses; none where packets do not come back.
+/// \param name begins the prefix of its channels
+inline std::optional<LcmAddress> own_lcm_address(const std::string& name) {
+  LcmAddress address;
+  address.prefix = name + std::to_string(draw_lcm_id()) + "_";
+  address.port = free_udp_port();
+  try {
+    check_multicast(address);
+  } catch (const std::runtime_error&) {
+    return std::nullopt;
+  }
+  return address;
 }
 
 /// A UDP socket that sends to the test's group, past liblcm.

@@ -79,5 +79,13 @@ inline TestQuery small_query() {
   query.pairs = {{0, 1}};
   return query;
 }
+/// A small one that waits until body 1 has a pose with stamp 1000 or a newer one.
+inline TestQuery waiting_query() {
+  TestQuery query = small_query();
+  query.header.min_pose_stamp_ns = 1000;
+  query.header.pose_wait_ns = 10'000'000'000;
+  query.header.wait_for = 1;
+  return query;
+}
 
 }  // namespace clearance

@@ -143,10 +143,7 @@ TEST_F(Epochs, ADaemonThatRequiresThemAnswersWhoNamesNoneOnlyWhatIsHarmless) {
 
 TEST_F(Epochs, AQueryThatWaitsForPosesIsAnsweredWithThem) {
   begin();
-  TestQuery query = small_query();
-  query.header.min_pose_stamp_ns = 1000;
-  query.header.pose_wait_ns = 10'000'000'000;
-  query.header.wait_for = 1;
+  TestQuery query = waiting_query();
   transport_->send(a_, in_version_2(query.frame(1), loop_->epoch()));
   turn_until_idle();
   ASSERT_EQ(loop_->held(), 1u);

@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
-#include <random>
-
 #include "client/channel.h"
 #include "client/client.h"
 #include "client/requests.h"
@@ -12,7 +10,7 @@
 #include "tests/client/scripted_server.h"
 #include "tests/patience.h"
 #ifdef CLEARANCE_HAVE_LCM
-#include "wire/lcm_bus.h"
+#include "tests/lcm/lcm_network.h"
 #endif
 
 namespace clearance {
@@ -38,15 +36,9 @@ class Site {
   Site() : scene_(folder_.write("scene.yaml", kScene)) {
     options_ = {"--scene", scene_, "--threads", "1", "--shm", folder_ / "s", "--zmq", "ipc://" + (folder_ / "z")};
 #ifdef CLEARANCE_HAVE_LCM
-    LcmAddress address;
-    address.prefix = "restarts" + std::to_string(draw_lcm_id()) + "_";
-    std::random_device random;
-    address.port = static_cast<std::uint16_t>(20000 + random() % 40000);
-    try {
-      check_multicast(address);
-      options_.insert(options_.end(), {"--lcm", address.url(), "--lcm-prefix", address.prefix});
-      lcm_ = address.url() + "&prefix=" + address.prefix;
-    } catch (const std::runtime_error&) {  // where packets do not come back
+    if (const std::optional<LcmAddress> address = own_lcm_address("restarts")) {
+      options_.insert(options_.end(), {"--lcm", address->url(), "--lcm-prefix", address->prefix});
+      lcm_ = address->url() + "&prefix=" + address->prefix;
     }
 #endif
     start();

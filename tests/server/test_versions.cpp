@@ -437,10 +437,7 @@ TEST_F(Records, ThatDoNotFitAreRefused) {
 }
 
 TEST_F(Records, StayWithAQueryThatWaitsForPoses) {
-  TestQuery query = small_query();
-  query.header.min_pose_stamp_ns = 1000;
-  query.header.pose_wait_ns = 10'000'000'000;
-  query.header.wait_for = 1;
+  TestQuery query = waiting_query();
   query.records = record(77, 0);
   transport_->send(a_, query.frame(1));
   turn_until_idle();
