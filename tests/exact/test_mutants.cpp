@@ -13,63 +13,52 @@ namespace {
 
 constexpr std::uint64_t kSeed = 11;
 
-struct Judged {
-  std::vector<Case> cases;
-  std::vector<Result> truth;
-};
-/// Some of every class.
-const std::vector<Judged>& judged() {
-  static const std::vector<Judged> kJudged = [] {
-    std::vector<Judged> all;
-    for (const CaseClass& cls : case_classes()) {
-      Judged& j = all.emplace_back();
-      for (int i = 0; i < (cls.cost > 3 ? 10 : 40); ++i) {
-        j.cases.push_back(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
-        j.truth.push_back(judge(j.cases.back()));
-      }
-    }
-    return all;
-  }();
-  return kJudged;
-}
-
 struct Tried {
   int answers = 0, violations = 0;
   std::uint64_t contradictions = 0;
 };
-/// All of them with and without depth on both backends, with tolerance 0 so that rounding decides.
-Tried try_all() {
-  Tried tried;
-  for (const Judged& j : judged())
-    for (const char* backend : {"cpu", "reference"}) {
-      const Bench bench(j.cases, backend);
-      for (const bool depth : {false, true}) {
-        Setting s;
-        s.backend = backend;
-        s.signed_distance = depth;
-        s.rel_tol = 0;
-        const std::vector<Answer> answers = bench.ask(s);
-        for (std::size_t i = 0; i < j.cases.size(); ++i) {
-          ++tried.answers;
-          tried.violations += !hold_against(j.cases[i], j.truth[i], s, answers[i], false).violation.empty();
-        }
+/// Some cases of a class with and without depth on both backends, with tolerance 0 so that rounding decides.
+void try_class(const CaseClass& cls, Tried& tried) {
+  std::vector<Case> cases;
+  std::vector<Result> truth;
+  for (int i = 0; i < (cls.cost > 3 ? 10 : 40); ++i) {
+    cases.push_back(make_case(cls, kSeed, static_cast<std::uint64_t>(i)));
+    truth.push_back(judge(cases.back()));
+  }
+  for (const char* backend : {"cpu", "reference"}) {
+    const Bench bench(cases, backend);
+    for (const bool depth : {false, true}) {
+      Setting s;
+      s.backend = backend;
+      s.signed_distance = depth;
+      s.rel_tol = 0;
+      const std::vector<Answer> answers = bench.ask(s);
+      for (std::size_t i = 0; i < cases.size(); ++i) {
+        ++tried.answers;
+        tried.violations += !hold_against(cases[i], truth[i], s, answers[i], false).violation.empty();
       }
-      tried.contradictions += bench.engine().contradictions();
     }
-  return tried;
+    tried.contradictions += bench.engine().contradictions();
+  }
 }
 
 TEST(Mutants, AreFound) {
-  const Tried tried = try_all();
+  Tried tried;
+  const auto found = [&] { return static_cast<std::uint64_t>(tried.violations) + tried.contradictions; };
+#ifdef CLEARANCE_MUTANT
+  // Bounds that contradict each other do not leave the engine: it finds such a mutant itself, and answers rightly. The first
+  // class that finds it is enough.
+  for (const CaseClass& cls : case_classes()) {
+    try_class(cls, tried);
+    if (found()) break;
+  }
+  EXPECT_GT(found(), 0u);
+#else
+  for (const CaseClass& cls : case_classes()) try_class(cls, tried);
+  EXPECT_EQ(found(), 0u);
+#endif
   std::printf("%d violations and %llu contradictions in %d answers\n", tried.violations,
               static_cast<unsigned long long>(tried.contradictions), tried.answers);
-#ifdef CLEARANCE_MUTANT
-  // Bounds that contradict each other do not leave the engine: it finds such a mutant itself, and answers rightly.
-  EXPECT_GT(static_cast<std::uint64_t>(tried.violations) + tried.contradictions, 0u);
-#else
-  EXPECT_EQ(tried.violations, 0);
-  EXPECT_EQ(tried.contradictions, 0u);
-#endif
 }
 
 // The cases that a search kept must find the proofs that they were kept for: rounding, and radii added in double. The

@@ -118,7 +118,7 @@ TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
   double worst_lower = 0, worst_upper = 0;
   int proved = 0;
   for (const CaseClass& cls : case_classes())
-    for (int i = 0; i < 80; ++i) {
+    for (int i = 0; i < 30; ++i) {
       const Case c = make_case(cls, kSeedF32, static_cast<std::uint64_t>(i));
       const Placed p(c);
       if (!fits_f32(*p.a, *p.b)) continue;
@@ -148,7 +148,7 @@ TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
     }
   std::printf("float32, %d answers: worst errors %.3g and %.3g x 2^-24 S, allowed %g and %g\n", proved, worst_lower,
               worst_upper, RoundingUnits<float>::kLower, RoundingUnits<float>::kUpper);
-  EXPECT_GT(proved, 1500);
+  EXPECT_GT(proved, 500);
   EXPECT_LE(worst_lower, RoundingUnits<float>::kLower);
   EXPECT_GE(worst_lower, RoundingUnits<float>::kLower / 16);
   EXPECT_LE(worst_upper, RoundingUnits<float>::kUpper);

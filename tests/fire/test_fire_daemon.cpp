@@ -27,7 +27,7 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   const Census before = arena.census();
 
   std::mt19937_64 random(4);
-  const int kills = rounds(5);
+  const int kills = rounds(3);
   for (int kill = 0; kill < kills; ++kill) {
     // No call may hang: each client gets right answers after each death, or this ends.
     ASSERT_EQ(await_answers(witnesses, 2), "");

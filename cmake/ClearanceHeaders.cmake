@@ -1,0 +1,39 @@
+# Precompiled headers: of what takes the compiler longest and nobody changes. The preset `fuzz` builds without, and so finds a
+# file that leaves out an include of its own.
+
+# clearance_use_standard_headers(target [source...]): the standard library's. The sources named have flags of their own, which
+# a precompiled header must share, and do without.
+function(clearance_use_standard_headers target)
+  target_precompile_headers(${target} PRIVATE <algorithm> <array> <atomic> <charconv> <chrono> <cmath> <cstdint>
+    <cstring> <deque> <filesystem> <functional> <limits> <map> <memory> <mutex> <optional> <span> <sstream> <stdexcept> <string>
+    <string_view> <thread> <unordered_map> <utility> <variant> <vector>)
+  set_source_files_properties(${ARGN} PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
+endfunction()
+
+# clearance_use_cli11(target [source...]): links CLI11 into a program whose options those sources read (all of its sources,
+# where none is named).
+#
+# The header alone takes the compiler eight seconds, so it is precompiled once for all of them; and whatever includes it gets
+# its formatters, too, which take as long again at -O3. Nobody reads options in a hurry: -O1. Sources that read none get
+# neither. (Not for targets with OpenMP: GCC takes no header that was compiled without.)
+function(clearance_use_cli11 target)
+  find_package(CLI11 REQUIRED)
+  target_link_libraries(${target} PRIVATE CLI11::CLI11)
+  if(NOT TARGET clearance_cli11_headers)
+    add_executable(clearance_cli11_headers ${PROJECT_SOURCE_DIR}/cmake/headers.cpp)
+    set_target_properties(clearance_cli11_headers PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/cmake)
+    target_link_libraries(clearance_cli11_headers PRIVATE clearance_options CLI11::CLI11)
+    target_precompile_headers(clearance_cli11_headers PRIVATE <CLI/CLI.hpp>)
+  endif()
+  target_precompile_headers(${target} REUSE_FROM clearance_cli11_headers)
+  get_target_property(_sources ${target} SOURCES)
+  set(_readers ${ARGN})
+  if(NOT _readers)
+    set(_readers ${_sources})
+  endif()
+  set_property(SOURCE ${_readers} APPEND PROPERTY COMPILE_OPTIONS $<$<CONFIG:Release>:-O1>)
+  list(REMOVE_ITEM _sources ${_readers})
+  if(_sources)
+    set_source_files_properties(${_sources} PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
+  endif()
+endfunction()
