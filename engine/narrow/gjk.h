@@ -81,19 +81,28 @@ struct Nearest {
   typename Lane<T>::Mask encloses;  ///< the origin is inside the tetrahedron: nothing else is set
 };
 
-/// The nearest point to the origin of the hull of `newest` and up to three older vertices, knowing that `newest` takes
-/// part (the GJK invariant).
+/// The vertex, edge or face at the newest vertex of a simplex that is nearest to the origin.
 template <class T>
-CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVertex<T>& newest) {
+struct NearestFeature {
+  typename Lane<T>::Count which{
+      0};  ///< 0 the vertex; 1, 2, 3 the edge to old vertex 0, 1, 2; 4, 5, 6 the face with 01, 12, 02
+  T squared_distance;
+  T first_weight{0}, second_weight{0};  ///< of the feature's old vertices, in that order
+  T scale{0};                           ///< what the vector along the nearest point is multiplied by
+  Vec3<T> normal;                       ///< of a face, not normalised
+  typename Lane<T>::Mask encloses;      ///< the origin is inside the tetrahedron: the rest does not count
+};
+
+/// Looks at the vertex itself, then at edges from it, then at faces at it: the valid one of least distance wins.
+template <class T>
+CLEARANCE_INLINE NearestFeature<T> nearest_feature(const Simplex<T>& old, const CsoVertex<T>& newest) {
   using Count = typename Lane<T>::Count;
   using Mask = typename Lane<T>::Mask;
   const T zero(0), one(1), flat(Arithmetic<T>::kFlatFace);
   const Vec3<T> q = -newest.w;
-  // The vertex itself, then edges from it, then faces at it: the valid one of least distance wins. `feature` says
-  // which: 1, 2, 3 the edge to old vertex 0, 1, 2; 4, 5, 6 the face with old vertices 01, 12, 02.
-  T best = squared_norm(q), first_weight = zero, second_weight = zero, scale = zero;
-  Count feature(0);
-  Vec3<T> face_normal = q;
+  NearestFeature<T> best;
+  best.squared_distance = squared_norm(q);
+  best.normal = q;
 
   Vec3<T> e[3], m[3];
   T g[3];
@@ -109,23 +118,23 @@ CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVe
     m[i] = cross(q, e[i]);
     g[i] = squared_norm(e[i]);
     const T p = dot(q, e[i]), r = one / g[i], d = squared_norm(m[i]) * r;
-    const Mask nearer = there & (p > zero) & (p < g[i]) & (d < best);
-    best = select(nearer, d, best);
-    first_weight = select(nearer, p * r, first_weight);
-    scale = select(nearer, r, scale);
-    feature = select(nearer, Count(i + 1), feature);
+    const Mask nearer = there & (p > zero) & (p < g[i]) & (d < best.squared_distance);
+    best.squared_distance = select(nearer, d, best.squared_distance);
+    best.first_weight = select(nearer, p * r, best.first_weight);
+    best.scale = select(nearer, r, best.scale);
+    best.which = select(nearer, Count(i + 1), best.which);
   }
   Mask inside = old.size > Count(2);
   const auto face = [&](int i, int j, int code, const Vec3<T>& n, const T& x) {
     const T nn = squared_norm(n), u = dot(m[j], n), w = -dot(m[i], n), r = one / nn, d = x * x * r;
-    const Mask nearer =
-        (old.size > Count(j)) & (u > zero) & (w > zero) & (u + w < nn) & (nn > flat * g[i] * g[j]) & (d < best);
-    best = select(nearer, d, best);
-    first_weight = select(nearer, u * r, first_weight);
-    second_weight = select(nearer, w * r, second_weight);
-    scale = select(nearer, -x * r, scale);
-    face_normal = select(nearer, n, face_normal);
-    feature = select(nearer, Count(code), feature);
+    const Mask nearer = (old.size > Count(j)) & (u > zero) & (w > zero) & (u + w < nn) & (nn > flat * g[i] * g[j]) &
+                        (d < best.squared_distance);
+    best.squared_distance = select(nearer, d, best.squared_distance);
+    best.first_weight = select(nearer, u * r, best.first_weight);
+    best.second_weight = select(nearer, w * r, best.second_weight);
+    best.scale = select(nearer, -x * r, best.scale);
+    best.normal = select(nearer, n, best.normal);
+    best.which = select(nearer, Count(code), best.which);
   };
   if (any(old.size > Count(1))) {
     const Vec3<T> n01 = cross(e[0], e[1]);
@@ -144,36 +153,88 @@ CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVe
       }
     }
   }
+  best.encloses = inside;
+  return best;
+}
 
+/// The nearest point to the origin of the hull of `newest` and up to three older vertices, knowing that `newest` takes
+/// part (the GJK invariant).
+template <class T>
+CLEARANCE_INLINE Nearest<T> reduce_to_nearest(const Simplex<T>& old, const CsoVertex<T>& newest) {
+  using Count = typename Lane<T>::Count;
+  using Mask = typename Lane<T>::Mask;
+  const T zero(0), one(1);
+  const NearestFeature<T> best = nearest_feature(old, newest);
   Nearest<T> r;
-  r.encloses = inside;
-  const Mask on_face = feature > Count(3), on_edge = (feature > Count(0)) & !on_face;
-  const Mask first_is_0 = (feature == Count(1)) | (feature == Count(4)) | (feature == Count(6));
-  const Mask first_is_1 = (feature == Count(2)) | (feature == Count(5));
-  const Mask second_is_1 = feature == Count(4);
-  second_weight = select(on_face, second_weight, zero);
-  const T rest = (one - first_weight) - second_weight;
+  r.encloses = best.encloses;
+  const Mask on_face = best.which > Count(3), on_edge = (best.which > Count(0)) & !on_face;
+  const Mask first_is_0 = (best.which == Count(1)) | (best.which == Count(4)) | (best.which == Count(6));
+  const Mask first_is_1 = (best.which == Count(2)) | (best.which == Count(5));
+  const Mask second_is_1 = best.which == Count(4);
+  const T second_weight = select(on_face, best.second_weight, zero);
+  const T rest = (one - best.first_weight) - second_weight;
   Simplex<T>& s = r.simplex;
   s.vertex[0] = newest;
   s.vertex[1] = select(first_is_0, old.vertex[0], select(first_is_1, old.vertex[1], old.vertex[2]));
   s.vertex[2] = select(second_is_1, old.vertex[1], old.vertex[2]);
   s.weight[0] = select(rest > zero, rest, zero);
-  s.weight[1] = first_weight;
+  s.weight[1] = best.first_weight;
   s.weight[2] = second_weight;
   s.size = select(on_face, Count(3), select(on_edge, Count(2), Count(1)));
   r.v = newest.w;
   if (any(on_edge)) {  // e x (a x e) / |e|^2 is the part of a that is normal to the edge
     const Vec3<T> edge = s.vertex[1].w - newest.w;
-    r.v = select(on_edge, cross(cross(q, edge), edge) * scale, r.v);
+    r.v = select(on_edge, cross(cross(-newest.w, edge), edge) * best.scale, r.v);
   }
-  if (any(on_face)) r.v = select(on_face, face_normal * scale, r.v);
+  if (any(on_face)) r.v = select(on_face, best.normal * best.scale, r.v);
   r.squared_distance = squared_norm(r.v);
   return r;
 }
 
-/// The same for the last resort, where bodies of sizes in the ratio 1e12 leave features 1e-10 wide and 1e2 long: a
-/// plane is spanned by its two shortest edges and measured from its vertex nearest to the origin, since the cross
-/// product of two long, almost parallel edges, or a far vertex, would lose that ratio's digits. Scalars only.
+enum class Carries : std::uint8_t { kNo, kPoint, kOrigin };
+
+/// The point of a feature's plane (of its line, its vertex) that is nearest to the origin, and the unscaled weights of
+/// its vertices there. A plane is spanned by the two shortest edges and measured from vertex 0. kOrigin: the feature is
+/// a tetrahedron around it; kNo: the feature is flat, or a tetrahedron beside it.
+template <class T>
+CLEARANCE_HD inline Carries weigh(Simplex<T>& f, Vec3<T>& point) {
+  const T zero = T(0);
+  const Vec3<T>&p = f.vertex[0].w, &q = f.vertex[1].w, &r = f.vertex[2].w, &t = f.vertex[3].w;
+  point = p;
+  if (f.size == 1) {
+    f.weight[0] = T(1);
+  } else if (f.size == 2) {
+    const Vec3<T> e = q - p;
+    const T ee = squared_norm(e), along = -dot(p, e);
+    if (!(ee > zero)) return Carries::kNo;
+    f.weight[0] = ee - along;
+    f.weight[1] = along;
+    point = cross(e, cross(p, e)) * (T(1) / ee);
+  } else if (f.size == 3) {
+    Vec3<T> e[3] = {q - p, r - q, p - r};
+    int longest = 0;
+    for (int i = 1; i < 3; ++i)
+      if (squared_norm(e[i]) > squared_norm(e[longest])) longest = i;
+    const Vec3<T> n = cross(e[(longest + 1) % 3], e[(longest + 2) % 3]);
+    const T nn = squared_norm(n);
+    if (!(nn > zero)) return Carries::kNo;
+    f.weight[0] = dot(n, cross(q, r));
+    f.weight[1] = dot(n, cross(r, p));
+    f.weight[2] = dot(n, cross(p, q));
+    point = n * (dot(n, p) / nn);
+  } else {
+    const T w[4] = {dot(q, cross(r, t)), -dot(p, cross(r, t)), dot(p, cross(q, t)), -dot(p, cross(q, r))};
+    const bool positive = w[0] > zero;
+    for (int i = 0; i < 4; ++i)
+      if (!(positive ? w[i] > zero : w[i] < zero)) return Carries::kNo;
+    return Carries::kOrigin;
+  }
+  return Carries::kPoint;
+}
+
+/// The same for the last resort, where bodies of sizes in the ratio 1e12 leave features 1e-10 wide and 1e2 long: every
+/// feature is weighed from its vertex nearest to the origin, since the cross product of two long, almost parallel
+/// edges, or a far vertex, would lose that ratio's digits. Scalars only.
 template <class T>
 CLEARANCE_HD inline Nearest<T> reduce_carefully(const Simplex<T>& old, const CsoVertex<T>& newest) {
   const T zero = T(0);
@@ -185,44 +246,17 @@ CLEARANCE_HD inline Nearest<T> reduce_carefully(const Simplex<T>& old, const Cso
     f.vertex[f.size++] = newest;
     for (int i = 0; i < old.size; ++i)
       if (mask >> i & 1) f.vertex[f.size++] = old.vertex[i];
-    int near = 0;  // the vertex nearest to the origin goes first
+    int near = 0;
     for (int i = 1; i < f.size; ++i)
       if (squared_norm(f.vertex[i].w) < squared_norm(f.vertex[near].w)) near = i;
     const CsoVertex<T> first = f.vertex[near];
     f.vertex[near] = f.vertex[0];
     f.vertex[0] = first;
-    const Vec3<T>&p = f.vertex[0].w, &q = f.vertex[1].w, &r = f.vertex[2].w, &t = f.vertex[3].w;
-    Vec3<T> point = p;
-    if (f.size == 1) {
-      f.weight[0] = T(1);
-    } else if (f.size == 2) {
-      const Vec3<T> e = q - p;
-      const T ee = squared_norm(e), along = -dot(p, e);
-      if (!(ee > zero)) continue;
-      f.weight[0] = ee - along;
-      f.weight[1] = along;
-      point = cross(e, cross(p, e)) * (T(1) / ee);
-    } else if (f.size == 3) {
-      Vec3<T> e[3] = {q - p, r - q, p - r};
-      int longest = 0;
-      for (int i = 1; i < 3; ++i)
-        if (squared_norm(e[i]) > squared_norm(e[longest])) longest = i;
-      const Vec3<T> n = cross(e[(longest + 1) % 3], e[(longest + 2) % 3]);
-      const T nn = squared_norm(n);
-      if (!(nn > zero)) continue;
-      f.weight[0] = dot(n, cross(q, r));
-      f.weight[1] = dot(n, cross(r, p));
-      f.weight[2] = dot(n, cross(p, q));
-      point = n * (dot(n, p) / nn);
-    } else {
-      const T w[4] = {dot(q, cross(r, t)), -dot(p, cross(r, t)), dot(p, cross(q, t)), -dot(p, cross(q, r))};
-      const bool positive = w[0] > zero;
-      bool inside = true;
-      for (int i = 0; i < 4; ++i) inside = inside && (positive ? w[i] > zero : w[i] < zero);
-      if (!inside) continue;
-      best.encloses = true;
-      return best;
-    }
+    Vec3<T> point;
+    const Carries carries = weigh(f, point);
+    best.encloses = carries == Carries::kOrigin;
+    if (best.encloses) return best;
+    if (carries == Carries::kNo) continue;
     T sum = zero;
     bool inside = true;
     for (int i = 0; i < f.size; ++i) {
