@@ -1,6 +1,7 @@
 #include "access.h"
 
 #include <grp.h>
+#include <pwd.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -12,6 +13,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "key_ring.h"
+
 namespace clearance {
 namespace {
 
@@ -19,7 +22,7 @@ struct Word {
   Right right;
   const char* word;
 };
-constexpr Word kWords[] = {{kMayQuery, "query"}, {kMayPose, "poses"}, {kMayAdmin, "admin"}};
+constexpr Word kWords[] = {{kMayQuery, "query"}, {kMayPose, "poses"}, {kMayAdmin, "admin"}, {kControl, "control"}};
 
 bool is_member(int socket, gid_t primary, gid_t group) {
   if (primary == group) return true;
@@ -32,6 +35,14 @@ bool is_member(int socket, gid_t primary, gid_t group) {
   }
   groups.resize(bytes / sizeof(gid_t));
   return std::find(groups.begin(), groups.end(), group) != groups.end();
+}
+
+/// `name` as a number. Throws std::invalid_argument. \param what "group"
+std::uint32_t number_or_throw(const std::string& name, const char* what) {
+  std::uint32_t number = 0;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
+  if (!name.empty() && error == std::errc() && end == name.data() + name.size()) return number;
+  throw std::invalid_argument(std::string("there is no ") + what + " \"" + name + "\"");
 }
 
 }  // namespace
@@ -64,7 +75,8 @@ Rights parse_rights(const std::string& text) {
     const auto known =
         std::find_if(std::begin(kWords), std::end(kWords), [&](const Word& w) { return w.word == word; });
     if (known == std::end(kWords))
-      throw std::invalid_argument("\"" + word + "\" is no right: expected query, poses or admin, separated by commas");
+      throw std::invalid_argument("\"" + word +
+                                  "\" is no right: expected query, poses, admin or control, separated by commas");
     rights |= known->right;
     at = end + 1;
   }
@@ -83,10 +95,27 @@ gid_t group_named(const std::string& name) {
   struct group entry{};
   struct group* found = nullptr;
   if (getgrnam_r(name.c_str(), &entry, room.data(), room.size(), &found) == 0 && found) return found->gr_gid;
-  gid_t number = 0;
-  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
-  if (!name.empty() && error == std::errc() && end == name.data() + name.size()) return number;
-  throw std::invalid_argument("there is no group \"" + name + "\"");
+  return number_or_throw(name, "group");
+}
+
+uid_t user_named(const std::string& name) {
+  std::vector<char> room(64 * 1024);
+  struct passwd entry{};
+  struct passwd* found = nullptr;
+  if (getpwnam_r(name.c_str(), &entry, room.data(), room.size(), &found) == 0 && found) return found->pw_uid;
+  return number_or_throw(name, "user");
+}
+
+bool Access::has_control() const {
+  return !control_users.empty() || (group && group_rights & kControl) || (keys && keys->has_control());
+}
+
+std::optional<Rights> rights_of_user(uid_t user, bool is_in_group, const Access& access) {
+  const auto& users = access.control_users;
+  const Rights control = std::find(users.begin(), users.end(), user) != users.end() ? kControl : Rights{0};
+  if (user == geteuid()) return kAllRights | control;
+  if (is_in_group) return access.group_rights | control;
+  return std::nullopt;
 }
 
 std::optional<ucred> process_behind(int socket) {
@@ -102,8 +131,8 @@ std::optional<Rights> rights_of_peer(int socket, const Access& access, std::stri
     why = std::string("SO_PEERCRED: ") + std::strerror(errno);
     return std::nullopt;
   }
-  if (peer->uid == geteuid()) return kAllRights;
-  if (access.group && is_member(socket, peer->gid, *access.group)) return access.group_rights;
+  const bool is_in_group = access.group && is_member(socket, peer->gid, *access.group);
+  if (const auto rights = rights_of_user(peer->uid, is_in_group, access)) return rights;
   why = "user " + std::to_string(peer->uid) + " may not connect: this daemon runs as user " + std::to_string(geteuid());
   if (access.group) why += ", and this user is not in its group " + std::to_string(*access.group);
   return std::nullopt;

@@ -20,9 +20,9 @@ class DearRequest final : public ScheduledQuery {
   /// more.
   using Done = std::function<bool(bool made)>;
 
-  DearRequest(Answers& answers, PendingRequest asked, wire::FrameType type, Clock::time_point received, Make make,
-              Done done = nullptr)
-      : ScheduledQuery(asked.sink->client(), received),
+  DearRequest(Answers& answers, PendingRequest asked, ServiceClass service, wire::FrameType type,
+              Clock::time_point received, Make make, Done done = nullptr)
+      : ScheduledQuery(asked.sink->client(), service, received),
         answers_(answers),
         asked_(std::move(asked)),
         type_(type),

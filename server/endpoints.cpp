@@ -60,6 +60,8 @@ Access access_of(const DaemonOptions& options) {
   if (!options.socket_group.empty())
     access.group = option("--socket-group", [&] { return group_named(options.socket_group); });
   access.group_rights = option("--group-rights", [&] { return parse_rights(options.group_rights); });
+  for (const std::string& user : options.control_users)
+    access.control_users.push_back(option("--control-user", [&] { return user_named(user); }));
   access.max_clients = options.max_clients;
   if (!options.keys.empty()) access.keys = std::make_shared<KeyRing>(options.keys);
   return access;

@@ -5,6 +5,7 @@
 #include <iterator>
 #include <unordered_map>
 
+#include "forecast.h"
 #include "scene_check.h"
 
 namespace clearance {
@@ -31,6 +32,11 @@ bool is_reached(Reached& reached, const Engine& engine, const wire::FrameHeader&
   return stamp != 0 && stamp >= query.min_pose_stamp_ns;
 }
 
+/// How long a query waits at most, in ns.
+std::int64_t wait_of(const QueryOptions& query) {
+  return query.deadline_ns ? std::min(query.pose_wait_ns, query.deadline_ns) : query.pose_wait_ns;
+}
+
 /// Whether a query need not wait any longer.
 bool is_over(const HeldQuery& held, const Engine& engine, Reached& reached, HeldQueries::Clock::time_point now) {
   if (now >= held.deadline) return true;
@@ -48,6 +54,7 @@ bool is_over(const HeldQuery& held, const Engine& engine, Reached& reached, Held
 Refusal poses_late(const QueryOptions& query, bool waited) {
   const std::string poses = "no poses with stamp " + std::to_string(query.min_pose_stamp_ns) + " or newer ";
   if (!waited) return {wire::ErrorCode::kPosesLate, poses + "are there"};
+  if (wait_of(query) < query.pose_wait_ns) return deadline_passed(std::chrono::nanoseconds(query.deadline_ns), {});
   const double ms = 1e-6 * static_cast<double>(query.pose_wait_ns);
   return {wire::ErrorCode::kPosesLate, poses + "came within " + std::to_string(ms) + " ms"};
 }
@@ -57,17 +64,18 @@ bool HeldQueries::poses_are_there(const Engine& engine, const wire::FrameHeader&
   return is_reached(reached, engine, request, query);
 }
 
-void HeldQueries::hold(const wire::FrameHeader& request, const QueryOptions& query, OwnPayload payload,
-                       std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine,
+void HeldQueries::hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query,
+                       OwnPayload payload, std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine,
                        Clock::time_point received) {
   if (query.pose_wait_ns == 0) throw poses_late(query, false);
   const std::uint64_t client = sink->client();
-  quotas.check_bytes(client, payload.bytes, sink->unsent_bytes());
-  HeldQuery held{{nullptr, request, quotas.take(client, payload.bytes)},
+  quotas.check_bytes(client, service, payload.bytes, sink->unsent_bytes());
+  HeldQuery held{{nullptr, request, quotas.take(client, service, payload.bytes)},
+                 service,
                  query,
                  std::move(payload),
                  received,
-                 received + std::chrono::nanoseconds(query.pose_wait_ns)};
+                 received + std::chrono::nanoseconds(wait_of(query))};
   if (held_.empty()) looked_at_revision_ = engine.pose_revision();  // the others have not been looked at yet
   deadline_ = std::min(deadline_, held.deadline);
   held_.push_back(std::move(held));

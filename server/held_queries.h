@@ -16,6 +16,7 @@ namespace clearance {
 
 struct HeldQuery {
   PendingRequest asked;
+  ServiceClass service;
   QueryOptions query;
   OwnPayload payload;
   std::chrono::steady_clock::time_point received, deadline;
@@ -35,7 +36,7 @@ class HeldQueries {
   Clock::time_point deadline() const { return deadline_; }
 
   /// Takes a query aside. Throws a Refusal (kPosesLate) if it does not want to wait, and if there is no room (kBusy).
-  void hold(const wire::FrameHeader& request, const QueryOptions& query, OwnPayload payload,
+  void hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query, OwnPayload payload,
             std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine, Clock::time_point received);
   /// Lets go of those whose poses are there, whose scene is another or whose time is up, in the order in which they
   /// came and a few at a time: `release(HeldQuery)`. Returns whether there were any.
@@ -63,7 +64,7 @@ class HeldQueries {
   Clock::time_point deadline_ = Clock::time_point::max();
 };
 
-/// What is said when the poses are not there. \param waited in vain, or not at all.
+/// What is said when the poses are not there. \param waited in vain, perhaps to the query's deadline, or not at all.
 Refusal poses_late(const QueryOptions& query, bool waited);
 
 }  // namespace clearance

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -38,6 +39,11 @@ KeyRing::KeyRing(const std::string& folder) : list_(folder + "/authorized") {
 const KeyRing::Entry* KeyRing::find(const std::string& public_key) const {
   const auto found = entries_.find(public_key);
   return found == entries_.end() ? nullptr : &found->second;
+}
+
+bool KeyRing::has_control() const {
+  return std::any_of(entries_.begin(), entries_.end(),
+                     [](const auto& entry) { return entry.second.rights & kControl; });
 }
 
 bool KeyRing::refresh() {

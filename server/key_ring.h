@@ -30,6 +30,8 @@ class KeyRing {
   /// Null: this key is not known.
   const Entry* find(const std::string& public_key) const;
   std::size_t size() const { return entries_.size(); }
+  /// Whether one of them has the class control.
+  bool has_control() const;
 
   /// Reads the list again if the file has changed. Returns whether it did; throws as the constructor, once for each
   /// change, and keeps the old list.

@@ -40,7 +40,8 @@ Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
       engine_(std::move(engine)),
       started_(Clock::now()),
       next_tick_(started_),
-      worker_({options.slice, options.worker_thread}, [this] { wake(); }) {
+      control_worker_({options.slice, options.worker_thread}, [this] { wake(); }),
+      planning_worker_({options.slice, options.worker_thread}, [this] { wake(); }) {
   if (!wake_fd_) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
 }
 
@@ -106,7 +107,7 @@ bool Loop::turn() {
   const std::shared_ptr<Engine> before = scenes_.is_busy() ? engine_ : nullptr;
   if (scenes_.turn()) {
     poses_changed_ = true;
-    worker_.drop(before);
+    drop(before);
   }
   if (stats_.are_wanted()) stats_.hand_out(all_counters());
   worked |= poll_in_memory();
@@ -166,20 +167,28 @@ int Loop::poll_transport(std::size_t i) {
 bool Loop::work_for_a_slice() {
   bool worked = !small_.empty();
   if (worked) small_.work(Clock::now(), [this](Worker::QueryPtr query) { settle(std::move(query)); });
-  if (!options_.worker_thread && worker_.work()) worked = settle_what_was_worked_on() || true;
+  if (!options_.worker_thread && (control_worker_.work() || planning_worker_.work()))
+    worked = settle_what_was_worked_on() || true;
   if (worked) warn_of_contradictions();
   return worked;
 }
 
 bool Loop::settle_what_was_worked_on() {
-  if (!worker_.has_done()) return false;
-  for (Worker::QueryPtr& query : worker_.take()) settle(std::move(query));
-  return true;
+  bool any = false;
+  for (Worker* worker : {&control_worker_, &planning_worker_}) {
+    worker->expire(turn_began_);
+    if (!worker->has_done()) continue;
+    for (Worker::QueryPtr& query : worker->take()) settle(std::move(query));
+    any = true;
+  }
+  return any;
 }
 
-/// Does what only the loop may; what is not over then is the worker's.
+/// Does what only the loop may; what is not over then is a worker's.
 void Loop::settle(Worker::QueryPtr query) {
-  if (!query->settle()) worker_.add(std::move(query));
+  if (query->settle()) return;
+  Worker& worker = worker_of(query->service_class());
+  worker.add(std::move(query));
 }
 
 void Loop::warn_of_contradictions() {
@@ -211,7 +220,8 @@ void Loop::tick() {
 
 /// Lets go of requests whose clients are gone.
 void Loop::drop_gone() {
-  worker_.look();
+  control_worker_.look();
+  planning_worker_.look();
   if (const std::size_t queries = held_.drop_gone()) count_dropped(queries);
   stats_.dropped += scenes_.drop_gone();
 }
@@ -238,7 +248,7 @@ void Loop::sleep() {
 /// Until one is readable, somebody calls wake(), or something is due. \param fds the one that wake() writes to, and
 /// others.
 void Loop::wait_for(std::span<pollfd> fds) {
-  const auto until = std::min(next_tick_, held_.deadline());
+  const auto until = std::min({next_tick_, held_.deadline(), control_worker_.deadline(), planning_worker_.deadline()});
   const auto left = std::max<std::chrono::nanoseconds>(until - Clock::now(), std::chrono::nanoseconds(0));
   timespec timeout{left.count() / 1'000'000'000, left.count() % 1'000'000'000};
   // A descriptor that stays readable though there is nothing to take is not listened to for a while.

@@ -10,6 +10,7 @@
 // is left then, and everything else, is the worker's.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <functional>
@@ -22,6 +23,7 @@
 
 #include "answers.h"
 #include "dear_request.h"
+#include "forecast.h"
 #include "held_queries.h"
 #include "quotas.h"
 #include "running_query.h"
@@ -84,9 +86,9 @@ class Loop final : public Inbox {
   std::optional<Stats::Figures> read_figures(std::chrono::nanoseconds patience);
   bool is_reloading() const { return scenes_.is_busy(); }
   /// Queries under way.
-  std::size_t waiting() const { return small_.size() + worker_.size(); }
+  std::size_t waiting() const { return small_.size() + control_worker_.size() + planning_worker_.size(); }
   /// Whether somebody still works on queries.
-  bool is_working() const { return worker_.size() > 0; }
+  bool is_working() const { return waiting() > small_.size(); }
   /// Queries that wait for poses.
   std::size_t held() const { return held_.size(); }
 
@@ -96,7 +98,8 @@ class Loop final : public Inbox {
                       std::unique_ptr<ReplySink> sink) override;
   PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
                             std::uint64_t publisher = 0) override;
-  void drop(std::shared_ptr<void> thing) override { worker_.drop(std::move(thing)); }
+  bool has_enough() const override { return Clock::now() - section_began_ >= kEnough; }
+  void drop(std::shared_ptr<void> thing) override { planning_worker_.drop(std::move(thing)); }
   std::uint64_t& counter(const std::string& name) override { return stats_[name]; }
   Engine& engine() override { return *engine_; }
 
@@ -109,10 +112,15 @@ class Loop final : public Inbox {
   void begin_query(const wire::FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
                    std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   void begin_held(HeldQuery held);
-  void begin_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
-                       const Extent& extent, std::unique_ptr<ReplySink>& sink, Clock::time_point received,
-                       bool has_waited);
-  bool hold(const wire::FrameHeader& header, const QueryOptions& asked, const OwnPayload& payload,
+  void begin_elsewhere(std::unique_ptr<RunningQuery> query, std::function<OwnPayload()> fetch,
+                       std::uint64_t payload_bytes, const Extent& extent, std::unique_ptr<ReplySink>& sink);
+  std::unique_ptr<RunningQuery> new_query(const wire::FrameHeader& header, const ReplySink& sink, ServiceClass service,
+                                          Clock::time_point received, Clock::time_point due);
+  ServiceClass class_for(const ReplySink& sink, const QueryOptions& asked) const;
+  Worker& worker_of(ServiceClass service) {
+    return service == ServiceClass::kControl ? control_worker_ : planning_worker_;
+  }
+  bool hold(const wire::FrameHeader& header, ServiceClass service, const QueryOptions& asked, const OwnPayload& payload,
             std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   bool is_small(const Extent& extent) const;
   void reply_elsewhere(const wire::FrameHeader& header, std::uint64_t bytes, wire::FrameType type,
@@ -132,6 +140,9 @@ class Loop final : public Inbox {
   Stats::Named all_counters() const;
   std::vector<std::byte> stats_payload() const;
 
+  /// Of a turn's requests: what else has arrived waits for the next, so that one that should go first does not wait
+  /// long.
+  static constexpr auto kEnough = std::chrono::microseconds(50);
   bool poll_in_memory();
   bool poll_by_system_call();
   int poll_transport(std::size_t i);
@@ -158,12 +169,17 @@ class Loop final : public Inbox {
   Stats stats_;
   Answers answers_{stats_, engine_, options_.require_epoch};
   Quotas quotas_{options_};
-  Scheduler small_{options_.slice};  // what the loop itself works on
+  Forecast forecast_;
+  Scheduler small_{std::min<std::chrono::nanoseconds>(options_.slice, kEnough)};  // what the loop itself works on
   HeldQueries held_;
   SceneChanges scenes_{engine_, answers_, stats_, quotas_, options_};
 
-  std::vector<std::uint64_t> aligned_;                           // a query's payload, where it arrived unaligned
-  std::unordered_map<std::uint64_t, std::uint32_t> poses_away_;  // of each client: pose updates that the worker has
+  std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
+  struct PosesAway {
+    std::uint32_t updates = 0;
+    ServiceClass service;
+  };
+  std::unordered_map<std::uint64_t, PosesAway> poses_away_;  // of each client: pose updates that a worker has
   bool poses_changed_ = false;
   bool contradiction_logged_ = false;
   Clock::time_point started_, turn_began_, section_began_, next_tick_, next_warning_;
@@ -179,11 +195,13 @@ class Loop final : public Inbox {
       quotas_,
       stats_,
       options_,
-      [this](std::shared_ptr<void> thing) { worker_.drop(std::move(thing)); },
-      [this](const wire::FrameHeader& header, const QueryOptions& asked, const OwnPayload& payload,
-             std::unique_ptr<ReplySink>& sink,
-             Clock::time_point received) { return hold(header, asked, payload, sink, received); }};
-  Worker worker_;  // last: what it works on uses the others
+      forecast_,
+      [this](std::shared_ptr<void> thing) { drop(std::move(thing)); },
+      [this](const wire::FrameHeader& header, ServiceClass service, const QueryOptions& asked,
+             const OwnPayload& payload, std::unique_ptr<ReplySink>& sink,
+             Clock::time_point received) { return hold(header, service, asked, payload, sink, received); }};
+  // Last: what they work on uses the others. Each class has one, since not all work can be cut into slices.
+  Worker control_worker_, planning_worker_;
 };
 
 }  // namespace clearance

@@ -181,14 +181,14 @@ void Loop::start_query(const FrameHeader& header, std::span<const std::byte> pay
     return begin_query(header, parts, payload, sink, turn_began_);
   const QueryView query = view_of(parts, header.scene_revision);
   if (is_small(engine_->extent(query))) engine_->size(query);  // what is wrong with it is said at once
-  hold(header, asked, own_copy(payload)(), sink, turn_began_);
+  hold(header, class_for(*sink, asked), asked, own_copy(payload)(), sink, turn_began_);
 }
 
 /// Holds a query until its poses are there; false: they are.
-bool Loop::hold(const FrameHeader& header, const QueryOptions& asked, const OwnPayload& payload,
+bool Loop::hold(const FrameHeader& header, ServiceClass service, const QueryOptions& asked, const OwnPayload& payload,
                 std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
   if (HeldQueries::poses_are_there(*engine_, header, asked)) return false;
-  held_.hold(header, asked, payload, sink, quotas_, *engine_, received);
+  held_.hold(header, service, asked, payload, sink, quotas_, *engine_, received);
   ++stats_["queries.held_back"];
   return true;
 }
@@ -202,7 +202,8 @@ void Loop::begin_held(HeldQuery held) {
     if (!HeldQueries::poses_are_there(*engine_, header, held.query)) throw poses_late(held.query, true);
     const auto fetch = [payload = held.payload] { return payload; };
     if (held.payload.bytes > kLargePayload)
-      return begin_elsewhere(header, fetch, held.payload.bytes, {}, sink, held.received, true);
+      return begin_elsewhere(new_query(header, *sink, held.service, held.received, held.received), fetch,
+                             held.payload.bytes, {}, sink);
     const auto payload = aligned(held.payload.span(), aligned_);
     begin_query(header, wire::parse_query(header, payload), payload, sink, held.received);
   });
@@ -215,34 +216,44 @@ bool Loop::is_small(const Extent& extent) const {
 /// Begins a query here if it is small, else has it begun by the worker. Its poses are there.
 void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
                        std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
-  const std::uint64_t client = sink->client();
   const Extent extent = engine_->extent(view_of(parts, header.scene_revision));
-  if (!is_small(extent) || poses_away_.contains(client))
-    return begin_elsewhere(header, own_copy(payload), payload.size(), extent, sink, received, true);
-  auto query = std::make_unique<RunningQuery>(daemon_, client, header, engine_, received, due(received, extent.pairs));
+  const bool is_here = is_small(extent) && !poses_away_.contains(sink->client());
+  // Of those elsewhere no two are due at once: one ends, then the next.
+  auto query = new_query(header, *sink, class_for(*sink, parts.options), received,
+                         due(is_here ? received : Clock::now(), extent.pairs));
+  query->take_options(parts.options, extent);
+  if (!is_here) return begin_elsewhere(std::move(query), own_copy(payload), payload.size(), extent, sink);
   query->begin_here(parts, payload.size(), sink);
   small_.add(std::move(query));
 }
 
-void Loop::begin_elsewhere(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
-                           const Extent& extent, std::unique_ptr<ReplySink>& sink, Clock::time_point received,
-                           bool has_waited) {
-  auto query = std::make_unique<RunningQuery>(
-      daemon_, sink->client(), header, engine_, received,
-      due(Clock::now(), extent.pairs));  // no two are due at once: one ends, then the next
-  query->begin_elsewhere(std::move(fetch), payload_bytes, extent.listed, has_waited, sink);
-  worker_.add(std::move(query));
+std::unique_ptr<RunningQuery> Loop::new_query(const FrameHeader& header, const ReplySink& sink, ServiceClass service,
+                                              Clock::time_point received, Clock::time_point due) {
+  return std::make_unique<RunningQuery>(daemon_, sink.client(), service, header, engine_, received, due);
+}
+
+/// A query may ask for less than its client has. Behind its client's poses it goes where they went.
+ServiceClass Loop::class_for(const ReplySink& sink, const QueryOptions& asked) const {
+  if (const auto away = poses_away_.find(sink.client()); away != poses_away_.end()) return away->second.service;
+  return asked.as_planning ? ServiceClass::kPlanning : sink.service_class();
+}
+
+void Loop::begin_elsewhere(std::unique_ptr<RunningQuery> query, std::function<OwnPayload()> fetch,
+                           std::uint64_t payload_bytes, const Extent& extent, std::unique_ptr<ReplySink>& sink) {
+  query->begin_elsewhere(std::move(fetch), payload_bytes, extent.listed, sink);
+  worker_of(query->service_class()).add(std::move(query));
 }
 
 /// Has the worker make a reply's payload. \param bytes of the request
 void Loop::reply_elsewhere(const FrameHeader& header, std::uint64_t bytes, FrameType type, DearRequest::Make make,
                            std::unique_ptr<ReplySink>& sink, DearRequest::Done done) {
+  const ServiceClass service = class_for(*sink, kDefaultOptions);
   quotas_.check_requests(sink->client());
-  quotas_.check_bytes(sink->client(), bytes, sink->unsent_bytes());
-  PendingRequest asked{nullptr, header, quotas_.take(sink->client(), bytes)};
+  quotas_.check_bytes(sink->client(), service, bytes, sink->unsent_bytes());
+  PendingRequest asked{nullptr, header, quotas_.take(sink->client(), service, bytes)};
   asked.sink = std::move(sink);
-  worker_.add(
-      std::make_unique<DearRequest>(answers_, std::move(asked), type, turn_began_, std::move(make), std::move(done)));
+  worker_of(service).add(std::make_unique<DearRequest>(answers_, std::move(asked), service, type, turn_began_,
+                                                       std::move(make), std::move(done)));
 }
 
 /// A list of pairs, or an echo. \param make makes the reply's payload, and counts records that it ignored.
@@ -302,13 +313,14 @@ void Loop::set_poses_elsewhere(const FrameHeader& header, std::function<OwnPaylo
       update->engine = engine_;
       return false;
     }
-    if (--poses_away_[client] == 0) poses_away_.erase(client);
+    if (--poses_away_.at(client).updates == 0) poses_away_.erase(client);
     stats_.records_ignored += update->ignored;
     if (made) count_poses(update->result);
     return true;
   };
+  const ServiceClass service = class_for(*sink, kDefaultOptions);
   reply_elsewhere(header, bytes, FrameType::kPosesDone, make, sink, done);
-  ++poses_away_[client];
+  ++poses_away_.try_emplace(client, PosesAway{0, service}).first->second.updates;
 }
 
 void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes, std::function<OwnPayload()> fetch,
@@ -322,8 +334,9 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
       case FrameType::kQuery:
         ++stats_.queries;
         quotas_.check_requests(sink->client());
-        return begin_elsewhere(header, std::move(fetch), payload_bytes, {.pairs = payload_bytes / sizeof(BodyPair)},
-                               sink, turn_began_, false);
+        return begin_elsewhere(new_query(header, *sink, class_for(*sink, kDefaultOptions), turn_began_,
+                                         due(Clock::now(), payload_bytes / sizeof(BodyPair))),
+                               std::move(fetch), payload_bytes, {}, sink);
       case FrameType::kPairs:
         return list_pairs(header, std::move(fetch), payload_bytes, sink);
       case FrameType::kSetPoses:

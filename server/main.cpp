@@ -22,6 +22,7 @@
 #include "metrics.h"
 #include "options.h"
 #include "readiness.h"
+#include "real_time.h"
 #include "scene_log.h"
 
 namespace clearance {
@@ -154,10 +155,10 @@ Engine::Options engine_options_of(const DaemonOptions& options) {
   return engine;
 }
 
-Loop::Options loop_options_of(const DaemonOptions& options) {
+Loop::Options loop_options_of(const DaemonOptions& options, const Access& access) {
   Loop::Options loop;
   loop.slice = std::chrono::microseconds(options.slice_us);
-  loop.spin = std::chrono::microseconds(options.spin_us);
+  loop.spin = std::chrono::microseconds(options.real_time ? 0 : options.spin_us);  // kernels throttle what never sleeps
   loop.max_waiting_per_client = options.max_waiting;
   loop.max_client_bytes = std::uint64_t{options.max_client_mib} << 20;
   loop.max_added_bodies = options.max_added_bodies;
@@ -165,6 +166,8 @@ Loop::Options loop_options_of(const DaemonOptions& options) {
   loop.max_pairs = options.max_pairs;
   loop.max_piece_pairs = options.max_piece_pairs;
   loop.require_epoch = options.require_epoch;
+  loop.has_control = access.has_control();
+  if (loop.has_control) loop.kept_for_control = kept_for_control(loop.max_waiting_bytes);
   return loop;
 }
 
@@ -217,7 +220,7 @@ int serve(DaemonOptions options) {
   const double load_seconds = seconds_since(begin);
   log_scene(options, *engine, load_seconds);
 
-  Loop::Options loop_options = loop_options_of(options);
+  Loop::Options loop_options = loop_options_of(options, access);
   loop_options.on_tick = [&supervisor] { supervisor.alive(); };
   Loop loop(engine, loop_options);
   const auto build = [engine_options](Scene scene_to_serve) {
@@ -232,6 +235,8 @@ int serve(DaemonOptions options) {
     metrics.emplace(options.metrics, [&loop] { return loop.read_figures(std::chrono::milliseconds(500)); });
     spdlog::info("event=metrics url={}", log_text(metrics->url()));
   });
+  if (options.real_time)  // now that other threads are there, which do not get it
+    become_real_time(options.loop_cpu >= 0 ? std::optional(options.loop_cpu) : std::nullopt);
   say_ready(loop, options, supervisor, load_seconds);
 
   loop.run();

@@ -30,6 +30,7 @@ Ready
 Who may do what
   The daemon's own user may do everything through the Unix sockets, a group what --group-rights says. Rights are
   query (ask), poses (move, attach and add bodies) and admin (reload). TCP without keys and LCM know nobody: query, poses.
+  The word control among rights gives the class of that name, as --control-user does; all others have the class planning.
     clearance keygen keys/server.key              for the daemon; clients get keys/server.key.pub
     clearance keygen planner.key                  for a client; prints its public key
     echo 'KEY query,poses planner' >> keys/authorized    read again within a second of a change
@@ -68,9 +69,15 @@ void add_endpoints(CLI::App& app, DaemonOptions& o) {
       ->type_name("DIR");
   app.add_option("--socket-group", o.socket_group, "let this group's members connect to the Unix sockets (mode 0660)")
       ->type_name("GROUP");
-  app.add_option("--group-rights", o.group_rights, "what they may do: query, poses, admin, separated by commas")
+  app.add_option("--group-rights", o.group_rights,
+                 "what they may do: query, poses, admin, control, separated by commas")
       ->type_name("RIGHTS")
       ->capture_default_str();
+  app.add_option(
+         "--control-user", o.control_users,
+         "a user whose clients at the Unix sockets have the class control: they are answered before the others,\n"
+         "who cannot take the places and the memory kept for them; may be repeated")
+      ->type_name("USER");
 }
 
 void add_lcm(CLI::App& app, DaemonOptions& o) {
@@ -127,6 +134,14 @@ void add_times(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(0u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
+  CLI::Option* real_time = app.add_flag(
+      "--real-time", o.real_time,
+      "run the loop at real-time priority (SCHED_FIFO), without spinning, and keep memory from being paged out; what\n"
+      "the kernel refuses is said in the log, and done without");
+  app.add_option("--loop-cpu", o.loop_cpu, "with --real-time: the CPU that the loop runs on")
+      ->check(quiet(CLI::Range(0, 1023)))
+      ->type_name("N")
+      ->needs(real_time);
 }
 
 void add_limits(CLI::App& app, DaemonOptions& o) {

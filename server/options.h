@@ -25,7 +25,8 @@ struct DaemonOptions {
   std::string keys;              ///< folder; empty: no keys
   std::string socket_group;      ///< name or number; empty: none
   std::string group_rights = "query";
-  std::string lcm;  ///< url; empty: no LCM
+  std::vector<std::string> control_users;  ///< names or numbers
+  std::string lcm;                         ///< url; empty: no LCM
   std::string lcm_prefix;
   std::string lcm_poses = "on";        ///< on, off, allowlist
   std::vector<std::string> lcm_allow;  ///< bodies and groups
@@ -37,6 +38,8 @@ struct DaemonOptions {
   unsigned pinned_mib = 1024;
   unsigned slice_us = 200;
   unsigned spin_us = 50;
+  bool real_time = false;
+  int loop_cpu = -1;  ///< -1: whichever
   unsigned max_waiting = 64;
   unsigned max_clients = 256;
   unsigned max_client_mib = 2048;

@@ -17,12 +17,16 @@ std::uint64_t Places::count(const std::unordered_map<std::uint64_t, std::uint64_
   return found == counts.end() ? 0 : found->second;
 }
 
-std::string Places::why_not(const ucred& who, const char* what) const {
+std::string Places::why_not(const ucred& who, const char* what, ServiceClass service) const {
   const std::uint64_t quarter = places_ / 4, left = places_ - taken_;
   const auto already_has = [what](const std::string& name, std::uint64_t number) {
     return name + " already has " + std::to_string(number) + " " + what;
   };
   if (left == 0) return already_has("this daemon", places_);
+  if (service == ServiceClass::kControl) return "";
+  if (left <= kept_for_control_)
+    return already_has("this daemon", taken_) + "; the last " + std::to_string(left) +
+           " places are for the class control";
   const std::uint64_t users = count(by_user_, who.uid),
                       process = count(by_process_, static_cast<std::uint64_t>(who.pid));
   if (left <= quarter && users >= quarter)

@@ -2,9 +2,12 @@
 // kBusy, so that no client takes the daemon's memory or its time for itself.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <unordered_map>
 #include <utility>
+
+#include "service_class.h"
 
 namespace clearance {
 
@@ -20,6 +23,7 @@ class Quotas {
     std::uint32_t max_waiting_per_client = 64;                 ///< requests of one client under way
     std::uint64_t max_waiting_bytes = std::uint64_t{4} << 30;  ///< of all clients' requests and replies under way
     std::uint64_t max_client_bytes = std::uint64_t{2} << 30;   ///< of one client's
+    std::uint64_t kept_for_control = 0;                        ///< of max_waiting_bytes: for that class alone
   };
 
   /// What one request under way takes; given back when this ends. Ends before the quotas do.
@@ -27,10 +31,14 @@ class Quotas {
    public:
     Share() = default;
     Share(Share&& other) noexcept
-        : quotas_(std::exchange(other.quotas_, nullptr)), usage_(other.usage_), bytes_(other.bytes_) {}
+        : quotas_(std::exchange(other.quotas_, nullptr)),
+          usage_(other.usage_),
+          service_(other.service_),
+          bytes_(other.bytes_) {}
     Share& operator=(Share&& other) noexcept {
       std::swap(quotas_, other.quotas_);
       std::swap(usage_, other.usage_);
+      std::swap(service_, other.service_);
       std::swap(bytes_, other.bytes_);
       return *this;
     }
@@ -39,9 +47,10 @@ class Quotas {
 
    private:
     friend class Quotas;
-    Share(Quotas& quotas, Usage& usage, std::uint64_t bytes);
+    Share(Quotas& quotas, Usage& usage, ServiceClass service, std::uint64_t bytes);
     Quotas* quotas_ = nullptr;
     Usage* usage_ = nullptr;
+    ServiceClass service_ = ServiceClass::kPlanning;
     std::uint64_t bytes_ = 0;
   };
 
@@ -55,18 +64,21 @@ class Quotas {
   /// under way, whatever its size.
   /// \param unsent bytes of replies that have left the quotas, but not the daemon.
   /// \returns how many bytes the client may take beside these.
-  std::uint64_t check_bytes(std::uint64_t client, std::uint64_t bytes, std::uint64_t unsent) const;
+  std::uint64_t check_bytes(std::uint64_t client, ServiceClass service, std::uint64_t bytes,
+                            std::uint64_t unsent) const;
   /// Counts a request, whether or not the checks would let it pass.
-  [[nodiscard]] Share take(std::uint64_t client, std::uint64_t bytes);
+  [[nodiscard]] Share take(std::uint64_t client, ServiceClass service, std::uint64_t bytes);
   /// Forgets clients that have nothing under way, once there are many. Called now and then.
   void forget_idle();
 
  private:
   Usage of(std::uint64_t client) const;
+  std::uint64_t& bytes_of(ServiceClass service) { return bytes_[static_cast<int>(service)]; }
+  void check_all_bytes(ServiceClass service, std::uint64_t bytes) const;
 
   Limits limits_;
-  std::unordered_map<std::uint64_t, Usage> clients_;  // of what is here, shares keep references
-  std::uint64_t all_bytes_ = 0;
+  std::unordered_map<std::uint64_t, Usage> clients_;    // of what is here, shares keep references
+  std::array<std::uint64_t, kServiceClasses> bytes_{};  // of all, by class
 };
 
 }  // namespace clearance

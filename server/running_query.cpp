@@ -78,6 +78,22 @@ std::span<const std::byte> aligned(std::span<const std::byte> payload, std::vect
   return std::as_bytes(std::span(room)).first(payload.size());
 }
 
+void RunningQuery::take_options(const QueryOptions& options, const Extent& extent) {
+  options_ = options;
+  extent_ = extent;
+  options_settled_ = true;
+  if (options.deadline_ns == 0) return;
+  deadline_ = received_ + std::chrono::nanoseconds(options.deadline_ns);
+  const auto now = Clock::now();
+  check_deadline(now);
+  daemon_.forecast.check(Forecast::work_of(options_, extent_), deadline_ - now,
+                         std::chrono::nanoseconds(options.deadline_ns));
+}
+
+void RunningQuery::check_deadline(Clock::time_point now) const {
+  if (now >= deadline_) throw deadline_passed(std::chrono::nanoseconds(options_.deadline_ns), in_engine_);
+}
+
 void RunningQuery::begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes,
                               std::unique_ptr<ReplySink>& sink) {
   worked_ = Clock::now();
@@ -94,22 +110,22 @@ void RunningQuery::begin_here(const wire::QueryParts& parts, std::uint64_t paylo
 }
 
 void RunningQuery::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
-                                   std::uint64_t listed_pairs, bool has_waited, std::unique_ptr<ReplySink>& sink) {
+                                   std::uint64_t listed_pairs, std::unique_ptr<ReplySink>& sink) {
   const std::uint64_t bytes = payload_bytes + std::min(listed_pairs, kMostListed) * sizeof(BodyPair);
-  daemon_.quotas.check_bytes(client(), bytes, sink->unsent_bytes());
+  daemon_.quotas.check_bytes(client(), service_class(), bytes, sink->unsent_bytes());
   fetch_ = std::move(fetch);
   payload_bytes_ = payload_bytes;
-  has_waited_ = has_waited;
-  asked_.share = daemon_.quotas.take(client(), bytes);
+  asked_.share = daemon_.quotas.take(client(), service_class(), bytes);
   asked_.sink = std::move(sink);
 }
 
 bool RunningQuery::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
   failure_ = Answers::refusal_of(asked_.header, [&] {
+    check_deadline(now);
     if (step_ == Step::kPrepare) {
       read();
     } else if (step_ == Step::kRun) {
-      run(budget);
+      run(std::min<std::chrono::nanoseconds>(budget, deadline_ - now));
     } else if (step_ == Step::kCopy) {
       count_copied(columns_end());
       std::memcpy(frame_ + kColumnsBegin, own_.get() + kColumnsBegin, columns_end() - kColumnsBegin);
@@ -133,24 +149,45 @@ void RunningQuery::let_go() {
   engine_.reset();  // the last one of a scene that is gone may take long to free
 }
 
+/// Only before it has room for its reply, to which somebody may be writing: then it ends with its slice.
+void RunningQuery::expire() {
+  if (frame_ || is_ended_) return;
+  daemon_.answers.refuse(*asked_.sink, asked_.header,
+                         deadline_passed(std::chrono::nanoseconds(options_.deadline_ns), std::chrono::nanoseconds(0)));
+  is_ended_ = true;
+  gone_.store(true, std::memory_order_relaxed);
+}
+
+/// Nobody waits for it any more: once more to whoever works, who frees what there is.
+void RunningQuery::end() {
+  is_ended_ = true;
+  step_ = Step::kOver;
+}
+
 bool RunningQuery::settle() {
   if (step_ == Step::kOver) return true;
+  if (is_ended_) {
+    end();
+    return false;
+  }
   if (!asked_.sink->alive()) {
     ++daemon_.stats.dropped;
     ++daemon_.stats["queries.dropped"];
-    step_ = Step::kOver;  // once more to whoever works, who frees what there is
+    end();
   } else if (failure_) {
+    if (failure_->code == wire::ErrorCode::kDeadline && in_engine_.count() > 0)
+      daemon_.forecast.note(Forecast::work_of(options_, extent_), in_engine_, false);
     daemon_.answers.refuse(*asked_.sink, asked_.header, *failure_);
     return true;
   } else if (step_ == Step::kPublish) {
     daemon_.answers.guard(*asked_.sink, asked_.header, [&] { publish(); });
     return true;
   } else if (!daemon_.answers.guard(*asked_.sink, asked_.header, [&] {
-               if (step_ == Step::kWait) wait();
+               if (step_ == Step::kOptions) settle_options();
                if (step_ == Step::kRoom) take_room(*asked_.sink);
                if (step_ == Step::kFinalRoom) take_final_room();
              })) {
-    step_ = Step::kOver;
+    end();
   }
   if (!asked_.sink) return true;  // held
   if (on_loop_ && step_ == Step::kRun) ++daemon_.stats["queries.handed_over"];
@@ -158,12 +195,15 @@ bool RunningQuery::settle() {
   return false;
 }
 
-/// Begins anew at once if the poses are there, else when they are.
-void RunningQuery::wait() {
+/// Begins anew at once if the poses are there that it waits for, else when they are.
+void RunningQuery::settle_options() {
+  if (options_.as_planning) set_service_class(ServiceClass::kPlanning);
   asked_.share.give_back();  // what is held has its own
-  if (daemon_.hold(asked_.header, options_, payload_, asked_.sink, received_)) return;
-  asked_.share = daemon_.quotas.take(client(), payload_bytes_);
-  has_waited_ = true;
+  if (options_.min_pose_stamp_ns != 0 &&
+      daemon_.hold(asked_.header, service_class(), options_, payload_, asked_.sink, received_))
+    return;
+  asked_.share = daemon_.quotas.take(client(), service_class(), payload_bytes_);
+  take_options(options_, extent_);
   step_ = Step::kPrepare;
 }
 
@@ -172,9 +212,11 @@ void RunningQuery::read() {
   if (fetch_) payload_ = std::exchange(fetch_, nullptr)();
   const wire::QueryParts parts = wire::parse_query(asked_.header, aligned(payload_.span(), aligned_));
   daemon_.answers.check_epoch(asked_.header, parts.epoch);
-  options_ = parts.options;
-  if (options_.min_pose_stamp_ns != 0 && !has_waited_) {
-    step_ = Step::kWait;
+  const QueryOptions& asked = parts.options;
+  if (!options_settled_ && (asked.min_pose_stamp_ns != 0 || asked.deadline_ns != 0 || asked.as_planning)) {
+    options_ = asked;
+    extent_ = engine_->extent(view_of(parts, asked_.header.scene_revision));
+    step_ = Step::kOptions;
     return;
   }
   prepare(parts);
@@ -184,7 +226,11 @@ void RunningQuery::read() {
 void RunningQuery::prepare(const wire::QueryParts& parts) {
   const Limits& limits = daemon_.limits;
   QueryView query = view_of(parts, asked_.header.scene_revision);
-  if (const std::uint64_t pieces = engine_->extent(query).piece_pairs; pieces > limits.max_piece_pairs)
+  if (!options_settled_) {
+    options_ = parts.options;
+    extent_ = engine_->extent(query);
+  }
+  if (const std::uint64_t pieces = extent_.piece_pairs; pieces > limits.max_piece_pairs)
     throw Refusal{wire::ErrorCode::kTooLarge, "the pairs that this query names have " + std::to_string(pieces) +
                                                   " pairs of pieces, more than the " +
                                                   std::to_string(limits.max_piece_pairs) +
@@ -212,7 +258,7 @@ void RunningQuery::take_room(ReplySink& sink) {
   if (reduce_ != Reduce::kWithin) check_reply_size(size_.rows, reply_bytes, max_reply_bytes_);
   std::uint64_t bytes = reply_bytes + payload_bytes_ + (whole_table_ ? 0 : size_.pairs * sizeof(BodyPair));
   asked_.share.give_back();
-  const std::uint64_t left = daemon_.quotas.check_bytes(client(), bytes, sink.unsent_bytes());
+  const std::uint64_t left = daemon_.quotas.check_bytes(client(), service_class(), bytes, sink.unsent_bytes());
   // Warm state has what is left, and makes way: without it an answer takes longer, and no more.
   QueryView query;
   query.warm_slot = wants_warm_ ? client() : 0;
@@ -225,7 +271,7 @@ void RunningQuery::take_room(ReplySink& sink) {
   }
   if (warm == 0 && left < Engine::kMostWarmBytes)  // else the query takes what was left
     if (auto table = engine_->trim_warm(client(), left)) daemon_.drop(std::move(table));
-  asked_.share = daemon_.quotas.take(client(), bytes + warm);
+  asked_.share = daemon_.quotas.take(client(), service_class(), bytes + warm);
   frame_ = sink.reserve(reply_bytes);
   if (!frame_ && reduce_ == Reduce::kWithin) {  // what comes back may well fit
     own_ = aligned_bytes(reply_bytes);
@@ -245,7 +291,9 @@ void RunningQuery::start() {
 
 void RunningQuery::run(std::chrono::nanoseconds budget) {
   if (!job_) start();
-  const bool done = job_->advance(on_loop_ ? daemon_.limits.on_loop : WorkBudget{.time = budget});
+  const bool is_beside = daemon_.limits.has_control && service_class() != ServiceClass::kControl;
+  const WorkBudget& on_loop = is_beside ? daemon_.limits.on_loop_beside_control : daemon_.limits.on_loop;
+  const bool done = job_->advance(on_loop_ ? on_loop : WorkBudget{.time = budget});
   units_ = job_->units();
   if (!done) return;
   info_ = job_->info();
@@ -272,6 +320,8 @@ void RunningQuery::publish() {
                                                  columns_end() - sizeof(FrameHeader), info_.scene_revision),
                          records_.size());
   if (!on_loop_) worked_ = Clock::now();
+  check_deadline(worked_);
+  daemon_.forecast.note(Forecast::work_of(options_, extent_), in_engine_, true);
   const wire::ReplyHeader reply = reply_header();
   std::memcpy(frame_, &header, sizeof header);
   std::memcpy(frame_ + sizeof header, &reply, sizeof reply);

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "answers.h"
+#include "forecast.h"
 #include "pending_request.h"
 #include "scheduler.h"
 #include "wire/aligned_buffer.h"
@@ -36,6 +37,9 @@ class RunningQuery final : public ScheduledQuery {
     /// Of the one slice that the loop itself gives. Work, not time, so that what the machine does beside decides
     /// nothing.
     WorkBudget on_loop{.units = 4096, .pair_units = 1024};
+    /// The same, of a query that others of the class control must not wait for.
+    WorkBudget on_loop_beside_control{.units = 512, .pair_units = 256};
+    bool has_control = false;  ///< anybody may have that class
   };
   /// What it uses of the daemon; all of it outlives this.
   struct Daemon {
@@ -43,44 +47,51 @@ class RunningQuery final : public ScheduledQuery {
     Quotas& quotas;
     Stats& stats;
     const Limits& limits;
+    Forecast& forecast;
     std::function<void(std::shared_ptr<void>)> drop;  ///< lets go of what takes long to free, elsewhere
     /// Holds a query until its poses are there, and takes the sink; false: they are. Throws a Refusal.
-    std::function<bool(const wire::FrameHeader&, const QueryOptions&, const OwnPayload&, std::unique_ptr<ReplySink>&,
-                       Clock::time_point received)>
+    std::function<bool(const wire::FrameHeader&, ServiceClass, const QueryOptions&, const OwnPayload&,
+                       std::unique_ptr<ReplySink>&, Clock::time_point received)>
         hold;
   };
 
   /// \param received when the request came. \param engine that answers, though another one may serve by the time that
   /// this ends.
-  RunningQuery(const Daemon& daemon, std::uint64_t client, const wire::FrameHeader& request,
+  RunningQuery(const Daemon& daemon, std::uint64_t client, ServiceClass service, const wire::FrameHeader& request,
                std::shared_ptr<Engine> engine, Clock::time_point received, Clock::time_point due)
-      : ScheduledQuery(client, due),
+      : ScheduledQuery(client, service, due),
         daemon_(daemon),
         asked_{nullptr, request, {}},
         engine_(std::move(engine)),
         received_(received) {}
 
+  /// What its options ask of the loop, where they are known before it begins: its deadline. Throws a Refusal
+  /// (kDeadline) if there is no keeping it.
+  void take_options(const QueryOptions& options, const Extent& extent);
   /// A small query, up to its job: on the loop, while its payload is there. Throws what it is refused for, and takes
   /// the sink if it is not.
   void begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
-  /// A large one, whose payload is brought by whoever works. \param has_waited for the poses that it asks for. Throws a
-  /// Refusal (kBusy).
+  /// A large one, whose payload is brought by whoever works. Throws a Refusal (kBusy).
   void begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, std::uint64_t listed_pairs,
-                       bool has_waited, std::unique_ptr<ReplySink>& sink);
+                       std::unique_ptr<ReplySink>& sink);
 
   bool is_wanted() const override { return on_loop_ ? asked_.sink->alive() : !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
   void let_go() override;
-  void look() override { gone_.store(!asked_.sink->alive(), std::memory_order_relaxed); }
+  void look() override { gone_.store(is_ended_ || !asked_.sink->alive(), std::memory_order_relaxed); }
+  Clock::time_point deadline() const override { return is_ended_ ? Clock::time_point::max() : deadline_; }
+  void expire() override;
   bool settle() override;
   /// Units of work so far.
   std::uint64_t units() const { return units_; }
 
  private:
-  enum class Step { kPrepare, kWait, kRoom, kRun, kFinalRoom, kCopy, kPublish, kOver };
+  enum class Step { kPrepare, kOptions, kRoom, kRun, kFinalRoom, kCopy, kPublish, kOver };
 
   void read();
-  void wait();
+  void settle_options();
+  void end();
+  void check_deadline(Clock::time_point now) const;
   void prepare(const wire::QueryParts& parts);
   void take_room(ReplySink& sink);
   void start();
@@ -96,7 +107,10 @@ class RunningQuery final : public ScheduledQuery {
   Clock::time_point received_, worked_;  // until when it was worked on
   std::chrono::nanoseconds in_engine_{0};
   Step step_ = Step::kPrepare;
-  bool on_loop_ = false, has_waited_ = false;
+  bool on_loop_ = false;
+  bool options_settled_ = false;  // with the loop: class, deadline, poses to wait for
+  bool is_ended_ = false;         // for its client, while somebody may still work on it
+  Clock::time_point deadline_ = Clock::time_point::max();
   std::atomic<bool> gone_{false};
   std::optional<Refusal> failure_;
   std::uint64_t payload_bytes_ = 0, units_ = 0;
@@ -108,7 +122,8 @@ class RunningQuery final : public ScheduledQuery {
   bool whole_table_ = false, wants_warm_ = false;
   Reduce reduce_ = Reduce::kNone;
   Format format_ = Format::kFull;
-  QueryOptions options_;               // of one that waits
+  QueryOptions options_;
+  Extent extent_;
   std::uint64_t max_reply_bytes_ = 0;  // 0: no limit
   std::vector<std::byte> records_;     // of the reply, behind its columns
   std::optional<PreparedQuery> prepared_;

@@ -95,7 +95,7 @@ bool SceneChanges::reload() noexcept {
 
 void SceneChanges::let_wait(const FrameHeader& request, std::unique_ptr<ReplySink>& sink, Waiter waiter) {
   waiter.asked.header = request;
-  waiter.asked.share = quotas_.take(sink->client(), 0);
+  waiter.asked.share = quotas_.take(sink->client(), sink->service_class(), 0);
   waiters_.push_back(std::move(waiter));
   waiters_.back().asked.sink = std::move(sink);  // now that nothing can fail any more
 }

@@ -5,18 +5,26 @@ namespace {
 
 /// First slices given out before one of the long queries gets its turn.
 constexpr int kFreshBeforeLong = 4;
+/// Slices of the class control given out before one of the others gets its turn.
+constexpr int kControlBeforePlanning = 64;
 
 }  // namespace
 
 void Scheduler::add(QueryPtr query) {
   const std::uint64_t client = query->client();
-  fresh_.push(client, std::move(query));
+  of(query->service_class()).fresh.push(client, std::move(query));
+}
+
+Scheduler::QueryPtr Scheduler::Queues::next() {
+  const bool take_begun = fresh.empty() || (!begun.empty() && fresh_in_a_row >= kFreshBeforeLong);
+  fresh_in_a_row = take_begun ? 0 : fresh_in_a_row + 1;
+  return take_begun ? begun.pop() : fresh.pop();
 }
 
 Scheduler::QueryPtr Scheduler::next() {
-  const bool take_long = fresh_.empty() || (!long_.empty() && fresh_in_a_row_ >= kFreshBeforeLong);
-  fresh_in_a_row_ = take_long ? 0 : fresh_in_a_row_ + 1;
-  return take_long ? long_.pop() : fresh_.pop();
+  const bool take_planning = control_.empty() || (!planning_.empty() && control_in_a_row_ >= kControlBeforePlanning);
+  control_in_a_row_ = take_planning ? 0 : control_in_a_row_ + 1;
+  return take_planning ? planning_.next() : control_.next();
 }
 
 void Scheduler::work(Clock::time_point now, const Over& over) {
@@ -29,7 +37,7 @@ void Scheduler::work(Clock::time_point now, const Over& over) {
       over(std::move(query));
     } else {
       const std::uint64_t client = query->client();
-      long_.push(client, std::move(query));
+      of(query->service_class()).begun.push(client, std::move(query));
     }
     if (now - begin >= slice_) break;
   }

@@ -107,15 +107,16 @@ void ScratchBuffer::trim(std::size_t bytes) {
 }
 
 std::shared_ptr<Segment> Segment::make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
-                                       const ShmLimits& limits, std::uint32_t id, std::uint64_t request_capacity,
-                                       std::uint64_t reply_capacity, std::string& why) {
+                                       const ShmLimits& limits, ServiceClass service, std::uint32_t id,
+                                       std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why) {
   const std::optional<Sizes> plan = plan_segment(limits, request_capacity, reply_capacity, why);
   if (!plan) return nullptr;
   const std::uint64_t bytes = plan->bytes();
   // Whoever grows leaves room for those who come in.
   const bool is_usual =
       id == 0 && request_capacity <= limits.request_capacity && reply_capacity <= limits.reply_capacity;
-  const std::uint64_t limit = budget->limit - (is_usual ? 0 : budget->limit / kKeptForNewcomers);
+  const std::uint64_t open = budget->limit - (service == ServiceClass::kControl ? 0 : budget->kept_for_control);
+  const std::uint64_t limit = open - (is_usual ? 0 : open / kKeptForNewcomers);
   if (bytes > limit - std::min(budget->used.load(), limit)) {
     why = "no room for a segment of " + std::to_string(bytes) + " bytes: " + std::to_string(budget->used.load()) +
           " of " + std::to_string(limit) + " bytes of shared memory are given out to clients";

@@ -21,6 +21,7 @@ namespace clearance {
 /// Bytes of address space that all segments may take together. Shared by the transport and every living segment.
 struct SegmentBudget {
   std::uint64_t limit = 0;
+  std::uint64_t kept_for_control = 0;  ///< of it, for clients of that class alone
   std::atomic<std::uint64_t> used{0};
   /// Lets go of a segment's memory where that holds up nobody; empty: at once.
   std::function<void(std::shared_ptr<void>)> drop;
@@ -56,8 +57,8 @@ class Segment {
   /// Null with `why` filled if the limits or the machine forbid it.
   /// \param pinner null: the segment is never pinned.
   static std::shared_ptr<Segment> make(std::shared_ptr<SegmentBudget> budget, std::shared_ptr<SegmentPinner> pinner,
-                                       const ShmLimits& limits, std::uint32_t id, std::uint64_t request_capacity,
-                                       std::uint64_t reply_capacity, std::string& why);
+                                       const ShmLimits& limits, ServiceClass service, std::uint32_t id,
+                                       std::uint64_t request_capacity, std::uint64_t reply_capacity, std::string& why);
   ~Segment();
   Segment(const Segment&) = delete;
   Segment& operator=(const Segment&) = delete;

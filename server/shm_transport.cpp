@@ -45,13 +45,14 @@ class ShmTransport final : public Transport {
       : path_(path),
         limits_(limits),
         access_(access),
-        places_(limits.max_clients),
+        places_(limits.max_clients, access.has_control() ? kept_for_control(limits.max_clients) : 0),
         budget_(std::make_shared<SegmentBudget>()),
         listener_(path, access) {
     budget_->limit = limits.pool_bytes;
     if (budget_->limit == 0)
       budget_->limit = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
                        static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) / 2;
+    if (access.has_control()) budget_->kept_for_control = kept_for_control(budget_->limit);
     if (limits_.pinned_bytes > 0) pinner_ = std::make_shared<SegmentPinner>(limits_.pinned_bytes);
     limits_.max_segment_bytes = std::min(limits_.max_segment_bytes, budget_->limit);
     limits_.slots = std::clamp<std::uint32_t>(limits_.slots, 1, shm::kMaxSlots);
@@ -75,8 +76,10 @@ class ShmTransport final : public Transport {
     ++polls_;  // each turn of the loop polls once
     for (const auto& session : sessions_)
       for (const auto& segment : session->segments) segment->show_turns(polls_);
-    for (std::size_t i = 0; i < count && frames < kMaxFramesPerPoll && bytes < kMaxBytesPerPoll; ++i)
-      frames += serve_requests(sessions_[(first_ + i) % count], inbox, bytes);
+    for (const ServiceClass service : {ServiceClass::kControl, ServiceClass::kPlanning})
+      for (std::size_t i = 0; i < count && frames < kMaxFramesPerPoll && bytes < kMaxBytesPerPoll; ++i)
+        if (const auto& session = sessions_[(first_ + i) % count]; class_of(session->rights) == service)
+          serve_requests(session, inbox, frames, bytes);
     ++first_;  // another client is first next time
     // After the requests: whoever woke us waits for an answer.
     if (look_at_sockets_ || (polls_ % kPollsPerClockLook == 0 && Clock::now() >= next_socket_look_)) serve_sockets();
@@ -163,7 +166,7 @@ class ShmTransport final : public Transport {
         ++*counters_.refused;
         continue;
       }
-      if (rights && who) why = places_.why_not(*who, "shared-memory clients");
+      if (rights && who) why = places_.why_not(*who, "shared-memory clients", class_of(*rights));
       if (!why.empty()) {
         if (rights) ++*counters_.over_quota;
         refuse(socket.get(), rights ? why + " (--max-clients)" : why);
@@ -250,8 +253,8 @@ class ShmTransport final : public Transport {
 
   void give_segment(ShmSession& session, const Message& wanted, bool first) {
     std::string why;
-    auto segment = Segment::make(budget_, pinner_, limits_, session.next_segment, wanted.request_capacity,
-                                 wanted.reply_capacity, why);
+    auto segment = Segment::make(budget_, pinner_, limits_, class_of(session.rights), session.next_segment,
+                                 wanted.request_capacity, wanted.reply_capacity, why);
     if (segment && first) {
       session.wake.reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
       if (!session.wake || !watch(session.wake.get(), EPOLLIN | EPOLLET, 2 * session.id + 1)) {
@@ -275,13 +278,15 @@ class ShmTransport final : public Transport {
     session.segments.push_back(std::move(segment));
   }
 
-  int serve_requests(const std::shared_ptr<ShmSession>& session, Inbox& inbox, std::uint64_t& bytes) {
-    int frames = 0;
+  /// \param frames \param bytes taken in this poll
+  void serve_requests(const std::shared_ptr<ShmSession>& session, Inbox& inbox, int& frames, std::uint64_t& bytes) {
+    const int most = frames + kMaxFramesPerClient;
     // By index: the inbox may not touch the sessions, but be safe against growth all the same.
     for (std::size_t i = 0; i < session->segments.size(); ++i) {
       if (!session->segments[i]->has_request()) continue;
       const std::shared_ptr<Segment> segment = session->segments[i];
-      while (!session->gone && frames < kMaxFramesPerClient && bytes < kMaxBytesPerPoll) {
+      while (!session->gone && frames < most && bytes < kMaxBytesPerPoll) {
+        if (frames > 0 && (!segment->has_request() || inbox.has_enough())) break;
         Segment::Request request;
         try {
           const Segment::Take taken = segment->take(scratch_, request);
@@ -309,7 +314,6 @@ class ShmTransport final : public Transport {
         }
       }
     }
-    return frames;
   }
 
   void violate(ShmSession& session, const char* why) {

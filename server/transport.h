@@ -46,6 +46,7 @@ class ReplySink {
   virtual std::uint64_t unsent_bytes() const { return 0; }
   /// What this client may do, at the time of the request.
   virtual Rights rights() const { return kAllRights; }
+  ServiceClass service_class() const { return class_of(rights()); }
 };
 
 /// A request's payload in memory of the daemon's own.
@@ -80,6 +81,8 @@ class Inbox {
   /// a number as a client has. Throws what Engine::set_poses() throws.
   virtual PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
                                     std::uint64_t publisher = 0) = 0;
+  /// Whether what was handed in is enough for one turn: what else has arrived waits for the next.
+  virtual bool has_enough() const { return false; }
   /// Lets go of what takes long to free, where that holds up nobody.
   virtual void drop(std::shared_ptr<void> thing) { thing.reset(); }
   /// A counter, made on first use: "shm.clients", "lcm.gaps". The reference stays valid.

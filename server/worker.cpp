@@ -34,6 +34,7 @@ void Worker::wake() noexcept {
 
 void Worker::add(QueryPtr query) {
   away_.push_back(query.get());
+  deadline_ = std::min(deadline_, query->deadline());
   if (added_.put(std::move(query))) wake();
 }
 
@@ -47,6 +48,16 @@ std::vector<Worker::QueryPtr> Worker::take() {
 
 void Worker::look() {
   for (ScheduledQuery* query : away_) query->look();
+}
+
+void Worker::expire(ScheduledQuery::Clock::time_point now) {
+  if (now < deadline_) return;
+  deadline_ = ScheduledQuery::Clock::time_point::max();
+  for (ScheduledQuery* query : away_)
+    if (query->deadline() > now)
+      deadline_ = std::min(deadline_, query->deadline());
+    else
+      query->expire();
 }
 
 void Worker::drop(std::shared_ptr<void> thing) {

@@ -40,6 +40,10 @@ class Worker {
   std::size_t size() const { return away_.size(); }
   /// Has each of them looked at: ScheduledQuery::look().
   void look();
+  /// The first of theirs, or an earlier time.
+  ScheduledQuery::Clock::time_point deadline() const { return deadline_; }
+  /// Has those whose deadline has passed refused: ScheduledQuery::expire().
+  void expire(ScheduledQuery::Clock::time_point now);
   /// Lets go of what takes long to free.
   void drop(std::shared_ptr<void> thing);
   /// Works for about a slice, without a thread of its own. Returns whether there was anything to do.
@@ -52,6 +56,7 @@ class Worker {
   std::function<void()> call_;
   const bool own_thread_;
   std::vector<ScheduledQuery*> away_;
+  ScheduledQuery::Clock::time_point deadline_ = ScheduledQuery::Clock::time_point::max();
   Mailbox<QueryPtr> added_, done_;
   Mailbox<std::shared_ptr<void>> dropped_;
   std::atomic<bool> ending_{false};

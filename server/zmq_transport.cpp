@@ -284,7 +284,7 @@ class ZmqTransport final : public Transport {
   /// way.
   PeerPtr peer_of(const zmq::message_t& identity, const zmq::message_t& sent, std::string& why) {
     const std::optional<ucred> who = is_tcp_ ? std::nullopt : sender_of(sent);
-    if (!peers_.contains(identity.to_string()) && !has_place(who, why)) return nullptr;
+    if (!peers_.contains(identity.to_string()) && !has_place(who, class_of(rights_of(sent)), why)) return nullptr;
     PeerPtr& peer = peers_[identity.to_string()];
     std::string key = door_ ? ZapHandler::key_of(sent) : std::string();
     if (peer && peer->key != key) {  // a name that another has chosen before, and given up
@@ -302,7 +302,7 @@ class ZmqTransport final : public Transport {
   }
 
   /// Whether a new client has a place beside those that have requests under way.
-  bool has_place(const std::optional<ucred>& who, std::string& why) {
+  bool has_place(const std::optional<ucred>& who, ServiceClass service, std::string& why) {
     const std::uint64_t most = access_.max_clients;
     if (peers_.size() < most - most / 2) return true;
     Places places(most);
@@ -312,10 +312,11 @@ class ZmqTransport final : public Transport {
       ++busy;
       if (peer->who) places.take(*peer->who);
     }
-    if (busy >= most)
+    const bool is_kept = service != ServiceClass::kControl && access_.has_control();
+    if (busy >= most - (is_kept ? kept_for_control(most) : 0))
       why = "requests of " + std::to_string(busy) + " ZeroMQ clients are under way already";
     else if (who)
-      why = places.why_not(*who, "ZeroMQ clients with requests under way");
+      why = places.why_not(*who, "ZeroMQ clients with requests under way", service);
     return why.empty() && (peers_.size() < most || forget_one());
   }
 
@@ -351,9 +352,9 @@ class ZmqTransport final : public Transport {
   Rights rights_of(const zmq::message_t& message) const {
     if (door_) return door_->rights_of(message);
     if (is_tcp_) return kStrangersRights;
-    if (!access_.group) return kAllRights;  // the socket is this user's alone
+    if (!access_.group) return *rights_of_user(geteuid(), false, access_);  // the socket is this user's alone
     const std::optional<ucred> who = sender_of(message);
-    return who && who->uid == geteuid() ? kAllRights : access_.group_rights;
+    return who ? *rights_of_user(who->uid, true, access_) : access_.group_rights;
   }
 
   void hand_in(Inbox& inbox, PeerPtr peer, Rights rights, int parts, const zmq::message_t& head,

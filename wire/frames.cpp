@@ -134,6 +134,8 @@ std::string_view error_name(ErrorCode code) {
       return "forbidden";
     case ErrorCode::kNewEpoch:
       return "new_epoch";
+    case ErrorCode::kDeadline:
+      return "deadline";
   }
   return "unknown";
 }

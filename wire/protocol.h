@@ -285,6 +285,7 @@ enum class ErrorCode : std::uint16_t {
   kForbidden = 22,     ///< this client may not do that; the text names the right that it lacks
   kPosesLate = 23,     ///< the poses that the query waits for have not come in time
   kNewEpoch = 24,      ///< the daemon was started anew, or is another one, since the client's first contact
+  kDeadline = 25,      ///< no answer by the query's deadline; the text says how long it takes, or took
 };
 
 struct ErrorHeader {

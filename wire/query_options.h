@@ -51,7 +51,11 @@
   X(std::uint64_t, max_reply_bytes, 0, 1, Legal::anything(),                                                           \
     "bytes", "a larger reply frame is refused with `kTooLarge`; 0: no limit but the daemon's")                         \
   X(bool, stale_status, false, 2, Legal::word("false true"),                                                           \
-    "", "poses older than max_pose_age_ns are none: the status `stale_pose`, and no distance")
+    "", "poses older than max_pose_age_ns are none: the status `stale_pose`, and no distance")                         \
+  X(bool, as_planning, false, 3, Legal::word("false true"),                                                            \
+    "", "in the class `planning`, also where the caller has the class `control`")                                      \
+  X(std::int64_t, deadline_ns, 0, 4, Legal::range(0, 3'600'000'000'000),                                               \
+    "ns", "answered within so long of its receipt (daemon's steady clock), else refused with `kDeadline`; 0: whenever")
 // clang-format on
 
 namespace clearance {

@@ -234,6 +234,15 @@ def test_an_option_that_travels_in_a_record(client, engine):
         engine.distances(max_reply_bytes=1)
 
 
+def test_a_deadline_that_cannot_be_kept(client):
+    with pytest.raises(clearance.RequestError, match="no answer within the 1e-06 ms of its deadline_ns") as refusal:
+        client.distances(deadline_ns=1)
+    assert refusal.value.code == ErrorCode.DEADLINE
+    assert len(client.distances(deadline_ns=3_600_000_000_000, as_planning=True).lower) > 0
+    with pytest.raises(ValueError, match="deadline_ns: expected an integer"):
+        client.distances(deadline_ns=-1)
+
+
 # ---- answers that are views -----------------------------------------------------------------------------------------
 
 

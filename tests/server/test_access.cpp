@@ -22,9 +22,28 @@ TEST(Rights, InWords) {
   EXPECT_EQ(parse_rights("query"), kMayQuery);
   EXPECT_EQ(parse_rights("admin,poses"), kMayAdmin | kMayPose);
   EXPECT_EQ(rights_text(kAllRights), "query,poses,admin");
+  EXPECT_EQ(rights_text(parse_rights("control,query")), "query,control");
   EXPECT_EQ(rights_text(0), "nothing");
   for (const char* wrong : {"", "Query", "query,", "query poses", "root"})
     EXPECT_THROW(parse_rights(wrong), std::invalid_argument) << wrong;
+}
+
+TEST(Rights, OfUsersAtUnixSockets) {
+  const uid_t own = geteuid(), other = own + 1;
+  Access access;
+  EXPECT_FALSE(access.has_control());
+  EXPECT_EQ(rights_of_user(own, false, access), Rights{kAllRights});
+  EXPECT_EQ(class_of(kAllRights), ServiceClass::kPlanning) << "the class is given by name, to this user too";
+  EXPECT_EQ(rights_of_user(other, false, access), std::nullopt);
+  EXPECT_EQ(rights_of_user(other, true, access), Rights{kMayQuery});
+  access.control_users = {own, other};
+  EXPECT_TRUE(access.has_control());
+  EXPECT_EQ(rights_of_user(own, false, access), Rights{kAllRights | kControl});
+  EXPECT_EQ(rights_of_user(other, true, access), Rights{kMayQuery | kControl});
+  EXPECT_EQ(rights_of_user(other, false, access), std::nullopt) << "a class lets nobody in";
+  EXPECT_EQ(user_named("root"), 0u);
+  EXPECT_EQ(user_named("1234567"), 1234567u);
+  EXPECT_THROW(user_named("no such user"), std::invalid_argument);
 }
 
 /// Every request, with the right that it needs.
@@ -278,9 +297,9 @@ TEST(Clearanced, WrongGroupsAndRightsEndWith2) {
   };
   EXPECT_NE(said("--socket-group", "no such group").find("--socket-group: there is no group \"no such group\""),
             std::string::npos);
-  EXPECT_NE(
-      said("--group-rights", "query,root").find("--group-rights: \"root\" is no right: expected query, poses or admin"),
-      std::string::npos);
+  EXPECT_NE(said("--group-rights", "query,root")
+                .find("--group-rights: \"root\" is no right: expected query, poses, admin or control"),
+            std::string::npos);
 }
 
 }  // namespace

@@ -10,6 +10,8 @@
 namespace clearance {
 namespace {
 
+constexpr auto kPlanning = ServiceClass::kPlanning;
+
 constexpr Quotas::Limits kSmall{.max_waiting_per_client = 3, .max_waiting_bytes = 1000, .max_client_bytes = 500};
 
 /// What is said to a client; empty: it is let in.
@@ -30,7 +32,7 @@ class ClientQuotas : public testing::Test {
     return refusal([&] { quotas_.check_requests(client); });
   }
   std::string bytes(std::uint64_t client, std::uint64_t count, std::uint64_t unsent = 0) {
-    return refusal([&] { left_ = quotas_.check_bytes(client, count, unsent); });
+    return refusal([&] { left_ = quotas_.check_bytes(client, kPlanning, count, unsent); });
   }
 
   Quotas quotas_{kSmall};
@@ -41,7 +43,7 @@ TEST_F(ClientQuotas, RequestsOfOneClient) {
   std::vector<Quotas::Share> shares;
   for (int i = 0; i < 3; ++i) {
     EXPECT_EQ(requests(1), "");
-    shares.push_back(quotas_.take(1, 0));
+    shares.push_back(quotas_.take(1, kPlanning, 0));
   }
   EXPECT_EQ(requests(1), "3 queries of this client are under way already; ask again (--max-waiting)");
   EXPECT_EQ(requests(2), "") << "another client is not concerned";
@@ -50,7 +52,7 @@ TEST_F(ClientQuotas, RequestsOfOneClient) {
 }
 
 TEST_F(ClientQuotas, BytesOfOneClient) {
-  const Quotas::Share share = quotas_.take(1, 300);
+  const Quotas::Share share = quotas_.take(1, kPlanning, 300);
   EXPECT_EQ(bytes(1, 200), "");
   EXPECT_EQ(left_, 0u);
   EXPECT_EQ(bytes(1, 150), "");
@@ -68,7 +70,7 @@ TEST_F(ClientQuotas, OneRequestMayAlwaysBeUnderWay) {
   EXPECT_EQ(left_, 0u);
   EXPECT_EQ(bytes(1, 5000, 1),
             "the requests and replies of this client under way take 1 bytes already; ask again (--max-client-mib)");
-  const Quotas::Share large = quotas_.take(1, 5000);
+  const Quotas::Share large = quotas_.take(1, kPlanning, 5000);
   EXPECT_NE(bytes(1, 0), "");
   EXPECT_EQ(bytes(2, 1), "the requests and replies under way take 5000 bytes already; ask again");
 }
@@ -77,7 +79,7 @@ TEST_F(ClientQuotas, BytesOfAllClients) {
   std::vector<Quotas::Share> shares;
   for (std::uint64_t client = 1; client <= 3; ++client) {
     EXPECT_EQ(bytes(client, 300), "");
-    shares.push_back(quotas_.take(client, 300));
+    shares.push_back(quotas_.take(client, kPlanning, 300));
   }
   EXPECT_EQ(bytes(4, 100), "");
   EXPECT_EQ(bytes(4, 101), "the requests and replies under way take 900 bytes already; ask again");
@@ -86,11 +88,11 @@ TEST_F(ClientQuotas, BytesOfAllClients) {
 }
 
 TEST_F(ClientQuotas, AShareIsGivenBackOnce) {
-  Quotas::Share share = quotas_.take(1, 500);
+  Quotas::Share share = quotas_.take(1, kPlanning, 500);
   Quotas::Share moved = std::move(share);
   share.give_back();
   EXPECT_NE(bytes(1, 1), "") << "it is another's by now";
-  Quotas::Share other = quotas_.take(2, 400);
+  Quotas::Share other = quotas_.take(2, kPlanning, 400);
   {
     Quotas::Share taken;
     taken = std::move(moved);
@@ -106,12 +108,12 @@ TEST_F(ClientQuotas, AShareIsGivenBackOnce) {
 TEST_F(ClientQuotas, WhoHasSomethingUnderWayIsNotForgotten) {
   std::vector<Quotas::Share> kept;
   for (std::uint64_t client = 1; client <= 1000; ++client) {
-    Quotas::Share share = quotas_.take(client, 0);
+    Quotas::Share share = quotas_.take(client, kPlanning, 0);
     if (client % 500 == 0) kept.push_back(std::move(share));
   }
   quotas_.forget_idle();
   for (const std::uint64_t client : {500, 1000}) {
-    const Quotas::Share second = quotas_.take(client, 0), third = quotas_.take(client, 0);
+    const Quotas::Share second = quotas_.take(client, kPlanning, 0), third = quotas_.take(client, kPlanning, 0);
     EXPECT_NE(requests(client), "") << client;
   }
   EXPECT_EQ(requests(501), "");

@@ -155,6 +155,21 @@ std::vector<std::string> for_two(const TestFolder& folder) {
           "2",       "--threads", "1"};
 }
 
+TEST(Places, AreKeptForTheClassControl) {
+  Places places(64, 8);
+  const auto user = [](unsigned number) { return ucred{static_cast<pid_t>(number), number, number}; };
+  unsigned number = 1;
+  while (places.why_not(user(number), "clients").empty()) places.take(user(number++));
+  EXPECT_EQ(places.taken(), 56u);
+  EXPECT_EQ(places.why_not(user(number), "clients"),
+            "this daemon already has 56 clients; the last 8 places are for the class control");
+  for (int i = 0; i < 8; ++i) {
+    ASSERT_EQ(places.why_not(user(7), "clients", ServiceClass::kControl), "") << "also of a user who has many";
+    places.take(user(7));
+  }
+  EXPECT_NE(places.why_not(user(7), "clients", ServiceClass::kControl), "") << "there are no more";
+}
+
 TEST(Places, AreKeptForThoseWhoHaveFew) {
   Places places(256);
   const ucred greedy{.pid = 1, .uid = 10, .gid = 0};

@@ -43,11 +43,12 @@ class SchedulerTest : public testing::Test {
     int slices = 1;
     std::chrono::nanoseconds due = 0ns, takes = kSlice;
     bool wanted = true;
+    ServiceClass service = ServiceClass::kPlanning;
   };
   class FakeQuery final : public ScheduledQuery {
    public:
     FakeQuery(SchedulerTest& test, const What& what)
-        : ScheduledQuery(what.client, Clock::time_point(what.due)), test_(test), what_(what) {
+        : ScheduledQuery(what.client, what.service, Clock::time_point(what.due)), test_(test), what_(what) {
       ++test_.alive_;
     }
     ~FakeQuery() override { --test_.alive_; }
@@ -132,6 +133,20 @@ TEST_F(SchedulerTest, ALongQueryIsNotForgottenHoweverManyNewOnesCome) {
   ASSERT_EQ(slices_.size(), 100u);
   for (std::size_t i = 0; i < slices_.size(); ++i) EXPECT_EQ(slices_[i], i % 5 == 3) << "slice " << i;
   EXPECT_EQ(scheduler_.size(), 221u);
+}
+
+TEST_F(SchedulerTest, TheClassControlGoesFirst) {
+  for (std::uint64_t client = 1; client <= 20; ++client) add({.name = 1, .client = client, .slices = 3});
+  work(30);
+  add({.name = 2, .client = 30, .slices = 3, .service = ServiceClass::kControl});
+  EXPECT_EQ(work(4), (std::vector<int>{2, 2, 2, 1})) << "to its end, whatever the others have waiting";
+}
+
+TEST_F(SchedulerTest, TheClassControlLeavesTheOthersASliceNowAndThen) {
+  add({.name = 1, .client = 1, .slices = 1000});
+  for (int i = 0; i < 1000; ++i) add({.name = 0, .client = 2, .service = ServiceClass::kControl});
+  const std::vector<int> order = work(260);
+  for (std::size_t i = 0; i < order.size(); ++i) EXPECT_EQ(order[i], i % 65 == 64) << "slice " << i;
 }
 
 TEST_F(SchedulerTest, WorksForASliceInAll) {

@@ -65,6 +65,7 @@ class ErrorCode(enum.IntEnum):
     FORBIDDEN = 22
     POSES_LATE = 23
     NEW_EPOCH = 24
+    DEADLINE = 25
 
 
 RECORD_REQUIRED = 1  #: flag of a record: who does not know its tag refuses the frame
