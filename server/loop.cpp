@@ -25,6 +25,10 @@ constexpr auto kLookEvery = std::chrono::microseconds(50);
 /// A transport that is polled in memory is in use for so long after its last frame.
 constexpr auto kInUse = std::chrono::milliseconds(100);
 
+/// Of the worker for the class planning, where anybody may have the class control: where CPUs are few, what it computes
+/// stands back behind the loop and the other worker.
+constexpr int kNiceOfPlanning = 10;
+
 std::string scheme_of(const std::string& url) {
   return url.substr(0, url.find(':'));
 }
@@ -41,7 +45,8 @@ Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
       started_(Clock::now()),
       next_tick_(started_),
       control_worker_({options.slice, options.worker_thread}, [this] { wake(); }),
-      planning_worker_({options.slice, options.worker_thread}, [this] { wake(); }) {
+      planning_worker_({options.slice, options.worker_thread, options.has_control ? kNiceOfPlanning : 0},
+                       [this] { wake(); }) {
   if (!wake_fd_) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
 }
 

@@ -1,6 +1,7 @@
 #include "worker.h"
 
 #include <sys/eventfd.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +16,7 @@ namespace clearance {
 Worker::Worker(const Options& options, std::function<void()> done)
     : call_(std::move(done)),
       own_thread_(options.own_thread),
+      nice_(options.nice),
       wake_fd_(eventfd(0, EFD_CLOEXEC)),
       scheduler_(options.slice) {
   if (!wake_fd_) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
@@ -75,6 +77,8 @@ bool Worker::work() {
 }
 
 void Worker::serve() {
+  // Of this thread alone, which Linux allows to go down.
+  if (nice_ != 0) setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + nice_);
   while (!ending_) {
     if (work()) continue;
     std::uint64_t woken;  // whoever woke us has put something before

@@ -22,6 +22,7 @@ class Worker {
   struct Options {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
     bool own_thread = true;  ///< false: the loop calls work(), so that a test can count slices
+    int nice = 0;            ///< added to the thread's, and so to those of the threads that it leads
   };
 
   /// \param done called on the worker's thread when take() has something. Throws std::runtime_error where the system
@@ -55,6 +56,7 @@ class Worker {
 
   std::function<void()> call_;
   const bool own_thread_;
+  const int nice_;
   std::vector<ScheduledQuery*> away_;
   ScheduledQuery::Clock::time_point deadline_ = ScheduledQuery::Clock::time_point::max();
   Mailbox<QueryPtr> added_, done_;
