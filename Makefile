@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -58,6 +58,9 @@ bench-broad: setup  ## the ways to find near pairs, alone and within queries; re
 
 bench-sections: build  ## the longest that the loop is away from its transports, by kind of request; rewrites docs/results/sections.csv
 	@$(PYTHON_VENV) bench/latency/bench_sections.py
+
+bench-classes: build  ## what a client of the class control waits beside the worst of the others; rewrites docs/results/classes.csv
+	@$(PYTHON_VENV) bench/latency/bench_classes.py
 
 bench-load: build  ## how long 1000 meshes take to load, with an empty cache and with a full one; rewrites docs/results/load.csv
 	@$(PYTHON_VENV) bench/load/bench_load.py --csv docs/results/load.csv

@@ -63,10 +63,11 @@ def write_scene(folder):
     return scene
 
 
-def aggressor(kind, url):
-    """Asks for one kind of thing, again and again, until it is ended."""
+def aggressor(kind, url, as_planning=False):
+    """Asks for one kind of thing, again and again, until it is ended. as_planning: below the class of its user."""
     import clearance
 
+    options = {"timeout_s": 600, **({"as_planning": True} if as_planning else {})}
     client = clearance.connect(url)
     names = [body.name for body in client.bodies]
     heaps = [name for name in names if name.startswith("heap")]
@@ -75,15 +76,16 @@ def aggressor(kind, url):
     asks = {
         "nothing": None,
         "groups": lambda: client.distances(
-            pairs=[("*", "*"), ("*", "heap0")], reduce="min", configurations=[[pose]], bodies=["first"], timeout_s=600
+            pairs=[("*", "*"), ("*", "heap0")], reduce="min", configurations=[[pose]], bodies=["first"], **options
         ),
-        "explicit pairs": lambda: client.distances(pairs=pairs, reduce="min", timeout_s=600),
+        "explicit pairs": lambda: client.distances(pairs=pairs, reduce="min", **options),
         "poses": lambda: client.set_poses(dict.fromkeys(names, pose)),
         "pieces with depths": lambda: client.distances(
-            pairs=[(a, b) for a in heaps for b in heaps if a < b], signed=True, timeout_s=600
+            pairs=[(a, b) for a in heaps for b in heaps if a < b], signed=True, **options
         ),
-        "within": lambda: client.distances(reduce="within", max_distance=0.5, timeout_s=600),
-        "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs, timeout_s=600),
+        "within": lambda: client.distances(reduce="within", max_distance=0.5, **options),
+        "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs, **options),
+        "small ones": lambda: client.distances(pairs=pairs[:200], signed=True, **options),
     }
     ask = asks[kind]
     print("ready", flush=True)
@@ -95,7 +97,7 @@ def aggressor(kind, url):
             return
 
 
-KINDS = ["nothing", "groups", "explicit pairs", "poses", "pieces with depths", "within", "dense"]
+KINDS = ["nothing", "groups", "explicit pairs", "poses", "pieces with depths", "within", "dense", "small ones"]
 
 
 def cpu_ms(pid):
@@ -106,6 +108,16 @@ def cpu_ms(pid):
 def stats(binaries, url):
     done = subprocess.run([binaries / "clearance", "stat", "--connect", url, "--json"], capture_output=True, text=True)
     return {row["counter"]: row["value"] for row in json.loads(done.stdout)} if done.returncode == 0 else {}
+
+
+def bench_one_pair(binaries, url, seconds, beside, prefix=()):
+    """A row of `clearance bench`: one pair over shared memory, a thousand times a second."""
+    command = [*prefix, binaries / "clearance", "bench", "--connect", url, "--pairs", "1", "--rate", "1000"]
+    command += ["--warmup", "0", "--timeout", "120", "--seconds", str(seconds), "--json"]
+    bench = subprocess.run(command, capture_output=True, text=True)
+    if bench.returncode:
+        raise DemoError(f"clearance bench beside {beside}: {bench.stderr.strip()}")
+    return json.loads(bench.stdout)[0]
 
 
 def measure(kind, binaries, seconds):
@@ -121,31 +133,9 @@ def measure(kind, binaries, seconds):
         )
         asking.stdout.readline()
         before = cpu_ms(daemon.pid)
-        bench = subprocess.run(
-            [
-                binaries / "clearance",
-                "bench",
-                "--connect",
-                url,
-                "--pairs",
-                "1",
-                "--rate",
-                "1000",
-                "--warmup",
-                "0",
-                "--timeout",
-                "120",
-                "--seconds",
-                str(seconds),
-                "--json",
-            ],
-            capture_output=True,
-            text=True,
-        )
-        if bench.returncode:
-            raise DemoError(f"clearance bench beside {kind}: {bench.stderr.strip()}")
+        row = bench_one_pair(binaries, url, seconds, kind)
         loop_cpu = cpu_ms(daemon.pid) - before
-        row, counters = json.loads(bench.stdout)[0], stats(binaries, url)
+        counters = stats(binaries, url)
         section = counters.get("loop.longest_section_ns")
         return {
             "request": kind,
@@ -166,9 +156,10 @@ def main():
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--kinds", nargs="*", default=KINDS, choices=KINDS)
     parser.add_argument("--aggressor", nargs=2, metavar=("KIND", "URL"), help=argparse.SUPPRESS)
+    parser.add_argument("--as-planning", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.aggressor:
-        return aggressor(*options.aggressor)
+        return aggressor(*options.aggressor, as_planning=options.as_planning)
     rows = []
     for kind in options.kinds:
         rows.append(measure(kind, options.binaries, options.seconds))

@@ -1,0 +1,120 @@
+"""What a client of the class control waits, beside each worst legal client of the class planning.
+
+One query of one pair over shared memory, a thousand times a second: first beside programs that do nothing but keep
+CPUs busy, as many as the daemon computes with, then beside each aggressor of bench_sections.py. Prints and writes, as
+CSV: p50, p99.9 and max of each, and p99.9 in terms of that beside the busy programs. With four CPUs or more the client
+and the daemon have CPUs of their own, which the aggressor and the busy programs keep off. Everything runs at the same
+priority, above other programs where that is allowed.
+"""
+
+import argparse
+import contextlib
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from bench_sections import BIN, KINDS, ROOT, DemoError, Stage, bench_one_pair, write_scene
+
+MOST_RATIO, MOST_MS_SHARED = 2, 10
+SECTIONS = Path(__file__).with_name("bench_sections.py")
+
+
+class Cpus:
+    """Who runs where: the client, the daemon, and all others."""
+
+    def __init__(self):
+        cpus = sorted(os.sched_getaffinity(0))
+        self.are_shared = len(cpus) < 4
+        half = len(cpus) // 2
+        own = cpus[:1], cpus[1:half], cpus[half:]
+        self.client, self.daemon, self.others = (cpus, cpus, cpus) if self.are_shared else own
+
+    @staticmethod
+    def run_on(cpus):
+        return ["taskset", "-c", ",".join(map(str, cpus))]
+
+
+class Priority:
+    """The same for all that takes part, above other programs where that is allowed: of sessions, where the kernel shares
+    CPUs out by session (autogroup), else of processes."""
+
+    def __init__(self):
+        self.prefix = ["nice", "-n", "-15"] if os.geteuid() == 0 else []
+        self.raise_session("self")
+
+    def raise_session(self, pid):
+        with contextlib.suppress(OSError):
+            Path(f"/proc/{pid}/autogroup").write_text("-15")
+
+
+class Players(Stage):
+    """Starts them at that priority."""
+
+    def __init__(self, priority):
+        super().__init__()
+        self.priority = priority
+
+    def start(self, name, command, **options):
+        child = super().start(name, [*self.priority.prefix, *command], **options)
+        self.priority.raise_session(child.pid)
+        return child
+
+
+def measure(kind, cpus, options, priority):
+    """One row: the client beside one aggressor, or beside busy programs."""
+    with Players(priority) as stage:
+        url = f"shm://{stage.folder}/c.sock"
+        daemon = [*cpus.run_on(cpus.daemon), options.binaries / "clearanced"]
+        daemon += ["--scene", write_scene(stage.folder), "--shm", stage.folder / "c.sock"]
+        daemon += ["--control-user", str(os.geteuid()), *(["--real-time"] if options.real_time else [])]
+        stage.start("clearanced", daemon)
+        stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
+        others = [*cpus.run_on(cpus.others), sys.executable]
+        if kind == "busy CPUs":  # as the daemon's threads would keep them, where they do
+            for i in range(len(cpus.daemon)):
+                stage.start(f"busy{i}", [*others, "-c", "while True: pass"])
+        else:
+            aggressor = [*others, SECTIONS, "--as-planning", "--aggressor", kind, url]
+            asking = stage.start("aggressor", aggressor, stdout=subprocess.PIPE, text=True)
+            asking.stdout.readline()
+        client = [*priority.prefix, *cpus.run_on(cpus.client)]
+        return bench_one_pair(options.binaries, url, options.seconds, kind, client)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--csv", type=Path, default=ROOT / "docs/results/classes.csv")
+    parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
+    parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--kinds", nargs="*", default=[kind for kind in KINDS if kind != "nothing"], choices=KINDS)
+    parser.add_argument("--real-time", action="store_true", help="give that option to the daemon")
+    options = parser.parse_args()
+    cpus = Cpus()
+    priority = Priority()
+    rows, base = [], None
+    for kind in ["busy CPUs", *options.kinds]:
+        got = measure(kind, cpus, options, priority)
+        base = base or got["p99.9_us"]
+        row = {"beside": kind, **{name: round(got[name], 1) for name in ("p50_us", "p99.9_us", "max_us")}}
+        row["ratio"] = round(got["p99.9_us"] / base, 2)
+        row["more_ms"] = round((got["p99.9_us"] - base) / 1000, 2)
+        is_met = row["more_ms"] <= MOST_MS_SHARED if cpus.are_shared else row["ratio"] <= MOST_RATIO
+        row["met"] = "yes" if is_met else "no"
+        row["cpus"] = "shared" if cpus.are_shared else "own"
+        row["real_time"] = "yes" if options.real_time else "no"
+        row["load"] = round(os.getloadavg()[0], 1)
+        rows.append(row)
+        print(row, flush=True)
+    with options.csv.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except DemoError as error:
+        sys.exit(f"bench_classes: {error}")
