@@ -14,6 +14,9 @@ constexpr double kNewest = 0.25;
 /// What a query that was given up is taken to have needed, in terms of what it had: at the least as much, and so few
 /// are tried in vain.
 constexpr double kGivenUp = 2;
+/// The most that one query raises a figure by: one that the system kept from its CPU for long tells nothing of the
+/// others.
+constexpr double kMostRise = 2;
 /// What a refusal leaves of a figure.
 constexpr double kAfterRefusal = 0.95;
 
@@ -43,9 +46,11 @@ std::uint32_t Forecast::index(const Work& work) {
 
 void Forecast::note(const Work& work, std::chrono::nanoseconds took, bool is_whole) {
   double& figure = ns_per_piece_pair_[index(work)];
-  const double seen = static_cast<double>(took.count()) / static_cast<double>(work.piece_pairs);
+  double seen = static_cast<double>(took.count()) / static_cast<double>(work.piece_pairs);
+  if (!is_whole) seen *= kGivenUp;
+  if (figure > 0) seen = std::min(seen, kMostRise * figure);
   if (!is_whole)
-    figure = std::max(figure, kGivenUp * seen);
+    figure = std::max(figure, seen);
   else
     figure = figure > 0 ? figure + kNewest * (seen - figure) : seen;
 }

@@ -150,6 +150,17 @@ TEST(Forecast, LearnsWhatLikeQueriesTook) {
   EXPECT_NEAR(static_cast<double>(forecast.of(work)->count()), 20e6, 1e4);
 }
 
+TEST(Forecast, OneThatLostItsCpuSpoilsNoOthers) {
+  Forecast forecast;
+  const auto work = Forecast::work_of({}, {.piece_pairs = 1});
+  for (int i = 0; i < 5; ++i) forecast.note(work, 3us, true);
+  forecast.note(work, 100ms, true);
+  forecast.note(work, 100ms, false);
+  EXPECT_NO_THROW(forecast.check(work, 1ms, 1ms));
+  for (int i = 0; i < 50; ++i) forecast.note(work, 100ms, true);
+  EXPECT_THROW(forecast.check(work, 1ms, 1ms), Refusal) << "where all of them take long that is learnt";
+}
+
 TEST(Forecast, TriesAgainAfterSomeRefusals) {
   Forecast forecast;
   const auto work = Forecast::work_of({}, {.piece_pairs = 1000});
