@@ -1,10 +1,11 @@
 """What a client of the class control waits, beside each worst legal client of the class planning.
 
 One query of one pair over shared memory, a thousand times a second: first beside programs that do nothing but keep
-CPUs busy, as many as the daemon computes with, then beside each aggressor of bench_sections.py. Prints and writes, as
-CSV: p50, p99.9 and max of each, and p99.9 in terms of that beside the busy programs. With four CPUs or more the client
-and the daemon have CPUs of their own, which the aggressor and the busy programs keep off. Everything runs at the same
-priority, above other programs where that is allowed.
+CPUs busy, as many as the daemon computes with, then beside each aggressor of bench_sections.py, whose queries are of
+the class planning; all of it once more with a daemon with --real-time. Prints and writes, as CSV: p50, p99.9 and max
+of each, and p99.9 in terms of that beside the busy programs. With four CPUs or more the client and the daemon have
+CPUs of their own, which the aggressor and the busy programs keep off. The client runs at real-time priority, as a
+controller does, all others at one priority above other programs (both where that is allowed).
 """
 
 import argparse
@@ -37,11 +38,15 @@ class Cpus:
 
 
 class Priority:
-    """The same for all that takes part, above other programs where that is allowed: of sessions, where the kernel shares
-    CPUs out by session (autogroup), else of processes."""
+    """Above other programs, where that is allowed: real time for the client, and the same for all others.
+
+    Of sessions, where the kernel shares CPUs out by session (autogroup), else of processes.
+    """
 
     def __init__(self):
-        self.prefix = ["nice", "-n", "-15"] if os.geteuid() == 0 else []
+        is_root = os.geteuid() == 0
+        self.prefix = ["nice", "-n", "-15"] if is_root else []
+        self.of_client = ["chrt", "-f", "20"] if is_root else []
         self.raise_session("self")
 
     def raise_session(self, pid):
@@ -62,13 +67,13 @@ class Players(Stage):
         return child
 
 
-def measure(kind, cpus, options, priority):
+def measure(kind, cpus, options, priority, real_time):
     """One row: the client beside one aggressor, or beside busy programs."""
     with Players(priority) as stage:
         url = f"shm://{stage.folder}/c.sock"
         daemon = [*cpus.run_on(cpus.daemon), options.binaries / "clearanced"]
         daemon += ["--scene", write_scene(stage.folder), "--shm", stage.folder / "c.sock"]
-        daemon += ["--control-user", str(os.geteuid()), *(["--real-time"] if options.real_time else [])]
+        daemon += ["--control-user", str(os.geteuid()), *(["--real-time"] if real_time else [])]
         stage.start("clearanced", daemon)
         stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
         others = [*cpus.run_on(cpus.others), sys.executable]
@@ -79,8 +84,23 @@ def measure(kind, cpus, options, priority):
             aggressor = [*others, SECTIONS, "--as-planning", "--aggressor", kind, url]
             asking = stage.start("aggressor", aggressor, stdout=subprocess.PIPE, text=True)
             asking.stdout.readline()
-        client = [*priority.prefix, *cpus.run_on(cpus.client)]
+        client = [*priority.of_client, *cpus.run_on(cpus.client)]
         return bench_one_pair(options.binaries, url, options.seconds, kind, client)
+
+
+def row_of(kind, got, base, are_shared, real_time):
+    """base: p99.9 beside the busy programs, in us."""
+    ratio, more_ms = got["p99.9_us"] / base, (got["p99.9_us"] - base) / 1000
+    return {
+        "daemon": "--real-time" if real_time else "ordinary",
+        "cpus": "shared" if are_shared else "own",
+        "beside": kind,
+        **{name: round(got[name], 1) for name in ("p50_us", "p99.9_us", "max_us")},
+        "ratio": round(ratio, 2),
+        "more_ms": round(more_ms, 2),
+        "met": "yes" if (more_ms <= MOST_MS_SHARED if are_shared else ratio <= MOST_RATIO) else "no",
+        "load": round(os.getloadavg()[0], 1),
+    }
 
 
 def main():
@@ -89,24 +109,17 @@ def main():
     parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--kinds", nargs="*", default=[kind for kind in KINDS if kind != "nothing"], choices=KINDS)
-    parser.add_argument("--real-time", action="store_true", help="give that option to the daemon")
     options = parser.parse_args()
     cpus = Cpus()
     priority = Priority()
-    rows, base = [], None
-    for kind in ["busy CPUs", *options.kinds]:
-        got = measure(kind, cpus, options, priority)
-        base = base or got["p99.9_us"]
-        row = {"beside": kind, **{name: round(got[name], 1) for name in ("p50_us", "p99.9_us", "max_us")}}
-        row["ratio"] = round(got["p99.9_us"] / base, 2)
-        row["more_ms"] = round((got["p99.9_us"] - base) / 1000, 2)
-        is_met = row["more_ms"] <= MOST_MS_SHARED if cpus.are_shared else row["ratio"] <= MOST_RATIO
-        row["met"] = "yes" if is_met else "no"
-        row["cpus"] = "shared" if cpus.are_shared else "own"
-        row["real_time"] = "yes" if options.real_time else "no"
-        row["load"] = round(os.getloadavg()[0], 1)
-        rows.append(row)
-        print(row, flush=True)
+    rows = []
+    for real_time in (False, True):
+        base = None
+        for kind in ["busy CPUs", *options.kinds]:
+            got = measure(kind, cpus, options, priority, real_time)
+            base = base or got["p99.9_us"]
+            rows.append(row_of(kind, got, base, cpus.are_shared, real_time))
+            print(rows[-1], flush=True)
     with options.csv.open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()
