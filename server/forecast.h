@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "engine/query/extent.h"
+#include "engine/engine.h"
 #include "refusal.h"
 #include "wire/query_options.h"
 

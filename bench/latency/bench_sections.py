@@ -159,7 +159,8 @@ def main():
     parser.add_argument("--as-planning", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.aggressor:
-        return aggressor(*options.aggressor, as_planning=options.as_planning)
+        kind, url = options.aggressor
+        return aggressor(kind, url, options.as_planning)
     rows = []
     for kind in options.kinds:
         rows.append(measure(kind, options.binaries, options.seconds))
