@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "loop_fixture.h"
+#include "server/shm_segment.h"
+#include "server/shm_transport.h"
 
 namespace clearance {
 namespace {
@@ -115,6 +117,24 @@ TEST_F(Classes, WhatIsKeptForControlIsNotTakenTwice) {
   const auto second = take(4, ServiceClass::kControl, 100);
   EXPECT_THROW(quotas.check_bytes(2, ServiceClass::kPlanning, 1, 0), Refusal) << "and now of what is everybody's";
   EXPECT_THROW(quotas.check_bytes(4, ServiceClass::kControl, 1, 0), Refusal);
+}
+
+TEST(Segments, AreKeptForTheClassControl) {
+  const auto budget = std::make_shared<SegmentBudget>();
+  budget->limit = std::uint64_t{170} << 20;
+  budget->kept_for_control = std::uint64_t{50} << 20;
+  const ShmLimits limits;
+  std::string why;
+  std::vector<std::shared_ptr<Segment>> segments;  // of 20 MiB each
+  const auto take = [&](ServiceClass service) {
+    segments.push_back(Segment::make(budget, nullptr, limits, service, 0, 0, 0, why));
+    return segments.back() != nullptr;
+  };
+  while (take(ServiceClass::kPlanning)) ASSERT_LT(segments.size(), 20u);
+  EXPECT_EQ(segments.size(), 6u) << "five, and one that is refused";
+  EXPECT_NE(why.find("no room for a segment of "), std::string::npos) << why;
+  EXPECT_TRUE(take(ServiceClass::kControl)) << why;
+  EXPECT_TRUE(take(ServiceClass::kControl)) << why;
 }
 
 /// A control client may ask as much as others: the loop does as little of it.
