@@ -46,8 +46,8 @@ TEST(Mutants, AreFound) {
   Tried tried;
   const auto found = [&] { return static_cast<std::uint64_t>(tried.violations) + tried.contradictions; };
 #ifdef CLEARANCE_MUTANT
-  // Bounds that contradict each other do not leave the engine: it finds such a mutant itself, and answers rightly. The first
-  // class that finds it is enough.
+  // Bounds that contradict each other do not leave the engine: it finds such a mutant itself, and answers rightly. The
+  // first class that finds it is enough.
   for (const CaseClass& cls : case_classes()) {
     try_class(cls, tried);
     if (found()) break;
