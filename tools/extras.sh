@@ -10,7 +10,7 @@ set -euo pipefail
 # Name, and the paths that it depends on.
 extras=(
   "client_install  pyproject.toml CMakeLists.txt cmake client wire cli lcmtypes"
-  "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/scene engine/cache tests/fuzz"
+  "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
   "races           wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
   "kernels         engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"
 )

@@ -448,6 +448,21 @@ void save_scenes() {
   for (const auto& [name, text] : scenes) save("scene_file", name, data_of(text));
 }
 
+void save_robots() {
+  const auto text_of = [](const char* name) {
+    std::ifstream file(fs::path(CLEARANCE_SOURCE_DIR) / "tests" / "robot" / name);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  const std::string urdf = text_of("every_joint.urdf");
+  save("robot_files", "good_urdf", data_of(urdf));
+  save("robot_files", "good_urdf_and_srdf", data_of(urdf + '\0' + text_of("every_joint.srdf")));
+  save("robot_files", "bad_cycle",
+       data_of("<robot name='r'><link name='a'/><link name='b'/><joint name='j' type='fixed'><parent link='a'/><child "
+               "link='b'/></joint><joint name='k' type='fixed'><parent link='b'/><child link='a'/></joint></robot>"));
+  save("robot_files", "bad_group_in_itself",
+       data_of(urdf + '\0' + "<robot name='every_joint'><group name='g'><group name='g'/></group></robot>"));
+}
+
 void save_cache_entries() {
   const Shape ball = make_uv_sphere(1, 7);  // a direction table belongs to it
   const auto save_record = [](const std::string& name, const Geometry& geometry) {
@@ -486,6 +501,7 @@ int main(int argc, char** argv) {
   save_zmq();
   save_lcm();
   save_meshes();
+  save_robots();
   save_scenes();
   save_cache_entries();
 }

@@ -1,0 +1,275 @@
+// URDF (http://wiki.ros.org/urdf/XML) to a RobotModel. What the format says of an element that is missing holds
+// (<origin>: none, <axis>: 1 0 0, <mimic multiplier>: 1); a number that is there is taken, or refused.
+#include <cmath>
+#include <filesystem>
+#include <unordered_map>
+
+#include "engine/base/fp_environment.h"
+#include "engine/robot/robot.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr std::size_t kMaxLinks = 10'000;
+constexpr std::size_t kMaxShapes = 100'000;
+constexpr double kMaxAngle = 1e6;  // radians: what sines of our own are proved for
+
+using Ids = std::unordered_map<std::string, std::uint32_t>;
+
+class UrdfReader {
+ public:
+  explicit UrdfReader(const XmlElement& root) : root_(root) {}
+
+  RobotModel read() {
+    check_expanded();
+    robot_.name = root_.text("name");
+    for (const XmlElement& link : root_.children("link")) read_link(link);
+    if (robot_.links.empty()) root_.fail("expected at least one <link>");
+    for (const XmlElement& joint : root_.children("joint")) read_joint(joint);
+    find_base();
+    sort_joints();
+    read_mimics();
+    add_columns();
+    return std::move(robot_);
+  }
+
+ private:
+  // A file of macros names no robot yet.
+  void check_expanded() const {
+    for (const XmlElement& element : root_.children())
+      if (element.name().starts_with("xacro:") && element.name() != "xacro:gripper_virtual_transmission")
+        element.fail("a macro of xacro; expand the file first: xacro FILE > robot.urdf");
+  }
+
+  static std::string fresh_name(const XmlElement& element, const Ids& ids) {
+    const std::string name = element.text("name");
+    if (ids.contains(name)) element.fail("there is one of this name already");
+    return name;
+  }
+
+  void read_link(const XmlElement& element) {
+    RobotLink link;
+    link.name = fresh_name(element, links_);
+    if (robot_.links.size() >= kMaxLinks) element.fail("more than " + std::to_string(kMaxLinks) + " links");
+    for (const XmlElement& shape : element.children("collision")) link.collision.push_back(read_shape(shape));
+    for (const XmlElement& shape : element.children("visual")) link.visual.push_back(read_shape(shape));
+    links_.emplace(link.name, static_cast<std::uint32_t>(robot_.links.size()));
+    robot_.links.push_back(std::move(link));
+  }
+
+  static Origin read_origin(const XmlElement& element) {
+    Origin origin;
+    const auto at = element.child("origin");
+    if (!at) return origin;
+    if (at->has("xyz")) origin.xyz = at->vector("xyz");
+    if (at->has("rpy")) origin.rpy = at->vector("rpy");
+    for (int k = 0; k < 3; ++k) {
+      if (!(std::abs(origin.rpy[k]) <= kMaxAngle)) at->fail("rpy: expected angles up to 1e6 radians");
+      if (!(std::abs(origin.xyz[k]) <= 1e6)) at->fail("xyz: expected coordinates up to 1e6 m");
+    }
+    return origin;
+  }
+
+  RobotShape read_shape(const XmlElement& element) {
+    if (++shapes_ > kMaxShapes) element.fail("more than " + std::to_string(kMaxShapes) + " shapes");
+    const XmlElement geometry = element.required_child("geometry");
+    const std::vector<XmlElement> found = geometry.children();
+    if (found.size() != 1) geometry.fail("expected one shape, got " + std::to_string(found.size()));
+    const XmlElement& here = found[0];
+    RobotShape shape;
+    shape.X_ls = read_origin(element);
+    shape.place = element.place();
+    const std::string kind = here.name();
+    if (kind == "box") {
+      shape.size = here.vector("size");
+      for (int k = 0; k < 3; ++k)
+        if (!(shape.size[k] > 0)) here.fail("size: expected numbers > 0, got " + excerpt(here.text("size")));
+    } else if (kind == "sphere") {
+      shape.kind = RobotShape::Kind::kSphere;
+      shape.radius = here.positive("radius");
+    } else if (kind == "cylinder" || kind == "capsule") {
+      shape.kind = kind == "capsule" ? RobotShape::Kind::kCapsule : RobotShape::Kind::kCylinder;
+      shape.radius = here.positive("radius");
+      shape.length = here.positive("length");
+    } else if (kind == "mesh") {
+      shape.kind = RobotShape::Kind::kMesh;
+      shape.mesh = here.text("filename");
+      if (here.has("scale")) shape.mesh_scale = here.vector("scale");
+      for (int k = 0; k < 3; ++k)
+        if (shape.mesh_scale[k] == 0) here.fail("scale: expected factors other than 0");
+    } else {
+      here.fail("expected box, sphere, cylinder, capsule or mesh");
+    }
+    return shape;
+  }
+
+  std::uint32_t link_of(const XmlElement& joint, const char* role) {
+    const XmlElement element = joint.required_child(role);
+    const std::string name = element.text("link");
+    const auto at = links_.find(name);
+    if (at == links_.end()) element.fail("there is no link " + excerpt(name));
+    return at->second;
+  }
+
+  static JointKind kind_of(const XmlElement& element) {
+    const std::string type = element.text("type");
+    constexpr const char* kTypes[] = {"fixed", "revolute", "continuous", "prismatic", "planar", "floating"};
+    for (int k = 0; k < 6; ++k)
+      if (type == kTypes[k]) return static_cast<JointKind>(k);
+    element.fail("type: expected fixed, revolute, continuous, prismatic, planar or floating, got " + excerpt(type));
+  }
+
+  static bool has_axis(JointKind kind) { return kind != JointKind::kFixed && kind != JointKind::kFloating; }
+
+  void read_joint(const XmlElement& element) {
+    RobotJoint joint;
+    joint.name = fresh_name(element, joints_);
+    joint.kind = kind_of(element);
+    joint.parent = link_of(element, "parent");
+    joint.child = link_of(element, "child");
+    joint.X_pj = read_origin(element);
+    if (has_axis(joint.kind)) joint.axis = read_axis(element, joint.kind);
+    if (joint.parent == joint.child) element.fail("its link hangs on itself");
+    std::uint32_t& carrier = robot_.links[joint.child].joint;
+    if (carrier != kNone)
+      element.fail("the link " + excerpt(robot_.links[joint.child].name) + " hangs on the joint " +
+                   excerpt(robot_.joints[carrier].name) + " already; links must form a tree");
+    carrier = static_cast<std::uint32_t>(robot_.joints.size());
+    joints_.emplace(joint.name, carrier);
+    elements_.push_back(element);
+    robot_.joints.push_back(std::move(joint));
+  }
+
+  static Vec3d read_axis(const XmlElement& joint, JointKind kind) {
+    const auto element = joint.child("axis");
+    const Vec3d axis = element ? element->vector("xyz") : Vec3d{1, 0, 0};
+    const XmlElement& place = element ? *element : joint;
+    if (is_zero(axis)) place.fail("expected an axis other than 0 0 0 of a joint that moves");
+    for (int k = 0; k < 3; ++k)
+      if (std::abs(axis[k]) > 1e6) place.fail("xyz: expected coordinates up to 1e6");
+    if (kind == JointKind::kPlanar && !(axis.x == 0 && axis.y == 0 && axis.z > 0))
+      place.fail("a planar joint must have the axis 0 0 1: URDF does not say where x and y are about another");
+    return axis;
+  }
+
+  void find_base() {
+    for (std::uint32_t i = 0; i < robot_.links.size(); ++i) {
+      if (robot_.links[i].joint != kNone) continue;
+      if (robot_.base != kNone)
+        root_.fail("two links hang on no joint, " + excerpt(robot_.links[robot_.base].name) + " and " +
+                   excerpt(robot_.links[i].name) + "; a robot has one base");
+      robot_.base = i;
+    }
+    if (robot_.base == kNone) root_.fail("every link hangs on another: the joints form a cycle");
+  }
+
+  // Joints as they are met from the base, children in the file's order.
+  void sort_joints() {
+    std::vector<std::vector<std::uint32_t>> carried(robot_.links.size());
+    for (std::uint32_t j = static_cast<std::uint32_t>(robot_.joints.size()); j-- > 0;)
+      carried[robot_.joints[j].parent].push_back(j);
+    std::vector<std::uint32_t> order, open = carried[robot_.base];
+    while (!open.empty()) {
+      const std::uint32_t j = open.back();
+      open.pop_back();
+      order.push_back(j);
+      const auto& next = carried[robot_.joints[j].child];
+      open.insert(open.end(), next.begin(), next.end());
+    }
+    std::vector<std::uint32_t> place(robot_.joints.size(), kNone);
+    for (std::uint32_t i = 0; i < order.size(); ++i) place[order[i]] = i;
+    for (std::uint32_t j = 0; j < place.size(); ++j)
+      if (place[j] == kNone) elements_[j].fail("it hangs on itself by way of others: the joints form a cycle");
+    std::vector<RobotJoint> sorted;
+    std::vector<XmlElement> elements;
+    for (const std::uint32_t j : order) {
+      sorted.push_back(std::move(robot_.joints[j]));
+      elements.push_back(elements_[j]);
+    }
+    robot_.joints = std::move(sorted);
+    elements_ = std::move(elements);
+    for (RobotLink& link : robot_.links)
+      if (link.joint != kNone) link.joint = place[link.joint];
+    for (auto& [name, id] : joints_) id = place[id];
+  }
+
+  static bool has_one_column(JointKind kind) {
+    return kind == JointKind::kRevolute || kind == JointKind::kContinuous || kind == JointKind::kPrismatic;
+  }
+
+  // On a joint that does not move a <mimic> means nothing.
+  void read_mimics() {
+    for (std::uint32_t j = 0; j < robot_.joints.size(); ++j) {
+      RobotJoint& joint = robot_.joints[j];
+      const auto element = elements_[j].child("mimic");
+      if (!element || joint.kind == JointKind::kFixed) continue;
+      if (!has_one_column(joint.kind))
+        element->fail("only a revolute, continuous or prismatic joint can mimic another");
+      const std::string name = element->text("joint");
+      const auto at = joints_.find(name);
+      if (at == joints_.end()) element->fail("there is no joint " + excerpt(name));
+      if (at->second == j) element->fail("it mimics itself");
+      const RobotJoint& other = robot_.joints[at->second];
+      if (!has_one_column(other.kind))
+        element->fail("the joint " + excerpt(name) +
+                      " has not one position; expected a revolute, continuous or prismatic one");
+      if (elements_[at->second].child("mimic"))
+        element->fail("the joint " + excerpt(name) + " mimics another itself; name that one");
+      Mimic mimic{at->second};
+      if (element->has("multiplier")) mimic.multiplier = element->number("multiplier");
+      if (element->has("offset")) mimic.offset = element->number("offset");
+      if (!(std::abs(mimic.multiplier) <= 1e6 && std::abs(mimic.offset) <= 1e6))
+        element->fail("expected a multiplier and an offset up to 1e6");
+      joint.mimic = mimic;
+    }
+  }
+
+  void add_columns() {
+    Ids seen;
+    for (std::uint32_t j = 0; j < robot_.joints.size(); ++j) {
+      RobotJoint& joint = robot_.joints[j];
+      const auto [lower, upper] = read_limits(elements_[j], joint.kind);
+      if (joint.mimic || joint.kind == JointKind::kFixed || joint.kind == JointKind::kFloating) continue;
+      joint.column = static_cast<std::uint32_t>(robot_.columns.size());
+      if (joint.kind == JointKind::kPlanar)
+        for (const char* part : {"/x", "/y", "/theta"}) robot_.columns.push_back({joint.name + part, j, lower, upper});
+      else
+        robot_.columns.push_back({joint.name, j, lower, upper});
+      for (std::size_t c = joint.column; c < robot_.columns.size(); ++c)
+        if (!seen.emplace(robot_.columns[c].name, 0).second)
+          elements_[j].fail("two joints have a position " + excerpt(robot_.columns[c].name));
+    }
+  }
+
+  static std::pair<double, double> read_limits(const XmlElement& joint, JointKind kind) {
+    if (kind != JointKind::kRevolute && kind != JointKind::kPrismatic) return {-INFINITY, INFINITY};
+    const XmlElement limit = joint.required_child("limit");
+    if (!limit.has("lower") || !limit.has("upper"))
+      limit.fail("expected lower and upper; a joint that turns without end has the type continuous");
+    const double lower = limit.number("lower"), upper = limit.number("upper");
+    if (lower > upper)
+      limit.fail("lower " + excerpt(limit.text("lower")) + " is above upper " + excerpt(limit.text("upper")));
+    return {lower, upper};
+  }
+
+  XmlElement root_;
+  RobotModel robot_;
+  Ids links_, joints_;
+  std::vector<XmlElement> elements_;  // of the joints
+  std::size_t shapes_ = 0;
+};
+
+}  // namespace
+
+RobotModel read_urdf(const std::string& path) {
+  const FpEnvironment environment;
+  return UrdfReader(XmlElement::load(path, "robot")).read();
+}
+
+RobotModel parse_urdf(std::string_view text, const std::string& file) {
+  const FpEnvironment environment;
+  return UrdfReader(XmlElement::parse(text, file, "robot")).read();
+}
+
+}  // namespace clearance

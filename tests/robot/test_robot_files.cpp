@@ -1,0 +1,141 @@
+// Robots as their files say them: a small one with every kind of joint.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "engine/robot/robot.h"
+
+namespace clearance {
+namespace {
+
+const std::string kFolder = CLEARANCE_SOURCE_DIR "/tests/robot/";
+
+RobotModel every_joint() {
+  return read_urdf(kFolder + "every_joint.urdf");
+}
+
+TEST(Robot, JointsStandInTheOrderOfTheTree) {
+  const RobotModel robot = every_joint();
+  EXPECT_EQ(robot.name, "every_joint");
+  EXPECT_EQ(robot.links[robot.base].name, "base");
+  std::vector<std::string> names;
+  for (const RobotJoint& joint : robot.joints) names.push_back(joint.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"drive", "turn", "lift", "roll", "mount", "grip_left", "grip_right",
+                                             "let_go", "lid"}));
+  for (std::uint32_t j = 0; j < robot.joints.size(); ++j) {
+    EXPECT_EQ(robot.links[robot.joints[j].child].joint, j);
+    const std::uint32_t carrier = robot.links[robot.joints[j].parent].joint;
+    EXPECT_TRUE(carrier == kNone || carrier < j);
+  }
+  std::vector<std::string> chain;
+  for (const std::uint32_t j : robot.chain_to(robot.find_link("right_finger"))) chain.push_back(robot.joints[j].name);
+  EXPECT_EQ(chain, (std::vector<std::string>{"drive", "turn", "lift", "roll", "mount", "grip_right"}));
+  EXPECT_TRUE(robot.chain_to(robot.base).empty());
+}
+
+TEST(Robot, ColumnsAreThePositionsThatJointsTake) {
+  const RobotModel robot = every_joint();
+  std::vector<std::string> names;
+  for (const RobotColumn& column : robot.columns) names.push_back(column.name);
+  EXPECT_EQ(names,
+            (std::vector<std::string>{"drive/x", "drive/y", "drive/theta", "turn", "lift", "roll", "grip_left"}));
+  EXPECT_EQ(robot.columns[robot.find_column("turn")].lower, -2.8973);
+  EXPECT_EQ(robot.columns[robot.find_column("turn")].upper, 2.8973);
+  EXPECT_EQ(robot.columns[robot.find_column("roll")].upper, INFINITY);
+  EXPECT_EQ(robot.joints[robot.find_joint("drive")].column, 0u);
+  EXPECT_EQ(robot.joints[robot.find_joint("mount")].column, kNone);
+  EXPECT_EQ(robot.joints[robot.find_joint("let_go")].column, kNone);
+  const RobotJoint& mimic = robot.joints[robot.find_joint("grip_right")];
+  EXPECT_EQ(mimic.column, kNone);
+  ASSERT_TRUE(mimic.mimic);
+  EXPECT_EQ(mimic.mimic->joint, robot.find_joint("grip_left"));
+  EXPECT_EQ(mimic.mimic->multiplier, -1);
+  EXPECT_EQ(mimic.mimic->offset, 1e-3);
+  EXPECT_FALSE(robot.joints[robot.find_joint("mount")].mimic) << "on a fixed joint it means nothing";
+}
+
+TEST(Robot, NumbersAreTheNearestToTheirDecimals) {
+  const RobotModel robot = every_joint();
+  const RobotJoint& turn = robot.joints[robot.find_joint("turn")];
+  EXPECT_EQ(turn.X_pj.xyz.z, 0.3);
+  EXPECT_EQ(turn.X_pj.rpy.y, -1.57079632679);
+  EXPECT_EQ(turn.X_pj.rpy.z, 3.1415926535897931);
+  EXPECT_EQ(turn.axis.z, -2) << "as it stands; normalised in reals later";
+  EXPECT_EQ(robot.joints[robot.find_joint("roll")].axis.x, 1) << "URDF's own default";
+  EXPECT_EQ(robot.joints[robot.find_joint("let_go")].X_pj.xyz.x, 0);
+}
+
+TEST(Robot, LinksKeepAllTheirShapes) {
+  const RobotModel robot = every_joint();
+  const RobotLink& hand = robot.links[robot.find_link("hand")];
+  ASSERT_EQ(hand.collision.size(), 2u);
+  EXPECT_EQ(hand.collision[0].kind, RobotShape::Kind::kBox);
+  EXPECT_EQ(hand.collision[0].size.y, 0.2);
+  EXPECT_EQ(hand.collision[0].X_ls.rpy.y, 1.5);
+  EXPECT_EQ(hand.collision[1].radius, 0.03);
+  ASSERT_EQ(hand.visual.size(), 1u);
+  EXPECT_EQ(hand.visual[0].mesh_scale.z, -0.001);
+  EXPECT_EQ(robot.links[robot.find_link("shoulder")].collision[0].length, 0.4);
+  EXPECT_TRUE(robot.links[robot.find_link("wheel")].collision.empty());
+}
+
+TEST(Robot, MeshesLieInTheUrdfsFolderOrInPackages) {
+  const std::string folder = testing::TempDir() + "clearance_robot_meshes";
+  std::filesystem::create_directories(folder + "/sub");
+  for (const char* name : {"/slide.stl", "/sub/hand.dae"}) std::ofstream(folder + name) << "x";
+  const RobotModel robot = every_joint();
+  const RobotShape& slide = robot.links[robot.find_link("slide")].collision[0];
+  const RobotShape& hand = robot.links[robot.find_link("hand")].visual[0];
+  EXPECT_EQ(mesh_path(slide, folder, {}), folder + "/slide.stl");
+  EXPECT_EQ(mesh_path(hand, "", {{"every_joint", folder + "/sub"}}), folder + "/sub/hand.dae");
+  RobotShape absolute = slide;
+  absolute.mesh = "file://" + folder + "/slide.stl";
+  EXPECT_EQ(mesh_path(absolute, "elsewhere", {}), folder + "/slide.stl");
+}
+
+TEST(Robot, AnSrdfAddsGroupsStatesAndPairs) {
+  RobotModel robot = every_joint();
+  read_srdf(kFolder + "every_joint.srdf", &robot);
+  const auto names = [&](const char* group) {
+    std::vector<std::string> out;
+    for (const std::uint32_t column : robot.find_group(group)->columns) out.push_back(robot.columns[column].name);
+    return out;
+  };
+  EXPECT_EQ(names("arm"), (std::vector<std::string>{"turn", "lift", "roll"}));
+  EXPECT_EQ(names("gripper"), (std::vector<std::string>{"grip_left"}));
+  EXPECT_EQ(names("everything"),
+            (std::vector<std::string>{"drive/x", "drive/y", "drive/theta", "turn", "lift", "roll", "grip_left"}));
+  ASSERT_EQ(robot.states.size(), 2u);
+  using Positions = std::vector<std::pair<std::uint32_t, double>>;
+  EXPECT_EQ(robot.states[0].positions, (Positions{{robot.find_column("turn"), -1.5}, {0, 1}, {1, 2}, {2, 0.5}}));
+  EXPECT_EQ(robot.states[1].group, "arm");
+  ASSERT_EQ(robot.disabled.size(), 2u);
+  EXPECT_EQ(robot.disabled[0].a, std::min(robot.find_link("hand"), robot.find_link("left_finger")));
+  EXPECT_EQ(robot.disabled[1].reason, "Adjacent") << "the first of two";
+}
+
+// Half a group, or a pair with nothing, would be a surprise: they are left out whole, and it is said.
+TEST(Robot, WhatAnSrdfNamesInVainIsLeftOutWithAWarning) {
+  RobotModel robot = every_joint();
+  read_srdf(kFolder + "every_joint.srdf", &robot);
+  EXPECT_EQ(robot.find_group("gone"), nullptr);
+  EXPECT_EQ(robot.find_group("with_gone"), nullptr);
+  std::vector<std::string> warnings;
+  for (const std::string& w : robot.warnings) warnings.push_back(w.substr(w.find("every_joint.srdf")));
+  const std::string file = "every_joint.srdf:";
+  EXPECT_EQ(
+      warnings,
+      (std::vector<std::string>{
+          file + "7: group \"gone\": joint \"never_was\": there is no joint \"never_was\" in the URDF; the group "
+                 "\"gone\" is left out",
+          file + "8: group \"with_gone\": group \"gone\": this group is left out; the group \"with_gone\" is left out",
+          file + "10: group_state \"home\": joint \"world_joint\": a virtual joint; the scene says where a base is; "
+                 "this position is left out",
+          file + "13: group_state \"home\": joint \"grip_right\": this joint mimics another; this position is left out",
+          file + "19: disable_collisions: there is no link \"tail\" in the URDF; the pair is left out"}));
+}
+
+}  // namespace
+}  // namespace clearance
