@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/base/instruction_sets.h"
 #include "engine/hull/direction_table.h"
 #include "engine/narrow/certify.h"
 
@@ -45,11 +46,8 @@ std::span<const LaneKernel> lane_kernels() {
   static const std::vector<LaneKernel> kernels = [] {
     std::vector<LaneKernel> k;
 #ifdef CLEARANCE_LANES_X86
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512cd") &&
-        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
-      k.push_back({"avx512", kLanes_avx512, run_lanes_avx512, run_f32_lanes_avx512});
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2"))
-      k.push_back({"avx2", kLanes_avx2, run_lanes_avx2, run_f32_lanes_avx2});
+    if (has_avx512_lanes()) k.push_back({"avx512", kLanes_avx512, run_lanes_avx512, run_f32_lanes_avx512});
+    if (has_avx2_lanes()) k.push_back({"avx2", kLanes_avx2, run_lanes_avx2, run_f32_lanes_avx2});
 #endif
     k.push_back({"baseline", kLanes_baseline, run_lanes_baseline, run_f32_lanes_baseline});
     return k;

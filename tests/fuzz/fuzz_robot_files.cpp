@@ -1,5 +1,7 @@
 // A URDF and, behind a zero byte, an SRDF of any bytes: a robot, or an error that names the file.
-#include "engine/robot/robot.h"
+#include <vector>
+
+#include "engine/robot/kinematics.h"
 #include "fuzz_target.h"
 
 namespace clearance::fuzz {
@@ -23,6 +25,21 @@ void check_robot(const RobotModel& robot) {
     require(pair.a < pair.b && pair.b < robot.links.size(), "pairs are of two links");
 }
 
+// At position 0 every link is somewhere, or nowhere by a mimic joint's offset.
+void check_kinematics(const RobotModel& robot) {
+  const Kinematics kinematics(robot);
+  const std::vector<double> positions(kinematics.columns());
+  const std::vector<Pose> roots(kinematics.roots().size());
+  std::vector<Pose> poses(kinematics.links());
+  Status status[1];
+  kinematics.place(positions, roots, poses, status);
+  for (std::uint32_t link = 0; link < poses.size(); ++link) {
+    require(status[0] == Status::kBadPose || check(poses[link]) == PoseQuality::kGood,
+            "links of good positions have good poses");
+    if (link < 100) require(kinematics.error(link, 1).at(0, 0) >= 0, "errors are lengths");
+  }
+}
+
 }  // namespace
 }  // namespace clearance::fuzz
 
@@ -36,6 +53,7 @@ CLEARANCE_FUZZ_TARGET(robot_files) {
     check_robot(robot);
     if (zero != std::string_view::npos) parse_srdf(text.substr(zero + 1), "robot.srdf", &robot);
     check_robot(robot);
+    check_kinematics(robot);
     return true;
   } catch (const RobotError& error) {
     require(std::string_view(error.what()).starts_with("robot."), "an error names the file");

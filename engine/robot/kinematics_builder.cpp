@@ -1,0 +1,164 @@
+// A robot's joints as kinematic steps: their constants, computed to about 95 bits and rounded once.
+#include <cmath>
+
+#include "engine/base/double_double.h"
+#include "engine/base/fp_environment.h"
+#include "engine/robot/kinematics.h"
+
+namespace clearance {
+
+namespace {
+
+using Exact = DoubleDouble;
+using ExactVec = Vec3<Exact>;
+
+// A frame in another, to about 95 bits.
+struct ExactFrame {
+  Quaternion<Exact> q{1, 0, 0, 0};
+  ExactVec t{0, 0, 0};
+};
+
+ExactFrame operator*(const ExactFrame& a, const ExactFrame& b) {
+  return {product(a.q, b.q), a.t + turned(a.q, b.t)};
+}
+
+// Sine and cosine within 2^-95, for |x| <= kMaxAngle: Taylor's series after the reduction of sin_cos.h.
+SinCos<Exact> exact_sin_cos(double x) {
+  const double n = std::nearbyint(x * 0x1.45f306dc9c883p-1);
+  const Exact r = dd::two_sum(x - n * kHalfPi[0], -(n * kHalfPi[1])) + dd::two_prod(-n, kHalfPi[2]);
+  const Exact z = r * r;
+  Exact sine = r, cosine = 1, power = r;
+  for (int k = 2; k <= 30; k += 2) {
+    // power is r^(k-1) / (k-1)!, with its sign.
+    const Exact even = -(power * r) / Exact(k);
+    power = -(power * z) / Exact(k * (k + 1));
+    cosine += even;
+    sine += power;
+  }
+  switch (static_cast<long>(n) & 3) {
+    case 0:
+      return {sine, cosine};
+    case 1:
+      return {cosine, -sine};
+    case 2:
+      return {-sine, -cosine};
+    default:
+      return {-cosine, sine};
+  }
+}
+
+// Rz(yaw) Ry(pitch) Rx(roll).
+ExactFrame exact(const Origin& origin) {
+  const SinCos<Exact> roll = exact_sin_cos(origin.rpy.x / 2), pitch = exact_sin_cos(origin.rpy.y / 2),
+                      yaw = exact_sin_cos(origin.rpy.z / 2);
+  const Quaternion<Exact> x{roll.cosine, roll.sine, 0, 0}, y{pitch.cosine, 0, pitch.sine, 0},
+      z{yaw.cosine, 0, 0, yaw.sine};
+  return {product(z, product(y, x)), cast<Exact>(origin.xyz)};
+}
+
+ExactVec unit(const Vec3d& axis) {
+  const ExactVec a = cast<Exact>(rescaled(axis));
+  const Exact length = sqrt(squared_norm(a));
+  return {a.x / length, a.y / length, a.z / length};
+}
+
+// The nearest float64, and how far it is off: the length of what rounding took away.
+Vec3d rounded(const ExactVec& v, double* off) {
+  *off = std::hypot(v.x.lo, v.y.lo, v.z.lo);
+  return cast<double>(v);
+}
+Quaternion<double> rounded(const Quaternion<Exact>& q, double* off) {
+  *off = std::hypot(std::hypot(q.w.lo, q.x.lo), std::hypot(q.y.lo, q.z.lo));
+  return {q.w.hi, q.x.hi, q.y.hi, q.z.hi};
+}
+
+}  // namespace
+
+class KinematicsBuilder {
+ public:
+  KinematicsBuilder(const RobotModel& robot, Kinematics* out) : robot_(robot), out_(*out) {}
+
+  void build() {
+    out_.columns_ = robot_.columns.size();
+    out_.nodes_.resize(robot_.links.size());
+    on_.resize(robot_.links.size());
+    add_root(robot_.base);
+    for (const RobotJoint& joint : robot_.joints)
+      if (joint.kind == JointKind::kFloating) add_root(joint.child);
+    for (const RobotJoint& joint : robot_.joints)
+      if (joint.kind != JointKind::kFloating) add_step(joint);
+  }
+
+ private:
+  // What carries a link, and where the link is in it.
+  struct On {
+    std::uint32_t frame = 0;
+    ExactFrame X;
+  };
+
+  void add_root(std::uint32_t link) {
+    const auto frame = static_cast<std::uint32_t>(out_.roots_.size());
+    out_.roots_.push_back(link);
+    out_.nodes_[link] = {frame, 0, 0};
+    on_[link] = {frame, {}};
+  }
+
+  void add_step(const RobotJoint& joint) {
+    const On& parent = on_[joint.parent];
+    const ExactFrame X = parent.X * exact(joint.X_pj);
+    KinematicStep step;
+    step.from = parent.frame;
+    step.link = joint.child;
+    double still = 0, turning = 0, at = 0, along = 0;
+    step.still = rounded(X.q, &still);
+    step.at = rounded(X.t, &at);
+    if (joint.kind != JointKind::kFixed) add_motion(joint, X, &step, &turning, &along);
+    const auto frame = static_cast<std::uint32_t>(out_.roots_.size() + out_.steps_.size());
+    out_.steps_.push_back(step);
+    out_.step_errors_.push_back(out_.error_of(step, std::hypot(still, turning), at, along));
+    // A link on a fixed joint has a frame of its own, but what hangs on it hangs on what carries it.
+    on_[joint.child] = joint.kind == JointKind::kFixed ? On{parent.frame, X} : On{frame, {}};
+    const Kinematics::StepError& error = out_.step_errors_.back();
+    const Kinematics::Node& carrier =
+        out_.nodes_[step.from < out_.roots_.size() ? out_.roots_[step.from]
+                                                   : out_.steps_[step.from - out_.roots_.size()].link];
+    out_.nodes_[joint.child] = {frame, carrier.length + error.length, carrier.length_travel + error.length_travel};
+  }
+
+  void add_motion(const RobotJoint& joint, const ExactFrame& X, KinematicStep* step, double* inexact_turn,
+                  double* inexact_along) const {
+    using Kind = KinematicStep::Kind;
+    step->column = joint.column;
+    if (joint.mimic) {
+      step->mimics = true;
+      step->multiplier = joint.mimic->multiplier;
+      step->offset = joint.mimic->offset;
+      step->column = robot_.joints[joint.mimic->joint].column;
+    }
+    const ExactVec axis = unit(joint.axis);
+    if (joint.kind == JointKind::kPrismatic) {
+      step->kind = Kind::kSliding;
+      step->along[0] = rounded(turned(X.q, axis), inexact_along);
+      return;
+    }
+    step->kind = Kind::kTurning;
+    step->turning = rounded(product(X.q, Quaternion<Exact>{0, axis.x, axis.y, axis.z}), inexact_turn);
+    if (joint.kind != JointKind::kPlanar) return;
+    step->kind = Kind::kPlanar;
+    double x = 0, y = 0;
+    step->along[0] = rounded(turned(X.q, ExactVec{1, 0, 0}), &x);
+    step->along[1] = rounded(turned(X.q, ExactVec{0, 1, 0}), &y);
+    *inexact_along = std::hypot(x, y);
+  }
+
+  const RobotModel& robot_;
+  Kinematics& out_;
+  std::vector<On> on_;  // by link
+};
+
+Kinematics::Kinematics(const RobotModel& robot) {
+  const FpEnvironment environment;
+  KinematicsBuilder(robot, this).build();
+}
+
+}  // namespace clearance

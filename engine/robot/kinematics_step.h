@@ -1,0 +1,158 @@
+// One joint's part of a robot's kinematics: the same text for a scalar, a SIMD pack (a configuration in each lane) and,
+// later, a GPU thread. Nothing here needs more than additions and products.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "engine/pose/pose.h"
+#include "engine/robot/quaternion.h"
+#include "engine/robot/sin_cos.h"
+
+namespace clearance {
+
+/// A link in the frame that carries it: still, turning, sliding along a direction, or moving in a plane and turning in
+/// it. Fixed joints in between are part of the constants, which are exact ones rounded once.
+struct KinematicStep {
+  enum class Kind : std::uint8_t { kFixed, kTurning, kSliding, kPlanar };
+  Kind kind = Kind::kFixed;
+  std::uint32_t from = 0;             ///< frame that carries the link: a root, or roots + the index of an earlier step
+  std::uint32_t link = 0;             ///< whose frame this is
+  std::uint32_t column = 0;           ///< of its position, or of the first of three
+  bool mimics = false;                ///< its position is multiplier * q + offset
+  double multiplier = 1, offset = 0;  ///< of a mimic joint
+  Quaternion<double> still{1, 0, 0, 0};     ///< the turn at position 0 ...
+  Quaternion<double> turning{0, 0, 0, 0};   ///< ... which is cos(q/2) still + sin(q/2) turning elsewhere
+  Vec3d at{0, 0, 0};                        ///< of the joint, in the frame that carries it, metres
+  Vec3d along[2] = {{0, 0, 0}, {0, 0, 0}};  ///< metres a metre of travel
+};
+
+/// Largest position, in radians or metres.
+inline constexpr double kMaxPosition = kMaxAngle;
+
+template <class T>
+struct KinematicFrame {
+  Quaternion<T> q;  ///< within 4 roundings of length 1
+  Vec3<T> t;        ///< metres
+};
+
+namespace detail {
+
+template <class T>
+CLEARANCE_INLINE Vec3<T> constant(const Vec3d& v) {
+  return {T(v.x), T(v.y), T(v.z)};
+}
+template <class T>
+CLEARANCE_INLINE Quaternion<T> constant(const Quaternion<double>& q) {
+  return {T(q.w), T(q.x), T(q.y), T(q.z)};
+}
+template <class T, class Mask>
+CLEARANCE_INLINE void limit(const T& position, Mask* good) {
+  *good = *good & (position <= T(kMaxPosition)) & (T(-kMaxPosition) <= position);
+}
+
+/// cos(q/2) still + sin(q/2) turning.
+template <class T>
+CLEARANCE_INLINE Quaternion<T> turn_of(const KinematicStep& step, const TwoPart<T>& position) {
+  const SinCos<T> half = sin_cos(position.value * T(0.5), position.rest * T(0.5));
+  const Quaternion<T> a = constant<T>(step.still), b = constant<T>(step.turning);
+  return {half.cosine * a.w + half.sine * b.w, half.cosine * a.x + half.sine * b.x, half.cosine * a.y + half.sine * b.y,
+          half.cosine * a.z + half.sine * b.z};
+}
+
+}  // namespace detail
+
+/// Where a step's link is. \param positions of the configuration, by column: `stride` apart. \param good cleared where
+/// a position cannot be used.
+template <class T, class Mask, class Load>
+CLEARANCE_INLINE KinematicFrame<T> carried(const KinematicFrame<T>& from, const KinematicStep& step,
+                                           const Load& position, Mask* good) {
+  using Kind = KinematicStep::Kind;
+  Quaternion<T> turn = detail::constant<T>(step.still);
+  Vec3<T> offset = detail::constant<T>(step.at);
+  if (step.kind != Kind::kFixed) {
+    TwoPart<T> q{position(step.column), T(0.0)};
+    detail::limit(q.value, good);
+    if (step.mimics) {
+      const TwoPart<T> scaled = exact_product(T(step.multiplier), q.value);
+      q = exact_sum(scaled.value, T(step.offset));
+      q.rest = q.rest + scaled.rest;
+      detail::limit(q.value, good);
+    }
+    if (step.kind != Kind::kTurning) offset = offset + detail::constant<T>(step.along[0]) * q.value;
+    if (step.kind == Kind::kPlanar) {
+      const T y = position(step.column + 1);
+      detail::limit(y, good);
+      offset = offset + detail::constant<T>(step.along[1]) * y;
+      q = {position(step.column + 2), T(0.0)};
+      detail::limit(q.value, good);
+    }
+    if (step.kind != Kind::kSliding) turn = detail::turn_of(step, q);
+  }
+  return {renormalised(product(from.q, turn)), from.t + turned(from.q, offset)};
+}
+
+/// Configurations to be placed, as a kernel takes them: plain arrays.
+struct KinematicBatch {
+  const KinematicStep* steps;  ///< each after what carries it
+  std::size_t count;           ///< of steps
+  const double* roots;         ///< (root_count, 7) qw, qx, qy, qz, x, y, z; of length 1 within 4 roundings
+  std::size_t root_count;
+  const double* positions;  ///< (configurations, columns)
+  std::size_t columns, configurations;
+  Pose* poses;  ///< (configurations, links): those of the steps' links are written
+  std::size_t links;
+  std::uint8_t* bad;  ///< (configurations,) 1: a position is no number, or beyond kMaxPosition; its poses are NaN
+  double* scratch;    ///< (columns + 7 (root_count + count), kMostLanes), aligned to 64 bytes
+};
+inline constexpr std::size_t kMostLanes = 8;
+
+/// Runs a batch, `Io::kLanes` configurations side by side. \param Io how a T is loaded and stored.
+template <class T, class Io>
+CLEARANCE_INLINE void place_batch(const KinematicBatch& batch) {
+  constexpr std::size_t kLanes = Io::kLanes;
+  double* const positions = batch.scratch;
+  double* const frames = positions + batch.columns * kLanes;
+  const auto store = [&](std::size_t frame, const KinematicFrame<T>& f) {
+    double* to = frames + frame * 7 * kLanes;
+    for (const T* part : {&f.q.w, &f.q.x, &f.q.y, &f.q.z, &f.t.x, &f.t.y, &f.t.z}) {
+      Io::store(*part, to);
+      to += kLanes;
+    }
+  };
+  for (std::size_t r = 0; r < batch.root_count; ++r) {
+    const double* x = batch.roots + 7 * r;
+    store(r, {{T(x[0]), T(x[1]), T(x[2]), T(x[3])}, {T(x[4]), T(x[5]), T(x[6])}});
+  }
+  for (std::size_t first = 0; first < batch.configurations; first += kLanes) {
+    const std::size_t left = batch.configurations - first, lanes = left < kLanes ? left : kLanes;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const double* row = batch.positions + (first + (lane < lanes ? lane : 0)) * batch.columns;
+      for (std::size_t c = 0; c < batch.columns; ++c) positions[c * kLanes + lane] = row[c];
+    }
+    const auto position = [&](std::uint32_t column) { return Io::load(positions + column * kLanes); };
+    typename Lane<T>::Mask good = T(0.0) == T(0.0);
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const double* at = frames + batch.steps[i].from * 7 * kLanes;
+      const auto part = [&](int k) { return Io::load(at + static_cast<std::size_t>(k) * kLanes); };
+      store(batch.root_count + i,
+            carried(KinematicFrame<T>{{part(0), part(1), part(2), part(3)}, {part(4), part(5), part(6)}},
+                    batch.steps[i], position, &good));
+    }
+    alignas(64) double usable[kMostLanes];
+    Io::store(select(good, T(1.0), T(0.0)), usable);
+    for (std::size_t lane = 0; lane < lanes; ++lane) batch.bad[first + lane] = usable[lane] == 0;
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const double* at = frames + (batch.root_count + i) * 7 * kLanes;
+      for (std::size_t lane = 0; lane < lanes; ++lane) {
+        Pose& pose = batch.poses[(first + lane) * batch.links + batch.steps[i].link];
+        double x[7];
+        for (std::size_t k = 0; k < 7; ++k) x[k] = usable[lane] == 0 ? __builtin_nan("") : at[k * kLanes + lane];
+        pose.translation.x = x[4], pose.translation.y = x[5], pose.translation.z = x[6];
+        pose.qw = x[0], pose.qx = x[1], pose.qy = x[2], pose.qz = x[3];
+      }
+    }
+  }
+}
+
+}  // namespace clearance
