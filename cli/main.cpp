@@ -29,6 +29,7 @@ int main(int argc, char** argv) {
 #endif
 #endif
   cli::add_inspect(app);
+  cli::add_robot(app);
   cli::add_selftest(app);
   cli::add_cache(app);
   // Last: a subcommand would inherit it.

@@ -51,6 +51,10 @@ void add_inspect(CLI::App& app) {
               "reads scenes");
 }
 
+void add_robot(CLI::App& app) {
+  add_program(app, "robot", "what a URDF holds, and where joint positions put its links: inspect, fk", "reads robots");
+}
+
 void add_selftest(CLI::App& app) {
   add_program(app, "selftest", "whether each way to answer that this machine has computes rightly",
               "computes distances");

@@ -11,6 +11,7 @@ set -euo pipefail
 extras=(
   "client_install  pyproject.toml CMakeLists.txt cmake client wire cli lcmtypes"
   "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
+  "robots          engine/robot engine/base engine/pose cli/robot_main.cpp tests/robot"
   "races           wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
   "kernels         engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"
 )
@@ -44,6 +45,16 @@ run_fuzz() {
   tools/setup.sh tools/fuzz_packages.txt
   tools/build.sh fuzz fuzzers
   .venv/bin/python tools/fuzz.py --seconds "${FUZZ_SECONDS:-30}" --jobs 2
+}
+
+# The 69 URDFs and 38 SRDFs of a package that other tools are tested with (131 MB), against 60 digits and Pinocchio.
+run_robots() {
+  local venv=out/extras/robots
+  tools/build.sh release clearance_robot
+  step extras-robots-venv "Make $venv" .venv/bin/python -m venv "$venv"
+  step extras-robots-install "Install robots and their judges" "$venv/bin/python" -m pip install --disable-pip-version-check \
+    --progress-bar off example-robot-data==6.0.0 pin==4.1.0 mpmath==1.3.0 numpy
+  "$venv/bin/python" tests/robot/check_example_robots.py build
 }
 
 # Transports and clients under ThreadSanitizer. It follows no fork of a process with threads: no client that is one.

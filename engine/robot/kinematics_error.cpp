@@ -119,6 +119,17 @@ PlacementError Kinematics::error_between(std::uint32_t a, double radius_a, std::
   return {of_a.fixed + of_b.fixed, of_a.per_travel + of_b.per_travel, of_a.per_distance + of_b.per_distance};
 }
 
+double Kinematics::travel(std::span<const double> positions) const {
+  double most = 0;
+  for (const KinematicStep& step : steps_) {
+    if (step.kind != KinematicStep::Kind::kSliding && step.kind != KinematicStep::Kind::kPlanar) continue;
+    const double q = positions[step.column];
+    most = std::max(most, std::abs(step.mimics ? step.multiplier * q + step.offset : q) * kSlack);
+    if (step.kind == KinematicStep::Kind::kPlanar) most = std::max(most, std::abs(positions[step.column + 1]));
+  }
+  return most;
+}
+
 double Kinematics::reach(std::uint32_t link, double radius) const {
   return nodes_[link].length + radius;
 }

@@ -107,6 +107,22 @@ struct KinematicBatch {
 };
 inline constexpr std::size_t kMostLanes = 8;
 
+/// Frames of a block of lanes to the poses of their configurations. \param usable 0 for a lane of bad positions
+template <std::size_t kLanes>
+CLEARANCE_INLINE void hand_out(const KinematicBatch& batch, std::size_t first, std::size_t lanes, const double* frames,
+                               const double* usable) {
+  for (std::size_t lane = 0; lane < lanes; ++lane) {
+    const bool bad = usable[lane] == 0;
+    batch.bad[first + lane] = bad;
+    Pose* const poses = batch.poses + (first + lane) * batch.links;
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const double* at = frames + (batch.root_count + i) * 7 * kLanes + lane;
+      const auto part = [&](std::size_t k) { return bad ? __builtin_nan("") : at[k * kLanes]; };
+      poses[batch.steps[i].link] = {{part(4), part(5), part(6)}, part(0), part(1), part(2), part(3)};
+    }
+  }
+}
+
 /// Runs a batch, `Io::kLanes` configurations side by side. \param Io how a T is loaded and stored.
 template <class T, class Io>
 CLEARANCE_INLINE void place_batch(const KinematicBatch& batch) {
@@ -141,17 +157,7 @@ CLEARANCE_INLINE void place_batch(const KinematicBatch& batch) {
     }
     alignas(64) double usable[kMostLanes];
     Io::store(select(good, T(1.0), T(0.0)), usable);
-    for (std::size_t lane = 0; lane < lanes; ++lane) batch.bad[first + lane] = usable[lane] == 0;
-    for (std::size_t i = 0; i < batch.count; ++i) {
-      const double* at = frames + (batch.root_count + i) * 7 * kLanes;
-      for (std::size_t lane = 0; lane < lanes; ++lane) {
-        Pose& pose = batch.poses[(first + lane) * batch.links + batch.steps[i].link];
-        double x[7];
-        for (std::size_t k = 0; k < 7; ++k) x[k] = usable[lane] == 0 ? __builtin_nan("") : at[k * kLanes + lane];
-        pose.translation.x = x[4], pose.translation.y = x[5], pose.translation.z = x[6];
-        pose.qw = x[0], pose.qx = x[1], pose.qy = x[2], pose.qz = x[3];
-      }
-    }
+    hand_out<kLanes>(batch, first, lanes, frames, usable);
   }
 }
 

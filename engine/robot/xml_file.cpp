@@ -115,8 +115,8 @@ std::string XmlElement::place() const {
   std::string path;
   for (xml_node at = node; at.parent().parent(); at = at.parent()) {
     std::string step = std::string(at.name()).substr(0, 60);
-    if (const auto name = at.attribute("name")) step += " " + excerpt(name.value());
-    path = step + (path.empty() ? "" : ": ") + path;
+    if (const auto name = at.attribute("name")) step.append(" ").append(excerpt(name.value()));
+    path = path.empty() ? step : step.append(": ").append(path);
   }
   return file_->name + ":" + std::to_string(file_->line_at(node.offset_debug())) +
          (path.empty() ? std::string() : ": " + path);

@@ -76,7 +76,6 @@ void judge(const RobotModel& robot, Random& random, int configurations, double a
     distance = std::max(distance, norm(roots.back().translation));
   }
   std::vector<double> q;
-  double most = 0;
   for (int k = 0; k < configurations; ++k)
     for (const RobotColumn& column : robot.columns) {
       const JointKind kind = robot.joints[column.joint].kind;
@@ -84,16 +83,12 @@ void judge(const RobotModel& robot, Random& random, int configurations, double a
           kind == JointKind::kPrismatic || (kind == JointKind::kPlanar && !column.name.ends_with("/theta"));
       q.push_back(random.uniform(-1, 1) * (slides ? travel : angle));
     }
-  for (const RobotJoint& joint : robot.joints)  // mimics slide, too
-    if (joint.mimic && joint.kind == JointKind::kPrismatic)
-      most =
-          std::max(most, std::abs(joint.mimic->multiplier) * std::max(angle, travel) + std::abs(joint.mimic->offset));
-  most = std::max(most, travel);
   std::vector<Pose> poses(configurations * robot.links.size());
   std::vector<Status> status(configurations);
   kinematics.place(q, roots, poses, status);
   for (int k = 0; k < configurations; ++k) {
     ASSERT_EQ(status[k], Status::kOk);
+    const double most = kinematics.travel(std::span(q).subspan(k * robot.columns.size(), robot.columns.size()));
     const std::vector<RealFrame> exact =
         test::real_links(robot, q.data() + k * robot.columns.size(), kinematics.roots(), roots);
     std::vector<RealFrame> got;

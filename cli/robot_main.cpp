@@ -1,0 +1,222 @@
+// clearance-robot: what a URDF and its SRDF hold, and where joint positions put the links.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <map>
+#include <sstream>
+
+#include "cli/table.h"
+#include "engine/robot/kinematics.h"
+
+namespace clearance {
+namespace {
+
+using cli::Cell;
+using cli::Output;
+using cli::Table;
+
+struct Options {
+  std::string urdf, srdf, positions, state;
+  std::vector<std::string> packages, joints;
+  std::vector<double> base = {0, 0, 0, 1, 0, 0, 0};
+  double radius = 0;
+  Output output = Output::kTable;
+};
+
+RobotModel load(const Options& o) {
+  RobotModel robot = read_urdf(o.urdf);
+  if (!o.srdf.empty()) read_srdf(o.srdf, &robot);
+  for (const std::string& warning : robot.warnings) std::cerr << "clearance robot: warning: " << warning << "\n";
+  return robot;
+}
+
+std::string words(JointKind kind) {
+  constexpr const char* kWords[] = {"fixed", "revolute", "continuous", "prismatic", "planar", "floating"};
+  return kWords[static_cast<int>(kind)];
+}
+
+// --- inspect
+
+void inspect(const Options& o) {
+  const RobotModel robot = load(o);
+  std::map<std::string, std::string> packages;
+  for (const std::string& package : o.packages) {
+    const std::size_t equals = package.find('=');
+    if (equals == std::string::npos) throw CLI::ValidationError("--package", "expected NAME=FOLDER, got " + package);
+    packages[package.substr(0, equals)] = package.substr(equals + 1);
+  }
+  const std::string folder = o.urdf.find('/') == std::string::npos ? "." : o.urdf.substr(0, o.urdf.rfind('/'));
+  std::size_t missing = 0;
+  Table table({"link", "parent", "joint", "type", "position", "lower", "upper", "shapes", "meshes"});
+  for (std::uint32_t l = 0; l < robot.links.size(); ++l) {
+    const RobotLink& link = robot.links[l];
+    std::size_t meshes = 0;
+    for (const RobotShape& shape : link.collision) {
+      if (shape.kind != RobotShape::Kind::kMesh) continue;
+      ++meshes;
+      try {
+        mesh_path(shape, folder, packages);
+      } catch (const RobotError& error) {
+        ++missing;
+        std::cerr << "clearance robot: " << error.what() << "\n";
+      }
+    }
+    std::vector<Cell> row = {link.name, {}, {}, "base", {}, {}, {}, link.collision.size(), meshes};
+    if (link.joint != kNone) {
+      const RobotJoint& joint = robot.joints[link.joint];
+      row[1] = robot.links[joint.parent].name;
+      row[2] = joint.name;
+      row[3] = words(joint.kind);
+      if (joint.mimic) row[4] = "mimics " + robot.joints[joint.mimic->joint].name;
+      if (joint.column != kNone) {
+        const RobotColumn& column = robot.columns[joint.column];
+        row[4] = joint.kind == JointKind::kPlanar ? joint.name + "/x, /y, /theta" : column.name;
+        if (std::isfinite(column.lower)) row[5] = column.lower, row[6] = column.upper;
+      }
+    }
+    table.add(std::move(row));
+  }
+  table.print(std::cout, o.output);
+  if (o.output == Output::kTable)
+    std::printf("%s: %zu links, %zu joints, %zu positions, %zu groups, %zu states, %zu disabled pairs\n",
+                robot.name.c_str(), robot.links.size(), robot.joints.size(), robot.columns.size(), robot.groups.size(),
+                robot.states.size(), robot.disabled.size());
+  if (missing) throw RobotError(std::to_string(missing) + " meshes are not there");
+}
+
+// --- fk
+
+double number(const std::string& place, const std::string& text) {
+  double x = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), x);
+  if (error != std::errc() || end != text.data() + text.size())
+    throw RobotError(place + ": expected a number, got " + excerpt(text));
+  return x;
+}
+
+std::uint32_t column_of(const RobotModel& robot, const std::string& place, const std::string& name) {
+  const std::uint32_t column = robot.find_column(name);
+  if (column == kNone) throw RobotError(place + ": no joint of " + robot.name + " has a position " + excerpt(name));
+  return column;
+}
+
+std::vector<std::string> split(const std::string& line) {
+  std::vector<std::string> out;
+  std::istringstream in(line.ends_with('\r') ? line.substr(0, line.size() - 1) : line);
+  for (std::string cell; std::getline(in, cell, ',');) out.push_back(cell);
+  return out;
+}
+
+// Configurations, one after another: the state's positions and --set's in each, those of the file's rows on top.
+std::vector<double> configurations(const RobotModel& robot, const Options& o) {
+  std::vector<double> first(robot.columns.size(), 0);
+  if (!o.state.empty()) {
+    const auto is_asked = [&](const GroupState& s) { return s.name == o.state || s.group + "/" + s.name == o.state; };
+    const auto at = std::find_if(robot.states.begin(), robot.states.end(), is_asked);
+    if (at == robot.states.end()) throw RobotError("--state: the SRDF has no state " + excerpt(o.state));
+    for (const auto& [column, position] : at->positions) first[column] = position;
+  }
+  for (const std::string& joint : o.joints) {
+    const std::size_t equals = joint.find('=');
+    if (equals == std::string::npos) throw RobotError("--set: expected JOINT=POSITION, got " + excerpt(joint));
+    first[column_of(robot, "--set", joint.substr(0, equals))] = number("--set", joint.substr(equals + 1));
+  }
+  if (o.positions.empty()) return first;
+  std::ifstream file(o.positions);
+  std::string line;
+  if (!std::getline(file, line)) throw RobotError(o.positions + ": expected a line of names, separated by commas");
+  std::vector<std::uint32_t> columns;
+  for (const std::string& name : split(line)) columns.push_back(column_of(robot, o.positions + ":1", name));
+  std::vector<double> all;
+  for (int at = 2; std::getline(file, line); ++at) {
+    const std::string place = o.positions + ":" + std::to_string(at);
+    const std::vector<std::string> cells = split(line);
+    if (cells.size() != columns.size())
+      throw RobotError(place + ": expected " + std::to_string(columns.size()) + " numbers, got " +
+                       std::to_string(cells.size()));
+    for (std::size_t c = 0; c < cells.size(); ++c) first[columns[c]] = number(place, cells[c]);
+    all.insert(all.end(), first.begin(), first.end());
+  }
+  return all;
+}
+
+void fk(const Options& o) {
+  const RobotModel robot = load(o);
+  const Kinematics kinematics(robot);
+  const Pose base{{o.base[0], o.base[1], o.base[2]}, o.base[3], o.base[4], o.base[5], o.base[6]};
+  if (check(base) == PoseQuality::kBad) throw RobotError("--base: expected a pose x y z qw qx qy qz");
+  const std::vector<double> positions = configurations(robot, o);
+  const std::size_t columns = robot.columns.size(), count = columns ? positions.size() / columns : 1;
+  std::vector<Pose> roots(kinematics.roots().size());
+  roots[0] = base;  // links of floating joints stay at the identity
+  std::vector<Pose> poses(count * robot.links.size());
+  std::vector<Status> status(count);
+  kinematics.place(positions, roots, poses, status);
+  Table table({"configuration", "link", "x", "y", "z", "qw", "qx", "qy", "qz", "error", "reach"});
+  for (std::size_t k = 0; k < count; ++k) {
+    if (status[k] != Status::kOk)
+      throw RobotError("configuration " + std::to_string(k) + ": positions must be numbers up to 1e6");
+    const double travel = kinematics.travel(std::span(positions).subspan(k * columns, columns));
+    for (std::uint32_t l = 0; l < robot.links.size(); ++l) {
+      const Pose& X = poses[k * robot.links.size() + l];
+      table.add({k, robot.links[l].name, X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz,
+                 Cell(kinematics.error(l, o.radius).at(travel, norm(base.translation)), 3),
+                 Cell(kinematics.reach(l, o.radius) + travel + norm(base.translation), 3)});
+    }
+  }
+  table.print(std::cout, o.output);
+}
+
+void add_common(CLI::App& command, Options& o) {
+  command.add_option("urdf", o.urdf, "the robot")->required();
+  command.add_option("--srdf", o.srdf, "its SRDF");
+  auto* json = command.add_flag_callback("--json", [&o] { o.output = Output::kJson; }, "print JSON");
+  command.add_flag_callback("--csv", [&o] { o.output = Output::kCsv; }, "print comma-separated values")->excludes(json);
+}
+
+}  // namespace
+}  // namespace clearance
+
+int main(int argc, char** argv) {
+  using namespace clearance;
+  constexpr int kBadRobot = 1, kCommandLine = 2;
+  CLI::App app("What a robot's files hold, and where joint positions put its links.", "clearance robot");
+  app.require_subcommand(1);
+  Options o;
+  auto& inspecting =
+      *app.add_subcommand("inspect", "links, joints, limits and shapes; warnings; meshes that are not there");
+  add_common(inspecting, o);
+  inspecting.add_option("--package", o.packages, "NAME=FOLDER: where package://NAME/... leads to")->take_all();
+  inspecting.callback([&] { inspect(o); });
+  auto& placing = *app.add_subcommand("fk", "poses of all links, and how far each may be off");
+  add_common(placing, o);
+  placing.add_option("--set", o.joints, "JOINT=POSITION: radians or metres; others are 0")->take_all();
+  placing.add_option("--state", o.state, "positions of an SRDF's group state: NAME or GROUP/NAME");
+  placing.add_option("--positions", o.positions,
+                     "file of configurations: a line of names, then a line of numbers for each");
+  placing.add_option("--base", o.base, "pose of the base: x y z qw qx qy qz")->expected(7);
+  placing
+      .add_option("--radius", o.radius, "metres: the error is that of points of a link up to this far from its origin")
+      ->check(CLI::NonNegativeNumber);
+  placing.callback([&] { fk(o); });
+  app.footer(R"(
+Exit codes
+  0 done    1 the robot, or what it is asked, is wrong    2 the command line is wrong)");
+  try {
+    app.parse(argc, argv);
+    if (!std::cout.flush()) throw RobotError("the table cannot be written");
+    return 0;
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    app.exit(error);
+    return kCommandLine;
+  } catch (const std::exception& error) {
+    std::cerr << "clearance robot: " << error.what() << "\n";
+    return kBadRobot;
+  }
+}

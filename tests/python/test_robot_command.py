@@ -1,0 +1,98 @@
+"""clearance robot: what a URDF holds, and where joint positions put its links."""
+
+import csv
+import io
+import json
+
+import pytest
+
+from conftest import ROOT
+from test_inspect import CLEARANCE, subprocess
+
+ARM = ROOT / "tests/robot/arm.urdf"
+OTHER_SRDF = ROOT / "tests/robot/every_joint.srdf"
+EVERY_JOINT = ROOT / "tests/robot/every_joint.urdf"
+
+
+def run(*arguments):
+    return subprocess.run([CLEARANCE, "robot", *map(str, arguments)], capture_output=True, text=True, timeout=120)
+
+
+def poses(*arguments):
+    answer = run("fk", *arguments, "--json")
+    assert answer.returncode == 0, answer.stderr
+    return {(row["configuration"], row["link"]): row for row in json.loads(answer.stdout)}
+
+
+def test_inspect_lists_links_joints_and_limits():
+    answer = run("inspect", ARM, "--csv")
+    assert answer.returncode == 0, answer.stderr
+    rows = {row["link"]: row for row in csv.DictReader(io.StringIO(answer.stdout))}
+    assert rows["base"]["type"] == "base" and rows["flange"]["type"] == "fixed"
+    assert rows["fore"]["parent"] == "elbow" and float(rows["fore"]["upper"]) == -0.07
+    assert rows["right_finger"]["position"] == "mimics grip"
+    assert "11 links, 10 joints, 8 positions" in run("inspect", ARM).stdout
+
+
+def test_inspect_warns_and_names_meshes_that_are_not_there():
+    answer = run("inspect", EVERY_JOINT, "--srdf", EVERY_JOINT.with_suffix(".srdf"))
+    assert answer.returncode == 1
+    assert (
+        "warning: " + str(EVERY_JOINT.with_suffix(".srdf")) + ':19: disable_collisions: there is no link "tail"'
+        in answer.stderr
+    )
+    assert 'link "slide": collision: mesh "slide.stl": there is no file' in answer.stderr
+    assert "1 meshes are not there" in answer.stderr
+
+
+def test_fk_places_links_and_says_how_far_they_may_be_off(tmp_path):
+    straight = poses(ARM)
+    assert straight[0, "elbow"]["z"] == pytest.approx(0.333 + 0.316) and straight[0, "elbow"]["y"] == pytest.approx(
+        0, abs=1e-10
+    )
+    turned = poses(ARM, "--set", "joint1=1.5707963267948966", "--set", "grip=0.04", "--radius", 0.1)
+    assert turned[0, "fore"]["y"] == pytest.approx(0.0825) and turned[0, "fore"]["x"] == pytest.approx(0, abs=1e-12)
+    assert 0 < turned[0, "right_finger"]["error"] < 3e-14 * turned[0, "right_finger"]["reach"]
+    assert turned[0, "base"]["error"] == 0
+    moved = poses(ARM, "--base", 1, 2, 3, 1, 0, 0, 0)
+    assert moved[0, "shoulder"]["z"] == pytest.approx(3.333)
+    file = tmp_path / "positions.csv"
+    file.write_text("grip,joint1\n0.01,0\n0.04,1.5707963267948966\n")
+    rows = poses(ARM, "--positions", file, "--set", "joint2=0", "--radius", 0.1)
+    assert rows[1, "left_finger"] == turned[0, "left_finger"] | {"configuration": 1}
+    assert rows[0, "left_finger"] != rows[1, "left_finger"]
+
+
+def test_fk_takes_an_srdfs_states():
+    srdf = EVERY_JOINT.with_suffix(".srdf")
+    rows = poses(EVERY_JOINT, "--srdf", srdf, "--state", "everything/home")
+    assert (rows[0, "cart"]["x"], rows[0, "cart"]["y"], rows[0, "cart"]["z"]) == (2, 4, 3)
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (["fk", ARM, "--set", "joint9=1"], 'no joint of arm has a position "joint9"'),
+        (["fk", ARM, "--set", "joint1=one"], '--set: expected a number, got "one"'),
+        (["fk", ARM, "--set", "joint1=nan"], "positions must be numbers up to 1e6"),
+        (["fk", ARM, "--set", "joint1"], "expected JOINT=POSITION"),
+        (["fk", ARM, "--state", "home"], 'the SRDF has no state "home"'),
+        (["fk", ARM, "--base", 0, 0, 0, 0, 0, 0, 0], "--base: expected a pose"),
+        (["fk", ARM, "--positions", "/nowhere"], "/nowhere: expected a line of names"),
+        (["inspect", "/nowhere.urdf"], "/nowhere.urdf: No such file or directory"),
+        (
+            ["inspect", ARM, "--srdf", OTHER_SRDF],
+            'this SRDF is for the robot "every_joint", the URDF for "arm"',
+        ),
+    ],
+)
+def test_what_is_wrong_is_said(arguments, words):
+    answer = run(*arguments)
+    assert answer.returncode == 1 and words in answer.stderr, answer.stderr
+    assert not answer.stdout
+
+
+def test_mistakes_on_the_command_line():
+    assert run("inspect").returncode == 2
+    assert run("inspect", ARM, "--package", "panda").returncode == 2
+    assert "clearance robot" in run("--help").stdout
