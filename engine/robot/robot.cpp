@@ -54,7 +54,7 @@ std::string mesh_path(const RobotShape& shape, const std::string& folder,
     const std::string package(rest.substr(0, rest.find('/')));
     const auto at = packages.find(package);
     if (at == packages.end()) fail("the package " + excerpt(package) + " has no folder here; name it under packages");
-    path = fs::path(at->second) / fs::path(rest.substr(std::min(rest.size(), package.size() + 1)));
+    path = fs::path(at->second) / fs::path(rest.substr(package.size())).relative_path();
   } else if (named.starts_with(kFile)) {
     path = named.substr(kFile.size());
   } else if (const std::size_t scheme = named.find("://"); scheme != std::string_view::npos) {

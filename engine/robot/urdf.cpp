@@ -6,6 +6,7 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/robot/robot.h"
+#include "engine/robot/sin_cos.h"
 
 namespace clearance {
 
@@ -13,7 +14,6 @@ namespace {
 
 constexpr std::size_t kMaxLinks = 10'000;
 constexpr std::size_t kMaxShapes = 100'000;
-constexpr double kMaxAngle = 1e6;  // radians: what sines of our own are proved for
 
 using Ids = std::unordered_map<std::string, std::uint32_t>;
 
@@ -38,7 +38,7 @@ class UrdfReader {
   // A file of macros names no robot yet.
   void check_expanded() const {
     for (const XmlElement& element : root_.children())
-      if (element.name().starts_with("xacro:") && element.name() != "xacro:gripper_virtual_transmission")
+      if (element.name().starts_with("xacro:"))
         element.fail("a macro of xacro; expand the file first: xacro FILE > robot.urdf");
   }
 

@@ -90,6 +90,9 @@ TEST(Robot, MeshesLieInTheUrdfsFolderOrInPackages) {
   const RobotShape& hand = robot.links[robot.find_link("hand")].visual[0];
   EXPECT_EQ(mesh_path(slide, folder, {}), folder + "/slide.stl");
   EXPECT_EQ(mesh_path(hand, "", {{"every_joint", folder + "/sub"}}), folder + "/sub/hand.dae");
+  RobotShape doubled = hand;
+  doubled.mesh = "package://every_joint//hand.dae";
+  EXPECT_EQ(mesh_path(doubled, "", {{"every_joint", folder + "/sub"}}), folder + "/sub/hand.dae") << "not /hand.dae";
   RobotShape absolute = slide;
   absolute.mesh = "file://" + folder + "/slide.stl";
   EXPECT_EQ(mesh_path(absolute, "elsewhere", {}), folder + "/slide.stl");
