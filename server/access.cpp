@@ -112,7 +112,8 @@ bool Access::has_control() const {
 
 std::optional<Rights> rights_of_user(uid_t user, bool is_in_group, const Access& access) {
   const auto& users = access.control_users;
-  const Rights control = std::find(users.begin(), users.end(), user) != users.end() ? kControl : Rights{0};
+  const bool is_named = std::find(users.begin(), users.end(), user) != users.end();
+  const Rights control = is_named ? Rights{kControl} : Rights{0};
   if (user == geteuid()) return kAllRights | control;
   if (is_in_group) return access.group_rights | control;
   return std::nullopt;
