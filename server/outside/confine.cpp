@@ -46,6 +46,8 @@ CallFilter make_filter() {
                      SCMP_SYS(newfstatat), SCMP_SYS(clock_nanosleep), SCMP_SYS(nanosleep)});
   // libsodium's, for keys; and those of a thread of libzmq or liblcm that has just begun.
   filter.allow_each({SCMP_SYS(mlock), SCMP_SYS(munlock), SCMP_SYS(set_robust_list), SCMP_SYS(rseq)});
+  filter.allow_each({SCMP_SYS(sched_getparam), SCMP_SYS(sched_getscheduler)});
+  filter.allow(SCMP_SYS(sched_setscheduler), SCMP_A1(SCMP_CMP_EQ, SCHED_OTHER, 0));
   filter.allow(SCMP_SYS(prctl), SCMP_A0(SCMP_CMP_EQ, PR_SET_NAME, 0));
   for (const unsigned command : {F_GETFD, F_SETFD, F_GETFL, F_SETFL}) {
     filter.allow(SCMP_SYS(fcntl), SCMP_A1(SCMP_CMP_EQ, command, 0));
@@ -86,8 +88,7 @@ std::string confine_to_datagrams() {
   filter.allow(SCMP_SYS(socket), SCMP_A0(SCMP_CMP_EQ, AF_INET, 0),
                SCMP_A1(SCMP_CMP_MASKED_EQ, kTypes, SOCK_DGRAM));
   filter.allow_each({SCMP_SYS(bind), SCMP_SYS(connect), SCMP_SYS(pipe), SCMP_SYS(pipe2), SCMP_SYS(select),
-                     SCMP_SYS(pselect6), SCMP_SYS(_newselect), SCMP_SYS(rt_sigaction), SCMP_SYS(sched_getaffinity),
-                     SCMP_SYS(sched_getparam), SCMP_SYS(sched_getscheduler)});
+                     SCMP_SYS(pselect6), SCMP_SYS(_newselect), SCMP_SYS(rt_sigaction), SCMP_SYS(sched_getaffinity)});
   // Files, for what liblcm and glib look up in /proc and /sys: for reading.
   constexpr unsigned kWrites = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC | O_APPEND | (O_TMPFILE & ~O_DIRECTORY);
   filter.allow(SCMP_SYS(openat), SCMP_A2(SCMP_CMP_MASKED_EQ, kWrites, 0));

@@ -35,7 +35,7 @@ void serve_lcm(Link& link, const Message& start) {
     link.turn();
     while (std::optional<Message> message = link.receive()) {
       if (message->kind == Kind::kPing)
-        link.send(Message{Kind::kAlive});
+        link.send({Kind::kAlive, 0, {}, {}, {}});
       else if (message->kind == Kind::kPacket)
         bus.publish(message->name, message->body.span());
       else

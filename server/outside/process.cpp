@@ -29,7 +29,7 @@ constexpr auto kStartPatience = std::chrono::seconds(30);
 /// One that has lived so long is started again at once when it ends; else the pause grows.
 constexpr auto kLongLife = std::chrono::seconds(1);
 constexpr auto kFirstPause = milliseconds(50), kLongestPause = milliseconds(400);
-constexpr auto kLookEvery = std::chrono::seconds(1);
+constexpr auto kLookEvery = milliseconds(500);
 /// One that has not answered for so long hangs.
 constexpr auto kHang = std::chrono::seconds(10);
 constexpr int kSendBuffer = 1 << 20;
@@ -187,7 +187,7 @@ void Process::tick(Inbox& inbox) {
   count_memory(inbox, resident_bytes());
   if (!link_) return;
   if (now - last_alive_ > kHang) return lose("it hangs");
-  send(Message{Kind::kPing});
+  send({Kind::kPing, 0, {}, {}, {}});
 }
 
 /// \param wait for the end of all of them.
