@@ -16,6 +16,8 @@ namespace {
 
 /// Memory beyond this takes long to free.
 constexpr std::uint64_t kLarge = 1 << 20;
+/// What a message that waits takes beside its body.
+constexpr std::uint64_t kMessageBytes = 512;
 
 std::shared_ptr<std::byte> shared_bytes(std::uint64_t bytes) {
   AlignedBytes memory = aligned_bytes(bytes);
@@ -55,7 +57,7 @@ void Link::send(Message message) {
   assert(message.name.size() <= kMaxNameBytes && message.extra.size() <= kMaxExtraBytes);
   Leaving leaving{std::move(message), ++sequence_};
   if (leaving_.empty() && leaving.message.body.bytes <= kChunkBytes && send_chunk(leaving)) return;
-  waiting_bytes_ += sizeof(Leaving) + leaving.message.body.bytes;
+  waiting_bytes_ += kMessageBytes + leaving.message.body.bytes;
   if (waiting_bytes_ > limits_.waiting_bytes) throw Broken("it does not take what it is sent");
   keep(std::move(leaving));
 }
@@ -106,7 +108,7 @@ void Link::turn() {
       if (!sent) return;
       continue;
     }
-    waiting_bytes_ -= sizeof(Leaving) + next.message.body.bytes;
+    waiting_bytes_ -= kMessageBytes + next.message.body.bytes;
     if (drop_ && next.message.body.bytes > kLarge)
       drop_(std::const_pointer_cast<std::byte>(std::move(next.message.body.begin)));
   }

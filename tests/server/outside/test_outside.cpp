@@ -236,6 +236,13 @@ class OutsideWithKeys : public Outside {
     std::ofstream(folder_ / "keys/authorized") << read_public_key(folder_ / "own.key") << " query own\n";
     start({"--keys", folder_ / "keys", "--outside-mib", "256"});
   }
+  /// A daemon with a process outside that does this, once it is there.
+  void start_hostile(const std::string& what) {
+    daemon_.reset();
+    start({"--keys", folder_ / "keys", "--outside-mib", "64"},
+          {"CLEARANCE_OUTSIDE=" + program("clearance-hostile-outside"), "CLEARANCE_HOSTILE=" + what,
+           "CLEARANCE_KEY_TO_CLAIM=" + read_public_key(folder_ / "own.key")});
+  }
   ConnectOptions own() const { return {20s, folder_ / "keys/server.key.pub", folder_ / "own.key"}; }
 };
 
@@ -297,6 +304,39 @@ TEST_F(OutsideWithKeys, AKeyMayEndItAndClientsWithKeysAreServedAgain) {
   }
   busy.expect_answers();
   expect_core_unharmed(before);
+}
+
+TEST_F(OutsideWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
+  struct Case {
+    const char *what, *why;
+  };
+  for (const Case& c : {Case{"garbage", "it sends a name or more of a wrong length"},
+                        {"kind", "it says what is no message of ZeroMQ's"},
+                        {"packet", "it says what is no message of ZeroMQ's"},
+                        {"no key", "it names a client that is none"},
+                        {"wrong key", "it names a client that is none"},
+                        {"nameless", "it names a client that is none"},
+                        {"headless", "it says what is no message of ZeroMQ's"},
+                        {"handed over", "it hands over what it was not sent"},
+                        {"knock", "it knocks without a key"},
+                        {"bodies", "it sends too many bodies at once"},
+                        {"stranger's key", "forbidden as it should be"}}) {
+    start_hostile(c.what);
+    wait_for("outside.restarts", 1);
+    EXPECT_EQ(patient(shm()).distances().rows(), 6u) << c.what;
+    EXPECT_NE(daemon_->log().find(c.why), std::string::npos) << c.what << "\n" << daemon_->log();
+  }
+}
+
+TEST_F(OutsideWithKeys, OneThatAsksAndDoesNotReadTakesNoMoreOfTheCoreThanItMay) {
+  start_hostile("greedy");
+  const Busy busy(shm());
+  busy.expect_answers();
+  const std::uint64_t before = high_water_kib();
+  wait_for("outside.restarts", 1);
+  EXPECT_NE(daemon_->log().find("it does not take what it is sent"), std::string::npos) << daemon_->log();
+  busy.expect_answers();
+  EXPECT_LT(high_water_kib(), before + 3 * 64 * 1024) << "KiB";
 }
 
 }  // namespace
