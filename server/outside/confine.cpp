@@ -60,6 +60,8 @@ CallFilter make_filter() {
 
 void limit_outside(std::uint64_t memory_bytes, std::uint64_t descriptors) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  const sched_param ordinary{};  // strangers get no priority that the daemon was given
+  ::sched_setscheduler(0, SCHED_OTHER, &ordinary);
 #if !defined(CLEARANCE_ASAN) && !defined(CLEARANCE_TSAN)
   limit(RLIMIT_AS, memory_bytes);  // sanitizers map terabytes of shadow
 #endif

@@ -31,7 +31,7 @@ constexpr auto kLongLife = std::chrono::seconds(1);
 constexpr auto kFirstPause = milliseconds(50), kLongestPause = milliseconds(400);
 constexpr auto kLookEvery = milliseconds(500);
 /// One that has not answered for so long hangs.
-constexpr auto kHang = std::chrono::seconds(10);
+constexpr auto kHang = std::chrono::seconds(5);
 constexpr int kSendBuffer = 1 << 20;
 
 const char* const kProgram = "clearance-outside";

@@ -22,7 +22,7 @@ namespace {
 
 constexpr int kFramesPerTurn = 32;
 /// A handshake takes two round trips.
-constexpr int kHandshakeMs = 5000;
+constexpr int kHandshakeMs = 3000;
 /// A frame has two parts. Of a message of more the rest is thrown away, which takes time: one of so many ends this
 /// process, which is sooner there again.
 constexpr int kMostParts = 65536;

@@ -4,6 +4,9 @@
 #include <poll.h>
 #include <sys/socket.h>
 
+#include <cstring>
+#include <random>
+
 #include "server/outside/link.h"
 
 namespace clearance::outside {
@@ -170,6 +173,46 @@ TEST_F(LinkTest, BodiesThatAreBegunAndNotEndedTakeBoundedMemory) {
   EXPECT_EQ(why(), "nothing");
   begin('b');
   EXPECT_EQ(why(), "it sends too many bodies at once");
+}
+
+TEST(LinkOfAnyBytes, GivesMessagesWithinItsLimitsOrBreaks) {
+  std::mt19937_64 random(17);
+  const auto pick = [&random](std::initializer_list<std::uint64_t> of) { return of.begin()[random() % of.size()]; };
+  int whole = 0, in_parts = 0, broken = 0;
+  for (int run = 0; run < 3000; ++run) {
+    int ends[2];
+    ASSERT_EQ(::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends), 0);
+    const shm::UniqueFd raw(ends[1]);
+    Link link(shm::UniqueFd(ends[0]), {.message_bytes = 5000, .coming_bytes = 8000, .waiting_bytes = 1 << 20});
+    std::uint64_t offset = 0;
+    try {
+      for (int i = 0; i < 8; ++i) {
+        // Mostly what might be meant, so that the checks behind the first are met, too.
+        const std::uint64_t part = pick({0, 1, 100, 100, 100, 1000, 5000}), name = pick({1, 1, 1, 1, 0, 255, 256, 60000});
+        const std::uint64_t body = pick({part, part, 300, 300, 300, 5000, 5001, ~0ull}), extra = pick({0, 0, 0, 104, 105});
+        Head head{static_cast<std::uint32_t>(pick({1, 4, 4, 4, 99})), static_cast<std::uint16_t>(name),
+                  static_cast<std::uint16_t>(extra), pick({7, 7, 7, 8}), body, pick({0, offset, offset, offset, ~0ull})};
+        offset = body == 300 && head.offset == offset ? (offset + part) % 300 : 0;
+        const std::uint64_t more = pick({name + extra, name + extra, name + extra, 0}) + part;
+        std::string datagram(sizeof head + std::min<std::uint64_t>(more, 70'000), 'x');
+        std::memcpy(datagram.data(), &head, sizeof head);
+        ASSERT_GT(::send(raw.get(), datagram.data(), datagram.size() - random() % 20 / 19, 0), 0);
+        link.turn();
+        while (const auto message = link.receive()) {
+          ASSERT_LE(message->name.size(), kMaxNameBytes);
+          ASSERT_LE(message->extra.size(), kMaxExtraBytes);
+          ASSERT_LE(message->body.bytes, 5000u);
+          EXPECT_EQ(message->body.text().find_first_not_of('x'), std::string::npos) << "every byte of it was sent";
+          ++(message->body.bytes == part ? whole : in_parts);
+        }
+      }
+    } catch (const Broken&) {
+      ++broken;
+    }
+  }
+  EXPECT_GT(whole, 1000);
+  EXPECT_GT(in_parts, 10);
+  EXPECT_GT(broken, 1000);
 }
 
 TEST_F(LinkTest, ItsEndIsNoticed) {

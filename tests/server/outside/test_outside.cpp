@@ -177,6 +177,16 @@ TEST_F(Outside, KilledItIsThereAgainAndTheEpochIsTheSame) {
   EXPECT_LT(counter("outside.memory_bytes"), 200u << 20);
 }
 
+TEST_F(Outside, FrozenItIsEndedAndReplaced) {
+  start({});
+  const int pid = child_of(daemon_->pid(), kName);
+  ASSERT_GT(pid, 0);
+  kill(pid, SIGSTOP);
+  wait_for("outside.restarts", 1);
+  served_again();
+  EXPECT_NE(daemon_->log().find("it hangs"), std::string::npos) << daemon_->log();
+}
+
 TEST_F(Outside, ItEndsWithTheCore) {
   start({});
   const int pid = child_of(daemon_->pid(), kName);
