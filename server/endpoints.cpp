@@ -86,8 +86,7 @@ void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, co
   add_default_endpoint(options);
   for (const std::string& path : options.shm) loop.add(open_shm(path, access, std::uint64_t{options.pinned_mib} << 20));
   for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));
-  if (!options.lcm.empty()) 
-    loop.add(open_lcm(options.lcm, options.lcm_prefix, lcm_poses, access.outside_bytes));
+  if (!options.lcm.empty()) loop.add(open_lcm(options.lcm, options.lcm_prefix, lcm_poses, access.outside_bytes));
 }
 
 }  // namespace clearance

@@ -88,8 +88,7 @@ TcpListener listen_tcp(const std::string& endpoint, bool with_keys) {
   TcpListener listener{
       shm::UniqueFd(::socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, IPPROTO_TCP)), ""};
   const int yes = 1;
-  if (!listener.socket ||
-      ::setsockopt(listener.socket.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
+  if (!listener.socket || ::setsockopt(listener.socket.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
       ::bind(listener.socket.get(), found->ai_addr, found->ai_addrlen) != 0 ||
       ::listen(listener.socket.get(), kZmqBacklog) != 0)
     fail(std::strerror(errno));

@@ -20,18 +20,18 @@ namespace clearance {
 struct ZmqArrival {
   enum class What {
     kFrame,
-    kNoFrame,      ///< a message of other parts than a header and a payload
-    kClientGone,   ///< the one of that identity
-    kNotDelivered, ///< a reply to it
-    kAllGone,      ///< every client
+    kNoFrame,       ///< a message of other parts than a header and a payload
+    kClientGone,    ///< the one of that identity
+    kNotDelivered,  ///< a reply to it
+    kAllGone,       ///< every client
   };
   What what = What::kFrame;
   std::string identity;
-  std::optional<ucred> who;                      ///< over ipc://
-  std::string key;                               ///< with which it came in; empty: without
-  wire::FrameHeader header{};                    ///< kFrame
-  OwnPayload payload;                            ///< kFrame
-  std::uint64_t parts = 0, first_part_bytes = 0; ///< kNoFrame
+  std::optional<ucred> who;                       ///< over ipc://
+  std::string key;                                ///< with which it came in; empty: without
+  wire::FrameHeader header{};                     ///< kFrame
+  OwnPayload payload;                             ///< kFrame
+  std::uint64_t parts = 0, first_part_bytes = 0;  ///< kNoFrame
 };
 
 /// Bytes of replies that were sent to one client and have not left the daemon.

@@ -47,8 +47,8 @@ CallFilter::CallFilter(std::string who)
   allow(SCMP_SYS(rt_sigaction), SCMP_A0(SCMP_CMP_EQ, SIGABRT, 0));
 #if defined(CLEARANCE_ASAN) || defined(CLEARANCE_TSAN)
   // What their own code asks for: whether memory can be read is tried with a pipe.
-  allow_each({SCMP_SYS(pipe), SCMP_SYS(pipe2), SCMP_SYS(sched_getaffinity), SCMP_SYS(sigaltstack),
-              SCMP_SYS(getrusage)});
+  allow_each(
+      {SCMP_SYS(pipe), SCMP_SYS(pipe2), SCMP_SYS(sched_getaffinity), SCMP_SYS(sigaltstack), SCMP_SYS(getrusage)});
 #endif
 }
 

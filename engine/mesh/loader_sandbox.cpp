@@ -33,11 +33,11 @@ std::string confine_loader(int result_fd) {
   constexpr unsigned kWrites = O_WRONLY | O_RDWR | O_CREAT | O_TRUNC | O_APPEND | (O_TMPFILE & ~O_DIRECTORY);
   filter.allow(SCMP_SYS(openat), SCMP_A2(SCMP_CMP_MASKED_EQ, kWrites, 0));
   filter.allow(SCMP_SYS(open), SCMP_A1(SCMP_CMP_MASKED_EQ, kWrites, 0));
-  filter.allow_each({SCMP_SYS(read),      SCMP_SYS(readv),      SCMP_SYS(pread64), SCMP_SYS(lseek),
-                     SCMP_SYS(_llseek),   SCMP_SYS(close),      SCMP_SYS(stat),    SCMP_SYS(stat64),
-                     SCMP_SYS(lstat),     SCMP_SYS(lstat64),    SCMP_SYS(fstat),   SCMP_SYS(fstat64),
-                     SCMP_SYS(newfstatat), SCMP_SYS(fstatat64), SCMP_SYS(statx),   SCMP_SYS(access),
-                     SCMP_SYS(faccessat), SCMP_SYS(faccessat2), SCMP_SYS(readlink), SCMP_SYS(readlinkat),
+  filter.allow_each({SCMP_SYS(read),       SCMP_SYS(readv),      SCMP_SYS(pread64),  SCMP_SYS(lseek),
+                     SCMP_SYS(_llseek),    SCMP_SYS(close),      SCMP_SYS(stat),     SCMP_SYS(stat64),
+                     SCMP_SYS(lstat),      SCMP_SYS(lstat64),    SCMP_SYS(fstat),    SCMP_SYS(fstat64),
+                     SCMP_SYS(newfstatat), SCMP_SYS(fstatat64),  SCMP_SYS(statx),    SCMP_SYS(access),
+                     SCMP_SYS(faccessat),  SCMP_SYS(faccessat2), SCMP_SYS(readlink), SCMP_SYS(readlinkat),
                      SCMP_SYS(getcwd)});
   // The result: descriptors that are open. Those that files have are for reading.
   filter.allow_each({SCMP_SYS(write), SCMP_SYS(pwrite64), SCMP_SYS(ftruncate)});

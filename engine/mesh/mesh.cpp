@@ -66,7 +66,8 @@ Loader start_loader(const std::string& path, const Fd& content, const MeshLimits
   const int descriptors[] = {loader.result.get(), write_end.get(), content.get()};
   const std::uint64_t seconds = static_cast<std::uint64_t>(limits.time.count() + 999) / 1000 + 1;
   try {
-    loader.pid = start_helper(program, {path, std::to_string(limits.memory_bytes), std::to_string(seconds)}, descriptors);
+    loader.pid =
+        start_helper(program, {path, std::to_string(limits.memory_bytes), std::to_string(seconds)}, descriptors);
   } catch (const std::runtime_error& error) {
     throw MeshError(error.what());
   }

@@ -38,12 +38,13 @@ void limit(int resource, std::uint64_t value) {
 /// What both kinds have in common.
 CallFilter make_filter() {
   CallFilter filter("the process outside");
-  filter.allow_each({SCMP_SYS(read), SCMP_SYS(readv), SCMP_SYS(write), SCMP_SYS(writev), SCMP_SYS(recvfrom),
-                     SCMP_SYS(recv), SCMP_SYS(recvmsg), SCMP_SYS(sendto), SCMP_SYS(send), SCMP_SYS(shutdown),
-                     SCMP_SYS(poll), SCMP_SYS(ppoll), SCMP_SYS(ppoll_time64), SCMP_SYS(epoll_wait),
-                     SCMP_SYS(epoll_pwait), SCMP_SYS(epoll_ctl), SCMP_SYS(close), SCMP_SYS(getsockopt),
-                     SCMP_SYS(setsockopt), SCMP_SYS(getsockname), SCMP_SYS(getpeername), SCMP_SYS(fstat),
-                     SCMP_SYS(newfstatat), SCMP_SYS(clock_nanosleep), SCMP_SYS(nanosleep)});
+  filter.allow_each({SCMP_SYS(read),         SCMP_SYS(readv),      SCMP_SYS(write),       SCMP_SYS(writev),
+                     SCMP_SYS(recvfrom),     SCMP_SYS(recv),       SCMP_SYS(recvmsg),     SCMP_SYS(sendto),
+                     SCMP_SYS(send),         SCMP_SYS(shutdown),   SCMP_SYS(poll),        SCMP_SYS(ppoll),
+                     SCMP_SYS(ppoll_time64), SCMP_SYS(epoll_wait), SCMP_SYS(epoll_pwait), SCMP_SYS(epoll_ctl),
+                     SCMP_SYS(close),        SCMP_SYS(getsockopt), SCMP_SYS(setsockopt),  SCMP_SYS(getsockname),
+                     SCMP_SYS(getpeername),  SCMP_SYS(fstat),      SCMP_SYS(newfstatat),  SCMP_SYS(clock_nanosleep),
+                     SCMP_SYS(nanosleep)});
   // libsodium's, for keys; and those of a thread of libzmq or liblcm that has just begun.
   filter.allow_each({SCMP_SYS(mlock), SCMP_SYS(munlock), SCMP_SYS(set_robust_list), SCMP_SYS(rseq)});
   filter.allow_each({SCMP_SYS(sched_getparam), SCMP_SYS(sched_getscheduler)});
@@ -87,8 +88,7 @@ std::string confine_to_datagrams() {
   CallFilter filter = make_filter();
   filter.allow(SCMP_SYS(sendmsg), SCMP_A0(SCMP_CMP_NE, kLinkFd, 0));  // messages to the core carry no descriptors
   constexpr unsigned kTypes = ~unsigned(SOCK_CLOEXEC | SOCK_NONBLOCK);
-  filter.allow(SCMP_SYS(socket), SCMP_A0(SCMP_CMP_EQ, AF_INET, 0),
-               SCMP_A1(SCMP_CMP_MASKED_EQ, kTypes, SOCK_DGRAM));
+  filter.allow(SCMP_SYS(socket), SCMP_A0(SCMP_CMP_EQ, AF_INET, 0), SCMP_A1(SCMP_CMP_MASKED_EQ, kTypes, SOCK_DGRAM));
   filter.allow_each({SCMP_SYS(bind), SCMP_SYS(connect), SCMP_SYS(pipe), SCMP_SYS(pipe2), SCMP_SYS(select),
                      SCMP_SYS(pselect6), SCMP_SYS(_newselect), SCMP_SYS(rt_sigaction), SCMP_SYS(sched_getaffinity)});
   // Files, for what liblcm and glib look up in /proc and /sys: for reading.

@@ -37,7 +37,7 @@ enum class Kind : std::uint32_t {
   kKnock,            ///< name: address, extra: key: may it come in?
   kHandshakeFailed,  ///< name: endpoint
   // To the process outside.
-  kStart,    ///< name: url, number: bytes of a message that may come in, extra: secret key or none, body: channels
+  kStart,  ///< name: url, number: bytes of a message that may come in, extra: secret key or none, body: channels
   kPing,
   kReply,    ///< name: identity, extra: a frame's header, body: its payload; number: for kHandedOver, 0: not wanted
   kVerdict,  ///< number: 1: come in

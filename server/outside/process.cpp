@@ -71,8 +71,8 @@ void Process::start() {
   if (plan_.listener) descriptors.push_back(plan_.listener.get());
   const std::string program =
       helper_program(kProgram, "CLEARANCE_OUTSIDE", nullptr, ", which takes what comes from the network,");
-  pid_ = start_helper(
-      program, {plan_.what, std::to_string(plan_.memory_bytes), std::to_string(plan_.connections)}, descriptors);
+  pid_ = start_helper(program, {plan_.what, std::to_string(plan_.memory_bytes), std::to_string(plan_.connections)},
+                      descriptors);
   // Bodies of several clients may be on their way at once; the process knows these limits, too.
   link_.emplace(std::move(ours), Link::Limits{.message_bytes = message_bytes(),
                                               .coming_bytes = plan_.memory_bytes,
@@ -114,7 +114,8 @@ bool Process::turn(Inbox& inbox) {
   if (link_) inbox.drop(std::make_shared<Link>(std::move(*link_)));
   link_.reset();
   const auto now = Clock::now();
-  pause_ = now - started_ > kLongLife ? Clock::duration() : std::clamp<Clock::duration>(2 * pause_, kFirstPause, kLongestPause);
+  pause_ = now - started_ > kLongLife ? Clock::duration()
+                                      : std::clamp<Clock::duration>(2 * pause_, kFirstPause, kLongestPause);
   next_start_ = now + pause_;
   ++inbox.counter("outside.restarts");
   spdlog::warn("event=outside_ended url={} pid={} pause_ms={} why=\"{}\"", log_text(plan_.url), pid_,

@@ -16,12 +16,12 @@ namespace clearance::outside {
 
 /// What a process outside is to do.
 struct Plan {
-  std::string url;                            ///< for the log
-  std::string what;                           ///< "zmq" or "lcm", as clearance-outside reads it
+  std::string url;                             ///< for the log
+  std::string what;                            ///< "zmq" or "lcm", as clearance-outside reads it
   std::uint64_t memory_bytes = kOutsideBytes;  ///< address space that it may take
-  std::uint32_t connections = 0;              ///< that it may hold
-  Message start;                              ///< the first that it is told
-  shm::UniqueFd listener;                     ///< where it takes connections; none
+  std::uint32_t connections = 0;               ///< that it may hold
+  Message start;                               ///< the first that it is told
+  shm::UniqueFd listener;                      ///< where it takes connections; none
 };
 
 /// On the loop's thread.

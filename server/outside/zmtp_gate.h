@@ -1,9 +1,9 @@
 // How much a connection may say before it has shown who it is.
 //
 // libzmq knows one limit for a message, and it counts before the CURVE handshake too: a stranger may announce 256 MiB
-// and send them, over each of many connections. A client that follows the protocol (ZMTP 3, https://rfc.zeromq.org/spec/23,
-// and CURVE, spec/26) says until then a greeting of 64 bytes and two commands, HELLO and INITIATE; libzmq reads no
-// further before it has found the second one to be right.
+// and send them, over each of many connections. A client that follows the protocol (ZMTP 3,
+// https://rfc.zeromq.org/spec/23, and CURVE, spec/26) says until then a greeting of 64 bytes and two commands, HELLO
+// and INITIATE; libzmq reads no further before it has found the second one to be right.
 #pragma once
 
 #include <cstddef>

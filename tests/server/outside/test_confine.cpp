@@ -34,22 +34,46 @@ int ending(std::string (*confine)(), void (*act)()) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
-void read_file() { (void)!::open("/etc/passwd", O_RDONLY); }
-void write_file() { (void)!::open("/tmp/clearance-outside-test", O_WRONLY | O_CREAT, 0600); }
-void fork_off() { (void)!::fork(); }
-void run_program() { ::execl("/bin/true", "true", nullptr); }
-void signal_another() { ::kill(::getppid(), 0); }
-void connect_by_tcp() { (void)!::socket(AF_INET, SOCK_STREAM, 0); }
-void connect_by_unix() { (void)!::socket(AF_UNIX, SOCK_STREAM, 0); }
-void copy_descriptor() { (void)!::fcntl(0, F_DUPFD, 50); }
-void trace() { ::prctl(PR_SET_DUMPABLE, 1); }
+void read_file() {
+  (void)!::open("/etc/passwd", O_RDONLY);
+}
+void write_file() {
+  (void)!::open("/tmp/clearance-outside-test", O_WRONLY | O_CREAT, 0600);
+}
+void fork_off() {
+  (void)!::fork();
+}
+void run_program() {
+  ::execl("/bin/true", "true", nullptr);
+}
+void signal_another() {
+  ::kill(::getppid(), 0);
+}
+void connect_by_tcp() {
+  (void)!::socket(AF_INET, SOCK_STREAM, 0);
+}
+void connect_by_unix() {
+  (void)!::socket(AF_UNIX, SOCK_STREAM, 0);
+}
+void copy_descriptor() {
+  (void)!::fcntl(0, F_DUPFD, 50);
+}
+void trace() {
+  ::prctl(PR_SET_DUMPABLE, 1);
+}
 void send_descriptors() {
   msghdr message{};
   ::sendmsg(kLinkFd, &message, 0);
 }
-void accept_elsewhere() { ::accept4(kLinkFd, nullptr, nullptr, 0); }
-void open_datagrams() { (void)!::socket(AF_INET, SOCK_DGRAM, 0); }
-void start_thread() { std::thread([] {}).join(); }
+void accept_elsewhere() {
+  ::accept4(kLinkFd, nullptr, nullptr, 0);
+}
+void open_datagrams() {
+  (void)!::socket(AF_INET, SOCK_DGRAM, 0);
+}
+void start_thread() {
+  std::thread([] {}).join();
+}
 void live() {
   std::string memory(10 << 20, 'x');
   (void)!::write(1, memory.data(), 0);
@@ -58,9 +82,9 @@ void live() {
 TEST(Confined, DoesNothingBesideItsConnections) {
   if (ending(&confine_to_connections, &live) == kUnfiltered) GTEST_SKIP() << "this kernel has no filters";
   EXPECT_EQ(ending(&confine_to_connections, &live), kDone);
-  for (void (*act)() : {&read_file, &write_file, &fork_off, &run_program, &signal_another, &connect_by_tcp,
-                        &connect_by_unix, &open_datagrams, &copy_descriptor, &trace, &send_descriptors,
-                        &accept_elsewhere})
+  for (void (*act)() :
+       {&read_file, &write_file, &fork_off, &run_program, &signal_another, &connect_by_tcp, &connect_by_unix,
+        &open_datagrams, &copy_descriptor, &trace, &send_descriptors, &accept_elsewhere})
     EXPECT_EQ(ending(&confine_to_connections, act), kForbidden);
 }
 

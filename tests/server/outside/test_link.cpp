@@ -133,8 +133,7 @@ TEST_F(LinkTest, ATurnMovesABoundedNumberOfBytes) {
 }
 
 TEST_F(LinkTest, WhoDoesNotReadBreaksIt) {
-  EXPECT_THROW(
-      for (int i = 0; i < 1000; ++i) core_->send(message("a", 100'000)), Broken);
+  EXPECT_THROW(for (int i = 0; i < 1000; ++i) core_->send(message("a", 100'000)), Broken);
 }
 
 TEST_F(LinkTest, WhatNobodyHonestSendsBreaksIt) {
@@ -194,12 +193,23 @@ TEST(LinkOfAnyBytes, GivesMessagesWithinItsLimitsOrBreaks) {
         offset = in_part ? (offset + part) % body : 0;
         const std::uint64_t wrong = pick({0, 1, 99, 255, 256, 4999, 5001, 60'000, ~0ull});
         switch (random() % 24) {
-          case 0: head.name_bytes = static_cast<std::uint16_t>(wrong); break;
-          case 1: head.extra_bytes = static_cast<std::uint16_t>(wrong); break;
-          case 2: head.number = wrong; break;
-          case 3: head.body_bytes = wrong; break;
-          case 4: head.offset = wrong; break;
-          default: break;
+          case 0:
+            head.name_bytes = static_cast<std::uint16_t>(wrong);
+            break;
+          case 1:
+            head.extra_bytes = static_cast<std::uint16_t>(wrong);
+            break;
+          case 2:
+            head.number = wrong;
+            break;
+          case 3:
+            head.body_bytes = wrong;
+            break;
+          case 4:
+            head.offset = wrong;
+            break;
+          default:
+            break;
         }
         std::string datagram(sizeof head + 1 + (random() % 30 ? part : wrong % 70'000), 'x');
         std::memcpy(datagram.data(), &head, sizeof head);

@@ -80,9 +80,9 @@ class Outside : public testing::Test {
   static constexpr const char* kName = "clearance-outsi";  // as the kernel shortens it
 
   void start(const std::vector<std::string>& more, const std::vector<std::string>& environment = {}) {
-    std::vector<std::string> options{"--scene", folder_.write("scene.yaml", kSmallSceneYaml),
-                                     "--shm",   folder_ / "c.sock",
-                                     "--zmq",   "tcp://127.0.0.1:*",
+    std::vector<std::string> options{"--scene",   folder_.write("scene.yaml", kSmallSceneYaml),
+                                     "--shm",     folder_ / "c.sock",
+                                     "--zmq",     "tcp://127.0.0.1:*",
                                      "--threads", "1"};
     options.insert(options.end(), more.begin(), more.end());
     daemon_ = std::make_unique<Daemon>(options, environment);
