@@ -12,6 +12,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstring>
 
 #include "engine/base/call_filter.h"
 #include "engine/base/sanitizers.h"
@@ -61,8 +62,12 @@ CallFilter make_filter() {
 
 void limit_outside(std::uint64_t memory_bytes, std::uint64_t descriptors) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  const sched_param ordinary{};  // strangers get no priority that the daemon was given
+  // Strangers get neither the priority nor the CPU that the daemon was given.
+  const sched_param ordinary{};
   ::sched_setscheduler(0, SCHED_OTHER, &ordinary);
+  cpu_set_t all;
+  std::memset(&all, 0xff, sizeof all);
+  ::sched_setaffinity(0, sizeof all, &all);
 #if !defined(CLEARANCE_ASAN) && !defined(CLEARANCE_TSAN)
   limit(RLIMIT_AS, memory_bytes);  // sanitizers map terabytes of shadow
 #endif
