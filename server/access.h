@@ -41,6 +41,9 @@ std::string rights_text(Rights rights);
 
 class KeyRing;
 
+/// Memory of a process that stands between the network and the core (outside/process.h), if nothing else is said.
+inline constexpr std::uint64_t kOutsideBytes = std::uint64_t{2} << 30;
+
 /// Who may come in at the endpoints of a daemon.
 struct Access {
   std::optional<gid_t> group;        ///< whose members may connect to Unix sockets; none: this user alone
@@ -48,6 +51,7 @@ struct Access {
   std::vector<uid_t> control_users;  ///< who have the class control at Unix sockets, if they may connect
   std::shared_ptr<KeyRing> keys;     ///< of TCP; null: the loopback alone, without keys
   std::uint32_t max_clients = 256;   ///< of one endpoint
+  std::uint64_t outside_bytes = kOutsideBytes;
 
   /// Whether anybody may have the class control: only then is something kept for it.
   bool has_control() const;

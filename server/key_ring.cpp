@@ -46,6 +46,11 @@ bool KeyRing::has_control() const {
                      [](const auto& entry) { return entry.second.rights & kControl; });
 }
 
+Rights KeyRing::rights_of(const std::string& public_key) const {
+  const Entry* entry = find(public_key);
+  return entry ? entry->rights : 0;
+}
+
 bool KeyRing::refresh() {
   struct stat now{};
   if (stat(list_.c_str(), &now) != 0) now = {};

@@ -29,6 +29,8 @@ class KeyRing {
   const KeyPair& own() const { return own_; }
   /// Null: this key is not known.
   const Entry* find(const std::string& public_key) const;
+  /// What a key may do, as the list was read last.
+  Rights rights_of(const std::string& public_key) const;
   std::size_t size() const { return entries_.size(); }
   /// Whether one of them has the class control.
   bool has_control() const;

@@ -11,17 +11,17 @@
 #include <vector>
 
 #include "server/lcm_outbox.h"
+#include "server/lcm_port.h"
 #include "server/transport.h"
-#include "wire/lcm_bus.h"
 #include "wire/lcm_frames.h"
 
 namespace clearance {
 
 /// Shared by the transport and its sinks, which may outlive it.
 struct LcmLink {
-  explicit LcmLink(const LcmAddress& address) : bus(address) {}
+  explicit LcmLink(std::unique_ptr<LcmPort> way) : port(std::move(way)) {}
 
-  LcmBus bus;
+  std::unique_ptr<LcmPort> port;
   LcmOutbox outbox;                                              // answers, distances
   LcmOutbox announcements{LcmOutbox::kAnnouncedBytesPerSecond};  // scene, states, status
   std::int64_t server_id = draw_lcm_id();
@@ -32,7 +32,7 @@ struct LcmLink {
   /// Sends a message; its bytes, or 0 if the system refused it.
   template <class Message>
   std::size_t send(const char* channel, const Message& message) {
-    return bus.publish_message(channel, message) ? static_cast<std::size_t>(message.getEncodedSize()) : 0;
+    return port->publish_message(channel, message) ? static_cast<std::size_t>(message.getEncodedSize()) : 0;
   }
   /// Queues a message of `parts` parts that hold on to about `bytes` of memory, and sends what may be sent now.
   void push(LcmOutbox& box, std::uint64_t parts, std::uint64_t bytes, LcmOutbox::SendPart send_part);

@@ -40,17 +40,18 @@ constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{16} << 20;
 
 class LcmTransport final : public Transport {
  public:
-  LcmTransport(const LcmAddress& address, const LcmPoses& allowed_poses)
-      : allowed_poses_(allowed_poses),
-        link_(std::make_shared<LcmLink>(address)),
+  LcmTransport(const LcmAddress& address, const LcmPoses& allowed_poses, std::uint64_t outside_bytes)
+      : url_(address.url()),
+        allowed_poses_(allowed_poses),
+        link_(std::make_shared<LcmLink>(open_lcm_port(address, outside_bytes))),
         timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)),
         assembler_({.frame_bytes = kMaxRequestBytes, .total_bytes = 4 * kMaxRequestBytes, .frames = 256}),
         distances_hz_(std::max(0.0, address.distances_hz)) {
     if (timer_ < 0) throw std::runtime_error(std::string("LCM: no timer: ") + std::strerror(errno));
     if (!allowed_poses.any) link_->rights &= ~kMayPose;  // by frames, too, which name no body before they are read
     const auto listen = [this](const char* name, auto method) {
-      link_->bus.subscribe(name, kQueue,
-                           [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
+      link_->port->subscribe(name, kQueue,
+                             [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
     };
     listen("CLEARANCE_POSES", &LcmTransport::on_poses<pose_update_t>);
     listen("CLEARANCE_POSES_NAMED", &LcmTransport::on_poses<named_pose_update_t>);
@@ -60,11 +61,16 @@ class LcmTransport final : public Transport {
   }
   ~LcmTransport() override { ::close(timer_); }
 
-  std::string url() const override { return link_->bus.address().url(); }
+  std::string url() const override { return url_; }
 
-  std::vector<int> descriptors() const override { return {link_->bus.descriptor(), timer_}; }
+  std::vector<int> descriptors() const override {
+    std::vector<int> all = link_->port->descriptors();
+    all.push_back(timer_);
+    return all;
+  }
 
   bool polls_by_system_call() const override { return true; }
+  bool prepare_sleep() override { return link_->port->has_work(); }
 
   int poll(Inbox& inbox) override {
     meet(inbox);
@@ -73,13 +79,15 @@ class LcmTransport final : public Transport {
       [[maybe_unused]] const auto ignored = ::read(timer_, &expirations, sizeof expirations);
     }
     handed_in_ = 0;
-    for (int i = 0; i < kMessagesPerPoll && link_->bus.handle(); ++i) ++figures_->messages;
+    link_->port->begin_turn(inbox);
+    for (int i = 0; i < kMessagesPerPoll && link_->port->handle(); ++i) ++figures_->messages;
     serve();
     return handed_in_;
   }
 
   void tick(Inbox& inbox) override {
     meet(inbox);
+    link_->port->tick(inbox);
     assembler_.expire(Clock::now());
     serve();
   }
@@ -207,6 +215,7 @@ class LcmTransport final : public Transport {
     ::timerfd_settime(timer_, 0, &spec, nullptr);
   }
 
+  std::string url_;
   LcmPoses allowed_poses_;
   std::shared_ptr<LcmLink> link_;
   int timer_;
@@ -227,7 +236,7 @@ class LcmTransport final : public Transport {
 }  // namespace
 
 std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const std::string& channel_prefix,
-                                              const LcmPoses& poses) {
+                                              const LcmPoses& poses, std::uint64_t outside_bytes) {
   LcmAddress address = [&] {
     try {
       return parse_lcm_address(lcm_url);
@@ -236,7 +245,7 @@ std::unique_ptr<Transport> make_lcm_transport(const std::string& lcm_url, const 
     }
   }();
   if (!channel_prefix.empty()) address.prefix = channel_prefix;
-  return std::make_unique<LcmTransport>(address, poses);
+  return std::make_unique<LcmTransport>(address, poses, outside_bytes);
 }
 
 }  // namespace clearance

@@ -155,6 +155,12 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(1u, 1000000u)))
       ->type_name("N")
       ->capture_default_str();
+  app.add_option("--outside-mib", o.outside_mib,
+                 "MiB of memory that each process has which stands before TCP and LCM beyond this machine; one that "
+                 "needs more\nends, and is started again. A request or reply may have an eighth of it")
+      ->check(quiet(CLI::Range(64u, 1000000u)))
+      ->type_name("N")
+      ->capture_default_str();
   app.add_option(
          "--max-client-mib", o.max_client_mib,
          "MiB that one client's requests and replies under way may take; more are refused (busy), though one always\n"

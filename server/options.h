@@ -42,6 +42,7 @@ struct DaemonOptions {
   int loop_cpu = -1;  ///< -1: whichever
   unsigned max_waiting = 64;
   unsigned max_clients = 256;
+  unsigned outside_mib = 2048;
   unsigned max_client_mib = 2048;
   unsigned max_warm_mib = 1024;
   unsigned max_added_bodies = 64;

@@ -1,10 +1,8 @@
 #include "engine/mesh/mesh.h"
 
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <spawn.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -14,19 +12,18 @@
 #include <atomic>
 #include <cerrno>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <optional>
+#include <stdexcept>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "engine/base/fd.h"
+#include "engine/base/helper_program.h"
 #include "engine/mesh/mesh_format.h"
 #include "engine/mesh/mesh_result.h"
-
-extern char** environ;
 
 namespace clearance {
 
@@ -42,13 +39,6 @@ std::string reason(int error) {
   return std::generic_category().message(error);
 }
 
-// A descriptor above those that the loader's own are put on.
-Fd above_loader_fds(Fd fd) {
-  const int moved = ::fcntl(fd.get(), F_DUPFD_CLOEXEC, 10);
-  if (moved < 0) throw MeshError("cannot start the mesh loader: " + reason(errno));
-  return Fd(moved);
-}
-
 // How a loader process ended; none if somebody else reaped it.
 using Ending = std::optional<int>;
 
@@ -60,7 +50,7 @@ struct Loader {
 Fd memory_file(const char* name, unsigned flags) {
   Fd fd(::memfd_create(name, MFD_CLOEXEC | flags));
   if (!fd) throw MeshError("cannot start the mesh loader: " + reason(errno));
-  return above_loader_fds(std::move(fd));
+  return fd;
 }
 
 // \param content what the loader reads for the file.
@@ -71,33 +61,16 @@ Loader start_loader(const std::string& path, const Fd& content, const MeshLimits
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) throw MeshError("cannot start the mesh loader: " + reason(errno));
   loader.lifetime = Fd(ends[0]);
-  const Fd write_end = above_loader_fds(Fd(ends[1]));
-
-  const std::string memory = std::to_string(limits.memory_bytes);
-  const std::string seconds = std::to_string((limits.time.count() + 999) / 1000 + 1);
-  std::vector<const char*> arguments = {program.c_str(), path.c_str(), memory.c_str(), seconds.c_str(), nullptr};
-
-  posix_spawn_file_actions_t files;
-  posix_spawnattr_t attributes;
-  ::posix_spawn_file_actions_init(&files);
-  ::posix_spawnattr_init(&attributes);
-  ::posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
-  ::posix_spawn_file_actions_addopen(&files, 1, "/dev/null", O_WRONLY, 0);
-  ::posix_spawn_file_actions_addopen(&files, 2, "/dev/null", O_WRONLY, 0);
-  ::posix_spawn_file_actions_adddup2(&files, loader.result.get(), kMeshResultFd);
-  ::posix_spawn_file_actions_adddup2(&files, write_end.get(), kMeshLifetimeFd);
-  ::posix_spawn_file_actions_adddup2(&files, content.get(), kMeshFileFd);
-  sigset_t none, all;
-  ::sigemptyset(&none);
-  ::sigfillset(&all);
-  ::posix_spawnattr_setsigmask(&attributes, &none);
-  ::posix_spawnattr_setsigdefault(&attributes, &all);
-  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-  const int error = ::posix_spawn(&loader.pid, program.c_str(), &files, &attributes,
-                                  const_cast<char* const*>(arguments.data()), environ);
-  ::posix_spawn_file_actions_destroy(&files);
-  ::posix_spawnattr_destroy(&attributes);
-  if (error) throw MeshError("cannot start " + program + ": " + reason(error));
+  const Fd write_end(ends[1]);
+  static_assert(kMeshResultFd == 3 && kMeshLifetimeFd == 4 && kMeshFileFd == 5);
+  const int descriptors[] = {loader.result.get(), write_end.get(), content.get()};
+  const std::uint64_t seconds = static_cast<std::uint64_t>(limits.time.count() + 999) / 1000 + 1;
+  try {
+    loader.pid =
+        start_helper(program, {path, std::to_string(limits.memory_bytes), std::to_string(seconds)}, descriptors);
+  } catch (const std::runtime_error& error) {
+    throw MeshError(error.what());
+  }
   return loader;
 }
 
@@ -188,29 +161,15 @@ Sha256Digest read_through(const Fd& file, const MeshLimits& limits, const Fd* co
 
 }  // namespace
 
-std::string mesh_loader_program() {
-  const auto runs = [](const fs::path& path) { return ::access(path.c_str(), X_OK) == 0 && !fs::is_directory(path); };
-  if (const char* set = std::getenv("CLEARANCE_MESH_LOADER"); set && *set) {
-    if (!runs(set)) throw MeshError(std::string("CLEARANCE_MESH_LOADER=") + set + " is not a program");
-    return set;
-  }
-  std::vector<fs::path> places;
-  Dl_info self{};
-  if (::dladdr(reinterpret_cast<const void*>(&mesh_loader_program), &self) && self.dli_fname)
-    places.push_back(fs::path(self.dli_fname).parent_path());
-  std::error_code error;
-  if (const fs::path program = fs::read_symlink("/proc/self/exe", error); !error)
-    places.push_back(program.parent_path());
-  for (const fs::path& place : places) {
-    for (const fs::path& folder : {place, place / ".." / "libexec", place / ".." / ".." / "libexec"})
-      if (!place.empty() && runs(folder / kLoaderName)) return (folder / kLoaderName).string();
-  }
+std::string mesh_loader_program() try {
 #ifdef CLEARANCE_MESH_LOADER_BUILT
-  if (runs(CLEARANCE_MESH_LOADER_BUILT)) return CLEARANCE_MESH_LOADER_BUILT;
+  constexpr const char* kBuilt = CLEARANCE_MESH_LOADER_BUILT;
+#else
+  constexpr const char* kBuilt = nullptr;
 #endif
-  throw MeshError(std::string("the program ") + kLoaderName + ", which reads mesh files, is not beside " +
-                  (self.dli_fname ? self.dli_fname : "this program") +
-                  " nor in a libexec folder; set CLEARANCE_MESH_LOADER to its path");
+  return helper_program(kLoaderName, "CLEARANCE_MESH_LOADER", kBuilt, ", which reads mesh files,");
+} catch (const std::runtime_error& error) {
+  throw MeshError(error.what());
 }
 
 std::string mesh_loader_warning() {

@@ -103,6 +103,36 @@ TEST_F(LcmDaemonTest, ManyConfigurationsOverLcmAlone) {
       600);
 }
 
+TEST_F(LcmDaemonTest, BeyondThisMachineAProcessOutsideReadsThePackets) {
+  LcmAddress address = *own_lcm_address("far");
+  address.ttl = 1;
+  const std::string ipc = "ipc://" + (folder_ / "socket");
+  Daemon daemon({"--scene", scene_file(), "--lcm", address.url(), "--zmq", ipc});
+  Client over_zmq = patient(ipc);
+  const auto counter = [&](const std::string& name) {
+    for (const auto& [known, value] : over_zmq.stats())
+      if (known == name) return value;
+    return std::uint64_t{0};
+  };
+  const auto asked = [&] {  // as often as it takes: while that process is gone, packets are lost
+    for (;;) try {
+        return connect(address.url(), std::chrono::seconds(2)).distances().rows();
+      } catch (const ConnectionError&) {  // or TimeoutError
+      }
+  };
+  EXPECT_EQ(asked(), 6u);
+  while (counter("outside.memory_bytes") == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_EQ(counter("outside.restarts"), 0u);
+  for (const auto& task : std::filesystem::directory_iterator("/proc")) {
+    std::ifstream in(task.path() / "stat");
+    std::string pid, command, state;
+    int parent = 0;
+    if (in >> pid >> command >> state >> parent && parent == daemon.pid()) kill(std::stoi(pid), SIGKILL);
+  }
+  while (counter("outside.restarts") < 1) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_EQ(asked(), 6u);
+}
+
 TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTransport) {
   const std::string ipc = "ipc://" + (folder_ / "socket");
   Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--zmq", ipc});

@@ -1,0 +1,57 @@
+#include "server/key_desk.h"
+
+#include <spdlog/spdlog.h>
+
+#include <stdexcept>
+#include <utility>
+
+#include "server/log_text.h"
+
+namespace clearance {
+namespace {
+
+constexpr auto kLookEvery = std::chrono::seconds(1);
+
+}  // namespace
+
+bool KeyDesk::admits(Inbox& inbox, const std::string& address, const std::string& key) {
+  refresh();
+  const KeyRing::Entry* entry = keys_->find(key);
+  if (!entry) {
+    refused(inbox,
+            "reason=\"this key is not authorized\" address=" + log_text(address) + " key=\"" + log_text(key) + "\"");
+    return false;
+  }
+  ++inbox.counter("zmq.keys_accepted");
+  spdlog::info("event=key_accepted address={} key=\"{}\" name=\"{}\" rights={}", log_text(address), log_text(key),
+               log_text(entry->name), rights_text(entry->rights));
+  return true;
+}
+
+void KeyDesk::refused(Inbox& inbox, const std::string& what) {
+  ++inbox.counter("zmq.refused");
+  const auto now = std::chrono::steady_clock::now();
+  if (now < next_line_) {
+    ++unsaid_;  // whoever knocks all the time does not fill the log
+    return;
+  }
+  next_line_ = now + std::chrono::seconds(1);
+  spdlog::warn("event=zmq_refused more={} {}", std::exchange(unsaid_, 0), what);
+}
+
+void KeyDesk::tick() {
+  const auto now = std::chrono::steady_clock::now();
+  if (now < next_look_) return;
+  next_look_ = now + kLookEvery;
+  refresh();
+}
+
+void KeyDesk::refresh() {
+  try {
+    if (keys_->refresh()) spdlog::info("event=keys_read keys={}", keys_->size());
+  } catch (const std::runtime_error& error) {
+    spdlog::error("event=keys_not_read error=\"{}\"", log_text(error.what()));
+  }
+}
+
+}  // namespace clearance
