@@ -1,7 +1,5 @@
 #include "answers.h"
 
-#include <spdlog/spdlog.h>
-
 #include <cstring>
 #include <new>
 #include <random>
@@ -9,6 +7,7 @@
 
 #include "engine/narrow/work_meter.h"
 #include "error_frame.h"
+#include "log.h"
 #include "log_text.h"
 
 namespace clearance {
@@ -93,15 +92,15 @@ void Answers::count_query(std::uint64_t server_ns, std::uint64_t rows) {
 
 void Answers::refuse(ReplySink& sink, const FrameHeader& request, const Refusal& refusal) {
   stats_.count_error(std::string(wire::error_name(refusal.code)), refusal.text);
-  spdlog::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
-                log_text(refusal.text));
+  log::debug("event=refused client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
+             log_text(refusal.text));
   try {
     if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes,
                     records(request)))
       ++stats_["errors.unsent"];
   } catch (const std::exception& failure) {
     ++stats_["errors.unsent"];
-    spdlog::warn("event=error_unsent error=\"{}\" cause=\"{}\"", log_text(refusal.text), log_text(failure.what()));
+    log::warn("event=error_unsent error=\"{}\" cause=\"{}\"", log_text(refusal.text), log_text(failure.what()));
   }
 }
 
@@ -117,8 +116,7 @@ Refusal Answers::refusal_of_caught(const FrameHeader& request) {
   } catch (const std::bad_alloc&) {
     return {ErrorCode::kTooLarge, "the daemon has no memory for this request"};
   } catch (const std::exception& error) {
-    spdlog::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type),
-                  log_text(error.what()));
+    log::error("event=internal_error request={} error=\"{}\"", wire::type_name(request.type), log_text(error.what()));
     return {ErrorCode::kInternal, std::string("internal error of the daemon: ") + error.what()};
   }
 }

@@ -1,12 +1,12 @@
 #include "endpoints.h"
 
-#include <spdlog/spdlog.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "accepting.h"
 #include "doorman.h"
 #include "key_ring.h"
+#include "log.h"
 #include "shm_transport.h"
 #include "wire/default_socket.h"
 
@@ -82,7 +82,7 @@ LcmPoses lcm_poses_of(const DaemonOptions& options, const Scene& scene) {
 
 void open_endpoints(Loop& loop, DaemonOptions& options, const Access& access, const LcmPoses& lcm_poses) {
   reserve_descriptor();
-  spdlog::info("event=descriptors_of_strangers refused_by={}", kernel_refuses_descriptors() ? "kernel" : "doorman");
+  log::info("event=descriptors_of_strangers refused_by={}", kernel_refuses_descriptors() ? "kernel" : "doorman");
   add_default_endpoint(options);
   for (const std::string& path : options.shm) loop.add(open_shm(path, access, std::uint64_t{options.pinned_mib} << 20));
   for (const std::string& endpoint : options.zmq) loop.add(make_zmq_transport(endpoint, access));

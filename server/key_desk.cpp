@@ -1,10 +1,9 @@
 #include "server/key_desk.h"
 
-#include <spdlog/spdlog.h>
-
 #include <stdexcept>
 #include <utility>
 
+#include "log.h"
 #include "server/log_text.h"
 
 namespace clearance {
@@ -23,8 +22,8 @@ bool KeyDesk::admits(Inbox& inbox, const std::string& address, const std::string
     return false;
   }
   ++inbox.counter("zmq.keys_accepted");
-  spdlog::info("event=key_accepted address={} key=\"{}\" name=\"{}\" rights={}", log_text(address), log_text(key),
-               log_text(entry->name), rights_text(entry->rights));
+  log::info("event=key_accepted address={} key=\"{}\" name=\"{}\" rights={}", log_text(address), log_text(key),
+            log_text(entry->name), rights_text(entry->rights));
   return true;
 }
 
@@ -36,7 +35,7 @@ void KeyDesk::refused(Inbox& inbox, const std::string& what) {
     return;
   }
   next_line_ = now + std::chrono::seconds(1);
-  spdlog::warn("event=zmq_refused more={} {}", std::exchange(unsaid_, 0), what);
+  log::warn("event=zmq_refused more={} {}", std::exchange(unsaid_, 0), what);
 }
 
 void KeyDesk::tick() {
@@ -48,9 +47,9 @@ void KeyDesk::tick() {
 
 void KeyDesk::refresh() {
   try {
-    if (keys_->refresh()) spdlog::info("event=keys_read keys={}", keys_->size());
+    if (keys_->refresh()) log::info("event=keys_read keys={}", keys_->size());
   } catch (const std::runtime_error& error) {
-    spdlog::error("event=keys_not_read error=\"{}\"", log_text(error.what()));
+    log::error("event=keys_not_read error=\"{}\"", log_text(error.what()));
   }
 }
 

@@ -1,7 +1,6 @@
 #include "lcm_figures.h"
 
-#include <spdlog/spdlog.h>
-
+#include "log.h"
 #include "log_text.h"
 
 namespace clearance {
@@ -35,7 +34,7 @@ void LcmFigures::complain(const char* kind, const std::string& what) {
   const auto now = std::chrono::steady_clock::now();
   if (complaint.times > 1 && now - complaint.last < kLcmSayAgain) return;
   const std::uint64_t unsaid = complaint.times - complaint.said - 1;
-  spdlog::warn("event=lcm_{} more={} text=\"{}\"", kind, unsaid, log_text(what));
+  log::warn("event=lcm_{} more={} text=\"{}\"", kind, unsaid, log_text(what));
   complaint.last = now;
   complaint.said = complaint.times;
 }

@@ -1,7 +1,6 @@
 #include "lcm_pose_intake.h"
 
-#include <spdlog/spdlog.h>
-
+#include "log.h"
 #include "log_text.h"
 
 namespace clearance {
@@ -14,7 +13,7 @@ void LcmPoseIntake::meet(const Scene& scene) {
     if (body != kNone) allowed_[body] = true;
     if (group != kNone)
       for (const std::uint32_t member : scene.groups()[group].bodies) allowed_[member] = true;
-    if (body == kNone && group == kNone) spdlog::warn("event=lcm_allow_unknown name=\"{}\"", log_text(name));
+    if (body == kNone && group == kNone) log::warn("event=lcm_allow_unknown name=\"{}\"", log_text(name));
   }
 }
 
@@ -97,7 +96,7 @@ bool LcmPoseIntake::is_in_order(const Message& message) {
   };
   switch (note.verdict) {
     case PublisherLog::Verdict::kNew:
-      spdlog::info("event=lcm_publisher channel={} id={}", channel, publisher);
+      log::info("event=lcm_publisher channel={} id={}", channel, publisher);
       break;
     case PublisherLog::Verdict::kNext:
       break;

@@ -1,7 +1,6 @@
 #include "loop.h"
 
 #include <poll.h>
-#include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
@@ -11,6 +10,7 @@
 #include <utility>
 
 #include "engine/narrow/work_meter.h"
+#include "log.h"
 #include "log_text.h"
 
 namespace clearance {
@@ -163,7 +163,7 @@ int Loop::poll_transport(std::size_t i) {
     ++stats_["errors.transport"];
     if (const auto now = Clock::now(); now >= next_warning_) {
       next_warning_ = now + std::chrono::seconds(1);
-      spdlog::warn("event=poll_failed url={} error=\"{}\"", transports_[i]->url(), log_text(error.what()));
+      log::warn("event=poll_failed url={} error=\"{}\"", transports_[i]->url(), log_text(error.what()));
     }
     return 0;
   }
@@ -198,7 +198,7 @@ void Loop::settle(Worker::QueryPtr query) {
 
 void Loop::warn_of_contradictions() {
   if (engine_->contradictions() > 0 && !std::exchange(contradiction_logged_, true))
-    spdlog::error(
+    log::error(
         "event=contradiction text=\"bounds of a pair contradicted each other, and it was answered anew: this machine, "
         "this build or a table of the scene is broken; clearance selftest may tell which; engine.contradictions "
         "counts\"");
@@ -218,7 +218,7 @@ void Loop::tick() {
       transport->tick(*this);
     } catch (const std::exception& error) {
       ++stats_["errors.transport"];
-      spdlog::warn("event=tick_failed url={} error=\"{}\"", transport->url(), log_text(error.what()));
+      log::warn("event=tick_failed url={} error=\"{}\"", transport->url(), log_text(error.what()));
     }
   }
 }

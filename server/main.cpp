@@ -2,8 +2,6 @@
 #include <fcntl.h>
 #include <malloc.h>
 #include <signal.h>
-#include <spdlog/sinks/stdout_sinks.h>
-#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -17,6 +15,7 @@
 #include "engine/engine.h"
 #include "engine/mesh/mesh.h"
 #include "engine/narrow/self_test.h"
+#include "log.h"
 #include "log_text.h"
 #include "loop.h"
 #include "metrics.h"
@@ -45,14 +44,6 @@ void handle_signals() {
   // A peer that is gone and a file that may not grow (a segment beyond RLIMIT_FSIZE) are errors of a call.
   action.sa_handler = SIG_IGN;
   for (const int number : {SIGPIPE, SIGXFSZ}) sigaction(number, &action, nullptr);
-}
-
-void start_log(const DaemonOptions& options) {
-  auto logger = std::make_shared<spdlog::logger>("clearanced", std::make_shared<spdlog::sinks::stderr_sink_mt>());
-  logger->set_pattern("time=%Y-%m-%dT%H:%M:%S.%e%z level=%l %v");
-  logger->set_level(spdlog::level::from_str(options.log_level));
-  logger->flush_on(spdlog::level::trace);
-  spdlog::set_default_logger(std::move(logger));
 }
 
 /// Why the daemon does not start.
@@ -106,10 +97,10 @@ void use_cache_directory() {
 
 Scene load_scene(const DaemonOptions& options) {
   if (const std::string why = Cache::of_environment().why_off(); !why.empty())
-    spdlog::warn("event=cache_off text=\"nothing is kept of meshes: {}\"", log_text(why));
+    log::warn("event=cache_off text=\"nothing is kept of meshes: {}\"", log_text(why));
   Scene scene = Scene::load(options.scene, options.allow_outside);
   if (const std::string missing = mesh_loader_warning(); !missing.empty())
-    spdlog::warn("event=mesh_loader_unfiltered text=\"{}\"", log_text(missing));
+    log::warn("event=mesh_loader_unfiltered text=\"{}\"", log_text(missing));
   return scene;
 }
 
@@ -119,7 +110,7 @@ void log_scene(const DaemonOptions& options, const Engine& engine, double load_s
     pieces += body.pieces.size();
     for (const PiecePtr& piece : body.pieces) vertices += piece->vertices.size();
   }
-  spdlog::info(
+  log::info(
       "event=scene_loaded scene=\"{}\" bodies={} pieces={} vertices={} revision={:016x} backend={} seconds={:.3f}",
       log_text(options.scene), engine.scene().bodies().size(), pieces, vertices, engine.scene_revision(),
       engine.backend(), load_seconds);
@@ -176,8 +167,8 @@ void check_backend(const Engine::Options& options) {
   or_fail<std::exception>(kExitBackend, "", [&] { Engine probe(Scene{}, options); });
   for (const SelfTest& test : self_tests())
     if (!test.passed())
-      spdlog::error("event=self_test_failed name={} wrong={} answers={} first=\"{}\" text=\"it is not used\"",
-                    test.name, test.wrong, test.answers, test.first_wrong);
+      log::error("event=self_test_failed name={} wrong={} answers={} first=\"{}\" text=\"it is not used\"", test.name,
+                 test.wrong, test.answers, test.first_wrong);
 }
 
 /// Tells everybody who waits for that.
@@ -186,7 +177,7 @@ void say_ready(const Loop& loop, const DaemonOptions& options, const Supervisor&
   for (const auto& transport : loop.transports()) urls.push_back(transport->url());
   std::string all;
   for (const std::string& url : urls) all += (all.empty() ? "" : " ") + url;
-  spdlog::info("event=ready urls=\"{}\" load_seconds={:.3f} epoch={:016x}", log_text(all), load_seconds, loop.epoch());
+  log::info("event=ready urls=\"{}\" load_seconds={:.3f} epoch={:016x}", log_text(all), load_seconds, loop.epoch());
   if (options.ready_fd >= 0) write_ready(options.ready_fd, urls);
   supervisor.ready("serving " + options.scene + " at " + all);
 }
@@ -205,8 +196,8 @@ int serve(DaemonOptions options) {
   Supervisor supervisor;
   use_cache_directory();
   keep_ready_fd(options);
-  start_log(options);
-  spdlog::info("event=start version={} pid={}", CLEARANCE_VERSION, getpid());
+  log::start(options.log_level);
+  log::info("event=start version={} pid={}", CLEARANCE_VERSION, getpid());
 
   const Access access = or_fail<std::invalid_argument>(kExitCommandLine, "", [&] {
     return or_fail<std::runtime_error>(kExitEndpoint, "--keys: ", [&] { return access_of(options); });
@@ -233,7 +224,7 @@ int serve(DaemonOptions options) {
     open_endpoints(loop, options, access, lcm_poses);
     if (options.metrics.empty()) return;
     metrics.emplace(options.metrics, [&loop] { return loop.read_figures(std::chrono::milliseconds(500)); });
-    spdlog::info("event=metrics url={}", log_text(metrics->url()));
+    log::info("event=metrics url={}", log_text(metrics->url()));
   });
   if (options.real_time)  // now that other threads are there, which do not get it
     become_real_time(options.loop_cpu >= 0 ? std::optional(options.loop_cpu) : std::nullopt);
@@ -243,11 +234,11 @@ int serve(DaemonOptions options) {
   metrics.reset();
 
   supervisor.stopping();
-  spdlog::info("event=end signal={} frames={} queries={} errors={} uptime_seconds={:.1f}", last_signal.load(),
-               loop.counter("frames"), loop.counter("queries"), loop.counter("errors"), seconds_since(begin));
+  log::info("event=end signal={} frames={} queries={} errors={} uptime_seconds={:.1f}", last_signal.load(),
+            loop.counter("frames"), loop.counter("queries"), loop.counter("errors"), seconds_since(begin));
   if (loop.is_reloading() || loop.is_working()) {  // nobody waits for what nobody will get
     loop.close_transports();
-    spdlog::shutdown();
+    log::end();
     std::_Exit(kExitClean);
   }
   return kExitClean;

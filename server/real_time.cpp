@@ -1,7 +1,6 @@
 #include "real_time.h"
 
 #include <sched.h>
-#include <spdlog/spdlog.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
 
@@ -12,6 +11,7 @@
 #include <memory>
 #include <vector>
 
+#include "log.h"
 #include "log_text.h"
 
 namespace clearance {
@@ -41,9 +41,9 @@ void touch(volatile std::byte* begin, std::size_t bytes) {
 
 void say(const char* step, const std::string& what, const std::string& refused) {
   if (refused.empty())
-    spdlog::info("event=real_time step={} text=\"{}\"", step, what);
+    log::info("event=real_time step={} text=\"{}\"", step, what);
   else
-    spdlog::warn("event=real_time_refused step={} cause=\"{}\"", step, log_text(refused));
+    log::warn("event=real_time_refused step={} cause=\"{}\"", step, log_text(refused));
 }
 
 }  // namespace

@@ -1,12 +1,11 @@
 #include "scene_changes.h"
 
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
 #include <array>
 #include <cstring>
 #include <iterator>
 
+#include "log.h"
 #include "log_text.h"
 #include "scene_check.h"
 #include "scene_log.h"
@@ -103,7 +102,7 @@ void SceneChanges::let_wait(const FrameHeader& request, std::unique_ptr<ReplySin
 void SceneChanges::ask_reload(const FrameHeader& request, std::unique_ptr<ReplySink>& sink) {
   if (!reloader_) throw Refusal{ErrorCode::kNotSupported, "there is no scene file to load anew"};
   quotas_.check_requests(sink->client());
-  spdlog::info("event=reload_asked client={}", sink->client());
+  log::info("event=reload_asked client={}", sink->client());
   let_wait(request, sink, {.asked = {}, .load = reloader_->next_load(), .name = ""});
   reloader_->ask();
 }
@@ -199,18 +198,18 @@ bool SceneChanges::install(Reloader::Outcome& outcome) {
   if (!outcome.engine) {
     ++stats_[std::string(what) + "s.failed"];
     if (outcome.edit)
-      spdlog::info("event=scene_edit_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
+      log::info("event=scene_edit_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
     else
-      spdlog::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
+      log::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
     return false;
   }
   outcome.engine->take_poses(*engine_);
   engine_ = std::move(outcome.engine);
   parts_ = std::move(outcome.parts);
   ++stats_[std::string(what) + "s"];
-  spdlog::info("event={} bodies={} revision={:016x} seconds={:.3f}", outcome.edit ? "scene_edited" : "reloaded",
-               engine_->scene().bodies().size(), engine_->scene_revision(), outcome.seconds);
-  if (!outcome.left_out.empty()) spdlog::warn("event=added_bodies_left_out error=\"{}\"", log_text(outcome.left_out));
+  log::info("event={} bodies={} revision={:016x} seconds={:.3f}", outcome.edit ? "scene_edited" : "reloaded",
+            engine_->scene().bodies().size(), engine_->scene_revision(), outcome.seconds);
+  if (!outcome.left_out.empty()) log::warn("event=added_bodies_left_out error=\"{}\"", log_text(outcome.left_out));
   if (!outcome.edit) log_hull_warnings(engine_->scene());
   return true;
 }

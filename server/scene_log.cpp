@@ -1,10 +1,9 @@
 #include "scene_log.h"
 
-#include <spdlog/spdlog.h>
-
 #include <unordered_map>
 #include <vector>
 
+#include "log.h"
 #include "log_text.h"
 
 namespace clearance {
@@ -23,9 +22,9 @@ void log_hull_warnings(const Scene& scene) {
     ++meshes[at->second].bodies;
   }
   for (const auto& [first, bodies] : meshes)
-    spdlog::warn("event=hull_stands_out body=\"{}\" more={} hull_excess_m={:.4g} empty_share={:.3g} text=\"{}\"",
-                 log_text(first->name), bodies - 1, first->hull_excess, first->empty_share,
-                 log_text(hull_warning(*first)));
+    log::warn("event=hull_stands_out body=\"{}\" more={} hull_excess_m={:.4g} empty_share={:.3g} text=\"{}\"",
+              log_text(first->name), bodies - 1, first->hull_excess, first->empty_share,
+              log_text(hull_warning(*first)));
 }
 
 }  // namespace clearance

@@ -1,6 +1,5 @@
 #include "segment_pinner.h"
 
-#include <spdlog/spdlog.h>
 #include <sys/mman.h>
 
 #include <algorithm>
@@ -8,6 +7,7 @@
 #include <exception>
 
 #include "engine/device/device.h"
+#include "log.h"
 #include "log_text.h"
 
 namespace clearance {
@@ -86,7 +86,7 @@ std::shared_ptr<void> SegmentPinner::try_to_pin(const Mapping& mapping) {
     return pinned;
   } catch (const std::exception& error) {
     if (refusals_++ == 0)
-      spdlog::warn("event=pinning_failed bytes={} error=\"{}\"", mapping.bytes(), log_text(error.what()));
+      log::warn("event=pinning_failed bytes={} error=\"{}\"", mapping.bytes(), log_text(error.what()));
     return nullptr;
   }
 }

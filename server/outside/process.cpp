@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <spdlog/spdlog.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -18,6 +17,7 @@
 #include "engine/base/helper_program.h"
 #include "engine/narrow/work_meter.h"
 #include "server/doorman.h"
+#include "server/log.h"
 #include "server/log_text.h"
 
 namespace clearance::outside {
@@ -118,8 +118,8 @@ bool Process::turn(Inbox& inbox) {
                                       : std::clamp<Clock::duration>(2 * pause_, kFirstPause, kLongestPause);
   next_start_ = now + pause_;
   ++inbox.counter("outside.restarts");
-  spdlog::warn("event=outside_ended url={} pid={} pause_ms={} why=\"{}\"", log_text(plan_.url), pid_,
-               std::chrono::duration_cast<milliseconds>(pause_).count(), log_text(why_lost_));
+  log::warn("event=outside_ended url={} pid={} pause_ms={} why=\"{}\"", log_text(plan_.url), pid_,
+            std::chrono::duration_cast<milliseconds>(pause_).count(), log_text(why_lost_));
   ::kill(pid_, SIGKILL);
   ending_.push_back(std::exchange(pid_, -1));
   tick(inbox);
@@ -145,8 +145,8 @@ std::optional<Message> Process::take_own(Message message) {
     case Kind::kReady:
       ready_ = true;
       if (message.body.bytes && !std::exchange(reported_unfiltered_, true))
-        spdlog::warn("event=outside_unfiltered url={} text=\"{}\"", log_text(plan_.url),
-                     log_text(message.body.text().substr(0, 200)));
+        log::warn("event=outside_unfiltered url={} text=\"{}\"", log_text(plan_.url),
+                  log_text(message.body.text().substr(0, 200)));
       return std::nullopt;
     case Kind::kAlive:
       last_alive_ = Clock::now();
@@ -181,7 +181,7 @@ void Process::tick(Inbox& inbox) {
     } catch (const std::runtime_error& error) {
       link_.reset();
       next_start_ = now + kLongestPause;
-      spdlog::error("event=outside_not_started url={} error=\"{}\"", log_text(plan_.url), log_text(error.what()));
+      log::error("event=outside_not_started url={} error=\"{}\"", log_text(plan_.url), log_text(error.what()));
     }
   if (now < next_look_) return;
   next_look_ = now + kLookEvery;
@@ -202,7 +202,7 @@ void Process::reap(bool wait) {
     pid_t reaped;
     do reaped = ::waitpid(pid, &status, wait ? 0 : WNOHANG);
     while (reaped < 0 && errno == EINTR);
-    if (reaped == pid && !wait) spdlog::info("event=outside_reaped pid={} by=\"{}\"", pid, ending_of(status));
+    if (reaped == pid && !wait) log::info("event=outside_reaped pid={} by=\"{}\"", pid, ending_of(status));
     return reaped != 0;
   });
 }

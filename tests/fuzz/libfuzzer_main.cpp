@@ -1,10 +1,9 @@
 // libFuzzer's entry: the one target that is linked with it.
-#include <spdlog/spdlog.h>
-
 #include "fuzz_target.h"
+#include "server/log.h"
 
 extern "C" __attribute__((visibility("default"))) int LLVMFuzzerInitialize(int*, char***) {
-  spdlog::set_level(spdlog::level::off);
+  clearance::log::start("off");
   return 0;
 }
 

@@ -2,7 +2,6 @@
 // (regressions/). No input may break anything, and those called good_... must still be accepted: seeds of an old
 // version of the wire would teach the fuzzer nothing.
 #include <gtest/gtest.h>
-#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "fuzz_target.h"
+#include "server/log.h"
 
 namespace clearance::fuzz {
 namespace {
@@ -35,7 +35,7 @@ std::vector<std::byte> contents_of(const fs::path& path) {
 
 class FuzzReplay : public testing::TestWithParam<std::string> {
  protected:
-  void SetUp() override { spdlog::set_level(spdlog::level::off); }
+  void SetUp() override { log::start("off"); }
 };
 
 TEST_P(FuzzReplay, KeptInputsBreakNothing) {
