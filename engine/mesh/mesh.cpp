@@ -202,7 +202,7 @@ std::string mesh_loader_program() {
   if (const fs::path program = fs::read_symlink("/proc/self/exe", error); !error)
     places.push_back(program.parent_path());
   for (const fs::path& place : places) {
-    for (const fs::path& folder : {place, place / ".." / "libexec", place / ".." / ".." / "libexec"})
+    for (const fs::path& folder : {place, place / "libexec", place / ".." / "libexec", place / ".." / ".." / "libexec"})
       if (!place.empty() && runs(folder / kLoaderName)) return (folder / kLoaderName).string();
   }
 #ifdef CLEARANCE_MESH_LOADER_BUILT
