@@ -39,10 +39,11 @@ auto translated(F&& f) {
 }
 
 QueryView view_of(const Query& query) {
-  for (const auto& [name, is_set] :
-       {std::pair{"min_pose_stamp_ns", query.min_pose_stamp_ns != 0},
-        std::pair{"pose_wait_ns", query.pose_wait_ns != 0}, std::pair{"max_reply_bytes", query.max_reply_bytes != 0}})
-    if (is_set) throw std::invalid_argument(std::string("query: ") + name + " is for a daemon's client");
+  for_each_query_option([&query](const QueryOption& option, auto member) {
+    if constexpr (!requires(QueryView& view) { member(view); })
+      if (std::string_view(option.name) != "warm" && member(query) != member(kDefaultOptions))
+        throw std::invalid_argument(std::string("query: ") + option.name + " is for a daemon's client");
+  });
   if (query.bodies.empty() != query.configurations.empty() ||
       (!query.bodies.empty() && query.configurations.size() % query.bodies.size()))
     throw std::invalid_argument("query: " + std::to_string(query.configurations.size()) +

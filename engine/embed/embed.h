@@ -160,7 +160,7 @@ class CLEARANCE_API Engine {
   void attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
 
   /// Throws QueryError for a query that cannot be answered, std::invalid_argument for poses that are no whole number of
-  /// configurations and for options that are a daemon's (min_pose_stamp_ns, pose_wait_ns, max_reply_bytes). A bad pose
+  /// configurations and for options that are a daemon's (min_pose_stamp_ns, max_reply_bytes, ...). A bad pose
   /// or an unknown id is a status of its rows.
   Answer distances(const Query& query = {}) const;
   /// The pairs that a query answers, in order.
