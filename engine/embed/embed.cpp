@@ -1,7 +1,5 @@
 #include "engine/embed/embed.h"
 
-#include <cstring>
-
 #include "engine/engine.h"
 
 namespace clearance::embed {
@@ -11,9 +9,7 @@ static_assert(sizeof(Pose7) == sizeof(Pose) && sizeof(IdPair) == sizeof(BodyPair
 static_assert(sizeof(std::array<double, 3>) == sizeof(Vec3d));
 
 Pose pose_of(const Pose7& X) {
-  Pose pose;
-  std::memcpy(&pose, X.data(), sizeof pose);
-  return pose;
+  return {{X[0], X[1], X[2]}, X[3], X[4], X[5], X[6]};
 }
 Vec3d vector_of(const std::array<double, 3>& v) {
   return {v[0], v[1], v[2]};
