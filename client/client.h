@@ -6,8 +6,7 @@
 //   for (std::size_t i = 0; i < reply.rows(); ++i) use(reply.lower()[i], reply.upper()[i]);
 #pragma once
 
-#include <clearance/query_options.h>
-#include <clearance/types.h>
+#include <clearance/query.h>
 
 #include <array>
 #include <chrono>
@@ -23,13 +22,6 @@
 #include <string_view>
 #include <utility>
 #include <vector>
-
-// The installed shared library shows what is marked so, and nothing else.
-#ifdef CLEARANCE_CLIENT_STATIC
-#define CLEARANCE_API
-#else
-#define CLEARANCE_API __attribute__((visibility("default")))
-#endif
 
 namespace clearance {
 
@@ -54,21 +46,6 @@ struct CLEARANCE_API NewEpoch : RequestError {
 /// The daemon is there, but its loop stood still for ConnectOptions::hang while a request was under way.
 struct CLEARANCE_API DaemonHung : ConnectionError {
   using ConnectionError::ConnectionError;
-};
-
-/// x, y, z, qw, qx, qy, qz; metres. X_wb, or X_parent_body for a body with a parent.
-using Pose7 = std::array<double, 7>;
-/// Body ids, or group selectors (types.h).
-using IdPair = std::array<std::uint32_t, 2>;
-
-struct Query {
-  std::span<const IdPair> pairs = {};          ///< empty: all enabled pairs, or none
-  bool all_pairs = true;                       ///< what empty `pairs` means; with pairs it is not read
-  std::span<const std::uint32_t> bodies = {};  ///< (M,) moved bodies
-  std::span<const Pose7> configurations = {};  ///< (K * M,) their poses; empty: the current poses
-  /// max_distance, reduce, ...: one member for each row of the table in query_options.h, which says what it is for.
-  CLEARANCE_QUERY_OPTIONS(CLEARANCE_OPTION_MEMBER)
-  bool check_scene = true;  ///< refuse an answer for another scene than the one this client fetched
 };
 
 class Frame;

@@ -13,8 +13,9 @@ set(CLEARANCE_PYTHON_DIR ${PROJECT_BINARY_DIR}/python/clearance)
 # clearance_python_module(name sources... LIBS libraries...): an extension module of the package.
 function(clearance_python_module name)
   cmake_parse_arguments(ARG "" "" "LIBS" ${ARGN})
+  # STABLE_ABI: with Python 3.12 and later, one module for all of them (tools/wheel.sh).
   # A domain of its own: both modules bind a Query and an Answer, and share a process with others' nanobind modules.
-  nanobind_add_module(${name} NB_STATIC NB_DOMAIN clearance${name} NOMINSIZE NB_SUPPRESS_WARNINGS
+  nanobind_add_module(${name} NB_STATIC STABLE_ABI NB_DOMAIN clearance${name} NOMINSIZE NB_SUPPRESS_WARNINGS
     ${ARG_UNPARSED_ARGUMENTS})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PRIVATE clearance_options ${ARG_LIBS})

@@ -10,6 +10,9 @@ set -euo pipefail
 # Name, and the paths that it depends on.
 extras=(
   "client_install  pyproject.toml CMakeLists.txt cmake client wire cli lcmtypes"
+  "wheels          pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
+  "deb             CMakeLists.txt cmake cli/CMakeLists.txt server/CMakeLists.txt server/clearanced.service.in tests/install tools/root.sh"
+  "coal            client/python/clearance tests/install/try_coal.py"
   "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
   "robots          engine/robot engine/base engine/pose cli/robot_main.cpp tests/robot"
   "races           wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
@@ -38,6 +41,70 @@ else:
     raise SystemExit("a client-only install has an engine")
 PYTHON
   "$venv/bin/clearance" --help >/dev/null
+}
+
+# Each wheel in roots that have Python and nothing else: Ubuntu 22.04, Debian 13, and for the client alone Debian 11 (Python 3.9).
+run_wheels() {
+  local native abi3 client root
+  tools/setup.sh tools/install_packages.txt
+  CLEARANCE_CUDA=${CLEARANCE_CUDA:-AUTO} tools/wheel.sh
+  native=$(newest "dist/clearance-*-cp$(.venv/bin/python -c 'import sys; print("%d%d" % sys.version_info[:2])')-*.whl")
+  abi3=$(newest 'dist/clearance-*-abi3-*.whl') client=$(newest 'dist/clearance_client-*.whl')
+  root=$(tools/root.sh jammy python3 python3-venv python3.11 python3.11-venv)
+  try_wheel "$root" python3.11 3.11 "$native"
+  try_wheel "$root" python3 3.10 "$client" "$native"
+  root=$(tools/root.sh trixie python3 python3-dev python3-venv)
+  try_wheel "$root" python3 3.13 "$abi3"
+  try_wheel "$root" python3 3.13 "$client" "$abi3"
+  root=$(tools/root.sh bullseye python3 python3-venv)
+  try_wheel "$root" python3 3.9 "$client"
+}
+
+# The last made of some files.
+newest() { compgen -G "$1" | xargs ls -t | head -n 1; }
+
+# try_wheel ROOT PYTHON VERSION WHEEL [WHEEL with a daemon]: with numpy and pyzmq beside it, and no network.
+try_wheel() {
+  local root=$1 python=$2 version=$3 wheel=$4 program=
+  rm -rf "$root/tmp/try"
+  mkdir -p "$root/tmp/try/wheels"
+  step "wheels-$version" "Fetch numpy and pyzmq for Python $version" .venv/bin/python -m pip download --disable-pip-version-check \
+    --progress-bar off --only-binary=:all: --python-version "$version" --platform "manylinux_2_28_$(uname -m)" \
+    --platform "manylinux_2_27_$(uname -m)" --platform "manylinux_2_26_$(uname -m)" --platform "manylinux2014_$(uname -m)" \
+    -d "$root/tmp/try/wheels" numpy pyzmq
+  cp "$wheel" "$root/tmp/try/wheels"
+  cp -r scenes tests/install "$root/tmp/try"
+  if [ "${5:-}" ]; then
+    .venv/bin/python -m zipfile -e "$5" "$root/tmp/try/daemon"
+    chmod +x "$root"/tmp/try/daemon/clearance/libexec/*
+    program=/tmp/try/daemon/clearance/libexec/clearanced
+  fi
+  tests/install/in_root.sh "$root" "$python" /tmp/try/install/try_wheel.py /tmp/try/wheels /tmp/try/scenes ${program:+"$program"}
+}
+
+# The Debian package in a root of the distribution that it was built on.
+run_deb() {
+  local root deb
+  tools/setup.sh tools/install_packages.txt
+  tools/build.sh release product
+  (cd build && cpack -G DEB >"../$log_dir/deb.log" 2>&1) || die "cpack failed: $log_dir/deb.log"
+  deb=$(newest 'build/package/*.deb')
+  root=$(tools/root.sh "$(. /etc/os-release && echo "$VERSION_CODENAME")" python3 python3-venv)
+  rm -rf "$root/tmp/try"
+  mkdir -p "$root/tmp/try/deb"
+  cp -r scenes tests/install "$root/tmp/try"
+  cp "$deb" "$root/tmp/try/deb"
+  tests/install/in_root.sh "$root" /tmp/try/install/try_deb.sh "/tmp/try/deb/$(basename "$deb")" /tmp/try/scenes
+}
+
+# What comes from Coal and Pinocchio, in an environment that has them.
+run_coal() {
+  local venv=out/extras/coal
+  tools/build.sh release product
+  step coal-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step coal-install "Install Coal and Pinocchio" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    coal==3.0.3 pin==4.1.0 numpy
+  PYTHONPATH=build/python "$venv/bin/python" tests/install/try_coal.py
 }
 
 # Half a minute for each target of tests/fuzz, under the address and undefined-behaviour sanitizers.

@@ -34,7 +34,7 @@ std::string helper_program(const std::string& name, const char* variable, const 
   if (const fs::path program = fs::read_symlink("/proc/self/exe", error); !error)
     places.push_back(program.parent_path());
   for (const fs::path& place : places) {
-    for (const fs::path& folder : {place, place / ".." / "libexec", place / ".." / ".." / "libexec"})
+    for (const fs::path& folder : {place, place / "libexec", place / ".." / "libexec", place / ".." / ".." / "libexec"})
       if (!place.empty() && runs(folder / name)) return (folder / name).string();
   }
   if (built && runs(built)) return built;

@@ -1,9 +1,10 @@
 """Fixtures of the Python tests.
 
 The package under test is the one in the build folder: build/, or CLEARANCE_BUILD; with CLEARANCE_INSTALLED=1 it is the
-installed one and the daemon is the one on PATH.
+installed one and the daemon is the one on PATH. With CLEARANCE_CLIENT=python its client is the one in Python alone.
 """
 
+import importlib.util
 import os
 import pathlib
 import random
@@ -34,6 +35,22 @@ if not INSTALLED:
     os.environ["PYTHONPATH"] = os.pathsep.join([str(BUILD / "python"), os.environ.get("PYTHONPATH", "")]).rstrip(
         os.pathsep
     )
+
+PYTHON_CLIENT = os.environ.get("CLEARANCE_CLIENT") == "python"
+
+
+def use_python_client() -> None:
+    """Puts the client in Python alone where the extension module would be."""
+    import clearance
+
+    name, file = "clearance._client", BUILD / "python" / "clearance_client" / "_client" / "__init__.py"
+    spec = importlib.util.spec_from_file_location(name, file, submodule_search_locations=[str(file.parent)])
+    clearance._client = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(clearance._client)
+
+
+if PYTHON_CLIENT:
+    use_python_client()
 
 
 @pytest.fixture(scope="session")
@@ -89,6 +106,8 @@ def free_tcp_port() -> int:
 
 def missing(kind: str) -> "str | None":
     """Why this machine or build cannot serve a transport; None if it can."""
+    if kind == "udpm" and PYTHON_CLIENT:
+        return "the client in Python alone speaks no LCM"
     with tempfile.TemporaryDirectory() as folder:
         scene = pathlib.Path(folder) / "scene.yaml"
         scene.write_text("bodies:\n  - {name: ball, sphere: 1}\n")

@@ -83,6 +83,7 @@ SCENE = {
     "add_mesh": ({"name": "x", "path": "x.obj"}, {
         "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:1], *SIZES[2:], None, True], "convexify": WORDS,
         "radius": [*NUMBERS, None], **OF_A_BODY}),
+    "add_body": CLIENT["add_body"],
     "add_box": ({"name": "x", "size": [1, 1, 1]},
                 {"name": TEXTS, "size": SIZES, "radius": [*NUMBERS, None], **OF_A_BODY}),
     "add_sphere": ({"name": "x", "radius": 1}, {"name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY}),

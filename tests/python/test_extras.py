@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ["client_install", "fuzz", "races", "kernels"]
+NAMES = ["client_install", "wheels", "deb", "coal", "fuzz", "races", "kernels"]
 
 
 @pytest.fixture

@@ -2,9 +2,11 @@
 
 import enum
 import re
+import typing
 
 import pytest
 
+import clearance
 from clearance import _words
 
 
@@ -75,3 +77,22 @@ def test_words_as_strings():
     assert _words.REDUCTIONS == {"none": 0, "within": 1, "nearest": 2, "min": 3}
     assert _words.PRECISIONS == {"f64": 0, "f32": 1}
     assert _words.FORMATS == {"full": 0, "compact": 1}
+
+
+@pytest.mark.parametrize("literal, table", [
+    ("PrecisionWord", "PRECISIONS"), ("ReduceWord", "REDUCTIONS"), ("FormatWord", "FORMATS"),
+    ("ConvexifyWord", "CONVEXIFY"), ("BackendWord", "BACKENDS"),
+])  # fmt: skip
+def test_type_checkers_know_the_words(literal, table):
+    assert list(typing.get_args(getattr(_words, literal))) == list(getattr(_words, table))
+
+
+@pytest.mark.parametrize("call, argument, literal", [
+    ("Client.distances", "reduce", "ReduceWord"), ("Engine.submit", "precision", "PrecisionWord"),
+    ("Client.distances", "format", "FormatWord"), ("Engine.__init__", "backend", "BackendWord"),
+    ("Scene.add_mesh", "convexify", "ConvexifyWord"),
+])  # fmt: skip
+def test_arguments_are_typed_by_their_words(call, argument, literal):
+    kind, _, method = call.partition(".")
+    hints = typing.get_type_hints(getattr(getattr(clearance, kind), method))
+    assert hints[argument] == getattr(_words, literal)

@@ -17,8 +17,11 @@ SOURCES = (".h", ".cpp", ".cu", ".cuh")
 FOLDERS = ("wire", "engine", "client", "server", "cli", "inspect", "bench", "tests")
 INSTALLED = {
     f"clearance/{name}": f"{room}/{name}"
-    for room, name in (("wire", "types.h"), ("wire", "query_options.h"), ("wire", "protocol.h"), ("client", "client.h"))
-}
+    for room, name in (
+        ("wire", "types.h"), ("wire", "query_options.h"), ("wire", "query.h"), ("wire", "protocol.h"),
+        ("client", "client.h"), ("client", "eigen.h"),
+    )
+} | {"clearance/engine.h": "engine/embed/embed.h"}  # fmt: skip
 
 
 def files() -> list[Path]:

@@ -17,6 +17,7 @@
 #include "client/client.h"
 #include "client/fork_guard.h"
 #include "columns.h"
+#include "matrices.h"
 #include "wire/layout.h"
 
 namespace clearance::python {
@@ -258,6 +259,9 @@ class PyPending {
 
 using VertexRows = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 
+using Matrices = nb::ndarray<const double, nb::shape<-1, 4, 4>, nb::c_contig, nb::device::cpu>;
+using WritablePoseRows = nb::ndarray<double, nb::shape<-1, 7>, nb::c_contig, nb::device::cpu>;
+
 class PyClient {
  public:
   PyClient(const std::vector<std::string>& urls, double timeout_s, const std::string& server_key,
@@ -447,6 +451,13 @@ NB_MODULE(_client, m) {
 
   m.attr("OPTIONS") = query_options<QueryOptions>();
   m.def("wire_structs", &wire_structs);
+  m.def(
+      "poses_of_matrices",
+      [](const Matrices& matrices, double tolerance, const WritablePoseRows& poses) {
+        if (poses.shape(0) != matrices.shape(0)) throw nb::value_error("poses: expected one row for each matrix");
+        return poses_of_matrices(matrices.data(), matrices.shape(0), tolerance, poses.data());
+      },
+      nb::arg("matrices"), nb::arg("tolerance"), nb::arg("poses").noconvert());
 }
 
 }  // namespace clearance::python

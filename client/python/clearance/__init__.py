@@ -34,10 +34,12 @@ from ._future import Future
 from ._names import BodyInfo
 from ._poses import pose7_from_matrix
 from ._result import Result
+from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, Status
 
 if TYPE_CHECKING:
     from ._client_front import Client, connect
+    from ._coal import from_coal, from_pinocchio
     from ._engine_front import Engine
     from ._scene import Scene
 
@@ -69,7 +71,10 @@ __all__ = [
     "SceneError",
     "Status",
     "TimeoutError",
+    "__version__",
     "connect",
+    "from_coal",
+    "from_pinocchio",
     "pose7_from_matrix",
     "wire",
 ]
@@ -79,6 +84,8 @@ __all__ = [
 _LAZY = {
     "Client": "._client_front",
     "connect": "._client_front",
+    "from_coal": "._coal",
+    "from_pinocchio": "._coal",
     "Engine": "._engine_front",
     "Scene": "._scene",
 }
@@ -87,10 +94,10 @@ _LAZY = {
 def __getattr__(name: str) -> Any:
     if name not in _LAZY:
         raise AttributeError(f"module 'clearance' has no attribute {name!r}")
-    if name in ("Engine", "Scene") and importlib.util.find_spec("clearance._engine") is None:
+    if name in ("Engine", "Scene") and importlib.util.find_spec(f"{__name__}._engine") is None:
         raise ImportError(
-            f"clearance.{name} is not there: this is a client-only install; install the whole package "
-            "(without CLEARANCE_CLIENT_ONLY) for the engine in this process"
+            f"{__name__}.{name} is not there: this is a client-only install; install the whole package "
+            "(clearance, without CLEARANCE_CLIENT_ONLY) for the engine in this process"
         )
     value = getattr(importlib.import_module(_LAZY[name], __name__), name)
     globals()[name] = value

@@ -148,3 +148,22 @@ def did_you_mean(value: Any, words: Iterable[str], cutoff: float = 0.6) -> str:
     by_fold = {word.casefold(): word for word in words}
     close = difflib.get_close_matches(value.casefold(), by_fold, n=3, cutoff=cutoff)
     return f"; did you mean {' or '.join(repr(by_fold[fold]) for fold in close)}?" if close else ""
+
+
+def to_shape(shapes: Mapping[str, Any]) -> tuple[str, np.ndarray]:
+    """The one shape that add_body() was given, and its numbers: vertices (V, 3), or sizes (1, 3)."""
+    given = [shape for shape, value in shapes.items() if value is not None]
+    if len(given) != 1:
+        raise ValueError(f"add_body: expected one of {', '.join(shapes)}, got {', '.join(given) or 'none'}")
+    shape = given[0]
+    value = shapes[shape]
+    if shape == "vertices":
+        rows = to_floats(value, "vertices", "(V, 3) numbers")
+        if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows):
+            raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
+        return shape, rows
+    if shape == "box":
+        return shape, np.array([to_numbers(value, "box", 3, "three numbers")])
+    if shape == "sphere":
+        return shape, np.array([[to_number(value, "sphere"), 0.0, 0.0]])
+    return shape, np.array([[*to_numbers(value, shape, 2, "two numbers (radius, length)"), 0.0]])

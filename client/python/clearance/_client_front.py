@@ -9,9 +9,8 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-import clearance._client as _client
-
-from ._arguments import to_bool, to_floats, to_number, to_number_from_0, to_numbers, to_path, to_text
+from . import _client
+from ._arguments import to_bool, to_number, to_number_from_0, to_path, to_shape, to_text
 from ._errors import ConnectionError, QueryError, TimeoutError
 from ._front import BodyRef, BodyState, Front, PosesDone, SceneChanged
 from ._future import Future
@@ -161,11 +160,7 @@ class Client(Front):
         many bodies; ValueError and TypeError for a wrong argument.
         """
         shapes = {"vertices": vertices, "box": box, "sphere": sphere, "capsule": capsule, "cylinder": cylinder}
-        given = [shape for shape, value in shapes.items() if value is not None]
-        if len(given) != 1:
-            raise ValueError(f"add_body: expected one of {', '.join(shapes)}, got {', '.join(given) or 'none'}")
-        shape = given[0]
-        numbers = _shape_numbers(shape, shapes[shape])
+        shape, numbers = to_shape(shapes)
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
         row = None if pose is None else as_one_pose(pose, "pose").reshape(1, 7)
         return self._changed(
@@ -349,17 +344,3 @@ class ClientFuture(Future):
         self._pending.cancel()
         self._error = concurrent.futures.CancelledError()
         return True
-
-
-def _shape_numbers(shape: str, value: Any) -> np.ndarray:
-    """The rows of three numbers that add_body() sends for a shape."""
-    if shape == "vertices":
-        rows = to_floats(value, "vertices", "(V, 3) numbers")
-        if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows):
-            raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
-        return rows
-    if shape == "box":
-        return np.array([to_numbers(value, "box", 3, "three numbers")])
-    if shape == "sphere":
-        return np.array([[to_number(value, "sphere"), 0.0, 0.0]])
-    return np.array([[*to_numbers(value, shape, 2, "two numbers (radius, length)"), 0.0]])

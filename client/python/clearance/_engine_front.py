@@ -18,7 +18,7 @@ from ._future import EngineFuture, Worker
 from ._names import NameTable
 from ._query import POINTS_BY_DEFAULT, Query
 from ._scene import Scene, name_table
-from ._words import BACKENDS, DEFAULT_FIELDS, NONE, Status
+from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, Status
 
 
 class Engine(Front):
@@ -43,7 +43,7 @@ class Engine(Front):
     def __init__(
         self,
         scene: Scene,
-        backend: str = "auto",
+        backend: BackendWord = "auto",
         threads: int = 0,
         max_rows: int = 1 << 28,
         device_memory: int = 0,

@@ -22,7 +22,7 @@ from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose, as_pose7, stack_poses
 from ._query import NO_WAIT, Parser, Query
 from ._result import Out, Result
-from ._words import NONE, Status
+from ._words import NONE, FormatWord, PrecisionWord, ReduceWord, Status
 
 BodyRef = Union[str, int]
 Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
@@ -225,11 +225,11 @@ class Front(Parser):
         max_distance: float = math.inf,
         abs_tol: float = 0.0,
         rel_tol: Optional[float] = None,
-        precision: str = "f64",
+        precision: PrecisionWord = "f64",
         signed: bool = False,
-        reduce: str = "none",
+        reduce: ReduceWord = "none",
         fields: Union[str, Sequence[str], None] = None,
-        format: str = "full",
+        format: FormatWord = "full",
         out: Out = None,
         timeout_s: Optional[float] = None,
         max_results: int = 1 << 20,
@@ -301,11 +301,11 @@ class Front(Parser):
         max_distance: float = math.inf,
         abs_tol: float = 0.0,
         rel_tol: Optional[float] = None,
-        precision: str = "f64",
+        precision: PrecisionWord = "f64",
         signed: bool = False,
-        reduce: str = "none",
+        reduce: ReduceWord = "none",
         fields: Union[str, Sequence[str], None] = None,
-        format: str = "full",
+        format: FormatWord = "full",
         out: Out = None,
         timeout_s: Optional[float] = None,
         max_results: int = 1 << 20,

@@ -31,59 +31,26 @@ def pose7_from_matrix(matrix: Any, what: str = "matrix") -> np.ndarray:
     m = to_floats(matrix, what)
     if m.ndim < 2 or m.shape[-2:] != (4, 4):
         raise ValueError(f"{what}: expected shape (..., 4, 4), got {m.shape}")
-    finite = np.asarray(np.isfinite(m).all(axis=(-2, -1)))
-    safe = m if finite.all() else np.where(finite[..., None, None], m, np.eye(4))
-    _check_rigid(safe, what)
+    from . import _client  # when a matrix first comes: numbers need no extension module
 
-    r = safe[..., :3, :3]
-    xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
-    # For an exact rotation this matrix is 4 q q^T: every column is a multiple of q. The column of the largest component
-    # loses nothing to cancellation (Shepperd 1978). One more product with the matrix, whose other eigenvalues are about
-    # 0, gives the quaternion nearest to a matrix that is orthogonal only to within the tolerance (Bar-Itzhack 2000).
-    k = np.empty(r.shape[:-2] + (4, 4))
-    k[..., 0, 0] = 1 + xx + yy + zz
-    k[..., 1, 1] = 1 + xx - yy - zz
-    k[..., 2, 2] = 1 - xx + yy - zz
-    k[..., 3, 3] = 1 - xx - yy + zz
-    k[..., 0, 1] = k[..., 1, 0] = r[..., 2, 1] - r[..., 1, 2]
-    k[..., 0, 2] = k[..., 2, 0] = r[..., 0, 2] - r[..., 2, 0]
-    k[..., 0, 3] = k[..., 3, 0] = r[..., 1, 0] - r[..., 0, 1]
-    k[..., 1, 2] = k[..., 2, 1] = r[..., 1, 0] + r[..., 0, 1]
-    k[..., 1, 3] = k[..., 3, 1] = r[..., 2, 0] + r[..., 0, 2]
-    k[..., 2, 3] = k[..., 3, 2] = r[..., 2, 1] + r[..., 1, 2]
-    largest = np.argmax(np.diagonal(k, axis1=-2, axis2=-1), axis=-1)
-    q = np.take_along_axis(k, largest[..., None, None], axis=-1)[..., 0]
-    q = np.einsum("...ij,...j->...i", k, q)
-    q /= np.linalg.norm(q, axis=-1, keepdims=True)
-    q *= np.where(q[..., :1] < 0, -1.0, 1.0)
-
-    pose = np.empty(m.shape[:-2] + (7,))
-    pose[..., :3] = safe[..., :3, 3]
-    pose[..., 3:] = q
-    if safe is not m:
-        pose[~finite] = np.nan
-    return pose
+    rows = m.reshape(-1, 4, 4)
+    poses = np.empty((len(rows), 7))
+    wrong = _client.poses_of_matrices(rows, RIGID_TOLERANCE, poses)
+    if wrong >= 0:
+        index = ", ".join(map(str, np.unravel_index(wrong, m.shape[:-2])))
+        raise ValueError(f"{what}{index and f'[{index}]'}: not a rigid transform: {_why_not_rigid(rows[wrong])}")
+    return poses.reshape(*m.shape[:-2], 7)
 
 
-def _check_rigid(m: np.ndarray, what: str) -> None:
-    r = m[..., :3, :3]
+def _why_not_rigid(m: np.ndarray) -> str:
+    if np.abs(m[3] - _LAST_ROW).max() > RIGID_TOLERANCE:
+        return f"its last row is {m[3].tolist()}, expected [0, 0, 0, 1]"
+    r = m[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
-        gram = np.einsum("...ji,...jk->...ik", r, r) - np.eye(3)
-        skew = np.abs(gram).max(axis=(-2, -1))
-        last = np.abs(m[..., 3, :] - _LAST_ROW).max(axis=-1)
-        mirrored = np.linalg.det(r) < 0
-    ok = (skew <= RIGID_TOLERANCE) & (last <= RIGID_TOLERANCE) & ~mirrored
-    if ok.all():
-        return
-    index = tuple(int(i) for i in np.argwhere(~ok)[0])
-    place = what + (f"[{', '.join(map(str, index))}]" if index else "")
-    if last[index] > RIGID_TOLERANCE:
-        why = f"its last row is {m[index + (3,)].tolist()}, expected [0, 0, 0, 1]"
-    elif skew[index] > RIGID_TOLERANCE:
-        why = f"its 3 x 3 block is not a rotation: an entry of R^T R - 1 is {skew[index]:.3g}"
-    else:
-        why = "its 3 x 3 block mirrors (determinant -1)"
-    raise ValueError(f"{place}: not a rigid transform: {why}")
+        skew = np.abs(r.T @ r - np.eye(3)).max()
+    if not skew <= RIGID_TOLERANCE:
+        return f"its 3 x 3 block is not a rotation: an entry of R^T R - 1 is {skew:.3g}"
+    return "its 3 x 3 block mirrors (determinant -1)"
 
 
 def as_pose7(value: Any, what: str) -> np.ndarray:

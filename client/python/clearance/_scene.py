@@ -12,11 +12,11 @@ import numpy as np
 
 import clearance._engine as _engine
 
-from ._arguments import to_bool, to_floats, to_list, to_number, to_numbers, to_path, to_text, to_word
+from ._arguments import to_bool, to_floats, to_list, to_number, to_numbers, to_path, to_shape, to_text, to_word
 from ._errors import HullWarning, SceneError
 from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose
-from ._words import CONVEXIFY, NONE
+from ._words import CONVEXIFY, NONE, ConvexifyWord
 
 BodyRef = Union[str, int]
 
@@ -76,7 +76,7 @@ class Scene:
         name: str,
         path: str | os.PathLike[str],
         scale: Any = 1.0,
-        convexify: str = "hull",
+        convexify: ConvexifyWord = "hull",
         *,
         radius: float = 0.0,
         parent: Optional[BodyRef] = None,
@@ -165,6 +165,41 @@ class Scene:
                 to_number(length, "length"),
                 *self._rest(parent, static, pose),
             )
+
+    def add_body(
+        self,
+        name: str,
+        vertices: Any = None,
+        *,
+        box: Any = None,
+        sphere: Optional[float] = None,
+        capsule: Any = None,
+        cylinder: Any = None,
+        radius: float = 0.0,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+    ) -> int:
+        """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it.
+
+        A cylinder does not grow: ValueError.
+        """
+        shapes = {"vertices": vertices, "box": box, "sphere": sphere, "capsule": capsule, "cylinder": cylinder}
+        shape, numbers = to_shape(shapes)
+        rest: dict[str, Any] = {"parent": parent, "static": static, "pose": pose}
+        if shape == "vertices":
+            return self.add_hull(name, numbers, radius, **rest)
+        if shape == "box":
+            return self.add_box(name, numbers[0], radius=radius, **rest)
+        grown = to_number(radius, "radius")
+        r, length, _ = numbers[0].tolist()
+        if shape == "sphere":
+            return self.add_sphere(name, r + grown, **rest)
+        if shape == "capsule":
+            return self.add_capsule(name, r + grown, length, **rest)
+        if grown:
+            raise ValueError(f"radius: expected 0 for a cylinder, which does not grow, got {grown:g}")
+        return self.add_cylinder(name, r, length, **rest)
 
     def add_group(self, name: str, bodies: Sequence[str]) -> None:
         """Names a set of bodies."""

@@ -6,7 +6,7 @@ Mirrors wire/types.h, value by value (tests/python/test_words.py compares the tw
 from __future__ import annotations
 
 import enum
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -113,6 +113,13 @@ FIELD_MASKS: dict[str, int] = {
     "points": int(Field.POINT_A | Field.POINT_B),
     "default": DEFAULT_FIELDS,
 }
+
+# What type checkers hold arguments against; tests compare them with the tables below.
+PrecisionWord = Literal["f64", "f32"]
+ReduceWord = Literal["none", "within", "nearest", "min"]
+FormatWord = Literal["full", "compact"]
+ConvexifyWord = Literal["hull", "submeshes", "decompose"]
+BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 
 PRECISIONS = {word.name.lower(): int(word) for word in Precision}
 REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}

@@ -87,7 +87,7 @@ def __getattr__(name: str) -> Any:
     """The structs, made when one is first asked for: RECORDS["FrameHeader"], or FrameHeader."""
     if name.startswith("_"):  # the import system looks for some that no module of one file has
         raise AttributeError(name)
-    import clearance._client as _client
+    from . import _client
 
     RECORDS = {struct: np.dtype(members) for struct, members in _client.wire_structs().items()}
     globals().update(RECORDS, RECORDS=RECORDS)

@@ -1,0 +1,25 @@
+"""The commands that a wheel brings: each becomes the program of its name in clearance/libexec.
+
+A module of its own, since importing the package would load numpy first.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+
+def clearance() -> None:
+    _become("clearance")
+
+
+def clearanced() -> None:
+    _become("clearanced")
+
+
+def _become(name: str) -> None:
+    program = Path(__file__).resolve().parent / "clearance" / "libexec" / name
+    try:
+        os.execv(program, [name, *sys.argv[1:]])
+    except OSError as error:
+        why = "a client-only install has none" if isinstance(error, FileNotFoundError) else error.strerror
+        sys.exit(f"{name}: cannot start {program}: {why}")

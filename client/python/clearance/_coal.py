@@ -1,0 +1,79 @@
+"""Bodies of what Coal (hpp-fcl) and Pinocchio have. Neither is needed to install or import this package.
+
+Shapes are told by the names of their classes, so that what comes from coal, hppfcl or pinocchio is taken alike.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ._scene import Scene
+
+
+def from_coal(geometry: Any) -> dict[str, Any]:
+    """A shape of Coal's as the arguments that add_body() takes, of a Scene or a Client.
+
+        scene.add_body("cup", **clearance.from_coal(coal.Capsule(0.02, 0.1)))
+
+    geometry: a Box, Sphere, Capsule, Cylinder, Convex (its points; their hull), or a BVHModel (its vertices: **the hull
+        of the mesh**, where Coal measures to the triangles). A swept sphere's radius grows the shape, as in Coal.
+        Metres, in the frame of the geometry. A cylinder becomes a prism around it (BodyInfo.model_error).
+
+    Raises TypeError, naming the class, for a shape that has no counterpart: a plane, a half-space, a cone, an
+    ellipsoid, an octree, a height field.
+    """
+    kind = type(geometry).__name__
+    swept = float(getattr(geometry, "getSweptSphereRadius", float)())
+    grown = {"radius": swept} if swept else {}
+    if kind == "Box":
+        return {"box": tuple(2 * float(half) for half in geometry.halfSide), **grown}
+    if kind == "Sphere":
+        return {"sphere": float(geometry.radius) + swept}
+    if kind in ("Capsule", "Cylinder"):
+        return {kind.lower(): (float(geometry.radius), 2 * float(geometry.halfLength)), **grown}
+    if kind.startswith("Convex"):
+        return {"vertices": _rows(geometry.point(i) for i in range(geometry.num_points)), **grown}
+    if kind.startswith("BVHModel"):
+        return {"vertices": _rows(geometry.vertex(i) for i in range(geometry.num_vertices)), **grown}
+    raise TypeError(
+        f"geometry: {kind} has no counterpart; expected a Box, Sphere, Capsule, Cylinder, Convex or BVHModel"
+    )
+
+
+def from_pinocchio(model: Any) -> Scene:
+    """A scene of a pinocchio.GeometryModel: a body for each geometry object, by its name.
+
+        scene = clearance.from_pinocchio(model.collision_model)
+        engine = clearance.Engine(scene)
+        engine.set_poses({g.name: data.oMg[i].homogeneous for i, g in enumerate(model.collision_model.geometryObjects)})
+
+    Pairs that are not among model.collisionPairs are left out, unless it has none. A mesh counts as its hull
+    (from_coal()). Bodies have no poses until they are set: Pinocchio's placements (GeometryData.oMg) are X_wb.
+
+    Raises TypeError or SceneError, naming the object, for a shape that has no counterpart or names that repeat.
+    """
+    from ._scene import Scene
+
+    scene = Scene()
+    names = []
+    for item in model.geometryObjects:
+        try:
+            shape = from_coal(item.geometry)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"{item.name}: {error}") from None
+        scene.add_body(item.name, **shape)
+        names.append(item.name)
+    enabled = {frozenset((pair.first, pair.second)) for pair in model.collisionPairs}
+    for i in range(len(names)) if enabled else ():
+        for j in range(i):
+            if frozenset((i, j)) not in enabled:
+                scene.ignore(names[i], names[j])
+    return scene
+
+
+def _rows(points: Any) -> np.ndarray:
+    """(V, 3) of Coal's vectors."""
+    return np.array([np.asarray(point, dtype=np.float64).reshape(3) for point in points])

@@ -1,0 +1,1 @@
+__version__: str  #: semantic (docs/versions.md); written by the build

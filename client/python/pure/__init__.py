@@ -1,0 +1,193 @@
+"""The client in Python alone: what the extension module clearance._client is elsewhere, over shared memory and ZeroMQ.
+
+The front (_client_front.py) is the same for both. What the C++ headers say of structs and options is in contract.json,
+which the build writes.
+"""
+
+from __future__ import annotations
+
+import json
+import pathlib
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, Optional
+
+import numpy as np
+
+from .answers import Answer, answer_of
+from .connection import Connection
+from .matrices import poses_of_matrices
+from .requests import Session
+
+__all__ = ["OPTIONS", "Answer", "Client", "Pending", "Query", "poses_of_matrices", "wire_structs"]
+
+_CONTRACT = json.loads((pathlib.Path(__file__).parent / "contract.json").read_text())
+#: {name: (tag, kind, default, words, unit, text)}: the rows of wire/query_options.h.
+OPTIONS: dict[str, tuple[int, str, Any, str, str, str]] = {
+    name: tuple(row)  # type: ignore[misc]
+    for name, row in _CONTRACT["options"].items()
+}
+
+#: How often a waiting call lets other threads use the connection.
+_SLICE_S = 0.01
+
+
+def wire_structs() -> dict[str, list[tuple[str, str]]]:
+    """{"FrameHeader": [("magic", "<u4"), ...], ...}: what numpy makes dtypes of."""
+    return {name: [(member, format) for member, format in members] for name, members in _CONTRACT["structs"].items()}
+
+
+class Query:
+    """One call's arguments; every option of OPTIONS is an attribute."""
+
+    def __init__(
+        self,
+        pairs: Optional[np.ndarray],
+        bodies: Optional[np.ndarray],
+        configurations: Optional[np.ndarray],
+        points_by_default: bool,
+    ):
+        if configurations is not None and (bodies is None or configurations.shape[1] != len(bodies)):
+            raise ValueError("configurations: expected one pose for each of bodies")
+        self.pairs, self.bodies, self.configurations = pairs, bodies, configurations
+        self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
+
+
+class Client:
+    """One connection, shared by the client object, its futures and the answers that view its memory."""
+
+    def __init__(self, urls: Sequence[str], timeout_s: float, server_key: str, key: str, hang_s: Optional[float]):
+        self._lock = threading.Lock()
+        self._trash: deque[int] = deque()  # requests that nobody wants any more
+        self._session = Session(Connection(urls, timeout_s, (server_key, key), hang_s), OPTIONS)
+
+    def _with(self, call: Any, *args: Any) -> Any:
+        # Before the lock: another thread may have held it at the fork, and does not exist in the child.
+        self._session.connection.check_process()
+        with self._lock:
+            self._empty_trash()
+            return call(*args)
+
+    def _discard(self, request_id: int) -> None:
+        """Forgets a request, now or before the next call. Never blocks: it is called from destructors."""
+        self._trash.append(request_id)
+        if not self._session.connection.forked() and self._lock.acquire(blocking=False):
+            try:
+                self._empty_trash()
+            finally:
+                self._lock.release()
+
+    def _empty_trash(self) -> None:
+        while self._trash:
+            self._session.forget(self._trash.popleft())
+
+    @property
+    def url(self) -> str:
+        return self._session.connection.url
+
+    @property
+    def epoch(self) -> int:
+        self._session.connection.check_process()
+        return self._session.connection.epoch
+
+    def acknowledge_epoch(self) -> int:
+        return self._with(self._session.connection.acknowledge_epoch)
+
+    @property
+    def timeout_s(self) -> float:
+        return self._session.connection.timeout_s
+
+    @timeout_s.setter
+    def timeout_s(self, seconds: float) -> None:
+        self._session.connection.check_process()
+        self._session.connection.timeout_s = seconds
+
+    def submit(self, query: Query, out: Optional[list], copy: bool) -> Pending:
+        return Pending(self, self._with(self._session.send_query, query), query, out, copy)
+
+    def ask(self, query: Query, out: Optional[list], copy: bool, timeout_s: float) -> Optional[Answer]:
+        """The answer, or None if it did not come in time."""
+        pending = self.submit(query, out, copy)
+        return pending.answer() if pending.wait(timeout_s) else None
+
+    def pairs(self, query: Query) -> np.ndarray:
+        return self._with(self._session.pairs, query)
+
+    def set_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
+        if len(ids) != len(poses):
+            raise ValueError("poses: expected one pose for each body")
+        return self._with(self._session.set_poses, ids, poses, stamp_ns, sequence)
+
+    def attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> tuple:
+        return self._with(self._session.attach, child, parent, pose)
+
+    def reload(self, timeout_s: float) -> tuple:
+        return self._with(self._session.reload, timeout_s)
+
+    def add_body(
+        self,
+        name: str,
+        shape: str,
+        numbers: np.ndarray,
+        radius: float,
+        parent: int,
+        static: bool,
+        pose: Optional[np.ndarray],
+    ) -> tuple:
+        return self._with(self._session.add_body, name, shape, numbers, radius, parent, static, pose)
+
+    def remove_body(self, name: str) -> tuple:
+        return self._with(self._session.remove_body, name)
+
+    def scene(self, refresh: bool) -> tuple:
+        return self._with(self._session.look_at_scene, refresh)
+
+    def body_states(self) -> list[tuple]:
+        return self._with(self._session.body_states)
+
+    def stats(self) -> list[tuple[str, int]]:
+        return self._with(self._session.stats)
+
+    def ping(self, payload: bytes) -> float:
+        return self._with(self._session.ping, payload)
+
+
+class Pending:
+    """A request under way; forgotten if it is left."""
+
+    def __init__(self, client: Client, request_id: int, query: Query, out: Optional[list], copy: bool):
+        self._client, self._request, self._out, self._copy = client, request_id, out, copy
+        self._reduce = query.__dict__["reduce"]
+        self._frame: Any = None
+        self._is_over = False
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether the answer is there, after waiting for at most so long."""
+        deadline = time.monotonic() + timeout_s
+        while self._frame is None:
+            if self._is_over:
+                raise RuntimeError("this request is over")
+            now = time.monotonic()
+            wait_for = self._client._session.connection.wait_for
+            self._frame = self._client._with(wait_for, self._request, min(deadline, now + _SLICE_S))
+            if self._frame is None and time.monotonic() >= deadline:
+                return False
+        return True
+
+    def answer(self) -> Answer:
+        """Once, after wait() returned true."""
+        self._is_over = True
+        session, frame = self._client._session, self._frame
+        self._client._with(session.interpret, frame, "REPLY")
+        return answer_of(frame, self._reduce, self._out, self._copy, session.connection.url)
+
+    def cancel(self) -> None:
+        if not self._is_over:
+            self._is_over = True
+            self._client._discard(self._request)
+
+    def __del__(self) -> None:
+        if self._frame is None:
+            self.cancel()

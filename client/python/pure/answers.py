@@ -1,0 +1,135 @@
+"""A reply's columns: copied, or seen where the reply arrived."""
+
+from __future__ import annotations
+
+from typing import Any, Optional
+
+import numpy as np
+
+from .. import wire
+from .._words import COLUMNS, Reduce
+from .frames import Frame, malformed
+from .zmq_channel import aligned_bytes
+
+_ALIGNMENT = wire.COLUMN_ALIGNMENT
+
+
+class Answer(np.ndarray):
+    """(bytes,) uint8 that columns lie in, and what is known about the whole answer.
+
+    An array, since Python's own classes give others no memory to look at (before 3.12).
+    """
+
+    fields: int
+    rows: int
+    capacity: int
+    total: int
+    configurations: int
+    pairs: int
+    scene_revision: int
+    snapshot_revision: int
+    snapshot_stamp_ns: int
+    snapshot_sequence: int
+    pose_age_ns: int
+    engine_ns: int
+    server_ns: int
+    backend: str
+    _offsets: dict[int, int]
+    _lease: Any
+
+    def offset(self, field: int) -> int:
+        """Where a column begins; -1: it is not there."""
+        return self._offsets.get(field, -1)
+
+
+def answer_of(frame: Frame, reduce: int, out: Optional[list], copy: bool, url: str) -> Answer:
+    """Raises ConnectionError for a malformed reply, ValueError for arrays that do not fit it."""
+    header, columns = _parse(frame, url)
+    given = {} if out is None else {bit: array for bit, array in enumerate(out) if array is not None}
+    _check_out(given, reduce, header)
+    rows = int(header["rows"])
+    if copy:
+        answer, offsets = _copied(frame, columns, given)
+    else:
+        first = min(columns.values(), default=(0, 0))[0]
+        # Arrays over this keep what they are made of alive, and pass over views of plain arrays in between.
+        whole = np.frombuffer(frame.payload, np.uint8).view(Answer)
+        whole._lease = frame
+        answer = whole[first:].view(Answer)
+        answer._lease = whole
+        answer.flags.writeable = False
+        offsets = {bit: begin - first for bit, (begin, _) in columns.items()}
+    answer._offsets = offsets
+    answer.rows = answer.capacity = rows
+    for name in (
+        "fields", "total", "configurations", "pairs", "scene_revision", "snapshot_revision", "snapshot_stamp_ns",
+        "snapshot_sequence", "pose_age_ns", "engine_ns", "server_ns",
+    ):  # fmt: skip
+        setattr(answer, name, int(header[name]))
+    answer.backend = bytes(header["backend"]).split(b"\0")[0].decode(errors="replace")
+    return answer
+
+
+def _parse(frame: Frame, url: str) -> tuple[np.ndarray, dict[int, tuple[int, int]]]:
+    """The reply's header, and where each column lies in the payload: begin and bytes."""
+    size = wire._wire.ReplyHeader.itemsize
+    if len(frame.payload) < size:
+        raise malformed(url, "a reply without its header")
+    header = np.frombuffer(bytes(frame.payload[:size]), wire._wire.ReplyHeader)[0]
+    fields, rows = int(header["fields"]), int(header["rows"])
+    if fields >> len(COLUMNS):
+        raise malformed(url, f"fields has unknown bits: {fields:#x}")
+    columns, at = {}, size
+    for column in COLUMNS.values():
+        if fields >> column.bit & 1:
+            bytes_of_it = rows * column.dtype.itemsize * int(np.prod(column.shape, dtype=np.int64))
+            columns[column.bit] = at, bytes_of_it
+            at = _padded(at + bytes_of_it)
+    if at != len(frame.payload):
+        raise malformed(url, f"{rows} rows need a payload of {at} bytes, got {len(frame.payload)}")
+    return header, columns
+
+
+def _copied(
+    frame: Frame, columns: dict[int, tuple[int, int]], given: dict[int, np.ndarray]
+) -> tuple[Answer, dict[int, int]]:
+    payload = np.frombuffer(frame.payload, np.uint8)
+    kept = {bit: size for bit, (_, size) in columns.items() if bit not in given}
+    answer = aligned_bytes(sum(map(_padded, kept.values()))).view(Answer)
+    at, offsets = 0, {}
+    for bit, (begin, size) in columns.items():
+        if bit in given:
+            given[bit].reshape(-1).view(np.uint8)[:size] = payload[begin : begin + size]
+            continue
+        answer[at : at + size] = payload[begin : begin + size]
+        offsets[bit] = at
+        at += _padded(size)
+    return answer, offsets
+
+
+def _check_out(given: dict[int, np.ndarray], reduce: int, header: np.ndarray) -> None:
+    """Every array has the shape of the answer ("within": room for all rows), and memory of its own."""
+    rows, k, pairs = int(header["rows"]), int(header["configurations"]), int(header["pairs"])
+    names = {column.bit: name for name, column in COLUMNS.items()}
+    arrays = list(given.items())
+    for i, (bit, array) in enumerate(arrays):
+        for other, another in arrays[i + 1 :]:
+            if np.may_share_memory(array, another):
+                raise ValueError(f"out[{names[bit]!r}] and out[{names[other]!r}] share memory")
+    for bit, array in arrays:
+        lead: tuple[int, ...] = (rows,)
+        if reduce == Reduce.NONE:
+            lead = (k, pairs)
+        elif reduce == Reduce.NEAREST:
+            lead = (k, rows // k if k else 0)
+        expected = lead + COLUMNS[names[bit]].shape
+        is_within = reduce == Reduce.WITHIN
+        fits = array.ndim == len(expected) and array.shape[1:] == expected[1:]
+        if fits and (array.shape[0] >= rows if is_within else array.shape == expected):
+            continue
+        more = " or more rows" if is_within else ""
+        raise ValueError(f"out[{names[bit]!r}]: expected shape {expected}{more}, got {array.shape}")
+
+
+def _padded(size: int) -> int:
+    return -(-size // _ALIGNMENT) * _ALIGNMENT

@@ -1,0 +1,70 @@
+"""Frames as they travel: a header, a payload, and the records that a payload of version 2 may end in (docs/wire.md)."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, Optional
+
+from .._errors import ConnectionError
+from ..wire import MAGIC, RECORD_REQUIRED, RECORDS_VERSION, VERSION, CommonRecord, FrameType
+
+HEADER = struct.Struct("<IHHQQQQQ16x")
+#: Request ids from here on are of what the library itself asks: a caller's requests count from 1.
+OWN_REQUESTS = 1 << 62
+#: Of an echo that nobody reads: that it comes is a sign of life.
+SIGN_REQUEST = OWN_REQUESTS | 1 << 61
+
+_RECORD = struct.Struct("<HHI")
+
+
+class Frame:
+    """A frame that arrived. `lease` keeps its memory: over shared memory the slot is given back with it."""
+
+    __slots__ = ("type", "version", "request_id", "payload", "records", "lease")
+
+    def __init__(self, header: Any, payload: Any, url: str, lease: Any = None):
+        magic, self.version, self.type, self.request_id, size, _, _, records = HEADER.unpack(header)
+        is_known = magic == MAGIC and self.version in (VERSION, RECORDS_VERSION)
+        if not is_known or size != len(payload) or records > size or records % 8:
+            raise malformed(url, "its header does not fit what came")
+        self.payload = memoryview(payload)[: size - records]
+        self.records = memoryview(payload)[size - records :]
+        self.lease = lease
+
+    def epoch(self, url: str) -> int:
+        """Which run of the daemon has answered; 0: it is too old to say."""
+        at, epoch = 0, 0
+        while at < len(self.records):
+            tag, _, size = _RECORD.unpack_from(self.records, at)
+            at += _RECORD.size
+            if size > len(self.records) - at:
+                raise malformed(url, "a record goes past the end")
+            if tag == CommonRecord.EPOCH and size == 8:
+                (epoch,) = struct.unpack_from("<Q", self.records, at)
+            at += -(-size // 8) * 8
+        return epoch
+
+
+def malformed(url: str, why: str) -> ConnectionError:
+    return ConnectionError(f"{url}: the daemon sent a malformed frame: {why}")
+
+
+def record(tag: int, payload: bytes) -> bytes:
+    """A record that whoever does not know it must refuse."""
+    return _RECORD.pack(tag, RECORD_REQUIRED, len(payload)) + payload + bytes(-len(payload) % 8)
+
+
+def header_bytes(
+    type: int, request_id: int, payload_bytes: int, scene_revision: int = 0, records: Optional[int] = None
+) -> bytes:
+    """records: bytes of them that the payload ends in; None: a frame that may not have any."""
+    version = VERSION if records is None else RECORDS_VERSION
+    return HEADER.pack(MAGIC, version, type, request_id, payload_bytes, scene_revision, 0, records or 0)
+
+
+def name_of_type(type: int) -> str:
+    """As other clients name it: "kReply"."""
+    try:
+        return "k" + FrameType(type).name.title().replace("_", "")
+    except ValueError:
+        return f"type {type}"

@@ -1,0 +1,377 @@
+"""What a client asks, in frames, and which scene its ids are of. The rules are those of the C++ client (client.cpp)."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Optional
+
+import numpy as np
+
+from .. import wire
+from .._errors import ConnectionError, NewEpoch, QueryError, TimeoutError
+from .._words import COLUMNS, GROUP_BIT, MAX_NAME_BYTES, NONE, Field, Reduce
+from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, ErrorCode, FrameType
+from .connection import Connection, parse_error, refusal
+from .frames import Frame, header_bytes, malformed, name_of_type, record
+
+_SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder")
+#: How a record holds an option of each kind.
+_OPTION_FORMATS = {"bool": "<B", "word": "<B", "number": "<d", "integer": "<q", "count": "<Q"}
+
+
+class Scene(NamedTuple):
+    """What the daemon says of its scene."""
+
+    revision: int
+    backend: str
+    pair_count: int
+    bodies: list[tuple]  #: name, parent and what BodyInfo has after that
+    groups: list[tuple[str, list[int]]]
+
+
+class Session:
+    """Requests of one client. One thread at a time."""
+
+    def __init__(self, connection: Connection, options: dict[str, Any]):
+        self.connection = connection
+        self._options = options
+        self._scene: Optional[Scene] = None  # as the caller has seen it
+        self._scene_is_old = False  # the daemon has said so: fetched anew before the caller's next look
+        self._changed_by_us = False  # since, in a way that may have given bodies other ids
+        self._known_revision = 0  # of the scene that the caller's ids are of; 0: it has not looked
+        self._poses_revision = 0  # of the last one known in which they are of the same bodies with the same parents
+        self._sent_in_records: dict[int, str] = {}  # names of such options, by request under way
+
+    # ---- frames ---------------------------------------------------------------------------------------------------
+
+    def _send(
+        self,
+        type: int,
+        parts: Sequence[Any],
+        scene_revision: int = 0,
+        records: bytes = b"",
+        reply_bytes: int = 0,
+    ) -> int:
+        """Sends a frame and returns its request id."""
+        epoch = self.connection.prepare()
+        records += epoch
+        parts = [np.ascontiguousarray(part) if isinstance(part, np.ndarray) else part for part in parts]
+        size = sum(memoryview(part).nbytes for part in parts) + len(records)
+        if size + 64 > MAX_REQUEST_BYTES:
+            raise QueryError(
+                int(ErrorCode.TOO_LARGE),
+                f"a request of {size + 64} bytes is more than the {MAX_REQUEST_BYTES} allowed: split it",
+            )
+        request_id = self.connection.next_request_id()
+        header = header_bytes(type, request_id, size, scene_revision, len(records) if records else None)
+        bodies = [part.tobytes() if isinstance(part, np.ndarray) else part for part in parts]
+        self.connection.send(header, [*bodies, records], reply_bytes)
+        return request_id
+
+    def forget(self, request_id: int) -> None:
+        self._sent_in_records.pop(request_id, None)
+        self.connection.forget(request_id)
+
+    def interpret(self, frame: Frame, type: str) -> Frame:
+        """The frame if it is of that type; errors are raised."""
+        sent = self._sent_in_records.pop(frame.request_id, "")
+        url = self.connection.url
+        if frame.type == FrameType.ERROR:
+            code, text = parse_error(frame, url)
+            if code == ErrorCode.WRONG_SCENE:
+                self._scene_is_old = True
+            if code == ErrorCode.NEW_EPOCH:
+                raise NewEpoch(code, f"{url}: {text}")
+            if sent and code in (ErrorCode.WRONG_VERSION, ErrorCode.NOT_SUPPORTED):
+                text += f"; the daemon is too old for one of: {sent}"
+            raise refusal(code, text)
+        if frame.type != FrameType[type]:
+            raise ConnectionError(
+                f"{url}: the daemon answered with {name_of_type(frame.type)}, expected {name_of_type(FrameType[type])}"
+            )
+        return frame
+
+    def _receive(self, request_id: int, type: str, limit_s: Optional[float] = None) -> Frame:
+        limit_s = self.connection.timeout_s if limit_s is None else limit_s
+        frame = self.connection.wait_for(request_id, time.monotonic() + limit_s)
+        if frame is None:
+            self.forget(request_id)
+            kind = name_of_type(FrameType[type])
+            raise TimeoutError(f"{self.connection.url}: no {kind} within {limit_s:g} s")
+        return self.interpret(frame, type)
+
+    def _call(self, request: FrameType, parts: Sequence[Any], reply: str, scene_revision: int = 0) -> Frame:
+        return self._receive(self._send(request, parts, scene_revision), reply)
+
+    def _records(self, frame: Frame, at: int, struct_name: str, count: Optional[int] = None) -> np.ndarray:
+        """`count` structs from a place in the payload; None: as many as there are."""
+        dtype = wire._wire.RECORDS[struct_name]
+        left = len(frame.payload) - at
+        count = left // dtype.itemsize if count is None else count
+        if count * dtype.itemsize > left:
+            raise malformed(self.connection.url, f"{count} of {struct_name} do not fit into {left} bytes")
+        return np.frombuffer(frame.payload, dtype, count, at) if count else np.zeros(0, dtype)
+
+    def _whole(self, frame: Frame, struct_name: str) -> Any:
+        records = self._records(frame, 0, struct_name, 1)
+        if records.nbytes != len(frame.payload):
+            raise malformed(self.connection.url, f"{len(frame.payload)} bytes are no {struct_name}")
+        return records[0]
+
+    # ---- queries --------------------------------------------------------------------------------------------------
+
+    def send_query(self, query: Any, type: FrameType = FrameType.QUERY) -> int:
+        asked = query.__dict__
+        is_query = type == FrameType.QUERY
+        revision = self._revision_of_ids()
+        pairs, bodies, poses = query.pairs, query.bodies, query.configurations
+        header = wire.query_header(
+            pair_count=0 if pairs is None else len(pairs),
+            body_count=0 if bodies is None else len(bodies),
+            configuration_count=0 if poses is None else len(poses),
+            all_pairs=pairs is None,
+            **{name: asked[name] for name, row in self._options.items() if not row[0]},
+        )
+        if not asked["min_pose_stamp_ns"]:  # a query that stopped waiting for a stamp keeps how long it may wait
+            header["pose_wait_ns"] = 0
+        parts = [header]
+        if pairs is not None:
+            parts.append(pairs)
+        if bodies is not None:
+            parts.append(np.concatenate([bodies, np.zeros(len(bodies) % 2, np.uint32)]))
+        if is_query and poses is not None:
+            parts.append(poses)
+        later = {n: r for n, r in self._options.items() if r[0] and asked[n] != r[2]}
+        records = b"".join(
+            record(tag, struct.pack(_OPTION_FORMATS[kind], asked[name]))
+            for name, (tag, kind, *_) in sorted(later.items(), key=lambda item: item[1][0])
+        )
+        expected = self._expected_reply_bytes(header, pairs) if is_query else 0
+        request_id = self._send(type, parts, revision, records, expected)
+        if later:
+            self._sent_in_records[request_id] = ", ".join(later)
+        return request_id
+
+    def pairs(self, query: Any) -> np.ndarray:
+        frame = self._receive(self.send_query(query, FrameType.PAIRS), "PAIR_TABLE")
+        count = int(self._records(frame, 0, "PairsHeader", 1)[0]["count"])
+        if len(frame.payload) != 16 + 8 * count:
+            raise malformed(self.connection.url, f"{count} pairs in {len(frame.payload)} bytes")
+        return np.frombuffer(frame.payload, np.uint32, 2 * count, 16).reshape(-1, 2).copy() if count else _NO_PAIRS
+
+    def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray]) -> int:
+        """Bytes of the reply, as far as can be said; 0: the daemon knows better."""
+        rows = max(int(q["configuration_count"]), 1)
+        reduce, scene = int(q["reduce"]), self._scene
+        if reduce != Reduce.MIN:
+            selects = pairs is not None and bool((pairs & GROUP_BIT).any())
+            if scene is None and (pairs is None or selects or reduce == Reduce.NEAREST):
+                return 0
+            if reduce == Reduce.NEAREST:
+                rows *= len(scene.bodies) if scene else 0
+            elif pairs is not None and not selects:
+                rows *= len(pairs)
+            else:
+                rows *= (scene.pair_count if scene else 0) * (len(pairs) if pairs is not None else 1)
+            if reduce == Reduce.WITHIN:
+                rows = min(rows, int(q["max_results"]))
+        fields = int(q["fields"]) | (Field.COMPACT if q["format"] else 0)
+        if reduce != Reduce.NONE:
+            fields |= Field.PAIR | Field.CONFIGURATION
+        size = 64 + wire._wire.ReplyHeader.itemsize + 16
+        for column in COLUMNS.values():
+            if fields >> column.bit & 1:
+                size += -(-rows * column.dtype.itemsize * int(np.prod(column.shape, dtype=int)) // 64) * 64
+        return size if size <= MAX_FRAME_BYTES else 0
+
+    # ---- scene ----------------------------------------------------------------------------------------------------
+
+    def look_at_scene(self, refresh: bool) -> Scene:
+        """The scene as the caller knows it from now on."""
+        if refresh or self._scene is None or self._scene_is_old:
+            self._scene = self._fetch_scene()
+            self._scene_is_old = self._changed_by_us = False
+            self._known_revision = self._poses_revision = self._scene.revision
+        return self._scene
+
+    def _fetch_scene(self) -> Scene:
+        frame = self._call(FrameType.DESCRIBE, [], "SCENE")
+        head = self._records(frame, 0, "SceneHeader", 1)[0]
+        counts = [int(head[name]) for name in ("body_count", "group_count", "member_count")]
+        at = head.nbytes
+        bodies = self._records(frame, at, "BodyRecord", counts[0])
+        groups = self._records(frame, at + bodies.nbytes, "GroupRecord", counts[1])
+        start = at + bodies.nbytes + groups.nbytes
+        if len(frame.payload) != start + 4 * counts[2]:
+            raise malformed(self.connection.url, "a scene of another size than its counts say")
+        members = np.frombuffer(frame.payload, np.uint32, counts[2], start).tolist() if counts[2] else []
+        infos = [
+            (_text(b["name"]), int(b["parent"]), bool(b["is_static"]), int(b["piece_count"]), int(b["vertex_count"]))
+            + tuple(float(b[name]) for name in ("model_error", "extent", "hull_excess", "empty_share"))
+            for b in bodies
+        ]
+        lists = []
+        for group in groups:
+            first, count = int(group["first_member"]), int(group["member_count"])
+            if first + count > len(members):
+                raise malformed(self.connection.url, "a group's members go past the end of the list")
+            lists.append((_text(group["name"]), members[first : first + count]))
+        return Scene(int(head["scene_revision"]), _text(head["backend"]), int(head["pair_count"]), infos, lists)
+
+    def _revision_of_ids(self) -> int:
+        """The revision of the scene that the caller's ids are of; 0: it knows none.
+
+        What somebody else has changed is refused (WRONG_SCENE) until the caller looks at the scene again, since its ids
+        may mean other bodies; what this client has changed itself is not, where they mean the same.
+        """
+        if self._known_revision and self._changed_by_us:
+            self._changed_by_us = False
+            now = self._fetch_scene()
+            if self._ids_mean_the_same(now, parents=False):
+                self._known_revision = self._poses_revision = now.revision
+        return self._known_revision
+
+    def _ids_mean_the_same(self, now: Scene, parents: bool) -> bool:
+        """Whether the ids that both scenes have are of the same names, and if asked for of the same parents."""
+        assert self._scene is not None
+        bodies = zip(self._scene.bodies, now.bodies)
+        groups = zip(self._scene.groups, now.groups)
+        members = 2 if parents else 1
+        return all(a[:members] == b[:members] for a, b in bodies) and all(a[0] == b[0] for a, b in groups)
+
+    def _change_scene(self, type: FrameType, parts: Sequence[Any], limit_s: float, scene_revision: int = 0) -> tuple:
+        frame = self._receive(self._send(type, parts, scene_revision), "SCENE_CHANGED", limit_s)
+        self._scene_is_old = self._changed_by_us = True
+        change = self._whole(frame, "SceneChange")
+        return (
+            int(change["scene_revision"]),
+            int(change["body_count"]),
+            int(change["body"]),
+            float(change["seconds"]),
+        )
+
+    def reload(self, timeout_s: float) -> tuple:
+        return self._change_scene(FrameType.RELOAD, [], timeout_s)
+
+    def add_body(
+        self,
+        name: str,
+        shape: str,
+        numbers: np.ndarray,
+        radius: float,
+        parent: int,
+        is_static: bool,
+        pose: Optional[np.ndarray],
+    ) -> tuple:
+        """shape: "vertices", "box", "sphere", "capsule" or "cylinder"; numbers: vertices (V, 3), or sizes (1, 3)."""
+        is_hull = shape == "vertices"
+        body = np.zeros((), wire._wire.NewBodyRecord)
+        body["name"], body["parent"], body["shape"] = _name_bytes(name), parent, _SHAPES.index(shape)
+        body["is_static"], body["has_pose"], body["radius"] = is_static, pose is not None, radius
+        if pose is not None:
+            body["pose"] = pose[0]
+        if is_hull:
+            body["vertex_count"] = len(numbers)
+        else:
+            body["size"] = numbers[0]
+        revision = 0 if parent == NONE else self._revision_of_ids()
+        parts = [body, numbers] if is_hull else [body]
+        return self._change_scene(FrameType.ADD_BODY, parts, self.connection.timeout_s, revision)
+
+    def remove_body(self, name: str) -> tuple:
+        body = np.zeros((), wire._wire.RemoveBodyRecord)
+        body["name"] = _name_bytes(name)
+        return self._change_scene(FrameType.REMOVE_BODY, [body], self.connection.timeout_s)
+
+    # ---- poses ----------------------------------------------------------------------------------------------------
+
+    def set_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
+        head = np.zeros((), wire._wire.PosesHeader)
+        head["count"], head["stamp_ns"], head["sequence"] = len(ids), stamp_ns, sequence
+        rows = np.zeros(len(ids), wire._wire.PoseRecord)
+        rows["body"], rows["pose"] = ids, poses
+        self._revision_of_ids()
+        try:
+            return self._ask_poses([head, rows], self._poses_revision)
+        except QueryError as error:
+            if error.code != ErrorCode.WRONG_SCENE or self._scene is None:
+                raise
+            # The scene changed, by an attachment perhaps. Where an id still means the same body with the same parent,
+            # so does its pose, and the update can be sent again. The caller has not seen the new scene: its queries
+            # stay those for the old.
+            now = self._fetch_scene()
+            known = self._scene.bodies
+            for body in ids.tolist():
+                if body < len(known) and (body >= len(now.bodies) or now.bodies[body][:2] != known[body][:2]):
+                    raise
+            if self._ids_mean_the_same(now, parents=True):
+                self._poses_revision = now.revision  # the next update's, too
+            return self._ask_poses([head, rows], now.revision)
+
+    def _ask_poses(self, parts: Sequence[Any], revision: int) -> tuple:
+        return self._poses_done(self._call(FrameType.SET_POSES, parts, "POSES_DONE", revision))
+
+    def _poses_done(self, frame: Frame) -> tuple:
+        done = self._whole(frame, "PosesResult")
+        return tuple(int(done[n]) for n in ("revision", "scene_revision", "applied", "bad", "unknown", "fixed"))
+
+    def attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> tuple:
+        if pose is not None and len(pose) != 1:
+            raise ValueError("pose: expected one pose")
+        body = np.zeros((), wire._wire.AttachRecord)
+        body["child"], body["parent"], body["has_pose"] = child, parent, pose is not None
+        if pose is not None:
+            body["pose"] = pose[0]
+        revision = self._revision_of_ids()
+        frame = self._call(FrameType.ATTACH, [body], "POSES_DONE", revision)
+        self._scene_is_old = True
+        done = self._poses_done(frame)
+        if revision:
+            self._known_revision = self._poses_revision = done[1]  # ids stay
+        return done
+
+    # ---- what the daemon says of itself ---------------------------------------------------------------------------
+
+    def body_states(self) -> list[tuple]:
+        frame = self._call(FrameType.GET_STATES, [], "BODY_STATES")
+        head = self._records(frame, 0, "StatesHeader", 1)[0]
+        now = int(head["now_ns"])
+        states = self._records(frame, head.nbytes, "BodyStateRecord", int(head["count"]))
+        return [
+            (
+                tuple(s["pose"].tolist()),
+                int(s["status"]),
+                int(s["parent"]),
+                int(s["stamp_ns"]),
+                now - int(s["receipt_ns"]) if s["receipt_ns"] else -1,
+            )
+            for s in states
+        ]
+
+    def stats(self) -> list[tuple[str, int]]:
+        frame = self._call(FrameType.GET_STATS, [], "STATS")
+        return [(_text(row["name"]), int(row["value"])) for row in self._records(frame, 0, "CounterRecord")]
+
+    def ping(self, payload: bytes) -> float:
+        start = time.monotonic()
+        frame = self._call(FrameType.PING, [payload], "PONG")
+        took = time.monotonic() - start
+        if frame.payload != payload:
+            raise ConnectionError(f"{self.connection.url}: the echo is not what was sent")
+        return took
+
+
+_NO_PAIRS = np.zeros((0, 2), np.uint32)
+
+
+def _text(name: Any) -> str:
+    return bytes(name).split(b"\0")[0].decode(errors="replace")
+
+
+def _name_bytes(name: str) -> bytes:
+    encoded = name.encode()
+    if len(encoded) > MAX_NAME_BYTES:
+        raise ValueError(f"name: expected at most {MAX_NAME_BYTES} bytes, got {len(encoded)}")
+    return encoded

@@ -1,0 +1,163 @@
+"""A client's side of a shared segment (wire/shm_layout.h draws it): its mapping, its slots and the rings in it.
+
+Stores are made in the order in which the daemon must see them. Python has no barriers: that they are seen in that order
+is x86-64's doing, and shm_channel.py refuses other machines. Where the contract asks for a store and then a load, this
+side asks the kernel instead, which is a barrier: it wakes the daemon whether that sleeps or not, and waits by a futex.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import mmap
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .._errors import ConnectionError
+from .frames import HEADER
+
+IDLE, POSTED, ARRIVED, DROPPED = range(4)
+
+_MAGIC, _LAYOUT_VERSION, _PAGE, _RING_ENTRIES = 0x4D534C43, 1, 4096, 64
+# Places of the words, in units of four and of eight bytes.
+_VERSION, _SLEEPING, _REQUEST_HEAD, _REPLY_HEAD, _WAITING = 56 // 4, 64 // 4, 128 // 4, 192 // 4, 256 // 4
+_REQUESTS, _REPLIES, _TURNS = 320 // 8, 1344 // 8, 2368 // 8
+
+_SYS_FUTEX, _FUTEX_WAIT = 202, 0  # of x86-64
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+@dataclass
+class Slot:
+    """What this side knows about one slot."""
+
+    state: int = IDLE
+    forgotten: bool = False  #: nobody wants the reply
+    retried: bool = False  #: this request was already sent again because its reply did not fit
+    generation: int = 0
+    request_id: int = 0
+    request_bytes: int = 0
+    reply_bytes: int = 0
+
+
+class Lease:
+    """A slot whose bytes are in use; it is free again when this is gone. Any thread may let go of it."""
+
+    __slots__ = ("segment", "index", "process")
+
+    def __init__(self, segment: Segment, index: int):
+        self.segment, self.index, self.process = segment, index, os.getpid()
+
+    def __del__(self) -> None:
+        if self.process == os.getpid():
+            self.segment.free.add(self.index)
+
+
+class Segment:
+    """One thread at a time, but for leases."""
+
+    def __init__(self, memfd: int, url: str):
+        size = os.fstat(memfd).st_size
+        if size < _PAGE:
+            raise ConnectionError(f"{url}: the daemon handed over something that is no segment")
+        self.memory = mmap.mmap(memfd, size)
+        self.bytes = np.frombuffer(self.memory, np.uint8)
+        self._words = np.frombuffer(self.memory, np.uint32)
+        self._longs = np.frombuffer(self.memory, np.uint64)
+        version = int(self._words[_VERSION])
+        magic, self.id, count, entries = map(int, self._words[:4])
+        total, self.request_capacity, self.reply_capacity, requests, replies = map(int, self._longs[2:7])
+        pages = self.request_capacity % _PAGE == 0 and self.reply_capacity % _PAGE == 0 and self.reply_capacity > 0
+        expected = _PAGE + count * (self.request_capacity + self.reply_capacity)
+        if (
+            (version, magic, entries) != (_LAYOUT_VERSION, _MAGIC, _RING_ENTRIES)
+            or not (0 < count <= _RING_ENTRIES and pages and total == expected == size)
+            or (requests, replies) != (_PAGE, _PAGE + count * self.request_capacity)
+        ):
+            raise ConnectionError(f"{url}: the daemon's segment has another layout than this client knows")
+        self.memory.madvise(mmap.MADV_DONTFORK)  # a forked child cannot scribble over its parent's requests
+        self.slots = [Slot() for _ in range(count)]
+        self.free = set(range(count))
+        self._requests_at, self._replies_at = requests, replies
+        self._request_head = self._reply_tail = 0
+
+    def request_area(self, slot: int) -> np.ndarray:
+        """(request_capacity,) uint8."""
+        start = self._requests_at + slot * self.request_capacity
+        return self.bytes[start : start + self.request_capacity]
+
+    def reply(self, slot: int) -> np.ndarray:
+        """(reply_bytes,) uint8 of a slot whose reply has arrived; read-only."""
+        start = self._replies_at + slot * self.reply_capacity
+        view = self.bytes[start : start + self.slots[slot].reply_bytes]
+        view.flags.writeable = False
+        return view
+
+    def take_slot(self) -> int:
+        """The free slot of the lowest number; -1: none is free."""
+        if not self.free:
+            return -1
+        index = min(self.free)
+        self.free.discard(index)
+        self.slots[index] = Slot(generation=self.slots[index].generation)
+        return index
+
+    def all_free(self) -> bool:
+        return len(self.free) == len(self.slots)
+
+    def post(self, index: int) -> None:
+        """Posts the frame in a slot's request area; the daemon must then be woken."""
+        slot = self.slots[index]
+        slot.state = POSTED
+        slot.generation = (slot.generation + 1) & 0xFFFFFFFF
+        entry = _REQUESTS + 2 * (self._request_head % _RING_ENTRIES)
+        self._longs[entry] = slot.generation << 32 | index
+        self._longs[entry + 1] = slot.request_bytes
+        self._request_head = (self._request_head + 1) & 0xFFFFFFFF
+        self._words[_REQUEST_HEAD] = self._request_head
+
+    def collect(self) -> bool:
+        """Takes in the replies that were posted since. False if what the daemon posted makes no sense."""
+        head = int(self._words[_REPLY_HEAD])
+        if (head - self._reply_tail) & 0xFFFFFFFF > len(self.slots):
+            return False
+        while self._reply_tail != head:
+            entry = _REPLIES + 2 * (self._reply_tail % _RING_ENTRIES)
+            ticket, size = int(self._longs[entry]), int(self._longs[entry + 1])
+            index = ticket & 0xFFFFFFFF
+            if index >= len(self.slots) or size > self.reply_capacity or 0 < size < HEADER.size:
+                return False
+            slot = self.slots[index]
+            if slot.state != POSTED or ticket >> 32 != slot.generation:
+                return False
+            slot.reply_bytes = size
+            if slot.forgotten:
+                slot.state = IDLE
+                self.free.add(index)
+            else:
+                slot.state = ARRIVED if size else DROPPED
+            self._reply_tail = (self._reply_tail + 1) & 0xFFFFFFFF
+        return True
+
+    def nothing_new(self) -> bool:
+        return int(self._words[_REPLY_HEAD]) == self._reply_tail
+
+    def turns(self) -> int:
+        """Turns of the daemon's loop so far; 0: it does not count them."""
+        return int(self._longs[_TURNS])
+
+    def sleep(self, seconds: float) -> None:
+        """Sleeps until a reply is posted, at most so long. May return early."""
+        if seconds <= 0:
+            return
+        self._words[_WAITING] = 1
+        timeout = _Timespec(int(seconds), int(seconds % 1 * 1e9))
+        word: Any = ctypes.c_void_p(self._words.ctypes.data + 4 * _REPLY_HEAD)
+        _libc.syscall(_SYS_FUTEX, word, _FUTEX_WAIT, ctypes.c_uint32(self._reply_tail), ctypes.byref(timeout), None, 0)
+        self._words[_WAITING] = 0

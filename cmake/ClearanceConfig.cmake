@@ -1,0 +1,13 @@
+# find_package(Clearance [COMPONENTS client engine]): Clearance::client and Clearance::engine, as far as they are installed.
+foreach(_part client engine)
+  include(${CMAKE_CURRENT_LIST_DIR}/Clearance-${_part}.cmake OPTIONAL RESULT_VARIABLE _found)
+  if(_found)
+    set(Clearance_${_part}_FOUND TRUE)
+  endif()
+endforeach()
+foreach(_part IN LISTS Clearance_FIND_COMPONENTS)
+  if(NOT Clearance_${_part}_FOUND AND Clearance_FIND_REQUIRED_${_part})
+    set(Clearance_FOUND FALSE)
+    set(Clearance_NOT_FOUND_MESSAGE "Clearance::${_part} is not installed in ${CMAKE_CURRENT_LIST_DIR}")
+  endif()
+endforeach()

@@ -1,0 +1,41 @@
+# clearance_install_library(part SOURCES ... HEADERS ... DEFINITIONS ... LIBS ...): the shared library Clearance::part
+# for other projects, component part_library. It shows nothing but what its headers mark as CLEARANCE_API; what it needs stays
+# inside, so that a process may hold other builds of the same libraries.
+include(CMakePackageConfigHelpers)
+function(clearance_install_library part)
+  cmake_parse_arguments(ARG "" "" "SOURCES;HEADERS;DEFINITIONS;LIBS" ${ARGN})
+  set(_target clearance_${part}_shared)
+  set(_component ${part}_library)
+  set(_package ${CMAKE_INSTALL_LIBDIR}/cmake/Clearance)
+  add_library(${_target} SHARED ${ARG_SOURCES})
+  set_target_properties(${_target} PROPERTIES
+    OUTPUT_NAME clearance_${part} EXPORT_NAME ${part} VERSION ${PROJECT_VERSION} SOVERSION ${CLEARANCE_SOVERSION}
+    LINK_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/library.map)
+  target_compile_definitions(${_target} PRIVATE ${ARG_DEFINITIONS})
+  target_compile_features(${_target} PUBLIC cxx_std_20)
+  target_link_libraries(${_target} PRIVATE clearance_protocol clearance_options ${ARG_LIBS})
+  target_link_options(${_target} PRIVATE LINKER:--exclude-libs,ALL
+    LINKER:--version-script,${PROJECT_SOURCE_DIR}/cmake/library.map)
+  target_include_directories(${_target} INTERFACE $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+
+  install(TARGETS ${_target} EXPORT Clearance-${part}
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${_component} NAMELINK_COMPONENT ${_component})
+  install(EXPORT Clearance-${part} NAMESPACE Clearance:: DESTINATION ${_package} COMPONENT ${_component})
+  foreach(_header wire/types.h wire/query_options.h wire/query.h wire/protocol.h client/eigen.h ${ARG_HEADERS})
+    clearance_installed_name(${_header} _name)
+    install(FILES ${PROJECT_SOURCE_DIR}/${_header} RENAME ${_name} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/clearance
+      COMPONENT ${_component})
+  endforeach()
+  write_basic_package_version_file(${PROJECT_BINARY_DIR}/cmake/ClearanceConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+  install(FILES ${PROJECT_SOURCE_DIR}/cmake/ClearanceConfig.cmake ${PROJECT_BINARY_DIR}/cmake/ClearanceConfigVersion.cmake
+    DESTINATION ${_package} COMPONENT ${_component})
+endfunction()
+
+# The name by which a header is included as <clearance/NAME>, here and where it is installed.
+function(clearance_installed_name header result)
+  get_filename_component(_name ${header} NAME)
+  if(_name STREQUAL "embed.h")  # engine.h is the engine's own, which the daemon uses
+    set(_name engine.h)
+  endif()
+  set(${result} ${_name} PARENT_SCOPE)
+endfunction()

@@ -1,0 +1,282 @@
+#include "engine/embed/embed.h"
+
+#include "engine/engine.h"
+
+namespace clearance::embed {
+namespace {
+
+static_assert(sizeof(Pose7) == sizeof(Pose) && sizeof(IdPair) == sizeof(BodyPair));
+static_assert(sizeof(std::array<double, 3>) == sizeof(Vec3d));
+
+Pose pose_of(const Pose7& X) {
+  return {{X[0], X[1], X[2]}, X[3], X[4], X[5], X[6]};
+}
+Vec3d vector_of(const std::array<double, 3>& v) {
+  return {v[0], v[1], v[2]};
+}
+
+clearance::Scene::BodyOptions options_of(const BodyOptions& options) {
+  clearance::Scene::BodyOptions ours{
+      .radius = options.radius, .parent = options.parent, .is_static = options.is_static};
+  if (options.X_parent_body) ours.pose = pose_of(*options.X_parent_body);
+  return ours;
+}
+
+/// The engine's errors as those of the installed library, whose types others can catch.
+template <class F>
+auto translated(F&& f) {
+  try {
+    return f();
+  } catch (const clearance::SceneError& error) {
+    throw SceneError(error.what());
+  } catch (const clearance::QueryError& error) {
+    throw QueryError(static_cast<std::uint16_t>(error.code), error.what());
+  }
+}
+
+QueryView view_of(const Query& query) {
+  for_each_query_option([&query](const QueryOption& option, auto member) {
+    if constexpr (!requires(QueryView& view) { member(view); })
+      if (std::string_view(option.name) != "warm" && member(query) != member(kDefaultOptions))
+        throw std::invalid_argument(std::string("query: ") + option.name + " is for a daemon's client");
+  });
+  if (query.bodies.empty() != query.configurations.empty() ||
+      (!query.bodies.empty() && query.configurations.size() % query.bodies.size()))
+    throw std::invalid_argument("query: " + std::to_string(query.configurations.size()) +
+                                " poses are no whole number of configurations of " +
+                                std::to_string(query.bodies.size()) + " bodies");
+  QueryView view;
+  copy_options(query, view);
+  view.all_pairs = query.pairs.empty() && query.all_pairs;
+  view.pairs = {reinterpret_cast<const BodyPair*>(query.pairs.data()), query.pairs.size()};
+  view.bodies = query.bodies;
+  view.configurations = {reinterpret_cast<const Pose*>(query.configurations.data()), query.configurations.size()};
+  if (!query.bodies.empty())
+    view.configuration_count = static_cast<std::uint32_t>(query.configurations.size() / query.bodies.size());
+  view.warm_slot = query.warm ? 1 : 0;
+  return view;
+}
+
+}  // namespace
+
+// --- Scene
+
+struct Scene::Impl {
+  clearance::Scene scene;
+};
+
+Scene::Scene() : impl_(std::make_unique<Impl>()) {}
+Scene::Scene(Scene&&) noexcept = default;
+Scene& Scene::operator=(Scene&&) noexcept = default;
+Scene::~Scene() = default;
+
+Scene Scene::load(const std::string& path, bool allow_outside) {
+  return translated([&] {
+    Scene scene;
+    scene.impl_->scene = clearance::Scene::load(path, allow_outside);
+    return scene;
+  });
+}
+
+std::uint32_t Scene::add_hull(const std::string& name, std::span<const std::array<double, 3>> vertices,
+                              const BodyOptions& options) {
+  const std::span<const Vec3d> rows(reinterpret_cast<const Vec3d*>(vertices.data()), vertices.size());
+  return translated([&] { return impl_->scene.add_hull(name, rows, options_of(options)); });
+}
+std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale,
+                              bool submeshes, const BodyOptions& options) {
+  const Convexify convexify = submeshes ? Convexify::kSubmeshes : Convexify::kHull;
+  return translated(
+      [&] { return impl_->scene.add_mesh(name, path, vector_of(scale), convexify, options_of(options)); });
+}
+std::uint32_t Scene::add_box(const std::string& name, std::array<double, 3> size, const BodyOptions& options) {
+  return translated([&] { return impl_->scene.add_box(name, vector_of(size), options_of(options)); });
+}
+std::uint32_t Scene::add_sphere(const std::string& name, double radius, const BodyOptions& options) {
+  return translated([&] { return impl_->scene.add_sphere(name, radius, options_of(options)); });
+}
+std::uint32_t Scene::add_capsule(const std::string& name, double radius, double length, const BodyOptions& options) {
+  return translated([&] { return impl_->scene.add_capsule(name, radius, length, options_of(options)); });
+}
+std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options) {
+  return translated([&] { return impl_->scene.add_cylinder(name, radius, length, options_of(options)); });
+}
+void Scene::add_group(const std::string& name, std::span<const std::string> bodies) {
+  translated([&] { impl_->scene.add_group(name, bodies); });
+}
+void Scene::ignore(const std::string& a, const std::string& b) {
+  translated([&] { impl_->scene.ignore(a, b); });
+}
+
+// --- Answer
+
+struct Answer::Impl {
+  struct AlignedDelete {
+    void operator()(std::byte* block) const { ::operator delete[](block, std::align_val_t{kColumnAlignment}); }
+  };
+
+  explicit Impl(const QuerySize& answer) : size(answer) {
+    std::uint64_t bytes = 0;
+    reply_view_over(nullptr, size.rows, size.fields, &bytes);
+    block.reset(new (std::align_val_t{kColumnAlignment}) std::byte[bytes ? bytes : 1]);
+    view = reply_view_over(block.get(), size.rows, size.fields);
+  }
+  template <class T, class C>
+  std::span<const T> column(const C* begin, std::size_t width) const {
+    if (!begin) return {};
+    return {reinterpret_cast<const T*>(begin), static_cast<std::size_t>(info.rows) * width};
+  }
+
+  QuerySize size;
+  std::unique_ptr<std::byte[], AlignedDelete> block;
+  ReplyView view;
+  ReplyInfo info;
+};
+
+Answer::Answer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Answer::Answer(Answer&&) noexcept = default;
+Answer& Answer::operator=(Answer&&) noexcept = default;
+Answer::~Answer() = default;
+
+std::size_t Answer::rows() const {
+  return impl_->info.rows;
+}
+std::uint64_t Answer::total() const {
+  return impl_->info.total;
+}
+std::uint64_t Answer::configurations() const {
+  return impl_->size.configurations;
+}
+std::uint64_t Answer::pairs() const {
+  return impl_->size.pairs;
+}
+std::uint32_t Answer::fields() const {
+  return impl_->size.fields;
+}
+std::span<const double> Answer::distance() const {
+  return impl_->column<double>(impl_->view.distance, 1);
+}
+std::span<const double> Answer::lower() const {
+  return impl_->column<double>(impl_->view.lower, 1);
+}
+std::span<const double> Answer::upper() const {
+  return impl_->column<double>(impl_->view.upper, 1);
+}
+std::span<const Status> Answer::status() const {
+  return impl_->column<Status>(impl_->view.status, 1);
+}
+std::span<const std::uint16_t> Answer::flags() const {
+  return impl_->column<std::uint16_t>(impl_->view.flags, 1);
+}
+std::span<const double> Answer::point_a() const {
+  return impl_->column<double>(impl_->view.point_a, 3);
+}
+std::span<const double> Answer::point_b() const {
+  return impl_->column<double>(impl_->view.point_b, 3);
+}
+std::span<const double> Answer::normal() const {
+  return impl_->column<double>(impl_->view.normal, 3);
+}
+std::span<const std::uint32_t> Answer::pieces() const {
+  return impl_->column<std::uint32_t>(impl_->view.pieces, 2);
+}
+std::span<const double> Answer::gradient() const {
+  return impl_->column<double>(impl_->view.gradient, 12);
+}
+std::span<const IdPair> Answer::pair() const {
+  return impl_->column<IdPair>(impl_->view.pair, 1);
+}
+std::span<const std::uint32_t> Answer::configuration() const {
+  return impl_->column<std::uint32_t>(impl_->view.configuration, 1);
+}
+std::span<const CompactAnswer> Answer::compact() const {
+  return impl_->column<CompactAnswer>(impl_->view.compact, 1);
+}
+std::uint64_t Answer::snapshot_revision() const {
+  return impl_->info.snapshot_revision;
+}
+std::int64_t Answer::snapshot_stamp_ns() const {
+  return impl_->info.snapshot_stamp_ns;
+}
+std::string_view Answer::backend() const {
+  return impl_->info.backend;
+}
+
+// --- Engine
+
+struct Engine::Impl {
+  Impl(clearance::Scene scene, const clearance::Engine::Options& options) : engine(std::move(scene), options) {}
+  clearance::Engine engine;
+};
+
+Engine::Engine(Scene scene, const EngineOptions& options) {
+  clearance::Engine::Options ours;
+  ours.backend = options.backend;
+  ours.threads = options.threads;
+  ours.devices = options.devices;
+  impl_ = translated([&] { return std::make_unique<Impl>(std::move(scene.impl_->scene), ours); });
+}
+Engine::Engine(Engine&&) noexcept = default;
+Engine& Engine::operator=(Engine&&) noexcept = default;
+Engine::~Engine() = default;
+
+std::size_t Engine::body_count() const {
+  return impl_->engine.scene().bodies().size();
+}
+const std::string& Engine::body_name(std::uint32_t body) const {
+  return impl_->engine.scene().bodies().at(body).name;
+}
+std::uint32_t Engine::body(std::string_view name) const {
+  const std::uint32_t id = impl_->engine.scene().find_body(name);
+  if (id == kNone) throw std::invalid_argument("no body is named \"" + std::string(name) + "\"");
+  return id;
+}
+std::uint32_t Engine::group(std::string_view name) const {
+  if (name == "*") return kEveryBody;
+  const std::uint32_t index = impl_->engine.scene().find_group(name);
+  if (index == kNone) throw std::invalid_argument("no group is named \"" + std::string(name) + "\"");
+  return index | kGroupBit;
+}
+std::string_view Engine::backend() const {
+  return impl_->engine.backend();
+}
+
+PosesSet Engine::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns) {
+  std::vector<BodyPose> batch;
+  batch.reserve(poses.size());
+  for (const auto& [body, X] : poses) batch.push_back({body, pose_of(X)});
+  const PoseUpdateResult done = translated([&] { return impl_->engine.set_poses(batch, stamp_ns); });
+  return {done.revision, done.applied, done.bad, done.unknown, done.fixed};
+}
+PosesSet Engine::set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns) {
+  std::vector<std::pair<std::uint32_t, Pose7>> by_id;
+  by_id.reserve(poses.size());
+  for (const auto& [name, X] : poses) by_id.emplace_back(body(name), X);
+  return set_poses(by_id, stamp_ns);
+}
+void Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child) {
+  const Pose X_pc = X_parent_child ? pose_of(*X_parent_child) : Pose();
+  translated([&] { return impl_->engine.attach(child, parent, X_parent_child ? &X_pc : nullptr); });
+}
+
+Answer Engine::distances(const Query& query) const {
+  return translated([&] {
+    PreparedQuery prepared = impl_->engine.prepare(view_of(query));
+    auto answer = std::make_unique<Answer::Impl>(prepared.size());
+    Job job = impl_->engine.start(std::move(prepared), answer->view);
+    while (!job.advance()) {
+    }
+    answer->info = job.info();
+    return Answer(std::move(answer));
+  });
+}
+
+std::vector<IdPair> Engine::pairs(const Query& query) const {
+  return translated([&] {
+    std::vector<IdPair> pairs;
+    for (const BodyPair& pair : impl_->engine.pairs(view_of(query))) pairs.push_back({pair.a, pair.b});
+    return pairs;
+  });
+}
+
+}  // namespace clearance::embed

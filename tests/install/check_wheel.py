@@ -1,0 +1,122 @@
+"""check_wheel.py NAME SCENES [PROGRAM]: what an installed wheel must do; run by the Python that it is installed in."""
+
+import importlib
+import importlib.metadata
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+
+BIN = pathlib.Path(sys.executable).parent
+FIELDS = ("default", "points", "normal", "pair")
+
+
+def same_bits(a, b):
+    for name in a.columns:
+        assert a.columns[name].tobytes() == b.columns[name].tobytes(), f"{name} differs"
+
+
+def start_daemon(program, scene, folder):
+    read, write = os.pipe()
+    daemon = subprocess.Popen(
+        [program, "--scene", scene, "--log-level", "warn", "--ready-fd", str(write),
+         "--shm", f"{folder}/clearance.sock", "--zmq", f"ipc://{folder}/clearance.ipc"],
+        pass_fds=[write],
+    )  # fmt: skip
+    os.close(write)
+    with os.fdopen(read) as ready:
+        urls = ready.read().split()
+    assert len(urls) == 2, urls
+    return daemon, urls
+
+
+def nearest(clearance, url, poses):
+    with clearance.connect(url, timeout_s=60) as client:
+        client.set_poses(poses)
+        return client.distances(reduce="nearest", fields=FIELDS)
+
+
+def some_poses(bodies):
+    rng = np.random.default_rng(5)
+    return {b.name: [*rng.uniform(-1, 1, 3), 1, 0, 0, 0] for b in bodies if not b.is_static}
+
+
+def check_whole(clearance, scene):
+    """The demo's questions: each body's nearest neighbour, in this process and through both transports."""
+    engine = clearance.Engine(clearance.Scene.load(scene))  # its meshes are read by the wheel's own loader
+    assert len(engine.bodies) == 19
+    poses = some_poses(engine.bodies)
+    engine.set_poses(poses)
+    here = engine.distances(reduce="nearest", fields=FIELDS)
+    assert (here.status <= clearance.Status.CONTACT).all() and np.isfinite(here.lower).all()
+    with tempfile.TemporaryDirectory() as folder:
+        daemon, urls = start_daemon(BIN / "clearanced", scene, folder)
+        for url in urls:
+            same_bits(nearest(clearance, url, poses), here)
+        for arguments in (
+            ["query", "--connect", urls[0], "--reduce", "min"],
+            ["inspect", scene],
+            ["selftest"],
+            ["--version"],
+        ):
+            done = subprocess.run([BIN / "clearance", *arguments], capture_output=True, text=True)
+            assert done.returncode == 0 and done.stdout, (arguments, done)
+        assert done.stdout.split() == ["clearance", clearance.__version__]
+        daemon.terminate()
+        assert daemon.wait(60) == 0
+
+
+def check_answers_of(clearance, program, scene):
+    """The same of a client alone, with a daemon from elsewhere."""
+    with tempfile.TemporaryDirectory() as folder:
+        daemon, urls = start_daemon(program, scene, folder)
+        with clearance.connect(urls[0], timeout_s=60) as client:
+            poses = some_poses(client.bodies)
+        assert len(poses) == 19
+        answers = [nearest(clearance, url, poses) for url in urls]
+        assert (answers[0].status <= clearance.Status.CONTACT).all() and np.isfinite(answers[0].lower).all()
+        same_bits(*answers)
+        daemon.terminate()
+        assert daemon.wait(60) == 0
+
+
+def check_refusals(clearance):
+    """Without a daemon: errors name their cause, and what is not there is refused by name."""
+    for url, why in (
+        ("ipc:///nowhere/at/all", "no such socket"),
+        ("shm:///nowhere/at/all", "no socket"),
+        ("udpm://239.255.76.67:7667?ttl=0", "speaks no LCM"),
+    ):
+        try:
+            clearance.connect(url, timeout_s=1)
+        except clearance.ConnectionError as error:
+            assert why in str(error), error
+        else:
+            raise AssertionError(f"{url}: connected to nobody")
+    try:
+        clearance.Engine
+    except ImportError as error:
+        assert "client-only" in str(error), error
+    else:
+        raise AssertionError("a client alone has an engine")
+
+
+def main():
+    name, scenes, *program = sys.argv[1:]
+    clearance = importlib.import_module(name.replace("-", "_"))
+    assert clearance.__version__ == importlib.metadata.version(name)
+    assert (pathlib.Path(clearance.__file__).parent / "py.typed").exists()
+    os.environ["CLEARANCE_CACHE"] = "off"
+    scene = pathlib.Path(scenes) / "nineteen" / "scene.yaml"
+    if name == "clearance":
+        check_whole(clearance, scene)
+        return
+    check_refusals(clearance)
+    if program:
+        check_answers_of(clearance, program[0], scene)
+
+
+main()

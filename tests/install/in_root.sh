@@ -1,0 +1,10 @@
+#!/bin/sh
+# in_root.sh ROOT COMMAND...: runs a command in another system's root, with /proc and /dev of its own, and ends what it left.
+set -eu
+exec unshare --mount --pid --fork --kill-child sh -euc '
+  root=$1
+  shift
+  mount --bind /dev "$root/dev"
+  mount -t proc proc "$root/proc"
+  exec chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 "$@"
+' in_root "$@"

@@ -1,0 +1,68 @@
+// planner SCENE MESH: what a program does with the installed engine. Exit code 0: all is as it should be.
+#include <clearance/eigen.h>
+#include <clearance/engine.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+using namespace clearance::embed;
+
+static void check(bool holds, const char* what) {
+  if (holds) return;
+  std::fprintf(stderr, "not so: %s\n", what);
+  std::exit(1);
+}
+
+int main(int, char** argv) {
+  // A scene made here: two unit boxes, 1 m between their faces, the second turned by 45 degrees about z.
+  Scene scene;
+  scene.add_box("a", {1, 1, 1}, {.is_static = true, .X_parent_body = clearance::Pose7{0, 0, 0, 1, 0, 0, 0}});
+  scene.add_box("b", {1, 1, 1});
+  Engine engine(std::move(scene));
+  Eigen::Isometry3d X_wb = Eigen::Isometry3d::Identity();
+  X_wb.translation() = Eigen::Vector3d(1.5 + std::sqrt(0.5), 0, 0);
+  X_wb.linear() = Eigen::AngleAxisd(std::acos(-1) / 4, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  engine.set_poses({{"b", clearance::eigen::pose(X_wb)}});
+  const Answer answer = engine.distances({.fields = clearance::kDefaultFields | clearance::kFieldPoints});
+  check(answer.rows() == 1 && answer.status()[0] == clearance::Status::kOk, "one pair, apart");
+  check(answer.lower()[0] <= 1 + 1e-12 && answer.upper()[0] >= 1 - 1e-12, "the interval holds 1 m");
+  check(answer.upper()[0] - answer.lower()[0] < 1e-5, "and is narrow");
+  const auto a = clearance::eigen::points(answer.point_a()), b = clearance::eigen::points(answer.point_b());
+  check(std::abs((b.col(0) - a.col(0)).norm() - answer.upper()[0]) < 1e-12, "the witness points are so far apart");
+  check(clearance::eigen::numbers(answer.distance()).minCoeff() == answer.distance()[0], "columns as Eigen maps");
+  check(clearance::eigen::isometry(clearance::eigen::pose(X_wb)).isApprox(X_wb, 1e-14), "to a pose and back");
+
+  // Errors are caught by their types; what is a daemon's is refused by name.
+  try {
+    Scene::load("/nowhere/scene.yaml");
+    check(false, "a scene that is not there is an error");
+  } catch (const SceneError& error) {
+    std::puts(error.what());
+  }
+  try {
+    engine.distances({.min_pose_stamp_ns = 1});
+    check(false, "waiting for poses is a daemon's");
+  } catch (const std::invalid_argument& error) {
+    std::puts(error.what());
+  }
+  try {
+    engine.distances({.rel_tol = NAN});
+    check(false, "a tolerance that is no number is an error");
+  } catch (const QueryError& error) {
+    std::puts(error.what());
+  }
+  try {
+    clearance::eigen::pose(Eigen::Isometry3d(Eigen::Scaling(2.0)));
+    check(false, "a scaled matrix is no pose");
+  } catch (const std::invalid_argument& error) {
+    std::puts(error.what());
+  }
+
+  // Meshes are read by the installed loader.
+  Engine of_file(Scene::load(argv[1]));
+  check(of_file.body_count() == 19 && of_file.pairs().size() == of_file.distances().rows(), "nineteen bodies");
+  Scene with_mesh;
+  with_mesh.add_mesh("mesh", argv[2]);
+  check(Engine(std::move(with_mesh)).body_count() == 1, "a mesh");
+}

@@ -1,0 +1,38 @@
+"""The client in Python alone: the tests of the native client, and what it refuses."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+from conftest import BUILD, INSTALLED
+from patience import PATIENCE_S
+
+TESTS = ["test_client.py", "test_client_errors.py", "test_client_scene.py", "test_prepared.py", "test_poses.py"]
+
+
+@pytest.mark.skipif(INSTALLED, reason="the build's")
+def test_it_does_what_the_native_client_does(root):
+    environment = {**os.environ, "CLEARANCE_CLIENT": "python"}
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *TESTS],
+        cwd=root / "tests" / "python", env=environment, capture_output=True, text=True, timeout=10 * PATIENCE_S,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-8000:]
+    assert int(re.search(r"(\d+) passed", done.stdout).group(1)) > 150, done.stdout
+
+
+@pytest.mark.skipif(INSTALLED, reason="the build's")
+@pytest.mark.parametrize("code, why", [
+    ("connect('udpm://239.255.76.67:7667?ttl=0')", "ConnectionError.*speaks no LCM; install clearance for it"),
+    ("Engine", "ImportError.*clearance_client.Engine is not there: this is a client-only install"),
+    ("connect('http://x')", "ValueError.*is no url of a daemon"),
+])  # fmt: skip
+def test_what_it_does_not_do_is_refused_by_name(code, why):
+    done = subprocess.run(
+        [sys.executable, "-c", f"import clearance_client; clearance_client.{code}"],
+        env={**os.environ, "PYTHONPATH": str(BUILD / "python")}, capture_output=True, text=True, timeout=PATIENCE_S,
+    )  # fmt: skip
+    assert done.returncode == 1 and re.search(why, done.stderr), done.stderr

@@ -1,0 +1,51 @@
+#!/usr/bin/env bash
+# Makes the root of another system, once, for tests that a machine of its own would be asked for: tools/root.sh SUITE PACKAGE...
+# Prints the folder, out/roots/SUITE. As root, on Debian; packages may be added by another call.
+#
+#   bullseye bookworm trixie    Debian 11, 12, 13
+#   jammy noble                 Ubuntu 22.04, 24.04
+#   arm64-bookworm              Debian 12 for 64-bit ARM, whose programs qemu runs
+set -euo pipefail
+. "$(dirname "$0")/step.sh" >&2
+
+suite=$1
+shift
+packages=("$@")
+root=$PWD/out/roots/$suite
+options=(--variant=minbase)
+mirror=http://deb.debian.org/debian
+[ "$(id -u)" = 0 ] || die "tools/root.sh makes roots by debootstrap, and needs to be root"
+command -v debootstrap >/dev/null || die "there is no debootstrap: tools/setup.sh tools/install_packages.txt"
+
+# Ubuntu's keys are no Debian package: the deb that holds them, known by its digest.
+ubuntu_keys() {
+  local deb=out/roots/ubuntu-keyring.deb
+  [ -f "$deb" ] || curl -sSfo "$deb" http://archive.ubuntu.com/ubuntu/pool/main/u/ubuntu-keyring/ubuntu-keyring_2021.03.26_all.deb
+  echo "0d0e7ed6b112f5d03eabf3c7eb01ebdacf9c57714b279e90495cfc58c8c4520f  $deb" | sha256sum --check --quiet >&2
+  dpkg-deb -x "$deb" out/roots/ubuntu-keyring
+  echo "$PWD/out/roots/ubuntu-keyring/usr/share/keyrings/ubuntu-archive-keyring.gpg"
+}
+
+mkdir -p out/roots
+if [ ! -f "$root.made" ]; then
+  case $suite in
+    jammy | noble)
+      mirror=http://archive.ubuntu.com/ubuntu
+      options+=(--components=main,universe --keyring="$(ubuntu_keys)")
+      ;;
+    arm64-*) options+=(--arch=arm64) ;;
+  esac
+  rm -rf "$root"
+  step "root-$suite" "Make the root $suite" debootstrap "${options[@]}" "${suite#arm64-}" "$root" "$mirror" >&2
+  if [[ $mirror = *ubuntu ]]; then echo "deb $mirror $suite-updates main universe" >>"$root/etc/apt/sources.list"; fi
+  touch "$root.made"
+fi
+cp /etc/resolv.conf "$root/etc/resolv.conf"
+if [ "$(cat "$root.packages" 2>/dev/null)" != "${packages[*]}" ]; then
+  step "root-$suite-packages" "Install into it: ${packages[*]}" tests/install/in_root.sh "$root" sh -ec '
+    export DEBIAN_FRONTEND=noninteractive
+    apt-get update
+    apt-get install -y --no-install-recommends "$@"' sh "${packages[@]}" >&2
+  echo "${packages[*]}" >"$root.packages"
+fi
+echo "$root"

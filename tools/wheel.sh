@@ -1,0 +1,90 @@
+#!/usr/bin/env bash
+# Builds the wheels that are published, into dist/: tools/wheel.sh [native] [abi3] [client]; without a name all.
+#
+#   native   package, daemon, command line and mesh loader for .venv's Python, with every library that they need but glibc's and
+#            the compiler's
+#   abi3     the same for every Python from 3.12 on: built with Debian 13's Python, and with this machine's compiler and libraries
+#   client   the client alone, of Python alone: Python 3.9 and later, shared memory and ZeroMQ
+#
+# A wheel asks for glibc 2.35 at most (Ubuntu 22.04), and takes at most 60 MB; anything else is an error here. The backend cuda
+# comes with it, linked statically, and looks for a GPU's driver when it runs; CLEARANCE_CUDA=OFF leaves it out.
+set -euo pipefail
+. "$(dirname "$0")/step.sh"
+
+platform=manylinux_2_35_$(uname -m)
+most_bytes=60000000
+kinds=("$@")
+((${#kinds[@]})) || kinds=(native abi3 client)
+
+tools_in_venv() {
+  cmp -s tools/wheel_requirements.txt .venv/clearance-wheel && return
+  step wheel-setup "Install what makes wheels into .venv" \
+    .venv/bin/python -m pip install --disable-pip-version-check --progress-bar off -r tools/wheel_requirements.txt
+  cp tools/wheel_requirements.txt .venv/clearance-wheel
+}
+
+build_native() { build .venv/bin/python; }
+
+# A Python of a newer Debian needs its own glibc, which the wheel must not: it runs under its own loader, and all else is here.
+build_abi3() {
+  local root packages=$PWD/out/wheel-abi3/packages python=$PWD/out/wheel-abi3/python3.13
+  root=$(tools/root.sh trixie python3 python3-dev python3-venv)
+  mkdir -p "$packages"
+  # Python::SABIModule, by which a module is built for the stable ABI, came with CMake 3.26.
+  [ -d "$packages/cmake" ] || step wheel-abi3 "Install what builds for Python 3.13" .venv/bin/python -m pip install \
+    --disable-pip-version-check --progress-bar off --target "$packages" --python-version 3.13 --implementation cp \
+    --only-binary=:all: --platform "$platform" --platform "manylinux_2_28_$(uname -m)" --platform "manylinux_2_17_$(uname -m)" \
+    --platform "manylinux2014_$(uname -m)" --platform "manylinux_2_12_$(uname -m)" \
+    pip scikit-build-core nanobind==2.9.2 lcm==1.5.3 "cmake>=3.26,<4" ninja
+  cat >"$python" <<SCRIPT
+#!/bin/sh
+exec env PYTHONHOME=$root/usr PYTHONPATH=$packages $(echo "$root"/lib64/ld-linux-*.so.2) --argv0 "\$0" \\
+  --library-path $(echo "$root/usr/lib/$(uname -m)-linux-gnu") $root/usr/bin/python3.13 "\$@"
+SCRIPT
+  chmod +x "$python"
+  PATH="$packages/bin:$PATH" CMAKE_EXECUTABLE="$packages/cmake/data/bin/cmake" build "$python" -C wheel.py-api=cp312
+}
+
+# build PYTHON OPTION...: a wheel with its libraries.
+build() {
+  local python=$1 raw=out/wheel/raw
+  shift
+  "$python" -c 'import lcm, nanobind, scikit_build_core' || die "$python lacks what the build needs (requirements.txt)"
+  rm -rf "$raw"
+  step wheel-build "Build the wheel for $("$python" --version)" "$python" -m pip wheel --disable-pip-version-check --no-deps \
+    --no-build-isolation -v -C build-dir="build-wheel-{cache_tag}" -C cmake.define.CLEARANCE_STATIC_GLIB=ON -C cmake.define.CLEARANCE_CUDA="${CLEARANCE_CUDA:-ON}" "$@" -w "$raw" .
+  tools_in_venv
+  step wheel-repair "Put the libraries into it" env PATH="$PWD/.venv/bin:$PATH" \
+    .venv/bin/python -m auditwheel repair --plat "$platform" --only-plat -w out/wheel "$raw"/*.whl
+  keep out/wheel/clearance-*.whl
+}
+
+build_client() {
+  local folder=out/wheel/client
+  tools/build.sh release python_pure_client
+  mkdir -p "$folder"
+  cp -rL build/python/clearance_client LICENSE client/python/pure/pyproject.toml "$folder"
+  find "$folder" -name __pycache__ -prune -exec rm -rf {} +
+  step wheel-client "Build the client's wheel" .venv/bin/python -m pip wheel --disable-pip-version-check --no-deps \
+    --no-build-isolation -w out/wheel "$folder"
+  keep out/wheel/clearance_client-*.whl
+}
+
+# Moves a finished wheel to dist/, unless it is too large.
+keep() {
+  local wheel=$1 bytes
+  (($# == 1)) || die "expected one wheel, got $*"
+  bytes=$(stat -c %s "$wheel")
+  ((bytes <= most_bytes)) || die "$wheel has $bytes bytes, and may have $most_bytes"
+  mkdir -p dist
+  mv "$wheel" dist/
+  say "dist/$(basename "$wheel"): $((bytes / 1000)) kB"
+}
+
+rm -rf out/wheel
+for kind in "${kinds[@]}"; do
+  case $kind in
+    native | abi3 | client) "build_$kind" ;;
+    *) die "there is no wheel '$kind'; expected native, abi3 or client" ;;
+  esac
+done
