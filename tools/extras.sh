@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Tests that need packages, compilers or minutes which `make test` does without: all of them, or with --changed those alone
-# whose folders differ from the branch that this one left (origin/main or main; on main itself: from the commit before).
+# whose folders differ from the branch that this one left (origin/main or main; on main itself: from the commit before), but
+# for those that are run before a release.
 # Where there is no such commit (a shallow clone, no git) all are run, and it says so.
 #
 #   tools/extras.sh [--changed] [NAME...]     a name alone is run whatever has changed
@@ -18,6 +19,9 @@ extras=(
   "races           wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
   "kernels         engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"
 )
+
+# These build everything once more, in roots of other systems: --changed names them and leaves them to a release.
+before_a_release=(wheels deb)
 
 # A client-only install from the source, as `pip install` makes it for those who have no engine, in an environment of its own.
 run_client_install() {
@@ -176,6 +180,10 @@ for line in "${extras[@]}"; do
       say "$name: nothing of it has changed"
       continue
     fi
+  fi
+  if [ "$changed_only" ] && [[ " ${before_a_release[*]} " = *" $name "* ]]; then
+    say "$name: has changed; run tools/extras.sh $name before a release"
+    continue
   fi
   say "$name ..."
   "run_$name"

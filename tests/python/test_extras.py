@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ["client_install", "wheels", "deb", "coal", "fuzz", "races", "kernels"]
+NAMES = ["client_install", "wheels", "deb", "coal", "fuzz", "robots", "races", "kernels"]
 
 
 @pytest.fixture
@@ -58,6 +58,16 @@ def test_a_change_runs_what_depends_on_it(checkout):
     for name in NAMES:
         assert (f"{name}: nothing of it has changed" in done.stdout) == (name != "kernels"), done.stdout
     assert calls == "tools/build.sh gpus kernels\n"
+
+
+def test_what_is_run_before_a_release_is_named(checkout):
+    git(checkout, "checkout", "-q", "-b", "work")
+    commit(checkout, "server/clearanced.service.in", "second")
+    commit(checkout, "tools/root.sh", "third")
+    done, calls = extras(checkout, "--changed", "wheels", "deb")
+    assert done.returncode == 0 and not calls, done.stdout + done.stderr
+    assert "wheels: has changed; run tools/extras.sh wheels before a release" in done.stdout
+    assert "deb: has changed" in done.stdout
 
 
 def test_what_is_not_committed_counts(checkout):
