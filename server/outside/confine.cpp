@@ -60,7 +60,7 @@ CallFilter make_filter() {
 
 }  // namespace
 
-void limit_outside(std::uint64_t memory_bytes, std::uint64_t descriptors) {
+void limit_outside([[maybe_unused]] std::uint64_t memory_bytes, std::uint64_t descriptors) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   // Strangers get neither the priority nor the CPU that the daemon was given.
   const sched_param ordinary{};
