@@ -59,6 +59,7 @@ def check_whole(clearance, scene):
         for arguments in (
             ["query", "--connect", urls[0], "--reduce", "min"],
             ["inspect", scene],
+            ["robot", "--help"],
             ["selftest"],
             ["--version"],
         ):
