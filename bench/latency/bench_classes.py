@@ -10,13 +10,12 @@ controller does, all others at one priority above other programs (both where tha
 
 import argparse
 import contextlib
-import csv
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-from bench_sections import BIN, KINDS, ROOT, DemoError, Stage, bench_one_pair, write_scene
+from bench_sections import BIN, KINDS, ROOT, DemoError, Stage, bench_one_pair, write_csv, write_scene
 
 MOST_RATIO, MOST_MS_SHARED = 2, 10
 SECTIONS = Path(__file__).with_name("bench_sections.py")
@@ -125,10 +124,7 @@ def main():
             base = base or got["p99.9_us"]
             rows.append(row_of(kind, got, base, cpus.are_shared, real_time))
             print(rows[-1], flush=True)
-    with options.csv.open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_csv(options.csv, rows)
 
 
 if __name__ == "__main__":

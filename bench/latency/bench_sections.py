@@ -149,6 +149,13 @@ def measure(kind, binaries, seconds):
         }
 
 
+def write_csv(path, rows):
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--csv", type=Path, default=ROOT / "docs/results/sections.csv")
@@ -165,10 +172,7 @@ def main():
     for kind in options.kinds:
         rows.append(measure(kind, options.binaries, options.seconds))
         print(rows[-1], flush=True)
-    with options.csv.open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_csv(options.csv, rows)
 
 
 if __name__ == "__main__":

@@ -2,12 +2,15 @@
 // have shown who they are.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/seccomp.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
+#include <cstdint>
 #include <fstream>
 #include <thread>
 
@@ -20,6 +23,12 @@ namespace clearance::outside {
 namespace {
 
 constexpr int kForbidden = 5, kDone = 0, kUnfiltered = 77;
+
+/// Asked of the kernel, so that a filter that it has and does not take is a failure.
+bool kernel_has_filters() {
+  std::uint32_t action = SECCOMP_RET_KILL_PROCESS;
+  return ::syscall(SYS_seccomp, SECCOMP_GET_ACTION_AVAIL, 0, &action) == 0;
+}
 
 /// How a process ends that is confined and then does something.
 int ending(std::string (*confine)(), void (*act)()) {
@@ -80,7 +89,7 @@ void live() {
 }
 
 TEST(Confined, DoesNothingBesideItsConnections) {
-  if (ending(&confine_to_connections, &live) == kUnfiltered) GTEST_SKIP() << "this kernel has no filters";
+  if (!kernel_has_filters()) GTEST_SKIP() << "this kernel has no filters";
   EXPECT_EQ(ending(&confine_to_connections, &live), kDone);
   for (void (*act)() :
        {&read_file, &write_file, &fork_off, &run_program, &signal_another, &connect_by_tcp, &connect_by_unix,
@@ -89,7 +98,7 @@ TEST(Confined, DoesNothingBesideItsConnections) {
 }
 
 TEST(Confined, ToDatagramsItOpensThemAndBeginsThreadsAndWritesNoFile) {
-  if (ending(&confine_to_datagrams, &live) == kUnfiltered) GTEST_SKIP() << "this kernel has no filters";
+  if (!kernel_has_filters()) GTEST_SKIP() << "this kernel has no filters";
   for (void (*act)() : {&live, &open_datagrams, &start_thread}) EXPECT_EQ(ending(&confine_to_datagrams, act), kDone);
   for (void (*act)() : {&write_file, &fork_off, &run_program, &signal_another, &connect_by_tcp, &connect_by_unix,
                         &copy_descriptor, &trace, &send_descriptors})
