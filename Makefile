@@ -40,7 +40,8 @@ soak: setup  ## faults (docs/faults.md): 1000 clients killed, 80 daemons, 30,000
 	@for test in clients daemon limits inputs; do CLEARANCE_FIRE_ROUNDS=26 build/bin/test_fire_$$test --gtest_brief=1 || exit 1; done
 	@build/bin/clearance-soak --minutes $(MINUTES) --seed $(SEED) --csv docs/results/soak.csv
 
-demo: build  ## 19 moving bodies asked about through all three transports; out/demo.png
+demo: setup  ## 19 moving bodies asked about through all three transports; out/demo.png
+	@tools/build.sh release demo_programs
 	@$(PYTHON_VENV) tools/demo.py
 
 bench: build  ## latency and throughput of every transport, beside their floors and bars: out/latency*.csv
@@ -80,7 +81,7 @@ report: setup  ## the experiments of the 2023 report with its systems, ours and 
 	@$(PYTHON_VENV) bench/report/report.py --measure
 
 report-gpu: setup  ## the same with the systems on this machine's GPU; writes docs/results/report_*.csv
-	@tools/build.sh release clearance-report clearance-gpu-bench
+	@tools/build.sh release clearance-report clearance-gpu-bench clearance_cuda
 	@tools/gpu.sh report
 	@$(PYTHON_VENV) bench/report/report.py
 
@@ -88,23 +89,23 @@ gpu-compile: setup  ## the kernels for every GPU architecture from 7.5 to 12.0; 
 	@tools/build.sh gpus kernels
 
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
-	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench
+	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench clearance_cuda
 	@tools/gpu.sh test
 
 gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU against exact arithmetic; writes docs/results/accuracy_*.csv
-	@tools/build.sh release clearance-certify clearance-gpu-bench
+	@tools/build.sh release clearance-certify clearance-gpu-bench clearance_cuda
 	@tools/gpu.sh certify
 
 gpu-sanitize: setup  ## the cuda backend's tests under compute-sanitizer: memory, barriers, races
-	@tools/build.sh release test_cuda_backend test_cuda_reductions
+	@tools/build.sh release test_cuda_backend test_cuda_reductions clearance_cuda
 	@tools/gpu.sh sanitize
 
 gpu-bench: setup  ## throughput of the cuda backend beside the CPU's, on this machine; writes docs/results/gpu_*.csv
-	@tools/build.sh release clearance-gpu-bench clearanced clearance_cli
+	@tools/build.sh release clearance-gpu-bench clearanced clearance_cli clearance_cuda
 	@tools/gpu.sh bench
 
 gpu-several: setup  ## all GPUs of this machine together beside one of them; writes docs/results/gpus_*.csv
-	@tools/build.sh release clearance-gpu-bench
+	@tools/build.sh release clearance-gpu-bench clearance_cuda
 	@tools/gpu.sh several
 
 clean:  ## remove build folders and out/ (.venv stays)

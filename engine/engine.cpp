@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <stdexcept>
 #include <utility>
@@ -85,13 +86,12 @@ void check_devices(const Engine::Options& options) {
 
 Engine::Engine(Scene scene, const Options& options) {
   const FpEnvironment environment;
-  const std::vector<std::string> known = backends();
-  if (options.backend != "auto" && std::find(known.begin(), known.end(), options.backend) == known.end()) {
-    if (options.backend == "cuda")
-      throw std::runtime_error("backend 'cuda' is not there (" + cuda::device_info().reason +
-                               "); there are: auto, cpu, reference");
+  static constexpr std::array kBackends{"auto", "cpu", "cuda", "reference"};
+  if (std::find(kBackends.begin(), kBackends.end(), options.backend) == kBackends.end())
     throw std::invalid_argument("backend: expected auto, cpu, cuda or reference, got '" + options.backend + "'");
-  }
+  if (options.backend == "cuda" && !cuda::device_info().present)
+    throw std::runtime_error("backend 'cuda' is not there (" + cuda::device_info().reason +
+                             "); there are: auto, cpu, reference");
   if (options.threads < 0 || options.threads > 4096)
     throw std::invalid_argument("threads: expected 0 (all cores) to 4096, got " + std::to_string(options.threads));
   impl_ = std::make_unique<Impl>(std::move(scene), options);

@@ -6,8 +6,8 @@
 #   abi3     the same for every Python from 3.12 on: built with Debian 13's Python, and with this machine's compiler and libraries
 #   client   the client alone, of Python alone: Python 3.9 and later, shared memory and ZeroMQ
 #
-# A wheel asks for glibc 2.35 at most (Ubuntu 22.04), and takes at most 60 MB; anything else is an error here. The backend cuda
-# comes with it, linked statically, and looks for a GPU's driver when it runs; CLEARANCE_CUDA=OFF leaves it out.
+# A wheel asks for glibc 2.35 at most (Ubuntu 22.04), and takes at most 60 MB; anything else is an error here. The kernels
+# come with it, in a library that is opened where a GPU is asked for; CLEARANCE_CUDA=OFF leaves them out.
 set -euo pipefail
 . "$(dirname "$0")/step.sh"
 

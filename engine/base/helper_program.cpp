@@ -20,10 +20,20 @@ namespace clearance {
 
 namespace fs = std::filesystem;
 
-std::string helper_program(const std::string& name, const char* variable, const char* built, const std::string& what) {
-  const auto runs = [](const fs::path& path) { return ::access(path.c_str(), X_OK) == 0 && !fs::is_directory(path); };
+namespace {
+
+struct Kind {
+  const char* word;
+  int access;
+};
+
+std::string helper_file(const Kind& kind, const std::string& name, const char* variable, const char* built,
+                        const std::string& what) {
+  const auto serves = [&kind](const fs::path& path) {
+    return ::access(path.c_str(), kind.access) == 0 && !fs::is_directory(path);
+  };
   if (const char* set = std::getenv(variable); set && *set) {
-    if (!runs(set)) throw std::runtime_error(std::string(variable) + "=" + set + " is not a program");
+    if (!serves(set)) throw std::runtime_error(std::string(variable) + "=" + set + " is not a " + kind.word);
     return set;
   }
   std::vector<fs::path> places;
@@ -35,12 +45,22 @@ std::string helper_program(const std::string& name, const char* variable, const 
     places.push_back(program.parent_path());
   for (const fs::path& place : places) {
     for (const fs::path& folder : {place, place / "libexec", place / ".." / "libexec", place / ".." / ".." / "libexec"})
-      if (!place.empty() && runs(folder / name)) return (folder / name).string();
+      if (!place.empty() && serves(folder / name)) return (folder / name).string();
   }
-  if (built && runs(built)) return built;
-  throw std::runtime_error("the program " + name + what + " is not beside " +
+  if (built && serves(built)) return built;
+  throw std::runtime_error(std::string("the ") + kind.word + " " + name + what + " is not beside " +
                            (self.dli_fname ? self.dli_fname : "this program") + " nor in a libexec folder; set " +
                            variable + " to its path");
+}
+
+}  // namespace
+
+std::string helper_program(const std::string& name, const char* variable, const char* built, const std::string& what) {
+  return helper_file({"program", X_OK}, name, variable, built, what);
+}
+
+std::string helper_library(const std::string& name, const char* variable, const char* built, const std::string& what) {
+  return helper_file({"library", R_OK}, name, variable, built, what);
 }
 
 pid_t start_helper(const std::string& program, std::vector<std::string> arguments, std::span<const int> descriptors) {

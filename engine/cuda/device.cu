@@ -1,10 +1,10 @@
-// The device's side of the cuda backend: resident hulls, workspaces, launches.
+// The device's side of the cuda backend: resident hulls, workspaces, launches. A library of its own (device_module.h).
 #include <memory>
 #include <mutex>
 
 #include "engine/cuda/dense_workspace.cuh"
 #include "engine/cuda/reduced_workspace.cuh"
-#include "engine/device/device.h"
+#include "engine/device/device_module.h"
 #include "engine/scene/scene.h"
 
 namespace clearance::cuda {
@@ -142,27 +142,25 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   Pool<ReducedCudaWorkspace> reduced_;
 };
 
-}  // namespace
-
-const DeviceInfo& installed_device() {
+const DeviceInfo& installed() {
   static const DeviceInfo info = probe();
   return info;
 }
 
-std::string installed_device_name(int number) {
+std::string name_of(int number) {
   cudaDeviceProp properties{};
   check(cudaGetDeviceProperties(&properties, number), "asking for the device's name");
   return properties.name;
 }
 
-std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_t memory_limit) {
-  if (!installed_device().present) throw DeviceError(DeviceError::kLost, installed_device().reason);
+std::shared_ptr<Device> open(const Scene& scene, int number, std::uint64_t memory_limit) {
+  if (!installed().present) throw DeviceError(DeviceError::kLost, installed().reason);
   if (number == kCurrentDevice) check(cudaGetDevice(&number), "asking for the device");
   const OnDevice here(number);
   return std::make_shared<CudaDevice>(scene, memory_limit);
 }
 
-bool is_pinned(const void* memory) {
+bool is_pinned_memory(const void* memory) {
   cudaPointerAttributes attributes{};
   if (!memory || cudaPointerGetAttributes(&attributes, memory) != cudaSuccess) {
     cudaGetLastError();
@@ -171,17 +169,24 @@ bool is_pinned(const void* memory) {
   return attributes.type == cudaMemoryTypeHost && attributes.devicePointer == memory;
 }
 
-RegisteredMemory::RegisteredMemory(std::byte* memory, std::size_t bytes) : memory_(memory) {
+void pin(std::byte* memory, std::size_t bytes) {
   check(cudaHostRegister(memory, bytes, cudaHostRegisterPortable),
         ("pinning " + std::to_string(bytes) + " bytes of host memory").c_str());
 }
-RegisteredMemory::~RegisteredMemory() {
-  cudaHostUnregister(memory_);
+void unpin(std::byte* memory) {
+  cudaHostUnregister(memory);
 }
 
-PinnedMemory::PinnedMemory(std::size_t bytes) : data_(PinnedKind::allocate(bytes)) {}
-PinnedMemory::~PinnedMemory() {
-  PinnedKind::release(data_);
-}
+}  // namespace
 
 }  // namespace clearance::cuda
+
+extern "C" __attribute__((visibility("default"))) const clearance::cuda::DeviceModule clearance_device_module = {
+    clearance::cuda::installed,
+    clearance::cuda::name_of,
+    clearance::cuda::open,
+    clearance::cuda::is_pinned_memory,
+    clearance::cuda::pin,
+    clearance::cuda::unpin,
+    clearance::cuda::PinnedKind::allocate,
+    clearance::cuda::PinnedKind::release};

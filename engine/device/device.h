@@ -1,6 +1,6 @@
 // A CUDA device with a scene resident in its memory, in words that need no CUDA: what the engine sees of it.
 //
-// Where the build has no CUDA, absent.cpp stands in for it and says so.
+// The kernels are in a library of their own (device_module.h). Without it there is no device, and DeviceInfo says why.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +26,7 @@ namespace clearance::cuda {
 struct DeviceInfo {
   bool present = false;
   std::string name;    ///< "NVIDIA H100 80GB HBM3"
-  std::string reason;  ///< why there is none: "this build has no CUDA", or what the driver says
+  std::string reason;  ///< why there is none: where the library of the kernels is missing, or what the driver says
   int count = 0;       ///< how many there are, numbered from 0
 };
 inline constexpr int kCurrentDevice = -1;  ///< in place of a number: the calling thread's
@@ -227,7 +227,7 @@ class RegisteredMemory {
   RegisteredMemory& operator=(const RegisteredMemory&) = delete;
 
  private:
-  [[maybe_unused]] std::byte* memory_;  // not used where the backend is absent
+  std::byte* memory_;
 };
 
 /// Pinned host memory: replies in it need no copy on the host.

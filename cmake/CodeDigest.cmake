@@ -1,6 +1,6 @@
-# cmake -DOUT=HEADER -DLIBRARIES=TEXT -P AlgorithmVersion.cmake -- FILE...
-# Writes a header with one digest of all files and of the libraries' versions.
-set(_digests "${LIBRARIES}")
+# cmake -DOUT=HEADER -DNAME=CONSTANT -DBESIDE=TEXT -P CodeDigest.cmake -- FILE...
+# Writes a header with one digest of all files and of a text (the libraries' versions).
+set(_digests "${BESIDE}")
 set(_files OFF)
 math(EXPR _last "${CMAKE_ARGC} - 1")
 foreach(_i RANGE ${_last})
@@ -12,13 +12,13 @@ foreach(_i RANGE ${_last})
     set(_files ON)
   endif()
 endforeach()
-string(SHA256 _version "${_digests}")
-file(WRITE "${OUT}" "// Made by cmake/AlgorithmVersion.cmake.
+string(SHA256 _digest "${_digests}")
+file(WRITE "${OUT}" "// Made by cmake/CodeDigest.cmake.
 #pragma once
 
 namespace clearance {
 
-inline constexpr const char* kAlgorithmVersion = \"${_version}\";  ///< of the engine's code and its libraries
+inline constexpr const char* ${NAME} = \"${_digest}\";
 
 }  // namespace clearance
 ")

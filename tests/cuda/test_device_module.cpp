@@ -1,0 +1,96 @@
+// The library of the kernels: opened where a device is asked for, and by nothing else; what is wrong with it is said.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+#include <string>
+
+#include "engine/device/device_module.h"
+#include "engine/engine.h"
+
+namespace clearance::test {
+namespace {
+
+// A process opens the library once, so each case has one of its own.
+class DeviceModule : public testing::Test {
+ protected:
+  void SetUp() override { GTEST_FLAG_SET(death_test_style, "threadsafe"); }
+};
+using DeviceModuleDeathTest = DeviceModule;
+
+[[noreturn]] void ask_for_cuda(const std::string& library) {
+  setenv("CLEARANCE_CUDA_MODULE", library.c_str(), 1);
+  try {
+    const Engine engine(Scene(), {"cuda"});
+  } catch (const std::runtime_error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    std::exit(3);
+  }
+  std::exit(0);
+}
+
+void expect_refused(const std::string& library, const std::string& reason) {
+  EXPECT_EXIT(ask_for_cuda(library), testing::ExitedWithCode(3), "backend 'cuda' is not there \\(.*" + reason);
+}
+
+TEST_F(DeviceModuleDeathTest, IsMissing) {
+  expect_refused("/nowhere/libclearance-cuda.so", "CLEARANCE_CUDA_MODULE=/nowhere/libclearance-cuda.so is not a library");
+}
+
+TEST_F(DeviceModuleDeathTest, IsNoLibrary) {
+  expect_refused(CLEARANCE_SOURCE_DIR "/LICENSE", "LICENSE: ");
+}
+
+TEST_F(DeviceModuleDeathTest, IsAnothersLibrary) {
+  expect_refused(CLEARANCE_FOREIGN_MODULE, "is not a library of Clearance's kernels");
+}
+
+TEST_F(DeviceModuleDeathTest, IsOfOtherCode) {
+  expect_refused(CLEARANCE_OLD_MODULE, "was built from other code than this engine");
+}
+
+TEST_F(DeviceModuleDeathTest, IsOfThisCodeAndSaysWhatThereIs) {
+  expect_refused(CLEARANCE_STAND_IN_MODULE, "no device today");
+}
+
+// What the stand-in library leaves behind when it is opened would end the process.
+TEST_F(DeviceModuleDeathTest, IsNotOpenedForTheCpuAlone) {
+  EXPECT_EXIT(
+      {
+        setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_STAND_IN_MODULE, 1);
+        setenv("CLEARANCE_TEST_END_WHEN_OPENED", "1", 1);
+        const Engine engine(Scene(), {"cpu"});
+        std::exit(0);
+      },
+      testing::ExitedWithCode(0), "");
+  EXPECT_EXIT(
+      {
+        setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_STAND_IN_MODULE, 1);
+        setenv("CLEARANCE_TEST_END_WHEN_OPENED", "1", 1);
+        const Engine engine(Scene(), {"auto"});
+        Engine::backends();
+        std::exit(0);
+      },
+      testing::ExitedWithCode(4), "");
+}
+
+// Replies go to ordinary memory then.
+TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
+  EXPECT_EXIT(
+      {
+        setenv("CLEARANCE_CUDA_MODULE", "/nowhere", 1);
+        const int here = 0;
+        if (cuda::is_pinned(&here)) std::exit(1);
+        try {
+          const cuda::PinnedMemory memory(64);
+        } catch (const cuda::DeviceError& error) {
+          std::fprintf(stderr, "%s\n", error.what());
+          std::exit(3);
+        }
+      },
+      testing::ExitedWithCode(3), "CLEARANCE_CUDA_MODULE=/nowhere is not a library");
+}
+
+}  // namespace
+}  // namespace clearance::test
