@@ -181,12 +181,12 @@ void unpin(std::byte* memory) {
 
 }  // namespace clearance::cuda
 
-extern "C" __attribute__((visibility("default"))) const clearance::cuda::DeviceModule clearance_device_module = {
-    clearance::cuda::installed,
-    clearance::cuda::name_of,
-    clearance::cuda::open,
-    clearance::cuda::is_pinned_memory,
-    clearance::cuda::pin,
-    clearance::cuda::unpin,
-    clearance::cuda::PinnedKind::allocate,
-    clearance::cuda::PinnedKind::release};
+extern "C" __attribute__((visibility("default")))
+const clearance::cuda::DeviceModule clearance_device_module = {clearance::cuda::installed,
+                                                               clearance::cuda::name_of,
+                                                               clearance::cuda::open,
+                                                               clearance::cuda::is_pinned_memory,
+                                                               clearance::cuda::pin,
+                                                               clearance::cuda::unpin,
+                                                               clearance::cuda::PinnedKind::allocate,
+                                                               clearance::cuda::PinnedKind::release};

@@ -24,8 +24,8 @@ struct DeviceModule {
 };
 
 inline constexpr const char* kModuleFile = "libclearance-cuda.so";
-/// What the library shows: a DeviceModule, and as a text the digest of the code that it was built from. The engine hands
-/// it its own objects, so it takes none but that of its own code.
+/// What the library shows: a DeviceModule, and as a text the digest of the code that it was built from. The engine
+/// hands it its own objects, so it takes none but that of its own code.
 inline constexpr const char* kModuleSymbol = "clearance_device_module";
 inline constexpr const char* kModuleCodeSymbol = "clearance_device_module_code";
 

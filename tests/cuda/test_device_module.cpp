@@ -35,7 +35,8 @@ void expect_refused(const std::string& library, const std::string& reason) {
 }
 
 TEST_F(DeviceModuleDeathTest, IsMissing) {
-  expect_refused("/nowhere/libclearance-cuda.so", "CLEARANCE_CUDA_MODULE=/nowhere/libclearance-cuda.so is not a library");
+  expect_refused("/nowhere/libclearance-cuda.so",
+                 "CLEARANCE_CUDA_MODULE=/nowhere/libclearance-cuda.so is not a library");
 }
 
 TEST_F(DeviceModuleDeathTest, IsNoLibrary) {
