@@ -16,12 +16,6 @@ namespace {
 
 using wire::FrameType;
 
-std::string seconds(std::chrono::nanoseconds duration) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g s", std::chrono::duration<double>(duration).count());
-  return text;
-}
-
 }  // namespace
 
 struct Client::Impl {

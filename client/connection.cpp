@@ -26,13 +26,13 @@ std::chrono::nanoseconds hang_of(const ConnectOptions& options) {
   return hang;
 }
 
+}  // namespace
+
 std::string seconds(std::chrono::nanoseconds duration) {
   char text[32];
   std::snprintf(text, sizeof text, "%g s", std::chrono::duration<double>(duration).count());
   return text;
 }
-
-}  // namespace
 
 Deadline deadline_in(std::chrono::nanoseconds duration) {
   constexpr std::chrono::nanoseconds kLongest = std::chrono::hours(24 * 365);

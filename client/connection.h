@@ -18,6 +18,9 @@ namespace clearance {
 /// `duration` from now, kept inside what the clock can hold.
 Deadline deadline_in(std::chrono::nanoseconds duration);
 
+/// "1.5 s", for messages.
+std::string seconds(std::chrono::nanoseconds duration);
+
 /// Not thread-safe, as the channel underneath.
 class Connection {
  public:

@@ -9,7 +9,7 @@
 namespace clearance {
 namespace {
 
-constexpr auto kLookEvery = std::chrono::seconds(1);
+constexpr auto kReadKeysEvery = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -41,7 +41,7 @@ void KeyDesk::refused(Inbox& inbox, const std::string& what) {
 void KeyDesk::tick() {
   const auto now = std::chrono::steady_clock::now();
   if (now < next_look_) return;
-  next_look_ = now + kLookEvery;
+  next_look_ = now + kReadKeysEvery;
   refresh();
 }
 

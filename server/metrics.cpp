@@ -6,7 +6,6 @@
 #include <poll.h>
 #include <signal.h>
 #include <sys/eventfd.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -18,6 +17,7 @@
 #include "accepting.h"
 #include "access.h"
 #include "doorman.h"
+#include "real_time.h"
 #include "wire/prometheus.h"
 
 namespace clearance {
@@ -27,7 +27,6 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMaxRequestBytes = 4096;
 constexpr std::chrono::seconds kPatience{1};
-constexpr int kNicer = 10;  // than the threads that answer
 
 [[noreturn]] void fail(const std::string& endpoint, const std::string& cause) {
   throw std::runtime_error("--metrics " + endpoint + ": " + cause);
@@ -128,7 +127,7 @@ MetricsServer::~MetricsServer() {
 }
 
 void MetricsServer::run() {
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNicer);
+  run_behind();
   for (;;) {
     pollfd waiting[] = {{stop_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}};
     if (::poll(waiting, 2, -1) < 0) continue;

@@ -3,6 +3,7 @@
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdint>
@@ -88,6 +89,10 @@ std::string run_first() {
            " and no RestrictRealtime= in the unit, ulimit -r, or the capability CAP_SYS_NICE; in a container also "
            "cpu.rt_runtime_us";
   return why;
+}
+
+void run_behind() {
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), 10);
 }
 
 void become_real_time(std::optional<int> cpu) {

@@ -22,6 +22,9 @@ std::string pin_to(int cpu);
 /// SCHED_FIFO for this thread, not for those that it starts.
 std::string run_first();
 
+/// Lets this thread, and those that it starts, stand back behind the threads that answer (nice 10).
+void run_behind();
+
 /// All of it for the calling thread, said in the log.
 void become_real_time(std::optional<int> cpu);
 

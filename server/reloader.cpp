@@ -1,16 +1,13 @@
 #include "reloader.h"
 
-#include <sys/resource.h>
-#include <unistd.h>
-
 #include <cassert>
 #include <chrono>
+
+#include "real_time.h"
 
 namespace clearance {
 
 namespace {
-
-constexpr int kNicer = 10;  // than the threads that answer
 
 void append(Scene& scene, const AddedBody& added) {
   Body body = added.body;
@@ -88,7 +85,7 @@ template <class Work>
 void Reloader::start(Work work) {
   thread_ = std::thread([this, work = std::move(work)]() mutable {
     const auto begin = std::chrono::steady_clock::now();
-    setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNicer);  // of this thread, and of those that it starts
+    run_behind();
     try {
       work();
     } catch (const std::exception& error) {
