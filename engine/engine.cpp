@@ -215,15 +215,21 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
   q.reduce = Reduce::kNone;
   q.configuration_count = 0;
   const Plan plan = make_plan(q, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false);
-  std::vector<BodyPair> room;
-  const auto all = plan.pairs.slice(0, plan.pairs.size(), room);
-  return {all.begin(), all.end()};
+  std::vector<BodyPair> pairs(plan.pairs.size());
+  plan.pairs.copy(0, pairs.size(), pairs.data());
+  return pairs;
+}
+
+PreparedQuery Engine::begin_preparing(const QueryView& query) const {
+  const FpEnvironment environment;
+  return PreparedQuery(
+      std::make_unique<Planner>(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true));
 }
 
 PreparedQuery Engine::prepare(const QueryView& query) const {
-  const FpEnvironment environment;
-  return PreparedQuery(
-      std::make_unique<Plan>(make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true)));
+  PreparedQuery prepared = begin_preparing(query);
+  prepared.advance();
+  return prepared;
 }
 
 Job Engine::start(const QueryView& query, const ReplyView& reply) const {
@@ -233,7 +239,7 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
 Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const FpEnvironment environment;
   impl_->check_process();
-  Plan plan = std::move(*query.plan_);
+  Plan plan = std::move(query.planner_->plan());
   if (plan.size.rows > reply.rows)  // an attachment since size() was asked can make more pairs
     throw QueryError(QueryErrorCode::kWrongScene, "the answer needs " + std::to_string(plan.size.rows) +
                                                       " rows and there is room for " + std::to_string(reply.rows) +
@@ -309,18 +315,28 @@ bool Engine::has_cpu() const {
   return !impl_->device || impl_->router;
 }
 
-PreparedQuery::PreparedQuery(std::unique_ptr<Plan> plan) : plan_(std::move(plan)) {}
+PreparedQuery::PreparedQuery(std::unique_ptr<Planner> planner) : planner_(std::move(planner)) {}
 PreparedQuery::PreparedQuery(PreparedQuery&&) noexcept = default;
 PreparedQuery& PreparedQuery::operator=(PreparedQuery&&) noexcept = default;
 PreparedQuery::~PreparedQuery() = default;
+bool PreparedQuery::advance(const WorkBudget& budget) {
+  const FpEnvironment environment;
+  WorkMeter slice(budget);
+  const bool is_ready = planner_->advance(slice);
+  units_of_this_thread += slice.spent();
+  return is_ready;
+}
 const QuerySize& PreparedQuery::size() const {
-  return plan_->size;
+  return planner_->plan().size;
+}
+void PreparedQuery::copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPair* out) const {
+  planner_->plan().pairs.copy(begin, count, out);
 }
 std::uint64_t PreparedQuery::bytes() const {
-  return plan_->pairs.list().size_bytes() + plan_->configurations.size_bytes();
+  return planner_->plan().pairs.list().size_bytes() + planner_->plan().configurations.size_bytes();
 }
 void PreparedQuery::begin_cold() {
-  plan_->query.warm_slot = 0;
+  planner_->plan().query.warm_slot = 0;
 }
 void PreparedQuery::keep_on_cpu() {
   keep_on_cpu_ = true;

@@ -101,6 +101,8 @@ class Engine {
   /// The same in two steps, between which the caller sees how large the answer is. What `query` points to must stay
   /// until start(). Both throw QueryError.
   PreparedQuery prepare(const QueryView& query) const;
+  /// The same in slices: PreparedQuery::advance() is for the caller to call.
+  PreparedQuery begin_preparing(const QueryView& query) const;
   Job start(PreparedQuery query, const ReplyView& reply) const;
 
   /// What a query asks for at most (SceneBulk::of()).

@@ -1,24 +1,52 @@
 #include "dear_request.h"
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
 #include "engine/narrow/work_meter.h"
 
 namespace clearance {
+namespace {
 
-bool DearRequest::advance(std::chrono::nanoseconds, Clock::time_point& now) {
+constexpr std::uint64_t kCopiedAtOnce = 256 << 10;
+
+}  // namespace
+
+bool DearRequest::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
   if (step_ == Step::kMake) {
-    failure_ = Answers::refusal_of(asked_.header, [&] { payload_ = make_(); });
+    bool is_made = true;
+    failure_ = Answers::refusal_of(asked_.header, [&] {
+      std::optional<std::vector<std::byte>> made = make_(budget);
+      is_made = made.has_value();
+      if (is_made) payload_ = std::move(*made);
+    });
+    if (!is_made) {
+      now = Clock::now();
+      return false;
+    }
     payload_bytes_ = payload_.size();
     step_ = Step::kRoom;
   } else if (step_ == Step::kCopy) {
-    count_copied(payload_.size());
-    if (!payload_.empty()) std::memcpy(frame_ + sizeof(wire::FrameHeader), payload_.data(), payload_.size());
+    if (!copy(now + budget)) {
+      now = Clock::now();
+      return false;
+    }
     step_ = Step::kPublish;
   }
   if (failure_ || step_ != Step::kRoom) let_go();
   now = Clock::now();
+  return true;
+}
+
+bool DearRequest::copy(Clock::time_point end) {
+  while (copied_ < payload_.size()) {
+    const std::uint64_t some = std::min(kCopiedAtOnce, payload_.size() - copied_);
+    std::memcpy(frame_ + sizeof(wire::FrameHeader) + copied_, payload_.data() + copied_, some);
+    copied_ += some;
+    count_copied(some);
+    if (copied_ < payload_.size() && Clock::now() >= end) return false;
+  }
   return true;
 }
 

@@ -14,8 +14,9 @@ namespace clearance {
 
 class DearRequest final : public ScheduledQuery {
  public:
-  /// Reads the request and makes the reply's payload; throws what it is refused for. On the thread that works.
-  using Make = std::function<std::vector<std::byte>()>;
+  /// Reads the request and makes the reply's payload within about `budget`; throws what it is refused for. None: it
+  /// wants to be called once more. On the thread that works.
+  using Make = std::function<std::optional<std::vector<std::byte>>(std::chrono::nanoseconds budget)>;
   /// Called on the loop once make() has ended. \param made it did not throw. Returns false where it must be called once
   /// more.
   using Done = std::function<bool(bool made)>;
@@ -38,6 +39,8 @@ class DearRequest final : public ScheduledQuery {
  private:
   enum class Step { kMake, kRoom, kCopy, kPublish, kOver };
 
+  bool copy(Clock::time_point end);
+
   Answers& answers_;
   PendingRequest asked_;
   wire::FrameType type_;
@@ -47,7 +50,7 @@ class DearRequest final : public ScheduledQuery {
   std::atomic<bool> gone_{false};
   std::optional<Refusal> failure_;
   std::vector<std::byte> payload_;
-  std::uint64_t payload_bytes_ = 0;
+  std::uint64_t payload_bytes_ = 0, copied_ = 0;
   std::byte* frame_ = nullptr;
 };
 

@@ -125,10 +125,9 @@ class Loop final : public Inbox {
   bool is_small(const Extent& extent) const;
   void reply_elsewhere(const wire::FrameHeader& header, std::uint64_t bytes, wire::FrameType type,
                        DearRequest::Make make, std::unique_ptr<ReplySink>& sink, DearRequest::Done done = nullptr);
-  using MakeOfPayload =
-      std::function<std::vector<std::byte>(std::span<const std::byte> payload, std::uint64_t& ignored)>;
-  void reply_to_payload(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
-                        wire::FrameType type, MakeOfPayload make, std::unique_ptr<ReplySink>& sink);
+  DearRequest::Done count_later(std::shared_ptr<const std::uint64_t> ignored);
+  void echo_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                      std::unique_ptr<ReplySink>& sink);
   void list_pairs(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
                   std::unique_ptr<ReplySink>& sink);
   void set_poses_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch,

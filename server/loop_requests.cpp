@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "loop.h"
+#include "pair_listing.h"
 #include "running_query.h"
 #include "scene_check.h"
 #include "scene_frame.h"
@@ -79,18 +80,6 @@ std::span<const std::byte> without_records(const Answers& answers, const FrameHe
   return parts.body;
 }
 
-/// Payload of kPairTable.
-std::vector<std::byte> pair_table(const Engine& engine, const FrameHeader& header, const wire::QueryParts& parts) {
-  const std::vector<BodyPair> pairs = engine.pairs(view_of(parts, header.scene_revision));
-  wire::PairsHeader table;
-  table.scene_revision = header.scene_revision ? header.scene_revision : engine.scene_revision();
-  table.count = pairs.size();
-  std::vector<std::byte> reply(sizeof table + pairs.size() * sizeof(BodyPair));
-  std::memcpy(reply.data(), &table, sizeof table);
-  if (!pairs.empty()) std::memcpy(reply.data() + sizeof table, pairs.data(), pairs.size() * sizeof(BodyPair));
-  return reply;
-}
-
 PoseUpdateResult apply_poses(Engine& engine, const FrameHeader& header, std::span<const std::byte> payload,
                              std::uint64_t client) {
   const wire::PosesParts parts = wire::parse_poses(payload);
@@ -138,7 +127,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
     case FrameType::kDescribe:
       is_empty();
       if (few) return reply(FrameType::kScene, scene_payload(*engine_));
-      return reply_elsewhere(header, 0, FrameType::kScene, [e = engine_] { return scene_payload(*e); }, sink);
+      return reply_elsewhere(header, 0, FrameType::kScene, [e = engine_](auto) { return scene_payload(*e); }, sink);
     case FrameType::kQuery:
       return start_query(header, payload, sink);
     case FrameType::kPairs:
@@ -151,7 +140,8 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
     case FrameType::kGetStates:
       is_empty();
       if (few) return reply(FrameType::kBodyStates, states_payload(*engine_));
-      return reply_elsewhere(header, 0, FrameType::kBodyStates, [e = engine_] { return states_payload(*e); }, sink);
+      return reply_elsewhere(
+          header, 0, FrameType::kBodyStates, [e = engine_](auto) { return states_payload(*e); }, sink);
     case FrameType::kGetStats:
       is_empty();
       return reply(FrameType::kStats, stats_payload());
@@ -256,30 +246,32 @@ void Loop::reply_elsewhere(const FrameHeader& header, std::uint64_t bytes, Frame
                                                        std::move(make), std::move(done)));
 }
 
-/// A list of pairs, or an echo. \param make makes the reply's payload, and counts records that it ignored.
-void Loop::reply_to_payload(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
-                            FrameType type, MakeOfPayload make, std::unique_ptr<ReplySink>& sink) {
+void Loop::echo_elsewhere(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                          std::unique_ptr<ReplySink>& sink) {
   const auto ignored = std::make_shared<std::uint64_t>(0);
-  const auto make_reply = [=, fetch = std::move(fetch), make = std::move(make)] {
+  const auto make = [this, header, ignored, fetch = std::move(fetch)](auto) {
     const OwnPayload payload = fetch();
-    return make(payload.span(), *ignored);
+    const auto body = without_records(answers_, header, payload.span(), *ignored);
+    count_copied(body.size());
+    return std::vector<std::byte>(body.begin(), body.end());
   };
-  reply_elsewhere(header, bytes, type, make_reply, sink, [this, ignored](bool) {
-    stats_.records_ignored += *ignored;
-    return true;
-  });
+  reply_elsewhere(header, bytes, FrameType::kPong, make, sink, count_later(ignored));
 }
 
 void Loop::list_pairs(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
                       std::unique_ptr<ReplySink>& sink) {
-  const auto make = [this, header, engine = engine_](std::span<const std::byte> payload, std::uint64_t& ignored) {
-    std::vector<std::uint64_t> room;
-    const wire::QueryParts parts = wire::parse_query(header, aligned(payload, room));
-    ignored += parts.passed_over.size();
-    answers_.check_epoch(header, parts.epoch);
-    return pair_table(*engine, header, parts);
+  const auto ignored = std::make_shared<std::uint64_t>(0);
+  const auto listing = std::make_shared<PairListing>(answers_, engine_, header, std::move(fetch));
+  const auto make = [listing, ignored](std::chrono::nanoseconds budget) { return listing->advance(budget, *ignored); };
+  reply_elsewhere(header, bytes, FrameType::kPairTable, make, sink, count_later(ignored));
+}
+
+/// Counts records that whoever works has ignored, on the loop.
+DearRequest::Done Loop::count_later(std::shared_ptr<const std::uint64_t> ignored) {
+  return [this, ignored](bool) {
+    stats_.records_ignored += *ignored;
+    return true;
   };
-  reply_to_payload(header, std::move(fetch), bytes, FrameType::kPairTable, make, sink);
 }
 
 wire::PosesResult Loop::set_poses(const FrameHeader& header, std::span<const std::byte> payload, std::uint64_t client) {
@@ -299,7 +291,7 @@ void Loop::set_poses_elsewhere(const FrameHeader& header, std::function<OwnPaylo
   };
   const auto update = std::make_shared<Update>(Update{engine_, {}, {}});
   const std::uint64_t client = sink->client();
-  const auto make = [=, this, fetch = std::move(fetch)] {
+  const auto make = [=, this, fetch = std::move(fetch)](auto) {
     if (!update->payload.begin) update->payload = fetch();
     update->ignored = 0;
     const auto body = without_records(answers_, header, update->payload.span(), update->ignored);
@@ -342,14 +334,7 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
       case FrameType::kSetPoses:
         return set_poses_elsewhere(header, std::move(fetch), payload_bytes, sink);
       case FrameType::kPing:
-        return reply_to_payload(
-            header, std::move(fetch), payload_bytes, FrameType::kPong,
-            [this, header](std::span<const std::byte> payload, std::uint64_t& ignored) {
-              const auto body = without_records(answers_, header, payload, ignored);
-              count_copied(body.size());
-              return std::vector<std::byte>(body.begin(), body.end());
-            },
-            sink);
+        return echo_elsewhere(header, std::move(fetch), payload_bytes, sink);
       default:
         break;
     }

@@ -101,6 +101,7 @@ void RunningQuery::begin_here(const wire::QueryParts& parts, std::uint64_t paylo
   on_loop_ = true;
   payload_bytes_ = payload_bytes;
   prepare(parts);
+  list({});
   prepared_->keep_on_cpu();
   take_room(*sink);
   start();
@@ -124,6 +125,8 @@ bool RunningQuery::advance(std::chrono::nanoseconds budget, Clock::time_point& n
     check_deadline(now);
     if (step_ == Step::kPrepare) {
       read();
+    } else if (step_ == Step::kList) {
+      list({.time = std::min<std::chrono::nanoseconds>(budget, deadline_ - now)});
     } else if (step_ == Step::kRun) {
       run(std::min<std::chrono::nanoseconds>(budget, deadline_ - now));
     } else if (step_ == Step::kCopy) {
@@ -136,7 +139,7 @@ bool RunningQuery::advance(std::chrono::nanoseconds budget, Clock::time_point& n
   worked_ = Clock::now();
   in_engine_ += worked_ - now;
   now = worked_;
-  return failure_ || step_ != Step::kRun || on_loop_;
+  return failure_ || (step_ != Step::kList && step_ != Step::kRun) || on_loop_;
 }
 
 void RunningQuery::let_go() {
@@ -220,7 +223,7 @@ void RunningQuery::read() {
     return;
   }
   prepare(parts);
-  step_ = Step::kRoom;
+  step_ = Step::kList;
 }
 
 void RunningQuery::prepare(const wire::QueryParts& parts) {
@@ -243,13 +246,20 @@ void RunningQuery::prepare(const wire::QueryParts& parts) {
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0;
   records_ = daemon_.answers.records(asked_.header, parts.passed_over);
-  prepared_ = engine_->prepare(query);
+  prepared_ = engine_->begin_preparing(query);
+}
+
+/// The pairs that it names.
+void RunningQuery::list(const WorkBudget& budget) {
+  if (!prepared_->advance(budget)) return;
+  const Limits& limits = daemon_.limits;
   size_ = prepared_->size();
   if (size_.pairs && size_.configurations > limits.max_pairs / size_.pairs)
     throw Refusal{wire::ErrorCode::kTooLarge, std::to_string(size_.configurations) + " configurations of " +
                                                   std::to_string(size_.pairs) + " pairs are more than the " +
                                                   std::to_string(limits.max_pairs) +
                                                   " that one query may ask about (--max-pairs): split it"};
+  step_ = Step::kRoom;
 }
 
 /// Room for the reply: what the client may have under way, and memory for the most rows that may come back.

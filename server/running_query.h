@@ -86,13 +86,14 @@ class RunningQuery final : public ScheduledQuery {
   std::uint64_t units() const { return units_; }
 
  private:
-  enum class Step { kPrepare, kOptions, kRoom, kRun, kFinalRoom, kCopy, kPublish, kOver };
+  enum class Step { kPrepare, kOptions, kList, kRoom, kRun, kFinalRoom, kCopy, kPublish, kOver };
 
   void read();
   void settle_options();
   void end();
   void check_deadline(Clock::time_point now) const;
   void prepare(const wire::QueryParts& parts);
+  void list(const WorkBudget& budget);
   void take_room(ReplySink& sink);
   void start();
   void run(std::chrono::nanoseconds budget);

@@ -32,15 +32,22 @@ enum class EpaEnd : std::uint8_t {
   kOutside,  ///< a direction was found along which the CSO does not reach the origin
   kFlat,     ///< the CSO has no volume above rounding
   kLimit,    ///< too many vertices, or rounding broke the surface
+  kPaused,   ///< go_on() goes on
+};
+
+/// A run that nobody has to interrupt.
+struct NeverPause {
+  bool operator()(std::size_t) const { return false; }
 };
 
 /// One run after another in the same memory.
 template <class T>
 class Epa {
  public:
-  /// \param cso as gjk() has it. \param seed vertices to begin from, any number.
-  template <class Cso>
-  EpaEnd run(const Cso& cso, const EpaLimits& limits, const Simplex<T>& seed) {
+  /// \param cso as gjk() has it. \param seed vertices to begin from, any number. \param pause asked before each step
+  /// with the number of vertices; true: the run pauses there.
+  template <class Cso, class Pause = NeverPause>
+  EpaEnd run(const Cso& cso, const EpaLimits& limits, const Simplex<T>& seed, const Pause& pause = {}) {
     limits_ = limits;
     noise_ = T(limits.noise);
     direction_ = {T(1), T(0), T(0)};
@@ -53,8 +60,13 @@ class Epa {
       faces_.clear();
       return EpaEnd::kFlat;
     }
-    const EpaEnd end = expand(cso);
-    find_nearest();
+    return go_on(cso, pause);
+  }
+  /// Goes on with a run that was paused. The bits are those of a run without a pause.
+  template <class Cso, class Pause>
+  EpaEnd go_on(const Cso& cso, const Pause& pause) {
+    const EpaEnd end = expand(cso, pause);
+    if (end != EpaEnd::kPaused) find_nearest();
     return end;
   }
 
@@ -216,9 +228,10 @@ class Epa {
     return static_cast<std::uint32_t>(least[1] < least[0] ? face[1] : face[0]);
   }
 
-  template <class Cso>
-  EpaEnd expand(const Cso& cso) {
+  template <class Cso, class Pause>
+  EpaEnd expand(const Cso& cso, const Pause& pause) {
     while (true) {
+      if (pause(vertices_.size())) return EpaEnd::kPaused;
       const std::uint32_t nearest = nearest_face();
       const T offset = offsets_[nearest];
       if (limits_.enough > 0 && offset > T(limits_.enough)) return EpaEnd::kEnough;

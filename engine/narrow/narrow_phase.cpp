@@ -24,8 +24,7 @@ class SupportedCso {
       : pair_(pair), meter_(meter), units_(kDearer * WorkMeter::units_of(*pair.a, *pair.b)) {}
 
   CsoSupport<T> operator()(const Vec3<T>& v) const {
-    // An EPA's surface grows by two faces a support, and each step looks at all of them.
-    if (meter_) meter_->spend(units_ + kDearer * (++supports_ / kSupportsPerUnit));
+    if (meter_) meter_->spend(units_);
     const SupportPoint<T> a = support(*pair_.a, -v);
     const SupportPoint<T> b = support(*pair_.b, pair_.R.transpose_times(v));
     return {vertex(a.index, b.index), -dot(v, pair_.D) - (a.value + b.value)};
@@ -33,16 +32,23 @@ class SupportedCso {
 
   CsoVertex<T> vertex(std::uint32_t ia, std::uint32_t ib) const { return {pair_.cso_vertex(ia, ib), ia, ib}; }
 
+  /// Counts a step of EPA beside its support: the surface grows by two faces a vertex, and each step looks at all of
+  /// them. Returns whether the slice is over.
+  bool count_step(std::size_t vertices) const {
+    if (!meter_) return false;
+    meter_->spend(kDearer * (vertices / kVerticesPerUnit));
+    return meter_->is_over();
+  }
+
   /// From the centre of b to the centre of a: where the CSO's centre is.
   Vec3<T> centre() const { return cast<T>(pair_.a->centre) - pair_.R * cast<T>(pair_.b->centre) - pair_.D; }
 
  private:
-  static constexpr std::uint64_t kDearer = std::is_same_v<T, DoubleDouble> ? 16 : 1, kSupportsPerUnit = 32;
+  static constexpr std::uint64_t kDearer = std::is_same_v<T, DoubleDouble> ? 16 : 1, kVerticesPerUnit = 32;
 
   const PlacedPair<T>& pair_;
   WorkMeter* meter_;
   std::uint64_t units_;
-  mutable std::uint64_t supports_ = 0;
 };
 
 // Gathers bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower end.
@@ -206,16 +212,43 @@ void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> verti
   answer.lower_upper(certify_overlap(*pair.a, *pair.b, ball), witness);
 }
 
+/// Where EPA goes on, and what was found before it.
+template <class T>
+struct PausedEpa final : PausedPair {
+  PausedEpa(const Answer& before, const Gjk<T>& g) : answer(before), gjk(g) {}
+  Answer answer;
+  Gjk<T> gjk;
+  Epa<T> epa;
+};
+using PausedPairPtr = std::unique_ptr<PausedPair>;
+
+/// Takes what was left of an EPA in this arithmetic; null: there is nothing.
+template <class T>
+std::unique_ptr<PausedEpa<T>> take_paused(PausedPairPtr* paused) {
+  auto* const epa = paused ? dynamic_cast<PausedEpa<T>*>(paused->get()) : nullptr;
+  if (epa) paused->release();
+  return std::unique_ptr<PausedEpa<T>>(epa);
+}
+
+/// Throws WorkMeter::PairUnfinished. \param resumed what is left of the EPA that is to go on; null: it begins.
 template <class T>
 void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const NarrowLimits& limits, const Gjk<T>& g,
-                     Answer& answer) {
+                     Answer& answer, std::unique_ptr<PausedEpa<T>> resumed, PausedPairPtr* paused) {
   EpaLimits e;
   e.rel_tol = pair.radius > T(0) ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
   e.abs_tol = limits.abs_tol / 2;
   e.noise = 8 * Arithmetic<T>::kUnit * pair.scale;
   if (!limits.signed_distance) e.enough = 2 * pair.ball_error();
   static thread_local Epa<T> epa;
-  epa.run(cso, e, g.simplex);
+  std::size_t steps = 0;  // one at least, however short the slice is
+  const auto pause = [&](std::size_t vertices) { return cso.count_step(vertices) && paused && steps++ > 0; };
+  if (resumed) std::swap(epa, resumed->epa);
+  if ((resumed ? epa.go_on(cso, pause) : epa.run(cso, e, g.simplex, pause)) == EpaEnd::kPaused) {
+    if (!resumed) resumed = std::make_unique<PausedEpa<T>>(answer, g);
+    std::swap(epa, resumed->epa);
+    *paused = std::move(resumed);
+    throw WorkMeter::PairUnfinished();
+  }
   if (epa.probed())
     answer.raise_lower(certify_lower(pair, epa.gap(), norm(epa.direction())), cast<double>(epa.direction()));
   if (!epa.faces().empty()) take_overlap<T>(pair, epa.vertices(), epa.faces(), epa.nearest(), answer);
@@ -247,8 +280,14 @@ Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedC
 // \param done a run of GJK on this pair, if there was one already.
 template <class T>
 Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const WarmSimplex& seed, Answer& answer,
-                   WorkMeter* meter, const Gjk<T>* done = nullptr) {
+                   WorkMeter* meter, PausedPairPtr* paused = nullptr, const Gjk<T>* done = nullptr) {
   SupportedCso<T> cso(pair, meter);
+  if (auto resumed = take_paused<T>(paused)) {
+    answer = resumed->answer;
+    const Gjk<T> g = resumed->gjk;
+    expand_polytope(pair, cso, limits, g, answer, std::move(resumed), paused);
+    return g.simplex;
+  }
   const Gjk<T> g = done ? *done : run_gjk(pair, limits, cso, seed);
   const auto end = static_cast<GjkEnd>(g.end);
 
@@ -267,7 +306,7 @@ Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const 
     try_face_normals(pair, g, answer);
     if (answer.settled() || answer.bounds().lower > 0) return g.simplex;
   }
-  expand_polytope(pair, cso, limits, g, answer);
+  expand_polytope<T>(pair, cso, limits, g, answer, nullptr, paused);
   return g.simplex;
 }
 
@@ -289,16 +328,20 @@ Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) {
 }  // namespace
 
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
-                          const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done, WorkMeter* meter) {
+                          const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done, WorkMeter* meter,
+                          std::unique_ptr<PausedPair>* paused) {
   Answer answer(limits, pose_a.R_wb, a.radius, b.radius);
+  const bool in_fine = paused && dynamic_cast<PausedEpa<DoubleDouble>*>(paused->get());
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
   WarmSimplex seed = warm ? *warm : WarmSimplex{};
-  seed = remember(attempt(pair, limits, seed, answer, meter, done));
-  if (warm) *warm = seed;
-  if (!answer.settled()) {
+  if (!in_fine) {
+    seed = remember(attempt(pair, limits, seed, answer, meter, paused, done));
+    if (warm) *warm = seed;
+  }
+  if (in_fine || !answer.settled()) {
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b,
                                         double_double_rotation(pose_b), pose_b.t_w);
-    attempt(fine, limits, seed, answer, meter);
+    attempt(fine, limits, seed, answer, meter, paused);
   }
   if (answer.has_surface()) {
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b,

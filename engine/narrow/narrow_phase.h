@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 
 #include "engine/narrow/answer.h"
 #include "engine/narrow/certify.h"
@@ -23,13 +24,21 @@ struct NarrowAnswer {
   double rounding = 0;     ///< width that float64 bounds of this pair have from rounding alone, metres
 };
 
+/// What a pair goes on with that a slice has ended in.
+struct PausedPair {
+  virtual ~PausedPair() = default;
+};
+
 /// Bounds the signed distance of two pieces: float64 first, double-double where float64 cannot make it narrow enough.
 /// \param warm read for a first simplex and overwritten with the last one; may be null.
 /// \param done a float64 run of GJK on this pair with proved supports (lanes.h), to begin from its end; may be null.
-/// \param meter counts the work; may be null. What it throws leaves nothing behind but another `warm`.
+/// \param meter counts the work; may be null. What it throws leaves nothing behind but another `warm`, and `paused`.
+/// \param paused null: the pair is answered in one go. Else, where the meter's slice ends within EPA,
+/// WorkMeter::PairUnfinished is thrown, and the next call for the same pair goes on there if it is given what this one
+/// has left here. The bits of the answer are the same. Null inside: the pair begins.
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
                           const NarrowLimits& limits, WarmSimplex* warm = nullptr, const Gjk<double>* done = nullptr,
-                          WorkMeter* meter = nullptr);
+                          WorkMeter* meter = nullptr, std::unique_ptr<PausedPair>* paused = nullptr);
 
 /// NarrowAnswer::rounding of two placed pieces.
 double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b);

@@ -36,6 +36,7 @@ void PieceBatch::begin(std::span<const PieceTask> tasks) {
   tasks_ = tasks;
   group_ = next_ = 0;
   in_group_ = false;
+  paused_.reset();
   deal();
 }
 
@@ -161,12 +162,13 @@ NarrowLimits PieceBatch::limits_of(const PieceTask& task) const {
   return limits;
 }
 
-NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter) const {
+NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter) {
   meter.begin_pair();
   const auto& [a, b, pose_a, pose_b, max_distance, id, warm] = task;
   const NarrowLimits limits = limits_of(task);
-  const NarrowAnswer answer = options_.reference ? narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits)
-                                                 : narrow_phase(*a, *pose_a, *b, *pose_b, limits, warm, done, &meter);
+  const NarrowAnswer answer = options_.reference
+                                  ? narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits)
+                                  : narrow_phase(*a, *pose_a, *b, *pose_b, limits, warm, done, &meter, &paused_);
   return answer.bounds.is_possible() ? answer : answer_anew(task);
 }
 

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <utility>
 #include <vector>
@@ -68,7 +69,7 @@ class PieceBatch {
         } else {
           try {
             take(task, answer_alone(task, group.in_lanes ? &unsettled_[place] : nullptr, meter));
-          } catch (const WorkMeter::PairTooDear&) {
+          } catch (const WorkMeter::PairUnfinished&) {
             return false;
           }
         }
@@ -105,13 +106,14 @@ class PieceBatch {
   void settle_in_f64(const LaneBatch& all);
   static bool is_possible(const LaneAnswer& lane) { return Interval{lane.lower, lane.upper}.is_possible(); }
   NarrowLimits limits_of(const PieceTask& task) const;
-  NarrowAnswer answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter) const;
+  NarrowAnswer answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter);
   NarrowAnswer answer_anew(const PieceTask& task) const;
 
   NarrowOptions options_;
   std::span<const PieceTask> tasks_;
-  std::size_t group_ = 0, next_ = 0;  // how far advance() has come: in groups_, and in the order that at() tells
-  bool in_group_ = false;             // lanes have run
+  std::size_t group_ = 0, next_ = 0;    // how far advance() has come: in groups_, and in the order that at() tells
+  bool in_group_ = false;               // lanes have run
+  std::unique_ptr<PausedPair> paused_;  // of the task that is next
   std::vector<std::uint32_t> order_;
   std::vector<Group> groups_;
   std::vector<Kind> kinds_;

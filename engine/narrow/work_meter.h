@@ -26,15 +26,16 @@ struct WorkBudget {
 
   std::chrono::nanoseconds time = std::chrono::nanoseconds::max();
   std::uint64_t units = kNoLimit;
-  /// The most for one pair of pieces: one that needs more is given up, and begun anew in the next slice.
+  /// The most for one pair of pieces: one that needs more is given up, and begun anew in the next slice (one whose
+  /// slice ends within EPA goes on there).
   std::uint64_t pair_units = kNoLimit;
 };
 
 class WorkMeter {
  public:
   using Clock = std::chrono::steady_clock;
-  /// Thrown out of a pair of pieces that needs more than one may take.
-  struct PairTooDear {};
+  /// Thrown out of a pair of pieces that needs more than one may take, or in which the slice has ended.
+  struct PairUnfinished {};
 
   WorkMeter() = default;  ///< without limits
   explicit WorkMeter(const WorkBudget& budget)
@@ -56,10 +57,10 @@ class WorkMeter {
   void begin_pair() {
     pair_end_ = budget_.pair_units < WorkBudget::kNoLimit - spent_ ? spent_ + budget_.pair_units : WorkBudget::kNoLimit;
   }
-  /// Counts work on that pair. Throws PairTooDear.
+  /// Counts work on that pair. Throws PairUnfinished.
   void spend(std::uint64_t units) {
     spent_ += units;
-    if (spent_ > pair_end_) throw PairTooDear();
+    if (spent_ > pair_end_) throw PairUnfinished();
   }
   /// Whether the slice is over.
   bool is_over() {

@@ -10,7 +10,7 @@
 namespace clearance {
 
 class Engine;
-struct Plan;
+class Planner;
 
 /// A query made ready for start(): checked, with one snapshot of the poses, its pairs listed and counted.
 class PreparedQuery {
@@ -18,7 +18,12 @@ class PreparedQuery {
   PreparedQuery(PreparedQuery&&) noexcept;
   PreparedQuery& operator=(PreparedQuery&&) noexcept;
   ~PreparedQuery();
+  /// Lists the pairs that the query names, for about so long. Returns true once it is ready, from when on the rest may
+  /// be called. Throws QueryError.
+  bool advance(const WorkBudget& budget = {});
   const QuerySize& size() const;
+  /// Writes the pairs at [begin, begin + count) of QuerySize::pairs.
+  void copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
   /// Bytes that it holds.
   std::uint64_t bytes() const;
   /// Leaves warm state out: QueryView::warm_slot = 0.
@@ -28,8 +33,8 @@ class PreparedQuery {
 
  private:
   friend class Engine;
-  explicit PreparedQuery(std::unique_ptr<Plan> plan);
-  std::unique_ptr<Plan> plan_;
+  explicit PreparedQuery(std::unique_ptr<Planner> planner);
+  std::unique_ptr<Planner> planner_;
   bool keep_on_cpu_ = false;
 };
 

@@ -2,32 +2,14 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
+#include "engine/query/pair_lister.h"
 #include "engine/query/query.h"
 #include "engine/scene/pose_store.h"
 
 namespace clearance {
-
-/// The pairs of a query: the scene's whole table, or an explicit list.
-class PairList {
- public:
-  PairList() = default;
-  explicit PairList(std::shared_ptr<const PairTable> table) : table_(std::move(table)) {}
-  explicit PairList(std::vector<BodyPair> pairs) : pairs_(std::move(pairs)) {}
-
-  bool is_whole_table() const { return table_ != nullptr; }
-  const PairTable* table() const { return table_.get(); }
-  std::span<const BodyPair> list() const { return pairs_; }  ///< of an explicit list
-  std::uint64_t size() const { return table_ ? table_->size() : pairs_.size(); }
-  BodyPair at(std::uint64_t position) const;
-  /// The pairs at [begin, begin + count); `room` serves where they are not stored.
-  std::span<const BodyPair> slice(std::uint64_t begin, std::uint64_t count, std::vector<BodyPair>& room) const;
-
- private:
-  std::shared_ptr<const PairTable> table_;
-  std::vector<BodyPair> pairs_;
-};
 
 /// A query, copied and resolved against one snapshot.
 struct Plan {
@@ -44,7 +26,30 @@ struct Plan {
   void keep_configurations();
 };
 
-/// Throws QueryError. \param with_configurations false: only sizes and pairs are wanted.
+/// A plan in the making.
+class Planner {
+ public:
+  /// Checks the query. Throws QueryError. \param query what it points to must stay, its configurations longer than
+  /// this.
+  /// \param scene must outlive this. \param with_configurations false: only sizes and pairs are wanted.
+  Planner(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
+          std::uint64_t max_rows, bool with_configurations);
+  /// Lists pairs until the slice is over. Returns true once the plan is whole. Throws QueryError.
+  bool advance(WorkMeter& meter);
+  /// Once advance() has returned true.
+  Plan& plan() { return plan_; }
+  const Plan& plan() const { return plan_; }
+
+ private:
+  void settle_size();
+
+  Plan plan_;
+  const Scene& scene_;
+  std::uint64_t max_rows_;
+  std::optional<PairLister> lister_;  // until all pairs are listed
+};
+
+/// The same at once.
 Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
                std::uint64_t max_rows, bool with_configurations);
 

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cstring>
-#include <iterator>
 
 namespace clearance {
 
@@ -53,17 +51,6 @@ bool PairTable::excluded(std::uint32_t a, std::uint32_t b) const {
 bool PairTable::enabled(std::uint32_t a, std::uint32_t b) const {
   if (a > b) std::swap(a, b);
   return a != b && b < bodies_ && !(is_static_[a] && is_static_[b]) && !excluded(a, b);
-}
-
-bool PairTable::is(std::span<const BodyPair> pairs) const {
-  if (pairs.size() != size()) return false;
-  BodyPair room[512];
-  for (std::uint64_t begin = 0; begin < size(); begin += std::size(room)) {
-    const std::uint64_t count = std::min<std::uint64_t>(std::size(room), size() - begin);
-    copy(begin, count, room);
-    if (std::memcmp(room, pairs.data() + begin, count * sizeof(BodyPair)) != 0) return false;
-  }
-  return true;
 }
 
 void PairTable::copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const {

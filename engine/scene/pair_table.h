@@ -24,8 +24,6 @@ class PairTable {
   std::uint64_t position(BodyPair pair) const;
   /// Writes the pairs at positions [begin, begin + count).
   void copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
-  /// Whether a list has all of the table's pairs in its order.
-  bool is(std::span<const BodyPair> pairs) const;
 
   /// What it is made of, for who has to look up pairs elsewhere.
   struct Arrays {
