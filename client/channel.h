@@ -4,9 +4,11 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "wire/key_file.h"
 #include "wire/protocol.h"
@@ -31,11 +33,18 @@ class Frame {
 /// Not thread-safe: one channel per thread, or a lock around it.
 class Channel {
  public:
+  /// Looks whether the daemon hangs, and throws DaemonHung if it does. Returns when to look again.
+  using Watch = std::function<Deadline()>;
+
   virtual ~Channel() = default;
 
+  /// What begin() and receive() call while they themselves wait for the daemon. Empty: nobody looks.
+  void watch_by(Watch watch) { watch_ = std::move(watch); }
+
   /// Room for a request frame of `frame_bytes` with a reply of about `reply_bytes` (0: unknown), 64-byte aligned.
-  /// Throws ConnectionError (also if every slot of a shared segment is taken by frames the caller still holds), and
-  /// RequestError with kTooLarge if the daemon refuses so large a request. The room is the caller's until send().
+  /// Throws ConnectionError (also if every slot of a shared segment is taken by frames the caller still holds), what
+  /// the watch throws, and RequestError with kTooLarge if the daemon refuses so large a request. The room is the
+  /// caller's until send().
   virtual std::byte* begin(std::uint64_t frame_bytes, std::uint64_t reply_bytes) = 0;
   /// Sends the frame written there; its header must be whole. Throws ConnectionError.
   virtual void send() = 0;
@@ -55,6 +64,12 @@ class Channel {
   /// Whether signs of life come behind the frames that are on their way.
   virtual bool signs_queue_up() const { return true; }
   virtual std::string url() const = 0;
+
+ protected:
+  Deadline watch() const { return watch_ ? watch_() : Deadline::max(); }
+
+ private:
+  Watch watch_;
 };
 
 /// For CURVE: whom the client takes for the daemon, and who it is itself. Empty: without keys.

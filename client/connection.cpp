@@ -67,6 +67,7 @@ void Connection::connect_to(std::size_t first, std::chrono::nanoseconds patience
       channel_ = open_channel(urls_[at_], options_, deadline);
       url_ = channel_->url();
       watch_ = HangWatch(hang_);
+      channel_->watch_by([this] { return look_for_hang(Clock::now()); });
       has_hung_ = false;
       if (!has_met_) meet(deadline);
       return;
@@ -137,13 +138,19 @@ std::unique_ptr<Frame> Connection::await(std::uint64_t request_id, Deadline dead
   for (;;) {
     if (auto frame = channel_->receive(request_id, std::min(deadline, watch_.due()))) return frame;
     const auto now = Clock::now();
-    if (now >= watch_.due() && watch_.look(*channel_, now)) {
-      has_hung_ = true;
-      throw DaemonHung(url_ + ": the daemon hangs: its loop has stood still for " + seconds(hang_) +
-                       " with a request under way");
-    }
+    look_for_hang(now);
     if (now >= deadline) return nullptr;
   }
+}
+
+/// Throws DaemonHung. Returns when to look again.
+Deadline Connection::look_for_hang(Deadline now) {
+  if (now >= watch_.due() && watch_.look(*channel_, now)) {
+    has_hung_ = true;
+    throw DaemonHung(url_ + ": the daemon hangs: its loop has stood still for " + seconds(hang_) +
+                     " with a request under way");
+  }
+  return watch_.due();
 }
 
 std::uint64_t Connection::acknowledge_epoch() {

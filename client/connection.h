@@ -56,6 +56,7 @@ class Connection {
 
  private:
   void check_process() const;
+  Deadline look_for_hang(Deadline now);
   void connect_to(std::size_t first, std::chrono::nanoseconds patience);
   void connect_anew();
   void meet(Deadline deadline);

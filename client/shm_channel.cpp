@@ -221,14 +221,15 @@ class ShmChannel final : public Channel {
     wake_ = std::move(fds[1]);
   }
 
-  /// The daemon's next message: kSegment or kRefused. Throws ConnectionError, TimeoutError.
+  /// The daemon's next message: kSegment or kRefused. Throws ConnectionError, TimeoutError, what the watch throws.
   Message await_answer(Deadline deadline, std::array<UniqueFd, shm::kMaxPassedFds>& fds) {
     for (bool reset = false;;) {
       Message message;
       const ssize_t received = shm::receive_message(socket_.get(), message, &fds);
       if (received < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
-        const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now());
-        if (left <= 0ms) throw TimeoutError(url() + ": the daemon does not answer on its socket");
+        const Deadline until = std::min(deadline, watch());
+        const auto left = std::max(std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()), 0ms);
+        if (Clock::now() >= deadline) throw TimeoutError(url() + ": the daemon does not answer on its socket");
         pollfd waiting{socket_.get(), POLLIN, 0};
         ::poll(&waiting, 1, static_cast<int>(std::min<std::chrono::milliseconds>(left, 1h).count()));
         continue;
@@ -293,8 +294,8 @@ class ShmChannel final : public Channel {
     Message answer;
     try {
       answer = await_answer(deadline, fds);
-    } catch (const TimeoutError& error) {
-      dead_ = error.what();  // a late answer would be taken for that to another question
+    } catch (const ConnectionError& error) {
+      if (dead_.empty()) dead_ = error.what();  // a late answer would be taken for that to another question
       throw;
     }
     if (static_cast<MessageKind>(answer.kind) == MessageKind::kRefused) {
@@ -361,7 +362,7 @@ class ShmChannel final : public Channel {
       if (deadline == Deadline{}) deadline = now + kBeginTimeout;
       if (now >= deadline)
         throw TimeoutError(url() + ": the daemon has not given back the slot of an abandoned request");
-      wait(*current_, now, deadline);
+      wait(*current_, now, std::min(deadline, watch()));
     }
   }
 

@@ -142,6 +142,38 @@ TEST_P(Restarts, AHungDaemonIsNoticedLongBeforeTheTimeout) {
   EXPECT_NEAR(distance_of(client), kSet, 1e-6) << "the same daemon as before";
 }
 
+TEST(Hangs, AreNoticedWhereARequestNeedsALargerSegment) {
+  Site site;
+  Client client = connect(site.url("shm"), {.timeout = kPatience, .hang = 300ms});
+  client.set_timeout(kPatience);
+  const std::vector<IdPair> pairs(100'000, {0, 1});  // 800 KB, and a slot has 256
+  Query query;
+  query.pairs = pairs;
+  site.signal(SIGSTOP);
+  EXPECT_THROW(client.distances(query), DaemonHung);
+  site.signal(SIGCONT);
+  EXPECT_EQ(client.distances(query).rows(), pairs.size()) << "over another connection";
+}
+
+TEST(Hangs, AreNoticedWhereARequestNeedsTheSlotOfOneThatWasGivenUp) {
+  Site site;
+  Client client = connect(site.url("shm"), {.timeout = kPatience, .hang = 300ms});
+  client.set_timeout(1us);
+  site.signal(SIGSTOP);
+  constexpr int kSlots = 16;
+  int given_up = 0;
+  const auto ask_until_hung = [&] {
+    for (; given_up <= kSlots; ++given_up) try {
+        client.distances();
+      } catch (const TimeoutError&) {
+      }
+  };
+  EXPECT_THROW(ask_until_hung(), DaemonHung);
+  site.signal(SIGCONT);
+  client.set_timeout(kPatience);
+  EXPECT_NEAR(distance_of(client), kAtLoad, 1e-6);
+}
+
 TEST(LiveBodies, HaveNoPoseUntilOneIsReceivedAlsoAfterAReload) {
   const TestFolder folder;
   Daemon daemon({"--scene", folder.write("scene.yaml", kLiveScene), "--threads", "1", "--shm", folder / "s"});
