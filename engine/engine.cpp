@@ -149,6 +149,7 @@ PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t
                                    std::uint64_t publisher) {
   const FpEnvironment environment;
   const PoseUpdateResult result = impl_->poses.set(poses, stamp_ns, sequence, publisher);
+  count_copied(result.copied_bytes);
   impl_->pose_updates.fetch_add(result.applied, std::memory_order_relaxed);
   impl_->bad_poses.fetch_add(result.bad, std::memory_order_relaxed);
   return result;

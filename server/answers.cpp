@@ -27,7 +27,9 @@ std::uint64_t draw_epoch() {
 }  // namespace
 
 Answers::Answers(Stats& stats, const std::shared_ptr<Engine>& engine, bool require_epoch)
-    : stats_(stats), engine_(engine), epoch_(draw_epoch()), require_epoch_(require_epoch) {}
+    : stats_(stats), engine_(engine), epoch_(draw_epoch()), require_epoch_(require_epoch) {
+  wire::append_epoch(epoch_record_, epoch_);
+}
 
 void Answers::check_epoch(const FrameHeader& request, std::uint64_t named) const {
   if (named == epoch_) return;
@@ -44,12 +46,17 @@ void Answers::check_epoch(const FrameHeader& request, std::uint64_t named) const
 
 std::vector<std::byte> Answers::records(const FrameHeader& request, const wire::PassedOver& passed_over) const {
   std::vector<std::byte> records;
-  if (request.version != wire::kRecordsVersion) return records;
   if (!passed_over.empty())
     wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kIgnored), 0,
                         std::as_bytes(std::span(passed_over)));
-  wire::append_epoch(records, epoch_);
+  const auto last = ending(request);
+  records.insert(records.end(), last.begin(), last.end());
   return records;
+}
+
+std::span<const std::byte> Answers::ending(const FrameHeader& request) const {
+  if (request.version != wire::kRecordsVersion) return {};
+  return epoch_record_;
 }
 
 void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType type,
@@ -61,7 +68,7 @@ void Answers::reply(ReplySink& sink, const FrameHeader& request, wire::FrameType
 }
 
 std::byte* Answers::reserve(ReplySink& sink, const FrameHeader& request, std::uint64_t payload_bytes) {
-  const std::uint64_t bytes = sizeof(FrameHeader) + payload_bytes + records(request).size();
+  const std::uint64_t bytes = sizeof(FrameHeader) + payload_bytes + ending(request).size();
   const auto too_large = [bytes](const char* room) {
     return Refusal{ErrorCode::kTooLarge, "the reply needs " + std::to_string(bytes) + " bytes, more than " + room,
                    bytes};
@@ -74,7 +81,7 @@ std::byte* Answers::reserve(ReplySink& sink, const FrameHeader& request, std::ui
 
 void Answers::publish(ReplySink& sink, const FrameHeader& request, wire::FrameType type, std::byte* frame,
                       std::uint64_t payload_bytes) {
-  const std::vector<std::byte> ending = records(request);
+  const std::span<const std::byte> ending = this->ending(request);
   const auto header = wire::with_records(
       wire::make_reply_header(request, type, payload_bytes, engine_->scene_revision()), ending.size());
   std::memcpy(frame, &header, sizeof header);
@@ -96,7 +103,7 @@ void Answers::refuse(ReplySink& sink, const FrameHeader& request, const Refusal&
              log_text(refusal.text));
   try {
     if (!send_error(sink, request, engine_->scene_revision(), refusal.code, refusal.text, refusal.needed_bytes,
-                    records(request)))
+                    ending(request)))
       ++stats_["errors.unsent"];
   } catch (const std::exception& failure) {
     ++stats_["errors.unsent"];

@@ -26,9 +26,9 @@ class Answers {
   /// (poses, attachments, bodies) is not here, so an answer would be of other poses than the client thinks. From any
   /// thread. \param named by its records; 0: none
   void check_epoch(const wire::FrameHeader& request, std::uint64_t named) const;
-  /// What a reply to `request` ends in. From any thread. \param passed_over tags of the request's records that nobody
+  /// What the reply to a query ends in. From any thread. \param passed_over tags of the request's records that nobody
   /// here knows
-  std::vector<std::byte> records(const wire::FrameHeader& request, const wire::PassedOver& passed_over = {}) const;
+  std::vector<std::byte> records(const wire::FrameHeader& request, const wire::PassedOver& passed_over) const;
 
   /// Throws a Refusal (kTooLarge) if it does not fit.
   void reply(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type,
@@ -64,11 +64,14 @@ class Answers {
   /// The exception that is being handled, in words for whoever asked. Not in guard(), which every user compiles: to
   /// format one line of the log takes the compiler five seconds.
   static Refusal refusal_of_caught(const wire::FrameHeader& request);
+  /// What every other reply ends in.
+  std::span<const std::byte> ending(const wire::FrameHeader& request) const;
 
   Stats& stats_;
   const std::shared_ptr<Engine>& engine_;
   const std::uint64_t epoch_;
   const bool require_epoch_;
+  std::vector<std::byte> epoch_record_;
 };
 
 constexpr wire::ErrorCode code_of(QueryErrorCode code) {

@@ -19,9 +19,10 @@ struct BodyPose {
 struct PoseUpdateResult {
   std::uint64_t revision = 0;  ///< of the snapshot that holds the update
   std::uint32_t applied = 0;
-  std::uint32_t bad = 0;      ///< stored, and answered kBadPose until a good one comes
-  std::uint32_t unknown = 0;  ///< body id outside the scene
-  std::uint32_t fixed = 0;    ///< static body
+  std::uint32_t bad = 0;           ///< stored, and answered kBadPose until a good one comes
+  std::uint32_t unknown = 0;       ///< body id outside the scene
+  std::uint32_t fixed = 0;         ///< static body
+  std::uint64_t copied_bytes = 0;  ///< of what is known of bodies, for the snapshot
 };
 
 /// Where a body is, as the newest snapshot has it.

@@ -126,8 +126,13 @@ std::shared_ptr<PoseSnapshot> PoseStore::copy() {
       spares_->snapshots.pop_back();
     }
   }
-  if (!next) next = std::make_unique<PoseSnapshot>();
-  *next = *snapshot();
+  const std::shared_ptr<const PoseSnapshot> current = snapshot();
+  if (!next || !catch_up(*next, *current)) {
+    if (!next) next = std::make_unique<PoseSnapshot>();
+    *next = *current;
+    PoseSnapshot::for_each_column([&](auto column) { copied_bytes_ += std::span(*current.*column).size_bytes(); });
+  }
+  next->is_published = false;
   return {next.release(), [spares = spares_](PoseSnapshot* done) {
             std::unique_ptr<PoseSnapshot> snapshot(done);
             const std::lock_guard lock(spares->mutex);
@@ -135,7 +140,30 @@ std::shared_ptr<PoseSnapshot> PoseStore::copy() {
           }};
 }
 
+// Makes an older snapshot the current one, where it is known which bodies differ: in a large scene most are as they
+// were.
+bool PoseStore::catch_up(PoseSnapshot& old, const PoseSnapshot& current) {
+  const std::uint64_t behind = current.revision - old.revision;
+  if (!old.is_published || behind > changes_.size()) return false;
+  for (auto changed = changes_.end() - static_cast<std::ptrdiff_t>(behind); changed != changes_.end(); ++changed)
+    for (const std::uint32_t b : *changed)
+      PoseSnapshot::for_each_column([&](auto column) {
+        (old.*column)[b] = (current.*column)[b];
+        copied_bytes_ += sizeof(old.*column)[b];
+      });
+  old.revision = current.revision;
+  return true;
+}
+
+// Of the revision that is published next.
+void PoseStore::remember(std::vector<std::uint32_t> changed) {
+  if (changed.size() > scene_.bodies().size() / kWorthRemembering) return changes_.clear();
+  changes_.push_back(std::move(changed));
+  if (changes_.size() > kRemembered) changes_.pop_front();
+}
+
 void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
+  next->is_published = true;
   next->oldest_receipt_ns = next->newest_stamp_ns = next->newest_sequence = 0;
   for (std::size_t b = 0; b < next->receipt_ns.size(); ++b) {
     const std::int64_t receipt = next->receipt_ns[b];
@@ -208,11 +236,14 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
     ++(check(p.pose) == PoseQuality::kBad ? result.bad : result.applied);
   }
   if (!moved.empty()) {
-    next->place_again(next->with_followers(moved));
+    std::vector<std::uint32_t> changed = next->with_followers(moved);
+    next->place_again(changed);
     ++next->revision;
+    remember(std::move(changed));
+    publish(next);
   }
   result.revision = next->revision;
-  if (!moved.empty()) publish(next);
+  result.copied_bytes = std::exchange(copied_bytes_, 0);
   return result;
 }
 
@@ -245,6 +276,7 @@ void PoseStore::take_over(const PoseStore& old_store) {
     next->receipt_ns[now] = old.receipt_ns[was];
     next->sequence[now] = old.sequence[was];
   }
+  changes_.clear();
   history_->replaced(*old_store.history_, old.scene_revision, old_store.scene_, old.parent, scene_, next->parent);
   enable_pairs(*next);
   next->place_again(*next->order);
@@ -272,6 +304,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
     next->local[child] = *X_pc;
   }
   next->given[child] = 1;
+  changes_.clear();  // others follow, and other pairs are enabled
   if (parent != next->parent[child]) history_->attached(next->scene_revision, child, next->parent[child], parent);
   next->parent[child] = parent;
   next->receipt_ns[child] = monotonic_ns();

@@ -36,7 +36,18 @@ struct PoseSnapshot {
 
   std::vector<BodyPlacement> placed;
   std::vector<std::int64_t> stamp_ns, receipt_ns, sequence;
+  bool is_published = false;  ///< it is, or was, what everybody sees
 
+  /// What is known of each body: calls f(member) for every column.
+  template <class F>
+  static void for_each_column(F&& f) {
+    f(&PoseSnapshot::local);
+    f(&PoseSnapshot::given);
+    f(&PoseSnapshot::placed);
+    f(&PoseSnapshot::stamp_ns);
+    f(&PoseSnapshot::receipt_ns);
+    f(&PoseSnapshot::sequence);
+  }
   /// Places bodies anew, parents before children.
   void place_again(std::span<const std::uint32_t> bodies);
   /// The oldest receipt among the body and those that it follows; 0 if none of them was ever received.
@@ -60,12 +71,15 @@ class PoseStore {
   PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc);
 
  private:
-  static constexpr std::size_t kSpares = 2;
+  static constexpr std::size_t kSpares = 2, kRemembered = 8;
+  static constexpr std::size_t kWorthRemembering = 8;  // changes of at most one body in so many
   struct Spares {
     std::mutex mutex;
     std::vector<std::unique_ptr<PoseSnapshot>> snapshots;
   };
   std::shared_ptr<PoseSnapshot> copy();
+  bool catch_up(PoseSnapshot& old, const PoseSnapshot& current);
+  void remember(std::vector<std::uint32_t> changed);
   void enable_pairs(PoseSnapshot& snapshot) const;  // that follow from its parents
   void publish(std::shared_ptr<PoseSnapshot> next);
   void check_not_late(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::uint64_t publisher);
@@ -77,6 +91,8 @@ class PoseStore {
   mutable std::mutex writers_;  // of what follows
   StampMarks marks_;
   std::shared_ptr<SceneHistory> history_ = std::make_shared<SceneHistory>();
+  std::deque<std::vector<std::uint32_t>> changes_;  // bodies that the newest revisions have changed, the newest last
+  std::uint64_t copied_bytes_ = 0;
   mutable std::mutex current_mutex_;  // held for a pointer's copy only
   std::shared_ptr<const PoseSnapshot> current_;
   std::shared_ptr<Spares> spares_ = std::make_shared<Spares>();  // snapshots may outlive the store
