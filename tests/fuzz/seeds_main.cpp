@@ -13,6 +13,7 @@
 #include "frames.h"
 #include "seeds.h"
 #include "server/loop.h"
+#include "server/outside/link.h"
 #include "tests/server/memory_transport.h"
 #include "tests/server/test_scene.h"
 #include "wire/lcm_frames.h"
@@ -357,6 +358,41 @@ void save_lcm() {
   save("lcm_udp", "bad_fragment", fragment);
 }
 
+// --- the link to a process outside
+
+void save_link() {
+  using outside::Kind;
+  // [mended 1 B | size 2 B | a datagram]; `part` of a body from `offset` on.
+  const auto say = [](Data& said, Kind kind, const std::string& name, const std::string& extra, const std::string& body,
+                      std::size_t offset, std::size_t part) {
+    const outside::Head head{static_cast<std::uint32_t>(kind),
+                             static_cast<std::uint16_t>(name.size()),
+                             static_cast<std::uint16_t>(extra.size()),
+                             7,
+                             body.size(),
+                             offset};
+    add(said, std::uint8_t{0}, static_cast<std::uint16_t>(sizeof head + name.size() + extra.size() + part), head);
+    for (const std::string& text : {name, extra, body.substr(offset, part)})
+      wire::append_bytes(said, text.data(), text.size());
+  };
+  const std::string header(sizeof(wire::FrameHeader), 'h'), key(40, 'k'), body(300, 'b');
+  Data frame, parts, told, mixed, torn;
+  say(frame, Kind::kFrame, "client", header + key, body, 0, body.size());
+  save("outside_link", "good_frame", frame);
+  for (const std::size_t offset : {0, 100, 200})
+    for (const char* client : {"one", "two"}) say(parts, Kind::kReply, client, header, body, offset, 100);
+  save("outside_link", "good_parts_of_two_clients", parts);
+  for (const Kind kind : {Kind::kReady, Kind::kAlive, Kind::kHandedOver, Kind::kGone, Kind::kKnock, Kind::kVerdict})
+    say(told, kind, "127.0.0.1", key, "", 0, 0);
+  save("outside_link", "good_short_words", told);
+  say(mixed, Kind::kReply, "one", header, body, 0, 100);
+  say(mixed, Kind::kReply, "one", header, body, 200, 100);
+  save("outside_link", "bad_parts_mixed_up", mixed);
+  say(torn, Kind::kStart, "tcp://*:7", "", body, 0, body.size());
+  torn[3 + offsetof(outside::Head, body_bytes)] = std::byte{255};
+  save("outside_link", "bad_body_that_does_not_end", torn);
+}
+
 }  // namespace
 }  // namespace clearance::fuzz
 
@@ -372,5 +408,6 @@ int main(int argc, char** argv) {
   save_shm();
   save_zmq();
   save_lcm();
+  save_link();
   save_files();
 }
