@@ -9,7 +9,7 @@
 namespace clearance {
 namespace {
 
-constexpr std::uint64_t kCopiedAtOnce = 256 << 10;
+constexpr std::uint64_t kBytesAtOnce = 256 << 10;
 
 }  // namespace
 
@@ -41,7 +41,7 @@ bool DearRequest::advance(std::chrono::nanoseconds budget, Clock::time_point& no
 
 bool DearRequest::copy(Clock::time_point end) {
   while (copied_ < payload_.size()) {
-    const std::uint64_t some = std::min(kCopiedAtOnce, payload_.size() - copied_);
+    const std::uint64_t some = std::min(kBytesAtOnce, payload_.size() - copied_);
     std::memcpy(frame_ + sizeof(wire::FrameHeader) + copied_, payload_.data() + copied_, some);
     copied_ += some;
     count_copied(some);

@@ -10,7 +10,7 @@
 namespace clearance {
 namespace {
 
-constexpr std::uint64_t kCopiedAtOnce = 8192;  // pairs
+constexpr std::uint64_t kPairsAtOnce = 8192;  // copied
 
 }  // namespace
 
@@ -44,7 +44,7 @@ bool PairListing::copy(Clock::time_point end) {
     wire::append(reply_, table);
   }
   while (copied_ < count) {
-    const std::uint64_t some = std::min(kCopiedAtOnce, count - copied_);
+    const std::uint64_t some = std::min(kPairsAtOnce, count - copied_);
     const std::size_t at = reply_.size();
     reply_.resize(at + some * sizeof(BodyPair));
     prepared_->copy_pairs(copied_, some, reinterpret_cast<BodyPair*>(reply_.data() + at));
