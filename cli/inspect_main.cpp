@@ -1,5 +1,7 @@
 // clearance-inspect: what a scene's bodies are modelled by, at what cost, with what error, and what could be left out.
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 
@@ -28,7 +30,8 @@ Table table_of(const Scene& scene, const SceneReport& report, Output output) {
   if (for_people)
     columns.insert(columns.end(), {"KiB", "shared_by", "source"});
   else
-    columns.insert(columns.end(), {"bytes", "display_bytes", "shared_by", "source"});
+    columns.insert(columns.end(), {"bytes", "display_bytes", "inner_error_m", "uncertain_m", "uncertain_rad",
+                                   "padding_m", "max_speed_m_s", "shared_by", "source"});
   Table table(columns);
   for (std::size_t i = 0; i < report.bodies.size(); ++i) {
     const Body& body = scene.bodies()[i];
@@ -53,7 +56,8 @@ Table table_of(const Scene& scene, const SceneReport& report, Output output) {
     if (for_people)
       row.push_back(Cell(static_cast<double>(r.bytes) / 1024, 3));
     else
-      row.insert(row.end(), {r.bytes, r.display_bytes});
+      row.insert(row.end(), {r.bytes, r.display_bytes, Cell(body.model_inner, 3), Cell(body.uncertainty.position, 6),
+                             Cell(body.uncertainty.angle, 6), Cell(body.padding, 6), Cell(body.max_speed, 6)});
     row.insert(row.end(), {r.sharing, body.source});
     table.add(std::move(row));
   }
@@ -76,12 +80,31 @@ Table warnings_of(const Scene& scene, const SceneReport& report) {
   return table;
 }
 
+// What is not known of a body, term by term; nothing where its bounds are those of its pieces.
+void print_doubts(const Body& body) {
+  if (!is_doubted(body) && body.padding == 0) return;
+  std::printf("%s: ", body.name.c_str());
+  const auto [position, angle] = body.uncertainty;
+  if (body.model_error > 0) std::printf("its shape is smaller than its pieces by up to %.3g m; ", body.model_error);
+  if (body.model_inner > 0) std::printf("larger by up to %.3g m; ", body.model_inner);
+  if (position > 0) std::printf("its position is known within %g m; ", position);
+  if (angle > 0)
+    std::printf("its turn within %g rad, which moves it by up to %.3g m; ", angle,
+                2 * std::sin(0.5 * std::min(angle, 3.2)) * body.reach);
+  if (body.padding > 0) std::printf("it is grown by %g m; ", body.padding);
+  if (body.max_speed > 0) std::printf("it moves by up to %g m in each second that its pose is old; ", body.max_speed);
+  std::printf("bounds hold all of this\n");
+}
+
 void print_for_people(const Scene& scene, const SceneReport& report) {
   table_of(scene, report, Output::kTable).print(std::cout, Output::kTable);
   std::cout << "\n";
   for (std::size_t i = 0; i < report.bodies.size(); ++i)
     if (!report.bodies[i].warning.empty())
       std::cout << "Warning: " << scene.bodies()[i].name << ": " << report.bodies[i].warning << "\n";
+  std::cout.flush();
+  for (const Body& body : scene.bodies()) print_doubts(body);
+  std::fflush(stdout);
   if (report.findings.empty()) std::cout << "Nothing was found that could be left out.\n";
   for (const Finding& f : report.findings) std::cout << scene.bodies()[f.body].name << ": " << f.text << "\n";
   std::printf("\n%zu bodies, %llu enabled pairs; pieces take %.4g KiB, meshes for pictures %.4g KiB\n",

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "engine/base/arithmetic.h"
+#include "engine/base/slack.h"
 #include "engine/base/vec.h"
 #include "engine/hull/piece.h"
 
@@ -54,6 +55,15 @@ inline constexpr Aabb kEmptyBox{{std::numeric_limits<double>::infinity(), std::n
                                  std::numeric_limits<double>::infinity()},
                                 {-std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
                                  -std::numeric_limits<double>::infinity()}};
+
+/// A box that holds whatever is no farther than `by` metres from something in this one.
+CLEARANCE_HD inline Aabb grown(Aabb box, double by) {
+  for (int k = 0; k < 3; ++k) {
+    box.low[k] = difference_below(box.low[k], by);
+    box.high[k] = sum_above(box.high[k], by);
+  }
+  return box;
+}
 
 /// The least box that holds both.
 CLEARANCE_HD inline Aabb joined(const Aabb& a, const Aabb& b) {

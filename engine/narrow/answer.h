@@ -3,6 +3,7 @@
 
 #include <limits>
 
+#include "engine/base/slack.h"
 #include "engine/base/vec.h"
 #include "wire/types.h"
 
@@ -15,6 +16,7 @@ struct NarrowLimits {
   double rel_tol = 1e-6;  ///< wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
   bool signed_distance = false;
   int max_iterations = 256;
+  double overlap_by = 0;  ///< no depth is asked for, but whether it is at least this; metres
 };
 
 /// One answer, before it is written into columns. Points are relative to their bodies' origins, world axes.
@@ -96,41 +98,46 @@ CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double 
   answer.upper = upper;
   answer.distance = beyond ? lower : upper;
 }
-/// Says what bounds on a signed distance mean: the status, the distance, and whether rounding alone keeps them apart.
-/// Nobody else decides that. \param rounding returns the width that bounds of these pieces have from rounding alone,
-/// where it is asked for
+/// Says what bounds on the signed distance of pieces mean for the true bodies: the status, the distance, and whether
+/// rounding or slack alone keeps the bounds apart. Nobody else decides that. The tolerance is judged on the pieces'
+/// interval, the rest on that of the true bodies. \param rounding returns the width that bounds of these pieces have
+/// from rounding alone, where it is asked for. \param slack of the pair
 template <class Rounding>
 CLEARANCE_HD inline void decide(const NarrowLimits& asked, double lower, double upper, const Rounding& rounding,
-                                PairAnswer& answer) {
-  const bool overlap = upper <= 0;
+                                PairAnswer& answer, const Slack& slack = {}) {
+  double true_lower = slack.true_lower(lower), true_upper = slack.true_upper(upper);
+  const bool pieces_overlap = upper <= 0, overlap = true_upper <= 0;
   if (!asked.signed_distance) {
     lower = lower < 0 ? 0 : lower;
-    upper = overlap ? 0 : upper;
+    upper = pieces_overlap ? 0 : upper;
+    true_lower = true_lower < 0 ? 0 : true_lower;
+    true_upper = overlap ? 0 : true_upper;
   }
   const double width = upper - lower;
   const auto narrow = [&](double distance) { return is_narrow(width, distance, asked.abs_tol, asked.rel_tol); };
-  bool settled = true;
-  if (lower > asked.max_distance || (!overlap && lower > 0)) {
-    settled = narrow(upper);
-    decide_apart(asked.max_distance, lower, upper, settled, answer);
+  const bool settled = pieces_overlap ? !asked.signed_distance || narrow(lower) : narrow(lower > 0 ? upper : 0);
+  if (true_lower > 0) {
+    decide_apart(asked.max_distance, true_lower, true_upper, settled, answer);
     if (answer.status == Status::kBeyond) {
       answer.point_a = answer.point_b = no_point();
       return;
     }
   } else {
-    answer.lower = lower;
-    answer.upper = upper;
+    answer.lower = true_lower;
+    answer.upper = true_upper;
     if (overlap) {
-      settled = !asked.signed_distance || narrow(lower);
       answer.status = settled ? Status::kOverlap : Status::kUnconverged;
-      answer.distance = lower;
+      answer.distance = true_lower;
     } else {
-      settled = narrow(0);
       answer.status = settled || is_at_rounding(width, rounding()) ? Status::kContact : Status::kUnconverged;
-      answer.distance = asked.signed_distance ? 0.5 * lower + 0.5 * upper : upper;
+      answer.distance = asked.signed_distance ? 0.5 * true_lower + 0.5 * true_upper : true_upper;
     }
   }
   if (!settled && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
+  const double size = true_lower > 0 ? true_upper : overlap ? true_lower : 0;
+  if (slack.any() && !(overlap && !asked.signed_distance) &&
+      !is_narrow(slack.inner + slack.outer, size, asked.abs_tol, asked.rel_tol))
+    answer.flags |= kFlagSlack;
 }
 
 }  // namespace clearance

@@ -94,6 +94,8 @@ class Answer {
 
   const Interval& bounds() const { return answer_.bounds; }
   bool wants_depth() const { return limits_.signed_distance; }
+  /// An overlap is proved, but not by as much as was asked.
+  bool is_shallow() const { return answer_.bounds.upper <= 0 && answer_.bounds.upper > -limits_.overlap_by; }
   double tolerance(double distance) const { return std::max(limits_.abs_tol, limits_.rel_tol * std::abs(distance)); }
 
   bool settled() const {
@@ -238,7 +240,8 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
   e.rel_tol = pair.radius > T(0) ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
   e.abs_tol = limits.abs_tol / 2;
   e.noise = 8 * Arithmetic<T>::kUnit * pair.scale;
-  if (!limits.signed_distance) e.enough = 2 * pair.ball_error();
+  if (!limits.signed_distance)
+    e.enough = 2 * pair.ball_error() + std::max(0.0, limits.overlap_by - static_cast<double>(pair.radius));
   static thread_local Epa<T> epa;
   std::size_t steps = 0;  // one at least, however short the slice is
   const auto pause = [&](std::size_t vertices) { return cso.count_step(vertices) && paused && steps++ > 0; };
@@ -294,7 +297,7 @@ Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const 
   if (end == GjkEnd::kEncloses && g.simplex.size == 4) {
     if (!limits.signed_distance) {
       take_tetrahedron(pair, g.simplex, answer);
-      if (answer.settled()) return g.simplex;
+      if (answer.settled() && !answer.is_shallow()) return g.simplex;
     }
   } else {
     answer.take_witness(certify_upper(pair, g.simplex));

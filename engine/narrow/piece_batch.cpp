@@ -159,12 +159,13 @@ void PieceBatch::settle_in_f64(const LaneBatch& all) {
 NarrowLimits PieceBatch::limits_of(const PieceTask& task) const {
   NarrowLimits limits = options_.limits;
   limits.max_distance = task.max_distance;
+  limits.overlap_by = task.overlap_by;
   return limits;
 }
 
 NarrowAnswer PieceBatch::answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter) {
   meter.begin_pair();
-  const auto& [a, b, pose_a, pose_b, max_distance, id, warm] = task;
+  const auto& [a, b, pose_a, pose_b, max_distance, id, warm, overlap_by] = task;
   const NarrowLimits limits = limits_of(task);
   const NarrowAnswer answer = options_.reference
                                   ? narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits)

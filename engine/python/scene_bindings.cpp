@@ -2,12 +2,14 @@
 #include "engine/python/scene_bindings.h"
 
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "client/python/bindings/columns.h"
@@ -19,9 +21,14 @@ namespace {
 using VertexRows = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using PoseRow = nb::ndarray<const double, nb::shape<7>, nb::c_contig, nb::device::cpu>;
 
+using Doubts = std::array<double, 4>;  // uncertainty of position and angle, padding, max_speed
+
 Scene::BodyOptions options(double radius, const std::optional<std::string>& parent, bool is_static,
-                           const std::optional<PoseRow>& pose) {
+                           const std::optional<PoseRow>& pose, const Doubts& doubts) {
   Scene::BodyOptions o;
+  o.uncertainty = {doubts[0], doubts[1]};
+  o.padding = doubts[2];
+  o.max_speed = doubts[3];
   o.radius = radius;
   o.parent = parent.value_or("");
   o.is_static = is_static;
@@ -53,7 +60,8 @@ nb::list bodies(const Scene& scene) {
       extent = std::max(extent, piece->rho + piece->radius);
     }
     list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent,
-                               b.hull_excess, b.empty_share));
+                               b.hull_excess, b.empty_share, b.model_inner, b.uncertainty.position, b.uncertainty.angle,
+                               b.padding, b.max_speed));
   }
   return list;
 }
@@ -84,46 +92,51 @@ void bind_shapes(nb::class_<Scene>& scene) {
       .def(
           "add_hull",
           [](Scene& s, const std::string& name, const VertexRows& v, double radius, const Parent& parent, bool fixed,
-             const P& pose) {
+             const P& pose, const Doubts& doubts) {
             const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
-            return s.add_hull(name, vertices, options(radius, parent, fixed, pose));
+            return s.add_hull(name, vertices, options(radius, parent, fixed, pose, doubts));
           },
           nb::arg("name"), nb::arg("vertices"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"),
-          nb::arg("pose").none())
+          nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_mesh",
           [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int convexify,
-             double radius, const Parent& parent, bool fixed, const P& pose) {
-            const Scene::BodyOptions o = options(radius, parent, fixed, pose);
+             double radius, const Parent& parent, bool fixed, const P& pose, const Doubts& doubts) {
+            const Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
             nb::gil_scoped_release release;
             return s.add_mesh(name, path, {sx, sy, sz}, static_cast<Convexify>(convexify), o);
           },
           nb::arg("name"), nb::arg("path"), nb::arg("sx"), nb::arg("sy"), nb::arg("sz"), nb::arg("convexify"),
-          nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none())
+          nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_box",
           [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
-             bool fixed, const P& pose) { return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose)); },
+             bool fixed, const P& pose,
+             const Doubts& doubts) { return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose, doubts)); },
           nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
-          nb::arg("static"), nb::arg("pose").none())
+          nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_sphere",
-          [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose) {
-            return s.add_sphere(name, radius, options(0, parent, fixed, pose));
-          },
-          nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none())
+          [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
+             const Doubts& doubts) { return s.add_sphere(name, radius, options(0, parent, fixed, pose, doubts)); },
+          nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
+          nb::arg("doubts"))
       .def(
           "add_capsule",
           [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
-             const P& pose) { return s.add_capsule(name, radius, length, options(0, parent, fixed, pose)); },
+             const P& pose, const Doubts& doubts) {
+            return s.add_capsule(name, radius, length, options(0, parent, fixed, pose, doubts));
+          },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
-          nb::arg("pose").none())
+          nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_cylinder",
           [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
-             const P& pose) { return s.add_cylinder(name, radius, length, options(0, parent, fixed, pose)); },
+             const P& pose, const Doubts& doubts) {
+            return s.add_cylinder(name, radius, length, options(0, parent, fixed, pose, doubts));
+          },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
-          nb::arg("pose").none());
+          nb::arg("pose").none(), nb::arg("doubts"));
 }
 
 }  // namespace

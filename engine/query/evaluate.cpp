@@ -76,9 +76,10 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
     if (found.best.rounding > 0) return found.best.rounding;
     return rounding_of(*a.pieces[found.piece_a], pose_a, *b.pieces[found.piece_b], pose_b);
   };
+  const Slack slack = pair_slack(*bodies.placement, bodies.pair);
   assert(lower <= best.bounds.upper);
   assert(piece_a < a.pieces.size() && piece_b < b.pieces.size());
-  decide(limits, lower, best.bounds.upper, rounding, answer);
+  decide(limits, lower, best.bounds.upper, rounding, answer, slack);
   if (limits.signed_distance && best.bounds.upper <= 0 && (a.pieces.size() > 1 || b.pieces.size() > 1))
     answer.flags |= kFlagPieces;
   if (options.want_flags && answer.status != Status::kBeyond &&
@@ -89,9 +90,12 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
 
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
 void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane,
-               const LaneWitness& witness, PairAnswer& answer) {
+               const LaneWitness& witness, const Slack& slack, PairAnswer& answer) {
   assert(lane.settled && lane.lower <= lane.upper);
-  decide_apart(options.limits.max_distance, lane.lower, lane.upper, true, answer);
+  if (slack.any())
+    decide(options.limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
+  else
+    decide_apart(options.limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
   const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
   answer.piece_a = answer.piece_b = 0;
@@ -131,7 +135,8 @@ bool Evaluator::advance(WorkMeter& meter) {
         meter,
         [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
           if (is_single(task))
-            take_lane(options_, task, lane, witness, answers_[task.id]);
+            take_lane(options_, task, lane, witness, pair_slack(*pairs_[task.id].placement, pairs_[task.id].pair),
+                      answers_[task.id]);
           else
             found_[task.id] = batch_.settled_answer(task, lane, witness);
         },
@@ -183,8 +188,9 @@ void Evaluator::take_in(WorkMeter& meter) {
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
     if (a.size() == 1 && b.size() == 1) {
+      const Slack slack = pair_slack(*placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
-                        options_.limits.max_distance, i, warm});
+                        slack.cut_off(options_.limits.max_distance), i, warm, slack.outer});
     } else {
       if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs_));
       begin_search(pairs_[i], i, meter);
@@ -201,7 +207,8 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
     for (std::uint32_t j = 0; j < boxes_b.size(); ++j)
       piece_pairs_.push_back({certify_box_gap(boxes_a[i], boxes_b[j]), i, j});
   meter.count((piece_pairs_.size() - begin) / kBoxesPerUnit);
-  searches_.push_back({index, begin, piece_pairs_.size(), begin, 0, {}, {}});
+  searches_.push_back(
+      {index, begin, piece_pairs_.size(), begin, 0, pair_slack(*bodies.placement, bodies.pair), {}, {}});
   if (options_.reference) searches_.back().state.round = piece_pairs_.size() - begin;  // all at once
 }
 
@@ -221,7 +228,7 @@ void Evaluator::sort_ahead(Search& search) {
 bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t singles) {
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
   PieceSearch& state = search.state;
-  const double user = options_.limits.max_distance, cut_off = options_.reference ? user : state.cut_off(user);
+  const double user = search.slack.cut_off(options_.limits.max_distance), cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
   sort_ahead(search);
   for (std::size_t i = search.next; i < search.end && search.asked < state.round; ++i, ++search.asked) {
@@ -229,7 +236,7 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
     if (!options_.reference && !state.asks(p.gap, cut_off)) break;
     tasks_.push_back({a.pieces[p.a].get(), b.pieces[p.b].get(), &(*bodies.placement)[bodies.pair.a].pose,
                       &(*bodies.placement)[bodies.pair.b].pose, cut_off,
-                      static_cast<std::uint32_t>(tasks_.size() - singles)});
+                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, search.slack.outer});
   }
   if (search.asked == 0 && search.next < search.end) state.leave_out(piece_pairs_[search.next].gap);
   return search.asked > 0;
@@ -250,7 +257,8 @@ void Evaluator::take_round(Search& search, std::span<const NarrowAnswer> answers
       search.found.piece_a = p.a;
       search.found.piece_b = p.b;
     }
-    if (!options_.limits.signed_distance && state.upper <= 0) search.next = search.end;  // overlapping: that is all
+    if (!options_.limits.signed_distance && search.slack.true_upper(state.upper) <= 0)
+      search.next = search.end;  // overlapping: that is all
     if (search.next == search.end) return;
   }
   state.round *= 2;

@@ -61,6 +61,7 @@ class Evaluator {
     std::size_t next, end;  // of piece_pairs_: not looked at yet
     std::size_t sorted;     // before this one they are in their order, and nearer than the others
     std::size_t asked;      // of a round: how many wait in tasks_
+    Slack slack;            // of the pair
     PieceSearch state;
     BodiesAnswer found;  // without the lower bound
   };

@@ -36,7 +36,9 @@ class ParallelJob : public Job::State {
   /// \param boxes whether boxes of all bodies are worth making beforehand, if boxes will be asked for.
   ParallelJob(const JobContext& context, Plan&& plan, const ReplyView& reply, bool boxes = true)
       : context_(context), plan_(std::move(plan)), reply_(reply) {
+    plan_.begun_ns = monotonic_ns();
     find_stale();
+    plan_.doubts = doubts_of(scene(), *plan_.snapshot, plan_.begun_ns);
     const QueryView& q = plan_.query;
     const PoseSnapshot& snapshot = *plan_.snapshot;
     options_.limits.max_distance = q.max_distance;
@@ -54,7 +56,8 @@ class ParallelJob : public Job::State {
     options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_flags;
     if (boxes && needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
       for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
-        boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b]));
+        boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b],
+                                  plan_.doubts.empty() ? Slack() : plan_.doubts[b].slack));
     const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
     placements_.resize(serial ? 1 : static_cast<std::size_t>(context.threads));
     open_.assign(placements_.size(), kNone64);
@@ -65,7 +68,7 @@ class ParallelJob : public Job::State {
     info.scene_revision =
         q.scene_revision ? q.scene_revision : snapshot.scene_revision;  // for both the answer is the same
     info.oldest_receipt_ns = snapshot.oldest_receipt_ns;
-    if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = begun_ns_ - snapshot.oldest_receipt_ns;
+    if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = plan_.begun_ns - snapshot.oldest_receipt_ns;
   }
 
   const QuerySize& size() const override { return plan_.size; }
@@ -175,7 +178,7 @@ class ParallelJob : public Job::State {
   void find_stale() {
     if (plan_.query.max_pose_age_ns == 0) return;
     const PoseSnapshot& snapshot = *plan_.snapshot;
-    const std::int64_t oldest_allowed = begun_ns_ - plan_.query.max_pose_age_ns;
+    const std::int64_t oldest_allowed = plan_.begun_ns - plan_.query.max_pose_age_ns;
     stale_.resize(scene().bodies().size());
     for (std::uint32_t b = 0; b < stale_.size(); ++b) {
       const std::int64_t receipt = snapshot.receipt_of_chain(b);
@@ -196,7 +199,6 @@ class ParallelJob : public Job::State {
     plan_.snapshot = std::move(own);
   }
 
-  std::int64_t begun_ns_ = monotonic_ns();  // ages of poses are as of then
   std::vector<Aabb> boxes_;
   std::vector<std::uint8_t> stale_;
   struct WorkerPlacements {

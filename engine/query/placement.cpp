@@ -6,12 +6,12 @@
 
 namespace clearance {
 
-Aabb body_box(const Body& body, const BodyPlacement& placement) {
+Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack) {
   Aabb box = kEmptyBox;
   if (placement.status != Status::kOk) return box;
   for (const PiecePtr& piece : body.pieces)
     box = joined(box, certify_box(*piece, placement.pose.R_wb, placement.pose.t_w));
-  return box;
+  return grown(box, slack.inner);
 }
 
 Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
@@ -25,6 +25,7 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
   moved_.resize(local_.size());
   rotation_of_.resize(local_.size(), nullptr);
   moved_boxes_.resize(local_.size());
+  if (!plan.doubts.empty()) moved_doubts_.resize(local_.size());
 }
 
 void Placement::configure(std::uint64_t k, std::span<const Mat3d> rotations) {
@@ -41,12 +42,18 @@ void Placement::configure(std::uint64_t k, std::span<const Mat3d> rotations) {
   for (std::size_t i = 0; i < plan_.moved.size(); ++i) {
     const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
     moved_[i] = place(&local_[i], parent == kNone ? nullptr : &(*this)[parent], rotation_of_[i]);
-    if (!boxes_.empty()) moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i]);
+    if (!moved_doubts_.empty() && moved_[i].status == Status::kOk) {
+      // What the query itself places is there now.
+      const double age_s = rotation_of_[i] ? 0 : pose_age_s(snapshot, body, plan_.begun_ns);
+      moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
+                                  parent == kNone ? nullptr : &doubt(parent));
+    }
+    if (!boxes_.empty()) moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body));
   }
 }
 
 Aabb Placement::box(std::uint32_t body) const {
-  if (boxes_.empty()) return body_box(scene_.bodies()[body], (*this)[body]);
+  if (boxes_.empty()) return body_box(scene_.bodies()[body], (*this)[body], slack(body));
   return moved_slot_.empty() || moved_slot_[body] == kNone ? boxes_[body] : moved_boxes_[moved_slot_[body]];
 }
 

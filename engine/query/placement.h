@@ -27,7 +27,12 @@ class Placement {
   const BodyPlacement& operator[](std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
   }
-  /// A box around the body; empty (low > high) without a usable pose.
+  /// What is not known of a body.
+  const BodyDoubt& doubt(std::uint32_t body) const {
+    return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.doubts[body] : moved_doubts_[moved_slot_[body]];
+  }
+  Slack slack(std::uint32_t body) const { return plan_.doubts.empty() ? Slack() : doubt(body).slack; }
+  /// A box around the true body; empty (low > high) without a usable pose.
   Aabb box(std::uint32_t body) const;
   /// The same where it has been made already; else null.
   const Aabb* known_box(std::uint32_t body) const {
@@ -44,10 +49,15 @@ class Placement {
   std::vector<Pose> local_;                // of each moved body
   std::vector<const Mat3d*> rotation_of_;  // of local_, while a configuration is being placed
   std::vector<BodyPlacement> moved_;
+  std::vector<BodyDoubt> moved_doubts_;  // empty where the plan has none
   std::vector<Aabb> moved_boxes_;
 };
 
-/// The box of a placed body.
-Aabb body_box(const Body& body, const BodyPlacement& placement);
+/// A box that holds the true body that a placed one stands for.
+Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack);
+/// The slack of a pair. Whoever knows that two bodies' doubts are in part the same ones says so here.
+inline Slack pair_slack(const Placement& placement, BodyPair pair) {
+  return placement.slack(pair.a) + placement.slack(pair.b);
+}
 
 }  // namespace clearance

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "engine/query/doubts.h"
 #include "engine/query/pair_lister.h"
 #include "engine/query/query.h"
 #include "engine/scene/pose_store.h"
@@ -21,6 +22,8 @@ struct Plan {
   std::shared_ptr<const PoseSnapshot> snapshot;
   PairList pairs;
   QuerySize size;
+  std::int64_t begun_ns = 0;      ///< monotonic_ns(): ages of poses are as of then
+  std::vector<BodyDoubt> doubts;  ///< of each body in the snapshot, as of then; empty: nothing is doubted of any
 
   /// Copies the configurations, whose memory is the caller's.
   void keep_configurations();

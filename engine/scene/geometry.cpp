@@ -134,7 +134,7 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
     for (const Submesh& submesh : mesh.submeshes)
       out.pieces.push_back(excess.add(joined({submesh}, scale), radius, submesh.loaded_vertices, true));
   }
-  out.model_error = rounding_of(mesh.submeshes, scale);
+  out.model_error = out.model_inner = rounding_of(mesh.submeshes, scale);
   out.hull_excess = excess.distance();
   out.empty_share = excess.empty_share();
   out.display = std::move(whole);

@@ -16,7 +16,7 @@ namespace clearance {
 struct Geometry {
   std::vector<PiecePtr> pieces;
   std::shared_ptr<const DisplayMesh> display;  ///< may be null
-  double model_error = 0;
+  double model_error = 0, model_inner = 0;
   double hull_excess = 0, empty_share = 0;
   std::string source;
 };

@@ -110,10 +110,10 @@ PiecePtr get_piece(Reader& in, const DisplayMesh* display) {
 
 std::vector<std::byte> geometry_record(const Geometry& geometry) {
   // By name and number, so that nothing is forgotten: with another member this does not compile.
-  const auto& [pieces, display, model_error, hull_excess, empty_share, source] = geometry;
+  const auto& [pieces, display, model_error, model_inner, hull_excess, empty_share, source] = geometry;
   static_cast<void>(source);  // names the file, which is not a part of what was made of it
   Writer out;
-  for (const double figure : {model_error, hull_excess, empty_share}) out.add(figure);
+  for (const double figure : {model_error, model_inner, hull_excess, empty_share}) out.add(figure);
   out.add(std::uint64_t{display != nullptr});
   if (display) {
     out.add(display->vertices);
@@ -128,9 +128,10 @@ std::optional<Geometry> geometry_of_record(std::span<const std::byte> record) tr
   Reader in(record);
   Geometry geometry;
   geometry.model_error = in.get<double>();
+  geometry.model_inner = in.get<double>();
   geometry.hull_excess = in.get<double>();
   geometry.empty_share = in.get<double>();  // NaN where there is none
-  if (!(geometry.model_error >= 0) || !(geometry.hull_excess >= 0) || geometry.empty_share < 0 ||
+  if (!(geometry.model_error >= 0) || !(geometry.model_inner >= 0) || !(geometry.hull_excess >= 0) || geometry.empty_share < 0 ||
       geometry.empty_share > 1)
     return {};
   if (in.get<std::uint64_t>() != 0) {

@@ -84,6 +84,8 @@ std::uint64_t revision_with(const Scene& scene, const std::vector<std::uint32_t>
 
 void PoseStore::enable_pairs(PoseSnapshot& snapshot) const {
   snapshot.order = order_of(snapshot.parent);
+  snapshot.has_followers = std::any_of(snapshot.parent.begin(), snapshot.parent.end(),
+                                       [](std::uint32_t parent) { return parent != kNone; });
   snapshot.scene_revision = revision_with(scene_, snapshot.parent);
   snapshot.pairs = std::make_shared<const PairTable>(scene_, snapshot.parent);
   snapshot.scene_changes = history_->changes();
@@ -94,6 +96,7 @@ PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead
     : scene_(scene), max_stamp_lead_(max_stamp_lead), marks_(scene.bodies().size()) {
   auto first = std::make_shared<PoseSnapshot>();
   const std::size_t n = scene.bodies().size();
+  first->loaded_ns = monotonic_ns();
   first->local.resize(n);
   first->given.resize(n);
   first->placed.resize(n);

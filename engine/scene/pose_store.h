@@ -24,6 +24,7 @@ struct PoseSnapshot {
   std::int64_t newest_stamp_ns = 0;    ///< publisher's clock: the newest among those of the poses below
   std::int64_t newest_sequence = 0;    ///< of the update that brought it; 0: its publisher does not count
   std::int64_t oldest_receipt_ns = 0;  ///< 0: none was received
+  std::int64_t loaded_ns = 0;          ///< our monotonic clock: of the poses that the scene gives
   std::uint64_t scene_revision = 0;    ///< changes with attachments
   std::uint64_t scene_changes = 0;     ///< SceneHistory::changes() at that revision
   std::shared_ptr<const SceneHistory> history;
@@ -33,6 +34,7 @@ struct PoseSnapshot {
   std::vector<std::uint8_t> given;  ///< whether `local` was ever given
   std::vector<std::uint32_t> parent;
   std::shared_ptr<const std::vector<std::uint32_t>> order;  ///< parents before children
+  bool has_followers = false;                               ///< some body has a parent
 
   std::vector<BodyPlacement> placed;
   std::vector<std::int64_t> stamp_ns, receipt_ns, sequence;

@@ -9,6 +9,7 @@
 
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
+#include "engine/base/slack.h"
 #include "engine/hull/shapes.h"
 #include "engine/mesh/mesh.h"
 #include "engine/scene/geometry.h"
@@ -76,6 +77,17 @@ void check_may_be_live(const Body& body) {
     throw SceneError("body " + in_quotes(body.name) + ": live: a static body never gets another pose than its own");
 }
 
+void check_doubts(const Body& body) {
+  const auto& [position, angle] = body.uncertainty;
+  check_positive(body.name, "uncertainty.position", position, true);
+  check_positive(body.name, "padding", body.padding, true);
+  const std::string who = "body " + in_quotes(body.name) + ": ";
+  if (!(angle >= 0 && angle <= 3.2))
+    throw SceneError(who + "uncertainty.angle: expected radians from 0 to 3.2, got " + number(angle));
+  if (!(body.max_speed >= 0 && body.max_speed <= kMaxCoordinate))
+    throw SceneError(who + "max_speed: expected a number of metres a second >= 0, got " + number(body.max_speed));
+}
+
 constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recognised before their hulls are made
 
 // What a file is recognised by: another one, or the same one written anew, gives another key.
@@ -92,6 +104,9 @@ Body body_from(const std::string& name, const Scene& scene, const Scene::BodyOpt
   body.is_static = options.is_static;
   body.pose = options.pose;
   body.is_live = options.is_live;
+  body.uncertainty = options.uncertainty;
+  body.padding = options.padding;
+  body.max_speed = options.max_speed;
   check_positive(name, "radius", options.radius, true);
   if (!options.parent.empty()) {
     body.parent = scene.find_body(options.parent);
@@ -112,6 +127,7 @@ std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& op
     for (const PiecePtr& piece : geometry.pieces) body.pieces.push_back(shared_piece(piece));
     body.display = geometry.display;
     body.model_error = geometry.model_error;
+    body.model_inner = geometry.model_inner;
     body.hull_excess = geometry.hull_excess;
     body.empty_share = geometry.empty_share;
     body.source = geometry.source;
@@ -222,6 +238,24 @@ PiecePtr Scene::shared_piece(const PiecePtr& piece) {
   return piece;
 }
 
+// A position within a ball, and padding, are the pieces' own: their radius is larger by as much, which is exact but for
+// the rounding of that sum.
+void Scene::grow(Body& body) {
+  const double by = sum_above(body.padding, body.uncertainty.position);
+  double rounding = 0;
+  for (PiecePtr& piece : body.pieces) {
+    if (by > 0) {
+      const double radius = sum_above(by, piece->radius);
+      const bool is_exact = (piece->radius == 0) + (body.padding == 0) + (body.uncertainty.position == 0) >= 2;
+      if (!is_exact) rounding = std::max(rounding, radius * 0x1p-50);
+      piece = shared_piece(make_piece(piece->vertices, radius, piece->loaded_vertices, 0, piece->table));
+    }
+    body.reach = std::max(body.reach, (piece->rho + piece->radius) * (1 + 0x1p-50));
+  }
+  body.model_error = sum_above(body.model_error, rounding);
+  body.model_inner = sum_above(body.model_inner, rounding);
+}
+
 std::uint32_t Scene::add_body(Body body) {
   const FpEnvironment environment;
   check_free(body.name, "body");
@@ -234,6 +268,9 @@ std::uint32_t Scene::add_body(Body body) {
     throw SceneError(who + "pose: expected finite numbers and a quaternion of norm 1e-6 to 1e6");
   if (!(body.model_error >= 0 && body.model_error <= kMaxCoordinate))
     throw SceneError(who + "model_error: expected a number of metres >= 0, got " + number(body.model_error));
+  if (!(body.model_inner >= 0 && body.model_inner <= kMaxCoordinate))
+    throw SceneError(who + "model_inner: expected a number of metres >= 0, got " + number(body.model_inner));
+  check_doubts(body);
   if (body.is_live) check_may_be_live(body);
   const std::uint32_t parent = body.parent;
   body.parent = kNone;
@@ -243,6 +280,8 @@ std::uint32_t Scene::add_body(Body body) {
     throw SceneError(who + "a static body cannot follow the movable body " + in_quotes(bodies_[parent].name));
   if (!body.pose && (body.is_static || parent != kNone)) body.pose = Pose{};
   body.parent = parent;
+  grow(body);
+  has_doubts_ |= is_doubted(body);
   const auto id = static_cast<std::uint32_t>(bodies_.size());
   body_ids_.emplace(body.name, id);
   bodies_.push_back(std::move(body));
@@ -320,6 +359,11 @@ std::uint32_t Scene::find_group(std::string_view name) const {
   return found == group_ids_.end() ? kNone : found->second;
 }
 
+bool is_doubted(const Body& body) {
+  return body.model_error > 0 || body.model_inner > 0 || body.uncertainty.position > 0 || body.uncertainty.angle > 0 ||
+         body.max_speed > 0;
+}
+
 std::string hull_warning(const Body& body) {
   double size = 0;
   for (const PiecePtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
@@ -341,7 +385,9 @@ std::uint64_t Scene::revision() const {
     digest.add(std::string_view(body.name));
     digest.add(std::uint64_t{body.parent});
     digest.add(std::uint64_t{body.is_static} | std::uint64_t{body.is_live} << 1);
-    digest.add(body.model_error);
+    for (const double known : {body.model_error, body.model_inner, body.uncertainty.position, body.uncertainty.angle,
+                               body.padding, body.max_speed})
+      digest.add(known);
     digest.add(std::uint64_t{body.pose.has_value()});
     if (body.pose) {
       digest.add(body.pose->translation);

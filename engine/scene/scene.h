@@ -41,6 +41,12 @@ struct DisplayMesh {
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
+/// How well a body's pose is known.
+struct Uncertainty {
+  double position = 0;  ///< metres: its origin lies within a ball of this radius about the place given
+  double angle = 0;     ///< radians: it may be turned by up to this about its origin, about any axis
+};
+
 struct Body {
   std::string name;
   std::vector<PiecePtr> pieces;  ///< at least one
@@ -51,11 +57,19 @@ struct Body {
   /// metres: how far the pieces may stand out from the shape they were asked for; of a mesh, from the hulls that its
   /// file and scale mean: rounding
   double model_error = 0;
+  double model_inner = 0;  ///< metres: how far that shape may stand out of the pieces
   double hull_excess = 0;  ///< metres: no point of a piece is farther from the mesh that it stands for (hull_excess.h)
   double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
   std::string source;      ///< "meshes/base.stl (hull)", "box", ...: where the geometry came from
   std::shared_ptr<const DisplayMesh> display;  ///< may be null
+  Uncertainty uncertainty;
+  double padding = 0;    ///< metres, that the pieces are grown by
+  double max_speed = 0;  ///< metres a second: how fast a point of it, or of what follows it, may move at most
+  double reach = 0;      ///< metres: no point of the pieces is farther from the origin; Scene says it
 };
+
+/// Whether the body's shape, or where it is, is known less well than its pieces and pose say.
+bool is_doubted(const Body& body);
 
 /// A body whose pieces stand out of its mesh by more than this share of its size is warned about: hull_warning().
 inline constexpr double kHullExcessShare = 0.02;
@@ -77,6 +91,9 @@ class Scene {
     bool is_static = false;
     std::optional<Pose> pose = {};
     bool is_live = false;  ///< no_pose until a pose is received, whatever `pose` says
+    Uncertainty uncertainty = {};
+    double padding = 0;    ///< as in Body
+    double max_speed = 0;  ///< as in Body
   };
 
   /// Reads a scene file (YAML) and the meshes it names. Throws SceneError.
@@ -98,7 +115,8 @@ class Scene {
                             const BodyOptions& options);  ///< along z; length between the centres of its caps
   std::uint32_t add_cylinder(const std::string& name, double radius, double length,
                              const BodyOptions& options);  ///< along z; a circumscribed prism
-  std::uint32_t add_body(Body body);                       ///< ready-made pieces
+  /// Ready-made pieces, that are grown by the body's padding and by the uncertainty of its position.
+  std::uint32_t add_body(Body body);
   /// Makes a body follow another from the start. Throws SceneError for an unknown body, a cycle, or a static child.
   void set_parent(const std::string& child, const std::string& parent);
   /// The body has no pose until one is received. Throws SceneError for an unknown or static body.
@@ -112,6 +130,9 @@ class Scene {
   const std::vector<Group>& groups() const { return groups_; }
   /// Pairs (a < b) named by ignore(), sorted, without repeats.
   const std::vector<std::pair<std::uint32_t, std::uint32_t>>& ignored() const { return ignored_; }
+
+  /// Whether a body's shape, or where it is, is known less well than its pieces and pose say.
+  bool has_doubts() const { return has_doubts_; }
 
   /// Id of a body; kNone if there is none.
   std::uint32_t find_body(std::string_view name) const;
@@ -130,7 +151,10 @@ class Scene {
   PiecePtr shared_piece(const PiecePtr& piece);
   void check_free(const std::string& name, const char* what) const;
 
+  void grow(Body& body);
+
   std::vector<Body> bodies_;
+  bool has_doubts_ = false;
   std::vector<Group> groups_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
   std::unordered_map<std::string, std::uint32_t> body_ids_;

@@ -69,7 +69,7 @@ class SceneReader {
   void read_body(const YamlValue& value) {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
     value.check_keys({"name", "mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale",
-                      "convexify", "radius", "static", "live", "pose", "parent"});
+                      "convexify", "radius", "static", "live", "pose", "parent", "uncertainty", "padding", "max_speed"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};
@@ -77,6 +77,9 @@ class SceneReader {
     if (const auto is_static = value.find("static")) plan.body.is_static = is_static->boolean();
     if (const auto is_live = value.find("live")) plan.body.is_live = is_live->boolean();
     if (const auto pose = value.find("pose")) plan.body.pose = read_pose(*pose);
+    if (const auto uncertainty = value.find("uncertainty")) plan.body.uncertainty = read_uncertainty(*uncertainty);
+    if (const auto padding = value.find("padding")) plan.body.padding = padding->not_negative();
+    if (const auto speed = value.find("max_speed")) plan.body.max_speed = speed->not_negative();
     if (const auto parent = value.find("parent")) {
       parent->text("the name of a body");
       plan.parent = *parent;
@@ -125,6 +128,15 @@ class SceneReader {
     if (check(pose) == PoseQuality::kBad)
       value.fail("expected a quaternion (qw, qx, qy, qz) of norm 1e-6 to 1e6 and coordinates up to 1e60 m");
     return pose;
+  }
+
+  static Uncertainty read_uncertainty(const YamlValue& value) {
+    value.map("a map, such as {position: 0.002, angle: 0.01}");
+    value.check_keys({"position", "angle"});
+    Uncertainty uncertainty;
+    if (const auto position = value.find("position")) uncertainty.position = position->not_negative();
+    if (const auto angle = value.find("angle")) uncertainty.angle = angle->not_negative();
+    return uncertainty;
   }
 
   static Vec3d read_box(const YamlValue& value) {
@@ -334,6 +346,7 @@ class SceneReader {
       plan.body.pieces = geometry.pieces;
       plan.body.display = geometry.display;
       plan.body.model_error = geometry.model_error;
+      plan.body.model_inner = geometry.model_inner;
       plan.body.hull_excess = geometry.hull_excess;
       plan.body.empty_share = geometry.empty_share;
       plan.body.source = geometry.source;

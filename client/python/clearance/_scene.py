@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -61,6 +61,9 @@ class Scene:
         parent: Optional[BodyRef] = None,
         static: bool = False,
         pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
     ) -> int:
         """Adds the convex hull of (V, 3) vertices, grown by `radius`. Flat, collinear and single points are legal."""
         rows = to_floats(vertices, "vertices", "(V, 3) numbers")
@@ -68,7 +71,7 @@ class Scene:
             raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
         with self._lock:
             return self._scene.add_hull(
-                to_text(name, "name"), rows, to_number(radius, "radius"), *self._rest(parent, static, pose)
+                to_text(name, "name"), rows, to_number(radius, "radius"), *self._rest(parent, static, pose, uncertainty, padding, max_speed)
             )
 
     def add_mesh(
@@ -82,6 +85,9 @@ class Scene:
         parent: Optional[BodyRef] = None,
         static: bool = False,
         pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
     ) -> int:
         """Adds a mesh file. scale: one number or three. convexify: "hull", "submeshes" or "decompose".
 
@@ -97,7 +103,7 @@ class Scene:
                 sz,
                 to_word(convexify, CONVEXIFY, "convexify"),
                 to_number(radius, "radius"),
-                *self._rest(parent, static, pose),
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
             _warn_of_hulls(self._scene, added)
             return added
@@ -111,21 +117,33 @@ class Scene:
         parent: Optional[BodyRef] = None,
         static: bool = False,
         pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
     ) -> int:
         """Adds a box of three full edge lengths, centred on the body's origin; `radius` rounds it outward."""
         x, y, z = _three(size, "size")
         with self._lock:
             return self._scene.add_box(
-                to_text(name, "name"), x, y, z, to_number(radius, "radius"), *self._rest(parent, static, pose)
+                to_text(name, "name"), x, y, z, to_number(radius, "radius"), *self._rest(parent, static, pose, uncertainty, padding, max_speed)
             )
 
     def add_sphere(
-        self, name: str, radius: float, *, parent: Optional[BodyRef] = None, static: bool = False, pose: Any = None
+        self,
+        name: str,
+        radius: float,
+        *,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
     ) -> int:
         """Adds a sphere about the body's origin."""
         with self._lock:
             return self._scene.add_sphere(
-                to_text(name, "name"), to_number(radius, "radius"), *self._rest(parent, static, pose)
+                to_text(name, "name"), to_number(radius, "radius"), *self._rest(parent, static, pose, uncertainty, padding, max_speed)
             )
 
     def add_capsule(
@@ -137,6 +155,9 @@ class Scene:
         parent: Optional[BodyRef] = None,
         static: bool = False,
         pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
     ) -> int:
         """Adds a capsule along z; `length` is between the centres of its caps."""
         with self._lock:
@@ -144,7 +165,7 @@ class Scene:
                 to_text(name, "name"),
                 to_number(radius, "radius"),
                 to_number(length, "length"),
-                *self._rest(parent, static, pose),
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
 
     def add_cylinder(
@@ -156,6 +177,9 @@ class Scene:
         parent: Optional[BodyRef] = None,
         static: bool = False,
         pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
     ) -> int:
         """Adds a cylinder along z as a circumscribed prism; BodyInfo.model_error says by how much that is larger."""
         with self._lock:
@@ -163,7 +187,7 @@ class Scene:
                 to_text(name, "name"),
                 to_number(radius, "radius"),
                 to_number(length, "length"),
-                *self._rest(parent, static, pose),
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
 
     def add_body(
@@ -179,6 +203,9 @@ class Scene:
         parent: Optional[BodyRef] = None,
         static: bool = False,
         pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
     ) -> int:
         """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it.
 
@@ -186,7 +213,8 @@ class Scene:
         """
         shapes = {"vertices": vertices, "box": box, "sphere": sphere, "capsule": capsule, "cylinder": cylinder}
         shape, numbers = to_shape(shapes)
-        rest: dict[str, Any] = {"parent": parent, "static": static, "pose": pose}
+        rest: dict[str, Any] = {"parent": parent, "static": static, "pose": pose, "uncertainty": uncertainty}
+        rest.update(padding=padding, max_speed=max_speed)
         if shape == "vertices":
             return self.add_hull(name, numbers, radius, **rest)
         if shape == "box":
@@ -269,10 +297,21 @@ class Scene:
         return name_table(self._scene, 0)
 
     def _rest(
-        self, parent: Optional[BodyRef], static: bool, pose: Any
-    ) -> tuple[Optional[str], bool, Optional[np.ndarray]]:
+        self,
+        parent: Optional[BodyRef],
+        static: bool,
+        pose: Any,
+        uncertainty: Optional[Mapping[str, float]],
+        padding: float,
+        max_speed: float,
+    ) -> tuple[Optional[str], bool, Optional[np.ndarray], tuple[float, ...]]:
         name = None if parent is None else self._body(parent, "parent").name
-        return name, to_bool(static, "static"), None if pose is None else as_one_pose(pose, "pose")
+        doubts = (
+            *_uncertainty(uncertainty),
+            to_number(padding, "padding"),
+            to_number(max_speed, "max_speed"),
+        )
+        return name, to_bool(static, "static"), None if pose is None else as_one_pose(pose, "pose"), doubts
 
     def _body(self, body: BodyRef, what: str) -> BodyInfo:
         table = self._table()
@@ -280,6 +319,19 @@ class Scene:
         if index >= len(table.bodies):
             raise ValueError(f"{what}: no body has the id {index}; the scene has {len(table.bodies)}")
         return table.bodies[index]
+
+
+def _uncertainty(value: Optional[Mapping[str, float]]) -> tuple[float, float]:
+    """Metres and radians of {"position": ..., "angle": ...}; what is not there is 0."""
+    if value is None:
+        return 0.0, 0.0
+    if not isinstance(value, Mapping):
+        raise TypeError(f"uncertainty: expected a map, such as {{'position': 0.002, 'angle': 0.01}}, got {value!r}")
+    for key in value:
+        if key not in ("position", "angle"):
+            raise ValueError(f"uncertainty: unknown key {key!r}; expected position, angle")
+    position, angle = (to_number(value.get(key, 0.0), f"uncertainty[{key!r}]") for key in ("position", "angle"))
+    return position, angle
 
 
 def name_table(scene: Any, revision: int) -> NameTable:

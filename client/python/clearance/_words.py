@@ -34,6 +34,7 @@ class Flag(enum.IntFlag):
     NONSMOOTH = 1 << 3  #: witness points are not unique; the gradient is one of several
     PIECES = 1 << 4  #: a body of several pieces overlaps: the depth bounds the union's motion from below
     INCOMPLETE = 1 << 5  #: a reduced group held a bad or missing pose
+    SLACK = 1 << 6  #: what is not known of the bodies is alone wider than asked
 
 
 class Precision(enum.IntEnum):

@@ -1,0 +1,38 @@
+// What is not known of the bodies of a scene where they stand: from what their user says, their shapes, the rounding of
+// poses that follow one another, and the age of poses (docs/bounds.md, "Slack").
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/base/slack.h"
+#include "engine/scene/pose_store.h"
+#include "engine/scene/scene.h"
+
+namespace clearance {
+
+/// How far a frame may be from where it was computed to be: no point that belongs to it, d metres from its origin, is
+/// farther than shift + turn * d from its place.
+struct FrameDoubt {
+  double shift = 0, turn = 0;
+};
+
+/// What is not known of a placed body.
+struct BodyDoubt {
+  FrameDoubt known;   ///< its frame, and all that follow it: by what the user knows and by the age of its pose
+  FrameDoubt placed;  ///< by the rounding of poses that follow one another
+  Slack slack;        ///< of its pieces
+};
+
+/// \param local its pose as given. \param t_w its origin in the world, as computed. \param age_s of that pose, seconds.
+/// \param parent of the body that it follows; null: none.
+BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent);
+
+/// How old a body's pose is at `now_ns` (monotonic_ns()), seconds: since its receipt, or of one that the scene gives
+/// since that was loaded.
+double pose_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t now_ns);
+
+/// Of each body of a snapshot, as of `now_ns`; empty: nothing is doubted of any.
+std::vector<BodyDoubt> doubts_of(const Scene& scene, const PoseSnapshot& snapshot, std::int64_t now_ns);
+
+}  // namespace clearance
