@@ -77,6 +77,7 @@ class CLEARANCE_API Reply {
   std::span<const IdPair> pair() const;
   std::span<const std::uint32_t> configuration() const;
   std::span<const CompactAnswer> compact() const;
+  std::span<const IdPair> pair_lower() const;
 
   std::uint64_t epoch() const;  ///< of the daemon that answered; 0: it is too old to have one
   std::uint64_t scene_revision() const;

@@ -93,6 +93,9 @@ std::span<const std::uint32_t> Reply::configuration() const {
 std::span<const CompactAnswer> Reply::compact() const {
   return column<CompactAnswer>(kFieldCompact, 1);
 }
+std::span<const IdPair> Reply::pair_lower() const {
+  return column<IdPair>(kFieldPairLower, 1);
+}
 
 std::uint64_t Reply::epoch() const {
   return epoch_;

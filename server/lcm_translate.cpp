@@ -85,6 +85,8 @@ std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
       if (const auto value = member(query); value != 0)
         member(options) = static_cast<std::remove_reference_t<decltype(member(options))>>(value);
   });
+  if (options.fields & kFieldPairLower)
+    throw wire::WireError(wire::ErrorCode::kBadQuery, "query: fields: reply_t has no column pair_lower");
   // The pair table is not served over LCM, so rows say their pair unless told otherwise.
   if (query.fields == 0) options.fields |= kFieldPair;
   wire::QueryHeader header;

@@ -4,8 +4,6 @@
 namespace clearance::wire {
 namespace {
 
-constexpr std::uint32_t kAllFields = (1u << kFieldCount) - 1;
-
 Wide columns_wide(std::uint64_t rows, std::uint32_t fields) {
   Wide bytes = 0;
   for (int f = 0; f < kFieldCount; ++f)
@@ -33,7 +31,7 @@ std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field fiel
 
 ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records) {
   const auto header = head<ReplyHeader>(payload, "reply");
-  if (header.fields & ~kAllFields) bad_frame("reply: fields has unknown bits: " + str(header.fields & ~kAllFields));
+  if (header.fields & ~kKnownFields) bad_frame("reply: fields has unknown bits: " + str(header.fields & ~kKnownFields));
   expect_size(
       "reply", [&] { return str(header.rows) + " rows"; },
       sizeof(ReplyHeader) + columns_wide(header.rows, header.fields), payload.size());

@@ -34,7 +34,7 @@
     "", "which rows come back")                                                                                        \
   X(Format, format, Format::kFull, 0, Legal::word("full compact"),                                                     \
     "", "how columns are encoded")                                                                                     \
-  X(std::uint32_t, fields, kDefaultFields, 0, Legal::bits((1u << kFieldCount) - 1),                                    \
+  X(std::uint32_t, fields, kDefaultFields, 0, Legal::bits(kKnownFields),                                               \
     "", "columns that come back")                                                                                      \
   X(std::uint64_t, max_results, 1u << 20, 0, Legal::anything(),                                                        \
     "rows", "most rows of reduce `within`")                                                                            \

@@ -65,13 +65,23 @@ enum Field : std::uint32_t {
   kFieldPair = 1u << 10,           ///< 2 uint32, body ids (a, b); always there for reductions
   kFieldConfiguration = 1u << 11,  ///< uint32; always there for Reduce::kWithin
   kFieldCompact = 1u << 12,        ///< CompactAnswer, replaces the float64 columns when Format::kCompact
+  kFieldPairLower = 1u << 14,      ///< 2 uint32, body ids: the pair whose lower bound is the row's; reductions
 };
-inline constexpr int kFieldCount = 13;
+inline constexpr int kFieldCount = 15;
+/// Bits that no column has yet.
+inline constexpr std::uint32_t kReservedFields = 1u << 13;
+inline constexpr std::uint32_t kKnownFields = ((1u << kFieldCount) - 1) & ~kReservedFields;
+/// The bit of the column after that of `bit`.
+constexpr int next_field(int bit) {
+  do ++bit;
+  while (kReservedFields >> bit & 1);
+  return bit;
+}
 inline constexpr std::uint32_t kFieldPoints = kFieldPointA | kFieldPointB;
 inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 
 /// Bytes of one row of each column, by bit position of its Field.
-inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1, 2, 24, 24, 24, 8, 96, 8, 4, 32};
+inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1, 2, 24, 24, 24, 8, 96, 8, 4, 32, 0, 8};
 
 /// Each column of a reply starts on such a boundary.
 inline constexpr std::uint64_t kColumnAlignment = 64;

@@ -39,11 +39,11 @@ Plan DeviceQuery::give_up() {
 }
 
 void DeviceQuery::find_direct_columns() {
-  std::uint32_t bit = 0;
+  int bit = 0;
   direct_ = reply_;
   const auto column = [&](auto*& direct, int) {
     if (direct) fields_ |= 1u << bit;
-    ++bit;
+    bit = next_field(bit);
     if (!is_pinned(direct)) direct = nullptr;
   };
   for_each_column(column, direct_);

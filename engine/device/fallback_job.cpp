@@ -1,5 +1,7 @@
 // A query on the device that the CPU takes over where the device fails.
+#include <algorithm>
 #include <cassert>
+#include <string>
 
 #include "engine/device/device_query.h"
 
@@ -31,6 +33,23 @@ std::unique_ptr<DeviceQuery> begin_on_device(const JobContext& context, Plan& pl
   }
   if (!backend.fallback()) refuse(backend.error());
   return nullptr;
+}
+
+// What a device does not answer yet, in words; empty: it answers this.
+std::string beyond_the_device(const Scene& scene, const Plan& plan) {
+  if (plan.query.fields & kFieldPairLower) return "the column pair_lower";
+  const PoseSnapshot& snapshot = *plan.snapshot;
+  if (!scene.has_doubts() && !snapshot.has_followers) return {};
+  std::uint32_t found = kNone;
+  const auto look = [&](std::uint32_t body) {
+    const bool there = body < scene.bodies().size();
+    if (there && (is_doubted(scene.bodies()[body]) || snapshot.parent[body] != kNone)) found = std::min(found, body);
+  };
+  if (plan.pairs.is_whole_table())
+    for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) look(b);
+  else
+    for (const auto [a, b] : plan.pairs.list()) look(a), look(b);
+  return found == kNone ? "" : "'" + scene.bodies()[found].name + "' has slack (docs/bounds.md)";
 }
 
 class FallbackJob final : public Job::State {
@@ -84,8 +103,10 @@ class FallbackJob final : public Job::State {
 }  // namespace
 
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
-  if (auto query = begin_on_device(context, plan, reply))
-    return std::make_unique<FallbackJob>(context, std::move(query), reply);
+  const std::string beyond = beyond_the_device(*context.scene, plan);
+  if (!beyond.empty() && !context.device->fallback()) refuse(beyond + " is not for a device yet");
+  auto query = beyond.empty() ? begin_on_device(context, plan, reply) : nullptr;
+  if (query) return std::make_unique<FallbackJob>(context, std::move(query), reply);
   context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
   return nullptr;
 }

@@ -168,7 +168,7 @@ class PyEngine {
       int position = 0;
       for_each_column(
           [&]<class Column>(Column*& column, int) {
-            const int at = position++;
+            const int at = std::exchange(position, next_field(position));
             const std::int64_t offset = layout.offset[static_cast<std::size_t>(at)];
             if (out.fields() >> at & 1)
               column = reinterpret_cast<Column*>(out.data(at));

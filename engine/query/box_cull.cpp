@@ -121,7 +121,8 @@ void write_beyond_rows(const ReplyView& reply, std::uint64_t first, std::span<co
     detail::write_gradient(gradient, row);
     for (std::uint64_t i = 0; i < count; ++i) std::memcpy(reply.gradient + 12 * (first + i), gradient, sizeof gradient);
   }
-  if (reply.pair) std::copy(pairs.begin(), pairs.end(), reply.pair + first);
+  for (BodyPair* const column : {reply.pair, reply.pair_lower})
+    if (column) std::copy(pairs.begin(), pairs.end(), column + first);
   fill(reply.configuration, first, count, configuration);
   if (reply.compact) {
     CompactAnswer compact = detail::compact(row);

@@ -14,6 +14,7 @@ struct Row {
   std::uint32_t configuration = 0;
   PairAnswer answer;
   Vec3d origin_a{0, 0, 0}, origin_b{0, 0, 0};  ///< world frame
+  BodyPair pair_lower{kNone, kNone};           ///< whose lower bound is the answer's
 };
 
 namespace detail {
@@ -91,11 +92,13 @@ CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, 
   }
   if (reply.gradient) detail::write_gradient(reply.gradient + 12 * index, a);
   if (reply.pair) reply.pair[index] = pair;
+  if (reply.pair_lower) reply.pair_lower[index] = pair;
   if (reply.configuration) reply.configuration[index] = configuration;
   if (reply.compact) reply.compact[index] = detail::compact(a);
 }
 CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, const Row& row) {
   write_row(reply, index, row.pair, row.configuration, row.answer, row.origin_a, row.origin_b);
+  if (reply.pair_lower) reply.pair_lower[index] = row.pair_lower;
 }
 
 }  // namespace clearance

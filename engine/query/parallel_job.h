@@ -51,13 +51,13 @@ class ParallelJob : public Job::State {
     options_.f32 = q.precision == Precision::kF32 && !q.signed_distance;
     const bool needs_boxes = q.reduce != Reduce::kNone || q.max_distance < std::numeric_limits<double>::infinity();
     options_.cull = needs_boxes && !context.reference;
-    const std::uint32_t interval = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration;
+    const std::uint32_t interval = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration | kFieldPairLower;
     options_.want_flags = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
     options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_flags;
     if (boxes && needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
       for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
-        boxes_.push_back(body_box(scene().bodies()[b], snapshot.placed[b],
-                                  plan_.doubts.empty() ? Slack() : plan_.doubts[b].slack));
+        boxes_.push_back(
+            body_box(scene().bodies()[b], snapshot.placed[b], plan_.doubts.empty() ? Slack() : plan_.doubts[b].slack));
     const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
     placements_.resize(serial ? 1 : static_cast<std::size_t>(context.threads));
     open_.assign(placements_.size(), kNone64);

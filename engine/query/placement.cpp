@@ -14,6 +14,10 @@ Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& sla
   return grown(box, slack.inner);
 }
 
+Slack pair_slack(const Placement& placement, BodyPair pair) {
+  return placement.slack(pair.a) + placement.slack(pair.b);
+}
+
 Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
     : scene_(scene), plan_(plan), boxes_(boxes) {
   if (plan.query.configuration_count == 0) return;

@@ -56,8 +56,6 @@ class Placement {
 /// A box that holds the true body that a placed one stands for.
 Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack);
 /// The slack of a pair. Whoever knows that two bodies' doubts are in part the same ones says so here.
-inline Slack pair_slack(const Placement& placement, BodyPair pair) {
-  return placement.slack(pair.a) + placement.slack(pair.b);
-}
+Slack pair_slack(const Placement& placement, BodyPair pair);
 
 }  // namespace clearance

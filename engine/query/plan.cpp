@@ -26,7 +26,7 @@ void check_numbers(const QueryView& q) {
   if (q.precision > Precision::kF32) refuse("precision: unknown value " + std::to_string(int(q.precision)));
   if (q.reduce > Reduce::kMin) refuse("reduce: unknown value " + std::to_string(int(q.reduce)));
   if (q.format > Format::kCompact) refuse("format: unknown value " + std::to_string(int(q.format)));
-  if (q.fields >= 1u << kFieldCount) refuse("fields: unknown bits in " + std::to_string(q.fields));
+  if (q.fields & ~kKnownFields) refuse("fields: unknown bits in " + std::to_string(q.fields));
   if (q.max_pose_age_ns < 0)
     refuse("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
   if (q.stale_status && q.max_pose_age_ns == 0) refuse("stale_status: is for a query with max_pose_age_ns");

@@ -1,6 +1,7 @@
 #include "engine/query/query.h"
 
 #include <cstddef>
+#include <utility>
 
 namespace clearance {
 
@@ -11,7 +12,7 @@ ReplyView reply_view_over(std::byte* base, std::uint64_t rows, std::uint32_t fie
   int position = 0;
   for_each_column(
       [&]<class Column>(Column*& column, int) {
-        const int at = position++;
+        const int at = std::exchange(position, next_field(position));
         if (!(fields >> at & 1)) return;
         if (base) column = reinterpret_cast<Column*>(base + offset);
         offset += (rows * kFieldBytes[at] + kColumnAlignment - 1) / kColumnAlignment * kColumnAlignment;

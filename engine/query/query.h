@@ -72,6 +72,7 @@ struct ReplyView {
   BodyPair* pair = nullptr;                ///< (rows,)
   std::uint32_t* configuration = nullptr;  ///< (rows,)
   CompactAnswer* compact = nullptr;        ///< (rows,)
+  BodyPair* pair_lower = nullptr;          ///< (rows,)
 };
 
 /// Calls f(column of each view..., entries a row) for every column that there may be, in the order of Field. Views may
@@ -91,6 +92,7 @@ void for_each_column(F&& f, View&... view) {
   f(view.pair..., 1);
   f(view.configuration..., 1);
   f(view.compact..., 1);
+  f(view.pair_lower..., 1);
 }
 
 /// A view of columns laid out one after another in the order of Field, each starting on a 64-byte boundary: the layout

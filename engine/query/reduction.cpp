@@ -309,7 +309,7 @@ void Reduction::end_stage() {
 std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
   assert(stage_ == kDone);
   const auto row_of = [&](BodyPair pair, const PairAnswer& answer) {
-    Row row{pair, configuration, answer, {}, {}};
+    Row row{pair, configuration, answer, {}, {}, pair};
     if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
     if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
     return row;
@@ -324,7 +324,8 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
   struct Candidates {
     Standing best, unusable;  // the winner, and the first pair without usable poses
     const PairAnswer *winner = nullptr, *first_unusable = nullptr;
-    double lower = kInf;  // the least of all
+    double lower = kInf;                             // the least of all
+    std::uint64_t lower_place = Standing::kNowhere;  // of the first that has it
   };
   std::vector<Candidates> groups(groups_);
   const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
@@ -335,7 +336,10 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
     for_groups(pair, [&](std::uint32_t g) {
       Candidates& group = groups[g];
       if (!usable) incomplete_[g] = 1;
-      if (usable) group.lower = std::min(group.lower, lower);
+      if (usable && (lower < group.lower || (lower == group.lower && position < group.lower_place))) {
+        group.lower = lower;
+        group.lower_place = position;
+      }
       Standing& best = usable ? group.best : group.unusable;
       if (!(standing < best)) return;
       best = standing;
@@ -354,6 +358,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
       continue;
     }
     Row row = row_of(plan_.pairs.at(group.winner ? group.best.place : group.unusable.place), *answer);
+    if (group.lower_place != Standing::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
     widen_to_group(row.answer, group.lower, options_.limits.max_distance, options_.limits.abs_tol,
                    options_.limits.rel_tol);
     assert(row.answer.lower <= row.answer.upper);

@@ -83,7 +83,7 @@ void check_doubts(const Body& body) {
   check_positive(body.name, "padding", body.padding, true);
   const std::string who = "body " + in_quotes(body.name) + ": ";
   if (!(angle >= 0 && angle <= 3.2))
-    throw SceneError(who + "uncertainty.angle: expected radians from 0 to 3.2, got " + number(angle));
+    throw SceneError(who + "uncertainty.angle: expected 0 to 3.2 radians, got " + number(angle));
   if (!(body.max_speed >= 0 && body.max_speed <= kMaxCoordinate))
     throw SceneError(who + "max_speed: expected a number of metres a second >= 0, got " + number(body.max_speed));
 }
@@ -385,9 +385,11 @@ std::uint64_t Scene::revision() const {
     digest.add(std::string_view(body.name));
     digest.add(std::uint64_t{body.parent});
     digest.add(std::uint64_t{body.is_static} | std::uint64_t{body.is_live} << 1);
-    for (const double known : {body.model_error, body.model_inner, body.uncertainty.position, body.uncertainty.angle,
-                               body.padding, body.max_speed})
-      digest.add(known);
+    digest.add(body.model_error);
+    const double doubts[] = {body.model_inner, body.uncertainty.position, body.uncertainty.angle, body.padding,
+                             body.max_speed};
+    if (std::any_of(std::begin(doubts), std::end(doubts), [](double doubt) { return doubt > 0; }))
+      for (const double doubt : doubts) digest.add(doubt);
     digest.add(std::uint64_t{body.pose.has_value()});
     if (body.pose) {
       digest.add(body.pose->translation);

@@ -18,7 +18,8 @@ struct Answer {
   ReplyInfo info;
 };
 
-inline constexpr std::uint32_t kAllFields = (1u << kFieldCount) - 1 - kFieldCompact;
+/// That each backend writes; devices leave a query with pair_lower to the CPU.
+inline constexpr std::uint32_t kAllFields = kKnownFields & ~(kFieldCompact | kFieldPairLower);
 
 /// The memory that a query's answer takes.
 inline Answer room_for(const Engine& engine, const QueryView& query) {

@@ -92,7 +92,7 @@ TEST(LcmTranslate, QueryFieldsAreAllCarried) {
 
 TEST(LcmTranslate, RepliesOfAllSizesFitTheirMessages) {
   for (const std::uint64_t rows : {0ull, 1ull, 100ull, 1000ull, 5000ull}) {
-    for (const std::uint32_t fields : {std::uint32_t{kFieldStatus}, kDefaultFields, (1u << kFieldCount) - 1}) {
+    for (const std::uint32_t fields : {std::uint32_t{kFieldStatus}, kDefaultFields, kKnownFields}) {
       wire::ReplyHeader reply;
       reply.rows = rows;
       reply.fields = fields;

@@ -45,6 +45,33 @@ def test_a_cylinder_publishes_its_model_error():
     assert 0 < scene.bodies[0].model_error < 0.01
 
 
+def test_what_is_not_known_of_a_body_widens_its_intervals():
+    scene = clearance.Scene()
+    scene.add_box("wall", (1, 1, 1), pose=[0, 0, 0, 1, 0, 0, 0], static=True)
+    doubts = {"uncertainty": {"position": 0.25, "angle": 0.01}, "padding": 0.125, "max_speed": 0.0}
+    scene.add_box("box", (1, 1, 1), pose=[3, 0, 0, 1, 0, 0, 0], **doubts)
+    info = scene.bodies[1]
+    assert (info.uncertainty_position, info.uncertainty_angle, info.padding, info.max_speed) == (0.25, 0.01, 0.125, 0)
+    r = clearance.Engine(scene).distances(fields=("default", "flags", "pair_lower"))
+    turn = 2 * np.sin(0.005) * (np.sqrt(0.75) + 0.375)
+    assert r.upper[0, 0] == pytest.approx(2 - 0.375) and r.lower[0, 0] == pytest.approx(2 - 0.375 - turn, abs=1e-5)
+    assert clearance.Flag(int(r.flags[0, 0])) == clearance.Flag.SLACK and r.pair_lower[0, 0].tolist() == [0, 1]
+    assert r.status[0, 0] == clearance.Status.OK
+
+
+def test_bad_doubts_are_named():
+    scene = clearance.Scene()
+    with pytest.raises(TypeError, match="uncertainty: expected a map"):
+        scene.add_sphere("a", 1, uncertainty=0.1)
+    with pytest.raises(ValueError, match="uncertainty: unknown key 'turn'"):
+        scene.add_sphere("a", 1, uncertainty={"turn": 0.1})
+    with pytest.raises(clearance.SceneError, match="padding: expected a number of metres >= 0, got -1"):
+        scene.add_sphere("a", 1, padding=-1)
+    with pytest.raises(clearance.SceneError, match="max_speed: expected"):
+        scene.add_sphere("a", 1, max_speed=-1)
+    assert not scene.bodies
+
+
 def write_shelf(path):
     """Five panels that do not touch: an open shelf, 1 m wide, 0.4 m deep, 2 m high."""
     panels = [

@@ -103,6 +103,27 @@ bodies:
   EXPECT_EQ(piece("e"), piece("f"));
 }
 
+TEST(SceneFile, WhatIsNotKnownOfABodyIsRead) {
+  const TemporaryFolder folder;
+  const std::string plain = "bodies: [{name: a, box: 1, radius: 0.25}, {name: b, box: 1, radius: 0.25";
+  const Scene known = load(folder, plain + "}]");
+  const Scene scene =
+      load(folder, plain + ", uncertainty: {position: 0.5, angle: 0.01}, padding: 0.125, max_speed: 2}]");
+  const Body &a = scene.bodies()[0], &b = scene.bodies()[1];
+  EXPECT_FALSE(is_doubted(a));
+  EXPECT_FALSE(known.has_doubts());
+  EXPECT_TRUE(scene.has_doubts());
+  EXPECT_EQ(b.uncertainty.position, 0.5);
+  EXPECT_EQ(b.uncertainty.angle, 0.01);
+  EXPECT_EQ(b.max_speed, 2);
+  EXPECT_NEAR(b.pieces[0]->radius, 0.875, 1e-14);
+  EXPECT_GT(b.model_inner, 0) << "the rounding of that sum";
+  EXPECT_LT(b.model_inner, 1e-14);
+  EXPECT_NEAR(b.reach, std::sqrt(0.75) + 0.875, 1e-12);
+  EXPECT_NE(scene.revision(), known.revision());
+  EXPECT_EQ(known.bodies()[0].pieces[0], known.bodies()[1].pieces[0]);
+}
+
 TEST(SceneFile, RandomBodiesRepeatBySeed) {
   const TemporaryFolder folder;
   const auto of = [&](const std::string& random) { return load(folder, "random: " + random); };
@@ -245,6 +266,19 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, mesh: t.obj, convexify: decompose}]",
      ":1: bodies[0].convexify: not yet: decompose (approximate convex decomposition); use hull or submeshes"},
     {"bodies: [{name: a, mesh: empty.obj}]", ":1: bodies[0].mesh: empty.obj: the file is empty"},
+    {"bodies: [{name: a, sphere: 1, uncertainty: 0.1}]",
+     ":1: bodies[0].uncertainty: expected a map, such as {position: 0.002, angle: 0.01}, got 0.1"},
+    {"bodies: [{name: a, sphere: 1, uncertainty: {postion: 1}}]",
+     ":1: bodies[0].uncertainty: unknown key \"postion\"; did you mean \"position\"?"},
+    {"bodies: [{name: a, sphere: 1, uncertainty: {position: -1}}]",
+     ":1: bodies[0].uncertainty.position: expected a number >= 0, got -1"},
+    {"bodies: [{name: a, sphere: 1, uncertainty: {angle: .inf}}]",
+     ":1: bodies[0].uncertainty.angle: expected a number >= 0, got \".inf\""},
+    {"bodies: [{name: a, sphere: 1, uncertainty: {angle: 30}}]",
+     ":1: bodies[0].name: body \"a\": uncertainty.angle: expected 0 to 3.2 radians, got 30"},
+    {"bodies: [{name: a, sphere: 1, padding: -0.5}]", ":1: bodies[0].padding: expected a number >= 0, got -0.5"},
+    {"bodies: [{name: a, sphere: 1, max_speed: fast}]",
+     ":1: bodies[0].max_speed: expected a number >= 0, got \"fast\""},
     {"bodies: [{name: a, sphere: 1}]\ngroups: [a]",
      ":2: groups: expected a map of names to lists of bodies, got a list of 1"},
     {"bodies: [{name: a, sphere: 1}]\ngroups: {g: a}", ":2: groups.g: expected a list of bodies, got \"a\""},

@@ -126,9 +126,9 @@ nb::dict wire_structs() {
 }
 
 std::array<const void*, kFieldCount> columns_of(const Reply& r) {
-  return {r.distance().data(), r.lower().data(),         r.upper().data(),  r.status().data(), r.flags().data(),
-          r.point_a().data(),  r.point_b().data(),       r.normal().data(), r.pieces().data(), r.gradient().data(),
-          r.pair().data(),     r.configuration().data(), r.compact().data()};
+  return {r.distance().data(), r.lower().data(),         r.upper().data(),   r.status().data(), r.flags().data(),
+          r.point_a().data(),  r.point_b().data(),       r.normal().data(),  r.pieces().data(), r.gradient().data(),
+          r.pair().data(),     r.configuration().data(), r.compact().data(), nullptr,           r.pair_lower().data()};
 }
 
 Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, const OutArrays& out, bool copy) {

@@ -145,9 +145,9 @@ inline void bind_answer(nb::module_& m) {
       .def_ro("backend", &Answer::backend);
 }
 
-inline constexpr const char* kFieldNames[kFieldCount] = {"distance", "lower",         "upper",  "status", "flags",
-                                                         "point_a",  "point_b",       "normal", "pieces", "gradient",
-                                                         "pair",     "configuration", "compact"};
+inline constexpr const char* kFieldNames[kFieldCount] = {
+    "distance", "lower",    "upper", "status",        "flags",   "point_a", "point_b",   "normal",
+    "pieces",   "gradient", "pair",  "configuration", "compact", "",        "pair_lower"};
 
 /// Arrays of the caller to write columns into: a list with one entry for each field, None where there is none.
 /// dtype and contiguity were checked in Python; shapes are checked here, once the answer's size is known.
@@ -199,7 +199,7 @@ class OutArrays {
         expected = {rows};
       }
       if ((1u << i) & (kFieldPointA | kFieldPointB | kFieldNormal)) expected.push_back(3);
-      if ((1u << i) & (kFieldPieces | kFieldPair)) expected.push_back(2);
+      if ((1u << i) & (kFieldPieces | kFieldPair | kFieldPairLower)) expected.push_back(2);
       if ((1u << i) & kFieldGradient) expected.insert(expected.end(), {2, 6});
       const Py_buffer& view = view_[static_cast<std::size_t>(i)];
       bool fits = view.ndim == static_cast<int>(expected.size());

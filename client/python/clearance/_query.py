@@ -11,7 +11,7 @@ from ._arguments import to_bool, to_count, to_number, to_number_from_0, to_optio
 from ._names import NameTable, has_selectors
 from ._poses import as_pose7
 from ._result import fields_mask, out_arrays
-from ._words import COLUMNS, EVERY_BODY, FORMATS, PRECISIONS, REDUCTIONS, Field
+from ._words import COLUMNS, EVERY_BODY, FIELD_COUNT, FORMATS, PRECISIONS, REDUCTIONS, Field
 
 NO_WAIT = (
     "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
@@ -36,8 +36,13 @@ class Query:
     max_results: int
 
     def out_list(self) -> Optional[list[Optional[np.ndarray]]]:
-        """The arrays to write into, one entry for each column, as the extension modules take them."""
-        return None if self.out is None else [self.out.get(name) for name in COLUMNS]
+        """The arrays to write into, one entry for each bit of a field, as the extension modules take them."""
+        if self.out is None:
+            return None
+        arrays: list[Optional[np.ndarray]] = [None] * FIELD_COUNT
+        for name, column in COLUMNS.items():
+            arrays[column.bit] = self.out.get(name)
+        return arrays
 
 
 class Parser:

@@ -8,7 +8,7 @@ from typing import Any, Callable, Optional, Union
 import numpy as np
 
 from ._arguments import did_you_mean
-from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, Field, Reduce
+from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce
 
 
 class _ColumnAttribute:
@@ -63,6 +63,7 @@ class Result:
     gradient: np.ndarray = _ColumnAttribute(
         "(..., 2, 6) float64, of a, of b: by a turn about its own origin (m/rad), by a shift (m/m); world axes"
     )  # type: ignore[assignment]
+    pair_lower: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids of the pair whose lower bound is the row's")  # type: ignore[assignment]
     pair: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids, as a column; see pairs")  # type: ignore[assignment]
     compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
 
@@ -187,7 +188,7 @@ def fields_mask(fields: Any) -> int:
     if isinstance(fields, str):
         fields = (fields,)
     elif isinstance(fields, int) and not isinstance(fields, bool):
-        if fields <= 0 or fields >> len(COLUMNS):
+        if fields <= 0 or fields & ~KNOWN_FIELDS:
             raise ValueError(f"fields: unknown bits in {int(fields):#x}")
         return int(fields)
     try:

@@ -76,6 +76,7 @@ class Field(enum.IntFlag):
     PAIR = 1 << 10
     CONFIGURATION = 1 << 11
     COMPACT = 1 << 12
+    PAIR_LOWER = 1 << 14
 
 
 #: One row of format="compact".
@@ -105,7 +106,11 @@ COLUMNS: dict[str, Column] = {
     "pair": Column(10, np.dtype("<u4"), (2,)),
     "configuration": Column(11, np.dtype("<u4"), ()),
     "compact": Column(12, COMPACT_DTYPE, ()),
+    "pair_lower": Column(14, np.dtype("<u4"), (2,)),
 }
+KNOWN_FIELDS = sum(1 << column.bit for column in COLUMNS.values())
+#: Bits from 0 to that of the last column.
+FIELD_COUNT = KNOWN_FIELDS.bit_length()
 
 DEFAULT_FIELDS = int(Field.DISTANCE | Field.LOWER | Field.UPPER | Field.STATUS)
 #: What `fields` may name, as masks. "points" is both points, "default" the columns that come unasked.

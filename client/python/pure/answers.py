@@ -7,7 +7,7 @@ from typing import Any, Optional
 import numpy as np
 
 from .. import wire
-from .._words import COLUMNS, Reduce
+from .._words import COLUMNS, KNOWN_FIELDS, Reduce
 from .frames import Frame, malformed
 from .zmq_channel import aligned_bytes
 
@@ -77,7 +77,7 @@ def _parse(frame: Frame, url: str) -> tuple[np.ndarray, dict[int, tuple[int, int
         raise malformed(url, "a reply without its header")
     header = np.frombuffer(bytes(frame.payload[:size]), wire._wire.ReplyHeader)[0]
     fields, rows = int(header["fields"]), int(header["rows"])
-    if fields >> len(COLUMNS):
+    if fields & ~KNOWN_FIELDS:
         raise malformed(url, f"fields has unknown bits: {fields:#x}")
     columns, at = {}, size
     for column in COLUMNS.values():

@@ -1,0 +1,122 @@
+// Rows of bodies that are not known exactly: reductions against all pairs, the pair of the least lower bound, compact.
+#include <algorithm>
+#include <cmath>
+
+#include "engine_test.h"
+
+namespace clearance::test {
+namespace {
+
+// mixed_scene() with bodies that may be turned, each by another angle; some of them follow others.
+Scene doubted_scene(int count, double box, std::uint64_t seed) {
+  const Scene known = mixed_scene(count, box, seed);
+  Scene scene;
+  Random random(seed);
+  for (Body body : known.bodies()) {
+    if (random.below(2) == 0) body.uncertainty = {0.01, random.uniform(0, 0.5)};
+    if (!body.is_static && random.below(6) == 0 && !scene.bodies().empty()) body.parent = 0;
+    body.max_speed = random.below(4) == 0 ? 1e-9 : 0;  // has an age, and no matter
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
+// Whether two bounds agree but for what a body may have moved in the time between two questions.
+void expect_near(double a, double b) {
+  if (a != b) EXPECT_NEAR(a, b, 1e-6);
+}
+
+TEST_P(EngineTest, DoubtedReductionsAgreeWithAllPairs) {
+  for (const std::string broad_phase : {"brute", "tree"}) {
+    Engine::Options options{GetParam(), 2};
+    options.broad_phase = broad_phase;
+    const Engine engine(doubted_scene(60, 4, 3), options);
+    QueryView all;
+    all.fields = kAllFields | kFieldPairLower;
+    const Answer dense = ask(engine, all);
+    const std::vector<BodyPair> pairs = engine.pairs(all);
+    std::vector<double> upper(60, kInf), lower(60, kInf);
+    int doubted = 0, pairs_differ = 0;
+    const auto at = [&](BodyPair pair) {
+      return static_cast<std::size_t>(std::find(pairs.begin(), pairs.end(), pair) - pairs.begin());
+    };
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      EXPECT_EQ(dense.view.pair_lower[i], pairs[i]);
+      doubted += (dense.view.flags[i] & kFlagSlack) != 0;
+      for (const std::uint32_t body : {pairs[i].a, pairs[i].b}) {
+        lower[body] = std::min(lower[body], dense.view.lower[i]);
+        upper[body] = std::min(upper[body], dense.view.upper[i]);
+      }
+    }
+    EXPECT_GT(doubted, 500);
+    QueryView q = all;
+    q.reduce = Reduce::kNearest;
+    const Answer nearest = ask(engine, q);
+    ASSERT_EQ(nearest.info.rows, 60u);
+    for (std::uint32_t body = 0; body < 60; ++body) {
+      expect_near(nearest.view.upper[body], upper[body]);
+      expect_near(nearest.view.lower[body], lower[body]);
+      expect_near(dense.view.upper[at(nearest.view.pair[body])], upper[body]);
+      expect_near(dense.view.lower[at(nearest.view.pair_lower[body])], lower[body]);
+      pairs_differ += nearest.view.pair[body] != nearest.view.pair_lower[body];
+    }
+    EXPECT_GT(pairs_differ, 0) << "no row tells the two apart";
+    q.reduce = Reduce::kMin;
+    const Answer min = ask(engine, q);
+    expect_near(min.view.upper[0], *std::min_element(upper.begin(), upper.end()));
+    expect_near(min.view.lower[0], *std::min_element(lower.begin(), lower.end()));
+    q.reduce = Reduce::kWithin;
+    q.max_distance = 0.3;
+    const Answer within = ask(engine, q);
+    std::size_t expected = 0;
+    for (std::size_t i = 0; i < pairs.size(); ++i) expected += !(dense.view.lower[i] > 0.3);
+    EXPECT_EQ(within.info.rows, expected);
+    EXPECT_GT(expected, 20u);
+    for (std::size_t i = 0; i < within.info.rows; ++i) EXPECT_EQ(within.view.pair_lower[i], within.view.pair[i]);
+  }
+}
+
+TEST_P(EngineTest, TheLeastLowerBoundMayBeAnotherPairs) {
+  Scene scene;
+  scene.add_sphere("a", 0.5, {.pose = Pose{}});
+  scene.add_sphere("near", 0.5, {.pose = Pose{{2, 0, 0}}});
+  Scene::BodyOptions unsure;
+  unsure.pose = Pose{{0, 3, 0}};
+  unsure.uncertainty.angle = 1;
+  scene.add_box("far", {2, 2, 2}, unsure);  // 1.5 m away; a turn may move its corners by more
+  const Engine engine = make(std::move(scene));
+  const BodyPair pairs[] = {{0, 1}, {0, 2}};
+  QueryView q;
+  q.pairs = pairs;
+  q.all_pairs = false;
+  q.reduce = Reduce::kMin;
+  q.fields = kDefaultFields | kFieldPair | kFieldPairLower | kFieldFlags;
+  const Answer r = ask(engine, q);
+  EXPECT_EQ(r.view.pair[0], pairs[0]);
+  EXPECT_EQ(r.view.pair_lower[0], pairs[1]);
+  EXPECT_NEAR(r.view.upper[0], 1, 1e-6);
+  EXPECT_EQ(r.view.lower[0], 0) << "it may touch: sqrt(3) * 2 sin(1/2) = 1.66 > 1.5";
+}
+
+TEST_P(EngineTest, ABitOfNoColumnIsRefused) {
+  const Engine engine = make(mixed_scene(2, 1, 1));
+  QueryView q;
+  q.fields = kDefaultFields | kReservedFields;
+  EXPECT_THROW(engine.size(q), QueryError);
+}
+
+TEST_P(EngineTest, CompactRowsHoldSlackToo) {
+  const Engine engine = make(doubted_scene(24, 3, 5));
+  QueryView q;
+  q.fields = kDefaultFields;
+  const Answer full = ask(engine, q);
+  q.format = Format::kCompact;
+  const Answer compact = ask(engine, q);
+  for (std::size_t i = 0; i < full.info.rows; ++i) {
+    EXPECT_LE(compact.view.compact[i].lower, full.view.lower[i] + 1e-6);
+    EXPECT_GE(compact.view.compact[i].upper, full.view.upper[i]);
+  }
+}
+
+}  // namespace
+}  // namespace clearance::test
