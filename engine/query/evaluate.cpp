@@ -228,7 +228,8 @@ void Evaluator::sort_ahead(Search& search) {
 bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t singles) {
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
   PieceSearch& state = search.state;
-  const double user = search.slack.cut_off(options_.limits.max_distance), cut_off = options_.reference ? user : state.cut_off(user);
+  const double user = search.slack.cut_off(options_.limits.max_distance),
+               cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
   sort_ahead(search);
   for (std::size_t i = search.next; i < search.end && search.asked < state.round; ++i, ++search.asked) {

@@ -131,8 +131,8 @@ std::optional<Geometry> geometry_of_record(std::span<const std::byte> record) tr
   geometry.model_inner = in.get<double>();
   geometry.hull_excess = in.get<double>();
   geometry.empty_share = in.get<double>();  // NaN where there is none
-  if (!(geometry.model_error >= 0) || !(geometry.model_inner >= 0) || !(geometry.hull_excess >= 0) || geometry.empty_share < 0 ||
-      geometry.empty_share > 1)
+  if (!(geometry.model_error >= 0) || !(geometry.model_inner >= 0) || !(geometry.hull_excess >= 0) ||
+      geometry.empty_share < 0 || geometry.empty_share > 1)
     return {};
   if (in.get<std::uint64_t>() != 0) {
     auto display = std::make_shared<DisplayMesh>();

@@ -84,8 +84,8 @@ std::uint64_t revision_with(const Scene& scene, const std::vector<std::uint32_t>
 
 void PoseStore::enable_pairs(PoseSnapshot& snapshot) const {
   snapshot.order = order_of(snapshot.parent);
-  snapshot.has_followers = std::any_of(snapshot.parent.begin(), snapshot.parent.end(),
-                                       [](std::uint32_t parent) { return parent != kNone; });
+  snapshot.has_followers =
+      std::any_of(snapshot.parent.begin(), snapshot.parent.end(), [](std::uint32_t parent) { return parent != kNone; });
   snapshot.scene_revision = revision_with(scene_, snapshot.parent);
   snapshot.pairs = std::make_shared<const PairTable>(scene_, snapshot.parent);
   snapshot.scene_changes = history_->changes();

@@ -69,7 +69,8 @@ class SceneReader {
   void read_body(const YamlValue& value) {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
     value.check_keys({"name", "mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale",
-                      "convexify", "radius", "static", "live", "pose", "parent", "uncertainty", "padding", "max_speed"});
+                      "convexify", "radius", "static", "live", "pose", "parent", "uncertainty", "padding",
+                      "max_speed"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};

@@ -71,7 +71,10 @@ class Scene:
             raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
         with self._lock:
             return self._scene.add_hull(
-                to_text(name, "name"), rows, to_number(radius, "radius"), *self._rest(parent, static, pose, uncertainty, padding, max_speed)
+                to_text(name, "name"),
+                rows,
+                to_number(radius, "radius"),
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
 
     def add_mesh(
@@ -125,7 +128,12 @@ class Scene:
         x, y, z = _three(size, "size")
         with self._lock:
             return self._scene.add_box(
-                to_text(name, "name"), x, y, z, to_number(radius, "radius"), *self._rest(parent, static, pose, uncertainty, padding, max_speed)
+                to_text(name, "name"),
+                x,
+                y,
+                z,
+                to_number(radius, "radius"),
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
 
     def add_sphere(
@@ -143,7 +151,9 @@ class Scene:
         """Adds a sphere about the body's origin."""
         with self._lock:
             return self._scene.add_sphere(
-                to_text(name, "name"), to_number(radius, "radius"), *self._rest(parent, static, pose, uncertainty, padding, max_speed)
+                to_text(name, "name"),
+                to_number(radius, "radius"),
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
 
     def add_capsule(
