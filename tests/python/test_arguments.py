@@ -57,6 +57,12 @@ QUERY = {
     "wait_for": [*BODIES, None, ""],
 }  # fmt: skip
 OF_A_BODY = {"parent": BODIES, "static": BOOLS, "pose": POSE}
+#: What a scene is told of a body besides.
+DOUBTS = {
+    "uncertainty": [0.1, "angle", [0.1], {"turn": 0.1}, {3: 1.0}, *({"angle": x} for x in NUMBERS)],
+    "padding": [*NUMBERS, None],
+    "max_speed": [*NUMBERS, None],
+}
 
 #: Of both fronts: call -> (arguments that are right, what each argument must not be).
 FRONT = {
@@ -79,18 +85,18 @@ CLIENT = {
 }  # fmt: skip
 SCENE = {
     "add_hull": ({"name": "x", "vertices": [[0, 0, 0]]},
-                 {"name": TEXTS, "vertices": VERTICES, "radius": [*NUMBERS, None], **OF_A_BODY}),
+                 {"name": TEXTS, "vertices": VERTICES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_mesh": ({"name": "x", "path": "x.obj"}, {
         "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:1], *SIZES[2:], None, True], "convexify": WORDS,
-        "radius": [*NUMBERS, None], **OF_A_BODY}),
-    "add_body": CLIENT["add_body"],
+        "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
+    "add_body": (CLIENT["add_body"][0], {**CLIENT["add_body"][1], **DOUBTS}),
     "add_box": ({"name": "x", "size": [1, 1, 1]},
-                {"name": TEXTS, "size": SIZES, "radius": [*NUMBERS, None], **OF_A_BODY}),
-    "add_sphere": ({"name": "x", "radius": 1}, {"name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY}),
+                {"name": TEXTS, "size": SIZES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
+    "add_sphere": ({"name": "x", "radius": 1}, {"name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_capsule": ({"name": "x", "radius": 1, "length": 1},
-                    {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY}),
+                    {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY, **DOUBTS}),
     "add_cylinder": ({"name": "x", "radius": 1, "length": 1},
-                     {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY}),
+                     {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY, **DOUBTS}),
     "add_group": ({"name": "g", "bodies": ["cup"]}, {"name": TEXTS, "bodies": BODY_LISTS}),
     "ignore": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     **{call: ({}, {"body": [*BODIES, None, 99]}) for call in ("initial_pose", "source", "pieces", "display_mesh")},

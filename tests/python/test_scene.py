@@ -63,7 +63,7 @@ def test_bad_doubts_are_named():
     scene = clearance.Scene()
     with pytest.raises(TypeError, match="uncertainty: expected a map"):
         scene.add_sphere("a", 1, uncertainty=0.1)
-    with pytest.raises(ValueError, match="uncertainty: unknown key 'turn'"):
+    with pytest.raises(ValueError, match="uncertainty: expected the keys position and angle, got 'turn'"):
         scene.add_sphere("a", 1, uncertainty={"turn": 0.1})
     with pytest.raises(clearance.SceneError, match="padding: expected a number of metres >= 0, got -1"):
         scene.add_sphere("a", 1, padding=-1)

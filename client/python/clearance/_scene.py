@@ -339,7 +339,7 @@ def _uncertainty(value: Optional[Mapping[str, float]]) -> tuple[float, float]:
         raise TypeError(f"uncertainty: expected a map, such as {{'position': 0.002, 'angle': 0.01}}, got {value!r}")
     for key in value:
         if key not in ("position", "angle"):
-            raise ValueError(f"uncertainty: unknown key {key!r}; expected position, angle")
+            raise ValueError(f"uncertainty: expected the keys position and angle, got {key!r}")
     position, angle = (to_number(value.get(key, 0.0), f"uncertainty[{key!r}]") for key in ("position", "angle"))
     return position, angle
 
