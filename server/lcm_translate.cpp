@@ -76,15 +76,19 @@ std::span<const std::byte> payload_of(std::span<const std::byte> frame, wire::Fr
   return payload;
 }
 
-}  // namespace
-
-std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
-  QueryOptions options;
+/// Takes over what a message says of the options; 0 is the default of each.
+template <class Message>
+void read_options(const Message& message, QueryOptions& options) {
   for_each_query_option([&](const QueryOption&, auto member) {
-    if constexpr (requires { member(query); })
-      if (const auto value = member(query); value != 0)
+    if constexpr (requires { member(message); })
+      if (const auto value = member(message); value != 0)
         member(options) = static_cast<std::remove_reference_t<decltype(member(options))>>(value);
   });
+}
+
+/// \param options what is known of them beside the query
+std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOptions options) {
+  read_options(query, options);
   if (options.fields & kFieldPairLower)
     throw wire::WireError(wire::ErrorCode::kBadQuery, "query: fields: reply_t has no column pair_lower");
   // The pair table is not served over LCM, so rows say their pair unless told otherwise.
@@ -110,13 +114,27 @@ std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
 
   const std::uint64_t payload =
       wire::query_payload_bytes(header.pair_count, header.body_count, header.configuration_count);
-  std::vector<std::byte> frame(sizeof(wire::FrameHeader) + payload);
-  wire::write_query(
-      frame.data(),
+  const std::vector<std::byte> records = wire::option_records(options);
+  std::vector<std::byte> frame(sizeof(wire::FrameHeader) + payload + records.size());
+  const wire::FrameHeader frame_header =
       wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), payload,
-                        static_cast<std::uint64_t>(query.scene_revision), static_cast<std::uint64_t>(query.client_id)),
-      header, pairs.data(), query.bodies.data(), poses.data());
+                        static_cast<std::uint64_t>(query.scene_revision), static_cast<std::uint64_t>(query.client_id));
+  wire::write_query(frame.data(), wire::with_records(frame_header, records.size()), header, pairs.data(),
+                    query.bodies.data(), poses.data(), records);
   return frame;
+}
+
+}  // namespace
+
+std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
+  return frame_of(query, {});
+}
+
+std::vector<std::byte> query_frame_of(const clearance_lcm::query2_t& query) {
+  QueryOptions options;
+  read_options(query, options);
+  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a body, too
+  return frame_of(query.query, options);
 }
 
 std::vector<std::byte> nearest_query_frame() {
@@ -133,7 +151,8 @@ ReplyParts::ReplyParts(FrameBytes frame, std::int64_t server_id, std::int64_t se
   common_.client_id = client_id;
   wire::FrameHeader frame_header{};
   try {
-    const auto payload = wire::split_frame(frame_.span(), frame_header);
+    const auto whole = wire::split_frame(frame_.span(), frame_header);
+    const auto payload = wire::split_payload(frame_header, whole).body;  // no message has a place for records
     common_.request_id = static_cast<std::int64_t>(frame_header.request_id);
     common_.scene_revision = static_cast<std::int64_t>(frame_header.scene_revision);
     if (frame_header.type == static_cast<std::uint16_t>(wire::FrameType::kError)) {

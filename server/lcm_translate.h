@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "clearance_lcm/distances_t.hpp"
+#include "clearance_lcm/query2_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 #include "clearance_lcm/reply_t.hpp"
 #include "clearance_lcm/scene_t.hpp"
@@ -20,6 +21,7 @@ namespace clearance {
 
 /// A kQuery frame from a message: fields left at 0 get their defaults. Values are checked where the frame is.
 std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query);
+std::vector<std::byte> query_frame_of(const clearance_lcm::query2_t& query);
 
 /// The kQuery frame behind distances_t: each body's nearest other body, at the current poses.
 std::vector<std::byte> nearest_query_frame();

@@ -31,6 +31,7 @@ using Clock = std::chrono::steady_clock;
 using clearance_lcm::frame_t;
 using clearance_lcm::named_pose_update_t;
 using clearance_lcm::pose_update_t;
+using clearance_lcm::query2_t;
 using clearance_lcm::query_t;
 
 constexpr int kMessagesPerPoll = 64;
@@ -55,7 +56,8 @@ class LcmTransport final : public Transport {
     };
     listen("CLEARANCE_POSES", &LcmTransport::on_poses<pose_update_t>);
     listen("CLEARANCE_POSES_NAMED", &LcmTransport::on_poses<named_pose_update_t>);
-    listen("CLEARANCE_QUERY", &LcmTransport::on_query);
+    listen("CLEARANCE_QUERY", &LcmTransport::on_query<query_t>);
+    listen("CLEARANCE_QUERY2", &LcmTransport::on_query<query2_t>);
     listen("CLEARANCE_FRAME_IN", &LcmTransport::on_frame);
     listen("CLEARANCE_STATUS", &LcmTransport::on_status);
   }
@@ -119,15 +121,20 @@ class LcmTransport final : public Transport {
 
   // --- requests
 
+  static std::int64_t client_of(const query_t& query) { return query.client_id; }
+  static std::int64_t client_of(const query2_t& query) { return query.query.client_id; }
+
+  template <class Query>
   void on_query(std::span<const std::byte> packet) {
-    query_t query;
+    Query query;
     if (!decode(packet, query)) return;
-    if (query.client_id == 0) {
-      figures_->accept("query_t: client_id is 0; draw one at random");
+    const std::int64_t client = client_of(query);
+    if (client == 0) {
+      figures_->accept(std::string(Query::getTypeName()) + ": client_id is 0; draw one at random");
       return;
     }
     ++figures_->queries;
-    auto sink = std::make_unique<LcmReplySink>(link_, clients_.number_of(query.client_id), query.client_id);
+    auto sink = std::make_unique<LcmReplySink>(link_, clients_.number_of(client), client);
     const auto frame = std::make_shared<std::vector<std::byte>>(query_frame_of(query));
     hand_in(*frame, frame, std::move(sink));
   }

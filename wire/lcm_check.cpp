@@ -86,6 +86,17 @@ class Walk {
 
 constexpr std::uint64_t kPoseBytes = 7 * 8;
 
+void walk_query(Walk& walk) {
+  walk.skip(3 * 8 + 3 * 8 + 2 * 8 + 4 + 5, "its parameters");
+  walk.skip(8 * walk.count(8, "pair_count"), "pairs");
+  const std::uint64_t bodies = walk.count(4, "body_count");
+  walk.skip(4 * bodies, "bodies");
+  const std::uint64_t configurations = walk.count(bodies * kPoseBytes, "configuration_count");
+  // Without bodies a configuration has no bytes that could be counted, and makes no sense.
+  if (bodies == 0 && configurations > 0) walk.fail("configurations without bodies");
+  walk.skip(configurations * bodies * kPoseBytes, "configurations");
+}
+
 }  // namespace
 
 std::string check_pose_update(std::span<const std::byte> packet) {
@@ -107,14 +118,14 @@ std::string check_named_pose_update(std::span<const std::byte> packet) {
 
 std::string check_query(std::span<const std::byte> packet) {
   Walk walk(packet, "query_t", clearance_lcm::query_t::getHash());
-  walk.skip(3 * 8 + 3 * 8 + 2 * 8 + 4 + 5, "its parameters");
-  walk.skip(8 * walk.count(8, "pair_count"), "pairs");
-  const std::uint64_t bodies = walk.count(4, "body_count");
-  walk.skip(4 * bodies, "bodies");
-  const std::uint64_t configurations = walk.count(bodies * kPoseBytes, "configuration_count");
-  // Without bodies a configuration has no bytes that could be counted, and makes no sense.
-  if (bodies == 0 && configurations > 0) walk.fail("configurations without bodies");
-  walk.skip(configurations * bodies * kPoseBytes, "configurations");
+  walk_query(walk);
+  return walk.end();
+}
+
+std::string check_query2(std::span<const std::byte> packet) {
+  Walk walk(packet, "query2_t", clearance_lcm::query2_t::getHash());
+  walk_query(walk);
+  walk.skip(2 * 8 + 1 + 4 + 8 + 1, "what it waits for");
   return walk.end();
 }
 

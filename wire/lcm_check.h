@@ -11,6 +11,7 @@
 #include "clearance_lcm/frame_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
+#include "clearance_lcm/query2_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 
 namespace clearance {
@@ -19,6 +20,7 @@ namespace clearance {
 std::string check_pose_update(std::span<const std::byte> packet);
 std::string check_named_pose_update(std::span<const std::byte> packet);
 std::string check_query(std::span<const std::byte> packet);
+std::string check_query2(std::span<const std::byte> packet);
 std::string check_frame(std::span<const std::byte> packet);
 
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::pose_update_t&) {
@@ -29,6 +31,9 @@ inline std::string check_packet(std::span<const std::byte> packet, const clearan
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::query_t&) {
   return check_query(packet);
+}
+inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::query2_t&) {
+  return check_query2(packet);
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::frame_t&) {
   return check_frame(packet);

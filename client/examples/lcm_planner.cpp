@@ -4,9 +4,11 @@
 //   build/examples/lcm_planner "udpm://239.255.76.67:7667?ttl=0" [PREFIX] [CONFIGURATIONS]
 //
 // It waits for the scene, publishes where the bodies are (again every second, for late joiners and losses), then asks
-// about a batch of configurations of the first body that moves and prints, for each, the nearest pair with its bounds.
+// about a batch of configurations of the first body that moves, at these poses or newer ones, and prints, for each, the
+// nearest pair with its bounds.
 #include <chrono>
 #include <clearance_lcm/pose_update_t.hpp>
+#include <clearance_lcm/query2_t.hpp>
 #include <clearance_lcm/query_t.hpp>
 #include <clearance_lcm/reply_t.hpp>
 #include <clearance_lcm/scene_t.hpp>
@@ -22,6 +24,7 @@
 #include <vector>
 
 using clearance_lcm::pose_update_t;
+using clearance_lcm::query2_t;
 using clearance_lcm::query_t;
 using clearance_lcm::reply_t;
 using clearance_lcm::scene_t;
@@ -81,11 +84,12 @@ class Planner {
   }
 
   void publish_poses() {
+    stamp_ns_ = std::chrono::system_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
     for (auto it = poses_.begin(); it != poses_.end();) {
       pose_update_t message{};
       message.publisher_id = id_;
       message.sequence = ++sequence_;
-      message.stamp_ns = std::chrono::system_clock::now().time_since_epoch() / std::chrono::nanoseconds(1);
+      message.stamp_ns = stamp_ns_;
       message.scene_revision = revision_;
       for (; it != poses_.end() && message.count < 700; ++it, ++message.count) {  // under 48 KB
         message.bodies.push_back(it->first);
@@ -96,22 +100,32 @@ class Planner {
     published_ = Clock::now();
   }
 
-  /// The parts of the answer, in order. A lost part costs a repeat of the question.
-  const std::map<int, reply_t>& ask(query_t query) {
+  /// The parts of the answer, in order. A lost part costs a repeat of the question, and so do lost poses.
+  const std::map<int, reply_t>& ask(const query_t& query) {
+    query2_t question{};
+    question.query = query;
+    question.pose_wait_ns = 200'000'000;
+    question.wait_for_one = true;
+    question.wait_for = poses_.rbegin()->first;  // the last that we published: a message applies as a whole
+    std::string why = "no answer";
     for (int attempt = 0; attempt < 5; ++attempt) {
-      query.client_id = id_;
-      query.request_id = ++request_;
-      query.scene_revision = revision_;
+      question.query.client_id = id_;
+      question.query.request_id = ++request_;
+      question.query.scene_revision = revision_;
+      question.min_pose_stamp_ns = stamp_ns_;
       replies_.by_key.clear();
-      lcm_.publish(prefix_ + "CLEARANCE_QUERY", &query);
+      lcm_.publish(prefix_ + "CLEARANCE_QUERY2", &question);
       const auto deadline = Clock::now() + std::chrono::seconds(1);
       while (replies_.whole() == nullptr && Clock::now() < deadline) spin();
       if (const auto* parts = replies_.whole()) {
-        if (parts->begin()->second.error_code != 0) give_up("the daemon refused: " + parts->begin()->second.error_text);
-        return *parts;
+        const reply_t& first = parts->begin()->second;
+        if (first.error_code == 0) return *parts;
+        why = "the daemon refused: " + first.error_text;
+        if (first.error_code != query2_t::ERROR_POSES_LATE) break;
+        publish_poses();
       }
     }
-    give_up("no answer");
+    give_up(why);
   }
 
   const std::map<std::int32_t, Pose>& poses() const { return poses_; }
@@ -157,7 +171,7 @@ class Planner {
 
   lcm::LCM lcm_;
   std::string prefix_;
-  std::int64_t id_ = 0, sequence_ = 0, request_ = 0, revision_ = 0;
+  std::int64_t id_ = 0, sequence_ = 0, stamp_ns_ = 0, request_ = 0, revision_ = 0;
   Clock::time_point published_;
   std::map<std::int32_t, std::string> names_;
   std::map<std::int32_t, Pose> poses_;

@@ -5,7 +5,8 @@
     python3 client/examples/lcm_planner.py --url "udpm://239.255.76.67:7667?ttl=0"
 
 It waits for the scene and publishes the bodies' poses (again every second, for late joiners and losses). Then it asks
-about a batch of configurations of one body, and prints the nearest pair of each with its certified bounds.
+about a batch of configurations of one body, at these poses or newer ones, and prints the nearest pair of each with its
+certified bounds.
 """
 
 import argparse
@@ -18,12 +19,13 @@ import time
 import lcm
 
 try:
-    from clearance_lcm import pose_update_t, query_t, reply_t, scene_t, states_t
+    from clearance_lcm import pose_update_t, query2_t, query_t, reply_t, scene_t, states_t
 except ImportError:  # not on the path: where the build generates them
     sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / "build" / "python"))
-    from clearance_lcm import pose_update_t, query_t, reply_t, scene_t, states_t
+    from clearance_lcm import pose_update_t, query2_t, query_t, reply_t, scene_t, states_t
 
 STATUS = ["ok", "overlap", "contact", "beyond", "unconverged", "bad pose", "no pose", "unknown body"]
+POSE_WAIT_NS = 200_000_000  # that a question waits for our poses
 
 
 class Planner:
@@ -34,7 +36,7 @@ class Planner:
         self.sequence = 0
         self.request = 0
         self.poses = {}  # body id: [x, y, z, qw, qx, qy, qz]
-        self.published = 0.0
+        self.published, self.stamp_ns = 0.0, 0
         self.scene_parts, self.state_parts, self.reply_parts = {}, {}, {}
         self.subscribe(
             "CLEARANCE_SCENE", scene_t, lambda m: self.scene_parts.setdefault(m.revision, {}).update({m.part: m})
@@ -93,11 +95,12 @@ class Planner:
 
     def publish_poses(self):
         items = sorted(self.poses.items())
+        self.stamp_ns = time.time_ns()
         for begin in range(0, len(items), 700):  # under 48 KB each
             some = items[begin : begin + 700]
             message = pose_update_t()
             self.sequence += 1
-            message.publisher_id, message.sequence, message.stamp_ns = self.id, self.sequence, time.time_ns()
+            message.publisher_id, message.sequence, message.stamp_ns = self.id, self.sequence, self.stamp_ns
             message.scene_revision = self.revision
             message.count = len(some)
             message.bodies = [i for i, _ in some]
@@ -111,20 +114,30 @@ class Planner:
             self.reply_parts.setdefault((part.server_id, part.sequence), {})[part.part] = part
 
     def ask(self, query, patience=1.0, attempts=5):
-        """The parts of the answer, in order. A lost part costs a repeat of the question."""
+        """The parts of the answer, in order. A lost part costs a repeat of the question, and so do lost poses."""
+        question = query2_t()
+        question.query = query
+        if self.poses:  # the last of the bodies that we published: a message applies as a whole
+            question.wait_for_one, question.wait_for = True, max(self.poses)
+            question.pose_wait_ns = POSE_WAIT_NS
         for _ in range(attempts):
             self.request += 1
             self.reply_parts.clear()
             query.client_id, query.request_id, query.scene_revision = self.id, self.request, self.revision
-            self.lcm.publish(self.prefix + "CLEARANCE_QUERY", query.encode())
+            question.min_pose_stamp_ns = self.stamp_ns
+            self.lcm.publish(self.prefix + "CLEARANCE_QUERY2", question.encode())
             deadline = time.monotonic() + patience
-            while time.monotonic() < deadline:
-                if parts := self.whole(self.reply_parts):
-                    if parts[0].error_code:
-                        sys.exit(f"lcm_planner: the daemon refused: {parts[0].error_text}")
-                    return parts
+            while time.monotonic() < deadline and not self.whole(self.reply_parts):
                 self.spin(0.05)
-        sys.exit("lcm_planner: no answer")
+            parts, why = self.whole(self.reply_parts), "no answer"
+            if parts and not parts[0].error_code:
+                return parts
+            if parts:
+                why = f"the daemon refused: {parts[0].error_text}"
+                if parts[0].error_code != query2_t.ERROR_POSES_LATE:
+                    break
+                self.publish_poses()
+        sys.exit(f"lcm_planner: {why}")
 
 
 def circle(center, radius, count):

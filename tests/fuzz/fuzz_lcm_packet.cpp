@@ -21,6 +21,23 @@ bool decoded(Bytes packet, Message& message) {
   return true;
 }
 
+/// Whether a packet is a query that the daemon would begin.
+template <class Query>
+bool asked(Bytes packet) {
+  Query query;
+  if (!decoded(packet, query)) return false;
+  const std::vector<std::byte> frame = query_frame_of(query);
+  wire::FrameHeader header;
+  const auto payload = wire::split_frame(frame, header);
+  try {
+    wire::parse_query(header, payload);
+  } catch (const wire::WireError& error) {  // values that no query may have; its sizes are ours
+    require(error.code == wire::ErrorCode::kBadQuery, "a query makes a frame whose sizes fit");
+    return false;
+  }
+  return true;
+}
+
 }  // namespace
 }  // namespace clearance::fuzz
 
@@ -36,7 +53,7 @@ CLEARANCE_FUZZ_TARGET(lcm_packet) {
     const auto type = in.number<std::uint8_t>();
     const Bytes packet = in.take(in.number<std::uint16_t>());
     bool good = false;
-    switch (type % 4) {
+    switch (type % 5) {
       case 0: {
         clearance_lcm::pose_update_t update;
         good = decoded(packet, update);
@@ -47,20 +64,12 @@ CLEARANCE_FUZZ_TARGET(lcm_packet) {
         good = decoded(packet, update);
         break;
       }
-      case 2: {
-        clearance_lcm::query_t query;
-        good = decoded(packet, query);
-        if (!good) break;
-        const std::vector<std::byte> frame = query_frame_of(query);
-        wire::FrameHeader header;
-        try {
-          wire::parse_query(wire::split_frame(frame, header));
-        } catch (const wire::WireError& error) {  // values that no query may have; its sizes are ours
-          require(error.code == wire::ErrorCode::kBadQuery, "a query_t makes a frame whose sizes fit");
-          good = false;
-        }
+      case 2:
+        good = asked<clearance_lcm::query_t>(packet);
         break;
-      }
+      case 4:
+        good = asked<clearance_lcm::query2_t>(packet);
+        break;
       default: {
         clearance_lcm::frame_t part;
         good = decoded(packet, part);

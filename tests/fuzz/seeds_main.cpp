@@ -9,6 +9,7 @@
 #include "clearance_lcm/frame_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
+#include "clearance_lcm/query2_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 #include "frames.h"
 #include "seeds.h"
@@ -312,6 +313,12 @@ void save_lcm() {
   query.bodies = {1};
   query.configuration_count = 2;
   query.configurations.assign(2, {{0, 0, 1, 1, 0, 0, 0}});
+  clearance_lcm::query2_t waiting{};
+  waiting.query = query;
+  waiting.min_pose_stamp_ns = 1000;
+  waiting.pose_wait_ns = 5;
+  waiting.wait_for_one = 1;
+  waiting.deadline_ns = 1'000'000;
   TestQuery large;
   wire::append_record(large.records, 500, 0, data_of("passed over"));
   large.bodies = {1};
@@ -343,6 +350,8 @@ void save_lcm() {
     save("lcm_packet", std::string("good_") + kinds[type].first, packet(type, kinds[type].second));
     save("lcm_udp", std::string("good_") + kinds[type].first, message(type, kinds[type].second));
   }
+  save("lcm_packet", "good_query_that_waits", packet(4, encoded(waiting)));
+  save("lcm_udp", "good_query_that_waits", message(6, encoded(waiting)));
   Data packets, messages;
   for (const Data& part : parts) {
     const Data a = packet(3, part), b = message(3, part);

@@ -96,6 +96,16 @@ TEST_F(LcmDaemonTest, PlannerInCpp) {
   EXPECT_EQ(nobody.err, "lcm_planner: the scene did not come within 5 s; is clearanced running with this --lcm url?\n");
 }
 
+TEST_F(LcmDaemonTest, PlannersTakeNoAnswerOfOtherPosesThanTheirs) {
+  Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--lcm-poses", "off"});  // so that theirs never come
+  for (const Finished& planner : {run({CLEARANCE_PYTHON, kExamples + "lcm_planner.py", "--url", url()}, kPythonPath),
+                                  run({kPlannerCpp, url()})}) {
+    EXPECT_EQ(planner.code, 1) << planner.out;
+    EXPECT_EQ(planner.err.find("lcm_planner: the daemon refused: no poses with stamp "), 0u) << planner.err;
+    EXPECT_NE(planner.err.find(" or newer came within 200.000000 ms"), std::string::npos) << planner.err;
+  }
+}
+
 TEST_F(LcmDaemonTest, ManyConfigurationsOverLcmAlone) {
   Daemon daemon({"--scene", scene_file(), "--lcm", url()});
   expect_circle(

@@ -90,6 +90,43 @@ TEST(LcmTranslate, QueryFieldsAreAllCarried) {
   EXPECT_EQ(parts.configurations[5].pose[6], 42);
 }
 
+TEST(LcmTranslate, WhatCameAfterAQueryIsCarriedToo) {
+  const auto options_of = [](const clearance_lcm::query2_t& query) {
+    const auto frame = query_frame_of(query);
+    wire::FrameHeader header;
+    const auto payload = wire::split_frame(frame, header);
+    EXPECT_EQ(header.client_id, 11u);
+    return wire::parse_query(header, payload).options;
+  };
+  clearance_lcm::query2_t query{};
+  query.query.client_id = 11;
+  query.query.max_distance = 2.5;
+  query.query.max_pose_age_ns = 18;
+  QueryOptions options = options_of(query);
+  EXPECT_EQ(options.max_distance, 2.5);
+  EXPECT_EQ(options.fields, kDefaultFields | kFieldPair);
+  EXPECT_EQ(options.min_pose_stamp_ns, 0);
+  EXPECT_EQ(options.wait_for, kEveryBody);
+  EXPECT_EQ(options.deadline_ns, 0);
+  EXPECT_FALSE(options.stale_status);
+
+  query.min_pose_stamp_ns = std::numeric_limits<std::int64_t>::max();
+  query.pose_wait_ns = 10'000'000'000;
+  query.deadline_ns = 19;
+  query.stale_status = 1;
+  query.wait_for = clearance_lcm::query_t::GROUP + 3;
+  options = options_of(query);
+  EXPECT_EQ(options.min_pose_stamp_ns, query.min_pose_stamp_ns);
+  EXPECT_EQ(options.pose_wait_ns, query.pose_wait_ns);
+  EXPECT_EQ(options.deadline_ns, 19);
+  EXPECT_TRUE(options.stale_status);
+  EXPECT_EQ(options.wait_for, kGroupBit | 3u);
+  query.wait_for = 0;
+  EXPECT_EQ(options_of(query).wait_for, kEveryBody);
+  query.wait_for_one = 1;
+  EXPECT_EQ(options_of(query).wait_for, 0u);
+}
+
 TEST(LcmTranslate, RepliesOfAllSizesFitTheirMessages) {
   for (const std::uint64_t rows : {0ull, 1ull, 100ull, 1000ull, 5000ull}) {
     for (const std::uint32_t fields : {std::uint32_t{kFieldStatus}, kDefaultFields, kKnownFields}) {
