@@ -1,4 +1,4 @@
-# The Debian package: `cpack` in the build folder, or tools/deb.sh. Everything but Python, in one package.
+# The Debian package: `cpack` in the build folder. Everything but Python, in one package.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME clearance)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
@@ -10,7 +10,9 @@ set(CPACK_COMPONENTS_ALL client server client_library engine_library)
 set(CPACK_COMPONENTS_GROUPING ALL_COMPONENTS_IN_ONE)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
-set(CPACK_DEBIAN_PACKAGE_MAINTAINER "the authors of Clearance <root@localhost>")
+set(CLEARANCE_MAINTAINER "Clearance developers <clearance@example.org>" CACHE STRING
+  "Whom the Debian package names: whoever builds it for others gives a name and address of theirs")
+set(CPACK_DEBIAN_PACKAGE_MAINTAINER ${CLEARANCE_MAINTAINER})
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser")
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)  # asks dpkg what the programs link

@@ -11,6 +11,7 @@ apt-get install -y -q --no-install-recommends "$deb" >/dev/null
 [ "$(clearance --version)" = "clearance $(dpkg-query -W -f '${Version}' clearance)" ]
 getent passwd clearance >/dev/null
 grep -qx 'ExecStart=/usr/bin/clearanced --config /etc/clearance/clearanced.toml' /usr/lib/systemd/system/clearanced.service
+systemd-analyze verify /usr/lib/systemd/system/clearanced.service
 # The completion offers commands and their options.
 (
   . /usr/share/bash-completion/completions/clearance
