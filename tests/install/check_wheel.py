@@ -2,8 +2,10 @@
 
 import importlib
 import importlib.metadata
+import json
 import os
 import pathlib
+import socket
 import subprocess
 import sys
 import tempfile
@@ -19,18 +21,47 @@ def same_bits(a, b):
         assert a.columns[name].tobytes() == b.columns[name].tobytes(), f"{name} differs"
 
 
+ROBOT = """<robot name="crane">
+  <link name="base"/>
+  <link name="hook"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="hook"/><origin xyz="0 0 1" rpy="0 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/>
+  </joint>
+</robot>
+"""
+
+
+def free_tcp_port():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        return taken.getsockname()[1]
+
+
 def start_daemon(program, scene, folder):
     read, write = os.pipe()
     daemon = subprocess.Popen(
         [program, "--scene", scene, "--log-level", "warn", "--ready-fd", str(write),
-         "--shm", f"{folder}/clearance.sock", "--zmq", f"ipc://{folder}/clearance.ipc"],
+         "--shm", f"{folder}/clearance.sock", "--zmq", f"ipc://{folder}/clearance.ipc",
+         "--zmq", f"tcp://127.0.0.1:{free_tcp_port()}"],
         pass_fds=[write],
     )  # fmt: skip
     os.close(write)
     with os.fdopen(read) as ready:
         urls = ready.read().split()
-    assert len(urls) == 2, urls
+    assert [url.split(":")[0] for url in urls] == ["shm", "ipc", "tcp"], urls  # TCP by way of a process outside
     return daemon, urls
+
+
+def check_robot(folder):
+    """Where a robot's joints put its links, from the command line."""
+    urdf = pathlib.Path(folder) / "crane.urdf"
+    urdf.write_text(ROBOT)
+    robot = [BIN / "clearance", "robot"]
+    assert "2 links, 1 joints, 1 positions" in subprocess.check_output([*robot, "inspect", urdf], text=True)
+    links = json.loads(subprocess.check_output([*robot, "fk", urdf, "--set", f"turn={np.pi / 2}", "--json"], text=True))
+    (hook,) = [link for link in links if link["link"] == "hook"]
+    assert hook["z"] == 1 and abs(hook["qz"] - np.sqrt(0.5)) < 1e-12 and 0 <= hook["error"] < 1e-12, hook
 
 
 def nearest(clearance, url, poses):
@@ -59,13 +90,13 @@ def check_whole(clearance, scene):
         for arguments in (
             ["query", "--connect", urls[0], "--reduce", "min"],
             ["inspect", scene],
-            ["robot", "--help"],
             ["selftest"],
             ["--version"],
         ):
             done = subprocess.run([BIN / "clearance", *arguments], capture_output=True, text=True)
             assert done.returncode == 0 and done.stdout, (arguments, done)
         assert done.stdout.split() == ["clearance", clearance.__version__]
+        check_robot(folder)
         daemon.terminate()
         assert daemon.wait(60) == 0
 
