@@ -14,7 +14,7 @@ set(CLEARANCE_MAINTAINER "Clearance developers <clearance@example.org>" CACHE ST
   "Whom the Debian package names: whoever builds it for others gives a name and address of theirs")
 set(CPACK_DEBIAN_PACKAGE_MAINTAINER ${CLEARANCE_MAINTAINER})
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
-set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser")
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "adduser, procps")  # procps: /bin/kill, by which the unit reloads
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)  # asks dpkg what the programs link
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA
