@@ -13,6 +13,7 @@ extras=(
   "client_install  pyproject.toml CMakeLists.txt cmake client wire cli lcmtypes"
   "wheels          pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
   "deb             CMakeLists.txt cmake cli/CMakeLists.txt server/CMakeLists.txt server/clearanced.service.in tests/install tools/root.sh"
+  "arm             CMakeLists.txt CMakePresets.json cmake engine tests/golden tests/exact tests/robot tools/root.sh"
   "coal            client/python/clearance tests/install/try_coal.py"
   "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
   "robots          engine/robot engine/base engine/pose cli/robot_main.cpp tests/robot"
@@ -21,7 +22,7 @@ extras=(
 )
 
 # These build everything once more, in roots of other systems: --changed names them and leaves them to a release.
-before_a_release=(wheels deb)
+before_a_release=(wheels deb arm)
 
 # A client-only install from the source, as `pip install` makes it for those who have no engine, in an environment of its own.
 run_client_install() {
@@ -57,7 +58,7 @@ run_wheels() {
   root=$(tools/root.sh jammy python3 python3-venv python3.11 python3.11-venv)
   try_wheel "$root" python3.11 3.11 "$native"
   try_wheel "$root" python3 3.10 "$client" "$native"
-  root=$(tools/root.sh trixie python3 python3-dev python3-venv)
+  root=$(tools/root.sh trixie python3 python3-venv)
   try_wheel "$root" python3 3.13 "$abi3"
   try_wheel "$root" python3 3.13 "$client" "$abi3"
   root=$(tools/root.sh bullseye python3 python3-venv)
@@ -93,12 +94,23 @@ run_deb() {
   tools/build.sh release product
   (cd build && cpack -G DEB >"../$log_dir/deb.log" 2>&1) || die "cpack failed: $log_dir/deb.log"
   deb=$(newest 'build/package/*.deb')
-  root=$(tools/root.sh "$(. /etc/os-release && echo "$VERSION_CODENAME")" python3 python3-venv)
+  root=$(tools/root.sh "$(. /etc/os-release && echo "$VERSION_CODENAME")" python3 python3-venv systemd)
   rm -rf "$root/tmp/try"
   mkdir -p "$root/tmp/try/deb"
   cp -r scenes tests/install "$root/tmp/try"
   cp "$deb" "$root/tmp/try/deb"
   tests/install/in_root.sh "$root" /tmp/try/install/try_deb.sh "/tmp/try/deb/$(basename "$deb")" /tmp/try/scenes
+}
+
+# 64-bit ARM: cross-built against Debian 12's libraries, and run by qemu. The golden answers are those of x86-64, bit for bit;
+# and what is written for the processor alone does what it is for.
+run_arm() {
+  local tests=(test_fp_environment test_lanes test_kinematics) packages root
+  tools/setup.sh tools/install_packages.txt
+  mapfile -t packages < <(sed 's/#.*//; s/?//' tools/packages.txt | xargs -n 1)
+  root=$(tools/root.sh arm64-bookworm "${packages[@]}")
+  tools/build.sh arm64 clearance-golden "${tests[@]}"
+  (cd build-arm64 && ctest --output-on-failure -R "^($(IFS='|'; echo "${tests[*]}"))\\.|^golden_answers$")
 }
 
 # What comes from Coal and Pinocchio, in an environment that has them.

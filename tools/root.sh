@@ -4,7 +4,8 @@
 #
 #   bullseye bookworm trixie    Debian 11, 12, 13
 #   jammy noble                 Ubuntu 22.04, 24.04
-#   arm64-bookworm              Debian 12 for 64-bit ARM, whose programs qemu runs
+#   trixie-build                another of the kind, with what building needs beside what running needs
+#   arm64-bookworm              Debian 12 for 64-bit ARM: its packages unpacked and not set up, for a cross-compiler and qemu
 set -euo pipefail
 . "$(dirname "$0")/step.sh" >&2
 
@@ -26,17 +27,37 @@ ubuntu_keys() {
   echo "$PWD/out/roots/ubuntu-keyring/usr/share/keyrings/ubuntu-archive-keyring.gpg"
 }
 
+# Nothing of it need run on this machine, so neither its kernel nor its root has to know of qemu.
+unpack() {
+  [ "$(cat "$root.packages" 2>/dev/null)" = "${packages[*]}" ] && return
+  rm -rf "$root"
+  step "root-$suite" "Make the root $suite" debootstrap --foreign --arch="${suite%-*}" "${options[@]}" \
+    --include="$(IFS=,; echo "${packages[*]}")" "${suite#*-}" "$root" "$mirror" >&2
+  local deb link
+  for deb in "$root"/var/cache/apt/archives/*.deb; do
+    dpkg-deb --fsys-tarfile "$deb" | tar -x -C "$root" --keep-directory-symlink
+  done
+  # What names a place from the root on must name it from here.
+  find "$root/usr/lib" -lname '/*' | while read -r link; do ln -sfnr "$root$(readlink "$link")" "$link"; done
+  grep -rlE '/usr/(lib|include)' "$root"/usr/lib/*/cmake/{assimp,draco}* | xargs sed -Ei "s|([\";:])/usr([/\"])|\1$root/usr\2|g"
+  echo "${packages[*]}" >"$root.packages"
+}
+
 mkdir -p out/roots
+if [[ $suite = arm64-* ]]; then
+  unpack
+  echo "$root"
+  exit
+fi
 if [ ! -f "$root.made" ]; then
   case $suite in
     jammy | noble)
       mirror=http://archive.ubuntu.com/ubuntu
       options+=(--components=main,universe --keyring="$(ubuntu_keys)")
       ;;
-    arm64-*) options+=(--arch=arm64) ;;
   esac
   rm -rf "$root"
-  step "root-$suite" "Make the root $suite" debootstrap "${options[@]}" "${suite#arm64-}" "$root" "$mirror" >&2
+  step "root-$suite" "Make the root $suite" debootstrap "${options[@]}" "${suite%-build}" "$root" "$mirror" >&2
   if [[ $mirror = *ubuntu ]]; then echo "deb $mirror $suite-updates main universe" >>"$root/etc/apt/sources.list"; fi
   touch "$root.made"
 fi

@@ -28,7 +28,7 @@ build_native() { build .venv/bin/python; }
 # A Python of a newer Debian needs its own glibc, which the wheel must not: it runs under its own loader, and all else is here.
 build_abi3() {
   local root packages=$PWD/out/wheel-abi3/packages python=$PWD/out/wheel-abi3/python3.13
-  root=$(tools/root.sh trixie python3 python3-dev python3-venv)
+  root=$(tools/root.sh trixie-build python3 python3-dev)
   mkdir -p "$packages"
   # Python::SABIModule, by which a module is built for the stable ABI, came with CMake 3.26.
   [ -d "$packages/cmake" ] || step wheel-abi3 "Install what builds for Python 3.13" .venv/bin/python -m pip install \
