@@ -2,9 +2,9 @@
 //
 // What follows from a row: the member of Query in C++ (client.h) and in Python's extension modules, its place on the
 // wire, what a daemon accepts and in which words it refuses the rest (query_frame.cpp), its translation from LCM where
-// query_t has a member of that name, a flag of `clearance query`, a keyword argument of Python's calls, and its row in
-// docs/wire.md, which a test compares. What is left to write is its use: the daemon reads QueryParts::options, the
-// engine gets it once QueryView has a member of that name.
+// query_t or query2_t has it by that name, a flag of `clearance query`, a keyword argument of Python's calls, and its
+// row in docs/wire.md, which a test compares. What is left to write is its use: the daemon reads QueryParts::options,
+// the engine gets it once QueryView has a member of that name.
 //
 // The first rows travel in QueryHeader, which is what it is for good. A new option takes the next free tag, and travels
 // in a record of that tag where it differs from its default; rows stay in the order in which they came.
