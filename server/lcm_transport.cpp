@@ -12,6 +12,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "server/error_frame.h"
 #include "server/lcm_announcer.h"
 #include "server/lcm_figures.h"
 #include "server/lcm_link.h"
@@ -121,21 +122,30 @@ class LcmTransport final : public Transport {
 
   // --- requests
 
-  static std::int64_t client_of(const query_t& query) { return query.client_id; }
-  static std::int64_t client_of(const query2_t& query) { return query.query.client_id; }
+  static const query_t& question_in(const query_t& query) { return query; }
+  static const query_t& question_in(const query2_t& query) { return query.query; }
 
   template <class Query>
   void on_query(std::span<const std::byte> packet) {
     Query query;
     if (!decode(packet, query)) return;
-    const std::int64_t client = client_of(query);
+    const query_t& question = question_in(query);
+    const std::int64_t client = question.client_id;
     if (client == 0) {
       figures_->accept(std::string(Query::getTypeName()) + ": client_id is 0; draw one at random");
       return;
     }
     ++figures_->queries;
     auto sink = std::make_unique<LcmReplySink>(link_, clients_.number_of(client), client);
-    const auto frame = std::make_shared<std::vector<std::byte>>(query_frame_of(query));
+    std::shared_ptr<std::vector<std::byte>> frame;
+    try {
+      frame = std::make_shared<std::vector<std::byte>>(query_frame_of(query));
+    } catch (const wire::WireError& error) {  // what it asks has no place in reply_t
+      const auto request = wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(question.request_id),
+                                             0, 0, static_cast<std::uint64_t>(client));
+      send_error(*sink, request, inbox_->engine().scene_revision(), error.code, error.what());
+      return;
+    }
     hand_in(*frame, frame, std::move(sink));
   }
 

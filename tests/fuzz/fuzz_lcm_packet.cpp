@@ -26,10 +26,10 @@ template <class Query>
 bool asked(Bytes packet) {
   Query query;
   if (!decoded(packet, query)) return false;
-  const std::vector<std::byte> frame = query_frame_of(query);
-  wire::FrameHeader header;
-  const auto payload = wire::split_frame(frame, header);
   try {
+    const std::vector<std::byte> frame = query_frame_of(query);
+    wire::FrameHeader header;
+    const auto payload = wire::split_frame(frame, header);
     wire::parse_query(header, payload);
   } catch (const wire::WireError& error) {  // values that no query may have; its sizes are ours
     require(error.code == wire::ErrorCode::kBadQuery, "a query makes a frame whose sizes fit");

@@ -355,6 +355,8 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
   query = question();
   query.fields = 1 << 20;
   refuse(query, 1, "fields");
+  query.fields = kFieldPairLower;
+  refuse(query, 1, "reply_t has no column pair_lower");
   query = question();
   query.max_results = -1;
   query.reduce = query_t::REDUCE_WITHIN;
