@@ -40,7 +40,7 @@ struct Engine::Impl {
   SceneBulk bulk{scene};
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0};
-  std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0};
+  std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0};
 
   // OpenMP's threads do not survive a fork: a child that used them would hang.
   void check_process() const {
@@ -101,7 +101,7 @@ Engine::Engine(Scene scene, const Options& options) {
   impl_->near_by = near_by_name(options.broad_phase);
   const std::vector<Body>& bodies = impl_->scene.bodies();
   impl_->light = !impl_->reference &&
-                 std::all_of(bodies.begin(), bodies.end(), [](const Body& b) { return b.pieces.size() == 1; });
+                 std::all_of(bodies.begin(), bodies.end(), [](const Body& b) { return b.pieces.size() <= 1; });
   check_devices(options);
   if (impl_->options.threads == 0) impl_->options.threads = omp_get_num_procs();
   const bool both = options.backend == "auto" && !bodies.empty() && cuda::device_info().present;
@@ -155,6 +155,27 @@ PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t
   return result;
 }
 
+PoseUpdateResult Engine::set_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns,
+                                    std::int64_t sequence, std::uint64_t publisher) {
+  const FpEnvironment environment;
+  const PoseUpdateResult result = impl_->poses.set_joints(positions, stamp_ns, sequence, publisher);
+  impl_->joint_updates.fetch_add(result.applied, std::memory_order_relaxed);
+  impl_->bad_joints.fetch_add(result.bad, std::memory_order_relaxed);
+  return result;
+}
+
+JointState Engine::joint_state(std::uint32_t joint) const {
+  const auto snapshot = impl_->poses.snapshot();
+  if (joint >= impl_->scene.joints().size()) throw std::out_of_range("unknown joint " + std::to_string(joint));
+  const PoseSnapshot::Joints& joints = snapshot->joints;
+  const SceneJoint& of = impl_->scene.joints()[joint];
+  const std::uint8_t fact =
+      position_fact(impl_->scene.robots()[of.robot]->model.columns[of.column], joints.position[joint]);
+  const Status status = !joints.given[joint] ? Status::kNoPose : fact & kLinkBad ? Status::kBadPose : Status::kOk;
+  return {joints.position[joint], status, joints.given[joint] && (fact & kLinkBeyondLimits), joints.stamp_ns[joint],
+          joints.receipt_ns[joint]};
+}
+
 void Engine::check_stamp(std::int64_t stamp_ns) const {
   impl_->poses.check_stamp(stamp_ns);
 }
@@ -169,6 +190,17 @@ bool Engine::still_means(std::uint64_t scene_revision, std::span<const std::uint
   const auto snapshot = impl_->poses.snapshot();
   return scene_revision == snapshot->scene_revision ||
          snapshot->history->still_means(scene_revision, snapshot->scene_changes, selectors, with_parents);
+}
+
+bool Engine::joints_still_mean(std::uint64_t scene_revision, std::span<const std::uint32_t> joints) const {
+  if (scene_revision == impl_->poses.snapshot()->scene_revision) return true;
+  std::vector<std::uint32_t> links;  // each of a robot stands for all of its joints
+  for (const std::uint32_t joint : joints) {
+    if (joint >= impl_->scene.joints().size()) return false;
+    const SceneRobot& robot = *impl_->scene.robots()[impl_->scene.joints()[joint].robot];
+    links.push_back(robot.bodies[robot.model.base]);
+  }
+  return still_means(scene_revision, links, false);
 }
 
 void Engine::take_poses(const Engine& old) {
@@ -237,6 +269,21 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
   return start(prepare(query), reply);
 }
 
+namespace {
+
+// A device knows poses alone, and no joints' limits: what is asked of these, and poses of links that would take much of
+// memory, are left to the CPU.
+bool for_device(const Plan& plan, const Scene& scene) {
+  constexpr std::uint64_t kMostPoses = std::uint64_t{1} << 24;
+  if (scene.robots().empty()) return true;
+  if (plan.query.fields & kFieldFlags) return false;
+  return plan.motions.empty() || (plan.size.configurations * plan.bodies.size() <= kMostPoses &&
+                                  std::all_of(plan.motions.begin(), plan.motions.end(),
+                                              [](const LinkMotion& motion) { return motion.places_all(); }));
+}
+
+}  // namespace
+
 Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const FpEnvironment environment;
   impl_->check_process();
@@ -253,8 +300,14 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
   std::unique_ptr<Job::State> state;
-  if (impl_->device && !query.keep_on_cpu_ && (!router || router->to_device(kind, pairs)))
+  const bool has_device = impl_->device && !query.keep_on_cpu_ && for_device(plan, impl_->scene);
+  if (impl_->device && !has_device && !query.keep_on_cpu_ && !impl_->options.device_fallback)
+    throw QueryError(QueryErrorCode::kNotSupported,
+                     "a device answers neither flags in a scene with robots, nor joints where others have no position");
+  if (has_device && (!router || router->to_device(kind, pairs))) {
+    plan.make_link_poses();
     state = cuda::make_device_job(context, plan, reply);
+  }
   if (!state) state = make_cpu_job(context, std::move(plan), reply);
   if (router)
     state->when_done = [router, kind, pairs](const ReplyInfo& info, std::chrono::nanoseconds took) {
@@ -302,6 +355,8 @@ Counters Engine::stats() const {
                     {"engine.pose_revision", snapshot->revision},
                     {"engine.pose_updates", impl_->pose_updates},
                     {"engine.bad_poses", impl_->bad_poses},
+                    {"engine.joint_updates", impl_->joint_updates},
+                    {"engine.bad_joints", impl_->bad_joints},
                     {"engine.stamps_out_of_range", impl_->poses.stamps_out_of_range()},
                     {"engine.stamps_late", impl_->poses.stamps_late()}};
   if (impl_->device) impl_->device->append(counters);
@@ -334,7 +389,8 @@ void PreparedQuery::copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPai
   planner_->plan().pairs.copy(begin, count, out);
 }
 std::uint64_t PreparedQuery::bytes() const {
-  return planner_->plan().pairs.list().size_bytes() + planner_->plan().configurations.size_bytes();
+  const Plan& plan = planner_->plan();
+  return plan.pairs.list().size_bytes() + plan.configurations.size_bytes() + plan.positions.size_bytes();
 }
 void PreparedQuery::begin_cold() {
   planner_->plan().query.warm_slot = 0;

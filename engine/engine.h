@@ -73,6 +73,11 @@ class Engine {
   /// clock that begins anew is another publisher's; an update without a stamp also lets it begin anew for its bodies.
   PoseUpdateResult set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns = 0, std::int64_t sequence = 0,
                              std::uint64_t publisher = 0);
+  /// The same of joints, whose links then have new poses. Throws QueryError also for a joint that is named twice. A
+  /// position that is no number, or beyond 1e6, is stored as bad: its links are kBadPose until a good one comes.
+  PoseUpdateResult set_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns = 0,
+                              std::int64_t sequence = 0, std::uint64_t publisher = 0);
+  JointState joint_state(std::uint32_t joint) const;
   /// Throws QueryError for a stamp below 0, or ahead of this machine's clock (UTC) by more than
   /// Options::max_stamp_lead.
   void check_stamp(std::int64_t stamp_ns) const;
@@ -83,8 +88,10 @@ class Engine {
   /// revision that is unknown. \param with_parents also that those bodies have the parents that they had, to which
   /// their poses are relative.
   bool still_means(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors, bool with_parents) const;
-  /// Takes over the poses and attachments that another engine has received, for bodies that both know by name: what a
-  /// daemon does that loads its scene anew. Other bodies stay as this scene has them.
+  /// The same of joint ids: false also where another robot's joints, or other limits, have those ids now.
+  bool joints_still_mean(std::uint64_t scene_revision, std::span<const std::uint32_t> joints) const;
+  /// Takes over the poses, joint positions and attachments that another engine has received, for bodies that both know
+  /// by name: what a daemon does that loads its scene anew. Other bodies stay as this scene has them.
   void take_poses(const Engine& old);
   BodyState body_state(std::uint32_t body) const;
   /// The oldest stamp of the poses of a body or of a group (selector). Bodies that never had a stamp do not count. 0:

@@ -31,6 +31,7 @@ enum Flag : std::uint16_t {
   kFlagPieces = 1 << 4,           ///< a body of several pieces overlaps: the depth bounds the union's motion from below
   kFlagIncomplete = 1 << 5,       ///< a reduced group held a bad or missing pose
   kFlagSlack = 1 << 6,            ///< what is not known of the bodies is alone wider than asked
+  kFlagBeyondLimits = 1 << 7,     ///< a joint that places one of the bodies is beyond its limits
 };
 
 /// Arithmetic of the iterations; the bounds are valid in either.

@@ -18,10 +18,21 @@ struct BodyPlacement {
   PlacedPose pose;                  ///< meaningful if `status` is kOk
   Status status = Status::kNoPose;  ///< kOk, kNoPose, kBadPose; kStalePose in a query that takes such for none
   bool renormalised = false;        ///< the body's own quaternion was off by more than 1e-3
+  bool beyond_limits = false;       ///< a joint that places it, or what it follows, is beyond its limits
 };
 
+CLEARANCE_HD inline bool is_identity(const Pose& X) {
+  return X.translation.x == 0 && X.translation.y == 0 && X.translation.z == 0 && X.qw == 1 && X.qx == 0 && X.qy == 0 &&
+         X.qz == 0;
+}
+
+/// Whether the pose of what follows a placed body is composed with its own, and so rounded.
+CLEARANCE_HD inline bool is_composed(const BodyPlacement& parent) {
+  return !is_identity(parent.pose.X_wb);
+}
+
 /// Places a body. \param local its pose as given; null: none was. \param parent the body that it follows, placed; null:
-/// none. \param rotation rotation_of(*local), if it is known already and there is no parent.
+/// none. \param rotation rotation_of(*local), if it is known already.
 CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* parent,
                                         const Mat3d* rotation = nullptr) {
   BodyPlacement body;
@@ -30,12 +41,14 @@ CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* 
   body.renormalised = quality == PoseQuality::kRenormalised;
   body.status = quality == PoseQuality::kBad ? Status::kBadPose : parent ? parent->status : Status::kOk;
   if (body.status != Status::kOk) return body;
-  const Pose X_wb = parent ? compose(parent->pose.X_wb, parent->pose.R_wb, *local) : *local;
-  if (parent && check(X_wb) == PoseQuality::kBad) {  // a composition can overflow
+  const bool composed = parent && is_composed(*parent);  // else there is nothing to be rounded
+  const Pose X_wb = composed ? compose(parent->pose.X_wb, parent->pose.R_wb, *local) : *local;
+  if (composed && check(X_wb) == PoseQuality::kBad) {  // a composition can overflow
     body.status = Status::kBadPose;
     return body;
   }
-  body.pose = {rotation && !parent ? *rotation : rotation_of(X_wb), X_wb.translation, X_wb};
+  body.beyond_limits = parent && parent->beyond_limits;
+  body.pose = {rotation && !composed ? *rotation : rotation_of(X_wb), X_wb.translation, X_wb};
   return body;
 }
 

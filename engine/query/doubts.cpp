@@ -30,7 +30,8 @@ double shift_below(const FrameDoubt& parent, double along, double shift) {
 
 }  // namespace
 
-BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent) {
+BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent,
+                   bool composed) {
   const FrameDoubt none;
   const FrameDoubt &above = parent ? parent->known : none, &placed_above = parent ? parent->placed : none;
   const double along = up(norm(local.translation)), own = up(body.max_speed * age_s),
@@ -39,9 +40,10 @@ BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double
   doubt.known.shift = up(shift_below(above, along, up(own + body.uncertainty.position)));
   doubt.known.turn = up(above.turn + turn);
   if (parent) {
-    doubt.placed.shift =
-        up(placed_above.shift + placed_above.turn * along + kShiftUnits * kUnit * along + kUnit * norm(t_w));
-    doubt.placed.turn = up(placed_above.turn + kTurnUnits * kUnit);
+    const double turned = composed ? kTurnUnits * kUnit : 0,
+                 shifted = composed ? kShiftUnits * kUnit * along + kUnit * norm(t_w) : 0;
+    doubt.placed.shift = up(placed_above.shift + placed_above.turn * along + shifted);
+    doubt.placed.turn = up(placed_above.turn + turned);
   }
   // The pieces are grown by the uncertainty of the body's own position already.
   const double reach = up(body.reach + body.model_inner);
@@ -63,8 +65,9 @@ std::vector<BodyDoubt> doubts_of(const Scene& scene, const PoseSnapshot& snapsho
     if (snapshot.placed[b].status != Status::kOk) continue;
     const Body& body = scene.bodies()[b];
     const double age_s = body.is_static ? 0 : pose_age_s(snapshot, b, now_ns);
+    const std::uint32_t on = snapshot.parent[b];
     doubts[b] = doubt_of(body, snapshot.local[b], snapshot.placed[b].pose.t_w, age_s,
-                         snapshot.parent[b] == kNone ? nullptr : &doubts[snapshot.parent[b]]);
+                         on == kNone ? nullptr : &doubts[on], on != kNone && is_composed(snapshot.placed[on]));
   }
   return doubts;
 }

@@ -26,7 +26,9 @@ struct BodyDoubt {
 
 /// \param local its pose as given. \param t_w its origin in the world, as computed. \param age_s of that pose, seconds.
 /// \param parent of the body that it follows; null: none.
-BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent);
+/// \param composed its pose was composed with that body's, and rounded
+BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent,
+                   bool composed);
 
 /// How old a body's pose is at `now_ns` (monotonic_ns()), seconds: since its receipt, or of one that the scene gives
 /// since that was loaded.

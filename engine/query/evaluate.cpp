@@ -24,6 +24,7 @@ bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair) 
 
 std::uint16_t pose_flags(const Placement& placement, BodyPair pair, std::span<const std::uint8_t> stale) {
   std::uint16_t flags = placement[pair.a].renormalised || placement[pair.b].renormalised ? kFlagRenormalised : 0;
+  if (placement[pair.a].beyond_limits || placement[pair.b].beyond_limits) flags |= kFlagBeyondLimits;
   if (!stale.empty() && (stale[pair.a] || stale[pair.b])) flags |= kFlagStale;
   return flags;
 }

@@ -89,7 +89,8 @@ class Evaluator {
 
 /// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.
 double box_gap(const Scene& scene, const Placement& placement, BodyPair pair);
-/// The flags that a pair of known bodies has for its poses alone: kFlagRenormalised, kFlagStale.
+/// The flags that a pair of known bodies has for its poses alone: kFlagRenormalised, kFlagStale,
+/// kFlagBeyondLimits.
 std::uint16_t pose_flags(const Placement& placement, BodyPair pair, std::span<const std::uint8_t> stale);
 /// Whether a pair's answer is a bad or missing pose or an unknown body.
 bool is_unusable(const Scene& scene, const Placement& placement, BodyPair pair);

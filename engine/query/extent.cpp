@@ -1,6 +1,7 @@
 #include "engine/query/extent.h"
 
 #include <algorithm>
+#include <set>
 
 #include "engine/narrow/work_meter.h"
 
@@ -25,7 +26,7 @@ void SceneBulk::Side::add(const Side& other) {
   units += other.units;
 }
 
-SceneBulk::SceneBulk(const Scene& scene) {
+SceneBulk::SceneBulk(const Scene& scene) : scene_(&scene) {
   for (const Body& body : scene.bodies()) {
     Side& side = bodies_.emplace_back(Side{1, body.pieces.size(), 0});
     for (const PiecePtr& piece : body.pieces) side.units += WorkMeter::units_of(*piece);
@@ -55,6 +56,11 @@ void SceneBulk::add_pairs(Extent& extent, const Side& a, const Side& b, bool are
 
 Extent SceneBulk::of(const QueryView& query, const PoseSnapshot& snapshot) const {
   Extent extent;
+  std::set<std::shared_ptr<const SceneRobot>> robots;
+  for (const std::uint32_t joint : query.joints)
+    if (joint < scene_->joints().size()) robots.insert(scene_->robots()[scene_->joints()[joint].robot]);
+  for (const auto& robot : robots) extent.links += robot->bodies.size();
+  const bool moves = !query.bodies.empty() || !query.joints.empty();
   if (!query.all_pairs) {
     for (const BodyPair pair : query.pairs) {
       const Side a = side(pair.a), b = side(pair.b);
@@ -66,15 +72,17 @@ Extent SceneBulk::of(const QueryView& query, const PoseSnapshot& snapshot) const
     std::vector<std::uint32_t> known;
     for (const std::uint32_t body : query.bodies)
       if (body < bodies_.size()) known.push_back(body);
+    for (const auto& robot : robots)
+      for (const std::uint32_t body : robot->bodies) known.push_back(body);
     if (!known.empty())
       for (const std::uint32_t body : snapshot.with_followers(known)) moved.add(bodies_[body]);
-    add_pairs(extent, query.bodies.empty() ? all_ : moved, all_);
+    add_pairs(extent, moves ? moved : all_, all_);
     extent.pairs = std::min(extent.pairs, snapshot.pairs->size());
-    extent.listed = query.bodies.empty() ? 0 : extent.pairs;
+    extent.listed = moves ? extent.pairs : 0;
   }
   const std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
   return {times(extent.pairs, configurations), times(extent.piece_pairs, configurations),
-          times(extent.units, configurations), extent.listed};
+          times(extent.units, configurations), times(extent.links, configurations), extent.listed};
 }
 
 }  // namespace clearance

@@ -14,12 +14,14 @@ struct Extent {
   std::uint64_t pairs = 0;        ///< pairs of bodies, times configurations
   std::uint64_t piece_pairs = 0;  ///< likewise
   std::uint64_t units = 0;        ///< of work (WorkMeter), if each piece pair took one support
+  std::uint64_t links = 0;        ///< of robots whose joints it moves, times configurations
   std::uint64_t listed = 0;       ///< pairs of bodies that a list is made of; none where the scene's table is all of it
 };
 
 /// Counts what selectors stand for, which it knows of a scene beforehand.
 class SceneBulk {
  public:
+  /// \param scene outlives this.
   explicit SceneBulk(const Scene& scene);
 
   /// Takes as long as the query's lists of pairs and bodies are, and the scene's of bodies where some move. What is
@@ -34,6 +36,7 @@ class SceneBulk {
   Side side(std::uint32_t selector) const;
   static void add_pairs(Extent& extent, const Side& a, const Side& b, bool are_same = false);
 
+  const Scene* scene_;
   std::vector<Side> bodies_, groups_;
   Side all_;
 };

@@ -124,6 +124,9 @@ std::uint64_t PairLister::list_some() {
       return next_ - begin + both_.size();
     }
     if (p.a == p.b) refuse(next_, "body " + std::to_string(p.a) + " with itself");
+    for (const std::uint32_t body : {p.a, p.b})
+      if (body < scene_.bodies().size() && scene_.bodies()[body].pieces.empty())
+        refuse(next_, "'" + scene_.bodies()[body].name + "' is a frame: it has no geometry to be far from");
     pairs_.push_back(p);
     ++next_;
   }

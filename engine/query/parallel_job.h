@@ -59,7 +59,7 @@ class ParallelJob : public Job::State {
         boxes_.push_back(
             body_box(scene().bodies()[b], snapshot.placed[b], plan_.doubts.empty() ? Slack() : plan_.doubts[b].slack));
     const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
-    placements_.resize(serial ? 1 : static_cast<std::size_t>(context.threads));
+    for (int i = 0; i < (serial ? 1 : context.threads); ++i) placements_.push_back({{}, ConfigurationPoses(plan_), {}});
     open_.assign(placements_.size(), kNone64);
     info.backend = context.reference ? "reference" : "cpu";
     info.snapshot_revision = snapshot.revision;
@@ -93,13 +93,15 @@ class ParallelJob : public Job::State {
   // Placements of configurations [first, first + count), the worker's own.
   std::span<const Placement> placements(int worker, std::uint64_t first, std::uint64_t count) {
     assert(worker < workers() && count > 0 && first + count <= plan_.size.configurations);
-    auto& [p, rotations] = placements_[static_cast<std::size_t>(worker)];
+    auto& [p, poses, rotations] = placements_[static_cast<std::size_t>(worker)];
     while (p.size() < count) p.emplace_back(scene(), plan_, boxes_);
     if (p[0].stands_at(first) && p[count - 1].stands_at(first + count - 1)) return {p.data(), count};
     const std::size_t moved = plan_.bodies.size();
+    const ConfigurationPoses::Block given = poses.at(first, count);
     rotations.resize(count * moved);
-    rotations_of(plan_.configurations.subspan(first * moved, count * moved), rotations);
-    for (std::uint64_t i = 0; i < count; ++i) p[i].configure(first + i, std::span(rotations).subspan(i * moved, moved));
+    rotations_of(given.poses, rotations);
+    for (std::uint64_t i = 0; i < count; ++i)
+      p[i].configure(first + i, given.of(i, moved), std::span(rotations).subspan(i * moved, moved));
     return {p.data(), count};
   }
 
@@ -186,8 +188,32 @@ class ParallelJob : public Job::State {
     }
     if (plan_.query.configuration_count > 0)
       for (const std::uint32_t b : plan_.moved) stale_[b] = 0;  // the query itself says where they are
+    for (const LinkMotion& motion : plan_.motions) find_stale_links(motion, oldest_allowed);
     options_.stale = stale_;
     if (plan_.query.stale_status) take_stale_for_none();
+  }
+
+  /// Links stand where the query's joints put them, and also where the robot's base and its other joints are.
+  void find_stale_links(const LinkMotion& motion, std::int64_t oldest_allowed) {
+    const PoseSnapshot& snapshot = *plan_.snapshot;
+    const SceneRobot& robot = motion.robot();
+    std::vector<std::uint8_t> old(robot.model.columns.size());
+    for (std::size_t c = 0; c < old.size(); ++c) {
+      const std::int64_t receipt = snapshot.joints.receipt_ns[robot.first_joint + c];
+      old[c] = receipt != 0 && receipt < oldest_allowed;
+    }
+    for (const LinkMotion::Moving& m : motion.moving()) old[m.column] = 0;
+    const std::vector<std::uint8_t> is_old = bits_along_links(robot, old);
+    for (const std::uint32_t link : motion.links()) {
+      const std::uint32_t on = snapshot.parent[robot.bodies[link]];
+      stale_[robot.bodies[link]] = is_old[link] || (snapshot.receipt_of_chain(on) != 0 && stale_[on]);
+    }
+    std::vector<std::uint8_t> on_old(stale_.size(), 0);
+    for (const std::uint32_t b : plan_.moved) {  // those, and what follows them
+      const std::uint32_t on = snapshot.parent[b];
+      on_old[b] = scene().bodies()[b].robot != kNone ? stale_[b] : on != kNone && on_old[on];
+      stale_[b] |= on_old[b];
+    }
   }
 
   /// From here on the plan's snapshot has no pose for them, nor for what follows them.
@@ -203,6 +229,7 @@ class ParallelJob : public Job::State {
   std::vector<std::uint8_t> stale_;
   struct WorkerPlacements {
     std::vector<Placement> placements;
+    ConfigurationPoses poses;
     std::vector<Mat3d> rotations;  // of the configurations that are being placed
   };
   std::vector<WorkerPlacements> placements_;  // of each worker

@@ -25,6 +25,8 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
   for (const std::uint32_t b : plan.moved) {
     moved_slot_[b] = static_cast<std::uint32_t>(local_.size());
     local_.push_back(plan.snapshot->local[b]);
+    facts_.push_back((plan.snapshot->given[b] ? 0 : kLinkUnplaced) |
+                     (plan.snapshot->beyond_limits[b] ? kLinkBeyondLimits : 0));
   }
   moved_.resize(local_.size());
   rotation_of_.resize(local_.size(), nullptr);
@@ -32,25 +34,29 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
   if (!plan.doubts.empty()) moved_doubts_.resize(local_.size());
 }
 
-void Placement::configure(std::uint64_t k, std::span<const Mat3d> rotations) {
+void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations) {
   if (moved_slot_.empty() || k == configuration_) return;
-  assert(rotations.size() == plan_.bodies.size() && (k + 1) * plan_.bodies.size() <= plan_.configurations.size());
+  const std::size_t count = plan_.bodies.size();
+  assert(rotations.size() == count && given.poses.size() == count &&
+         (given.facts.empty() || given.facts.size() == count));
   configuration_ = k;
   const PoseSnapshot& snapshot = *plan_.snapshot;
-  const std::size_t count = plan_.bodies.size();
   for (std::size_t m = 0; m < count; ++m) {
     const std::uint32_t slot = moved_slot_[plan_.bodies[m]];
-    local_[slot] = plan_.configurations[k * count + m];
+    local_[slot] = given.poses[m];
+    facts_[slot] = given.facts.empty() ? 0 : given.facts[m];
     rotation_of_[slot] = &rotations[m];
   }
   for (std::size_t i = 0; i < plan_.moved.size(); ++i) {
     const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
-    moved_[i] = place(&local_[i], parent == kNone ? nullptr : &(*this)[parent], rotation_of_[i]);
+    const BodyPlacement* const on = parent == kNone ? nullptr : &(*this)[parent];
+    moved_[i] = place(facts_[i] & kLinkUnplaced ? nullptr : &local_[i], on, rotation_of_[i]);
+    moved_[i].beyond_limits |= (facts_[i] & kLinkBeyondLimits) != 0;
     if (!moved_doubts_.empty() && moved_[i].status == Status::kOk) {
       // What the query itself places is there now.
       const double age_s = rotation_of_[i] ? 0 : pose_age_s(snapshot, body, plan_.begun_ns);
       moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
-                                  parent == kNone ? nullptr : &doubt(parent));
+                                  parent == kNone ? nullptr : &doubt(parent), on && is_composed(*on));
     }
     if (!boxes_.empty()) moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body));
   }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "engine/hull/box.h"
+#include "engine/query/configuration_poses.h"
 #include "engine/query/plan.h"
 
 namespace clearance {
@@ -16,8 +17,9 @@ class Placement {
   /// \param boxes of all bodies in the snapshot; empty: made when asked for. Both must outlive this.
   Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
 
-  /// Moves to configuration k of the plan; nothing to do where it has none. \param rotations (M,) of its poses
-  void configure(std::uint64_t k, std::span<const Mat3d> rotations);
+  /// Moves to configuration k of the plan; nothing to do where it has none. \param given (1, M) of it. \param rotations
+  /// (M,) of its poses
+  void configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations);
   bool moves_any() const { return !moved_slot_.empty(); }
   bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
   /// The one that it was moved to last; the same value always where nothing moves.
@@ -47,6 +49,7 @@ class Placement {
   std::uint64_t configuration_ = ~std::uint64_t{0};
   std::vector<std::uint32_t> moved_slot_;  // of each body: index into moved_, or kNone; empty without configurations
   std::vector<Pose> local_;                // of each moved body
+  std::vector<std::uint8_t> facts_;        // likewise, LinkFact bits
   std::vector<const Mat3d*> rotation_of_;  // of local_, while a configuration is being placed
   std::vector<BodyPlacement> moved_;
   std::vector<BodyDoubt> moved_doubts_;  // empty where the plan has none

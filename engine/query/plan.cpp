@@ -8,6 +8,7 @@
 
 #include "engine/base/digest.h"
 #include "engine/narrow/work_meter.h"
+#include "engine/query/configuration_poses.h"
 
 namespace clearance {
 
@@ -44,10 +45,69 @@ std::uint32_t written_fields(const QueryView& q) {
 
 // All pairs have changed whatever has, and with a body more or less there is a row more or less for the nearest of
 // each.
-bool still_means(const QueryView& query, const PoseSnapshot& snapshot, const Scene& scene) {
-  return !query.all_pairs && snapshot.history->still_means(
-                                 {query.scene_revision, query.bodies, query.pairs, query.reduce == Reduce::kNearest},
-                                 snapshot.scene_changes, scene);
+/// \param bodies that the query moves
+bool still_means(const QueryView& query, std::span<const std::uint32_t> bodies, const PoseSnapshot& snapshot,
+                 const Scene& scene) {
+  return !query.all_pairs &&
+         snapshot.history->still_means({query.scene_revision, bodies, query.pairs, query.reduce == Reduce::kNearest},
+                                       snapshot.scene_changes, scene);
+}
+
+[[noreturn]] void refuse_scene(const QueryView& query, const PoseSnapshot& snapshot) {
+  throw QueryError(QueryErrorCode::kWrongScene, "the scene is revision " + std::to_string(snapshot.scene_revision) +
+                                                    ", the query is for " + std::to_string(query.scene_revision));
+}
+
+void take_bodies(const QueryView& query, const Scene& scene, Plan& plan) {
+  std::vector<std::uint8_t> seen(scene.bodies().size(), 0);
+  for (std::size_t i = 0; i < query.bodies.size(); ++i) {
+    const std::uint32_t b = query.bodies[i];
+    const std::string place = "bodies[" + std::to_string(i) + "]: ";
+    if (b >= scene.bodies().size()) refuse(place + "unknown body " + std::to_string(b));
+    const Body& body = scene.bodies()[b];
+    if (body.is_static) refuse(place + "'" + body.name + "' is static and cannot be moved");
+    if (body.robot != kNone) refuse(place + placed_by_joints(body));
+    if (seen[b]++) refuse(place + "'" + body.name + "' is named twice");
+  }
+  plan.bodies.assign(query.bodies.begin(), query.bodies.end());
+  plan.given_bodies = plan.bodies.size();
+  units_of_this_thread += seen.size() / 1024;
+}
+
+constexpr std::uint64_t kLinksPerUnit = 64;  // of work: links that are looked through for those that joints move
+
+void take_joints(const QueryView& query, const Scene& scene, Plan& plan) {
+  if (query.joints.empty()) return;
+  const PoseSnapshot& snapshot = *plan.snapshot;
+  std::vector<std::uint8_t> seen(scene.joints().size(), 0);
+  std::vector<std::vector<LinkMotion::Moving>> of_robots(scene.robots().size());
+  for (std::uint32_t i = 0; i < query.joints.size(); ++i) {
+    const std::uint32_t j = query.joints[i];
+    const std::string place = "joints[" + std::to_string(i) + "]: ";
+    if (j >= scene.joints().size())
+      refuse(place + "unknown joint " + std::to_string(j) + "; the scene has " + std::to_string(seen.size()));
+    const SceneJoint& joint = scene.joints()[j];
+    if (seen[j]++) refuse(place + "'" + joint.name + "' is named twice");
+    of_robots[joint.robot].push_back({joint.column, i});
+  }
+  for (std::size_t r = 0; r < of_robots.size(); ++r) {
+    if (of_robots[r].empty()) continue;
+    const SceneRobot& robot = *scene.robots()[r];
+    const std::size_t count = robot.model.columns.size();
+    plan.motions.emplace_back(robot, std::span(snapshot.joints.position).subspan(robot.first_joint, count),
+                              std::span(snapshot.joints.given).subspan(robot.first_joint, count),
+                              std::move(of_robots[r]));
+    for (const std::uint32_t link : plan.motions.back().links()) plan.bodies.push_back(robot.bodies[link]);
+    units_of_this_thread += robot.bodies.size() / kLinksPerUnit;
+  }
+  plan.joints.assign(query.joints.begin(), query.joints.end());
+}
+
+void check_count(const char* what, const char* of, std::size_t got, std::uint64_t configurations, std::size_t each) {
+  const std::uint64_t wanted = configurations * each;
+  if (got != wanted)
+    refuse(std::string(what) + ": expected " + std::to_string(wanted) + " " + of + " (" +
+           std::to_string(configurations) + " x " + std::to_string(each) + "), got " + std::to_string(got));
 }
 
 }  // namespace
@@ -56,40 +116,36 @@ Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<con
                  std::uint64_t max_rows, bool with_configurations)
     : scene_(scene), max_rows_(max_rows) {
   check_numbers(query);
-  if (query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision &&
-      !still_means(query, *snapshot, scene))
-    throw QueryError(QueryErrorCode::kWrongScene, "the scene is revision " + std::to_string(snapshot->scene_revision) +
-                                                      ", the query is for " + std::to_string(query.scene_revision));
+  const bool is_older = query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision;
+  if (is_older && !still_means(query, query.bodies, *snapshot, scene)) refuse_scene(query, *snapshot);
   Plan& plan = plan_;
   plan.query = query;
   if (plan.query.rel_tol < 0) plan.query.rel_tol = default_rel_tol(query.precision);
   plan.snapshot = std::move(snapshot);
-
-  std::vector<std::uint8_t> seen(scene.bodies().size(), 0);
-  for (std::size_t i = 0; i < query.bodies.size(); ++i) {
-    const std::uint32_t b = query.bodies[i];
-    const std::string place = "bodies[" + std::to_string(i) + "]: ";
-    if (b >= scene.bodies().size()) refuse(place + "unknown body " + std::to_string(b));
-    if (scene.bodies()[b].is_static) refuse(place + "'" + scene.bodies()[b].name + "' is static and cannot be moved");
-    if (seen[b]++) refuse(place + "'" + scene.bodies()[b].name + "' is named twice");
-  }
-  if (query.configuration_count > 0 && query.bodies.empty()) refuse("configurations without bodies that they move");
-  plan.bodies.assign(query.bodies.begin(), query.bodies.end());
+  take_bodies(query, scene, plan);
+  if (is_older && std::any_of(query.joints.begin(), query.joints.end(),
+                              [&](std::uint32_t j) { return j >= scene.joints().size(); }))
+    refuse_scene(query, *plan.snapshot);
+  take_joints(query, scene, plan);
+  if (is_older && !still_means(query, plan.bodies, *plan.snapshot, scene)) refuse_scene(query, *plan.snapshot);
+  if (query.configuration_count > 0 && query.bodies.empty() && query.joints.empty())
+    refuse("configurations without bodies or joints that they move");
   plan.query.bodies = plan.bodies;
+  plan.query.joints = plan.joints;
   plan.query.configurations = {};
+  plan.query.positions = {};
   if (with_configurations) {
-    const std::uint64_t wanted = std::uint64_t{query.configuration_count} * query.bodies.size();
-    if (query.configurations.size() != wanted)
-      refuse("configurations: expected " + std::to_string(wanted) + " poses (" +
-             std::to_string(query.configuration_count) + " x " + std::to_string(query.bodies.size()) + "), got " +
-             std::to_string(query.configurations.size()));
+    check_count("configurations", "poses", query.configurations.size(), query.configuration_count, query.bodies.size());
+    if (query.configuration_count == 0 && !query.joints.empty()) refuse("joints without positions");
+    check_count("positions", "numbers", query.positions.size(), query.configuration_count, query.joints.size());
     plan.configurations = query.configurations;
+    plan.positions = query.positions;
   }
 
   plan.moved = plan.snapshot->with_followers(plan.bodies);
   lister_.emplace(query, scene, plan.snapshot->pairs, plan.moved);
   plan.query.pairs = {};
-  units_of_this_thread += query.bodies.size() / 16 + seen.size() / 1024;
+  units_of_this_thread += query.bodies.size() / 16;
 }
 
 bool Planner::advance(WorkMeter& meter) {
@@ -129,11 +185,25 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
   return std::move(planner.plan());
 }
 
-void Plan::keep_configurations() {
-  if (configurations.data() == kept_configurations.data()) return;
-  count_copied(configurations.size_bytes());
-  kept_configurations.assign(configurations.begin(), configurations.end());
+void Plan::make_link_poses() {
+  if (motions.empty()) return;
+  ConfigurationPoses poses(*this);
+  const auto made = poses.at(0, size.configurations).poses;
+  kept_configurations.assign(made.begin(), made.end());
   configurations = kept_configurations;
+  given_bodies = bodies.size();
+  motions.clear();
+}
+
+void Plan::keep_configurations() {
+  const auto keep = [](auto& view, auto& kept) {
+    if (view.data() == kept.data()) return;
+    count_copied(view.size_bytes());
+    kept.assign(view.begin(), view.end());
+    view = kept;
+  };
+  keep(configurations, kept_configurations);
+  keep(positions, kept_positions);
 }
 
 std::uint64_t warm_question(const Plan& plan) {

@@ -8,6 +8,7 @@
 #include "engine/query/doubts.h"
 #include "engine/query/pair_lister.h"
 #include "engine/query/query.h"
+#include "engine/scene/link_motion.h"
 #include "engine/scene/pose_store.h"
 
 namespace clearance {
@@ -15,9 +16,14 @@ namespace clearance {
 /// A query, copied and resolved against one snapshot.
 struct Plan {
   QueryView query;                       ///< its spans point into the members below
-  std::vector<std::uint32_t> bodies;     ///< (M,)
-  std::span<const Pose> configurations;  ///< (K, M); the caller's until they are kept
+  std::vector<std::uint32_t> bodies;     ///< (M,) the query's, then the links of `motions`
+  std::size_t given_bodies = 0;          ///< of `bodies`: the query's, whose poses are `configurations`
+  std::span<const Pose> configurations;  ///< (K, given_bodies); the caller's until they are kept
   std::vector<Pose> kept_configurations;
+  std::vector<std::uint32_t> joints;  ///< (J,)
+  std::span<const double> positions;  ///< (K, J); as `configurations`
+  std::vector<double> kept_positions;
+  std::vector<LinkMotion> motions;   ///< of each robot that some of the joints move
   std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first
   std::shared_ptr<const PoseSnapshot> snapshot;
   PairList pairs;
@@ -25,8 +31,10 @@ struct Plan {
   std::int64_t begun_ns = 0;      ///< monotonic_ns(): ages of poses are as of then
   std::vector<BodyDoubt> doubts;  ///< of each body in the snapshot, as of then; empty: nothing is doubted of any
 
-  /// Copies the configurations, whose memory is the caller's.
+  /// Copies configurations and positions, whose memory is the caller's.
   void keep_configurations();
+  /// Makes the poses of links here, so that they are `configurations` as any body's.
+  void make_link_poses();
 };
 
 /// A plan in the making.

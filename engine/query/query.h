@@ -26,6 +26,8 @@ struct QueryView {
   std::uint32_t configuration_count = 0;
   std::span<const std::uint32_t> bodies;  ///< (M,) ids of the moved bodies, without repeats
   std::span<const Pose> configurations;   ///< (K, M) poses; of a body with a parent: relative to the parent
+  std::span<const std::uint32_t> joints;  ///< (J,) ids of the joints that move, without repeats
+  std::span<const double> positions;      ///< (K, J) radians and metres; other joints stay as they are
 
   double max_distance = std::numeric_limits<double>::infinity();  ///< metres; pairs proved farther are kBeyond
   double abs_tol = 0.0;   ///< metres; wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)

@@ -1,8 +1,8 @@
 // A robot's joints as kinematic steps: their constants, computed to about 95 bits and rounded once.
 #include <cmath>
 
-#include "engine/base/double_double.h"
 #include "engine/base/fp_environment.h"
+#include "engine/robot/exact_frame.h"
 #include "engine/robot/kinematics.h"
 
 namespace clearance {
@@ -12,64 +12,10 @@ namespace {
 using Exact = DoubleDouble;
 using ExactVec = Vec3<Exact>;
 
-// A frame in another, to about 95 bits.
-struct ExactFrame {
-  Quaternion<Exact> q{1, 0, 0, 0};
-  ExactVec t{0, 0, 0};
-};
-
-ExactFrame operator*(const ExactFrame& a, const ExactFrame& b) {
-  return {product(a.q, b.q), a.t + turned(a.q, b.t)};
-}
-
-// Sine and cosine within 2^-95, for |x| <= kMaxAngle: Taylor's series after the reduction of sin_cos.h.
-SinCos<Exact> exact_sin_cos(double x) {
-  const double n = std::nearbyint(x * 0x1.45f306dc9c883p-1);
-  const Exact r = dd::two_sum(x - n * kHalfPi[0], -(n * kHalfPi[1])) + dd::two_prod(-n, kHalfPi[2]);
-  const Exact z = r * r;
-  Exact sine = r, cosine = 1, power = r;
-  for (int k = 2; k <= 30; k += 2) {
-    // power is r^(k-1) / (k-1)!, with its sign.
-    const Exact even = -(power * r) / Exact(k);
-    power = -(power * z) / Exact(k * (k + 1));
-    cosine += even;
-    sine += power;
-  }
-  switch (static_cast<long>(n) & 3) {
-    case 0:
-      return {sine, cosine};
-    case 1:
-      return {cosine, -sine};
-    case 2:
-      return {-sine, -cosine};
-    default:
-      return {-cosine, sine};
-  }
-}
-
-// Rz(yaw) Ry(pitch) Rx(roll).
-ExactFrame exact(const Origin& origin) {
-  const SinCos<Exact> roll = exact_sin_cos(origin.rpy.x / 2), pitch = exact_sin_cos(origin.rpy.y / 2),
-                      yaw = exact_sin_cos(origin.rpy.z / 2);
-  const Quaternion<Exact> x{roll.cosine, roll.sine, 0, 0}, y{pitch.cosine, 0, pitch.sine, 0},
-      z{yaw.cosine, 0, 0, yaw.sine};
-  return {product(z, product(y, x)), cast<Exact>(origin.xyz)};
-}
-
 ExactVec unit(const Vec3d& axis) {
   const ExactVec a = cast<Exact>(rescaled(axis));
   const Exact length = sqrt(squared_norm(a));
   return {a.x / length, a.y / length, a.z / length};
-}
-
-// The nearest float64, and how far it is off: the length of what rounding took away.
-Vec3d rounded(const ExactVec& v, double* off) {
-  *off = std::hypot(v.x.lo, v.y.lo, v.z.lo);
-  return cast<double>(v);
-}
-Quaternion<double> rounded(const Quaternion<Exact>& q, double* off) {
-  *off = std::hypot(std::hypot(q.w.lo, q.x.lo), std::hypot(q.y.lo, q.z.lo));
-  return {q.w.hi, q.x.hi, q.y.hi, q.z.hi};
 }
 
 }  // namespace
@@ -105,7 +51,7 @@ class KinematicsBuilder {
 
   void add_step(const RobotJoint& joint) {
     const On& parent = on_[joint.parent];
-    const ExactFrame X = parent.X * exact(joint.X_pj);
+    const ExactFrame X = parent.X * exact_frame(joint.X_pj);
     KinematicStep step;
     step.from = parent.frame;
     step.link = joint.child;

@@ -10,8 +10,8 @@
 
 namespace clearance {
 
-/// The enabled pairs (a < b) of a scene: all but static-static, parent-child and ignored ones. Memory grows with bodies
-/// and exclusions, not with pairs: a scene of 50,000 bodies has more than a thousand million.
+/// The enabled pairs (a < b) of a scene: all but static-static, parent-child and ignored ones, and those of frames.
+/// Memory grows with bodies and exclusions, not with pairs: a scene of 50,000 bodies has more than a thousand million.
 class PairTable {
  public:
   /// \param parents of each body, kNone for none.

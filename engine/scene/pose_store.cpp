@@ -27,6 +27,7 @@ void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
       const std::uint32_t b = part[i];
       placed[b] =
           place(given[b] ? &local[b] : nullptr, parent[b] == kNone ? nullptr : &placed[parent[b]], &rotations[i]);
+      placed[b].beyond_limits |= beyond_limits[b] != 0;
     }
   }
 }
@@ -93,7 +94,10 @@ void PoseStore::enable_pairs(PoseSnapshot& snapshot) const {
 }
 
 PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead)
-    : scene_(scene), max_stamp_lead_(max_stamp_lead), marks_(scene.bodies().size()) {
+    : scene_(scene),
+      max_stamp_lead_(max_stamp_lead),
+      marks_(scene.bodies().size()),
+      joint_marks_(scene.joints().size()) {
   auto first = std::make_shared<PoseSnapshot>();
   const std::size_t n = scene.bodies().size();
   first->loaded_ns = monotonic_ns();
@@ -103,12 +107,22 @@ PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead
   first->stamp_ns.resize(n);
   first->receipt_ns.resize(n);
   first->sequence.resize(n);
+  first->beyond_limits.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const Body& body = scene.bodies()[i];
     first->parent.push_back(body.parent);
     first->local[i] = body.pose.value_or(Pose{});
     first->given[i] = body.pose.has_value() && !body.is_live;
   }
+  const std::size_t joints = scene.joints().size();
+  for (const SceneJoint& joint : scene.joints()) {
+    first->joints.position.push_back(joint.home.value_or(0));
+    first->joints.given.push_back(joint.home.has_value());
+  }
+  first->joints.stamp_ns.resize(joints);
+  first->joints.receipt_ns.resize(joints);
+  first->joints.sequence.resize(joints);
+  for (const auto& robot : scene.robots()) first->move_links(*robot, {});
   enable_pairs(*first);
   first->place_again(*first->order);
   publish(std::move(first));
@@ -154,6 +168,7 @@ bool PoseStore::catch_up(PoseSnapshot& old, const PoseSnapshot& current) {
         (old.*column)[b] = (current.*column)[b];
         copied_bytes_ += sizeof(old.*column)[b];
       });
+  old.joints = current.joints;
   old.revision = current.revision;
   return true;
 }
@@ -198,24 +213,26 @@ void PoseStore::check_stamp(std::int64_t stamp_ns) const {
                               seconds(max_stamp_lead_) + " s may be (Options::max_stamp_lead, --max-stamp-lead-s)"));
 }
 
-void PoseStore::check_not_late(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::uint64_t publisher) {
-  if (stamp_ns == 0) return;
-  for (const BodyPose& p : poses) {
-    if (p.body >= scene_.bodies().size()) continue;
-    const std::int64_t last = marks_.last(p.body, publisher);
-    if (stamp_ns >= last) continue;
-    ++late_;
-    throw QueryError(QueryErrorCode::kBadQuery, "stamp_ns: " + std::to_string(stamp_ns) + " is older than " +
-                                                    std::to_string(last) + ", the last from this publisher for '" +
-                                                    scene_.bodies()[p.body].name + "'");
-  }
+void PoseStore::check_not_late(const StampMarks& marks, std::uint32_t id, const std::string& name,
+                               std::int64_t stamp_ns, std::uint64_t publisher) {
+  const std::int64_t last = marks.last(id, publisher);
+  if (stamp_ns == 0 || stamp_ns >= last) return;
+  ++late_;
+  throw QueryError(QueryErrorCode::kBadQuery, "stamp_ns: " + std::to_string(stamp_ns) + " is older than " +
+                                                  std::to_string(last) + ", the last from this publisher for '" + name +
+                                                  "'");
 }
 
 PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
                                 std::uint64_t publisher) {
   check_stamp(stamp_ns);
   const std::lock_guard lock(writers_);
-  check_not_late(poses, stamp_ns, publisher);
+  for (const BodyPose& p : poses) {
+    if (p.body >= scene_.bodies().size()) continue;
+    const Body& body = scene_.bodies()[p.body];
+    if (body.robot != kNone) throw QueryError(QueryErrorCode::kBadQuery, "poses: " + placed_by_joints(body));
+    check_not_late(marks_, p.body, body.name, stamp_ns, publisher);
+  }
   const std::shared_ptr<PoseSnapshot> next = copy();
   const std::int64_t now = monotonic_ns();
   PoseUpdateResult result;
@@ -266,7 +283,7 @@ void PoseStore::take_over(const PoseStore& old_store) {
     const std::uint32_t now = scene_.find_body(old_bodies[was].name);
     if (now == kNone) continue;
     marks_.take_over(now, old_store.marks_, was);
-    if (bodies[now].is_static || old.receipt_ns[was] == 0) continue;
+    if (bodies[now].is_static || bodies[now].robot != kNone || old.receipt_ns[was] == 0) continue;
     const std::uint32_t leader = old.parent[was] == kNone ? kNone : scene_.find_body(old_bodies[old.parent[was]].name);
     if (old.parent[was] != kNone && leader == kNone) continue;  // its pose would be relative to nothing
     if (leader != next->parent[now]) {
@@ -280,6 +297,7 @@ void PoseStore::take_over(const PoseStore& old_store) {
     next->sequence[now] = old.sequence[was];
   }
   changes_.clear();
+  take_over_joints(old_store, *next);
   history_->replaced(*old_store.history_, old.scene_revision, old_store.scene_, old.parent, scene_, next->parent);
   enable_pairs(*next);
   next->place_again(*next->order);
@@ -295,6 +313,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   if (child >= bodies.size()) refuse("unknown child, body " + std::to_string(child));
   if (parent != kNone && parent >= bodies.size()) refuse("unknown parent, body " + std::to_string(parent));
   if (bodies[child].is_static) refuse("'" + bodies[child].name + "' is static");
+  if (bodies[child].robot != kNone) refuse(placed_by_joints(bodies[child]));
   for (std::uint32_t b = parent; b != kNone; b = next->parent[b])
     if (b == child) refuse("'" + bodies[child].name + "' would follow itself through '" + bodies[parent].name + "'");
   if (X_pc && check(*X_pc) == PoseQuality::kBad) refuse("the pose of '" + bodies[child].name + "' is not usable");

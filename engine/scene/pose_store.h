@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "engine/base/query_error.h"
@@ -37,8 +38,16 @@ struct PoseSnapshot {
   bool has_followers = false;                               ///< some body has a parent
 
   std::vector<BodyPlacement> placed;
-  std::vector<std::int64_t> stamp_ns, receipt_ns, sequence;
-  bool is_published = false;  ///< it is, or was, what everybody sees
+  std::vector<std::int64_t> stamp_ns, receipt_ns, sequence;  ///< of a link: of the joint on its way set longest ago
+  std::vector<std::uint8_t> beyond_limits;                   ///< by body: a joint that places it is
+  bool is_published = false;                                 ///< it is, or was, what everybody sees
+
+  /// Of Scene::joints().
+  struct Joints {
+    std::vector<double> position;
+    std::vector<std::uint8_t> given;
+    std::vector<std::int64_t> stamp_ns, receipt_ns, sequence;
+  } joints;
 
   /// What is known of each body: calls f(member) for every column.
   template <class F>
@@ -49,7 +58,12 @@ struct PoseSnapshot {
     f(&PoseSnapshot::stamp_ns);
     f(&PoseSnapshot::receipt_ns);
     f(&PoseSnapshot::sequence);
+    f(&PoseSnapshot::beyond_limits);
   }
+
+  /// Places links anew by their joints. \param changed of them; empty: all. Returns the bodies whose poses are given
+  /// anew; they are still to be placed.
+  std::vector<std::uint32_t> move_links(const SceneRobot& robot, std::span<const std::uint32_t> changed);
   /// Places bodies anew, parents before children.
   void place_again(std::span<const std::uint32_t> bodies);
   /// The oldest receipt among the body and those that it follows; 0 if none of them was ever received.
@@ -65,6 +79,8 @@ class PoseStore {
   std::shared_ptr<const PoseSnapshot> snapshot() const;
   PoseUpdateResult set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
                        std::uint64_t publisher);
+  PoseUpdateResult set_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns, std::int64_t sequence,
+                              std::uint64_t publisher);
   /// What was received and attached since `old` was loaded, for bodies that are in both scenes, known by their names.
   void take_over(const PoseStore& old);
   void check_stamp(std::int64_t stamp_ns) const;
@@ -84,14 +100,16 @@ class PoseStore {
   void remember(std::vector<std::uint32_t> changed);
   void enable_pairs(PoseSnapshot& snapshot) const;  // that follow from its parents
   void publish(std::shared_ptr<PoseSnapshot> next);
-  void check_not_late(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::uint64_t publisher);
+  void check_not_late(const StampMarks& marks, std::uint32_t id, const std::string& name, std::int64_t stamp_ns,
+                      std::uint64_t publisher);
+  void take_over_joints(const PoseStore& old_store, PoseSnapshot& next);
 
   const Scene& scene_;
   const std::chrono::nanoseconds max_stamp_lead_;
   mutable std::atomic<std::uint64_t> out_of_range_{0};  // stamps
   std::atomic<std::uint64_t> late_{0};
   mutable std::mutex writers_;  // of what follows
-  StampMarks marks_;
+  StampMarks marks_, joint_marks_;
   std::shared_ptr<SceneHistory> history_ = std::make_shared<SceneHistory>();
   std::deque<std::vector<std::uint32_t>> changes_;  // bodies that the newest revisions have changed, the newest last
   std::uint64_t copied_bytes_ = 0;

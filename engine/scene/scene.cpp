@@ -73,6 +73,7 @@ void check_positive(const std::string& name, const char* what, double x, bool ze
 }
 
 void check_may_be_live(const Body& body) {
+  if (body.robot != kNone) throw SceneError("body " + in_quotes(body.name) + ": live: " + placed_by_joints(body));
   if (body.is_static)
     throw SceneError("body " + in_quotes(body.name) + ": live: a static body never gets another pose than its own");
 }
@@ -164,21 +165,24 @@ std::uint32_t Scene::add_shape(const std::string& name, const Shape& shape, cons
 std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
                               const BodyOptions& options) {
   const FpEnvironment environment;
-  return add_geometry(name, options, [&] {
-    const std::string key = file_key(path) + number(scale.x) + ',' + number(scale.y) + ',' + number(scale.z) + ',' +
-                            std::to_string(static_cast<int>(convexify)) + ',' + number(options.radius);
-    std::shared_ptr<const Geometry>& known = geometries_[key];
-    if (known) return *known;
-    try {
-      if (!meshes_) meshes_ = std::make_shared<MeshGeometries>();
-      MeshFile file(path);
-      known = std::make_shared<const Geometry>(meshes_->make(file, {scale, convexify, options.radius}, path));
-      return *known;
-    } catch (const std::exception& e) {
-      geometries_.erase(key);
-      throw MeshError(path + ": " + e.what());
-    }
-  });
+  return add_geometry(name, options, [&] { return mesh_geometry(path, scale, convexify, options.radius); });
+}
+
+// Of a file, scale and so on that were asked for before: what was made then. Throws MeshError.
+const Geometry& Scene::mesh_geometry(const std::string& path, Vec3d scale, Convexify convexify, double radius) {
+  const std::string key = file_key(path) + number(scale.x) + ',' + number(scale.y) + ',' + number(scale.z) + ',' +
+                          std::to_string(static_cast<int>(convexify)) + ',' + number(radius);
+  std::shared_ptr<const Geometry>& known = geometries_[key];
+  if (known) return *known;
+  try {
+    if (!meshes_) meshes_ = std::make_shared<MeshGeometries>();
+    MeshFile file(path);
+    known = std::make_shared<const Geometry>(meshes_->make(file, {scale, convexify, radius}, path));
+    return *known;
+  } catch (const std::exception& e) {
+    geometries_.erase(key);
+    throw MeshError(path + ": " + e.what());
+  }
 }
 
 std::uint32_t Scene::add_uv_sphere(const std::string& name, double radius, int resolution, const BodyOptions& options) {
@@ -259,8 +263,13 @@ void Scene::grow(Body& body) {
 std::uint32_t Scene::add_body(Body body) {
   const FpEnvironment environment;
   check_free(body.name, "body");
+  if (body.pieces.empty()) throw SceneError("body " + in_quotes(body.name) + ": expected at least one piece");
+  return insert_body(std::move(body));
+}
+
+// A body with a free name; one without pieces is a frame.
+std::uint32_t Scene::insert_body(Body body) {
   const std::string who = "body " + in_quotes(body.name) + ": ";
-  if (body.pieces.empty()) throw SceneError(who + "expected at least one piece");
   for (const PiecePtr& piece : body.pieces)
     if (!piece) throw SceneError(who + "a piece is null");
   if (bodies_.size() >= kGroupBit) throw SceneError(who + "too many bodies");
@@ -293,6 +302,7 @@ void Scene::set_parent(const std::string& child, const std::string& parent) {
   if (c == kNone) throw SceneError("there is no body " + in_quotes(child));
   const std::string who = "body " + in_quotes(child) + ": ";
   if (p == kNone) throw SceneError(who + "parent: there is no body " + in_quotes(parent));
+  if (bodies_[c].robot != kNone) throw SceneError(who + "parent: " + placed_by_joints(bodies_[c]));
   if (bodies_[c].is_static && !bodies_[p].is_static)
     throw SceneError(who + "a static body cannot follow the movable body " + in_quotes(parent));
   for (std::uint32_t above = p; above != kNone; above = bodies_[above].parent)
@@ -316,15 +326,20 @@ void Scene::add_group(const std::string& name, std::span<const std::string> bodi
     if (group.bodies.back() == kNone)
       throw SceneError("group " + in_quotes(name) + ": there is no body " + in_quotes(body));
   }
+  insert_group(std::move(group));
+}
+
+void Scene::insert_group(Group group) {
   std::sort(group.bodies.begin(), group.bodies.end());
   group.bodies.erase(std::unique(group.bodies.begin(), group.bodies.end()), group.bodies.end());
-  group_ids_.emplace(name, static_cast<std::uint32_t>(groups_.size()));
+  group_ids_.emplace(group.name, static_cast<std::uint32_t>(groups_.size()));
   groups_.push_back(std::move(group));
 }
 
 std::vector<std::uint32_t> Scene::resolve(const std::string& body_or_group) const {
-  if (const std::uint32_t id = find_body(body_or_group); id != kNone) return {id};
+  // A robot's name is that of a group and of a frame, which has no pairs.
   if (const std::uint32_t id = find_group(body_or_group); id != kNone) return groups_[id].bodies;
+  if (const std::uint32_t id = find_body(body_or_group); id != kNone) return {id};
   if (body_or_group != "*") throw SceneError("there is no body or group " + in_quotes(body_or_group));
   std::vector<std::uint32_t> every(bodies_.size());
   for (std::uint32_t i = 0; i < every.size(); ++i) every[i] = i;
@@ -342,6 +357,11 @@ void Scene::ignore(const std::string& a, const std::string& b) {
   for (const std::uint32_t i : of_a)
     for (const std::uint32_t j : of_b)
       if (i != j) fresh.emplace_back(std::min(i, j), std::max(i, j));
+  leave_out(std::move(fresh));
+}
+
+// Pairs (a < b) in any order.
+void Scene::leave_out(std::vector<std::pair<std::uint32_t, std::uint32_t>> fresh) {
   std::sort(fresh.begin(), fresh.end());
   const auto old = static_cast<std::ptrdiff_t>(ignored_.size());
   ignored_.insert(ignored_.end(), fresh.begin(), fresh.end());
@@ -362,6 +382,15 @@ std::uint32_t Scene::find_group(std::string_view name) const {
 bool is_doubted(const Body& body) {
   return body.model_error > 0 || body.model_inner > 0 || body.uncertainty.position > 0 || body.uncertainty.angle > 0 ||
          body.max_speed > 0;
+}
+
+std::uint32_t Scene::find_joint(std::string_view name) const {
+  const auto found = joint_ids_.find(std::string(name));
+  return found == joint_ids_.end() ? kNone : found->second;
+}
+
+std::string placed_by_joints(const Body& body) {
+  return "'" + body.name + "' is a link that joints place: set these, or the pose of its robot's base";
 }
 
 std::string hull_warning(const Body& body) {
@@ -406,6 +435,11 @@ std::uint64_t Scene::revision() const {
   }
   digest.add(std::uint64_t{ignored_.size()});
   for (const auto& [a, b] : ignored_) digest.add(std::uint64_t{a} << 32 | b);
+  for (const auto& robot : robots_) digest.add(robot->digest);
+  for (const SceneJoint& joint : joints_) {
+    digest.add(std::uint64_t{joint.home.has_value()});
+    digest.add(joint.home.value_or(0));
+  }
   return digest.value();
 }
 

@@ -14,6 +14,7 @@
 
 #include "engine/hull/piece.h"
 #include "engine/pose/pose.h"
+#include "engine/scene/scene_robot.h"
 #include "wire/types.h"
 
 namespace clearance {
@@ -49,10 +50,11 @@ struct Uncertainty {
 
 struct Body {
   std::string name;
-  std::vector<PiecePtr> pieces;  ///< at least one
+  std::vector<PiecePtr> pieces;  ///< none: a frame, which others follow and no pair has
   std::uint32_t parent = kNone;  ///< the body that this one follows at load
   bool is_static = false;        ///< never moves after load
   bool is_live = false;          ///< `pose` counts for nothing: no_pose until one is received
+  std::uint32_t robot = kNone;   ///< whose joints place it, and nobody's pose; of Scene::robots()
   std::optional<Pose> pose;      ///< initial X_wb, or X_pb with a parent; none: no_pose until one arrives
   /// metres: how far the pieces may stand out from the shape they were asked for; of a mesh, from the hulls that its
   /// file and scale mean: rounding
@@ -70,6 +72,8 @@ struct Body {
 
 /// Whether the body's shape, or where it is, is known less well than its pieces and pose say.
 bool is_doubted(const Body& body);
+/// Why a link's pose cannot be given.
+std::string placed_by_joints(const Body& body);
 
 /// A body whose pieces stand out of its mesh by more than this share of its size is warned about: hull_warning().
 inline constexpr double kHullExcessShare = 0.02;
@@ -117,6 +121,11 @@ class Scene {
                              const BodyOptions& options);  ///< along z; a circumscribed prism
   /// Ready-made pieces, that are grown by the body's padding and by the uncertainty of its position.
   std::uint32_t add_body(Body body);
+  /// Adds a robot: a frame NAME that places it, a body NAME/LINK for each link, a group NAME of all links and a group
+  /// NAME/GROUP for each of the SRDF. Left out are pairs that the SRDF disables, those of links with no moving joint
+  /// between them and, without an SRDF, those of links that a joint joins. Returns its place in robots(). Throws
+  /// SceneError, which leaves the scene as it was.
+  std::uint32_t add_robot(const std::string& name, const RobotOptions& options);
   /// Makes a body follow another from the start. Throws SceneError for an unknown body, a cycle, or a static child.
   void set_parent(const std::string& child, const std::string& parent);
   /// The body has no pose until one is received. Throws SceneError for an unknown or static body.
@@ -130,6 +139,10 @@ class Scene {
   const std::vector<Group>& groups() const { return groups_; }
   /// Pairs (a < b) named by ignore(), sorted, without repeats.
   const std::vector<std::pair<std::uint32_t, std::uint32_t>>& ignored() const { return ignored_; }
+  const std::vector<std::shared_ptr<const SceneRobot>>& robots() const { return robots_; }
+  /// The joints of all robots: a joint's id is its place here.
+  const std::vector<SceneJoint>& joints() const { return joints_; }
+  const std::vector<JointGroup>& joint_groups() const { return joint_groups_; }
 
   /// Whether a body's shape, or where it is, is known less well than its pieces and pose say.
   bool has_doubts() const { return has_doubts_; }
@@ -138,6 +151,8 @@ class Scene {
   std::uint32_t find_body(std::string_view name) const;
   /// Index of a group; kNone if there is none.
   std::uint32_t find_group(std::string_view name) const;
+  /// Id of a joint; kNone if there is none.
+  std::uint32_t find_joint(std::string_view name) const;
 
   /// A digest of all geometry, names, groups and initial poses: the same scene gives the same number on any machine.
   /// Never 0.
@@ -150,6 +165,11 @@ class Scene {
   std::uint32_t add_shape(const std::string& name, const Shape& shape, const char* source, const BodyOptions& options);
   PiecePtr shared_piece(const PiecePtr& piece);
   void check_free(const std::string& name, const char* what) const;
+  const Geometry& mesh_geometry(const std::string& path, Vec3d scale, Convexify convexify, double radius);
+  void insert_group(Group group);
+  std::uint32_t insert_body(Body body);
+  void leave_out(std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs);
+  friend class RobotAdder;
 
   void grow(Body& body);
 
@@ -157,6 +177,10 @@ class Scene {
   bool has_doubts_ = false;
   std::vector<Group> groups_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
+  std::vector<std::shared_ptr<const SceneRobot>> robots_;
+  std::vector<SceneJoint> joints_;
+  std::vector<JointGroup> joint_groups_;
+  std::unordered_map<std::string, std::uint32_t> joint_ids_;
   std::unordered_map<std::string, std::uint32_t> body_ids_;
   std::unordered_map<std::string, std::uint32_t> group_ids_;
   std::unordered_multimap<std::uint64_t, PiecePtr> pieces_;  ///< by digest

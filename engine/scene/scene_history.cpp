@@ -18,11 +18,19 @@ void mark(std::vector<std::uint64_t>& changes, std::uint32_t id, std::uint64_t c
   changes[id] = change;
 }
 
+/// Whether the same joints place a body, in the same way: none, or those of the same robot.
+bool same_joints(const Scene& old_scene, const Scene& scene, std::uint32_t id) {
+  const std::uint32_t was = old_scene.bodies()[id].robot, is = scene.bodies()[id].robot;
+  if (was == kNone || is == kNone) return was == is;
+  return old_scene.robots()[was]->digest == scene.robots()[is]->digest;
+}
+
 /// Whether a body's id means the same in two scenes. One beyond both is unknown in both.
 bool same_body(const Scene& old_scene, const Scene& scene, std::uint32_t id) {
   const std::vector<Body>&was = old_scene.bodies(), &is = scene.bodies();
   if (id >= was.size() || id >= is.size()) return id >= was.size() && id >= is.size();
-  return was[id].name == is[id].name && was[id].pieces == is[id].pieces && was[id].is_static == is[id].is_static;
+  return was[id].name == is[id].name && was[id].pieces == is[id].pieces && was[id].is_static == is[id].is_static &&
+         same_joints(old_scene, scene, id);
 }
 
 bool names(std::uint32_t selector, std::uint32_t body, const Scene& scene) {

@@ -13,6 +13,7 @@
 #include "engine/mesh/mesh.h"
 #include "engine/scene/geometry.h"
 #include "engine/scene/mesh_geometry.h"
+#include "engine/scene/robot_yaml.h"
 #include "engine/scene/scene.h"
 #include "engine/scene/yaml_document.h"
 
@@ -51,7 +52,7 @@ class SceneReader {
 
   Scene read() {
     root_.map("a map with the key \"bodies\"");
-    root_.check_keys({"bodies", "groups", "ignore", "random"});
+    root_.check_keys({"bodies", "groups", "ignore", "random", "robots"});
     if (const auto bodies = root_.find("bodies"))
       for (const YamlValue& body : bodies->list("a list of bodies")) read_body(body);
     if (const auto random = root_.find("random")) {
@@ -60,7 +61,12 @@ class SceneReader {
       else
         read_random(*random);
     }
-    if (bodies_.empty()) root_.fail("expected at least one body, under \"bodies\" or \"random\"");
+    if (const auto robots = root_.find("robots"))
+      for (const YamlValue& robot : robots->list("a list of robots"))
+        robots_.push_back(read_robot(
+            robot, [this](const YamlValue& path) { return resolve(path, path.text("the path of a file")); }));
+    if (bodies_.empty() && robots_.empty())
+      root_.fail("expected at least one body, under \"bodies\", \"random\" or \"robots\"");
     build_geometries();
     return assemble();
   }
@@ -77,7 +83,7 @@ class SceneReader {
     plan.body.name = name->text("a name");
     if (const auto is_static = value.find("static")) plan.body.is_static = is_static->boolean();
     if (const auto is_live = value.find("live")) plan.body.is_live = is_live->boolean();
-    if (const auto pose = value.find("pose")) plan.body.pose = read_pose(*pose);
+    if (const auto pose = value.find("pose")) plan.body.pose = pose->pose();
     if (const auto uncertainty = value.find("uncertainty")) plan.body.uncertainty = read_uncertainty(*uncertainty);
     if (const auto padding = value.find("padding")) plan.body.padding = padding->not_negative();
     if (const auto speed = value.find("max_speed")) plan.body.max_speed = speed->not_negative();
@@ -121,14 +127,6 @@ class SceneReader {
     if (static_cast<std::int64_t>(bodies_.size()) >= kMaxBodies)
       plan.place.fail("more than " + std::to_string(kMaxBodies) + " bodies in one scene");
     bodies_.push_back(std::move(plan));
-  }
-
-  static Pose read_pose(const YamlValue& value) {
-    const std::vector<double> x = value.numbers(7, "7 numbers [x, y, z, qw, qx, qy, qz]");
-    const Pose pose{{x[0], x[1], x[2]}, x[3], x[4], x[5], x[6]};
-    if (check(pose) == PoseQuality::kBad)
-      value.fail("expected a quaternion (qw, qx, qy, qz) of norm 1e-6 to 1e6 and coordinates up to 1e60 m");
-    return pose;
   }
 
   static Uncertainty read_uncertainty(const YamlValue& value) {
@@ -353,6 +351,11 @@ class SceneReader {
       plan.body.source = geometry.source;
       placed(plan.place, [&] { scene.add_body(plan.body); });
     }
+    for (RobotPlan& plan : robots_) {
+      plan.options.allow_outside = allow_outside_;
+      plan.options.folder = folder_.string();
+      placed(plan.place, [&] { scene.add_robot(plan.name, plan.options); });
+    }
     for (const BodyPlan& plan : bodies_)
       if (plan.parent) placed(*plan.parent, [&] { scene.set_parent(plan.body.name, plan.parent->text("")); });
     if (const auto groups = root_.find("groups"))
@@ -372,6 +375,7 @@ class SceneReader {
   fs::path folder_;
   bool allow_outside_;
   std::vector<BodyPlan> bodies_;
+  std::vector<RobotPlan> robots_;
   std::vector<GeometryPlan> geometries_;
   std::map<std::string, std::size_t> plan_of_;
   std::map<std::string, std::shared_ptr<MeshFile>> files_;

@@ -307,6 +307,14 @@ std::vector<Vec3d> YamlValue::vectors() const {
   return out;
 }
 
+Pose YamlValue::pose() const {
+  const std::vector<double> x = numbers(7, "7 numbers [x, y, z, qw, qx, qy, qz]");
+  const Pose pose{{x[0], x[1], x[2]}, x[3], x[4], x[5], x[6]};
+  if (check(pose) == PoseQuality::kBad)
+    fail("expected a quaternion (qw, qx, qy, qz) of norm 1e-6 to 1e6 and coordinates up to 1e60 m");
+  return pose;
+}
+
 std::size_t YamlValue::size() const {
   const Node& node = tree_->nodes[node_];
   return node.kind == Kind::kMap ? node.children.size() / 2 : node.children.size();

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "engine/base/vec.h"
+#include "engine/pose/pose.h"
 
 namespace clearance {
 
@@ -40,6 +41,7 @@ class YamlValue {
   /// A list of exactly `count` numbers. \param expected "7 numbers [x, y, z, qw, qx, qy, qz]".
   std::vector<double> numbers(std::size_t count, const std::string& expected) const;
   std::vector<Vec3d> vectors() const;  ///< a list of [x, y, z]
+  Pose pose() const;                   ///< [x, y, z, qw, qx, qy, qz] that can be used
 
   std::size_t size() const;  ///< entries of a list or map
   std::vector<YamlValue> list(const std::string& expected) const;

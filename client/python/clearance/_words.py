@@ -35,6 +35,7 @@ class Flag(enum.IntFlag):
     PIECES = 1 << 4  #: a body of several pieces overlaps: the depth bounds the union's motion from below
     INCOMPLETE = 1 << 5  #: a reduced group held a bad or missing pose
     SLACK = 1 << 6  #: what is not known of the bodies is alone wider than asked
+    BEYOND_LIMITS = 1 << 7  #: a joint that places one of the bodies is beyond its limits
 
 
 class Precision(enum.IntEnum):
@@ -125,12 +126,14 @@ PrecisionWord = Literal["f64", "f32"]
 ReduceWord = Literal["none", "within", "nearest", "min"]
 FormatWord = Literal["full", "compact"]
 ConvexifyWord = Literal["hull", "submeshes", "decompose"]
+GeometryWord = Literal["collision", "visual"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 
 PRECISIONS = {word.name.lower(): int(word) for word in Precision}
 REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
 FORMATS = {word.name.lower(): int(word) for word in Format}
 CONVEXIFY = {"hull": 0, "submeshes": 1, "decompose": 2}
+GEOMETRIES = {"collision": 0, "visual": 1}
 BACKENDS = {name: name for name in ("auto", "cpu", "cuda", "reference")}
 
 #: Set in a pair selector that names a group; the other bits are the group's index.

@@ -1,0 +1,27 @@
+// Frames of a URDF to about 95 bits, from which constants are rounded once.
+#pragma once
+
+#include "engine/base/double_double.h"
+#include "engine/robot/quaternion.h"
+#include "engine/robot/robot.h"
+
+namespace clearance {
+
+/// A frame in another, to about 95 bits.
+struct ExactFrame {
+  Quaternion<DoubleDouble> q{1, 0, 0, 0};
+  Vec3<DoubleDouble> t{0, 0, 0};
+};
+
+inline ExactFrame operator*(const ExactFrame& a, const ExactFrame& b) {
+  return {product(a.q, b.q), a.t + turned(a.q, b.t)};
+}
+
+/// Rz(yaw) Ry(pitch) Rx(roll), then xyz.
+ExactFrame exact_frame(const Origin& origin);
+
+/// The float64 nearest to v. \param off how far that is: the length of what rounding took away
+Vec3d rounded(const Vec3<DoubleDouble>& v, double* off);
+Quaternion<double> rounded(const Quaternion<DoubleDouble>& q, double* off);
+
+}  // namespace clearance

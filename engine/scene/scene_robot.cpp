@@ -1,0 +1,318 @@
+// Scene::add_robot: a URDF and its SRDF to bodies, joints, groups and ignored pairs.
+#include "engine/scene/scene_robot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "engine/base/digest.h"
+#include "engine/base/fp_environment.h"
+#include "engine/scene/link_geometry.h"
+#include "engine/scene/scene.h"
+
+namespace clearance {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+using IdPair = std::pair<std::uint32_t, std::uint32_t>;
+
+std::string in_quotes(const std::string& name) {
+  return '"' + name + '"';
+}
+
+Shape shape_of(const RobotShape& shape) {
+  switch (shape.kind) {
+    case RobotShape::Kind::kSphere:
+      return make_sphere(shape.radius);
+    case RobotShape::Kind::kCylinder:
+      return make_cylinder(shape.radius, shape.length);
+    case RobotShape::Kind::kCapsule:
+      return make_capsule(shape.radius, shape.length);
+    default:
+      return make_box(shape.size);
+  }
+}
+
+// Whether a path lies in a folder, links followed.
+bool is_inside(const fs::path& path, const fs::path& folder) {
+  std::error_code error;
+  const fs::path real = fs::canonical(path, error);
+  const fs::path home = error ? folder : fs::canonical(folder, error);
+  return !error && std::mismatch(home.begin(), home.end(), real.begin(), real.end()).first == home.end();
+}
+
+// What poses of links mean: the same for the same files, wherever the robot's bodies stand in a scene.
+std::uint64_t digest_of(const SceneRobot& robot) {
+  Digest digest;
+  digest.add(std::string_view(robot.name));
+  digest.add(std::uint64_t{robot.first_joint});
+  for (const RobotColumn& column : robot.model.columns) {
+    digest.add(std::string_view(column.name));
+    digest.add(column.lower);
+    digest.add(column.upper);
+  }
+  for (const KinematicStep& step : robot.kinematics.steps()) {
+    digest.add(static_cast<std::uint64_t>(step.kind) << 32 | step.from);
+    digest.add(std::uint64_t{step.link} << 32 | step.column);
+    digest.add(std::uint64_t{step.mimics});
+    for (const double x : {step.multiplier, step.offset}) digest.add(x);
+    for (const Quaternion<double>& q : {step.still, step.turning})
+      for (const double x : {q.w, q.x, q.y, q.z}) digest.add(x);
+    for (const Vec3d& v : {step.at, step.along[0], step.along[1]}) digest.add(v);
+  }
+  return digest.value();
+}
+
+RobotModel read_model(const RobotOptions& options) {
+  try {
+    RobotModel model = read_urdf(options.urdf);
+    if (!options.srdf.empty()) read_srdf(options.srdf, &model);
+    return model;
+  } catch (const RobotError& e) {
+    throw SceneError(e.what());
+  }
+}
+
+}  // namespace
+
+class RobotAdder {
+ public:
+  RobotAdder(Scene& scene, const std::string& name, const RobotOptions& options)
+      : scene_(scene),
+        name_(name),
+        options_(options),
+        robot_(std::make_shared<SceneRobot>(name, read_model(options))),
+        model_(robot_->model),
+        folder_(fs::path(options.urdf).parent_path().string()) {
+    if (folder_.empty()) folder_ = ".";
+  }
+
+  std::uint32_t add() {
+    const auto index = static_cast<std::uint32_t>(scene_.robots_.size());
+    check_padding();
+    add_base();
+    add_joints(index);
+    robot_->bodies.resize(model_.links.size(), kNone);
+    fixed_ = links_without_joints();
+    add_link(model_.base, index);  // the others after what they may follow
+    for (const RobotJoint& joint : model_.joints) add_link(joint.child, index);
+    robot_->digest = digest_of(*robot_);
+    add_groups();
+    leave_out_pairs();
+    scene_.robots_.push_back(robot_);
+    return index;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& what) const { throw SceneError("robot " + in_quotes(name_) + ": " + what); }
+
+  void check_padding() const {
+    const auto check = [&](double metres, const std::string& of) {
+      if (!(metres >= 0 && metres <= kMaxCoordinate))
+        fail("padding" + of + ": expected a number of metres >= 0, got " + std::to_string(metres));
+    };
+    check(options_.padding, "");
+    for (const auto& [link, metres] : options_.link_padding) {
+      if (model_.find_link(link) == kNone) fail("padding: there is no link " + in_quotes(link));
+      check(metres, " of " + in_quotes(link));
+    }
+  }
+
+  void add_base() {
+    Body base;
+    base.name = name_;
+    base.is_static = options_.is_static;
+    base.pose = options_.base;
+    base.source = "robot base";
+    scene_.check_free(name_, "robot");
+    if (!options_.parent.empty() && (base.parent = scene_.find_body(options_.parent)) == kNone)
+      fail("parent: there is no body " + in_quotes(options_.parent));
+    robot_->base = scene_.insert_body(std::move(base));
+  }
+
+  void add_joints(std::uint32_t index) {
+    robot_->first_joint = static_cast<std::uint32_t>(scene_.joints_.size());
+    const std::vector<std::optional<double>> home = home_positions();
+    JointGroup all{name_, {}};
+    for (std::uint32_t c = 0; c < model_.columns.size(); ++c) {
+      const RobotColumn& column = model_.columns[c];
+      SceneJoint joint{name_ + "/" + column.name, index, c, column.lower, column.upper, home[c]};
+      if (joint.name.size() > static_cast<std::size_t>(kMaxNameBytes))
+        fail("the joint name " + in_quotes(joint.name) + " has more than " + std::to_string(kMaxNameBytes) + " bytes");
+      all.joints.push_back(robot_->first_joint + c);
+      scene_.joint_ids_.emplace(joint.name, all.joints.back());
+      scene_.joints_.push_back(std::move(joint));
+    }
+    scene_.joint_groups_.push_back(std::move(all));
+    for (const RobotGroup& group : model_.groups) {
+      JointGroup joints{name_ + "/" + group.name, {}};
+      for (const std::uint32_t c : group.columns) joints.joints.push_back(robot_->first_joint + c);
+      scene_.joint_groups_.push_back(std::move(joints));
+    }
+  }
+
+  std::vector<std::optional<double>> home_positions() const {
+    std::vector<std::optional<double>> home(model_.columns.size());
+    if (!options_.home && options_.home_state.empty()) return home;
+    if (!options_.home_state.empty()) {
+      bool found = false;
+      for (const GroupState& state : model_.states) {
+        if (state.name != options_.home_state) continue;
+        found = true;
+        for (const auto& [column, position] : state.positions) home[column] = position;
+      }
+      if (!found) fail("home: its SRDF has no group state " + in_quotes(options_.home_state));
+    } else {
+      for (const auto& [joint, position] : *options_.home) {
+        const std::uint32_t column = model_.find_column(joint);
+        if (column == kNone) fail("home: there is no joint " + in_quotes(joint) + " that takes a position");
+        if (!(std::abs(position) <= kMaxPosition))
+          fail("home: " + in_quotes(joint) + ": expected a number from -1e6 to 1e6, got " + std::to_string(position));
+        home[column] = position;
+      }
+    }
+    for (std::uint32_t c = 0; c < home.size(); ++c) {
+      const RobotColumn& column = model_.columns[c];
+      if (home[c]) continue;
+      if (!(column.lower <= 0 && 0 <= column.upper))
+        fail("home: " + in_quotes(column.name) + " is not named, and 0 is beyond its limits (" +
+             std::to_string(column.lower) + " to " + std::to_string(column.upper) + ")");
+      home[c] = 0;
+    }
+    return home;
+  }
+
+  // By link: whether no joint moves it against what it hangs on in the end.
+  std::vector<std::uint8_t> links_without_joints() const {
+    std::vector<std::uint8_t> fixed(model_.links.size(), 0);
+    fixed[model_.base] = 1;
+    for (const RobotJoint& joint : model_.joints)
+      fixed[joint.child] = joint.kind == JointKind::kFixed && fixed[joint.parent];
+    return fixed;
+  }
+
+  void add_link(std::uint32_t link, std::uint32_t index) {
+    const RobotLink& of = model_.links[link];
+    Body body;
+    body.name = name_ + "/" + of.name;
+    scene_.check_free(body.name, "link");
+    const std::vector<RobotShape>& shapes = options_.visual ? of.visual : of.collision;
+    if (!shapes.empty()) take_geometry(link, shapes, body);
+    if (robot_->places(link)) {
+      body.robot = index;
+      body.parent = root_body(link);
+      body.is_static = options_.is_static && fixed_[link];
+      body.pose = Pose{};  // until joints make it
+    }
+    robot_->bodies[link] = scene_.insert_body(std::move(body));
+  }
+
+  // The body that a link's pose is relative to.
+  std::uint32_t root_body(std::uint32_t link) const {
+    while (robot_->places(link) && model_.links[link].joint != kNone)
+      link = model_.joints[model_.links[link].joint].parent;
+    return link == model_.base ? robot_->base : robot_->bodies[link];
+  }
+
+  void take_geometry(std::uint32_t link, const std::vector<RobotShape>& shapes, Body& body) {
+    const auto own = options_.link_padding.find(model_.links[link].name);
+    const double padding = own == options_.link_padding.end() ? options_.padding : own->second;
+    std::vector<Geometry> parts;
+    for (const RobotShape& shape : shapes) try {
+        parts.push_back(moved(geometry_of(shape, padding), shape.X_ls));
+      } catch (const RobotError& e) {
+        throw SceneError(e.what());
+      } catch (const std::exception& e) {  // of its mesh or its numbers
+        throw SceneError(shape.place + ": " + e.what());
+      }
+    Geometry geometry = joined(std::move(parts));
+    for (const PiecePtr& piece : geometry.pieces) body.pieces.push_back(scene_.shared_piece(piece));
+    body.display = std::move(geometry.display);
+    body.model_error = geometry.model_error;
+    body.model_inner = geometry.model_inner;
+    body.hull_excess = geometry.hull_excess;
+    body.empty_share = geometry.empty_share;
+    body.source = std::move(geometry.source);
+  }
+
+  Geometry geometry_of(const RobotShape& shape, double padding) {
+    if (shape.kind != RobotShape::Kind::kMesh) {
+      constexpr const char* kNames[] = {"box", "sphere", "cylinder", "capsule"};
+      return geometry_of_shape(shape_of(shape), padding, kNames[static_cast<int>(shape.kind)]);
+    }
+    const std::string path = mesh_path(shape, folder_, options_.packages);
+    if (!options_.allow_outside && !is_inside(path, options_.folder))
+      throw SceneError("mesh " + in_quotes(shape.mesh) +
+                       " lies outside the scene's folder; mesh files must lie inside it " +
+                       "unless files from outside are allowed");
+    return scene_.mesh_geometry(path, shape.mesh_scale, Convexify::kHull, padding);
+  }
+
+  void add_groups() {
+    scene_.insert_group({name_, robot_->bodies});  // beside the base of that name, which has no pairs
+    for (const RobotGroup& group : model_.groups) {
+      const std::string name = name_ + "/" + group.name;
+      if (scene_.find_body(name) != kNone) {
+        robot_->model.warnings.push_back(options_.srdf + ": the group " + in_quotes(group.name) +
+                                         " has the name of a link, which pairs mean by it; its joints are there");
+        continue;
+      }
+      Group bodies{name, {}};
+      for (const std::uint32_t link : group.links) bodies.bodies.push_back(robot_->bodies[link]);
+      scene_.check_free(name, "group");
+      scene_.insert_group(std::move(bodies));
+    }
+  }
+
+  void leave_out_pairs() {
+    std::vector<IdPair> pairs;
+    const auto leave_out = [&](std::uint32_t a, std::uint32_t b) {
+      const std::uint32_t i = robot_->bodies[a], j = robot_->bodies[b];
+      if (has_shape(a) && has_shape(b)) pairs.emplace_back(std::min(i, j), std::max(i, j));
+    };
+    for (const DisabledPair& pair : model_.disabled) leave_out(pair.a, pair.b);
+    std::map<std::uint32_t, std::vector<std::uint32_t>> rigid;  // links by the one that they are fixed to
+    for (std::uint32_t link = 0; link < model_.links.size(); ++link) {
+      std::uint32_t on = link;
+      while (model_.links[on].joint != kNone && model_.joints[model_.links[on].joint].kind == JointKind::kFixed)
+        on = model_.joints[model_.links[on].joint].parent;
+      for (const std::uint32_t other : rigid[on]) leave_out(other, link);
+      if (has_shape(link)) rigid[on].push_back(link);
+    }
+    if (options_.srdf.empty())
+      for (std::uint32_t link = 0; link < model_.links.size(); ++link)
+        if (const std::uint32_t carrier = shape_above(link); carrier != kNone) leave_out(carrier, link);
+    scene_.leave_out(std::move(pairs));
+  }
+
+  bool has_shape(std::uint32_t link) const { return !scene_.bodies_[robot_->bodies[link]].pieces.empty(); }
+
+  // The nearest link with a shape on the way to the base; kNone: there is none.
+  std::uint32_t shape_above(std::uint32_t link) const {
+    while (model_.links[link].joint != kNone) {
+      link = model_.joints[model_.links[link].joint].parent;
+      if (has_shape(link)) return link;
+    }
+    return kNone;
+  }
+
+  Scene& scene_;
+  const std::string& name_;
+  const RobotOptions& options_;
+  std::shared_ptr<SceneRobot> robot_;
+  const RobotModel& model_;
+  std::string folder_;
+  std::vector<std::uint8_t> fixed_;  // by link
+};
+
+std::uint32_t Scene::add_robot(const std::string& name, const RobotOptions& options) {
+  const FpEnvironment environment;
+  Scene with = *this;  // a robot that is refused leaves nothing behind
+  const std::uint32_t index = RobotAdder(with, name, options).add();
+  *this = std::move(with);
+  return index;
+}
+
+}  // namespace clearance

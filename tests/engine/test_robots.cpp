@@ -1,0 +1,496 @@
+// Robots in scenes: what a scene takes of them, joint positions as part of the snapshot, queries in joint space.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <set>
+
+#include "engine/engine.h"
+#include "engine_test_util.h"
+#include "tests/scene/error_text.h"
+#include "tests/scene/temporary_folder.h"
+
+namespace clearance {
+namespace {
+
+using test::Answer;
+using test::ask;
+
+constexpr const char* kArm = CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf";
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+Scene arm_scene(const RobotOptions& options) {
+  Scene scene;
+  scene.add_box("table", {1, 1, 0.1}, {.is_static = true, .pose = Pose{{0.5, 0, -0.1}}});
+  scene.add_sphere("ball", 0.1, {.pose = Pose{{0.4, 0.3, 0.5}}});
+  scene.add_robot("arm", options);
+  return scene;
+}
+
+RobotOptions at_home() {
+  RobotOptions options;
+  options.urdf = kArm;
+  options.home = {{"joint4", -1.5}};
+  return options;
+}
+
+std::vector<std::uint32_t> joints_of(const Scene& scene, const std::string& group) {
+  for (const JointGroup& g : scene.joint_groups())
+    if (g.name == group) return g.joints;
+  return {};
+}
+
+// Positions within the arm's limits.
+std::vector<double> random_rows(const Scene& scene, const std::vector<std::uint32_t>& joints, std::size_t count,
+                                std::uint64_t seed) {
+  test::Random random(seed);
+  std::vector<double> rows;
+  for (std::size_t k = 0; k < count; ++k)
+    for (const std::uint32_t j : joints)
+      rows.push_back(random.uniform(scene.joints()[j].lower, scene.joints()[j].upper));
+  return rows;
+}
+
+// The columns of two answers, bit by bit.
+void expect_same(const Answer& a, const Answer& b) {
+  ASSERT_EQ(a.info.rows, b.info.rows);
+  ASSERT_EQ(a.size.fields, b.size.fields);
+  const auto same = [&](const auto* x, const auto* y, int width) {
+    if (!x) return;
+    for (std::uint64_t i = 0; i < a.info.rows * static_cast<std::uint64_t>(width); ++i)
+      ASSERT_EQ(std::memcmp(&x[i], &y[i], sizeof *x), 0) << "entry " << i << " of width " << width;
+  };
+  for_each_column([&](auto* x, auto* y, int width) { same(x, y, width); }, a.view, b.view);
+}
+
+TEST(RobotInAScene, LinksAreBodiesAndTheBaseIsAFrame) {
+  const Scene scene = arm_scene(at_home());
+  const std::uint32_t base = scene.find_body("arm"), shoulder = scene.find_body("arm/shoulder"),
+                      fore = scene.find_body("arm/fore");
+  ASSERT_NE(base, kNone);
+  ASSERT_NE(shoulder, kNone);
+  EXPECT_TRUE(scene.bodies()[base].pieces.empty());
+  EXPECT_TRUE(scene.bodies()[shoulder].pieces.empty()) << "a link without shapes";
+  EXPECT_EQ(scene.bodies()[fore].pieces.size(), 1u);
+  EXPECT_EQ(scene.bodies()[fore].parent, base);
+  EXPECT_EQ(scene.joints().size(), 8u) << "the finger that mimics takes none";
+  EXPECT_EQ(scene.joints()[scene.find_joint("arm/joint4")].upper, -0.07);
+  EXPECT_EQ(joints_of(scene, "arm").size(), 8u);
+  const Engine engine(scene);
+  for (const BodyPair pair : engine.pairs({}))
+    for (const std::uint32_t body : {pair.a, pair.b}) EXPECT_FALSE(scene.bodies()[body].pieces.empty());
+}
+
+TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
+  const Scene scene = arm_scene(at_home());
+  const Engine engine(scene);
+  const std::vector<BodyPair> pairs = engine.pairs({});
+  const auto is_asked = [&](const char* a, const char* b) {
+    std::uint32_t i = scene.find_body(a), j = scene.find_body(b);
+    if (i > j) std::swap(i, j);
+    return std::find(pairs.begin(), pairs.end(), BodyPair{i, j}) != pairs.end();
+  };
+  EXPECT_FALSE(is_asked("arm/upper", "arm/fore")) << "across the frame of the elbow";
+  EXPECT_FALSE(is_asked("arm/palm", "arm/flange"));
+  EXPECT_TRUE(is_asked("arm/base", "arm/fore"));
+  EXPECT_TRUE(is_asked("arm/left_finger", "arm/right_finger"));
+  EXPECT_TRUE(is_asked("table", "arm/palm"));
+}
+
+TEST(RobotInAScene, SeveralShapesAreOneBodyEachWhereItsOriginSays) {
+  const TemporaryFolder folder;
+  const std::string urdf = folder.write("two.urdf", R"(<robot name="two"><link name="only">
+    <collision><origin xyz="1 0 0" rpy="0 0 1.57079632679489661923"/><geometry><box size="0.2 0.4 0.6"/></geometry></collision>
+    <collision><origin xyz="0 0 -2"/><geometry><sphere radius="0.5"/></geometry></collision></link></robot>)");
+  Scene scene;
+  scene.add_robot("r", {.urdf = urdf, .padding = 0.125});
+  const Body& body = scene.bodies()[scene.find_body("r/only")];
+  ASSERT_EQ(body.pieces.size(), 2u);
+  double x = 0, y = 0;
+  for (const Vec3d& v : body.pieces[0]->vertices) x = std::max(x, v.x), y = std::max(y, v.y);
+  EXPECT_NEAR(x, 1.2, 1e-15);
+  EXPECT_NEAR(y, 0.1, 1e-15);
+  EXPECT_EQ(body.pieces[0]->radius, 0.125);
+  EXPECT_EQ(body.pieces[1]->vertices[0].z, -2);
+  EXPECT_EQ(body.pieces[1]->radius, 0.625);
+  EXPECT_GT(body.model_error, 0) << "a turned vertex is rounded";
+  EXPECT_LT(body.model_error, 1e-15);
+}
+
+TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
+  const TemporaryFolder folder;
+  const auto text = [&](const std::string& urdf, RobotOptions options = {}) {
+    options.urdf = folder.write("r.urdf", urdf);
+    Scene scene;
+    const std::string what = error_text<SceneError>([&] { scene.add_robot("r", options); });
+    EXPECT_TRUE(scene.bodies().empty()) << "nothing is left behind";
+    return what;
+  };
+  const auto has = [](const std::string& what, const char* part) {
+    EXPECT_NE(what.find(part), std::string::npos) << what;
+  };
+  const std::string mesh =
+      "<robot name='r'><link name='a'><collision><geometry>\n<mesh filename='package://p/no.stl'/>"
+      "</geometry></collision></link></robot>";
+  has(text(mesh), "r.urdf:1: link \"a\": collision: mesh");
+  has(text(mesh), "the package \"p\" has no folder here");
+  has(text(mesh, {.urdf = "", .packages = {{"p", folder.path().string()}}}), "there is no file");
+  has(text("<robot name='r'><link name='a'/><link name='b'/></robot>"), "r.urdf:");
+  const std::string joint =
+      "<robot name='r'><link name='a'/><link name='b'/><joint name='j' type='revolute'><parent link='a'/>"
+      "<child link='b'/><limit lower='1' upper='2'/></joint></robot>";
+  has(text(joint, {.urdf = "", .home = {{}}}), "home: \"j\" is not named, and 0 is beyond its limits");
+  has(text(joint, {.urdf = "", .home = {{{"k", 1.0}}}}), "home: there is no joint \"k\"");
+  has(text(joint, {.urdf = "", .home = {{{"j", kNaN}}}}), "home: \"j\": expected a number");
+  has(text(joint, {.urdf = "", .parent = "table"}), "parent: there is no body \"table\"");
+  has(text(joint, {.urdf = "", .home_state = "ready"}), "no group state \"ready\"");
+  has(text(joint, {.urdf = "", .link_padding = {{"c", 0.1}}}), "padding: there is no link \"c\"");
+  has(text(joint, {.urdf = "", .padding = -1}), "padding: expected a number of metres >= 0");
+}
+
+TEST(JointState, LinksAreWhereKinematicsPutsThem) {
+  Scene scene = arm_scene(at_home());
+  const std::vector<std::uint32_t> joints = joints_of(scene, "arm");
+  const SceneRobot& robot = *scene.robots()[0];
+  Engine engine(scene);
+  const std::vector<double> row = random_rows(scene, joints, 1, 1);
+  std::vector<JointPosition> update;
+  for (std::size_t i = 0; i < joints.size(); ++i) update.push_back({joints[i], row[i]});
+  const std::uint64_t before = engine.pose_revision();
+  const PoseUpdateResult done = engine.set_joints(update);
+  EXPECT_EQ(done.applied, 8u);
+  EXPECT_EQ(done.revision, before + 1);
+  std::vector<Pose> poses(robot.model.links.size());
+  std::vector<Status> status(1);
+  robot.kinematics.place(row, std::vector<Pose>(1), poses, status);
+  for (std::uint32_t link = 0; link < poses.size(); ++link) {
+    const BodyState state = engine.body_state(robot.bodies[link]);
+    EXPECT_EQ(state.status, Status::kOk);
+    EXPECT_EQ(std::memcmp(&state.X_wb, &poses[link], sizeof(Pose)), 0) << robot.model.links[link].name;
+  }
+}
+
+TEST(JointState, WithoutAPositionNoPoseAndBadPositionsAreBadPoses) {
+  RobotOptions options;
+  options.urdf = kArm;
+  const Scene scene = arm_scene(options);
+  Engine engine(scene);
+  const auto status = [&](const char* link) { return engine.body_state(scene.find_body(link)).status; };
+  EXPECT_EQ(status("arm/base"), Status::kOk) << "no joint moves it";
+  EXPECT_EQ(status("arm/upper"), Status::kNoPose);
+  std::vector<JointPosition> update;
+  for (std::uint32_t j = 0; j < 3; ++j) update.push_back({j, 0.1});
+  engine.set_joints(update);
+  EXPECT_EQ(status("arm/elbow"), Status::kOk);
+  EXPECT_EQ(status("arm/fore"), Status::kNoPose) << "joint4 has no position yet";
+  for (const double bad : {kNaN, 1.1e6, -std::numeric_limits<double>::infinity()}) {
+    const JointPosition one[] = {{1, bad}};
+    EXPECT_EQ(engine.set_joints(one).bad, 1u);
+    EXPECT_EQ(status("arm/upper"), Status::kBadPose);
+    EXPECT_EQ(status("arm/base"), Status::kOk);
+    EXPECT_EQ(engine.joint_state(1).status, Status::kBadPose);
+  }
+  const JointPosition good[] = {{1, 0.2}};
+  engine.set_joints(good);
+  EXPECT_EQ(status("arm/elbow"), Status::kOk);
+  EXPECT_EQ(engine.joint_state(0).status, Status::kOk);
+  EXPECT_EQ(engine.joint_state(5).status, Status::kNoPose);
+}
+
+TEST(JointState, PublishingALinksPoseIsRefusedWithAReason) {
+  const Scene scene = arm_scene(at_home());
+  Engine engine(scene);
+  const std::uint32_t fore = scene.find_body("arm/fore"), ball = scene.find_body("ball");
+  const BodyPose pose[] = {{fore, Pose{}}};
+  const auto has = [](const std::string& what) {
+    EXPECT_NE(what.find("'arm/fore' is a link that joints place"), std::string::npos) << what;
+  };
+  has(error_text<QueryError>([&] { engine.set_poses(pose); }));
+  has(error_text<QueryError>([&] { engine.attach(fore, ball); }));
+  const Pose one[] = {Pose{}};
+  has(error_text<QueryError>(
+      [&] { engine.size({.configuration_count = 1, .bodies = std::span(&fore, 1), .configurations = one}); }));
+}
+
+TEST(JointState, UpdatesThatMakeNoSenseAreRefusedWhole) {
+  const Scene scene = arm_scene(at_home());
+  Engine engine(scene);
+  const JointPosition twice[] = {{2, 0.5}, {2, 0.6}};
+  EXPECT_EQ(error_text<QueryError>([&] { engine.set_joints(twice); }), "joints: 'arm/joint3' is named twice");
+  const JointPosition one[] = {{2, 0.5}};
+  engine.set_joints(one, 2000, 1, 7);
+  EXPECT_NE(error_text<QueryError>([&] {
+              engine.set_joints(one, 1000, 2, 7);
+            }).find("is older than 2000, the last from this publisher for 'arm/joint3'"),
+            std::string::npos);
+  EXPECT_EQ(engine.joint_state(2).stamp_ns, 2000);
+  const JointPosition unknown[] = {{99, 0.5}};
+  EXPECT_EQ(engine.set_joints(unknown).unknown, 1u);
+}
+
+TEST(JointState, TheOldestJointOnTheWayIsALinksStamp) {
+  const Scene scene = arm_scene(at_home());
+  Engine engine(scene);
+  const JointPosition first[] = {{0, 0.1}}, second[] = {{1, 0.1}};
+  engine.set_joints(second, 1000, 1, 1);
+  engine.set_joints(first, 5000, 1, 2);
+  EXPECT_EQ(engine.oldest_stamp(scene.find_body("arm/shoulder")), 5000);
+  EXPECT_EQ(engine.oldest_stamp(scene.find_body("arm/palm")), 1000);
+}
+
+TEST(JointState, WhatFollowsALinkMovesWithItAndAReloadTakesPositionsOver) {
+  const Scene scene = arm_scene(at_home());
+  Engine engine(scene);
+  const std::uint32_t ball = scene.find_body("ball"), palm = scene.find_body("arm/palm");
+  const Pose held{{0, 0, 0.2}};
+  engine.attach(ball, palm, &held);
+  const Pose before = engine.body_state(ball).X_wb;
+  const JointPosition turn[] = {{0, 1.0}};
+  engine.set_joints(turn);
+  const Pose after = engine.body_state(ball).X_wb;
+  EXPECT_GT(std::abs(after.translation.y - before.translation.y), 0.1);
+  Engine reloaded(scene);
+  reloaded.take_poses(engine);
+  EXPECT_EQ(reloaded.joint_state(0).position, 1.0);
+  const Pose taken = reloaded.body_state(ball).X_wb;
+  EXPECT_EQ(std::memcmp(&taken, &after, sizeof(Pose)), 0);
+}
+
+TEST(JointState, BeyondItsLimitsAJointFlagsWhatItMoves) {
+  Scene scene = arm_scene(at_home());
+  Engine engine(scene);
+  const JointPosition over[] = {{3, 0.5}};  // joint4: -3.07 to -0.07
+  engine.set_joints(over);
+  EXPECT_TRUE(engine.joint_state(3).beyond_limits);
+  QueryView query;
+  query.fields = kDefaultFields | kFieldFlags;
+  const Answer a = ask(engine, query);
+  const std::vector<BodyPair> pairs = engine.pairs({});
+  std::size_t flagged = 0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const auto beyond = [&](std::uint32_t body) {
+      const std::string& name = scene.bodies()[body].name;
+      return name.starts_with("arm/") && name != "arm/base" && name != "arm/upper";
+    };
+    const bool is_flagged = a.view.flags[i] & kFlagBeyondLimits;
+    EXPECT_EQ(is_flagged, beyond(pairs[i].a) || beyond(pairs[i].b));
+    flagged += is_flagged;
+  }
+  EXPECT_GT(flagged, 0u);
+  EXPECT_LT(flagged, pairs.size());
+}
+
+// The same links as plain bodies, to which somebody sends the poses that kinematics gives.
+Scene bodies_of(const Scene& with_robot) {
+  Scene scene;
+  for (const Body& body : with_robot.bodies()) {
+    Body copy = body;
+    copy.robot = copy.parent = kNone;
+    if (copy.pieces.empty()) copy.pieces = with_robot.bodies()[0].pieces;  // a frame: its pairs are left out below
+    scene.add_body(copy);
+  }
+  return scene;
+}
+
+TEST(JointQuery, AnswersAreThoseOfTheSamePosesBitForBit) {
+  const Scene scene = arm_scene(at_home());
+  const SceneRobot& robot = *scene.robots()[0];
+  const std::vector<std::uint32_t> joints = joints_of(scene, "arm");
+  constexpr std::uint32_t kCount = 37;
+  const std::vector<double> rows = random_rows(scene, joints, kCount, 3);
+  std::vector<Pose> poses(kCount * robot.model.links.size());
+  std::vector<Status> status(kCount);
+  robot.kinematics.place(rows, std::vector<Pose>(1), poses, status);
+  const Engine engine(scene), plain(bodies_of(scene));
+  QueryView by_joints, by_poses;
+  by_joints.configuration_count = by_poses.configuration_count = kCount;
+  by_joints.joints = joints;
+  by_joints.positions = rows;
+  const std::vector<BodyPair> pairs = engine.pairs(by_joints);
+  ASSERT_GT(pairs.size(), 20u);
+  by_joints.pairs = by_poses.pairs = pairs;
+  by_joints.all_pairs = by_poses.all_pairs = false;
+  by_poses.bodies = robot.bodies;
+  by_poses.configurations = poses;
+  for (const Reduce reduce : {Reduce::kNone, Reduce::kWithin, Reduce::kMin, Reduce::kNearest}) {
+    by_joints.reduce = by_poses.reduce = reduce;
+    by_joints.max_distance = by_poses.max_distance = reduce == Reduce::kWithin ? 0.2 : 1e9;
+    by_joints.fields = by_poses.fields = test::kAllFields & ~(kFieldFlags | kFieldPieces);
+    expect_same(ask(engine, by_joints), ask(plain, by_poses));
+  }
+}
+
+TEST(JointQuery, OtherJointsStayAndBodiesMayMoveBeside) {
+  const Scene scene = arm_scene(at_home());
+  const std::vector<std::uint32_t> joints = joints_of(scene, "arm");
+  const std::uint32_t ball = scene.find_body("ball");
+  Engine engine(scene), other(scene);
+  const JointPosition bent[] = {{1, 0.7}, {3, -1.0}};
+  engine.set_joints(bent);
+  const std::uint32_t asked[] = {5, 0};  // in any order
+  const double rows[] = {1.5, 0.3, 0.2, -0.4};
+  const Pose balls[] = {Pose{{0.3, 0.2, 0.4}}, Pose{{0.1, 0.5, 0.6}}};
+  QueryView query;
+  query.configuration_count = 2;
+  query.joints = asked;
+  query.positions = rows;
+  query.bodies = std::span(&ball, 1);
+  query.configurations = balls;
+  query.fields = test::kAllFields;
+  const Answer a = ask(engine, query);
+  for (std::uint32_t k = 0; k < 2; ++k) {
+    const JointPosition all[] = {{1, 0.7}, {3, -1.0}, {5, rows[2 * k]}, {0, rows[2 * k + 1]}};
+    other.set_joints(all);
+    const BodyPose moved[] = {{ball, balls[k]}};
+    other.set_poses(moved);
+    const std::vector<BodyPair> pairs = engine.pairs(query);
+    QueryView now;
+    now.pairs = pairs;
+    now.all_pairs = false;
+    const Answer b = ask(other, now);
+    ASSERT_EQ(b.info.rows, pairs.size());
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      EXPECT_EQ(a.view.lower[k * pairs.size() + i], b.view.lower[i]);
+      EXPECT_EQ(a.view.upper[k * pairs.size() + i], b.view.upper[i]);
+    }
+  }
+}
+
+TEST(JointQuery, WhatIsWrongWithItIsSaid) {
+  const Scene scene = arm_scene(at_home());
+  const Engine engine(scene);
+  const std::uint32_t two[] = {0, 1}, twice[] = {0, 0}, unknown[] = {0, 77};
+  const double numbers[] = {0, 0, 0, 0};
+  const auto text = [&](std::span<const std::uint32_t> joints, std::uint32_t count, std::size_t given) {
+    QueryView query;
+    query.joints = joints;
+    query.positions = std::span(numbers).first(given);
+    query.configuration_count = count;
+    return error_text<QueryError>([&] { engine.prepare(query); });
+  };
+  EXPECT_EQ(text(two, 2, 3), "positions: expected 4 numbers (2 x 2), got 3");
+  EXPECT_EQ(text(twice, 1, 2), "joints[1]: 'arm/joint1' is named twice");
+  EXPECT_EQ(text(unknown, 1, 2), "joints[1]: unknown joint 77; the scene has 8");
+  EXPECT_EQ(text(two, 0, 0), "joints without positions");
+  QueryView frame;
+  const BodyPair pair[] = {{0, scene.find_body("arm")}};
+  frame.pairs = pair;
+  frame.all_pairs = false;
+  EXPECT_EQ(error_text<QueryError>([&] { engine.size(frame); }),
+            "pairs[0]: 'arm' is a frame: it has no geometry to be far from");
+}
+
+TEST(JointQuery, BadPositionsAndMissingOnesAreStatusesOfTheirRows) {
+  RobotOptions options;
+  options.urdf = kArm;
+  const Scene scene = arm_scene(options);  // no joint has a position
+  const Engine engine(scene);
+  const std::uint32_t joints[] = {0, 1};
+  const double rows[] = {0.1, 0.2, 0.1, kNaN, 2e6, 0.2, 0.1, 9.0};
+  QueryView query;
+  query.joints = joints;
+  query.positions = rows;
+  query.configuration_count = 4;
+  query.fields = kDefaultFields | kFieldFlags;
+  const BodyPair pairs[] = {{scene.find_body("table"), scene.find_body("arm/upper")},
+                            {scene.find_body("table"), scene.find_body("arm/palm")}};
+  query.pairs = pairs;
+  query.all_pairs = false;
+  const Answer a = ask(engine, query);
+  const auto status = [&](int row) { return static_cast<Status>(a.view.status[row]); };
+  EXPECT_EQ(status(0), Status::kOk);
+  EXPECT_EQ(status(1), Status::kNoPose);
+  EXPECT_EQ(status(2), Status::kBadPose);
+  EXPECT_EQ(status(4), Status::kBadPose);
+  EXPECT_LE(a.view.status[6], static_cast<std::uint8_t>(Status::kContact));
+  EXPECT_TRUE(a.view.flags[6] & kFlagBeyondLimits);
+  EXPECT_FALSE(a.view.flags[0] & kFlagBeyondLimits);
+}
+
+TEST(JointQuery, AnOlderSceneIsRefusedWhereItsJointsMeantAnother) {
+  const TemporaryFolder folder;
+  const auto add_frames = [&](Scene& scene, const char* joint, double length, double upper) {
+    scene.add_robot(
+        "r", {.urdf = folder.write("r.urdf", std::string("<robot name='r'><link name='a'/><link name='b'/>") +
+                                                 "<joint name='" + joint + "' type='revolute'><origin xyz='" +
+                                                 std::to_string(length) +
+                                                 " 0 0'/><parent link='a'/><child link='b'/><limit " +
+                                                 "lower='-1' upper='" + std::to_string(upper) + "'/></joint></robot>"),
+              .home = {{}}});
+  };
+  Scene bodies;
+  bodies.add_box("box", {1, 1, 1}, {.pose = Pose{{5, 0, 0}}});
+  bodies.add_sphere("held", 0.1, {.pose = Pose{}});
+  Scene first = bodies;
+  add_frames(first, "j", 1, 1);
+  first.set_parent("held", "r/b");
+  const std::uint32_t joint = 0;
+  const double row[] = {0.5};
+  const BodyPair pair[] = {{0, 1}};
+  QueryView query;
+  query.joints = std::span(&joint, 1);
+  query.positions = row;
+  query.configuration_count = 1;
+  query.pairs = pair;
+  query.all_pairs = false;
+  query.scene_revision = first.revision();
+  const Engine old(first);
+  for (const auto& [name, length, upper, means_the_same] :
+       {std::tuple("j", 1.0, 1.0, true), std::tuple("k", 1.0, 1.0, false), std::tuple("j", 2.0, 1.0, false),
+        std::tuple("j", 1.0, 0.5, false)}) {
+    Scene second = bodies;
+    add_frames(second, name, length, upper);
+    second.set_parent("held", "r/b");
+    second.add_sphere("more", 0.1, {.pose = Pose{}});
+    Engine engine(second);
+    engine.take_poses(old);
+    ASSERT_NE(engine.scene_revision(), first.revision());
+    EXPECT_EQ(error_text<QueryError>([&] { engine.size(query); }).empty(), means_the_same) << name << " " << length;
+    EXPECT_EQ(engine.joints_still_mean(first.revision(), std::span(&joint, 1)), means_the_same);
+  }
+}
+
+TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
+  const TemporaryFolder folder;
+  folder.write("arm.urdf",
+               "<robot name='a'><link name='l0'/><link name='l1'><collision><geometry>"
+               "<mesh filename='package://own/m/t.obj'/></geometry></collision></link><joint name='j' "
+               "type='revolute'><parent link='l0'/><child link='l1'/><limit lower='-2' upper='2'/></joint></robot>");
+  folder.write("m/t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
+  folder.write("arm.srdf",
+               "<robot name='a'><group name='all'><joint name='j'/></group>"
+               "<group_state name='up' group='all'><joint name='j' value='0.5'/></group_state></robot>");
+  const std::string table =
+      "bodies:\n  - {name: table, box: 1, static: true}\n  - {name: cup, sphere: 0.1, parent: p/l1}\n";
+  const auto load = [&](const std::string& robot) {
+    return Scene::load(folder.write("scene.yaml", table + "robots:\n  - " + robot + "\nignore: [[p, table]]\n"));
+  };
+  const Scene scene = load(
+      "{name: p, urdf: arm.urdf, srdf: arm.srdf, packages: {own: .}, base: [0, 0, 0.7, 1, 0, 0, 0], "
+      "parent: table, geometry: collision, home: up}");
+  EXPECT_EQ(scene.bodies()[scene.find_body("p")].parent, scene.find_body("table"));
+  EXPECT_EQ(scene.bodies()[scene.find_body("cup")].parent, scene.find_body("p/l1"));
+  EXPECT_EQ(*scene.joints()[scene.find_joint("p/j")].home, 0.5);
+  EXPECT_NE(scene.find_group("p/all"), kNone);
+  EXPECT_EQ(joints_of(scene, "p/all").size(), 1u);
+  EXPECT_EQ(Engine(scene).pairs({}).size(), 1u) << "the cup and the table: a link's pair with the table is ignored";
+  const auto has = [&](const std::string& robot, const char* part) {
+    const std::string what = error_text<SceneError>([&] { load(robot); });
+    EXPECT_NE(what.find("scene.yaml:5"), std::string::npos) << what;
+    EXPECT_NE(what.find(part), std::string::npos) << what;
+  };
+  has("{name: p, urdf: arm.urdf}", "arm.urdf:1: ");
+  has("{name: p, urdf: none.urdf}", "robots[0].urdf");
+  has("{name: p, urdf: ../arm.urdf}", "leaves the scene's folder");
+  has("{name: p, urdf: arm.urdf, packages: {own: /}}", "is an absolute path");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, geometry: hull}", "expected collision or visual");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, home: {j: .nan}}", "robots[0].home.j");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, padding: -1}", "robots[0].padding");
+  has("{name: table, urdf: arm.urdf, packages: {own: .}}", "already that of a body");
+  has("{name: p, urdf: arm.urdf, baze: 1}", "baze");
+}
+
+}  // namespace
+}  // namespace clearance
