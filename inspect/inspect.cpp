@@ -46,7 +46,7 @@ BodyReport describe(const Body& body) {
   r.hull_excess = body.hull_excess;
   if (!std::isnan(body.empty_share)) r.empty_share = body.empty_share;
   r.warning = hull_warning(body);
-  r.form = form_of(*body.pieces[0]);
+  r.form = body.pieces.empty() ? "frame" : form_of(*body.pieces[0]);
   for (const PiecePtr& piece : body.pieces) {
     if (form_of(*piece) != r.form) r.form = "mixed";
     r.loaded += piece->loaded_vertices;
@@ -69,15 +69,18 @@ BodyReport describe(const Body& body) {
 /// Partners of each body, and those that the ignore list takes away, without going through all pairs.
 void count_partners(const Scene& scene, SceneReport& report) {
   const auto& bodies = scene.bodies();
-  const auto movable = static_cast<std::uint64_t>(
-      std::count_if(bodies.begin(), bodies.end(), [](const Body& b) { return !b.is_static; }));
+  std::uint64_t solid = 0, movable = 0;
+  for (const Body& body : bodies) {
+    solid += !body.pieces.empty();
+    movable += !body.pieces.empty() && !body.is_static;
+  }
   std::set<std::pair<std::uint32_t, std::uint32_t>> followers;
   for (std::uint32_t i = 0; i < bodies.size(); ++i) {
-    report.bodies[i].partners = bodies[i].is_static ? movable : bodies.size() - 1;
+    report.bodies[i].partners = bodies[i].pieces.empty() ? 0 : bodies[i].is_static ? movable : solid - 1;
     if (bodies[i].parent != kNone) followers.insert(std::minmax(i, bodies[i].parent));
   }
   const auto leave_out = [&](std::uint32_t a, std::uint32_t b) {
-    if (bodies[a].is_static && bodies[b].is_static) return;
+    if ((bodies[a].is_static && bodies[b].is_static) || bodies[a].pieces.empty() || bodies[b].pieces.empty()) return;
     --report.bodies[a].partners;
     --report.bodies[b].partners;
   };
@@ -100,7 +103,8 @@ void count_sharing(const Scene& scene, SceneReport& report) {
     if (displays.insert(body.display.get()).second) report.display_bytes += display_bytes(body);
   }
   for (std::uint32_t i = 0; i < scene.bodies().size(); ++i)
-    report.bodies[i].sharing = holders[scene.bodies()[i].pieces[0].get()];
+    if (const auto& pieces = scene.bodies()[i].pieces; !pieces.empty())
+      report.bodies[i].sharing = holders[pieces[0].get()];
 }
 
 double thread_ns() {

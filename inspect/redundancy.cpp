@@ -52,6 +52,7 @@ class Search {
     for (const Body& body : scene_.bodies())
       if (body.pieces.size() == 1) ++holders_[body.pieces[0].get()];
     for (std::uint32_t b = 0; b < scene_.bodies().size(); ++b) {
+      if (scene_.bodies()[b].pieces.empty()) continue;  // a frame is there to be followed
       if (partners[b] == 0)
         add(Finding::Kind::kUnused, b,
             "no enabled pair touches it: it could be left out, unless it only carries others");

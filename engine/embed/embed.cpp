@@ -40,19 +40,15 @@ QueryView view_of(const Query& query) {
       if (std::string_view(option.name) != "warm" && member(query) != member(kDefaultOptions))
         throw std::invalid_argument(std::string("query: ") + option.name + " is for a daemon's client");
   });
-  if (query.bodies.empty() != query.configurations.empty() ||
-      (!query.bodies.empty() && query.configurations.size() % query.bodies.size()))
-    throw std::invalid_argument("query: " + std::to_string(query.configurations.size()) +
-                                " poses are no whole number of configurations of " +
-                                std::to_string(query.bodies.size()) + " bodies");
   QueryView view;
   copy_options(query, view);
   view.all_pairs = query.pairs.empty() && query.all_pairs;
   view.pairs = {reinterpret_cast<const BodyPair*>(query.pairs.data()), query.pairs.size()};
   view.bodies = query.bodies;
   view.configurations = {reinterpret_cast<const Pose*>(query.configurations.data()), query.configurations.size()};
-  if (!query.bodies.empty())
-    view.configuration_count = static_cast<std::uint32_t>(query.configurations.size() / query.bodies.size());
+  view.joints = query.joints;
+  view.positions = query.positions;
+  view.configuration_count = static_cast<std::uint32_t>(configuration_count(query));
   view.warm_slot = query.warm ? 1 : 0;
   return view;
 }
@@ -100,6 +96,17 @@ std::uint32_t Scene::add_capsule(const std::string& name, double radius, double 
 }
 std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options) {
   return translated([&] { return impl_->scene.add_cylinder(name, radius, length, options_of(options)); });
+}
+void Scene::add_robot(const std::string& name, const RobotOptions& options) {
+  const clearance::RobotOptions ours{.urdf = options.urdf,
+                                     .srdf = options.srdf,
+                                     .packages = options.packages,
+                                     .parent = options.parent,
+                                     .base = pose_of(options.X_parent_base),
+                                     .is_static = options.is_static,
+                                     .home = options.home,
+                                     .padding = options.padding};
+  translated([&] { impl_->scene.add_robot(name, ours); });
 }
 void Scene::add_group(const std::string& name, std::span<const std::string> bodies) {
   translated([&] { impl_->scene.add_group(name, bodies); });
@@ -253,6 +260,22 @@ PosesSet Engine::set_poses(std::initializer_list<std::pair<std::string_view, Pos
   by_id.reserve(poses.size());
   for (const auto& [name, X] : poses) by_id.emplace_back(body(name), X);
   return set_poses(by_id, stamp_ns);
+}
+PosesSet Engine::set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns) {
+  std::vector<JointPosition> batch;
+  for (const auto& [joint, position] : positions) batch.push_back({joint, position});
+  const PoseUpdateResult done = translated([&] { return impl_->engine.set_joints(batch, stamp_ns); });
+  return {done.revision, done.applied, done.bad, done.unknown, done.fixed};
+}
+std::vector<std::uint32_t> Engine::joints(std::string_view group) const {
+  for (const JointGroup& known : impl_->engine.scene().joint_groups())
+    if (known.name == group) return known.joints;
+  throw std::invalid_argument("no robot or group of joints is named \"" + std::string(group) + "\"");
+}
+std::uint32_t Engine::joint(std::string_view name) const {
+  const std::uint32_t id = impl_->engine.scene().find_joint(name);
+  if (id == kNone) throw std::invalid_argument("no joint is named \"" + std::string(name) + "\"");
+  return id;
 }
 void Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child) {
   const Pose X_pc = X_parent_child ? pose_of(*X_parent_child) : Pose();

@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -46,6 +47,18 @@ struct BodyOptions {
   std::optional<Pose7> X_parent_body = {};  ///< X_world_body without a parent; none: no pose until one is set
 };
 
+/// A robot to be added. Paths are of this process; meshes lie beside the URDF, or in the folders of their packages.
+struct RobotOptions {
+  std::string urdf;
+  std::string srdf = {};                                   ///< empty: none
+  std::map<std::string, std::string> packages = {};        ///< folder by package, for package://NAME/...
+  std::string parent = {};                                 ///< body that the base follows; empty: none
+  Pose7 X_parent_base = {0, 0, 0, 1, 0, 0, 0};             ///< X_world_base without a parent
+  bool is_static = false;                                  ///< the base never moves
+  std::optional<std::map<std::string, double>> home = {};  ///< positions at load, by joint, others at 0; none: no poses
+  double padding = 0;                                      ///< metres, grows the links
+};
+
 /// Bodies, groups, and pairs that are not asked about. Each add_* returns the body's id: its place in the order of
 /// arrival. All throw SceneError for a bad or repeated name or bad geometry.
 class CLEARANCE_API Scene {
@@ -71,6 +84,9 @@ class CLEARANCE_API Scene {
   std::uint32_t add_capsule(const std::string& name, double radius, double length, const BodyOptions& options = {});
   /// Along z; a prism around the cylinder.
   std::uint32_t add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options = {});
+
+  /// A robot: a frame NAME that places it, a body NAME/LINK for each link, groups NAME and NAME/GROUP (docs/robots.md).
+  void add_robot(const std::string& name, const RobotOptions& options);
 
   void add_group(const std::string& name, std::span<const std::string> bodies);
   /// Leaves out every pair between two bodies or groups (a group with itself: its inner pairs).
@@ -155,6 +171,12 @@ class CLEARANCE_API Engine {
   /// a stamp below 0, far ahead of this machine's clock, or older than the last for one of the bodies.
   PosesSet set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0);
   PosesSet set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0);
+  /// The same of joints, by id, radians and metres: poses of links follow. Throws QueryError also for one named twice.
+  PosesSet set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns = 0);
+  /// Ids of the joints of a robot ("panda") or of a group of its SRDF ("panda/panda_arm"); throws
+  /// std::invalid_argument.
+  std::vector<std::uint32_t> joints(std::string_view group) const;
+  std::uint32_t joint(std::string_view name) const;  ///< id of "panda/panda_joint1"; throws std::invalid_argument
   /// Makes `child` follow `parent` from where it is, or at `X_parent_child`; kNone as parent sets it free. Throws
   /// QueryError for a cycle, a static child, or a body without a pose.
   void attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);

@@ -222,6 +222,9 @@ class ParallelJob : public Job::State {
     auto own = std::make_shared<PoseSnapshot>(*plan_.snapshot);
     for (std::uint32_t b = 0; b < stale_.size(); ++b)
       if (stale_[b] && own->placed[b].status == Status::kOk) own->placed[b].status = Status::kStalePose;
+    for (const LinkMotion& motion : plan_.motions)  // also where only the query's joints give them a pose
+      for (const std::uint32_t link : motion.links())
+        if (const std::uint32_t b = motion.robot().bodies[link]; stale_[b]) own->placed[b].status = Status::kStalePose;
     plan_.snapshot = std::move(own);
   }
 

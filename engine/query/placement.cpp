@@ -52,6 +52,8 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
     const BodyPlacement* const on = parent == kNone ? nullptr : &(*this)[parent];
     moved_[i] = place(facts_[i] & kLinkUnplaced ? nullptr : &local_[i], on, rotation_of_[i]);
     moved_[i].beyond_limits |= (facts_[i] & kLinkBeyondLimits) != 0;
+    if (moved_[i].status == Status::kOk && snapshot.placed[body].status == Status::kStalePose)
+      moved_[i].status = Status::kStalePose;  // through a joint that the query leaves as it is
     if (!moved_doubts_.empty() && moved_[i].status == Status::kOk) {
       // What the query itself places is there now.
       const double age_s = rotation_of_[i] ? 0 : pose_age_s(snapshot, body, plan_.begun_ns);

@@ -69,7 +69,7 @@ TEST_P(EngineTest, BadQueriesNameTheirFault) {
          q.all_pairs = false;
          q.pairs = kGroup;
        }},
-      {"configurations without bodies", [](QueryView& q) { q.configuration_count = 1; }},
+      {"configurations without bodies or joints", [](QueryView& q) { q.configuration_count = 1; }},
       {"expected 3 poses (3 x 1), got 1",
        [](QueryView& q) {
          static const std::uint32_t b[] = {0};

@@ -1,12 +1,12 @@
-// Robots in scenes: what a scene takes of them, joint positions as part of the snapshot, queries in joint space.
+// Joint positions as part of the snapshot, and queries in joint space.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <set>
 
+#include "arm_scene.h"
 #include "engine/engine.h"
 #include "engine_test_util.h"
 #include "tests/scene/error_text.h"
@@ -16,31 +16,13 @@ namespace clearance {
 namespace {
 
 using test::Answer;
+using test::arm_scene;
 using test::ask;
+using test::at_home;
+using test::joints_of;
+using test::kArm;
 
-constexpr const char* kArm = CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf";
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-Scene arm_scene(const RobotOptions& options) {
-  Scene scene;
-  scene.add_box("table", {1, 1, 0.1}, {.is_static = true, .pose = Pose{{0.5, 0, -0.1}}});
-  scene.add_sphere("ball", 0.1, {.pose = Pose{{0.4, 0.3, 0.5}}});
-  scene.add_robot("arm", options);
-  return scene;
-}
-
-RobotOptions at_home() {
-  RobotOptions options;
-  options.urdf = kArm;
-  options.home = {{"joint4", -1.5}};
-  return options;
-}
-
-std::vector<std::uint32_t> joints_of(const Scene& scene, const std::string& group) {
-  for (const JointGroup& g : scene.joint_groups())
-    if (g.name == group) return g.joints;
-  return {};
-}
 
 // Positions within the arm's limits.
 std::vector<double> random_rows(const Scene& scene, const std::vector<std::uint32_t>& joints, std::size_t count,
@@ -63,91 +45,6 @@ void expect_same(const Answer& a, const Answer& b) {
       ASSERT_EQ(std::memcmp(&x[i], &y[i], sizeof *x), 0) << "entry " << i << " of width " << width;
   };
   for_each_column([&](auto* x, auto* y, int width) { same(x, y, width); }, a.view, b.view);
-}
-
-TEST(RobotInAScene, LinksAreBodiesAndTheBaseIsAFrame) {
-  const Scene scene = arm_scene(at_home());
-  const std::uint32_t base = scene.find_body("arm"), shoulder = scene.find_body("arm/shoulder"),
-                      fore = scene.find_body("arm/fore");
-  ASSERT_NE(base, kNone);
-  ASSERT_NE(shoulder, kNone);
-  EXPECT_TRUE(scene.bodies()[base].pieces.empty());
-  EXPECT_TRUE(scene.bodies()[shoulder].pieces.empty()) << "a link without shapes";
-  EXPECT_EQ(scene.bodies()[fore].pieces.size(), 1u);
-  EXPECT_EQ(scene.bodies()[fore].parent, base);
-  EXPECT_EQ(scene.joints().size(), 8u) << "the finger that mimics takes none";
-  EXPECT_EQ(scene.joints()[scene.find_joint("arm/joint4")].upper, -0.07);
-  EXPECT_EQ(joints_of(scene, "arm").size(), 8u);
-  const Engine engine(scene);
-  for (const BodyPair pair : engine.pairs({}))
-    for (const std::uint32_t body : {pair.a, pair.b}) EXPECT_FALSE(scene.bodies()[body].pieces.empty());
-}
-
-TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
-  const Scene scene = arm_scene(at_home());
-  const Engine engine(scene);
-  const std::vector<BodyPair> pairs = engine.pairs({});
-  const auto is_asked = [&](const char* a, const char* b) {
-    std::uint32_t i = scene.find_body(a), j = scene.find_body(b);
-    if (i > j) std::swap(i, j);
-    return std::find(pairs.begin(), pairs.end(), BodyPair{i, j}) != pairs.end();
-  };
-  EXPECT_FALSE(is_asked("arm/upper", "arm/fore")) << "across the frame of the elbow";
-  EXPECT_FALSE(is_asked("arm/palm", "arm/flange"));
-  EXPECT_TRUE(is_asked("arm/base", "arm/fore"));
-  EXPECT_TRUE(is_asked("arm/left_finger", "arm/right_finger"));
-  EXPECT_TRUE(is_asked("table", "arm/palm"));
-}
-
-TEST(RobotInAScene, SeveralShapesAreOneBodyEachWhereItsOriginSays) {
-  const TemporaryFolder folder;
-  const std::string urdf = folder.write("two.urdf", R"(<robot name="two"><link name="only">
-    <collision><origin xyz="1 0 0" rpy="0 0 1.57079632679489661923"/><geometry><box size="0.2 0.4 0.6"/></geometry></collision>
-    <collision><origin xyz="0 0 -2"/><geometry><sphere radius="0.5"/></geometry></collision></link></robot>)");
-  Scene scene;
-  scene.add_robot("r", {.urdf = urdf, .padding = 0.125});
-  const Body& body = scene.bodies()[scene.find_body("r/only")];
-  ASSERT_EQ(body.pieces.size(), 2u);
-  double x = 0, y = 0;
-  for (const Vec3d& v : body.pieces[0]->vertices) x = std::max(x, v.x), y = std::max(y, v.y);
-  EXPECT_NEAR(x, 1.2, 1e-15);
-  EXPECT_NEAR(y, 0.1, 1e-15);
-  EXPECT_EQ(body.pieces[0]->radius, 0.125);
-  EXPECT_EQ(body.pieces[1]->vertices[0].z, -2);
-  EXPECT_EQ(body.pieces[1]->radius, 0.625);
-  EXPECT_GT(body.model_error, 0) << "a turned vertex is rounded";
-  EXPECT_LT(body.model_error, 1e-15);
-}
-
-TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
-  const TemporaryFolder folder;
-  const auto text = [&](const std::string& urdf, RobotOptions options = {}) {
-    options.urdf = folder.write("r.urdf", urdf);
-    Scene scene;
-    const std::string what = error_text<SceneError>([&] { scene.add_robot("r", options); });
-    EXPECT_TRUE(scene.bodies().empty()) << "nothing is left behind";
-    return what;
-  };
-  const auto has = [](const std::string& what, const char* part) {
-    EXPECT_NE(what.find(part), std::string::npos) << what;
-  };
-  const std::string mesh =
-      "<robot name='r'><link name='a'><collision><geometry>\n<mesh filename='package://p/no.stl'/>"
-      "</geometry></collision></link></robot>";
-  has(text(mesh), "r.urdf:1: link \"a\": collision: mesh");
-  has(text(mesh), "the package \"p\" has no folder here");
-  has(text(mesh, {.urdf = "", .packages = {{"p", folder.path().string()}}}), "there is no file");
-  has(text("<robot name='r'><link name='a'/><link name='b'/></robot>"), "r.urdf:");
-  const std::string joint =
-      "<robot name='r'><link name='a'/><link name='b'/><joint name='j' type='revolute'><parent link='a'/>"
-      "<child link='b'/><limit lower='1' upper='2'/></joint></robot>";
-  has(text(joint, {.urdf = "", .home = {{}}}), "home: \"j\" is not named, and 0 is beyond its limits");
-  has(text(joint, {.urdf = "", .home = {{{"k", 1.0}}}}), "home: there is no joint \"k\"");
-  has(text(joint, {.urdf = "", .home = {{{"j", kNaN}}}}), "home: \"j\": expected a number");
-  has(text(joint, {.urdf = "", .parent = "table"}), "parent: there is no body \"table\"");
-  has(text(joint, {.urdf = "", .home_state = "ready"}), "no group state \"ready\"");
-  has(text(joint, {.urdf = "", .link_padding = {{"c", 0.1}}}), "padding: there is no link \"c\"");
-  has(text(joint, {.urdf = "", .padding = -1}), "padding: expected a number of metres >= 0");
 }
 
 TEST(JointState, LinksAreWhereKinematicsPutsThem) {
@@ -409,6 +306,34 @@ TEST(JointQuery, BadPositionsAndMissingOnesAreStatusesOfTheirRows) {
   EXPECT_FALSE(a.view.flags[0] & kFlagBeyondLimits);
 }
 
+TEST(JointQuery, AJointThatItLeavesAsItIsMayBeTooOld) {
+  const Scene scene = arm_scene(at_home());
+  Engine engine(scene);
+  const JointPosition second[] = {{1, 0.2}};
+  engine.set_joints(second);
+  const std::uint32_t first = 0, third = 2;
+  const double row[] = {0.5};
+  const BodyPair pairs[] = {{scene.find_body("table"), scene.find_body("arm/palm")}};
+  QueryView query;
+  query.positions = row;
+  query.configuration_count = 1;
+  query.pairs = pairs;
+  query.all_pairs = false;
+  query.fields = kDefaultFields | kFieldFlags;
+  query.max_pose_age_ns = 1;  // that of joint2 is older by the time that the query begins
+  query.joints = std::span(&third, 1);
+  EXPECT_TRUE(ask(engine, query).view.flags[0] & kFlagStale);
+  query.stale_status = true;
+  EXPECT_EQ(static_cast<Status>(ask(engine, query).view.status[0]), Status::kStalePose);
+  const std::uint32_t both[] = {first, 1};
+  const double rows[] = {0.5, 0.1};
+  query.joints = both;
+  query.positions = rows;
+  const Answer fresh = ask(engine, query);
+  EXPECT_FALSE(fresh.view.flags[0] & kFlagStale) << "the query says where all joints are that were ever set";
+  EXPECT_LE(fresh.view.status[0], static_cast<std::uint8_t>(Status::kContact));
+}
+
 TEST(JointQuery, AnOlderSceneIsRefusedWhereItsJointsMeantAnother) {
   const TemporaryFolder folder;
   const auto add_frames = [&](Scene& scene, const char* joint, double length, double upper) {
@@ -450,46 +375,6 @@ TEST(JointQuery, AnOlderSceneIsRefusedWhereItsJointsMeantAnother) {
     EXPECT_EQ(error_text<QueryError>([&] { engine.size(query); }).empty(), means_the_same) << name << " " << length;
     EXPECT_EQ(engine.joints_still_mean(first.revision(), std::span(&joint, 1)), means_the_same);
   }
-}
-
-TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
-  const TemporaryFolder folder;
-  folder.write("arm.urdf",
-               "<robot name='a'><link name='l0'/><link name='l1'><collision><geometry>"
-               "<mesh filename='package://own/m/t.obj'/></geometry></collision></link><joint name='j' "
-               "type='revolute'><parent link='l0'/><child link='l1'/><limit lower='-2' upper='2'/></joint></robot>");
-  folder.write("m/t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
-  folder.write("arm.srdf",
-               "<robot name='a'><group name='all'><joint name='j'/></group>"
-               "<group_state name='up' group='all'><joint name='j' value='0.5'/></group_state></robot>");
-  const std::string table =
-      "bodies:\n  - {name: table, box: 1, static: true}\n  - {name: cup, sphere: 0.1, parent: p/l1}\n";
-  const auto load = [&](const std::string& robot) {
-    return Scene::load(folder.write("scene.yaml", table + "robots:\n  - " + robot + "\nignore: [[p, table]]\n"));
-  };
-  const Scene scene = load(
-      "{name: p, urdf: arm.urdf, srdf: arm.srdf, packages: {own: .}, base: [0, 0, 0.7, 1, 0, 0, 0], "
-      "parent: table, geometry: collision, home: up}");
-  EXPECT_EQ(scene.bodies()[scene.find_body("p")].parent, scene.find_body("table"));
-  EXPECT_EQ(scene.bodies()[scene.find_body("cup")].parent, scene.find_body("p/l1"));
-  EXPECT_EQ(*scene.joints()[scene.find_joint("p/j")].home, 0.5);
-  EXPECT_NE(scene.find_group("p/all"), kNone);
-  EXPECT_EQ(joints_of(scene, "p/all").size(), 1u);
-  EXPECT_EQ(Engine(scene).pairs({}).size(), 1u) << "the cup and the table: a link's pair with the table is ignored";
-  const auto has = [&](const std::string& robot, const char* part) {
-    const std::string what = error_text<SceneError>([&] { load(robot); });
-    EXPECT_NE(what.find("scene.yaml:5"), std::string::npos) << what;
-    EXPECT_NE(what.find(part), std::string::npos) << what;
-  };
-  has("{name: p, urdf: arm.urdf}", "arm.urdf:1: ");
-  has("{name: p, urdf: none.urdf}", "robots[0].urdf");
-  has("{name: p, urdf: ../arm.urdf}", "leaves the scene's folder");
-  has("{name: p, urdf: arm.urdf, packages: {own: /}}", "is an absolute path");
-  has("{name: p, urdf: arm.urdf, packages: {own: .}, geometry: hull}", "expected collision or visual");
-  has("{name: p, urdf: arm.urdf, packages: {own: .}, home: {j: .nan}}", "robots[0].home.j");
-  has("{name: p, urdf: arm.urdf, packages: {own: .}, padding: -1}", "robots[0].padding");
-  has("{name: table, urdf: arm.urdf, packages: {own: .}}", "already that of a body");
-  has("{name: p, urdf: arm.urdf, baze: 1}", "baze");
 }
 
 }  // namespace

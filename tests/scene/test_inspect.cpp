@@ -71,6 +71,18 @@ TEST(Inspect, NineteenBodiesOfEveryForm) {
   EXPECT_NEAR(report.ns_all_pairs.value(), sum / 2, 1e-9 * sum);
 }
 
+TEST(Inspect, FramesOfARobotAreInNoPair) {
+  Scene scene;
+  scene.add_box("table", {1, 1, 0.1}, {.is_static = true});
+  scene.add_robot("arm", {.urdf = CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf", .home = {{{"joint4", -1.5}}}});
+  const SceneReport report = inspect(scene, {.measure = false});
+  std::vector<std::uint64_t> partners(scene.bodies().size(), 0);
+  for (const BodyPair pair : Engine(scene).pairs({})) ++partners[pair.a], ++partners[pair.b];
+  for (std::uint32_t b = 0; b < partners.size(); ++b) EXPECT_EQ(report.bodies[b].partners, partners[b]) << b;
+  EXPECT_EQ(report.bodies[scene.find_body("arm")].form, "frame");
+  EXPECT_EQ(report.bodies[scene.find_body("arm/palm")].form, "sphere");
+}
+
 TEST(Inspect, PartnersAreThoseOfThePairTable) {
   for (const char* name : {"nineteen", "cell", "extremes"}) {
     const Scene scene = load(name);

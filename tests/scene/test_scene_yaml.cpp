@@ -179,7 +179,7 @@ struct BadScene {
 const BadScene kBadScenes[] = {
     {"", ": the file is empty; expected a map with the key \"bodies\""},
     {"# nothing but a comment\n", ": the file is empty; expected a map with the key \"bodies\""},
-    {"bodies: []", ":1: expected at least one body, under \"bodies\" or \"random\""},
+    {"bodies: []", ":1: expected at least one body, under \"bodies\", \"random\" or \"robots\""},
     {"- a\n- b\n", ":1: expected a map with the key \"bodies\", got a list of 2"},
     {"hello", ":1: expected a map with the key \"bodies\", got \"hello\""},
     {"bodies: {a: 1}", ":1: bodies: expected a list of bodies, got a map"},

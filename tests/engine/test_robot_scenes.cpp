@@ -1,0 +1,146 @@
+// What a scene takes of robots, and what it says of those that it cannot use.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "arm_scene.h"
+#include "tests/scene/error_text.h"
+#include "tests/scene/temporary_folder.h"
+
+namespace clearance {
+namespace {
+
+using test::arm_scene;
+using test::at_home;
+using test::joints_of;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+TEST(RobotInAScene, LinksAreBodiesAndTheBaseIsAFrame) {
+  const Scene scene = arm_scene(at_home());
+  const std::uint32_t base = scene.find_body("arm"), shoulder = scene.find_body("arm/shoulder"),
+                      fore = scene.find_body("arm/fore");
+  ASSERT_NE(base, kNone);
+  ASSERT_NE(shoulder, kNone);
+  EXPECT_TRUE(scene.bodies()[base].pieces.empty());
+  EXPECT_TRUE(scene.bodies()[shoulder].pieces.empty()) << "a link without shapes";
+  EXPECT_EQ(scene.bodies()[fore].pieces.size(), 1u);
+  EXPECT_EQ(scene.bodies()[fore].parent, base);
+  EXPECT_EQ(scene.joints().size(), 8u) << "the finger that mimics takes none";
+  EXPECT_EQ(scene.joints()[scene.find_joint("arm/joint4")].upper, -0.07);
+  EXPECT_EQ(joints_of(scene, "arm").size(), 8u);
+  const Engine engine(scene);
+  for (const BodyPair pair : engine.pairs({}))
+    for (const std::uint32_t body : {pair.a, pair.b}) EXPECT_FALSE(scene.bodies()[body].pieces.empty());
+}
+
+TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
+  const Scene scene = arm_scene(at_home());
+  const Engine engine(scene);
+  const std::vector<BodyPair> pairs = engine.pairs({});
+  const auto is_asked = [&](const char* a, const char* b) {
+    std::uint32_t i = scene.find_body(a), j = scene.find_body(b);
+    if (i > j) std::swap(i, j);
+    return std::find(pairs.begin(), pairs.end(), BodyPair{i, j}) != pairs.end();
+  };
+  EXPECT_FALSE(is_asked("arm/upper", "arm/fore")) << "across the frame of the elbow";
+  EXPECT_FALSE(is_asked("arm/palm", "arm/flange"));
+  EXPECT_TRUE(is_asked("arm/base", "arm/fore"));
+  EXPECT_TRUE(is_asked("arm/left_finger", "arm/right_finger"));
+  EXPECT_TRUE(is_asked("table", "arm/palm"));
+}
+
+TEST(RobotInAScene, SeveralShapesAreOneBodyEachWhereItsOriginSays) {
+  const TemporaryFolder folder;
+  const std::string urdf = folder.write("two.urdf", R"(<robot name="two"><link name="only">
+    <collision><origin xyz="1 0 0" rpy="0 0 1.57079632679489661923"/><geometry><box size="0.2 0.4 0.6"/></geometry></collision>
+    <collision><origin xyz="0 0 -2"/><geometry><sphere radius="0.5"/></geometry></collision></link></robot>)");
+  Scene scene;
+  scene.add_robot("r", {.urdf = urdf, .padding = 0.125});
+  const Body& body = scene.bodies()[scene.find_body("r/only")];
+  ASSERT_EQ(body.pieces.size(), 2u);
+  double x = 0, y = 0;
+  for (const Vec3d& v : body.pieces[0]->vertices) x = std::max(x, v.x), y = std::max(y, v.y);
+  EXPECT_NEAR(x, 1.2, 1e-15);
+  EXPECT_NEAR(y, 0.1, 1e-15);
+  EXPECT_EQ(body.pieces[0]->radius, 0.125);
+  EXPECT_EQ(body.pieces[1]->vertices[0].z, -2);
+  EXPECT_EQ(body.pieces[1]->radius, 0.625);
+  EXPECT_GT(body.model_error, 0) << "a turned vertex is rounded";
+  EXPECT_LT(body.model_error, 1e-15);
+}
+
+TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
+  const TemporaryFolder folder;
+  const auto text = [&](const std::string& urdf, RobotOptions options = {}) {
+    options.urdf = folder.write("r.urdf", urdf);
+    Scene scene;
+    const std::string what = error_text<SceneError>([&] { scene.add_robot("r", options); });
+    EXPECT_TRUE(scene.bodies().empty()) << "nothing is left behind";
+    return what;
+  };
+  const auto has = [](const std::string& what, const char* part) {
+    EXPECT_NE(what.find(part), std::string::npos) << what;
+  };
+  const std::string mesh =
+      "<robot name='r'><link name='a'><collision><geometry>\n<mesh filename='package://p/no.stl'/>"
+      "</geometry></collision></link></robot>";
+  has(text(mesh), "r.urdf:1: link \"a\": collision: mesh");
+  has(text(mesh), "the package \"p\" has no folder here");
+  has(text(mesh, {.urdf = "", .packages = {{"p", folder.path().string()}}}), "there is no file");
+  has(text("<robot name='r'><link name='a'/><link name='b'/></robot>"), "r.urdf:");
+  const std::string joint =
+      "<robot name='r'><link name='a'/><link name='b'/><joint name='j' type='revolute'><parent link='a'/>"
+      "<child link='b'/><limit lower='1' upper='2'/></joint></robot>";
+  has(text(joint, {.urdf = "", .home = {{}}}), "home: \"j\" is not named, and 0 is beyond its limits");
+  has(text(joint, {.urdf = "", .home = {{{"k", 1.0}}}}), "home: there is no joint \"k\"");
+  has(text(joint, {.urdf = "", .home = {{{"j", kNaN}}}}), "home: \"j\": expected a number");
+  has(text(joint, {.urdf = "", .parent = "table"}), "parent: there is no body \"table\"");
+  has(text(joint, {.urdf = "", .home_state = "ready"}), "no group state \"ready\"");
+  has(text(joint, {.urdf = "", .link_padding = {{"c", 0.1}}}), "padding: there is no link \"c\"");
+  has(text(joint, {.urdf = "", .padding = -1}), "padding: expected a number of metres >= 0");
+}
+
+TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
+  const TemporaryFolder folder;
+  folder.write("arm.urdf",
+               "<robot name='a'><link name='l0'/><link name='l1'><collision><geometry>"
+               "<mesh filename='package://own/m/t.obj'/></geometry></collision></link><joint name='j' "
+               "type='revolute'><parent link='l0'/><child link='l1'/><limit lower='-2' upper='2'/></joint></robot>");
+  folder.write("m/t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
+  folder.write("arm.srdf",
+               "<robot name='a'><group name='all'><joint name='j'/></group>"
+               "<group_state name='up' group='all'><joint name='j' value='0.5'/></group_state></robot>");
+  const std::string table =
+      "bodies:\n  - {name: table, box: 1, static: true}\n  - {name: cup, sphere: 0.1, parent: p/l1}\n";
+  const auto load = [&](const std::string& robot) {
+    return Scene::load(folder.write("scene.yaml", table + "robots:\n  - " + robot + "\nignore: [[p, table]]\n"));
+  };
+  const Scene scene = load(
+      "{name: p, urdf: arm.urdf, srdf: arm.srdf, packages: {own: .}, base: [0, 0, 0.7, 1, 0, 0, 0], "
+      "parent: table, geometry: collision, home: up}");
+  EXPECT_EQ(scene.bodies()[scene.find_body("p")].parent, scene.find_body("table"));
+  EXPECT_EQ(scene.bodies()[scene.find_body("cup")].parent, scene.find_body("p/l1"));
+  EXPECT_EQ(*scene.joints()[scene.find_joint("p/j")].home, 0.5);
+  EXPECT_NE(scene.find_group("p/all"), kNone);
+  EXPECT_EQ(joints_of(scene, "p/all").size(), 1u);
+  EXPECT_EQ(Engine(scene).pairs({}).size(), 1u) << "the cup and the table: a link's pair with the table is ignored";
+  const auto has = [&](const std::string& robot, const char* part) {
+    const std::string what = error_text<SceneError>([&] { load(robot); });
+    EXPECT_NE(what.find("scene.yaml:5"), std::string::npos) << what;
+    EXPECT_NE(what.find(part), std::string::npos) << what;
+  };
+  has("{name: p, urdf: arm.urdf}", "arm.urdf:1: ");
+  has("{name: p, urdf: none.urdf}", "robots[0].urdf");
+  has("{name: p, urdf: ../arm.urdf}", "leaves the scene's folder");
+  has("{name: p, urdf: arm.urdf, packages: {own: /}}", "is an absolute path");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, geometry: hull}", "expected collision or visual");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, home: {j: .nan}}", "robots[0].home.j");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, padding: -1}", "robots[0].padding");
+  has("{name: table, urdf: arm.urdf, packages: {own: .}}", "already that of a body");
+  has("{name: p, urdf: arm.urdf, baze: 1}", "baze");
+}
+
+}  // namespace
+}  // namespace clearance
