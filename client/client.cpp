@@ -75,6 +75,7 @@ struct Client::Impl {
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
     // Without records a query is of version 1, which every daemon answers.
     std::vector<std::byte> records = wire::option_records(query);
+    wire::append_joint_records(records, query.joints, is_query ? query.positions : std::span<const double>());
     const bool has_options = !records.empty();
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
@@ -296,6 +297,45 @@ PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7*
   const PosesDone done = impl().poses_done(*frame);
   if (revision) impl().known_revision = impl().poses_revision = done.scene_revision;  // ids stay
   return done;
+}
+
+PosesDone Client::set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns,
+                             std::int64_t sequence) {
+  std::vector<std::byte> payload;
+  wire::PosesHeader header;
+  header.count = positions.size();
+  header.stamp_ns = stamp_ns;
+  header.sequence = sequence;
+  wire::append(payload, header);
+  for (const auto& [joint, position] : positions) {
+    wire::JointRecord record;
+    record.joint = joint;
+    record.position = position;
+    wire::append(payload, record);
+  }
+  const std::uint64_t revision = impl().revision_of_ids();
+  return impl().poses_done(*impl().call(FrameType::kSetJoints, payload, FrameType::kPosesDone, 0, revision));
+}
+
+JointsInfo Client::joints() {
+  const std::uint64_t revision = scene().revision;
+  const auto frame = impl().call(FrameType::kGetJoints, {}, FrameType::kJoints, 0);
+  const auto parts = impl().checked([&] { return wire::parse_joints(impl().body_of(*frame)); });
+  JointsInfo info;
+  info.scene_revision = parts.header.scene_revision;
+  if (info.scene_revision != revision) impl().scene_is_old = true;  // ids are of the scene that the caller sees next
+  for (std::uint64_t i = 0; i < parts.joints.size(); ++i) {
+    const wire::JointStateRecord r = parts.joints[i];
+    info.joints.push_back({wire::name_of(r.name), r.lower, r.upper, r.position, static_cast<Status>(r.status),
+                           r.beyond_limits != 0, r.stamp_ns, r.receipt_ns ? parts.header.now_ns - r.receipt_ns : -1});
+  }
+  for (std::uint64_t i = 0; i < parts.groups.size(); ++i) {
+    const wire::GroupRecord r = parts.groups[i];
+    JointGroupInfo group{wire::name_of(r.name), {}};
+    for (std::uint32_t m = 0; m < r.member_count; ++m) group.joints.push_back(parts.members[r.first_member + m]);
+    info.groups.push_back(std::move(group));
+  }
+  return info;
 }
 
 SceneChanged Client::reload(Duration timeout) {

@@ -128,6 +128,26 @@ struct BodyStateInfo {
   std::int64_t stamp_ns = 0;
   std::int64_t age_ns = -1;  ///< since the daemon received it; -1: never received
 };
+/// A joint of one of the scene's robots; its id is its place in JointsInfo::joints.
+struct JointInfo {
+  std::string name;                 ///< "panda/panda_joint1"
+  double lower = 0, upper = 0;      ///< radians or metres; infinite: no limit
+  double position = 0;              ///< meaningful if status is kOk
+  Status status = Status::kNoPose;  ///< kOk, kNoPose (it has no position) or kBadPose
+  bool beyond_limits = false;
+  std::int64_t stamp_ns = 0;
+  std::int64_t age_ns = -1;  ///< since the daemon received it; -1: never received
+};
+/// A robot's joints by its name, or those of a group of its SRDF, "panda/panda_arm".
+struct JointGroupInfo {
+  std::string name;
+  std::vector<std::uint32_t> joints;  ///< ids, ascending
+};
+struct JointsInfo {
+  std::uint64_t scene_revision = 0;
+  std::vector<JointInfo> joints;
+  std::vector<JointGroupInfo> groups;
+};
 struct PosesDone {
   std::uint64_t revision = 0;  ///< pose revision that holds the update
   std::uint64_t scene_revision = 0;
@@ -188,6 +208,12 @@ class CLEARANCE_API Client {
                       std::int64_t sequence = 0);
   PosesDone set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0,
                       std::int64_t sequence = 0);
+  /// The same of joints, by id, radians and metres: poses of links follow from them. Throws RequestError also for a
+  /// joint that is named twice.
+  PosesDone set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns = 0,
+                       std::int64_t sequence = 0);
+  /// The joints of the scene's robots, and where they are now.
+  JointsInfo joints();
   PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
 
   /// Makes the daemon load its scene file again and waits until the new scene is in. Queries go on meanwhile; poses and

@@ -7,14 +7,7 @@
 namespace clearance {
 
 wire::QueryHeader header_of(const Query& query) {
-  if (query.bodies.empty() != query.configurations.empty())
-    throw std::invalid_argument(query.bodies.empty() ? "query: configurations without bodies"
-                                                     : "query: bodies without configurations");
-  if (!query.bodies.empty() && query.configurations.size() % query.bodies.size())
-    throw std::invalid_argument("query: " + std::to_string(query.configurations.size()) +
-                                " poses are no whole number of configurations of " +
-                                std::to_string(query.bodies.size()) + " bodies");
-  const std::size_t configurations = query.bodies.empty() ? 0 : query.configurations.size() / query.bodies.size();
+  const std::uint64_t configurations = configuration_count(query);
   wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), configurations);  // throws if a count does not fit
   wire::QueryHeader q;
   copy_options(query, q);
@@ -31,6 +24,7 @@ std::string options_in_records(const Query& query) {
     if (option.tag && member(query) != member(kDefaultOptions))
       names += (names.empty() ? "" : ", ") + std::string(option.name);
   });
+  if (!query.joints.empty()) names += names.empty() ? "joints" : ", joints";
   return names;
 }
 

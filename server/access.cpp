@@ -53,9 +53,11 @@ Rights right_for(wire::FrameType request) {
     case wire::FrameType::kQuery:
     case wire::FrameType::kPairs:
     case wire::FrameType::kGetStates:
+    case wire::FrameType::kGetJoints:
     case wire::FrameType::kGetStats:
       return kMayQuery;
     case wire::FrameType::kSetPoses:
+    case wire::FrameType::kSetJoints:
     case wire::FrameType::kAttach:
     case wire::FrameType::kAddBody:
     case wire::FrameType::kRemoveBody:

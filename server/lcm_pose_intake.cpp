@@ -8,7 +8,12 @@ namespace clearance {
 void LcmPoseIntake::meet(const Scene& scene) {
   owners_.emplace(scene.bodies().size());
   allowed_.assign(scene.bodies().size(), allowed_poses_.any);
+  joint_owners_.emplace(scene.joints().size());
+  allowed_joints_.assign(scene.joints().size(), allowed_poses_.any);
   for (const std::string& name : allowed_poses_.allowed) {
+    for (const JointGroup& joints : scene.joint_groups())
+      if (joints.name == name)
+        for (const std::uint32_t joint : joints.joints) allowed_joints_[joint] = true;
     const std::uint32_t body = scene.find_body(name), group = scene.find_group(name);
     if (body != kNone) allowed_[body] = true;
     if (group != kNone)
@@ -22,15 +27,13 @@ bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
   static_assert(sizeof update.bodies[0] == sizeof(std::uint32_t));
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
   if (update.scene_revision != 0 && !engine.still_means(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
-    ++figures_.wrong_scene;
-    figures_.complain("scene", "poses for scene " + std::to_string(update.scene_revision) + " refused, this is " +
-                                   std::to_string(static_cast<std::int64_t>(engine.scene_revision())));
+    refuse_scene(update.scene_revision);
     return false;
   }
   poses_.clear();
   for (std::int32_t i = 0; i < update.count; ++i)
     add_pose(static_cast<std::uint32_t>(update.bodies[i]), update.poses[i]);
-  return apply({"CLEARANCE_POSES", 0, update.publisher_id, update.sequence, update.stamp_ns});
+  return apply_poses({"CLEARANCE_POSES", 0, update.publisher_id, update.sequence, update.stamp_ns});
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
@@ -38,24 +41,70 @@ bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
   poses_.clear();
   for (std::int32_t i = 0; i < update.count; ++i) {
     const std::uint32_t body = scene.find_body(update.names[i]);
-    if (body == kNone) {
-      ++figures_.unknown;
-      figures_.complain("name", "a pose for '" + update.names[i] + "', which is no body of this scene");
-      continue;
-    }
-    add_pose(body, update.poses[i]);
+    if (body == kNone)
+      refuse_name(update.names[i], "a pose for '%', which is no body of this scene");
+    else
+      add_pose(body, update.poses[i]);
   }
-  return apply({"CLEARANCE_POSES_NAMED", 1, update.publisher_id, update.sequence, update.stamp_ns});
+  return apply_poses({"CLEARANCE_POSES_NAMED", 1, update.publisher_id, update.sequence, update.stamp_ns});
+}
+
+bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
+  const Engine& engine = inbox_.engine();
+  static_assert(sizeof update.joints[0] == sizeof(std::uint32_t));
+  const std::span ids(reinterpret_cast<const std::uint32_t*>(update.joints.data()), update.joints.size());
+  if (update.scene_revision != 0 && !engine.joints_still_mean(static_cast<std::uint64_t>(update.scene_revision), ids)) {
+    refuse_scene(update.scene_revision);
+    return false;
+  }
+  positions_.clear();
+  for (std::int32_t i = 0; i < update.count; ++i)
+    add_position(static_cast<std::uint32_t>(update.joints[i]), update.positions[i]);
+  return apply_positions({"CLEARANCE_JOINTS", 2, update.publisher_id, update.sequence, update.stamp_ns});
+}
+
+bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
+  const Scene& scene = inbox_.engine().scene();
+  positions_.clear();
+  for (std::int32_t i = 0; i < update.count; ++i) {
+    const std::uint32_t joint = scene.find_joint(update.names[i]);
+    if (joint == kNone)
+      refuse_name(update.names[i], "a position of '%', which is no joint of this scene");
+    else
+      add_position(joint, update.positions[i]);
+  }
+  return apply_positions({"CLEARANCE_JOINTS_NAMED", 3, update.publisher_id, update.sequence, update.stamp_ns});
+}
+
+void LcmPoseIntake::refuse_scene(std::int64_t revision) {
+  ++figures_.wrong_scene;
+  figures_.complain("scene", "poses for scene " + std::to_string(revision) + " refused, this is " +
+                                 std::to_string(static_cast<std::int64_t>(inbox_.engine().scene_revision())));
+}
+
+/// \param what with '%' for the name
+void LcmPoseIntake::refuse_name(const std::string& name, const char* what) {
+  ++figures_.unknown;
+  figures_.complain("name", std::string(what).replace(std::string_view(what).find('%'), 1, name));
+}
+
+void LcmPoseIntake::refuse_right(const std::string& name, const char* what) {
+  ++figures_.not_allowed;
+  figures_.complain("not_allowed", std::string(what).replace(std::string_view(what).find('%'), 1, name));
 }
 
 void LcmPoseIntake::add_pose(std::uint32_t body, const std::vector<double>& pose) {
-  if (body < allowed_.size() && !allowed_[body]) {
-    ++figures_.not_allowed;
-    figures_.complain("not_allowed", "a pose for '" + inbox_.engine().scene().bodies()[body].name +
-                                         "', whose poses are not taken from LCM (--lcm-poses)");
-    return;
-  }
+  if (body < allowed_.size() && !allowed_[body])
+    return refuse_right(inbox_.engine().scene().bodies()[body].name,
+                        "a pose for '%', whose poses are not taken from LCM (--lcm-poses)");
   poses_.push_back({body, {{pose[0], pose[1], pose[2]}, pose[3], pose[4], pose[5], pose[6]}});
+}
+
+void LcmPoseIntake::add_position(std::uint32_t joint, double position) {
+  if (joint < allowed_joints_.size() && !allowed_joints_[joint])
+    return refuse_right(inbox_.engine().scene().joints()[joint].name,
+                        "a position of '%', which is not taken from LCM (--lcm-poses)");
+  positions_.push_back({joint, position});
 }
 
 template <class Use>
@@ -70,20 +119,44 @@ bool LcmPoseIntake::with_good_stamp(const Message& message, Use use) {
   }
 }
 
-bool LcmPoseIntake::apply(const Message& message) {
+/// \param ids of what the message moves. \param apply hands it in
+template <class Apply>
+bool LcmPoseIntake::apply(const Message& message, std::span<const std::uint32_t> ids, std::optional<OwnerLog>& owners,
+                          Apply apply) {
   if (message.publisher == 0)
     return figures_.accept(std::string(message.channel) + ": publisher_id is 0; draw one at random");
   // First: a publisher is not known by what is no time.
   if (!with_good_stamp(message, [&] { inbox_.engine().check_stamp(message.stamp_ns); })) return false;
   if (!is_in_order(message)) return false;
-  note_quarrels(message);
-  if (poses_.empty() && !allowed_poses_.any) return false;  // nothing that would be taken
+  if (const auto contested = owners->note(message.publisher, ids, OwnerLog::Clock::now()); !contested.empty()) {
+    figures_.contested += contested.size();
+    const Scene& scene = inbox_.engine().scene();
+    const bool is_joint = &owners == &joint_owners_;
+    const std::uint32_t first = contested.front();
+    figures_.complain("contested", std::string("two publishers move ") + (is_joint ? "joint '" : "body '") +
+                                       (is_joint ? scene.joints()[first].name : scene.bodies()[first].name) +
+                                       "' in turns; one is " + std::to_string(message.publisher));
+  }
+  if (ids.empty() && !allowed_poses_.any) return false;  // nothing that would be taken
   ++figures_.poses;
-  with_good_stamp(message, [&] {
-    const std::uint64_t client = clients_.number_of(message.publisher);
-    figures_.unknown += inbox_.on_poses(poses_, message.stamp_ns, message.sequence, client).unknown;
-  });
+  with_good_stamp(message, [&] { figures_.unknown += apply(clients_.number_of(message.publisher)).unknown; });
   return true;
+}
+
+bool LcmPoseIntake::apply_poses(const Message& message) {
+  ids_.clear();
+  for (const BodyPose& pose : poses_) ids_.push_back(pose.body);
+  return apply(message, ids_, owners_, [&](std::uint64_t client) {
+    return inbox_.on_poses(poses_, message.stamp_ns, message.sequence, client);
+  });
+}
+
+bool LcmPoseIntake::apply_positions(const Message& message) {
+  ids_.clear();
+  for (const JointPosition& position : positions_) ids_.push_back(position.joint);
+  return apply(message, ids_, joint_owners_, [&](std::uint64_t client) {
+    return inbox_.on_joints(positions_, message.stamp_ns, message.sequence, client);
+  });
 }
 
 /// Whether a message is newer than its publisher's last one.
@@ -118,15 +191,6 @@ bool LcmPoseIntake::is_in_order(const Message& message) {
       break;
   }
   return note.use();
-}
-
-void LcmPoseIntake::note_quarrels(const Message& message) {
-  const auto contested = owners_->note(message.publisher, poses_, OwnerLog::Clock::now());
-  if (contested.empty()) return;
-  figures_.contested += contested.size();
-  figures_.complain("contested", "two publishers move body '" +
-                                     inbox_.engine().scene().bodies()[contested.front()].name + "' in turns; one is " +
-                                     std::to_string(message.publisher));
 }
 
 }  // namespace clearance

@@ -1,4 +1,4 @@
-// Poses from LCM: which are taken, in what order, and who sent them.
+// Poses and joint positions from LCM: which are taken, in what order, and who sent them.
 #pragma once
 
 #include <optional>
@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "clearance_lcm/joint_update_t.hpp"
+#include "clearance_lcm/named_joint_update_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "lcm_figures.h"
@@ -25,6 +27,8 @@ class LcmPoseIntake {
   /// Hands poses in. Returns whether it did.
   bool take(const clearance_lcm::pose_update_t& update);
   bool take(const clearance_lcm::named_pose_update_t& update);
+  bool take(const clearance_lcm::joint_update_t& update);
+  bool take(const clearance_lcm::named_joint_update_t& update);
   std::size_t publishers() const { return publishers_.size(); }
 
  private:
@@ -35,10 +39,16 @@ class LcmPoseIntake {
     std::int64_t publisher, sequence, stamp_ns;
     std::string who() const { return "publisher " + std::to_string(publisher) + " on " + channel; }
   };
+  void refuse_scene(std::int64_t revision);
+  void refuse_name(const std::string& name, const char* what);
+  void refuse_right(const std::string& name, const char* what);
   void add_pose(std::uint32_t body, const std::vector<double>& pose);
-  bool apply(const Message& message);
+  void add_position(std::uint32_t joint, double position);
+  template <class Apply>
+  bool apply(const Message& message, std::span<const std::uint32_t> ids, std::optional<OwnerLog>& owners, Apply apply);
+  bool apply_poses(const Message& message);
+  bool apply_positions(const Message& message);
   bool is_in_order(const Message& message);
-  void note_quarrels(const Message& message);
   template <class Use>
   bool with_good_stamp(const Message& message, Use use);
 
@@ -46,10 +56,13 @@ class LcmPoseIntake {
   LcmFigures& figures_;
   LcmClients& clients_;
   LcmPoses allowed_poses_;
-  std::vector<bool> allowed_;  // by body
+  std::vector<bool> allowed_, allowed_joints_;  // by id
   PublisherLog publishers_;
-  std::optional<OwnerLog> owners_;
-  std::vector<BodyPose> poses_;  // of the message
+  std::optional<OwnerLog> owners_, joint_owners_;
+  // Of the message.
+  std::vector<std::uint32_t> ids_;
+  std::vector<BodyPose> poses_;
+  std::vector<JointPosition> positions_;
 };
 
 }  // namespace clearance

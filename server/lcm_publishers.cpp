@@ -34,16 +34,16 @@ PublisherLog::Note PublisherLog::note(int channel, std::int64_t publisher, std::
   return {sequence == known.sequence ? Verdict::kRepeated : Verdict::kOld, 0};
 }
 
-std::vector<std::uint32_t> OwnerLog::note(std::int64_t publisher, std::span<const BodyPose> poses,
+std::vector<std::uint32_t> OwnerLog::note(std::int64_t publisher, std::span<const std::uint32_t> ids,
                                           Clock::time_point now) {
   std::vector<std::uint32_t> contested;
-  for (const BodyPose& pose : poses) {
-    if (pose.body >= owners_.size()) continue;
-    auto& owners = owners_[pose.body];
+  for (const std::uint32_t id : ids) {
+    if (id >= owners_.size()) continue;
+    auto& owners = owners_[id];
     auto known = std::find_if(owners.begin(), owners.end(), [&](const Owner& o) { return o.publisher == publisher; });
     const bool was_here = known != owners.end() && now - known->last < kWindow;
     if (known != owners.begin()) {
-      if (was_here) contested.push_back(pose.body);
+      if (was_here) contested.push_back(id);
       if (known == owners.end()) --known;  // silent for longest: forgotten
       std::rotate(owners.begin(), known, known + 1);
     }

@@ -57,24 +57,25 @@ class PublisherLog {
   std::unordered_map<Key, Publisher, Hash> publishers_;
 };
 
-/// Notices publishers that move the same body in turns. One that takes over from another (a restart) is no quarrel.
+/// Notices publishers that move the same body, or joint, in turns. One that takes over from another (a restart) is no
+/// quarrel.
 class OwnerLog {
  public:
   using Clock = std::chrono::steady_clock;
   static constexpr std::chrono::seconds kWindow{5};
-  static constexpr std::size_t kRemembered = 4;  ///< publishers of each body: that many may take turns and be noticed
+  static constexpr std::size_t kRemembered = 4;  ///< publishers of each: that many may take turns and be noticed
 
-  explicit OwnerLog(std::size_t bodies) : owners_(bodies) {}
+  explicit OwnerLog(std::size_t things) : owners_(things) {}
 
-  /// Returns the bodies of this update that others have moved since this publisher did, within the window.
-  std::vector<std::uint32_t> note(std::int64_t publisher, std::span<const BodyPose> poses, Clock::time_point now);
+  /// Returns those of this update that others have moved since this publisher did, within the window.
+  std::vector<std::uint32_t> note(std::int64_t publisher, std::span<const std::uint32_t> ids, Clock::time_point now);
 
  private:
   struct Owner {
     std::int64_t publisher = 0;
     Clock::time_point last;
   };
-  std::vector<std::array<Owner, kRemembered>> owners_;  // by body id; the last to move it first
+  std::vector<std::array<Owner, kRemembered>> owners_;  // by id; the last to move it first
 };
 
 /// The loop's numbers for clients and publishers that drew their own. Past so many all are numbered anew.

@@ -86,8 +86,10 @@ void read_options(const Message& message, QueryOptions& options) {
   });
 }
 
-/// \param options what is known of them beside the query
-std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOptions options) {
+/// \param options what is known of them beside the query. \param rows of joints; 0: the query's own configurations
+std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOptions options,
+                                std::span<const std::uint32_t> joints = {}, std::span<const double> positions = {},
+                                std::int32_t rows = 0) {
   read_options(query, options);
   if (options.fields & kFieldPairLower)
     throw wire::WireError(wire::ErrorCode::kBadQuery, "query: fields: reply_t has no column pair_lower");
@@ -98,7 +100,7 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
   header.all_pairs = query.pair_count == 0;
   header.pair_count = static_cast<std::uint32_t>(query.pair_count);
   header.body_count = static_cast<std::uint32_t>(query.body_count);
-  header.configuration_count = static_cast<std::uint32_t>(query.configuration_count);
+  header.configuration_count = static_cast<std::uint32_t>(rows ? rows : query.configuration_count);
 
   std::vector<std::uint32_t> pairs;
   pairs.reserve(query.pairs.size() * 2);
@@ -114,7 +116,8 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
 
   const std::uint64_t payload =
       wire::query_payload_bytes(header.pair_count, header.body_count, header.configuration_count);
-  const std::vector<std::byte> records = wire::option_records(options);
+  std::vector<std::byte> records = wire::option_records(options);
+  wire::append_joint_records(records, joints, positions);
   std::vector<std::byte> frame(sizeof(wire::FrameHeader) + payload + records.size());
   const wire::FrameHeader frame_header =
       wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), payload,
@@ -135,6 +138,13 @@ std::vector<std::byte> query_frame_of(const clearance_lcm::query2_t& query) {
   read_options(query, options);
   if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a body, too
   return frame_of(query.query, options);
+}
+
+std::vector<std::byte> query_frame_of(const clearance_lcm::joint_query_t& query,
+                                      std::span<const std::uint32_t> joints) {
+  std::vector<double> positions;
+  for (const auto& row : query.positions) positions.insert(positions.end(), row.begin(), row.end());
+  return frame_of(query.query, {}, joints, positions, query.row_count);
 }
 
 std::vector<std::byte> nearest_query_frame() {

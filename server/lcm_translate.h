@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "clearance_lcm/distances_t.hpp"
+#include "clearance_lcm/joint_query_t.hpp"
 #include "clearance_lcm/query2_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 #include "clearance_lcm/reply_t.hpp"
@@ -22,6 +23,8 @@ namespace clearance {
 /// A kQuery frame from a message: fields left at 0 get their defaults. Values are checked where the frame is.
 std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query);
 std::vector<std::byte> query_frame_of(const clearance_lcm::query2_t& query);
+/// The same in joint space. \param joints ids of those that the message names
+std::vector<std::byte> query_frame_of(const clearance_lcm::joint_query_t& query, std::span<const std::uint32_t> joints);
 
 /// The kQuery frame behind distances_t: each body's nearest other body, at the current poses.
 std::vector<std::byte> nearest_query_frame();

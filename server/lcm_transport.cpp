@@ -30,6 +30,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using clearance_lcm::frame_t;
+using clearance_lcm::joint_query_t;
+using clearance_lcm::joint_update_t;
+using clearance_lcm::named_joint_update_t;
 using clearance_lcm::named_pose_update_t;
 using clearance_lcm::pose_update_t;
 using clearance_lcm::query2_t;
@@ -57,8 +60,11 @@ class LcmTransport final : public Transport {
     };
     listen("CLEARANCE_POSES", &LcmTransport::on_poses<pose_update_t>);
     listen("CLEARANCE_POSES_NAMED", &LcmTransport::on_poses<named_pose_update_t>);
+    listen("CLEARANCE_JOINTS", &LcmTransport::on_poses<joint_update_t>);
+    listen("CLEARANCE_JOINTS_NAMED", &LcmTransport::on_poses<named_joint_update_t>);
     listen("CLEARANCE_QUERY", &LcmTransport::on_query<query_t>);
     listen("CLEARANCE_QUERY2", &LcmTransport::on_query<query2_t>);
+    listen("CLEARANCE_JOINT_QUERY", &LcmTransport::on_joint_query);
     listen("CLEARANCE_FRAME_IN", &LcmTransport::on_frame);
     listen("CLEARANCE_STATUS", &LcmTransport::on_status);
   }
@@ -130,23 +136,51 @@ class LcmTransport final : public Transport {
     Query query;
     if (!decode(packet, query)) return;
     const query_t& question = question_in(query);
-    const std::int64_t client = question.client_id;
-    if (client == 0) {
-      figures_->accept(std::string(Query::getTypeName()) + ": client_id is 0; draw one at random");
-      return;
+    if (is_named(Query::getTypeName(), question)) hand_in(question, [&] { return query_frame_of(query); });
+  }
+
+  void on_joint_query(std::span<const std::byte> packet) {
+    joint_query_t asked;
+    if (!decode(packet, asked) || !is_named("joint_query_t", asked.query)) return;
+    const query_t& query = asked.query;
+    if (query.configuration_count != 0 && query.configuration_count != asked.row_count)
+      return refuse(query, wire::ErrorCode::kBadQuery, std::to_string(query.configuration_count) + " configurations of bodies and " +
+                               std::to_string(asked.row_count) + " of joints: expected as many, or none of bodies");
+    std::vector<std::uint32_t> joints;
+    for (const std::string& name : asked.joints) {
+      joints.push_back(inbox_->engine().scene().find_joint(name));
+      if (joints.back() == kNone)
+        return refuse(query, wire::ErrorCode::kBadQuery, "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
     }
+    hand_in(query, [&] { return query_frame_of(asked, joints); });
+  }
+
+  bool is_named(const std::string& type, const query_t& query) {
+    return query.client_id != 0 || figures_->accept(type + ": client_id is 0; draw one at random");
+  }
+
+  std::unique_ptr<LcmReplySink> sink_of(const query_t& query) {
     ++figures_->queries;
-    auto sink = std::make_unique<LcmReplySink>(link_, clients_.number_of(client), client);
+    return std::make_unique<LcmReplySink>(link_, clients_.number_of(query.client_id), query.client_id);
+  }
+
+  /// \param make makes the frame; throws WireError for what has no place in reply_t.
+  template <class Make>
+  void hand_in(const query_t& query, Make make) {
     std::shared_ptr<std::vector<std::byte>> frame;
     try {
-      frame = std::make_shared<std::vector<std::byte>>(query_frame_of(query));
-    } catch (const wire::WireError& error) {  // what it asks has no place in reply_t
-      const auto request = wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(question.request_id),
-                                             0, 0, static_cast<std::uint64_t>(client));
-      send_error(*sink, request, inbox_->engine().scene_revision(), error.code, error.what());
-      return;
+      frame = std::make_shared<std::vector<std::byte>>(make());
+    } catch (const wire::WireError& error) {
+      return refuse(query, error.code, error.what());
     }
-    hand_in(*frame, frame, std::move(sink));
+    hand_in(*frame, frame, sink_of(query));
+  }
+
+  void refuse(const query_t& query, wire::ErrorCode code, const std::string& why) {
+    const wire::FrameHeader header =
+        wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), 0, 0,
+                          static_cast<std::uint64_t>(query.client_id));
+    send_error(*sink_of(query), header, inbox_->engine().scene_revision(), code, why);
   }
 
   void on_frame(std::span<const std::byte> packet) {

@@ -98,6 +98,8 @@ class Loop final : public Inbox {
                       std::unique_ptr<ReplySink> sink) override;
   PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
                             std::uint64_t publisher = 0) override;
+  PoseUpdateResult on_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns, std::int64_t sequence = 0,
+                             std::uint64_t publisher = 0) override;
   bool has_enough() const override { return Clock::now() - section_began_ >= kEnough; }
   void drop(std::shared_ptr<void> thing) override { planning_worker_.drop(std::move(thing)); }
   std::uint64_t& counter(const std::string& name) override { return stats_[name]; }

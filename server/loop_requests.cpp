@@ -23,7 +23,7 @@ constexpr auto kPairCost = std::chrono::microseconds(1);
 
 /// What a query may name so that the loop itself begins it: it is then answered by one thread, and what it takes
 /// beyond a slice, by the worker.
-constexpr std::uint64_t kSmallPairs = 256, kSmallPiecePairs = 8192;
+constexpr std::uint64_t kSmallPairs = 256, kSmallPiecePairs = 8192, kSmallLinks = 4096;
 /// Scenes of more bodies are described by the worker.
 constexpr std::size_t kFewBodies = 1000;
 /// The largest requests of other types (kAddBody) are read here.
@@ -80,8 +80,26 @@ std::span<const std::byte> without_records(const Answers& answers, const FrameHe
   return parts.body;
 }
 
+PoseUpdateResult apply_joints(Engine& engine, const FrameHeader& header, std::span<const std::byte> payload,
+                              std::uint64_t client) {
+  const wire::JointUpdateParts parts = wire::parse_joint_update(payload);
+  count_copied(payload.size());
+  std::vector<JointPosition> positions(parts.joints.size());
+  std::vector<std::uint32_t> ids(parts.joints.size());
+  for (std::uint64_t i = 0; i < parts.joints.size(); ++i) {
+    const wire::JointRecord record = parts.joints[i];
+    positions[i] = {record.joint, record.position};
+    ids[i] = record.joint;
+  }
+  check_joint_scene(engine, header, ids);
+  return engine.set_joints(positions, parts.header.stamp_ns, parts.header.sequence, client);
+}
+
+/// Poses, or positions of joints.
 PoseUpdateResult apply_poses(Engine& engine, const FrameHeader& header, std::span<const std::byte> payload,
                              std::uint64_t client) {
+  if (header.type == static_cast<std::uint16_t>(FrameType::kSetJoints))
+    return apply_joints(engine, header, payload, client);
   const wire::PosesParts parts = wire::parse_poses(payload);
   count_copied(payload.size());
   std::vector<BodyPose> poses(parts.poses.size());
@@ -113,7 +131,10 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   wire::check_header(header, payload.size());
   const auto type = static_cast<FrameType>(header.type);
   check_right(header, *sink);
-  const bool waits = type == FrameType::kSetPoses && poses_away_.contains(sink->client());
+  const bool is_update = type == FrameType::kSetPoses || type == FrameType::kSetJoints;
+  // Behind what the client sent before, or where each of many bodies may move.
+  const bool waits = is_update && (poses_away_.contains(sink->client()) ||
+                                   (type == FrameType::kSetJoints && engine_->scene().bodies().size() > kFewBodies));
   if (type != FrameType::kQuery && type != FrameType::kPairs && !waits)
     payload = without_records(answers_, header, payload, stats_.records_ignored);
   const auto reply = [&](FrameType with, std::span<const std::byte> bytes) {
@@ -132,7 +153,12 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
       return start_query(header, payload, sink);
     case FrameType::kPairs:
       return list_pairs(header, own_copy(payload), payload.size(), sink);
+    case FrameType::kGetJoints:
+      is_empty();
+      if (engine_->scene().joints().size() <= kFewBodies) return reply(FrameType::kJoints, joints_payload(*engine_));
+      return reply_elsewhere(header, 0, FrameType::kJoints, [e = engine_] { return joints_payload(*e); }, sink);
     case FrameType::kSetPoses:
+    case FrameType::kSetJoints:
       if (waits) return set_poses_elsewhere(header, own_copy(payload), payload.size(), sink);
       return reply(FrameType::kPosesDone, bytes_of(set_poses(header, payload, sink->client())));
     case FrameType::kAttach:
@@ -200,7 +226,8 @@ void Loop::begin_held(HeldQuery held) {
 }
 
 bool Loop::is_small(const Extent& extent) const {
-  return extent.pairs < kSmallPairs && extent.piece_pairs <= kSmallPiecePairs && engine_->has_cpu();
+  return extent.pairs < kSmallPairs && extent.piece_pairs <= kSmallPiecePairs && extent.links <= kSmallLinks &&
+         engine_->has_cpu();
 }
 
 /// Begins a query here if it is small, else has it begun by the worker. Its poses are there.
@@ -332,6 +359,7 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
       case FrameType::kPairs:
         return list_pairs(header, std::move(fetch), payload_bytes, sink);
       case FrameType::kSetPoses:
+      case FrameType::kSetJoints:
         return set_poses_elsewhere(header, std::move(fetch), payload_bytes, sink);
       case FrameType::kPing:
         return echo_elsewhere(header, std::move(fetch), payload_bytes, sink);
@@ -350,6 +378,13 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
 PoseUpdateResult Loop::on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
                                 std::uint64_t publisher) {
   const PoseUpdateResult done = engine_->set_poses(poses, stamp_ns, sequence, publisher);
+  count_poses(done);
+  return done;
+}
+
+PoseUpdateResult Loop::on_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns, std::int64_t sequence,
+                                 std::uint64_t publisher) {
+  const PoseUpdateResult done = engine_->set_joints(positions, stamp_ns, sequence, publisher);
   count_poses(done);
   return done;
 }

@@ -64,6 +64,10 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
               static_cast<std::size_t>(parts.bodies.size())};
   q.configurations = {reinterpret_cast<const Pose*>(parts.configurations.data()),
                       static_cast<std::size_t>(parts.configurations.size())};
+  q.joints = {reinterpret_cast<const std::uint32_t*>(parts.joints.data()),
+              static_cast<std::size_t>(parts.joints.size())};
+  q.positions = {reinterpret_cast<const double*>(parts.positions.data()),
+                 static_cast<std::size_t>(parts.positions.size())};
   q.all_pairs = h.all_pairs;
   q.configuration_count = h.configuration_count;
   copy_options(parts.options, q);
@@ -244,7 +248,7 @@ void RunningQuery::prepare(const wire::QueryParts& parts) {
   format_ = query.format;
   max_reply_bytes_ = parts.options.max_reply_bytes;
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
-  whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0;
+  whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0 && parts.joints.size() == 0;
   records_ = daemon_.answers.records(asked_.header, parts.passed_over);
   prepared_ = engine_->begin_preparing(query);
 }

@@ -17,13 +17,23 @@ inline bool knows_scene(const Engine& engine, const wire::FrameHeader& request, 
   return !request.scene_revision || engine.still_means(request.scene_revision, ids, with_parents);
 }
 
+[[noreturn]] inline void refuse_scene(const Engine& engine, const wire::FrameHeader& request) {
+  throw Refusal{wire::ErrorCode::kWrongScene, "the request is for scene revision " +
+                                                  std::to_string(request.scene_revision) + ", the daemon's is " +
+                                                  std::to_string(engine.scene_revision()) + ": fetch the scene again"};
+}
+
+/// Throws a Refusal (kWrongScene) unless joint ids mean what their client thinks.
+inline void check_joint_scene(const Engine& engine, const wire::FrameHeader& request,
+                              std::span<const std::uint32_t> joints) {
+  if (request.scene_revision && !engine.joints_still_mean(request.scene_revision, joints))
+    refuse_scene(engine, request);
+}
+
 /// Throws a Refusal (kWrongScene) then.
 inline void check_scene(const Engine& engine, const wire::FrameHeader& request, std::span<const std::uint32_t> ids,
                         bool with_parents = false) {
-  if (!knows_scene(engine, request, ids, with_parents))
-    throw Refusal{wire::ErrorCode::kWrongScene,
-                  "the request is for scene revision " + std::to_string(request.scene_revision) + ", the daemon's is " +
-                      std::to_string(engine.scene_revision()) + ": fetch the scene again"};
+  if (!knows_scene(engine, request, ids, with_parents)) refuse_scene(engine, request);
 }
 
 }  // namespace clearance

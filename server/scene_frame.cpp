@@ -27,20 +27,28 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   return record;
 }
 
+/// Groups as records, whose members are appended. \param ids_of a group's
+template <class Group, class Ids>
+std::vector<wire::GroupRecord> group_records(const std::vector<Group>& groups, Ids Group::* ids_of,
+                                             std::vector<std::uint32_t>& members) {
+  std::vector<wire::GroupRecord> records;
+  for (const Group& group : groups) {
+    const Ids& ids = group.*ids_of;
+    wire::GroupRecord& record = records.emplace_back();
+    wire::set_name(record.name, group.name);
+    record.first_member = static_cast<std::uint32_t>(members.size());
+    record.member_count = static_cast<std::uint32_t>(ids.size());
+    members.insert(members.end(), ids.begin(), ids.end());
+  }
+  return records;
+}
+
 }  // namespace
 
 std::vector<std::byte> scene_payload(const Engine& engine) {
   const Scene& scene = engine.scene();
   std::vector<std::uint32_t> members;
-  std::vector<wire::GroupRecord> groups;
-  for (const Group& group : scene.groups()) {
-    wire::GroupRecord record;
-    wire::set_name(record.name, group.name);
-    record.first_member = static_cast<std::uint32_t>(members.size());
-    record.member_count = static_cast<std::uint32_t>(group.bodies.size());
-    members.insert(members.end(), group.bodies.begin(), group.bodies.end());
-    groups.push_back(record);
-  }
+  const auto groups = group_records(scene.groups(), &Group::bodies, members);
   wire::SceneHeader header;
   header.scene_revision = engine.scene_revision();
   header.body_count = static_cast<std::uint32_t>(scene.bodies().size());
@@ -55,6 +63,38 @@ std::vector<std::byte> scene_payload(const Engine& engine) {
   append(payload, header);
   for (std::uint32_t i = 0; i < scene.bodies().size(); ++i)
     append(payload, record_of(scene.bodies()[i], engine.body_state(i)));
+  for (const auto& group : groups) append(payload, group);
+  for (const std::uint32_t member : members) append(payload, member);
+  return payload;
+}
+
+std::vector<std::byte> joints_payload(const Engine& engine) {
+  const Scene& scene = engine.scene();
+  std::vector<std::uint32_t> members;
+  const auto groups = group_records(scene.joint_groups(), &JointGroup::joints, members);
+  wire::JointsHeader header;
+  header.scene_revision = engine.scene_revision();
+  header.revision = engine.pose_revision();
+  header.now_ns = monotonic_ns();
+  header.joint_count = static_cast<std::uint32_t>(scene.joints().size());
+  header.group_count = static_cast<std::uint32_t>(groups.size());
+  header.member_count = static_cast<std::uint32_t>(members.size());
+  std::vector<std::byte> payload;
+  append(payload, header);
+  for (std::uint32_t j = 0; j < header.joint_count; ++j) {
+    const SceneJoint& joint = scene.joints()[j];
+    const JointState state = engine.joint_state(j);
+    wire::JointStateRecord record;
+    wire::set_name(record.name, joint.name);
+    record.lower = joint.lower;
+    record.upper = joint.upper;
+    record.position = state.position;
+    record.stamp_ns = state.stamp_ns;
+    record.receipt_ns = state.receipt_ns;
+    record.status = static_cast<std::uint8_t>(state.status);
+    record.beyond_limits = state.beyond_limits;
+    append(payload, record);
+  }
   for (const auto& group : groups) append(payload, group);
   for (const std::uint32_t member : members) append(payload, member);
   return payload;

@@ -8,7 +8,7 @@
 
 namespace clearance {
 
-void log_hull_warnings(const Scene& scene) {
+void log_scene_warnings(const Scene& scene) {
   struct Warned {
     const Body* first;
     int bodies = 0;
@@ -25,6 +25,9 @@ void log_hull_warnings(const Scene& scene) {
     log::warn("event=hull_stands_out body=\"{}\" more={} hull_excess_m={:.4g} empty_share={:.3g} text=\"{}\"",
               log_text(first->name), bodies - 1, first->hull_excess, first->empty_share,
               log_text(hull_warning(*first)));
+  for (const auto& robot : scene.robots())
+    for (const std::string& warning : robot->model.warnings)
+      log::warn("event=robot_left_out robot=\"{}\" text=\"{}\"", log_text(robot->name), log_text(warning));
 }
 
 }  // namespace clearance

@@ -81,6 +81,9 @@ class Inbox {
   /// a number as a client has. Throws what Engine::set_poses() throws.
   virtual PoseUpdateResult on_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence = 0,
                                     std::uint64_t publisher = 0) = 0;
+  /// The same of positions of joints. Throws what Engine::set_joints() throws.
+  virtual PoseUpdateResult on_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns,
+                                     std::int64_t sequence = 0, std::uint64_t publisher = 0) = 0;
   /// Whether what was handed in is enough for one turn: what else has arrived waits for the next.
   virtual bool has_enough() const { return false; }
   /// Lets go of what takes long to free, where that holds up nobody.

@@ -76,6 +76,10 @@ std::string type_name(std::uint16_t type) {
       return "kAttach";
     case FrameType::kGetStates:
       return "kGetStates";
+    case FrameType::kSetJoints:
+      return "kSetJoints";
+    case FrameType::kGetJoints:
+      return "kGetJoints";
     case FrameType::kGetStats:
       return "kGetStats";
     case FrameType::kReload:
@@ -96,6 +100,8 @@ std::string type_name(std::uint16_t type) {
       return "kPosesDone";
     case FrameType::kBodyStates:
       return "kBodyStates";
+    case FrameType::kJoints:
+      return "kJoints";
     case FrameType::kStats:
       return "kStats";
     case FrameType::kSceneChanged:

@@ -55,6 +55,7 @@ void for_each_struct(Begin begin, Member member) {
                    backend, snapshot_sequence, pose_age_ns)
   CLEARANCE_STRUCT(PosesHeader, count, stamp_ns, sequence, reserved)
   CLEARANCE_STRUCT(PoseRecord, body, padding, pose)
+  CLEARANCE_STRUCT(JointRecord, joint, padding, position)
   CLEARANCE_STRUCT(AttachRecord, child, parent, has_pose, padding, pose)
   CLEARANCE_STRUCT(PosesResult, revision, scene_revision, applied, bad, unknown, fixed)
   CLEARANCE_STRUCT(SceneHeader, scene_revision, body_count, group_count, member_count, padding, pair_count, backend,
@@ -65,6 +66,10 @@ void for_each_struct(Begin begin, Member member) {
   CLEARANCE_STRUCT(PairsHeader, scene_revision, count)
   CLEARANCE_STRUCT(StatesHeader, count, revision, now_ns, reserved)
   CLEARANCE_STRUCT(BodyStateRecord, pose, stamp_ns, receipt_ns, parent, status, padding, reserved)
+  CLEARANCE_STRUCT(JointsHeader, scene_revision, revision, now_ns, joint_count, group_count, member_count, padding,
+                   reserved)
+  CLEARANCE_STRUCT(JointStateRecord, name, lower, upper, position, stamp_ns, receipt_ns, status, beyond_limits, padding,
+                   reserved)
   CLEARANCE_STRUCT(NewBodyRecord, name, parent, shape, is_static, has_pose, padding, size, radius, pose, vertex_count,
                    reserved)
   CLEARANCE_STRUCT(VertexRecord, xyz)

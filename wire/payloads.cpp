@@ -12,6 +12,19 @@ Wide columns_wide(std::uint64_t rows, std::uint32_t fields) {
   return bytes;
 }
 
+/// Names that end, and members in the list, each of them one of `count` things.
+void expect_groups(const std::string& what, const Records<GroupRecord>& groups, const Records<std::uint32_t>& members,
+                   std::uint64_t count, const char* thing) {
+  for (std::uint64_t i = 0; i < groups.size(); ++i) {
+    const GroupRecord group = groups[i];
+    expect_name(group.name, (what + ": groups").c_str(), i);
+    if (std::uint64_t{group.first_member} + group.member_count > members.size())
+      bad_frame(what + ": groups[" + str(i) + "]: its members go past the end of the list");
+  }
+  for (std::uint64_t i = 0; i < members.size(); ++i)
+    if (members[i] >= count) bad_frame(what + ": members[" + str(i) + "] is no " + thing);
+}
+
 }  // namespace
 
 std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields) {
@@ -56,6 +69,17 @@ PosesParts parse_poses(std::span<const std::byte> payload) {
   return parts;
 }
 
+JointUpdateParts parse_joint_update(std::span<const std::byte> payload) {
+  JointUpdateParts parts;
+  parts.header = head<PosesHeader>(payload, "joints");
+  expect_size(
+      "joints", [&] { return str(parts.header.count) + " positions"; },
+      sizeof(PosesHeader) + Wide(parts.header.count) * sizeof(JointRecord), payload.size());
+  expect_zero(parts.header.reserved, "joints");
+  parts.joints = Records<JointRecord>(payload.data() + sizeof(PosesHeader), parts.header.count);
+  return parts;
+}
+
 AttachRecord parse_attach(std::span<const std::byte> payload) {
   const auto record = head<AttachRecord>(payload, "attach");
   expect_size("attach", its_contents, sizeof(AttachRecord), payload.size());
@@ -87,14 +111,29 @@ SceneParts parse_scene(std::span<const std::byte> payload) {
   parts.members = cursor.take<std::uint32_t>(h.member_count);
   if (strnlen(h.backend, sizeof h.backend) == sizeof h.backend) bad_frame("scene: the backend's name does not end");
   for (std::uint64_t i = 0; i < parts.bodies.size(); ++i) expect_name(parts.bodies[i].name, "scene: bodies", i);
-  for (std::uint64_t i = 0; i < parts.groups.size(); ++i) {
-    const GroupRecord group = parts.groups[i];
-    expect_name(group.name, "scene: groups", i);
-    if (std::uint64_t{group.first_member} + group.member_count > h.member_count)
-      bad_frame("scene: groups[" + str(i) + "]: its members go past the end of the list");
-  }
-  for (std::uint64_t i = 0; i < parts.members.size(); ++i)
-    if (parts.members[i] >= h.body_count) bad_frame("scene: members[" + str(i) + "] is no body");
+  expect_groups("scene", parts.groups, parts.members, h.body_count, "body");
+  return parts;
+}
+
+JointsParts parse_joints(std::span<const std::byte> payload) {
+  JointsParts parts;
+  parts.header = head<JointsHeader>(payload, "joints");
+  const JointsHeader& h = parts.header;
+  expect_size(
+      "joints",
+      [&] {
+        return str(h.joint_count) + " joints, " + str(h.group_count) + " groups and " + str(h.member_count) +
+               " members";
+      },
+      sizeof(JointsHeader) + Wide(h.joint_count) * sizeof(JointStateRecord) +
+          Wide(h.group_count) * sizeof(GroupRecord) + Wide(h.member_count) * 4,
+      payload.size());
+  Cursor cursor(payload.data() + sizeof(JointsHeader));
+  parts.joints = cursor.take<JointStateRecord>(h.joint_count);
+  parts.groups = cursor.take<GroupRecord>(h.group_count);
+  parts.members = cursor.take<std::uint32_t>(h.member_count);
+  for (std::uint64_t i = 0; i < parts.joints.size(); ++i) expect_name(parts.joints[i].name, "joints: joints", i);
+  expect_groups("joints", parts.groups, parts.members, h.joint_count, "joint");
   return parts;
 }
 

@@ -50,6 +50,8 @@ enum class FrameType : std::uint16_t {
   kReload = 9,       ///< no payload; answered by kSceneChanged once the daemon has loaded its scene anew
   kAddBody = 10,     ///< payload NewBodyRecord, vertices; answered by kSceneChanged once the body is in
   kRemoveBody = 11,  ///< payload RemoveBodyRecord; answered by kSceneChanged
+  kSetJoints = 12,   ///< payload PosesHeader, JointRecord each; answered by kPosesDone
+  kGetJoints = 13,   ///< no payload; answered by kJoints
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,
@@ -59,6 +61,7 @@ enum class FrameType : std::uint16_t {
   kBodyStates = 0x87,
   kStats = 0x88,
   kSceneChanged = 0x89,  ///< payload SceneChange
+  kJoints = 0x8A,        ///< payload JointsHeader, JointStateRecord each, GroupRecord each, uint32 members
   kError = 0xFF,
 };
 
@@ -91,6 +94,12 @@ enum class CommonRecord : std::uint16_t {
   kEpoch = 0xFF00,
 };
 inline constexpr std::uint64_t kEpochRecordBytes = sizeof(RecordHeader) + sizeof(std::uint64_t);
+
+/// Records of a kQuery that are arrays; its options have the other tags (query_options.h). Both are required.
+enum class QueryRecord : std::uint16_t {
+  kJoints = 8,     ///< uint32 each: (J,) ids of joints
+  kPositions = 9,  ///< float64 each: (K, J) radians and metres, K the configuration_count; not in kPairs
+};
 
 /// Records of a kReply.
 enum class ReplyRecord : std::uint16_t {
@@ -154,6 +163,12 @@ struct PoseRecord {
   std::uint32_t body = 0;
   std::uint32_t padding = 0;
   double pose[7] = {};  ///< x, y, z, qw, qx, qy, qz; metres
+};
+
+struct JointRecord {
+  std::uint32_t joint = 0;
+  std::uint32_t padding = 0;
+  double position = 0;  ///< radians or metres
 };
 
 struct AttachRecord {
@@ -225,6 +240,30 @@ struct BodyStateRecord {
   std::uint32_t parent = kNone;
   std::uint8_t status = 0;  ///< Status: kOk, kNoPose, kBadPose
   std::uint8_t padding[3] = {};
+  std::uint64_t reserved[2] = {};
+};
+
+struct JointsHeader {
+  std::uint64_t scene_revision = 0;
+  std::uint64_t revision = 0;  ///< of the poses
+  std::int64_t now_ns = 0;     ///< daemon's monotonic clock
+  std::uint32_t joint_count = 0;
+  std::uint32_t group_count = 0;  ///< a robot's joints by its name, and those of the groups of its SRDF
+  std::uint32_t member_count = 0;
+  std::uint32_t padding = 0;
+  std::uint64_t reserved = 0;
+};
+
+struct JointStateRecord {
+  char name[64] = {};  ///< "panda/panda_joint1"
+  double lower = 0;    ///< radians or metres; infinite: no limit
+  double upper = 0;
+  double position = 0;  ///< meaningful if status is kOk
+  std::int64_t stamp_ns = 0;
+  std::int64_t receipt_ns = 0;
+  std::uint8_t status = 0;  ///< Status: kOk, kNoPose (it has no position), kBadPose
+  std::uint8_t beyond_limits = 0;
+  std::uint8_t padding[6] = {};
   std::uint64_t reserved[2] = {};
 };
 
@@ -303,6 +342,7 @@ CLEARANCE_WIRE(QueryHeader, 128);
 CLEARANCE_WIRE(ReplyHeader, 128);
 CLEARANCE_WIRE(PosesHeader, 32);
 CLEARANCE_WIRE(PoseRecord, 64);
+CLEARANCE_WIRE(JointRecord, 16);
 CLEARANCE_WIRE(AttachRecord, 72);
 CLEARANCE_WIRE(PosesResult, 32);
 CLEARANCE_WIRE(SceneHeader, 64);
@@ -311,6 +351,8 @@ CLEARANCE_WIRE(GroupRecord, 80);
 CLEARANCE_WIRE(PairsHeader, 16);
 CLEARANCE_WIRE(StatesHeader, 32);
 CLEARANCE_WIRE(BodyStateRecord, 96);
+CLEARANCE_WIRE(JointsHeader, 48);
+CLEARANCE_WIRE(JointStateRecord, 128);
 CLEARANCE_WIRE(NewBodyRecord, 184);
 CLEARANCE_WIRE(VertexRecord, 24);
 CLEARANCE_WIRE(RemoveBodyRecord, 64);

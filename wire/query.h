@@ -7,6 +7,8 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <stdexcept>
+#include <string>
 
 // Installed shared libraries show what is marked so, and nothing else.
 #ifdef CLEARANCE_STATIC
@@ -27,9 +29,27 @@ struct Query {
   bool all_pairs = true;                       ///< what empty `pairs` means; with pairs it is not read
   std::span<const std::uint32_t> bodies = {};  ///< (M,) moved bodies
   std::span<const Pose7> configurations = {};  ///< (K * M,) their poses; empty: the current poses
+  std::span<const std::uint32_t> joints = {};  ///< (J,) moved joints, by id
+  std::span<const double> positions = {};      ///< (K * J,) radians and metres; other joints stay as they are
   /// max_distance, reduce, ...: one member for each row of the table in query_options.h, which says what it is for.
   CLEARANCE_QUERY_OPTIONS(CLEARANCE_OPTION_MEMBER)
   bool check_scene = true;  ///< refuse an answer for another scene than the one this client fetched
 };
+
+/// K: how many configurations it has; 0: none, it is about the current poses. Throws std::invalid_argument for poses
+/// and positions that are no whole number of configurations, or not the same.
+inline std::uint64_t configuration_count(const Query& query) {
+  const auto count = [](const char* what, std::size_t given, std::size_t each, const char* of) -> std::uint64_t {
+    if (each == 0 ? given == 0 : given % each == 0 && given > 0) return each ? given / each : 0;
+    throw std::invalid_argument("query: " + std::to_string(given) + " " + what +
+                                " are no whole number of configurations of " + std::to_string(each) + " " + of);
+  };
+  const std::uint64_t of_bodies = count("poses", query.configurations.size(), query.bodies.size(), "bodies"),
+                      of_joints = count("positions", query.positions.size(), query.joints.size(), "joints");
+  if (of_bodies && of_joints && of_bodies != of_joints)
+    throw std::invalid_argument("query: " + std::to_string(of_bodies) + " configurations of bodies and " +
+                                std::to_string(of_joints) + " of joints: expected as many");
+  return of_bodies ? of_bodies : of_joints;
+}
 
 }  // namespace clearance

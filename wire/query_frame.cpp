@@ -35,11 +35,33 @@ void check_option(const QueryOption& option, T value) {
 void check_query_header(const QueryHeader& q) {
   if (q.all_pairs > 1) bad_query("query: all_pairs " + str(q.all_pairs) + " is none of 0 to 1");
   if (q.all_pairs && q.pair_count) bad_query("query: all_pairs is set, yet " + str(q.pair_count) + " pairs are named");
-  if (q.configuration_count && !q.body_count)
-    bad_query("query: " + str(q.configuration_count) + " configurations of no bodies");
   expect_zero(q.padding, "query");
   expect_zero(q.padding2, "query");
   expect_zero(q.reserved, "query");
+}
+
+template <class T>
+bool take_array(const RecordView& record, const char* name, QueryRecord tag, Records<T>& array) {
+  if (record.tag != static_cast<std::uint16_t>(tag)) return false;
+  if (record.bytes.size() % sizeof(T))
+    bad_frame("query: " + std::string(name) + " (record " + str(record.tag) + ") has " + str(record.bytes.size()) +
+              " bytes, expected a multiple of " + str(sizeof(T)));
+  array = {record.bytes.data(), record.bytes.size() / sizeof(T)};
+  return true;
+}
+
+/// What configurations move, and whether its positions are as many as that.
+void check_joints(const QueryParts& parts, bool with_configurations) {
+  const std::uint64_t count = parts.header.configuration_count, joints = parts.joints.size();
+  if (count && !parts.header.body_count && !joints)
+    bad_query("query: " + str(count) + " configurations of no bodies and no joints");
+  if (!with_configurations && parts.positions.size()) bad_query("query: positions are not for kPairs");
+  if (!with_configurations) return;
+  if (joints && !count) bad_query("query: " + str(joints) + " joints, and no configurations of them");
+  if (Wide(count) * joints != parts.positions.size())
+    bad_query("query: positions (record " + str(static_cast<std::uint16_t>(QueryRecord::kPositions)) + ") has " +
+              str(parts.positions.size()) + " numbers, expected " + str(count) + " configurations of " + str(joints) +
+              " joints");
 }
 
 QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts) {
@@ -65,7 +87,8 @@ QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts)
       check_option(option, value);
       member(options) = static_cast<T>(value);
     });
-    return known;
+    return known || take_array(record, "joints", QueryRecord::kJoints, parts.joints) ||
+           take_array(record, "positions", QueryRecord::kPositions, parts.positions);
   });
   if (options.pose_wait_ns && !options.min_pose_stamp_ns)
     bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");
@@ -83,6 +106,15 @@ std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std
     throw WireError(ErrorCode::kTooLarge, "query: " + str(pairs) + " pairs and " + str(configurations) +
                                               " configurations of " + str(bodies) + " bodies do not fit into a frame");
   return static_cast<std::uint64_t>(query_bytes(pairs, bodies, configurations));
+}
+
+void append_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
+                          std::span<const double> positions) {
+  const auto add = [&records](QueryRecord tag, auto array) {
+    if (!array.empty()) append_record(records, static_cast<std::uint16_t>(tag), kRecordRequired, std::as_bytes(array));
+  };
+  add(QueryRecord::kJoints, joints);
+  add(QueryRecord::kPositions, positions);
 }
 
 void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,
@@ -117,6 +149,7 @@ QueryParts parse_query(std::span<const std::byte> payload, bool with_configurati
       query_bytes(q.pair_count, q.body_count, configurations), payload.size());
   check_query_header(q);
   parts.options = read_options(records, parts);
+  check_joints(parts, with_configurations);
   Cursor cursor(payload.data() + sizeof(QueryHeader));
   parts.pairs = cursor.take<PairRecord>(q.pair_count);
   parts.bodies = cursor.take<std::uint32_t>(q.body_count);

@@ -146,6 +146,8 @@ struct QueryParts {
   Records<PairRecord> pairs;                    ///< (P,)
   Records<std::uint32_t> bodies;                ///< (M,)
   Records<ConfigurationRecord> configurations;  ///< (K, M); empty in kPairs
+  Records<std::uint32_t> joints;                ///< (J,)
+  Records<double> positions;                    ///< (K, J); empty in kPairs
 };
 
 /// Bytes of a query's payload. Throws WireError (kTooLarge) if a frame cannot be so large.
@@ -160,6 +162,9 @@ void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader&
 /// \param options QueryOptions, or what has members of the same names.
 template <class Options>
 std::vector<std::byte> option_records(const Options& options);
+/// Appends the records of a query's joints, if it has any. \param positions of kPairs: none
+void append_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
+                          std::span<const double> positions);
 
 /// Throws WireError (kBadFrame for sizes, kBadQuery for values, kNotSupported for a record that it may not pass over).
 /// \param with_configurations false for kPairs.
@@ -185,6 +190,11 @@ struct PosesParts {
   Records<PoseRecord> poses;
 };
 PosesParts parse_poses(std::span<const std::byte> payload);
+struct JointUpdateParts {
+  PosesHeader header;
+  Records<JointRecord> joints;
+};
+JointUpdateParts parse_joint_update(std::span<const std::byte> payload);
 AttachRecord parse_attach(std::span<const std::byte> payload);
 PosesResult parse_poses_done(std::span<const std::byte> payload);
 
@@ -208,6 +218,15 @@ struct StatesParts {
   Records<BodyStateRecord> states;
 };
 StatesParts parse_states(std::span<const std::byte> payload);
+
+struct JointsParts {
+  JointsHeader header;
+  Records<JointStateRecord> joints;
+  Records<GroupRecord> groups;
+  Records<std::uint32_t> members;
+};
+/// Also checks that names end, and members exist and are joints.
+JointsParts parse_joints(std::span<const std::byte> payload);
 
 struct NewBodyParts {
   NewBodyRecord record;

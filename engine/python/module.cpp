@@ -86,6 +86,12 @@ QueryView view_of(const Query& q) {
     view.configurations = {reinterpret_cast<const Pose*>(q.configurations->data()),
                            q.configurations->shape(0) * q.configurations->shape(1)};
   }
+  view.joints = ids_of(q.joints);
+  view.positions = numbers_of(q.positions);
+  if (q.positions) {
+    if (q.positions->shape(0) > 0xFFFFFFFFu) throw nb::value_error("positions: too many");
+    view.configuration_count = static_cast<std::uint32_t>(q.positions->shape(0));
+  }
   copy_options(q, view);
   view.warm_slot = q.warm ? 1 : 0;
   return view;
@@ -223,6 +229,34 @@ class PyEngine {
     return done(result);
   }
 
+  nb::tuple set_joints(const BodiesArray& ids, const PositionRow& positions, std::int64_t stamp_ns,
+                       std::int64_t sequence) const {
+    if (ids.shape(0) != positions.shape(0)) throw nb::value_error("positions: expected one for each joint");
+    std::vector<JointPosition> batch(ids.shape(0));
+    for (std::size_t i = 0; i < batch.size(); ++i) batch[i] = {ids.data()[i], positions.data()[i]};
+    PoseUpdateResult result;
+    {
+      nb::gil_scoped_release release;
+      result = use().set_joints(batch, stamp_ns, sequence);
+    }
+    return done(result);
+  }
+
+  /// As Client.joints().
+  nb::tuple joints() const {
+    const Scene& scene = use().scene();
+    const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+    nb::list joints, groups;
+    for (std::uint32_t j = 0; j < scene.joints().size(); ++j) {
+      const SceneJoint& joint = scene.joints()[j];
+      const JointState s = engine_->joint_state(j);
+      joints.append(nb::make_tuple(joint.name, joint.lower, joint.upper, s.position, static_cast<int>(s.status),
+                                   s.beyond_limits, s.stamp_ns, s.receipt_ns ? now - s.receipt_ns : -1));
+    }
+    for (const JointGroup& group : scene.joint_groups()) groups.append(nb::make_tuple(group.name, group.joints));
+    return nb::make_tuple(joints, groups);
+  }
+
   nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose) const {
     Pose X_pc;
     if (pose) {
@@ -303,6 +337,9 @@ NB_MODULE(_engine, m) {
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
+      .def("set_joints", &PyEngine::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),
+           nb::arg("sequence"))
+      .def("joints", &PyEngine::joints)
       .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
       .def("body_states", &PyEngine::body_states)
       .def("stats", [](const PyEngine& e) { return e.use().stats(); });

@@ -3,6 +3,7 @@
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
@@ -148,6 +149,34 @@ void bind_scene(nb::module_& m) {
                   nb::call_guard<nb::gil_scoped_release>());
   bind_shapes(scene);
   scene
+      .def(
+          "add_robot",
+          [](Scene& s, const std::string& name, const std::string& urdf, const std::string& srdf,
+             const std::map<std::string, std::string>& packages, const std::optional<PoseRow>& base,
+             const std::string& parent, bool fixed, bool visual,
+             const std::optional<std::map<std::string, double>>& home, const std::string& home_state, double padding,
+             const std::map<std::string, double>& link_padding) {
+            RobotOptions o{.urdf = urdf, .srdf = srdf, .packages = packages, .parent = parent};
+            if (base) o.base = pose_from(base->data());
+            o.is_static = fixed;
+            o.visual = visual;
+            o.home = home;
+            o.home_state = home_state;
+            o.padding = padding;
+            o.link_padding = link_padding;
+            nb::gil_scoped_release release;
+            return s.add_robot(name, o);
+          },
+          nb::arg("name"), nb::arg("urdf"), nb::arg("srdf"), nb::arg("packages"), nb::arg("base").none(),
+          nb::arg("parent"), nb::arg("static"), nb::arg("visual"), nb::arg("home").none(), nb::arg("home_state"),
+          nb::arg("padding"), nb::arg("link_padding"))
+      .def("robot_warnings",
+           [](const Scene& s, std::uint32_t first) {
+             std::vector<std::string> all;
+             for (std::size_t i = first; i < s.robots().size(); ++i)
+               all.insert(all.end(), s.robots()[i]->model.warnings.begin(), s.robots()[i]->model.warnings.end());
+             return all;
+           })
       .def("add_group", [](Scene& s, const std::string& name,
                            const std::vector<std::string>& members) { s.add_group(name, members); })
       .def("ignore", &Scene::ignore)

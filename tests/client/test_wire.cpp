@@ -328,7 +328,8 @@ TEST(Wire, BadQueryValuesAreNamed) {
   }
   Bytes query = query_payload(2, 0, 0);
   overwrite(query, offsetof(QueryHeader, configuration_count), std::uint32_t{3});
-  EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadQuery), "query: 3 configurations of no bodies");
+  EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadQuery),
+            "query: 3 configurations of no bodies and no joints");
   query = query_payload(2, 0, 0);
   overwrite(query, offsetof(QueryHeader, reserved) + 8, std::uint64_t{1});
   EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadFrame), "query: reserved words must be 0");

@@ -107,6 +107,15 @@ std::vector<std::pair<std::string, Data>> requests() {
     add(poses, record);
   }
   all.emplace_back("poses", simple_frame(wire::FrameType::kSetPoses, 25, poses));
+  all.emplace_back("joints", simple_frame(wire::FrameType::kGetJoints, 26));
+  Data positions;
+  add(positions, header);
+  for (const std::uint32_t joint : {0u, 2u}) add(positions, wire::JointRecord{joint, 0, 0.5});
+  all.emplace_back("set_joints", simple_frame(wire::FrameType::kSetJoints, 27, positions));
+  query("in_joint_space", [&](TestQuery& q) {
+    q.joints = {0, 1};
+    q.positions = {0.1, 0.2, 0.3, 0.4};
+  });
   wire::AttachRecord attach;
   attach.child = 1;
   attach.parent = 2;

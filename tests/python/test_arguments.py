@@ -1,6 +1,7 @@
 """Every argument of every public call: a wrong type, shape or value is a TypeError or ValueError that names it."""
 
 import inspect
+import operator
 import re
 
 import numpy as np
@@ -26,6 +27,8 @@ POSE += [np.zeros((2, 7)), 2 * np.eye(4), object()]
 SIZES = ["123", 1.0, [1, 1], [1, 1, "1"], [1, True, 1], [[1], [2, 3], 4], np.ones((3, 3)), b"123"]
 TWO = [SIZES[0], *SIZES[4:]] + [[1, "1"], [1, True], [1]]
 VERTICES = ["abc", [[0, 0]], [["0"] * 3], [[0, 0], [0, 0, 0]], [[True] * 3], np.zeros(3), np.zeros((1, 3), complex)]
+JOINTS = ["nonesuch", b"arm", 3, 1.5, [1.5], ["nonesuch"], [True], [-1], np.zeros(1), np.zeros((1, 1), int)]
+POSITIONS = ["here", 3, np.zeros(3), np.zeros((1, 2)), [[1], [2, 3]]]
 OUTS = [3, "lower", {"lower": [0.0]}, {"lowr": np.zeros(1)}, {"lower": np.zeros((1, 1), np.float32)}, {3: np.zeros(1)}]
 
 _ONE = {"configurations": np.tile(IDENTITY, (1, 1, 1)).astype(float), "bodies": ["cup"]}
@@ -55,6 +58,8 @@ QUERY = {
     "min_pose_stamp_ns": COUNTS,
     "pose_wait_s": [*NUMBERS, None, "", 11, -1],
     "wait_for": [*BODIES, None, ""],
+    "joints": JOINTS,
+    "positions": POSITIONS,
 }  # fmt: skip
 OF_A_BODY = {"parent": BODIES, "static": BOOLS, "pose": POSE}
 #: What a scene is told of a body besides.
@@ -73,6 +78,10 @@ FRONT = {
     "set_poses": ({"poses": {"cup": IDENTITY}}, {
         "poses": [{"cup": bad} for bad in POSE] + [{"nonesuch": IDENTITY}, {1.5: IDENTITY}, *POSE, None],
         "bodies": BODY_LISTS, "stamp_ns": INTEGERS, "sequence": INTEGERS}),
+    "joints": ({}, {"group": [*JOINTS, None]}),
+    "set_joints": ({"positions": {}}, {
+        "positions": [*POSITIONS, None, {"nonesuch": 0.0}, {1.5: 0.0}, {7: 0.0}], "joints": JOINTS,
+        "stamp_ns": INTEGERS, "sequence": INTEGERS}),
     "attach": ({"child": "cup", "parent": "gripper"}, {"child": [*BODIES, None], "parent": BODIES, "pose": POSE}),
 }  # fmt: skip
 CLIENT = {
@@ -97,6 +106,11 @@ SCENE = {
                     {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY, **DOUBTS}),
     "add_cylinder": ({"name": "x", "radius": 1, "length": 1},
                      {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY, **DOUBTS}),
+    "add_robot": ({"name": "x", "urdf": "x.urdf"}, {
+        "name": TEXTS, "urdf": [*PATHS, None], "srdf": PATHS, "base": POSE, "parent": BODIES, "static": BOOLS,
+        "packages": [3, "p", {3: "x"}, {"p": 3}, ["p"]], "geometry": WORDS,
+        "home": [3, ["j"], {3: 1.0}, {"j": "1"}, {"j": True}, {"j": float("nan")}],
+        "padding": [*NUMBERS, None, {3: 0.1}, {"l": "1"}]}),
     "add_group": ({"name": "g", "bodies": ["cup"]}, {"name": TEXTS, "bodies": BODY_LISTS}),
     "ignore": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     **{call: ({}, {"body": [*BODIES, None, 99]}) for call in ("initial_pose", "source", "pieces", "display_mesh")},
@@ -111,6 +125,8 @@ PUBLIC = {
         "url": [*TEXTS, "http://localhost", [], ["ipc:///nowhere", 3]], "timeout_s": [*NUMBERS_FROM_0, None],
         "server_key": PATHS, "key": PATHS, "hang_s": NUMBERS_FROM_0}),
     "Scene.load": ({"path": "scene.yaml"}, {"path": [*PATHS, None], "allow_outside": BOOLS}),
+    "Scene.load_urdf": ({"urdf": "x.urdf"}, {
+        "urdf": [*PATHS, None], "name": [text for text in TEXTS if text is not None]}),
     "pose7_from_matrix": ({}, {"matrix": ["here", 3, None, np.zeros((3, 3)), [["0"] * 4] * 4, 2 * np.eye(4)]}),
 }  # fmt: skip
 
@@ -189,7 +205,7 @@ def test_every_argument_of_both_fronts(front):
 
 
 def test_every_argument_of_a_scene(scene_of_the_cell):
-    assert public_methods(clearance.Scene) == {*SCENE, "load"}
+    assert public_methods(clearance.Scene) == {*SCENE, "load", "load_urdf"}
     count = len(scene_of_the_cell)
     wrong = [f"{name}: {text}" for name, (right, arguments) in SCENE.items()
              for text in complaints(getattr(scene_of_the_cell, name), right, arguments)]  # fmt: skip
@@ -200,7 +216,7 @@ def test_every_argument_of_a_scene(scene_of_the_cell):
 def test_every_argument_of_public_functions(scene_of_the_cell):
     wrong = []
     for name, (right, arguments) in PUBLIC.items():
-        call = clearance.Scene.load if name == "Scene.load" else getattr(clearance, name)
+        call = operator.attrgetter(name)(clearance)
         right = {"scene": scene_of_the_cell} if name == "Engine" else right
         wrong += [f"{name}: {text}" for text in complaints(call, right, arguments, leave_out={"what"})]
     assert not wrong, "\n".join(wrong)

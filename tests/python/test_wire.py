@@ -65,7 +65,7 @@ def test_records_of_a_frame():
     assert wire.frame(wire.FrameType.PING)[4] == 1, "without records a frame is of version 1"
 
 
-@pytest.mark.parametrize("name", ["FrameType", "ErrorCode", "ReplyRecord"])
+@pytest.mark.parametrize("name", ["FrameType", "ErrorCode", "ReplyRecord", "QueryRecord"])
 def test_enums(root, name):
     header = (root / "wire" / "protocol.h").read_text()
     body = re.sub(r"//.*", "", re.search(rf"enum class {name} : [\w:]+ {{(.*?)}};", header, re.S).group(1))

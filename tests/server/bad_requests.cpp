@@ -145,7 +145,7 @@ void add_query_values(List& list, std::uint64_t scene_revision) {
   value("warm", "query: warm 200 is none of 0 to 1", [](auto& q) { q.warm = 200; });
   value("fields", "query: fields has unknown bits: 2147483648", [](auto& q) { q.fields |= 1u << 31; });
   value("max_pose_age_ns", "query: max_pose_age_ns must be >= 0, got -5", [](auto& q) { q.max_pose_age_ns = -5; });
-  value("configurations without bodies", "query: 4 configurations of no bodies",
+  value("configurations without bodies", "query: 4 configurations of no bodies and no joints",
         [](auto& q) { q.configuration_count = 4; });
   list.query("all pairs and some", pairs_query({{0, 1}}), ErrorCode::kBadQuery,
              "query: all_pairs is set, yet 1 pairs are named", [](auto& q) { q.all_pairs = 1; });

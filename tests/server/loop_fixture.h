@@ -54,7 +54,7 @@ class LoopTest : public testing::Test {
   Reply ask(MemoryClient& client, const TestQuery& query) { return Reply(ask(client, query.frame(1))); }
   static wire::ErrorParts error_of(const std::unique_ptr<MemoryFrame>& frame) {
     EXPECT_EQ(frame->type(), wire::FrameType::kError);
-    return wire::parse_error(frame->payload());
+    return wire::parse_error(wire::split_payload(frame->header(), frame->payload()).body);
   }
 
   bool with_worker_ = false;

@@ -151,6 +151,8 @@ struct TestQuery {
   std::vector<IdPair> pairs;
   std::vector<std::uint32_t> bodies;
   std::vector<Pose7> configurations;
+  std::vector<std::uint32_t> joints;
+  std::vector<double> positions;
   std::vector<std::byte> records;
   std::uint64_t scene_revision = 0;
 
@@ -160,14 +162,19 @@ struct TestQuery {
     q.all_pairs = q.all_pairs && pairs.empty();
     q.pair_count = static_cast<std::uint32_t>(pairs.size());
     q.body_count = static_cast<std::uint32_t>(bodies.size());
-    q.configuration_count = bodies.empty() ? 0 : static_cast<std::uint32_t>(configurations.size() / bodies.size());
+    const auto rows = [](std::size_t given, std::size_t each) {
+      return static_cast<std::uint32_t>(each ? given / each : 0);
+    };
+    q.configuration_count = std::max(rows(configurations.size(), bodies.size()), rows(positions.size(), joints.size()));
     const bool is_query = type == wire::FrameType::kQuery;
     const std::uint64_t payload =
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
-    std::vector<std::byte> bytes(sizeof(wire::FrameHeader) + payload + records.size());
+    std::vector<std::byte> all_records = records;
+    wire::append_joint_records(all_records, joints, is_query ? positions : std::vector<double>());
+    std::vector<std::byte> bytes(sizeof(wire::FrameHeader) + payload + all_records.size());
     const auto frame_header =
-        wire::with_records(wire::make_header(type, request_id, payload, scene_revision), records.size());
-    wire::write_query(bytes.data(), frame_header, q, pairs.data(), bodies.data(), configurations.data(), records);
+        wire::with_records(wire::make_header(type, request_id, payload, scene_revision), all_records.size());
+    wire::write_query(bytes.data(), frame_header, q, pairs.data(), bodies.data(), configurations.data(), all_records);
     return bytes;
   }
 };

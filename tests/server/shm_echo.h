@@ -71,6 +71,9 @@ class EchoInbox final : public Inbox {
   PoseUpdateResult on_poses(std::span<const BodyPose>, std::int64_t, std::int64_t, std::uint64_t) override {
     return {};
   }
+  PoseUpdateResult on_joints(std::span<const JointPosition>, std::int64_t, std::int64_t, std::uint64_t) override {
+    return {};
+  }
   std::uint64_t& counter(const std::string& name) override { return counters[name]; }
   Engine& engine() override { throw std::logic_error("this server has no engine"); }
 

@@ -72,6 +72,8 @@ std::vector<Request> requests() {
           {FrameType::kAttach, kMayPose, with(FrameType::kAttach, attach)},
           {FrameType::kGetStates, kMayQuery, simple_frame(FrameType::kGetStates, 1)},
           {FrameType::kGetStats, kMayQuery, simple_frame(FrameType::kGetStats, 1)},
+          {FrameType::kSetJoints, kMayPose, with(FrameType::kSetJoints, poses)},
+          {FrameType::kGetJoints, kMayQuery, simple_frame(FrameType::kGetJoints, 1)},
           {FrameType::kAddBody, kMayPose, with(FrameType::kAddBody, new_body)},
           {FrameType::kReload, kMayAdmin, simple_frame(FrameType::kReload, 1)}};
 }

@@ -106,6 +106,8 @@ clearance::Query query_of(const Query& q) {
     query.configurations = {reinterpret_cast<const Pose7*>(q.configurations->data()),
                             q.configurations->shape(0) * q.configurations->shape(1)};
   }
+  query.joints = ids_of(q.joints);
+  query.positions = numbers_of(q.positions);
   copy_options(q, query);
   // A query that stopped waiting for a stamp keeps how long it may wait.
   if (!q.min_pose_stamp_ns) query.pose_wait_ns = 0;
@@ -318,6 +320,25 @@ class PyClient {
     return done(use().with([&](Client& client) { return client.set_poses(batch, stamp_ns, sequence); }));
   }
 
+  nb::tuple set_joints(const BodiesArray& ids, const PositionRow& positions, std::int64_t stamp_ns,
+                       std::int64_t sequence) const {
+    if (ids.shape(0) != positions.shape(0)) throw nb::value_error("positions: expected one for each joint");
+    std::vector<std::pair<std::uint32_t, double>> batch(ids.shape(0));
+    for (std::size_t i = 0; i < batch.size(); ++i) batch[i] = {ids.data()[i], positions.data()[i]};
+    return done(use().with([&](Client& client) { return client.set_joints(batch, stamp_ns, sequence); }));
+  }
+
+  /// Joints as _joints.py has them, and groups.
+  nb::tuple joints() const {
+    const JointsInfo info = use().with([](Client& client) { return client.joints(); });
+    nb::list joints, groups;
+    for (const JointInfo& j : info.joints)
+      joints.append(nb::make_tuple(j.name, j.lower, j.upper, j.position, static_cast<int>(j.status), j.beyond_limits,
+                                   j.stamp_ns, j.age_ns));
+    for (const JointGroupInfo& g : info.groups) groups.append(nb::make_tuple(g.name, g.joints));
+    return nb::make_tuple(joints, groups);
+  }
+
   nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose) const {
     Pose7 X_pc{};
     if (pose) {
@@ -439,6 +460,9 @@ NB_MODULE(_client, m) {
       .def("pairs", &PyClient::pairs, nb::arg("query"))
       .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
+      .def("set_joints", &PyClient::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),
+           nb::arg("sequence"))
+      .def("joints", &PyClient::joints)
       .def("attach", &PyClient::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),

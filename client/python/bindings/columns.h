@@ -18,6 +18,7 @@
 #include <memory>
 #include <new>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -33,6 +34,8 @@ namespace nb = nanobind;
 using PairsArray = nb::ndarray<const std::uint32_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 using BodiesArray = nb::ndarray<const std::uint32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using PosesArray = nb::ndarray<const double, nb::shape<-1, -1, 7>, nb::c_contig, nb::device::cpu>;
+using PositionsArray = nb::ndarray<const double, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using PositionRow = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using PoseRows = nb::ndarray<const double, nb::shape<-1, 7>, nb::c_contig, nb::device::cpu>;
 
 /// Keeps its arrays alive; they are not copied.
@@ -40,25 +43,43 @@ struct Query : QueryOptions {
   std::optional<PairsArray> pairs;  ///< none: all enabled pairs
   std::optional<BodiesArray> bodies;
   std::optional<PosesArray> configurations;  ///< (K, M, 7)
-  bool points_by_default;                    ///< add points and normal if there are few rows
+  std::optional<BodiesArray> joints;
+  std::optional<PositionsArray> positions;  ///< (K, J)
+  bool points_by_default;                   ///< add points and normal if there are few rows
 };
 
 /// How Python sees an option of type T.
 template <class T>
 using OptionInPython = std::conditional_t<std::is_enum_v<T>, std::uint8_t, T>;
 
+inline std::span<const std::uint32_t> ids_of(const std::optional<BodiesArray>& array) {
+  return array ? std::span(array->data(), array->shape(0)) : std::span<const std::uint32_t>();
+}
+inline std::span<const double> numbers_of(const std::optional<PositionsArray>& array) {
+  return array ? std::span(array->data(), array->shape(0) * array->shape(1)) : std::span<const double>();
+}
+
 inline void bind_query(nb::module_& m) {
   nb::class_<Query> query(m, "Query");
   query.def(
       "__init__",
       [](Query* self, std::optional<PairsArray> pairs, std::optional<BodiesArray> bodies,
-         std::optional<PosesArray> configurations, bool points_by_default) {
+         std::optional<PosesArray> configurations, bool points_by_default, std::optional<BodiesArray> joints,
+         std::optional<PositionsArray> positions) {
         if (configurations && (!bodies || configurations->shape(1) != bodies->shape(0)))
           throw nb::value_error("configurations: expected one pose for each of bodies");
-        new (self) Query{{}, std::move(pairs), std::move(bodies), std::move(configurations), points_by_default};
+        if (positions && (!joints || positions->shape(1) != joints->shape(0)))
+          throw nb::value_error("positions: expected one for each of joints");
+        new (self) Query{{},
+                         std::move(pairs),
+                         std::move(bodies),
+                         std::move(configurations),
+                         std::move(joints),
+                         std::move(positions),
+                         points_by_default};
       },
-      nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("configurations").none(),
-      nb::arg("points_by_default"));
+      nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("configurations").none(), nb::arg("points_by_default"),
+      nb::arg("joints").none() = nb::none(), nb::arg("positions").none() = nb::none());
   for_each_query_option([&query](const QueryOption& option, auto member) {
     using T = std::remove_reference_t<decltype(member(std::declval<QueryOptions&>()))>;
     query.def_prop_rw(

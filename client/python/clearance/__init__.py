@@ -26,11 +26,13 @@ from ._errors import (
     NewEpoch,
     QueryError,
     RequestError,
+    RobotWarning,
     SceneError,
     TimeoutError,
 )
 from ._front import BodyState, PosesDone, Prepared, SceneChanged
 from ._future import Future
+from ._joints import Joints, JointState
 from ._names import BodyInfo
 from ._poses import pose7_from_matrix
 from ._result import Result
@@ -57,6 +59,8 @@ __all__ = [
     "Format",
     "Future",
     "HullWarning",
+    "JointState",
+    "Joints",
     "NONE",
     "NewEpoch",
     "PosesDone",
@@ -66,6 +70,7 @@ __all__ = [
     "Reduce",
     "RequestError",
     "Result",
+    "RobotWarning",
     "Scene",
     "SceneChanged",
     "SceneError",

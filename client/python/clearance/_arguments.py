@@ -117,6 +117,12 @@ def to_list(value: Any, what: str, expected: str) -> list[Any]:
         raise TypeError(f"{what}: expected {expected}, got {value!r}") from None
 
 
+def to_items(value: Any, what: str, expected: str) -> list[tuple[Any, Any]]:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{what}: expected {expected}, got {value!r}")
+    return list(value.items())
+
+
 def to_numbers(value: Any, what: str, count: int, expected: str) -> list[float]:
     items = to_list(value, what, expected)
     if len(items) != count:

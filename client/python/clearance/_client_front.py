@@ -249,12 +249,12 @@ class Client(Front):
             rows = configurations
         elif query.reduce == Reduce.NEAREST:
             rows = configurations * len(names.bodies)
-        elif query.pairs is None and query.bodies is None:
+        elif query.pairs is None and query.bodies is None and query.joints is None:
             rows = configurations * self._pair_count
         elif query.pairs is not None and not query.selects:
             rows = configurations * len(query.pairs)
         else:
-            rows = configurations * len(self._table(query.pairs, query.bodies))
+            rows = configurations * len(self._table(query.pairs, query.bodies, query.joints))
         if query.reduce == Reduce.WITHIN:
             rows = min(rows, query.max_results)
         few = rows <= DEFAULT_POINTS_ROWS
@@ -287,6 +287,12 @@ class Client(Front):
 
     def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
         return PosesDone(*self._guarded(self._use().set_poses, ids, poses, stamp_ns, sequence))
+
+    def _load_joints(self) -> tuple[list[Any], list[Any]]:
+        return self._use().joints()
+
+    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
+        return PosesDone(*self._guarded(self._use().set_joints, ids, positions, stamp_ns, sequence))
 
     def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
         return PosesDone(

@@ -129,6 +129,12 @@ class Engine(Front):
     def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
         return PosesDone(*self._engine.set_poses(ids, poses, stamp_ns, sequence))
 
+    def _load_joints(self) -> tuple[list[Any], list[Any]]:
+        return self._engine.joints()
+
+    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
+        return PosesDone(*self._engine.set_joints(ids, positions, stamp_ns, sequence))
+
     def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
         return PosesDone(*self._engine.attach(child, parent, None if pose is None else pose.reshape(1, 7)))
 

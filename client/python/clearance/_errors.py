@@ -16,6 +16,10 @@ class SceneError(ClearanceError, ValueError):
     """Bad input at set-up: a scene file, a mesh or a body. The text names file, line, key and what was expected."""
 
 
+class RobotWarning(UserWarning):
+    """Something in a robot's SRDF was left out."""
+
+
 class HullWarning(UserWarning):
     """A mesh is far from convex, and its hull is what distances are measured to. The text names bodies and figures.
 

@@ -18,6 +18,7 @@ import numpy as np
 from ._arguments import to_count, to_integer
 from ._errors import QueryError
 from ._future import Future
+from ._joints import Joints, JointsRef, JointState, JointTable
 from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose, as_pose7, stack_poses
 from ._query import NO_WAIT, Parser, Query
@@ -27,7 +28,7 @@ from ._words import NONE, FormatWord, PrecisionWord, ReduceWord, Status
 BodyRef = Union[str, int]
 Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
 
-_TableKey = tuple[int, Optional[bytes], Optional[bytes]]  #: scene revision, pairs and bodies
+_TableKey = tuple[int, Optional[bytes], Optional[bytes], Optional[bytes]]  #: scene revision, pairs, bodies, joints
 _TABLES_KEPT = 16
 
 
@@ -69,6 +70,7 @@ class Front(Parser):
 
     def __init__(self) -> None:
         self._names_cache: Optional[NameTable] = None
+        self._joints_cache: Optional[JointTable] = None
         self._tables: OrderedDict[_TableKey, np.ndarray] = OrderedDict()
         self._tables_lock = threading.Lock()
 
@@ -93,6 +95,12 @@ class Front(Parser):
     def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
         raise NotImplementedError
 
+    def _load_joints(self) -> tuple[list[Any], list[Any]]:
+        raise NotImplementedError
+
+    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
+        raise NotImplementedError
+
     def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
         raise NotImplementedError
 
@@ -104,6 +112,14 @@ class Front(Parser):
         if names is None:
             names = self._names_cache = self._load_names()
         return names
+
+    @property
+    def _joint_table(self) -> JointTable:
+        revision = self._scene_revision()
+        table = self._joints_cache
+        if table is None or table.revision != revision:
+            table = self._joints_cache = JointTable(revision, *self._load_joints())
+        return table
 
     @property
     def bodies(self) -> tuple[BodyInfo, ...]:
@@ -138,11 +154,14 @@ class Front(Parser):
         parsed_bodies = None if bodies is None else self._names.bodies_array(bodies, "bodies")
         return self._table(parsed_pairs, parsed_bodies)
 
-    def _table(self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray]) -> np.ndarray:
+    def _table(
+        self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray], joints: Optional[np.ndarray] = None
+    ) -> np.ndarray:
         poses = None if bodies is None else np.zeros((1, len(bodies), 7))
-        raw = self._module.Query(pairs, bodies, poses, False)
+        positions = None if joints is None else np.zeros((1, len(joints)))
+        raw = self._module.Query(pairs, bodies, poses, False, joints, positions)
         while True:
-            key = self._table_key(pairs, bodies)
+            key = self._table_key(pairs, bodies, joints)
             with self._tables_lock:
                 table = self._tables.get(key)
                 if table is not None:
@@ -158,12 +177,9 @@ class Front(Parser):
                 self._tables.popitem(last=False)
         return table
 
-    def _table_key(self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray]) -> _TableKey:
-        return (
-            self._scene_revision(),
-            None if pairs is None else pairs.tobytes(),
-            None if bodies is None else bodies.tobytes(),
-        )
+    def _table_key(self, *named: Optional[np.ndarray]) -> _TableKey:
+        pairs, bodies, joints = (None if ids is None else ids.tobytes() for ids in named)
+        return self._scene_revision(), pairs, bodies, joints
 
     # ---- poses ----------------------------------------------------------------------------------------------------
 
@@ -200,6 +216,45 @@ class Front(Parser):
             if array.ndim != 2 or len(array) != len(ids):
                 raise ValueError(f"poses: expected one pose for each of {len(ids)} bodies, got shape {np.shape(poses)}")
         return self._send_poses(ids, array, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
+
+    def joints(self, group: JointsRef) -> Joints:
+        """Joints of robots, with their limits, as queries and updates take them.
+
+        group: a robot's name ("panda"), a group of its SRDF ("panda/panda_arm"), or names or ids of joints
+            ("panda/panda_joint1"), whose order is kept.
+
+        Raises ValueError, with near misses, for an unknown name.
+        """
+        table = self._joint_table
+        return table.joints(table.ids_of(group, "group"))
+
+    def joint_states(self) -> list[JointState]:
+        """Where each joint of the scene's robots is now, by id."""
+        return [
+            JointState(name, position, Status(status), beyond, stamp, None if age < 0 else age)
+            for name, _, _, position, status, beyond, stamp, age in self._load_joints()[0]
+        ]
+
+    def set_joints(
+        self,
+        positions: Union[Mapping[str, float], Mapping[int, float], np.ndarray, Sequence[float]],
+        joints: Optional[JointsRef] = None,
+        stamp_ns: int = 0,
+        sequence: int = 0,
+    ) -> PosesDone:
+        """Sets positions of robots' joints as one snapshot: the poses of their links follow.
+
+        positions: {joint: position}, by name ("panda/panda_joint1") or id, radians and metres; or (J,) numbers with
+            `joints`.
+        joints: as in distances(), only with an array.
+        stamp_ns, sequence: as in set_poses().
+
+        A position with NaN, or beyond 1e6, is stored as bad: queries then answer BAD_POSE of the links that it moves.
+        Raises QueryError as set_poses() does, ValueError for a wrong shape or an unknown name, TypeError for a wrong
+        type.
+        """
+        ids, row = self._joint_table.update(positions, joints)
+        return self._send_joints(ids, row, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
 
     def attach(self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None) -> PosesDone:
         """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child).
@@ -239,6 +294,8 @@ class Front(Parser):
         min_pose_stamp_ns: int = 0,
         pose_wait_s: float = 0.0,
         wait_for: BodyRef = "*",
+        joints: Optional[JointsRef] = None,
+        positions: Any = None,
         **more: Any,
     ) -> Result:
         """Answers how far apart bodies are, and where, on one consistent snapshot of the poses.
@@ -267,6 +324,11 @@ class Front(Parser):
         pose_wait_s: seconds to wait for them, at most 10; then a RequestError with the code POSES_LATE.
         wait_for: the body or group whose poses to wait for. Bodies that have never had a stamp do not count, but at
             least one must have one.
+        joints: what joints() gave, the name of a robot or of a group of its joints, or names or ids of joints. Joints
+            that are not named, and bodies, stay as they are; what follows a link moves with it.
+        positions: (K, J) radians and metres of those joints: K configurations, as many as `configurations` has if it is
+            given as well. A position that is no number, or beyond 1e6, makes its rows BAD_POSE; one beyond the joint's
+            limits sets Flag.BEYOND_LIMITS.
         more: options that came later, by name; docs/wire.md has a table of them all. An option that the daemon is too
             old for is a RequestError that names it.
 
@@ -276,7 +338,8 @@ class Front(Parser):
         """
         query = self._parse(
             pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, **more,
+            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
+            joints, positions, **more,
         )  # fmt: skip
         return self._result(query, self._answer(query))
 
@@ -315,6 +378,8 @@ class Front(Parser):
         min_pose_stamp_ns: int = 0,
         pose_wait_s: float = 0.0,
         wait_for: BodyRef = "*",
+        joints: Optional[JointsRef] = None,
+        positions: Any = None,
         **more: Any,
     ) -> Future:
         """Begins a query as distances() asks it; returns a future: .result(timeout=None), .done(), .cancel().
@@ -323,7 +388,8 @@ class Front(Parser):
         """
         query = self._parse(
             pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, **more,
+            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
+            joints, positions, **more,
         )  # fmt: skip
         return self._start(query)
 
@@ -375,7 +441,7 @@ class _TableOf:
         self.query = query
 
     def __call__(self, revision: int) -> np.ndarray:
-        table = self.front._table(self.query.pairs, self.query.bodies)
+        table = self.front._table(self.query.pairs, self.query.bodies, self.query.joints)
         if self.front._scene_revision() != revision:
             raise QueryError(2, "pairs: the scene has changed since this answer; ask for pairs before changing it")
         return table

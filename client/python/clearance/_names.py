@@ -43,8 +43,9 @@ class NameTable:
         self.bodies: tuple[BodyInfo, ...] = tuple(bodies)
         self.groups = groups
         self.ids: dict[str, int] = {body.name: body.id for body in bodies}
-        self.selectors: dict[str, int] = {name: GROUP_BIT | index for index, name in enumerate(groups)}
-        self.selectors.update(self.ids)
+        self.selectors: dict[str, int] = dict(self.ids)
+        # A robot's name is that of a group and of a frame, which has no pairs.
+        self.selectors.update((name, GROUP_BIT | index) for index, name in enumerate(groups))
         self.selectors["*"] = EVERY_BODY
         self.movable = np.array([body.id for body in bodies if not body.is_static], dtype=np.uint32)
 

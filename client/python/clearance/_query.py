@@ -8,6 +8,7 @@ from typing import Any, Optional
 import numpy as np
 
 from ._arguments import to_bool, to_count, to_number, to_number_from_0, to_option, to_word
+from ._joints import JointTable
 from ._names import NameTable, has_selectors
 from ._poses import as_pose7
 from ._result import fields_mask, out_arrays
@@ -23,13 +24,14 @@ POINTS_BY_DEFAULT = 1 << 31
 class Query:
     """A query with every argument parsed: what is sent, and what is needed to shape the answer."""
 
-    __slots__ = ("raw", "reduce", "pairs", "selects", "bodies", "out", "timeout_s", "copy", "max_results")
+    __slots__ = ("raw", "reduce", "pairs", "selects", "bodies", "joints", "out", "timeout_s", "copy", "max_results")
 
     raw: Any  #: the extension module's Query
     reduce: int
     pairs: Optional[np.ndarray]
     selects: bool  #: some pair stands for more than one
     bodies: Optional[np.ndarray]
+    joints: Optional[np.ndarray]
     out: Optional[dict[str, np.ndarray]]
     timeout_s: Optional[float]
     copy: bool
@@ -55,25 +57,35 @@ class Parser:
     def _names(self) -> NameTable:
         raise NotImplementedError
 
+    @property
+    def _joint_table(self) -> JointTable:
+        raise NotImplementedError
+
     def _default_fields(self, query: Query, configurations: int) -> int:
         """Column bits where none are asked for: points and normal come if there are few rows."""
         raise NotImplementedError
 
     def _parse(  # type: ignore[no-untyped-def]  # the arguments of distances() are said once
         self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-        out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, **more,
+        out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
+        joints, positions, **more,
     ) -> Query:  # fmt: skip
         query = Query()
         query.pairs = None if pairs is None else self._names.pairs_array(pairs)
         query.selects = query.pairs is not None and has_selectors(query.pairs)
-        query.bodies = None
-        poses = None
+        query.bodies = query.joints = None
+        poses = rows = None
         count = 1
         if configurations is not None:
             poses, query.bodies = self._configurations(configurations, bodies)
             count = len(poses)
         elif bodies is not None:
             raise ValueError("bodies: only together with configurations")
+        if positions is not None or joints is not None:
+            rows, query.joints = self._joint_table.rows(positions, joints)
+            if poses is not None and len(poses) != len(rows):
+                raise ValueError(f"positions: expected K = {len(poses)} as in configurations, got shape {rows.shape}")
+            count = len(rows)
 
         query.reduce = to_word(reduce, REDUCTIONS, "reduce")
         format_word = to_word(format, FORMATS, "format")
@@ -84,7 +96,9 @@ class Parser:
             raise ValueError("copy: out= is a copy; expected copy=True")
         query.max_results = to_count(max_results, "max_results")
         mask = self._mask(query, fields, format_word, count)
-        raw = query.raw = self._module.Query(query.pairs, query.bodies, poses, bool(mask & POINTS_BY_DEFAULT))
+        raw = query.raw = self._module.Query(
+            query.pairs, query.bodies, poses, bool(mask & POINTS_BY_DEFAULT), query.joints, rows
+        )
         raw.max_distance = to_number(max_distance, "max_distance")
         raw.abs_tol = to_number(abs_tol, "abs_tol")
         raw.rel_tol = -1.0 if rel_tol is None else to_number_from_0(rel_tol, "rel_tol", " or None")

@@ -12,11 +12,22 @@ import numpy as np
 
 import clearance._engine as _engine
 
-from ._arguments import to_bool, to_floats, to_list, to_number, to_numbers, to_path, to_shape, to_text, to_word
-from ._errors import HullWarning, SceneError
+from ._arguments import (
+    to_bool,
+    to_floats,
+    to_items,
+    to_list,
+    to_number,
+    to_numbers,
+    to_path,
+    to_shape,
+    to_text,
+    to_word,
+)
+from ._errors import HullWarning, RobotWarning, SceneError
 from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose
-from ._words import CONVEXIFY, NONE, ConvexifyWord
+from ._words import CONVEXIFY, GEOMETRIES, NONE, ConvexifyWord, GeometryWord
 
 BodyRef = Union[str, int]
 
@@ -50,6 +61,19 @@ class Scene:
         scene._lock = threading.RLock()
         scene._scene = _engine.Scene.load(to_path(path, "path"), to_bool(allow_outside, "allow_outside"))
         _warn_of_hulls(scene._scene, 0)
+        _warn_of_robots(scene._scene, 0)
+        return scene
+
+    @classmethod
+    def load_urdf(cls, urdf: str | os.PathLike[str], name: Optional[str] = None, **options: Any) -> Scene:
+        """A scene of one robot, at the origin.
+
+        name: of the robot in the scene; None: the file's name without its ending ("panda" of "panda.urdf").
+        options: those of add_robot(), by name.
+        """
+        scene = cls()
+        path = to_path(urdf, "urdf")
+        scene.add_robot(os.path.splitext(os.path.basename(path))[0] if name is None else name, path, **options)
         return scene
 
     def add_hull(
@@ -239,6 +263,59 @@ class Scene:
             raise ValueError(f"radius: expected 0 for a cylinder, which does not grow, got {grown:g}")
         return self.add_cylinder(name, r, length, **rest)
 
+    def add_robot(
+        self,
+        name: str,
+        urdf: str | os.PathLike[str],
+        *,
+        srdf: Union[str, os.PathLike[str], None] = None,
+        packages: Optional[Mapping[str, str | os.PathLike[str]]] = None,
+        base: Any = None,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        geometry: GeometryWord = "collision",
+        home: Union[Mapping[str, float], str, None] = None,
+        padding: Union[float, Mapping[str, float]] = 0.0,
+    ) -> None:
+        """Adds a robot: a frame `name` that places it, and a body "name/LINK" for each of its links.
+
+        srdf: its groups become groups "name/GROUP", the pairs that it disables are left out. Without one, links that a
+            joint joins are. Pairs with no moving joint between them always are.
+        packages: {package: folder} for meshes named package://NAME/...; other meshes lie beside the URDF.
+        base: pose of the base, 7 numbers or (4, 4): in the world or, with a parent, in it; None: the identity.
+        static: the base never moves.
+        geometry: "collision" or "visual" shapes.
+        home: {joint: position} at load, radians and metres, or the name of a group state of the SRDF; joints that it
+            does not name are at 0. None: links have no pose until their joints have positions.
+        padding: metres that grow the links, one number or {link: metres}.
+
+        Raises SceneError naming file, line and element. Warns (RobotWarning) of what was left out of the SRDF, and
+        (HullWarning) of links that stand far out of their meshes.
+        """
+        folders = {} if packages is None else dict(to_items(packages, "packages", "a dict of folders by package"))
+        by_link = isinstance(padding, Mapping)
+        by_joint = home is not None and not isinstance(home, str)
+        with self._lock:
+            bodies = len(self._scene.bodies())
+            index = self._scene.add_robot(
+                to_text(name, "name"),
+                to_path(urdf, "urdf"),
+                "" if srdf is None else to_path(srdf, "srdf"),
+                {to_text(key, "packages"): to_path(folder, f"packages[{key!r}]") for key, folder in folders.items()},
+                None if base is None else as_one_pose(base, "base"),
+                "" if parent is None else self._body(parent, "parent").name,
+                to_bool(static, "static"),
+                bool(to_word(geometry, GEOMETRIES, "geometry")),
+                _numbers_by_name(home, "home", "positions by joint, or the name of a group state")
+                if by_joint
+                else None,
+                home if isinstance(home, str) else "",
+                0.0 if by_link else to_number(padding, "padding"),
+                _numbers_by_name(padding, "padding", "metres by link") if by_link else {},
+            )
+            _warn_of_hulls(self._scene, bodies)
+            _warn_of_robots(self._scene, index)
+
     def add_group(self, name: str, bodies: Sequence[str]) -> None:
         """Names a set of bodies."""
         members = to_list(bodies, "bodies", "a list of names")
@@ -352,6 +429,16 @@ def name_table(scene: Any, revision: int) -> NameTable:
     ]
     groups = {name: np.array(members, dtype=np.uint32) for name, members in scene.groups()}
     return NameTable(revision, bodies, groups)
+
+
+def _numbers_by_name(value: Any, what: str, expected: str) -> dict[str, float]:
+    items = to_items(value, what, f"a dict of {expected}")
+    return {to_text(key, what): to_number(number, f"{what}[{key!r}]") for key, number in items}
+
+
+def _warn_of_robots(scene: Any, first: int) -> None:
+    for text in scene.robot_warnings(first):
+        warnings.warn(text, RobotWarning, stacklevel=3)
 
 
 _NAMED_IN_WARNING = 5

@@ -38,6 +38,8 @@ class FrameType(enum.IntEnum):
     RELOAD = 9
     ADD_BODY = 10
     REMOVE_BODY = 11
+    SET_JOINTS = 12
+    GET_JOINTS = 13
     PONG = 0x81
     SCENE = 0x82
     REPLY = 0x83
@@ -46,7 +48,15 @@ class FrameType(enum.IntEnum):
     BODY_STATES = 0x87
     STATS = 0x88
     SCENE_CHANGED = 0x89
+    JOINTS = 0x8A
     ERROR = 0xFF
+
+
+class QueryRecord(enum.IntEnum):
+    """Records of a query that are arrays."""
+
+    JOINTS = 8  #: uint32 each: (J,) ids
+    POSITIONS = 9  #: float64 each: (K, J)
 
 
 class ErrorCode(enum.IntEnum):

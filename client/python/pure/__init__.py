@@ -48,10 +48,15 @@ class Query:
         bodies: Optional[np.ndarray],
         configurations: Optional[np.ndarray],
         points_by_default: bool,
+        joints: Optional[np.ndarray] = None,
+        positions: Optional[np.ndarray] = None,
     ):
         if configurations is not None and (bodies is None or configurations.shape[1] != len(bodies)):
             raise ValueError("configurations: expected one pose for each of bodies")
+        if positions is not None and (joints is None or positions.shape[1] != len(joints)):
+            raise ValueError("positions: expected one for each of joints")
         self.pairs, self.bodies, self.configurations = pairs, bodies, configurations
+        self.joints, self.positions = joints, positions
         self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
 
 
@@ -119,6 +124,14 @@ class Client:
         if len(ids) != len(poses):
             raise ValueError("poses: expected one pose for each body")
         return self._with(self._session.set_poses, ids, poses, stamp_ns, sequence)
+
+    def set_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
+        if len(ids) != len(positions):
+            raise ValueError("positions: expected one for each joint")
+        return self._with(self._session.set_joints, ids, positions, stamp_ns, sequence)
+
+    def joints(self) -> tuple:
+        return self._with(self._session.joints)
 
     def attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> tuple:
         return self._with(self._session.attach, child, parent, pose)

@@ -12,7 +12,7 @@ import numpy as np
 from .. import wire
 from .._errors import ConnectionError, NewEpoch, QueryError, TimeoutError
 from .._words import COLUMNS, GROUP_BIT, MAX_NAME_BYTES, NONE, Field, Reduce
-from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, ErrorCode, FrameType
+from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, ErrorCode, FrameType, QueryRecord
 from .connection import Connection, parse_error, refusal
 from .frames import Frame, header_bytes, malformed, name_of_type, record
 
@@ -127,10 +127,11 @@ class Session:
         is_query = type == FrameType.QUERY
         revision = self._revision_of_ids()
         pairs, bodies, poses = query.pairs, query.bodies, query.configurations
+        configurations = poses if poses is not None else query.positions
         header = wire.query_header(
             pair_count=0 if pairs is None else len(pairs),
             body_count=0 if bodies is None else len(bodies),
-            configuration_count=0 if poses is None else len(poses),
+            configuration_count=0 if configurations is None else len(configurations),
             all_pairs=pairs is None,
             **{name: asked[name] for name, row in self._options.items() if not row[0]},
         )
@@ -148,10 +149,15 @@ class Session:
             record(tag, struct.pack(_OPTION_FORMATS[kind], asked[name]))
             for name, (tag, kind, *_) in sorted(later.items(), key=lambda item: item[1][0])
         )
+        positions = query.positions if is_query else None
+        for tag, array in ((QueryRecord.JOINTS, query.joints), (QueryRecord.POSITIONS, positions)):
+            if array is not None:
+                records += record(tag, np.ascontiguousarray(array).tobytes())
         expected = self._expected_reply_bytes(header, pairs) if is_query else 0
         request_id = self._send(type, parts, revision, records, expected)
-        if later:
-            self._sent_in_records[request_id] = ", ".join(later)
+        if later or query.joints is not None:
+            names = [*later, *(["joints"] if query.joints is not None else [])]
+            self._sent_in_records[request_id] = ", ".join(names)
         return request_id
 
     def pairs(self, query: Any) -> np.ndarray:
@@ -316,6 +322,36 @@ class Session:
     def _poses_done(self, frame: Frame) -> tuple:
         done = self._whole(frame, "PosesResult")
         return tuple(int(done[n]) for n in ("revision", "scene_revision", "applied", "bad", "unknown", "fixed"))
+
+    def set_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
+        head = np.zeros((), wire._wire.PosesHeader)
+        head["count"], head["stamp_ns"], head["sequence"] = len(ids), stamp_ns, sequence
+        rows = np.zeros(len(ids), wire._wire.JointRecord)
+        rows["joint"], rows["position"] = ids, positions
+        return self._poses_done(self._call(FrameType.SET_JOINTS, [head, rows], "POSES_DONE", self._revision_of_ids()))
+
+    def joints(self) -> tuple:
+        """Joints as _joints.py has them, and groups."""
+        revision = self.look_at_scene(False).revision
+        frame = self._call(FrameType.GET_JOINTS, [], "JOINTS")
+        head = self._records(frame, 0, "JointsHeader", 1)[0]
+        self._scene_is_old |= int(head["scene_revision"]) != revision
+        at = head.nbytes
+        rows = self._records(frame, at, "JointStateRecord", int(head["joint_count"]))
+        groups = self._records(frame, at + rows.nbytes, "GroupRecord", int(head["group_count"]))
+        start, count = at + rows.nbytes + groups.nbytes, int(head["member_count"])
+        if len(frame.payload) != start + 4 * count:
+            raise malformed(self.connection.url, "joints of another size than their counts say")
+        members = np.frombuffer(frame.payload, np.uint32, count, start).tolist() if count else []
+        now = int(head["now_ns"])
+        joints = [
+            (_text(r["name"]), float(r["lower"]), float(r["upper"]), float(r["position"]), int(r["status"]))
+            + (bool(r["beyond_limits"]), int(r["stamp_ns"]), now - int(r["receipt_ns"]) if r["receipt_ns"] else -1)
+            for r in rows
+        ]
+        first = [int(g["first_member"]) for g in groups]
+        lists = [(_text(g["name"]), members[f : f + int(g["member_count"])]) for f, g in zip(first, groups)]
+        return joints, lists
 
     def attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> tuple:
         if pose is not None and len(pose) != 1:

@@ -1,0 +1,89 @@
+// The joints of the scene's robots: where they are, and setting them.
+#include <iostream>
+#include <memory>
+#include <set>
+
+#include "commands.h"
+
+namespace clearance::cli {
+namespace {
+
+struct Options {
+  Connection connection;
+  std::string group;
+  std::vector<std::string> positions;  // NAME=POSITION
+  Output output = Output::kTable;
+};
+
+const char* word(Status status) {
+  return status == Status::kOk ? "ok" : status == Status::kNoPose ? "none" : "bad";
+}
+
+std::uint32_t joint_of(const JointsInfo& info, const std::string& name) {
+  for (std::uint32_t j = 0; j < info.joints.size(); ++j)
+    if (info.joints[j].name == name) return j;
+  throw std::invalid_argument("--set: there is no joint \"" + name + "\"; `clearance joints` lists them");
+}
+
+void set(Client& client, const JointsInfo& info, const std::vector<std::string>& positions) {
+  std::vector<std::pair<std::uint32_t, double>> update;
+  for (const std::string& text : positions) {
+    const std::size_t equals = text.find('=');
+    const std::string number = equals == std::string::npos ? "" : text.substr(equals + 1);
+    std::size_t used = 0;
+    double position = 0;
+    try {
+      position = std::stod(number, &used);
+    } catch (const std::exception&) {
+    }
+    if (number.empty() || used != number.size())
+      throw std::invalid_argument("--set: expected JOINT=POSITION, radians or metres, got \"" + text + "\"");
+    update.emplace_back(joint_of(info, text.substr(0, equals)), position);
+  }
+  const PosesDone done = client.set_joints(update);
+  if (done.bad) throw RequestError(0, "a position cannot be used: it must be a number from -1e6 to 1e6");
+  std::cout << "pose revision " << done.revision << "\n";
+}
+
+void print(const JointsInfo& info, const std::string& group, Output output) {
+  std::set<std::uint32_t> wanted;
+  for (const JointGroupInfo& g : info.groups)
+    if (g.name == group) wanted.insert(g.joints.begin(), g.joints.end());
+  if (!group.empty() && wanted.empty()) {
+    std::string known;
+    for (const JointGroupInfo& g : info.groups) known += (known.empty() ? "" : ", ") + g.name;
+    throw std::invalid_argument("there is no robot or group of joints \"" + group +
+                                "\"; there are: " + (known.empty() ? "none" : known));
+  }
+  Table table({"id", "joint", "position", "status", "lower", "upper", "beyond_limits", "age_s"});
+  for (std::uint32_t j = 0; j < info.joints.size(); ++j) {
+    if (!group.empty() && !wanted.contains(j)) continue;
+    const JointInfo& joint = info.joints[j];
+    const bool known = joint.status == Status::kOk;
+    table.add({j, joint.name, known ? Cell(joint.position) : Cell(), word(joint.status), joint.lower, joint.upper,
+               joint.beyond_limits, joint.age_ns < 0 ? Cell() : Cell(1e-9 * static_cast<double>(joint.age_ns))});
+  }
+  table.print(std::cout, output);
+}
+
+void run(const Options& o) {
+  Client client = o.connection.open();
+  const JointsInfo info = client.joints();
+  if (o.positions.empty()) return print(info, o.group, o.output);
+  set(client, info, o.positions);
+}
+
+}  // namespace
+
+void add_joints(CLI::App& app) {
+  auto& command =
+      *app.add_subcommand("joints", "where the joints of the scene's robots are; with --set: put them there");
+  auto options = std::make_shared<Options>();
+  command.add_option("GROUP", options->group, "a robot, or a group of its joints; default: all");
+  command.add_option("--set", options->positions, "JOINT=POSITION, radians or metres; again for others, all at once");
+  add_connection_options(command, options->connection);
+  add_output_options(command, options->output);
+  command.callback([options] { run(*options); });
+}
+
+}  // namespace clearance::cli

@@ -1,0 +1,188 @@
+"""Robots in scenes, joint positions and queries in joint space: in process and through a daemon on every transport."""
+
+import pathlib
+import warnings
+
+import numpy as np
+import pytest
+
+import clearance
+from clearance import Flag, Status
+from conftest import Daemon
+from patience import PATIENCE_S
+from scenes import at, same_bits
+
+
+@pytest.fixture(scope="module")
+def urdf(root):
+    return str(root / "tests" / "robot" / "arm.urdf")
+
+
+def arm_scene(urdf, **options):
+    scene = clearance.Scene()
+    scene.add_box("table", [1, 1, 0.1], static=True, pose=at(0.5, 0, -0.1))
+    scene.add_sphere("cup", 0.05, pose=at(0.4, 0.3, 0.5))
+    scene.add_robot("arm", urdf, **{"home": {"joint4": -1.5}, **options})
+    return scene
+
+
+@pytest.fixture
+def engine(urdf):
+    return clearance.Engine(arm_scene(urdf), threads=1)
+
+
+@pytest.fixture(scope="module")
+def arm_daemon(urdf, tmp_path_factory, kinds):
+    folder = tmp_path_factory.mktemp("arm")
+    (folder / "arm.urdf").write_text(pathlib.Path(urdf).read_text())
+    (folder / "scene.yaml").write_text(
+        "bodies:\n  - {name: table, box: [1, 1, 0.1], static: true, pose: [0.5, 0, -0.1, 1, 0, 0, 0]}\n"
+        "  - {name: cup, sphere: 0.05, pose: [0.4, 0.3, 0.5, 1, 0, 0, 0]}\n"
+        "robots:\n  - {name: arm, urdf: arm.urdf, home: {joint4: -1.5}}\n"
+    )
+    daemon = Daemon(folder, folder / "scene.yaml", [kind for kind, why in kinds.items() if not why])
+    yield daemon
+    assert daemon.stop() == 0, daemon.log()
+
+
+def rows_of(arm, count, seed=1):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(arm.lower, arm.upper, (count, len(arm)))
+
+
+def test_joints_have_names_ids_and_limits(engine):
+    arm = engine.joints("arm")
+    assert len(arm) == 8 and arm.names[3] == "arm/joint4" and arm.ids.dtype == np.uint32
+    assert (arm.lower[3], arm.upper[3]) == (-3.07, -0.07)
+    two = engine.joints(["arm/joint3", 0])
+    assert two.names == ("arm/joint3", "arm/joint1") and list(two.ids) == [2, 0]
+    with pytest.raises(ValueError, match="group: no robot or group of joints is named 'amr'; did you mean 'arm'"):
+        engine.joints("amr")
+    with pytest.raises(ValueError, match=r"group\[1\]: no joint is named 'arm/joint9'"):
+        engine.joints(["arm/joint1", "arm/joint9"])
+    with pytest.raises(ValueError, match="'arm/joint1' is named twice"):
+        engine.joints(["arm/joint1", 0])
+
+
+def test_set_joints_moves_links_and_what_follows_them(engine):
+    engine.attach("cup", "arm/palm", at(0, 0, 0.2))
+    before = engine.body_states()[engine.body_id("cup")].pose
+    done = engine.set_joints({"arm/joint1": 0.7, 1: -0.3}, stamp_ns=5, sequence=2)
+    assert (done.applied, done.bad, done.unknown) == (2, 0, 0)
+    after = engine.body_states()[engine.body_id("cup")]
+    assert after.status == Status.OK and not np.allclose(after.pose, before)
+    states = engine.joint_states()
+    assert states[0].position == 0.7 and states[0].stamp_ns == 5 and states[0].age_ns >= 0
+    assert states[2].position == 0 and states[2].age_ns is None
+    row = np.linspace(-0.4, -0.1, 8)
+    engine.set_joints(row, joints="arm")
+    assert [state.position for state in engine.joint_states()] == list(row)
+    assert engine.joint_states()[7].beyond_limits and not engine.joint_states()[3].beyond_limits
+    assert engine.set_joints({0: np.nan}).bad == 1
+    assert engine.joint_states()[0].status == Status.BAD_POSE
+
+
+def test_a_query_of_positions_is_that_of_each_in_turn(engine, urdf):
+    arm = engine.joints("arm")
+    rows = rows_of(arm, 9)
+    fields = ("default", "points", "normal", "gradient", "flags")
+    answer = engine.distances(joints=arm, positions=rows, fields=fields)
+    other = clearance.Engine(arm_scene(urdf), threads=1)
+    pairs = answer.pairs
+    assert len(pairs) > 10 and answer.lower.shape == (9, len(pairs))
+    for k, row in enumerate(rows):
+        other.set_joints(row, joints=arm)
+        one = other.distances(pairs=pairs, fields=fields)
+        for name in ("lower", "upper", "status", "point_a", "normal", "gradient"):
+            assert np.array_equal(getattr(answer, name)[k], getattr(one, name)[0], equal_nan=True), name
+    nearest = engine.distances(joints="arm", positions=rows, reduce="min", fields=["lower", "upper", "pair"])
+    assert np.array_equal(nearest.upper, answer.upper.min(axis=1))
+    robot = engine.distances(pairs=("arm", "table"), joints=arm, positions=rows)
+    assert robot.pairs.shape[1] == 2 and set(robot.pairs[:, 0]) == {engine.body_id("table")}
+
+
+def test_bad_rows_are_statuses_and_limits_are_flags(engine):
+    rows = np.array([[0.1, -1.0], [np.nan, -1.0], [0.1, 0.5]])
+    answer = engine.distances(
+        joints=["arm/joint1", "arm/joint4"], positions=rows, pairs=("table", "arm/palm"), fields=["default", "flags"]
+    )
+    assert list(answer.status[:, 0]) == [Status.OK, Status.BAD_POSE, answer.status[2, 0]]
+    assert [bool(flags & Flag.BEYOND_LIMITS) for flags in answer.flags[:, 0]] == [False, False, True]
+
+
+WRONG = {
+    "joints: expected positions= as well": {"joints": "arm"},
+    "positions: expected joints= as well": {"positions": np.zeros((1, 8))},
+    r"positions: expected shape \(K, 8\), one column for each joint, got \(1, 7\)": {
+        "joints": "arm", "positions": np.zeros((1, 7))},
+    r"positions: expected shape \(K, 8\), one column for each joint, got \(8,\)": {
+        "joints": "arm", "positions": np.zeros(8)},
+    "positions: expected at least one row": {"joints": "arm", "positions": np.zeros((0, 8))},
+    r"joints: 'arm/joint1' is named twice": {"joints": [0, 0], "positions": np.zeros((1, 2))},
+    "joints: expected at least one": {"joints": [], "positions": np.zeros((1, 0))},
+    "positions: expected K = 2 as in configurations": {
+        "joints": "arm", "positions": np.zeros((3, 8)), "bodies": ["cup"],
+        "configurations": np.tile(at(0), (2, 1, 1)).astype(float)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_wrong_arguments_are_named(engine, text):
+    with pytest.raises(ValueError, match=text):
+        engine.distances(**WRONG[text])
+
+
+def test_publishing_a_links_pose_is_refused_with_a_reason(engine):
+    with pytest.raises(clearance.QueryError, match="'arm/fore' is a link that joints place"):
+        engine.set_poses({"arm/fore": at(0)})
+    engine.set_poses({"arm": at(0, 0, 1)})  # the base
+    assert engine.body_states()[engine.body_id("arm/base")].pose[2] == 1
+
+
+def test_a_scene_of_one_robot_and_its_warnings(tmp_path, urdf):
+    srdf = tmp_path / "arm.srdf"
+    srdf.write_text(
+        '<robot name="arm"><group name="upper"><joint name="joint1"/><joint name="joint2"/></group>'
+        '<group_state name="up" group="upper"><joint name="joint2" value="0.5"/></group_state>'
+        '<disable_collisions link1="base" link2="upper" reason="Adjacent"/>'
+        '<disable_collisions link1="base" link2="gone" reason="Never"/></robot>'
+    )
+    with pytest.warns(clearance.RobotWarning, match='arm.srdf:1: .*there is no link "gone"'):
+        scene = clearance.Scene.load_urdf(urdf, srdf=srdf)
+    assert "arm/upper" not in scene.groups and "arm" in scene.groups, "a link has that name"
+    engine = clearance.Engine(scene)
+    assert engine.joints("arm/upper").names == ("arm/joint1", "arm/joint2")
+    assert engine.joint_states()[0].status == Status.NO_POSE, "no home"
+    names = {engine.bodies[a].name + " " + engine.bodies[b].name for a, b in engine.pairs}
+    assert "arm/base arm/upper" not in names and "arm/upper arm/fore" in names
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", clearance.RobotWarning)
+        with pytest.raises(clearance.SceneError, match='"joint4" is not named, and 0 is beyond its limits'):
+            clearance.Scene.load_urdf(urdf, srdf=srdf, home="up")
+
+
+def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
+    with clearance.connect(arm_daemon.urls[kind], timeout_s=PATIENCE_S) as client:
+        arm = client.joints("arm")
+        assert arm.names == engine.joints("arm").names and np.array_equal(arm.upper, engine.joints("arm").upper)
+        start = {"arm/joint1": 0.2, "arm/joint4": -1.1}
+        for one in (client, engine):
+            assert one.set_joints(start).applied == 2
+        assert [s.position for s in client.joint_states()] == [s.position for s in engine.joint_states()]
+        rows = rows_of(arm, 40)
+        queries = [
+            {"joints": arm, "positions": rows},
+            {"joints": "arm", "positions": rows, "reduce": "min", "fields": ["default", "pair", "flags"]},
+            {"joints": ["arm/joint6", "arm/joint2"], "positions": rows[:, :2], "reduce": "within", "max_distance": 0.1},
+            {"joints": arm, "positions": rows, "bodies": ["cup"], "pairs": ("cup", "arm"),
+             "configurations": np.tile(at(0.1, 0.2, 0.3), (40, 1, 1)).astype(float)},
+        ]  # fmt: skip
+        for query in queries:
+            expected = engine.distances(**query)
+            assert same_bits(client.distances(**query), expected)
+            assert same_bits(client.submit(**query).result(), expected)
+            assert np.array_equal(client.distances(**query).pairs, expected.pairs)
+        with pytest.raises(clearance.QueryError, match="'arm/joint3' is named twice"):
+            client._send_joints(np.array([2, 2], np.uint32), np.zeros(2), 0, 0)
+        with pytest.raises(clearance.QueryError, match="'arm/fore' is a link that joints place"):
+            client.set_poses({"arm/fore": at(0)})

@@ -1,0 +1,190 @@
+// Robots through the daemon: joint positions in, queries in joint space, and what is refused.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "loop_fixture.h"
+
+namespace clearance {
+namespace {
+
+using wire::ErrorCode;
+using wire::FrameType;
+
+/// 0 table, 1 the arm's base, then its links.
+Scene arm_scene() {
+  Scene scene;
+  Scene::BodyOptions table = at(0.5, 0, -0.1);
+  table.is_static = true;
+  scene.add_box("table", {1, 1, 0.1}, table);
+  scene.add_robot("arm", {.urdf = CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf", .home = {{{"joint4", -1.5}}}});
+  return scene;
+}
+
+class JointsTest : public LoopTest {
+ protected:
+  static std::vector<std::byte> update(std::initializer_list<wire::JointRecord> joints, std::int64_t stamp_ns = 0,
+                                       std::uint64_t scene_revision = 0) {
+    wire::PosesHeader header;
+    header.count = joints.size();
+    header.stamp_ns = stamp_ns;
+    header.sequence = stamp_ns / 1000;
+    wire::FrameBuilder frame(wire::make_header(FrameType::kSetJoints, 1, 0, scene_revision));
+    frame.add(header);
+    for (const wire::JointRecord& joint : joints) frame.add(joint);
+    return frame.take();
+  }
+  wire::JointsParts joints() {
+    frame_ = ask(a_, simple_frame(FrameType::kGetJoints, 3));
+    EXPECT_EQ(frame_->type(), FrameType::kJoints);
+    return wire::parse_joints(frame_->payload());
+  }
+  static TestQuery joint_query() {
+    TestQuery query;
+    query.joints = {0, 3};
+    query.positions = {0.1, -1.0, 0.2, -1.2, 0.3, -0.5};
+    query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
+    return query;
+  }
+  std::unique_ptr<MemoryFrame> frame_;
+};
+
+TEST_F(JointsTest, PositionsAreSetInOneRevisionAndListed) {
+  start(arm_scene());
+  const std::uint64_t before = engine_->pose_revision();
+  const auto done = wire::parse_poses_done(
+      ask(a_, update({{0, 0, 0.5}, {4, 0, std::numeric_limits<double>::quiet_NaN()}, {99, 0, 1}}, 77000))->payload());
+  EXPECT_EQ(done.applied, 1u);
+  EXPECT_EQ(done.bad, 1u);
+  EXPECT_EQ(done.unknown, 1u);
+  EXPECT_EQ(done.revision, before + 1);
+  const auto parts = joints();
+  ASSERT_EQ(parts.joints.size(), 8u);
+  const wire::JointStateRecord first = parts.joints[0], bad = parts.joints[4];
+  EXPECT_EQ(wire::name_of(first.name), "arm/joint1");
+  EXPECT_EQ(first.position, 0.5);
+  EXPECT_EQ(first.lower, -2.9);
+  EXPECT_EQ(first.stamp_ns, 77000);
+  EXPECT_GT(first.receipt_ns, 0);
+  EXPECT_EQ(bad.status, static_cast<std::uint8_t>(Status::kBadPose));
+  ASSERT_EQ(parts.groups.size(), 1u);
+  EXPECT_EQ(wire::name_of(parts.groups[0].name), "arm");
+  EXPECT_EQ(parts.groups[0].member_count, 8u);
+}
+
+TEST_F(JointsTest, AnswersAreThoseOfTheEngine) {
+  start(arm_scene());
+  const TestQuery query = joint_query();
+  const Reply reply = ask(a_, query);
+  QueryView view;
+  view.joints = query.joints;
+  view.positions = query.positions;
+  view.configuration_count = 3;
+  view.reduce = Reduce::kMin;
+  double lower[3], upper[3];
+  ReplyView columns;
+  columns.lower = lower;
+  columns.upper = upper;
+  Job job = engine_->start(view, columns);
+  while (!job.advance()) {
+  }
+  ASSERT_EQ(reply.rows(), 3u);
+  EXPECT_EQ(reply.configurations(), 3u);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_EQ(reply.lower()[k], lower[k]);
+    EXPECT_EQ(reply.upper()[k], upper[k]);
+  }
+}
+
+TEST_F(JointsTest, ItsPairsAreThoseOfTheLinksThatMove) {
+  start(arm_scene());
+  TestQuery last;
+  last.joints = {6};
+  const auto frame = ask(a_, last.frame(1, FrameType::kPairs));
+  ASSERT_EQ(frame->type(), FrameType::kPairTable);
+  const auto table = wire::parse_pair_table(wire::split_payload(frame->header(), frame->payload()).body);
+  const std::uint32_t spin = engine_->scene().find_body("arm/spin");
+  ASSERT_GT(table.pairs.size(), 5u);
+  for (std::uint64_t i = 0; i < table.pairs.size(); ++i)
+    EXPECT_TRUE(table.pairs[i].a >= spin || table.pairs[i].b >= spin) << "only what follows joint7";
+}
+
+TEST_F(JointsTest, AQueryWaitsForTheStampOfALink) {
+  start(arm_scene());
+  TestQuery query = joint_query();
+  query.joints.clear();
+  query.positions.clear();
+  query.header.min_pose_stamp_ns = 5000;
+  query.header.pose_wait_ns = 10'000'000'000;
+  query.header.wait_for = engine_->scene().find_body("arm/palm");
+  ask(a_, update({{0, 0, 0.1}, {1, 0, 0.1}}, 1000));  // since then the palm has a stamp
+  transport_->send(a_, query.frame(9));
+  turn_until_idle();
+  EXPECT_TRUE(a_.replies.empty());
+  ask(b_, update({{0, 0, 0.2}}, 5000));
+  turn_until_idle();
+  EXPECT_TRUE(a_.replies.empty()) << "joint2 is as old as before";
+  ask(b_, update({{1, 0, 0.2}}, 6000));
+  turn_until_idle();
+  ASSERT_EQ(a_.replies.size(), 1u);
+  EXPECT_EQ(take(a_)->type(), FrameType::kReply);
+}
+
+TEST_F(JointsTest, WhatIsWrongIsRefusedAndNamed) {
+  start(arm_scene());
+  const auto refused = [&](std::vector<std::byte> frame, ErrorCode code, const std::string& text) {
+    const auto error = error_of(ask(a_, std::move(frame)));
+    EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(code));
+    EXPECT_EQ(error.text, text);
+  };
+  refused(update({{2, 0, 0.1}, {2, 0, 0.2}}), ErrorCode::kBadQuery, "joints: 'arm/joint3' is named twice");
+  const std::uint64_t revision = engine_->scene_revision();
+  refused(update({{2, 0, 0.1}}, 0, revision + 1), ErrorCode::kWrongScene,
+          "the request is for scene revision " + std::to_string(revision + 1) + ", the daemon's is " +
+              std::to_string(revision) + ": fetch the scene again");
+  ask(a_, update({{2, 0, 0.1}}, 5000));
+  refused(update({{2, 0, 0.1}}, 4000), ErrorCode::kBadQuery,
+          "stamp_ns: 4000 is older than 5000, the last from this publisher for 'arm/joint3'");
+  TestQuery query = joint_query();
+  query.joints = {0, 0};
+  refused(query.frame(1), ErrorCode::kBadQuery, "joints[1]: 'arm/joint1' is named twice");
+  query.joints = {0, 12};
+  refused(query.frame(1), ErrorCode::kBadQuery, "joints[1]: unknown joint 12; the scene has 8");
+  query = joint_query();
+  query.positions.pop_back();
+  refused(query.frame(1), ErrorCode::kBadQuery,
+          "query: positions (record 9) has 5 numbers, expected 2 configurations of 2 joints");
+  query.positions.clear();
+  refused(query.frame(1), ErrorCode::kBadQuery, "query: 2 joints, and no configurations of them");
+  query = joint_query();
+  query.header.configuration_count = 3;
+  query.joints.clear();
+  query.positions = {1};
+  const std::byte odd[3] = {};
+  TestQuery cut;
+  wire::append_record(cut.records, 8, wire::kRecordRequired, odd);
+  refused(cut.frame(1), ErrorCode::kBadFrame, "query: joints (record 8) has 3 bytes, expected a multiple of 4");
+  wire::PoseRecord link;
+  link.body = engine_->scene().find_body("arm/fore");
+  link.pose[3] = 1;
+  wire::PosesHeader header;
+  header.count = 1;
+  refused(wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0)).add(header).add(link).take(),
+          ErrorCode::kBadQuery,
+          "poses: 'arm/fore' is a link that joints place: set these, or the pose of its robot's base");
+}
+
+TEST_F(JointsTest, AnAttachmentLeavesJointIdsWhatTheyAre) {
+  Scene scene = arm_scene();
+  scene.add_sphere("cup", 0.05, at(1, 1, 1));
+  const std::uint32_t cup = scene.find_body("cup");
+  start(std::move(scene));
+  const std::uint64_t revision = engine_->scene_revision();
+  const Pose held{{0, 0, 0.1}};
+  engine_->attach(cup, engine_->scene().find_body("arm/palm"), &held);
+  ASSERT_NE(engine_->scene_revision(), revision);
+  EXPECT_EQ(ask(a_, update({{2, 0, 0.1}}, 0, revision))->type(), FrameType::kPosesDone);
+}
+
+}  // namespace
+}  // namespace clearance
