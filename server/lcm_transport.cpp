@@ -144,13 +144,15 @@ class LcmTransport final : public Transport {
     if (!decode(packet, asked) || !is_named("joint_query_t", asked.query)) return;
     const query_t& query = asked.query;
     if (query.configuration_count != 0 && query.configuration_count != asked.row_count)
-      return refuse(query, wire::ErrorCode::kBadQuery, std::to_string(query.configuration_count) + " configurations of bodies and " +
-                               std::to_string(asked.row_count) + " of joints: expected as many, or none of bodies");
+      return refuse(query, wire::ErrorCode::kBadQuery,
+                    std::to_string(query.configuration_count) + " configurations of bodies and " +
+                        std::to_string(asked.row_count) + " of joints: expected as many, or none of bodies");
     std::vector<std::uint32_t> joints;
     for (const std::string& name : asked.joints) {
       joints.push_back(inbox_->engine().scene().find_joint(name));
       if (joints.back() == kNone)
-        return refuse(query, wire::ErrorCode::kBadQuery, "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
+        return refuse(query, wire::ErrorCode::kBadQuery,
+                      "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
     }
     hand_in(query, [&] { return query_frame_of(asked, joints); });
   }

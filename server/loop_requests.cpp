@@ -156,7 +156,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
     case FrameType::kGetJoints:
       is_empty();
       if (engine_->scene().joints().size() <= kFewBodies) return reply(FrameType::kJoints, joints_payload(*engine_));
-      return reply_elsewhere(header, 0, FrameType::kJoints, [e = engine_] { return joints_payload(*e); }, sink);
+      return reply_elsewhere(header, 0, FrameType::kJoints, [e = engine_](auto) { return joints_payload(*e); }, sink);
     case FrameType::kSetPoses:
     case FrameType::kSetJoints:
       if (waits) return set_poses_elsewhere(header, own_copy(payload), payload.size(), sink);

@@ -116,6 +116,23 @@ std::string check_named_pose_update(std::span<const std::byte> packet) {
   return walk.end();
 }
 
+std::string check_joint_update(std::span<const std::byte> packet) {
+  Walk walk(packet, "joint_update_t", clearance_lcm::joint_update_t::getHash());
+  walk.skip(4 * 8, "its ids and stamps");
+  const std::uint64_t count = walk.count(4 + 8, "count");
+  walk.skip(count * (4 + 8), "positions");
+  return walk.end();
+}
+
+std::string check_named_joint_update(std::span<const std::byte> packet) {
+  Walk walk(packet, "named_joint_update_t", clearance_lcm::named_joint_update_t::getHash());
+  walk.skip(3 * 8, "its ids and stamps");
+  const std::uint64_t count = walk.count(5 + 8, "count");
+  for (std::uint64_t i = 0; i < count && walk.good(); ++i) walk.string(kMaxNameBytes, "a name");
+  walk.skip(count * 8, "positions");
+  return walk.end();
+}
+
 std::string check_query(std::span<const std::byte> packet) {
   Walk walk(packet, "query_t", clearance_lcm::query_t::getHash());
   walk_query(walk);
@@ -126,6 +143,17 @@ std::string check_query2(std::span<const std::byte> packet) {
   Walk walk(packet, "query2_t", clearance_lcm::query2_t::getHash());
   walk_query(walk);
   walk.skip(2 * 8 + 1 + 4 + 8 + 1, "what it waits for");
+  return walk.end();
+}
+
+std::string check_joint_query(std::span<const std::byte> packet) {
+  Walk walk(packet, "joint_query_t", clearance_lcm::joint_query_t::getHash());
+  walk_query(walk);
+  const std::uint64_t joints = walk.count(5, "joint_count");
+  for (std::uint64_t i = 0; i < joints && walk.good(); ++i) walk.string(kMaxNameBytes, "a joint");
+  const std::uint64_t rows = walk.count(joints * 8, "row_count");
+  if (joints == 0 && rows > 0) walk.fail("rows without joints");
+  walk.skip(rows * joints * 8, "positions");
   return walk.end();
 }
 

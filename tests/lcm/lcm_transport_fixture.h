@@ -66,8 +66,8 @@ struct Answer {
 
 class LcmTransportTest : public LcmTest {
  protected:
-  void start(const std::string& options = "", const LcmPoses& poses = {}) {
-    engine_.emplace(make_scene(), Engine::Options{.threads = 1});
+  void start(const std::string& options = "", const LcmPoses& poses = {}, Scene scene = make_scene()) {
+    engine_.emplace(std::move(scene), Engine::Options{.threads = 1});
     loop_.emplace(*engine_);
     loop_->add(make_lcm_transport(url(options), "", poses));
     bus_.emplace(address_);
@@ -132,10 +132,15 @@ class LcmTransportTest : public LcmTest {
   }
   /// The whole answer; asks again if a part was lost on the way.
   std::optional<reply_t> ask(query_t query) {
+    return ask(query, [&] { return bus_->publish_message("CLEARANCE_QUERY", query); });
+  }
+  /// \param publish sends what holds the query.
+  template <class Publish>
+  std::optional<reply_t> ask(query_t& query, Publish publish) {
     for (int attempt = 0; attempt < 10; ++attempt) {
       query.request_id = ++last_request_;
       answers_.clear();
-      if (!bus_->publish_message("CLEARANCE_QUERY", query)) return std::nullopt;
+      if (!publish()) return std::nullopt;
       const auto whole = [&]() -> const Answer* {
         for (const auto& [sequence, answer] : answers_) {
           if (answer.whole.request_id == query.request_id &&

@@ -6,6 +6,8 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
+#include <iterator>
 #include <set>
 #include <sstream>
 #include <thread>
@@ -104,6 +106,30 @@ TEST_F(LcmDaemonTest, PlannersTakeNoAnswerOfOtherPosesThanTheirs) {
     EXPECT_EQ(planner.err.find("lcm_planner: the daemon refused: no poses with stamp "), 0u) << planner.err;
     EXPECT_NE(planner.err.find(" or newer came within 200.000000 ms"), std::string::npos) << planner.err;
   }
+}
+
+TEST_F(LcmDaemonTest, PlannerInJointSpace) {
+  std::ifstream urdf(CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf");
+  folder_.write("arm.urdf", {std::istreambuf_iterator<char>(urdf), {}});
+  const std::string scene = folder_.write("arm.yaml",
+                                          "bodies: [{name: table, box: [1, 1, 0.1], static: true}]\n"
+                                          "robots: [{name: arm, urdf: arm.urdf, home: {joint4: -1.5}}]\n");
+  Daemon daemon({"--scene", scene, "--lcm", url()});
+  const Finished planner = run({CLEARANCE_PYTHON, kExamples + "lcm_joint_planner.py", "--url", url(), "--joint",
+                                "arm/joint2=0,1.7", "--joint", "arm/joint4=-1.5,-0.1", "--steps", "40"},
+                               kPythonPath);
+  ASSERT_EQ(planner.code, 0) << planner.out << planner.err;
+  const auto lines = table_of(planner.out);
+  ASSERT_EQ(lines.size(), 40u) << planner.out;
+  for (int k = 0; k < 40; ++k) {
+    EXPECT_EQ(lines[k].configuration, k);
+    EXPECT_LE(lines[k].lower, lines[k].upper);
+    EXPECT_TRUE(lines[k].status == "ok" || lines[k].status == "overlap") << lines[k].status;
+  }
+  const Finished wrong = run(
+      {CLEARANCE_PYTHON, kExamples + "lcm_joint_planner.py", "--url", url(), "--joint", "arm/joint9=0,1"}, kPythonPath);
+  EXPECT_EQ(wrong.code, 1);
+  EXPECT_NE(wrong.err.find("joints[0]: there is no joint 'arm/joint9'"), std::string::npos) << wrong.err;
 }
 
 TEST_F(LcmDaemonTest, ManyConfigurationsOverLcmAlone) {
