@@ -206,7 +206,7 @@ class ParallelJob : public Job::State {
     const std::vector<std::uint8_t> is_old = bits_along_links(robot, old);
     for (const std::uint32_t link : motion.links()) {
       const std::uint32_t on = snapshot.parent[robot.bodies[link]];
-      stale_[robot.bodies[link]] = is_old[link] || (snapshot.receipt_of_chain(on) != 0 && stale_[on]);
+      stale_[robot.bodies[link]] = is_old[link] || stale_[on];
     }
     std::vector<std::uint8_t> on_old(stale_.size(), 0);
     for (const std::uint32_t b : plan_.moved) {  // those, and what follows them
