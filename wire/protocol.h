@@ -50,8 +50,8 @@ enum class FrameType : std::uint16_t {
   kReload = 9,       ///< no payload; answered by kSceneChanged once the daemon has loaded its scene anew
   kAddBody = 10,     ///< payload NewBodyRecord, vertices; answered by kSceneChanged once the body is in
   kRemoveBody = 11,  ///< payload RemoveBodyRecord; answered by kSceneChanged
-  kSetJoints = 12,   ///< payload PosesHeader, JointRecord each; answered by kPosesDone
-  kGetJoints = 13,   ///< no payload; answered by kJoints
+  kSetJoints = 13,   ///< payload PosesHeader, JointRecord each; answered by kPosesDone
+  kGetJoints = 14,   ///< no payload; answered by kJoints
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,

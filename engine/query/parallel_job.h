@@ -186,9 +186,10 @@ class ParallelJob : public Job::State {
       const std::int64_t receipt = snapshot.receipt_of_chain(b);
       stale_[b] = !scene().bodies()[b].is_static && (receipt == 0 || receipt < oldest_allowed);
     }
-    if (plan_.query.configuration_count > 0)
+    if (plan_.query.configuration_count > 0) {
       for (const std::uint32_t b : plan_.moved) stale_[b] = 0;  // the query itself says where they are
-    for (const LinkMotion& motion : plan_.motions) find_stale_links(motion, oldest_allowed);
+      for (const LinkMotion& motion : plan_.motions) find_stale_links(motion, oldest_allowed);
+    }
     options_.stale = stale_;
     if (plan_.query.stale_status) take_stale_for_none();
   }

@@ -136,7 +136,6 @@ Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<con
   plan.query.positions = {};
   if (with_configurations) {
     check_count("configurations", "poses", query.configurations.size(), query.configuration_count, query.bodies.size());
-    if (query.configuration_count == 0 && !query.joints.empty()) refuse("joints without positions");
     check_count("positions", "numbers", query.positions.size(), query.configuration_count, query.joints.size());
     plan.configurations = query.configurations;
     plan.positions = query.positions;

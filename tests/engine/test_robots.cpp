@@ -270,7 +270,7 @@ TEST(JointQuery, WhatIsWrongWithItIsSaid) {
   EXPECT_EQ(text(two, 2, 3), "positions: expected 4 numbers (2 x 2), got 3");
   EXPECT_EQ(text(twice, 1, 2), "joints[1]: 'arm/joint1' is named twice");
   EXPECT_EQ(text(unknown, 1, 2), "joints[1]: unknown joint 77; the scene has 8");
-  EXPECT_EQ(text(two, 0, 0), "joints without positions");
+  EXPECT_EQ(text(two, 0, 2), "positions: expected 0 numbers (0 x 2), got 2");
   QueryView frame;
   const BodyPair pair[] = {{0, scene.find_body("arm")}};
   frame.pairs = pair;

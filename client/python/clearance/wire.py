@@ -38,8 +38,8 @@ class FrameType(enum.IntEnum):
     RELOAD = 9
     ADD_BODY = 10
     REMOVE_BODY = 11
-    SET_JOINTS = 12
-    GET_JOINTS = 13
+    SET_JOINTS = 13
+    GET_JOINTS = 14
     PONG = 0x81
     SCENE = 0x82
     REPLY = 0x83
