@@ -57,6 +57,7 @@ Rights right_for(wire::FrameType request) {
       return kMayQuery;
     case wire::FrameType::kSetPoses:
     case wire::FrameType::kAttach:
+    case wire::FrameType::kAllow:
     case wire::FrameType::kAddBody:
     case wire::FrameType::kRemoveBody:
       return kMayPose;

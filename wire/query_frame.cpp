@@ -42,6 +42,27 @@ void check_query_header(const QueryHeader& q) {
   expect_zero(q.reserved, "query");
 }
 
+/// A record that is an array of T.
+template <class T>
+Records<T> read_array(const RecordView& record, const char* name) {
+  if (record.bytes.size() % sizeof(T))
+    bad_frame("query: " + std::string(name) + " (record " + str(record.tag) + ") has " + str(record.bytes.size()) +
+              " bytes, no multiple of " + str(sizeof(T)));
+  return Records<T>(record.bytes.data(), record.bytes.size() / sizeof(T));
+}
+
+bool take_array(const RecordView& record, QueryParts& parts) {
+  switch (static_cast<QueryRecord>(record.tag)) {
+    case QueryRecord::kMargins:
+      parts.margins = read_array<MarginEntry>(record, "margins");
+      return true;
+    case QueryRecord::kPairMargins:
+      parts.pair_margins = read_array<double>(record, "pair_margins");
+      return true;
+  }
+  return false;
+}
+
 QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts) {
   const QueryHeader& header = parts.header;
   QueryOptions options;
@@ -52,7 +73,7 @@ QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts)
     }
   });
   parts.epoch = read_records("query", records, parts.passed_over, [&](const RecordView& record) {
-    bool known = false;
+    bool known = take_array(record, parts);
     for_each_query_option([&](const QueryOption& option, auto member) {
       using T = std::remove_reference_t<decltype(member(options))>;
       if (option.tag == 0 || option.tag != record.tag) return;

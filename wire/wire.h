@@ -146,6 +146,8 @@ struct QueryParts {
   Records<PairRecord> pairs;                    ///< (P,)
   Records<std::uint32_t> bodies;                ///< (M,)
   Records<ConfigurationRecord> configurations;  ///< (K, M); empty in kPairs
+  Records<MarginEntry> margins;                 ///< of pairs of selectors; not looked at
+  Records<double> pair_margins;                 ///< one of each pair; not looked at
 };
 
 /// Bytes of a query's payload. Throws WireError (kTooLarge) if a frame cannot be so large.
@@ -185,7 +187,14 @@ struct PosesParts {
   Records<PoseRecord> poses;
 };
 PosesParts parse_poses(std::span<const std::byte> payload);
-AttachRecord parse_attach(std::span<const std::byte> payload);
+struct AttachParts {
+  AttachRecord record;
+  std::vector<std::uint32_t> allow;  ///< selectors
+  PassedOver passed_over;
+  std::uint64_t epoch = 0;  ///< as QueryParts::epoch
+};
+AttachParts parse_attach(std::span<const std::byte> payload, std::span<const std::byte> records = {});
+AllowRecord parse_allow(std::span<const std::byte> payload);
 PosesResult parse_poses_done(std::span<const std::byte> payload);
 
 struct SceneParts {

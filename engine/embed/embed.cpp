@@ -53,6 +53,8 @@ QueryView view_of(const Query& query) {
   view.configurations = {reinterpret_cast<const Pose*>(query.configurations.data()), query.configurations.size()};
   if (!query.bodies.empty())
     view.configuration_count = static_cast<std::uint32_t>(query.configurations.size() / query.bodies.size());
+  view.margins = query.margins;
+  view.pair_margins = query.pair_margins;
   view.warm_slot = query.warm ? 1 : 0;
   return view;
 }
@@ -254,9 +256,20 @@ PosesSet Engine::set_poses(std::initializer_list<std::pair<std::string_view, Pos
   for (const auto& [name, X] : poses) by_id.emplace_back(body(name), X);
   return set_poses(by_id, stamp_ns);
 }
-void Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child) {
+void Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child,
+                    std::span<const std::uint32_t> allow) {
   const Pose X_pc = X_parent_child ? pose_of(*X_parent_child) : Pose();
-  translated([&] { return impl_->engine.attach(child, parent, X_parent_child ? &X_pc : nullptr); });
+  translated([&] { return impl_->engine.attach(child, parent, X_parent_child ? &X_pc : nullptr, allow); });
+}
+std::uint32_t Engine::allow(std::uint32_t a, std::uint32_t b) {
+  return translated([&] { return impl_->engine.allow(a, b, true); }).applied;
+}
+std::uint32_t Engine::forbid(std::uint32_t a, std::uint32_t b) {
+  return translated([&] { return impl_->engine.allow(a, b, false); }).applied;
+}
+
+Check Engine::check(const Query& query) const {
+  return check_of(distances(as_check(query)));
 }
 
 Answer Engine::distances(const Query& query) const {

@@ -30,6 +30,11 @@ CLEARANCE_HD inline double lower_with_box(double lower, double gap) {
   return gap > 0 && gap > lower && lower > -__builtin_inf() ? gap : lower;
 }
 
+/// The status of a pair that is proved to be within a margin: lower and upper are its bounds, upper <= margin.
+CLEARANCE_HD inline Status decided_status(double lower, double upper) {
+  return upper <= 0 ? Status::kOverlap : lower > 0 ? Status::kOk : Status::kContact;
+}
+
 /// The answer for a group without pairs: farther than anything.
 CLEARANCE_HD inline PairAnswer empty_answer() {
   const double infinite = __builtin_inf();

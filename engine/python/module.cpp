@@ -87,6 +87,7 @@ QueryView view_of(const Query& q) {
                            q.configurations->shape(0) * q.configurations->shape(1)};
   }
   copy_options(q, view);
+  copy_margins(q, view);
   view.warm_slot = q.warm ? 1 : 0;
   return view;
 }
@@ -223,7 +224,8 @@ class PyEngine {
     return done(result);
   }
 
-  nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose) const {
+  nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose,
+                   const BodiesArray& allow) const {
     Pose X_pc;
     if (pose) {
       if (pose->shape(0) != 1) throw nb::value_error("pose: expected one pose");
@@ -232,7 +234,16 @@ class PyEngine {
     PoseUpdateResult result;
     {
       nb::gil_scoped_release release;
-      result = use().attach(child, parent, pose ? &X_pc : nullptr);
+      result = use().attach(child, parent, pose ? &X_pc : nullptr, {allow.data(), allow.shape(0)});
+    }
+    return done(result);
+  }
+
+  nb::tuple allow(std::uint32_t a, std::uint32_t b, bool allow) const {
+    PoseUpdateResult result;
+    {
+      nb::gil_scoped_release release;
+      result = use().allow(a, b, allow);
     }
     return done(result);
   }
@@ -303,7 +314,8 @@ NB_MODULE(_engine, m) {
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
-      .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
+      .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none(), nb::arg("allow"))
+      .def("allow", &PyEngine::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"))
       .def("body_states", &PyEngine::body_states)
       .def("stats", [](const PyEngine& e) { return e.use().stats(); });
 }

@@ -39,22 +39,25 @@ double box_gap(const Scene& scene, const Placement& placement, BodyPair pair) {
 namespace {
 
 // The flags of a pair's bodies, and its answer if that needs no look at the pieces.
-bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyPair pair,
-                           const EvaluateOptions& options, PairAnswer& answer) {
+bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options,
+                           PairAnswer& answer) {
+  const BodyPair pair = bodies.pair;
+  const Placement& placement = *bodies.placement;
   if (pair.a >= scene.bodies().size() || pair.b >= scene.bodies().size()) {
     answer = no_answer(Status::kUnknownBody);
     return true;
   }
   const std::uint16_t flags = options.want_flags ? pose_flags(placement, pair, options.stale) : 0;
   return answer_without_pieces(
-      placement[pair.a].status, placement[pair.b].status, flags, options.cull, options.limits.max_distance,
+      placement[pair.a].status, placement[pair.b].status, flags, options.cull, bodies.max_distance,
       [&] { return box_gap(scene, placement, pair); }, answer);
 }
 
 // \param answer holds the flags of the bodies; the rest is written here.
 void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options, const BodiesAnswer& found,
             PairAnswer& answer) {
-  const NarrowLimits& limits = options.limits;
+  NarrowLimits limits = options.limits;
+  limits.max_distance = bodies.max_distance;
   const auto& [best, lower, piece_a, piece_b] = found;
   const Body &a = scene.bodies()[bodies.pair.a], &b = scene.bodies()[bodies.pair.b];
   const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
@@ -89,13 +92,16 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
 }
 
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
-void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane,
+void take_lane(const EvaluateOptions& options, double max_distance, const PieceTask& task, const LaneAnswer& lane,
                const LaneWitness& witness, const Slack& slack, PairAnswer& answer) {
   assert(lane.settled && lane.lower <= lane.upper);
-  if (slack.any())
-    decide(options.limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
-  else
-    decide_apart(options.limits.max_distance, lane.lower, lane.upper, true, answer);
+  if (slack.any()) {
+    NarrowLimits limits = options.limits;
+    limits.max_distance = max_distance;
+    decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
+  } else {
+    decide_apart(max_distance, lane.lower, lane.upper, true, answer);
+  }
   if (!options.want_points) return;
   const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
   answer.piece_a = answer.piece_b = 0;
@@ -135,8 +141,8 @@ bool Evaluator::advance(WorkMeter& meter) {
         meter,
         [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
           if (is_single(task))
-            take_lane(options_, task, lane, witness, pair_slack(*pairs_[task.id].placement, pairs_[task.id].pair),
-                      answers_[task.id]);
+            take_lane(options_, pairs_[task.id].max_distance, task, lane, witness,
+                      pair_slack(*pairs_[task.id].placement, pairs_[task.id].pair), answers_[task.id]);
           else
             found_[task.id] = batch_.settled_answer(task, lane, witness);
         },
@@ -150,7 +156,7 @@ bool Evaluator::advance(WorkMeter& meter) {
     in_round_ = false;
     std::size_t taken = 0;
     for (Search& s : searches_) {
-      take_round(s, std::span(found_).subspan(taken, s.asked));
+      take_round(s, enough(pairs_[s.index], s.slack), std::span(found_).subspan(taken, s.asked));
       taken += s.asked;
     }
     assert(taken == found_.size());
@@ -183,14 +189,14 @@ void Evaluator::take_in(WorkMeter& meter) {
   piece_pairs_.clear();
   for (; next_ < pairs_.size() && piece_pairs_.size() < kMostPiecePairs; ++next_) {
     const auto i = static_cast<std::uint32_t>(next_);
-    const auto& [pair, placement, warm] = pairs_[i];
-    if (answer_without_pieces(scene_, *placement, pair, options_, answers_[i])) continue;
+    const auto& [pair, placement, max_distance, warm] = pairs_[i];
+    if (answer_without_pieces(scene_, pairs_[i], options_, answers_[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
     if (a.size() == 1 && b.size() == 1) {
       const Slack slack = pair_slack(*placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
-                        slack.cut_off(options_.limits.max_distance), i, warm, slack.outer});
+                        slack.cut_off(max_distance), i, warm, slack.outer, enough(pairs_[i], slack)});
     } else {
       if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs_));
       begin_search(pairs_[i], i, meter);
@@ -228,7 +234,7 @@ void Evaluator::sort_ahead(Search& search) {
 bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t singles) {
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
   PieceSearch& state = search.state;
-  const double user = search.slack.cut_off(options_.limits.max_distance),
+  const double user = search.slack.cut_off(bodies.max_distance),
                cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
   sort_ahead(search);
@@ -237,13 +243,14 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
     if (!options_.reference && !state.asks(p.gap, cut_off)) break;
     tasks_.push_back({a.pieces[p.a].get(), b.pieces[p.b].get(), &(*bodies.placement)[bodies.pair.a].pose,
                       &(*bodies.placement)[bodies.pair.b].pose, cut_off,
-                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, search.slack.outer});
+                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, search.slack.outer,
+                      enough(bodies, search.slack)});
   }
   if (search.asked == 0 && search.next < search.end) state.leave_out(piece_pairs_[search.next].gap);
   return search.asked > 0;
 }
 
-void Evaluator::take_round(Search& search, std::span<const NarrowAnswer> answers) {
+void Evaluator::take_round(Search& search, double enough, std::span<const NarrowAnswer> answers) {
   assert(search.next + answers.size() <= search.end);
   PieceSearch& state = search.state;
   for (const NarrowAnswer& answer : answers) {
@@ -259,7 +266,11 @@ void Evaluator::take_round(Search& search, std::span<const NarrowAnswer> answers
       search.found.piece_b = p.b;
     }
     if (!options_.limits.signed_distance && search.slack.true_upper(state.upper) <= 0)
-      search.next = search.end;  // overlapping: that is all
+      search.next = search.end;                                                      // overlapping: that is all
+    if (!options_.reference && state.upper <= enough && search.next < search.end) {  // near enough: the same
+      state.leave_out(p.gap);
+      search.next = search.end;
+    }
     if (search.next == search.end) return;
   }
   state.round *= 2;

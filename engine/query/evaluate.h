@@ -17,6 +17,7 @@ namespace clearance {
 struct EvaluateOptions : NarrowOptions {
   bool cull = false;  ///< compare bounding boxes with max_distance first
   bool want_flags = false;
+  bool decides = false;                 ///< whether a pair is within its max_distance is all that is asked
   std::span<const std::uint8_t> stale;  ///< of each body
 };
 
@@ -31,6 +32,7 @@ struct BodiesAnswer {
 struct PlacedBodies {
   BodyPair pair;
   const Placement* placement;
+  double max_distance;          ///< instead of the limits'
   WarmSimplex* warm = nullptr;  ///< of a pair of single pieces; null: cold
 };
 
@@ -70,7 +72,10 @@ class Evaluator {
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
   void sort_ahead(Search& search);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
-  void take_round(Search& search, std::span<const NarrowAnswer> answers);
+  double enough(const PlacedBodies& bodies, const Slack& slack) const {
+    return options_.decides ? slack.near_enough(bodies.max_distance) : -std::numeric_limits<double>::infinity();
+  }
+  void take_round(Search& search, double enough, std::span<const NarrowAnswer> answers);
 
   const Scene& scene_;
   EvaluateOptions options_;

@@ -72,6 +72,8 @@ Extent SceneBulk::of(const QueryView& query, const PoseSnapshot& snapshot) const
     extent.pairs = std::min(extent.pairs, snapshot.pairs->size());
     extent.listed = query.bodies.empty() ? 0 : extent.pairs;
   }
+  for (const MarginEntry& entry : query.margins)
+    extent.listed = plus(extent.listed, plus(side(entry.a).bodies, side(entry.b).bodies));
   const std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
   return {times(extent.pairs, configurations), times(extent.piece_pairs, configurations),
           times(extent.units, configurations), extent.listed};

@@ -144,7 +144,7 @@ class DenseJob final : public ParallelJob {
     room.places.clear();
     assert(begin + pairs.size() <= plan_.size.pairs && first + placed.size() <= plan_.size.configurations);
     const auto ask = [&](std::size_t i, std::size_t k) {
-      room.asked.push_back({pairs[i], &placed[k], warm(first + k, begin + i)});
+      room.asked.push_back({pairs[i], &placed[k], plan_.query.max_distance, warm(first + k, begin + i)});
       room.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
     };
     if (culls_.empty()) {

@@ -1,6 +1,7 @@
 #include "engine/query/reduction.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cassert>
 #include <cmath>
 
@@ -55,14 +56,14 @@ void Reduction::begin() {
     w.evaluated = 0;
   }
   incomplete_.assign(groups_, 0);
-  // Within a distance every pair stands alone: its cut-off is known. So it is for the oracle, which leaves nothing out.
-  const bool no_seeds = within() || options_.reference;
-  cutoff_.assign(groups_, options_.reference ? kInf : plan_.query.max_distance);
+  // The oracle leaves nothing out.
+  cutoff_.assign(groups_, options_.reference ? kInf : any() ? plan_.margins.most() : plan_.query.max_distance);
   seeds_.clear();
   seed_answers_.clear();
   candidates_.clear();
   candidate_pairs_.clear();
-  stage_ = no_seeds ? kScan : kSeedScan;
+  decided_by_ = kNobody;
+  stage_ = stands_alone() ? kScan : kSeedScan;
 }
 
 std::uint64_t Reduction::evaluated() const {
@@ -137,25 +138,30 @@ bool Reduction::answer(std::uint64_t unit, WorkerState& w, const Placement& plac
     w.asked.clear();
     for (std::uint64_t i = w.first; i < next(); ++i) {
       pairs[i] = plan_.pairs.at(positions[i]);
-      w.asked.push_back({pairs[i], &placement});
+      w.asked.push_back({pairs[i], &placement, cut_off(positions[i])});
     }
     w.evaluator.begin(w.asked, found());
   };
+  const std::atomic_ref<std::uint64_t> decided_by(decided_by_);
   if (w.step == 0) {
+    if (decided_by.load(std::memory_order_relaxed) < unit) return true;
     w.first = begin;
-    w.step = stops_at_overlap() ? kAtFirst : kEvaluate;
+    w.step = stops_early() ? kAtFirst : kEvaluate;
     ask();
   }
   while (true) {
     if (!w.evaluator.advance(meter)) return false;
     w.evaluated += next() - w.first;
-    const auto overlaps = [](const PairAnswer& a) { return a.status == Status::kOverlap; };
-    const std::span<PairAnswer> last = found();
-    w.first = next();
-    if (stops_at_overlap() && std::any_of(last.begin(), last.end(), overlaps))
-      for (; w.first < end; ++w.first) {
-        pairs[w.first] = plan_.pairs.at(positions[w.first]);
-        answers[w.first] = beyond_answer(0);  // no nearer than the one found, and behind it
+    bool decided = false;
+    for (const std::uint64_t last = next(); w.first < last; ++w.first)
+      decided |= stops_early() && decides(positions[w.first], answers[w.first]);
+    for (; decided && w.first < end; ++w.first) {
+      pairs[w.first] = plan_.pairs.at(positions[w.first]);
+      answers[w.first] = beyond_answer(0);  // no nearer than the one found, and behind it
+    }
+    if (decided && any())  // of a minimum units behind may hold seeds' rivals, and each stops for itself
+      for (std::uint64_t first = decided_by.load(std::memory_order_relaxed);
+           unit < first && !decided_by.compare_exchange_weak(first, unit, std::memory_order_relaxed);) {
       }
     w.step *= 2;
     if (w.first == end) break;
@@ -190,10 +196,11 @@ void Reduction::scan(std::uint64_t block, WorkerState& worker, const Placement& 
   for (std::uint64_t i = 0; i < count; ++i) {
     bool wanted = false;
     if (gap[i] == kInf && is_unusable(scene_, placement, pairs[i])) {
-      wanted = within() || options_.reference;
+      wanted = stands_alone();
       for_groups(pairs[i], [&](std::uint32_t g) { worker.incomplete[g] = 1; });
     } else {
       for_groups(pairs[i], [&](std::uint32_t g) { wanted |= gap[i] <= cutoff_[g]; });
+      if (any() && !options_.reference) wanted = wanted && gap[i] <= plan_.margins.of(begin + i);
     }
     if (wanted) worker.candidates.push_back(begin + i);
   }
@@ -233,7 +240,7 @@ void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) c
     for (std::uint64_t i = 0; i < plan_.pairs.size(); ++i)
       if (is_unusable(scene_, placement, plan_.pairs.list()[i])) {
         worker.incomplete[0] = 1;
-        if (within()) worker.candidates.push_back(i);
+        if (stands_alone()) worker.candidates.push_back(i);
       }
     return;
   }
@@ -241,10 +248,8 @@ void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) c
     return near_pairs_.position(a, b) != NearPairs::kNowhere;
   };
   for (const std::uint32_t bad : unplaced) {
-    if (!within()) {
-      worker.incomplete[per_body() ? bad : 0] |= near_pairs_.first_position(bad) != NearPairs::kNowhere;
-      continue;
-    }
+    worker.incomplete[per_body() ? bad : 0] |= near_pairs_.first_position(bad) != NearPairs::kNowhere;
+    if (!stands_alone()) continue;
     for (std::uint32_t b = 0; b < n; ++b)
       if (asked(bad, b) && (b > bad || placement[b].status == Status::kOk))
         worker.candidates.push_back(near_pairs_.position(bad, b));
@@ -306,19 +311,62 @@ void Reduction::end_stage() {
   }
 }
 
+Row Reduction::row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration,
+                      const Placement& placement) const {
+  Row row{pair, configuration, answer, {}, {}, pair};
+  if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
+  if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
+  return row;
+}
+
+// What Reduce::kAny says: of the first pair within its margin; else of the first that is proved neither farther nor
+// within; else of the first without usable poses, of which nothing is proved; else of all pairs together.
+Row Reduction::decision(std::uint32_t configuration, const Placement& placement) const {
+  const std::size_t none = candidates_.size();
+  std::size_t open = none, unusable = none;
+  for (std::size_t i = 0; i < none; ++i) {
+    const PairAnswer& answer = candidate_answers_[i];
+    if (decides(candidates_[i], answer)) {
+      Row row = row_of(candidate_pairs_[i], answer, configuration, placement);
+      row.answer.status = decided_status(answer.lower, answer.upper);
+      row.answer.flags |= incomplete_[0] ? kFlagIncomplete : 0;
+      return row;
+    }
+    if (std::isnan(answer.distance))
+      unusable = std::min(unusable, i);
+    else if (answer.status != Status::kBeyond)
+      open = std::min(open, i);
+  }
+  if (const std::size_t i = std::min(open == none ? unusable : open, none); i < none) {
+    Row row = row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement);
+    if (i == open) row.answer.status = Status::kUnconverged;
+    row.answer.flags |= incomplete_[0] ? kFlagIncomplete : 0;
+    return row;
+  }
+  // Pairs that boxes alone answer leave no bound behind, but for that they are farther than their margins.
+  PairAnswer beyond =
+      plan_.pairs.size() == 0 ? empty_answer() : beyond_answer(std::nextafter(plan_.margins.least(), kInf));
+  if (is_any_stale()) beyond.flags |= kFlagStale;
+  return row_of({kNone, kNone}, beyond, configuration, placement);
+}
+
+// Whether a pose that a pair rests on may be too old: of all pairs one with any old pose will do.
+bool Reduction::is_any_stale() const {
+  const std::span<const std::uint8_t> stale = options_.stale;
+  if (!options_.want_flags || std::find(stale.begin(), stale.end(), 1) == stale.end()) return false;
+  if (plan_.pairs.is_whole_table()) return true;
+  const auto is_stale = [&](BodyPair p) { return stale[p.a] || stale[p.b]; };
+  return std::any_of(plan_.pairs.list().begin(), plan_.pairs.list().end(), is_stale);
+}
+
 std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
   assert(stage_ == kDone);
-  const auto row_of = [&](BodyPair pair, const PairAnswer& answer) {
-    Row row{pair, configuration, answer, {}, {}, pair};
-    if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
-    if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
-    return row;
-  };
+  if (any()) return {decision(configuration, placement)};
   std::vector<Row> rows;
   if (within()) {
     for (std::size_t i = 0; i < candidates_.size(); ++i)
       if (candidate_answers_[i].status != Status::kBeyond)
-        rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i]));
+        rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement));
     return rows;
   }
   struct Candidates {
@@ -354,10 +402,11 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
     const PairAnswer* answer = group.winner ? group.winner : group.first_unusable;
     if (!answer) {
       const auto body = static_cast<std::uint32_t>(g);
-      rows.push_back(row_of({per_body() ? body : kNone, kNone}, empty_answer()));
+      rows.push_back(row_of({per_body() ? body : kNone, kNone}, empty_answer(), configuration, placement));
       continue;
     }
-    Row row = row_of(plan_.pairs.at(group.winner ? group.best.place : group.unusable.place), *answer);
+    Row row = row_of(plan_.pairs.at(group.winner ? group.best.place : group.unusable.place), *answer, configuration,
+                     placement);
     if (group.lower_place != Standing::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
     widen_to_group(row.answer, group.lower, options_.limits.max_distance, options_.limits.abs_tol,
                    options_.limits.rel_tol);

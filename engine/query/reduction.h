@@ -17,7 +17,8 @@ namespace clearance {
 /// the pairs of a body, or all); then every pair whose boxes are not farther than the upper bound found so. A pair left
 /// out has lower > that upper bound, so that it can neither win nor lower the interval (see lower_with_box()): a result
 /// depends neither on order nor on which of the far pairs are left out. Of all pairs the first that overlaps wins where
-/// no depth is asked for: pairs behind it are left out as well.
+/// no depth is asked for: pairs behind it are left out as well. Reduce::kAny has its cut-offs beforehand and needs no
+/// seeds; there the first pair within its margin ends it.
 class Reduction {
  public:
   enum Stage { kSeedScan, kSeeds, kScan, kCandidates, kDone };
@@ -67,9 +68,17 @@ class Reduction {
   };
   bool per_body() const { return plan_.query.reduce == Reduce::kNearest; }
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
-  /// Whether pairs behind one that overlaps neither win nor lower the interval.
-  bool stops_at_overlap() const {
-    return plan_.query.reduce == Reduce::kMin && !options_.limits.signed_distance && !options_.reference;
+  bool any() const { return plan_.query.reduce == Reduce::kAny; }
+  /// Whether every pair's cut-off is known beforehand: nothing has to be found before the scan.
+  bool stands_alone() const { return within() || any() || options_.reference; }
+  double cut_off(std::uint64_t position) const { return any() ? plan_.margins.of(position) : plan_.query.max_distance; }
+  /// Whether pairs behind one that decides the configuration neither win nor lower the interval: one that overlaps, or
+  /// is within its margin.
+  bool stops_early() const {
+    return (plan_.query.reduce == Reduce::kMin || any()) && !options_.limits.signed_distance && !options_.reference;
+  }
+  bool decides(std::uint64_t position, const PairAnswer& answer) const {
+    return any() ? answer.upper <= plan_.margins.of(position) : answer.status == Status::kOverlap;
   }
   template <class Visit>
   void for_groups(BodyPair pair, Visit visit) const;
@@ -80,7 +89,11 @@ class Reduction {
   void seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
   void scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const;
   void scan_unplaced(WorkerState& worker, const Placement& placement) const;
+  Row row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration, const Placement& placement) const;
+  Row decision(std::uint32_t configuration, const Placement& placement) const;
+  bool is_any_stale() const;
 
+  static constexpr std::uint64_t kNobody = ~std::uint64_t{0};
   const Scene& scene_;
   const Plan& plan_;
   EvaluateOptions options_;
@@ -88,6 +101,7 @@ class Reduction {
   const NearPairs& near_pairs_;
   bool have_boxes_, by_tree_;
   Stage stage_ = kDone;
+  std::uint64_t decided_by_ = kNobody;  // the first unit that has decided the stage; others write it meanwhile
   std::vector<WorkerState> workers_;
   std::vector<std::uint8_t> incomplete_;
   std::vector<double> cutoff_;                     // of each group

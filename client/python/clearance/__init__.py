@@ -33,7 +33,7 @@ from ._front import BodyState, PosesDone, Prepared, SceneChanged
 from ._future import Future
 from ._names import BodyInfo
 from ._poses import pose7_from_matrix
-from ._result import Result
+from ._result import Check, Result
 from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, Status
 
@@ -65,6 +65,7 @@ __all__ = [
     "QueryError",
     "Reduce",
     "RequestError",
+    "Check",
     "Result",
     "Scene",
     "SceneChanged",

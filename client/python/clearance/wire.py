@@ -38,6 +38,7 @@ class FrameType(enum.IntEnum):
     RELOAD = 9
     ADD_BODY = 10
     REMOVE_BODY = 11
+    ALLOW = 12
     PONG = 0x81
     SCENE = 0x82
     REPLY = 0x83

@@ -52,7 +52,15 @@ class Query:
         if configurations is not None and (bodies is None or configurations.shape[1] != len(bodies)):
             raise ValueError("configurations: expected one pose for each of bodies")
         self.pairs, self.bodies, self.configurations = pairs, bodies, configurations
+        self.margins: Optional[np.ndarray] = None
+        self.pair_margins: Optional[np.ndarray] = None
         self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
+
+    def set_margins(self, rows: np.ndarray) -> None:
+        self.margins = rows
+
+    def set_pair_margins(self, each: np.ndarray) -> None:
+        self.pair_margins = each
 
 
 class Client:
@@ -120,8 +128,11 @@ class Client:
             raise ValueError("poses: expected one pose for each body")
         return self._with(self._session.set_poses, ids, poses, stamp_ns, sequence)
 
-    def attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> tuple:
-        return self._with(self._session.attach, child, parent, pose)
+    def attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> tuple:
+        return self._with(self._session.attach, child, parent, pose, allow)
+
+    def allow(self, a: int, b: int, allow: bool) -> tuple:
+        return self._with(self._session.allow, a, b, allow)
 
     def reload(self, timeout_s: float) -> tuple:
         return self._with(self._session.reload, timeout_s)
