@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "engine/narrow/group.h"
 #include "engine/narrow/witness.h"
 
 namespace clearance {
@@ -92,16 +93,16 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
 }
 
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
-void take_lane(const EvaluateOptions& options, double max_distance, const PieceTask& task, const LaneAnswer& lane,
-               const LaneWitness& witness, const Slack& slack, PairAnswer& answer) {
+void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane,
+               const LaneWitness& witness, const PlacedBodies& bodies, PairAnswer& answer) {
   assert(lane.settled && lane.lower <= lane.upper);
-  if (slack.any()) {
-    NarrowLimits limits = options.limits;
-    limits.max_distance = max_distance;
+  const Slack slack = pair_slack(*bodies.placement, bodies.pair);
+  NarrowLimits limits = options.limits;
+  limits.max_distance = bodies.max_distance;
+  if (slack.any())
     decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
-  } else {
-    decide_apart(max_distance, lane.lower, lane.upper, true, answer);
-  }
+  else
+    decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
   const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
   answer.piece_a = answer.piece_b = 0;
@@ -141,8 +142,7 @@ bool Evaluator::advance(WorkMeter& meter) {
         meter,
         [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
           if (is_single(task))
-            take_lane(options_, pairs_[task.id].max_distance, task, lane, witness,
-                      pair_slack(*pairs_[task.id].placement, pairs_[task.id].pair), answers_[task.id]);
+            take_lane(options_, task, lane, witness, pairs_[task.id], answers_[task.id]);
           else
             found_[task.id] = batch_.settled_answer(task, lane, witness);
         },
@@ -205,17 +205,50 @@ void Evaluator::take_in(WorkMeter& meter) {
   singles_ = tasks_.size();
 }
 
+// Of the piece pairs beyond the cut-off only the nearest may be asked: if no other is as near.
 void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter) {
   const std::size_t begin = piece_pairs_.size();
   const std::span<const Aabb> boxes_a = boxes_.at(*bodies.placement, bodies.pair.a),
                               boxes_b = boxes_.at(*bodies.placement, bodies.pair.b);
+  const Slack slack = pair_slack(*bodies.placement, bodies.pair);
+  const double cut_off = options_.reference ? kInf : slack.cut_off(bodies.max_distance);
+  PiecePair far{kInf, kNone, kNone};  // the nearest beyond it
+  double left = kInf;                 // the gap of the next one
   for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
-    for (std::uint32_t j = 0; j < boxes_b.size(); ++j)
-      piece_pairs_.push_back({certify_box_gap(boxes_a[i], boxes_b[j]), i, j});
-  meter.count((piece_pairs_.size() - begin) / kBoxesPerUnit);
-  searches_.push_back(
-      {index, begin, piece_pairs_.size(), begin, 0, pair_slack(*bodies.placement, bodies.pair), {}, {}});
-  if (options_.reference) searches_.back().state.round = piece_pairs_.size() - begin;  // all at once
+    for (std::uint32_t j = 0; j < boxes_b.size(); ++j) {
+      const PiecePair p{certify_box_gap(boxes_a[i], boxes_b[j]), i, j};
+      if (!(p.gap > cut_off)) {
+        piece_pairs_.push_back(p);
+      } else if (goes_before(p, far)) {
+        left = far.gap;
+        far = p;
+      } else {
+        left = std::min(left, p.gap);
+      }
+    }
+  meter.count(boxes_a.size() * boxes_b.size() / kBoxesPerUnit);
+  if (piece_pairs_.size() > begin) {
+    left = far.gap;
+  } else if (drops(far.gap, bodies)) {
+    PairAnswer& answer = answers_[index];
+    const std::uint16_t flags = answer.flags;
+    answer = beyond_answer(slack.true_lower(far.gap));
+    answer.flags = flags;
+    return;
+  } else {
+    piece_pairs_.push_back(far);
+  }
+  searches_.push_back({index, begin, piece_pairs_.size(), begin, 0, slack, {}, {}});
+  PieceSearch& state = searches_.back().state;
+  state.lower = left;
+  if (options_.reference) state.round = piece_pairs_.size() - begin;  // all at once
+}
+
+// Whether no more need be known of a pair than that its boxes are so far apart.
+bool Evaluator::drops(double gap, const PlacedBodies& bodies) const {
+  const NarrowLimits& asked = options_.limits;
+  return (options_.drops_beyond || bodies.max_distance < asked.max_distance) &&
+         gap > loser_beyond(pair_slack(*bodies.placement, bodies.pair).cut_off(bodies.max_distance), asked);
 }
 
 // Brings the piece pairs of the next round into their order. Of the others it is enough that they come later: most

@@ -15,7 +15,8 @@ namespace clearance {
 
 /// What is asked of every pair of a query.
 struct EvaluateOptions : NarrowOptions {
-  bool cull = false;  ///< compare bounding boxes with max_distance first
+  bool cull = false;          ///< compare bounding boxes with max_distance first
+  bool drops_beyond = false;  ///< of pairs beyond max_distance nobody wants to know how far
   bool want_flags = false;
   bool decides = false;                 ///< whether a pair is within its max_distance is all that is asked
   std::span<const std::uint8_t> stale;  ///< of each body
@@ -70,6 +71,7 @@ class Evaluator {
   bool begin_round(WorkMeter& meter);
   void take_in(WorkMeter& meter);
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
+  bool drops(double gap, const PlacedBodies& bodies) const;
   void sort_ahead(Search& search);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
   double enough(const PlacedBodies& bodies, const Slack& slack) const {

@@ -46,6 +46,7 @@ class ParallelJob : public Job::State {
     options_.limits.rel_tol = q.rel_tol;
     options_.limits.signed_distance = q.signed_distance;
     options_.decides = q.reduce == Reduce::kAny;
+    options_.drops_beyond = q.reduce == Reduce::kWithin && !context.reference;
     options_.reference = context.reference;
     options_.lanes = context.lanes;
     options_.contradictions = context.contradictions;

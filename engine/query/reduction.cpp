@@ -16,7 +16,8 @@ constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
 constexpr std::uint64_t kProbes = 64;     // bodies whose pairs one unit looks for in a tree
 constexpr std::uint64_t kTreeBlocks = 8;  // ... or blocks of such
 constexpr std::uint64_t kEvaluate = 256;  // pairs that one unit answers
-constexpr std::uint64_t kAtFirst = 8;  // of them, where the first that overlaps ends it; then twice as many, and so on
+// Of them, where the first that overlaps ends it; then twice as many, and so on.
+constexpr std::uint64_t kAtFirst = 8, kAtFirstOfMany = 2;  // the latter of each of many configurations
 
 // What takes one thread a tenth of a millisecond or more.
 constexpr std::uint64_t kManyProbes = 512, kManyPairs = 65536, kManyAnswers = 1024;
@@ -58,6 +59,8 @@ void Reduction::begin() {
   incomplete_.assign(groups_, 0);
   // The oracle leaves nothing out.
   cutoff_.assign(groups_, options_.reference ? kInf : any() ? plan_.margins.most() : plan_.query.max_distance);
+  gaps_ = {};
+  candidate_gaps_.clear();
   seeds_.clear();
   seed_answers_.clear();
   candidates_.clear();
@@ -111,11 +114,11 @@ bool Reduction::run(std::uint64_t unit, int worker, const Placement& placement, 
   switch (stage_) {
     case kSeedScan:
       meter.count(kUnitsPerScan);
-      by_tree_ ? seed_scan_by_tree(unit, w, placement) : seed_scan(unit, w, placement);
+      by_tree_ ? seed_scan_by_tree(unit, w, placement) : scan_block(unit, w, placement);
       return true;
     case kScan:
       meter.count(kUnitsPerScan);
-      by_tree_ ? scan_by_tree(unit, w, placement) : scan(unit, w, placement);
+      by_tree_ ? scan_by_tree(unit, w, placement) : scan_block(unit, w, placement);
       return true;
     case kSeeds:
     case kCandidates:
@@ -128,48 +131,109 @@ bool Reduction::run(std::uint64_t unit, int worker, const Placement& placement, 
 
 // The exact answers of a unit's pairs.
 bool Reduction::answer(std::uint64_t unit, WorkerState& w, const Placement& placement, WorkMeter& meter) {
-  const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
-  auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
-  auto& answers = stage_ == kSeeds ? seed_answers_ : candidate_answers_;
-  const std::uint64_t begin = unit * kEvaluate, end = std::min<std::uint64_t>(positions.size(), begin + kEvaluate);
-  const auto next = [&] { return std::min(end, w.first + w.step); };
-  const auto found = [&] { return std::span(answers).subspan(w.first, next() - w.first); };
-  const auto ask = [&] {
+  const auto begin_next = [&] {
     w.asked.clear();
-    for (std::uint64_t i = w.first; i < next(); ++i) {
-      pairs[i] = plan_.pairs.at(positions[i]);
-      w.asked.push_back({pairs[i], &placement, cut_off(positions[i])});
-    }
-    w.evaluator.begin(w.asked, found());
+    ask(w, placement, w.asked);
+    w.evaluator.begin(w.asked, std::span(answers()).subspan(w.first, w.asked.size()));
   };
   const std::atomic_ref<std::uint64_t> decided_by(decided_by_);
   if (w.step == 0) {
     if (decided_by.load(std::memory_order_relaxed) < unit) return true;
-    w.first = begin;
-    w.step = stops_early() ? kAtFirst : kEvaluate;
-    ask();
+    begin_answers(unit * kEvaluate, (unit + 1) * kEvaluate, kAtFirst, w);
+    begin_next();
   }
   while (true) {
     if (!w.evaluator.advance(meter)) return false;
-    w.evaluated += next() - w.first;
-    bool decided = false;
-    for (const std::uint64_t last = next(); w.first < last; ++w.first)
-      decided |= stops_early() && decides(positions[w.first], answers[w.first]);
-    for (; decided && w.first < end; ++w.first) {
-      pairs[w.first] = plan_.pairs.at(positions[w.first]);
-      answers[w.first] = beyond_answer(0);  // no nearer than the one found, and behind it
-    }
-    if (decided && any())  // of a minimum units behind may hold seeds' rivals, and each stops for itself
+    if (take(w) && any())  // of a minimum units behind may hold seeds' rivals, and each stops for itself
       for (std::uint64_t first = decided_by.load(std::memory_order_relaxed);
            unit < first && !decided_by.compare_exchange_weak(first, unit, std::memory_order_relaxed);) {
       }
-    w.step *= 2;
-    if (w.first == end) break;
-    ask();
+    if (w.first == w.end) break;
+    begin_next();
     if (meter.is_over()) return false;
   }
   w.step = 0;
   return true;
+}
+
+void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint64_t at_first, WorkerState& w) const {
+  w.first = begin;
+  w.end = std::min<std::uint64_t>(end, stage_ == kSeeds ? seeds_.size() : candidates_.size());
+  w.step = stops_early() ? at_first : kEvaluate;
+  w.cut_off = stage_ == kCandidates && stops_at_overlap() ? cutoff_[0] : kInf;
+}
+
+// What comes next: as many as a step has.
+void Reduction::ask(WorkerState& w, const Placement& placement, std::vector<PlacedBodies>& asked) {
+  const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
+  auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
+  const double far = loser_beyond(w.cut_off, options_.limits);
+  if (!candidate_gaps_.empty()) leave_out_far(w, far);
+  for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
+    pairs[i] = plan_.pairs.at(positions[i]);
+    asked.push_back({pairs[i], &placement, std::min(cut_off(positions[i]), far)});
+  }
+}
+
+// The nearest first: the sooner others can be left out. Pairs that overlap keep their order, and those behind the first
+// of them have boxes that are apart, or come later in the query.
+void Reduction::sort_candidates(const Placement& placement) {
+  std::vector<Seed>& order = workers_[0].order;
+  order.clear();
+  for (const std::uint64_t p : candidates_)
+    order.push_back({gaps_.empty() ? box_gap(scene_, placement, plan_.pairs.at(p)) : gaps_[p], p});
+  std::sort(order.begin(), order.end());
+  for (std::size_t i = 0; i < order.size(); ++i) candidates_[i] = order[i].position;
+  candidate_gaps_.clear();
+  for (const Seed& s : order) candidate_gaps_.push_back(s.gap);
+}
+
+// Candidates whose boxes are farther apart can neither win nor lower the interval. They come last.
+void Reduction::leave_out_far(WorkerState& w, double far) {
+  assert(stage_ == kCandidates && w.end == candidates_.size());
+  while (w.end > w.first && candidate_gaps_[w.end - 1] > far) --w.end;
+  candidates_.resize(w.end);
+  candidate_pairs_.resize(w.end);
+  candidate_answers_.resize(w.end);
+}
+
+// The answers to what was asked last are there. True: one of them decides.
+bool Reduction::take(WorkerState& w) {
+  const std::uint64_t next = std::min(w.end, w.first + w.step);
+  w.evaluated += next - w.first;
+  const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
+  bool decided = false;
+  for (; w.first < next; ++w.first) {
+    const PairAnswer& answer = answers()[w.first];
+    decided |= stops_early() && decides(positions[w.first], answer);
+    if (stops_at_overlap()) w.cut_off = std::min(w.cut_off, answer.upper);
+  }
+  for (; decided && w.first < w.end; ++w.first) {
+    (stage_ == kSeeds ? seed_pairs_ : candidate_pairs_)[w.first] = plan_.pairs.at(positions[w.first]);
+    answers()[w.first] = beyond_answer(0);  // no nearer than the one found, and behind it
+  }
+  w.step *= 2;
+  return decided;
+}
+
+bool Reduction::ask(const Placement& placement, std::vector<PlacedBodies>& asked) {
+  assert(stage_ == kSeeds || stage_ == kCandidates);
+  WorkerState& w = workers_[0];
+  if (w.step == 0) {
+    if (stage_ == kCandidates && stops_at_overlap()) sort_candidates(placement);
+    begin_answers(0, ~std::uint64_t{0}, kAtFirstOfMany, w);
+  }
+  const std::size_t before = asked.size();
+  ask(w, placement, asked);
+  if (asked.size() > before) return true;
+  w.step = 0;
+  return false;
+}
+
+void Reduction::take(std::span<const PairAnswer> found) {
+  WorkerState& w = workers_[0];
+  std::copy(found.begin(), found.end(), answers().begin() + static_cast<std::ptrdiff_t>(w.first));
+  take(w);
 }
 
 // box_gap() of each.
@@ -181,29 +245,49 @@ std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerS
   return worker.gaps;
 }
 
-void Reduction::seed_scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+void Reduction::scan_block(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
   const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
   const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
-  const std::span<const double> gap = gaps(pairs, worker, placement);
-  for (std::uint64_t i = 0; i < count; ++i)
-    for_groups(pairs[i], [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i}); });
+  offer(begin, pairs, gaps(pairs, worker, placement), worker, placement);
 }
 
-void Reduction::scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
-  const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
-  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
-  const std::span<const double> gap = gaps(pairs, worker, placement);
-  for (std::uint64_t i = 0; i < count; ++i) {
-    bool wanted = false;
-    if (gap[i] == kInf && is_unusable(scene_, placement, pairs[i])) {
-      wanted = stands_alone();
-      for_groups(pairs[i], [&](std::uint32_t g) { worker.incomplete[g] = 1; });
-    } else {
-      for_groups(pairs[i], [&](std::uint32_t g) { wanted |= gap[i] <= cutoff_[g]; });
-      if (any() && !options_.reference) wanted = wanted && gap[i] <= plan_.margins.of(begin + i);
-    }
-    if (wanted) worker.candidates.push_back(begin + i);
+void Reduction::scan(std::span<const double> gaps, const Placement& placement) {
+  assert(gaps.size() == plan_.pairs.size());
+  WorkerState& w = workers_[0];
+  gaps_ = gaps;
+  if (per_body()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.room), gaps, w, placement);
+  if (stage_ == kSeedScan) {
+    const auto least = std::min_element(gaps.begin(), gaps.end());
+    if (least != gaps.end()) w.seed[0] = {*least, static_cast<std::uint64_t>(least - gaps.begin())};
+    return;
   }
+  w.near.resize(gaps.size());
+  const std::size_t count = gaps_within(gaps.data(), gaps.size(), cutoff_[0], w.near.data());
+  for (std::size_t i = 0; i < count; ++i) offer(w.near[i], plan_.pairs.at(w.near[i]), gaps[w.near[i]], w, placement);
+}
+
+void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std::span<const double> gap,
+                      WorkerState& worker, const Placement& placement) const {
+  if (stage_ == kSeedScan) {
+    for (std::uint64_t i = 0; i < pairs.size(); ++i)
+      for_groups(pairs[i],
+                 [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i}); });
+  } else {
+    for (std::uint64_t i = 0; i < pairs.size(); ++i) offer(begin + i, pairs[i], gap[i], worker, placement);
+  }
+}
+
+void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerState& worker,
+                      const Placement& placement) const {
+  bool wanted = false;
+  if (gap == kInf && is_unusable(scene_, placement, pair)) {
+    wanted = stands_alone();
+    for_groups(pair, [&](std::uint32_t g) { worker.incomplete[g] = 1; });
+  } else {
+    for_groups(pair, [&](std::uint32_t g) { wanted |= gap <= cutoff_[g]; });
+    if (any() && !options_.reference) wanted = wanted && gap <= plan_.margins.of(position);
+  }
+  if (wanted) worker.candidates.push_back(position);
 }
 
 void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
