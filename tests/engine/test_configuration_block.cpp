@@ -37,6 +37,16 @@ struct Moves {
   QueryView query() const { return query(0, count); }
 };
 
+/// The same bodies, of which not everything is known.
+Scene doubted(const Scene& known) {
+  Scene scene;
+  for (Body body : known.bodies()) {
+    body.uncertainty = {0.01, 0.1};
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
 /// An answer from a row on; its configurations are not compared.
 Answer rows_from(const Answer& answer, std::uint64_t row) {
   Answer rest;
@@ -57,10 +67,11 @@ std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) 
 // What boxes of pieces leave out changes nothing: neither of pairs that are near, nor of which these are.
 TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
   const Moves moves({0, 3, 7, 13}, 60, 1.5, 1);
-  const Engine engine(decomposed_scene(30, 1.5, 7), {.threads = 1});
-  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+  const Scene scene = decomposed_scene(30, 1.5, 7);
+  for (const bool doubts : {false, true}) {
+    const Engine engine(doubts ? doubted(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
-    q.precision = precision;
+    q.precision = doubts ? Precision::kF32 : Precision::kF64;
     q.max_distance = 0.25;
     const Answer dense = ask(engine, q);
     q.reduce = Reduce::kWithin;
@@ -84,10 +95,11 @@ TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
 // So do cut-offs that shrink while candidates are answered.
 TEST(ConfigurationBlock, MinGivesTheRowOfItsPair) {
   const Moves moves({0, 3, 7, 13}, 80, 4, 2);
-  const Engine engine(decomposed_scene(30, 4, 8), {.threads = 1});
-  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+  const Scene scene = decomposed_scene(30, 4, 8);
+  for (const bool doubts : {false, true}) {
+    const Engine engine(doubts ? doubted(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
-    q.precision = precision;
+    q.precision = doubts ? Precision::kF32 : Precision::kF64;
     const Answer dense = ask(engine, q);
     const std::uint64_t pairs = dense.info.rows / moves.count;
     q.reduce = Reduce::kMin;
