@@ -94,7 +94,11 @@ class Reduction {
     return any() ? answer.upper <= plan_.margins.of(position) : answer.status == Status::kOverlap;
   }
   template <class Visit>
-  void for_groups(BodyPair pair, Visit visit) const;
+  void for_groups(BodyPair pair, Visit visit) const {
+    if (!per_body()) return visit(0u);
+    if (pair.a < groups_) visit(pair.a);
+    if (pair.b < groups_) visit(pair.b);
+  }
   bool answer(std::uint64_t unit, WorkerState& worker, const Placement& placement, WorkMeter& meter);
   void begin_answers(std::uint64_t begin, std::uint64_t end, std::uint64_t at_first, WorkerState& worker) const;
   void ask(WorkerState& worker, const Placement& placement, std::vector<PlacedBodies>& asked);
