@@ -46,6 +46,7 @@ void add_ping(CLI::App& app);
 void add_set_pose(CLI::App& app);
 void add_attach(CLI::App& app);
 void add_joints(CLI::App& app);
+void add_allow(CLI::App& app);
 void add_reload(CLI::App& app);
 void add_add_body(CLI::App& app);
 void add_remove_body(CLI::App& app);

@@ -13,8 +13,11 @@ const std::map<std::string, std::uint32_t> kFieldNames{
     {"distance", kFieldDistance}, {"lower", kFieldLower},   {"upper", kFieldUpper},
     {"status", kFieldStatus},     {"flags", kFieldFlags},   {"points", kFieldPoints},
     {"normal", kFieldNormal},     {"pieces", kFieldPieces}, {"gradient", kFieldGradient}};
-const std::map<std::string, Reduce> kReduceNames{
-    {"none", Reduce::kNone}, {"within", Reduce::kWithin}, {"nearest", Reduce::kNearest}, {"min", Reduce::kMin}};
+const std::map<std::string, Reduce> kReduceNames{{"none", Reduce::kNone},
+                                                 {"within", Reduce::kWithin},
+                                                 {"nearest", Reduce::kNearest},
+                                                 {"min", Reduce::kMin},
+                                                 {"any", Reduce::kAny}};
 const std::map<std::string, Precision> kPrecisionNames{{"f64", Precision::kF64}, {"f32", Precision::kF32}};
 
 template <class Value>
@@ -159,7 +162,7 @@ void add_query(CLI::App& app) {
   command
       .add_option("--reduce", options->reduce,
                   "none: every pair; within: those within --max-distance;\nnearest: each body's nearest; min: the "
-                  "nearest of all")
+                  "nearest of all;\nany: whether all are farther than --margin, or one that is not")
       ->check(quiet(CLI::IsMember(names_of(kReduceNames))))
       ->type_name("WORD");
   command.add_flag("--signed", q.signed_distance, "also how deep bodies overlap");

@@ -50,8 +50,9 @@ struct Client::Impl {
 
   /// Sends a frame that is not a query and returns its request id.
   std::uint64_t send(FrameType type, std::span<const std::byte> payload, std::uint64_t reply_bytes,
-                     std::uint64_t scene_revision = 0) {
-    const std::vector<std::byte>& records = connection.prepare();
+                     std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
+    const std::vector<std::byte>& epoch = connection.prepare();
+    records.insert(records.end(), epoch.begin(), epoch.end());
     std::byte* room = begin(payload.size() + records.size(), reply_bytes);
     const auto header = wire::with_records(
         wire::make_header(type, connection.next_request_id(), payload.size(), scene_revision), records.size());
@@ -74,7 +75,7 @@ struct Client::Impl {
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
     // Without records a query is of version 1, which every daemon answers.
-    std::vector<std::byte> records = wire::option_records(query);
+    std::vector<std::byte> records = query_records(query);
     wire::append_joint_records(records, query.joints, is_query ? query.positions : std::span<const double>());
     const bool has_options = !records.empty();
     const std::vector<std::byte>& epoch = connection.prepare();
@@ -157,6 +158,19 @@ struct Client::Impl {
   PosesDone poses_done(const Frame& frame) const {
     const auto r = checked([&] { return wire::parse_poses_done(body_of(frame)); });
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
+  }
+
+  /// A request that changes which pairs are enabled, and no ids.
+  PosesDone change_pairs(FrameType type, std::span<const std::byte> payload, std::vector<std::byte> records = {}) {
+    const std::uint64_t revision = revision_of_ids();
+    const bool has_records = !records.empty();
+    const std::uint64_t request = send(type, payload, 0, revision, std::move(records));
+    if (has_records) sent_in_records[request] = "attach: allow";
+    const auto frame = receive(request, FrameType::kPosesDone);
+    scene_is_old = true;
+    const PosesDone done = poses_done(*frame);
+    if (revision) known_revision = poses_revision = done.scene_revision;
+    return done;
   }
 
   /// A request that is answered when the daemon has another scene. \param scene_revision of the ids in it; 0: there are
@@ -263,6 +277,9 @@ Client::Impl& Client::impl() const {
   return *impl_;
 }
 
+Check Client::check(const Query& query) {
+  return check_of(distances(as_check(query)));
+}
 Reply Client::distances(const Query& query) {
   return Reply(impl().receive(impl().send_query(FrameType::kQuery, query), FrameType::kReply));
 }
@@ -284,19 +301,27 @@ PosesDone Client::set_poses(std::initializer_list<std::pair<std::string_view, Po
   return impl().send_poses(by_id, stamp_ns, sequence);
 }
 
-PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child) {
+PosesDone Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child,
+                         std::span<const std::uint32_t> allow) {
   wire::AttachRecord record;
   record.child = child;
   record.parent = parent;
   record.has_pose = X_parent_child != nullptr;
   if (X_parent_child) std::copy(X_parent_child->begin(), X_parent_child->end(), record.pose);
-  const auto payload = std::as_bytes(std::span(&record, 1));
-  const std::uint64_t revision = impl().revision_of_ids();
-  const auto frame = impl().call(FrameType::kAttach, payload, FrameType::kPosesDone, 0, revision);
-  impl().scene_is_old = true;
-  const PosesDone done = impl().poses_done(*frame);
-  if (revision) impl().known_revision = impl().poses_revision = done.scene_revision;  // ids stay
-  return done;
+  std::vector<std::byte> records;
+  if (!allow.empty())
+    wire::append_record(records, static_cast<std::uint16_t>(wire::AttachTag::kAllow), wire::kRecordRequired,
+                        std::as_bytes(allow));
+  return impl().change_pairs(FrameType::kAttach, std::as_bytes(std::span(&record, 1)), std::move(records));
+}
+
+PosesDone Client::allow(std::uint32_t a, std::uint32_t b) {
+  const wire::AllowRecord record{a, b, 1, {}};
+  return impl().change_pairs(FrameType::kAllow, std::as_bytes(std::span(&record, 1)));
+}
+PosesDone Client::forbid(std::uint32_t a, std::uint32_t b) {
+  const wire::AllowRecord record{a, b, 0, {}};
+  return impl().change_pairs(FrameType::kAllow, std::as_bytes(std::span(&record, 1)));
 }
 
 PosesDone Client::set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns,

@@ -198,6 +198,8 @@ class CLEARANCE_API Client {
 
   /// Answers a query. Throws TimeoutError, ConnectionError, RequestError.
   Reply distances(const Query& query = {});
+  /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free.
+  Check check(const Query& query = {});
   /// Sends a query and returns at once.
   Pending submit(const Query& query = {});
 
@@ -214,7 +216,14 @@ class CLEARANCE_API Client {
                        std::int64_t sequence = 0);
   /// The joints of the scene's robots, and where they are now.
   JointsInfo joints();
-  PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
+  /// \param allow bodies and groups (selectors) that the child may touch while it is attached so: their pairs with it
+  /// are not among the enabled ones until it is attached anew or set free.
+  PosesDone attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr,
+                   std::span<const std::uint32_t> allow = {});
+  /// Leaves the pairs of a body or group (selectors) with another out of the enabled ones, or brings them back, but for
+  /// those of a parent and its child. `applied` counts the pairs that have changed. Throws RequestError.
+  PosesDone allow(std::uint32_t a, std::uint32_t b);
+  PosesDone forbid(std::uint32_t a, std::uint32_t b);
 
   /// Makes the daemon load its scene file again and waits until the new scene is in. Queries go on meanwhile; poses and
   /// attachments stay with the bodies of the same names. If loading fails the old scene stays, and this throws

@@ -24,8 +24,21 @@ std::string options_in_records(const Query& query) {
     if (option.tag && member(query) != member(kDefaultOptions))
       names += (names.empty() ? "" : ", ") + std::string(option.name);
   });
-  if (!query.joints.empty()) names += names.empty() ? "joints" : ", joints";
+  const auto add = [&names](const char* name) { names += (names.empty() ? "" : ", ") + std::string(name); };
+  if (!query.margins.empty()) add("margins");
+  if (!query.pair_margins.empty()) add("pair_margins");
+  if (!query.joints.empty()) add("joints");
   return names;
+}
+
+std::vector<std::byte> query_records(const Query& query) {
+  std::vector<std::byte> records = wire::option_records(query);
+  const auto add = [&records](wire::QueryRecord tag, std::span<const std::byte> array) {
+    if (!array.empty()) wire::append_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, array);
+  };
+  add(wire::QueryRecord::kMargins, std::as_bytes(query.margins));
+  add(wire::QueryRecord::kPairMargins, std::as_bytes(query.pair_margins));
+  return records;
 }
 
 std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, const SceneInfo* scene) {
@@ -33,7 +46,7 @@ std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const I
   const Wide configurations = std::max<std::uint32_t>(q.configuration_count, 1);
   const auto reduce = static_cast<Reduce>(q.reduce);
   Wide rows = configurations;
-  if (reduce != Reduce::kMin) {
+  if (reduce != Reduce::kMin && reduce != Reduce::kAny) {
     const bool selectors =
         std::any_of(pairs.begin(), pairs.end(), [](const IdPair& p) { return (p[0] | p[1]) & kGroupBit; });
     if (!scene && (q.all_pairs || selectors || reduce == Reduce::kNearest)) return 0;

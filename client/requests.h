@@ -19,6 +19,9 @@ wire::QueryHeader header_of(const Query& query);
 /// Names of its options that travel in records, which not every daemon knows.
 std::string options_in_records(const Query& query);
 
+/// The records of a query: its options and arrays that have no place in the header.
+std::vector<std::byte> query_records(const Query& query);
+
 /// Bytes of the whole frame that answers a query, at most; 0 if only the daemon knows.
 /// \param scene what is known of it; null: nothing.
 std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, const SceneInfo* scene);

@@ -180,9 +180,15 @@ void Engine::check_stamp(std::int64_t stamp_ns) const {
   impl_->poses.check_stamp(stamp_ns);
 }
 
-PoseUpdateResult Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc) {
+PoseUpdateResult Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc,
+                                std::span<const std::uint32_t> allow) {
   const FpEnvironment environment;
-  return impl_->poses.attach(child, parent, X_pc);
+  return impl_->poses.attach(child, parent, X_pc, allow);
+}
+
+PoseUpdateResult Engine::allow(std::uint32_t a, std::uint32_t b, bool allow) {
+  const FpEnvironment environment;
+  return impl_->poses.allow(a, b, allow);
 }
 
 bool Engine::still_means(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors,
@@ -246,6 +252,9 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
   const FpEnvironment environment;
   QueryView q = query;
   q.reduce = Reduce::kNone;
+  q.margin = 0;
+  q.margins = {};
+  q.pair_margins = {};
   q.configuration_count = 0;
   const Plan plan = make_plan(q, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false);
   std::vector<BodyPair> pairs(plan.pairs.size());
@@ -296,12 +305,16 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const JobContext context{&impl_->scene, impl_->options.threads,  impl_->reference,       impl_->lanes,
                            impl_->light,  &impl_->pairs_evaluated, &impl_->contradictions, &impl_->warm,
                            &impl_->trees, impl_->near_by,          impl_->device.get()};
-  cuda::Router* const router = query.keep_on_cpu_ ? nullptr : impl_->router.get();
+  const bool any = plan.query.reduce == Reduce::kAny;  // which no kernel answers yet
+  const bool for_cpu = query.keep_on_cpu_ || any;
+  if (any && impl_->device && !impl_->router && !impl_->options.device_fallback)
+    throw QueryError(QueryErrorCode::kNotSupported, "reduce any: backend cuda does not answer it, and the CPU may not");
+  cuda::Router* const router = for_cpu ? nullptr : impl_->router.get();
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
   std::unique_ptr<Job::State> state;
-  const bool has_device = impl_->device && !query.keep_on_cpu_ && for_device(plan, impl_->scene);
-  if (impl_->device && !has_device && !query.keep_on_cpu_ && !impl_->options.device_fallback)
+  const bool has_device = impl_->device && !for_cpu && for_device(plan, impl_->scene);
+  if (impl_->device && !has_device && !for_cpu && !impl_->options.device_fallback)
     throw QueryError(QueryErrorCode::kNotSupported,
                      "a device answers neither flags in a scene with robots, nor joints where others have no position");
   if (has_device && (!router || router->to_device(kind, pairs))) {

@@ -83,7 +83,13 @@ class Engine {
   void check_stamp(std::int64_t stamp_ns) const;
   /// Makes `child` follow `parent` from where it is now, or with `X_pc` if given; kNone as parent sets it free where it
   /// is. Throws QueryError for an unknown body, a cycle, a static child, or a body without a usable pose.
-  PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc = nullptr);
+  /// \param allow bodies and groups (selectors) that the child may touch while it is attached so.
+  PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc = nullptr,
+                          std::span<const std::uint32_t> allow = {});
+  /// Leaves the pairs of a body or group (selectors) with another out of the enabled pairs, or brings them back, but
+  /// for those of a parent and its child. `applied` of the result counts pairs that have changed. Throws QueryError for
+  /// an unknown selector, and for more pairs than IgnoredPairs::kMostAdded.
+  PoseUpdateResult allow(std::uint32_t a, std::uint32_t b, bool allow = true);
   /// Whether body ids and group selectors of an older revision of the scene mean the same in this one. False also for a
   /// revision that is unknown. \param with_parents also that those bodies have the parents that they had, to which
   /// their poses are relative.

@@ -59,6 +59,7 @@ Rights right_for(wire::FrameType request) {
     case wire::FrameType::kSetPoses:
     case wire::FrameType::kSetJoints:
     case wire::FrameType::kAttach:
+    case wire::FrameType::kAllow:
     case wire::FrameType::kAddBody:
     case wire::FrameType::kRemoveBody:
       return kMayPose;

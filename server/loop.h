@@ -137,6 +137,7 @@ class Loop final : public Inbox {
   wire::PosesResult set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload,
                               std::uint64_t client);
   void count_poses(const PoseUpdateResult& done);
+  wire::PosesResult allow(const wire::FrameHeader& header, std::span<const std::byte> payload);
   wire::PosesResult attach(const wire::FrameHeader& header, std::span<const std::byte> payload);
   Stats::Named all_counters() const;
   std::vector<std::byte> stats_payload() const;

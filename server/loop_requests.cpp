@@ -23,7 +23,7 @@ constexpr auto kPairCost = std::chrono::microseconds(1);
 
 /// What a query may name so that the loop itself begins it: it is then answered by one thread, and what it takes
 /// beyond a slice, by the worker.
-constexpr std::uint64_t kSmallPairs = 256, kSmallPiecePairs = 8192, kSmallLinks = 4096;
+constexpr std::uint64_t kSmallPairs = 256, kSmallPiecePairs = 8192, kSmallLists = 8192, kSmallLinks = 4096;
 /// Scenes of more bodies are described by the worker.
 constexpr std::size_t kFewBodies = 1000;
 /// The largest requests of other types (kAddBody) are read here.
@@ -135,7 +135,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   // Behind what the client sent before, or where each of many bodies may move.
   const bool waits = is_update && (poses_away_.contains(sink->client()) ||
                                    (type == FrameType::kSetJoints && engine_->scene().bodies().size() > kFewBodies));
-  if (type != FrameType::kQuery && type != FrameType::kPairs && !waits)
+  if (type != FrameType::kQuery && type != FrameType::kPairs && type != FrameType::kAttach && !waits)
     payload = without_records(answers_, header, payload, stats_.records_ignored);
   const auto reply = [&](FrameType with, std::span<const std::byte> bytes) {
     answers_.reply(*sink, header, with, bytes);
@@ -163,6 +163,8 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
       return reply(FrameType::kPosesDone, bytes_of(set_poses(header, payload, sink->client())));
     case FrameType::kAttach:
       return reply(FrameType::kPosesDone, bytes_of(attach(header, payload)));
+    case FrameType::kAllow:
+      return reply(FrameType::kPosesDone, bytes_of(allow(header, payload)));
     case FrameType::kGetStates:
       is_empty();
       if (few) return reply(FrameType::kBodyStates, states_payload(*engine_));
@@ -226,8 +228,8 @@ void Loop::begin_held(HeldQuery held) {
 }
 
 bool Loop::is_small(const Extent& extent) const {
-  return extent.pairs < kSmallPairs && extent.piece_pairs <= kSmallPiecePairs && extent.links <= kSmallLinks &&
-         engine_->has_cpu();
+  return extent.pairs < kSmallPairs && extent.piece_pairs <= kSmallPiecePairs && extent.listed <= kSmallLists &&
+         extent.links <= kSmallLinks && engine_->has_cpu();
 }
 
 /// Begins a query here if it is small, else has it begun by the worker. Its poses are there.
@@ -399,15 +401,28 @@ void Loop::count_poses(const PoseUpdateResult& done) {
 }
 
 wire::PosesResult Loop::attach(const FrameHeader& header, std::span<const std::byte> payload) {
-  const wire::AttachRecord record = wire::parse_attach(payload);
+  const wire::PayloadParts parts = wire::split_payload(header, payload);
+  const auto [record, allowed, passed_over, epoch] = wire::parse_attach(parts.body, parts.records);
+  answers_.check_epoch(header, epoch);
+  stats_.records_ignored += passed_over.size();
   check_scene(*engine_, header, std::array{record.child}, true);
   if (record.parent != kNone) check_scene(*engine_, header, std::array{record.parent});
+  check_scene(*engine_, header, allowed);
   const Pose X_pc = pose_of(record.pose);
   const bool is_behind = header.scene_revision && header.scene_revision != engine_->scene_revision();
-  const auto done = engine_->attach(record.child, record.parent, record.has_pose ? &X_pc : nullptr);
+  const auto done = engine_->attach(record.child, record.parent, record.has_pose ? &X_pc : nullptr, allowed);
   ++stats_["attachments"];
   poses_changed_ = true;
   // Who knew the scene before this knows the one after it; who was behind goes on with the ids that it knows.
+  return result_of(done, is_behind ? header.scene_revision : engine_->scene_revision());
+}
+
+wire::PosesResult Loop::allow(const FrameHeader& header, std::span<const std::byte> payload) {
+  const wire::AllowRecord record = wire::parse_allow(payload);
+  check_scene(*engine_, header, std::array{record.a, record.b});
+  const bool is_behind = header.scene_revision && header.scene_revision != engine_->scene_revision();
+  const auto done = engine_->allow(record.a, record.b, record.allow);
+  ++stats_[record.allow ? "pairs.allowed" : "pairs.forbidden"];
   return result_of(done, is_behind ? header.scene_revision : engine_->scene_revision());
 }
 

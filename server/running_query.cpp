@@ -71,6 +71,10 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
   q.all_pairs = h.all_pairs;
   q.configuration_count = h.configuration_count;
   copy_options(parts.options, q);
+  q.margins = {reinterpret_cast<const MarginEntry*>(parts.margins.data()),
+               static_cast<std::size_t>(parts.margins.size())};
+  q.pair_margins = {reinterpret_cast<const double*>(parts.pair_margins.data()),
+                    static_cast<std::size_t>(parts.pair_margins.size())};
   q.scene_revision = scene_revision;
   return q;
 }

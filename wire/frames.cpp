@@ -88,6 +88,8 @@ std::string type_name(std::uint16_t type) {
       return "kAddBody";
     case FrameType::kRemoveBody:
       return "kRemoveBody";
+    case FrameType::kAllow:
+      return "kAllow";
     case FrameType::kPong:
       return "kPong";
     case FrameType::kScene:

@@ -57,6 +57,7 @@ void for_each_struct(Begin begin, Member member) {
   CLEARANCE_STRUCT(PoseRecord, body, padding, pose)
   CLEARANCE_STRUCT(JointRecord, joint, padding, position)
   CLEARANCE_STRUCT(AttachRecord, child, parent, has_pose, padding, pose)
+  CLEARANCE_STRUCT(AllowRecord, a, b, allow, padding)
   CLEARANCE_STRUCT(PosesResult, revision, scene_revision, applied, bad, unknown, fixed)
   CLEARANCE_STRUCT(SceneHeader, scene_revision, body_count, group_count, member_count, padding, pair_count, backend,
                    reserved)

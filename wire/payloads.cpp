@@ -80,10 +80,27 @@ JointUpdateParts parse_joint_update(std::span<const std::byte> payload) {
   return parts;
 }
 
-AttachRecord parse_attach(std::span<const std::byte> payload) {
-  const auto record = head<AttachRecord>(payload, "attach");
+AttachParts parse_attach(std::span<const std::byte> payload, std::span<const std::byte> records) {
+  AttachParts parts;
+  parts.record = head<AttachRecord>(payload, "attach");
   expect_size("attach", its_contents, sizeof(AttachRecord), payload.size());
-  if (record.has_pose > 1) bad_frame("attach: has_pose " + std::to_string(record.has_pose) + " is neither 0 nor 1");
+  const int has_pose = parts.record.has_pose;
+  if (has_pose > 1) bad_frame("attach: has_pose " + std::to_string(has_pose) + " is neither 0 nor 1");
+  parts.epoch = read_records("attach", records, parts.passed_over, [&](const RecordView& record) {
+    if (record.tag != static_cast<std::uint16_t>(AttachTag::kAllow)) return false;
+    if (record.bytes.size() % 4) bad_frame("attach: allow has " + str(record.bytes.size()) + " bytes, no whole ids");
+    parts.allow.resize(record.bytes.size() / 4);
+    std::memcpy(parts.allow.data(), record.bytes.data(), record.bytes.size());
+    return true;
+  });
+  return parts;
+}
+
+AllowRecord parse_allow(std::span<const std::byte> payload) {
+  const auto record = head<AllowRecord>(payload, "allow");
+  expect_size("allow", its_contents, sizeof(AllowRecord), payload.size());
+  if (record.allow > 1) bad_frame("allow: " + std::to_string(record.allow) + " is neither 0 nor 1");
+  expect_zero(record.padding, "allow");
   return record;
 }
 

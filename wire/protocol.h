@@ -50,6 +50,7 @@ enum class FrameType : std::uint16_t {
   kReload = 9,       ///< no payload; answered by kSceneChanged once the daemon has loaded its scene anew
   kAddBody = 10,     ///< payload NewBodyRecord, vertices; answered by kSceneChanged once the body is in
   kRemoveBody = 11,  ///< payload RemoveBodyRecord; answered by kSceneChanged
+  kAllow = 12,       ///< payload AllowRecord; answered by kPosesDone, whose `applied` counts pairs
   kSetJoints = 13,   ///< payload PosesHeader, JointRecord each; answered by kPosesDone
   kGetJoints = 14,   ///< no payload; answered by kJoints
   // daemon to client; any request may be answered by kError
@@ -95,10 +96,17 @@ enum class CommonRecord : std::uint16_t {
 };
 inline constexpr std::uint64_t kEpochRecordBytes = sizeof(RecordHeader) + sizeof(std::uint64_t);
 
-/// Records of a kQuery that are arrays; its options have the other tags (query_options.h). Both are required.
+/// Records of a query that hold arrays; the others are options (query_options.h), whose tags are apart from these. All
+/// are required.
 enum class QueryRecord : std::uint16_t {
-  kJoints = 8,     ///< uint32 each: (J,) ids of joints
-  kPositions = 9,  ///< float64 each: (K, J) radians and metres, K the configuration_count; not in kPairs
+  kMargins = 6,      ///< MarginEntry each
+  kPairMargins = 7,  ///< float64 each, metres: (P,)
+  kJoints = 8,       ///< uint32 each: (J,) ids of joints
+  kPositions = 9,    ///< float64 each: (K, J) radians and metres, K the configuration_count; not in kPairs
+};
+/// Records of a kAttach.
+enum class AttachTag : std::uint16_t {
+  kAllow = 1,  ///< uint32 each, selectors: what the child may touch while it is attached so
 };
 
 /// Records of a kReply.
@@ -177,6 +185,12 @@ struct AttachRecord {
   std::uint8_t has_pose = 0;  ///< 0: from where it is now
   std::uint8_t padding[7] = {};
   double pose[7] = {};  ///< X_parent_child
+};
+
+struct AllowRecord {
+  std::uint32_t a = 0, b = 0;  ///< selectors
+  std::uint8_t allow = 1;      ///< 0: their pairs are looked at again
+  std::uint8_t padding[7] = {};
 };
 
 struct PosesResult {
@@ -344,6 +358,7 @@ CLEARANCE_WIRE(PosesHeader, 32);
 CLEARANCE_WIRE(PoseRecord, 64);
 CLEARANCE_WIRE(JointRecord, 16);
 CLEARANCE_WIRE(AttachRecord, 72);
+CLEARANCE_WIRE(AllowRecord, 16);
 CLEARANCE_WIRE(PosesResult, 32);
 CLEARANCE_WIRE(SceneHeader, 64);
 CLEARANCE_WIRE(BodyRecord, 128);

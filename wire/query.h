@@ -9,6 +9,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 // Installed shared libraries show what is marked so, and nothing else.
 #ifdef CLEARANCE_STATIC
@@ -33,6 +34,9 @@ struct Query {
   std::span<const double> positions = {};      ///< (K * J,) radians and metres; other joints stay as they are
   /// max_distance, reduce, ...: one member for each row of the table in query_options.h, which says what it is for.
   CLEARANCE_QUERY_OPTIONS(CLEARANCE_OPTION_MEMBER)
+  /// Reduce::kAny, in place of `margin`: of pairs of bodies and groups, later entries win; or (P,) one of each pair.
+  std::span<const MarginEntry> margins = {};
+  std::span<const double> pair_margins = {};
   bool check_scene = true;  ///< refuse an answer for another scene than the one this client fetched
 };
 
@@ -50,6 +54,36 @@ inline std::uint64_t configuration_count(const Query& query) {
     throw std::invalid_argument("query: " + std::to_string(of_bodies) + " configurations of bodies and " +
                                 std::to_string(of_joints) + " of joints: expected as many");
   return of_bodies ? of_bodies : of_joints;
+}
+
+/// Which configurations are free: (K,) each, 1 without configurations.
+struct Check {
+  std::vector<bool> free;  ///< every pair is proved farther than its margin
+  std::vector<Status>
+      status;                ///< kBeyond: free; kOk, kContact, kOverlap: `pair` is within; else nothing is proved of it
+  std::vector<IdPair> pair;  ///< kNone where it is free
+  std::vector<double> lower, upper;  ///< metres, of `pair`
+};
+
+/// A query as check() asks it.
+inline Query as_check(Query query) {
+  query.reduce = Reduce::kAny;
+  query.format = Format::kFull;
+  query.fields = kFieldLower | kFieldUpper | kFieldStatus;
+  return query;
+}
+/// What its answer says.
+template <class Answer>
+Check check_of(const Answer& answer) {
+  Check check;
+  for (std::size_t k = 0; k < answer.rows(); ++k) {
+    check.free.push_back(answer.status()[k] == Status::kBeyond);
+    check.status.push_back(answer.status()[k]);
+    check.pair.push_back(answer.pair()[k]);
+    check.lower.push_back(answer.lower()[k]);
+    check.upper.push_back(answer.upper()[k]);
+  }
+  return check;
 }
 
 }  // namespace clearance

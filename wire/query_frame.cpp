@@ -40,14 +40,31 @@ void check_query_header(const QueryHeader& q) {
   expect_zero(q.reserved, "query");
 }
 
+/// A record that is an array of T.
 template <class T>
-bool take_array(const RecordView& record, const char* name, QueryRecord tag, Records<T>& array) {
-  if (record.tag != static_cast<std::uint16_t>(tag)) return false;
+Records<T> read_array(const RecordView& record, const char* name) {
   if (record.bytes.size() % sizeof(T))
     bad_frame("query: " + std::string(name) + " (record " + str(record.tag) + ") has " + str(record.bytes.size()) +
               " bytes, expected a multiple of " + str(sizeof(T)));
-  array = {record.bytes.data(), record.bytes.size() / sizeof(T)};
-  return true;
+  return Records<T>(record.bytes.data(), record.bytes.size() / sizeof(T));
+}
+
+bool take_array(const RecordView& record, QueryParts& parts) {
+  switch (static_cast<QueryRecord>(record.tag)) {
+    case QueryRecord::kMargins:
+      parts.margins = read_array<MarginEntry>(record, "margins");
+      return true;
+    case QueryRecord::kPairMargins:
+      parts.pair_margins = read_array<double>(record, "pair_margins");
+      return true;
+    case QueryRecord::kJoints:
+      parts.joints = read_array<std::uint32_t>(record, "joints");
+      return true;
+    case QueryRecord::kPositions:
+      parts.positions = read_array<double>(record, "positions");
+      return true;
+  }
+  return false;
 }
 
 /// What configurations move, and whether its positions are as many as that.
@@ -74,7 +91,7 @@ QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts)
     }
   });
   parts.epoch = read_records("query", records, parts.passed_over, [&](const RecordView& record) {
-    bool known = false;
+    bool known = take_array(record, parts);
     for_each_query_option([&](const QueryOption& option, auto member) {
       using T = std::remove_reference_t<decltype(member(options))>;
       if (option.tag == 0 || option.tag != record.tag) return;
@@ -87,8 +104,7 @@ QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts)
       check_option(option, value);
       member(options) = static_cast<T>(value);
     });
-    return known || take_array(record, "joints", QueryRecord::kJoints, parts.joints) ||
-           take_array(record, "positions", QueryRecord::kPositions, parts.positions);
+    return known;
   });
   if (options.pose_wait_ns && !options.min_pose_stamp_ns)
     bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");

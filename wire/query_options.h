@@ -30,7 +30,7 @@
     "", "arithmetic of the iterations; the bounds hold in either")                                                     \
   X(bool, signed_distance, false, 0, Legal::word("false true"),                                                        \
     "", "also how deep bodies overlap")                                                                                \
-  X(Reduce, reduce, Reduce::kNone, 0, Legal::word("none within nearest min"),                                          \
+  X(Reduce, reduce, Reduce::kNone, 0, Legal::word("none within nearest min any"),                                          \
     "", "which rows come back")                                                                                        \
   X(Format, format, Format::kFull, 0, Legal::word("full compact"),                                                     \
     "", "how columns are encoded")                                                                                     \
@@ -55,7 +55,9 @@
   X(bool, as_planning, false, 3, Legal::word("false true"),                                                            \
     "", "in the class `planning`, also where the caller has the class `control`")                                      \
   X(std::int64_t, deadline_ns, 0, 4, Legal::range(0, 3'600'000'000'000),                                               \
-    "ns", "answered within so long of its receipt (daemon's steady clock), else refused with `kDeadline`; 0: whenever")
+    "ns", "answered within so long of its receipt (daemon's steady clock), else refused with `kDeadline`; 0: whenever")    \
+  X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \
+    "m", "reduce `any`: farther than this every pair must be proved")
 // clang-format on
 
 namespace clearance {

@@ -14,7 +14,7 @@ enum class Status : std::uint8_t {
   kOk = 0,           ///< apart: lower > 0, and the interval is as narrow as asked
   kOverlap = 1,      ///< a common point is proved: upper <= 0 (signed: and as narrow as asked)
   kContact = 2,      ///< neither is provable: lower <= 0 <= upper
-  kBeyond = 3,       ///< proved farther than max_distance; not refined
+  kBeyond = 3,       ///< proved farther than max_distance (Reduce::kAny: than the margins); not refined
   kUnconverged = 4,  ///< the interval is valid but wider than asked
   kBadPose = 5,      ///< a pose with NaN, Inf or a quaternion that cannot be normalised
   kNoPose = 6,       ///< a movable body that never got a pose
@@ -43,6 +43,8 @@ enum class Reduce : std::uint8_t {
   kWithin = 1,   ///< sparse: only pairs not proved farther than max_distance, up to max_results, with the total
   kNearest = 2,  ///< one row per configuration and body
   kMin = 3,      ///< one row per configuration
+  kAny = 4,      ///< one row per configuration: kBeyond where every pair is proved farther than its margin, else a pair
+                 ///< proved to be within it (kOk, kContact, kOverlap), or else one of which neither is proved
 };
 
 /// How columns are encoded.
@@ -96,6 +98,13 @@ struct CompactAnswer {
   float point_b[3];  ///< metres, from the origin of b, world axes
 };
 static_assert(sizeof(CompactAnswer) == 32);
+
+/// The margin of the pairs of one body or group (selectors) with another, in either order.
+struct MarginEntry {
+  std::uint32_t a = 0, b = 0;
+  double margin = 0;  ///< metres
+};
+static_assert(sizeof(MarginEntry) == 16);
 
 /// A pair selector: a body id, or a group index with kGroupBit set, or every body.
 inline constexpr std::uint32_t kGroupBit = 0x80000000u;

@@ -146,6 +146,8 @@ struct QueryParts {
   Records<PairRecord> pairs;                    ///< (P,)
   Records<std::uint32_t> bodies;                ///< (M,)
   Records<ConfigurationRecord> configurations;  ///< (K, M); empty in kPairs
+  Records<MarginEntry> margins;                 ///< of pairs of selectors; not looked at
+  Records<double> pair_margins;                 ///< one of each pair; not looked at
   Records<std::uint32_t> joints;                ///< (J,)
   Records<double> positions;                    ///< (K, J); empty in kPairs
 };
@@ -195,7 +197,14 @@ struct JointUpdateParts {
   Records<JointRecord> joints;
 };
 JointUpdateParts parse_joint_update(std::span<const std::byte> payload);
-AttachRecord parse_attach(std::span<const std::byte> payload);
+struct AttachParts {
+  AttachRecord record;
+  std::vector<std::uint32_t> allow;  ///< selectors
+  PassedOver passed_over;
+  std::uint64_t epoch = 0;  ///< as QueryParts::epoch
+};
+AttachParts parse_attach(std::span<const std::byte> payload, std::span<const std::byte> records = {});
+AllowRecord parse_allow(std::span<const std::byte> payload);
 PosesResult parse_poses_done(std::span<const std::byte> payload);
 
 struct SceneParts {

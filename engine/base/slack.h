@@ -32,6 +32,11 @@ struct Slack {
   CLEARANCE_HD double cut_off(double max_distance) const {
     return inner == 0 ? max_distance : (max_distance + inner) * (1 + 0x1p-50);
   }
+  /// Pieces that are no farther apart than this prove that the true bodies are within a margin: less by more than
+  /// rounding adds in true_upper().
+  CLEARANCE_HD double near_enough(double margin) const {
+    return outer == 0 ? margin : (margin - outer) - (margin + outer) * 0x1p-50;
+  }
 };
 /// Of two bodies whose doubts have nothing to do with each other.
 CLEARANCE_HD inline Slack operator+(const Slack& a, const Slack& b) {

@@ -62,7 +62,7 @@ class DeviceQuery : public ParallelJob {
         const Placement& here = placement(worker, k);
         room.asked.clear();
         for (j = i; j < end && open(j).configuration == k; ++j)
-          room.asked.push_back({plan_.pairs.at(open(j).pair), &here});
+          room.asked.push_back({plan_.pairs.at(open(j).pair), &here, plan_.query.max_distance});
         room.answers.resize(std::max(room.answers.size(), room.asked.size()));
         evaluators_[w].run(room.asked, room.answers);
         for (std::size_t n = 0; n < room.asked.size(); ++n) {

@@ -49,6 +49,8 @@ QueryView view_of(const Query& query) {
   view.joints = query.joints;
   view.positions = query.positions;
   view.configuration_count = static_cast<std::uint32_t>(configuration_count(query));
+  view.margins = query.margins;
+  view.pair_margins = query.pair_margins;
   view.warm_slot = query.warm ? 1 : 0;
   return view;
 }
@@ -277,9 +279,20 @@ std::uint32_t Engine::joint(std::string_view name) const {
   if (id == kNone) throw std::invalid_argument("no joint is named \"" + std::string(name) + "\"");
   return id;
 }
-void Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child) {
+void Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child,
+                    std::span<const std::uint32_t> allow) {
   const Pose X_pc = X_parent_child ? pose_of(*X_parent_child) : Pose();
-  translated([&] { return impl_->engine.attach(child, parent, X_parent_child ? &X_pc : nullptr); });
+  translated([&] { return impl_->engine.attach(child, parent, X_parent_child ? &X_pc : nullptr, allow); });
+}
+std::uint32_t Engine::allow(std::uint32_t a, std::uint32_t b) {
+  return translated([&] { return impl_->engine.allow(a, b, true); }).applied;
+}
+std::uint32_t Engine::forbid(std::uint32_t a, std::uint32_t b) {
+  return translated([&] { return impl_->engine.allow(a, b, false); }).applied;
+}
+
+Check Engine::check(const Query& query) const {
+  return check_of(distances(as_check(query)));
 }
 
 Answer Engine::distances(const Query& query) const {

@@ -179,12 +179,21 @@ class CLEARANCE_API Engine {
   std::uint32_t joint(std::string_view name) const;  ///< id of "panda/panda_joint1"; throws std::invalid_argument
   /// Makes `child` follow `parent` from where it is, or at `X_parent_child`; kNone as parent sets it free. Throws
   /// QueryError for a cycle, a static child, or a body without a pose.
-  void attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr);
+  /// \param allow bodies and groups (selectors) that the child may touch while it is attached so.
+  void attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child = nullptr,
+              std::span<const std::uint32_t> allow = {});
+  /// Leaves the pairs of a body or group (selectors) with another out of the enabled ones, or brings them back, but for
+  /// those of a parent and its child. Returns how many pairs have changed. Throws QueryError for an unknown selector.
+  std::uint32_t allow(std::uint32_t a, std::uint32_t b);
+  std::uint32_t forbid(std::uint32_t a, std::uint32_t b);
 
   /// Throws QueryError for a query that cannot be answered, std::invalid_argument for poses that are no whole number of
   /// configurations and for options that are a daemon's (min_pose_stamp_ns, max_reply_bytes, ...). A bad pose
   /// or an unknown id is a status of its rows.
   Answer distances(const Query& query = {}) const;
+  /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free. Throws as
+  /// distances().
+  Check check(const Query& query = {}) const;
   /// The pairs that a query answers, in order.
   std::vector<IdPair> pairs(const Query& query = {}) const;
 

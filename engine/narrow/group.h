@@ -30,6 +30,19 @@ CLEARANCE_HD inline double lower_with_box(double lower, double gap) {
   return gap > 0 && gap > lower && lower > -__builtin_inf() ? gap : lower;
 }
 
+/// The status of a pair that is proved to be within a margin: lower and upper are its bounds, upper <= margin.
+CLEARANCE_HD inline Status decided_status(double lower, double upper) {
+  return upper <= 0 ? Status::kOverlap : lower > 0 ? Status::kOk : Status::kContact;
+}
+
+/// The distance beyond which a pair of a group can neither win nor lower the interval, where another has this upper
+/// bound: what is refined as far as was asked has a lower bound of no less than `upper` there. Metres.
+CLEARANCE_HD inline double loser_beyond(double upper, const NarrowLimits& asked) {
+  if (!(asked.rel_tol < 0.5)) return __builtin_inf();
+  const double least = upper > 0 ? upper : 0;
+  return (least + asked.abs_tol) * (1 + 4 * asked.rel_tol);
+}
+
 /// The answer for a group without pairs: farther than anything.
 CLEARANCE_HD inline PairAnswer empty_answer() {
   const double infinite = __builtin_inf();

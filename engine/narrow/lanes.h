@@ -42,12 +42,13 @@ struct LanePair {
   const Vec3d* t_b;
   double max_distance = std::numeric_limits<double>::infinity();  ///< as in the query; infinite: no cut-off
   WarmSimplex* warm = nullptr;  ///< read for a first simplex and overwritten with the last one; may be null
+  double enough = -std::numeric_limits<double>::infinity();  ///< as NarrowLimits::enough
 };
 
 /// What a lane proves, in the words of NarrowAnswer and GjkLimits.
 struct LaneAnswer {
   double lower, upper;  ///< -inf, +inf where nothing is proved yet
-  bool settled;         ///< apart, and as narrow as asked or beyond max_distance: no need to look further
+  bool settled;         ///< apart, and as narrow as asked, beyond max_distance or near enough: no need to look further
 };
 
 /// The witness of a settled pair: what Witness is made from.

@@ -102,6 +102,7 @@ class Answer {
     const auto [lower, upper] = answer_.bounds;
     if (lower > limits_.max_distance) return true;
     if (upper == kInf) return false;
+    if (upper <= limits_.enough) return true;
     if (!limits_.signed_distance && upper <= 0) return true;
     const double least = limits_.signed_distance ? lower : std::max(lower, 0.0);
     if (least == -kInf) return false;
@@ -374,6 +375,7 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
                                     const NarrowLimits& limits) {
   NarrowLimits whole = limits;
   whole.max_distance = kInf;
+  whole.enough = -kInf;
   Answer answer(whole, pose_a.R_wb, a.radius, b.radius);
   const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
                                       pose_b.t_w);

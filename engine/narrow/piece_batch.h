@@ -28,10 +28,11 @@ struct NarrowOptions {
 struct PieceTask {
   const Piece *a, *b;
   const PlacedPose *pose_a, *pose_b;
-  double max_distance;          ///< instead of the limits'
-  std::uint32_t id;             ///< the caller's own
-  WarmSimplex* warm = nullptr;  ///< as for narrow_phase(); null: cold
-  double overlap_by = 0;        ///< instead of the limits'
+  double max_distance;                                       ///< instead of the limits'
+  std::uint32_t id;                                          ///< the caller's own
+  WarmSimplex* warm = nullptr;                               ///< as for narrow_phase(); null: cold
+  double overlap_by = 0;                                     ///< instead of the limits'
+  double enough = -std::numeric_limits<double>::infinity();  ///< the same
 };
 
 /// Each worker has its own. The bits of an answer do not depend on what else is in the batch. Every interval is looked

@@ -93,6 +93,7 @@ QueryView view_of(const Query& q) {
     view.configuration_count = static_cast<std::uint32_t>(q.positions->shape(0));
   }
   copy_options(q, view);
+  copy_margins(q, view);
   view.warm_slot = q.warm ? 1 : 0;
   return view;
 }
@@ -257,7 +258,8 @@ class PyEngine {
     return nb::make_tuple(joints, groups);
   }
 
-  nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose) const {
+  nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose,
+                   const BodiesArray& allow) const {
     Pose X_pc;
     if (pose) {
       if (pose->shape(0) != 1) throw nb::value_error("pose: expected one pose");
@@ -266,7 +268,16 @@ class PyEngine {
     PoseUpdateResult result;
     {
       nb::gil_scoped_release release;
-      result = use().attach(child, parent, pose ? &X_pc : nullptr);
+      result = use().attach(child, parent, pose ? &X_pc : nullptr, {allow.data(), allow.shape(0)});
+    }
+    return done(result);
+  }
+
+  nb::tuple allow(std::uint32_t a, std::uint32_t b, bool allow) const {
+    PoseUpdateResult result;
+    {
+      nb::gil_scoped_release release;
+      result = use().allow(a, b, allow);
     }
     return done(result);
   }
@@ -340,7 +351,8 @@ NB_MODULE(_engine, m) {
       .def("set_joints", &PyEngine::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("joints", &PyEngine::joints)
-      .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
+      .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none(), nb::arg("allow"))
+      .def("allow", &PyEngine::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"))
       .def("body_states", &PyEngine::body_states)
       .def("stats", [](const PyEngine& e) { return e.use().stats(); });
 }

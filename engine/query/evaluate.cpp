@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "engine/narrow/group.h"
 #include "engine/narrow/witness.h"
 
 namespace clearance {
@@ -40,22 +41,25 @@ double box_gap(const Scene& scene, const Placement& placement, BodyPair pair) {
 namespace {
 
 // The flags of a pair's bodies, and its answer if that needs no look at the pieces.
-bool answer_without_pieces(const Scene& scene, const Placement& placement, BodyPair pair,
-                           const EvaluateOptions& options, PairAnswer& answer) {
+bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options,
+                           PairAnswer& answer) {
+  const BodyPair pair = bodies.pair;
+  const Placement& placement = *bodies.placement;
   if (pair.a >= scene.bodies().size() || pair.b >= scene.bodies().size()) {
     answer = no_answer(Status::kUnknownBody);
     return true;
   }
   const std::uint16_t flags = options.want_flags ? pose_flags(placement, pair, options.stale) : 0;
   return answer_without_pieces(
-      placement[pair.a].status, placement[pair.b].status, flags, options.cull, options.limits.max_distance,
+      placement[pair.a].status, placement[pair.b].status, flags, options.cull, bodies.max_distance,
       [&] { return box_gap(scene, placement, pair); }, answer);
 }
 
 // \param answer holds the flags of the bodies; the rest is written here.
 void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options, const BodiesAnswer& found,
             PairAnswer& answer) {
-  const NarrowLimits& limits = options.limits;
+  NarrowLimits limits = options.limits;
+  limits.max_distance = bodies.max_distance;
   const auto& [best, lower, piece_a, piece_b] = found;
   const Body &a = scene.bodies()[bodies.pair.a], &b = scene.bodies()[bodies.pair.b];
   const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
@@ -91,12 +95,15 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
 
 // The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
 void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane,
-               const LaneWitness& witness, const Slack& slack, PairAnswer& answer) {
+               const LaneWitness& witness, const PlacedBodies& bodies, PairAnswer& answer) {
   assert(lane.settled && lane.lower <= lane.upper);
+  const Slack slack = pair_slack(*bodies.placement, bodies.pair);
+  NarrowLimits limits = options.limits;
+  limits.max_distance = bodies.max_distance;
   if (slack.any())
-    decide(options.limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
+    decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
   else
-    decide_apart(options.limits.max_distance, lane.lower, lane.upper, true, answer);
+    decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
   const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
   answer.piece_a = answer.piece_b = 0;
@@ -136,8 +143,7 @@ bool Evaluator::advance(WorkMeter& meter) {
         meter,
         [&](const PieceTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
           if (is_single(task))
-            take_lane(options_, task, lane, witness, pair_slack(*pairs_[task.id].placement, pairs_[task.id].pair),
-                      answers_[task.id]);
+            take_lane(options_, task, lane, witness, pairs_[task.id], answers_[task.id]);
           else
             found_[task.id] = batch_.settled_answer(task, lane, witness);
         },
@@ -151,7 +157,7 @@ bool Evaluator::advance(WorkMeter& meter) {
     in_round_ = false;
     std::size_t taken = 0;
     for (Search& s : searches_) {
-      take_round(s, std::span(found_).subspan(taken, s.asked));
+      take_round(s, enough(pairs_[s.index], s.slack), std::span(found_).subspan(taken, s.asked));
       taken += s.asked;
     }
     assert(taken == found_.size());
@@ -184,14 +190,14 @@ void Evaluator::take_in(WorkMeter& meter) {
   piece_pairs_.clear();
   for (; next_ < pairs_.size() && piece_pairs_.size() < kMostPiecePairs; ++next_) {
     const auto i = static_cast<std::uint32_t>(next_);
-    const auto& [pair, placement, warm] = pairs_[i];
-    if (answer_without_pieces(scene_, *placement, pair, options_, answers_[i])) continue;
+    const auto& [pair, placement, max_distance, warm] = pairs_[i];
+    if (answer_without_pieces(scene_, pairs_[i], options_, answers_[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
     if (a.size() == 1 && b.size() == 1) {
       const Slack slack = pair_slack(*placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
-                        slack.cut_off(options_.limits.max_distance), i, warm, slack.outer});
+                        slack.cut_off(max_distance), i, warm, slack.outer, enough(pairs_[i], slack)});
     } else {
       if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs_));
       begin_search(pairs_[i], i, meter);
@@ -200,17 +206,50 @@ void Evaluator::take_in(WorkMeter& meter) {
   singles_ = tasks_.size();
 }
 
+// Of the piece pairs beyond the cut-off only the nearest may be asked: if no other is as near.
 void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter) {
   const std::size_t begin = piece_pairs_.size();
   const std::span<const Aabb> boxes_a = boxes_.at(*bodies.placement, bodies.pair.a),
                               boxes_b = boxes_.at(*bodies.placement, bodies.pair.b);
+  const Slack slack = pair_slack(*bodies.placement, bodies.pair);
+  const double cut_off = options_.reference ? kInf : slack.cut_off(bodies.max_distance);
+  PiecePair far{kInf, kNone, kNone};  // the nearest beyond it
+  double left = kInf;                 // the gap of the next one
   for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
-    for (std::uint32_t j = 0; j < boxes_b.size(); ++j)
-      piece_pairs_.push_back({certify_box_gap(boxes_a[i], boxes_b[j]), i, j});
-  meter.count((piece_pairs_.size() - begin) / kBoxesPerUnit);
-  searches_.push_back(
-      {index, begin, piece_pairs_.size(), begin, 0, pair_slack(*bodies.placement, bodies.pair), {}, {}});
-  if (options_.reference) searches_.back().state.round = piece_pairs_.size() - begin;  // all at once
+    for (std::uint32_t j = 0; j < boxes_b.size(); ++j) {
+      const PiecePair p{certify_box_gap(boxes_a[i], boxes_b[j]), i, j};
+      if (!(p.gap > cut_off)) {
+        piece_pairs_.push_back(p);
+      } else if (goes_before(p, far)) {
+        left = far.gap;
+        far = p;
+      } else {
+        left = std::min(left, p.gap);
+      }
+    }
+  meter.count(boxes_a.size() * boxes_b.size() / kBoxesPerUnit);
+  if (piece_pairs_.size() > begin) {
+    left = far.gap;
+  } else if (drops(far.gap, bodies)) {
+    PairAnswer& answer = answers_[index];
+    const std::uint16_t flags = answer.flags;
+    answer = beyond_answer(slack.true_lower(far.gap));
+    answer.flags = flags;
+    return;
+  } else {
+    piece_pairs_.push_back(far);
+  }
+  searches_.push_back({index, begin, piece_pairs_.size(), begin, 0, slack, {}, {}});
+  PieceSearch& state = searches_.back().state;
+  state.lower = left;
+  if (options_.reference) state.round = piece_pairs_.size() - begin;  // all at once
+}
+
+// Whether no more need be known of a pair than that its boxes are so far apart.
+bool Evaluator::drops(double gap, const PlacedBodies& bodies) const {
+  const NarrowLimits& asked = options_.limits;
+  return (options_.drops_beyond || bodies.max_distance < asked.max_distance) &&
+         gap > loser_beyond(pair_slack(*bodies.placement, bodies.pair).cut_off(bodies.max_distance), asked);
 }
 
 // Brings the piece pairs of the next round into their order. Of the others it is enough that they come later: most
@@ -229,7 +268,7 @@ void Evaluator::sort_ahead(Search& search) {
 bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t singles) {
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
   PieceSearch& state = search.state;
-  const double user = search.slack.cut_off(options_.limits.max_distance),
+  const double user = search.slack.cut_off(bodies.max_distance),
                cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
   sort_ahead(search);
@@ -238,13 +277,14 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
     if (!options_.reference && !state.asks(p.gap, cut_off)) break;
     tasks_.push_back({a.pieces[p.a].get(), b.pieces[p.b].get(), &(*bodies.placement)[bodies.pair.a].pose,
                       &(*bodies.placement)[bodies.pair.b].pose, cut_off,
-                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, search.slack.outer});
+                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, search.slack.outer,
+                      enough(bodies, search.slack)});
   }
   if (search.asked == 0 && search.next < search.end) state.leave_out(piece_pairs_[search.next].gap);
   return search.asked > 0;
 }
 
-void Evaluator::take_round(Search& search, std::span<const NarrowAnswer> answers) {
+void Evaluator::take_round(Search& search, double enough, std::span<const NarrowAnswer> answers) {
   assert(search.next + answers.size() <= search.end);
   PieceSearch& state = search.state;
   for (const NarrowAnswer& answer : answers) {
@@ -260,7 +300,11 @@ void Evaluator::take_round(Search& search, std::span<const NarrowAnswer> answers
       search.found.piece_b = p.b;
     }
     if (!options_.limits.signed_distance && search.slack.true_upper(state.upper) <= 0)
-      search.next = search.end;  // overlapping: that is all
+      search.next = search.end;                                                      // overlapping: that is all
+    if (!options_.reference && state.upper <= enough && search.next < search.end) {  // near enough: the same
+      state.leave_out(p.gap);
+      search.next = search.end;
+    }
     if (search.next == search.end) return;
   }
   state.round *= 2;

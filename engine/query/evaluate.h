@@ -15,8 +15,10 @@ namespace clearance {
 
 /// What is asked of every pair of a query.
 struct EvaluateOptions : NarrowOptions {
-  bool cull = false;  ///< compare bounding boxes with max_distance first
+  bool cull = false;          ///< compare bounding boxes with max_distance first
+  bool drops_beyond = false;  ///< of pairs beyond max_distance nobody wants to know how far
   bool want_flags = false;
+  bool decides = false;                 ///< whether a pair is within its max_distance is all that is asked
   std::span<const std::uint8_t> stale;  ///< of each body
 };
 
@@ -31,6 +33,7 @@ struct BodiesAnswer {
 struct PlacedBodies {
   BodyPair pair;
   const Placement* placement;
+  double max_distance;          ///< instead of the limits'
   WarmSimplex* warm = nullptr;  ///< of a pair of single pieces; null: cold
 };
 
@@ -68,9 +71,13 @@ class Evaluator {
   bool begin_round(WorkMeter& meter);
   void take_in(WorkMeter& meter);
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
+  bool drops(double gap, const PlacedBodies& bodies) const;
   void sort_ahead(Search& search);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
-  void take_round(Search& search, std::span<const NarrowAnswer> answers);
+  double enough(const PlacedBodies& bodies, const Slack& slack) const {
+    return options_.decides ? slack.near_enough(bodies.max_distance) : -std::numeric_limits<double>::infinity();
+  }
+  void take_round(Search& search, double enough, std::span<const NarrowAnswer> answers);
 
   const Scene& scene_;
   EvaluateOptions options_;

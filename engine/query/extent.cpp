@@ -80,6 +80,8 @@ Extent SceneBulk::of(const QueryView& query, const PoseSnapshot& snapshot) const
     extent.pairs = std::min(extent.pairs, snapshot.pairs->size());
     extent.listed = moves ? extent.pairs : 0;
   }
+  for (const MarginEntry& entry : query.margins)
+    extent.listed = plus(extent.listed, plus(side(entry.a).bodies, side(entry.b).bodies));
   const std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
   return {times(extent.pairs, configurations), times(extent.piece_pairs, configurations),
           times(extent.units, configurations), times(extent.links, configurations), extent.listed};

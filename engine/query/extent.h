@@ -15,7 +15,7 @@ struct Extent {
   std::uint64_t piece_pairs = 0;  ///< likewise
   std::uint64_t units = 0;        ///< of work (WorkMeter), if each piece pair took one support
   std::uint64_t links = 0;        ///< of robots whose joints it moves, times configurations
-  std::uint64_t listed = 0;       ///< pairs of bodies that a list is made of; none where the scene's table is all of it
+  std::uint64_t listed = 0;       ///< pairs that a list is made of (none for the scene's table), bodies in margins
 };
 
 /// Counts what selectors stand for, which it knows of a scene beforehand.

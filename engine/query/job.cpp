@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cassert>
+#include <optional>
 #include <utility>
 
 #include "engine/query/box_cull.h"
+#include "engine/query/configuration_block.h"
 #include "engine/query/job_state.h"
 #include "engine/query/parallel_job.h"
 #include "engine/query/reduction.h"
@@ -16,7 +18,6 @@ constexpr std::uint64_t kUnit = 4096, kHeavyUnit = 1024;  // ... that a thread t
 constexpr std::uint64_t kFewest = 64;                     // ... if they are few
 constexpr std::uint64_t kBoxesPerUnit = 64;               // of work
 constexpr std::uint64_t kSideBySide = 64;                 // configurations that a thread has placed at a time
-constexpr std::uint64_t kPlacedBodies = 8192;             // ... and bodies in them
 constexpr std::uint64_t kWholeConfigurations =
     16384;  // pairs up to which a reduction is one unit for each configuration
 
@@ -33,7 +34,7 @@ class DenseJob final : public ParallelJob {
       for (int i = 0; i < workers(); ++i) culls_.emplace_back(scene(), boxes(), columns_);
     }
     for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), left);
-    layout_ = Layout(plan_, context.light, !culls_.empty(), workers());
+    layout_ = Layout(plan_, Placement::most(scene(), plan_), context.light, !culls_.empty(), workers());
     // What is too large for warm state is not looked at for it.
     const bool fits = plan_.size.rows <= WarmStore::kMostSimplices;
     if (const std::uint64_t client = plan_.query.warm_slot; client != 0 && fits && !options_.reference)
@@ -64,13 +65,14 @@ class DenseJob final : public ParallelJob {
     std::uint64_t block = 1;  // pair-configurations that are evaluated at a time
 
     Layout() = default;
-    /// \param cull boxes are compared for a whole unit at a time, so that what they leave fills the lanes.
-    Layout(const Plan& plan, bool light, bool cull, int workers) : block(light ? kBlock : kHeavyBlock) {
+    /// \param most configurations that are placed at a time. \param cull boxes are compared for a whole unit at a time,
+    /// so that what they leave fills the lanes.
+    Layout(const Plan& plan, std::uint64_t most, bool light, bool cull, int workers)
+        : block(light ? kBlock : kHeavyBlock) {
       const std::uint64_t unit = light ? kUnit : kHeavyUnit;
-      const std::uint64_t all_pairs = std::max<std::uint64_t>(plan.size.pairs, 1), moved = plan.moved.size() + 1;
-      configurations =
-          std::clamp<std::uint64_t>(std::min(std::max<std::uint64_t>(unit / all_pairs, 32), kPlacedBodies / moved), 1,
-                                    std::min(plan.size.configurations, kSideBySide));
+      const std::uint64_t all_pairs = std::max<std::uint64_t>(plan.size.pairs, 1);
+      configurations = std::clamp<std::uint64_t>(std::min(std::max<std::uint64_t>(unit / all_pairs, 32), most), 1,
+                                                 std::min(plan.size.configurations, kSideBySide));
       pairs = std::min(all_pairs, unit / configurations);
       if (plan.size.configurations == 1)
         pairs = std::min(pairs, cull ? std::max(block, all_pairs / (8 * static_cast<std::uint64_t>(workers)))
@@ -144,7 +146,7 @@ class DenseJob final : public ParallelJob {
     room.places.clear();
     assert(begin + pairs.size() <= plan_.size.pairs && first + placed.size() <= plan_.size.configurations);
     const auto ask = [&](std::size_t i, std::size_t k) {
-      room.asked.push_back({pairs[i], &placed[k], warm(first + k, begin + i)});
+      room.asked.push_back({pairs[i], &placed[k], plan_.query.max_distance, warm(first + k, begin + i)});
       room.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
     };
     if (culls_.empty()) {
@@ -191,8 +193,8 @@ class DenseJob final : public ParallelJob {
   std::vector<BoxCull> culls_;  // of each worker; empty: the evaluators compare boxes
 };
 
-// Reduced rows. Few pairs: configurations side by side, one thread each. Many: one configuration at a time, its stages
-// spread over all threads.
+// Reduced rows. Few pairs: blocks of configurations side by side, one thread each. Many: one configuration at a time,
+// its stages spread over all threads.
 class ReducedJob final : public ParallelJob {
  public:
   ReducedJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
@@ -200,10 +202,13 @@ class ReducedJob final : public ParallelJob {
         whole_(plan_.size.pairs <= kWholeConfigurations),
         near_pairs_(scene(), plan_, boxes(), *context.trees, options_.cull ? context.near_by : NearBy::kBrute) {
     columns_.assign(boxes());
-    for (int i = 0; i < (whole_ ? workers() : 1); ++i)
-      reductions_.emplace_back(scene(), plan_, options_, Reduction::Boxes{boxes(), columns_, near_pairs_},
-                               whole_ ? 1 : workers());
-    unit_of_.assign(reductions_.size(), 0);
+    const Reduction::Boxes all{boxes(), columns_, near_pairs_};
+    if (whole_) {
+      block_ = ConfigurationBlock::most(scene(), plan_, near_pairs_.by_tree(), !boxes().empty(), workers());
+      for (int i = 0; i < workers(); ++i) blocks_.emplace_back(scene(), plan_, options_, all, block_);
+    } else {
+      reduction_.emplace(scene(), plan_, options_, all, workers());
+    }
   }
 
   bool go_on(WorkMeter& slice) override {
@@ -217,12 +222,13 @@ class ReducedJob final : public ParallelJob {
 
  private:
   bool advance_side_by_side(WorkMeter& slice) {
-    // A batch of configurations at a time, so that rows come in order and wait in bounded memory.
+    // A batch of blocks at a time, so that rows come in order and wait in bounded memory.
     const std::uint64_t count = plan_.size.configurations;
+    const std::uint64_t most = std::max<std::uint64_t>(block_, 64) / block_ * block_ * blocks_.size();
     while (true) {
-      if (batch_rows_.empty()) batch_rows_.resize(std::min<std::uint64_t>(count - first_, 64 * reductions_.size()));
+      if (batch_rows_.empty()) batch_rows_.resize(std::min<std::uint64_t>(count - first_, most));
       const bool batch_done =
-          run_units(next_, batch_rows_.size(), slice,
+          run_units(next_, (batch_rows_.size() + block_ - 1) / block_, slice,
                     [&](std::uint64_t i, int worker, WorkMeter& meter) { return reduce(i, worker, meter); });
       if (!batch_done) return false;
       for (const auto& rows : batch_rows_) write(rows);
@@ -235,24 +241,18 @@ class ReducedJob final : public ParallelJob {
     }
   }
 
-  // The rows of one configuration of the batch.
+  // The rows of one block of the batch.
   bool reduce(std::uint64_t i, int worker, WorkMeter& meter) {
-    Reduction& r = reductions_[static_cast<std::size_t>(worker)];
-    std::uint64_t& unit = unit_of_[static_cast<std::size_t>(worker)];
-    const Placement& here = placement(worker, first_ + i);
-    if (r.stage() == Reduction::kDone) r.begin();
-    for (; r.stage() != Reduction::kDone; r.end_stage(), unit = 0)
-      while (unit < r.units()) {
-        if (!r.run(unit, 0, here, meter)) return false;
-        if (++unit < r.units() && meter.is_over()) return false;
-      }
-    batch_rows_[i] = r.rows(static_cast<std::uint32_t>(first_ + i), here);
-    evaluated_.fetch_add(r.evaluated(), std::memory_order_relaxed);
+    ConfigurationBlock& block = blocks_[static_cast<std::size_t>(worker)];
+    const std::uint64_t begin = i * block_, count = std::min<std::uint64_t>(block_, batch_rows_.size() - begin);
+    if (!block.has_begun()) block.begin(placements(worker, first_ + begin, count), first_ + begin);
+    if (!block.advance(meter)) return false;
+    evaluated_.fetch_add(block.end(std::span(batch_rows_).subspan(begin, count)), std::memory_order_relaxed);
     return true;
   }
 
   bool advance_one_by_one(WorkMeter& slice) {
-    Reduction& r = reductions_[0];
+    Reduction& r = *reduction_;
     while (first_ < plan_.size.configurations) {
       if (!begun_) r.begin();
       begun_ = true;
@@ -283,8 +283,9 @@ class ReducedJob final : public ParallelJob {
   bool whole_;
   NearPairs near_pairs_;
   BoxColumns columns_;
-  std::vector<Reduction> reductions_;
-  std::vector<std::uint64_t> unit_of_;  // of each reduction: the next one of its stage
+  std::uint64_t block_ = 1;                 // configurations of a block
+  std::vector<ConfigurationBlock> blocks_;  // of each worker, if whole_
+  std::optional<Reduction> reduction_;      // if not
   std::vector<std::vector<Row>> batch_rows_;
   std::uint64_t first_ = 0, next_ = 0, written_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};

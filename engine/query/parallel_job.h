@@ -45,6 +45,8 @@ class ParallelJob : public Job::State {
     options_.limits.abs_tol = q.abs_tol;
     options_.limits.rel_tol = q.rel_tol;
     options_.limits.signed_distance = q.signed_distance;
+    options_.decides = q.reduce == Reduce::kAny;
+    options_.drops_beyond = q.reduce == Reduce::kWithin && !context.reference;
     options_.reference = context.reference;
     options_.lanes = context.lanes;
     options_.contradictions = context.contradictions;
@@ -109,7 +111,7 @@ class ParallelJob : public Job::State {
   void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& asked, const PairAnswer& answer) {
     assert(index < plan_.size.rows);
     static constexpr Vec3d kNoOrigin{0, 0, 0};
-    const auto& [pair, here, warm] = asked;
+    const auto& [pair, here, max_distance, warm] = asked;
     const std::size_t n = scene().bodies().size();
     write_row(reply_, index, pair, configuration, answer, pair.a < n ? (*here)[pair.a].pose.t_w : kNoOrigin,
               pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);

@@ -27,17 +27,19 @@ class PieceBoxes {
 
   /// A box for each piece of a body that has a usable pose; valid until the next call but one.
   std::span<const Aabb> at(const Placement& placement, std::uint32_t body) {
+    if (const std::span<const Aabb> known = placement.known_piece_boxes(body); !known.empty()) return known;
     if (slots_.empty()) expect(1);
+    const Slot wanted = of(placement, body);
     const std::size_t home =
-        (reinterpret_cast<std::uintptr_t>(&placement) / sizeof(Placement) * 64 + body) % (slots_.size() / 2) * 2;
+        (reinterpret_cast<std::uintptr_t>(wanted.placement) / sizeof(Placement) * 64 + body) % (slots_.size() / 2) * 2;
     for (std::size_t i = home; i < home + 2; ++i)
-      if (slots_[i].holds(placement, body)) {
+      if (slots_[i].holds(wanted)) {
         slots_[i].used = ++count_;
         return slots_[i].boxes;
       }
     Slot& slot = slots_[home + (slots_[home].used > slots_[home + 1].used)];
-    slot.placement = &placement;
-    slot.configuration = placement.configuration();
+    slot.placement = wanted.placement;
+    slot.configuration = wanted.configuration;
     slot.body = body;
     slot.used = ++count_;
     slot.boxes.clear();
@@ -50,15 +52,19 @@ class PieceBoxes {
  private:
   static constexpr std::size_t kFewestSlots = 16, kMostSlots = 2048;
   struct Slot {
-    const Placement* placement = nullptr;
+    const Placement* placement = nullptr;  // null: of a body that stands where it does in all of them
     std::uint64_t configuration = 0, used = 0;
-    std::uint32_t body = 0;
+    std::uint32_t body = kNone;
     std::vector<Aabb> boxes;
 
-    bool holds(const Placement& p, std::uint32_t b) const {
-      return placement == &p && configuration == p.configuration() && body == b;
+    bool holds(const Slot& other) const {
+      return placement == other.placement && configuration == other.configuration && body == other.body;
     }
   };
+  static Slot of(const Placement& placement, std::uint32_t body) {
+    if (!placement.moves(body)) return {.body = body, .boxes = {}};
+    return {.placement = &placement, .configuration = placement.configuration(), .body = body, .boxes = {}};
+  }
 
   const Scene& scene_;
   std::vector<Slot> slots_;

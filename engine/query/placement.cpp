@@ -1,37 +1,63 @@
 #include "engine/query/placement.h"
 
+#include <algorithm>
 #include <cassert>
 
 #include "engine/hull/box.h"
 
 namespace clearance {
 
-Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack) {
+namespace {
+
+constexpr std::uint64_t kMostPieces = 8192;  // placed at a time, of moved bodies
+
+// \param each gets the box of each piece of a body that has a usable pose
+template <class Each>
+Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack, const Each& each) {
   Aabb box = kEmptyBox;
   if (placement.status != Status::kOk) return box;
-  for (const PiecePtr& piece : body.pieces)
-    box = joined(box, certify_box(*piece, placement.pose.R_wb, placement.pose.t_w));
+  for (std::size_t i = 0; i < body.pieces.size(); ++i) {
+    const Aabb piece = certify_box(*body.pieces[i], placement.pose.R_wb, placement.pose.t_w);
+    box = joined(box, piece);
+    each(i, piece);
+  }
   return grown(box, slack.inner);
+}
+
+}  // namespace
+
+Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack) {
+  return body_box(body, placement, slack, [](std::size_t, const Aabb&) {});
 }
 
 Slack pair_slack(const Placement& placement, BodyPair pair) {
   return placement.slack(pair.a) + placement.slack(pair.b);
 }
 
+std::uint64_t Placement::most(const Scene& scene, const Plan& plan) {
+  std::uint64_t pieces = 1;
+  for (const std::uint32_t b : plan.moved) pieces += scene.bodies()[b].pieces.size();
+  return std::max<std::uint64_t>(kMostPieces / pieces, 1);
+}
+
 Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
     : scene_(scene), plan_(plan), boxes_(boxes) {
   if (plan.query.configuration_count == 0) return;
   moved_slot_.assign(scene.bodies().size(), kNone);
+  std::size_t pieces = 0;
   for (const std::uint32_t b : plan.moved) {
     moved_slot_[b] = static_cast<std::uint32_t>(local_.size());
     local_.push_back(plan.snapshot->local[b]);
     facts_.push_back((plan.snapshot->given[b] ? 0 : kLinkUnplaced) |
                      (plan.snapshot->beyond_limits[b] ? kLinkBeyondLimits : 0));
+    first_piece_.push_back(static_cast<std::uint32_t>(pieces));
+    pieces += scene.bodies()[b].pieces.size();
   }
   moved_.resize(local_.size());
   rotation_of_.resize(local_.size(), nullptr);
   moved_boxes_.resize(local_.size());
   if (!plan.doubts.empty()) moved_doubts_.resize(local_.size());
+  if (!boxes.empty()) piece_boxes_.resize(pieces);
 }
 
 void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations) {
@@ -60,7 +86,10 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
       moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
                                   parent == kNone ? nullptr : &doubt(parent), on && is_composed(*on));
     }
-    if (!boxes_.empty()) moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body));
+    if (boxes_.empty()) continue;
+    Aabb* const pieces = piece_boxes_.data() + first_piece_[i];
+    moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body),
+                               [&](std::size_t p, const Aabb& box) { pieces[p] = box; });
   }
 }
 

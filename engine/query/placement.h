@@ -20,6 +20,9 @@ class Placement {
   /// Moves to configuration k of the plan; nothing to do where it has none. \param given (1, M) of it. \param rotations
   /// (M,) of its poses
   void configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations);
+  /// How many a worker may have of a plan's configurations, so that their memory is bounded.
+  static std::uint64_t most(const Scene& scene, const Plan& plan);
+
   bool moves_any() const { return !moved_slot_.empty(); }
   bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
   /// The one that it was moved to last; the same value always where nothing moves.
@@ -41,6 +44,11 @@ class Placement {
     if (boxes_.empty()) return nullptr;
     return moved_slot_.empty() || moved_slot_[body] == kNone ? &boxes_[body] : &moved_boxes_[moved_slot_[body]];
   }
+  /// Boxes of the pieces of a body that is moved and has a usable pose, where they have been made; else empty.
+  std::span<const Aabb> known_piece_boxes(std::uint32_t body) const {
+    if (piece_boxes_.empty() || moved_slot_[body] == kNone) return {};
+    return std::span(piece_boxes_).subspan(first_piece_[moved_slot_[body]], scene_.bodies()[body].pieces.size());
+  }
 
  private:
   const Scene& scene_;
@@ -54,6 +62,8 @@ class Placement {
   std::vector<BodyPlacement> moved_;
   std::vector<BodyDoubt> moved_doubts_;  // empty where the plan has none
   std::vector<Aabb> moved_boxes_;
+  std::vector<Aabb> piece_boxes_;           // of all moved bodies
+  std::vector<std::uint32_t> first_piece_;  // of each moved body: in piece_boxes_
 };
 
 /// A box that holds the true body that a placed one stands for.

@@ -25,11 +25,17 @@ void check_numbers(const QueryView& q) {
   if (std::isnan(q.rel_tol) || q.rel_tol >= 1)
     refuse("rel_tol: expected a ratio below 1, got " + std::to_string(q.rel_tol));
   if (q.precision > Precision::kF32) refuse("precision: unknown value " + std::to_string(int(q.precision)));
-  if (q.reduce > Reduce::kMin) refuse("reduce: unknown value " + std::to_string(int(q.reduce)));
+  if (q.reduce > Reduce::kAny) refuse("reduce: unknown value " + std::to_string(int(q.reduce)));
   if (q.format > Format::kCompact) refuse("format: unknown value " + std::to_string(int(q.format)));
   if (q.fields & ~kKnownFields) refuse("fields: unknown bits in " + std::to_string(q.fields));
   if (q.max_pose_age_ns < 0)
     refuse("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
+  const bool any = q.reduce == Reduce::kAny;
+  if (!any && (q.margin != 0 || !q.margins.empty() || !q.pair_margins.empty()))
+    refuse("margin: is for reduce any; other queries have max_distance");
+  if (any && q.max_distance < std::numeric_limits<double>::infinity())
+    refuse("max_distance: reduce any decides by its margins, and has no other cut-off");
+  if (any && q.signed_distance) refuse("signed_distance: reduce any asks for no depth");
   if (q.stale_status && q.max_pose_age_ns == 0) refuse("stale_status: is for a query with max_pose_age_ns");
 }
 
@@ -48,9 +54,9 @@ std::uint32_t written_fields(const QueryView& q) {
 /// \param bodies that the query moves
 bool still_means(const QueryView& query, std::span<const std::uint32_t> bodies, const PoseSnapshot& snapshot,
                  const Scene& scene) {
-  return !query.all_pairs &&
-         snapshot.history->still_means({query.scene_revision, bodies, query.pairs, query.reduce == Reduce::kNearest},
-                                       snapshot.scene_changes, scene);
+  return !query.all_pairs && snapshot.history->still_means({query.scene_revision, bodies, query.pairs, query.margins,
+                                                            query.reduce == Reduce::kNearest},
+                                                           snapshot.scene_changes, scene);
 }
 
 [[noreturn]] void refuse_scene(const QueryView& query, const PoseSnapshot& snapshot) {
@@ -152,6 +158,9 @@ bool Planner::advance(WorkMeter& meter) {
   if (!lister_->advance(meter)) return false;
   plan_.pairs = lister_->take();
   lister_.reset();
+  if (plan_.query.reduce == Reduce::kAny) plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
+  plan_.query.margins = {};
+  plan_.query.pair_margins = {};
   settle_size();
   return true;
 }
@@ -163,7 +172,8 @@ void Planner::settle_size() {
   size.pairs = plan_.pairs.size();
   size.fields = written_fields(query);
   // K and P are below 2^32 and 2^64 / 2^32 rows would never pass max_rows_: compare by division.
-  const std::uint64_t per_configuration = query.reduce == Reduce::kMin       ? 1
+  const bool one_row = query.reduce == Reduce::kMin || query.reduce == Reduce::kAny;
+  const std::uint64_t per_configuration = one_row                            ? 1
                                           : query.reduce == Reduce::kNearest ? scene_.bodies().size()
                                                                              : size.pairs;
   const bool too_many = per_configuration > 0 && size.configurations > max_rows_ / per_configuration;

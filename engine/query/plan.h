@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "engine/query/doubts.h"
+#include "engine/query/margins.h"
 #include "engine/query/pair_lister.h"
 #include "engine/query/query.h"
 #include "engine/scene/link_motion.h"
@@ -27,6 +28,7 @@ struct Plan {
   std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first
   std::shared_ptr<const PoseSnapshot> snapshot;
   PairList pairs;
+  Margins margins;  ///< of the pairs, for Reduce::kAny
   QuerySize size;
   std::int64_t begun_ns = 0;      ///< monotonic_ns(): ages of poses are as of then
   std::vector<BodyDoubt> doubts;  ///< of each body in the snapshot, as of then; empty: nothing is doubted of any

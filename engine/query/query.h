@@ -30,7 +30,11 @@ struct QueryView {
   std::span<const double> positions;      ///< (K, J) radians and metres; other joints stay as they are
 
   double max_distance = std::numeric_limits<double>::infinity();  ///< metres; pairs proved farther are kBeyond
-  double abs_tol = 0.0;   ///< metres; wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
+  /// Reduce::kAny, which has no max_distance: farther than this each pair must be proved. Metres, finite, >= 0.
+  double margin = 0;
+  std::span<const MarginEntry> margins;    ///< in place of `margin` for the pairs that they name; later entries win
+  std::span<const double> pair_margins{};  ///< or (P,): of each pair, in the order of the pairs
+  double abs_tol = 0.0;                    ///< metres; wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
   double rel_tol = -1.0;  ///< ratio; negative: the default of the precision (1e-6 float64, 1e-4 float32)
   Precision precision = Precision::kF64;
   bool signed_distance = false;  ///< also the penetration depth of overlapping pairs

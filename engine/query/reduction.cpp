@@ -1,6 +1,7 @@
 #include "engine/query/reduction.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cassert>
 #include <cmath>
 
@@ -15,7 +16,8 @@ constexpr std::uint64_t kBlock = 4096;    // pairs whose boxes one unit compares
 constexpr std::uint64_t kProbes = 64;     // bodies whose pairs one unit looks for in a tree
 constexpr std::uint64_t kTreeBlocks = 8;  // ... or blocks of such
 constexpr std::uint64_t kEvaluate = 256;  // pairs that one unit answers
-constexpr std::uint64_t kAtFirst = 8;  // of them, where the first that overlaps ends it; then twice as many, and so on
+// Of them, where the first that overlaps ends it; then twice as many, and so on.
+constexpr std::uint64_t kAtFirst = 8, kAtFirstOfMany = 2;  // the latter of each of many configurations
 
 // What takes one thread a tenth of a millisecond or more.
 constexpr std::uint64_t kManyProbes = 512, kManyPairs = 65536, kManyAnswers = 1024;
@@ -40,13 +42,6 @@ Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions
   for (int i = 0; i < workers; ++i) workers_.emplace_back(scene, plan, options, boxes);
 }
 
-template <class Visit>
-void Reduction::for_groups(BodyPair pair, Visit visit) const {
-  if (!per_body()) return visit(0u);
-  if (pair.a < groups_) visit(pair.a);
-  if (pair.b < groups_) visit(pair.b);
-}
-
 void Reduction::begin() {
   for (WorkerState& w : workers_) {
     w.seed.assign(groups_, Seed{kInf, ~std::uint64_t{0}});
@@ -55,14 +50,16 @@ void Reduction::begin() {
     w.evaluated = 0;
   }
   incomplete_.assign(groups_, 0);
-  // Within a distance every pair stands alone: its cut-off is known. So it is for the oracle, which leaves nothing out.
-  const bool no_seeds = within() || options_.reference;
-  cutoff_.assign(groups_, options_.reference ? kInf : plan_.query.max_distance);
+  // The oracle leaves nothing out.
+  cutoff_.assign(groups_, options_.reference ? kInf : any() ? plan_.margins.most() : plan_.query.max_distance);
+  gaps_ = {};
+  candidate_gaps_.clear();
   seeds_.clear();
   seed_answers_.clear();
   candidates_.clear();
   candidate_pairs_.clear();
-  stage_ = no_seeds ? kScan : kSeedScan;
+  decided_by_ = kNobody;
+  stage_ = stands_alone() ? kScan : kSeedScan;
 }
 
 std::uint64_t Reduction::evaluated() const {
@@ -110,11 +107,11 @@ bool Reduction::run(std::uint64_t unit, int worker, const Placement& placement, 
   switch (stage_) {
     case kSeedScan:
       meter.count(kUnitsPerScan);
-      by_tree_ ? seed_scan_by_tree(unit, w, placement) : seed_scan(unit, w, placement);
+      by_tree_ ? seed_scan_by_tree(unit, w, placement) : scan_block(unit, w, placement);
       return true;
     case kScan:
       meter.count(kUnitsPerScan);
-      by_tree_ ? scan_by_tree(unit, w, placement) : scan(unit, w, placement);
+      by_tree_ ? scan_by_tree(unit, w, placement) : scan_block(unit, w, placement);
       return true;
     case kSeeds:
     case kCandidates:
@@ -127,43 +124,109 @@ bool Reduction::run(std::uint64_t unit, int worker, const Placement& placement, 
 
 // The exact answers of a unit's pairs.
 bool Reduction::answer(std::uint64_t unit, WorkerState& w, const Placement& placement, WorkMeter& meter) {
-  const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
-  auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
-  auto& answers = stage_ == kSeeds ? seed_answers_ : candidate_answers_;
-  const std::uint64_t begin = unit * kEvaluate, end = std::min<std::uint64_t>(positions.size(), begin + kEvaluate);
-  const auto next = [&] { return std::min(end, w.first + w.step); };
-  const auto found = [&] { return std::span(answers).subspan(w.first, next() - w.first); };
-  const auto ask = [&] {
+  const auto begin_next = [&] {
     w.asked.clear();
-    for (std::uint64_t i = w.first; i < next(); ++i) {
-      pairs[i] = plan_.pairs.at(positions[i]);
-      w.asked.push_back({pairs[i], &placement});
-    }
-    w.evaluator.begin(w.asked, found());
+    ask(w, placement, w.asked);
+    w.evaluator.begin(w.asked, std::span(answers()).subspan(w.first, w.asked.size()));
   };
+  const std::atomic_ref<std::uint64_t> decided_by(decided_by_);
   if (w.step == 0) {
-    w.first = begin;
-    w.step = stops_at_overlap() ? kAtFirst : kEvaluate;
-    ask();
+    if (decided_by.load(std::memory_order_relaxed) < unit) return true;
+    begin_answers(unit * kEvaluate, (unit + 1) * kEvaluate, kAtFirst, w);
+    begin_next();
   }
   while (true) {
     if (!w.evaluator.advance(meter)) return false;
-    w.evaluated += next() - w.first;
-    const auto overlaps = [](const PairAnswer& a) { return a.status == Status::kOverlap; };
-    const std::span<PairAnswer> last = found();
-    w.first = next();
-    if (stops_at_overlap() && std::any_of(last.begin(), last.end(), overlaps))
-      for (; w.first < end; ++w.first) {
-        pairs[w.first] = plan_.pairs.at(positions[w.first]);
-        answers[w.first] = beyond_answer(0);  // no nearer than the one found, and behind it
+    if (take(w) && any())  // of a minimum units behind may hold seeds' rivals, and each stops for itself
+      for (std::uint64_t first = decided_by.load(std::memory_order_relaxed);
+           unit < first && !decided_by.compare_exchange_weak(first, unit, std::memory_order_relaxed);) {
       }
-    w.step *= 2;
-    if (w.first == end) break;
-    ask();
+    if (w.first == w.end) break;
+    begin_next();
     if (meter.is_over()) return false;
   }
   w.step = 0;
   return true;
+}
+
+void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint64_t at_first, WorkerState& w) const {
+  w.first = begin;
+  w.end = std::min<std::uint64_t>(end, stage_ == kSeeds ? seeds_.size() : candidates_.size());
+  w.step = stops_early() ? at_first : kEvaluate;
+  w.cut_off = stage_ == kCandidates && stops_at_overlap() ? cutoff_[0] : kInf;
+}
+
+// What comes next: as many as a step has.
+void Reduction::ask(WorkerState& w, const Placement& placement, std::vector<PlacedBodies>& asked) {
+  const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
+  auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
+  const double far = loser_beyond(w.cut_off, options_.limits);
+  if (!candidate_gaps_.empty()) leave_out_far(w, far);
+  for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
+    pairs[i] = plan_.pairs.at(positions[i]);
+    asked.push_back({pairs[i], &placement, std::min(cut_off(positions[i]), far)});
+  }
+}
+
+// The nearest first: the sooner others can be left out. Pairs that overlap keep their order, and those behind the first
+// of them have boxes that are apart, or come later in the query.
+void Reduction::sort_candidates(const Placement& placement) {
+  std::vector<Seed>& order = workers_[0].order;
+  order.clear();
+  for (const std::uint64_t p : candidates_)
+    order.push_back({gaps_.empty() ? box_gap(scene_, placement, plan_.pairs.at(p)) : gaps_[p], p});
+  std::sort(order.begin(), order.end());
+  for (std::size_t i = 0; i < order.size(); ++i) candidates_[i] = order[i].position;
+  candidate_gaps_.clear();
+  for (const Seed& s : order) candidate_gaps_.push_back(s.gap);
+}
+
+// Candidates whose boxes are farther apart can neither win nor lower the interval. They come last.
+void Reduction::leave_out_far(WorkerState& w, double far) {
+  assert(stage_ == kCandidates && w.end == candidates_.size());
+  while (w.end > w.first && candidate_gaps_[w.end - 1] > far) --w.end;
+  candidates_.resize(w.end);
+  candidate_pairs_.resize(w.end);
+  candidate_answers_.resize(w.end);
+}
+
+// The answers to what was asked last are there. True: one of them decides.
+bool Reduction::take(WorkerState& w) {
+  const std::uint64_t next = std::min(w.end, w.first + w.step);
+  w.evaluated += next - w.first;
+  const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
+  bool decided = false;
+  for (; w.first < next; ++w.first) {
+    const PairAnswer& answer = answers()[w.first];
+    decided |= stops_early() && decides(positions[w.first], answer);
+    if (stops_at_overlap()) w.cut_off = std::min(w.cut_off, answer.upper);
+  }
+  for (; decided && w.first < w.end; ++w.first) {
+    (stage_ == kSeeds ? seed_pairs_ : candidate_pairs_)[w.first] = plan_.pairs.at(positions[w.first]);
+    answers()[w.first] = beyond_answer(0);  // no nearer than the one found, and behind it
+  }
+  w.step *= 2;
+  return decided;
+}
+
+bool Reduction::ask(const Placement& placement, std::vector<PlacedBodies>& asked) {
+  assert(stage_ == kSeeds || stage_ == kCandidates);
+  WorkerState& w = workers_[0];
+  if (w.step == 0) {
+    if (stage_ == kCandidates && stops_at_overlap()) sort_candidates(placement);
+    begin_answers(0, ~std::uint64_t{0}, kAtFirstOfMany, w);
+  }
+  const std::size_t before = asked.size();
+  ask(w, placement, asked);
+  if (asked.size() > before) return true;
+  w.step = 0;
+  return false;
+}
+
+void Reduction::take(std::span<const PairAnswer> found) {
+  WorkerState& w = workers_[0];
+  std::copy(found.begin(), found.end(), answers().begin() + static_cast<std::ptrdiff_t>(w.first));
+  take(w);
 }
 
 // box_gap() of each.
@@ -175,28 +238,49 @@ std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerS
   return worker.gaps;
 }
 
-void Reduction::seed_scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
+void Reduction::scan_block(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
   const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
   const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
-  const std::span<const double> gap = gaps(pairs, worker, placement);
-  for (std::uint64_t i = 0; i < count; ++i)
-    for_groups(pairs[i], [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i}); });
+  offer(begin, pairs, gaps(pairs, worker, placement), worker, placement);
 }
 
-void Reduction::scan(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
-  const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
-  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
-  const std::span<const double> gap = gaps(pairs, worker, placement);
-  for (std::uint64_t i = 0; i < count; ++i) {
-    bool wanted = false;
-    if (gap[i] == kInf && is_unusable(scene_, placement, pairs[i])) {
-      wanted = within() || options_.reference;
-      for_groups(pairs[i], [&](std::uint32_t g) { worker.incomplete[g] = 1; });
-    } else {
-      for_groups(pairs[i], [&](std::uint32_t g) { wanted |= gap[i] <= cutoff_[g]; });
-    }
-    if (wanted) worker.candidates.push_back(begin + i);
+void Reduction::scan(std::span<const double> gaps, const Placement& placement) {
+  assert(gaps.size() == plan_.pairs.size());
+  WorkerState& w = workers_[0];
+  gaps_ = gaps;
+  if (per_body()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.room), gaps, w, placement);
+  if (stage_ == kSeedScan) {
+    const auto least = std::min_element(gaps.begin(), gaps.end());
+    if (least != gaps.end()) w.seed[0] = {*least, static_cast<std::uint64_t>(least - gaps.begin())};
+    return;
   }
+  w.near.resize(gaps.size());
+  const std::size_t count = gaps_within(gaps.data(), gaps.size(), cutoff_[0], w.near.data());
+  for (std::size_t i = 0; i < count; ++i) offer(w.near[i], plan_.pairs.at(w.near[i]), gaps[w.near[i]], w, placement);
+}
+
+void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std::span<const double> gap,
+                      WorkerState& worker, const Placement& placement) const {
+  if (stage_ == kSeedScan) {
+    for (std::uint64_t i = 0; i < pairs.size(); ++i)
+      for_groups(pairs[i],
+                 [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i}); });
+  } else {
+    for (std::uint64_t i = 0; i < pairs.size(); ++i) offer(begin + i, pairs[i], gap[i], worker, placement);
+  }
+}
+
+void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerState& worker,
+                      const Placement& placement) const {
+  bool wanted = false;
+  if (gap == kInf && is_unusable(scene_, placement, pair)) {
+    wanted = stands_alone();
+    for_groups(pair, [&](std::uint32_t g) { worker.incomplete[g] = 1; });
+  } else {
+    for_groups(pair, [&](std::uint32_t g) { wanted |= gap <= cutoff_[g]; });
+    if (any() && !options_.reference) wanted = wanted && gap <= plan_.margins.of(position);
+  }
+  if (wanted) worker.candidates.push_back(position);
 }
 
 void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const Placement& placement) const {
@@ -233,7 +317,7 @@ void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) c
     for (std::uint64_t i = 0; i < plan_.pairs.size(); ++i)
       if (is_unusable(scene_, placement, plan_.pairs.list()[i])) {
         worker.incomplete[0] = 1;
-        if (within()) worker.candidates.push_back(i);
+        if (stands_alone()) worker.candidates.push_back(i);
       }
     return;
   }
@@ -241,10 +325,8 @@ void Reduction::scan_unplaced(WorkerState& worker, const Placement& placement) c
     return near_pairs_.position(a, b) != NearPairs::kNowhere;
   };
   for (const std::uint32_t bad : unplaced) {
-    if (!within()) {
-      worker.incomplete[per_body() ? bad : 0] |= near_pairs_.first_position(bad) != NearPairs::kNowhere;
-      continue;
-    }
+    worker.incomplete[per_body() ? bad : 0] |= near_pairs_.first_position(bad) != NearPairs::kNowhere;
+    if (!stands_alone()) continue;
     for (std::uint32_t b = 0; b < n; ++b)
       if (asked(bad, b) && (b > bad || placement[b].status == Status::kOk))
         worker.candidates.push_back(near_pairs_.position(bad, b));
@@ -304,68 +386,6 @@ void Reduction::end_stage() {
       stage_ = kDone;
       break;
   }
-}
-
-std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
-  assert(stage_ == kDone);
-  const auto row_of = [&](BodyPair pair, const PairAnswer& answer) {
-    Row row{pair, configuration, answer, {}, {}, pair};
-    if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
-    if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
-    return row;
-  };
-  std::vector<Row> rows;
-  if (within()) {
-    for (std::size_t i = 0; i < candidates_.size(); ++i)
-      if (candidate_answers_[i].status != Status::kBeyond)
-        rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i]));
-    return rows;
-  }
-  struct Candidates {
-    Standing best, unusable;  // the winner, and the first pair without usable poses
-    const PairAnswer *winner = nullptr, *first_unusable = nullptr;
-    double lower = kInf;                             // the least of all
-    std::uint64_t lower_place = Standing::kNowhere;  // of the first that has it
-  };
-  std::vector<Candidates> groups(groups_);
-  const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
-    const bool usable = !std::isnan(answer.distance);
-    const double lower =
-        usable && !options_.reference ? lower_with_box(answer.lower, box_gap(scene_, placement, pair)) : answer.lower;
-    const Standing standing = standing_of(answer.lower, answer.upper, position);
-    for_groups(pair, [&](std::uint32_t g) {
-      Candidates& group = groups[g];
-      if (!usable) incomplete_[g] = 1;
-      if (usable && (lower < group.lower || (lower == group.lower && position < group.lower_place))) {
-        group.lower = lower;
-        group.lower_place = position;
-      }
-      Standing& best = usable ? group.best : group.unusable;
-      if (!(standing < best)) return;
-      best = standing;
-      (usable ? group.winner : group.first_unusable) = &answer;
-    });
-  };
-  for (std::size_t i = 0; i < seeds_.size(); ++i) offer(seeds_[i], seed_pairs_[i], seed_answers_[i]);
-  for (std::size_t i = 0; i < candidates_.size(); ++i)
-    offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
-  for (std::size_t g = 0; g < groups_; ++g) {
-    const Candidates& group = groups[g];
-    const PairAnswer* answer = group.winner ? group.winner : group.first_unusable;
-    if (!answer) {
-      const auto body = static_cast<std::uint32_t>(g);
-      rows.push_back(row_of({per_body() ? body : kNone, kNone}, empty_answer()));
-      continue;
-    }
-    Row row = row_of(plan_.pairs.at(group.winner ? group.best.place : group.unusable.place), *answer);
-    if (group.lower_place != Standing::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
-    widen_to_group(row.answer, group.lower, options_.limits.max_distance, options_.limits.abs_tol,
-                   options_.limits.rel_tol);
-    assert(row.answer.lower <= row.answer.upper);
-    if (incomplete_[g]) row.answer.flags |= kFlagIncomplete;
-    rows.push_back(row);
-  }
-  return rows;
 }
 
 }  // namespace clearance

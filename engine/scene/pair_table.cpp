@@ -5,7 +5,7 @@
 
 namespace clearance {
 
-PairTable::PairTable(const Scene& scene, std::span<const std::uint32_t> parents)
+PairTable::PairTable(const Scene& scene, std::span<const std::uint32_t> parents, std::span<const BodyPair> ignored)
     : bodies_(static_cast<std::uint32_t>(scene.bodies().size())) {
   assert(parents.size() == bodies_);
   for (const Body& body : scene.bodies()) is_static_.push_back(body.is_static);
@@ -14,7 +14,7 @@ PairTable::PairTable(const Scene& scene, std::span<const std::uint32_t> parents)
   const auto exclude = [&](std::uint32_t a, std::uint32_t b) {
     if (!(is_static_[a] && is_static_[b])) excluded.push_back({std::min(a, b), std::max(a, b)});
   };
-  for (const auto& [a, b] : scene.ignored()) exclude(a, b);
+  for (const auto& [a, b] : ignored) exclude(a, b);
   for (std::uint32_t i = 0; i < bodies_; ++i)
     if (parents[i] != kNone) exclude(i, parents[i]);
   for (std::uint32_t i = 0; i < bodies_; ++i)

@@ -14,8 +14,8 @@ namespace clearance {
 /// Memory grows with bodies and exclusions, not with pairs: a scene of 50,000 bodies has more than a thousand million.
 class PairTable {
  public:
-  /// \param parents of each body, kNone for none.
-  PairTable(const Scene& scene, std::span<const std::uint32_t> parents);
+  /// \param parents of each body, kNone for none. \param ignored pairs that are left out.
+  PairTable(const Scene& scene, std::span<const std::uint32_t> parents, std::span<const BodyPair> ignored);
 
   std::uint64_t size() const { return row_begin_.back(); }
   /// Whether {a, b}, in either order, is enabled.

@@ -69,14 +69,21 @@ std::shared_ptr<const std::vector<std::uint32_t>> order_of(const std::vector<std
   return order;
 }
 
-// Another attachment is another scene: other pairs are enabled.
-std::uint64_t revision_with(const Scene& scene, const std::vector<std::uint32_t>& parent) {
+// Another attachment is another scene: other pairs are enabled. So are other ignored pairs.
+std::uint64_t revision_with(const Scene& scene, const std::vector<std::uint32_t>& parent,
+                            std::span<const BodyPair> ignored) {
   std::uint64_t h = scene.revision();
   bool as_loaded = true;
   for (std::uint32_t b = 0; b < parent.size(); ++b) {
     as_loaded &= parent[b] == scene.bodies()[b].parent;
     h = (h ^ (parent[b] + 0x9E3779B97F4A7C15ull * (b + 1))) * 0xFF51AFD7ED558CCDull;
     h ^= h >> 32;
+  }
+  const std::vector<BodyPair> loaded = IgnoredPairs(scene).all();
+  for (const BodyPair pair : changed_pairs(loaded, ignored)) {
+    as_loaded = false;
+    h = (h ^ (std::uint64_t{pair.a} << 32 | pair.b)) * 0xC4CEB9FE1A85EC53ull;
+    h ^= h >> 29;
   }
   return as_loaded ? scene.revision() : (h ? h : 1);
 }
@@ -87,8 +94,8 @@ void PoseStore::enable_pairs(PoseSnapshot& snapshot) const {
   snapshot.order = order_of(snapshot.parent);
   snapshot.has_followers =
       std::any_of(snapshot.parent.begin(), snapshot.parent.end(), [](std::uint32_t parent) { return parent != kNone; });
-  snapshot.scene_revision = revision_with(scene_, snapshot.parent);
-  snapshot.pairs = std::make_shared<const PairTable>(scene_, snapshot.parent);
+  snapshot.scene_revision = revision_with(scene_, snapshot.parent, snapshot.ignored->all());
+  snapshot.pairs = std::make_shared<const PairTable>(scene_, snapshot.parent, snapshot.ignored->all());
   snapshot.scene_changes = history_->changes();
   snapshot.history = history_;
 }
@@ -123,6 +130,7 @@ PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead
   first->joints.receipt_ns.resize(joints);
   first->joints.sequence.resize(joints);
   for (const auto& robot : scene.robots()) first->move_links(*robot, {});
+  first->ignored = std::make_shared<const IgnoredPairs>(scene);
   enable_pairs(*first);
   first->place_again(*first->order);
   publish(std::move(first));
@@ -274,6 +282,8 @@ void PoseStore::take_over(const PoseStore& old_store) {
   late_ += old_store.late_;
   const std::shared_ptr<PoseSnapshot> next = copy();
   const std::vector<Body>&bodies = scene_.bodies(), &old_bodies = old_store.scene_.bodies();
+  std::vector<std::uint32_t> ids(old_bodies.size(), kNone);
+  std::vector<std::uint8_t> keeps(bodies.size(), 0);
   const auto follows = [&](std::uint32_t body, std::uint32_t leader) {
     for (std::uint32_t b = body; b != kNone; b = next->parent[b])
       if (b == leader) return true;
@@ -282,6 +292,7 @@ void PoseStore::take_over(const PoseStore& old_store) {
   for (std::uint32_t was = 0; was < old_bodies.size(); ++was) {
     const std::uint32_t now = scene_.find_body(old_bodies[was].name);
     if (now == kNone) continue;
+    ids[was] = now;
     marks_.take_over(now, old_store.marks_, was);
     if (bodies[now].is_static || bodies[now].robot != kNone || old.receipt_ns[was] == 0) continue;
     const std::uint32_t leader = old.parent[was] == kNone ? kNone : scene_.find_body(old_bodies[old.parent[was]].name);
@@ -290,6 +301,7 @@ void PoseStore::take_over(const PoseStore& old_store) {
       if (leader != kNone && follows(leader, now)) continue;
       next->parent[now] = leader;
     }
+    keeps[now] = leader != kNone;
     next->local[now] = old.local[was];
     next->given[now] = old.given[was];
     next->stamp_ns[now] = old.stamp_ns[was];
@@ -298,14 +310,19 @@ void PoseStore::take_over(const PoseStore& old_store) {
   }
   changes_.clear();
   take_over_joints(old_store, *next);
-  history_->replaced(*old_store.history_, old.scene_revision, old_store.scene_, old.parent, scene_, next->parent);
+  IgnoredPairs ignored(scene_);
+  ignored.take_over(*old.ignored, old_store.scene_, ids, keeps, scene_);
+  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));
+  history_->replaced(*old_store.history_, old.scene_revision, {old_store.scene_, old.parent, old.ignored->all()},
+                     {scene_, next->parent, next->ignored->all()});
   enable_pairs(*next);
   next->place_again(*next->order);
   next->revision = old.revision + 1;
   publish(next);
 }
 
-PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc) {
+PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc,
+                                   std::span<const std::uint32_t> allow) {
   const std::lock_guard lock(writers_);
   const std::shared_ptr<PoseSnapshot> next = copy();
   const auto& bodies = scene_.bodies();
@@ -317,6 +334,10 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   for (std::uint32_t b = parent; b != kNone; b = next->parent[b])
     if (b == child) refuse("'" + bodies[child].name + "' would follow itself through '" + bodies[parent].name + "'");
   if (X_pc && check(*X_pc) == PoseQuality::kBad) refuse("the pose of '" + bodies[child].name + "' is not usable");
+  if (parent == kNone && !allow.empty()) refuse("a body that is set free is allowed nothing");
+  IgnoredPairs ignored = *next->ignored;
+  ignored.release(child);
+  ignored.allow_attached(child, allow, scene_);
   if (!X_pc) {
     for (const std::uint32_t b : {child, parent})
       if (b != kNone && next->placed[b].status != Status::kOk) refuse("'" + bodies[b].name + "' has no usable pose");
@@ -327,7 +348,12 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   }
   next->given[child] = 1;
   changes_.clear();  // others follow, and other pairs are enabled
-  if (parent != next->parent[child]) history_->attached(next->scene_revision, child, next->parent[child], parent);
+  const std::vector<BodyPair> changed = changed_pairs(next->ignored->all(), ignored.all());
+  if (parent != next->parent[child])
+    history_->attached(next->scene_revision, child, next->parent[child], parent, changed);
+  else if (!changed.empty())
+    history_->ignored(next->scene_revision, changed);
+  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));
   next->parent[child] = parent;
   next->receipt_ns[child] = monotonic_ns();
   enable_pairs(*next);
@@ -337,6 +363,26 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   PoseUpdateResult result;
   result.revision = next->revision;
   result.applied = 1;
+  publish(next);
+  return result;
+}
+
+PoseUpdateResult PoseStore::allow(std::uint32_t a, std::uint32_t b, bool allow) {
+  const std::lock_guard lock(writers_);
+  IgnoredPairs ignored = *snapshot()->ignored;
+  allow ? ignored.allow(a, b, scene_) : ignored.forbid(a, b, scene_);
+  const std::shared_ptr<PoseSnapshot> next = copy();
+  const std::vector<BodyPair> changed = changed_pairs(next->ignored->all(), ignored.all());
+  changes_.clear();                                                          // other pairs are enabled
+  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));  // who holds a pair may have changed, too
+  if (!changed.empty()) {
+    history_->ignored(next->scene_revision, changed);
+    enable_pairs(*next);
+  }
+  ++next->revision;
+  PoseUpdateResult result;
+  result.revision = next->revision;
+  result.applied = static_cast<std::uint32_t>(changed.size());
   publish(next);
   return result;
 }

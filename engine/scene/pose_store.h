@@ -14,6 +14,7 @@
 #include "engine/pose/body_pose.h"
 #include "engine/pose/placed.h"
 #include "engine/pose/stamp_marks.h"
+#include "engine/scene/ignored_pairs.h"
 #include "engine/scene/pair_table.h"
 #include "engine/scene/scene_history.h"
 
@@ -26,9 +27,10 @@ struct PoseSnapshot {
   std::int64_t newest_sequence = 0;    ///< of the update that brought it; 0: its publisher does not count
   std::int64_t oldest_receipt_ns = 0;  ///< 0: none was received
   std::int64_t loaded_ns = 0;          ///< our monotonic clock: of the poses that the scene gives
-  std::uint64_t scene_revision = 0;    ///< changes with attachments
+  std::uint64_t scene_revision = 0;    ///< changes with attachments and ignored pairs
   std::uint64_t scene_changes = 0;     ///< SceneHistory::changes() at that revision
   std::shared_ptr<const SceneHistory> history;
+  std::shared_ptr<const IgnoredPairs> ignored;
   std::shared_ptr<const PairTable> pairs;
 
   std::vector<Pose> local;          ///< as given: X_wb, or X_pb of a body with a parent
@@ -86,7 +88,9 @@ class PoseStore {
   void check_stamp(std::int64_t stamp_ns) const;
   std::uint64_t stamps_out_of_range() const { return out_of_range_; }
   std::uint64_t stamps_late() const { return late_; }
-  PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc);
+  PoseUpdateResult attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc,
+                          std::span<const std::uint32_t> allow);
+  PoseUpdateResult allow(std::uint32_t a, std::uint32_t b, bool allow);
 
  private:
   static constexpr std::size_t kSpares = 2, kRemembered = 8;

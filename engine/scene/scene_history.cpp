@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cassert>
-#include <iterator>
+
+#include "engine/scene/ignored_pairs.h"
 
 namespace clearance {
 namespace {
@@ -61,19 +62,33 @@ void SceneHistory::forget_old() {
   }
 }
 
-void SceneHistory::attached(std::uint64_t revision, std::uint32_t child, std::uint32_t was, std::uint32_t is) {
+void SceneHistory::note(std::span<const BodyPair> changed) {
+  for (const BodyPair pair : changed) pairs_.push_back({changes_, pair.a, pair.b});
+}
+
+void SceneHistory::ignored(std::uint64_t revision, std::span<const BodyPair> pairs) {
+  const std::lock_guard lock(mutex_);
+  begin_change(revision);
+  note(pairs);
+  forget_old();
+}
+
+void SceneHistory::attached(std::uint64_t revision, std::uint32_t child, std::uint32_t was, std::uint32_t is,
+                            std::span<const BodyPair> ignored) {
   const std::lock_guard lock(mutex_);
   assert(was != is);
   begin_change(revision);
   mark(parent_changed_, child, changes_);
   for (const std::uint32_t parent : {was, is})
     if (parent != kNone) pairs_.push_back({changes_, std::min(child, parent), std::max(child, parent)});
+  note(ignored);
   forget_old();
 }
 
-void SceneHistory::replaced(const SceneHistory& old, std::uint64_t old_revision, const Scene& old_scene,
-                            std::span<const std::uint32_t> old_parents, const Scene& scene,
-                            std::span<const std::uint32_t> parents) {
+void SceneHistory::replaced(const SceneHistory& old, std::uint64_t old_revision, const State& before,
+                            const State& after) {
+  const auto& [old_scene, old_parents, old_ignored] = before;
+  const auto& [scene, parents, ignored] = after;
   assert(old_parents.size() == old_scene.bodies().size() && parents.size() == scene.bodies().size());
   const std::scoped_lock lock(mutex_, old.mutex_);
   changes_ = old.changes_;
@@ -104,10 +119,7 @@ void SceneHistory::replaced(const SceneHistory& old, std::uint64_t old_revision,
     if (g >= was.size() || g >= is.size() || was[g].name != is[g].name || was[g].bodies != is[g].bodies ||
         std::any_of(is[g].bodies.begin(), is[g].bodies.end(), changed))
       mark(group_changed_, g, changes_);
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored;
-  std::set_symmetric_difference(old_scene.ignored().begin(), old_scene.ignored().end(), scene.ignored().begin(),
-                                scene.ignored().end(), std::back_inserter(ignored));
-  for (const auto& [a, b] : ignored) pairs_.push_back({changes_, a, b});
+  note(changed_pairs(old_ignored, ignored));
   forget_old();
 }
 
@@ -152,6 +164,9 @@ bool SceneHistory::still_means(const Question& question, std::uint64_t changes, 
   if (question.a_row_for_each_body && bodies_changed_ > since) return false;
   for (const std::uint32_t body : question.bodies)
     if (!unchanged(body, since, true)) return false;
+  for (const MarginEntry& entry : question.margins)
+    for (const std::uint32_t selector : {entry.a, entry.b})
+      if (selector != kEveryBody && !unchanged(selector, since, false)) return false;
   for (const BodyPair pair : question.pairs) {
     if (!unchanged(pair.a, since, false) || !unchanged(pair.b, since, false)) return false;
     if (!((pair.a | pair.b) & kGroupBit)) continue;

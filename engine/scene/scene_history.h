@@ -23,12 +23,19 @@ class SceneHistory {
   SceneHistory() = default;
   SceneHistory(const SceneHistory&) = delete;
 
-  /// A body follows another one (kNone: none) from now on. \param revision the scene's before that.
-  void attached(std::uint64_t revision, std::uint32_t child, std::uint32_t was, std::uint32_t is);
+  /// A body follows another one (kNone: none) from now on. \param revision the scene's before that. \param ignored
+  /// pairs that have become or ceased to be ignored with it.
+  void attached(std::uint64_t revision, std::uint32_t child, std::uint32_t was, std::uint32_t is,
+                std::span<const BodyPair> ignored);
+  /// Pairs have become or ceased to be ignored.
+  void ignored(std::uint64_t revision, std::span<const BodyPair> pairs);
+  struct State {
+    const Scene& scene;
+    std::span<const std::uint32_t> parents;  ///< of each body
+    std::span<const BodyPair> ignored;       ///< ascending
+  };
   /// Another scene has come: bodies of the same id, name and pieces are the same.
-  /// \param parents, old_parents of each body, as they are and were.
-  void replaced(const SceneHistory& old, std::uint64_t old_revision, const Scene& old_scene,
-                std::span<const std::uint32_t> old_parents, const Scene& scene, std::span<const std::uint32_t> parents);
+  void replaced(const SceneHistory& old, std::uint64_t old_revision, const State& was, const State& is);
   /// Changes so far: a snapshot keeps it, so that nothing is judged by changes that came after it.
   std::uint64_t changes() const;
 
@@ -41,6 +48,7 @@ class SceneHistory {
     std::uint64_t revision;                 ///< the scene that it was asked of
     std::span<const std::uint32_t> bodies;  ///< that it moves
     std::span<const BodyPair> pairs;        ///< selectors
+    std::span<const MarginEntry> margins;   ///< their selectors; every body means the same in any scene
     bool a_row_for_each_body;
   };
   /// Whether a question has the same bodies and pairs, in the same order. \param scene the one after the changes.
@@ -53,6 +61,7 @@ class SceneHistory {
   };
 
   void begin_change(std::uint64_t revision);
+  void note(std::span<const BodyPair> changed);
   void forget_old();
   /// The change under which a revision was the scene's last; false: it is unknown, or others have come after `changes`.
   bool find(std::uint64_t revision, std::uint64_t changes, std::uint64_t& since) const;

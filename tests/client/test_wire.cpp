@@ -162,7 +162,9 @@ std::map<std::string, Kind> kinds() {
           return sum;
         }}},
       {"poses", {poses_payload(3), [](auto payload) { return drain(parse_poses(payload).poses); }}},
-      {"attach", {single(AttachRecord{}), [](auto payload) { return std::uint64_t{parse_attach(payload).child}; }}},
+      {"attach",
+       {single(AttachRecord{}), [](auto payload) { return std::uint64_t{parse_attach(payload).record.child}; }}},
+      {"allow", {single(AllowRecord{}), [](auto payload) { return std::uint64_t{parse_allow(payload).allow}; }}},
       {"new body", {single(NewBodyRecord{}), [](auto payload) { return parse_new_body(payload).vertices.size(); }}},
       {"remove body",
        {single(RemoveBodyRecord{}), [](auto payload) { return std::uint64_t(parse_remove_body(payload).name[0]); }}},

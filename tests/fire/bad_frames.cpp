@@ -212,10 +212,10 @@ Bytes bad_frame(std::string_view kind, std::uint64_t id, std::mt19937_64& random
     frame.resize(sizeof(wire::FrameHeader) + 1 + random() % 4000);
     for (std::size_t i = sizeof(wire::FrameHeader); i < frame.size(); ++i) frame[i] = static_cast<std::byte>(random());
     mend_size(frame);
-    const auto type =
-        one_of(random, {FrameType::kQuery, FrameType::kPairs, FrameType::kDescribe, FrameType::kSetPoses,
-                        FrameType::kAttach, FrameType::kGetStates, FrameType::kGetStats, FrameType::kReload,
-                        FrameType::kAddBody, FrameType::kRemoveBody, FrameType::kSetJoints, FrameType::kGetJoints});
+    const auto type = one_of(
+        random, {FrameType::kQuery, FrameType::kPairs, FrameType::kDescribe, FrameType::kSetPoses, FrameType::kAttach,
+                 FrameType::kGetStates, FrameType::kGetStats, FrameType::kReload, FrameType::kAddBody,
+                 FrameType::kRemoveBody, FrameType::kAllow, FrameType::kSetJoints, FrameType::kGetJoints});
     change_header(frame, [&](auto& h) { h.type = static_cast<std::uint16_t>(type); });
   } else if (kind == "counts") {
     change_query(frame, [&](auto& q) {

@@ -19,13 +19,12 @@ namespace {
 struct Question {
   const char* name;
   Reduce reduce;
-  bool cut;  // with the scene's cut-off distance
+  bool cut;  // with the scene's cut-off distance; kAny: as its margin
 };
-constexpr Question kQuestions[] = {{"none", Reduce::kNone, false},
-                                   {"none_near", Reduce::kNone, true},
-                                   {"within", Reduce::kWithin, true},
-                                   {"nearest", Reduce::kNearest, false},
-                                   {"min", Reduce::kMin, false}};
+constexpr Question kQuestions[] = {{"none", Reduce::kNone, false},    {"none_near", Reduce::kNone, true},
+                                   {"within", Reduce::kWithin, true}, {"nearest", Reduce::kNearest, false},
+                                   {"min", Reduce::kMin, false},      {"any", Reduce::kAny, true},
+                                   {"any_0", Reduce::kAny, false}};
 
 struct Setting {
   Question question;
@@ -47,6 +46,7 @@ std::vector<Setting> all_settings() {
         for (const bool depth : {false, true})
           for (const bool warm : {false, true}) {
             if (depth && precision == Precision::kF32) continue;     // depths are float64's in any case
+            if (depth && question.reduce == Reduce::kAny) continue;  // it asks for none
             if (warm && question.reduce != Reduce::kNone) continue;  // reductions begin cold
             all.push_back({question, format, precision, depth, warm});
           }
@@ -109,7 +109,7 @@ void add(const test::Answer& answer, Digests* to) {
 Digests ask(const Engine& engine, const GoldenScene& g, const Setting& s, std::uint64_t client) {
   QueryView q;
   q.reduce = s.question.reduce;
-  if (s.question.cut) q.max_distance = g.cut_off;
+  if (s.question.cut) (q.reduce == Reduce::kAny ? q.margin : q.max_distance) = g.cut_off;
   q.format = s.format;
   q.fields = s.format == Format::kCompact ? kFieldCompact | kFieldStatus | kFieldFlags | kFieldPieces | kFieldPair
                                           : test::kAllFields;

@@ -1,6 +1,7 @@
 """Every argument of every public call: a wrong type, shape or value is a TypeError or ValueError that names it."""
 
 import inspect
+import math
 import operator
 import re
 
@@ -82,7 +83,16 @@ FRONT = {
     "set_joints": ({"positions": {}}, {
         "positions": [*POSITIONS, None, {"nonesuch": 0.0}, {1.5: 0.0}, {7: 0.0}], "joints": JOINTS,
         "stamp_ns": INTEGERS, "sequence": INTEGERS}),
-    "attach": ({"child": "cup", "parent": "gripper"}, {"child": [*BODIES, None], "parent": BODIES, "pose": POSE}),
+    "attach": ({"child": "cup", "parent": "gripper"}, {
+        "child": [*BODIES, None], "parent": BODIES, "pose": POSE,
+        "allow": ["cup", b"cup", 3, None, ["nonesuch"], [1.5], [True], [-1], np.zeros((1, 1))]}),
+    "check": ({}, {
+        "margin": ["1.5", True, 1j, math.nan, None, [], ["0.1"], [[0.1]], {"cup": 0.1}, {("cup",): 0.1},
+                   {("nonesuch", "*"): 0.1}, {("cup", "*"): "0.1"}, {("cup", "*"): -0.1}, {("cup", "*"): math.inf},
+                   {("cup", 1.5): 0.1}],
+        **{name: QUERY[name] for name in ("configurations", "pairs", "bodies", "timeout_s")}}),
+    "allow": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
+    "forbid": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
 }  # fmt: skip
 CLIENT = {
     "reload": ({}, {"timeout_s": [*NUMBERS_FROM_0, None]}),

@@ -109,6 +109,7 @@ clearance::Query query_of(const Query& q) {
   query.joints = ids_of(q.joints);
   query.positions = numbers_of(q.positions);
   copy_options(q, query);
+  copy_margins(q, query);
   // A query that stopped waiting for a stamp keeps how long it may wait.
   if (!q.min_pose_stamp_ns) query.pose_wait_ns = 0;
   return query;
@@ -339,13 +340,20 @@ class PyClient {
     return nb::make_tuple(joints, groups);
   }
 
-  nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose) const {
+  nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose,
+                   const BodiesArray& allow) const {
     Pose7 X_pc{};
     if (pose) {
       if (pose->shape(0) != 1) throw nb::value_error("pose: expected one pose");
       std::copy_n(pose->data(), 7, X_pc.begin());
     }
-    return done(use().with([&](Client& client) { return client.attach(child, parent, pose ? &X_pc : nullptr); }));
+    const std::span<const std::uint32_t> allowed(allow.data(), allow.shape(0));
+    return done(
+        use().with([&](Client& client) { return client.attach(child, parent, pose ? &X_pc : nullptr, allowed); }));
+  }
+
+  nb::tuple allow(std::uint32_t a, std::uint32_t b, bool allow) const {
+    return done(use().with([&](Client& client) { return allow ? client.allow(a, b) : client.forbid(a, b); }));
   }
 
   nb::tuple reload(double timeout_s) const {
@@ -463,7 +471,8 @@ NB_MODULE(_client, m) {
       .def("set_joints", &PyClient::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("joints", &PyClient::joints)
-      .def("attach", &PyClient::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none())
+      .def("attach", &PyClient::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none(), nb::arg("allow"))
+      .def("allow", &PyClient::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"))
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
            nb::arg("parent"), nb::arg("static"), nb::arg("pose").none())

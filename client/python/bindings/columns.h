@@ -38,6 +38,10 @@ using PositionsArray = nb::ndarray<const double, nb::shape<-1, -1>, nb::c_contig
 using PositionRow = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using PoseRows = nb::ndarray<const double, nb::shape<-1, 7>, nb::c_contig, nb::device::cpu>;
 
+using BytesOfMargins =
+    nb::ndarray<const std::uint8_t, nb::shape<-1, sizeof(MarginEntry)>, nb::c_contig, nb::device::cpu>;
+using PairMargins = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+
 /// Keeps its arrays alive; they are not copied.
 struct Query : QueryOptions {
   std::optional<PairsArray> pairs;  ///< none: all enabled pairs
@@ -45,8 +49,17 @@ struct Query : QueryOptions {
   std::optional<PosesArray> configurations;  ///< (K, M, 7)
   std::optional<BodiesArray> joints;
   std::optional<PositionsArray> positions;  ///< (K, J)
-  bool points_by_default;                   ///< add points and normal if there are few rows
+  std::optional<BytesOfMargins> margins;
+  std::optional<PairMargins> pair_margins;
+  bool points_by_default;  ///< add points and normal if there are few rows
 };
+
+/// The margins of a query, for whatever has such members.
+template <class To>
+void copy_margins(const Query& q, To& to) {
+  if (q.margins) to.margins = {reinterpret_cast<const MarginEntry*>(q.margins->data()), q.margins->shape(0)};
+  if (q.pair_margins) to.pair_margins = {q.pair_margins->data(), q.pair_margins->shape(0)};
+}
 
 /// How Python sees an option of type T.
 template <class T>
@@ -76,10 +89,14 @@ inline void bind_query(nb::module_& m) {
                          std::move(configurations),
                          std::move(joints),
                          std::move(positions),
+                         {},
+                         {},
                          points_by_default};
       },
       nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("configurations").none(), nb::arg("points_by_default"),
       nb::arg("joints").none() = nb::none(), nb::arg("positions").none() = nb::none());
+  query.def("set_margins", [](Query& q, BytesOfMargins margins) { q.margins = std::move(margins); });
+  query.def("set_pair_margins", [](Query& q, PairMargins margins) { q.pair_margins = std::move(margins); });
   for_each_query_option([&query](const QueryOption& option, auto member) {
     using T = std::remove_reference_t<decltype(member(std::declval<QueryOptions&>()))>;
     query.def_prop_rw(

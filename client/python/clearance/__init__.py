@@ -35,7 +35,7 @@ from ._future import Future
 from ._joints import Joints, JointState
 from ._names import BodyInfo
 from ._poses import pose7_from_matrix
-from ._result import Result
+from ._result import Check, Result
 from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, Status
 
@@ -69,6 +69,7 @@ __all__ = [
     "QueryError",
     "Reduce",
     "RequestError",
+    "Check",
     "Result",
     "RobotWarning",
     "Scene",

@@ -294,10 +294,13 @@ class Client(Front):
     def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
         return PosesDone(*self._guarded(self._use().set_joints, ids, positions, stamp_ns, sequence))
 
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
+    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> PosesDone:
         return PosesDone(
-            *self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7))
+            *self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7), allow)
         )
+
+    def _send_allow(self, a: int, b: int, allow: bool) -> PosesDone:
+        return PosesDone(*self._guarded(self._use().allow, a, b, allow))
 
     def _guarded(self, call: Any, *args: Any) -> Any:
         """Calls; if the daemon refuses for another scene, the next call looks names up again."""

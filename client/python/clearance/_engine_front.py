@@ -135,8 +135,11 @@ class Engine(Front):
     def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
         return PosesDone(*self._engine.set_joints(ids, positions, stamp_ns, sequence))
 
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
-        return PosesDone(*self._engine.attach(child, parent, None if pose is None else pose.reshape(1, 7)))
+    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> PosesDone:
+        return PosesDone(*self._engine.attach(child, parent, None if pose is None else pose.reshape(1, 7), allow))
+
+    def _send_allow(self, a: int, b: int, allow: bool) -> PosesDone:
+        return PosesDone(*self._engine.allow(a, b, allow))
 
     def __repr__(self) -> str:
         return f"<clearance.Engine {self.backend}: {len(self.bodies)} bodies>"

@@ -15,17 +15,18 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_count, to_integer
+from ._arguments import to_count, to_integer, to_list
 from ._errors import QueryError
 from ._future import Future
 from ._joints import Joints, JointsRef, JointState, JointTable
 from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose, as_pose7, stack_poses
 from ._query import NO_WAIT, Parser, Query
-from ._result import Out, Result
+from ._result import Check, Out, Result
 from ._words import NONE, FormatWord, PrecisionWord, ReduceWord, Status
 
 BodyRef = Union[str, int]
+Margin = Union[float, np.ndarray, Sequence[float], Mapping[tuple[BodyRef, BodyRef], float]]
 Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
 
 _TableKey = tuple[int, Optional[bytes], Optional[bytes], Optional[bytes]]  #: scene revision, pairs, bodies, joints
@@ -101,7 +102,10 @@ class Front(Parser):
     def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
         raise NotImplementedError
 
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> PosesDone:
+    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> PosesDone:
+        raise NotImplementedError
+
+    def _send_allow(self, a: int, b: int, allow: bool) -> PosesDone:
         raise NotImplementedError
 
     # ---- scene ----------------------------------------------------------------------------------------------------
@@ -256,17 +260,44 @@ class Front(Parser):
         ids, row = self._joint_table.update(positions, joints)
         return self._send_joints(ids, row, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
 
-    def attach(self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None) -> PosesDone:
+    def attach(
+        self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None, allow: Sequence[BodyRef] = ()
+    ) -> PosesDone:
         """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child).
 
         With parent None the child follows nobody and stays where it is.
+
+        allow: bodies and groups that the child may touch while it is attached so, such as the fingers that hold it:
+            their pairs with it are left out of pairs=None and of groups until the child is attached anew or set free.
 
         Raises QueryError for a cycle, a static child, or a body whose pose is not known and was not given.
         """
         child_id = self._names.body(child, "child")
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
         array = None if pose is None else as_one_pose(pose, "pose")
-        done = self._send_attach(child_id, parent_id, array)
+        others = to_list(allow, "allow", "a list of names or ids")
+        allowed = [self._names.selector(other, f"allow[{i}]") for i, other in enumerate(others)]
+        done = self._send_attach(child_id, parent_id, array, np.array(allowed, dtype=np.uint32))
+        self._names_cache = None
+        return done
+
+    def allow(self, a: BodyRef, b: BodyRef) -> PosesDone:
+        """Lets `a` and `b` (bodies or groups) touch: their pairs are left out of pairs=None and of groups.
+
+        A pair that a query names by its two bodies is answered all the same. `applied` says how many pairs changed.
+        Raises QueryError for an unknown body, and for more pairs than a scene keeps.
+        """
+        return self._allow(a, b, True)
+
+    def forbid(self, a: BodyRef, b: BodyRef) -> PosesDone:
+        """Has the pairs of `a` and `b` (bodies or groups) looked at again, whoever let them touch.
+
+        Those of a parent and its child, and of two static bodies, stay left out.
+        """
+        return self._allow(a, b, False)
+
+    def _allow(self, a: BodyRef, b: BodyRef, allow: bool) -> PosesDone:
+        done = self._send_allow(self._names.selector(a, "a"), self._names.selector(b, "b"), allow)
         self._names_cache = None
         return done
 
@@ -308,7 +339,10 @@ class Front(Parser):
         abs_tol, rel_tol: asks for upper - lower <= max(abs_tol, rel_tol |distance|). rel_tol None: 1e-6 (f32: 1e-4).
         precision: "f64" or "f32" iterations; the bounds are valid in either.
         signed: also the penetration depth of overlapping pairs.
-        reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body) or "min" (per configuration).
+        reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body), "min" (per configuration) or
+            "any" (per configuration: BEYOND where every pair is proved farther than its margin, else one that is not).
+            For "any" `margin` says how far: metres, or (P,) metres for each pair, or {("arm", "*"): 0.02, ...}, where
+            later entries win and pairs that no entry names have 0. It takes no max_distance.
         fields: names of the columns that come back; "points" is both points, "default" is distance, lower, upper and
             status. None: "default", with points and normal too if there are at most 100,000 rows.
         format: "full", or "compact": float32 bounds rounded outward, points relative to each body's origin.
@@ -342,6 +376,33 @@ class Front(Parser):
             joints, positions, **more,
         )  # fmt: skip
         return self._result(query, self._answer(query))
+
+    def check(
+        self,
+        configurations: Any = None,
+        margin: Margin = 0.0,
+        pairs: Pairs = None,
+        bodies: Optional[Sequence[BodyRef]] = None,
+        timeout_s: Optional[float] = None,
+        joints: Optional[JointsRef] = None,
+        positions: Any = None,
+        **more: Any,
+    ) -> Check:
+        """Says which configurations are free: whether every pair is proved farther apart than its margin.
+
+        configurations: as in distances(); with `joints`, and neither bodies nor positions, (K, J) positions of these.
+        margin: metres >= 0; or (P,) metres, one for each pair; or {(body or group, body or group): metres}, "*" for
+            every body, where later entries win and pairs that no entry names have 0.
+        The other arguments are those of distances(), which reduce="any" answers. `more`: precision, rel_tol, ...
+
+        Returns .free (K,) bool, and of the others .pair (K, 2) and .status (K,). What is not proved is not free:
+        touching, an unusable pose, or a distance that is the margin to within the tolerance. Raises as distances().
+        """
+        if joints is not None and bodies is None and positions is None:
+            configurations, positions = None, configurations
+        more = {"fields": ["lower", "upper", "status", "pair"], "timeout_s": timeout_s, **more}
+        asked = {"joints": joints, "positions": positions, "margin": margin}
+        return Check(self.distances(pairs, configurations, bodies, reduce="any", **asked, **more))
 
     def prepare(self, **arguments: Any) -> Prepared:
         """Parses a query once, for a control loop that asks it again and again.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,8 +10,8 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._arguments import contiguous, did_you_mean, to_list
-from ._words import EVERY_BODY, GROUP_BIT, NONE
+from ._arguments import contiguous, did_you_mean, to_list, to_number_from_0
+from ._words import EVERY_BODY, GROUP_BIT, MARGIN_DTYPE, NONE
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,19 @@ class NameTable:
             flat.append(self.selector(row[0], f"pairs[{i}][0]"))
             flat.append(self.selector(row[1], f"pairs[{i}][1]"))
         return np.array(flat, dtype=np.uint32).reshape(-1, 2)
+
+    def margins_array(self, value: Mapping[Any, Any]) -> np.ndarray:
+        """(E,) rows of MARGIN_DTYPE from {(body or group, body or group): metres}, in the order of the dict."""
+        rows = np.zeros(len(value), MARGIN_DTYPE)
+        for i, (pair, margin) in enumerate(value.items()):
+            what = f"margin[{pair!r}]"
+            if not _is_pair(pair):
+                raise ValueError(f"{what}: expected a pair of bodies or groups for a key")
+            number = to_number_from_0(margin, what)
+            if math.isinf(number):
+                raise ValueError(f"{what}: expected a finite number, got {margin}")
+            rows[i] = (self.selector(pair[0], what), self.selector(pair[1], what), number)
+        return rows
 
     def _unknown(self, name: str, groups: bool) -> str:
         known = [key for key in (self.selectors if groups else self.ids) if key != "*"]

@@ -7,12 +7,12 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._arguments import to_bool, to_count, to_number, to_number_from_0, to_option, to_word
+from ._arguments import to_bool, to_count, to_floats, to_number, to_number_from_0, to_option, to_word
 from ._joints import JointTable
 from ._names import NameTable, has_selectors
 from ._poses import as_pose7
 from ._result import fields_mask, out_arrays
-from ._words import COLUMNS, EVERY_BODY, FIELD_COUNT, FORMATS, PRECISIONS, REDUCTIONS, Field
+from ._words import COLUMNS, EVERY_BODY, FIELD_COUNT, FORMATS, MARGIN_DTYPE, PRECISIONS, REDUCTIONS, Field
 
 NO_WAIT = (
     "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
@@ -111,7 +111,7 @@ class Parser:
         raw.max_pose_age_ns = to_count(max_pose_age_ns, "max_pose_age_ns")
         raw.warm = to_bool(warm, "warm")
         if more:
-            self._add_options(raw, more)
+            self._add_options(raw, {**more, **self._add_margins(raw, more.get("margin"))})
         stamp_ns, wait_s = to_count(min_pose_stamp_ns, "min_pose_stamp_ns"), to_number(pose_wait_s, "pose_wait_s")
         every = isinstance(wait_for, str) and wait_for == "*"
         waited_for = EVERY_BODY if every else self._names.selector(wait_for, "wait_for")
@@ -122,6 +122,19 @@ class Parser:
                 raise ValueError(NO_WAIT)
             raw.min_pose_stamp_ns, raw.pose_wait_ns, raw.wait_for = stamp_ns, round(1e9 * wait_s), waited_for
         return query
+
+    def _add_margins(self, raw: Any, margin: Any) -> dict[str, float]:
+        """Margins that are not one number; the option that stands for them."""
+        if isinstance(margin, Mapping):
+            raw.set_margins(self._names.margins_array(margin).view(np.uint8).reshape(-1, MARGIN_DTYPE.itemsize))
+        elif isinstance(margin, (np.ndarray, list, tuple)) and np.ndim(margin) > 0:
+            each = to_floats(margin, "margin", "a number, one for each pair, or a dict of pairs")
+            if each.ndim != 1 or not len(each):
+                raise ValueError(f"margin: expected one number for each pair, got shape {each.shape}")
+            raw.set_pair_margins(each.copy())
+        else:
+            return {}
+        return {"margin": 0.0}
 
     def _add_options(self, raw: Any, more: Mapping[str, Any]) -> None:
         """Options without a parameter of their own: those of wire/query_options.h that travel in records."""

@@ -8,7 +8,7 @@ from typing import Any, Callable, Optional, Union
 import numpy as np
 
 from ._arguments import did_you_mean
-from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce
+from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
 
 
 class _ColumnAttribute:
@@ -43,10 +43,10 @@ class _AnswerAttribute:
 class Result:
     """The answer to one query.
 
-    The columns' shapes begin with (K, P) for reduce="none", (K, N) for "nearest", (K,) for "min" and (R,) for "within",
-    where K counts configurations (1 without), P pairs, N bodies and R the pairs found. Metres, world frame. A column
-    that was not asked for raises AttributeError. With format="compact", lower, upper, point_a and point_b are float32
-    and the points are relative to each body's origin, in world axes.
+    The columns' shapes begin with (K, P) for reduce="none", (K, N) for "nearest", (K,) for "min" and "any" and (R,) for
+    "within", where K counts configurations (1 without), P pairs, N bodies and R the pairs found. Metres, world frame.
+    A column that was not asked for raises AttributeError. With format="compact", lower, upper, point_a and point_b are
+    float32 and the points are relative to each body's origin, in world axes.
 
     The bounds are certified: the exact distance of the stored convex pieces at the given poses lies in [lower, upper].
     """
@@ -117,7 +117,7 @@ class Result:
     def pairs(self) -> np.ndarray:
         """Body ids (a, b): (P, 2) for reduce="none", else which pair each row is of: (K, N, 2), (K, 2) or (R, 2).
 
-        A row of reduce="nearest" whose body has no pair holds clearance.NONE.
+        A row of reduce="nearest" whose body has no pair, and one of "any" that is BEYOND, hold clearance.NONE.
         """
         if self._reduce != Reduce.NONE:
             return self.pair
@@ -230,3 +230,38 @@ def out_arrays(out: Any) -> dict[str, np.ndarray]:
         if not array.flags.writeable:
             raise ValueError(f"out[{name!r}]: the array is read-only")
     return arrays
+
+
+class Check:
+    """Which configurations are free, and what is known of the others: K of them, 1 without configurations."""
+
+    __slots__ = ("result", "free")
+
+    result: Result  #: of reduce="any", as distances() returns it
+    free: np.ndarray  #: (K,) bool: every pair is proved farther than its margin
+
+    def __init__(self, result: Result):
+        self.result = result
+        self.free = result.status == Status.BEYOND
+
+    @property
+    def status(self) -> np.ndarray:
+        """(K,) uint8, values of clearance.Status.
+
+        BEYOND: free. OK, CONTACT, OVERLAP: `pair` is proved within its margin. UNCONVERGED: neither is proved of
+        `pair`. Else why `pair` could not be looked at: BAD_POSE, NO_POSE, STALE_POSE or UNKNOWN_BODY.
+        """
+        return self.result.status
+
+    @property
+    def pair(self) -> np.ndarray:
+        """(K, 2) uint32: ids of the bodies that stand in the way; clearance.NONE where it is free."""
+        return self.result.pair
+
+    @property
+    def hit(self) -> np.ndarray:
+        """(K,) bool: `pair` is proved to be within its margin. Where neither free nor hit, nothing is proved."""
+        return self.status <= Status.CONTACT
+
+    def __repr__(self) -> str:
+        return f"<clearance.Check: {np.count_nonzero(self.free)} of {len(self.free)} free>"

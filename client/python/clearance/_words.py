@@ -17,7 +17,7 @@ class Status(enum.IntEnum):
     OK = 0  #: apart: lower > 0, and the interval is as narrow as asked
     OVERLAP = 1  #: a common point is proved: upper <= 0 (signed: and as narrow as asked)
     CONTACT = 2  #: neither is provable: lower <= 0 <= upper
-    BEYOND = 3  #: proved farther than max_distance; not refined
+    BEYOND = 3  #: proved farther than max_distance (reduce="any": than the margins); not refined
     UNCONVERGED = 4  #: the interval is valid but wider than asked
     BAD_POSE = 5  #: a pose with NaN, Inf or a quaternion that cannot be normalised
     NO_POSE = 6  #: a movable body that never got a pose
@@ -52,6 +52,7 @@ class Reduce(enum.IntEnum):
     WITHIN = 1  #: sparse: only pairs not proved farther than max_distance, up to max_results, with the total
     NEAREST = 2  #: one row per configuration and body
     MIN = 3  #: one row per configuration
+    ANY = 4  #: one row per configuration: BEYOND where every pair is proved beyond its margin, else one that is not
 
 
 class Format(enum.IntEnum):
@@ -92,6 +93,9 @@ class Column(NamedTuple):
     shape: tuple[int, ...]  #: of one row
 
 
+#: One entry of margins for groups of pairs, as extension modules and the wire have it.
+MARGIN_DTYPE = np.dtype([("a", "<u4"), ("b", "<u4"), ("margin", "<f8")])
+
 #: Every column by name, in the order of Field.
 COLUMNS: dict[str, Column] = {
     "distance": Column(0, np.dtype("<f8"), ()),
@@ -123,7 +127,7 @@ FIELD_MASKS: dict[str, int] = {
 
 # What type checkers hold arguments against; tests compare them with the tables below.
 PrecisionWord = Literal["f64", "f32"]
-ReduceWord = Literal["none", "within", "nearest", "min"]
+ReduceWord = Literal["none", "within", "nearest", "min", "any"]
 FormatWord = Literal["full", "compact"]
 ConvexifyWord = Literal["hull", "submeshes", "decompose"]
 GeometryWord = Literal["collision", "visual"]

@@ -38,6 +38,7 @@ class FrameType(enum.IntEnum):
     RELOAD = 9
     ADD_BODY = 10
     REMOVE_BODY = 11
+    ALLOW = 12
     SET_JOINTS = 13
     GET_JOINTS = 14
     PONG = 0x81
@@ -55,6 +56,8 @@ class FrameType(enum.IntEnum):
 class QueryRecord(enum.IntEnum):
     """Records of a query that are arrays."""
 
+    MARGINS = 6  #: two uint32, float64 each: selectors, metres
+    PAIR_MARGINS = 7  #: float64 each: (P,) metres
     JOINTS = 8  #: uint32 each: (J,) ids
     POSITIONS = 9  #: float64 each: (K, J)
 

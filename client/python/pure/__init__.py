@@ -57,7 +57,15 @@ class Query:
             raise ValueError("positions: expected one for each of joints")
         self.pairs, self.bodies, self.configurations = pairs, bodies, configurations
         self.joints, self.positions = joints, positions
+        self.margins: Optional[np.ndarray] = None
+        self.pair_margins: Optional[np.ndarray] = None
         self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
+
+    def set_margins(self, rows: np.ndarray) -> None:
+        self.margins = rows
+
+    def set_pair_margins(self, each: np.ndarray) -> None:
+        self.pair_margins = each
 
 
 class Client:
@@ -133,8 +141,11 @@ class Client:
     def joints(self) -> tuple:
         return self._with(self._session.joints)
 
-    def attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> tuple:
-        return self._with(self._session.attach, child, parent, pose)
+    def attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> tuple:
+        return self._with(self._session.attach, child, parent, pose, allow)
+
+    def allow(self, a: int, b: int, allow: bool) -> tuple:
+        return self._with(self._session.allow, a, b, allow)
 
     def reload(self, timeout_s: float) -> tuple:
         return self._with(self._session.reload, timeout_s)

@@ -21,6 +21,11 @@ _SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder")
 _OPTION_FORMATS = {"bool": "<B", "word": "<B", "number": "<d", "integer": "<q", "count": "<Q"}
 
 
+#: Records of a query that hold arrays, in the order of their tags: above those of options.
+_ARRAY_TAGS = {record.name.lower(): record for record in QueryRecord}
+_ATTACH_ALLOW = 1  #: tag of the record of an attachment that names what the child may touch
+
+
 class Scene(NamedTuple):
     """What the daemon says of its scene."""
 
@@ -149,15 +154,14 @@ class Session:
             record(tag, struct.pack(_OPTION_FORMATS[kind], asked[name]))
             for name, (tag, kind, *_) in sorted(later.items(), key=lambda item: item[1][0])
         )
-        positions = query.positions if is_query else None
-        for tag, array in ((QueryRecord.JOINTS, query.joints), (QueryRecord.POSITIONS, positions)):
-            if array is not None:
-                records += record(tag, np.ascontiguousarray(array).tobytes())
+        arrays = {name: asked[name] for name in _ARRAY_TAGS if asked[name] is not None and len(asked[name])}
+        if not is_query:
+            arrays.pop("positions", None)
+        records += b"".join(record(_ARRAY_TAGS[name], np.ascontiguousarray(arrays[name]).tobytes()) for name in arrays)
         expected = self._expected_reply_bytes(header, pairs) if is_query else 0
         request_id = self._send(type, parts, revision, records, expected)
-        if later or query.joints is not None:
-            names = [*later, *(["joints"] if query.joints is not None else [])]
-            self._sent_in_records[request_id] = ", ".join(names)
+        if later or arrays:
+            self._sent_in_records[request_id] = ", ".join([*later, *(name for name in arrays if name != "positions")])
         return request_id
 
     def pairs(self, query: Any) -> np.ndarray:
@@ -171,7 +175,7 @@ class Session:
         """Bytes of the reply, as far as can be said; 0: the daemon knows better."""
         rows = max(int(q["configuration_count"]), 1)
         reduce, scene = int(q["reduce"]), self._scene
-        if reduce != Reduce.MIN:
+        if reduce not in (Reduce.MIN, Reduce.ANY):
             selects = pairs is not None and bool((pairs & GROUP_BIT).any())
             if scene is None and (pairs is None or selects or reduce == Reduce.NEAREST):
                 return 0
@@ -353,15 +357,27 @@ class Session:
         lists = [(_text(g["name"]), members[f : f + int(g["member_count"])]) for f, g in zip(first, groups)]
         return joints, lists
 
-    def attach(self, child: int, parent: int, pose: Optional[np.ndarray]) -> tuple:
+    def attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> tuple:
         if pose is not None and len(pose) != 1:
             raise ValueError("pose: expected one pose")
         body = np.zeros((), wire._wire.AttachRecord)
         body["child"], body["parent"], body["has_pose"] = child, parent, pose is not None
         if pose is not None:
             body["pose"] = pose[0]
+        records = record(_ATTACH_ALLOW, allow.astype("<u4").tobytes()) if len(allow) else b""
+        return self._change_pairs(FrameType.ATTACH, body, records, "attach: allow")
+
+    def allow(self, a: int, b: int, allow: bool) -> tuple:
+        pairs = np.zeros((), wire._wire.AllowRecord)
+        pairs["a"], pairs["b"], pairs["allow"] = a, b, allow
+        return self._change_pairs(FrameType.ALLOW, pairs, b"", "")
+
+    def _change_pairs(self, type: FrameType, body: np.ndarray, records: bytes, later: str) -> tuple:
         revision = self._revision_of_ids()
-        frame = self._call(FrameType.ATTACH, [body], "POSES_DONE", revision)
+        request_id = self._send(type, [body], revision, records)
+        if records:
+            self._sent_in_records[request_id] = later
+        frame = self._receive(request_id, "POSES_DONE")
         self._scene_is_old = True
         done = self._poses_done(frame)
         if revision:
