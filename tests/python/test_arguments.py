@@ -94,7 +94,7 @@ FRONT = {
     "allow": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "forbid": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
 }  # fmt: skip
-CLIENT = {
+CLIENT: dict[str, tuple[dict, dict]] = {
     "reload": ({}, {"timeout_s": [*NUMBERS_FROM_0, None]}),
     "add_body": ({"name": "mug", "sphere": 0.1}, {
         "name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, "sphere": ["1.5", True, [1.0], 1j, np.ones(2)],
