@@ -9,6 +9,7 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/engine.h"
+#include "engine/scene/ignored_pairs.h"
 #include "engine/scene/pair_table.h"
 
 namespace clearance {
@@ -125,7 +126,8 @@ void measure(const Scene& scene, SceneReport& report) {
     parents.push_back(scene.bodies()[b].parent);
     placed.push_back(engine.body_state(b).status == Status::kOk);
   }
-  const PairTable table(scene, parents);
+  const IgnoredPairs ignored(scene);
+  const PairTable table(scene, parents, ignored.all());
   double twice = 0;
   bool complete = true;
   for (std::uint32_t b = 0; b < n; ++b) {
