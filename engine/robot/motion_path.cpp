@@ -1,0 +1,187 @@
+#include "engine/robot/motion_path.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+namespace clearance {
+
+namespace {
+
+// Rounding of the sums below, and of the constants that they are made of, which err by a few 2^-53 of their size.
+constexpr double kSlack = 1 + 0x1p-30;
+constexpr double kAxisError = 0x1p-48;  // of a vector's part across an axis: of the vector's length
+
+using Kind = KinematicStep::Kind;
+
+bool turns(const KinematicStep& step) {
+  return step.kind == Kind::kTurning || step.kind == Kind::kPlanar;
+}
+
+Vec3d axis_of(const KinematicStep& step) {  // in the link's own frame: still^-1 turning is (0, axis)
+  const Quaternion<double>& q = step.still;
+  const Quaternion<double> axis = product(Quaternion<double>{q.w, -q.x, -q.y, -q.z}, step.turning);
+  return {axis.x, axis.y, axis.z};
+}
+
+double length_of(const Vec3d& v) {
+  return std::hypot(v.x, v.y, v.z);
+}
+
+double across(const Vec3d& axis, const Vec3d& v) {
+  return length_of(cross(axis, v)) + kAxisError * length_of(v);
+}
+
+}  // namespace
+
+// Goes from the points to him who sees them, and gathers how long the rest of the way to the points is.
+class MotionPathBuilder {
+ public:
+  MotionPathBuilder(const Kinematics& robot, std::uint32_t link, const LinkBall& points)
+      : robot_(robot), next_(points.centre), beyond_(points.radius) {
+    frame_ = frame_of(link);
+    // A link on a fixed joint moves with what carries it.
+    while (const KinematicStep* step = step_of(frame_)) {
+      if (step->kind != Kind::kFixed) break;
+      next_ = step->at + turned(step->still, next_);
+      frame_ = step->from;
+    }
+  }
+
+  std::uint32_t frame_of(std::uint32_t link) const {
+    const auto& roots = robot_.roots();
+    if (const auto at = std::find(roots.begin(), roots.end(), link); at != roots.end())
+      return static_cast<std::uint32_t>(at - roots.begin());
+    const auto& steps = robot_.steps();
+    const auto at = std::find_if(steps.begin(), steps.end(), [&](const KinematicStep& s) { return s.link == link; });
+    return static_cast<std::uint32_t>(roots.size() + (at - steps.begin()));
+  }
+  // null: a root
+  const KinematicStep* step_of(std::uint32_t frame) const {
+    const std::size_t roots = robot_.roots().size();
+    return frame < roots ? nullptr : &robot_.steps()[frame - roots];
+  }
+  // From a root to the frame that a link moves with.
+  std::vector<std::uint32_t> frames_to(std::uint32_t link) const {
+    std::vector<std::uint32_t> frames = {frame_of(link)};
+    while (const KinematicStep* step = step_of(frames.back())) {
+      if (step->kind == Kind::kFixed) frames.pop_back();
+      frames.push_back(step->from);
+    }
+    std::reverse(frames.begin(), frames.end());
+    return frames;
+  }
+
+  // Down to a frame that carries the points: `next_` is in the frame's own axes.
+  void descend(std::uint32_t to) {
+    while (frame_ != to) {
+      const KinematicStep& step = *step_of(frame_);
+      if (turns(step)) add_turn(step, axis_of(step));
+      pass();
+      add_slides(step);
+      next_ = step.at;
+      next_travel_ = travel_of(step);
+      frame_ = step.from;
+    }
+  }
+  // Up into a frame that the present one carries, whose eyes see the points from there on.
+  void ascend(std::uint32_t to) {
+    const KinematicStep& step = *step_of(to);
+    next_ = next_ - step.at;
+    next_travel_ += travel_of(step);
+    add_slides(step);
+    if (turns(step)) add_turn(step, turned(step.still, axis_of(step)));
+    pass();
+    next_ = {0, 0, 0};
+    next_travel_ = 0;
+    frame_ = to;
+  }
+
+  std::vector<Mover> take() {
+    std::reverse(movers_.begin(), movers_.end());
+    return std::move(movers_);
+  }
+
+ private:
+  static double travel_of(const KinematicStep& step) { return length_of(step.along[0]) + length_of(step.along[1]); }
+
+  void add_turn(const KinematicStep& step, const Vec3d& axis) {
+    Mover mover;
+    mover.column = step.column + (step.kind == Kind::kPlanar ? 2 : 0);
+    mover.turns = true;
+    mover.scale = step.mimics ? std::abs(step.multiplier) : 1;
+    mover.reach = (across(axis, next_) + beyond_) * kSlack;
+    mover.reach_travel = (next_travel_ + beyond_travel_) * kSlack;
+    movers_.push_back(mover);
+  }
+  void add_slides(const KinematicStep& step) {
+    if (step.kind != Kind::kSliding && step.kind != Kind::kPlanar) return;
+    Mover mover;
+    mover.scale = step.mimics ? std::abs(step.multiplier) : 1;
+    mover.reach = kSlack;
+    mover.column = step.column + (step.kind == Kind::kPlanar ? 1 : 0);
+    movers_.push_back(mover);
+    if (step.kind != Kind::kPlanar) return;
+    mover.column = step.column;
+    movers_.push_back(mover);
+  }
+  void pass() {
+    beyond_ += length_of(next_);
+    beyond_travel_ += next_travel_;
+  }
+
+  const Kinematics& robot_;
+  std::uint32_t frame_ = 0;  // roots, then steps, as KinematicStep::from has them
+  Vec3d next_;  // from the frame's origin to the next one towards the points, which does not turn in the frame
+  double next_travel_ = 0;  // how much longer that is for each metre of travel
+  double beyond_;           // metres: the longest way from there to a point
+  double beyond_travel_ = 0;
+  std::vector<Mover> movers_;  // the nearest to the points first
+};
+
+MotionPath::MotionPath(const Kinematics& robot, std::uint32_t link, const LinkBall& points) {
+  MotionPathBuilder path(robot, link, points);
+  path.descend(path.frames_to(link).front());
+  movers_ = path.take();
+}
+
+MotionPath::MotionPath(const Kinematics& robot, std::uint32_t seen_from, std::uint32_t link, const LinkBall& points) {
+  MotionPathBuilder path(robot, link, points);
+  const std::vector<std::uint32_t> to = path.frames_to(link), eye = path.frames_to(seen_from);
+  const auto fork = std::mismatch(to.begin(), to.end(), eye.begin(), eye.end()).second;
+  path.descend(*std::prev(fork));
+  for (auto frame = fork; frame != eye.end(); ++frame) path.ascend(*frame);
+  movers_ = path.take();
+}
+
+double MotionPath::way_of(const Mover& mover, double travel) {
+  return (mover.reach + mover.reach_travel * travel) * mover.scale * kSlack;
+}
+
+double MotionPath::way(std::span<const double> change, double travel) const {
+  double sum = 0;
+  for (const Mover& mover : movers_) sum += way_of(mover, travel) * change[mover.column];
+  return sum * kSlack;
+}
+
+std::vector<MotionPath> paths_between(const Kinematics& robot, std::uint32_t a, const LinkBall& points_a,
+                                      std::uint32_t b, const LinkBall& points_b) {
+  MotionPathBuilder to_a(robot, a, points_a), to_b(robot, b, points_b);
+  const std::vector<std::uint32_t> frames_a = to_a.frames_to(a), frames_b = to_b.frames_to(b);
+  const auto [fork_a, fork_b] = std::mismatch(frames_a.begin(), frames_a.end(), frames_b.begin(), frames_b.end());
+  std::vector<MotionPath> paths;
+  const bool one_root = fork_a != frames_a.begin();
+  if (one_root) {
+    paths.emplace_back(robot, a, b, points_b);
+    paths.emplace_back(robot, b, a, points_a);
+  }
+  MotionPath both;
+  to_a.descend(one_root ? *std::prev(fork_a) : frames_a.front());
+  to_b.descend(one_root ? *std::prev(fork_b) : frames_b.front());
+  both.movers_ = to_a.take();
+  for (const Mover& mover : to_b.take()) both.movers_.push_back(mover);
+  paths.push_back(std::move(both));
+  return paths;
+}
+
+}  // namespace clearance

@@ -1,0 +1,57 @@
+// How far points of a link can get when joint positions change: docs/bounds.md, "Motion".
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/robot/kinematics.h"
+
+namespace clearance {
+
+/// Points that move with a link: all within `radius` of `centre`; link axes, metres.
+struct LinkBall {
+  Vec3d centre{0, 0, 0};
+  double radius = 0;
+};
+
+/// What one position moves on a path.
+struct Mover {
+  std::uint32_t column = 0;
+  bool turns = false;  ///< else it slides
+  double scale = 1;    ///< the joint moves by so much a unit of the position: |multiplier| of a mimic joint
+  double reach = 1;    ///< metres a radian: no point is farther from the axis, sliding joints at 0; 1 of what slides
+  double reach_travel = 0;  ///< and so much farther for each metre of travel
+};
+
+/// The joints that move a link's points as somebody else sees them, the nearest to him first. Bounds are rounded up,
+/// and hold for the joints in reals.
+class MotionPath {
+ public:
+  MotionPath() = default;
+  /// As seen from the link's root.
+  MotionPath(const Kinematics& robot, std::uint32_t link, const LinkBall& points);
+  /// As seen from another link under the same root.
+  MotionPath(const Kinematics& robot, std::uint32_t seen_from, std::uint32_t link, const LinkBall& points);
+
+  const std::vector<Mover>& movers() const { return movers_; }
+  /// Metres: no point's way is longer while positions change by no more than `change` (columns(), >= 0).
+  /// \param travel largest |position| of a sliding joint meanwhile (Kinematics::travel()), metres
+  double way(std::span<const double> change, double travel) const;
+  /// The same for one mover and a change of 1.
+  static double way_of(const Mover& mover, double travel);
+
+ private:
+  friend class MotionPathBuilder;
+  friend std::vector<MotionPath> paths_between(const Kinematics&, std::uint32_t, const LinkBall&, std::uint32_t,
+                                               const LinkBall&);
+  std::vector<Mover> movers_;
+};
+
+/// Paths of which each bounds how much nearer two links can come: what the least of their ways is holds. Seen from
+/// either link, and the sum of both as seen from what carries both; under different roots, which stand still, from the
+/// roots.
+std::vector<MotionPath> paths_between(const Kinematics& robot, std::uint32_t a, const LinkBall& points_a,
+                                      std::uint32_t b, const LinkBall& points_b);
+
+}  // namespace clearance
