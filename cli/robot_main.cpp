@@ -11,6 +11,7 @@
 
 #include "cli/table.h"
 #include "engine/robot/kinematics.h"
+#include "inspect/robot_pairs.h"
 
 namespace clearance {
 namespace {
@@ -24,6 +25,9 @@ struct Options {
   std::vector<std::string> packages, joints;
   std::vector<double> base = {0, 0, 0, 1, 0, 0, 0};
   double radius = 0;
+  std::string srdf_to_write;
+  bool seen = false, visual = false;
+  FindingOptions finding;
   Output output = Output::kTable;
 };
 
@@ -41,14 +45,19 @@ std::string words(JointKind kind) {
 
 // --- inspect
 
-void inspect(const Options& o) {
-  const RobotModel robot = load(o);
+std::map<std::string, std::string> packages_of(const Options& o) {
   std::map<std::string, std::string> packages;
   for (const std::string& package : o.packages) {
     const std::size_t equals = package.find('=');
     if (equals == std::string::npos) throw CLI::ValidationError("--package", "expected NAME=FOLDER, got " + package);
     packages[package.substr(0, equals)] = package.substr(equals + 1);
   }
+  return packages;
+}
+
+void inspect(const Options& o) {
+  const RobotModel robot = load(o);
+  const std::map<std::string, std::string> packages = packages_of(o);
   const std::string folder = o.urdf.find('/') == std::string::npos ? "." : o.urdf.substr(0, o.urdf.rfind('/'));
   std::size_t missing = 0;
   Table table({"link", "parent", "joint", "type", "position", "lower", "upper", "shapes", "meshes"});
@@ -171,6 +180,40 @@ void fk(const Options& o) {
   table.print(std::cout, o.output);
 }
 
+// --- pairs
+
+const char* word_of(PairFinding finding) {
+  constexpr const char* kWords[] = {"adjacent", "never", "always", "never_seen", "always_seen", "sometimes"};
+  return kWords[static_cast<int>(finding)];
+}
+
+void pairs(const Options& o) {
+  const RobotModel model = load(o);
+  RobotOptions robot;
+  robot.urdf = o.urdf;
+  robot.packages = packages_of(o);
+  robot.visual = o.visual;
+  const std::vector<RobotPair> found = find_robot_pairs(robot, o.finding);
+  Table table({"link_a", "link_b", "finding", "proof_steps"});
+  std::map<PairFinding, std::size_t> count;
+  for (const RobotPair& pair : found) {
+    table.add({pair.a, pair.b, word_of(pair.found.finding), pair.found.steps});
+    ++count[pair.found.finding];
+  }
+  table.print(std::cout, o.output);
+  if (o.output == Output::kTable)
+    std::printf(
+        "%s: %zu pairs: %zu adjacent; proved over all positions: %zu never, %zu always; in %u samples: %zu never, "
+        "%zu always; %zu to be asked about\n",
+        model.name.c_str(), found.size(), count[PairFinding::kAdjacent], count[PairFinding::kNever],
+        count[PairFinding::kAlways], o.finding.samples, count[PairFinding::kNeverSeen], count[PairFinding::kAlwaysSeen],
+        count[PairFinding::kSometimes]);
+  if (o.srdf_to_write.empty()) return;
+  std::ofstream file(o.srdf_to_write);
+  file << srdf_of(model.name, found, o.finding, o.seen);
+  if (!file.flush()) throw RobotError(o.srdf_to_write + ": cannot be written");
+}
+
 void add_common(CLI::App& command, Options& o) {
   command.add_option("urdf", o.urdf, "the robot")->required();
   command.add_option("--srdf", o.srdf, "its SRDF");
@@ -203,6 +246,17 @@ int main(int argc, char** argv) {
       .add_option("--radius", o.radius, "metres: the error is that of points of a link up to this far from its origin")
       ->check(CLI::NonNegativeNumber);
   placing.callback([&] { fk(o); });
+  auto& finding =
+      *app.add_subcommand("pairs", "which links never or always touch: proved where possible, else sampled");
+  add_common(finding, o);
+  finding.add_option("--package", o.packages, "NAME=FOLDER: where package://NAME/... leads to")->take_all();
+  finding.add_flag("--visual", o.visual, "links have their visual shapes, not those for collisions");
+  finding.add_option("--samples", o.finding.samples, "random configurations for each pair")->check(CLI::PositiveNumber);
+  finding.add_option("--steps", o.finding.most_steps, "configurations that the proof of a pair may look at");
+  finding.add_option("--seed", o.finding.seed, "of the samples");
+  finding.add_option("--write", o.srdf_to_write, "SRDF to write: disables adjacent pairs and what is proved");
+  finding.add_flag("--seen", o.seen, "there also disables pairs that only the samples speak for");
+  finding.callback([&] { pairs(o); });
   app.footer(R"(
 Exit codes
   0 done    1 the robot, or what it is asked, is wrong    2 the command line is wrong)");

@@ -96,3 +96,33 @@ def test_mistakes_on_the_command_line():
     assert run("inspect").returncode == 2
     assert run("inspect", ARM, "--package", "panda").returncode == 2
     assert "clearance robot" in run("--help").stdout
+
+
+def test_pairs_says_what_is_proved_and_writes_an_srdf_that_is_read_again(tmp_path):
+    srdf = tmp_path / "arm.srdf"
+    answer = run("pairs", ARM, "--samples", 200, "--steps", 2000, "--write", srdf, "--csv")
+    assert answer.returncode == 0, answer.stderr
+    found = {frozenset((r["link_a"], r["link_b"])): r["finding"] for r in csv.DictReader(io.StringIO(answer.stdout))}
+    assert found[frozenset(("wrist", "palm"))] == "adjacent"
+    assert found[frozenset(("base", "upper"))] == "always"  # the upper arm's box reaches into the base's cylinder
+    assert found[frozenset(("base", "fore"))] in ("never", "never_seen", "sometimes")
+    written = srdf.read_text()
+    assert 'reason="Never: proved"' in written or 'reason="Always: proved"' in written
+    assert "samples" not in written
+    again = run("inspect", ARM, "--srdf", srdf)
+    assert again.returncode == 0, again.stderr
+    disabled = sum(finding in ("adjacent", "never", "always") for finding in found.values())
+    assert f"{disabled} disabled pairs" in again.stdout
+
+
+def test_pairs_refuses_what_slides_without_end(tmp_path):
+    urdf = tmp_path / "cart.urdf"
+    urdf.write_text(
+        "<robot name='cart'><link name='floor'><collision><geometry><box size='1 1 1'/></geometry></collision></link>"
+        "<link name='cart'/><link name='arm'><collision><geometry><sphere radius='0.1'/></geometry></collision></link>"
+        "<joint name='on' type='planar'><parent link='floor'/><child link='cart'/><axis xyz='0 0 1'/></joint>"
+        "<joint name='up' type='continuous'><parent link='cart'/><child link='arm'/></joint></robot>"
+    )
+    answer = run("pairs", urdf)
+    assert answer.returncode == 1
+    assert 'joint "on/x" slides without limits' in answer.stderr
