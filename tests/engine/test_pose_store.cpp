@@ -45,7 +45,7 @@ TEST(PoseStore, ASmallUpdateOfALargeSceneCopiesLittleAndIsWhole) {
   for (int round = 0; round < 3000; ++round) {
     if (random() % 100 == 0) {
       const std::uint32_t child = 6 + random() % 20;
-      store.attach(child, random() % 2 ? kNone : 5, &poses[child]);
+      store.attach(child, random() % 2 ? kNone : 5, &poses[child], {});
     }
     const std::size_t count = random() % 50 == 0 ? 150 : 1 + random() % 4;
     std::vector<BodyPose> update;

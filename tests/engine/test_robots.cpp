@@ -107,8 +107,11 @@ TEST(JointState, PublishingALinksPoseIsRefusedWithAReason) {
   has(error_text<QueryError>([&] { engine.set_poses(pose); }));
   has(error_text<QueryError>([&] { engine.attach(fore, ball); }));
   const Pose one[] = {Pose{}};
-  has(error_text<QueryError>(
-      [&] { engine.size({.configuration_count = 1, .bodies = std::span(&fore, 1), .configurations = one}); }));
+  QueryView query;
+  query.configuration_count = 1;
+  query.bodies = std::span(&fore, 1);
+  query.configurations = one;
+  has(error_text<QueryError>([&] { engine.size(query); }));
 }
 
 TEST(JointState, UpdatesThatMakeNoSenseAreRefusedWhole) {
