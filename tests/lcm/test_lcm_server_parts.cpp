@@ -303,7 +303,7 @@ TEST(LcmPublishers, ManyAreNotRememberedForever) {
 TEST(LcmPublishers, AQuarrelIsTakingTurns) {
   OwnerLog log(4);
   const auto t = OwnerLog::Clock::now();
-  const std::vector<BodyPose> one{{1, {}}}, both{{1, {}}, {2, {}}, {99, {}}};
+  const std::vector<std::uint32_t> one{1}, both{1, 2, 99};
   EXPECT_TRUE(log.note(10, both, t).empty());
   EXPECT_TRUE(log.note(20, one, t).empty());
   EXPECT_EQ(log.note(10, both, t + std::chrono::seconds(1)), (std::vector<std::uint32_t>{1}));
