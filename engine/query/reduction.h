@@ -116,6 +116,7 @@ class Reduction {
   void scan_unplaced(WorkerState& worker, const Placement& placement) const;
   Row row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration, const Placement& placement) const;
   Row decision(std::uint32_t configuration, const Placement& placement) const;
+  void widen(Row& row, double lower, const Placement& placement) const;
   bool is_any_stale() const;
 
   static constexpr std::uint64_t kNobody = ~std::uint64_t{0};

@@ -63,6 +63,22 @@ bool Reduction::is_any_stale() const {
   return std::any_of(plan_.pairs.list().begin(), plan_.pairs.list().end(), is_stale);
 }
 
+// The tolerance is judged before slack: what slack alone keeps apart, of the winner's upper bound and of the lower
+// bound of whose pair is lowest, is no fault of the refinement.
+void Reduction::widen(Row& row, double lower, const Placement& placement) const {
+  const NarrowLimits& asked = options_.limits;
+  const auto is_placed = [&](BodyPair p) { return p.a < scene_.bodies().size() && p.b < scene_.bodies().size(); };
+  double slack = 0;
+  if (is_placed(row.pair) && is_placed(row.pair_lower))
+    slack = (pair_slack(placement, row.pair).outer + pair_slack(placement, row.pair_lower).inner) * (1 + 0x1p-30);
+  const double wanted = slack > 0 ? std::max(asked.abs_tol, asked.rel_tol * std::abs(row.answer.upper)) : asked.abs_tol;
+  widen_to_group(row.answer, lower, asked.max_distance, wanted + slack, asked.rel_tol);
+  const double width = row.answer.upper - row.answer.lower;
+  if (slack > 0 && row.answer.status == Status::kOk &&
+      !is_narrow(width, row.answer.upper, asked.abs_tol, asked.rel_tol))
+    row.answer.flags |= kFlagSlack;
+}
+
 std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {
   assert(stage_ == kDone);
   if (any()) return {decision(configuration, placement)};
@@ -112,8 +128,7 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
     Row row = row_of(plan_.pairs.at(group.winner ? group.best.place : group.unusable.place), *answer, configuration,
                      placement);
     if (group.lower_place != Standing::kNowhere) row.pair_lower = plan_.pairs.at(group.lower_place);
-    widen_to_group(row.answer, group.lower, options_.limits.max_distance, options_.limits.abs_tol,
-                   options_.limits.rel_tol);
+    widen(row, group.lower, placement);
     assert(row.answer.lower <= row.answer.upper);
     if (incomplete_[g]) row.answer.flags |= kFlagIncomplete;
     rows.push_back(row);

@@ -310,7 +310,7 @@ TEST(Wire, BadQueryValuesAreNamed) {
       {offsetof(QueryHeader, all_pairs), single(std::uint8_t{2}), "query: all_pairs 2 is none of 0 to 1"},
       {offsetof(QueryHeader, precision), single(std::uint8_t{2}), "query: precision 2 is none of 0 to 1"},
       {offsetof(QueryHeader, signed_distance), single(std::uint8_t{9}), "query: signed_distance 9 is none of 0 to 1"},
-      {offsetof(QueryHeader, reduce), single(std::uint8_t{4}), "query: reduce 4 is none of 0 to 3"},
+      {offsetof(QueryHeader, reduce), single(std::uint8_t{5}), "query: reduce 5 is none of 0 to 4"},
       {offsetof(QueryHeader, format), single(std::uint8_t{255}), "query: format 255 is none of 0 to 1"},
       {offsetof(QueryHeader, warm), single(std::uint8_t{2}), "query: warm 2 is none of 0 to 1"},
       {offsetof(QueryHeader, fields), single(std::uint32_t{1u << 20}), "query: fields has unknown bits: 1048576"},

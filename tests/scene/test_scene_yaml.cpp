@@ -221,7 +221,7 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, sphere: 1, radious: 1}]", ":1: bodies[0]: unknown key \"radious\"; did you mean \"radius\"?"},
     {"bodies: [{name: a, sphere: 1}]\nbodys: []", ":2: unknown key \"bodys\"; did you mean \"bodies\"?"},
     {"bodies: [{name: a, sphere: 1}]\nquaternions: []",
-     ":2: unknown key \"quaternions\"; known: bodies, groups, ignore, random"},
+     ":2: unknown key \"quaternions\"; known: bodies, groups, ignore, random, robots"},
     {"bodies: [{name: a, sphere: 1, sphere: 2}]", ":1: bodies[0]: the key \"sphere\" is there twice"},
     {"bodies: [{name: a, sphere: 1, [x]: 2}]", ":1: bodies[0]: expected a text as key, got a list of 1"},
     {"bodies: [{name: a, sphere: 1, static: yes}]", ":1: bodies[0].static: expected true or false, got \"yes\""},
@@ -362,7 +362,7 @@ TEST(SceneFile, FilesMadeToExhaustAreRefusedSoon) {
     for (int k = 0; k < 8; ++k) laughs.append(", *a").append(below);
     laughs += "]\n";
   }
-  EXPECT_EQ(error(laughs + "bodies: *a11\n"), ":1: unknown key \"a0\"; known: bodies, groups, ignore, random");
+  EXPECT_EQ(error(laughs + "bodies: *a11\n"), ":1: unknown key \"a0\"; known: bodies, groups, ignore, random, robots");
   // The same points for ten thousand bodies, through an alias.
   std::string many = "bodies:\n  - {name: a, points: &p [";
   for (int i = 0; i < 20000; ++i) many += "[0, 0, 0], ";

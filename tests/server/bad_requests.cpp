@@ -140,7 +140,7 @@ void add_query_values(List& list, std::uint64_t scene_revision) {
   value("rel_tol 1", "rel_tol: expected a ratio below 1, got 1.0", [](auto& q) { q.rel_tol = 1; });
   value("precision", "query: precision 3 is none of 0 to 1", [](auto& q) { q.precision = 3; });
   value("signed_distance", "query: signed_distance 2 is none of 0 to 1", [](auto& q) { q.signed_distance = 2; });
-  value("reduce", "query: reduce 7 is none of 0 to 3", [](auto& q) { q.reduce = 7; });
+  value("reduce", "query: reduce 7 is none of 0 to 4", [](auto& q) { q.reduce = 7; });
   value("format", "query: format 9 is none of 0 to 1", [](auto& q) { q.format = 9; });
   value("warm", "query: warm 200 is none of 0 to 1", [](auto& q) { q.warm = 200; });
   value("fields", "query: fields has unknown bits: 2147483648", [](auto& q) { q.fields |= 1u << 31; });

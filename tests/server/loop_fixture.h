@@ -34,6 +34,11 @@ class LoopTest : public testing::Test {
     options.slice = 1ns;
     return options;
   }
+  /// A large query that was sent just now is read, its pairs are listed and its reply has room. With short_slices() it
+  /// then runs for long.
+  void turn_until_it_runs() {
+    for (int i = 0; i < 10; ++i) loop_->turn();
+  }
   void turn_until_idle() {
     while (loop_->turn()) {
     }

@@ -90,10 +90,13 @@ TEST_F(Classes, MemoryIsKeptForControl) {
   send(a_, lowered(large_query(20)), 1);
   send(a_, large_query(20), 2);
   serve(a_, 2);
-  const auto first = take(a_), second = take(a_);
-  EXPECT_EQ(first->type(), FrameType::kError) << "as planning there is no room for it";
-  EXPECT_EQ(first->header().request_id, 1u);
-  EXPECT_EQ(second->type(), FrameType::kReply);
+  for (int i = 0; i < 2; ++i) {
+    const auto answer = take(a_);
+    if (answer->header().request_id == 1)
+      EXPECT_EQ(answer->type(), FrameType::kError) << "as planning there is no room for it";
+    else
+      EXPECT_EQ(answer->type(), FrameType::kReply);
+  }
   turn_until_idle();
   send(b_, large_query(20), 99);
   serve(b_);

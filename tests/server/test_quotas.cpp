@@ -49,7 +49,7 @@ TEST_F(Quotas, BytesOfOneClientsReplies) {
   start(scattered_scene(20), options);
   const TestQuery large = large_query(20);  // 40 times 190 rows of 25 bytes: more than the limit by itself
   send(a_, large, 1);
-  loop_->turn();
+  turn_until_it_runs();
   ASSERT_EQ(loop_->waiting(), 1u) << "one may always be under way";
   send(a_, small_query(), 2);
   loop_->turn();
@@ -120,6 +120,7 @@ TEST_F(Quotas, WarmStateHasWhatIsLeft) {
   EXPECT_EQ(loop_->counter("queries.cold"), 0u);
   // While it works on it, warm state is under way like the rest.
   send(a_, warm, 1);
+  turn_until_it_runs();
   send(a_, large_query(20), 2);
   turn_until_idle();
   EXPECT_EQ(static_cast<ErrorCode>(error_of(take(a_)).header.code), ErrorCode::kBusy);

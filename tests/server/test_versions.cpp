@@ -393,13 +393,13 @@ TEST_F(Records, OfOtherRequestsFollowTheSameRule) {
         .take();
   };
   const Bytes describe = simple_frame(FrameType::kDescribe, 1);
-  EXPECT_EQ(refusal_of(with(describe, record(5, wire::kRecordRequired)), ErrorCode::kNotSupported),
-            "kDescribe: record 5 is required, and this side does not know it");
-  const auto scene = ask(a_, with(describe, record(5, 0)));
+  EXPECT_EQ(refusal_of(with(describe, record(500, wire::kRecordRequired)), ErrorCode::kNotSupported),
+            "kDescribe: record 500 is required, and this side does not know it");
+  const auto scene = ask(a_, with(describe, record(500, 0)));
   EXPECT_EQ(scene->type(), FrameType::kScene);
   EXPECT_EQ(scene->header().version, wire::kRecordsVersion) << "a reply has its request's version";
   TestQuery query = small_query();
-  query.records = record(5, 0);
+  query.records = record(500, 0);
   EXPECT_EQ(ask(a_, query.frame(1, FrameType::kPairs))->type(), FrameType::kPairTable);
   EXPECT_EQ(loop_->counter("records.ignored"), 2u);
 }
