@@ -97,7 +97,9 @@ std::string words_of(PairFinding finding) {
 std::vector<RobotPair> find_robot_pairs(const RobotOptions& robot, const FindingOptions& options) {
   RobotOptions alone = robot;
   alone.srdf.clear();
-  alone.home = std::map<std::string, double>();
+  alone.home.emplace();  // any position will do, within the limits
+  for (const RobotColumn& column : read_urdf(robot.urdf).columns)
+    (*alone.home)[column.name] = std::clamp(0.0, column.lower, column.upper);
   Scene scene;
   scene.add_robot("robot", alone);
   Asker asker(std::move(scene));

@@ -90,7 +90,7 @@ FRONT = {
         "margin": ["1.5", True, 1j, math.nan, None, [], ["0.1"], [[0.1]], {"cup": 0.1}, {("cup",): 0.1},
                    {("nonesuch", "*"): 0.1}, {("cup", "*"): "0.1"}, {("cup", "*"): -0.1}, {("cup", "*"): math.inf},
                    {("cup", 1.5): 0.1}],
-        **{name: QUERY[name] for name in ("configurations", "pairs", "bodies", "timeout_s")}}),
+        **{name: QUERY[name] for name in ("configurations", "pairs", "bodies", "timeout_s", "joints", "positions")}}),
     "allow": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "forbid": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
 }  # fmt: skip

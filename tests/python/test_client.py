@@ -1,6 +1,7 @@
 """The client through a daemon, on every transport, before the engine in this process."""
 
 import contextlib
+import dataclasses
 import gc
 import os
 import signal
@@ -135,7 +136,8 @@ def test_a_query_waits_for_its_poses(daemon, engine):
 
 
 def test_scene_and_pairs(client, engine):
-    assert client.bodies == engine.bodies
+    # What is not known of bodies is told in their own process alone.
+    assert client.bodies == tuple(dataclasses.replace(body, model_inner=0.0) for body in engine.bodies)
     assert {name: ids.tolist() for name, ids in client.groups.items()} == {
         name: ids.tolist() for name, ids in engine.groups.items()
     }

@@ -121,7 +121,7 @@ def test_what_is_grasped_may_touch(front):
 
 
 def test_others_are_told_that_pairs_have_changed(start_daemon, scene):
-    daemon = start_daemon(scene, ["ipc"], "--log-level", "info")
+    daemon = start_daemon(scene, ["ipc"])
     ours, theirs = (clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) for _ in range(2))
     ours.distances()
     assert theirs.scene_revision

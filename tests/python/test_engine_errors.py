@@ -103,7 +103,7 @@ def test_renormalised_and_stale_are_flags(engine):
     ({"rel_tol": -1}, ValueError, r"rel_tol: expected a number >= 0 or None, got -1"),
     ({"rel_tol": 2}, clearance.QueryError, r"rel_tol: expected a ratio below 1, got 2"),
     ({"precision": "f16"}, ValueError, r"precision: expected 'f64' or 'f32', got 'f16'"),
-    ({"reduce": "max"}, ValueError, r"reduce: expected 'none' or 'within' or 'nearest' or 'min', got 'max'"),
+    ({"reduce": "max"}, ValueError, r"reduce: expected 'none' or 'within' or 'nearest' or 'min' or 'any', got 'max'"),
     ({"reduce": None}, TypeError, r"reduce: expected 'none' or"),
     ({"format": "json"}, ValueError, r"format: expected 'full' or 'compact', got 'json'"),
     ({"fields": "distnce"}, ValueError, r"fields: no column is named 'distnce'; there are distance, lower"),

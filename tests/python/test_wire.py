@@ -30,7 +30,10 @@ def test_dtypes_have_the_members_types_and_places_of_the_structs(root):
     seen = 0
     for struct, body in re.findall(r"^struct (\w+) {\n(.*?)^};", header, re.M | re.S):
         offset = 0
-        members = re.findall(r"^  (\S+)\s+(\w+)(?:\[(\d+)\])?\s*=", re.sub(r"//.*", "", body), re.M)
+        lines = re.sub(
+            r"^  (\S+) (\w+ = \w+), (\w+ = \w+);", r"  \1 \2;\n  \1 \3;", re.sub(r"//.*", "", body), flags=re.M
+        )
+        members = re.findall(r"^  (\S+)\s+(\w+)(?:\[(\d+)\])?\s*=", lines, re.M)
         assert tuple(name for _, name, _ in members) == wire.RECORDS[struct].names
         for kind, name, count in members:
             dtype, at = wire.RECORDS[struct].fields[name][:2]

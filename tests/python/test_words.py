@@ -75,7 +75,7 @@ def test_columns_have_the_sizes_of_the_header(header):
 
 
 def test_words_as_strings():
-    assert _words.REDUCTIONS == {"none": 0, "within": 1, "nearest": 2, "min": 3}
+    assert _words.REDUCTIONS == {"none": 0, "within": 1, "nearest": 2, "min": 3, "any": 4}
     assert _words.PRECISIONS == {"f64": 0, "f32": 1}
     assert _words.FORMATS == {"full": 0, "compact": 1}
 

@@ -118,12 +118,16 @@ TEST_F(Quotas, WarmStateHasWhatIsLeft) {
       ASSERT_EQ(answer.upper()[row], cold.upper()[row]) << "the first is cold, too";
   }
   EXPECT_EQ(loop_->counter("queries.cold"), 0u);
-  // While it works on it, warm state is under way like the rest.
+  // While it works on it, warm state is under way like the rest: another request has no room beside it.
+  TestQuery wide = large_query(20);
+  wide.configurations.insert(wide.configurations.end(), wide.configurations.begin(), wide.configurations.end());
   send(a_, warm, 1);
   turn_until_it_runs();
-  send(a_, large_query(20), 2);
-  turn_until_idle();
+  ASSERT_EQ(loop_->waiting(), 1u);
+  send(a_, wide, 2);
+  loop_->turn();
   EXPECT_EQ(static_cast<ErrorCode>(error_of(take(a_)).header.code), ErrorCode::kBusy);
+  turn_until_idle();
   EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
   // What it left makes way for a reply, and for nobody else's.
   ask(b_, large_query(20));

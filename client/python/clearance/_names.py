@@ -96,7 +96,7 @@ class NameTable:
         for i, (pair, margin) in enumerate(value.items()):
             what = f"margin[{pair!r}]"
             if not _is_pair(pair):
-                raise ValueError(f"{what}: expected a pair of bodies or groups for a key")
+                raise ValueError(f"{what}: expected a pair of bodies or groups for a key, got {pair!r}")
             number = to_number_from_0(margin, what)
             if math.isinf(number):
                 raise ValueError(f"{what}: expected a finite number, got {margin}")
