@@ -211,6 +211,18 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
   }
 }
 
+// Poses of chains of followers are rounded, which is slack that a device leaves to the CPU.
+TEST_F(CudaBackend, LeavesFollowersToTheCpu) {
+  const auto arm = [] {
+    Scene scene = grouped_scene(60, 3, 3);
+    for (int i : {20, 21, 22}) scene.set_parent("body" + std::to_string(i + 1), "body" + std::to_string(i));
+    return scene;
+  };
+  const Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
+  for (const auto& [name, question] : questions()) compare(device, cpu, question, name);
+  EXPECT_GT(counter(device, "cuda.queries_on_cpu"), 0u);
+}
+
 // Over several chunks with a smaller last one.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
   const auto arm = [] { return grouped_scene(60, 3, 3); };

@@ -185,18 +185,6 @@ TEST_F(CudaReductions, FinishOnTheCpuWhatTouches) {
   EXPECT_GT(most, 8192u) << "there was room for all of them";
 }
 
-// Poses of chains of followers are rounded, which is slack that a device leaves to the CPU.
-TEST_F(CudaReductions, LeaveFollowersToTheCpu) {
-  const auto arm = [] {
-    Scene scene = simple_scene(40, 2, 3);
-    for (int i : {20, 21, 22}) scene.set_parent("body" + std::to_string(i + 1), "body" + std::to_string(i));
-    return scene;
-  };
-  const Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
-  for (const auto& [name, question] : questions()) compare(device, cpu, question, name);
-  EXPECT_GT(counter(device, "cuda.queries_on_cpu"), 0u);
-}
-
 TEST_F(CudaReductions, GiveTheBitsOfTheCpuForConfigurations) {
   const auto arm = [] { return simple_scene(40, 2, 3); };
   const Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});

@@ -3,34 +3,18 @@
 
 #include <cmath>
 #include <cstring>
-#include <random>
 
 #include "exact_robot.h"
+#include "random_robot.h"
 
 namespace clearance {
 namespace {
 
+using test::Random;
 using test::Real;
 using test::RealFrame;
 
 const std::string kFolder = CLEARANCE_SOURCE_DIR "/tests/robot/";
-
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : bits_(seed) {}
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(bits_); }
-  int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(bits_); }
-  Pose pose(double far, double length) {
-    return {{uniform(-far, far), uniform(-far, far), uniform(-far, far)},
-            length * uniform(-1, 1),
-            length * uniform(-1, 1),
-            length * uniform(-1, 1),
-            length * uniform(0.1, 1)};
-  }
-
- private:
-  std::mt19937_64 bits_;
-};
 
 // Text of a URDF: a chain of joints of any kind with a side branch here and there, and mimics of the first one.
 std::string random_urdf(Random& random, int joints) {

@@ -2,34 +2,20 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 
 #include "engine/robot/motion_path.h"
 #include "exact_robot.h"
+#include "random_robot.h"
 
 namespace clearance {
 namespace {
 
+using test::Random;
 using test::Real;
 using test::RealFrame;
 using test::RealVec;
 
 const std::string kFolder = CLEARANCE_SOURCE_DIR "/tests/robot/";
-
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : bits_(seed) {}
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(bits_); }
-  int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(bits_); }
-  Vec3d direction() {
-    std::normal_distribution<double> normal;
-    const Vec3d v{normal(bits_), normal(bits_), normal(bits_)};
-    return v * (1 / norm(v));
-  }
-
- private:
-  std::mt19937_64 bits_;
-};
 
 RealVec at(const RealFrame& X, const Vec3d& p) {
   return (X * test::real_shift(p.x, p.y, p.z)).t;

@@ -1,0 +1,178 @@
+// What the LCM transport does with poses.
+#include "lcm_transport_fixture.h"
+
+namespace clearance {
+namespace {
+
+TEST_F(LcmTransportTest, PosesApplyAsAWhole) {
+  start();
+  for (int k = 1; k <= 20; ++k) {
+    const std::uint64_t revision = engine_->pose_revision();
+    set_poses(k, 0.1 * k);
+    EXPECT_EQ(engine_->pose_revision(), revision + 1);
+    for (int i = 0; i < kMoving; ++i) {
+      EXPECT_EQ(position(1 + i), position_of(i, 0.1 * k));
+      EXPECT_EQ(engine_->body_state(1 + i).stamp_ns, 1000 * k);
+    }
+  }
+  EXPECT_EQ(counter("lcm.gaps"), 0u);
+  EXPECT_EQ(counter("lcm.publishers"), 1u);
+}
+
+TEST_F(LcmTransportTest, QueriesSeeNoHalfOfAnUpdate) {
+  start();
+  // All balls move together, so that the distances between them are those of the one step or of the next, never a mix.
+  std::map<std::vector<double>, int> seen;
+  const auto together = [&](int k) {
+    pose_update_t message = update(k, 0);
+    for (int i = 0; i < kMoving; ++i) message.poses[i] = {0.5 * i * (k % 2 == 0 ? 1 : 2), 1.0 * k, 0, 1, 0, 0, 0};
+    return message;
+  };
+  publish(together(1));
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
+  for (int k = 2; k <= 60; ++k) {
+    query_t query = question();
+    query.pair_count = 1;
+    query.pairs = {{query_t::GROUP, query_t::EVERY_BODY}};
+    query.max_distance = 100;
+    publish(together(k));
+    ASSERT_TRUE(bus_->publish_message("CLEARANCE_QUERY", query));
+    publish(together(++k));
+    ASSERT_TRUE(until([&] { return answers_.size() == 1; }));
+    const reply_t reply = answers_.begin()->second.whole;
+    answers_.clear();
+    std::vector<double> between;
+    for (std::size_t i = 0; i < reply.distance.size(); ++i) {
+      if (reply.pair[i][0] != 0)
+        between.push_back(reply.distance[i] + 0.2 + 0.01 * (reply.pair[i][0] + reply.pair[i][1] - 2));
+    }
+    ASSERT_EQ(between.size(), 12u);  // of 15 pairs of balls those with one of the arm
+    for (auto& d : between) d = std::round(d * 1e6) / 1e6;
+    ++seen[between];
+  }
+  EXPECT_LE(seen.size(), 2u);
+  EXPECT_TRUE(until_counter("lcm.pose_messages", 60));
+}
+
+TEST_F(LcmTransportTest, OrderIsKeptForEachPublisher) {
+  start();
+  set_poses(10, 1.0);
+  set_poses(11, 1.1);
+  EXPECT_EQ(counter("lcm.gaps"), 0u);
+  set_poses(15, 1.5);  // 12, 13 and 14 are missing
+  EXPECT_EQ(counter("lcm.gaps"), 3u);
+  const std::uint64_t revision = engine_->pose_revision();
+  publish(update(13, 1.3));  // late
+  ASSERT_TRUE(until_counter("lcm.reordered", 1));
+  publish(update(15, 9.9));  // the same again
+  ASSERT_TRUE(until_counter("lcm.repeated", 1));
+  EXPECT_EQ(engine_->pose_revision(), revision);
+  EXPECT_EQ(position(1), position_of(0, 1.5));
+  // Another publisher counts for itself, and so does the other channel.
+  publish(update(1, 2.0, 2));
+  ASSERT_TRUE(until([&] { return engine_->pose_revision() == revision + 1; }));
+  named_pose_update_t named{};
+  named.publisher_id = 1;
+  named.sequence = 1;
+  named.count = 1;
+  named.names = {"ball3"};
+  named.poses = {{7, 8, 9, 1, 0, 0, 0}};
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_POSES_NAMED", named));
+  ASSERT_TRUE(until([&] { return engine_->pose_revision() == revision + 2; }));
+  EXPECT_EQ(position(4), (std::vector<double>{7, 8, 9}));
+  EXPECT_EQ(counter("lcm.gaps"), 3u);
+  EXPECT_EQ(counter("lcm.reordered"), 1u);
+  EXPECT_EQ(counter("lcm.publishers"), 3u);
+  // One that counts anew under a stamp newer than all before has begun anew.
+  set_poses(5000, 3.0);
+  pose_update_t anew = update(1, 3.1);
+  anew.stamp_ns = 5'000'001;
+  publish(anew);
+  ASSERT_TRUE(until_counter("lcm.restarts", 1));
+  EXPECT_EQ(position(1), position_of(0, 3.1));
+}
+
+TEST_F(LcmTransportTest, NamesThatAreUnknownAreLeftOut) {
+  start();
+  named_pose_update_t named{};
+  named.publisher_id = 3;
+  named.sequence = 1;
+  named.count = 3;
+  named.names = {"ball0", "nobody", "ball1"};
+  named.poses = {{1, 0, 0, 1, 0, 0, 0}, {2, 0, 0, 1, 0, 0, 0}, {3, 0, 0, 1, 0, 0, 0}};
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_POSES_NAMED", named));
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
+  EXPECT_EQ(counter("lcm.unknown_bodies"), 1u);
+  EXPECT_EQ(position(1), (std::vector<double>{1, 0, 0}));
+  EXPECT_EQ(position(2), (std::vector<double>{3, 0, 0}));
+}
+
+TEST_F(LcmTransportTest, IdsOfAnotherSceneAreRefused) {
+  start();
+  pose_update_t other = update(1, 1.0);
+  other.scene_revision = 12345;
+  publish(other);
+  ASSERT_TRUE(until_counter("lcm.wrong_scene", 1));
+  EXPECT_EQ(engine_->body_state(1).status, Status::kNoPose);
+  pose_update_t own = update(1, 1.0);
+  own.scene_revision = static_cast<std::int64_t>(engine_->scene_revision());
+  publish(own);
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
+  EXPECT_EQ(position(1), position_of(0, 1.0));
+  pose_update_t unknown = update(2, 2.0);
+  unknown.bodies[0] = 99;
+  publish(unknown);
+  ASSERT_TRUE(until_counter("lcm.unknown_bodies", 1));
+  EXPECT_EQ(position(2), position_of(1, 2.0));
+  pose_update_t nobody = update(3, 3.0);
+  nobody.publisher_id = 0;
+  publish(nobody);
+  ASSERT_TRUE(until_counter("lcm.bad_messages", 1));
+  EXPECT_EQ(position(2), position_of(1, 2.0));
+}
+
+TEST_F(LcmTransportTest, TwoPublishersOfOneBody) {
+  start();
+  set_poses(1, 1.0);
+  publish(update(1, 1.0, 2));  // takes over: a restarted publisher does that too
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 2));
+  publish(update(2, 1.0, 2));
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 3));
+  EXPECT_EQ(counter("lcm.contested"), 0u);
+  set_poses(2, 1.0);  // the first one is back
+  EXPECT_EQ(counter("lcm.contested"), static_cast<std::uint64_t>(kMoving));
+}
+
+TEST_F(LcmTransportTest, WhereNoneAreTakenPosesChangeNothing) {
+  start("", {false, {}});
+  const std::uint64_t revision = engine_->pose_revision();
+  publish(update(1, 0.5));
+  ASSERT_TRUE(until_counter("lcm.poses_not_allowed", kMoving));
+  named_pose_update_t named{};
+  named.publisher_id = 2;
+  named.sequence = 1;
+  named.count = 1;
+  named.names = {"ball2"};
+  named.poses = {pose_of(2, 0.5)};
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_POSES_NAMED", named));
+  ASSERT_TRUE(until_counter("lcm.poses_not_allowed", kMoving + 1));
+  EXPECT_EQ(counter("lcm.pose_messages"), 0u);
+  EXPECT_EQ(engine_->pose_revision(), revision);
+  expect_good_answer();
+}
+
+TEST_F(LcmTransportTest, PosesAreTakenOfTheAllowedBodiesAlone) {
+  start("", {false, {"arm", "ball5"}});  // ball0 to ball2, and ball5: ids 1 to 3, 6
+  set_poses(1, 0.5);
+  for (int i = 0; i < kMoving; ++i) {
+    const bool allowed = i <= 2 || i == 5;
+    EXPECT_EQ(engine_->body_state(1 + i).status, allowed ? Status::kOk : Status::kNoPose) << i;
+    if (allowed) {
+      EXPECT_EQ(position(1 + i), position_of(i, 0.5));
+    }
+  }
+  EXPECT_EQ(counter("lcm.poses_not_allowed"), 2u);
+}
+
+}  // namespace
+}  // namespace clearance
