@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-robots bench-motions bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -40,7 +40,7 @@ soak: setup  ## faults (docs/faults.md): 1000 clients killed, 80 daemons, 30,000
 	@for test in clients daemon limits inputs; do CLEARANCE_FIRE_ROUNDS=26 build/bin/test_fire_$$test --gtest_brief=1 || exit 1; done
 	@build/bin/clearance-soak --minutes $(MINUTES) --seed $(SEED) --csv docs/results/soak.csv
 
-demo: setup  ## 19 moving bodies asked about through all three transports; out/demo.png
+demo: setup  ## an arm that moves by joint messages, asked about through all three transports; out/demo.png
 	@tools/build.sh release demo_programs
 	@$(PYTHON_VENV) tools/demo.py
 
@@ -63,12 +63,20 @@ bench-sections: build  ## the longest that the loop is away from its transports,
 bench-classes: build  ## what a client of the class control waits beside the worst of the others; rewrites docs/results/classes.csv
 	@$(PYTHON_VENV) bench/latency/bench_classes.py
 
+bench-robots: build  ## MotionBenchMaker's problems: is a state valid, how near is it to contact, beside Pinocchio and Coal, which it installs; rewrites docs/results/robots.csv
+	@$(PYTHON_VENV) bench/robots/bench_robots.py --csv docs/results/robots.csv
+
+bench-motions: build  ## edges of the same problems, proved free all along, beside sampling them; rewrites docs/results/motions.csv
+	@$(PYTHON_VENV) bench/robots/bench_motions.py --csv docs/results/motions.csv
+
 bench-load: build  ## how long 1000 meshes take to load, with an empty cache and with a full one; rewrites docs/results/load.csv
 	@$(PYTHON_VENV) bench/load/bench_load.py --csv docs/results/load.csv
 
-certify: setup  ## a million pairs of every hard class against exact arithmetic; rewrites docs/results/accuracy.csv
-	@tools/build.sh release clearance-certify
+certify: setup  ## a million pairs of every hard class against exact arithmetic, and certificates of 1000 of each; rewrites docs/results/accuracy.csv
+	@tools/build.sh release clearance-certify clearance-certificates
 	@mkdir -p out
+	@build/bin/clearance-certificates --cases 1000 --out out/certificates
+	@$(PYTHON_VENV) tools/check_certificate.py out/certificates/*.json
 	@build/bin/clearance-certify --pairs 1000000 --seed 1 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
 
 tradeoff: setup  ## time against accuracy for every setting of a query; rewrites docs/results/tradeoff.csv and docs/tradeoff.*

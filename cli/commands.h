@@ -34,8 +34,14 @@ void add_output_options(CLI::App& command, Output& output);
 std::uint32_t body_of(Client& client, const std::string& text);
 /// A body, a group, or "*".
 std::uint32_t selector_of(Client& client, const std::string& text);
+/// The option --pairs: A,B each.
+void add_pairs_option(CLI::App& command, std::vector<std::string>& pairs);
+/// What was given there. Throws std::invalid_argument.
+std::vector<IdPair> pairs_of(Client& client, const std::vector<std::string>& texts);
 /// A pose given as x y z [qw qx qy qz]; the identity where nothing was given. Throws std::invalid_argument.
 Pose7 pose_of(const std::string& option, const std::vector<double>& numbers);
+/// A joint's position. Throws std::invalid_argument, beginning with `expected`, for a text that is no number.
+double position_of(const std::string& text, const std::string& expected);
 std::string name_of(const SceneInfo& scene, std::uint32_t body);
 
 void add_bodies(CLI::App& app);
@@ -46,6 +52,7 @@ void add_ping(CLI::App& app);
 void add_set_pose(CLI::App& app);
 void add_attach(CLI::App& app);
 void add_joints(CLI::App& app);
+void add_path(CLI::App& app);
 void add_allow(CLI::App& app);
 void add_reload(CLI::App& app);
 void add_add_body(CLI::App& app);

@@ -83,8 +83,36 @@ Pose7 pose_of(const std::string& option, const std::vector<double>& numbers) {
   return pose;
 }
 
+double position_of(const std::string& text, const std::string& expected) {
+  std::size_t used = 0;
+  double position = 0;
+  try {
+    position = std::stod(text, &used);
+  } catch (const std::exception&) {
+  }
+  if (text.empty() || used != text.size())
+    throw std::invalid_argument(expected + ", radians or metres, got \"" + text + "\"");
+  return position;
+}
+
 std::string name_of(const SceneInfo& scene, std::uint32_t body) {
   return body < scene.bodies.size() ? scene.bodies[body].name : "-";
+}
+
+std::vector<IdPair> pairs_of(Client& client, const std::vector<std::string>& texts) {
+  std::vector<IdPair> pairs;
+  for (const std::string& text : texts) {
+    const std::size_t comma = text.find(',');
+    if (comma == std::string::npos || text.find(',', comma + 1) != std::string::npos)
+      throw std::invalid_argument("--pairs: expected A,B as in arm,table; got \"" + text + "\"");
+    pairs.push_back({selector_of(client, text.substr(0, comma)), selector_of(client, text.substr(comma + 1))});
+  }
+  return pairs;
+}
+
+void add_pairs_option(CLI::App& command, std::vector<std::string>& pairs) {
+  command.add_option("--pairs", pairs, "pairs A,B of bodies or groups (* is every body); default: all enabled")
+      ->type_name("A,B ...");
 }
 
 }  // namespace clearance::cli

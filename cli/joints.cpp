@@ -30,14 +30,7 @@ void set(Client& client, const JointsInfo& info, const std::vector<std::string>&
   for (const std::string& text : positions) {
     const std::size_t equals = text.find('=');
     const std::string number = equals == std::string::npos ? "" : text.substr(equals + 1);
-    std::size_t used = 0;
-    double position = 0;
-    try {
-      position = std::stod(number, &used);
-    } catch (const std::exception&) {
-    }
-    if (number.empty() || used != number.size())
-      throw std::invalid_argument("--set: expected JOINT=POSITION, radians or metres, got \"" + text + "\"");
+    const double position = position_of(number, "--set: " + text + ": expected JOINT=POSITION");
     update.emplace_back(joint_of(info, text.substr(0, equals)), position);
   }
   const PosesDone done = client.set_joints(update);

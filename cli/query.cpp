@@ -44,17 +44,6 @@ struct Options {
   std::size_t limit = 50;
 };
 
-std::vector<IdPair> parse_pairs(Client& client, const std::vector<std::string>& texts) {
-  std::vector<IdPair> pairs;
-  for (const std::string& text : texts) {
-    const std::size_t comma = text.find(',');
-    if (comma == std::string::npos || text.find(',', comma + 1) != std::string::npos)
-      throw std::invalid_argument("--pairs: expected A,B as in arm,table; got \"" + text + "\"");
-    pairs.push_back({selector_of(client, text.substr(0, comma)), selector_of(client, text.substr(comma + 1))});
-  }
-  return pairs;
-}
-
 std::uint32_t parse_fields(const std::vector<std::string>& names) {
   std::uint32_t fields = names.empty() ? kDefaultFields | kFieldFlags : 0;
   for (const std::string& name : names) fields |= kFieldNames.at(name);
@@ -137,7 +126,7 @@ void print_reply(const Reply& reply, const SceneInfo& scene, const Options& o) {
 void run(const Options& o) {
   Client client = o.connection.open();
   const SceneInfo scene = client.scene();
-  const std::vector<IdPair> pairs = parse_pairs(client, o.pairs);
+  const std::vector<IdPair> pairs = pairs_of(client, o.pairs);
   Query query = o.query;
   query.pairs = pairs;
   query.fields = parse_fields(o.fields);
@@ -153,9 +142,7 @@ void add_query(CLI::App& app) {
   auto& command = *app.add_subcommand("query", "how far apart bodies are, with certified bounds");
   auto options = std::make_shared<Options>();
   Query& q = options->query;
-  command
-      .add_option("--pairs", options->pairs, "pairs A,B of bodies or groups (* is every body); default: all enabled")
-      ->type_name("A,B ...");
+  add_pairs_option(command, options->pairs);
   command.add_option("--max-distance", q.max_distance, "pairs proved farther than so many metres are \"beyond\"")
       ->check(at_least_zero())
       ->type_name("M");
@@ -186,6 +173,7 @@ void add_query(CLI::App& app) {
       ->check(quiet(CLI::Range(0.0, 1e9)))
       ->type_name("S");
   for_each_query_option([&](const QueryOption& option, auto member) {  // those that came after the ones above
+    if (option.name == std::string_view("max_steps")) return;          // of motions: `clearance path`
     if (option.tag) command.add_option(flag_of(option.name), member(q), option.text)->type_name(option.unit);
   });
   command.add_option("--limit", options->limit, "rows to print as a table; 0: all")

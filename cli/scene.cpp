@@ -27,8 +27,8 @@ void reload(const Connection& connection) {
 struct AddBodyOptions {
   Connection connection;
   std::string name, vertices, parent;
-  std::vector<double> box, capsule, cylinder, pose;
-  double sphere = 0, radius = 0;
+  std::vector<double> box, capsule, cylinder, pose, uncertainty{0, 0};
+  double sphere = 0, radius = 0, padding = 0, max_speed = 0;
   bool is_static = false;
 };
 
@@ -70,6 +70,10 @@ void add_body(const CLI::App& command, const AddBodyOptions& o) {
   if (!o.cylinder.empty()) body.cylinder = {o.cylinder[0], o.cylinder[1]};
   body.radius = o.radius;
   body.is_static = o.is_static;
+  body.uncertainty_position = o.uncertainty[0];
+  body.uncertainty_angle = o.uncertainty[1];
+  body.padding = o.padding;
+  body.max_speed = o.max_speed;
   if (!o.pose.empty()) body.pose = pose;
   Client client = o.connection.open();
   if (!o.parent.empty()) body.parent = body_of(client, o.parent);
@@ -107,6 +111,11 @@ void add_add_body(CLI::App& app) {
       ->expected(3, 7)
       ->type_name("X");
   command.add_flag("--static", options->is_static, "it never moves");
+  command.add_option("--uncertainty", options->uncertainty, "metres and radians that its pose may be off by")
+      ->expected(2)
+      ->type_name("X");
+  command.add_option("--padding", options->padding, "metres that it is grown by")->type_name("R");
+  command.add_option("--max-speed", options->max_speed, "metres a second that no point of it exceeds")->type_name("V");
   add_connection_options(command, options->connection);
   command.callback([&command, options] { add_body(command, *options); });
 }

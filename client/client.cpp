@@ -76,12 +76,13 @@ struct Client::Impl {
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
     // Without records a query is of version 1, which every daemon answers.
     std::vector<std::byte> records = query_records(query);
-    wire::append_joint_records(records, query.joints, is_query ? query.positions : std::span<const double>());
+    wire::insert_joint_records(records, query.joints, is_query ? query.positions : std::span<const double>());
     const bool has_options = !records.empty();
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
-    std::byte* room = begin(payload_bytes + records.size(),
-                            is_query ? expected_reply_bytes(q, query.pairs, scene ? &*scene : nullptr) : 0);
+    std::byte* room =
+        begin(payload_bytes + records.size(),
+              is_query ? expected_reply_bytes(q, query.pairs, query.joints.size(), scene ? &*scene : nullptr) : 0);
     const auto header = wire::with_records(
         wire::make_header(type, connection.next_request_id(), payload_bytes, scene_revision), records.size());
     wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data(), records);
@@ -160,12 +161,19 @@ struct Client::Impl {
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
   }
 
+  /// \param later names what is in the records, for a daemon that does not know of it
+  std::uint64_t send_with(FrameType type, std::span<const std::byte> payload, std::uint64_t revision,
+                          std::vector<std::byte> records, const char* later) {
+    const bool has_records = !records.empty();
+    const std::uint64_t request = send(type, payload, 0, revision, std::move(records));
+    if (has_records) sent_in_records[request] = later;
+    return request;
+  }
+
   /// A request that changes which pairs are enabled, and no ids.
   PosesDone change_pairs(FrameType type, std::span<const std::byte> payload, std::vector<std::byte> records = {}) {
     const std::uint64_t revision = revision_of_ids();
-    const bool has_records = !records.empty();
-    const std::uint64_t request = send(type, payload, 0, revision, std::move(records));
-    if (has_records) sent_in_records[request] = "attach: allow";
+    const std::uint64_t request = send_with(type, payload, revision, std::move(records), "attach: allow");
     const auto frame = receive(request, FrameType::kPosesDone);
     scene_is_old = true;
     const PosesDone done = poses_done(*frame);
@@ -176,8 +184,9 @@ struct Client::Impl {
   /// A request that is answered when the daemon has another scene. \param scene_revision of the ids in it; 0: there are
   /// none.
   SceneChanged change_scene(FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit,
-                            std::uint64_t scene_revision = 0) {
-    const std::uint64_t request = send(type, payload, 0, scene_revision);
+                            std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
+    const std::uint64_t request =
+        send_with(type, payload, scene_revision, std::move(records), "add_body: uncertainty, padding, max_speed");
     const auto frame = receive(request, FrameType::kSceneChanged, limit);
     scene_is_old = changed_by_us = true;
     const auto change = checked([&] { return wire::parse_scene_changed(body_of(*frame)); });
@@ -369,7 +378,7 @@ SceneChanged Client::reload(Duration timeout) {
 
 SceneChanged Client::add_body(const NewBody& body) {
   return impl().change_scene(FrameType::kAddBody, payload_of(body), impl().connection.timeout(),
-                             body.parent == kNone ? 0 : impl().revision_of_ids());
+                             body.parent == kNone ? 0 : impl().revision_of_ids(), records_of(body));
 }
 
 SceneChanged Client::remove_body(std::string_view name) {

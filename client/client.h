@@ -77,7 +77,15 @@ class CLEARANCE_API Reply {
   std::span<const IdPair> pair() const;
   std::span<const std::uint32_t> configuration() const;
   std::span<const CompactAnswer> compact() const;
+  /// (rows * joints(),) metres a radian or metre: d distance / d position of each of the query's joints, in their
+  /// order; 0 where the bodies overlap without a depth being asked for, NaN without witness points. Flag nonsmooth: one
+  /// of several.
+  std::span<const double> gradient_joints() const;
+  std::uint32_t joints() const;  ///< J with gradient_joints, else 0
   std::span<const IdPair> pair_lower() const;
+  std::span<const double> time() const;           ///< of motions: 0 to 1
+  std::span<const double> first_contact() const;  ///< (rows * 2,) of motions; kFieldFirstContact
+  std::span<const std::uint32_t> steps() const;   ///< of motions: configurations that each asked for
 
   std::uint64_t epoch() const;  ///< of the daemon that answered; 0: it is too old to have one
   std::uint64_t scene_revision() const;
@@ -96,7 +104,7 @@ class CLEARANCE_API Reply {
   std::unique_ptr<Frame> frame_;
   std::uint64_t epoch_ = 0;
   std::uint64_t rows_ = 0;  // copies: what was checked is what is used
-  std::uint32_t fields_ = 0;
+  std::uint32_t fields_ = 0, joints_ = 0;
 };
 
 struct BodyInfo {
@@ -166,6 +174,11 @@ struct NewBody {
   std::uint32_t parent = kNone;                          ///< body that it follows
   std::optional<Pose7> pose = {};                        ///< X_world_body, with a parent X_parent_body
   bool is_static = false;
+  // What is not known of it, as a scene file says it; a daemon that does not know of these refuses them.
+  double uncertainty_position = 0;  ///< metres: its origin lies within a ball of this radius about its place
+  double uncertainty_angle = 0;     ///< radians: it may be turned by up to this about its origin
+  double padding = 0;               ///< metres that it is grown by, beside `radius`
+  double max_speed = 0;             ///< metres a second that no point of it exceeds
 };
 
 /// The scene that replaced another.

@@ -19,7 +19,7 @@ wire::ReplyHeader header_of(const Frame& frame) {
 Reply::Reply(std::unique_ptr<Frame> frame) : frame_(std::move(frame)) {
   try {
     const wire::PayloadParts parts = wire::split_payload(frame_->header(), frame_->payload());
-    const auto header = wire::parse_reply(parts.body, parts.records);
+    const auto header = wire::parse_reply(parts.body, parts.records, &joints_);
     epoch_ = wire::epoch_of(frame_->header(), frame_->payload());
     rows_ = header.rows;
     fields_ = header.fields;
@@ -35,7 +35,7 @@ template <class T>
 std::span<const T> Reply::column(Field field, std::size_t width) const {
   if (!(fields_ & field)) return {};
   const std::byte* begin =
-      frame_->payload().data() + sizeof(wire::ReplyHeader) + wire::column_offset(rows_, fields_, field);
+      frame_->payload().data() + sizeof(wire::ReplyHeader) + wire::column_offset(rows_, fields_, field, joints_);
   return {reinterpret_cast<const T*>(begin), static_cast<std::size_t>(rows_) * width};
 }
 
@@ -93,8 +93,23 @@ std::span<const std::uint32_t> Reply::configuration() const {
 std::span<const CompactAnswer> Reply::compact() const {
   return column<CompactAnswer>(kFieldCompact, 1);
 }
+std::span<const double> Reply::gradient_joints() const {
+  return column<double>(kFieldGradientJoints, joints_);
+}
+std::uint32_t Reply::joints() const {
+  return joints_;
+}
 std::span<const IdPair> Reply::pair_lower() const {
   return column<IdPair>(kFieldPairLower, 1);
+}
+std::span<const double> Reply::time() const {
+  return column<double>(kFieldTime, 1);
+}
+std::span<const double> Reply::first_contact() const {
+  return column<double>(kFieldFirstContact, 2);
+}
+std::span<const std::uint32_t> Reply::steps() const {
+  return column<std::uint32_t>(kFieldSteps, 1);
 }
 
 std::uint64_t Reply::epoch() const {

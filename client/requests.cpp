@@ -34,14 +34,15 @@ std::string options_in_records(const Query& query) {
 std::vector<std::byte> query_records(const Query& query) {
   std::vector<std::byte> records = wire::option_records(query);
   const auto add = [&records](wire::QueryRecord tag, std::span<const std::byte> array) {
-    if (!array.empty()) wire::append_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, array);
+    if (!array.empty()) wire::insert_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, array);
   };
   add(wire::QueryRecord::kMargins, std::as_bytes(query.margins));
   add(wire::QueryRecord::kPairMargins, std::as_bytes(query.pair_margins));
   return records;
 }
 
-std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, const SceneInfo* scene) {
+std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, std::size_t joints,
+                                   const SceneInfo* scene) {
   using Wide = unsigned __int128;
   const Wide configurations = std::max<std::uint32_t>(q.configuration_count, 1);
   const auto reduce = static_cast<Reduce>(q.reduce);
@@ -66,7 +67,7 @@ std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const I
   if (rows > wire::kMaxFrameBytes) return 0;
   try {
     return sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) +
-           wire::columns_bytes(static_cast<std::uint64_t>(rows), fields);
+           wire::columns_bytes(static_cast<std::uint64_t>(rows), fields, joints);
   } catch (const wire::WireError&) {
     return 0;  // the daemon knows better, and will say so
   }
@@ -105,6 +106,15 @@ std::vector<std::byte> payload_of(const NewBody& body) {
   wire::append(payload, record);
   wire::append_bytes(payload, body.vertices.data(), body.vertices.size_bytes());
   return payload;
+}
+
+std::vector<std::byte> records_of(const NewBody& body) {
+  const wire::BodyDoubts doubts{body.uncertainty_position, body.uncertainty_angle, body.padding, body.max_speed};
+  std::vector<std::byte> records;
+  if (doubts.uncertainty_position != 0 || doubts.uncertainty_angle != 0 || doubts.padding != 0 || doubts.max_speed != 0)
+    wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kDoubts), wire::kRecordRequired,
+                        std::as_bytes(std::span(&doubts, 1)));
+  return records;
 }
 
 }  // namespace clearance

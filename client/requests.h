@@ -24,12 +24,15 @@ std::vector<std::byte> query_records(const Query& query);
 
 /// Bytes of the whole frame that answers a query, at most; 0 if only the daemon knows.
 /// \param scene what is known of it; null: nothing.
-std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, const SceneInfo* scene);
+std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, std::size_t joints,
+                                   const SceneInfo* scene);
 
 /// Throws std::invalid_argument for a name that has no room.
 void set_body_name(char (&field)[64], std::string_view name);
 
 /// The payload of kAddBody. Throws std::invalid_argument unless there is exactly one shape.
 std::vector<std::byte> payload_of(const NewBody& body);
+/// The records of kAddBody: what is not known of the body; empty where nothing is said of that.
+std::vector<std::byte> records_of(const NewBody& body);
 
 }  // namespace clearance

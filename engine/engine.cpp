@@ -13,7 +13,10 @@
 #include "engine/device/device_job.h"
 #include "engine/device/device_self_test.h"
 #include "engine/device/router.h"
+#include "engine/motion/free_scale.h"
+#include "engine/motion/motion_job.h"
 #include "engine/narrow/self_test.h"
+#include "engine/query/certificate.h"
 #include "engine/query/extent.h"
 #include "engine/query/job_state.h"
 #include "engine/query/plan.h"
@@ -41,6 +44,11 @@ struct Engine::Impl {
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0};
+
+  JobContext context() const {
+    return {&scene,          options.threads, reference, lanes,   light,       &pairs_evaluated,
+            &contradictions, &warm,           &trees,    near_by, device.get()};
+  }
 
   // OpenMP's threads do not survive a fork: a child that used them would hang.
   void check_process() const {
@@ -255,11 +263,19 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
   q.margin = 0;
   q.margins = {};
   q.pair_margins = {};
+  q.max_steps = 0;
+  q.fields = 0;
   q.configuration_count = 0;
   const Plan plan = make_plan(q, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false);
   std::vector<BodyPair> pairs(plan.pairs.size());
   plan.pairs.copy(0, pairs.size(), pairs.data());
   return pairs;
+}
+
+std::vector<double> Engine::free_scale(const QueryView& query, std::span<const double> weights) const {
+  const FpEnvironment environment;
+  impl_->check_process();
+  return clearance::free_scale(impl_->context(), impl_->poses.snapshot(), query, weights, impl_->options.max_rows);
 }
 
 PreparedQuery Engine::begin_preparing(const QueryView& query) const {
@@ -302,13 +318,13 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
                                                       " rows and there is room for " + std::to_string(reply.rows) +
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
-  const JobContext context{&impl_->scene, impl_->options.threads,  impl_->reference,       impl_->lanes,
-                           impl_->light,  &impl_->pairs_evaluated, &impl_->contradictions, &impl_->warm,
-                           &impl_->trees, impl_->near_by,          impl_->device.get()};
-  const bool any = plan.query.reduce == Reduce::kAny;  // which no kernel answers yet
-  const bool for_cpu = query.keep_on_cpu_ || any;
-  if (any && impl_->device && !impl_->router && !impl_->options.device_fallback)
-    throw QueryError(QueryErrorCode::kNotSupported, "reduce any: backend cuda does not answer it, and the CPU may not");
+  const JobContext context = impl_->context();
+  const bool any = plan.query.reduce == Reduce::kAny,
+             motions = plan.query.max_steps > 0;  // which no kernel answers yet
+  const bool for_cpu = query.keep_on_cpu_ || any || motions;
+  if ((any || motions) && impl_->device && !impl_->router && !impl_->options.device_fallback)
+    throw QueryError(QueryErrorCode::kNotSupported, std::string(motions ? "max_steps" : "reduce any") +
+                                                        ": backend cuda does not answer it, and the CPU may not");
   cuda::Router* const router = for_cpu ? nullptr : impl_->router.get();
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
@@ -318,15 +334,21 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
     throw QueryError(QueryErrorCode::kNotSupported,
                      "a device answers neither flags in a scene with robots, nor joints where others have no position");
   if (has_device && (!router || router->to_device(kind, pairs))) {
-    plan.make_link_poses();
     state = cuda::make_device_job(context, plan, reply);
   }
-  if (!state) state = make_cpu_job(context, std::move(plan), reply);
+  if (!state) state = (motions ? make_motion_job : make_cpu_job)(context, std::move(plan), reply);
   if (router)
     state->when_done = [router, kind, pairs](const ReplyInfo& info, std::chrono::nanoseconds took) {
       router->learn(kind, pairs, info.backend == "cuda", took);
     };
   return Job(std::move(state));
+}
+
+std::string Engine::certificate(const QueryView& query, std::span<const std::uint64_t> rows) const {
+  const FpEnvironment environment;
+  impl_->check_process();
+  Plan plan = make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true);
+  return to_json(certify_rows(impl_->context(), std::move(plan), rows), impl_->scene);
 }
 
 const std::uint64_t Engine::kMostWarmBytes = WarmStore::kMostSimplices * sizeof(WarmSimplex);

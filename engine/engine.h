@@ -109,6 +109,13 @@ class Engine {
   QuerySize size(const QueryView& query) const;
   /// The pairs that a query answers, in order. Throws QueryError (also if there are more than Options::max_rows).
   std::vector<BodyPair> pairs(const QueryView& query) const;
+  /// How far joints may move: for each configuration of a query in joint space the largest s that is proved to keep all
+  /// pairs beyond their margins while no joint moves by more than s times its weight (radians or metres). 0: a pair is
+  /// not proved to be beyond its margin now; +inf: nothing that moves can come nearer. Limits are not looked at. The
+  /// query's margins are as for Reduce::kAny, its reduction, fields and format say nothing. On the CPU, at once. Throws
+  /// QueryError, also for bodies in the query, for robots that stand on links that its joints move, and for bodies with
+  /// a max_speed that follow links. \param weights (J,) >= 0
+  std::vector<double> free_scale(const QueryView& query, std::span<const double> weights) const;
   /// Begins a query on the newest snapshot. Copies what it needs of `query`; throws QueryError.
   Job start(const QueryView& query, const ReplyView& reply) const;
   /// The same in two steps, between which the caller sees how large the answer is. What `query` points to must stay
@@ -117,6 +124,12 @@ class Engine {
   /// The same in slices: PreparedQuery::advance() is for the caller to call.
   PreparedQuery begin_preparing(const QueryView& query) const;
   Job start(PreparedQuery query, const ReplyView& reply) const;
+
+  /// Answers rows of a query (of reduce none; by their numbers, in any order) anew on the newest snapshot, as a job on
+  /// the CPU answers them, and returns with each what proves its bounds: a document (JSON) that
+  /// tools/check_certificate.py checks by itself (docs/certificates.md). Takes ten times as long as the
+  /// rows do. Throws QueryError, also for a row that the answer has not.
+  std::string certificate(const QueryView& query, std::span<const std::uint64_t> rows) const;
 
   /// What a query asks for at most (SceneBulk::of()).
   Extent extent(const QueryView& query) const;

@@ -6,25 +6,11 @@
 #include <sstream>
 
 #include "engine/engine.h"
+#include "engine/scene/body_ball.h"
 
 namespace clearance {
 
 namespace {
-
-// A ball around all of a link's points.
-LinkBall ball_around(const Body& body) {
-  Vec3d low{HUGE_VAL, HUGE_VAL, HUGE_VAL}, high = low * -1.0;
-  for (const PiecePtr& piece : body.pieces)
-    for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], piece->centre[k] - piece->half[k]);
-      high[k] = std::max(high[k], piece->centre[k] + piece->half[k]);
-    }
-  LinkBall ball{(low + high) * 0.5, 0};
-  for (const PiecePtr& piece : body.pieces)
-    ball.radius = std::max(ball.radius, norm(piece->centre - ball.centre) + piece->spread + piece->radius);
-  ball.radius = (ball.radius + body.model_error) * (1 + 0x1p-40);
-  return ball;
-}
 
 // Asks the engine for one pair of bodies.
 class Asker {
@@ -112,17 +98,8 @@ std::vector<RobotPair> find_robot_pairs(const RobotOptions& robot, const Finding
       if (body_of(a).pieces.empty() || body_of(b).pieces.empty()) continue;
       const BodyPair bodies{std::min(placed.bodies[a], placed.bodies[b]), std::max(placed.bodies[a], placed.bodies[b])};
       const LinkBall ball_a = ball_around(body_of(a)), ball_b = ball_around(body_of(b));
-      // The published poses are asked about; the robot's own are off by this much.
-      const PlacementError error = placed.kinematics.error_between(a, norm(ball_a.centre) + ball_a.radius, b,
-                                                                   norm(ball_b.centre) + ball_b.radius);
       const PairDistances distances = [&](std::span<const double> positions, std::span<SignedBounds> bounds) {
         asker.ask(bodies, positions, bounds);
-        const std::size_t columns = positions.size() / bounds.size();
-        for (std::size_t k = 0; k < bounds.size(); ++k) {
-          const double off = error.at(placed.kinematics.travel(positions.subspan(k * columns, columns)), 0);
-          bounds[k] = {std::nextafter(bounds[k].lower - off, -HUGE_VAL),
-                       std::nextafter(bounds[k].upper + off, HUGE_VAL)};
-        }
       };
       const LinkPair pair{a, b, ball_a, ball_b};
       pairs.push_back({placed.model.links[a].name, placed.model.links[b].name,

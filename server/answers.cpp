@@ -44,11 +44,15 @@ void Answers::check_epoch(const FrameHeader& request, std::uint64_t named) const
     throw Refusal{ErrorCode::kNewEpoch, wire::type_name(request.type) + " names no epoch (--require-epoch)"};
 }
 
-std::vector<std::byte> Answers::records(const FrameHeader& request, const wire::PassedOver& passed_over) const {
+std::vector<std::byte> Answers::records(const FrameHeader& request, const wire::PassedOver& passed_over,
+                                        std::size_t joints) const {
   std::vector<std::byte> records;
   if (!passed_over.empty())
     wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kIgnored), 0,
                         std::as_bytes(std::span(passed_over)));
+  if (const auto width = static_cast<std::uint32_t>(joints))
+    wire::append_record(records, static_cast<std::uint16_t>(wire::ReplyRecord::kJoints), 0,
+                        std::as_bytes(std::span(&width, 1)));
   const auto last = ending(request);
   records.insert(records.end(), last.begin(), last.end());
   return records;

@@ -27,8 +27,9 @@ class Answers {
   /// thread. \param named by its records; 0: none
   void check_epoch(const wire::FrameHeader& request, std::uint64_t named) const;
   /// What the reply to a query ends in. From any thread. \param passed_over tags of the request's records that nobody
-  /// here knows
-  std::vector<std::byte> records(const wire::FrameHeader& request, const wire::PassedOver& passed_over) const;
+  /// here knows. \param joints J of one with the column gradient_joints, else 0
+  std::vector<std::byte> records(const wire::FrameHeader& request, const wire::PassedOver& passed_over,
+                                 std::size_t joints) const;
 
   /// Throws a Refusal (kTooLarge) if it does not fit.
   void reply(ReplySink& sink, const wire::FrameHeader& request, wire::FrameType type,

@@ -86,13 +86,26 @@ void read_options(const Message& message, QueryOptions& options) {
   });
 }
 
+/// What a query2_t says beside its query.
+QueryOptions options_of(const clearance_lcm::query2_t& query) {
+  QueryOptions options;
+  read_options(query, options);
+  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a body, too
+  return options;
+}
+
 /// \param options what is known of them beside the query. \param rows of joints; 0: the query's own configurations
 std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOptions options,
                                 std::span<const std::uint32_t> joints = {}, std::span<const double> positions = {},
                                 std::int32_t rows = 0) {
   read_options(query, options);
-  if (options.fields & kFieldPairLower)
-    throw wire::WireError(wire::ErrorCode::kBadQuery, "query: fields: reply_t has no column pair_lower");
+  for (const auto& [field, name] : {std::pair{kFieldPairLower, "pair_lower"},
+                                    {kFieldGradientJoints, "gradient_joints"},
+                                    {kFieldTime, "time"},
+                                    {kFieldFirstContact, "first_contact"},
+                                    {kFieldSteps, "steps"}})
+    if (options.fields & field)
+      throw wire::WireError(wire::ErrorCode::kBadQuery, std::string("query: fields: reply_t has no column ") + name);
   // The pair table is not served over LCM, so rows say their pair unless told otherwise.
   if (query.fields == 0) options.fields |= kFieldPair;
   wire::QueryHeader header;
@@ -117,7 +130,7 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
   const std::uint64_t payload =
       wire::query_payload_bytes(header.pair_count, header.body_count, header.configuration_count);
   std::vector<std::byte> records = wire::option_records(options);
-  wire::append_joint_records(records, joints, positions);
+  wire::insert_joint_records(records, joints, positions);
   std::vector<std::byte> frame(sizeof(wire::FrameHeader) + payload + records.size());
   const wire::FrameHeader frame_header =
       wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), payload,
@@ -134,17 +147,16 @@ std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
 }
 
 std::vector<std::byte> query_frame_of(const clearance_lcm::query2_t& query) {
-  QueryOptions options;
-  read_options(query, options);
-  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a body, too
-  return frame_of(query.query, options);
+  return frame_of(query.query, options_of(query));
 }
 
 std::vector<std::byte> query_frame_of(const clearance_lcm::joint_query_t& query,
                                       std::span<const std::uint32_t> joints) {
   std::vector<double> positions;
   for (const auto& row : query.positions) positions.insert(positions.end(), row.begin(), row.end());
-  return frame_of(query.query, {}, joints, positions, query.row_count);
+  QueryOptions options = options_of(query.query);
+  read_options(query, options);
+  return frame_of(query.query.query, options, joints, positions, query.row_count);
 }
 
 std::vector<std::byte> nearest_query_frame() {

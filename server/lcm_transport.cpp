@@ -141,12 +141,12 @@ class LcmTransport final : public Transport {
 
   void on_joint_query(std::span<const std::byte> packet) {
     joint_query_t asked;
-    if (!decode(packet, asked) || !is_named("joint_query_t", asked.query)) return;
-    const query_t& query = asked.query;
-    if (query.configuration_count != 0 && query.configuration_count != asked.row_count)
+    if (!decode(packet, asked) || !is_named("joint_query_t", asked.query.query)) return;
+    const query_t& query = asked.query.query;
+    if (query.body_count != 0 && query.configuration_count != asked.row_count)  // poses are read for each row
       return refuse(query, wire::ErrorCode::kBadQuery,
                     std::to_string(query.configuration_count) + " configurations of bodies and " +
-                        std::to_string(asked.row_count) + " of joints: expected as many, or none of bodies");
+                        std::to_string(asked.row_count) + " of joints: expected as many, or no bodies");
     std::vector<std::uint32_t> joints;
     for (const std::string& name : asked.joints) {
       joints.push_back(inbox_->engine().scene().find_joint(name));

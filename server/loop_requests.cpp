@@ -135,7 +135,8 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   // Behind what the client sent before, or where each of many bodies may move.
   const bool waits = is_update && (poses_away_.contains(sink->client()) ||
                                    (type == FrameType::kSetJoints && engine_->scene().bodies().size() > kFewBodies));
-  if (type != FrameType::kQuery && type != FrameType::kPairs && type != FrameType::kAttach && !waits)
+  if (type != FrameType::kQuery && type != FrameType::kPairs && type != FrameType::kAttach &&
+      type != FrameType::kAddBody && !waits)
     payload = without_records(answers_, header, payload, stats_.records_ignored);
   const auto reply = [&](FrameType with, std::span<const std::byte> bytes) {
     answers_.reply(*sink, header, with, bytes);

@@ -16,24 +16,25 @@ constexpr std::uint64_t kWorthPinning = 64 << 10;
 /// More pairs than memory holds: so that their bytes are a number.
 constexpr std::uint64_t kMostListed = std::uint64_t{1} << 56;
 
-/// Moves columns that have room for `from_rows` rows to where they lie with `to_rows` (fewer) rows.
-void close_up_columns(std::byte* columns, std::uint32_t fields, std::uint64_t from_rows, std::uint64_t to_rows) {
+/// Moves columns that have room for all rows of a size to where they lie with `to_rows` (fewer) rows.
+void close_up_columns(std::byte* columns, const QuerySize& size, std::uint64_t to_rows) {
   // Each column moves towards the front, the first ones first: nothing is overwritten before it has moved.
   for (int f = 0; f < kFieldCount; ++f) {
     const Field field = Field(1u << f);
-    if (!(fields & field)) continue;
-    std::memmove(columns + wire::column_offset(to_rows, fields, field),
-                 columns + wire::column_offset(from_rows, fields, field), to_rows * kFieldBytes[f]);
+    if (!(size.fields & field)) continue;
+    std::memmove(columns + wire::column_offset(to_rows, size.fields, field, size.joints),
+                 columns + wire::column_offset(size.rows, size.fields, field, size.joints),
+                 to_rows * field_bytes(f, size.joints));
   }
 }
 
 /// Zeroes what lies between the columns: whatever was in that memory is nobody's business.
-void clear_gaps(std::byte* columns, std::uint32_t fields, std::uint64_t rows) {
+void clear_gaps(std::byte* columns, const QuerySize& size, std::uint64_t rows) {
   std::byte* column = columns;
   for (int f = 0; f < kFieldCount; ++f) {
-    if (!(fields >> f & 1)) continue;
-    std::byte* end = column + rows * kFieldBytes[f];
-    column += wire::columns_bytes(rows, 1u << f);
+    if (!(size.fields >> f & 1)) continue;
+    std::byte* end = column + rows * field_bytes(f, size.joints);
+    column += wire::columns_bytes(rows, 1u << f, size.joints);
     std::memset(end, 0, static_cast<std::size_t>(column - end));
   }
 }
@@ -253,7 +254,8 @@ void RunningQuery::prepare(const wire::QueryParts& parts) {
   max_reply_bytes_ = parts.options.max_reply_bytes;
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0 && parts.joints.size() == 0;
-  records_ = daemon_.answers.records(asked_.header, parts.passed_over);
+  const bool by_joints = query.fields & kFieldGradientJoints && query.format == Format::kFull;
+  records_ = daemon_.answers.records(asked_.header, parts.passed_over, by_joints ? query.joints.size() : 0);
   prepared_ = engine_->begin_preparing(query);
 }
 
@@ -272,7 +274,8 @@ void RunningQuery::list(const WorkBudget& budget) {
 
 /// Room for the reply: what the client may have under way, and memory for the most rows that may come back.
 void RunningQuery::take_room(ReplySink& sink) {
-  const std::uint64_t reply_bytes = kColumnsBegin + wire::columns_bytes(size_.rows, size_.fields) + records_.size();
+  const std::uint64_t reply_bytes =
+      kColumnsBegin + wire::columns_bytes(size_.rows, size_.fields, size_.joints) + records_.size();
   if (reduce_ != Reduce::kWithin) check_reply_size(size_.rows, reply_bytes, max_reply_bytes_);
   std::uint64_t bytes = reply_bytes + payload_bytes_ + (whole_table_ ? 0 : size_.pairs * sizeof(BodyPair));
   asked_.share.give_back();
@@ -301,7 +304,8 @@ void RunningQuery::take_room(ReplySink& sink) {
 
 /// The job copies what it needs of the request.
 void RunningQuery::start() {
-  job_ = engine_->start(std::move(*prepared_), reply_view_over(frame_ + kColumnsBegin, size_.rows, size_.fields));
+  job_ = engine_->start(std::move(*prepared_),
+                        reply_view_over(frame_ + kColumnsBegin, size_.rows, size_.fields, nullptr, size_.joints));
   prepared_.reset();
   payload_ = {};
   aligned_ = {};
@@ -316,8 +320,8 @@ void RunningQuery::run(std::chrono::nanoseconds budget) {
   if (!done) return;
   info_ = job_->info();
   std::byte* columns = frame_ + kColumnsBegin;
-  if (info_.rows < size_.rows) close_up_columns(columns, size_.fields, size_.rows, info_.rows);
-  clear_gaps(columns, size_.fields, info_.rows);
+  if (info_.rows < size_.rows) close_up_columns(columns, size_, info_.rows);
+  clear_gaps(columns, size_, info_.rows);
   check_reply_size(info_.rows, columns_end() + records_.size(), max_reply_bytes_);
   step_ = own_ ? Step::kFinalRoom : Step::kPublish;
 }

@@ -100,7 +100,9 @@ class RunningQuery final : public ScheduledQuery {
   void take_final_room();
   void publish();
   wire::ReplyHeader reply_header() const;
-  std::uint64_t columns_end() const { return kColumnsBegin + wire::columns_bytes(info_.rows, size_.fields); }
+  std::uint64_t columns_end() const {
+    return kColumnsBegin + wire::columns_bytes(info_.rows, size_.fields, size_.joints);
+  }
 
   const Daemon& daemon_;
   PendingRequest asked_;

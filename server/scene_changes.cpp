@@ -17,9 +17,12 @@ using wire::ErrorCode;
 using wire::FrameHeader;
 
 /// The geometry of a body that a client describes. Throws SceneError.
-Body body_of(const wire::NewBodyRecord& record, std::span<const Vec3d> vertices) {
+Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, std::span<const Vec3d> vertices) {
   const std::string name = wire::name_of(record.name);
   Scene::BodyOptions options;
+  options.uncertainty = {doubts.uncertainty_position, doubts.uncertainty_angle};
+  options.padding = doubts.padding;
+  options.max_speed = doubts.max_speed;
   options.radius = record.radius;
   options.is_static = record.is_static;
   if (record.has_pose) {
@@ -51,13 +54,13 @@ Body body_of(const wire::NewBodyRecord& record, std::span<const Vec3d> vertices)
 }
 
 /// Adds a body, unless there are as many as may be. Throws SceneError.
-Reloader::Edit addition(const wire::NewBodyRecord& record, std::vector<Vec3d> vertices, std::string parent,
-                        std::uint32_t most) {
-  return [record, vertices = std::move(vertices), parent = std::move(parent), most](SceneParts& scene) {
+Reloader::Edit addition(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, std::vector<Vec3d> vertices,
+                        std::string parent, std::uint32_t most) {
+  return [record, doubts, vertices = std::move(vertices), parent = std::move(parent), most](SceneParts& scene) {
     if (scene.added.size() >= most)
       throw SceneError("add_body: " + std::to_string(most) +
                        " bodies were added already, and no more may be (--max-added-bodies)");
-    scene.added.push_back({body_of(record, vertices), parent});
+    scene.added.push_back({body_of(record, doubts, vertices), parent});
   };
 }
 
@@ -118,7 +121,10 @@ void SceneChanges::begin_edit(const FrameHeader& request, std::unique_ptr<ReplyS
 
 void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byte> payload,
                             std::unique_ptr<ReplySink>& sink) {
-  const wire::NewBodyParts parts = wire::parse_new_body(payload);
+  const wire::PayloadParts split = wire::split_payload(request, payload);
+  const wire::NewBodyParts parts = wire::parse_new_body(split.body, split.records);
+  answers_.check_epoch(request, parts.epoch);
+  stats_.records_ignored += parts.passed_over.size();
   const std::uint32_t parent = parts.record.parent;
   if (parent != kNone) check_scene(*engine_, request, std::array{parent});
   const auto& bodies = engine_->scene().bodies();
@@ -136,7 +142,7 @@ void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byt
     vertices[i] = {v.xyz[0], v.xyz[1], v.xyz[2]};
   }
   begin_edit(request, sink, wire::name_of(parts.record.name), false,
-             addition(parts.record, std::move(vertices), parent == kNone ? "" : bodies[parent].name,
+             addition(parts.record, parts.doubts, std::move(vertices), parent == kNone ? "" : bodies[parent].name,
                       limits_.max_added_bodies));
 }
 

@@ -1,8 +1,8 @@
-"""The demo: a daemon, moving poses over LCM, and one question through three transports.
+"""The demo: a daemon, an arm that moves by joint messages over LCM, and one question through three transports.
 
-Starts clearanced on a scene, moves its bodies from a separate process, asks for every body's nearest neighbour through
-shared memory (Python), ZeroMQ (C++) and LCM (Python) at one pose revision, compares the answers bit for bit, measures
-latency, and draws a picture. Ends by itself and leaves nothing behind.
+Starts clearanced on a scene, moves its joints and bodies from separate processes, asks for every body's nearest
+neighbour through shared memory (Python), ZeroMQ (C++) and LCM (Python) at one pose revision, compares the answers bit
+for bit, measures latency, and draws a picture. Ends by itself and leaves nothing behind.
 """
 import argparse
 import csv
@@ -29,10 +29,10 @@ FIELDS = ("default", "points", "pair")
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--scene", default=ROOT / "scenes/nineteen/scene.yaml", type=Path)
+    parser.add_argument("--scene", default=ROOT / "scenes/cell/robot.yaml", type=Path)
     parser.add_argument("--picture", default=ROOT / "out/demo.png", type=Path)
     parser.add_argument("--seconds", default=2.0, type=float, help="of latency measurement for each transport")
-    parser.add_argument("--move", default=2.0, type=float, help="seconds that the bodies move before the question")
+    parser.add_argument("--move", default=2.0, type=float, help="seconds that all moves before the question")
     options = parser.parse_args()
 
     stage = Stage()
@@ -59,7 +59,8 @@ def main():
 def run(stage, options):
     scene = clearance.Scene.load(options.scene)
     names = [body.name for body in scene.bodies]
-    say(f"Scene     {shown(options.scene)}: {len(names)} bodies")
+    solid = [body.id for body in scene.bodies if body.piece_count]  # frames are near nothing
+    say(f"Scene     {shown(options.scene)}: {len(solid)} bodies")
 
     daemon, urls, seconds = start_daemon(stage, options.scene)
     say(f"Daemon    clearanced (process {daemon.pid}), ready after {seconds:.2f} s")
@@ -69,61 +70,95 @@ def run(stage, options):
 
     with clearance.connect(urls["shm"]) as client:
         mover = Mover(stage, client, urls.get("lcm"))
-        say(f"Poses     {mover.describe()}")
+        for line in mover.describe():
+            say(line)
         mover.move(options.move)
         say()
         answers, states, attempts = ask_everywhere(client, urls, mover)
         compare(answers, attempts)
-        print_table(names, answers["shm"])
+        print_table(names, solid, answers["shm"])
         print_latency(stage, urls, options.seconds)
-    draw_picture(options, scene, states, answers["shm"])
+    draw_picture(options, scene, solid, states, answers["shm"])
 
 
 # ---- poses -----------------------------------------------------------------------------------------------------------
 
 
 class Mover:
-    """Moves the bodies: a separate process over LCM or, without multicast, this one through shared memory."""
+    """Moves joints and bodies: separate processes over LCM or, without multicast, this one through shared memory."""
 
     def __init__(self, stage, client, lcm_url):
-        self.stage, self.client, self.process = stage, client, None
-        if lcm_url:
-            script = ROOT / "client/examples/pose_publisher.py"
-            self.process = stage.start("pose_publisher", [sys.executable, script, "--lcm", lcm_url, "--rate", "100"])
+        self.stage, self.client, self.processes = stage, client, {}
+        self.swings = swings_of(client)
+        self.free = [(body.id, state.pose) for body, state in zip(client.bodies, client.body_states())
+                     if is_free(client, body) and state.status == clearance.Status.OK]
+        if lcm_url and self.free:
+            self.start("pose_publisher", lcm_url)
+        if lcm_url and self.swings:
+            self.start("joint_publisher", lcm_url,
+                       *(f"--joint={name}={low},{high}" for name, (low, high) in self.swings.items()))
         self.first = self.revision()
+
+    def start(self, name, lcm_url, *options):
+        command = [sys.executable, ROOT / f"client/examples/{name}.py", "--lcm", lcm_url, "--rate", "100", *options]
+        self.processes[name] = self.stage.start(name, command)
 
     def revision(self):
         """The poses' revision as the daemon has it now."""
         return self.client.distances(reduce="min", max_distance=0.0).snapshot_revision
 
     def describe(self):
-        if self.process:
-            return f"pose_publisher.py (process {self.process.pid}) moves every body 100 times a second over LCM"
-        return "moved by this process through shared memory"
+        """A line for each kind of motion."""
+        for title, name, count in (("Joints", "joint_publisher", len(self.swings)),
+                                   ("Poses", "pose_publisher", len(self.free))):
+            if name in self.processes:
+                yield (f"{title:9} {name}.py (process {self.processes[name].pid}) moves {count} of them "
+                       "100 times a second over LCM")
+            elif count:
+                yield f"{title:9} {count} of them are moved by this process through shared memory"
 
     def move(self, seconds):
-        """Lets the bodies move for a while; with a publisher, at least until its poses have arrived."""
+        """Lets all move for a while; with publishers, at least until their updates have arrived."""
         deadline = time.monotonic() + seconds
-        if self.process:
-            self.stage.wait_until(lambda: self.revision() > self.first + 10, "the publisher's poses to arrive")
+        if self.processes:
+            self.stage.wait_until(lambda: self.revision() > self.first + 10, "the publishers' updates to arrive")
             while time.monotonic() < deadline:
                 self.stage.check()
                 time.sleep(0.05)
             return
-        start = [(body.id, state.pose) for body, state in zip(self.client.bodies, self.client.body_states())
-                 if not body.is_static and state.status == clearance.Status.OK]
         while (left := deadline - time.monotonic()) > 0:
-            self.client.set_poses({i: wandered(i, pose, seconds - left) for i, pose in start})
+            if self.free:
+                self.client.set_poses({i: wandered(i, pose, seconds - left) for i, pose in self.free})
+            if self.swings:
+                share = (1 + np.sin(seconds - left)) / 2
+                self.client.set_joints({name: low + share * (high - low) for name, (low, high) in self.swings.items()})
             time.sleep(0.01)
 
     def pause(self):
-        """Nobody moves a body until resume(). What was sent before may still arrive."""
-        if self.process:
-            os.kill(self.process.pid, signal.SIGSTOP)
+        """Nobody moves anything until resume(). What was sent before may still arrive."""
+        for process in self.processes.values():
+            os.kill(process.pid, signal.SIGSTOP)
 
     def resume(self):
-        if self.process:
-            os.kill(self.process.pid, signal.SIGCONT)
+        for process in self.processes.values():
+            os.kill(process.pid, signal.SIGCONT)
+
+
+def is_free(client, body):
+    """Whether a body goes where it is told: it is not static, follows nobody, and is no base of a robot."""
+    return not body.is_static and body.parent is None and body.name not in client.groups
+
+
+def swings_of(client):
+    """{joint: (low, high)}: a quarter of a radian or metre about where each is, within its limits."""
+    states = client.joint_states()
+    if not states:
+        return {}
+    joints = client.joints(range(len(states)))
+    at = np.clip([state.position if state.status == clearance.Status.OK else 0.0 for state in states],
+                 joints.lower, joints.upper)
+    lows, highs = np.maximum(at - 0.25, joints.lower), np.minimum(at + 0.25, joints.upper)
+    return {name: (float(low), float(high)) for name, low, high in zip(joints.names, lows, highs)}
 
 
 def wandered(body, pose, t):
@@ -231,13 +266,13 @@ def compare(answers, attempts):
 WAYS = {"shm": "shared memory (Python)", "zmq": "ZeroMQ (C++)", "lcm": "LCM (Python)"}
 
 
-def print_table(names, answer):
+def print_table(names, solid, answer):
     width = max(map(len, names + ["nearest neighbour"]))
     say(
         f"  {'body':{width}}  {'nearest neighbour':{width}}  {'distance [m]':>12}  {'lower':>18}  {'upper':>18}  status"
     )
-    for i, name in enumerate(names):
-        other = names[answer.neighbour[i]] if answer.neighbour[i] < len(names) else "(none)"
+    for i in solid:
+        name, other = names[i], names[answer.neighbour[i]] if answer.neighbour[i] < len(names) else "(none)"
         say(f"  {name:{width}}  {other:{width}}  {answer.distance[i]:12.6f}  {answer.lower[i]:18.15f}"
             f"  {answer.upper[i]:18.15f}  {status_word(answer.status[i])}")
     say()
@@ -280,21 +315,21 @@ def print_latency(stage, urls, seconds):
     say()
 
 
-def draw_picture(options, scene, states, answer):
+def draw_picture(options, scene, solid, states, answer):
     import picture  # matplotlib takes a while to load
 
     say("Picture   being drawn ...")
     started = time.monotonic()
-    names = [body.name for body in scene.bodies]
+    names = [scene.bodies[i].name for i in solid]
+    place = {body: i for i, body in enumerate(solid)}
     meshes = []
-    for body, state in zip(scene.bodies, states):
-        vertices, triangles = scene.display_mesh(body.id) or hull_of(
-            np.concatenate([v for v, _ in scene.pieces(body.id)])
-        )
+    for i in solid:
+        state = states[i]
+        vertices, triangles = scene.display_mesh(i) or hull_of(np.concatenate([v for v, _ in scene.pieces(i)]))
         meshes.append((vertices @ rotation(state.pose[3:]).T + state.pose[:3], triangles))
-    rows = [{"body": i, "neighbour": int(answer.neighbour[i]), "status": status_word(answer.status[i]),
+    rows = [{"body": place[i], "neighbour": place[int(answer.neighbour[i])], "status": status_word(answer.status[i]),
              "distance": answer.distance[i], "point": answer.point[i], "other_point": answer.other_point[i]}
-            for i in range(len(names))]
+            for i in solid if int(answer.neighbour[i]) in place]
     options.picture.parent.mkdir(parents=True, exist_ok=True)
     picture.draw(
         options.picture,

@@ -15,6 +15,7 @@ extras=(
   "deb             CMakeLists.txt cmake cli/CMakeLists.txt server/CMakeLists.txt server/clearanced.service.in tests/install tools/root.sh"
   "arm             CMakeLists.txt CMakePresets.json cmake engine tests/golden tests/exact tests/robot tools/root.sh"
   "coal            client/python/clearance tests/install/try_coal.py"
+  "ompl            client/python/clearance engine/motion tests/install/try_ompl.py"
   "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
   "robots          engine/robot engine/base engine/pose cli/robot_main.cpp tests/robot"
   "races           wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
@@ -121,6 +122,15 @@ run_coal() {
   step coal-install "Install Coal and Pinocchio" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
     coal==3.0.3 pin==4.1.0 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_coal.py
+}
+
+# Planning with OMPL, whose edges are proved, in an environment that has it.
+run_ompl() {
+  local venv=out/extras/ompl
+  tools/build.sh release product
+  step ompl-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step ompl-install "Install OMPL" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off ompl==2.0.1 numpy
+  PYTHONPATH=build/python "$venv/bin/python" tests/install/try_ompl.py
 }
 
 # Half a minute for each target of tests/fuzz, under the address and undefined-behaviour sanitizers.

@@ -14,10 +14,11 @@ GROUP = "239.255.76.67"  # LCM's own multicast address
 ROUTE = f"ip link set lo up && ip route add {GROUP}/32 dev lo"
 
 
-def start_daemon(stage, scene, prefix=()):
+def start_daemon(stage, scene, prefix=(), options=()):
     """Starts clearanced on a scene file with its sockets in the stage's folder, and waits until it serves.
 
     prefix: a command that runs it, such as ("taskset", "-c", "0").
+    options: more of the daemon's.
 
     Returns the process, {"shm": url, "zmq": url, "lcm": url} (lcm only where multicast works), and the seconds it took.
     """
@@ -31,6 +32,7 @@ def start_daemon(stage, scene, prefix=()):
         urls["shm"][len("shm://") :],
         "--zmq",
         urls["zmq"],
+        *options,
     ]
     port = free_udp_port()
     if multicast_works(port):

@@ -167,6 +167,18 @@ void append_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint
   records.resize(align(records.size(), kRecordAlignment));
 }
 
+void insert_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
+                   std::span<const std::byte> bytes) {
+  std::size_t at = 0;
+  for (RecordHeader record; at < records.size(); at += align(sizeof record + record.bytes, kRecordAlignment)) {
+    std::memcpy(&record, records.data() + at, sizeof record);
+    if (record.tag > tag) break;
+  }
+  std::vector<std::byte> inserted;
+  append_record(inserted, tag, flags, bytes);
+  records.insert(records.begin() + static_cast<std::ptrdiff_t>(at), inserted.begin(), inserted.end());
+}
+
 void append_epoch(std::vector<std::byte>& records, std::uint64_t epoch, std::uint16_t flags) {
   append_record(records, static_cast<std::uint16_t>(CommonRecord::kEpoch), flags, std::as_bytes(std::span(&epoch, 1)));
 }

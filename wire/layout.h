@@ -73,6 +73,7 @@ void for_each_struct(Begin begin, Member member) {
                    reserved)
   CLEARANCE_STRUCT(NewBodyRecord, name, parent, shape, is_static, has_pose, padding, size, radius, pose, vertex_count,
                    reserved)
+  CLEARANCE_STRUCT(BodyDoubts, uncertainty_position, uncertainty_angle, padding, max_speed)
   CLEARANCE_STRUCT(VertexRecord, xyz)
   CLEARANCE_STRUCT(RemoveBodyRecord, name)
   CLEARANCE_STRUCT(SceneChange, scene_revision, body_count, body, seconds, reserved)

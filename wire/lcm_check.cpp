@@ -97,6 +97,11 @@ void walk_query(Walk& walk) {
   walk.skip(configurations * bodies * kPoseBytes, "configurations");
 }
 
+void walk_query2(Walk& walk) {
+  walk_query(walk);
+  walk.skip(2 * 8 + 1 + 4 + 8 + 1, "what it waits for");
+}
+
 }  // namespace
 
 std::string check_pose_update(std::span<const std::byte> packet) {
@@ -141,19 +146,19 @@ std::string check_query(std::span<const std::byte> packet) {
 
 std::string check_query2(std::span<const std::byte> packet) {
   Walk walk(packet, "query2_t", clearance_lcm::query2_t::getHash());
-  walk_query(walk);
-  walk.skip(2 * 8 + 1 + 4 + 8 + 1, "what it waits for");
+  walk_query2(walk);
   return walk.end();
 }
 
 std::string check_joint_query(std::span<const std::byte> packet) {
   Walk walk(packet, "joint_query_t", clearance_lcm::joint_query_t::getHash());
-  walk_query(walk);
+  walk_query2(walk);
   const std::uint64_t joints = walk.count(5, "joint_count");
   for (std::uint64_t i = 0; i < joints && walk.good(); ++i) walk.string(kMaxNameBytes, "a joint");
   const std::uint64_t rows = walk.count(joints * 8, "row_count");
   if (joints == 0 && rows > 0) walk.fail("rows without joints");
   walk.skip(rows * joints * 8, "positions");
+  walk.skip(8 + 4, "margin and max_steps");
   return walk.end();
 }
 

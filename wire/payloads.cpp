@@ -4,11 +4,12 @@
 namespace clearance::wire {
 namespace {
 
-Wide columns_wide(std::uint64_t rows, std::uint32_t fields) {
+Wide columns_wide(std::uint64_t rows, std::uint32_t fields, std::uint64_t joints) {
   Wide bytes = 0;
   for (int f = 0; f < kFieldCount; ++f)
     if (fields >> f & 1)
-      bytes = (bytes + Wide(rows) * kFieldBytes[f] + kColumnAlignment - 1) / kColumnAlignment * kColumnAlignment;
+      bytes =
+          (bytes + Wide(rows) * field_bytes(f, joints) + kColumnAlignment - 1) / kColumnAlignment * kColumnAlignment;
   return bytes;
 }
 
@@ -27,34 +28,43 @@ void expect_groups(const std::string& what, const Records<GroupRecord>& groups, 
 
 }  // namespace
 
-std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields) {
-  const Wide bytes = columns_wide(rows, fields);
+std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields, std::uint64_t joints) {
+  const Wide bytes = columns_wide(rows, fields, joints);
   if (bytes > kMaxPayloadBytes - sizeof(ReplyHeader))
     throw WireError(ErrorCode::kTooLarge, "reply: " + str(rows) + " rows need " + str(bytes) +
                                               " bytes, more than a frame may have (" + str(kMaxFrameBytes) + ")");
   return static_cast<std::uint64_t>(bytes);
 }
 
-std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field) {
+std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field, std::uint64_t joints) {
   std::uint64_t offset = 0;
   for (int f = 0; f < kFieldCount && (1u << f) != field; ++f)
-    if (fields >> f & 1) offset = align(offset + rows * kFieldBytes[f], kColumnAlignment);
+    if (fields >> f & 1) offset = align(offset + rows * field_bytes(f, joints), kColumnAlignment);
   return offset;
 }
 
-ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records) {
+ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records, std::uint32_t* joints) {
   const auto header = head<ReplyHeader>(payload, "reply");
   if (header.fields & ~kKnownFields) bad_frame("reply: fields has unknown bits: " + str(header.fields & ~kKnownFields));
+  PassedOver passed_over;
+  std::uint32_t width = 0;
+  read_records("reply", records, passed_over, [&width](const RecordView& record) {
+    if (record.tag == static_cast<std::uint16_t>(ReplyRecord::kIgnored)) return true;
+    if (record.tag != static_cast<std::uint16_t>(ReplyRecord::kJoints)) return false;
+    if (record.bytes.size() != sizeof width)
+      bad_frame("reply: joints has " + str(record.bytes.size()) + " bytes, not 4");
+    std::memcpy(&width, record.bytes.data(), sizeof width);
+    return true;
+  });
+  if (!(header.fields & kFieldGradientJoints) != !width)
+    bad_frame("reply: the column gradient_joints and the record of how many joints it has come together");
   expect_size(
       "reply", [&] { return str(header.rows) + " rows"; },
-      sizeof(ReplyHeader) + columns_wide(header.rows, header.fields), payload.size());
+      sizeof(ReplyHeader) + columns_wide(header.rows, header.fields, width), payload.size());
   // The last column's end is padded too, so that the whole block has one rule.
   if (strnlen(header.backend, sizeof header.backend) == sizeof header.backend)
     bad_frame("reply: the backend's name does not end");
-  PassedOver passed_over;
-  read_records("reply", records, passed_over, [](const RecordView& record) {
-    return record.tag == static_cast<std::uint16_t>(ReplyRecord::kIgnored);
-  });
+  if (joints) *joints = width;
   return header;
 }
 
@@ -174,7 +184,7 @@ StatesParts parse_states(std::span<const std::byte> payload) {
   return parts;
 }
 
-NewBodyParts parse_new_body(std::span<const std::byte> payload) {
+NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const std::byte> records) {
   NewBodyParts parts;
   parts.record = head<NewBodyRecord>(payload, "new body");
   const NewBodyRecord& r = parts.record;
@@ -189,6 +199,14 @@ NewBodyParts parse_new_body(std::span<const std::byte> payload) {
   if (r.is_static > 1 || r.has_pose > 1) bad_query("new body: is_static and has_pose are 0 or 1");
   expect_zero(r.reserved, "new body");
   parts.vertices = Records<VertexRecord>(payload.data() + sizeof(NewBodyRecord), r.vertex_count);
+  parts.epoch = read_records("new body", records, parts.passed_over, [&](const RecordView& record) {
+    if (record.tag != static_cast<std::uint16_t>(NewBodyTag::kDoubts)) return false;
+    if (record.bytes.size() != sizeof parts.doubts)
+      bad_frame("new body: doubts (record 20) have " + str(record.bytes.size()) + " bytes, expected " +
+                str(sizeof parts.doubts));
+    std::memcpy(&parts.doubts, record.bytes.data(), sizeof parts.doubts);
+    return true;
+  });
   return parts;
 }
 

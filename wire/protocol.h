@@ -109,9 +109,15 @@ enum class AttachTag : std::uint16_t {
   kAllow = 1,  ///< uint32 each, selectors: what the child may touch while it is attached so
 };
 
+/// Records of a kAddBody.
+enum class NewBodyTag : std::uint16_t {
+  kDoubts = 20,  ///< BodyDoubts
+};
+
 /// Records of a kReply.
 enum class ReplyRecord : std::uint16_t {
   kIgnored = 1,  ///< uint16 each: tags of the query's records that the daemon passed over
+  kJoints = 2,   ///< uint32: J, entries a row of the column gradient_joints, with which it comes
 };
 
 struct QueryHeader {
@@ -303,6 +309,13 @@ struct NewBodyRecord {
   std::uint64_t reserved[2] = {};
 };
 
+struct BodyDoubts {
+  double uncertainty_position = 0;  ///< metres: its origin lies within a ball of this radius about its place
+  double uncertainty_angle = 0;     ///< radians: it may be turned by up to this about its origin
+  double padding = 0;               ///< metres that it is grown by
+  double max_speed = 0;             ///< metres a second that no point of it exceeds
+};
+
 struct VertexRecord {
   double xyz[3] = {};  ///< metres, in the body's frame
 };
@@ -369,6 +382,7 @@ CLEARANCE_WIRE(BodyStateRecord, 96);
 CLEARANCE_WIRE(JointsHeader, 48);
 CLEARANCE_WIRE(JointStateRecord, 128);
 CLEARANCE_WIRE(NewBodyRecord, 184);
+CLEARANCE_WIRE(BodyDoubts, 32);
 CLEARANCE_WIRE(VertexRecord, 24);
 CLEARANCE_WIRE(RemoveBodyRecord, 64);
 CLEARANCE_WIRE(SceneChange, 32);

@@ -124,10 +124,10 @@ std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std
   return static_cast<std::uint64_t>(query_bytes(pairs, bodies, configurations));
 }
 
-void append_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
+void insert_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
                           std::span<const double> positions) {
   const auto add = [&records](QueryRecord tag, auto array) {
-    if (!array.empty()) append_record(records, static_cast<std::uint16_t>(tag), kRecordRequired, std::as_bytes(array));
+    if (!array.empty()) insert_record(records, static_cast<std::uint16_t>(tag), kRecordRequired, std::as_bytes(array));
   };
   add(QueryRecord::kJoints, joints);
   add(QueryRecord::kPositions, positions);

@@ -57,7 +57,9 @@
   X(std::int64_t, deadline_ns, 0, 4, Legal::range(0, 3'600'000'000'000),                                               \
     "ns", "answered within so long of its receipt (daemon's steady clock), else refused with `kDeadline`; 0: whenever")    \
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \
-    "m", "reduce `any`: farther than this every pair must be proved")
+    "m", "reduce `any`, and motions: farther than this every pair must be proved")                                     \
+  X(std::uint32_t, max_steps, 0, 10, Legal::range(0, 65536),                                                           \
+    "", "configurations that each motion may ask for: they come in twos, which it begins and ends with; 0: no motions")
 // clang-format on
 
 namespace clearance {

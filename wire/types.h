@@ -32,6 +32,7 @@ enum Flag : std::uint16_t {
   kFlagIncomplete = 1 << 5,       ///< a reduced group held a bad or missing pose
   kFlagSlack = 1 << 6,            ///< what is not known of the bodies is alone wider than asked
   kFlagBeyondLimits = 1 << 7,     ///< a joint that places one of the bodies is beyond its limits
+  kFlagHalfTurn = 1 << 8,         ///< a body turns by nearly half a turn in a motion: which way, its ends hardly say
 };
 
 /// Arithmetic of the iterations; the bounds are valid in either.
@@ -55,36 +56,39 @@ enum class Format : std::uint8_t {
 
 /// Columns of an answer, as bits of a mask and (by position) as the order of columns in a reply.
 enum Field : std::uint32_t {
-  kFieldDistance = 1u << 0,        ///< float64, metres
-  kFieldLower = 1u << 1,           ///< float64, metres, certified
-  kFieldUpper = 1u << 2,           ///< float64, metres, certified
-  kFieldStatus = 1u << 3,          ///< uint8, Status
-  kFieldFlags = 1u << 4,           ///< uint16, Flag bits
-  kFieldPointA = 1u << 5,          ///< 3 float64, metres, world frame
-  kFieldPointB = 1u << 6,          ///< 3 float64, metres, world frame
-  kFieldNormal = 1u << 7,          ///< 3 float64, unit, world frame, from a towards b
-  kFieldPieces = 1u << 8,          ///< 2 uint32, index of the nearest piece within each body
-  kFieldGradient = 1u << 9,        ///< 2 x 6 float64: of a, of b: by a turn about its own origin, a shift; world axes
-  kFieldPair = 1u << 10,           ///< 2 uint32, body ids (a, b); always there for reductions
-  kFieldConfiguration = 1u << 11,  ///< uint32; always there for Reduce::kWithin
-  kFieldCompact = 1u << 12,        ///< CompactAnswer, replaces the float64 columns when Format::kCompact
-  kFieldPairLower = 1u << 14,      ///< 2 uint32, body ids: the pair whose lower bound is the row's; reductions
+  kFieldDistance = 1u << 0,         ///< float64, metres
+  kFieldLower = 1u << 1,            ///< float64, metres, certified
+  kFieldUpper = 1u << 2,            ///< float64, metres, certified
+  kFieldStatus = 1u << 3,           ///< uint8, Status
+  kFieldFlags = 1u << 4,            ///< uint16, Flag bits
+  kFieldPointA = 1u << 5,           ///< 3 float64, metres, world frame
+  kFieldPointB = 1u << 6,           ///< 3 float64, metres, world frame
+  kFieldNormal = 1u << 7,           ///< 3 float64, unit, world frame, from a towards b
+  kFieldPieces = 1u << 8,           ///< 2 uint32, index of the nearest piece within each body
+  kFieldGradient = 1u << 9,         ///< 2 x 6 float64: of a, of b: by a turn about its own origin, a shift; world axes
+  kFieldPair = 1u << 10,            ///< 2 uint32, body ids (a, b); always there for reductions
+  kFieldConfiguration = 1u << 11,   ///< uint32; always there for Reduce::kWithin
+  kFieldCompact = 1u << 12,         ///< CompactAnswer, replaces the float64 columns when Format::kCompact
+  kFieldGradientJoints = 1u << 13,  ///< J float64: by the position of each of the query's joints, in their order
+  kFieldPairLower = 1u << 14,       ///< 2 uint32, body ids: the pair whose lower bound is the row's; reductions
+  kFieldTime = 1u << 15,            ///< float64, 0 to 1: when in the motion the row's witness points are; NaN: none
+  kFieldFirstContact = 1u << 16,  ///< 2 float64, 0 to 1: up to when the pairs are proved beyond their margins, and when
+                                  ///< one is proved within; inf: they always are; it never is
+  kFieldSteps = 1u << 17,         ///< uint32, configurations that the motion asked for
 };
-inline constexpr int kFieldCount = 15;
-/// Bits that no column has yet.
-inline constexpr std::uint32_t kReservedFields = 1u << 13;
-inline constexpr std::uint32_t kKnownFields = ((1u << kFieldCount) - 1) & ~kReservedFields;
-/// The bit of the column after that of `bit`.
-constexpr int next_field(int bit) {
-  do ++bit;
-  while (kReservedFields >> bit & 1);
-  return bit;
-}
+inline constexpr int kFieldCount = 18;
+inline constexpr std::uint32_t kKnownFields = (1u << kFieldCount) - 1;
+/// Columns that only motions have.
+inline constexpr std::uint32_t kMotionFields = kFieldTime | kFieldFirstContact | kFieldSteps;
 inline constexpr std::uint32_t kFieldPoints = kFieldPointA | kFieldPointB;
 inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 
-/// Bytes of one row of each column, by bit position of its Field.
-inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1, 2, 24, 24, 24, 8, 96, 8, 4, 32, 0, 8};
+/// Bytes of one row of each column, by bit position of its Field; of kFieldGradientJoints those of one joint.
+inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1, 2, 24, 24, 24, 8, 96, 8, 4, 32, 8, 8, 8, 16, 4};
+/// Bytes of one row of a column. \param joints of the query: J
+constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {
+  return kFieldBytes[bit] * ((1u << bit) == kFieldGradientJoints ? joints : 1);
+}
 
 /// Each column of a reply starts on such a boundary.
 inline constexpr std::uint64_t kColumnAlignment = 64;

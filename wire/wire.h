@@ -123,6 +123,10 @@ using PassedOver = std::vector<std::uint16_t>;
 
 void append_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
                    std::span<const std::byte> bytes);
+/// The same before the first record whose tag is higher, as tags have to rise.
+/// \param records as append_record() made them
+void insert_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
+                   std::span<const std::byte> bytes);
 /// Appends CommonRecord::kEpoch. \param flags kRecordRequired in a request
 void append_epoch(std::vector<std::byte>& records, std::uint64_t epoch, std::uint16_t flags = 0);
 /// The epoch that a reply names; 0: none. Throws WireError for records that make no sense.
@@ -164,8 +168,8 @@ void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader&
 /// \param options QueryOptions, or what has members of the same names.
 template <class Options>
 std::vector<std::byte> option_records(const Options& options);
-/// Appends the records of a query's joints, if it has any. \param positions of kPairs: none
-void append_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
+/// Inserts the records of a query's joints, if it has any. \param positions of kPairs: none
+void insert_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
                           std::span<const double> positions);
 
 /// Throws WireError (kBadFrame for sizes, kBadQuery for values, kNotSupported for a record that it may not pass over).
@@ -178,12 +182,14 @@ QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> pay
 // --- kReply
 
 /// Bytes of the columns of a reply. Throws WireError (kTooLarge) if a frame cannot be so large.
-std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields);
+/// \param joints of the query: J, read only with kFieldGradientJoints
+std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields, std::uint64_t joints = 0);
 /// Where the column of `field` begins, from the end of the ReplyHeader. The column must be among `fields`.
-std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field);
+std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field, std::uint64_t joints = 0);
 /// Throws WireError unless the columns that the header speaks of are all there, and nothing else but records that it
-/// may pass over.
-ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records = {});
+/// may pass over. \param joints receives J of a reply with kFieldGradientJoints, else 0; may be null
+ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records = {},
+                        std::uint32_t* joints = nullptr);
 
 // --- the others
 
@@ -240,9 +246,12 @@ JointsParts parse_joints(std::span<const std::byte> payload);
 struct NewBodyParts {
   NewBodyRecord record;
   Records<VertexRecord> vertices;
+  BodyDoubts doubts;
+  PassedOver passed_over;
+  std::uint64_t epoch = 0;  ///< as QueryParts::epoch
 };
 /// Also checks that the name ends, and that there is such a shape.
-NewBodyParts parse_new_body(std::span<const std::byte> payload);
+NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload);
 SceneChange parse_scene_changed(std::span<const std::byte> payload);
 

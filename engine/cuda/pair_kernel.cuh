@@ -232,12 +232,8 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
     halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
     return;
   }
-  write_row(c.reply, row,
-            {{at_a.body, at_b.body},
-             static_cast<std::uint32_t>(c.first_configuration + k),
-             answer,
-             at_a.translation(),
-             at_b.translation()});
+  write_row(c.reply, row, {at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer,
+            at_a.translation(), at_b.translation());
 }
 
 // The answer of an item of a chunk that needs no look at the hulls, if it has one, and the flags of its bodies.

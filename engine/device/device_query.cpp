@@ -43,7 +43,7 @@ void DeviceQuery::find_direct_columns() {
   direct_ = reply_;
   const auto column = [&](auto*& direct, int) {
     if (direct) fields_ |= 1u << bit;
-    bit = next_field(bit);
+    ++bit;
     if (!is_pinned(direct)) direct = nullptr;
   };
   for_each_column(column, direct_);

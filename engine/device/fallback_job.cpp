@@ -38,6 +38,7 @@ std::unique_ptr<DeviceQuery> begin_on_device(const JobContext& context, Plan& pl
 // What a device does not answer yet, in words; empty: it answers this.
 std::string beyond_the_device(const Scene& scene, const Plan& plan) {
   if (plan.query.fields & kFieldPairLower) return "the column pair_lower";
+  if (plan.query.fields & kFieldGradientJoints) return "the column gradient_joints";
   const PoseSnapshot& snapshot = *plan.snapshot;
   if (!scene.has_doubts() && !snapshot.has_followers) return {};
   std::uint32_t found = kNone;
@@ -105,6 +106,7 @@ class FallbackJob final : public Job::State {
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
   const std::string beyond = beyond_the_device(*context.scene, plan);
   if (!beyond.empty() && !context.device->fallback()) refuse(beyond + " is not for a device yet");
+  if (beyond.empty()) plan.make_link_poses();
   auto query = beyond.empty() ? begin_on_device(context, plan, reply) : nullptr;
   if (query) return std::make_unique<FallbackJob>(context, std::move(query), reply);
   context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);

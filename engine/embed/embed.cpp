@@ -126,9 +126,9 @@ struct Answer::Impl {
 
   explicit Impl(const QuerySize& answer) : size(answer) {
     std::uint64_t bytes = 0;
-    reply_view_over(nullptr, size.rows, size.fields, &bytes);
+    reply_view_over(nullptr, size.rows, size.fields, &bytes, size.joints);
     block.reset(new (std::align_val_t{kColumnAlignment}) std::byte[bytes ? bytes : 1]);
-    view = reply_view_over(block.get(), size.rows, size.fields);
+    view = reply_view_over(block.get(), size.rows, size.fields, nullptr, size.joints);
   }
   template <class T, class C>
   std::span<const T> column(const C* begin, std::size_t width) const {
@@ -192,6 +192,9 @@ std::span<const std::uint32_t> Answer::pieces() const {
 std::span<const double> Answer::gradient() const {
   return impl_->column<double>(impl_->view.gradient, 12);
 }
+std::span<const double> Answer::gradient_joints() const {
+  return impl_->column<double>(impl_->view.gradient_joints, impl_->size.joints);
+}
 std::span<const IdPair> Answer::pair() const {
   return impl_->column<IdPair>(impl_->view.pair, 1);
 }
@@ -200,6 +203,18 @@ std::span<const std::uint32_t> Answer::configuration() const {
 }
 std::span<const CompactAnswer> Answer::compact() const {
   return impl_->column<CompactAnswer>(impl_->view.compact, 1);
+}
+std::span<const IdPair> Answer::pair_lower() const {
+  return impl_->column<IdPair>(impl_->view.pair_lower, 1);
+}
+std::span<const double> Answer::time() const {
+  return impl_->column<double>(impl_->view.time, 1);
+}
+std::span<const double> Answer::first_contact() const {
+  return impl_->column<double>(impl_->view.first_contact, 2);
+}
+std::span<const std::uint32_t> Answer::steps() const {
+  return impl_->column<std::uint32_t>(impl_->view.steps, 1);
 }
 std::uint64_t Answer::snapshot_revision() const {
   return impl_->info.snapshot_revision;

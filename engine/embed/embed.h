@@ -120,9 +120,15 @@ class CLEARANCE_API Answer {
   std::span<const double> normal() const;
   std::span<const std::uint32_t> pieces() const;  ///< (rows * 2,)
   std::span<const double> gradient() const;       ///< (rows * 12,); order and frame: kFieldGradient
+  /// (rows * J,) metres a radian or metre: d distance / d position of each of the query's joints, in their order
+  std::span<const double> gradient_joints() const;
   std::span<const IdPair> pair() const;
   std::span<const std::uint32_t> configuration() const;
   std::span<const CompactAnswer> compact() const;
+  std::span<const IdPair> pair_lower() const;
+  std::span<const double> time() const;           ///< of motions: 0 to 1
+  std::span<const double> first_contact() const;  ///< (rows * 2,) of motions; kFieldFirstContact
+  std::span<const std::uint32_t> steps() const;   ///< of motions: configurations that each asked for
 
   std::uint64_t snapshot_revision() const;  ///< of the poses
   std::int64_t snapshot_stamp_ns() const;   ///< the newest stamp among them; 0: none

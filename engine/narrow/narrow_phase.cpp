@@ -4,10 +4,13 @@
 #include <cassert>
 #include <cmath>
 #include <optional>
+#include <span>
+#include <type_traits>
 
 #include "engine/narrow/epa.h"
 #include "engine/narrow/overlap.h"
 #include "engine/narrow/pair_run.h"
+#include "engine/narrow/proof.h"
 #include "engine/narrow/witness.h"
 
 namespace clearance {
@@ -51,32 +54,58 @@ class SupportedCso {
   std::uint64_t units_;
 };
 
-// Gathers bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower end.
+// Gathers bounds from every attempt: the narrowest interval, the witness of its upper end, the normal of its lower end,
+// and what proves them where somebody asks.
 class Answer {
  public:
-  Answer(const NarrowLimits& limits, const Mat3d& R_wa, double radius_a, double radius_b)
-      : limits_(limits), R_wa_(R_wa), radius_a_(radius_a), radius_b_(radius_b) {}
+  /// \param proof null: nobody asks
+  Answer(const NarrowLimits& limits, const Mat3d& R_wa, double radius_a, double radius_b, NarrowProof* proof = nullptr)
+      : limits_(limits), R_wa_(R_wa), radius_a_(radius_a), radius_b_(radius_b), proof_(proof) {}
 
   /// \param n axes of a
-  void raise_lower(double lower, const Vec3d& n) {
+  template <class T>
+  void raise_lower(double lower, const Vec3<T>& n) {
     assert(!std::isnan(lower));
     if (!(lower > answer_.bounds.lower)) return;
     answer_.bounds.lower = lower;
-    const Vec3d m = rescaled(n);
+    const Vec3d m = rescaled(cast<double>(n));
     answer_.normal = (R_wa_ * m) * (1 / norm(m));
+    if (!proof_) return;
+    proof_->direction = cast<DoubleDouble>(n);
+    proof_->lower_in_double_double = std::is_same_v<T, DoubleDouble>;
   }
-  void take_witness(const Witness& w) {
+  /// The points that a simplex stands for.
+  template <class T>
+  void take_witness(const PlacedPair<T>& pair, const Simplex<T>& simplex) {
+    const Witness w = certify_upper(pair, simplex);
     assert(!std::isnan(w.upper));
     if (!(w.upper < answer_.bounds.upper)) return;
     answer_.bounds.upper = w.upper;
     witness_ = w;
+    if (!proof_) return;
+    proof_->upper_in_double_double = std::is_same_v<T, DoubleDouble>;
+    proof_->vertices.clear();
+    proof_->faces.clear();
+    const SimplexPoint<T> point(simplex);
+    for (int i = 0; i < simplex.size; ++i)
+      proof_->vertices.push_back({simplex.vertex[i].a, simplex.vertex[i].b, DoubleDouble(point.share[i])});
+    if (simplex.size == 0) proof_->vertices.push_back({0, 0, 1});
   }
   /// An upper bound that has no witness of its own (a ball in the overlap): the nearest points of the surface stand for
   /// it.
-  void lower_upper(double upper, const Witness& w) {
+  template <class T>
+  void lower_upper(double upper, const Witness& w, std::span<const CsoVertex<T>> vertices,
+                   std::span<const CsoFace<T>> faces) {
     if (!(upper < answer_.bounds.upper)) return;
     answer_.bounds.upper = upper;
     witness_ = w;
+    if (!proof_) return;
+    proof_->upper_in_double_double = std::is_same_v<T, DoubleDouble>;
+    proof_->vertices.clear();
+    proof_->faces.clear();
+    for (const CsoVertex<T>& v : vertices) proof_->vertices.push_back({v.a, v.b, 0});
+    for (const CsoFace<T>& f : faces)
+      proof_->faces.push_back({{f.vertex[0], f.vertex[1], f.vertex[2]}, cast<DoubleDouble>(f.normal)});
   }
 
   /// Keeps a surface around the origin, of which a finer arithmetic should make a better common point.
@@ -134,6 +163,7 @@ class Answer {
   NarrowLimits limits_;
   Mat3d R_wa_;
   double radius_a_, radius_b_;
+  NarrowProof* proof_;
   NarrowAnswer answer_;
   Witness witness_{kInf, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0};
   bool deep_ = false;
@@ -165,7 +195,7 @@ void try_face_normals(const PlacedPair<T>& pair, const Gjk<T>& g, Answer& answer
         Vec3<T> normal = cross(p[j].w - p[i].w, p[k].w - p[i].w);
         if (!(squared_norm(normal) > T(0))) continue;
         if (dot(normal, p[i].w) > T(0)) normal = -normal;
-        answer.raise_lower(certify_lower(pair, normal), cast<double>(normal));
+        answer.raise_lower(certify_lower(pair, normal), normal);
         if (answer.settled()) return;
       }
 }
@@ -194,7 +224,7 @@ void try_witnesses(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& answe
     }
     bool inside = true;
     for (int i = 0; i < part.size; ++i) inside = inside && part.weight[i] > T(0);
-    if (inside) answer.take_witness(certify_upper(pair, part));
+    if (inside) answer.take_witness(pair, part);
   }
 }
 
@@ -212,7 +242,7 @@ void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> verti
     return;
   answer.mark_deep();
   if (!answer.wants_depth() && !(witness.length <= 0.5 * pair.upper_error())) answer.keep_surface<T>(vertices, faces);
-  answer.lower_upper(certify_overlap(*pair.a, *pair.b, ball), witness);
+  answer.lower_upper(certify_overlap(*pair.a, *pair.b, ball), witness, vertices, faces);
 }
 
 /// Where EPA goes on, and what was found before it.
@@ -253,11 +283,10 @@ void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const Narr
     *paused = std::move(resumed);
     throw WorkMeter::PairUnfinished();
   }
-  if (epa.probed())
-    answer.raise_lower(certify_lower(pair, epa.gap(), norm(epa.direction())), cast<double>(epa.direction()));
+  if (epa.probed()) answer.raise_lower(certify_lower(pair, epa.gap(), norm(epa.direction())), epa.direction());
   if (!epa.faces().empty()) take_overlap<T>(pair, epa.vertices(), epa.faces(), epa.nearest(), answer);
   if (answer.bounds().upper > 0) {  // no overlap proved: touching or apart, where points prove the most
-    if (epa.nearest().size > 0) answer.take_witness(certify_upper(pair, epa.nearest()));
+    if (epa.nearest().size > 0) answer.take_witness(pair, epa.nearest());
     try_witnesses(pair, g.simplex, answer);
   }
 }
@@ -301,11 +330,11 @@ Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const 
       if (answer.settled() && !answer.is_shallow()) return g.simplex;
     }
   } else {
-    answer.take_witness(certify_upper(pair, g.simplex));
+    answer.take_witness(pair, g.simplex);
     if (g.squared_distance > T(Arithmetic<T>::kSafelySquared) && end != GjkEnd::kLimit)
-      answer.raise_lower(certify_lower(pair, g.gap, norm(g.v)), cast<double>(-g.v));
+      answer.raise_lower(certify_lower(pair, g.gap, norm(g.v)), -g.v);
     else if (squared_norm(g.v) > T(0))
-      answer.raise_lower(certify_lower(pair, -g.v), cast<double>(-g.v));
+      answer.raise_lower(certify_lower(pair, -g.v), -g.v);
     if (answer.settled()) return g.simplex;
     try_face_normals(pair, g, answer);
     if (answer.settled() || answer.bounds().lower > 0) return g.simplex;
@@ -329,12 +358,10 @@ Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) {
   return rotation_of_double_double(pose.X_wb);
 }
 
-}  // namespace
-
-NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
-                          const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done, WorkMeter* meter,
-                          std::unique_ptr<PausedPair>* paused) {
-  Answer answer(limits, pose_a.R_wb, a.radius, b.radius);
+// narrow_phase() with an answer that is empty yet.
+NarrowAnswer narrow_down(Answer answer, const Piece& a, const PlacedPose& pose_a, const Piece& b,
+                         const PlacedPose& pose_b, const NarrowLimits& limits, WarmSimplex* warm,
+                         const Gjk<double>* done, WorkMeter* meter, PausedPairPtr* paused) {
   const bool in_fine = paused && dynamic_cast<PausedEpa<DoubleDouble>*>(paused->get());
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
   WarmSimplex seed = warm ? *warm : WarmSimplex{};
@@ -358,6 +385,32 @@ NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece&
   NarrowAnswer r = answer.finish();
   r.rounding = rounding_width(pair.scale);
   return r;
+}
+
+}  // namespace
+
+NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                          const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done, WorkMeter* meter,
+                          std::unique_ptr<PausedPair>* paused) {
+  return narrow_down(Answer(limits, pose_a.R_wb, a.radius, b.radius), a, pose_a, b, pose_b, limits, warm, done, meter,
+                     paused);
+}
+
+NarrowAnswer narrow_phase_proved(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                                 const NarrowLimits& limits, NarrowProof& proof) {
+  proof = {};
+  return narrow_down(Answer(limits, pose_a.R_wb, a.radius, b.radius, &proof), a, pose_a, b, pose_b, limits, nullptr,
+                     nullptr, nullptr, nullptr);
+}
+
+double lower_along(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b, const Vec3d& n_w,
+                   NarrowProof& proof) {
+  const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
+                                      pose_b.t_w);
+  proof = {};
+  proof.direction = pair.R_wa.transpose_times(cast<DoubleDouble>(n_w));
+  proof.lower_in_double_double = true;
+  return certify_lower(pair, proof.direction);
 }
 
 double rounding_of(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b) {

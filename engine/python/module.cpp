@@ -1,11 +1,13 @@
 // clearance._engine: the scene and the engine in this process. The public face is clearance/_engine_front.py.
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include <atomic>
 #include <chrono>
+#include <numeric>
 #include <utility>
 
 #include "client/python/bindings/columns.h"
@@ -122,6 +124,8 @@ BlockPool& pinned_blocks() {
   return pool;
 }
 
+using RowNumbers = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
 class PyEngine {
  public:
   PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows,
@@ -156,10 +160,10 @@ class PyEngine {
         view.fields |= kFieldPoints | kFieldNormal;
         size.fields |= kFieldPoints | kFieldNormal;
       }
-      out.check(view.reduce, size.configurations, size.pairs, size.rows);
+      out.check(view.reduce, size.configurations, size.pairs, size.joints, size.rows);
 
       const std::uint32_t own = size.fields & ~out.fields();
-      const Layout layout = layout_of(own, size.rows);
+      const Layout layout = layout_of(own, size.rows, size.joints);
       Answer answer;
       answer.owner = room_for(layout.bytes);
       answer.base = static_cast<const std::byte*>(answer.owner.get());
@@ -169,13 +173,15 @@ class PyEngine {
       answer.capacity = size.rows;
       answer.configurations = size.configurations;
       answer.pairs = size.pairs;
+      answer.joints = size.joints;
 
       ReplyView reply;
       reply.rows = size.rows;
+      reply.joints = size.joints;
       int position = 0;
       for_each_column(
           [&]<class Column>(Column*& column, int) {
-            const int at = std::exchange(position, next_field(position));
+            const int at = position++;
             const std::int64_t offset = layout.offset[static_cast<std::size_t>(at)];
             if (out.fields() >> at & 1)
               column = reinterpret_cast<Column*>(out.data(at));
@@ -212,6 +218,27 @@ class PyEngine {
       *pairs = use().pairs(view_of(query));
     }
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
+  }
+
+  /// \param rows null: all
+  std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
+    std::vector<std::uint64_t> numbers;
+    nb::gil_scoped_release release;
+    const QueryView view = view_of(query);
+    if (rows) return use().certificate(view, {rows->data(), rows->shape(0)});
+    numbers.resize(use().size(view).rows);
+    std::iota(numbers.begin(), numbers.end(), std::uint64_t{0});
+    return use().certificate(view, numbers);
+  }
+
+  nb::object free_scale(const Query& query, const PositionRow& weights) const {
+    auto* scales = new std::vector<double>();
+    nb::capsule owner(scales, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
+    {
+      nb::gil_scoped_release release;
+      *scales = use().free_scale(view_of(query), {weights.data(), weights.shape(0)});
+    }
+    return nb::cast(nb::ndarray<nb::numpy, double>(scales->data(), {scales->size()}, owner));
   }
 
   nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
@@ -346,6 +373,8 @@ NB_MODULE(_engine, m) {
       .def("start", &PyEngine::start, nb::arg("query"), nb::arg("out").none())
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("out").none(), nb::arg("timeout_s"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
+      .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("rows").none())
+      .def("free_scale", &PyEngine::free_scale, nb::arg("query"), nb::arg("weights"))
       .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("set_joints", &PyEngine::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),

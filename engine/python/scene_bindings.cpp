@@ -155,7 +155,8 @@ void bind_scene(nb::module_& m) {
              const std::map<std::string, std::string>& packages, const std::optional<PoseRow>& base,
              const std::string& parent, bool fixed, bool visual,
              const std::optional<std::map<std::string, double>>& home, const std::string& home_state, double padding,
-             const std::map<std::string, double>& link_padding) {
+             const std::map<std::string, double>& link_padding,
+             const std::map<std::string, std::pair<double, double>>& link_uncertainty) {
             RobotOptions o{.urdf = urdf, .srdf = srdf, .packages = packages, .parent = parent};
             if (base) o.base = pose_from(base->data());
             o.is_static = fixed;
@@ -164,12 +165,13 @@ void bind_scene(nb::module_& m) {
             o.home_state = home_state;
             o.padding = padding;
             o.link_padding = link_padding;
+            for (const auto& [link, doubt] : link_uncertainty) o.link_uncertainty[link] = {doubt.first, doubt.second};
             nb::gil_scoped_release release;
             return s.add_robot(name, o);
           },
           nb::arg("name"), nb::arg("urdf"), nb::arg("srdf"), nb::arg("packages"), nb::arg("base").none(),
           nb::arg("parent"), nb::arg("static"), nb::arg("visual"), nb::arg("home").none(), nb::arg("home_state"),
-          nb::arg("padding"), nb::arg("link_padding"))
+          nb::arg("padding"), nb::arg("link_padding"), nb::arg("link_uncertainty"))
       .def("robot_warnings",
            [](const Scene& s, std::uint32_t first) {
              std::vector<std::string> all;
@@ -205,6 +207,7 @@ void bind_scene(nb::module_& m) {
                  list.append(nb::make_tuple(s.bodies()[i].name, text));
              return list;
            })
+      .def("save", &Scene::save, nb::arg("folder"), nb::call_guard<nb::gil_scoped_release>())
       .def("revision", &Scene::revision);
 }
 

@@ -121,6 +121,7 @@ void write_beyond_rows(const ReplyView& reply, std::uint64_t first, std::span<co
     detail::write_gradient(gradient, row);
     for (std::uint64_t i = 0; i < count; ++i) std::memcpy(reply.gradient + 12 * (first + i), gradient, sizeof gradient);
   }
+  fill(reply.gradient_joints, reply.joints * first, reply.joints * count, row.normal.x);
   for (BodyPair* const column : {reply.pair, reply.pair_lower})
     if (column) std::copy(pairs.begin(), pairs.end(), column + first);
   fill(reply.configuration, first, count, configuration);

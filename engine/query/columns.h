@@ -1,7 +1,9 @@
 // From answers to the caller's columns. For host and device.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "engine/narrow/answer.h"
 #include "engine/query/query.h"
@@ -15,6 +17,7 @@ struct Row {
   PairAnswer answer;
   Vec3d origin_a{0, 0, 0}, origin_b{0, 0, 0};  ///< world frame
   BodyPair pair_lower{kNone, kNone};           ///< whose lower bound is the answer's
+  std::vector<double> gradient_joints{};       ///< (J,); empty: not asked for
 };
 
 namespace detail {
@@ -76,7 +79,7 @@ CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t in
   if (reply.status) reply.status[index] = static_cast<std::uint8_t>(a.status);
 }
 
-/// Writes one row of every column there is.
+/// Writes one row of every column there is, but gradient_joints.
 /// \param origin_a, origin_b of the bodies, world frame
 CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair,
                                    std::uint32_t configuration, const PairAnswer& a, const Vec3d& origin_a,
@@ -96,9 +99,11 @@ CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, 
   if (reply.configuration) reply.configuration[index] = configuration;
   if (reply.compact) reply.compact[index] = detail::compact(a);
 }
-CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, const Row& row) {
+inline void write_row(const ReplyView& reply, std::uint64_t index, const Row& row) {
   write_row(reply, index, row.pair, row.configuration, row.answer, row.origin_a, row.origin_b);
   if (reply.pair_lower) reply.pair_lower[index] = row.pair_lower;
+  if (reply.gradient_joints)
+    std::copy(row.gradient_joints.begin(), row.gradient_joints.end(), reply.gradient_joints + index * reply.joints);
 }
 
 }  // namespace clearance

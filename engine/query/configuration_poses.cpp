@@ -14,15 +14,17 @@ constexpr std::uint64_t kTogether = kMostLanes;
 
 ConfigurationPoses::Block ConfigurationPoses::at(std::uint64_t first, std::uint64_t count) {
   const std::size_t bodies = plan_.bodies.size();
-  if (plan_.motions.empty()) return {plan_.configurations.subspan(first * bodies, count * bodies), {}};
+  if (plan_.motions.empty()) return {plan_.configurations.subspan(first * bodies, count * bodies), {}, {}};
   if (first < first_ || first + count > first_ + count_) {
     const std::uint64_t begin = first / kTogether * kTogether,
                         end = std::min((first + count + kTogether - 1) / kTogether * kTogether,
                                        plan_.size.configurations);
     make(begin, end - begin);
   }
+  const std::size_t motions = plan_.motions.size();
   return {std::span(poses_).subspan((first - first_) * bodies, count * bodies),
-          std::span(facts_).subspan((first - first_) * bodies, count * bodies)};
+          std::span(facts_).subspan((first - first_) * bodies, count * bodies),
+          std::span(travels_).subspan((first - first_) * motions, count * motions)};
 }
 
 void ConfigurationPoses::make(std::uint64_t first, std::uint64_t count) {
@@ -36,9 +38,12 @@ void ConfigurationPoses::make(std::uint64_t first, std::uint64_t count) {
     std::copy_n(plan_.configurations.begin() + static_cast<std::ptrdiff_t>((first + k) * given), given,
                 poses_.begin() + static_cast<std::ptrdiff_t>(k * bodies));
   std::size_t at = given;
-  for (const LinkMotion& motion : plan_.motions) {
+  travels_.resize(count * plan_.motions.size());
+  for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
+    const LinkMotion& motion = plan_.motions[m];
     motion.make(plan_.positions.subspan(first * joints, count * joints), count, poses_.data() + at, facts_.data() + at,
                 bodies, scratch_);
+    for (std::uint64_t k = 0; k < count; ++k) travels_[k * plan_.motions.size() + m] = motion.travel(scratch_, k);
     at += motion.links().size();
   }
 }

@@ -17,18 +17,39 @@ struct FrameDoubt {
   double shift = 0, turn = 0;
 };
 
+/// What the slack of a body's pieces is made of, metres: lengths that add up to no more than it. Inner ones, but for
+/// `placed`, which counts on both sides.
+struct SlackParts {
+  double age = 0;     ///< how far it may have got since its own pose was received, `age_s` ago
+  double turn = 0;    ///< by its own uncertain turn
+  double parent = 0;  ///< by what is doubted of that which it follows
+  double placed = 0;  ///< by the rounding of joints and of poses that follow one another
+  double step = 0;    ///< of `placed`: by the rounding of this body's own pose
+  double age_s = 0;   ///< seconds
+};
+
+/// A body that joints place: what their rounding may come to.
+struct PlacedLink {
+  const LinkErrors* errors = nullptr;  ///< of its robot; null: no link
+  std::uint32_t link = 0;
+  double travel = 0;  ///< of the configuration: Kinematics::travel()
+};
+
 /// What is not known of a placed body.
 struct BodyDoubt {
   FrameDoubt known;   ///< its frame, and all that follow it: by what the user knows and by the age of its pose
-  FrameDoubt placed;  ///< by the rounding of poses that follow one another
+  FrameDoubt placed;  ///< by the rounding of joints and of poses that follow one another
   Slack slack;        ///< of its pieces
+  SlackParts parts;   ///< beside what its shape adds: Body::model_inner, model_error
+  PlacedLink link;
+  Slack beside;  ///< of a link: without what moves all links on its root alike, and without the joints' rounding
 };
 
 /// \param local its pose as given. \param t_w its origin in the world, as computed. \param age_s of that pose, seconds.
 /// \param parent of the body that it follows; null: none.
-/// \param composed its pose was composed with that body's, and rounded
+/// \param composed its pose was composed with that body's, and rounded. \param link whose joints made `local`
 BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent,
-                   bool composed);
+                   bool composed, const PlacedLink& link = {});
 
 /// How old a body's pose is at `now_ns` (monotonic_ns()), seconds: since its receipt, or of one that the scene gives
 /// since that was loaded.

@@ -190,14 +190,16 @@ void Evaluator::take_in(WorkMeter& meter) {
   piece_pairs_.clear();
   for (; next_ < pairs_.size() && piece_pairs_.size() < kMostPiecePairs; ++next_) {
     const auto i = static_cast<std::uint32_t>(next_);
-    const auto& [pair, placement, max_distance, warm] = pairs_[i];
+    const BodyPair pair = pairs_[i].pair;
+    const Placement& placement = *pairs_[i].placement;
     if (answer_without_pieces(scene_, pairs_[i], options_, answers_[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
     if (a.size() == 1 && b.size() == 1) {
-      const Slack slack = pair_slack(*placement, pair);
-      tasks_.push_back({a[0].get(), b[0].get(), &(*placement)[pair.a].pose, &(*placement)[pair.b].pose,
-                        slack.cut_off(max_distance), i, warm, slack.outer, enough(pairs_[i], slack)});
+      const Slack slack = pair_slack(placement, pair);
+      tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,
+                        slack.cut_off(pairs_[i].max_distance), i, pairs_[i].warm, slack.outer,
+                        enough(pairs_[i], slack)});
     } else {
       if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs_));
       begin_search(pairs_[i], i, meter);

@@ -1,6 +1,7 @@
 // Pairs of bodies in configurations: from poses to answers.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -13,13 +14,15 @@
 
 namespace clearance {
 
+class JointGradient;  // engine/query/joint_gradient.h
+
 /// What is asked of every pair of a query.
 struct EvaluateOptions : NarrowOptions {
   bool cull = false;          ///< compare bounding boxes with max_distance first
   bool drops_beyond = false;  ///< of pairs beyond max_distance nobody wants to know how far
   bool want_flags = false;
-  bool decides = false;                 ///< whether a pair is within its max_distance is all that is asked
-  std::span<const std::uint8_t> stale;  ///< of each body
+  std::span<const std::uint8_t> stale;            ///< of each body
+  const JointGradient* joint_gradient = nullptr;  ///< where its column is asked for
 };
 
 /// The least of two bodies' piece pairs' intervals.
@@ -35,6 +38,8 @@ struct PlacedBodies {
   const Placement* placement;
   double max_distance;          ///< instead of the limits'
   WarmSimplex* warm = nullptr;  ///< of a pair of single pieces; null: cold
+  /// An upper bound no higher is all that is asked, metres.
+  double enough = -std::numeric_limits<double>::infinity();
 };
 
 /// Answers many pairs, whatever their ids. Each worker has its own.
@@ -75,7 +80,7 @@ class Evaluator {
   void sort_ahead(Search& search);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
   double enough(const PlacedBodies& bodies, const Slack& slack) const {
-    return options_.decides ? slack.near_enough(bodies.max_distance) : -std::numeric_limits<double>::infinity();
+    return std::isinf(bodies.enough) ? bodies.enough : slack.near_enough(bodies.enough);
   }
   void take_round(Search& search, double enough, std::span<const NarrowAnswer> answers);
 

@@ -82,7 +82,8 @@ Extent SceneBulk::of(const QueryView& query, const PoseSnapshot& snapshot) const
   }
   for (const MarginEntry& entry : query.margins)
     extent.listed = plus(extent.listed, plus(side(entry.a).bodies, side(entry.b).bodies));
-  const std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
+  std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
+  if (query.max_steps > 0) configurations = times(configurations / 2, query.max_steps);
   return {times(extent.pairs, configurations), times(extent.piece_pairs, configurations),
           times(extent.units, configurations), times(extent.links, configurations), extent.listed};
 }

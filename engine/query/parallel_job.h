@@ -10,12 +10,14 @@
 #include <exception>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "engine/base/fp_environment.h"
 #include "engine/query/columns.h"
 #include "engine/query/job_state.h"
+#include "engine/query/joint_gradient.h"
 
 namespace clearance {
 
@@ -45,7 +47,6 @@ class ParallelJob : public Job::State {
     options_.limits.abs_tol = q.abs_tol;
     options_.limits.rel_tol = q.rel_tol;
     options_.limits.signed_distance = q.signed_distance;
-    options_.decides = q.reduce == Reduce::kAny;
     options_.drops_beyond = q.reduce == Reduce::kWithin && !context.reference;
     options_.reference = context.reference;
     options_.lanes = context.lanes;
@@ -55,6 +56,7 @@ class ParallelJob : public Job::State {
     options_.cull = needs_boxes && !context.reference;
     const std::uint32_t interval = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration | kFieldPairLower;
     options_.want_flags = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
+    if (plan_.size.fields & kFieldGradientJoints) options_.joint_gradient = &joint_gradient_.emplace(scene(), plan_);
     options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_flags;
     if (boxes && needs_boxes && 2 * plan_.pairs.size() >= scene().bodies().size())
       for (std::uint32_t b = 0; b < scene().bodies().size(); ++b)
@@ -103,7 +105,8 @@ class ParallelJob : public Job::State {
     rotations.resize(count * moved);
     rotations_of(given.poses, rotations);
     for (std::uint64_t i = 0; i < count; ++i)
-      p[i].configure(first + i, given.of(i, moved), std::span(rotations).subspan(i * moved, moved));
+      p[i].configure(first + i, given.of(i, moved, plan_.motions.size()),
+                     std::span(rotations).subspan(i * moved, moved));
     return {p.data(), count};
   }
 
@@ -111,10 +114,13 @@ class ParallelJob : public Job::State {
   void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& asked, const PairAnswer& answer) {
     assert(index < plan_.size.rows);
     static constexpr Vec3d kNoOrigin{0, 0, 0};
-    const auto& [pair, here, max_distance, warm] = asked;
+    const BodyPair pair = asked.pair;
+    const Placement& here = *asked.placement;
     const std::size_t n = scene().bodies().size();
-    write_row(reply_, index, pair, configuration, answer, pair.a < n ? (*here)[pair.a].pose.t_w : kNoOrigin,
-              pair.b < n ? (*here)[pair.b].pose.t_w : kNoOrigin);
+    write_row(reply_, index, pair, configuration, answer, pair.a < n ? here[pair.a].pose.t_w : kNoOrigin,
+              pair.b < n ? here[pair.b].pose.t_w : kNoOrigin);
+    if (reply_.gradient_joints)
+      joint_gradient_->write(here, pair, answer, reply_.gradient_joints + index * reply_.joints);
   }
 
   // Runs units [next, count) until all are done (true) or the slice is over. `unit(i, worker, meter)` returns false
@@ -233,6 +239,7 @@ class ParallelJob : public Job::State {
 
   std::vector<Aabb> boxes_;
   std::vector<std::uint8_t> stale_;
+  std::optional<JointGradient> joint_gradient_;
   struct WorkerPlacements {
     std::vector<Placement> placements;
     ConfigurationPoses poses;

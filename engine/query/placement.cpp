@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <limits>
 
 #include "engine/hull/box.h"
 
@@ -9,6 +10,7 @@ namespace clearance {
 
 namespace {
 
+constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint64_t kMostPieces = 8192;  // placed at a time, of moved bodies
 
 // \param each gets the box of each piece of a body that has a usable pose
@@ -30,7 +32,18 @@ Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& sla
   return body_box(body, placement, slack, [](std::size_t, const Aabb&) {});
 }
 
+double joints_between(const BodyDoubt& a, const BodyDoubt& b) {
+  const LinkErrors* const robot = a.link.errors == b.link.errors ? a.link.errors : nullptr;
+  return robot ? robot->between(a.link.link, b.link.link, std::max(a.link.travel, b.link.travel)) : kInf;
+}
+
 Slack pair_slack(const Placement& placement, BodyPair pair) {
+  if (placement.has_doubts()) {
+    const BodyDoubt &a = placement.doubt(pair.a), &b = placement.doubt(pair.b);
+    if (const double joints = joints_between(a, b); joints < kInf)
+      return (a.beside + placement.beside_chains(pair.a)) + (b.beside + placement.beside_chains(pair.b)) +
+             Slack{joints, joints};
+  }
   return placement.slack(pair.a) + placement.slack(pair.b);
 }
 
@@ -53,6 +66,10 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
     first_piece_.push_back(static_cast<std::uint32_t>(pieces));
     pieces += scene.bodies()[b].pieces.size();
   }
+  motion_of_.resize(local_.size(), kNone);
+  std::size_t at = plan.given_bodies;
+  for (std::uint32_t m = 0; m < plan.motions.size(); ++m)
+    for (std::size_t i = 0; i < plan.motions[m].links().size(); ++i) motion_of_[moved_slot_[plan.bodies[at++]]] = m;
   moved_.resize(local_.size());
   rotation_of_.resize(local_.size(), nullptr);
   moved_boxes_.resize(local_.size());
@@ -66,6 +83,7 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
   assert(rotations.size() == count && given.poses.size() == count &&
          (given.facts.empty() || given.facts.size() == count));
   configuration_ = k;
+  errors_ = given.errors;
   const PoseSnapshot& snapshot = *plan_.snapshot;
   for (std::size_t m = 0; m < count; ++m) {
     const std::uint32_t slot = moved_slot_[plan_.bodies[m]];
@@ -83,8 +101,10 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
     if (!moved_doubts_.empty() && moved_[i].status == Status::kOk) {
       // What the query itself places is there now.
       const double age_s = rotation_of_[i] ? 0 : pose_age_s(snapshot, body, plan_.begun_ns);
+      PlacedLink link = plan_.doubts[body].link;
+      if (motion_of_[i] != kNone) link.travel = given.travels[motion_of_[i]];
       moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
-                                  parent == kNone ? nullptr : &doubt(parent), on && is_composed(*on));
+                                  parent == kNone ? nullptr : &doubt(parent), on && is_composed(*on), link);
     }
     if (boxes_.empty()) continue;
     Aabb* const pieces = piece_boxes_.data() + first_piece_[i];

@@ -14,7 +14,7 @@ namespace clearance {
 /// Where all bodies are in one configuration: a snapshot with some bodies moved. Each worker has its own.
 class Placement {
  public:
-  /// \param boxes of all bodies in the snapshot; empty: made when asked for. Both must outlive this.
+  /// \param boxes of all bodies in the snapshot; empty: made when asked for. All must outlive this.
   Placement(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
 
   /// Moves to configuration k of the plan; nothing to do where it has none. \param given (1, M) of it. \param rotations
@@ -32,11 +32,20 @@ class Placement {
   const BodyPlacement& operator[](std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
   }
-  /// What is not known of a body.
+  bool has_doubts() const { return !plan_.doubts.empty(); }
+  /// What is not known of a body, where anything is.
   const BodyDoubt& doubt(std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.doubts[body] : moved_doubts_[moved_slot_[body]];
   }
-  Slack slack(std::uint32_t body) const { return plan_.doubts.empty() ? Slack() : doubt(body).slack; }
+  Slack slack(std::uint32_t body) const {
+    const Slack known = plan_.doubts.empty() ? Slack() : doubt(body).slack;
+    return errors_.empty() ? known : known + beside_chains(body);
+  }
+  /// The part of it that ConfigurationPoses::Block::errors is.
+  Slack beside_chains(std::uint32_t body) const {
+    if (errors_.empty() || !moves(body)) return {};
+    return {errors_[moved_slot_[body]], errors_[moved_slot_[body]]};
+  }
   /// A box around the true body; empty (low > high) without a usable pose.
   Aabb box(std::uint32_t body) const;
   /// The same where it has been made already; else null.
@@ -59,8 +68,10 @@ class Placement {
   std::vector<Pose> local_;                // of each moved body
   std::vector<std::uint8_t> facts_;        // likewise, LinkFact bits
   std::vector<const Mat3d*> rotation_of_;  // of local_, while a configuration is being placed
+  std::vector<std::uint32_t> motion_of_;   // of local_: which of the plan's motions places it, or kNone
   std::vector<BodyPlacement> moved_;
   std::vector<BodyDoubt> moved_doubts_;  // empty where the plan has none
+  std::span<const double> errors_;       // of each moved body, beside those; empty: none
   std::vector<Aabb> moved_boxes_;
   std::vector<Aabb> piece_boxes_;           // of all moved bodies
   std::vector<std::uint32_t> first_piece_;  // of each moved body: in piece_boxes_
@@ -68,7 +79,11 @@ class Placement {
 
 /// A box that holds the true body that a placed one stands for.
 Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack);
-/// The slack of a pair. Whoever knows that two bodies' doubts are in part the same ones says so here.
+/// What the joints between two links of one robot, on one root, may put their distance off by, metres: all that counts
+/// of how they are placed, since what carries both moves neither before the other. +inf: others, which have no such.
+double joints_between(const BodyDoubt& a, const BodyDoubt& b);
+/// The slack of a pair. Whoever knows that two bodies' doubts are in part the same ones says so here: links of one
+/// robot stand on one base, wherever that is, and share what the joints make that carry both.
 Slack pair_slack(const Placement& placement, BodyPair pair);
 
 }  // namespace clearance

@@ -18,6 +18,21 @@ namespace {
   throw QueryError(QueryErrorCode::kBadQuery, what);
 }
 
+void check_motions(const QueryView& q) {
+  if (q.max_steps == 0) {
+    if (q.fields & kMotionFields)
+      refuse("fields: time, first_contact and steps are of motions, which a query has with max_steps");
+    return;
+  }
+  const auto unsupported = [](const char* what) { throw QueryError(QueryErrorCode::kNotSupported, what); };
+  if (q.reduce == Reduce::kWithin || q.reduce == Reduce::kNearest)
+    unsupported("reduce: motions are reduced by none, min and any");
+  if (q.signed_distance) unsupported("signed_distance: motions have no depths");
+  if (q.fields & (kFieldGradient | kFieldGradientJoints)) unsupported("fields: motions have no gradient");
+  if (q.configuration_count == 0 || q.configuration_count % 2 != 0)
+    refuse("configurations: motions have two each, got " + std::to_string(q.configuration_count));
+}
+
 void check_numbers(const QueryView& q) {
   if (!(q.max_distance >= 0)) refuse("max_distance: expected metres >= 0, got " + std::to_string(q.max_distance));
   if (!(q.abs_tol >= 0) || std::isinf(q.abs_tol))
@@ -31,17 +46,21 @@ void check_numbers(const QueryView& q) {
   if (q.max_pose_age_ns < 0)
     refuse("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
   const bool any = q.reduce == Reduce::kAny;
-  if (!any && (q.margin != 0 || !q.margins.empty() || !q.pair_margins.empty()))
-    refuse("margin: is for reduce any; other queries have max_distance");
+  const bool has_margins = q.margin != 0 || !q.margins.empty() || !q.pair_margins.empty();
+  if (has_margins && !any && q.max_steps == 0)
+    refuse("margin: is for reduce any, and for motions; other queries have max_distance");
   if (any && q.max_distance < std::numeric_limits<double>::infinity())
     refuse("max_distance: reduce any decides by its margins, and has no other cut-off");
   if (any && q.signed_distance) refuse("signed_distance: reduce any asks for no depth");
+  if ((q.fields & kFieldGradientJoints) && q.joints.empty())
+    refuse("fields: gradient_joints is for a query with joints");
   if (q.stale_status && q.max_pose_age_ns == 0) refuse("stale_status: is for a query with max_pose_age_ns");
+  check_motions(q);
 }
 
 std::uint32_t written_fields(const QueryView& q) {
   constexpr std::uint32_t kPacked =
-      kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal | kFieldGradient;
+      kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal | kFieldGradient | kFieldGradientJoints;
   std::uint32_t fields =
       q.format == Format::kCompact ? (q.fields & ~kPacked) | kFieldCompact : q.fields & ~kFieldCompact;
   if (q.reduce != Reduce::kNone) fields |= kFieldPair;
@@ -158,7 +177,8 @@ bool Planner::advance(WorkMeter& meter) {
   if (!lister_->advance(meter)) return false;
   plan_.pairs = lister_->take();
   lister_.reset();
-  if (plan_.query.reduce == Reduce::kAny) plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
+  if (plan_.query.reduce == Reduce::kAny || plan_.query.max_steps > 0)
+    plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
   plan_.query.margins = {};
   plan_.query.pair_margins = {};
   settle_size();
@@ -169,8 +189,10 @@ void Planner::settle_size() {
   const QueryView& query = plan_.query;
   QuerySize& size = plan_.size;
   size.configurations = std::max<std::uint64_t>(query.configuration_count, 1);
+  if (query.max_steps > 0) size.configurations = query.configuration_count / 2;
   size.pairs = plan_.pairs.size();
   size.fields = written_fields(query);
+  size.joints = static_cast<std::uint32_t>(query.joints.size());
   // K and P are below 2^32 and 2^64 / 2^32 rows would never pass max_rows_: compare by division.
   const bool one_row = query.reduce == Reduce::kMin || query.reduce == Reduce::kAny;
   const std::uint64_t per_configuration = one_row                            ? 1

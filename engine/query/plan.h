@@ -28,7 +28,7 @@ struct Plan {
   std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first
   std::shared_ptr<const PoseSnapshot> snapshot;
   PairList pairs;
-  Margins margins;  ///< of the pairs, for Reduce::kAny
+  Margins margins;  ///< of the pairs, for Reduce::kAny and motions
   QuerySize size;
   std::int64_t begun_ns = 0;      ///< monotonic_ns(): ages of poses are as of then
   std::vector<BodyDoubt> doubts;  ///< of each body in the snapshot, as of then; empty: nothing is doubted of any

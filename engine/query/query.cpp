@@ -1,21 +1,22 @@
 #include "engine/query/query.h"
 
 #include <cstddef>
-#include <utility>
 
 namespace clearance {
 
-ReplyView reply_view_over(std::byte* base, std::uint64_t rows, std::uint32_t fields, std::uint64_t* bytes) {
+ReplyView reply_view_over(std::byte* base, std::uint64_t rows, std::uint32_t fields, std::uint64_t* bytes,
+                          std::uint32_t joints) {
   ReplyView view;
   view.rows = rows;
+  view.joints = joints;
   std::uint64_t offset = 0;
   int position = 0;
   for_each_column(
       [&]<class Column>(Column*& column, int) {
-        const int at = std::exchange(position, next_field(position));
+        const int at = position++;
         if (!(fields >> at & 1)) return;
         if (base) column = reinterpret_cast<Column*>(base + offset);
-        offset += (rows * kFieldBytes[at] + kColumnAlignment - 1) / kColumnAlignment * kColumnAlignment;
+        offset += (rows * field_bytes(at, joints) + kColumnAlignment - 1) / kColumnAlignment * kColumnAlignment;
       },
       view);
   if (bytes) *bytes = offset;

@@ -30,11 +30,16 @@ struct QueryView {
   std::span<const double> positions;      ///< (K, J) radians and metres; other joints stay as they are
 
   double max_distance = std::numeric_limits<double>::infinity();  ///< metres; pairs proved farther are kBeyond
-  /// Reduce::kAny, which has no max_distance: farther than this each pair must be proved. Metres, finite, >= 0.
+  /// Reduce::kAny, which has no max_distance, and motions: farther than this each pair must be proved. Metres, finite,
+  /// >= 0.
   double margin = 0;
   std::span<const MarginEntry> margins;    ///< in place of `margin` for the pairs that they name; later entries win
   std::span<const double> pair_margins{};  ///< or (P,): of each pair, in the order of the pairs
-  double abs_tol = 0.0;                    ///< metres; wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
+  /// Not 0: motions, each of which asks for up to so many configurations. 2k and 2k + 1 are the ends of motion k; the
+  /// answer has K / 2 of them. Joints go in a straight line from one end to the other, and bodies as well, which turn
+  /// at a constant speed the shorter way. Reduce::kNone, kMin, kAny; `margin` is what kFieldFirstContact is about.
+  std::uint32_t max_steps = 0;
+  double abs_tol = 0.0;   ///< metres; wanted: upper - lower <= max(abs_tol, rel_tol * |distance|)
   double rel_tol = -1.0;  ///< ratio; negative: the default of the precision (1e-6 float64, 1e-4 float32)
   Precision precision = Precision::kF64;
   bool signed_distance = false;  ///< also the penetration depth of overlapping pairs
@@ -56,10 +61,11 @@ constexpr double default_rel_tol(Precision p) {
 
 /// How large the answer to a query is.
 struct QuerySize {
-  std::uint64_t configurations = 0;  ///< K, at least 1
+  std::uint64_t configurations = 0;  ///< K, at least 1; of motions how many they are
   std::uint64_t pairs = 0;           ///< P, after selectors are expanded
   std::uint64_t rows = 0;            ///< rows to make room for (Reduce::kWithin: the most that may come back)
   std::uint32_t fields = 0;  ///< columns that will be written, after the query's format and reduction have their say
+  std::uint32_t joints = 0;  ///< J
 };
 
 /// Caller-owned columns, each of at least QuerySize::rows rows; a null column is not written.
@@ -78,13 +84,20 @@ struct ReplyView {
   BodyPair* pair = nullptr;                ///< (rows,)
   std::uint32_t* configuration = nullptr;  ///< (rows,)
   CompactAnswer* compact = nullptr;        ///< (rows,)
+  double* gradient_joints = nullptr;       ///< (rows, joints), metres a radian or metre
   BodyPair* pair_lower = nullptr;          ///< (rows,)
+  double* time = nullptr;                  ///< (rows,)
+  double* first_contact = nullptr;         ///< (rows, 2)
+  std::uint32_t* steps = nullptr;          ///< (rows,)
+  std::uint32_t joints = 0;                ///< J: entries a row of gradient_joints
 };
 
 /// Calls f(column of each view..., entries a row) for every column that there may be, in the order of Field. Views may
 /// be const.
 template <class F, class... View>
 void for_each_column(F&& f, View&... view) {
+  int joints = 0;  // of whichever has them
+  ((joints = view.joints ? static_cast<int>(view.joints) : joints), ...);
   f(view.distance..., 1);
   f(view.lower..., 1);
   f(view.upper..., 1);
@@ -98,13 +111,19 @@ void for_each_column(F&& f, View&... view) {
   f(view.pair..., 1);
   f(view.configuration..., 1);
   f(view.compact..., 1);
+  f(view.gradient_joints..., joints);
   f(view.pair_lower..., 1);
+  f(view.time..., 1);
+  f(view.first_contact..., 2);
+  f(view.steps..., 1);
 }
 
 /// A view of columns laid out one after another in the order of Field, each starting on a 64-byte boundary: the layout
 /// of a reply on the wire and of the engine's own buffers. With `base` null only the size is computed.
 /// \param rows rows of each column. \param fields Field bits. \param bytes receives the size of the block, if not null.
-ReplyView reply_view_over(std::byte* base, std::uint64_t rows, std::uint32_t fields, std::uint64_t* bytes = nullptr);
+/// \param joints QuerySize::joints
+ReplyView reply_view_over(std::byte* base, std::uint64_t rows, std::uint32_t fields, std::uint64_t* bytes = nullptr,
+                          std::uint32_t joints = 0);
 
 /// What is known about the whole answer once the job is done.
 struct ReplyInfo {

@@ -164,7 +164,8 @@ void Reduction::ask(WorkerState& w, const Placement& placement, std::vector<Plac
   if (!candidate_gaps_.empty()) leave_out_far(w, far);
   for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
     pairs[i] = plan_.pairs.at(positions[i]);
-    asked.push_back({pairs[i], &placement, std::min(cut_off(positions[i]), far)});
+    const double cut = std::min(cut_off(positions[i]), far);
+    asked.push_back({pairs[i], &placement, cut, nullptr, any() ? cut : -kInf});
   }
 }
 

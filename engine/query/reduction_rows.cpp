@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "engine/narrow/group.h"
+#include "engine/query/joint_gradient.h"
 #include "engine/query/reduction.h"
 
 namespace clearance {
@@ -17,9 +18,13 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 Row Reduction::row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration,
                       const Placement& placement) const {
-  Row row{pair, configuration, answer, {}, {}, pair};
+  Row row{pair, configuration, answer, {}, {}, pair, {}};
   if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
   if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
+  if (options_.joint_gradient) {
+    row.gradient_joints.resize(plan_.joints.size());
+    options_.joint_gradient->write(placement, pair, answer, row.gradient_joints.data());
+  }
   return row;
 }
 

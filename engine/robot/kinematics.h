@@ -25,6 +25,7 @@ std::span<const KinematicKernel> kinematic_kernels();
 /// what grows with how far its sliding joints are out, and what grows with how far the robot's base is from the origin.
 struct PlacementError {
   double fixed = 0, per_travel = 0, per_distance = 0;
+  double turn = 0;  ///< radians that the link may be turned by: `fixed` counts it for the points farthest out
 
   /// \param travel largest |position| of a sliding or planar joint on the way to the link, metres; 0 if there is none.
   /// \param distance |t| of the pose that the link's root was given, metres
@@ -44,8 +45,19 @@ class Kinematics {
   std::size_t links() const { return nodes_.size(); }
   /// Links whose poses are given: the base, then the children of floating joints in the order of the joints.
   const std::vector<std::uint32_t>& roots() const { return roots_; }
+  /// Which of them a link hangs on.
+  std::uint32_t root_of(std::uint32_t link) const;
   /// What places the other links, each after what carries it.
   const std::vector<KinematicStep>& steps() const { return steps_; }
+  /// Which of them places a link; null: it is a root.
+  const KinematicStep* step_of(std::uint32_t link) const {
+    const std::uint32_t frame = nodes_[link].frame;
+    return frame < roots_.size() ? nullptr : &steps_[frame - roots_.size()];
+  }
+  /// The link whose frame carries what a step places.
+  std::uint32_t carrier_of(const KinematicStep& step) const {
+    return step.from < roots_.size() ? roots_[step.from] : steps_[step.from - roots_.size()].link;
+  }
 
   /// Poses of all links. \param positions (K, columns()), radians and metres. \param roots X_w of each of roots(); none
   /// may be kBad. \param poses (K, links()) X_w; those of a bad configuration are NaN, but for roots. \param status
@@ -58,7 +70,8 @@ class Kinematics {
   /// The same of how two links of one robot are to each other: only what the joints between them make. An exact
   /// distance of theirs differs by no more from that of the poses. Of links under different roots, the sum of both.
   PlacementError error_between(std::uint32_t a, double radius_a, std::uint32_t b, double radius_b) const;
-  /// The travel of a configuration that those bounds ask for, of all joints. \param positions (columns(),)
+  /// The travel of a configuration that those bounds ask for, of all joints. \param positions (columns(),); one that is
+  /// no number or beyond kMaxPosition places no link, and counts for nothing
   double travel(std::span<const double> positions) const;
   /// Metres: how far the link's farthest point can be from its root, sliding joints at 0.
   double reach(std::uint32_t link, double radius) const;
@@ -81,6 +94,7 @@ class Kinematics {
   friend class KinematicsBuilder;
 
   std::size_t columns_ = 0;
+  bool slides_ = false;  // some joint slides or is planar
   std::vector<std::uint32_t> roots_;
   std::vector<KinematicStep> steps_;
   std::vector<StepError> step_errors_;

@@ -61,13 +61,12 @@ class KinematicsBuilder {
     if (joint.kind != JointKind::kFixed) add_motion(joint, X, &step, &turning, &along);
     const auto frame = static_cast<std::uint32_t>(out_.roots_.size() + out_.steps_.size());
     out_.steps_.push_back(step);
+    out_.slides_ |= step.kind == KinematicStep::Kind::kSliding || step.kind == KinematicStep::Kind::kPlanar;
     out_.step_errors_.push_back(out_.error_of(step, std::hypot(still, turning), at, along));
     // A link on a fixed joint has a frame of its own, but what hangs on it hangs on what carries it.
     on_[joint.child] = joint.kind == JointKind::kFixed ? On{parent.frame, X} : On{frame, {}};
     const Kinematics::StepError& error = out_.step_errors_.back();
-    const Kinematics::Node& carrier =
-        out_.nodes_[step.from < out_.roots_.size() ? out_.roots_[step.from]
-                                                   : out_.steps_[step.from - out_.roots_.size()].link];
+    const Kinematics::Node& carrier = out_.nodes_[out_.carrier_of(step)];
     out_.nodes_[joint.child] = {frame, carrier.length + error.length, carrier.length_travel + error.length_travel};
   }
 

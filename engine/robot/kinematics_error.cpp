@@ -93,14 +93,18 @@ PlacementError Kinematics::error_along(std::uint32_t link, std::uint32_t from_fr
     error.per_distance += kUnit;
   }
   error.fixed += turn * radius;
-  return {error.fixed * kSlack, error.per_travel * kSlack, error.per_distance * kSlack};
+  return {error.fixed * kSlack, error.per_travel * kSlack, error.per_distance * kSlack, turn * kSlack};
 }
 
 PlacementError Kinematics::error(std::uint32_t link, double radius) const {
   const FpEnvironment environment;
+  return error_along(link, root_of(link), radius);
+}
+
+std::uint32_t Kinematics::root_of(std::uint32_t link) const {
   std::uint32_t frame = nodes_[link].frame;
   while (frame >= roots_.size()) frame = carrier(frame);
-  return error_along(link, frame, radius);
+  return frame;
 }
 
 PlacementError Kinematics::error_between(std::uint32_t a, double radius_a, std::uint32_t b, double radius_b) const {
@@ -116,16 +120,21 @@ PlacementError Kinematics::error_between(std::uint32_t a, double radius_a, std::
   while (common < to_a.size() && common < to_b.size() && to_a[common] == to_b[common]) ++common;
   const PlacementError of_a = error_along(a, to_a[common ? common - 1 : 0], radius_a);
   const PlacementError of_b = error_along(b, to_b[common ? common - 1 : 0], radius_b);
-  return {of_a.fixed + of_b.fixed, of_a.per_travel + of_b.per_travel, of_a.per_distance + of_b.per_distance};
+  return {of_a.fixed + of_b.fixed, of_a.per_travel + of_b.per_travel, of_a.per_distance + of_b.per_distance,
+          of_a.turn + of_b.turn};
 }
 
 double Kinematics::travel(std::span<const double> positions) const {
   double most = 0;
-  for (const KinematicStep& step : steps_) {
-    if (step.kind != KinematicStep::Kind::kSliding && step.kind != KinematicStep::Kind::kPlanar) continue;
-    const double q = positions[step.column];
+  if (!slides_) return most;
+  const auto count = [&](double q, const KinematicStep& step) {
+    if (!(std::abs(q) <= kMaxPosition)) return;
     most = std::max(most, std::abs(step.mimics ? step.multiplier * q + step.offset : q) * kSlack);
-    if (step.kind == KinematicStep::Kind::kPlanar) most = std::max(most, std::abs(positions[step.column + 1]));
+  };
+  for (const KinematicStep& step : steps_) {
+    const bool planar = step.kind == KinematicStep::Kind::kPlanar;
+    if (planar || step.kind == KinematicStep::Kind::kSliding) count(positions[step.column], step);
+    if (planar) count(positions[step.column + 1], step);
   }
   return most;
 }

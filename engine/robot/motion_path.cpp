@@ -164,22 +164,54 @@ double MotionPath::way(std::span<const double> change, double travel) const {
   return sum * kSlack;
 }
 
-std::vector<MotionPath> paths_between(const Kinematics& robot, std::uint32_t a, const LinkBall& points_a,
-                                      std::uint32_t b, const LinkBall& points_b) {
+MotionRates MotionRates::within(const MotionRates& outer) const {
+  return {(speed + outer.speed) * kSlack, (acceleration + outer.acceleration + 2 * outer.turn * speed) * kSlack,
+          (turn + outer.turn) * kSlack};
+}
+
+MotionRates MotionPath::rates(std::span<const double> change, double travel, double beyond) const {
+  MotionRates sum;
+  for (const Mover& mover : movers_) {
+    const double turn = mover.turns ? mover.scale * change[mover.column] : 0;
+    const double speed = (way_of(mover, travel) + (mover.turns ? mover.scale * beyond : 0)) * change[mover.column];
+    sum.speed += speed;
+    sum.acceleration += speed * (turn + 2 * sum.turn);
+    sum.turn += turn;
+  }
+  return {sum.speed * kSlack, sum.acceleration * kSlack, sum.turn * kSlack};
+}
+
+std::uint32_t fork_of(const Kinematics& robot, std::uint32_t a, std::uint32_t b) {
+  const MotionPathBuilder path(robot, a, {});
+  const std::vector<std::uint32_t> to_a = path.frames_to(a), to_b = path.frames_to(b);
+  const auto fork = std::mismatch(to_a.begin(), to_a.end(), to_b.begin(), to_b.end()).first;
+  const std::uint32_t frame = fork == to_a.begin() ? to_a.front() : *std::prev(fork);
+  return frame < robot.roots().size() ? robot.roots()[frame] : path.step_of(frame)->link;
+}
+
+std::array<MotionPath, 2> paths_from_fork(const Kinematics& robot, std::uint32_t a, const LinkBall& points_a,
+                                          std::uint32_t b, const LinkBall& points_b) {
   MotionPathBuilder to_a(robot, a, points_a), to_b(robot, b, points_b);
   const std::vector<std::uint32_t> frames_a = to_a.frames_to(a), frames_b = to_b.frames_to(b);
   const auto [fork_a, fork_b] = std::mismatch(frames_a.begin(), frames_a.end(), frames_b.begin(), frames_b.end());
-  std::vector<MotionPath> paths;
   const bool one_root = fork_a != frames_a.begin();
-  if (one_root) {
+  to_a.descend(one_root ? *std::prev(fork_a) : frames_a.front());
+  to_b.descend(one_root ? *std::prev(fork_b) : frames_b.front());
+  std::array<MotionPath, 2> paths;
+  paths[0].movers_ = to_a.take();
+  paths[1].movers_ = to_b.take();
+  return paths;
+}
+
+std::vector<MotionPath> paths_between(const Kinematics& robot, std::uint32_t a, const LinkBall& points_a,
+                                      std::uint32_t b, const LinkBall& points_b) {
+  std::vector<MotionPath> paths;
+  if (robot.root_of(a) == robot.root_of(b)) {
     paths.emplace_back(robot, a, b, points_b);
     paths.emplace_back(robot, b, a, points_a);
   }
-  MotionPath both;
-  to_a.descend(one_root ? *std::prev(fork_a) : frames_a.front());
-  to_b.descend(one_root ? *std::prev(fork_b) : frames_b.front());
-  both.movers_ = to_a.take();
-  for (const Mover& mover : to_b.take()) both.movers_.push_back(mover);
+  auto [both, of_b] = paths_from_fork(robot, a, points_a, b, points_b);
+  both.movers_.insert(both.movers_.end(), of_b.movers_.begin(), of_b.movers_.end());
   paths.push_back(std::move(both));
   return paths;
 }

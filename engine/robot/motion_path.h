@@ -1,6 +1,7 @@
 // How far points of a link can get when joint positions change: docs/bounds.md, "Motion".
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -24,6 +25,16 @@ struct Mover {
   double reach_travel = 0;  ///< and so much farther for each metre of travel
 };
 
+/// Of points while positions change uniformly, in a unit of time. Rounded up.
+struct MotionRates {
+  double speed = 0;         ///< metres: none goes faster
+  double acceleration = 0;  ///< metres: none is accelerated by more
+  double turn = 0;          ///< radians: what carries them turns no faster
+
+  /// Of the same points where what they move before (`outer`, of which all rates are about these points) moves, too.
+  MotionRates within(const MotionRates& outer) const;
+};
+
 /// The joints that move a link's points as somebody else sees them, the nearest to him first. Bounds are rounded up,
 /// and hold for the joints in reals.
 class MotionPath {
@@ -38,6 +49,9 @@ class MotionPath {
   /// Metres: no point's way is longer while positions change by no more than `change` (columns(), >= 0).
   /// \param travel largest |position| of a sliding joint meanwhile (Kinematics::travel()), metres
   double way(std::span<const double> change, double travel) const;
+  /// How fast that is while each position changes uniformly by `change` in a unit of time.
+  /// \param beyond metres: points may lie so far out of the ball that the path was made for
+  MotionRates rates(std::span<const double> change, double travel, double beyond = 0) const;
   /// The same for one mover and a change of 1.
   static double way_of(const Mover& mover, double travel);
 
@@ -45,6 +59,8 @@ class MotionPath {
   friend class MotionPathBuilder;
   friend std::vector<MotionPath> paths_between(const Kinematics&, std::uint32_t, const LinkBall&, std::uint32_t,
                                                const LinkBall&);
+  friend std::array<MotionPath, 2> paths_from_fork(const Kinematics&, std::uint32_t, const LinkBall&, std::uint32_t,
+                                                   const LinkBall&);
   std::vector<Mover> movers_;
 };
 
@@ -53,5 +69,12 @@ class MotionPath {
 /// roots.
 std::vector<MotionPath> paths_between(const Kinematics& robot, std::uint32_t a, const LinkBall& points_a,
                                       std::uint32_t b, const LinkBall& points_b);
+
+/// The link whose frame is the last that carries two links under one root; of links under two, the first one's root.
+std::uint32_t fork_of(const Kinematics& robot, std::uint32_t a, std::uint32_t b);
+
+/// The two paths of the last of these: of a's points and of b's, as seen from what carries both, or from their roots.
+std::array<MotionPath, 2> paths_from_fork(const Kinematics& robot, std::uint32_t a, const LinkBall& points_a,
+                                          std::uint32_t b, const LinkBall& points_b);
 
 }  // namespace clearance

@@ -37,7 +37,9 @@ xml_node next_in_text(xml_node at, int* depth) {
   return at.next_sibling();
 }
 
-std::string read_all(const std::string& path) {
+}  // namespace
+
+std::string read_text(const std::string& path) {
   struct stat info{};
   if (::stat(path.c_str(), &info) != 0) throw RobotError(path + ": " + std::generic_category().message(errno));
   if (!S_ISREG(info.st_mode)) throw RobotError(path + ": not a plain file");
@@ -49,8 +51,6 @@ std::string read_all(const std::string& path) {
   text.resize(static_cast<std::size_t>(file.gcount()));
   return text;
 }
-
-}  // namespace
 
 std::string excerpt(std::string_view text) {
   std::string out = "\"";
@@ -76,7 +76,7 @@ struct XmlElement::File {
 };
 
 XmlElement XmlElement::load(const std::string& path, const char* root) {
-  return parse(read_all(path), path, root);
+  return parse(read_text(path), path, root);
 }
 
 XmlElement XmlElement::parse(std::string_view text, const std::string& name, const char* root) {

@@ -61,6 +61,9 @@ class XmlElement {
   void* node_;  // pugi::xml_node's, so that no user of this header compiles pugixml's
 };
 
+/// A file's text, of a little more than 8 MiB at most, which XmlElement::parse() refuses. Throws RobotError.
+std::string read_text(const std::string& path);
+
 /// A text of a file as an error quotes it: its beginning, in quotes, nothing unprintable.
 std::string excerpt(std::string_view text);
 

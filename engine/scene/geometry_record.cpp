@@ -75,21 +75,22 @@ bool same(const std::vector<Vec3d>& a, const std::vector<Vec3d>& b) {
   return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3d)) == 0;
 }
 
-void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display) {
+void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tables tables) {
   out.add(piece.radius);
   out.add(piece.loaded_vertices);
   out.add(piece.digest);
   const bool displayed = display && same(piece.vertices, display->vertices);  // of a convex mesh, as a rule
   out.add(std::uint64_t{displayed});
   if (!displayed) out.add(piece.vertices);
-  out.add(std::uint64_t{piece.table != nullptr});
-  if (!piece.table) return;
+  const bool has_table = piece.table && tables == Tables::kKept;
+  out.add(std::uint64_t{has_table});
+  if (!has_table) return;
   out.add(piece.table->grid_bits);
   out.add(piece.table->cells);
   out.add(piece.table->lists);
 }
 
-PiecePtr get_piece(Reader& in, const DisplayMesh* display) {
+PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
   const auto loaded = in.get<std::uint64_t>(), digest = in.get<std::uint64_t>();
   const bool displayed = in.get<std::uint64_t>() != 0;
@@ -97,6 +98,7 @@ PiecePtr get_piece(Reader& in, const DisplayMesh* display) {
   std::vector<Vec3d> vertices = displayed ? display->vertices : in.list<Vec3d>();
   std::shared_ptr<DirectionTable> table;
   if (in.get<std::uint64_t>() != 0) {
+    if (tables != Tables::kKept) throw Damaged();
     table = std::make_shared<DirectionTable>();
     table->grid_bits = in.get<std::uint32_t>();
     table->cells = in.list<std::uint32_t>();
@@ -108,7 +110,7 @@ PiecePtr get_piece(Reader& in, const DisplayMesh* display) {
 
 }  // namespace
 
-std::vector<std::byte> geometry_record(const Geometry& geometry) {
+std::vector<std::byte> geometry_record(const Geometry& geometry, Tables tables) {
   // By name and number, so that nothing is forgotten: with another member this does not compile.
   const auto& [pieces, display, model_error, model_inner, hull_excess, empty_share, source] = geometry;
   static_cast<void>(source);  // names the file, which is not a part of what was made of it
@@ -120,11 +122,11 @@ std::vector<std::byte> geometry_record(const Geometry& geometry) {
     out.add(display->triangles);
   }
   out.add(std::uint64_t{pieces.size()});
-  for (const PiecePtr& piece : pieces) add_piece(out, *piece, display.get());
+  for (const PiecePtr& piece : pieces) add_piece(out, *piece, display.get(), tables);
   return out.take();
 }
 
-std::optional<Geometry> geometry_of_record(std::span<const std::byte> record) try {
+std::optional<Geometry> geometry_of_record(std::span<const std::byte> record, Tables tables) try {
   Reader in(record);
   Geometry geometry;
   geometry.model_error = in.get<double>();
@@ -144,7 +146,7 @@ std::optional<Geometry> geometry_of_record(std::span<const std::byte> record) tr
     geometry.display = std::move(display);
   }
   for (auto pieces = in.get<std::uint64_t>(); pieces > 0; --pieces)
-    geometry.pieces.push_back(get_piece(in, geometry.display.get()));
+    geometry.pieces.push_back(get_piece(in, geometry.display.get(), tables));
   in.expect_end();
   if (geometry.pieces.empty()) return {};
   return geometry;

@@ -48,6 +48,11 @@ class LinkMotion {
   /// likewise
   void make(std::span<const double> rows, std::size_t count, Pose* poses, std::uint8_t* facts, std::size_t stride,
             Scratch& scratch) const;
+  /// Kinematics::travel() of row k of those that make() placed last.
+  double travel(const Scratch& scratch, std::size_t k) const {
+    const std::size_t columns = positions_.size();
+    return robot_->kinematics.travel(std::span(scratch.positions).subspan(k * columns, columns));
+  }
 
  private:
   void take_positions(std::span<const double> positions, std::span<const std::uint8_t> given);

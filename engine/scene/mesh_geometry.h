@@ -64,10 +64,14 @@ class MeshGeometries {
   std::map<std::string, std::shared_ptr<Slot>> slots_;
 };
 
+/// Whether a record holds the direction tables: the cache's do, and are read by who wrote them. Elsewhere tables are
+/// made anew, since bounds rest on them.
+enum class Tables : bool { kMadeAnew, kKept };
+
 /// A geometry as the cache keeps it, without its source.
-std::vector<std::byte> geometry_record(const Geometry& geometry);
-/// The geometry of a record; none for bytes that are no record. Whatever the bytes, what comes back can be computed
-/// with.
-std::optional<Geometry> geometry_of_record(std::span<const std::byte> record);
+std::vector<std::byte> geometry_record(const Geometry& geometry, Tables tables = Tables::kKept);
+/// The geometry of a record; none for bytes that are no record, or that hold tables where they should not. Whatever the
+/// bytes, what comes back can be computed with.
+std::optional<Geometry> geometry_of_record(std::span<const std::byte> record, Tables tables = Tables::kKept);
 
 }  // namespace clearance

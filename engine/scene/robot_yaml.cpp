@@ -22,15 +22,36 @@ void read_padding(const YamlValue& value, RobotOptions& options) {
   for (const auto& [link, metres] : value.map("")) options.link_padding[link] = metres.not_negative();
 }
 
+void read_geometry(const YamlValue& value, RobotOptions& options, const ResolvePath& resolve) {
+  if (value.is_map()) {
+    options.geometry_files.emplace();
+    for (const auto& [link, file] : value.map("")) (*options.geometry_files)[link] = resolve(file);
+    return;
+  }
+  const std::string which = value.text("collision or visual");
+  if (which != "collision" && which != "visual") value.fail_expected("collision or visual");
+  options.visual = which == "visual";
+}
+
 }  // namespace
 
-RobotPlan read_robot(const YamlValue& value, const std::function<std::string(const YamlValue&)>& resolve) {
+Uncertainty read_uncertainty(const YamlValue& value) {
+  value.map("a map, such as {position: 0.002, angle: 0.01}");
+  value.check_keys({"position", "angle"});
+  Uncertainty uncertainty;
+  if (const auto position = value.find("position")) uncertainty.position = position->not_negative();
+  if (const auto angle = value.find("angle")) uncertainty.angle = angle->not_negative();
+  return uncertainty;
+}
+
+RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
   value.map("a robot, such as {name: panda, urdf: panda.urdf}");
-  value.check_keys({"name", "urdf", "srdf", "packages", "base", "parent", "static", "geometry", "home", "padding"});
+  value.check_keys({"name", "urdf", "srdf", "packages", "base", "parent", "static", "live", "geometry", "home",
+                    "padding", "uncertainty"});
   const auto name = value.find("name"), urdf = value.find("urdf");
   if (!name) value.fail("expected the key \"name\"");
   if (!urdf) value.fail("expected the key \"urdf\"");
-  RobotPlan plan{value, name->text("a name"), {}};
+  RobotPlan plan{value, name->text("a name"), {}, {}};
   RobotOptions& options = plan.options;
   options.urdf = resolve(*urdf);
   if (const auto srdf = value.find("srdf")) options.srdf = resolve(*srdf);
@@ -38,15 +59,18 @@ RobotPlan read_robot(const YamlValue& value, const std::function<std::string(con
     for (const auto& [package, folder] : packages->map("a map of packages to their folders"))
       options.packages[package] = resolve(folder);
   if (const auto base = value.find("base")) options.base = base->pose();
-  if (const auto parent = value.find("parent")) options.parent = parent->text("the name of a body");
-  if (const auto is_static = value.find("static")) options.is_static = is_static->boolean();
-  if (const auto geometry = value.find("geometry")) {
-    const std::string which = geometry->text("collision or visual");
-    if (which != "collision" && which != "visual") geometry->fail_expected("collision or visual");
-    options.visual = which == "visual";
+  if (const auto parent = value.find("parent")) {
+    parent->text("the name of a body");
+    plan.parent = *parent;
   }
+  if (const auto is_static = value.find("static")) options.is_static = is_static->boolean();
+  if (const auto is_live = value.find("live")) plan.is_live = is_live->boolean();
+  if (const auto geometry = value.find("geometry")) read_geometry(*geometry, options, resolve);
   if (const auto home = value.find("home")) read_home(*home, options);
   if (const auto padding = value.find("padding")) read_padding(*padding, options);
+  if (const auto uncertainty = value.find("uncertainty"))
+    for (const auto& [link, doubt] : uncertainty->map("a map of links to what is not known of them"))
+      options.link_uncertainty[link] = read_uncertainty(doubt);
   return plan;
 }
 

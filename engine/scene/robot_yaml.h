@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "engine/scene/scene_robot.h"
@@ -12,10 +13,18 @@ namespace clearance {
 struct RobotPlan {
   YamlValue place;
   std::string name;
-  RobotOptions options;
+  RobotOptions options;  ///< but its parent, which may come later in the file
+  std::optional<YamlValue> parent;
+  bool is_live = false;
 };
 
-/// One of the list `robots`. Throws SceneError. \param resolve the file or folder that a value of the scene file names
-RobotPlan read_robot(const YamlValue& value, const std::function<std::string(const YamlValue&)>& resolve);
+/// The file or folder that a value of the scene file names.
+using ResolvePath = std::function<std::string(const YamlValue&)>;
+
+/// What is not known of a body's pose, or of a link's. Throws SceneError.
+Uncertainty read_uncertainty(const YamlValue& value);
+
+/// One of the list `robots`. Throws SceneError.
+RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve);
 
 }  // namespace clearance

@@ -245,7 +245,7 @@ PiecePtr Scene::shared_piece(const PiecePtr& piece) {
 // A position within a ball, and padding, are the pieces' own: their radius is larger by as much, which is exact but for
 // the rounding of that sum.
 void Scene::grow(Body& body) {
-  const double by = sum_above(body.padding, body.uncertainty.position);
+  const double by = body.is_grown ? 0 : sum_above(body.padding, body.uncertainty.position);
   double rounding = 0;
   for (PiecePtr& piece : body.pieces) {
     if (by > 0) {
@@ -258,6 +258,7 @@ void Scene::grow(Body& body) {
   }
   body.model_error = sum_above(body.model_error, rounding);
   body.model_inner = sum_above(body.model_inner, rounding);
+  body.is_grown = true;
 }
 
 std::uint32_t Scene::add_body(Body body) {

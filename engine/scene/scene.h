@@ -42,12 +42,6 @@ struct DisplayMesh {
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
-/// How well a body's pose is known.
-struct Uncertainty {
-  double position = 0;  ///< metres: its origin lies within a ball of this radius about the place given
-  double angle = 0;     ///< radians: it may be turned by up to this about its origin, about any axis
-};
-
 struct Body {
   std::string name;
   std::vector<PiecePtr> pieces;  ///< none: a frame, which others follow and no pair has
@@ -55,6 +49,7 @@ struct Body {
   bool is_static = false;        ///< never moves after load
   bool is_live = false;          ///< `pose` counts for nothing: no_pose until one is received
   std::uint32_t robot = kNone;   ///< whose joints place it, and nobody's pose; of Scene::robots()
+  std::uint32_t link = kNone;    ///< which of its links it is
   std::optional<Pose> pose;      ///< initial X_wb, or X_pb with a parent; none: no_pose until one arrives
   /// metres: how far the pieces may stand out from the shape they were asked for; of a mesh, from the hulls that its
   /// file and scale mean: rounding
@@ -65,9 +60,10 @@ struct Body {
   std::string source;      ///< "meshes/base.stl (hull)", "box", ...: where the geometry came from
   std::shared_ptr<const DisplayMesh> display;  ///< may be null
   Uncertainty uncertainty;
-  double padding = 0;    ///< metres, that the pieces are grown by
-  double max_speed = 0;  ///< metres a second: how fast a point of it, or of what follows it, may move at most
-  double reach = 0;      ///< metres: no point of the pieces is farther from the origin; Scene says it
+  double padding = 0;     ///< metres, that the pieces are grown by
+  bool is_grown = false;  ///< the pieces hold `padding` and the free position already: Scene sees to it
+  double max_speed = 0;   ///< metres a second: how fast a point of it, or of what follows it, may move at most
+  double reach = 0;       ///< metres: no point of the pieces is farther from the origin; Scene says it
 };
 
 /// Whether the body's shape, or where it is, is known less well than its pieces and pose say.
@@ -103,6 +99,9 @@ class Scene {
   /// Reads a scene file (YAML) and the meshes it names. Throws SceneError.
   /// \param allow_outside meshes may lie outside the scene file's folder.
   static Scene load(const std::string& path, bool allow_outside = false);
+  /// Writes `scene.yaml` and all that it needs into a folder that is empty or not there yet. Loaded again it is the
+  /// same scene: the same ids, the same pairs, answers of the same bits. Throws SceneError.
+  void save(const std::string& folder) const;
 
   /// Each adds a body and returns its id. Bodies of the same vertices and radius share their pieces. All throw
   /// SceneError for a bad or repeated name or bad geometry.
@@ -119,7 +118,8 @@ class Scene {
                             const BodyOptions& options);  ///< along z; length between the centres of its caps
   std::uint32_t add_cylinder(const std::string& name, double radius, double length,
                              const BodyOptions& options);  ///< along z; a circumscribed prism
-  /// Ready-made pieces, that are grown by the body's padding and by the uncertainty of its position.
+  /// Ready-made pieces, that are grown by the body's padding and by the uncertainty of its position, unless they are
+  /// already, as in a body of another scene.
   std::uint32_t add_body(Body body);
   /// Adds a robot: a frame NAME that places it, a body NAME/LINK for each link, a group NAME of all links and a group
   /// NAME/GROUP for each of the SRDF. Left out are pairs that the SRDF disables, those of links with no moving joint

@@ -7,6 +7,7 @@
 
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
+#include "engine/scene/geometry_file.h"
 #include "engine/scene/link_geometry.h"
 #include "engine/scene/scene.h"
 
@@ -65,11 +66,18 @@ std::uint64_t digest_of(const SceneRobot& robot) {
   return digest.value();
 }
 
-RobotModel read_model(const RobotOptions& options) {
+std::shared_ptr<SceneRobot> read_files(const std::string& name, const RobotOptions& options) {
   try {
-    RobotModel model = read_urdf(options.urdf);
-    if (!options.srdf.empty()) read_srdf(options.srdf, &model);
-    return model;
+    std::string urdf = read_text(options.urdf), srdf;
+    RobotModel model = parse_urdf(urdf, options.urdf);
+    if (!options.srdf.empty()) {
+      srdf = read_text(options.srdf);
+      parse_srdf(srdf, options.srdf, &model);
+    }
+    auto robot = std::make_shared<SceneRobot>(name, std::move(model));
+    robot->urdf = std::move(urdf);
+    robot->srdf = std::move(srdf);
+    return robot;
   } catch (const RobotError& e) {
     throw SceneError(e.what());
   }
@@ -83,7 +91,7 @@ class RobotAdder {
       : scene_(scene),
         name_(name),
         options_(options),
-        robot_(std::make_shared<SceneRobot>(name, read_model(options))),
+        robot_(read_files(name, options)),
         model_(robot_->model),
         folder_(fs::path(options.urdf).parent_path().string()) {
     if (folder_.empty()) folder_ = ".";
@@ -92,12 +100,15 @@ class RobotAdder {
   std::uint32_t add() {
     const auto index = static_cast<std::uint32_t>(scene_.robots_.size());
     check_padding();
+    check_uncertainty();
+    check_geometry_files();
     add_base();
     add_joints(index);
     robot_->bodies.resize(model_.links.size(), kNone);
     fixed_ = links_without_joints();
     add_link(model_.base, index);  // the others after what they may follow
     for (const RobotJoint& joint : model_.joints) add_link(joint.child, index);
+    robot_->errors = LinkErrors(robot_->kinematics, radii());
     robot_->digest = digest_of(*robot_);
     add_groups();
     leave_out_pairs();
@@ -107,6 +118,17 @@ class RobotAdder {
 
  private:
   [[noreturn]] void fail(const std::string& what) const { throw SceneError("robot " + in_quotes(name_) + ": " + what); }
+
+  void check_geometry_files() const {
+    if (!options_.geometry_files) return;
+    for (const auto& [link, file] : *options_.geometry_files)
+      if (model_.find_link(link) == kNone) fail("geometry: there is no link " + in_quotes(link));
+  }
+
+  void check_uncertainty() const {
+    for (const auto& [link, uncertainty] : options_.link_uncertainty)
+      if (model_.find_link(link) == kNone) fail("uncertainty: there is no link " + in_quotes(link));
+  }
 
   void check_padding() const {
     const auto check = [&](double metres, const std::string& of) {
@@ -168,14 +190,16 @@ class RobotAdder {
       for (const auto& [joint, position] : *options_.home) {
         const std::uint32_t column = model_.find_column(joint);
         if (column == kNone) fail("home: there is no joint " + in_quotes(joint) + " that takes a position");
-        if (!(std::abs(position) <= kMaxPosition))
-          fail("home: " + in_quotes(joint) + ": expected a number from -1e6 to 1e6, got " + std::to_string(position));
         home[column] = position;
       }
     }
     for (std::uint32_t c = 0; c < home.size(); ++c) {
       const RobotColumn& column = model_.columns[c];
-      if (home[c]) continue;
+      if (home[c]) {
+        if (std::abs(*home[c]) <= kMaxPosition) continue;
+        fail("home: " + in_quotes(column.name) + ": expected a number from -1e6 to 1e6, got " +
+             std::to_string(*home[c]));
+      }
       if (!(column.lower <= 0 && 0 <= column.upper))
         fail("home: " + in_quotes(column.name) + " is not named, and 0 is beyond its limits (" +
              std::to_string(column.lower) + " to " + std::to_string(column.upper) + ")");
@@ -198,10 +222,14 @@ class RobotAdder {
     Body body;
     body.name = name_ + "/" + of.name;
     scene_.check_free(body.name, "link");
-    const std::vector<RobotShape>& shapes = options_.visual ? of.visual : of.collision;
-    if (!shapes.empty()) take_geometry(link, shapes, body);
+    if (options_.geometry_files)
+      read_geometry(of.name, body);
+    else if (const std::vector<RobotShape>& shapes = options_.visual ? of.visual : of.collision; !shapes.empty())
+      make_geometry(shapes, body);
+    if (!body.pieces.empty()) add_doubts(of.name, body);
     if (robot_->places(link)) {
       body.robot = index;
+      body.link = link;
       body.parent = root_body(link);
       body.is_static = options_.is_static && fixed_[link];
       body.pose = Pose{};  // until joints make it
@@ -216,18 +244,33 @@ class RobotAdder {
     return link == model_.base ? robot_->base : robot_->bodies[link];
   }
 
-  void take_geometry(std::uint32_t link, const std::vector<RobotShape>& shapes, Body& body) {
-    const auto own = options_.link_padding.find(model_.links[link].name);
-    const double padding = own == options_.link_padding.end() ? options_.padding : own->second;
+  void read_geometry(const std::string& link, Body& body) {
+    const auto file = options_.geometry_files->find(link);
+    if (file == options_.geometry_files->end()) return;
+    take(read_geometry_file(file->second), body);
+    body.is_grown = true;
+  }
+
+  void add_doubts(const std::string& link, Body& body) const {
+    const auto padding = options_.link_padding.find(link);
+    body.padding = padding == options_.link_padding.end() ? options_.padding : padding->second;
+    const auto uncertainty = options_.link_uncertainty.find(link);
+    if (uncertainty != options_.link_uncertainty.end()) body.uncertainty = uncertainty->second;
+  }
+
+  void make_geometry(const std::vector<RobotShape>& shapes, Body& body) {
     std::vector<Geometry> parts;
     for (const RobotShape& shape : shapes) try {
-        parts.push_back(moved(geometry_of(shape, padding), shape.X_ls));
+        parts.push_back(moved(geometry_of(shape), shape.X_ls));
       } catch (const RobotError& e) {
         throw SceneError(e.what());
       } catch (const std::exception& e) {  // of its mesh or its numbers
         throw SceneError(shape.place + ": " + e.what());
       }
-    Geometry geometry = joined(std::move(parts));
+    take(joined(std::move(parts)), body);
+  }
+
+  void take(Geometry geometry, Body& body) {
     for (const PiecePtr& piece : geometry.pieces) body.pieces.push_back(scene_.shared_piece(piece));
     body.display = std::move(geometry.display);
     body.model_error = geometry.model_error;
@@ -237,17 +280,17 @@ class RobotAdder {
     body.source = std::move(geometry.source);
   }
 
-  Geometry geometry_of(const RobotShape& shape, double padding) {
+  Geometry geometry_of(const RobotShape& shape) {
     if (shape.kind != RobotShape::Kind::kMesh) {
       constexpr const char* kNames[] = {"box", "sphere", "cylinder", "capsule"};
-      return geometry_of_shape(shape_of(shape), padding, kNames[static_cast<int>(shape.kind)]);
+      return geometry_of_shape(shape_of(shape), 0, kNames[static_cast<int>(shape.kind)]);
     }
     const std::string path = mesh_path(shape, folder_, options_.packages);
     if (!options_.allow_outside && !is_inside(path, options_.folder))
       throw SceneError("mesh " + in_quotes(shape.mesh) +
                        " lies outside the scene's folder; mesh files must lie inside it " +
                        "unless files from outside are allowed");
-    return scene_.mesh_geometry(path, shape.mesh_scale, Convexify::kHull, padding);
+    return scene_.mesh_geometry(path, shape.mesh_scale, Convexify::kHull, 0);
   }
 
   void add_groups() {
@@ -285,6 +328,17 @@ class RobotAdder {
       for (std::uint32_t link = 0; link < model_.links.size(); ++link)
         if (const std::uint32_t carrier = shape_above(link); carrier != kNone) leave_out(carrier, link);
     scene_.leave_out(std::move(pairs));
+  }
+
+  // By link: how far its points are from its origin at most; negative: it has none.
+  std::vector<double> radii() const {
+    constexpr double kUp = 1 + 0x1p-40;
+    std::vector<double> radii;
+    for (const std::uint32_t b : robot_->bodies) {
+      const Body& body = scene_.bodies_[b];
+      radii.push_back(body.pieces.empty() ? -1 : (body.reach + body.model_inner) * kUp);
+    }
+    return radii;
   }
 
   bool has_shape(std::uint32_t link) const { return !scene_.bodies_[robot_->bodies[link]].pieces.empty(); }

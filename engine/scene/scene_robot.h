@@ -10,8 +10,15 @@
 #include "engine/pose/pose.h"
 #include "engine/robot/kinematics.h"
 #include "engine/robot/robot.h"
+#include "engine/scene/link_errors.h"
 
 namespace clearance {
+
+/// How well a body's pose is known.
+struct Uncertainty {
+  double position = 0;  ///< metres: its origin lies within a ball of this radius about the place given
+  double angle = 0;     ///< radians: it may be turned by up to this about its origin, about any axis
+};
 
 /// One number of a scene's joint positions: a column of one of its robots.
 struct SceneJoint {
@@ -36,7 +43,9 @@ struct SceneRobot {
 
   std::string name;
   RobotModel model;
+  std::string urdf, srdf;  ///< the files' text; no SRDF: empty
   Kinematics kinematics;
+  LinkErrors errors;
   std::uint32_t base = kNone;         ///< body: the frame that places the robot
   std::uint32_t first_joint = 0;      ///< of Scene::joints(): they follow in the order of the model's columns
   std::vector<std::uint32_t> bodies;  ///< by link
@@ -58,13 +67,16 @@ struct RobotOptions {
   Pose base = {};                                    ///< X_wb of the base, with a parent X_pb
   bool is_static = false;                            ///< the base never moves
   bool visual = false;                               ///< links have the shapes of `visual`, not of `collision`
+  /// Files of Scene::save() by link, in place of the shapes of the URDF; links that it does not name are frames.
+  std::optional<std::map<std::string, std::string>> geometry_files = {};
   /// Positions at load, by joint; those that it does not name are at 0. None: no link has a pose that a joint has yet
   /// to make.
   std::optional<std::map<std::string, double>> home = {};
-  std::string home_state = {};                      ///< of the SRDF, in place of `home`; empty: none
-  double padding = 0;                               ///< metres, grows every link
-  std::map<std::string, double> link_padding = {};  ///< the same by link, in place of `padding`
-  bool allow_outside = true;                        ///< meshes may lie outside `folder`
+  std::string home_state = {};                               ///< of the SRDF, in place of `home`; empty: none
+  double padding = 0;                                        ///< metres, grows every link: Body::padding
+  std::map<std::string, double> link_padding = {};           ///< the same by link, in place of `padding`
+  std::map<std::string, Uncertainty> link_uncertainty = {};  ///< of single links, not of those that hang on them
+  bool allow_outside = true;                                 ///< meshes may lie outside `folder`
   std::string folder = {};
 };
 

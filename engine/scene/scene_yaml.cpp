@@ -12,6 +12,7 @@
 #include "engine/hull/shapes.h"
 #include "engine/mesh/mesh.h"
 #include "engine/scene/geometry.h"
+#include "engine/scene/geometry_file.h"
 #include "engine/scene/mesh_geometry.h"
 #include "engine/scene/robot_yaml.h"
 #include "engine/scene/scene.h"
@@ -74,13 +75,15 @@ class SceneReader {
  private:
   void read_body(const YamlValue& value) {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
-    value.check_keys({"name", "mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale",
-                      "convexify", "radius", "static", "live", "pose", "parent", "uncertainty", "padding",
+    if (const auto robot = value.find("robot")) return read_place(value, *robot);
+    value.check_keys({"name", "mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "geometry",
+                      "scale", "convexify", "radius", "static", "live", "pose", "parent", "uncertainty", "padding",
                       "max_speed"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};
     plan.body.name = name->text("a name");
+    plan.body.is_grown = value.find("geometry") != nullptr;
     if (const auto is_static = value.find("static")) plan.body.is_static = is_static->boolean();
     if (const auto is_live = value.find("live")) plan.body.is_live = is_live->boolean();
     if (const auto pose = value.find("pose")) plan.body.pose = pose->pose();
@@ -92,6 +95,13 @@ class SceneReader {
       plan.parent = *parent;
     }
     add(std::move(plan));
+  }
+
+  // Where the links of one of the robots stand among the bodies.
+  void read_place(const YamlValue& value, const YamlValue& robot) {
+    value.check_keys({"robot"});
+    robot.text("the name of a robot");
+    places_.emplace_back(bodies_.size(), robot);
   }
 
   void read_random(const YamlValue& value) {
@@ -129,15 +139,6 @@ class SceneReader {
     bodies_.push_back(std::move(plan));
   }
 
-  static Uncertainty read_uncertainty(const YamlValue& value) {
-    value.map("a map, such as {position: 0.002, angle: 0.01}");
-    value.check_keys({"position", "angle"});
-    Uncertainty uncertainty;
-    if (const auto position = value.find("position")) uncertainty.position = position->not_negative();
-    if (const auto angle = value.find("angle")) uncertainty.angle = angle->not_negative();
-    return uncertainty;
-  }
-
   static Vec3d read_box(const YamlValue& value) {
     if (!value.is_list()) {
       if (!value.is_text()) value.fail_expected("an edge length, or 3 of them [x, y, z]");
@@ -158,7 +159,8 @@ class SceneReader {
 
   // The one geometry that a body or a random shape names. Returns the index of its plan.
   std::size_t read_geometry(const YamlValue& value) {
-    constexpr const char* kKinds[] = {"mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere"};
+    constexpr const char* kKinds[] = {"mesh",     "box",    "sphere",    "capsule",
+                                      "cylinder", "points", "uv_sphere", "geometry"};
     std::unique_ptr<YamlValue> found;
     std::string kind;
     for (const char* k : kKinds)
@@ -169,7 +171,10 @@ class SceneReader {
       }
     if (!found) value.fail("expected one of the keys mesh, box, sphere, capsule, cylinder, points, uv_sphere");
     double radius = 0;
-    if (const auto r = value.find("radius")) radius = r->not_negative();
+    if (const auto r = value.find("radius")) {
+      if (kind == "geometry") r->fail("a geometry's pieces have their radius already");
+      radius = r->not_negative();
+    }
     if (kind != "mesh")
       for (const char* key : {"scale", "convexify"})
         if (const auto extra = value.find(key)) extra->fail("only a mesh has this key");
@@ -179,6 +184,10 @@ class SceneReader {
                   [make, radius, kind] { return geometry_of_shape(make(), radius, kind); });
     };
     if (kind == "mesh") return read_mesh(value, *found, radius);
+    if (kind == "geometry") {
+      const std::string path = resolve(*found, found->text("the path of a geometry file"));
+      return plan("geometry " + path, *found, [path] { return read_geometry_file(path); });
+    }
     if (kind == "box") {
       const Vec3d size = read_box(*found);
       return shape(exact(size.x) + exact(size.y) + exact(size.z), [size] { return make_box(size); });
@@ -338,26 +347,58 @@ class SceneReader {
     });
   }
 
+  // Robots come after the bodies, but for those whose place is named among them.
   Scene assemble() {
     Scene scene;
-    for (BodyPlan& plan : bodies_) {
-      const Geometry& geometry = *geometries_[plan.geometry].built;
-      plan.body.pieces = geometry.pieces;
-      plan.body.display = geometry.display;
-      plan.body.model_error = geometry.model_error;
-      plan.body.model_inner = geometry.model_inner;
-      plan.body.hull_excess = geometry.hull_excess;
-      plan.body.empty_share = geometry.empty_share;
-      plan.body.source = geometry.source;
-      placed(plan.place, [&] { scene.add_body(plan.body); });
+    std::vector<bool> added(robots_.size());
+    auto place = places_.begin();
+    for (std::size_t i = 0; i <= bodies_.size(); ++i) {
+      for (; place != places_.end() && place->first == i; ++place) add_named_robot(scene, place->second, added);
+      if (i < bodies_.size()) add_body(scene, bodies_[i]);
     }
-    for (RobotPlan& plan : robots_) {
-      plan.options.allow_outside = allow_outside_;
-      plan.options.folder = folder_.string();
-      placed(plan.place, [&] { scene.add_robot(plan.name, plan.options); });
-    }
+    for (std::size_t r = 0; r < robots_.size(); ++r)
+      if (!added[r]) add_robot(scene, robots_[r]);
     for (const BodyPlan& plan : bodies_)
       if (plan.parent) placed(*plan.parent, [&] { scene.set_parent(plan.body.name, plan.parent->text("")); });
+    for (const RobotPlan& plan : robots_)
+      if (plan.parent) placed(*plan.parent, [&] { scene.set_parent(plan.name, plan.parent->text("")); });
+    add_pairs_and_groups(scene);
+    return scene;
+  }
+
+  void add_body(Scene& scene, BodyPlan& plan) const {
+    const Geometry& geometry = *geometries_[plan.geometry].built;
+    plan.body.pieces = geometry.pieces;
+    plan.body.display = geometry.display;
+    plan.body.model_error = geometry.model_error;
+    plan.body.model_inner = geometry.model_inner;
+    plan.body.hull_excess = geometry.hull_excess;
+    plan.body.empty_share = geometry.empty_share;
+    plan.body.source = geometry.source;
+    placed(plan.place, [&] { scene.add_body(plan.body); });
+  }
+
+  void add_robot(Scene& scene, RobotPlan& plan) const {
+    plan.options.allow_outside = allow_outside_;
+    plan.options.folder = folder_.string();
+    placed(plan.place, [&] {
+      scene.add_robot(plan.name, plan.options);
+      if (plan.is_live) scene.set_live(plan.name);
+    });
+  }
+
+  void add_named_robot(Scene& scene, const YamlValue& name, std::vector<bool>& added) {
+    const std::string wanted = name.text("");
+    const auto found =
+        std::find_if(robots_.begin(), robots_.end(), [&](const RobotPlan& plan) { return plan.name == wanted; });
+    if (found == robots_.end()) name.fail("there is no robot \"" + wanted + "\" under \"robots\"");
+    const auto r = static_cast<std::size_t>(found - robots_.begin());
+    if (added[r]) name.fail("the robot \"" + wanted + "\" stands there already");
+    added[r] = true;
+    add_robot(scene, *found);
+  }
+
+  void add_pairs_and_groups(Scene& scene) const {
     if (const auto groups = root_.find("groups"))
       for (const auto& [name, group] : groups->map("a map of names to lists of bodies")) read_group(scene, name, group);
     if (const auto ignore = root_.find("ignore"))
@@ -368,7 +409,6 @@ class SceneReader {
                           b = two[1].text("the name of a body or group");
         placed(pair, [&] { scene.ignore(a, b); });
       }
-    return scene;
   }
 
   YamlValue root_;
@@ -376,6 +416,7 @@ class SceneReader {
   bool allow_outside_;
   std::vector<BodyPlan> bodies_;
   std::vector<RobotPlan> robots_;
+  std::vector<std::pair<std::size_t, YamlValue>> places_;  // of robots: before which body, and which
   std::vector<GeometryPlan> geometries_;
   std::map<std::string, std::size_t> plan_of_;
   std::map<std::string, std::shared_ptr<MeshFile>> files_;

@@ -81,6 +81,13 @@ Bytes reply_payload(std::uint64_t rows, std::uint32_t fields) {
   return payload;
 }
 
+// The records of a reply whose rows have so many numbers by joints.
+Bytes joints_record(std::uint32_t joints) {
+  Bytes records;
+  append_record(records, static_cast<std::uint16_t>(ReplyRecord::kJoints), 0, std::as_bytes(std::span(&joints, 1)));
+  return records;
+}
+
 Bytes poses_payload(std::uint64_t count) {
   Bytes payload;
   PosesHeader h;
@@ -345,7 +352,7 @@ TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {
     EXPECT_EQ(option.tag == 0, has_place) << option.name;
     in_header += has_place;
     if (!option.tag) return;
-    EXPECT_EQ(option.tag, ++last) << option.name << ": tags are given out one after another";
+    EXPECT_GT(option.tag, std::exchange(last, option.tag)) << option.name << ": tags are given out one after another";
   });
   EXPECT_EQ(in_header, 14);
   EXPECT_GE(last, 1);
@@ -375,6 +382,14 @@ TEST(Wire, OptionsInRecordsArriveAsTheyWereSent) {
         error_of([&] { parse_query(std::span(payload).first(body), true, cut); }, ErrorCode::kBadFrame).substr(0, 6),
         "query:");
   }
+}
+
+TEST(Wire, RecordsAreInsertedWhereTheirTagsRise) {
+  Bytes inserted, expected;
+  const auto bytes = [](int n) { return Bytes(static_cast<std::size_t>(n), std::byte{9}); };
+  for (const std::uint16_t tag : {10, 8, 12, 9, 1}) insert_record(inserted, tag, kRecordRequired, bytes(3 * tag));
+  for (const std::uint16_t tag : {1, 8, 9, 10, 12}) append_record(expected, tag, kRecordRequired, bytes(3 * tag));
+  EXPECT_EQ(inserted, expected);
 }
 
 TEST(Wire, ARecordMayHoldAnArray) {
@@ -418,6 +433,10 @@ TEST(Wire, ColumnsLieInTheOrderOfFieldsOn64Bytes) {
   EXPECT_EQ(columns_bytes(5, fields), 256u);
   EXPECT_EQ(columns_bytes(0, fields), 0u);
   EXPECT_EQ(columns_bytes(9, kFieldDistance), 128u);
+  const std::uint32_t wide = kFieldStatus | kFieldGradientJoints | kFieldPairLower;
+  EXPECT_EQ(column_offset(5, wide, kFieldGradientJoints, 7), 64u);
+  EXPECT_EQ(column_offset(5, wide, kFieldPairLower, 7), 64u + 320) << "5 rows of 7 numbers";
+  EXPECT_EQ(columns_bytes(5, wide, 7), 64u + 320 + 64);
   EXPECT_EQ(error_of([] { columns_bytes(std::uint64_t{1} << 31, kFieldDistance); }, ErrorCode::kTooLarge),
             "reply: 2147483648 rows need 17179869184 bytes, more than a frame may have (2147483648)");
 }
@@ -480,6 +499,28 @@ TEST(Wire, NamesAreCutToFit) {
   char field[8];
   set_name(field, "a name too long");
   EXPECT_EQ(name_of(field), "a name ");
+}
+
+TEST(Wire, AColumnThatDependsOnTheQuerySaysHowWideItIs) {
+  constexpr std::uint32_t kFields = kFieldLower | kFieldGradientJoints;
+  Bytes payload;
+  ReplyHeader h;
+  h.rows = 5;
+  h.fields = kFields;
+  set_name(h.backend, "cpu");
+  put(payload, h);
+  payload.resize(payload.size() + columns_bytes(5, kFields, 7));
+  std::uint32_t joints = 0;
+  EXPECT_EQ(parse_reply(payload, joints_record(7), &joints).rows, 5u);
+  EXPECT_EQ(joints, 7u);
+  for (const std::uint32_t other : {0u, 6u, 9u, ~0u})
+    EXPECT_THROW(parse_reply(payload, joints_record(other), &joints), WireError) << other;
+  EXPECT_THROW(parse_reply(payload), WireError) << "nobody says how wide";
+  EXPECT_THROW(parse_reply(reply_payload(5, kFieldLower), joints_record(7)), WireError) << "of what?";
+  Bytes half;
+  const std::uint16_t tag = static_cast<std::uint16_t>(ReplyRecord::kJoints);
+  append_record(half, tag, 0, std::as_bytes(std::span(&tag, 1)));
+  EXPECT_THROW(parse_reply(payload, half), WireError);
 }
 
 }  // namespace

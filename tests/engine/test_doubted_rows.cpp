@@ -103,7 +103,7 @@ TEST_P(EngineTest, TheLeastLowerBoundMayBeAnotherPairs) {
 TEST_P(EngineTest, ABitOfNoColumnIsRefused) {
   const Engine engine = make(mixed_scene(2, 1, 1));
   QueryView q;
-  q.fields = kDefaultFields | kReservedFields;
+  q.fields = kDefaultFields | 1u << kFieldCount;
   EXPECT_THROW(engine.size(q), QueryError);
 }
 

@@ -66,7 +66,9 @@ TEST(RobotInAScene, SeveralShapesAreOneBodyEachWhereItsOriginSays) {
   EXPECT_NEAR(y, 0.1, 1e-15);
   EXPECT_EQ(body.pieces[0]->radius, 0.125);
   EXPECT_EQ(body.pieces[1]->vertices[0].z, -2);
-  EXPECT_EQ(body.pieces[1]->radius, 0.625);
+  EXPECT_NEAR(body.pieces[1]->radius, 0.625, 1e-15);
+  EXPECT_GE(body.pieces[1]->radius, 0.625) << "rounded up";
+  EXPECT_EQ(body.padding, 0.125);
   EXPECT_GT(body.model_error, 0) << "a turned vertex is rounded";
   EXPECT_LT(body.model_error, 1e-15);
 }
@@ -100,6 +102,12 @@ TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
   has(text(joint, {.urdf = "", .home_state = "ready"}), "no group state \"ready\"");
   has(text(joint, {.urdf = "", .link_padding = {{"c", 0.1}}}), "padding: there is no link \"c\"");
   has(text(joint, {.urdf = "", .padding = -1}), "padding: expected a number of metres >= 0");
+  has(text(joint, {.urdf = "", .link_uncertainty = {{"c", {}}}}), "uncertainty: there is no link \"c\"");
+  const std::string ball =
+      "<robot name='r'><link name='a'><collision><geometry><sphere radius='1'/></geometry></collision></link></robot>";
+  has(text(ball, {.urdf = "", .link_uncertainty = {{"a", {-1, 0}}}}),
+      "body \"r/a\": uncertainty.position: expected a number of metres >= 0, got -1");
+  has(text(ball, {.urdf = "", .link_uncertainty = {{"a", {0, 7}}}}), "uncertainty.angle: expected 0 to 3.2 radians");
 }
 
 TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
@@ -109,6 +117,8 @@ TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
                "<mesh filename='package://own/m/t.obj'/></geometry></collision></link><joint name='j' "
                "type='revolute'><parent link='l0'/><child link='l1'/><limit lower='-2' upper='2'/></joint></robot>");
   folder.write("m/t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
+  folder.write("far.srdf",
+               "<robot name='a'><group_state name='up'><joint name='j' value='1e7'/></group_state></robot>");
   folder.write("arm.srdf",
                "<robot name='a'><group name='all'><joint name='j'/></group>"
                "<group_state name='up' group='all'><joint name='j' value='0.5'/></group_state></robot>");
@@ -138,6 +148,19 @@ TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
   has("{name: p, urdf: arm.urdf, packages: {own: .}, geometry: hull}", "expected collision or visual");
   has("{name: p, urdf: arm.urdf, packages: {own: .}, home: {j: .nan}}", "robots[0].home.j");
   has("{name: p, urdf: arm.urdf, packages: {own: .}, padding: -1}", "robots[0].padding");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, uncertainty: {l1: 0.1}}",
+      "robots[0].uncertainty.l1: expected a map");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, uncertainty: {l1: {angle: -1}}}",
+      "robots[0].uncertainty.l1.angle");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, parent: chair}",
+      "robots[0].parent: body \"p\": parent: there is no");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, parent: p/l1}", "\"p/l1\" follows \"p\" itself");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, static: true, live: true}",
+      "a static body never gets another pose");
+  has("{name: p, urdf: arm.urdf, packages: {own: .}, base: [0, 0, 0, 0, 0, 0, 0]}", "robots[0].base");
+  has("{name: p, urdf: arm.urdf, srdf: far.srdf, home: up, packages: {own: .}}",
+      "home: \"j\": expected a number from -1e6 to 1e6, got 10000000");
+  has("{name: p, urdf: arm.urdf, srdf: m/t.obj, packages: {own: .}}", "m/t.obj:9: no XML");
   has("{name: table, urdf: arm.urdf, packages: {own: .}}", "already that of a body");
   has("{name: p, urdf: arm.urdf, baze: 1}", "baze");
 }

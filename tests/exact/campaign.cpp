@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <sstream>
 
 #include "engine/engine.h"
@@ -35,10 +36,14 @@ Bench::Bench(std::span<const Case> cases, const std::string& backend, int thread
 Bench::~Bench() = default;
 Bench::Bench(Bench&&) noexcept = default;
 
-std::vector<Answer> Bench::ask(const Setting& setting) const {
+std::vector<BodyPair> Bench::pairs() const {
   std::vector<BodyPair> pairs;
   for (std::size_t i = 0; i < count_; ++i)
     pairs.push_back({static_cast<std::uint32_t>(2 * i), static_cast<std::uint32_t>(2 * i + 1)});
+  return pairs;
+}
+
+QueryView Bench::query(const Setting& setting, std::span<const BodyPair> pairs) {
   const bool compact = setting.format == Format::kCompact;
   QueryView query;
   query.pairs = pairs;
@@ -51,7 +56,20 @@ std::vector<Answer> Bench::ask(const Setting& setting) const {
   query.format = setting.format;
   query.fields = kFieldStatus | kFieldFlags |
                  (compact ? kFieldCompact : kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal);
+  return query;
+}
 
+std::string Bench::certificate(const Setting& setting) const {
+  const std::vector<BodyPair> pairs = this->pairs();
+  std::vector<std::uint64_t> rows(count_);
+  std::iota(rows.begin(), rows.end(), std::uint64_t{0});
+  return engine_->certificate(query(setting, pairs), rows);
+}
+
+std::vector<Answer> Bench::ask(const Setting& setting) const {
+  const std::vector<BodyPair> pairs = this->pairs();
+  const QueryView query = Bench::query(setting, pairs);
+  const bool compact = setting.format == Format::kCompact;
   std::vector<double> distance(count_), lower(count_), upper(count_), points_a(3 * count_), points_b(3 * count_),
       normals(3 * count_);
   std::vector<std::uint8_t> status(count_);

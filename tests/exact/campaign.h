@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/hull/piece.h"
+#include "engine/query/query.h"
 #include "verdict.h"
 
 namespace clearance {
@@ -29,9 +30,14 @@ class Bench {
 
   /// All pairs in one query, every column. `setting.backend` must be the bench's. Throws QueryError.
   std::vector<Answer> ask(const Setting& setting) const;
+  /// The certificate of all pairs. Throws QueryError.
+  std::string certificate(const Setting& setting) const;
   const Engine& engine() const { return *engine_; }
 
  private:
+  std::vector<BodyPair> pairs() const;
+  static QueryView query(const Setting& setting, std::span<const BodyPair> pairs);
+
   std::size_t count_;
   std::unique_ptr<Engine> engine_;
 };

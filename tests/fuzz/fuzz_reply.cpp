@@ -44,6 +44,7 @@ void use(Reply reply) {
   touch(reply.normal());
   touch(reply.pieces());
   touch(reply.gradient());
+  touch(reply.gradient_joints());
   touch(reply.pair());
   touch(reply.configuration());
   touch(reply.compact());

@@ -129,7 +129,8 @@ TEST(LcmTranslate, WhatCameAfterAQueryIsCarriedToo) {
 
 TEST(LcmTranslate, RepliesOfAllSizesFitTheirMessages) {
   for (const std::uint64_t rows : {0ull, 1ull, 100ull, 1000ull, 5000ull}) {
-    for (const std::uint32_t fields : {std::uint32_t{kFieldStatus}, kDefaultFields, kKnownFields}) {
+    for (const std::uint32_t fields :
+         {std::uint32_t{kFieldStatus}, kDefaultFields, kKnownFields & ~kFieldGradientJoints}) {
       wire::ReplyHeader reply;
       reply.rows = rows;
       reply.fields = fields;

@@ -185,6 +185,8 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
   refuse(query, 1, "fields");
   query.fields = kFieldPairLower;
   refuse(query, 1, "reply_t has no column pair_lower");
+  query.fields = kFieldGradientJoints;
+  refuse(query, 1, "reply_t has no column gradient_joints");
   query = question();
   query.max_results = -1;
   query.reduce = query_t::REDUCE_WITHIN;

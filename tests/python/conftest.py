@@ -138,6 +138,33 @@ def kind(request, kinds):
     return request.param
 
 
+@pytest.fixture(scope="session")
+def urdf(root):
+    """The arm of robots.py."""
+    return str(root / "tests" / "robot" / "arm.urdf")
+
+
+@pytest.fixture
+def arm_engine(urdf):
+    import clearance
+    from robots import arm_scene
+
+    return clearance.Engine(arm_scene(urdf), threads=1)
+
+
+@pytest.fixture(scope="module")
+def arm_daemon(urdf, tmp_path_factory, kinds):
+    """The same scene behind every transport."""
+    from robots import ARM_YAML
+
+    folder = tmp_path_factory.mktemp("arm")
+    shutil.copy(urdf, folder / "arm.urdf")
+    (folder / "scene.yaml").write_text(ARM_YAML)
+    daemon = Daemon(folder, folder / "scene.yaml", [kind for kind, why in kinds.items() if not why])
+    yield daemon
+    assert daemon.stop() == 0, daemon.log()
+
+
 @pytest.fixture
 def start_daemon(tmp_path_factory):
     """start_daemon(scene, kinds, *options) -> Daemon, stopped when the test is over."""

@@ -70,6 +70,12 @@ DOUBTS = {
     "max_speed": [*NUMBERS, None],
 }
 
+MARGINS = ["1.5", True, 1j, math.nan, None, [], ["0.1"], [[0.1]], {"cup": 0.1}, {("cup",): 0.1},
+           {("nonesuch", "*"): 0.1}, {("cup", "*"): "0.1"}, {("cup", "*"): -0.1}, {("cup", "*"): math.inf},
+           {("cup", 1.5): 0.1}]  # fmt: skip
+#: Of motions of one body.
+ENDS = [None, "x", 3, [], [IDENTITY], [[[1, 2, 3]]]]
+
 #: Of both fronts: call -> (arguments that are right, what each argument must not be).
 FRONT = {
     "distances": ({}, QUERY),
@@ -87,10 +93,15 @@ FRONT = {
         "child": [*BODIES, None], "parent": BODIES, "pose": POSE,
         "allow": ["cup", b"cup", 3, None, ["nonesuch"], [1.5], [True], [-1], np.zeros((1, 1))]}),
     "check": ({}, {
-        "margin": ["1.5", True, 1j, math.nan, None, [], ["0.1"], [[0.1]], {"cup": 0.1}, {("cup",): 0.1},
-                   {("nonesuch", "*"): 0.1}, {("cup", "*"): "0.1"}, {("cup", "*"): -0.1}, {("cup", "*"): math.inf},
-                   {("cup", 1.5): 0.1}],
+        "margin": MARGINS,
         **{name: QUERY[name] for name in ("configurations", "pairs", "bodies", "timeout_s", "joints", "positions")}}),
+    "motions": ({"bodies": ["cup"], "start": [[IDENTITY]], "end": [[IDENTITY]]}, {
+        "start": ENDS, "end": ENDS, "margin": MARGINS, "max_steps": COUNTS,
+        **{name: QUERY[name] for name in (
+            "joints", "pairs", "max_distance", "abs_tol", "rel_tol", "reduce", "bodies", "fields")}}),
+    "check_path": ({"bodies": ["cup"], "path": [[IDENTITY], [IDENTITY]]}, {
+        "path": [*ENDS, [[IDENTITY]]], "margin": MARGINS, "max_steps": COUNTS,
+        **{name: QUERY[name] for name in ("joints", "pairs", "bodies")}}),
     "allow": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "forbid": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
 }  # fmt: skip
@@ -98,17 +109,21 @@ CLIENT: dict[str, tuple[dict, dict]] = {
     "reload": ({}, {"timeout_s": [*NUMBERS_FROM_0, None]}),
     "add_body": ({"name": "mug", "sphere": 0.1}, {
         "name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, "sphere": ["1.5", True, [1.0], 1j, np.ones(2)],
-        "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO}),
+        "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO,
+        **DOUBTS}),
     "remove_body": ({}, {"name": TEXTS}),
     "ping": ({}, {"payload": ["text", 3, None, [1]]}),
 }  # fmt: skip
+ENGINE: dict[str, tuple[dict, dict]] = {
+    "certificate": ({}, {"rows": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
+}
 SCENE = {
     "add_hull": ({"name": "x", "vertices": [[0, 0, 0]]},
                  {"name": TEXTS, "vertices": VERTICES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_mesh": ({"name": "x", "path": "x.obj"}, {
         "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:1], *SIZES[2:], None, True], "convexify": WORDS,
         "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
-    "add_body": (CLIENT["add_body"][0], {**CLIENT["add_body"][1], **DOUBTS}),
+    "add_body": CLIENT["add_body"],
     "add_box": ({"name": "x", "size": [1, 1, 1]},
                 {"name": TEXTS, "size": SIZES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_sphere": ({"name": "x", "radius": 1}, {"name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
@@ -120,9 +135,11 @@ SCENE = {
         "name": TEXTS, "urdf": [*PATHS, None], "srdf": PATHS, "base": POSE, "parent": BODIES, "static": BOOLS,
         "packages": [3, "p", {3: "x"}, {"p": 3}, ["p"]], "geometry": WORDS,
         "home": [3, ["j"], {3: 1.0}, {"j": "1"}, {"j": True}, {"j": float("nan")}],
-        "padding": [*NUMBERS, None, {3: 0.1}, {"l": "1"}]}),
+        "padding": [*NUMBERS, None, {3: 0.1}, {"l": "1"}],
+        "uncertainty": [3, "l", ["l"], {3: {}}, {"l": 0.1}, {"l": {"turn": 0.1}}, {"l": {"angle": "1"}}]}),
     "add_group": ({"name": "g", "bodies": ["cup"]}, {"name": TEXTS, "bodies": BODY_LISTS}),
     "ignore": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
+    "save": ({}, {"folder": [*PATHS, None]}),
     **{call: ({}, {"body": [*BODIES, None, 99]}) for call in ("initial_pose", "source", "pieces", "display_mesh")},
 }  # fmt: skip
 #: Of functions and classes.
@@ -192,8 +209,9 @@ def front(request, scene_of_the_cell, start_daemon, cell):
 
 
 def test_every_argument_of_both_fronts(front):
-    calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else {})}
-    assert public_methods(type(front)) - {"prepare"} == set(calls), "a call is missing from the table"
+    calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else ENGINE)}
+    named = public_methods(type(front)) - {"prepare", "free_scale"}  # free_scale needs a robot: test_joints.py
+    assert named == set(calls), "a call is missing from the table"
     scene_revision, snapshot = front.scene_revision, front.distances().snapshot_revision
     wrong = [f"{name}: {text}" for name, (right, arguments) in calls.items()
              for text in complaints(getattr(front, name), right, arguments)]  # fmt: skip

@@ -73,6 +73,33 @@ def test_bodies_come_and_go(start_daemon, cell, tmp_path):
         assert client.distances().scene_revision == before
 
 
+def test_what_is_not_known_of_an_added_body_is_in_its_answers(start_daemon, tmp_path):
+    (tmp_path / "scene.yaml").write_text("bodies: [{name: wall, box: [1, 1, 1], static: true}]\n")
+    daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
+    doubts = {"uncertainty": {"position": 0.1, "angle": 0.02}, "padding": 0.3}
+    scene = clearance.Scene()
+    scene.add_box("wall", [1, 1, 1], static=True)
+    scene.add_body("crate", box=[0.2, 0.2, 0.2], pose=at(3), **doubts)
+    expected = clearance.Engine(scene, threads=1).distances(pairs=("crate", "wall"))
+    with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
+        client.add_body("crate", box=[0.2, 0.2, 0.2], pose=at(3), **doubts)
+        answer = client.distances(pairs=("crate", "wall"))
+        assert (answer.lower, answer.upper) == (expected.lower, expected.upper)
+        assert answer.lower < 3 - 0.5 - 0.1 - 0.4 < answer.upper
+        client.add_body("walker", sphere=0.1, pose=at(0, 4), max_speed=1.0)
+        walker = client.distances(pairs=("walker", "wall"))
+        assert walker.lower < 3.4 - 1e-7 and walker.upper >= 3.4, "its pose has an age"
+        for wrong, text in [
+            ({"uncertainty": {"angle": 4}}, "uncertainty.angle: expected 0 to 3.2 radians, got 4"),
+            ({"uncertainty": {"position": -1}}, "uncertainty.position: expected a number of metres >= 0, got -1"),
+            ({"padding": -0.1}, "padding: expected a number of metres >= 0, got -0.1"),
+            ({"max_speed": np.inf}, "max_speed: expected a number of metres a second >= 0, got inf"),
+        ]:
+            with pytest.raises(clearance.QueryError, match=text):
+                client.add_body("odd", sphere=0.1, **wrong)
+        assert len(client.bodies) == 3
+
+
 def test_keys(start_daemon, cell, tmp_path, monkeypatch):
     keys = tmp_path / "keys"
     keys.mkdir(mode=0o700)

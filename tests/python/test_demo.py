@@ -68,13 +68,16 @@ def assert_nothing_is_left(tmp_path, output):
 def test_it_runs_to_its_end(tmp_path):
     output, errors = start(tmp_path).communicate(timeout=PATIENCE_S)
     assert "The demo failed" not in errors, errors
-    # 19 rows, each with an interval that holds its distance.
+    # A row for each body, with an interval that holds its distance.
     rows = re.findall(
-        r"^  (\w+) +(\w+) +(\d+\.\d+) +(\d+\.\d+) +(\d+\.\d+)  (ok|overlap|contact)$", output, re.MULTILINE
+        r"^  ([\w/]+) +([\w/]+) +(\d+\.\d+) +(\d+\.\d+) +(\d+\.\d+)  (ok|overlap|contact)$", output, re.MULTILINE
     )
     assert len(rows) == len({row[0] for row in rows}) == 19, output
+    assert {"arm/forearm", "cup", "table"} < {row[0] for row in rows}, "and none for the arm's frame"
     assert all(float(lower) <= float(upper) for _, _, _, lower, upper, _ in rows)
-    assert {"ok", "overlap"} <= {row[5] for row in rows}
+    assert "ok" in {row[5] for row in rows}
+    by = r"joint_publisher.py \(process \d+\) moves 7" if MULTICAST else "7 of them are moved by this process"
+    assert re.search(f"^Joints +{by} ", output, re.MULTILINE), output
     assert output.count("the same bits in every column") == (2 if MULTICAST else 1)
     assert len(re.findall(r"p50 +[\d.]+ us +p99 +[\d.]+ us", output)) == (3 if MULTICAST else 2)
     header = (tmp_path / "demo.png").read_bytes()[:24]
@@ -85,7 +88,7 @@ def test_it_runs_to_its_end(tmp_path):
 @pytest.mark.parametrize("number, code", [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_it_and_all_it_started(tmp_path, number, code):
     process = start(tmp_path, "--move", "60")
-    read_until(process, "^Poses ")
+    read_until(process, "^Joints ")
     process.send_signal(number)
     output, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == code
@@ -95,7 +98,7 @@ def test_a_signal_ends_it_and_all_it_started(tmp_path, number, code):
 def test_a_daemon_that_dies_is_reported(tmp_path):
     process = start(tmp_path, "--move", "60")
     daemon = int(read_until(process, r"^Daemon .*process (\d+)").group(1))
-    read_until(process, "^Poses ")
+    read_until(process, "^Joints ")
     os.kill(daemon, signal.SIGKILL)
     output, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1

@@ -1,6 +1,5 @@
 """Robots in scenes, joint positions and queries in joint space: in process and through a daemon on every transport."""
 
-import pathlib
 import warnings
 
 import numpy as np
@@ -8,46 +7,14 @@ import pytest
 
 import clearance
 from clearance import Flag, Status
-from conftest import Daemon
 from patience import PATIENCE_S
+from robots import arm_scene, rows_of
 from scenes import at, same_bits
 
 
-@pytest.fixture(scope="module")
-def urdf(root):
-    return str(root / "tests" / "robot" / "arm.urdf")
-
-
-def arm_scene(urdf, **options):
-    scene = clearance.Scene()
-    scene.add_box("table", [1, 1, 0.1], static=True, pose=at(0.5, 0, -0.1))
-    scene.add_sphere("cup", 0.05, pose=at(0.4, 0.3, 0.5))
-    scene.add_robot("arm", urdf, **{"home": {"joint4": -1.5}, **options})
-    return scene
-
-
 @pytest.fixture
-def engine(urdf):
-    return clearance.Engine(arm_scene(urdf), threads=1)
-
-
-@pytest.fixture(scope="module")
-def arm_daemon(urdf, tmp_path_factory, kinds):
-    folder = tmp_path_factory.mktemp("arm")
-    (folder / "arm.urdf").write_text(pathlib.Path(urdf).read_text())
-    (folder / "scene.yaml").write_text(
-        "bodies:\n  - {name: table, box: [1, 1, 0.1], static: true, pose: [0.5, 0, -0.1, 1, 0, 0, 0]}\n"
-        "  - {name: cup, sphere: 0.05, pose: [0.4, 0.3, 0.5, 1, 0, 0, 0]}\n"
-        "robots:\n  - {name: arm, urdf: arm.urdf, home: {joint4: -1.5}}\n"
-    )
-    daemon = Daemon(folder, folder / "scene.yaml", [kind for kind, why in kinds.items() if not why])
-    yield daemon
-    assert daemon.stop() == 0, daemon.log()
-
-
-def rows_of(arm, count, seed=1):
-    rng = np.random.default_rng(seed)
-    return rng.uniform(arm.lower, arm.upper, (count, len(arm)))
+def engine(arm_engine):
+    return arm_engine
 
 
 def test_joints_have_names_ids_and_limits(engine):
@@ -99,6 +66,56 @@ def test_a_query_of_positions_is_that_of_each_in_turn(engine, urdf):
     assert np.array_equal(nearest.upper, answer.upper.min(axis=1))
     robot = engine.distances(pairs=("arm", "table"), joints=arm, positions=rows)
     assert robot.pairs.shape[1] == 2 and set(robot.pairs[:, 0]) == {engine.body_id("table")}
+
+
+def test_gradients_by_joints_are_differences(engine):
+    arm = engine.joints(["arm/joint4", "arm/joint1", "arm/grip"])
+    rows = rows_of(arm, 4, seed=3)
+    fields = ("upper", "flags", "gradient_joints")
+    ask = dict(joints=arm, pairs=("table", "arm"), rel_tol=1e-10)
+    answer = engine.distances(positions=rows, fields=fields, **ask)
+    assert answer.gradient_joints.shape == answer.upper.shape + (3,) and "gradient_joints" in answer.columns
+    step, compared = 1e-6, 0
+    for j in range(3):
+        ahead, behind = (
+            engine.distances(positions=rows + s * np.eye(3)[j], fields="upper", **ask) for s in (step, -step)
+        )
+        slope = (ahead.upper - behind.upper) / (2 * step)
+        smooth = (answer.upper > 0.01) & ((answer.flags & Flag.NONSMOOTH) == 0)
+        compared += int(np.count_nonzero(smooth))
+        assert np.abs(answer.gradient_joints[..., j] - slope)[smooth].max() < 1e-4
+    assert compared > 20
+    out = {"gradient_joints": np.empty(answer.gradient_joints.shape)}
+    again = engine.distances(positions=rows, out=out, **ask)
+    assert again.gradient_joints is out["gradient_joints"]
+    assert np.array_equal(again.gradient_joints, answer.gradient_joints, equal_nan=True)
+    assert engine.distances(positions=rows, out=again, **ask).gradient_joints is out["gradient_joints"]
+    least = engine.distances(positions=rows, reduce="min", fields=("gradient_joints", "flags"), joints=arm)
+    assert least.gradient_joints.shape == (4, 3)
+    with pytest.raises(ValueError, match=r"out\['gradient_joints'\]: expected shape \(4, \d+, 3\), got \(4, 3\)"):
+        engine.distances(positions=rows, out={"gradient_joints": np.empty((4, 3))}, **ask)
+    with pytest.raises(clearance.QueryError, match="fields: gradient_joints is for a query with joints"):
+        engine.distances(fields="gradient_joints")
+
+
+def test_free_scale_is_a_region_that_is_free(engine):
+    arm = engine.joints("arm")
+    rows = rows_of(arm, 40, seed=5)
+    weights = np.array([1, 1, 1, 1, 2, 2, 0, 0.01])
+    pairs = [("table", "arm/palm"), ("cup", "arm/fore"), ("cup", "arm/palm"), ("arm/base", "arm/palm")]
+    scale = engine.free_scale(rows, arm, weights, margin=0.005, pairs=pairs)
+    assert scale.shape == (40,) and scale.dtype == np.float64 and np.isfinite(scale).all()
+    free = engine.check(rows, joints=arm, margin=0.005, pairs=pairs).free
+    assert np.array_equal(scale > 0, free) and 5 < free.sum() < 40
+    rng = np.random.default_rng(6)
+    within = rows[free][:, None] + scale[free][:, None, None] * weights * rng.choice([-1, 1], (free.sum(), 20, 8))
+    assert engine.check(within.reshape(-1, 8), joints=arm, margin=0.004, pairs=pairs).free.all()
+    half = engine.free_scale(rows, arm, weights / 2, margin=0.005, pairs=pairs)
+    assert (half[free] > scale[free]).all()
+    with pytest.raises(clearance.QueryError, match="weights: expected 8 numbers, one for each joint, got 2"):
+        engine.free_scale(rows, arm, [1, 2])
+    with pytest.raises(ValueError, match="weights: expected one number for each joint, got shape"):
+        engine.free_scale(rows, arm, np.ones((8, 1)))
 
 
 def test_bad_rows_are_statuses_and_limits_are_flags(engine):
@@ -182,6 +199,15 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
             assert same_bits(client.distances(**query), expected)
             assert same_bits(client.submit(**query).result(), expected)
             assert np.array_equal(client.distances(**query).pairs, expected.pairs)
+        slopes = {**queries[2], "fields": ["default", "gradient_joints", "normal"]}
+        if kind == "lcm":
+            with pytest.raises(clearance.QueryError, match="reply_t has no column gradient_joints"):
+                client.distances(**slopes)
+        else:
+            expected = engine.distances(**slopes)
+            assert expected.gradient_joints.shape == (expected.total, 2) and expected.total > 10
+            for copy in (True, False):
+                assert same_bits(client.distances(copy=copy, **slopes), expected)
         with pytest.raises(clearance.QueryError, match="'arm/joint3' is named twice"):
             client._send_joints(np.array([2, 2], np.uint32), np.zeros(2), 0, 0)
         with pytest.raises(clearance.QueryError, match="'arm/fore' is a link that joints place"):

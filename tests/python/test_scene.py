@@ -1,12 +1,13 @@
 """Building a scene."""
 
+import importlib.util
 import warnings
 
 import numpy as np
 import pytest
 
 import clearance
-from scenes import ARM_PAIRS, IDENTITY, arm, at, box_vertices
+from scenes import ARM_PAIRS, IDENTITY, arm, at, box_vertices, same_bits
 
 
 def test_bodies_groups_and_pairs():
@@ -194,3 +195,61 @@ def test_scene_file_error_names_file_line_and_key(tmp_path):
     (tmp_path / "scene.yaml").write_text("bodies:\n  - {name: ball, sphere: -1}\n")
     with pytest.raises(clearance.SceneError, match=r"scene.yaml:2.*sphere.*-1"):
         clearance.Scene.load(str(tmp_path / "scene.yaml"))
+
+
+def test_a_saved_scene_is_the_same_scene(tmp_path, root):
+    scene = clearance.Scene.load(root / "scenes" / "cell" / "robot.yaml")
+    scene.add_capsule("vague", 0.05, 0.2, pose=at(1, 1, 1), uncertainty={"angle": 0.01}, padding=0.02)
+    scene.save(tmp_path / "saved")
+    saved = clearance.Scene.load(tmp_path / "saved" / "scene.yaml")
+    assert saved.revision == scene.revision and saved.bodies == scene.bodies
+    one, other = clearance.Engine(scene, threads=1), clearance.Engine(saved, threads=1)
+    arm = one.joints("arm")
+    rows = np.random.default_rng(5).uniform(arm.lower, arm.upper, (20, len(arm)))
+    query = {"joints": arm, "positions": rows, "fields": ("default", "points", "normal", "flags")}
+    assert np.array_equal(one.pairs, other.pairs) and same_bits(one.distances(**query), other.distances(**query))
+    with pytest.raises(clearance.SceneError, match="saved: expected a folder that is empty or not there yet"):
+        scene.save(tmp_path / "saved")
+
+
+def test_the_cells_robot_stands_where_its_arm_does(root):
+    """arm.urdf and arm.py say the same of the same arm."""
+    spec = importlib.util.spec_from_file_location("arm", root / "scenes" / "cell" / "arm.py")
+    arm = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(arm)
+    engine = clearance.Engine(clearance.Scene.load(root / "scenes" / "cell" / "robot.yaml"))
+    rng = np.random.default_rng(7)
+    for degrees in [arm.HOME, *rng.uniform(-90, 90, (5, 6))]:
+        engine.set_joints(np.radians(degrees), joints=[f"arm/{name}" for name in arm_joints(arm)])
+        states = engine.body_states()
+        for link, pose in arm.link_poses(degrees).items():
+            found = states[engine.body_id(f"arm/{link}")].pose
+            assert np.allclose(found[:3], pose[:3], atol=1e-12) and abs(found[3:] @ pose[3:]) > 1 - 1e-12, link
+
+
+def arm_joints(arm):
+    """Names of the URDF's joints in the order of arm.py's links."""
+    names = {"shoulder": "turn", "upper_arm": "lift", "forearm": "elbow", "wrist_1": "wrist_lift"}
+    names.update(wrist_2="wrist_turn", flange="tool")
+    return [names[link] for link, _, _ in arm.JOINTS]
+
+
+def test_links_may_be_less_well_known_than_their_joints_say(root):
+    def gap(**doubts):
+        scene = clearance.Scene()
+        scene.add_box("table", [1, 1, 0.1], static=True, pose=at(0.5, 0, -0.1))
+        scene.add_robot("arm", root / "tests" / "robot" / "arm.urdf", home={"joint4": -1.5}, **doubts)
+        r = clearance.Engine(scene, threads=1).distances(pairs=[("arm/fore", "table"), ("arm/wrist", "table")])
+        info = {body.name: body for body in scene.bodies}["arm/fore"]
+        return r.lower[0], r.upper[0], info
+
+    lower, upper, _ = gap()
+    place, _, info = gap(uncertainty={"fore": {"position": 0.03}})
+    assert info.uncertainty_position == 0.03
+    assert abs(place[0] - (lower[0] - 0.03)) < 1e-6 and place[1] == lower[1], "of that link alone"
+    turned, turned_upper, _ = gap(uncertainty={"fore": {"angle": 0.02}})
+    assert turned[0] < lower[0] - 0.002 and turned_upper[0] >= upper[0] - 1e-6
+    grown, _, info = gap(padding={"fore": 0.05})
+    assert info.padding == 0.05 and abs(grown[0] - (lower[0] - 0.05)) < 1e-6 and grown[1] == lower[1]
+    with pytest.raises(clearance.SceneError, match='uncertainty: there is no link "elbows"'):
+        gap(uncertainty={"elbows": {"angle": 0.1}})

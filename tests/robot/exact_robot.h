@@ -64,9 +64,10 @@ inline RealFrame real_frame(const Pose& X) {
           {{X.translation.x, X.translation.y, X.translation.z}}};
 }
 
-/// Frames of all links. \param q by column. \param roots as of Kinematics::place()
-inline std::vector<RealFrame> real_links(const RobotModel& robot, const double* q,
-                                         const std::vector<std::uint32_t>& root_links, std::span<const Pose> roots) {
+/// Frames of all links. \param q by column: double or Real. \param roots as of Kinematics::place()
+template <class Number>
+std::vector<RealFrame> real_links(const RobotModel& robot, const Number* q,
+                                  const std::vector<std::uint32_t>& root_links, std::span<const Pose> roots) {
   std::vector<RealFrame> links(robot.links.size());
   for (std::size_t r = 0; r < root_links.size(); ++r) links[root_links[r]] = real_frame(roots[r]);
   for (const RobotJoint& joint : robot.joints) {

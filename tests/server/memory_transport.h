@@ -170,7 +170,7 @@ struct TestQuery {
     const std::uint64_t payload =
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
     std::vector<std::byte> all_records = records;
-    wire::append_joint_records(all_records, joints, is_query ? positions : std::vector<double>());
+    wire::insert_joint_records(all_records, joints, is_query ? positions : std::vector<double>());
     std::vector<std::byte> bytes(sizeof(wire::FrameHeader) + payload + all_records.size());
     const auto frame_header =
         wire::with_records(wire::make_header(type, request_id, payload, scene_revision), all_records.size());

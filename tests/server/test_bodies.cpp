@@ -29,6 +29,18 @@ std::vector<std::byte> box_frame(const std::string& name, std::uint32_t parent =
   record.pose[3] = 1;
   return simple_frame(FrameType::kAddBody, 1, std::as_bytes(std::span(&record, 1)));
 }
+/// The same with a record that says what is not known of it.
+template <class Doubts>
+std::vector<std::byte> doubted_frame(const std::string& name, const Doubts& doubts, std::uint16_t tag = 20) {
+  std::vector<std::byte> frame = box_frame(name), records;
+  wire::append_record(records, tag, wire::kRecordRequired, std::as_bytes(std::span(&doubts, 1)));
+  wire::FrameHeader header;
+  std::memcpy(&header, frame.data(), sizeof header);
+  header = wire::with_records(header, records.size());
+  std::memcpy(frame.data(), &header, sizeof header);
+  frame.insert(frame.end(), records.begin(), records.end());
+  return frame;
+}
 std::vector<std::byte> remove_frame(const std::string& name) {
   wire::RemoveBodyRecord record;
   wire::set_name(record.name, name);
@@ -54,8 +66,8 @@ class Bodies : public LoopTest {
   wire::SceneChange change(std::vector<std::byte> frame) {
     const auto reply = ask_scene(a_, std::move(frame));
     EXPECT_EQ(reply->type(), FrameType::kSceneChanged);
-    return reply->type() == FrameType::kSceneChanged ? wire::parse_scene_changed(reply->payload())
-                                                     : wire::SceneChange{};
+    if (reply->type() != FrameType::kSceneChanged) return {};
+    return wire::parse_scene_changed(wire::split_payload(reply->header(), reply->payload()).body);
   }
   /// The refusal's text; the scene is as it was.
   std::string refusal(std::vector<std::byte> frame, ErrorCode code = ErrorCode::kBadQuery) {
@@ -181,6 +193,51 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
   change(remove_frame("odd"));
   EXPECT_EQ(change(box_frame("one more")).body, 5u);
   EXPECT_EQ(a_.sinks, 0);
+}
+
+TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
+  start_editable(small_scene());
+  const wire::BodyDoubts doubts{0.1, 0.02, 0.3, 0.5};
+  EXPECT_EQ(change(doubted_frame("crate", doubts)).body, 4u);
+  const Body& crate = bodies()[4];
+  EXPECT_EQ(crate.uncertainty.angle, 0.02);
+  EXPECT_EQ(crate.max_speed, 0.5);
+  EXPECT_NEAR(crate.pieces[0]->radius, 0.4, 1e-15) << "grown once: by the padding, and by the ball of its place";
+  TestQuery query;
+  query.pairs = {{0, 4}};
+  const Reply answer = ask(b_, query);
+
+  Scene whole = small_scene();
+  Scene::BodyOptions options = at(3, 0, 0);
+  options.uncertainty = {0.1, 0.02};
+  options.padding = 0.3;
+  options.max_speed = 0.5;
+  whole.add_box("crate", {0.2, 0.2, 0.2}, options);
+  const Engine engine(std::move(whole), {.threads = 1});
+  EXPECT_EQ(loop_->engine().scene().revision(), engine.scene().revision());
+  ASSERT_EQ(answer.rows(), 1u);
+  const double known = 3 - 1 - 0.1 - 0.4;
+  EXPECT_LT(answer.lower()[0], known);
+  EXPECT_GT(answer.upper()[0], answer.lower()[0]) << "its turn, and the age of its pose";
+  change(simple_frame(FrameType::kReload, 3));
+  EXPECT_NEAR(bodies()[4].pieces[0]->radius, 0.4, 1e-15) << "also after a reload";
+}
+
+TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {
+  start_editable(small_scene());
+  const auto refused = [&](const wire::BodyDoubts& doubts, const std::string& text) {
+    EXPECT_NE(refusal(doubted_frame("crate", doubts)).find(text), std::string::npos) << text;
+  };
+  refused({-1, 0, 0, 0}, "body \"crate\": uncertainty.position: expected a number of metres >= 0, got -1");
+  refused({NAN, 0, 0, 0}, "uncertainty.position: expected a number of metres >= 0, got nan");
+  refused({0, 4, 0, 0}, "uncertainty.angle: expected 0 to 3.2 radians, got 4");
+  refused({0, 0, INFINITY, 0}, "padding: expected a number of metres >= 0, got inf");
+  refused({0, 0, 0, -0.5}, "max_speed: expected a number of metres a second >= 0, got -0.5");
+  EXPECT_EQ(refusal(doubted_frame("crate", 1.0), ErrorCode::kBadFrame),
+            "new body: doubts (record 20) have 8 bytes, expected 32");
+  EXPECT_EQ(refusal(doubted_frame("crate", wire::BodyDoubts{}, 19), ErrorCode::kNotSupported),
+            "new body: record 19 is required, and this side does not know it");
+  EXPECT_EQ(change(doubted_frame("crate", wire::BodyDoubts{})).body, 4u);
 }
 
 TEST_F(Bodies, StayThroughAReloadIfTheyFit) {

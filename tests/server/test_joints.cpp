@@ -1,7 +1,9 @@
 // Robots through the daemon: joint positions in, queries in joint space, and what is refused.
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <limits>
+#include <vector>
 
 #include "loop_fixture.h"
 
@@ -94,6 +96,46 @@ TEST_F(JointsTest, AnswersAreThoseOfTheEngine) {
     EXPECT_EQ(reply.lower()[k], lower[k]);
     EXPECT_EQ(reply.upper()[k], upper[k]);
   }
+}
+
+// A column as wide as the query has joints, between others, with fewer rows than there was room for.
+TEST_F(JointsTest, GradientsByJointsAreThoseOfTheEngine) {
+  start(arm_scene());
+  TestQuery query = joint_query();
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
+  query.header.max_distance = 0.3;
+  query.header.fields = kDefaultFields | kFieldNormal | kFieldGradientJoints | kFieldPairLower;
+  const Reply reply = ask(a_, query);
+  QueryView view;
+  view.joints = query.joints;
+  view.positions = query.positions;
+  view.configuration_count = 3;
+  view.reduce = Reduce::kWithin;
+  view.max_distance = 0.3;
+  view.fields = query.header.fields;
+  const QuerySize size = engine_->size(view);
+  std::vector<double> slopes(size.rows * 2);
+  std::vector<BodyPair> pairs(size.rows);
+  ReplyView columns;
+  columns.gradient_joints = slopes.data();
+  columns.pair_lower = pairs.data();
+  columns.joints = size.joints;
+  Job job = engine_->start(view, columns);
+  while (!job.advance()) {
+  }
+  ASSERT_GT(reply.rows(), 2u);
+  ASSERT_LT(reply.rows(), size.rows);
+  ASSERT_EQ(reply.rows(), job.info().rows);
+  EXPECT_EQ(reply.joints(), 2u);
+  ASSERT_EQ(reply.gradient_joints().size(), 2 * reply.rows());
+  EXPECT_EQ(std::memcmp(reply.gradient_joints().data(), slopes.data(), 16 * reply.rows()), 0);
+  EXPECT_EQ(std::memcmp(reply.pair_lower().data(), pairs.data(), 8 * reply.rows()), 0);
+  query.header.format = static_cast<std::uint8_t>(Format::kCompact);
+  const Reply compact = ask(a_, query);
+  EXPECT_EQ(compact.fields() & kFieldGradientJoints, 0u) << "one of the float64 columns that compact rows replace";
+  TestQuery without;
+  without.header.fields = query.header.fields;
+  EXPECT_EQ(error_of(ask(a_, without.frame(4))).text, "fields: gradient_joints is for a query with joints");
 }
 
 TEST_F(JointsTest, ItsPairsAreThoseOfTheLinksThatMove) {

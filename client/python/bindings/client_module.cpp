@@ -1,4 +1,5 @@
 // clearance._client: the C++ client in a Python process. The public face is clearance/_client_front.py.
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -9,14 +10,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <mutex>
 #include <span>
 #include <utility>
-#include <variant>
 
 #include "client/client.h"
-#include "client/fork_guard.h"
 #include "columns.h"
+#include "connection.h"
 #include "matrices.h"
 #include "wire/layout.h"
 
@@ -27,71 +26,6 @@ using Clock = std::chrono::steady_clock;
 
 /// How often a waiting call looks whether Ctrl-C was pressed and lets other threads use the connection.
 constexpr std::chrono::milliseconds kSlice{10};
-
-std::chrono::nanoseconds duration_of(double seconds) {
-  constexpr double kLongest = 365.0 * 24 * 3600;
-  return std::chrono::nanoseconds(static_cast<std::int64_t>(std::clamp(seconds, 0.0, kLongest) * 1e9));
-}
-
-/// One connection, shared by the client object, its futures and the answers that view its memory. A clearance::Client
-/// is for one thread at a time, while Python frees objects on any: whatever a free cannot do at once is left for the
-/// next call.
-class Connection {
- public:
-  Connection(const std::vector<std::string>& urls, const ConnectOptions& options)
-      : client_(connect(urls, options)), timeout_s_(1e-9 * static_cast<double>(options.timeout.count())) {
-    name_ = client_.url();
-  }
-
-  /// Runs f(client) alone, with the GIL released.
-  template <class F>
-  auto with(F&& f) {
-    // Before the lock: another thread may have held it at the fork, and does not exist in the child.
-    if (fork_guard_.forked())
-      throw ConnectionError(name_ + ": this connection was opened before a fork; the child process must connect anew");
-    nb::gil_scoped_release release;
-    const std::lock_guard lock(mutex_);
-    empty_trash();
-    return f(client_);
-  }
-
-  /// Destroys a Reply or Pending, now or before the next call. Never blocks.
-  template <class T>
-  void discard(T&& object) {
-    if (fork_guard_.forked()) {
-      (void)new T(std::move(object));  // the parent's: neither used nor given back here
-      return;
-    }
-    if (const std::unique_lock lock(mutex_, std::try_to_lock); lock) {
-      const T gone = std::move(object);
-    } else {
-      const std::lock_guard trash_lock(trash_mutex_);
-      trash_.emplace_back(std::move(object));
-    }
-  }
-
-  double timeout_s() const { return timeout_s_; }
-  void set_timeout(double seconds) {
-    timeout_s_ = seconds;
-    with([&](Client& client) { client.set_timeout(duration_of(seconds)); });
-  }
-
- private:
-  void empty_trash() {
-    std::vector<std::variant<Reply, Pending>> gone;
-    const std::lock_guard lock(trash_mutex_);
-    gone.swap(trash_);
-  }
-
-  ForkGuard fork_guard_;
-  std::mutex mutex_;
-  Client client_;
-  std::string name_;  // the url at first
-  double timeout_s_;
-  std::mutex trash_mutex_;
-  std::vector<std::variant<Reply, Pending>> trash_;
-};
-using ConnectionPtr = std::shared_ptr<Connection>;
 
 static_assert(sizeof(IdPair) == 8 && sizeof(Pose7) == 56);
 
@@ -129,9 +63,15 @@ nb::dict wire_structs() {
 }
 
 std::array<const void*, kFieldCount> columns_of(const Reply& r) {
-  return {r.distance().data(), r.lower().data(),         r.upper().data(),   r.status().data(), r.flags().data(),
-          r.point_a().data(),  r.point_b().data(),       r.normal().data(),  r.pieces().data(), r.gradient().data(),
-          r.pair().data(),     r.configuration().data(), r.compact().data(), nullptr,           r.pair_lower().data()};
+  return {r.distance().data(),      r.lower().data(),
+          r.upper().data(),         r.status().data(),
+          r.flags().data(),         r.point_a().data(),
+          r.point_b().data(),       r.normal().data(),
+          r.pieces().data(),        r.gradient().data(),
+          r.pair().data(),          r.configuration().data(),
+          r.compact().data(),       r.gradient_joints().data(),
+          r.pair_lower().data(),    r.time().data(),
+          r.first_contact().data(), r.steps().data()};
 }
 
 Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, const OutArrays& out, bool copy) {
@@ -141,6 +81,7 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
   a.total = reply.total();
   a.configurations = reply.configurations();
   a.pairs = reply.pairs();
+  a.joints = reply.joints();
   a.scene_revision = reply.scene_revision();
   a.snapshot_revision = reply.snapshot_revision();
   a.snapshot_stamp_ns = reply.snapshot_stamp_ns();
@@ -150,7 +91,7 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
   a.server_ns = reply.server_ns();
   a.backend = reply.backend();
   try {
-    out.check(reduce, a.configurations, a.pairs, a.rows);
+    out.check(reduce, a.configurations, a.pairs, a.joints, a.rows);
   } catch (...) {
     connection->discard(std::move(reply));
     throw;
@@ -158,7 +99,7 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
 
   const auto columns = columns_of(reply);
   if (copy) {
-    const Layout layout = layout_of(a.fields & ~out.fields(), a.rows);
+    const Layout layout = layout_of(a.fields & ~out.fields(), a.rows, a.joints);
     a.owner = plain_blocks().take(layout.bytes);
     a.base = static_cast<const std::byte*>(a.owner.get());
     a.bytes = layout.bytes;
@@ -167,7 +108,7 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
       if (!(a.fields >> i & 1u) || a.rows == 0) continue;
       std::byte* to = out.fields() >> i & 1u ? out.data(static_cast<int>(i))
                                              : static_cast<std::byte*>(a.owner.get()) + layout.offset[i];
-      std::memcpy(to, columns[i], a.rows * kFieldBytes[i]);
+      std::memcpy(to, columns[i], a.rows * field_bytes(static_cast<int>(i), a.joints));
     }
     connection->discard(std::move(reply));
     return a;
@@ -180,7 +121,7 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
     if (!(a.fields >> i & 1u)) continue;
     const auto* column = static_cast<const std::byte*>(columns[i]);
     if (!first) first = column;
-    last = column + a.rows * kFieldBytes[i];
+    last = column + a.rows * field_bytes(static_cast<int>(i), a.joints);
     a.offset[i] = column - first;
   }
   a.base = first;
@@ -360,9 +301,10 @@ class PyClient {
     return changed(use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); }));
   }
   /// \param shape "vertices", "box", "sphere", "capsule" or "cylinder"; \param numbers its vertices (V, 3), or sizes
-  /// (1, 3).
+  /// (1, 3). \param doubts of position and angle, padding, max_speed
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
-                     std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose) const {
+                     std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose,
+                     const std::array<double, 4>& doubts) const {
     const auto* rows = reinterpret_cast<const std::array<double, 3>*>(numbers.data());
     NewBody body;
     body.name = name;
@@ -374,6 +316,10 @@ class PyClient {
     body.radius = radius;
     body.parent = parent;
     body.is_static = is_static;
+    body.uncertainty_position = doubts[0];
+    body.uncertainty_angle = doubts[1];
+    body.padding = doubts[2];
+    body.max_speed = doubts[3];
     if (pose) std::copy_n(pose->data(), 7, body.pose.emplace().begin());
     return changed(use().with([&](Client& client) { return client.add_body(body); }));
   }
@@ -475,7 +421,7 @@ NB_MODULE(_client, m) {
       .def("allow", &PyClient::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"))
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
-           nb::arg("parent"), nb::arg("static"), nb::arg("pose").none())
+           nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def("remove_body", &PyClient::remove_body, nb::arg("name"))
       .def("scene", &PyClient::scene, nb::arg("refresh"))
       .def("body_states", &PyClient::body_states)

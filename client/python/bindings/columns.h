@@ -131,13 +131,14 @@ struct Layout {
   std::uint64_t bytes = 0;
 };
 
-inline Layout layout_of(std::uint32_t fields, std::uint64_t rows) {
+/// \param joints of the query: J
+inline Layout layout_of(std::uint32_t fields, std::uint64_t rows, std::uint64_t joints) {
   Layout layout;
   for (int i = 0; i < kFieldCount; ++i) {
     layout.offset[i] = -1;
     if (!(fields >> i & 1u)) continue;
     layout.offset[i] = static_cast<std::int64_t>(layout.bytes);
-    layout.bytes += (rows * kFieldBytes[i] + 63) / 64 * 64;
+    layout.bytes += (rows * field_bytes(i, joints) + 63) / 64 * 64;
   }
   return layout;
 }
@@ -151,7 +152,7 @@ struct Answer {
   std::array<std::int64_t, kFieldCount> offset{};
 
   std::uint32_t fields = 0;
-  std::uint64_t rows = 0, capacity = 0, total = 0, configurations = 0, pairs = 0;
+  std::uint64_t rows = 0, capacity = 0, total = 0, configurations = 0, pairs = 0, joints = 0;
   std::uint64_t scene_revision = 0, snapshot_revision = 0, engine_ns = 0, server_ns = 0;
   std::int64_t snapshot_stamp_ns = 0, snapshot_sequence = 0, pose_age_ns = -1;
   std::string backend;
@@ -173,6 +174,7 @@ inline void bind_answer(nb::module_& m) {
       .def_ro("total", &Answer::total)
       .def_ro("configurations", &Answer::configurations)
       .def_ro("pairs", &Answer::pairs)
+      .def_ro("joints", &Answer::joints)
       .def_ro("scene_revision", &Answer::scene_revision)
       .def_ro("snapshot_revision", &Answer::snapshot_revision)
       .def_ro("snapshot_stamp_ns", &Answer::snapshot_stamp_ns)
@@ -184,8 +186,9 @@ inline void bind_answer(nb::module_& m) {
 }
 
 inline constexpr const char* kFieldNames[kFieldCount] = {
-    "distance", "lower",    "upper", "status",        "flags",   "point_a", "point_b",   "normal",
-    "pieces",   "gradient", "pair",  "configuration", "compact", "",        "pair_lower"};
+    "distance", "lower",           "upper",      "status",   "flags",         "point_a",
+    "point_b",  "normal",          "pieces",     "gradient", "pair",          "configuration",
+    "compact",  "gradient_joints", "pair_lower", "time",     "first_contact", "steps"};
 
 /// Arrays of the caller to write columns into: a list with one entry for each field, None where there is none.
 /// dtype and contiguity were checked in Python; shapes are checked here, once the answer's size is known.
@@ -224,7 +227,8 @@ class OutArrays {
 
   /// Throws ValueError unless every array has the shape of the answer (kWithin: room for all rows) and memory of its
   /// own.
-  void check(Reduce reduce, std::uint64_t configurations, std::uint64_t pairs, std::uint64_t rows) const {
+  void check(Reduce reduce, std::uint64_t configurations, std::uint64_t pairs, std::uint64_t joints,
+             std::uint64_t rows) const {
     check_apart();
     for (int i = 0; i < kFieldCount; ++i) {
       if (!(fields_ >> i & 1u)) continue;
@@ -237,8 +241,9 @@ class OutArrays {
         expected = {rows};
       }
       if ((1u << i) & (kFieldPointA | kFieldPointB | kFieldNormal)) expected.push_back(3);
-      if ((1u << i) & (kFieldPieces | kFieldPair | kFieldPairLower)) expected.push_back(2);
+      if ((1u << i) & (kFieldPieces | kFieldPair | kFieldPairLower | kFieldFirstContact)) expected.push_back(2);
       if ((1u << i) & kFieldGradient) expected.insert(expected.end(), {2, 6});
+      if ((1u << i) & kFieldGradientJoints) expected.push_back(joints);
       const Py_buffer& view = view_[static_cast<std::size_t>(i)];
       bool fits = view.ndim == static_cast<int>(expected.size());
       for (int d = 0; fits && d < view.ndim; ++d) {

@@ -18,6 +18,7 @@ import importlib.util
 from typing import TYPE_CHECKING, Any
 
 from . import wire
+from ._certificate import Certificate
 from ._errors import (
     ClearanceError,
     ConnectionError,
@@ -30,11 +31,13 @@ from ._errors import (
     SceneError,
     TimeoutError,
 )
-from ._front import BodyState, PosesDone, Prepared, SceneChanged
+from ._front import BodyState, PosesDone, SceneChanged
 from ._future import Future
 from ._joints import Joints, JointState
+from ._motions import PathCheck
 from ._names import BodyInfo
 from ._poses import pose7_from_matrix
+from ._prepared import Prepared
 from ._result import Check, Result
 from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, Status
@@ -48,6 +51,7 @@ if TYPE_CHECKING:
 __all__ = [
     "BodyInfo",
     "BodyState",
+    "Certificate",
     "ClearanceError",
     "Client",
     "ConnectionError",
@@ -65,6 +69,7 @@ __all__ = [
     "NewEpoch",
     "PosesDone",
     "Precision",
+    "PathCheck",
     "Prepared",
     "QueryError",
     "Reduce",

@@ -156,6 +156,23 @@ def did_you_mean(value: Any, words: Iterable[str], cutoff: float = 0.6) -> str:
     return f"; did you mean {' or '.join(repr(by_fold[fold]) for fold in close)}?" if close else ""
 
 
+def to_uncertainty(value: Any, what: str) -> tuple[float, float]:
+    """Metres and radians of {"position": ..., "angle": ...}; what is not there is 0."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{what}: expected a map, such as {{'position': 0.002, 'angle': 0.01}}, got {value!r}")
+    for key in value:
+        if key not in ("position", "angle"):
+            raise ValueError(f"{what}: expected the keys position and angle, got {key!r}")
+    position, angle = (to_number(value.get(key, 0.0), f"{what}[{key!r}]") for key in ("position", "angle"))
+    return position, angle
+
+
+def to_doubts(uncertainty: Any, padding: Any, max_speed: Any) -> tuple[float, float, float, float]:
+    """What is not known of a body: position and angle, padding, max_speed; metres, radians, metres a second."""
+    position, angle = to_uncertainty({} if uncertainty is None else uncertainty, "uncertainty")
+    return position, angle, to_number(padding, "padding"), to_number(max_speed, "max_speed")
+
+
 def to_shape(shapes: Mapping[str, Any]) -> tuple[str, np.ndarray]:
     """The one shape that add_body() was given, and its numbers: vertices (V, 3), or sizes (1, 3)."""
     given = [shape for shape, value in shapes.items() if value is not None]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import concurrent.futures
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
 
 from . import _client
-from ._arguments import to_bool, to_number, to_number_from_0, to_path, to_shape, to_text
+from ._arguments import to_bool, to_doubts, to_number, to_number_from_0, to_path, to_shape, to_text
 from ._errors import ConnectionError, QueryError, TimeoutError
 from ._front import BodyRef, BodyState, Front, PosesDone, SceneChanged
 from ._future import Future
@@ -145,6 +145,9 @@ class Client(Front):
         parent: Optional[BodyRef] = None,
         static: bool = False,
         pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
     ) -> SceneChanged:
         """Adds a body while the daemon runs (a grasped object, say), and waits until the scene has it.
 
@@ -154,6 +157,9 @@ class Client(Front):
         parent: name or id of the body that it follows.
         pose: X_world_body, with a parent X_parent_body; None: no pose until one arrives (with a parent or static: the
             identity).
+        uncertainty: {"position": metres, "angle": radians} that its place and its turn may be off by; padding: metres
+            that it is grown by; max_speed: metres a second that no point of it exceeds. As in a scene file; answers
+            hold all that these allow.
 
         Its id comes after those of the other bodies, which keep their ids and poses. Queries under way are answered
         for the scene they began with. Raises QueryError for a name that is taken, a shape that cannot be made, or too
@@ -173,6 +179,7 @@ class Client(Front):
                 parent_id,
                 to_bool(static, "static"),
                 row,
+                to_doubts(uncertainty, padding, max_speed),
             )
         )
 

@@ -15,13 +15,14 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_count, to_integer, to_list
-from ._errors import QueryError
+from ._arguments import to_integer, to_list
 from ._future import Future
 from ._joints import Joints, JointsRef, JointState, JointTable
+from ._motions import MotionQueries
 from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose, as_pose7, stack_poses
-from ._query import NO_WAIT, Parser, Query
+from ._prepared import Prepared, TableOf
+from ._query import Parser, Query
 from ._result import Check, Out, Result
 from ._words import NONE, FormatWord, PrecisionWord, ReduceWord, Status
 
@@ -66,7 +67,7 @@ class BodyState:
     age_ns: Optional[int]  #: since the pose was received; None: never received
 
 
-class Front(Parser):
+class Front(MotionQueries, Parser):
     """Methods of both clearance.Engine and clearance.Client."""
 
     def __init__(self) -> None:
@@ -412,10 +413,13 @@ class Front(Parser):
 
         Raises as distances() does. Names are looked up here: prepare again after the scene has changed.
         """
-        arguments = {**_DEFAULTS, **arguments}
-        if isinstance(arguments["pairs"], np.ndarray):
+        if isinstance(arguments.get("pairs"), np.ndarray):
             arguments["pairs"] = arguments["pairs"].copy()
-        return Prepared(self, self._parse(**arguments))
+        return Prepared(self, self._parse_named(arguments))
+
+    def _parse_named(self, arguments: dict[str, Any]) -> Query:
+        """Some of the arguments of distances(), by name."""
+        return self._parse(**{**DEFAULTS, **arguments})
 
     def submit(
         self,
@@ -455,7 +459,7 @@ class Front(Parser):
         return self._start(query)
 
     def _result(self, query: Query, answer: Any) -> Result:
-        return Result(answer, query.reduce, query.out, self._known_pairs(query), _TableOf(self, query))
+        return Result(answer, query.reduce, query.out, self._known_pairs(query), TableOf(self, query))
 
     def _known_pairs(self, query: Query) -> Optional[np.ndarray]:
         if query.pairs is None or query.selects:
@@ -464,45 +468,6 @@ class Front(Parser):
 
 
 #: Of distances().
-_DEFAULTS = {
+DEFAULTS = {
     name: p.default for name, p in inspect.signature(Front.distances).parameters.items() if name not in ("self", "more")
 }
-
-
-class Prepared:
-    """A query that prepare() has parsed. A call answers it as distances() would, for the poses at that moment."""
-
-    __slots__ = ("_front", "_query", "_table", "_pairs")
-
-    def __init__(self, front: Front, query: Query):
-        self._front = front
-        self._query = query
-        self._table = _TableOf(front, query)
-        self._pairs = front._known_pairs(query)
-        if self._pairs is not None:
-            self._pairs.flags.writeable = False  # all its results share it
-
-    def __call__(self, min_pose_stamp_ns: Optional[int] = None) -> Result:
-        """min_pose_stamp_ns: for this call and later ones; None: unchanged."""
-        query = self._query
-        if min_pose_stamp_ns is not None:
-            if not self._front._waits:
-                raise ValueError(NO_WAIT)
-            query.raw.min_pose_stamp_ns = to_count(min_pose_stamp_ns, "min_pose_stamp_ns")
-        return Result(self._front._answer(query), query.reduce, query.out, self._pairs, self._table)
-
-
-class _TableOf:
-    """Fetches the pair table of one query when its result is asked for it."""
-
-    __slots__ = ("front", "query")
-
-    def __init__(self, front: Front, query: Query):
-        self.front = front
-        self.query = query
-
-    def __call__(self, revision: int) -> np.ndarray:
-        table = self.front._table(self.query.pairs, self.query.bodies, self.query.joints)
-        if self.front._scene_revision() != revision:
-            raise QueryError(2, "pairs: the scene has changed since this answer; ask for pairs before changing it")
-        return table

@@ -63,8 +63,16 @@ class Result:
     gradient: np.ndarray = _ColumnAttribute(
         "(..., 2, 6) float64, of a, of b: by a turn about its own origin (m/rad), by a shift (m/m); world axes"
     )  # type: ignore[assignment]
+    gradient_joints: np.ndarray = _ColumnAttribute(
+        "(..., J) float64: by the position of each of the query's joints, in their order (m/rad or m/m)"
+    )  # type: ignore[assignment]
     pair_lower: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids of the pair whose lower bound is the row's")  # type: ignore[assignment]
     pair: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids, as a column; see pairs")  # type: ignore[assignment]
+    time: np.ndarray = _ColumnAttribute("float64, 0 to 1: when in a motion the witness points are; NaN: no points")  # type: ignore[assignment]
+    first_contact: np.ndarray = _ColumnAttribute(
+        "(..., 2) float64, 0 to 1: until when a motion is proved beyond its margins, and when within; inf: never"
+    )  # type: ignore[assignment]
+    steps: np.ndarray = _ColumnAttribute("uint32: configurations that a motion asked for")  # type: ignore[assignment]
     compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
 
     def __init__(
@@ -159,7 +167,11 @@ class Result:
         if self._out is not None and name in self._out:
             array = self._out[name]
             return array[: self._answer.rows] if self._reduce == Reduce.WITHIN else array
-        return np.ndarray(self._lead + column.shape, column.dtype, self._answer, self._answer.offset(column.bit))
+        shape = self._lead + self._row_shape(name)
+        return np.ndarray(shape, column.dtype, self._answer, self._answer.offset(column.bit))
+
+    def _row_shape(self, name: str) -> tuple[int, ...]:
+        return (self._answer.joints,) if name == "gradient_joints" else COLUMNS[name].shape
 
     def _reusable(self) -> dict[str, np.ndarray]:
         """The columns with all the room they have, to write another answer into."""
@@ -170,7 +182,7 @@ class Result:
             if self._out is not None and name in self._out:
                 arrays[name] = self._out[name]
             elif self.fields & (1 << column.bit):
-                shape = (self._answer.capacity,) + column.shape
+                shape = (self._answer.capacity,) + self._row_shape(name)
                 arrays[name] = np.ndarray(shape, column.dtype, self._answer, self._answer.offset(column.bit))
         return arrays
 

@@ -14,6 +14,7 @@ import clearance._engine as _engine
 
 from ._arguments import (
     to_bool,
+    to_doubts,
     to_floats,
     to_items,
     to_list,
@@ -22,6 +23,7 @@ from ._arguments import (
     to_path,
     to_shape,
     to_text,
+    to_uncertainty,
     to_word,
 )
 from ._errors import HullWarning, RobotWarning, SceneError
@@ -30,6 +32,7 @@ from ._poses import as_one_pose
 from ._words import CONVEXIFY, GEOMETRIES, NONE, ConvexifyWord, GeometryWord
 
 BodyRef = Union[str, int]
+_BY_LINK = "a dict of {'position': metres, 'angle': radians} by link"
 
 
 class Scene:
@@ -276,6 +279,7 @@ class Scene:
         geometry: GeometryWord = "collision",
         home: Union[Mapping[str, float], str, None] = None,
         padding: Union[float, Mapping[str, float]] = 0.0,
+        uncertainty: Optional[Mapping[str, Mapping[str, float]]] = None,
     ) -> None:
         """Adds a robot: a frame `name` that places it, and a body "name/LINK" for each of its links.
 
@@ -288,6 +292,8 @@ class Scene:
         home: {joint: position} at load, radians and metres, or the name of a group state of the SRDF; joints that it
             does not name are at 0. None: links have no pose until their joints have positions.
         padding: metres that grow the links, one number or {link: metres}.
+        uncertainty: {link: {"position": metres, "angle": radians}} that a link may be off by, itself alone: not those
+            that hang on it.
 
         Raises SceneError naming file, line and element. Warns (RobotWarning) of what was left out of the SRDF, and
         (HullWarning) of links that stand far out of their meshes.
@@ -312,6 +318,10 @@ class Scene:
                 home if isinstance(home, str) else "",
                 0.0 if by_link else to_number(padding, "padding"),
                 _numbers_by_name(padding, "padding", "metres by link") if by_link else {},
+                {
+                    to_text(link, "uncertainty"): to_uncertainty(doubt, f"uncertainty[{link!r}]")
+                    for link, doubt in to_items({} if uncertainty is None else uncertainty, "uncertainty", _BY_LINK)
+                },
             )
             _warn_of_hulls(self._scene, bodies)
             _warn_of_robots(self._scene, index)
@@ -357,6 +367,15 @@ class Scene:
         """A digest of geometry, names, groups and initial poses: the same scene gives the same number anywhere."""
         return self._scene.revision()
 
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Writes scene.yaml and all that it needs into a folder that is empty or not there yet.
+
+        Scene.load(folder + "/scene.yaml") then has the same bodies, ids and pairs, and answers have the same bits.
+        Robots are kept as their URDF and SRDF, shapes as the engine has them. Raises SceneError where that cannot be.
+        """
+        with self._lock:
+            self._scene.save(to_path(folder, "folder"))
+
     def initial_pose(self, body: BodyRef) -> Optional[np.ndarray]:
         """(7,) pose of a body at load, or None."""
         pose = self._scene.initial_pose(self._body(body, "body").id)
@@ -393,11 +412,7 @@ class Scene:
         max_speed: float,
     ) -> tuple[Optional[str], bool, Optional[np.ndarray], tuple[float, ...]]:
         name = None if parent is None else self._body(parent, "parent").name
-        doubts = (
-            *_uncertainty(uncertainty),
-            to_number(padding, "padding"),
-            to_number(max_speed, "max_speed"),
-        )
+        doubts = to_doubts(uncertainty, padding, max_speed)
         return name, to_bool(static, "static"), None if pose is None else as_one_pose(pose, "pose"), doubts
 
     def _body(self, body: BodyRef, what: str) -> BodyInfo:
@@ -406,19 +421,6 @@ class Scene:
         if index >= len(table.bodies):
             raise ValueError(f"{what}: no body has the id {index}; the scene has {len(table.bodies)}")
         return table.bodies[index]
-
-
-def _uncertainty(value: Optional[Mapping[str, float]]) -> tuple[float, float]:
-    """Metres and radians of {"position": ..., "angle": ...}; what is not there is 0."""
-    if value is None:
-        return 0.0, 0.0
-    if not isinstance(value, Mapping):
-        raise TypeError(f"uncertainty: expected a map, such as {{'position': 0.002, 'angle': 0.01}}, got {value!r}")
-    for key in value:
-        if key not in ("position", "angle"):
-            raise ValueError(f"uncertainty: expected the keys position and angle, got {key!r}")
-    position, angle = (to_number(value.get(key, 0.0), f"uncertainty[{key!r}]") for key in ("position", "angle"))
-    return position, angle
 
 
 def name_table(scene: Any, revision: int) -> NameTable:

@@ -36,6 +36,7 @@ class Flag(enum.IntFlag):
     INCOMPLETE = 1 << 5  #: a reduced group held a bad or missing pose
     SLACK = 1 << 6  #: what is not known of the bodies is alone wider than asked
     BEYOND_LIMITS = 1 << 7  #: a joint that places one of the bodies is beyond its limits
+    HALF_TURN = 1 << 8  #: a body turns by nearly half a turn in a motion: which way, its ends hardly say
 
 
 class Precision(enum.IntEnum):
@@ -78,7 +79,11 @@ class Field(enum.IntFlag):
     PAIR = 1 << 10
     CONFIGURATION = 1 << 11
     COMPACT = 1 << 12
+    GRADIENT_JOINTS = 1 << 13
     PAIR_LOWER = 1 << 14
+    TIME = 1 << 15
+    FIRST_CONTACT = 1 << 16
+    STEPS = 1 << 17
 
 
 #: One row of format="compact".
@@ -90,7 +95,7 @@ class Column(NamedTuple):
 
     bit: int
     dtype: np.dtype
-    shape: tuple[int, ...]  #: of one row
+    shape: tuple[int, ...]  #: of one row; of gradient_joints (J,), which depends on the query
 
 
 #: One entry of margins for groups of pairs, as extension modules and the wire have it.
@@ -111,7 +116,11 @@ COLUMNS: dict[str, Column] = {
     "pair": Column(10, np.dtype("<u4"), (2,)),
     "configuration": Column(11, np.dtype("<u4"), ()),
     "compact": Column(12, COMPACT_DTYPE, ()),
+    "gradient_joints": Column(13, np.dtype("<f8"), ()),
     "pair_lower": Column(14, np.dtype("<u4"), (2,)),
+    "time": Column(15, np.dtype("<f8"), ()),
+    "first_contact": Column(16, np.dtype("<f8"), (2,)),
+    "steps": Column(17, np.dtype("<u4"), ()),
 }
 KNOWN_FIELDS = sum(1 << column.bit for column in COLUMNS.values())
 #: Bits from 0 to that of the last column.

@@ -88,6 +88,7 @@ class ReplyRecord(enum.IntEnum):
     """Tags of a reply's records."""
 
     IGNORED = 1  #: uint16 each: tags of the query's records that the daemon passed over
+    JOINTS = 2  #: uint32: J, entries a row of the column gradient_joints, with which it comes
 
 
 class CommonRecord(enum.IntEnum):

@@ -159,8 +159,9 @@ class Client:
         parent: int,
         static: bool,
         pose: Optional[np.ndarray],
+        doubts: tuple[float, float, float, float],
     ) -> tuple:
-        return self._with(self._session.add_body, name, shape, numbers, radius, parent, static, pose)
+        return self._with(self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts)
 
     def remove_body(self, name: str) -> tuple:
         return self._with(self._session.remove_body, name)

@@ -24,6 +24,7 @@ _OPTION_FORMATS = {"bool": "<B", "word": "<B", "number": "<d", "integer": "<q", 
 #: Records of a query that hold arrays, in the order of their tags: above those of options.
 _ARRAY_TAGS = {record.name.lower(): record for record in QueryRecord}
 _ATTACH_ALLOW = 1  #: tag of the record of an attachment that names what the child may touch
+_BODY_DOUBTS = 20  #: tag of the record of a new body that says what is not known of it
 
 
 class Scene(NamedTuple):
@@ -150,14 +151,12 @@ class Session:
         if is_query and poses is not None:
             parts.append(poses)
         later = {n: r for n, r in self._options.items() if r[0] and asked[n] != r[2]}
-        records = b"".join(
-            record(tag, struct.pack(_OPTION_FORMATS[kind], asked[name]))
-            for name, (tag, kind, *_) in sorted(later.items(), key=lambda item: item[1][0])
-        )
+        tagged = {tag: struct.pack(_OPTION_FORMATS[kind], asked[name]) for name, (tag, kind, *_) in later.items()}
         arrays = {name: asked[name] for name in _ARRAY_TAGS if asked[name] is not None and len(asked[name])}
         if not is_query:
             arrays.pop("positions", None)
-        records += b"".join(record(_ARRAY_TAGS[name], np.ascontiguousarray(arrays[name]).tobytes()) for name in arrays)
+        tagged.update((_ARRAY_TAGS[name], np.ascontiguousarray(array).tobytes()) for name, array in arrays.items())
+        records = b"".join(record(tag, tagged[tag]) for tag in sorted(tagged))
         expected = self._expected_reply_bytes(header, pairs) if is_query else 0
         request_id = self._send(type, parts, revision, records, expected)
         if later or arrays:
@@ -251,8 +250,13 @@ class Session:
         members = 2 if parents else 1
         return all(a[:members] == b[:members] for a, b in bodies) and all(a[0] == b[0] for a, b in groups)
 
-    def _change_scene(self, type: FrameType, parts: Sequence[Any], limit_s: float, scene_revision: int = 0) -> tuple:
-        frame = self._receive(self._send(type, parts, scene_revision), "SCENE_CHANGED", limit_s)
+    def _change_scene(
+        self, type: FrameType, parts: Sequence[Any], limit_s: float, scene_revision: int = 0, records: bytes = b""
+    ) -> tuple:
+        request_id = self._send(type, parts, scene_revision, records)
+        if records:
+            self._sent_in_records[request_id] = "add_body: uncertainty, padding, max_speed"
+        frame = self._receive(request_id, "SCENE_CHANGED", limit_s)
         self._scene_is_old = self._changed_by_us = True
         change = self._whole(frame, "SceneChange")
         return (
@@ -274,8 +278,12 @@ class Session:
         parent: int,
         is_static: bool,
         pose: Optional[np.ndarray],
+        doubts: tuple[float, float, float, float],
     ) -> tuple:
-        """shape: "vertices", "box", "sphere", "capsule" or "cylinder"; numbers: vertices (V, 3), or sizes (1, 3)."""
+        """shape: "vertices", "box", "sphere", "capsule" or "cylinder"; numbers: vertices (V, 3), or sizes (1, 3).
+
+        doubts: of position and angle, padding, max_speed.
+        """
         is_hull = shape == "vertices"
         body = np.zeros((), wire._wire.NewBodyRecord)
         body["name"], body["parent"], body["shape"] = _name_bytes(name), parent, _SHAPES.index(shape)
@@ -288,7 +296,8 @@ class Session:
             body["size"] = numbers[0]
         revision = 0 if parent == NONE else self._revision_of_ids()
         parts = [body, numbers] if is_hull else [body]
-        return self._change_scene(FrameType.ADD_BODY, parts, self.connection.timeout_s, revision)
+        records = record(_BODY_DOUBTS, struct.pack("<4d", *doubts)) if any(doubts) else b""
+        return self._change_scene(FrameType.ADD_BODY, parts, self.connection.timeout_s, revision, records)
 
     def remove_body(self, name: str) -> tuple:
         body = np.zeros((), wire._wire.RemoveBodyRecord)

@@ -1,0 +1,179 @@
+"""Who answers in bench_robots.py: the same robot, obstacles and states for each.
+
+valid(Q): whether each state is free of contact, robot against obstacles and itself; the first contact found is enough.
+least(Q): each state's least distance over all pairs, metres, 0 where there is contact: (lower, upper), the same twice
+where the contender knows no bounds.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "build/python")]
+
+
+class PinocchioCoal:
+    """Pinocchio's kinematics and Coal's distances, each a call in C++ for one state.
+
+    Meshes are their hulls, as with us. Every pair starts from its last simplex (CachedGuess). A first stop goes through
+    pairs as they come, each after its boxes, or through a tree of boxes; a least distance has no first stop.
+    """
+
+    def __init__(self, urdf, srdf, resources, joints):
+        import pinocchio
+
+        import coal
+
+        self.coal, self.pin, self.joints = coal, pinocchio, joints
+        self.model = pinocchio.buildModelFromUrdf(str(urdf))
+        self.robot = pinocchio.buildGeomFromUrdf(
+            self.model, str(urdf), pinocchio.GeometryType.COLLISION, package_dirs=[str(resources)]
+        )
+        for item in self.robot.geometryObjects:
+            if isinstance(item.geometry, coal.BVHModelBase):  # type: ignore[attr-defined]  # not our folder of that name
+                item.geometry.buildConvexHull(True, "Qt")  # buildConvexRepresentation() takes the mesh for convex
+                item.geometry = item.geometry.convex
+        self.robot.addAllCollisionPairs()
+        pinocchio.removeCollisionPairs(self.model, self.robot, str(srdf))
+        self.data = self.model.createData()
+
+    def begin(self, problem):
+        geometry = self.robot.copy()
+        movable = [i for i, item in enumerate(geometry.geometryObjects) if item.parentJoint != 0]
+        for thing in problem.obstacles:
+            pose = self.pin.XYZQUATToSE3(np.concatenate([thing.pose[:3], thing.pose[4:], thing.pose[3:4]]))
+            id = geometry.addGeometryObject(self.pin.GeometryObject(thing.name, 0, pose, self._shape(thing)))
+            for i in movable:
+                geometry.addCollisionPair(self.pin.CollisionPair(i, id))
+        self.geometry, self.geometry_data = geometry, self.pin.GeometryData(geometry)
+        for requests in (self.geometry_data.collisionRequests, self.geometry_data.distanceRequests):
+            for request in requests:
+                request.gjk_initial_guess = self.coal.GJKInitialGuess.CachedGuess
+        self.tree = self.pin.TreeBroadPhaseManager_DynamicAABBTreeCollisionManager(
+            self.model, self.geometry, self.geometry_data
+        )
+
+    def end(self):
+        pass
+
+    def _shape(self, thing):
+        if thing.shape == "box":
+            return self.coal.Box(*thing.sizes)
+        if thing.shape == "cylinder":
+            return self.coal.Cylinder(thing.sizes[1], thing.sizes[0])
+        return self.coal.Sphere(thing.sizes[0])
+
+    def states(self, Q):
+        """Pinocchio's positions: a joint that turns without limits is a cosine and a sine."""
+        out = np.tile(self.pin.neutral(self.model), (len(Q), 1))
+        for k, name in enumerate(self.joints):
+            joint = self.model.joints[self.model.getJointId(name)]
+            if joint.nq == 2:
+                out[:, joint.idx_q], out[:, joint.idx_q + 1] = np.cos(Q[:, k]), np.sin(Q[:, k])
+            else:
+                out[:, joint.idx_q] = Q[:, k]
+        return out
+
+    def ways(self):
+        """By question and by name: a function of states()."""
+        return {
+            "valid": {"Coal, pairs in order": self._valid, "Coal, tree of boxes": self._valid_by_tree},
+            "least": {"Coal": self._least},
+        }
+
+    def _valid(self, Q):
+        collide, rest = self.pin.computeCollisions, (self.geometry, self.geometry_data)
+        return np.array([not collide(self.model, self.data, *rest, q, True) for q in Q])
+
+    def _valid_by_tree(self, Q):
+        collide = self.pin.computeCollisions
+        return np.array([not collide(self.model, self.data, self.tree, q, True) for q in Q])
+
+    def _least(self, Q):
+        distances, results = self.pin.computeDistances, self.geometry_data.distanceResults
+        found = []
+        for q in Q:
+            least = distances(self.model, self.data, self.geometry, self.geometry_data, q)
+            found.append(results[least].min_distance)
+        distance = np.maximum(found, 0)
+        return distance, distance
+
+
+class Clearance:
+    """Us: an engine in this process with one thread, or a daemon with one thread over shared memory.
+
+    Obstacles are bodies that come and go, as a planner's do.
+    """
+
+    def __init__(self, urdf, srdf, resources, joints, robot, url=None):
+        import clearance
+
+        self.clearance, self.robot, self.url = clearance, robot, url
+        self.joints = [f"{robot}/{joint}" for joint in joints]
+        self.files = {"urdf": str(urdf), "srdf": str(srdf), "packages": {robot: str(resources / robot)}}
+        self.client = clearance.connect(url) if url else None
+        self.current: Any = None
+        self.asked: Any = None
+
+    def proves(self, q):
+        """Whether a program that uses nothing of ours finds every pair's bounds at one state proved (in process)."""
+        import check_certificate
+
+        document = self.asked.certificate(joints=self.joints, positions=q[None]).document
+        return all(is_proved for is_proved, _ in check_certificate.verdicts(document))
+
+    def begin(self, problem):
+        self.current = problem
+        if self.client:
+            for thing in problem.obstacles:
+                self.client.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
+            self.asked = self.client
+            return
+        scene = self.clearance.Scene()
+        scene.add_robot(self.robot, **self.files)
+        for thing in problem.obstacles:
+            scene.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
+        self.asked = self.clearance.Engine(scene, backend="cpu", threads=1)
+
+    def end(self):
+        if self.client:
+            for thing in reversed(self.current.obstacles):
+                self.client.remove_body(thing.name)
+
+    def states(self, Q):
+        return Q
+
+    def ways(self):
+        where = "over shared memory" if self.url else "in process"
+        return {
+            question: {f"Clearance {where}": way, f"Clearance {where}, one a call": self._one_by_one(way)}
+            for question, way in (("valid", self._valid), ("least", self._least))
+        }
+
+    @staticmethod
+    def _one_by_one(way):
+        def run(Q):
+            answers = [way(q[None]) for q in Q]
+            if isinstance(answers[0], tuple):
+                return tuple(np.concatenate(column) for column in zip(*answers))
+            return np.concatenate(answers)
+
+        return run
+
+    def _valid(self, Q):
+        return np.asarray(self.asked.check(Q, joints=self.joints).free)
+
+    def _least(self, Q):
+        answer = self.asked.distances(joints=self.joints, positions=Q, reduce="min", fields=["lower", "upper"])
+        return answer.lower.ravel(), answer.upper.ravel()
+
+
+def shape_of(thing):
+    if thing.shape == "box":
+        return {"box": thing.sizes}
+    if thing.shape == "cylinder":
+        return {"cylinder": (thing.sizes[1], thing.sizes[0])}
+    return {"sphere": thing.sizes[0]}

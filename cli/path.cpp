@@ -1,0 +1,151 @@
+// clearance path: whether a path is free all along, not only at its waypoints.
+#include <algorithm>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <sstream>
+
+#include "commands.h"
+
+namespace clearance::cli {
+namespace {
+
+constexpr std::size_t kMotionsAtOnce = 256;
+
+struct Options {
+  Connection connection;
+  std::string file;
+  std::vector<std::string> pairs;
+  double margin = 0;
+  std::uint32_t max_steps = 256;
+};
+
+/// Waypoints in joint space.
+struct Path {
+  std::vector<std::string> names;  // (J,)
+  std::vector<double> positions;   // (N, J)
+  std::vector<std::size_t> lines;  // (N,) of the file
+  std::size_t size() const { return lines.size(); }
+};
+
+std::vector<std::string> cells_of(const std::string& line) {
+  std::vector<std::string> cells;
+  std::istringstream rest(line);
+  for (std::string cell; std::getline(rest, cell, ',');) {
+    const std::size_t begin = cell.find_first_not_of(" \t\r\""), end = cell.find_last_not_of(" \t\r\"");
+    cells.push_back(begin == std::string::npos ? "" : cell.substr(begin, end + 1 - begin));
+  }
+  return cells;
+}
+
+Path read(const std::string& name) {
+  std::ifstream file(name);
+  if (!file) throw std::invalid_argument(name + ": cannot be read");
+  Path path;
+  std::size_t number = 0;
+  for (std::string line; std::getline(file, line);) {
+    ++number;
+    const std::vector<std::string> cells = cells_of(line);
+    if (cells.empty() || (cells.size() == 1 && cells[0].empty())) continue;
+    const std::string place = name + ":" + std::to_string(number);
+    if (path.names.empty()) {
+      path.names = cells;
+      continue;
+    }
+    if (cells.size() != path.names.size())
+      throw std::invalid_argument(place + ": expected " + std::to_string(path.names.size()) +
+                                  " numbers, one for each joint of the first line, got " +
+                                  std::to_string(cells.size()));
+    for (std::size_t j = 0; j < cells.size(); ++j)
+      path.positions.push_back(position_of(cells[j], place + ": " + path.names[j] + ": expected a number"));
+    path.lines.push_back(number);
+  }
+  if (path.size() < 2)
+    throw std::invalid_argument(name + ": expected a line of joint names and two waypoints or more, got " +
+                                std::to_string(path.size()));
+  return path;
+}
+
+std::vector<std::uint32_t> ids_of(const Path& path, const JointsInfo& info, const std::string& file) {
+  std::vector<std::uint32_t> ids;
+  for (const std::string& name : path.names) {
+    const auto known = [&name](const JointInfo& joint) { return joint.name == name; };
+    const auto found = std::find_if(info.joints.begin(), info.joints.end(), known);
+    if (found == info.joints.end())
+      throw std::invalid_argument(file + ":1: there is no joint \"" + name + "\"; `clearance joints` lists them");
+    ids.push_back(static_cast<std::uint32_t>(found - info.joints.begin()));
+  }
+  return ids;
+}
+
+/// Says what is wrong with the motion of row `r`, which begins at waypoint `first`.
+[[noreturn]] void report(const Reply& reply, std::size_t r, std::size_t first, const Path& path, const Options& o,
+                         const SceneInfo& scene) {
+  const Status status = reply.status()[r];
+  const auto [a, b] = reply.pair()[r];
+  std::ostringstream text;
+  text << o.file << ":" << path.lines[first] << ": motion " << first << ", to line " << path.lines[first + 1] << ": ";
+  const std::string pair = name_of(scene, a) + " and " + name_of(scene, b);
+  if (status <= Status::kContact)
+    text << pair << " are within " << o.margin << " m at t = " << reply.time()[r];
+  else if (status == Status::kUnconverged)
+    text << "not proved from t = " << reply.first_contact()[2 * r] << " on: " << pair << " may be within " << o.margin
+         << " m; --max-steps may prove it";
+  else
+    text << pair << " cannot be looked at: a pose is bad, missing or old";
+  throw RequestError(0, text.str());
+}
+
+void run(const Options& o) {
+  const Path path = read(o.file);
+  Client client = o.connection.open();
+  const std::vector<std::uint32_t> ids = ids_of(path, client.joints(), o.file);
+  const std::vector<IdPair> pairs = pairs_of(client, o.pairs);
+  Query query;
+  query.pairs = pairs;
+  query.joints = ids;
+  query.reduce = Reduce::kAny;
+  query.margin = o.margin;
+  query.max_steps = o.max_steps;
+  query.fields = kFieldStatus | kFieldPair | kFieldTime | kFieldFirstContact | kFieldSteps;
+  std::uint64_t steps = 0;
+  for (std::size_t first = 0; first + 1 < path.size(); first += kMotionsAtOnce) {
+    const std::size_t count = std::min(kMotionsAtOnce, path.size() - 1 - first), width = ids.size();
+    std::vector<double> ends;
+    for (std::size_t k = first; k < first + count; ++k)
+      ends.insert(ends.end(), path.positions.data() + k * width, path.positions.data() + (k + 2) * width);
+    query.positions = ends;
+    const Reply reply = client.distances(query);
+    for (std::size_t r = 0; r < count; ++r) {
+      if (reply.status()[r] != Status::kBeyond) report(reply, r, first + r, path, o, client.scene());
+      steps += reply.steps()[r];
+    }
+  }
+  std::cout << "free: on all " << path.size() - 1 << " motions every pair is proved farther than " << o.margin << " m; "
+            << steps << " configurations\n";
+}
+
+}  // namespace
+
+void add_path(CLI::App& app) {
+  auto& command = *app.add_subcommand("path", "whether a path is free all along, proved; exit code 1: it is not");
+  auto options = std::make_shared<Options>();
+  command
+      .add_option("FILE", options->file,
+                  "CSV: a line of joint names as `clearance joints` has them, then a line for each waypoint,\nradians "
+                  "and metres; joints go in a straight line from one to the next")
+      ->required();
+  command.add_option("--margin", options->margin, "farther than so many metres every pair must stay")
+      ->check(at_least_zero())
+      ->type_name("M")
+      ->capture_default_str();
+  command.add_option("--max-steps", options->max_steps, "configurations that each motion may ask for")
+      ->check(quiet(CLI::Range(1, 65536)))
+      ->type_name("N")
+      ->capture_default_str();
+  add_pairs_option(command, options->pairs);
+  add_connection_options(command, options->connection);
+  command.callback([options] { run(*options); });
+}
+
+}  // namespace clearance::cli

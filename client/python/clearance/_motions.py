@@ -1,0 +1,179 @@
+"""Questions about whole motions, which Engine and Client share: arguments in, results out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Optional, Protocol, Union
+
+import numpy as np
+
+from ._arguments import to_floats
+from ._joints import Joints, JointsRef, JointTable
+from ._poses import as_pose7
+from ._result import Result
+from ._words import Status
+
+MotionReduceWord = Literal["none", "min", "any"]
+MOTION_FIELDS = ("default", "flags", "pair", "time", "first_contact", "steps")
+_FIRST_MOTIONS, _MOST_MOTIONS = 8, 1024  # of a path that are asked about at a time
+
+
+@dataclass(frozen=True)
+class PathCheck:
+    """Whether a path is free all along, or where it is not proved to be."""
+
+    free: bool  #: on each of its motions every pair is proved farther than its margin
+    index: Optional[int]  #: of the first motion that is not: from waypoint `index` to the next; None: free
+    t: Optional[float]  #: 0 to 1 in that motion: when `pair` is within its margin, or from when nothing is proved
+    pair: Optional[tuple[int, int]]  #: ids of the bodies that stand in the way
+    status: Status  #: BEYOND: free. OK, CONTACT, OVERLAP: `pair` is proved within its margin at `t`. Else why not
+
+    @property
+    def hit(self) -> bool:
+        """Whether it is proved that the path is not free. Where neither free nor hit, nothing is proved."""
+        return self.status <= Status.CONTACT
+
+
+class Answers(Protocol):
+    """What MotionQueries needs of the class that it is part of."""
+
+    def distances(self, *args: Any, **more: Any) -> Result: ...
+    @property
+    def _joint_table(self) -> JointTable: ...
+
+
+class MotionQueries:
+    """What Front says about motions: each is a query of configurations that come in twos."""
+
+    def motions(
+        self: Answers,
+        joints: Optional[JointsRef] = None,
+        start: Any = None,
+        end: Any = None,
+        pairs: Any = None,
+        margin: Any = 0.0,
+        max_distance: float = math.inf,
+        abs_tol: float = 1e-3,
+        rel_tol: float = 0.0,
+        reduce: MotionReduceWord = "min",
+        max_steps: int = 256,
+        bodies: Optional[Sequence[Union[str, int]]] = None,
+        fields: Union[str, Sequence[str], None] = None,
+        **more: Any,
+    ) -> Result:
+        """Answers how near bodies come to each other along whole motions; nothing is sampled, nothing assumed between.
+
+        joints: those that move, as in distances(); they go in a straight line from `start` to `end`. A continuous joint
+            is not wrapped: from 3.1 to -3.1 is a long way.
+        start, end: (K, J) radians and metres: K motions. Without `joints` (K, M, 7) or (K, M, 4, 4) poses of `bodies`,
+            which go in a straight line and turn at a constant speed the shorter way (the flag HALF_TURN: ways are
+            nearly the same). With both a pair of them each, (positions, poses).
+        pairs, max_distance, fields, more: as in distances(). The columns `time`, `first_contact` and `steps` are of
+            motions alone, and come unasked; `gradient` and signed distances are not to be had.
+        margin: as in check(): what `first_contact` and reduce="any" test.
+        abs_tol, rel_tol: metres, ratio: spans of time are parted until the bounds are as near as that.
+        reduce: "min": a row for each motion, the least of all pairs. "none": one for each motion and pair. "any":
+            whether every pair is proved farther than its margin all along (BEYOND), else one that is not.
+        max_steps: configurations that each motion may ask for; after them it is UNCONVERGED, and its bounds still hold.
+
+        Columns begin with (K,), or (K, P) for reduce="none". [lower, upper] holds the least distance of the whole
+        motion, both ends included. `time`, 0 to 1, is that of the witness points. `first_contact` (..., 2): up to when
+        all is proved farther than the margin, and when something is proved within it; inf where that is never.
+
+        Raises as distances() does.
+        """
+        joints = _joints_of(self, joints)
+        ends = _ends(start, joints, bodies, "start"), _ends(end, joints, bodies, "end")
+        between = [_interleave(*each) for each in zip(*ends)]
+        return self.distances(
+            pairs, between[1], bodies, max_distance, abs_tol, rel_tol, reduce=reduce, joints=joints,
+            positions=between[0], fields=MOTION_FIELDS if fields is None else fields, margin=margin,
+            max_steps=max_steps, **more,
+        )  # fmt: skip
+
+    def check_path(
+        self: Answers,
+        path: Any,
+        joints: Optional[JointsRef] = None,
+        margin: Any = 0.0,
+        pairs: Any = None,
+        bodies: Optional[Sequence[Union[str, int]]] = None,
+        max_steps: int = 256,
+        **more: Any,
+    ) -> PathCheck:
+        """Says whether a path is free: whether every pair is proved farther than its margin all along.
+
+        path: (N, J) positions of `joints`, or (N, M, 7) poses of `bodies`; or a pair of both: N - 1 motions in a row.
+        The other arguments are those of motions(). Ends with the first motion that is not proved to be free.
+
+        Raises ValueError for fewer than two waypoints, and as motions() does.
+        """
+        joints = _joints_of(self, joints)
+        points = _ends(path, joints, bodies, "path")
+        count = len(next(each for each in points if each is not None))
+        if count < 2:
+            raise ValueError(f"path: expected two waypoints or more, got {count}")
+        first, room = 0, _FIRST_MOTIONS
+        while first < count - 1:
+            last = min(first + room, count - 1)
+            between = [None if p is None else _interleave(p[first:last], p[first + 1 : last + 1]) for p in points]
+            r = self.distances(
+                pairs, between[1], bodies, reduce="any", joints=joints, positions=between[0], margin=margin,
+                max_steps=max_steps, fields=("status", "pair", "time", "first_contact"), **more,
+            )  # fmt: skip
+            bad = np.flatnonzero(r.status != Status.BEYOND)
+            if len(bad):
+                return _stopped(r, int(bad[0]), first)
+            first, room = last, min(2 * room, _MOST_MOTIONS)
+        return PathCheck(True, None, None, None, Status.BEYOND)
+
+
+def _joints_of(answers: Answers, joints: Optional[JointsRef]) -> Optional[Joints]:
+    table = answers._joint_table
+    return None if joints is None else table.joints(table.ids_of(joints, "joints"))
+
+
+def _stopped(r: Result, row: int, first: int) -> PathCheck:
+    time = float(r.time[row])
+    if math.isnan(time):
+        time = float(r.first_contact[row, 0])
+    a, b = r.pair[row].tolist()
+    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])))
+
+
+def _ends(value: Any, joints: Any, bodies: Any, what: str) -> tuple[Optional[np.ndarray], Optional[np.ndarray]]:
+    """(K, J) positions and (K, M, 7) poses of one end of motions; None: of what does not move."""
+    if value is None:
+        raise ValueError(f"{what}: expected positions of joints, or poses of bodies, got none")
+    if joints is None:
+        return None, _poses(value, what)
+    if bodies is None:
+        return _positions(value, what), None
+    if not isinstance(value, (tuple, list)) or len(value) != 2:
+        raise TypeError(f"{what}: expected a pair (positions, poses), since joints and bodies move")
+    return _positions(value[0], f"{what}[0]"), _poses(value[1], f"{what}[1]")
+
+
+def _positions(value: Any, what: str) -> np.ndarray:
+    rows = to_floats(value, what, "(K, J) numbers")
+    if rows.ndim != 2:
+        raise ValueError(f"{what}: expected shape (K, J), got {rows.shape}")
+    return rows
+
+
+def _poses(value: Any, what: str) -> np.ndarray:
+    poses = as_pose7(value, what)
+    if poses.ndim != 3:
+        raise ValueError(f"{what}: expected shape (K, M, 7) or (K, M, 4, 4), got {np.shape(value)}")
+    return poses
+
+
+def _interleave(start: Optional[np.ndarray], end: Optional[np.ndarray]) -> Optional[np.ndarray]:
+    """Ends of motions as a query has them: start and end of the first, of the second, ..."""
+    if start is None or end is None:
+        return None
+    if start.shape != end.shape:
+        raise ValueError(f"end: expected shape {start.shape}, as start has, got {end.shape}")
+    return np.stack((start, end), axis=1).reshape(-1, *start.shape[1:])

@@ -1,0 +1,191 @@
+#include "engine/motion/free_scale.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "engine/scene/body_ball.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+// Rounding of the few sums and products below.
+constexpr double kUp = 1 + 0x1p-40, kDown = 1 - 0x1p-40;
+
+[[noreturn]] void refuse(const std::string& what) {
+  throw QueryError(QueryErrorCode::kBadQuery, "free_scale: " + what);
+}
+
+}  // namespace
+
+FreeScale::FreeScale(const Scene& scene, const Plan& plan, std::span<const double> weights)
+    : scene_(scene), plan_(plan), moves_(scene.bodies().size(), 0) {
+  for (const std::uint32_t body : plan.moved) moves_[body] = 1;
+  check(weights);
+  take_weights(weights);
+  std::vector<BodyPair> room;
+  for (const BodyPair pair : plan.pairs.slice(0, plan.pairs.size(), room)) {
+    for (const std::uint32_t body : {pair.a, pair.b})
+      if (body >= scene.bodies().size()) refuse("unknown body " + std::to_string(body));
+    add_pair(carried(pair.a), carried(pair.b));
+  }
+}
+
+void FreeScale::check(std::span<const double> weights) const {
+  if (plan_.joints.empty()) refuse("expected joints, and their positions");
+  if (plan_.given_bodies > 0) refuse("bodies: only joints move");
+  if (weights.size() != plan_.joints.size())
+    refuse("weights: expected " + std::to_string(plan_.joints.size()) + " numbers, one for each joint, got " +
+           std::to_string(weights.size()));
+  for (std::size_t i = 0; i < weights.size(); ++i)
+    if (!(weights[i] >= 0) || std::isinf(weights[i]))
+      refuse("weights[" + std::to_string(i) + "]: expected a finite number >= 0, got " + std::to_string(weights[i]));
+  for (const auto& robot : scene_.robots())
+    for (const std::uint32_t root : robot->kinematics.roots())
+      if (const std::uint32_t body = robot->bodies[root]; moves_[body])
+        refuse("'" + scene_.bodies()[body].name + "' stands on a link that the joints move, which is not for this yet");
+}
+
+void FreeScale::take_weights(std::span<const double> weights) {
+  for (const auto& robot : scene_.robots()) {
+    const std::size_t count = robot->model.columns.size();
+    const auto begin = plan_.snapshot->joints.position.begin() + robot->first_joint;
+    positions_.emplace_back(begin, begin + static_cast<std::ptrdiff_t>(count));
+    weights_.emplace_back(count, 0.0);
+  }
+  for (std::size_t i = 0; i < plan_.joints.size(); ++i) {
+    const SceneJoint& joint = scene_.joints()[plan_.joints[i]];
+    weights_[joint.robot][joint.column] = weights[i];
+  }
+  for (std::size_t r = 0; r < weights_.size(); ++r) {
+    double most = 0;
+    for (const KinematicStep& step : scene_.robots()[r]->kinematics.steps()) {
+      const double scale = step.mimics ? std::abs(step.multiplier) : 1;
+      if (step.kind == KinematicStep::Kind::kSliding) most = std::max(most, scale * weights_[r][step.column]);
+      if (step.kind == KinematicStep::Kind::kPlanar)
+        most = std::max({most, weights_[r][step.column], weights_[r][step.column + 1]});
+    }
+    weight_travels_.push_back(most * kUp);
+  }
+}
+
+// A body that follows another turns with it at most as the farthest of its points do, whatever is doubted of its place.
+FreeScale::Carried FreeScale::carried(std::uint32_t body) const {
+  if (!moves_[body]) return {};
+  const PoseSnapshot& snapshot = *plan_.snapshot;
+  const Body* of = &scene_.bodies()[body];
+  LinkBall points = ball_around(*of);
+  if (of->robot == kNone) {
+    points = {{0, 0, 0}, of->reach + of->model_inner};
+    for (; of->robot == kNone; of = &scene_.bodies()[body]) {
+      const Pose& X = snapshot.local[body];
+      if (of->max_speed > 0) refuse("'" + of->name + "' has a max_speed, which is not for this yet");
+      points.radius += norm(X.translation) + of->uncertainty.position;
+      body = snapshot.parent[body];
+    }
+    points.radius *= kUp;
+  }
+  return {of->robot, of->link, points};
+}
+
+FreeScale::Way FreeScale::way_of(std::uint32_t robot, const MotionPath& path) const {
+  Way way{robot, 0, 0};
+  for (const Mover& mover : path.movers()) {
+    const double change = mover.scale * weights_[robot][mover.column];
+    way.fixed += mover.reach * change;
+    way.per_travel += mover.reach_travel * change;
+  }
+  return way;
+}
+
+void FreeScale::add_pair(const Carried& a, const Carried& b) {
+  const auto end_bound = [&] { bound_end_.push_back(static_cast<std::uint32_t>(ways_.size())); };
+  if (a.robot != kNone && a.robot == b.robot) {
+    const Kinematics& robot = scene_.robots()[a.robot]->kinematics;
+    for (const MotionPath& path : paths_between(robot, a.link, a.points, b.link, b.points)) {
+      ways_.push_back(way_of(a.robot, path));
+      end_bound();
+    }
+  } else {
+    for (const Carried& side : {a, b})
+      if (side.robot != kNone)
+        ways_.push_back(
+            way_of(side.robot, MotionPath(scene_.robots()[side.robot]->kinematics, side.link, side.points)));
+    end_bound();
+  }
+  pair_end_.push_back(static_cast<std::uint32_t>(bound_end_.size()));
+}
+
+std::vector<double> FreeScale::travels(std::span<const double> row) const {
+  std::vector<std::vector<double>> positions = positions_;
+  for (std::size_t i = 0; i < row.size(); ++i) {
+    const SceneJoint& joint = scene_.joints()[plan_.joints[i]];
+    positions[joint.robot][joint.column] = row[i];
+  }
+  std::vector<double> travels;
+  for (std::size_t r = 0; r < positions.size(); ++r)
+    travels.push_back(scene_.robots()[r]->kinematics.travel(positions[r]));
+  return travels;
+}
+
+// The way at s is at most s (fixed + per_travel (travel + s more)): what the distance leaves to it gives s.
+double FreeScale::of(std::uint64_t position, std::span<const double> travels, double lower, double margin) const {
+  const double room = (lower - margin) - (std::abs(lower) + margin) * 0x1p-50;
+  if (!(room > 0)) return 0;
+  double scale = 0;
+  for (std::uint32_t b = position ? pair_end_[position - 1] : 0; b < pair_end_[position]; ++b) {
+    double linear = 0, square = 0;
+    for (std::uint32_t w = b ? bound_end_[b - 1] : 0; w < bound_end_[b]; ++w) {
+      linear += ways_[w].fixed + ways_[w].per_travel * travels[ways_[w].robot];
+      square += ways_[w].per_travel * weight_travels_[ways_[w].robot];
+    }
+    linear *= kUp;
+    square *= kUp;
+    if (linear == 0 && square == 0) return kInf;
+    scale = std::max(scale, 2 * room / ((linear + std::sqrt(linear * linear + 4 * square * room)) * kUp) * kDown);
+  }
+  return scale;
+}
+
+std::vector<double> free_scale(const JobContext& context, const std::shared_ptr<const PoseSnapshot>& snapshot,
+                               const QueryView& query, std::span<const double> weights, std::uint64_t max_rows) {
+  constexpr std::uint64_t kRowsAtOnce = std::uint64_t{1} << 20;
+  QueryView asked = query;
+  asked.reduce = Reduce::kAny;  // which has margins
+  asked.format = Format::kFull;
+  asked.fields = kFieldLower;
+  asked.warm_slot = 0;
+  const Plan plan = make_plan(asked, *context.scene, snapshot, max_rows, true);
+  const FreeScale scale(*context.scene, plan, weights);
+  asked.reduce = Reduce::kNone;
+  asked.margin = 0;
+  asked.margins = {};
+  asked.pair_margins = {};
+  const std::uint64_t pairs = plan.pairs.size(),
+                      most = std::max<std::uint64_t>(kRowsAtOnce / std::max(pairs, std::uint64_t{1}), 1);
+  const std::size_t width = plan.joints.size();
+  std::vector<double> scales(query.configuration_count, kInf), lower;
+  for (std::uint64_t first = 0; first < scales.size(); first += most) {
+    const std::uint64_t count = std::min<std::uint64_t>(most, scales.size() - first);
+    asked.configuration_count = static_cast<std::uint32_t>(count);
+    asked.positions = query.positions.subspan(first * width, count * width);
+    lower.resize(count * pairs);
+    ReplyView reply;
+    reply.rows = lower.size();
+    reply.lower = lower.data();
+    const auto job = make_cpu_job(context, make_plan(asked, *context.scene, snapshot, max_rows, true), reply);
+    while (!job->advance({})) {
+    }
+    for (std::uint64_t k = 0; k < count; ++k) {
+      const std::vector<double> travels = scale.travels(asked.positions.subspan(k * width, width));
+      for (std::uint64_t p = 0; p < pairs; ++p)
+        scales[first + k] = std::min(scales[first + k], scale.of(p, travels, lower[k * pairs + p], plan.margins.of(p)));
+    }
+  }
+  return scales;
+}
+
+}  // namespace clearance

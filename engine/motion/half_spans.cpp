@@ -1,0 +1,44 @@
+#include "engine/motion/half_spans.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "engine/hull/support.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kRounding = 0x1p-44;  // of all sums below, of the lengths that go into them
+
+// How far a body reaches along a direction, world axes, from its origin.
+double reach_along(const MovingBody& moving, const Vec3d& n) {
+  const Vec3d n_b = moving.pose.R_wb.transpose_times(n);
+  const double length = norm(n);
+  double most = -std::numeric_limits<double>::infinity();
+  for (const PiecePtr& piece : moving.body.pieces)
+    most = std::max(most, support(*piece, n_b).value + piece->radius * length);
+  return most;
+}
+
+}  // namespace
+
+// The points of a move linearly but for the bend, so that what it reaches along n at a time s is what it reaches along
+// n + s (n x turn) where it stands, and s n . shift. That is concave in s, as seen from the gap: the ends suffice.
+HalfSpans gaps_along(const Vec3d& normal, const MovingBody& a, const MovingBody& b, double half, double bend) {
+  const double length = norm(normal);
+  const Vec3d n = normal * (1 / length);
+  const Vec3d D = b.pose.t_w - a.pose.t_w, shift = b.twist.shift - a.twist.shift;
+  const Vec3d lean_a = cross(n, a.twist.turn), lean_b = cross(n, b.twist.turn);
+  const auto gap = [&](double s) {
+    return (dot(n, D) + s * dot(n, shift)) - reach_along(a, n + lean_a * s) - reach_along(b, -(n + lean_b * s));
+  };
+  const double longest = 1 + half * std::max(norm(lean_a), norm(lean_b));
+  const double error = kRounding * (longest * (a.body.reach + b.body.reach + norm(D)) +
+                                    half * (norm(a.twist.shift) + norm(b.twist.shift)));
+  const double middle = gap(0);
+  const auto least = [&](double end) { return std::min(middle, gap(end) - bend) - error; };
+  return {least(-half), least(half)};
+}
+
+}  // namespace clearance

@@ -1,0 +1,150 @@
+#include "engine/motion/motion_block.h"
+
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+namespace clearance {
+
+namespace {
+
+constexpr double kRough = 0.02;  // of a distance
+constexpr std::uint64_t kMostMotions = 64;
+constexpr std::uint64_t kMostPairs = 1u << 16;  // pair-motions of a block
+constexpr std::uint64_t kMostPlaces = 64;       // configurations that are placed at a time
+constexpr std::size_t kTogether = 2;            // of one motion
+constexpr std::uint64_t kBlocksPerWorker = 4;   // at least, if there are several workers
+constexpr std::uint64_t kBodiesPerUnit = 16;    // of work: that are placed
+constexpr std::uint64_t kPairsPerUnit = 32;     // whose bounds are made
+
+}  // namespace
+
+std::uint64_t MotionBlock::most(const Plan& plan, int workers) {
+  const std::uint64_t shares = workers > 1 ? kBlocksPerWorker * static_cast<std::uint64_t>(workers) : 1;
+  return std::clamp<std::uint64_t>(
+      std::min(kMostPairs / std::max<std::uint64_t>(plan.size.pairs, 1), plan.size.configurations / shares), 1,
+      kMostMotions);
+}
+
+MotionBlock::MotionBlock(const MotionQuestion& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
+                         std::uint64_t most)
+    : question_(question), evaluator_(question.scene, options), poses_(question.plan) {
+  if (question.plan.query.reduce == Reduce::kAny && !options.reference) {
+    EvaluateOptions rough = options;
+    rough.limits.rel_tol = std::max(rough.limits.rel_tol, kRough);
+    rough_.emplace(question.scene, rough);
+  }
+  for (std::uint64_t i = 0; i < most; ++i) searches_.emplace_back(question);
+  const std::uint64_t places = std::min(kMostPlaces, Placement::most(question.scene, question.plan));
+  for (std::uint64_t i = 0; i < places; ++i) placements_.emplace_back(question.scene, question.plan, boxes);
+  places_.resize(places);
+}
+
+void MotionBlock::begin(std::uint64_t first, std::uint64_t count, WorkMeter& meter) {
+  assert(count > 0 && count <= searches_.size());
+  count_ = count;
+  is_asked_ = false;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    question_.bounds.take(first + i, searches_[i].moving);
+    poses_.look_at_ends(searches_[i].moving);
+    searches_[i].begin();
+  }
+  meter.count(count * (question_.plan.moved.size() / kBodiesPerUnit + question_.plan.size.pairs / kPairsPerUnit + 1));
+}
+
+bool MotionBlock::advance(WorkMeter& meter) {
+  while (true) {
+    if (!is_asked_) {
+      if (!ask(meter)) return true;
+      answers_.resize(std::max(answers_.size(), asked_.size()));
+      is_rough_ = rough_.has_value();
+      (is_rough_ ? *rough_ : evaluator_).begin(asked_, answers_);
+      is_asked_ = true;
+    }
+    if (!(is_rough_ ? *rough_ : evaluator_).advance(meter)) return false;
+    if (std::exchange(is_rough_, false) && ask_again()) continue;
+    for (std::size_t i = 0; i < again_at_.size(); ++i) answers_[again_at_[i]] = again_answers_[i];
+    again_at_.clear();
+    is_asked_ = false;
+    take();
+    if (meter.is_over()) return false;
+  }
+}
+
+// Pairs of which a rough look says neither that they are within their targets nor that they are beyond. False: none.
+bool MotionBlock::ask_again() {
+  again_.clear();
+  for (std::size_t i = 0; i < asked_.size(); ++i) {
+    const PairAnswer& answer = answers_[i];
+    if (!(answer.lower <= questions_[i].target && answer.upper > questions_[i].target)) continue;
+    again_.push_back(asked_[i]);
+    again_at_.push_back(i);
+  }
+  if (again_.empty()) return false;
+  again_answers_.resize(again_.size());
+  evaluator_.begin(again_, again_answers_);
+  return true;
+}
+
+// The next spans of as many searches as there is room for, in turn. Of each as many as ever, so that a motion's rows do
+// not depend on those beside it. False: all are done.
+bool MotionBlock::ask(WorkMeter& meter) {
+  used_ = 0;
+  instants_.clear();
+  const std::size_t together = std::min(kTogether, places_.size());
+  for (std::size_t i = 0; i < count_ && used_ + together <= places_.size(); ++i, ++turn_) {
+    MotionSearch& search = searches_[turn_ % count_];
+    for (std::size_t k = 0; k < together && !search.is_done() && search.next(places_[used_].node); ++k) {
+      places_[used_].search = &search;
+      instants_.push_back({&search.moving, places_[used_].node.middle()});
+      ++used_;
+    }
+  }
+  if (used_ == 0) return false;
+  place(meter);
+  asked_.clear();
+  questions_.clear();
+  for (std::size_t k = 0; k < used_; ++k) {
+    places_[k].search->ask(places_[k].node, placements_[k], asked_, questions_);
+    places_[k].end = asked_.size();
+  }
+  meter.count(asked_.size() / kPairsPerUnit);
+  return true;
+}
+
+void MotionBlock::place(WorkMeter& meter) {
+  const std::size_t bodies = question_.plan.bodies.size();
+  const ConfigurationPoses::Block given = poses_.at(instants_);
+  rotations_.resize(used_ * bodies);
+  rotations_of(given.poses, rotations_);
+  for (std::size_t k = 0; k < used_; ++k) {
+    ConfigurationPoses::Block own = given.of(k, bodies, question_.plan.motions.size());
+    own.errors = instants_[k].moving->errors;
+    placements_[k].configure(placed_++, own, std::span(rotations_).subspan(k * bodies, bodies));
+    places_[k].twists.resize(question_.plan.moved.size());
+    poses_.twists(k, placements_[k], places_[k].twists);
+  }
+  meter.count(used_ * question_.plan.moved.size() / kBodiesPerUnit + used_);
+}
+
+void MotionBlock::take() {
+  std::size_t begin = 0;
+  for (std::size_t k = 0; k < used_; ++k) {
+    const std::size_t count = places_[k].end - begin;
+    places_[k].search->take(places_[k].node, {placements_[k], places_[k].twists},
+                            std::span(questions_).subspan(begin, count), std::span(answers_).subspan(begin, count));
+    begin = places_[k].end;
+  }
+}
+
+std::uint64_t MotionBlock::end(std::vector<MotionRow>& rows) {
+  std::uint64_t evaluated = 0;
+  for (std::size_t i = 0; i < count_; ++i) {
+    searches_[i].append_rows(rows);
+    evaluated += searches_[i].evaluated();
+  }
+  count_ = 0;
+  return evaluated;
+}
+
+}  // namespace clearance

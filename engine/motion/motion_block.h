@@ -1,0 +1,67 @@
+// Motions answered side by side.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "engine/motion/motion_poses.h"
+#include "engine/motion/motion_search.h"
+
+namespace clearance {
+
+/// Answers a block of motions at a time, breadth first: what their searches ask for next is placed and answered
+/// together, so that lanes find many pairs of the same two hulls. Each worker has its own.
+class MotionBlock {
+ public:
+  /// How many motions a block has at most, so that its memory is bounded.
+  static std::uint64_t most(const Plan& plan, int workers);
+
+  /// All must outlive this. \param boxes of all bodies in the snapshot, or none. \param most motions
+  MotionBlock(const MotionQuestion& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
+              std::uint64_t most);
+
+  bool has_begun() const { return count_ > 0; }
+  /// \param first motion of `count`
+  void begin(std::uint64_t first, std::uint64_t count, WorkMeter& meter);
+  /// Goes on until the slice is over. Returns true once all are answered.
+  bool advance(WorkMeter& meter);
+  /// Appends the rows of all motions, in order. Returns how many pairs were evaluated.
+  std::uint64_t end(std::vector<MotionRow>& rows);
+
+ private:
+  // A span that is being looked at.
+  struct Place {
+    MotionSearch* search = nullptr;
+    MotionSearch::Node node;
+    std::vector<Twist> twists;  // of Plan::moved
+    std::size_t end = 0;        // of its questions
+  };
+  bool ask(WorkMeter& meter);
+  void place(WorkMeter& meter);
+  bool ask_again();
+  void take();
+
+  const MotionQuestion& question_;
+  Evaluator evaluator_;
+  std::optional<Evaluator> rough_;  // asked first, where it is enough to know on which side of a bound a pair is
+  MotionPoses poses_;
+  std::vector<MotionSearch> searches_;
+  std::size_t count_ = 0, turn_ = 0;  // the latter: whose it is next
+  std::vector<Placement> placements_;
+  std::uint64_t placed_ = 0;  // instants so far: each placement is told apart by its own number
+  std::vector<Place> places_;
+  std::size_t used_ = 0;  // of places_
+  std::vector<Instant> instants_;
+  std::vector<Mat3d> rotations_;
+  std::vector<PlacedBodies> asked_;
+  std::vector<MotionSearch::Question> questions_;
+  std::vector<PairAnswer> answers_;
+  std::vector<PlacedBodies> again_;  // those that it left open
+  std::vector<std::size_t> again_at_;
+  std::vector<PairAnswer> again_answers_;
+  bool is_asked_ = false, is_rough_ = false;
+};
+
+}  // namespace clearance

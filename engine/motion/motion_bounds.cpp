@@ -1,0 +1,282 @@
+#include "engine/motion/motion_bounds.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/scene/body_ball.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kUnit = 0x1p-53;
+constexpr double kUp = 1 + 0x1p-30;      // sums and products of what follows
+constexpr double kTimeUnits = 6;         // of q0 + t (q1 - q0), of the larger of both
+constexpr double kTwistError = 0x1p-40;  // of a point's speed, as computed, beside what its place is off
+constexpr double kAxisError = 0x1p-48;   // of a vector's part across an axis
+
+double length_of(const Vec3d& v) {
+  return std::hypot(v.x, v.y, v.z);
+}
+
+double reach_of(const LinkBall& ball) {
+  return (length_of(ball.centre) + ball.radius) * kUp;
+}
+
+}  // namespace
+
+MotionBounds::MotionBounds(const Scene& scene, const Plan& plan) : scene_(scene), plan_(plan) {
+  chain_of_body_.assign(scene.bodies().size(), kStill);
+  slot_.assign(scene.bodies().size(), kNone);
+  for (std::size_t i = 0; i < plan.moved.size(); ++i) slot_[plan.moved[i]] = static_cast<std::uint32_t>(i);
+  for (const std::uint32_t body : plan.moved)
+    if (Chain chain = chain_of(body); !chain.empty()) chain_of_body_[body] = add_chain(std::move(chain));
+  std::vector<BodyPair> room;
+  constexpr std::uint64_t kSlice = 4096;
+  for (std::uint64_t begin = 0; begin < plan.pairs.size(); begin += kSlice) {
+    const auto pairs = plan.pairs.slice(begin, std::min(kSlice, plan.pairs.size() - begin), room);
+    for (std::size_t i = 0; i < pairs.size(); ++i) take_views(begin + i, pairs[i]);
+  }
+}
+
+std::uint32_t MotionBounds::add_chain(Chain chain) {
+  if (chain.empty()) return kStill;
+  chains_.push_back(std::move(chain));
+  return static_cast<std::uint32_t>(chains_.size() - 1);
+}
+
+// From a body out to the world, by all that the query moves.
+MotionBounds::Chain MotionBounds::chain_of(std::uint32_t body) const {
+  const PoseSnapshot& snapshot = *plan_.snapshot;
+  Chain chain;
+  LinkBall ball = ball_around(scene_.bodies()[body]);
+  double offset = 0;
+  for (std::uint32_t at = body; at != kNone; at = snapshot.parent[at]) {
+    Link link;
+    link.body = at;
+    const auto given =
+        std::find(plan_.bodies.begin(), plan_.bodies.begin() + static_cast<std::ptrdiff_t>(plan_.given_bodies), at);
+    const auto index = static_cast<std::size_t>(given - plan_.bodies.begin());
+    if (index < plan_.given_bodies) link.given = static_cast<std::uint32_t>(index);
+    for (std::uint32_t m = 0; m < plan_.motions.size() && link.given == kNone; ++m)
+      for (const std::uint32_t l : plan_.motions[m].links())
+        if (plan_.motions[m].robot().bodies[l] == at) link.robot = m, link.link = l;
+    if (link.given == kNone && link.robot == kNone) {  // stands still before what carries it
+      const Pose& X = snapshot.local[at];
+      if (!snapshot.given[at] || check(X) == PoseQuality::kBad) continue;  // no pose: no answer
+      ball.centre = rotation_of(X) * ball.centre + X.translation;
+      ball.radius = (ball.radius + 0x1p-48 * (length_of(ball.centre) + length_of(X.translation))) * kUp;
+      offset = (offset + length_of(X.translation)) * kUp;
+      continue;
+    }
+    if (chain.empty()) link.ball = ball;
+    link.offset = chain.empty() ? 0 : offset;
+    offset = 0;
+    if (link.robot != kNone) {
+      link.path = MotionPath(kinematics(link), link.link, link.ball);
+      link.error = kinematics(link).error(link.link, reach_of(link.ball));
+      for (const Mover& mover : link.path.movers()) link.slides += !mover.turns;
+    }
+    chain.push_back(std::move(link));
+  }
+  return chain;
+}
+
+// What carries both bodies moves neither before the other.
+void MotionBounds::take_views(std::uint64_t position, BodyPair pair) {
+  const std::size_t bodies = scene_.bodies().size();
+  if (pair.a >= bodies || pair.b >= bodies) return;
+  const std::uint32_t at_a = chain_of_body_[pair.a], at_b = chain_of_body_[pair.b];
+  if (at_a == kStill || at_b == kStill) return;
+  const Chain &a = chains_[at_a], &b = chains_[at_b];
+  std::size_t shared = 0;
+  const auto behind = [&](const Chain& chain) -> const Link& { return chain[chain.size() - 1 - shared]; };
+  while (shared < a.size() && shared < b.size() && behind(a).given == behind(b).given &&
+         behind(a).robot == behind(b).robot && behind(a).link == behind(b).link)
+    ++shared;
+  const bool fork_in_robot =
+      shared < a.size() && shared < b.size() && behind(a).robot != kNone && behind(a).robot == behind(b).robot;
+  if (fork_in_robot && kinematics(behind(a)).root_of(behind(a).link) == kinematics(behind(b)).root_of(behind(b).link))
+    views_[position] = views_in_robot(Chain(a), Chain(b), shared);  // copies: chains are added
+  else if (shared > 0)
+    views_[position] = view_of_carrier(at_a, at_b, shared);
+}
+
+MotionBounds::Views MotionBounds::view_of_carrier(std::uint32_t a, std::uint32_t b, std::size_t shared) {
+  Views views;
+  views.view[0].seer = chains_[a][chains_[a].size() - shared].body;
+  views.view[0].a = chain_before(a, shared);
+  views.view[0].b = chain_before(b, shared);
+  return views;
+}
+
+// A chain as what carries it sees it: without the `shared` links at its end. Many pairs ask for the same.
+std::uint32_t MotionBounds::chain_before(std::uint32_t chain, std::size_t shared) {
+  const auto [at, is_new] = before_.try_emplace({chain, shared}, kStill);
+  if (!is_new) return at->second;
+  Chain shorter(chains_[chain].begin(), chains_[chain].end() - static_cast<std::ptrdiff_t>(shared));
+  return at->second = add_chain(std::move(shorter));
+}
+
+// As either link sees the other's points, and as the frame that carries both sees all of them.
+MotionBounds::Views MotionBounds::views_in_robot(const Chain& a, const Chain& b, std::size_t shared) {
+  const std::size_t of_a = a.size() - 1 - shared, of_b = b.size() - 1 - shared;
+  const Link &link_a = a[of_a], &link_b = b[of_b];
+  const Kinematics& robot = kinematics(link_a);
+  const auto inner = [](const Chain& chain, std::size_t count) {
+    return Chain(chain.begin(), chain.begin() + static_cast<std::ptrdiff_t>(count));
+  };
+  const auto with = [&](const Chain& chain, std::size_t count, MotionPath path) {
+    Chain longer = inner(chain, count + 1);
+    longer.back().path = std::move(path);
+    return add_chain(std::move(longer));
+  };
+  auto [path_a, path_b] = paths_from_fork(robot, link_a.link, link_a.ball, link_b.link, link_b.ball);
+  Views views;
+  views.count = 3;
+  views.view[0].seer = link_a.body;
+  views.view[1].seer = link_b.body;
+  views.view[2].seer = plan_.motions[link_a.robot].robot().bodies[fork_of(robot, link_a.link, link_b.link)];
+  views.view[0].a = add_chain(inner(a, of_a));
+  views.view[0].b = with(b, of_b, MotionPath(robot, link_a.link, link_b.link, link_b.ball));
+  views.view[1].a = with(a, of_a, MotionPath(robot, link_b.link, link_a.link, link_a.ball));
+  views.view[1].b = add_chain(inner(b, of_b));
+  views.view[2].a = with(a, of_a, std::move(path_a));
+  views.view[2].b = with(b, of_b, std::move(path_b));
+  return views;
+}
+
+void MotionBounds::take_joints(std::size_t robot, MovingBodies& moving) const {
+  const LinkMotion& motion = plan_.motions[robot];
+  const std::size_t joints = plan_.joints.size(), columns = motion.robot().model.columns.size();
+  const double* const start = plan_.positions.data() + 2 * moving.motion * joints;
+  const double* const end = start + joints;
+  std::vector<double>&along = moving.along[robot], &change = moving.change[robot], &rounding = moving.rounding[robot];
+  along.assign(columns, 0);
+  change.assign(columns, 0);
+  rounding.assign(columns, 0);
+  const PoseSnapshot::Joints& stand = plan_.snapshot->joints;
+  std::vector<double> first(columns), last;
+  for (std::size_t c = 0; c < columns; ++c)
+    if (const std::size_t j = motion.robot().first_joint + c; stand.given[j]) first[c] = stand.position[j];
+  last = first;
+  for (const LinkMotion::Moving& m : motion.moving()) {
+    const double q0 = start[m.at], q1 = end[m.at];
+    first[m.column] = q0;
+    last[m.column] = q1;
+    along[m.column] = q1 - q0;
+    change[m.column] = std::abs(q1 - q0) * kUp;
+    if (q1 != q0) rounding[m.column] = kTimeUnits * kUnit * std::max(std::abs(q0), std::abs(q1)) * kUp;
+  }
+  const Kinematics& kinematics = motion.robot().kinematics;
+  moving.travel[robot] = std::max(kinematics.travel(first), kinematics.travel(last));
+}
+
+void MotionBounds::take(std::uint64_t motion, MovingBodies& moving) const {
+  moving.motion = motion;
+  moving.given.clear();
+  moving.half_turn = false;
+  const Pose* const start = plan_.configurations.data() + 2 * motion * plan_.given_bodies;
+  for (std::size_t i = 0; i < plan_.given_bodies; ++i) {
+    moving.given.emplace_back(start[i], start[plan_.given_bodies + i]);
+    moving.half_turn |= moving.given.back().is_half_turn();
+  }
+  moving.along.resize(plan_.motions.size());
+  moving.change.resize(plan_.motions.size());
+  moving.rounding.resize(plan_.motions.size());
+  moving.travel.resize(plan_.motions.size());
+  for (std::size_t m = 0; m < plan_.motions.size(); ++m) take_joints(m, moving);
+  moving.chains.resize(chains_.size());
+  moving.chain_errors.resize(chains_.size());
+  moving.chain_turns.resize(chains_.size());
+  for (std::size_t c = 0; c < chains_.size(); ++c)
+    moving.chains[c] = rates_of(chains_[c], moving, &moving.chain_errors[c], &moving.chain_turns[c]);
+  moving.errors.assign(plan_.moved.size(), 0);
+  for (std::size_t i = 0; i < plan_.moved.size(); ++i)
+    if (const std::uint32_t c = chain_of_body_[plan_.moved[i]]; c != kStill) moving.errors[i] = moving.chain_errors[c];
+}
+
+// From the points outwards. The points of the first link lie in its ball; those of one farther out at most `reach` from
+// its origin.
+MotionRates MotionBounds::rates_of(const Chain& chain, const MovingBodies& moving, double* error,
+                                   double* turn_error) const {
+  MotionRates sum;
+  double reach = 0;
+  *error = *turn_error = 0;
+  for (std::size_t i = 0; i < chain.size(); ++i) {
+    const Link& link = chain[i];
+    reach = i == 0 ? reach_of(link.ball) : (reach + link.offset) * kUp;
+    MotionRates own;
+    if (link.given != kNone) {
+      const BodyMotion& motion = moving.given[link.given];
+      const Vec3d& centre = link.ball.centre;
+      const double across = length_of(cross(motion.axis(), centre)) + kAxisError * length_of(centre);
+      const double radius = i == 0 ? across + link.ball.radius : reach, wrong = motion.error(reach);
+      own.speed = (motion.shift() + radius * motion.turn() + wrong) * kUp;
+      own.acceleration = (radius * motion.turn() + 4 * wrong) * motion.turn() * kUp;
+      own.turn = motion.turn();
+      *error += wrong;
+      *turn_error += motion.turn_error();
+      reach = (reach + motion.farthest()) * kUp;
+    } else {
+      const double beyond = i == 0 ? 0 : reach, travel = moving.travel[link.robot];
+      own = link.path.rates(moving.change[link.robot], travel, beyond);
+      const PlacementError placed = i == 0 ? link.error : kinematics(link).error(link.link, reach);
+      const MotionRates rounding = link.path.rates(moving.rounding[link.robot], travel, beyond);
+      *error += rounding.speed + placed.at(travel, 0);
+      *turn_error += rounding.turn;
+      reach = (kinematics(link).reach(link.link, reach) + link.slides * travel) * kUp;
+    }
+    sum = i == 0 ? own : sum.within(own);
+  }
+  *error *= kUp;
+  return sum;
+}
+
+// Radians that the frames behind a body's slack may be turned by: as it moves before them, its slack changes by so much
+// for each metre.
+double MotionBounds::doubt_turn(std::uint32_t body, const Placement& placed) const {
+  if (plan_.doubts.empty()) return 0;
+  const BodyDoubt& doubt = placed.doubt(body);
+  return doubt.known.turn + doubt.placed.turn + 4 * kUnit;
+}
+
+double MotionBounds::drift_of(std::uint32_t body, const MovingBodies& moving, const Placement& placed) const {
+  const std::uint32_t chain = chain_of_body_[body];
+  if (chain == kStill) return 0;
+  const MotionRates& own = moving.chains[chain];
+  const double twist_error = kTwistError + 4 * moving.chain_turns[chain];
+  return (doubt_turn(body, placed) + twist_error) * own.speed + 4 * own.turn * moving.chain_errors[chain];
+}
+
+void MotionBounds::speeds(const MovingBodies& moving, const Placement& placed, std::vector<double>& speeds) const {
+  speeds.clear();
+  for (const std::uint32_t body : plan_.moved) {
+    const std::uint32_t chain = chain_of_body_[body];
+    speeds.push_back(chain == kStill ? 0 : (moving.chains[chain].speed + drift_of(body, moving, placed)) * kUp);
+  }
+}
+
+PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving,
+                              const Placement& placed) const {
+  static constexpr MotionRates kAtRest;
+  const auto of = [&](std::uint32_t chain) -> const MotionRates& {
+    return chain == kStill ? kAtRest : moving.chains[chain];
+  };
+  const std::uint32_t chain_a = chain_of_body_[pair.a], chain_b = chain_of_body_[pair.b];
+  const MotionRates &a = of(chain_a), &b = of(chain_b);
+  PairRates rates{a.speed + b.speed, a.acceleration + b.acceleration};
+  if (const auto views = views_.find(position); views != views_.end()) {
+    for (std::uint32_t v = 0; v < views->second.count; ++v) {
+      const View& view = views->second.view[v];
+      rates.speed = std::min(rates.speed, of(view.a).speed + of(view.b).speed);
+      const double acceleration = of(view.a).acceleration + of(view.b).acceleration;
+      if (acceleration < rates.acceleration) rates.acceleration = acceleration, rates.seer = view.seer;
+    }
+  }
+  rates.drift = drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed);
+  rates.speed = (rates.speed + rates.drift) * kUp;
+  return rates;
+}
+
+}  // namespace clearance

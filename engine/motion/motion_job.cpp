@@ -1,0 +1,93 @@
+#include "engine/motion/motion_job.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "engine/motion/motion_block.h"
+#include "engine/query/parallel_job.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr std::uint64_t kMostPairs = 1u << 16;  // of a motion: one look at all of them goes into a slice
+constexpr std::uint64_t kBlocksAtOnce = 8;      // of each worker: rows wait for those before them
+constexpr double kFiner = 0.125;                // a pair alone is asked for so much of the tolerance
+
+class MotionJob final : public ParallelJob {
+ public:
+  MotionJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
+      : ParallelJob(context, std::move(plan), reply), bounds_(scene(), plan_) {
+    options_.cull = !options_.reference;
+    options_.want_points = true;  // the directions that keep pairs apart
+    if (plan_.query.reduce != Reduce::kAny) {
+      options_.limits.abs_tol *= kFiner;
+      options_.limits.rel_tol *= kFiner;
+    }
+    options_.limits.max_distance = std::numeric_limits<double>::infinity();
+    const std::uint64_t most = MotionBlock::most(plan_, workers());
+    for (int i = 0; i < workers(); ++i) blocks_.emplace_back(question_, options_, boxes(), most);
+    block_ = most;
+  }
+
+  bool go_on(WorkMeter& slice) override {
+    const std::uint64_t count = plan_.size.configurations,
+                        at_once = kBlocksAtOnce * static_cast<std::uint64_t>(workers()) * block_;
+    while (first_ < count) {
+      const std::uint64_t motions = std::min(count - first_, at_once), parts = (motions + block_ - 1) / block_;
+      rows_.resize(parts);
+      const bool done = run_units(next_, parts, slice, [&](std::uint64_t unit, int worker, WorkMeter& meter) {
+        return run(unit, worker, std::min(block_, motions - unit * block_), meter);
+      });
+      if (!done) return false;
+      for (const auto& rows : rows_)
+        for (const MotionRow& row : rows) write(row);
+      rows_.clear();
+      next_ = 0;
+      first_ += motions;
+      if (first_ < count && slice.is_over()) return false;
+    }
+    info.rows = info.total = written_;
+    info.pairs_evaluated = evaluated_;
+    context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+    return true;
+  }
+
+ private:
+  bool run(std::uint64_t unit, int worker, std::uint64_t count, WorkMeter& meter) {
+    MotionBlock& block = blocks_[static_cast<std::size_t>(worker)];
+    if (!block.has_begun()) block.begin(first_ + unit * block_, count, meter);
+    if (!block.advance(meter)) return false;
+    evaluated_.fetch_add(block.end(rows_[unit]), std::memory_order_relaxed);
+    return true;
+  }
+
+  void write(const MotionRow& row) {
+    assert(written_ < plan_.size.rows);
+    if (reply_.time) reply_.time[written_] = row.time;
+    if (reply_.first_contact) std::copy_n(row.first_contact, 2, reply_.first_contact + 2 * written_);
+    if (reply_.steps) reply_.steps[written_] = row.steps;
+    write_row(reply_, written_++, row.row);
+  }
+
+  MotionBounds bounds_;
+  MotionQuestion question_{scene(), plan_, bounds_, options_.stale, options_.want_flags};
+  std::vector<MotionBlock> blocks_;           // of each worker
+  std::vector<std::vector<MotionRow>> rows_;  // of the units that are under way
+  std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;
+  std::atomic<std::uint64_t> evaluated_{0};
+};
+
+}  // namespace
+
+std::unique_ptr<Job::State> make_motion_job(const JobContext& context, Plan plan, const ReplyView& reply) {
+  if (plan.size.pairs > kMostPairs)
+    throw QueryError(QueryErrorCode::kTooLarge, "max_steps: motions of " + std::to_string(plan.size.pairs) +
+                                                    " pairs are more than the limit of " + std::to_string(kMostPairs) +
+                                                    ": name the pairs that they are about");
+  plan.keep_configurations();
+  return std::make_unique<MotionJob>(context, std::move(plan), reply);
+}
+
+}  // namespace clearance

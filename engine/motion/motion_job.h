@@ -1,0 +1,13 @@
+// Motions, on the CPU: docs/bounds.md, "Motion".
+#pragma once
+
+#include <memory>
+
+#include "engine/query/job_state.h"
+
+namespace clearance {
+
+/// Of a plan with max_steps > 0. Throws QueryError for more pairs than motions may have.
+std::unique_ptr<Job::State> make_motion_job(const JobContext& context, Plan plan, const ReplyView& reply);
+
+}  // namespace clearance

@@ -1,0 +1,116 @@
+#include "engine/motion/motion_poses.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+namespace clearance {
+
+MotionPoses::MotionPoses(const Plan& plan) : plan_(plan) {
+  for (const LinkMotion& motion : plan.motions) robots_.emplace_back(motion.robot().kinematics);
+  const auto index_in = [](const std::vector<std::uint32_t>& bodies, std::uint32_t body) {
+    const auto at = std::find(bodies.begin(), bodies.end(), body);
+    return at == bodies.end() ? kNone : static_cast<std::uint32_t>(at - bodies.begin());
+  };
+  for (const std::uint32_t body : plan.moved) {
+    place_.push_back(index_in(plan.bodies, body));
+    carrier_.push_back(index_in(plan.moved, plan.snapshot->parent[body]));
+  }
+}
+
+// A motion that begins or ends at a position that cannot be used is nowhere.
+void MotionPoses::take_rows(const Instant& instant, double* row) const {
+  const std::size_t joints = plan_.joints.size();
+  const double* const start = plan_.positions.data() + 2 * instant.moving->motion * joints;
+  for (std::size_t j = 0; j < joints; ++j) {
+    const double q0 = start[j], q1 = start[joints + j];
+    const bool good = std::abs(q0) <= kMaxPosition && std::abs(q1) <= kMaxPosition;
+    row[j] = good ? q0 + instant.time * (q1 - q0) : std::numeric_limits<double>::quiet_NaN();
+  }
+}
+
+void MotionPoses::look_at_ends(MovingBodies& moving) {
+  moving.end_facts.clear();
+  const std::size_t joints = plan_.joints.size(), links = plan_.bodies.size() - plan_.given_bodies;
+  const auto ends = plan_.positions.subspan(2 * moving.motion * joints, 2 * joints);
+  poses_.resize(2 * links);
+  facts_.assign(2 * links, 0);
+  std::size_t at = 0;
+  bool strange = false;
+  for (const LinkMotion& motion : plan_.motions) {
+    for (const LinkMotion::Moving& m : motion.moving())
+      for (const double position : {ends[m.at], ends[joints + m.at]})
+        strange |= position_fact(motion.robot().model.columns[m.column], position) != 0;
+    if (strange) motion.make(ends, 2, poses_.data() + at, facts_.data() + at, links, scratch_);
+    at += motion.links().size();
+  }
+  if (!strange) return;
+  for (std::size_t i = 0; i < links; ++i) moving.end_facts.push_back(facts_[i] | facts_[links + i]);
+}
+
+ConfigurationPoses::Block MotionPoses::at(std::span<const Instant> instants) {
+  const std::size_t bodies = plan_.bodies.size(), given = plan_.given_bodies, joints = plan_.joints.size();
+  poses_.resize(instants.size() * bodies);
+  facts_.assign(instants.size() * bodies, 0);
+  rows_.resize(instants.size() * joints);
+  travels_.resize(instants.size() * plan_.motions.size());
+  instants_.assign(instants.begin(), instants.end());
+  twists_.assign(instants.size() * bodies, {});
+  for (std::size_t k = 0; k < instants.size(); ++k) {
+    for (std::size_t i = 0; i < given; ++i) poses_[k * bodies + i] = instants[k].moving->given[i].at(instants[k].time);
+    take_rows(instants[k], rows_.data() + k * joints);
+  }
+  std::size_t at = given;
+  for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
+    const LinkMotion& motion = plan_.motions[m];
+    motion.make(rows_, instants.size(), poses_.data() + at, facts_.data() + at, bodies, scratch_);
+    for (std::size_t k = 0; k < instants.size(); ++k)
+      travels_[k * plan_.motions.size() + m] = motion.travel(scratch_, k);
+    take_twists(m, at);
+    at += motion.links().size();
+  }
+  for (std::size_t k = 0; k < instants.size(); ++k)
+    for (std::size_t i = 0; i < instants[k].moving->end_facts.size(); ++i)
+      facts_[k * bodies + given + i] |= instants[k].moving->end_facts[i];
+  return {poses_, facts_, travels_, {}};
+}
+
+// Of a robot's links, as they have just been placed.
+void MotionPoses::take_twists(std::size_t motion, std::size_t at) {
+  const LinkMotion& made = plan_.motions[motion];
+  const std::size_t links = made.robot().kinematics.links();
+  links_.resize(links);
+  for (std::size_t k = 0; k < instants_.size(); ++k) {
+    robots_[motion].at(std::span(scratch_.poses).subspan(k * links, links), instants_[k].moving->along[motion], links_);
+    for (std::size_t i = 0; i < made.links().size(); ++i)
+      twists_[k * plan_.bodies.size() + at + i] = links_[made.links()[i]];
+  }
+}
+
+void MotionPoses::twists(std::size_t k, const Placement& placed, std::span<Twist> twists) const {
+  assert(twists.size() == plan_.moved.size());
+  for (std::size_t i = 0; i < twists.size(); ++i) {
+    const std::uint32_t place = place_[i], carrier = carrier_[i];
+    const BodyPlacement& body = placed[plan_.moved[i]];
+    Twist own;
+    if (place < plan_.given_bodies) {
+      const BodyMotion& motion = instants_[k].moving->given[place];
+      own = {motion.axis() * motion.angle(), motion.along()};
+    } else if (place != kNone) {
+      own = twists_[k * plan_.bodies.size() + place];
+    }
+    const std::uint32_t parent = plan_.snapshot->parent[plan_.moved[i]];
+    const Mat3d* const R_wp = parent == kNone ? nullptr : &placed[parent].pose.R_wb;
+    const Vec3d shift = R_wp ? *R_wp * own.shift : own.shift;
+    // A body turns about an axis that it carries; a link's twist is in the axes of what it follows.
+    const Vec3d turn = place < plan_.given_bodies ? body.pose.R_wb * own.turn : R_wp ? *R_wp * own.turn : own.turn;
+    twists[i] = {turn, shift};
+    if (carrier == kNone) continue;
+    const Twist& above = twists[carrier];
+    twists[i].turn += above.turn;
+    twists[i].shift += above.shift + cross(above.turn, body.pose.t_w - placed[parent].pose.t_w);
+  }
+}
+
+}  // namespace clearance

@@ -1,0 +1,50 @@
+// Where the bodies of a query are at times of its motions.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "engine/motion/motion_bounds.h"
+#include "engine/query/configuration_poses.h"
+#include "engine/robot/link_twists.h"
+
+namespace clearance {
+
+/// A time from 0 to 1 of a motion.
+struct Instant {
+  const MovingBodies* moving;
+  double time;
+};
+
+/// What ConfigurationPoses is for configurations. Each worker has its own.
+class MotionPoses {
+ public:
+  /// \param plan outlives this, and has its configurations.
+  explicit MotionPoses(const Plan& plan);
+
+  /// Sets MovingBodies::end_facts.
+  void look_at_ends(MovingBodies& moving);
+  /// Poses and facts, without errors, at some instants; good until the next call.
+  ConfigurationPoses::Block at(std::span<const Instant> instants);
+  /// How fast bodies move at instant k of those, placed at it. \param twists (Plan::moved,) world axes, rounded
+  void twists(std::size_t k, const Placement& placed, std::span<Twist> twists) const;
+
+ private:
+  void take_rows(const Instant& instant, double* row) const;
+  void take_twists(std::size_t motion, std::size_t at);
+
+  const Plan& plan_;
+  std::vector<LinkTwists> robots_;      // of each of Plan::motions
+  std::vector<std::uint32_t> place_;    // of each of Plan::moved: in Plan::bodies, or kNone
+  std::vector<std::uint32_t> carrier_;  // likewise: of what it follows, in Plan::moved, or kNone
+  std::vector<Instant> instants_;
+  std::vector<Twist> twists_;  // (instants, Plan::bodies) of links, before their roots
+  std::vector<Twist> links_;   // of all of a robot's
+  std::vector<double> rows_;   // (instants, joints)
+  std::vector<Pose> poses_;
+  std::vector<std::uint8_t> facts_;
+  std::vector<double> travels_;  // (instants, Plan::motions)
+  LinkMotion::Scratch scratch_;
+};
+
+}  // namespace clearance

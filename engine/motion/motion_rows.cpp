@@ -1,0 +1,97 @@
+// What a search has found, as rows.
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "engine/motion/motion_search.h"
+#include "engine/narrow/group.h"
+
+namespace clearance {
+
+// Of all pairs together, none within its margin: proved farther; or a pair that is neither; or no usable poses.
+void MotionSearch::decide_any(const Goal& goal, Row& row) const {
+  const Plan& plan = question_.plan;
+  const double low = std::max(goal.low, 0.0);
+  if (goal.decided) {
+    row.answer.lower = std::min(low, goal.best.upper);
+    row.answer.status = decided_status(row.answer.lower, row.answer.upper);
+  } else if (goal.forced) {
+    row.answer.lower = std::min(low, row.answer.upper);
+    row.answer.status = Status::kUnconverged;
+  } else if (goal.unusable != kNowhere) {
+    row.answer = goal.unusable_answer;
+    row.pair = row.pair_lower = plan.pairs.at(goal.unusable);
+  } else {
+    row = {{kNone, kNone}, row.configuration, beyond_answer(std::max(low, std::nextafter(plan.margins.least(), kInf)))};
+    for (std::uint64_t i = 0; question_.want_flags && !question_.stale.empty() && i < plan.pairs.size(); ++i) {
+      const BodyPair pair = plan.pairs.at(i);
+      if (question_.stale[pair.a] || question_.stale[pair.b]) row.answer.flags |= kFlagStale;
+    }
+  }
+}
+
+// The interval of the least distance. Its width is judged before slack, as ever.
+void MotionSearch::decide_distance(const Goal& goal, Row& row) const {
+  const QueryView& query = question_.plan.query;
+  PairAnswer& answer = row.answer;
+  if (goal.pair == kNowhere && goal.low == kInf) {
+    answer = goal.unusable_answer;
+    row.pair = row.pair_lower = question_.plan.pairs.at(goal.unusable);
+    return;
+  }
+  NarrowLimits limits;
+  limits.max_distance = query.max_distance;
+  limits.abs_tol = query.abs_tol;
+  limits.rel_tol = query.rel_tol;
+  const double upper = goal.upper();
+  const bool overlap = upper <= 0;
+  const double lower = overlap ? upper : std::clamp(goal.low, 0.0, upper);
+  const std::uint16_t kept = answer.flags;
+  decide(limits, lower, upper, [] { return 0.0; }, answer);
+  answer.flags = kept;
+  if (answer.status != Status::kUnconverged || goal.forced || upper == kInf) return;
+  answer.status = lower > 0 ? Status::kOk : Status::kContact;
+  answer.flags |= kFlagSlack;
+}
+
+MotionRow MotionSearch::row_of(const Goal& goal) const {
+  const Plan& plan = question_.plan;
+  MotionRow made;
+  made.steps = steps_;
+  made.first_contact[0] = goal.unusable == kNowhere ? goal.unproved : 0;
+  made.first_contact[1] = goal.hit;
+  Row& row = made.row;
+  row.configuration = static_cast<std::uint32_t>(moving.motion);
+  if (goal.pair != kNowhere) {
+    row = {plan.pairs.at(goal.pair), row.configuration, goal.best, goal.origin_a, goal.origin_b};
+  } else {
+    row.pair = goal.low_pair == kNowhere ? BodyPair{kNone, kNone} : plan.pairs.at(goal.low_pair);
+    row.answer = beyond_answer(goal.low);
+  }
+  row.pair_lower = goal.low_pair == kNowhere ? row.pair : plan.pairs.at(goal.low_pair);
+  if (any())
+    decide_any(goal, row);
+  else
+    decide_distance(goal, row);
+  assert(!(row.answer.lower > row.answer.upper));
+  const bool has_witness = goal.pair != kNowhere && row.answer.status != Status::kBeyond;
+  if (has_witness && !std::isnan(row.answer.distance)) made.time = goal.time;
+  if (goals_.size() == 1 && goal.unusable != kNowhere) row.answer.flags |= kFlagIncomplete;
+  if (moving.half_turn) row.answer.flags |= kFlagHalfTurn;
+  return made;
+}
+
+void MotionSearch::append_rows(std::vector<MotionRow>& rows) const {
+  assert(done_);
+  if (question_.plan.pairs.size() > 0) {
+    for (const Goal& goal : goals_) rows.push_back(row_of(goal));
+    return;
+  }
+  if (question_.plan.query.reduce == Reduce::kNone) return;
+  MotionRow none;
+  none.row = {{kNone, kNone}, static_cast<std::uint32_t>(moving.motion), empty_answer(), {}, {}, {kNone, kNone}};
+  none.first_contact[0] = none.first_contact[1] = kInf;
+  rows.push_back(none);
+}
+
+}  // namespace clearance

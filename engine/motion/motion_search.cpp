@@ -1,0 +1,304 @@
+#include "engine/motion/motion_search.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "engine/narrow/group.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kLeastHalf = 0x1p-40;    // of a span
+constexpr double kContactTime = 0x1p-10;  // first contact is narrowed to that, of the motion
+
+bool is_less_promising(const MotionSearch::Node& p, const MotionSearch::Node& q) {
+  return p.least != q.least ? p.least > q.least : p.begin > q.begin;
+}
+
+bool is_within(const PairAnswer& answer, double margin) {
+  return answer.upper <= margin;
+}
+
+}  // namespace
+
+void MotionSearch::begin() {
+  const bool each = question_.plan.query.reduce == Reduce::kNone;
+  goals_.assign(each ? question_.plan.pairs.size() : 1, Goal{});
+  spans_.clear();
+  under_way_ = 0;
+  steps_ = 0;
+  evaluated_ = 0;
+  seeded_ = false;
+  done_ = question_.plan.pairs.size() == 0;
+  seeks_contact_ = any() && wants_contact();
+  if (!done_) open_all();
+}
+
+void MotionSearch::open_all() {
+  Node root{0, 1, {}, {}, 0, false};
+  root.open.resize(question_.plan.pairs.size());
+  std::iota(root.open.begin(), root.open.end(), std::uint64_t{0});
+  root.low.assign(root.open.size(), 0);
+  push(std::move(root));
+}
+
+// The least distance is known, but not when pairs first are within their margins: the motion is looked at anew, its
+// beginning first. False: it is known already, or nobody asks.
+bool MotionSearch::seek_contact() {
+  if (seeks_contact_ || !wants_contact() || steps_ >= question_.plan.query.max_steps) return false;
+  Node root{0, 1, {}, {}, 0, false};
+  for (std::uint64_t i = 0; i < question_.plan.pairs.size(); ++i)
+    if (goal_of(i).unproved < kInf) root.open.push_back(i);
+  if (root.open.empty()) return false;
+  root.low.assign(root.open.size(), 0);
+  for (Goal& goal : goals_) goal.unproved = kInf;
+  seeks_contact_ = true;
+  push(std::move(root));
+  return true;
+}
+
+void MotionSearch::push(Node&& node) {
+  node.least = seeks_contact_ ? node.begin : *std::min_element(node.low.begin(), node.low.end());
+  spans_.push_back(std::move(node));
+  std::push_heap(spans_.begin(), spans_.end(), is_less_promising);
+}
+
+double MotionSearch::tolerance(const Goal& goal) const {
+  const QueryView& query = question_.plan.query;
+  return std::max(query.abs_tol, query.rel_tol * goal.upper());
+}
+
+// How far a pair has to be all along in order to leave. Where the least distance is asked for: not so near that the
+// interval would be wider than asked, slack aside.
+double MotionSearch::target_of(std::uint64_t position, const Goal& goal, double slack) const {
+  if (decides()) return question_.plan.margins.of(position);
+  if (goal.pair == kNowhere) return question_.plan.query.max_distance;
+  const double enough = goal.best.upper - (tolerance(goal) + goal.slack + slack);
+  return std::min(question_.plan.query.max_distance, std::max(enough, 0.0));
+}
+
+void MotionSearch::leave(Goal& goal, std::uint64_t position, double low, double slack, double begin) {
+  const bool is_lowest = low < goal.low || (low == goal.low && position < goal.low_pair);
+  if (is_lowest && (any() || !seeks_contact_)) {
+    goal.low = low;
+    goal.low_pair = position;
+    goal.slack_low = slack;
+  }
+  if (!(low > question_.plan.margins.of(position))) goal.unproved = std::min(goal.unproved, begin);
+}
+
+bool MotionSearch::next(Node& node) {
+  while (!done_ && may_ask()) {
+    std::pop_heap(spans_.begin(), spans_.end(), is_less_promising);
+    node = std::move(spans_.back());
+    spans_.pop_back();
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < node.open.size(); ++i) {
+      Goal& goal = goal_of(node.open[i]);
+      const bool is_late = seeks_contact_ && node.begin > goal.hit - kContactTime;
+      if (is_late || node.low[i] > target_of(node.open[i], goal, 0) || is_settled(goal)) {
+        leave(goal, node.open[i], node.low[i], 0, node.begin);
+        continue;
+      }
+      node.open[kept] = node.open[i];
+      node.low[kept++] = node.low[i];
+    }
+    node.open.resize(kept);
+    node.low.resize(kept);
+    if (kept == 0) continue;
+    steps_ += !node.has_steps;
+    node.has_steps = true;
+    ++under_way_;
+    return true;
+  }
+  end_if_done();
+  return !done_ && may_ask() && under_way_ == 0 && next(node);  // another search has begun
+}
+
+void MotionSearch::end_if_done() {
+  if (done_ || under_way_ > 0) return;
+  const bool settled = std::all_of(goals_.begin(), goals_.end(), [&](const Goal& goal) { return is_settled(goal); });
+  if (!settled && may_ask()) return;
+  give_up();
+  done_ = !seek_contact();
+}
+
+// What is still open leaves as it is.
+void MotionSearch::give_up() {
+  for (const Node& node : spans_)
+    for (std::size_t i = 0; i < node.open.size(); ++i) {
+      Goal& goal = goal_of(node.open[i]);
+      if (any() || !seeks_contact_) goal.forced |= !goal.decided && !(node.low[i] >= target_of(node.open[i], goal, 0));
+      leave(goal, node.open[i], node.low[i], 0, node.begin);
+    }
+  spans_.clear();
+}
+
+void MotionSearch::ask(Node& node, const Placement& placed, std::vector<PlacedBodies>& asked,
+                       std::vector<Question>& questions) {
+  // Before anything is known of the least distance all pairs would be asked in full: one comes first.
+  const PairList& pairs = question_.plan.pairs;
+  const bool seeds = question_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
+  const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
+  node.seeds = seed < node.open.size();
+  if (node.seeds) return ask(seed, node, pairs.at(node.open[seed]), placed, asked, questions);
+  question_.bounds.speeds(moving, placed, speeds_);
+  for (std::size_t i = 0; i < node.open.size(); ++i) {
+    const BodyPair pair = pairs.at(node.open[i]);
+    if (is_unusable(question_.scene, placed, pair) || !leaves_by_boxes(i, node, pair, placed))
+      ask(i, node, pair, placed, asked, questions);
+  }
+}
+
+// Most pairs are so far apart that neither their path nor what else is known of them matters.
+bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const Placement& placed) {
+  const auto speed = [&](std::uint32_t body) {
+    const std::uint32_t slot = question_.bounds.slot(body);
+    return slot == kNone ? 0 : speeds_[slot];
+  };
+  Goal& goal = goal_of(node.open[i]);
+  const double low = difference_below(box_gap(question_.scene, placed, pair),
+                                      sum_above(speed(pair.a), speed(pair.b)) * node.half() * (1 + 0x1p-50));
+  if (!(low > target_of(node.open[i], goal, 0))) return false;
+  leave(goal, node.open[i], std::max(low, node.low[i]), 0, node.begin);
+  return true;
+}
+
+void MotionSearch::ask(std::size_t i, const Node& node, BodyPair pair, const Placement& placed,
+                       std::vector<PlacedBodies>& asked, std::vector<Question>& questions) {
+  const std::uint64_t position = node.open[i];
+  double way = 0, inner = 0;
+  PairRates rates;
+  if (!is_unusable(question_.scene, placed, pair)) {
+    rates = question_.bounds.rates(position, pair, moving, placed);
+    if (rates.speed > 0) way = sum_above(rates.speed * node.half(), 0x1p-1000);
+    inner = pair_slack(placed, pair).inner;
+  }
+  const double target = target_of(position, goal_of(position), inner);
+  asked.push_back({pair, &placed, sum_above(target, way), nullptr, decides() ? target : -kInf});
+  questions.push_back({static_cast<std::uint32_t>(i), target, way, inner, rates});
+}
+
+// The pair whose boxes are nearest; none: they are all beyond max_distance, or nowhere.
+std::size_t MotionSearch::nearest_of(const Node& node, const Placement& placed) const {
+  std::size_t nearest = node.open.size();
+  double least = question_.plan.query.max_distance;
+  for (std::size_t i = 0; i < node.open.size(); ++i) {
+    const BodyPair pair = question_.plan.pairs.at(node.open[i]);
+    const double gap = box_gap(question_.scene, placed, pair);
+    if (gap < least) least = gap, nearest = i;
+  }
+  return nearest;
+}
+
+// Of decisions the earliest pair found within its margin counts where first contact is asked for; else the nearest.
+void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer,
+                       const Placement& placed) {
+  const bool within = is_within(answer, question_.plan.margins.of(position));
+  const bool earlier = within && time < goal.hit, hit_before = goal.hit < kInf;
+  if (within) goal.hit = std::min(goal.hit, time);
+  const bool nearer = answer.upper < goal.upper();
+  if (!(any() && seeks_contact_ ? earlier || (nearer && !hit_before) : nearer)) return;
+  const BodyPair pair = question_.plan.pairs.at(position);
+  goal.best = answer;
+  goal.pair = position;
+  goal.time = time;
+  goal.slack = pair_slack(placed, pair).outer;
+  goal.origin_a = placed[pair.a].pose.t_w;
+  goal.origin_b = placed[pair.b].pose.t_w;
+  goal.decided = any() ? within : answer.upper <= 0;
+}
+
+bool MotionSearch::is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const {
+  const double target = target_of(position, goal, slack);
+  return decides() ? low > target : low >= target;
+}
+
+// How near the pair can come in either half, along the direction that keeps it apart in the middle.
+HalfSpans MotionSearch::half_spans(BodyPair pair, const Question& asked, const PairAnswer& answer, const Moment& moment,
+                                   double half) const {
+  const Vec3d& n = answer.normal;
+  if (!(answer.lower > 0) || !std::isfinite(n.x + n.y + n.z)) return {-kInf, -kInf};
+  const MotionBounds& bounds = question_.bounds;
+  const PairRates& rates = asked.rates;
+  const auto twist_of = [&](std::uint32_t body) {
+    return bounds.slot(body) == kNone ? Twist() : moment.twists[bounds.slot(body)];
+  };
+  const auto moving_body = [&](std::uint32_t body) {
+    const PlacedPose& pose = moment.placed[body].pose;
+    Twist twist = twist_of(body);
+    if (rates.seer != kNone) {
+      const Twist seer = twist_of(rates.seer);
+      twist.shift = twist.shift - (seer.shift + cross(seer.turn, pose.t_w - moment.placed[rates.seer].pose.t_w));
+      twist.turn = twist.turn - seer.turn;
+    }
+    return MovingBody{question_.scene.bodies()[body], pose, twist};
+  };
+  const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half,
+                                    rates.acceleration * (0.5 * half * half) * (1 + 0x1p-40));
+  const double less = (asked.inner + rates.drift * half) * (1 + 0x1p-40);
+  return {difference_below(gaps.before, less), difference_below(gaps.after, less)};
+}
+
+// What an answer proves of both halves of the span. Where that is not enough the pair goes on in the half.
+void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
+                          Node (&halves)[2]) {
+  const std::uint64_t position = node.open[asked.open];
+  Goal& goal = goal_of(position);
+  const double inner = asked.inner;
+  double low = std::max(node.low[asked.open], difference_below(answer.lower, asked.way));
+  const bool beyond = answer.status == Status::kBeyond;
+  if (beyond) low = std::max(low, std::nextafter(asked.target, kInf));
+  HalfSpans gaps{low, low};
+  if (!beyond && !is_proved(position, goal, low, inner) && asked.way > 0) {
+    const HalfSpans along = half_spans(question_.plan.pairs.at(position), asked, answer, moment, node.half());
+    gaps = {std::max(low, along.before), std::max(low, along.after)};
+  }
+  for (Node& half : halves) {
+    const double gap = &half == &halves[0] ? gaps.before : gaps.after;
+    const bool proved = beyond || is_proved(position, goal, gap, inner);
+    if (proved || asked.way == 0 || node.half() <= kLeastHalf) {
+      goal.forced |= !proved && (any() || !seeks_contact_);
+      leave(goal, position, gap, inner, half.begin);
+    } else {
+      half.open.push_back(position);
+      half.low.push_back(gap);
+    }
+  }
+}
+
+void MotionSearch::take(Node& node, const Moment& moment, std::span<const Question> questions,
+                        std::span<const PairAnswer> answers) {
+  assert(questions.size() == answers.size());
+  --under_way_;
+  const double middle = node.middle();
+  Node halves[2];
+  halves[0].begin = node.begin;
+  halves[0].end = halves[1].begin = middle;
+  halves[1].end = node.end;
+  const bool seed = node.seeds;  // the others come next, and it with them
+  for (std::size_t k = 0; k < questions.size(); ++k) {
+    const PairAnswer& answer = answers[k];
+    const std::uint64_t position = node.open[questions[k].open];
+    Goal& goal = goal_of(position);
+    if (std::isnan(answer.distance)) {
+      if (position < goal.unusable) goal.unusable_answer = answer, goal.unusable = position;
+      goal.decided |= goals_.size() > 1;
+      continue;
+    }
+    evaluated_ += answer.upper < kInf;
+    // What does not move is there from the beginning on.
+    see(goal, position, questions[k].way > 0 ? middle : node.begin, answer, moment.placed);
+    if (!seed) divide(questions[k], answer, moment, node, halves);
+  }
+  if (seed) push(std::move(node));
+  for (Node& half : halves)
+    if (!half.open.empty()) push(std::move(half));
+  end_if_done();
+}
+
+}  // namespace clearance

@@ -1,0 +1,145 @@
+// One motion, divided until each pair is proved far enough away all along, or found near at some time.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "engine/motion/half_spans.h"
+#include "engine/motion/motion_bounds.h"
+#include "engine/query/columns.h"
+#include "engine/query/evaluate.h"
+
+namespace clearance {
+
+/// A row of a motion.
+struct MotionRow {
+  Row row;
+  double time = std::numeric_limits<double>::quiet_NaN();
+  double first_contact[2] = {};
+  std::uint32_t steps = 0;
+};
+
+/// What every search of a query shares. All must outlive it.
+struct MotionQuestion {
+  const Scene& scene;
+  const Plan& plan;
+  const MotionBounds& bounds;
+  std::span<const std::uint8_t> stale;  ///< as EvaluateOptions has it
+  bool want_flags = false;
+};
+
+/// The search for one motion's rows: a tree of spans of time, each looked at in its middle. A pair leaves where what it
+/// can move until the span's ends cannot bring it as near as is asked: its margin (Reduce::kAny), or what is to be
+/// known of the least distance. It never asks anything itself: nodes come out, answers come in.
+class MotionSearch {
+ public:
+  /// A span whose middle is looked at next.
+  struct Node {
+    double begin, end;
+    std::vector<std::uint64_t> open;  // positions of pairs that are not proved
+    std::vector<double> low;          // of each of them: no nearer all along
+    double least = 0;                 // of `low`
+    bool has_steps = false;           // it was looked at in part, and counts no more
+    bool seeds = false;               // one pair is asked before the others
+
+    double middle() const { return 0.5 * begin + 0.5 * end; }
+    double half() const { return 0.5 * (end - begin); }
+  };
+  /// A pair that a node asks for.
+  struct Question {
+    std::uint32_t open;  // of Node::open
+    double target;       // metres: it leaves where it is proved to be no nearer all along
+    double way;          // metres that it can come nearer until the ends, at most
+    double inner;        // Slack::inner of the pair
+    PairRates rates;
+  };
+
+  /// Where bodies are in the middle of a span, and how fast they move there.
+  struct Moment {
+    const Placement& placed;
+    std::span<const Twist> twists;  // of Plan::moved
+  };
+
+  explicit MotionSearch(const MotionQuestion& question) : question_(question) {}
+
+  /// Begins with another motion, `moving`.
+  void begin();
+  MovingBodies moving;
+
+  bool is_done() const { return done_; }
+  /// The most promising span; false: there is none for now.
+  bool next(Node& node);
+  /// What it asks for, in the placement at its middle. Appends to both in the same order.
+  void ask(Node& node, const Placement& placed, std::vector<PlacedBodies>& asked, std::vector<Question>& questions);
+  /// The answers to that. The node is spent then.
+  void take(Node& node, const Moment& moment, std::span<const Question> questions, std::span<const PairAnswer> answers);
+  /// Once is_done().
+  void append_rows(std::vector<MotionRow>& rows) const;
+  std::uint64_t evaluated() const { return evaluated_; }
+
+ private:
+  static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
+  static constexpr double kInf = std::numeric_limits<double>::infinity();
+  // What a row is about: all pairs, or one.
+  struct Goal {
+    double low = kInf;                  // of what has left: no pair is nearer
+    std::uint64_t low_pair = kNowhere;  // whose
+    double unproved = kInf;             // begin of the first span of which no margin is proved
+    double hit = kInf;                  // first time at which a pair is proved to be within its margin
+    double time = std::numeric_limits<double>::quiet_NaN();  // of `best`
+    std::uint64_t pair = kNowhere;                           // likewise
+    PairAnswer best;                                         // of the least upper bound
+    Vec3d origin_a{0, 0, 0}, origin_b{0, 0, 0};              // of its bodies
+    double slack = 0;                                        // what is not known of `best` alone
+    double slack_low = 0;                                    // and of the pair of `low`
+    std::uint64_t unusable = kNowhere;                       // the first pair without usable poses
+    PairAnswer unusable_answer;
+    bool decided = false, forced = false;  // nothing more is asked; something left before it was proved
+
+    double upper() const { return pair == kNowhere ? kInf : best.upper; }
+  };
+
+  bool any() const { return question_.plan.query.reduce == Reduce::kAny; }
+  /// Whether pairs are tested against their margins now.
+  bool decides() const { return any() || seeks_contact_; }
+  bool wants_contact() const { return (question_.plan.size.fields & kFieldFirstContact) != 0; }
+  bool is_settled(const Goal& goal) const { return goal.decided && !seeks_contact_; }
+  Goal& goal_of(std::uint64_t position) { return goals_[goals_.size() == 1 ? 0 : position]; }
+  double tolerance(const Goal& goal) const;
+  double target_of(std::uint64_t position, const Goal& goal, double slack) const;
+  void leave(Goal& goal, std::uint64_t position, double low, double slack, double begin);
+  void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const Placement& placed);
+  bool is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const;
+  void divide(const Question& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
+              Node (&halves)[2]);
+  HalfSpans half_spans(BodyPair pair, const Question& asked, const PairAnswer& answer, const Moment& moment,
+                       double half) const;
+  void open_all();
+  bool seek_contact();
+  bool may_ask() const { return !spans_.empty() && (spans_[0].has_steps || steps_ < question_.plan.query.max_steps); }
+  std::size_t nearest_of(const Node& node, const Placement& placed) const;
+  bool leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const Placement& placed);
+  void ask(std::size_t i, const Node& node, BodyPair pair, const Placement& placed, std::vector<PlacedBodies>& asked,
+           std::vector<Question>& questions);
+  void push(Node&& node);
+  void give_up();
+  void end_if_done();
+  MotionRow row_of(const Goal& goal) const;
+  void decide_any(const Goal& goal, Row& row) const;
+  void decide_distance(const Goal& goal, Row& row) const;
+
+  const MotionQuestion& question_;
+  std::vector<Goal> goals_;
+  std::vector<Node> spans_;     // a heap: that of the least `least` first, or the earliest where contact is sought
+  bool seeks_contact_ = false;  // what is left to find is when a pair first is within its margin
+  std::size_t under_way_ = 0;
+  std::vector<double> speeds_;  // of Plan::moved, at the node that asks
+  std::uint32_t steps_ = 0;
+  std::uint64_t evaluated_ = 0;
+  bool seeded_ = false;  // one pair was asked before the others
+  bool done_ = true;
+};
+
+}  // namespace clearance

@@ -1,0 +1,50 @@
+// Whole answers.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "engine/engine.h"
+
+namespace clearance::test {
+
+/// A reply with its own memory.
+struct Answer {
+  std::vector<std::byte> memory;
+  ReplyView view;
+  QuerySize size;
+  ReplyInfo info;
+};
+
+/// That each backend writes of configurations; devices leave a query with pair_lower to the CPU, and gradient_joints is
+/// for joints.
+inline constexpr std::uint32_t kAllFields =
+    kKnownFields & ~(kFieldCompact | kFieldPairLower | kFieldGradientJoints | kMotionFields);
+
+/// The memory that a query's answer takes.
+inline Answer room_for(const Engine& engine, const QueryView& query) {
+  Answer a;
+  a.size = engine.size(query);
+  std::uint64_t bytes = 0;
+  reply_view_over(nullptr, a.size.rows, a.size.fields, &bytes, a.size.joints);
+  a.memory.resize(bytes + 64);
+  void* base = a.memory.data();
+  std::size_t room = a.memory.size();
+  std::align(64, bytes, base, room);
+  a.view = reply_view_over(static_cast<std::byte*>(base), a.size.rows, a.size.fields, nullptr, a.size.joints);
+  return a;
+}
+
+inline Answer ask(const Engine& engine, const QueryView& query,
+                  std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
+  Answer a = room_for(engine, query);
+  Job job = engine.start(query, a.view);
+  while (!job.advance(slice)) {
+  }
+  a.info = job.info();
+  return a;
+}
+
+}  // namespace clearance::test

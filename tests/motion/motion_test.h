@@ -1,0 +1,82 @@
+// Motions asked of an engine, and a judge that samples them as single configurations.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "tests/engine/arm_scene.h"
+#include "tests/engine/engine_test_util.h"
+
+namespace clearance::test {
+
+inline constexpr double kInf = std::numeric_limits<double>::infinity();
+/// What most tests look at; first contact, which is searched for by itself, among it.
+inline constexpr std::uint32_t kMotionAnswer =
+    kDefaultFields | kFieldFlags | kFieldPair | kFieldPairLower | kFieldConfiguration | kMotionFields | kFieldPoints;
+
+/// Straight lines of some joints or bodies.
+struct Motions {
+  std::vector<std::uint32_t> joints, bodies;
+  std::vector<BodyPair> pairs;    ///< none: all
+  std::vector<double> positions;  ///< (2 K, J): start, end, start, end ...
+  std::vector<Pose> poses;        ///< (2 K, M)
+
+  std::uint32_t count() const {
+    return static_cast<std::uint32_t>(joints.empty() ? poses.size() / (2 * bodies.size())
+                                                     : positions.size() / (2 * joints.size()));
+  }
+  QueryView view(Reduce reduce, std::uint32_t max_steps = 256) const {
+    QueryView query;
+    query.pairs = pairs;
+    query.all_pairs = pairs.empty();
+    query.joints = joints;
+    query.positions = positions;
+    query.bodies = bodies;
+    query.configurations = poses;
+    query.configuration_count = 2 * count();
+    query.reduce = reduce;
+    query.max_steps = max_steps;
+    query.abs_tol = reduce == Reduce::kAny ? 0 : 1e-3;
+    query.rel_tol = reduce == Reduce::kAny ? 1e-6 : 0;
+    query.fields = kMotionAnswer;
+    return query;
+  }
+};
+
+/// The same motion at n + 1 times, as configurations. Of joints alone: rounding aside they stand where the motion has
+/// them.
+struct Samples {
+  std::vector<double> positions;
+  std::uint32_t count;
+
+  Samples(const Motions& motions, std::uint32_t motion, std::uint32_t n) : count(n + 1) {
+    const std::size_t joints = motions.joints.size();
+    const double* const start = motions.positions.data() + 2 * motion * joints;
+    for (std::uint32_t i = 0; i <= n; ++i) add(start, joints, static_cast<double>(i) / n);
+  }
+  Samples(const Motions& motions, std::uint32_t motion, double time) : count(1) {
+    const std::size_t joints = motions.joints.size();
+    add(motions.positions.data() + 2 * motion * joints, joints, time);
+  }
+  QueryView view(const Motions& motions, Reduce reduce) const {
+    QueryView query;
+    query.pairs = motions.pairs;
+    query.all_pairs = motions.pairs.empty();
+    query.joints = motions.joints;
+    query.positions = positions;
+    query.configuration_count = count;
+    query.reduce = reduce;
+    return query;
+  }
+
+ private:
+  void add(const double* start, std::size_t joints, double t) {
+    for (std::size_t j = 0; j < joints; ++j) positions.push_back(start[j] + t * (start[joints + j] - start[j]));
+  }
+};
+
+}  // namespace clearance::test

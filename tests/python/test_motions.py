@@ -1,0 +1,188 @@
+"""Motions: the least distance all along, in process and through a daemon on every transport."""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+import clearance
+from clearance import Status
+from patience import PATIENCE_S
+from robots import rows_of
+from scenes import at, same_bits
+
+TIMES = np.linspace(0, 1, 65)  # 1/64 is exact
+
+
+@pytest.fixture
+def engine(arm_engine):
+    return arm_engine
+
+
+#: The arm touches itself nearly everywhere.
+PAIRS = [("arm", "cup"), ("arm/palm", "table"), ("arm/fore", "table")]
+
+
+def edges_of(arm, count, length=2.0, seed=3):
+    rng = np.random.default_rng(seed)
+    start = rows_of(arm, count, seed)
+    way = rng.normal(size=start.shape)
+    return start, start + length * way / np.linalg.norm(way, axis=1, keepdims=True)
+
+
+def along(start, end, t):
+    return start + t * (end - start)
+
+
+def test_the_least_distance_of_a_motion_is_in_its_bounds(engine):
+    arm = engine.joints("arm")
+    start, end = edges_of(arm, 24)
+    r = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, abs_tol=1e-3)
+    assert r.lower.shape == (24,) and r.first_contact.shape == (24, 2) and r.steps.dtype == np.uint32
+    assert set(r.status) >= {Status.OK, Status.OVERLAP}, "free motions and others"
+    for k in range(24):
+        rows = np.array([along(start[k], end[k], t) for t in TIMES])
+        sampled = engine.distances(joints=arm, positions=rows, pairs=PAIRS, reduce="min", fields=["upper"])
+        assert r.lower[k] <= sampled.upper.min()
+        assert r.upper[k] - r.lower[k] <= 1e-3 or r.status[k] != Status.OK
+        if not np.isnan(r.time[k]):
+            there = engine.distances(
+                joints=arm, positions=along(start[k], end[k], r.time[k])[None], pairs=r.pairs[k : k + 1]
+            )
+            assert there.lower[0, 0] <= r.upper[k] + 1e-12
+        assert r.steps[k] >= 1
+
+
+def test_any_decides_and_names_when(engine):
+    arm = engine.joints("arm")
+    start, end = edges_of(arm, 40)
+    r = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any", margin=0.01)
+    free = r.status == Status.BEYOND
+    hit = r.status <= Status.CONTACT
+    assert free.sum() >= 5 and hit.sum() >= 5
+    assert np.all(np.isinf(r.first_contact[free])) and np.all(r.pair[free] == clearance.NONE)
+    for k in np.flatnonzero(hit):
+        row = along(start[k], end[k], r.time[k])[None]
+        there = engine.distances(joints=arm, positions=row, pairs=r.pairs[k : k + 1])
+        assert there.lower[0, 0] <= 0.01 + 1e-9
+    for k in np.flatnonzero(free):
+        rows = np.array([along(start[k], end[k], t) for t in TIMES])
+        assert engine.check(rows, joints=arm, margin=0.01, pairs=PAIRS).free.all()
+
+
+def test_a_plate_between_two_samples_is_found():
+    scene = clearance.Scene()
+    scene.add_box("plate", [1e-4, 1, 1], static=True, pose=at(0.5034, 0, 0))
+    scene.add_sphere("ball", 1e-3)
+    engine = clearance.Engine(scene, threads=1)
+    start, end = (np.array(at(x), dtype=float)[None, None] for x in (0, 1))
+    samples = np.linspace(0, 1, 33)[:, None, None] * (end[0] - start[0]) + start[0]
+    assert engine.check(samples, bodies=["ball"]).free.all(), "what sampling says"
+    r = engine.motions(bodies=["ball"], start=start, end=end, reduce="any")
+    assert r.status[0] <= Status.CONTACT and abs(r.time[0] - 0.5034) < 2e-3
+    least = engine.motions(bodies=["ball"], start=start, end=end)
+    assert least.status[0] == Status.OVERLAP and least.upper[0] <= 0
+    first = least.first_contact[0]
+    assert first[0] <= 0.5034 - 1e-3 - 5e-5 + 1e-9 and first[1] >= first[0]
+
+
+def test_each_pair_has_a_row_without_a_reduction(engine):
+    arm = engine.joints("arm")
+    start, end = edges_of(arm, 3)
+    pairs = [("arm/palm", "table"), ("arm/fore", "table")]
+    each = engine.motions(joints=arm, start=start, end=end, pairs=pairs, reduce="none")
+    least = engine.motions(joints=arm, start=start, end=end, pairs=pairs)
+    assert each.lower.shape == (3, 2) and each.time.shape == (3, 2)
+    apart = least.status == Status.OK
+    assert apart.any()
+    assert np.all(np.abs(each.upper.min(axis=1) - least.upper)[apart] <= 2e-3)
+
+
+def test_a_path_ends_at_its_first_bad_motion(engine):
+    arm = engine.joints("arm")
+    start, end = edges_of(arm, 40)
+    free = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any").status == Status.BEYOND
+    good, bad = np.flatnonzero(free)[0], np.flatnonzero(~free)[0]
+    there_and_back = [start[good], end[good]] * 15
+    ok = engine.check_path(there_and_back, joints=arm, pairs=PAIRS)
+    assert ok.free and ok.index is None and ok.status == Status.BEYOND and not ok.hit
+    r = engine.check_path([*there_and_back, start[bad], end[bad]], joints=arm, pairs=PAIRS)
+    assert not r.free and r.index in (29, 30) and 0 <= r.t <= 1 and len(r.pair) == 2
+
+
+def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
+    with clearance.connect(arm_daemon.urls[kind], timeout_s=PATIENCE_S) as client:
+        arm = client.joints("arm")
+        start, end = edges_of(arm, 6)
+        for more in ({}, {"reduce": "any", "margin": 0.01}, {"reduce": "none"}):
+            expected = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, **more)
+            assert same_bits(client.motions(joints=arm, start=start, end=end, pairs=PAIRS, **more), expected)
+        path = {"path": start, "joints": arm, "pairs": PAIRS, "margin": 0.01}
+        assert client.check_path(**path) == engine.check_path(**path)
+
+
+def test_the_command_says_where_a_path_is_not_free(arm_daemon, engine, root, tmp_path):
+    arm = engine.joints("arm")
+    start, end = edges_of(arm, 40)
+    free = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any").status == Status.BEYOND
+    file = tmp_path / "path.csv"
+
+    def run(rows, names=arm.names):
+        file.write_text("\n".join([",".join(names), *(",".join(map(repr, map(float, row))) for row in rows)]) + "\n")
+        command = [
+            root / "build/bin/clearance",
+            "path",
+            file,
+            "--pairs",
+            *(",".join(p) for p in PAIRS),
+            "--connect",
+            next(iter(arm_daemon.urls.values())),
+        ]
+        return subprocess.run(command, capture_output=True, text=True)
+
+    good, bad = np.flatnonzero(free)[0], np.flatnonzero(~free)[0]
+    done = run([start[good], end[good]])
+    assert done.returncode == 0 and done.stdout.startswith("free: on all 1 motions"), done
+    done = run([start[bad], end[bad]])
+    assert done.returncode == 1 and "path.csv:2: motion 0, to line 3: " in done.stderr, done
+    done = run([start[good]])
+    assert done.returncode == 2 and "two waypoints or more, got 1" in done.stderr
+    done = run([start[good]], names=["nonesuch"])
+    assert done.returncode == 2 and "path.csv:2: expected 1 numbers" in done.stderr
+
+
+ONE = np.zeros((1, 8))
+WRONG = {
+    "start: expected positions of joints, or poses of bodies, got none": {"joints": "arm", "end": ONE},
+    r"end: expected shape \(1, 8\), as start has, got \(2, 8\)": {
+        "joints": "arm",
+        "start": ONE,
+        "end": np.zeros((2, 8)),
+    },
+    r"start: expected shape \(K, J\), got \(8,\)": {"joints": "arm", "start": ONE[0], "end": ONE},
+    r"start: expected a pair \(positions, poses\)": {"joints": "arm", "bodies": ["cup"], "start": ONE, "end": ONE},
+    "reduce: motions are reduced by none, min and any": {
+        "joints": "arm",
+        "start": ONE,
+        "end": ONE,
+        "reduce": "nearest",
+    },
+    "signed_distance: motions have no depths": {"joints": "arm", "start": ONE, "end": ONE, "signed": True},
+    "fields: motions have no gradient": {"joints": "arm", "start": ONE, "end": ONE, "fields": ["gradient"]},
+    "margin": {"joints": "arm", "start": ONE, "end": ONE, "margin": -1.0},
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_wrong_arguments_are_named(engine, text):
+    with pytest.raises((ValueError, TypeError, clearance.QueryError), match=text):
+        engine.motions(**WRONG[text])
+
+
+def test_columns_of_motions_are_for_motions(engine):
+    with pytest.raises(clearance.QueryError, match="fields: time, first_contact and steps are of motions"):
+        engine.distances(fields=["time"])
+    with pytest.raises(clearance.QueryError, match="configurations: motions have two each, got 3"):
+        engine.distances(joints="arm", positions=np.zeros((3, 8)), max_steps=8)
+    with pytest.raises(ValueError, match="path: expected two waypoints or more, got 1"):
+        engine.check_path(ONE, joints="arm")
