@@ -10,6 +10,7 @@ what it was.
 """
 
 import argparse
+import base64
 import csv
 import os
 import re
@@ -29,6 +30,7 @@ CONTAINED = {"mesh_import": "in assimp: it runs in a process of its own, which m
 # An input is a file or some frames; longer ones find the same, more slowly.
 MAX_BYTES = 8192
 PROGRESS = re.compile(r"#(\d+).*?cov: (\d+).*?corp: (\d+)")
+WHY = re.compile(r"^broken promise|ERROR|runtime error|Assertion|^\s+#\d+ .*/(wire|server|engine|client|tests)/")
 FINDINGS = ("crash-", "timeout-", "oom-", "leak-")
 
 
@@ -57,14 +59,15 @@ def run(target: str, seconds: int) -> dict:
         subprocess.run(["nice", "-n", "15", *command, str(corpus), *map(str, seeds)], env=environment, stdout=file,
                        stderr=subprocess.STDOUT, cwd=OUT)
     took = time.monotonic() - begin
-    progress = [
-        tuple(map(int, m.groups())) for m in map(PROGRESS.search, log.read_text(errors="replace").splitlines()) if m
-    ]
+    lines = log.read_text(errors="replace").splitlines()
+    progress = [tuple(map(int, m.groups())) for m in map(PROGRESS.search, lines) if m]
     if not progress:
         sys.exit(f"{target} did not run; see {log}")
     found = sorted(p for p in set(findings.iterdir()) - before if p.name.startswith(FINDINGS))
     for path in found:
-        print(f"  {path.relative_to(ROOT)}")
+        print(f"  {path.relative_to(ROOT)}: {base64.b64encode(path.read_bytes()).decode()}")
+    if found:  # where a run's files are gone with its machine, this is all that is left of it
+        print(*[f"    {line[:200]}" for line in lines if WHY.search(line)][:20], sep="\n", flush=True)
     return {"target": target, "seconds": round(took), "executions": progress[-1][0], "corpus": progress[-1][2],
             "edges": max(p[1] for p in progress), "findings": len(found)}
 
