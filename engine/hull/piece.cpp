@@ -1,6 +1,7 @@
 #include "engine/hull/piece.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -63,7 +64,7 @@ void measure(Piece& piece, const std::vector<Vec3d>& vertices) {
 }  // namespace
 
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t loaded_vertices, std::uint64_t digest,
-                    std::shared_ptr<const DirectionTable> table) {
+                    std::shared_ptr<const DirectionTable> table, std::shared_ptr<const Surface> surface) {
   const FpEnvironment environment;
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   if (!(radius >= 0 && radius <= kMaxCoordinate))
@@ -93,7 +94,18 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius, std::uint64_t lo
   else
     fill_rows(*piece, vertices);
   piece->vertices = std::move(vertices);
+  piece->surface = std::move(surface);
   return piece;
+}
+
+void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius) {
+  assert(!vertices.empty() && vertices.size() <= kTableFromVertices && !piece.table);
+  piece.vertices.assign(vertices.begin(), vertices.end());
+  piece.radius = radius;
+  for (std::vector<double>* row : {&piece.x, &piece.y, &piece.z}) row->clear();
+  for (std::vector<float>* row : {&piece.x_f32, &piece.y_f32, &piece.z_f32}) row->clear();
+  measure(piece, piece.vertices);
+  fill_rows(piece, piece.vertices);
 }
 
 Piece without_table(const Piece& piece) {

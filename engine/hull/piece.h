@@ -11,6 +11,7 @@
 namespace clearance {
 
 struct DirectionTable;  // engine/hull/direction_table.h
+class Surface;          // engine/surface/surface.h
 
 /// What a hull says of itself without its vertices: metres, in the body's frame. Whoever holds a hull has it: a piece,
 /// lanes, a device.
@@ -39,16 +40,25 @@ struct Piece : HullExtents {
   std::vector<float> x_f32, y_f32, z_f32;       ///< the same relative to `centre`, rounded
   std::shared_ptr<const DirectionTable> table;  ///< null for small pieces
 
+  /// What the piece stands for where that is not convex: then it is only the hull around it, which says how near it may
+  /// be and not how near it is. Grown by the same radius. Null: the piece is the truth.
+  std::shared_ptr<const Surface> surface;
+
   std::uint32_t count() const { return static_cast<std::uint32_t>(vertices.size()); }
 };
 using PiecePtr = std::shared_ptr<const Piece>;
 
 /// Builds a piece and all that is derived from it. Vertices as they come: nothing is dropped here.
 /// \param digest of the vertices as loaded; 0: of `vertices` and `radius`. \param table the one that an earlier call
-/// has made of the same vertices, if it was kept. Throws std::invalid_argument for no vertex, a non-finite or too large
-/// coordinate, or a negative or non-finite radius.
+/// has made of the same vertices, if it was kept. \param surface that the vertices are the hull of. Throws
+/// std::invalid_argument for no vertex, a non-finite or too large coordinate, or a negative or non-finite radius.
 PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint64_t loaded_vertices = 0,
-                    std::uint64_t digest = 0, std::shared_ptr<const DirectionTable> table = nullptr);
+                    std::uint64_t digest = 0, std::shared_ptr<const DirectionTable> table = nullptr,
+                    std::shared_ptr<const Surface> surface = nullptr);
+
+/// Makes a small piece in place of another, in the memory that it has: without digest, for the moment. \param vertices
+/// as make_piece() has them, at most kTableFromVertices
+void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius);
 
 /// A copy whose derived numbers are made anew from its vertices, which are scanned whatever their number: to find out
 /// what is true of a piece where its table, or another of them, may be damaged. Takes as long as the vertices are many.

@@ -29,11 +29,13 @@ struct SceneError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// How a mesh that need not be convex becomes pieces.
+/// What the body of a mesh that need not be convex is.
 enum class Convexify : std::uint8_t {
   kHull,       ///< one piece: the hull of all its vertices
   kSubmeshes,  ///< one piece for each submesh of the file
   kDecompose,  ///< approximate convex decomposition
+  kSurface,    ///< its triangles are the body
+  kSolid,      ///< what its triangles enclose is the body
 };
 
 /// Triangles of a body in its frame, for pictures and for the naive baseline; the engine's answers never use them.
