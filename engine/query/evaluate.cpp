@@ -55,12 +55,13 @@ bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const
       [&] { return box_gap(scene, placement, pair); }, answer);
 }
 
-// \param answer holds the flags of the bodies; the rest is written here.
+// \param answer holds the flags of the bodies; the rest is written here. \param rooms for triangles
 void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options, const BodiesAnswer& found,
-            PairAnswer& answer) {
+            Piece (&rooms)[2], PairAnswer& answer) {
   NarrowLimits limits = options.limits;
   limits.max_distance = bodies.max_distance;
-  const auto& [best, lower, piece_a, piece_b] = found;
+  const NarrowAnswer& best = found.best;
+  const double lower = found.lower;
   const Body &a = scene.bodies()[bodies.pair.a], &b = scene.bodies()[bodies.pair.b];
   const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
 
@@ -71,25 +72,25 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
     return;
   }
   if (options.want_points) {
-    answer.piece_a = piece_a;
-    answer.piece_b = piece_b;
+    answer.piece_a = found.a.piece;
+    answer.piece_b = found.b.piece;
     answer.point_a = best.point_a;
     answer.point_b = best.point_b;
     answer.normal = best.normal;
   }
   const auto rounding = [&] {
     if (found.best.rounding > 0) return found.best.rounding;
-    return rounding_of(*a.pieces[found.piece_a], pose_a, *b.pieces[found.piece_b], pose_b);
+    return rounding_of(*a.pieces[found.a.piece], pose_a, *b.pieces[found.b.piece], pose_b);
   };
   const Slack slack = pair_slack(*bodies.placement, bodies.pair);
   assert(lower <= best.bounds.upper);
-  assert(piece_a < a.pieces.size() && piece_b < b.pieces.size());
+  assert(found.a.piece < a.pieces.size() && found.b.piece < b.pieces.size());
   decide(limits, lower, best.bounds.upper, rounding, answer, slack);
   if (limits.signed_distance && best.bounds.upper <= 0 && (a.pieces.size() > 1 || b.pieces.size() > 1))
     answer.flags |= kFlagPieces;
   if (options.want_flags && answer.status != Status::kBeyond &&
-      (answer.lower <= 0 ||
-       witness_is_ambiguous(*a.pieces[piece_a], pose_a.R_wb, *b.pieces[piece_b], pose_b.R_wb, best.normal)))
+      (answer.lower <= 0 || witness_is_ambiguous(piece_of(a, found.a, rooms[0]), pose_a.R_wb,
+                                                 piece_of(b, found.b, rooms[1]), pose_b.R_wb, best.normal)))
     answer.flags |= kFlagNonsmooth;
 }
 
@@ -101,7 +102,8 @@ void take_lane(const EvaluateOptions& options, const PieceTask& task, const Lane
   NarrowLimits limits = options.limits;
   limits.max_distance = bodies.max_distance;
   if (slack.any())
-    decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
+    decide(
+        limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
   else
     decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
@@ -128,7 +130,7 @@ void Evaluator::begin(std::span<const PlacedBodies> pairs, std::span<PairAnswer>
   pairs_ = pairs;
   answers_ = answers;
   next_ = singles_ = 0;
-  in_round_ = false;
+  in_round_ = gathering_ = false;
   tasks_.clear();
   searches_.clear();
 }
@@ -149,7 +151,7 @@ bool Evaluator::advance(WorkMeter& meter) {
         },
         [&](const PieceTask& task, const NarrowAnswer& answer) {
           if (is_single(task))
-            finish(scene_, pairs_[task.id], options_, {answer, answer.bounds.lower}, answers_[task.id]);
+            finish(scene_, pairs_[task.id], options_, {answer, answer.bounds.lower}, rooms_, answers_[task.id]);
           else
             found_[task.id] = answer;
         });
@@ -163,19 +165,25 @@ bool Evaluator::advance(WorkMeter& meter) {
     assert(taken == found_.size());
     if ((!searches_.empty() || next_ < pairs_.size()) && meter.is_over()) return false;
   }
-  return true;
+  return !gathering_;
 }
 
-// The piece pairs that are asked next, in tasks_; false: there are none, and all pairs are answered.
+// The piece pairs that are asked next, in tasks_; false: there are none, and all pairs are answered, or else the slice
+// is over (gathering_).
 bool Evaluator::begin_round(WorkMeter& meter) {
-  tasks_.clear();
-  singles_ = 0;
+  if (!gathering_) {
+    tasks_.clear();
+    singles_ = 0;
+  }
   do {
-    if (searches_.empty()) take_in(meter);
+    if (!gathering_ && searches_.empty()) take_in(meter);
+    gathering_ = true;
+    for (Search& s : searches_)
+      if (s.elements && !gather(s, meter)) return false;
+    gathering_ = false;
     std::erase_if(searches_, [&](Search& s) {
       if (ask(s, pairs_[s.index], singles_)) return false;
-      s.found.lower = s.state.lower;
-      finish(scene_, pairs_[s.index], options_, s.found, answers_[s.index]);
+      finish_search(s, meter);
       return true;
     });
   } while (tasks_.empty() && next_ < pairs_.size());
@@ -188,18 +196,21 @@ bool Evaluator::begin_round(WorkMeter& meter) {
 // Takes in pairs: those of single pieces become tasks, others searches, some are answered at once.
 void Evaluator::take_in(WorkMeter& meter) {
   piece_pairs_.clear();
-  for (; next_ < pairs_.size() && piece_pairs_.size() < kMostPiecePairs; ++next_) {
+  for (std::size_t elements = 0; next_ < pairs_.size() && piece_pairs_.size() < kMostPiecePairs; ++next_) {
     const auto i = static_cast<std::uint32_t>(next_);
     const BodyPair pair = pairs_[i].pair;
     const Placement& placement = *pairs_[i].placement;
     if (answer_without_pieces(scene_, pairs_[i], options_, answers_[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
-    if (a.size() == 1 && b.size() == 1) {
+    if (a.size() == 1 && b.size() == 1 && !a[0]->surface && !b[0]->surface) {
       const Slack slack = pair_slack(placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,
                         slack.cut_off(pairs_[i].max_distance), i, pairs_[i].warm, slack.outer,
                         enough(pairs_[i], slack)});
+    } else if (has_surface(scene_.bodies()[pair.a]) || has_surface(scene_.bodies()[pair.b])) {
+      if (elements++ == kMostElementSearches) break;
+      begin_element_search(pairs_[i], i);
     } else {
       if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs_));
       begin_search(pairs_[i], i, meter);
@@ -247,6 +258,62 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
   if (options_.reference) state.round = piece_pairs_.size() - begin;  // all at once
 }
 
+void Evaluator::begin_element_search(const PlacedBodies& bodies, std::uint32_t index) {
+  const Placement& placement = *bodies.placement;
+  Search& search = searches_.emplace_back(
+      Search{index, 0, std::numeric_limits<std::size_t>::max(), 0, 0, pair_slack(placement, bodies.pair), {}, {}});
+  if (unused_.empty()) unused_.push_back(std::make_unique<ElementSearch>());
+  search.elements = std::move(unused_.back());
+  unused_.pop_back();
+  const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
+  search.elements->begin(a, placement[bodies.pair.a].pose, b, placement[bodies.pair.b].pose);
+}
+
+// Puts the next round of a search together. Of what is beyond the cut-off only the nearest may be asked, if nothing
+// else was. False: the slice is over.
+bool Evaluator::gather(Search& search, WorkMeter& meter) {
+  if (search.next == search.end) return true;
+  const PlacedBodies& bodies = pairs_[search.index];
+  ElementSearch& elements = *search.elements;
+  if (!search.is_far) {
+    const double cut_off = search.state.cut_off(search.slack.cut_off(bodies.max_distance));
+    if (!elements.gather(std::min(search.state.round, ElementSearch::kMostOfRound), cut_off, meter)) return false;
+    if (search.state.round > 1 || !elements.round().empty() || drops(elements.left(), bodies)) return true;
+    search.is_far = true;
+  }
+  return search.state.round > 1 || elements.gather(1, kInf, meter);
+}
+
+// What the pairs of elements that were taken say of their bodies. If all are apart, one body may still lie within the
+// other.
+void Evaluator::finish_search(Search& search, WorkMeter& meter) {
+  const PlacedBodies& bodies = pairs_[search.index];
+  BodiesAnswer& found = search.found;
+  found.lower = search.state.lower;
+  if (search.elements) {
+    unused_.push_back(std::move(search.elements));
+    const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
+    const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose,
+                     &pose_b = (*bodies.placement)[bodies.pair.b].pose;
+    if (Vec3d shared[2]; found.lower > 0 && one_holds_the_other(a, pose_a, b, pose_b, found.lower, meter, shared)) {
+      found.best = NarrowAnswer{};
+      found.best.bounds.upper = -found.lower;  // what is held is as far from the surface around it
+      found.best.point_a = shared[0];
+      found.best.point_b = shared[1];
+      found.lower = -kInf;
+    }
+  }
+  PairAnswer& answer = answers_[search.index];
+  const double true_lower = search.slack.true_lower(found.lower);
+  if (found.best.bounds.upper == kInf && true_lower > bodies.max_distance) {  // nothing was asked
+    const std::uint16_t flags = answer.flags;
+    answer = beyond_answer(true_lower);
+    answer.flags = flags;
+    return;
+  }
+  finish(scene_, bodies, options_, found, rooms_, answer);
+}
+
 // Whether no more need be known of a pair than that its boxes are so far apart.
 bool Evaluator::drops(double gap, const PlacedBodies& bodies) const {
   const NarrowLimits& asked = options_.limits;
@@ -273,14 +340,25 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
   const double user = search.slack.cut_off(bodies.max_distance),
                cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
-  sort_ahead(search);
-  for (std::size_t i = search.next; i < search.end && search.asked < state.round; ++i, ++search.asked) {
-    const PiecePair& p = piece_pairs_[i];
-    if (!options_.reference && !state.asks(p.gap, cut_off)) break;
-    tasks_.push_back({a.pieces[p.a].get(), b.pieces[p.b].get(), &(*bodies.placement)[bodies.pair.a].pose,
+  const auto add = [&](const Piece& piece_a, const Piece& piece_b) {
+    tasks_.push_back({&piece_a, &piece_b, &(*bodies.placement)[bodies.pair.a].pose,
                       &(*bodies.placement)[bodies.pair.b].pose, cut_off,
                       static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, search.slack.outer,
                       enough(bodies, search.slack)});
+    ++search.asked;
+  };
+  if (search.elements) {
+    if (search.next == search.end) return false;
+    for (std::size_t i = 0; i < search.elements->round().size(); ++i)
+      add(search.elements->piece_a(i), search.elements->piece_b(i));
+    if (search.asked == 0) state.leave_out(search.elements->left());
+    return search.asked > 0;
+  }
+  sort_ahead(search);
+  for (std::size_t i = search.next; i < search.end && search.asked < state.round; ++i) {
+    const PiecePair& p = piece_pairs_[i];
+    if (!options_.reference && !state.asks(p.gap, cut_off)) break;
+    add(*a.pieces[p.a], *b.pieces[p.b]);
   }
   if (search.asked == 0 && search.next < search.end) state.leave_out(piece_pairs_[search.next].gap);
   return search.asked > 0;
@@ -289,8 +367,19 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
 void Evaluator::take_round(Search& search, double enough, std::span<const NarrowAnswer> answers) {
   assert(search.next + answers.size() <= search.end);
   PieceSearch& state = search.state;
-  for (const NarrowAnswer& answer : answers) {
-    const PiecePair& p = piece_pairs_[search.next++];
+  ElementSearch* const elements = search.elements.get();
+  const auto pair_at = [&](std::size_t k) -> ElementPair {
+    if (elements) return elements->round()[k];
+    const PiecePair& p = piece_pairs_[search.next + k];
+    return {p.gap, {p.a, kNone}, {p.b, kNone}};
+  };
+  const auto gap_after = [&](std::size_t k) {
+    if (elements) return k + 1 < answers.size() ? pair_at(k + 1).gap : elements->left();
+    return search.next + k + 1 < search.end ? pair_at(k + 1).gap : kInf;
+  };
+  for (std::size_t k = 0; k < answers.size(); ++k) {
+    const NarrowAnswer& answer = answers[k];
+    const ElementPair p = pair_at(k);
     if (!options_.reference && state.ends_before(p.gap)) {
       state.leave_out(p.gap);
       search.next = search.end;
@@ -298,18 +387,24 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
     }
     if (state.take(p.gap, answer.bounds.lower, answer.bounds.upper)) {
       search.found.best = answer;
-      search.found.piece_a = p.a;
-      search.found.piece_b = p.b;
+      search.found.a = p.a;
+      search.found.b = p.b;
     }
-    if (!options_.limits.signed_distance && search.slack.true_upper(state.upper) <= 0)
-      search.next = search.end;                                                      // overlapping: that is all
-    if (!options_.reference && state.upper <= enough && search.next < search.end) {  // near enough: the same
-      state.leave_out(p.gap);
+    if (!options_.limits.signed_distance && search.slack.true_upper(state.upper) <= 0) {  // overlapping: that is all
       search.next = search.end;
+      return;
     }
-    if (search.next == search.end) return;
+    if (!options_.reference && state.upper <= enough) {  // near enough: the same
+      state.leave_out(gap_after(k));
+      search.next = search.end;
+      return;
+    }
   }
   state.round *= 2;
+  search.next += elements ? 0 : answers.size();
+  if (!elements) return;
+  if (state.upper > 0 && state.upper < kInf) elements->look_along(search.found.best.normal);
+  elements->end_round();
 }
 
 }  // namespace clearance

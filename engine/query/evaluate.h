@@ -3,12 +3,14 @@
 
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "engine/narrow/answer.h"
 #include "engine/narrow/piece_batch.h"
 #include "engine/narrow/piece_search.h"
+#include "engine/query/element_search.h"
 #include "engine/query/piece_boxes.h"
 #include "engine/query/placement.h"
 
@@ -25,11 +27,11 @@ struct EvaluateOptions : NarrowOptions {
   const JointGradient* joint_gradient = nullptr;  ///< where its column is asked for
 };
 
-/// The least of two bodies' piece pairs' intervals.
+/// The least of the intervals of two bodies' pairs of elements.
 struct BodiesAnswer {
-  NarrowAnswer best;  ///< of the piece pair whose upper bound is the least
+  NarrowAnswer best;  ///< of the pair whose upper bound is the least
   double lower = std::numeric_limits<double>::infinity();
-  std::uint32_t piece_a = 0, piece_b = 0;
+  Element a{0, kNone}, b{0, kNone};
 };
 
 /// A pair in the configuration that a placement stands at.
@@ -46,7 +48,7 @@ struct PlacedBodies {
 class Evaluator {
  public:
   Evaluator(const Scene& scene, const EvaluateOptions& options)
-      : scene_(scene), options_(options), batch_(options), boxes_(scene) {}
+      : scene_(scene), options_(options), batch_(narrow_options(scene, options)), boxes_(scene) {}
   void run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
     WorkMeter unlimited;
     begin(pairs, answers);
@@ -63,6 +65,9 @@ class Evaluator {
   // Piece pairs that are listed at a time, unless those of one pair are more.
   static constexpr std::size_t kMostPiecePairs = 1u << 16;
 
+  // Bodies of which one is not convex that are searched at a time: enough to fill lanes with.
+  static constexpr std::size_t kMostElementSearches = 16;
+
   // The distance of two bodies is the least over their piece pairs (piece_search.h).
   struct Search {
     std::uint32_t index;    // of the pair
@@ -71,11 +76,21 @@ class Evaluator {
     std::size_t asked;      // of a round: how many wait in tasks_
     Slack slack;            // of the pair
     PieceSearch state;
-    BodiesAnswer found;  // without the lower bound
+    BodiesAnswer found;                         // without the lower bound
+    std::unique_ptr<ElementSearch> elements{};  // of bodies that are not convex: where their pairs come from
+    bool is_far = false;                        // of those: nothing is within the cut-off, the nearest is sought
   };
+  // A search among triangles is led by normals: they are there whoever asks, so that bounds are the same.
+  static NarrowOptions narrow_options(const Scene& scene, NarrowOptions options) {
+    options.want_points |= scene.has_surfaces();
+    return options;
+  }
   bool begin_round(WorkMeter& meter);
+  bool gather(Search& search, WorkMeter& meter);
   void take_in(WorkMeter& meter);
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
+  void begin_element_search(const PlacedBodies& bodies, std::uint32_t index);
+  void finish_search(Search& search, WorkMeter& meter);
   bool drops(double gap, const PlacedBodies& bodies) const;
   void sort_ahead(Search& search);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
@@ -97,6 +112,9 @@ class Evaluator {
   std::vector<Search> searches_;
   std::vector<PiecePair> piece_pairs_;
   std::vector<NarrowAnswer> found_;
+  std::vector<std::unique_ptr<ElementSearch>> unused_;  // to be used again
+  bool gathering_ = false;                              // a round is being put together
+  Piece rooms_[2];                                      // for triangles
 };
 
 /// A lower bound on a pair's distance from boxes alone; +inf if one of them cannot be placed.

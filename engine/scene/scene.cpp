@@ -93,7 +93,7 @@ constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recogn
 
 // What a file is recognised by: another one, or the same one written anew, gives another key.
 std::string file_key(const std::string& path) {
-  struct stat info{};
+  struct stat info {};
   if (::stat(path.c_str(), &info) != 0) return path + "|";
   return std::to_string(info.st_dev) + ':' + std::to_string(info.st_ino) + ':' + std::to_string(info.st_size) + ':' +
          std::to_string(info.st_mtim.tv_sec) + '.' + std::to_string(info.st_mtim.tv_nsec) + '|' + path + '|';
@@ -234,7 +234,8 @@ PiecePtr Scene::shared_piece(const PiecePtr& piece) {
   const auto [begin, end] = pieces_.equal_range(piece->digest);
   for (auto it = begin; it != end; ++it) {
     const Piece& known = *it->second;
-    if (known.radius == piece->radius && known.loaded_vertices == piece->loaded_vertices &&
+    if (known.radius == piece->radius && known.surface == piece->surface &&
+        known.loaded_vertices == piece->loaded_vertices &&
         std::equal(known.vertices.begin(), known.vertices.end(), piece->vertices.begin(), piece->vertices.end(), same))
       return it->second;
   }
@@ -252,7 +253,8 @@ void Scene::grow(Body& body) {
       const double radius = sum_above(by, piece->radius);
       const bool is_exact = (piece->radius == 0) + (body.padding == 0) + (body.uncertainty.position == 0) >= 2;
       if (!is_exact) rounding = std::max(rounding, radius * 0x1p-50);
-      piece = shared_piece(make_piece(piece->vertices, radius, piece->loaded_vertices, 0, piece->table));
+      piece =
+          shared_piece(make_piece(piece->vertices, radius, piece->loaded_vertices, 0, piece->table, piece->surface));
     }
     body.reach = std::max(body.reach, (piece->rho + piece->radius) * (1 + 0x1p-50));
   }
@@ -292,6 +294,7 @@ std::uint32_t Scene::insert_body(Body body) {
   body.parent = parent;
   grow(body);
   has_doubts_ |= is_doubted(body);
+  has_surfaces_ |= has_surface(body);
   const auto id = static_cast<std::uint32_t>(bodies_.size());
   body_ids_.emplace(body.name, id);
   bodies_.push_back(std::move(body));
@@ -378,6 +381,10 @@ std::uint32_t Scene::find_body(std::string_view name) const {
 std::uint32_t Scene::find_group(std::string_view name) const {
   const auto found = group_ids_.find(std::string(name));
   return found == group_ids_.end() ? kNone : found->second;
+}
+
+bool has_surface(const Body& body) {
+  return std::any_of(body.pieces.begin(), body.pieces.end(), [](const PiecePtr& p) { return p->surface != nullptr; });
 }
 
 bool is_doubted(const Body& body) {

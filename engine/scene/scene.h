@@ -70,6 +70,8 @@ struct Body {
 
 /// Whether the body's shape, or where it is, is known less well than its pieces and pose say.
 bool is_doubted(const Body& body);
+/// Whether a piece of it is not the truth.
+bool has_surface(const Body& body);
 /// Why a link's pose cannot be given.
 std::string placed_by_joints(const Body& body);
 
@@ -148,6 +150,8 @@ class Scene {
 
   /// Whether a body's shape, or where it is, is known less well than its pieces and pose say.
   bool has_doubts() const { return has_doubts_; }
+  /// Whether a body has a piece that is not the truth (Piece::surface).
+  bool has_surfaces() const { return has_surfaces_; }
 
   /// Id of a body; kNone if there is none.
   std::uint32_t find_body(std::string_view name) const;
@@ -176,7 +180,7 @@ class Scene {
   void grow(Body& body);
 
   std::vector<Body> bodies_;
-  bool has_doubts_ = false;
+  bool has_doubts_ = false, has_surfaces_ = false;
   std::vector<Group> groups_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
   std::vector<std::shared_ptr<const SceneRobot>> robots_;

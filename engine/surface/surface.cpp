@@ -77,8 +77,10 @@ class TreeBuilder {
     }
     for (std::size_t k = 0; k < 3; ++k) {
       // The differences above are rounded: half a unit of float64, far less than one of float32.
-      nodes[at].low[k] = std::nextafter(float_below(box.low[static_cast<int>(k)]), -std::numeric_limits<float>::max());
-      nodes[at].high[k] = std::nextafter(float_above(box.high[static_cast<int>(k)]), std::numeric_limits<float>::max());
+      nodes[at].low[k] =
+          std::nextafter(float_below(box.low[static_cast<int>(k)]), -std::numeric_limits<float>::infinity());
+      nodes[at].high[k] =
+          std::nextafter(float_above(box.high[static_cast<int>(k)]), std::numeric_limits<float>::infinity());
     }
     return box;
   }

@@ -75,7 +75,8 @@ using SurfacePtr = std::shared_ptr<const Surface>;
 /// empty where there is none. Vertices of equal positions are one.
 std::string open_edge(std::span<const Vec3d> vertices, std::span<const Triangle> triangles);
 
-/// How often the triangles wind around a point that lies on none of them, in the body's frame: exact.
+/// How often the triangles of a solid wind around a point of the body's frame that is farther than 1e-59 m from each of
+/// them: exact.
 int winding_number(const Surface& surface, const Vec3d& p);
 
 }  // namespace clearance

@@ -1,0 +1,231 @@
+#include "engine/query/nearest_elements.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+
+#include "engine/base/arithmetic.h"
+#include "engine/hull/box.h"
+#include "engine/narrow/certify.h"
+#include "engine/surface/surface.h"
+
+namespace clearance {
+
+namespace {
+
+// Rounding units of a gap: of the rotation, what is multiplied by it and the sums (docs/bounds.md, surfaces).
+constexpr double kGapUnits = 256 * 0x1p-53;
+constexpr std::uint64_t kOpenedPerUnit = 4;
+
+Vec3d absolute(const Vec3d& v) {
+  return {std::abs(v.x), std::abs(v.y), std::abs(v.z)};
+}
+double above_zero(double x) {
+  return x > 0 ? x : 0;  // not a NaN, as of a box without bounds
+}
+
+}  // namespace
+
+const Piece& piece_of(const Body& body, const Element& element, Piece& room) {
+  const Piece& piece = *body.pieces[element.piece];
+  if (element.triangle == kNone) return piece;
+  remake_piece(room, piece.surface->corners(element.triangle), piece.radius);
+  return room;
+}
+
+// The nearest first; of the same gap those farther down, which end sooner.
+bool NearestElements::comes_later(const Entry& p, const Entry& q) {
+  if (p.gap != q.gap) return p.gap > q.gap;
+  if (p.at_a != q.at_a) return p.at_a < q.at_a;
+  if (p.at_b != q.at_b) return p.at_b < q.at_b;
+  return p.piece_a != q.piece_a ? p.piece_a < q.piece_a : p.piece_b < q.piece_b;
+}
+
+void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b) {
+  a_ = &a;
+  b_ = &b;
+  R_wa_ = pose_a.R_wb;
+  R_ = pose_a.R_wb.transpose_times(pose_b.R_wb);
+  D_ = pose_a.R_wb.transpose_times(pose_b.t_w - pose_a.t_w);
+  error_ = kGapUnits * (norm(D_) + a.reach + b.reach) + Arithmetic<double>::kUnderflowLength;
+  looks_ = false;
+  heap_.clear();
+  const auto first = [](const PiecePtr& piece) { return piece->surface ? 0 : kNone; };
+  for (std::uint32_t i = 0; i < a.pieces.size(); ++i)
+    for (std::uint32_t j = 0; j < b.pieces.size(); ++j) push({0, i, first(a.pieces[i]), j, first(b.pieces[j])});
+}
+
+NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piece, std::uint32_t at) const {
+  const Piece& p = *body.pieces[piece];
+  if (at == kNone) return {p.centre, p.half, p.spread};
+  const Surface& surface = *p.surface;
+  if (is_element(at)) {
+    const auto [u, v, w] = surface.corners(at & ~kTriangle);
+    Bulk bulk;
+    for (int k = 0; k < 3; ++k) {
+      const double low = std::min({u[k], v[k], w[k]}), high = std::max({u[k], v[k], w[k]});
+      bulk.centre[k] = 0.5 * low + 0.5 * high;
+      bulk.half[k] = 0.5 * high - 0.5 * low;
+    }
+    const auto far = [&](const Vec3d& x) { return squared_norm(x - bulk.centre); };
+    bulk.spread = std::sqrt(std::max({far(u), far(v), far(w)}));
+    return bulk;
+  }
+  const Surface::Node& node = surface.nodes()[at];
+  Bulk bulk;
+  for (int k = 0; k < 3; ++k) {
+    const double low = node.low[static_cast<std::size_t>(k)], high = node.high[static_cast<std::size_t>(k)];
+    bulk.centre[k] = surface.centre()[k] + (0.5 * low + 0.5 * high);
+    bulk.half[k] = 0.5 * high - 0.5 * low;
+  }
+  bulk.spread = norm(bulk.half);
+  return bulk;
+}
+
+// A triangle of b has its own box in a's axes; other boxes are turned.
+NearestElements::Bulk NearestElements::bulk_before_a(const Entry& e, Bulk of_b) const {
+  if (e.at_b != kNone && is_element(e.at_b)) {
+    const auto [u, v, w] = b_->pieces[e.piece_b]->surface->corners(e.at_b & ~kTriangle);
+    const Vec3d x = R_ * u, y = R_ * v, z = R_ * w;
+    for (int k = 0; k < 3; ++k) {
+      const double low = std::min({x[k], y[k], z[k]}), high = std::max({x[k], y[k], z[k]});
+      of_b.centre[k] = (0.5 * low + 0.5 * high) + D_[k];
+      of_b.half[k] = 0.5 * high - 0.5 * low;
+    }
+    return of_b;  // the ball about its own middle is no larger
+  }
+  of_b.centre = R_ * of_b.centre + D_;
+  const Vec3d half = of_b.half;
+  for (int k = 0; k < 3; ++k) of_b.half[k] = dot(absolute(R_.row[k]), half);
+  return of_b;
+}
+
+// What of a gap between cores is none between the grown elements, as computed.
+double NearestElements::margin(const Entry& e) const {
+  return a_->pieces[e.piece_a]->radius + b_->pieces[e.piece_b]->radius + error_;
+}
+
+double NearestElements::gap_of(const Entry& e) const {
+  const Bulk a = bulk(*a_, e.piece_a, e.at_a), own = bulk(*b_, e.piece_b, e.at_b), b = bulk_before_a(e, own);
+  const Vec3d d = b.centre - a.centre;
+  Vec3d apart;
+  for (int k = 0; k < 3; ++k) apart[k] = above_zero(std::abs(d[k]) - (a.half[k] + b.half[k]));
+  double gap = norm(apart);
+  const bool turned = e.at_b != kNone && is_element(e.at_b);  // the box's middle is not the ball's
+  const Vec3d between = turned ? (R_ * own.centre + D_) - a.centre : d;
+  if (const double balls = norm(between) - (a.spread + own.spread); balls > gap) gap = balls;
+  return above_zero(gap - margin(e));
+}
+
+double NearestElements::gap_along(const Entry& e) const {
+  const auto reach = [](const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box, const Vec3d& n) {
+    if (at == kNone || !is_element(at)) return dot(n, box.centre) + dot(absolute(n), box.half);
+    const auto [u, v, w] = body.pieces[piece]->surface->corners(at & ~kTriangle);
+    return std::max({dot(n, u), dot(n, v), dot(n, w)});
+  };
+  const double far_a = reach(*a_, e.piece_a, e.at_a, bulk(*a_, e.piece_a, e.at_a), n_a_);
+  const double far_b = reach(*b_, e.piece_b, e.at_b, bulk(*b_, e.piece_b, e.at_b), -n_b_);
+  const double gap = (dot(n_a_, D_) - far_b) - far_a;
+  return above_zero(gap * (1 - 0x1p-45) - margin(e));
+}
+
+void NearestElements::look_along(const Vec3d& n_w) {
+  looks_ = std::abs(norm(n_w) - 1) < 0x1p-46;
+  n_a_ = R_wa_.transpose_times(n_w);
+  n_b_ = R_.transpose_times(n_a_);
+}
+
+void NearestElements::push(Entry entry) {
+  entry.gap = std::max(entry.gap, gap_of(entry));
+  heap_.push_back(entry);
+  std::push_heap(heap_.begin(), heap_.end(), comes_later);
+}
+
+// The larger of both is divided.
+void NearestElements::open(const Entry& e) {
+  const Bulk a = bulk(*a_, e.piece_a, e.at_a), b = bulk(*b_, e.piece_b, e.at_b);
+  const bool opens_a = !is_element(e.at_a) && (is_element(e.at_b) || !(a.spread < b.spread));
+  const Surface& surface = *(opens_a ? a_->pieces[e.piece_a] : b_->pieces[e.piece_b])->surface;
+  const std::uint32_t at = opens_a ? e.at_a : e.at_b;
+  const Surface::Node& node = surface.nodes()[at];
+  const auto with = [&](std::uint32_t child) {
+    Entry part = e;
+    (opens_a ? part.at_a : part.at_b) = child;
+    push(part);
+  };
+  if (node.is_leaf()) {
+    for (std::uint32_t t = node.begin(); t < node.end(); ++t) with(t | kTriangle);
+  } else {
+    with(at + 1);
+    with(node.right);
+  }
+}
+
+NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, ElementPair& pair) {
+  for (std::uint64_t opened = 1; left() <= cut_off; ++opened) {
+    std::pop_heap(heap_.begin(), heap_.end(), comes_later);
+    Entry e = heap_.back();
+    heap_.pop_back();
+    if (const double along = looks_ ? gap_along(e) : 0; along > e.gap) {
+      e.gap = along;  // it may not be its turn any more
+      heap_.push_back(e);
+      std::push_heap(heap_.begin(), heap_.end(), comes_later);
+      continue;
+    }
+    if (is_element(e.at_a) && is_element(e.at_b)) {
+      pair = {e.gap, element(e.piece_a, e.at_a), element(e.piece_b, e.at_b)};
+      return Found::kPair;
+    }
+    open(e);
+    if (opened % kOpenedPerUnit != 0) continue;
+    meter.count(1);
+    if (meter.is_over()) return Found::kPaused;
+  }
+  return Found::kNoMore;
+}
+
+namespace {
+
+// A vertex of each part of a piece.
+std::vector<Vec3d> a_point_of_each_part(const Piece& piece) {
+  if (!piece.surface) return {piece.vertices[0]};
+  std::vector<Vec3d> points;
+  for (const std::uint32_t v : piece.surface->parts()) points.push_back(piece.surface->vertices()[v]);
+  return points;
+}
+
+// Whether a part of `inner` lies within a solid of `outer`.
+bool holds(const Body& outer, const PlacedPose& outer_pose, const Body& inner, const PlacedPose& inner_pose,
+           double apart, WorkMeter& meter, Vec3d* from_outer, Vec3d* from_inner) {
+  const Vec3d shift = inner_pose.t_w - outer_pose.t_w;
+  const double wrong = rounding_width(pair_scale(shift, outer.reach, inner.reach, 0.0));
+  for (const PiecePtr& o : outer.pieces) {
+    if (!o->surface || !o->surface->is_solid()) continue;
+    const Aabb box = certify_box(*o, outer_pose.R_wb, outer_pose.t_w);
+    for (const PiecePtr& i : inner.pieces) {
+      // The point as computed is on the side of every triangle that it is on: none is as near.
+      if (!(apart + o->radius + i->radius > wrong)) continue;
+      if (certify_box_gap(box, certify_box(*i, inner_pose.R_wb, inner_pose.t_w)) > 0) continue;
+      for (const Vec3d& v : a_point_of_each_part(*i)) {
+        meter.count(1);
+        const Vec3d turned = inner_pose.R_wb * v;
+        if (winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) == 0) continue;
+        *from_inner = turned;
+        *from_outer = turned + shift;
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+bool one_holds_the_other(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b, double apart,
+                         WorkMeter& meter, Vec3d (&point)[2]) {
+  return holds(a, pose_a, b, pose_b, apart, meter, &point[0], &point[1]) ||
+         holds(b, pose_b, a, pose_a, apart, meter, &point[1], &point[0]);
+}
+
+}  // namespace clearance

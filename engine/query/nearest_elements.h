@@ -1,0 +1,89 @@
+// Two bodies of which one is not convex: their convex elements, nearest first, found by its tree of boxes.
+//
+// An element is a piece that is the truth, or a triangle of a piece's surface. Each pair of elements comes once, in the
+// order of a lower bound on their distance (its gap), so that an answer depends on the two bodies alone; what is
+// farther than the least upper bound known by then is never opened.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/narrow/piece_search.h"
+#include "engine/narrow/work_meter.h"
+#include "engine/pose/placed.h"
+#include "engine/scene/scene.h"
+
+namespace clearance {
+
+/// A piece that is the truth, or a triangle of a piece's surface.
+struct Element {
+  std::uint32_t piece = kNone;
+  std::uint32_t triangle = kNone;  ///< of the surface; kNone: the piece itself
+};
+/// The element as a piece that can be answered: the piece itself, or `room`, which becomes its triangle.
+const Piece& piece_of(const Body& body, const Element& element, Piece& room);
+
+struct ElementPair {
+  double gap;  ///< metres: no nearer are they
+  Element a, b;
+};
+
+class NearestElements {
+ public:
+  enum class Found { kPair, kNoMore, kPaused };
+
+  /// All must outlive the search.
+  void begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b);
+  /// The next pair in their order, unless its gap is greater than the cut-off (kNoMore), or the slice is over
+  /// (kPaused).
+  Found next(double cut_off, WorkMeter& meter, ElementPair& pair);
+  /// No pair that is left is nearer, metres; +inf: there is none.
+  double left() const { return heap_.empty() ? __builtin_inf() : heap_.front().gap; }
+  /// Whether what is left has grown beyond what is kept of a pair of bodies: then nothing more is to be asked.
+  bool is_full() const { return heap_.size() > kMostEntries; }
+  /// From here on gaps along this direction count, too: one that has separated a pair separates its neighbours.
+  /// \param n_w from a towards b, world axes, of length 1 up to rounding
+  void look_along(const Vec3d& n_w);
+
+ private:
+  static constexpr std::size_t kMostEntries = std::size_t{1} << 20;
+  static constexpr std::uint32_t kTriangle = 1u << 31;  // of `at`: a triangle, no node
+  // A pair of subtrees; `at` is a node, a triangle, or kNone: a piece that is the truth.
+  struct Entry {
+    double gap;
+    std::uint32_t piece_a, at_a, piece_b, at_b;
+  };
+  // Around a subtree, in the axes of its body, or of a.
+  struct Bulk {
+    Vec3d centre, half;
+    double spread;  // no point is farther from the centre
+  };
+  static bool comes_later(const Entry& p, const Entry& q);
+  static bool is_element(std::uint32_t at) { return (at & kTriangle) != 0; }  // kNone, too
+  static Element element(std::uint32_t piece, std::uint32_t at) {
+    return {piece, at == kNone ? kNone : at & ~kTriangle};
+  }
+  Bulk bulk(const Body& body, std::uint32_t piece, std::uint32_t at) const;
+  Bulk bulk_before_a(const Entry& e, Bulk of_b) const;
+  double gap_of(const Entry& e) const;
+  double gap_along(const Entry& e) const;
+  double margin(const Entry& e) const;
+  void push(Entry entry);
+  void open(const Entry& entry);
+
+  const Body *a_ = nullptr, *b_ = nullptr;
+  Mat3d R_wa_, R_;      // R_wa^T R_wb
+  Vec3d D_{0, 0, 0};    // R_wa^T (t_b - t_a)
+  double error_ = 0;    // of a gap, metres
+  bool looks_ = false;  // along
+  Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};
+  std::vector<Entry> heap_;
+};
+
+/// Whether a part of one body lies within a solid of the other, whose elements are proved apart.
+/// \param apart metres: no element of one is nearer to one of the other \param point gets a point that both share, from
+/// the origin of either, world axes
+bool one_holds_the_other(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b, double apart,
+                         WorkMeter& meter, Vec3d (&point)[2]);
+
+}  // namespace clearance
