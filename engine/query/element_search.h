@@ -21,6 +21,7 @@ class ElementSearch {
     b_ = &b;
     nearest_.begin(a, pose_a, b, pose_b);
     end_round();
+    in_hulls_ = are_hulls_taken_ = false;
   }
   /// Adds to the round until it has so many pairs or no other is within the cut-off. False: the slice is over; it goes
   /// on with the same numbers.
@@ -34,6 +35,22 @@ class ElementSearch {
     }
     return true;
   }
+  /// The round is the hulls of two pieces, which are not the truth.
+  void begin_hulls() {
+    round_.assign(1, nearest_.pieces());
+    in_hulls_ = true;
+  }
+  bool in_hulls() const { return in_hulls_; }
+  void take_hulls(double lower, const Vec3d& n_w) {
+    nearest_.take_pieces(lower);
+    nearest_.look_along(n_w);
+    end_round();
+    in_hulls_ = false;
+    are_hulls_taken_ = true;
+  }
+  bool are_hulls_taken() const { return are_hulls_taken_; }
+  /// The round is one pair that is near.
+  void begin_near() { round_.assign(1, nearest_.near()); }
   std::span<const ElementPair> round() const { return round_; }
   void end_round() { round_.clear(); }
   /// The elements of a pair of the round, as pieces that stay until another round has begun.
@@ -52,6 +69,7 @@ class ElementSearch {
   const Body *a_ = nullptr, *b_ = nullptr;
   NearestElements nearest_;
   std::vector<ElementPair> round_;
+  bool in_hulls_ = false, are_hulls_taken_ = false;
   std::deque<Piece> rooms_;
 };
 

@@ -269,19 +269,19 @@ void Evaluator::begin_element_search(const PlacedBodies& bodies, std::uint32_t i
   search.elements->begin(a, placement[bodies.pair.a].pose, b, placement[bodies.pair.b].pose);
 }
 
-// Puts the next round of a search together. Of what is beyond the cut-off only the nearest may be asked, if nothing
-// else was. False: the slice is over.
+// Puts the next round of a search together: first hulls and then one pair that is near, which say where to look. False:
+// the slice is over.
 bool Evaluator::gather(Search& search, WorkMeter& meter) {
   if (search.next == search.end) return true;
   const PlacedBodies& bodies = pairs_[search.index];
   ElementSearch& elements = *search.elements;
-  if (!search.is_far) {
-    const double cut_off = search.state.cut_off(search.slack.cut_off(bodies.max_distance));
-    if (!elements.gather(std::min(search.state.round, ElementSearch::kMostOfRound), cut_off, meter)) return false;
-    if (search.state.round > 1 || !elements.round().empty() || drops(elements.left(), bodies)) return true;
-    search.is_far = true;
+  if (search.state.round == 1) {
+    if (drops(elements.left(), bodies)) return true;
+    elements.are_hulls_taken() ? elements.begin_near() : elements.begin_hulls();
+    return true;
   }
-  return search.state.round > 1 || elements.gather(1, kInf, meter);
+  const double cut_off = search.state.cut_off(search.slack.cut_off(bodies.max_distance));
+  return elements.gather(std::min(search.state.round, ElementSearch::kMostOfRound), cut_off, meter);
 }
 
 // What the pairs of elements that were taken say of their bodies. If all are apart, one body may still lie within the
@@ -368,6 +368,8 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
   assert(search.next + answers.size() <= search.end);
   PieceSearch& state = search.state;
   ElementSearch* const elements = search.elements.get();
+  if (elements && elements->in_hulls() && !answers.empty())
+    return elements->take_hulls(answers[0].bounds.lower, answers[0].normal);
   const auto pair_at = [&](std::size_t k) -> ElementPair {
     if (elements) return elements->round()[k];
     const PiecePair& p = piece_pairs_[search.next + k];
@@ -403,7 +405,7 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
   state.round *= 2;
   search.next += elements ? 0 : answers.size();
   if (!elements) return;
-  if (state.upper > 0 && state.upper < kInf) elements->look_along(search.found.best.normal);
+  if (state.upper > 0) elements->look_along(state.upper < kInf ? search.found.best.normal : answers[0].normal);
   elements->end_round();
 }
 

@@ -78,7 +78,6 @@ class Evaluator {
     PieceSearch state;
     BodiesAnswer found;                         // without the lower bound
     std::unique_ptr<ElementSearch> elements{};  // of bodies that are not convex: where their pairs come from
-    bool is_far = false;                        // of those: nothing is within the cut-off, the nearest is sought
   };
   // A search among triangles is led by normals: they are there whoever asks, so that bounds are the same.
   static NarrowOptions narrow_options(const Scene& scene, NarrowOptions options) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <limits>
 
 #include "engine/base/arithmetic.h"
 #include "engine/hull/box.h"
@@ -14,6 +15,7 @@ namespace clearance {
 
 namespace {
 
+constexpr double kInf = std::numeric_limits<double>::infinity();
 // Rounding units of a gap: of the rotation, what is multiplied by it and the sums (docs/bounds.md, surfaces).
 constexpr double kGapUnits = 256 * 0x1p-53;
 constexpr std::uint64_t kOpenedPerUnit = 4;
@@ -49,14 +51,19 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   R_ = pose_a.R_wb.transpose_times(pose_b.R_wb);
   D_ = pose_a.R_wb.transpose_times(pose_b.t_w - pose_a.t_w);
   error_ = kGapUnits * (norm(D_) + a.reach + b.reach) + Arithmetic<double>::kUnderflowLength;
-  looks_ = false;
+  looks_ = 0;
+  left_out_ = kInf;
   heap_.clear();
   const auto first = [](const PiecePtr& piece) { return piece->surface ? 0 : kNone; };
   for (std::uint32_t i = 0; i < a.pieces.size(); ++i)
-    for (std::uint32_t j = 0; j < b.pieces.size(); ++j) push({0, i, first(a.pieces[i]), j, first(b.pieces[j])});
+    for (std::uint32_t j = 0; j < b.pieces.size(); ++j) {
+      Entry e{0, i, first(a.pieces[i]), j, first(b.pieces[j]), 0};
+      e.gap = gap_of(e, bulk_a(e), bulk_b(e), kInf);
+      put(e, kInf);
+    }
 }
 
-NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piece, std::uint32_t at) const {
+NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piece, std::uint32_t at) {
   const Piece& p = *body.pieces[piece];
   if (at == kNone) return {p.centre, p.half, p.spread};
   const Surface& surface = *p.surface;
@@ -83,22 +90,10 @@ NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piec
   return bulk;
 }
 
-// A triangle of b has its own box in a's axes; other boxes are turned.
-NearestElements::Bulk NearestElements::bulk_before_a(const Entry& e, Bulk of_b) const {
-  if (e.at_b != kNone && is_element(e.at_b)) {
-    const auto [u, v, w] = b_->pieces[e.piece_b]->surface->corners(e.at_b & ~kTriangle);
-    const Vec3d x = R_ * u, y = R_ * v, z = R_ * w;
-    for (int k = 0; k < 3; ++k) {
-      const double low = std::min({x[k], y[k], z[k]}), high = std::max({x[k], y[k], z[k]});
-      of_b.centre[k] = (0.5 * low + 0.5 * high) + D_[k];
-      of_b.half[k] = 0.5 * high - 0.5 * low;
-    }
-    return of_b;  // the ball about its own middle is no larger
-  }
-  of_b.centre = R_ * of_b.centre + D_;
-  const Vec3d half = of_b.half;
-  for (int k = 0; k < 3; ++k) of_b.half[k] = dot(absolute(R_.row[k]), half);
-  return of_b;
+NearestElements::Bulk NearestElements::before_a(const Bulk& of_b) const {
+  Bulk turned{R_ * of_b.centre + D_, {}, of_b.spread};
+  for (int k = 0; k < 3; ++k) turned.half[k] = dot(absolute(R_.row[k]), of_b.half);
+  return turned;
 }
 
 // What of a gap between cores is none between the grown elements, as computed.
@@ -106,45 +101,73 @@ double NearestElements::margin(const Entry& e) const {
   return a_->pieces[e.piece_a]->radius + b_->pieces[e.piece_b]->radius + error_;
 }
 
-double NearestElements::gap_of(const Entry& e) const {
-  const Bulk a = bulk(*a_, e.piece_a, e.at_a), own = bulk(*b_, e.piece_b, e.at_b), b = bulk_before_a(e, own);
-  const Vec3d d = b.centre - a.centre;
+// By boxes in the axes of a, by what both reach along the line of their middles, and along the direction that is known.
+// \param b in its own axes
+double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const {
+  const Bulk turned = before_a(b);
+  const Vec3d d = turned.centre - a.centre;
   Vec3d apart;
-  for (int k = 0; k < 3; ++k) apart[k] = above_zero(std::abs(d[k]) - (a.half[k] + b.half[k]));
-  double gap = norm(apart);
-  const bool turned = e.at_b != kNone && is_element(e.at_b);  // the box's middle is not the ball's
-  const Vec3d between = turned ? (R_ * own.centre + D_) - a.centre : d;
-  if (const double balls = norm(between) - (a.spread + own.spread); balls > gap) gap = balls;
-  return above_zero(gap - margin(e));
+  for (int k = 0; k < 3; ++k) apart[k] = above_zero(std::abs(d[k]) - (a.half[k] + turned.half[k]));
+  double gap = std::max(e.gap, above_zero(norm(apart) - margin(e)));
+  if (gap > cut_off) return gap;
+  if (looks_) gap = std::max(gap, gap_along(e, a, b, n_a_, n_b_));
+  const double length = norm(d);
+  if (gap > cut_off || !(length > 0 && length < kInf)) return gap;
+  const Vec3d n = d * (1 / length);
+  return std::max(gap, gap_along(e, a, b, n, R_.transpose_times(n)));
 }
 
-double NearestElements::gap_along(const Entry& e) const {
-  const auto reach = [](const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box, const Vec3d& n) {
-    if (at == kNone || !is_element(at)) return dot(n, box.centre) + dot(absolute(n), box.half);
-    const auto [u, v, w] = body.pieces[piece]->surface->corners(at & ~kTriangle);
-    return std::max({dot(n, u), dot(n, v), dot(n, w)});
+// How far a subtree reaches along a direction, in the axes of its body: by the triangles of a leaf, else by its box.
+double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box,
+                              const Vec3d& n) {
+  const Surface* const surface = body.pieces[piece]->surface.get();
+  const auto of_triangles = [&](std::uint32_t begin, std::uint32_t end) {
+    double most = -kInf;
+    for (std::uint32_t t = begin; t < end; ++t)
+      for (const std::uint32_t corner : surface->triangles()[t])
+        most = std::max(most, dot(n, surface->vertices()[corner]));
+    return most;
   };
-  const double far_a = reach(*a_, e.piece_a, e.at_a, bulk(*a_, e.piece_a, e.at_a), n_a_);
-  const double far_b = reach(*b_, e.piece_b, e.at_b, bulk(*b_, e.piece_b, e.at_b), -n_b_);
-  const double gap = (dot(n_a_, D_) - far_b) - far_a;
-  return above_zero(gap * (1 - 0x1p-45) - margin(e));
+  if (at != kNone && is_element(at)) return of_triangles(at & ~kTriangle, (at & ~kTriangle) + 1);
+  if (at != kNone && surface->nodes()[at].is_leaf())
+    return of_triangles(surface->nodes()[at].begin(), surface->nodes()[at].end());
+  return dot(n, box.centre) + dot(absolute(n), box.half);
+}
+
+// \param n_a, n_b the direction in the axes of both, of length 1 up to rounding
+double NearestElements::gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a,
+                                  const Vec3d& n_b) const {
+  const double far_a = reach(*a_, e.piece_a, e.at_a, a, n_a), far_b = reach(*b_, e.piece_b, e.at_b, b, -n_b);
+  return above_zero(((dot(n_a, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
 }
 
 void NearestElements::look_along(const Vec3d& n_w) {
-  looks_ = std::abs(norm(n_w) - 1) < 0x1p-46;
+  if (!(std::abs(norm(n_w) - 1) < 0x1p-46)) return;
+  ++looks_;
   n_a_ = R_wa_.transpose_times(n_w);
   n_b_ = R_.transpose_times(n_a_);
 }
 
-void NearestElements::push(Entry entry) {
-  entry.gap = std::max(entry.gap, gap_of(entry));
+void NearestElements::put(const Entry& entry, double cut_off) {
+  if (entry.gap > cut_off) {
+    left_out_ = std::min(left_out_, entry.gap);
+    return;
+  }
   heap_.push_back(entry);
   std::push_heap(heap_.begin(), heap_.end(), comes_later);
 }
 
-// The larger of both is divided.
-void NearestElements::open(const Entry& e) {
-  const Bulk a = bulk(*a_, e.piece_a, e.at_a), b = bulk(*b_, e.piece_b, e.at_b);
+NearestElements::Entry NearestElements::pop() {
+  std::pop_heap(heap_.begin(), heap_.end(), comes_later);
+  const Entry e = heap_.back();
+  heap_.pop_back();
+  return e;
+}
+
+// The larger of both is divided. \param each gets a part, and both of its bulks
+template <class Each>
+void NearestElements::open(const Entry& e, const Each& each) const {
+  const Bulk a = bulk_a(e), b = bulk_b(e);
   const bool opens_a = !is_element(e.at_a) && (is_element(e.at_b) || !(a.spread < b.spread));
   const Surface& surface = *(opens_a ? a_->pieces[e.piece_a] : b_->pieces[e.piece_b])->surface;
   const std::uint32_t at = opens_a ? e.at_a : e.at_b;
@@ -152,7 +175,7 @@ void NearestElements::open(const Entry& e) {
   const auto with = [&](std::uint32_t child) {
     Entry part = e;
     (opens_a ? part.at_a : part.at_b) = child;
-    push(part);
+    opens_a ? each(part, bulk_a(part), b) : each(part, a, bulk_b(part));
   };
   if (node.is_leaf()) {
     for (std::uint32_t t = node.begin(); t < node.end(); ++t) with(t | kTriangle);
@@ -162,22 +185,54 @@ void NearestElements::open(const Entry& e) {
   }
 }
 
+ElementPair NearestElements::pieces() const {
+  assert(!heap_.empty());
+  const Entry& e = heap_.front();
+  return {e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}};
+}
+
+void NearestElements::take_pieces(double lower) {
+  Entry e = pop();
+  e.gap = std::max(e.gap, lower);
+  put(e, kInf);
+}
+
+// Straight down, by the boxes that are nearest, and of those that touch by their middles.
+ElementPair NearestElements::near() const {
+  assert(!heap_.empty());
+  Entry at = heap_.front();
+  while (!is_element(at.at_a) || !is_element(at.at_b)) {
+    Entry best = at;
+    double least = kInf, nearest = kInf;
+    open(at, [&](Entry part, const Bulk& a, const Bulk& b) {
+      part.gap = 0;
+      const double gap = gap_of(part, a, b, kInf), middles = squared_norm(before_a(b).centre - a.centre);
+      if (least == kInf || gap < least || (gap == least && middles < nearest))
+        best = part, least = gap, nearest = middles;
+    });
+    at = best;
+  }
+  return {at.gap, element(at.piece_a, at.at_a), element(at.piece_b, at.at_b)};
+}
+
 NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, ElementPair& pair) {
-  for (std::uint64_t opened = 1; left() <= cut_off; ++opened) {
-    std::pop_heap(heap_.begin(), heap_.end(), comes_later);
-    Entry e = heap_.back();
-    heap_.pop_back();
-    if (const double along = looks_ ? gap_along(e) : 0; along > e.gap) {
+  for (std::uint64_t opened = 1; !heap_.empty() && heap_.front().gap <= cut_off; ++opened) {
+    Entry e = pop();
+    if (const double along = e.looked == looks_ ? 0 : gap_along(e, bulk_a(e), bulk_b(e), n_a_, n_b_); along > e.gap) {
       e.gap = along;  // it may not be its turn any more
-      heap_.push_back(e);
-      std::push_heap(heap_.begin(), heap_.end(), comes_later);
+      e.looked = looks_;
+      put(e, cut_off);
       continue;
     }
     if (is_element(e.at_a) && is_element(e.at_b)) {
       pair = {e.gap, element(e.piece_a, e.at_a), element(e.piece_b, e.at_b)};
       return Found::kPair;
     }
-    open(e);
+    open(e, [&](Entry part, const Bulk& a, const Bulk& b) {
+      part.gap = gap_of(part, a, b, cut_off);
+      part.looked = looks_;
+      put(part, cut_off);
+    });
     if (opened % kOpenedPerUnit != 0) continue;
     meter.count(1);
     if (meter.is_over()) return Found::kPaused;

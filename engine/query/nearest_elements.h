@@ -34,11 +34,17 @@ class NearestElements {
 
   /// All must outlive the search.
   void begin(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b);
+  /// The nearest two pieces by their boxes. Where they are not the truth, a lower bound on the distance of the hulls
+  /// and the direction that proves it hold for all that they are around.
+  ElementPair pieces() const;
+  void take_pieces(double lower);
+  /// A pair that is near, and may not be the nearest: it comes again.
+  ElementPair near() const;
   /// The next pair in their order, unless its gap is greater than the cut-off (kNoMore), or the slice is over
   /// (kPaused).
   Found next(double cut_off, WorkMeter& meter, ElementPair& pair);
   /// No pair that is left is nearer, metres; +inf: there is none.
-  double left() const { return heap_.empty() ? __builtin_inf() : heap_.front().gap; }
+  double left() const { return heap_.empty() || left_out_ < heap_.front().gap ? left_out_ : heap_.front().gap; }
   /// Whether what is left has grown beyond what is kept of a pair of bodies: then nothing more is to be asked.
   bool is_full() const { return heap_.size() > kMostEntries; }
   /// From here on gaps along this direction count, too: one that has separated a pair separates its neighbours.
@@ -52,6 +58,7 @@ class NearestElements {
   struct Entry {
     double gap;
     std::uint32_t piece_a, at_a, piece_b, at_b;
+    std::uint32_t looked;  // how many directions were known when its gap was made
   };
   // Around a subtree, in the axes of its body, or of a.
   struct Bulk {
@@ -63,19 +70,25 @@ class NearestElements {
   static Element element(std::uint32_t piece, std::uint32_t at) {
     return {piece, at == kNone ? kNone : at & ~kTriangle};
   }
-  Bulk bulk(const Body& body, std::uint32_t piece, std::uint32_t at) const;
-  Bulk bulk_before_a(const Entry& e, Bulk of_b) const;
-  double gap_of(const Entry& e) const;
-  double gap_along(const Entry& e) const;
+  static Bulk bulk(const Body& body, std::uint32_t piece, std::uint32_t at);
+  Bulk bulk_a(const Entry& e) const { return bulk(*a_, e.piece_a, e.at_a); }
+  Bulk bulk_b(const Entry& e) const { return bulk(*b_, e.piece_b, e.at_b); }
+  Bulk before_a(const Bulk& of_b) const;
+  double gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const;
+  double gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a, const Vec3d& n_b) const;
   double margin(const Entry& e) const;
-  void push(Entry entry);
-  void open(const Entry& entry);
+  static double reach(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box, const Vec3d& n);
+  void put(const Entry& entry, double cut_off);
+  Entry pop();
+  template <class Each>
+  void open(const Entry& entry, const Each& each) const;
 
   const Body *a_ = nullptr, *b_ = nullptr;
-  Mat3d R_wa_, R_;      // R_wa^T R_wb
-  Vec3d D_{0, 0, 0};    // R_wa^T (t_b - t_a)
-  double error_ = 0;    // of a gap, metres
-  bool looks_ = false;  // along
+  Mat3d R_wa_, R_;       // R_wa^T R_wb
+  Vec3d D_{0, 0, 0};     // R_wa^T (t_b - t_a)
+  double error_ = 0;     // of a gap, metres
+  double left_out_ = 0;  // the least gap of what was beyond a cut-off
+  std::uint32_t looks_ = 0;  // how many directions were known so far: the last one counts
   Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};
   std::vector<Entry> heap_;
 };
