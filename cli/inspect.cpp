@@ -22,12 +22,16 @@ void print_bodies(const Options& o) {
   Client client = o.connection.open();
   const SceneInfo& scene = client.scene();
   Table table({"id", "body", "kind", "parent", "pieces", "vertices", "extent_m", "model_error_m", "hull_excess_m",
-               "empty_share"});
+               "empty_share", "truth", "triangles"});
   for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
     const BodyInfo& b = scene.bodies[i];
     table.add({i, b.name, b.is_static ? "static" : "movable", parent_cell(scene, b.parent), b.piece_count,
                b.vertex_count, Cell(b.extent, 6), Cell(b.model_error, 3), Cell(b.hull_excess, 3),
-               std::isnan(b.empty_share) ? Cell() : Cell(b.empty_share, 3)});
+               std::isnan(b.empty_share) ? Cell() : Cell(b.empty_share, 3),
+               b.triangle_count == 0 ? "pieces"
+               : b.is_solid          ? "solid"
+                                     : "surface",
+               b.triangle_count});
   }
   table.print(std::cout, o.output);
   if (o.output != Output::kTable) return;

@@ -30,8 +30,8 @@ Table table_of(const Scene& scene, const SceneReport& report, Output output) {
   if (for_people)
     columns.insert(columns.end(), {"KiB", "shared_by", "source"});
   else
-    columns.insert(columns.end(), {"bytes", "display_bytes", "inner_error_m", "uncertain_m", "uncertain_rad",
-                                   "padding_m", "max_speed_m_s", "shared_by", "source"});
+    columns.insert(columns.end(), {"bytes", "display_bytes", "triangles", "inner_error_m", "uncertain_m",
+                                   "uncertain_rad", "padding_m", "max_speed_m_s", "shared_by", "source"});
   Table table(columns);
   for (std::size_t i = 0; i < report.bodies.size(); ++i) {
     const Body& body = scene.bodies()[i];
@@ -56,8 +56,9 @@ Table table_of(const Scene& scene, const SceneReport& report, Output output) {
     if (for_people)
       row.push_back(Cell(static_cast<double>(r.bytes) / 1024, 3));
     else
-      row.insert(row.end(), {r.bytes, r.display_bytes, Cell(body.model_inner, 3), Cell(body.uncertainty.position, 6),
-                             Cell(body.uncertainty.angle, 6), Cell(body.padding, 6), Cell(body.max_speed, 6)});
+      row.insert(row.end(),
+                 {r.bytes, r.display_bytes, r.triangles, Cell(body.model_inner, 3), Cell(body.uncertainty.position, 6),
+                  Cell(body.uncertainty.angle, 6), Cell(body.padding, 6), Cell(body.max_speed, 6)});
     row.insert(row.end(), {r.sharing, body.source});
     table.add(std::move(row));
   }
@@ -175,6 +176,8 @@ int main(int argc, char** argv) {
   app.add_flag("--allow-outside", o.allow_outside, "let the scene name meshes outside its own folder");
   app.footer(R"(
 Columns
+  form                       what answers are about; of a surface or solid it is the mesh itself, and its hull only
+                             says how near it may be
   loaded, inside, vertices   as read; dropped because proved inside; what remains, which bounds are made from
   error_m                    how far the pieces may stand out from the shape that was asked for
   hull_excess_m, empty_share how far they stand out of a mesh that is not convex, at most, and how much of

@@ -26,19 +26,21 @@ void reload(const Connection& connection) {
 
 struct AddBodyOptions {
   Connection connection;
-  std::string name, vertices, parent;
+  std::string name, vertices, triangles, convexify = "hull", parent;
   std::vector<double> box, capsule, cylinder, pose, uncertainty{0, 0};
   double sphere = 0, radius = 0, padding = 0, max_speed = 0;
   bool is_static = false;
 };
 
-/// Vertices from a file of numbers, three each, separated by white space or commas; "-": standard input.
-std::vector<std::array<double, 3>> read_vertices(const std::string& path) {
+/// Rows from a file of numbers, three each, separated by white space or commas; "-": standard input.
+template <class Number>
+std::vector<std::array<Number, 3>> read_rows(const std::string& option, const std::string& path,
+                                             const std::string& expected) {
   std::ifstream file;
   if (path != "-") file.open(path);
   std::istream& in = path == "-" ? std::cin : file;
-  if (!in) throw std::invalid_argument("--vertices " + path + ": cannot be read");
-  std::vector<std::array<double, 3>> vertices;
+  if (!in) throw std::invalid_argument(option + " " + path + ": cannot be read");
+  std::vector<std::array<Number, 3>> rows;
   std::size_t line_number = 0;
   for (std::string line; std::getline(in, line);) {
     ++line_number;
@@ -46,24 +48,29 @@ std::vector<std::array<double, 3>> read_vertices(const std::string& path) {
       if (c == ',') c = ' ';
     if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
     std::istringstream words(line);
-    std::array<double, 3> vertex{};
+    std::array<Number, 3> row{};
     std::string rest;
-    if (!(words >> vertex[0] >> vertex[1] >> vertex[2]) || words >> rest)
-      throw std::invalid_argument("--vertices " + path + ":" + std::to_string(line_number) +
-                                  ": expected three numbers, got \"" + line.substr(0, 60) + '"');
-    vertices.push_back(vertex);
+    if (!(words >> row[0] >> row[1] >> row[2]) || words >> rest)
+      throw std::invalid_argument(option + " " + path + ":" + std::to_string(line_number) + ": expected three " +
+                                  expected + ", got \"" + line.substr(0, 60) + '"');
+    rows.push_back(row);
   }
-  if (vertices.empty()) throw std::invalid_argument("--vertices " + path + ": there are none");
-  return vertices;
+  if (rows.empty()) throw std::invalid_argument(option + " " + path + ": there are none");
+  return rows;
 }
 
 void add_body(const CLI::App& command, const AddBodyOptions& o) {
   const auto pose = pose_of("--pose", o.pose);
   std::vector<std::array<double, 3>> vertices;
-  if (!o.vertices.empty()) vertices = read_vertices(o.vertices);
+  if (!o.vertices.empty()) vertices = read_rows<double>("--vertices", o.vertices, "numbers");
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  if (!o.triangles.empty())
+    triangles = read_rows<std::uint32_t>("--triangles", o.triangles, "places in the list of vertices");
   NewBody body;
   body.name = o.name;
   body.vertices = vertices;
+  body.triangles = triangles;
+  body.convexify = *convexify_of(o.convexify);
   if (!o.box.empty()) body.box = {o.box[0], o.box[1], o.box[2]};
   if (command.count("--sphere")) body.sphere = o.sphere;
   if (!o.capsule.empty()) body.capsule = {o.capsule[0], o.capsule[1]};
@@ -102,6 +109,16 @@ void add_add_body(CLI::App& app) {
       .add_option("--vertices", options->vertices,
                   "the convex hull of the vertices in this file, x y z on a line; -: standard input")
       ->type_name("FILE");
+  command
+      .add_option("--triangles", options->triangles,
+                  "with --vertices: a mesh of them, three places in their list, from 0 on, on a line")
+      ->type_name("FILE");
+  command
+      .add_option("--convexify", options->convexify,
+                  "what that mesh is: hull, surface (its triangles) or solid (what they enclose)")
+      ->check(quiet(CLI::IsMember({"hull", "surface", "solid"})))
+      ->type_name("WORD")
+      ->capture_default_str();
   command.add_option("--radius", options->radius, "grows the shape")->type_name("R");
   command.add_option("--parent", options->parent, "a body, by name or number, that it follows")->type_name("BODY");
   command

@@ -186,7 +186,7 @@ struct Client::Impl {
   SceneChanged change_scene(FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit,
                             std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
     const std::uint64_t request =
-        send_with(type, payload, scene_revision, std::move(records), "add_body: uncertainty, padding, max_speed");
+        send_with(type, payload, scene_revision, std::move(records), "add_body: uncertainty, padding, max_speed, mesh");
     const auto frame = receive(request, FrameType::kSceneChanged, limit);
     scene_is_old = changed_by_us = true;
     const auto change = checked([&] { return wire::parse_scene_changed(body_of(*frame)); });
@@ -213,7 +213,7 @@ SceneInfo Client::Impl::fetch_scene() {
   for (std::uint64_t i = 0; i < parts.bodies.size(); ++i) {
     const wire::BodyRecord r = parts.bodies[i];
     info.bodies.push_back({wire::name_of(r.name), r.parent, r.is_static != 0, r.piece_count, r.vertex_count,
-                           r.model_error, r.extent, r.hull_excess, r.empty_share});
+                           r.model_error, r.extent, r.hull_excess, r.empty_share, r.triangle_count, r.is_solid != 0});
   }
   for (std::uint64_t i = 0; i < parts.groups.size(); ++i) {
     const wire::GroupRecord r = parts.groups[i];

@@ -6,6 +6,7 @@
 //   for (std::size_t i = 0; i < reply.rows(); ++i) use(reply.lower()[i], reply.upper()[i]);
 #pragma once
 
+#include <clearance/convexify.h>
 #include <clearance/query.h>
 
 #include <array>
@@ -117,6 +118,8 @@ struct BodyInfo {
   double extent = 0;       ///< metres: farthest point from the body's origin
   double hull_excess = 0;  ///< metres: no point of a piece is farther from its mesh; 0: a convex body
   double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
+  std::uint64_t triangle_count = 0;  ///< of a surface or solid, which its pieces only surround; 0: it is its pieces
+  bool is_solid = false;             ///< with triangles: it is what they enclose, and not they alone
 };
 struct GroupInfo {
   std::string name;
@@ -162,7 +165,8 @@ struct PosesDone {
   std::uint32_t applied = 0, bad = 0, unknown = 0, fixed = 0;
 };
 
-/// A body to add while the daemon runs. Exactly one shape: the hull of `vertices` (body frame), or a primitive.
+/// A body to add while the daemon runs. Exactly one shape: the hull of `vertices` (body frame), with `triangles` a mesh
+/// of them, or a primitive.
 struct NewBody {
   std::string name;
   std::span<const std::array<double, 3>> vertices = {};  ///< metres
@@ -179,6 +183,9 @@ struct NewBody {
   double uncertainty_angle = 0;     ///< radians: it may be turned by up to this about its origin
   double padding = 0;               ///< metres that it is grown by, beside `radius`
   double max_speed = 0;             ///< metres a second that no point of it exceeds
+  // A mesh, which a daemon that does not know of it refuses.
+  std::span<const std::array<std::uint32_t, 3>> triangles = {};  ///< of places in `vertices`; a solid's are closed
+  Convexify convexify = Convexify::kHull;  ///< what the mesh is: kHull, kSubmeshes (the same), kSurface or kSolid
 };
 
 /// The scene that replaced another.

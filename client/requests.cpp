@@ -86,6 +86,10 @@ std::vector<std::byte> payload_of(const NewBody& body) {
   if (shapes != 1)
     throw std::invalid_argument("add_body: expected one of vertices, box, sphere, capsule and cylinder, got " +
                                 std::to_string(shapes));
+  if (body.convexify != Convexify::kHull && body.triangles.empty())
+    throw std::invalid_argument("add_body: convexify is for a mesh, and there are no triangles");
+  if (!body.triangles.empty() && body.vertices.empty())
+    throw std::invalid_argument("add_body: triangles are for vertices alone");
   wire::NewBodyRecord record;
   set_body_name(record.name, body.name);
   record.parent = body.parent;
@@ -114,6 +118,12 @@ std::vector<std::byte> records_of(const NewBody& body) {
   if (doubts.uncertainty_position != 0 || doubts.uncertainty_angle != 0 || doubts.padding != 0 || doubts.max_speed != 0)
     wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kDoubts), wire::kRecordRequired,
                         std::as_bytes(std::span(&doubts, 1)));
+  if (body.triangles.empty()) return records;
+  static_assert(sizeof(body.triangles[0]) == sizeof(wire::TriangleRecord));
+  wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kTriangles), wire::kRecordRequired,
+                      std::as_bytes(body.triangles));
+  wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kConvexify), wire::kRecordRequired,
+                      std::as_bytes(std::span(&body.convexify, 1)));
   return records;
 }
 

@@ -11,6 +11,7 @@
 #include "engine/engine.h"
 #include "engine/scene/ignored_pairs.h"
 #include "engine/scene/pair_table.h"
+#include "engine/surface/surface.h"
 
 namespace clearance {
 
@@ -29,9 +30,14 @@ bool is_box(const Piece& piece) {
 
 std::string form_of(const Piece& piece) {
   const bool rounded = piece.radius > 0;
+  if (piece.surface) return std::string(rounded ? "rounded " : "") + (piece.surface->is_solid() ? "solid" : "surface");
   if (piece.vertices.size() == 1) return rounded ? "sphere" : "point";
   if (piece.vertices.size() == 2) return rounded ? "capsule" : "segment";
   return std::string(rounded ? "rounded " : "") + (is_box(piece) ? "box" : "hull");
+}
+
+std::uint64_t bytes_of(const Piece& piece) {
+  return resident_bytes(piece) + (piece.surface ? piece.surface->resident_bytes() : 0);
 }
 
 std::uint64_t display_bytes(const Body& body) {
@@ -54,12 +60,14 @@ BodyReport describe(const Body& body) {
     r.vertices += piece->vertices.size();
     r.radius = std::max(r.radius, piece->radius);
     r.extent = std::max(r.extent, piece->rho + piece->radius);
-    r.bytes += resident_bytes(*piece);
+    r.bytes += bytes_of(*piece);
   }
+  r.triangles = triangle_count(body);
   r.display_bytes = display_bytes(body);
   if (body.display) r.faces = body.display->triangles.size();
   // A mesh for pictures holds the distinct vertices of a file; that of points or a primitive does not.
-  const bool from_file = body.source.ends_with("(hull)") || body.source.ends_with("(submeshes)");
+  const bool from_file = std::ranges::any_of(
+      kConvexifyWords, [&body](std::string_view how) { return body.source.ends_with("(" + std::string(how) + ")"); });
   if (r.loaded == r.vertices)
     r.inside = 0;
   else if (from_file && body.display && body.display->vertices.size() >= r.vertices)
@@ -100,7 +108,7 @@ void count_sharing(const Scene& scene, SceneReport& report) {
     std::set<const Piece*> own;
     for (const PiecePtr& piece : body.pieces) own.insert(piece.get());
     for (const Piece* piece : own)
-      if (++holders[piece] == 1) report.bytes += resident_bytes(*piece);
+      if (++holders[piece] == 1) report.bytes += bytes_of(*piece);
     if (displays.insert(body.display.get()).second) report.display_bytes += display_bytes(body);
   }
   for (std::uint32_t i = 0; i < scene.bodies().size(); ++i)

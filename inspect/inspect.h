@@ -12,12 +12,14 @@ namespace clearance {
 
 /// What one body is made of.
 struct BodyReport {
-  std::string form;  ///< "point", "sphere", "segment", "capsule", "box", "hull", "rounded box", ..., "mixed" or "frame"
+  std::string form;  ///< "point", "sphere", "segment", "capsule", "box", "hull", "surface", "solid", "rounded box",
+                     ///< ..., "mixed" or "frame"
   std::size_t pieces = 0;
   std::uint64_t loaded = 0;             ///< vertices, before duplicates and inner ones were dropped
   std::uint64_t vertices = 0;           ///< that bounds are made from
   std::optional<std::uint64_t> inside;  ///< distinct vertices dropped, proved to lie inside; unknown for some sources
   std::size_t faces = 0;                ///< of the mesh as loaded; 0: none
+  std::uint64_t triangles = 0;          ///< of a surface or solid: those that answers are about; 0: pieces are
   double radius = 0;                    ///< metres; largest of the pieces
   double extent = 0;                    ///< metres; farthest that the body reaches from its origin
   double model_error = 0;               ///< metres; how far it may stand out from what was asked for

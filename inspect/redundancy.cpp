@@ -101,6 +101,7 @@ class Search {
 
   // Whether piece p lies inside q: proved, since reduce_to_hull() drops nothing else.
   static bool holds(const Piece& q, const Piece& p) {
+    if (q.surface || p.surface) return false;  // whose hulls say nothing of what they hold
     if (p.radius > q.radius || p.vertices.size() + q.vertices.size() > kMostVertices) return false;
     for (int k = 0; k < 3; ++k)
       if (std::abs(p.centre[k] - q.centre[k]) > q.half[k] - p.half[k] + 1e-12 * q.spread) return false;
@@ -126,7 +127,7 @@ class Search {
 
   void look_at_piece(std::uint32_t b, const PiecePtr& piece) {
     // What was said of a piece holds for every body that shares it; once is enough.
-    if (!seen_.insert(piece.get()).second || piece->vertices.size() <= kFewVertices) return;
+    if (piece->surface || !seen_.insert(piece.get()).second || piece->vertices.size() <= kFewVertices) return;
     const double allowed = within_ * (piece->spread + piece->radius);
     if (look_for_sphere(b, piece, allowed)) return;
     if (piece->vertices.size() > kMostVertices) return;

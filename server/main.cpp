@@ -154,6 +154,7 @@ Loop::Options loop_options_of(const DaemonOptions& options, const Access& access
   loop.max_client_bytes = std::uint64_t{options.max_client_mib} << 20;
   loop.max_added_bodies = options.max_added_bodies;
   loop.max_added_vertices = options.max_added_vertices;
+  loop.max_added_triangles = options.max_added_triangles;
   loop.max_pairs = options.max_pairs;
   loop.max_piece_pairs = options.max_piece_pairs;
   loop.require_epoch = options.require_epoch;

@@ -191,6 +191,10 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(1u, 10000000u)))
       ->type_name("N")
       ->capture_default_str();
+  app.add_option("--max-added-triangles", o.max_added_triangles, "triangles that each of them may have")
+      ->check(quiet(CLI::Range(1u, 20000000u)))
+      ->type_name("N")
+      ->capture_default_str();
   app.add_option(
          "--max-stamp-lead-s", o.max_stamp_lead_s,
          "seconds that the stamp of a pose may be ahead of this machine's clock; poses farther ahead are refused")

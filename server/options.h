@@ -47,6 +47,7 @@ struct DaemonOptions {
   unsigned max_warm_mib = 1024;
   unsigned max_added_bodies = 64;
   unsigned max_added_vertices = 20'000;
+  unsigned max_added_triangles = 40'000;
   std::uint64_t max_pairs = 10'000'000'000;
   std::uint64_t max_piece_pairs = 10'000'000'000'000;
   unsigned max_stamp_lead_s = 60;

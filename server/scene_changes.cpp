@@ -16,8 +16,23 @@ namespace {
 using wire::ErrorCode;
 using wire::FrameHeader;
 
-/// The geometry of a body that a client describes. Throws SceneError.
-Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, std::span<const Vec3d> vertices) {
+/// What a client has sent of a body's shape: copies.
+struct NewGeometry {
+  std::vector<Vec3d> vertices;
+  std::vector<Triangle> triangles;
+  Convexify convexify;
+
+  explicit NewGeometry(const wire::NewBodyParts& parts)
+      : vertices(parts.vertices.size()), triangles(parts.triangles.size()), convexify(parts.convexify) {
+    static_assert(sizeof(Vec3d) == sizeof(wire::VertexRecord) && sizeof(Triangle) == sizeof(wire::TriangleRecord));
+    if (!vertices.empty()) std::memcpy(vertices.data(), parts.vertices.data(), parts.vertices.size_bytes());
+    if (!triangles.empty()) std::memcpy(triangles.data(), parts.triangles.data(), parts.triangles.size_bytes());
+  }
+};
+
+/// The body that a client describes. Throws SceneError.
+/// \param geometry vertices and triangles, of a hull or a mesh
+Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, const NewGeometry& geometry) {
   const std::string name = wire::name_of(record.name);
   Scene::BodyOptions options;
   options.uncertainty = {doubts.uncertainty_position, doubts.uncertainty_angle};
@@ -33,7 +48,10 @@ Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, 
   Scene alone;
   switch (static_cast<wire::BodyShape>(record.shape)) {
     case wire::BodyShape::kHull:
-      alone.add_hull(name, vertices, options);
+      if (geometry.triangles.empty())
+        alone.add_hull(name, geometry.vertices, options);
+      else
+        alone.add_mesh(name, geometry.vertices, geometry.triangles, geometry.convexify, options);
       break;
     case wire::BodyShape::kBox:
       alone.add_box(name, {record.size[0], record.size[1], record.size[2]}, options);
@@ -54,13 +72,13 @@ Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, 
 }
 
 /// Adds a body, unless there are as many as may be. Throws SceneError.
-Reloader::Edit addition(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, std::vector<Vec3d> vertices,
-                        std::string parent, std::uint32_t most) {
-  return [record, doubts, vertices = std::move(vertices), parent = std::move(parent), most](SceneParts& scene) {
+Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std::uint32_t most) {
+  return [record = parts.record, doubts = parts.doubts, geometry = NewGeometry(parts), parent = std::move(parent),
+          most](SceneParts& scene) {
     if (scene.added.size() >= most)
       throw SceneError("add_body: " + std::to_string(most) +
                        " bodies were added already, and no more may be (--max-added-bodies)");
-    scene.added.push_back({body_of(record, doubts, vertices), parent});
+    scene.added.push_back({body_of(record, doubts, geometry), parent});
   };
 }
 
@@ -131,19 +149,20 @@ void SceneChanges::add_body(const FrameHeader& request, std::span<const std::byt
   if (parent != kNone && parent >= bodies.size())
     throw Refusal{ErrorCode::kBadQuery,
                   "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
-  if (parts.vertices.size() > limits_.max_added_vertices)
-    throw Refusal{ErrorCode::kTooLarge, "add_body: " + std::to_string(parts.vertices.size()) +
-                                            " vertices are more than the " +
-                                            std::to_string(limits_.max_added_vertices) +
-                                            " that an added body may have (--max-added-vertices)"};
-  std::vector<Vec3d> vertices(parts.vertices.size());
-  for (std::size_t i = 0; i < vertices.size(); ++i) {
-    const wire::VertexRecord v = parts.vertices[i];
-    vertices[i] = {v.xyz[0], v.xyz[1], v.xyz[2]};
-  }
+  check_size(parts);
   begin_edit(request, sink, wire::name_of(parts.record.name), false,
-             addition(parts.record, parts.doubts, std::move(vertices), parent == kNone ? "" : bodies[parent].name,
-                      limits_.max_added_bodies));
+             addition(parts, parent == kNone ? "" : bodies[parent].name, limits_.max_added_bodies));
+}
+
+void SceneChanges::check_size(const wire::NewBodyParts& parts) const {
+  const auto check = [](std::uint64_t got, std::uint64_t most, const std::string& what) {
+    if (got > most)
+      throw Refusal{ErrorCode::kTooLarge, "add_body: " + std::to_string(got) + " " + what + " are more than the " +
+                                              std::to_string(most) + " that an added body may have (--max-added-" +
+                                              what + ")"};
+  };
+  check(parts.vertices.size(), limits_.max_added_vertices, "vertices");
+  check(parts.triangles.size(), limits_.max_added_triangles, "triangles");
 }
 
 void SceneChanges::remove_body(const FrameHeader& request, std::span<const std::byte> payload,

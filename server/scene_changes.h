@@ -16,8 +16,9 @@ namespace clearance {
 class SceneChanges {
  public:
   struct Limits {
-    std::uint32_t max_added_bodies = 64;        ///< more: kBadQuery
-    std::uint64_t max_added_vertices = 20'000;  ///< of each; more: kTooLarge
+    std::uint32_t max_added_bodies = 64;         ///< more: kBadQuery
+    std::uint64_t max_added_vertices = 20'000;   ///< of each; more: kTooLarge
+    std::uint64_t max_added_triangles = 40'000;  ///< likewise
   };
 
   /// What is passed must outlive this. \param engine the one that serves, which turn() replaces.
@@ -52,6 +53,7 @@ class SceneChanges {
     std::string name;                  ///< of the body that is added or removed
     bool removes = false;
   };
+  void check_size(const wire::NewBodyParts& parts) const;
   void begin_edit(const wire::FrameHeader& request, std::unique_ptr<ReplySink>& sink, const std::string& name,
                   bool removes, Reloader::Edit edit);
   void let_wait(const wire::FrameHeader& request, std::unique_ptr<ReplySink>& sink, Waiter waiter);

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "engine/scene/pose_store.h"
+#include "engine/surface/surface.h"
 #include "wire/wire.h"
 
 namespace clearance {
@@ -20,6 +21,9 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   record.model_error = body.model_error;
   record.hull_excess = body.hull_excess;
   record.empty_share = body.empty_share;
+  const Surface* surface = surface_of(body);
+  record.is_solid = surface && surface->is_solid();
+  record.triangle_count = triangle_count(body);
   for (const PiecePtr& piece : body.pieces) {
     record.vertex_count += piece->vertices.size();
     record.extent = std::max(record.extent, piece->rho + piece->radius);

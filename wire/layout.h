@@ -61,8 +61,8 @@ void for_each_struct(Begin begin, Member member) {
   CLEARANCE_STRUCT(PosesResult, revision, scene_revision, applied, bad, unknown, fixed)
   CLEARANCE_STRUCT(SceneHeader, scene_revision, body_count, group_count, member_count, padding, pair_count, backend,
                    reserved)
-  CLEARANCE_STRUCT(BodyRecord, name, parent, is_static, padding, piece_count, padding2, vertex_count, model_error,
-                   extent, hull_excess, empty_share, reserved)
+  CLEARANCE_STRUCT(BodyRecord, name, parent, is_static, is_solid, padding, piece_count, padding2, vertex_count,
+                   model_error, extent, hull_excess, empty_share, triangle_count)
   CLEARANCE_STRUCT(GroupRecord, name, first_member, member_count, reserved)
   CLEARANCE_STRUCT(PairsHeader, scene_revision, count)
   CLEARANCE_STRUCT(StatesHeader, count, revision, now_ns, reserved)
@@ -75,6 +75,7 @@ void for_each_struct(Begin begin, Member member) {
                    reserved)
   CLEARANCE_STRUCT(BodyDoubts, uncertainty_position, uncertainty_angle, padding, max_speed)
   CLEARANCE_STRUCT(VertexRecord, xyz)
+  CLEARANCE_STRUCT(TriangleRecord, vertices)
   CLEARANCE_STRUCT(RemoveBodyRecord, name)
   CLEARANCE_STRUCT(SceneChange, scene_revision, body_count, body, seconds, reserved)
   CLEARANCE_STRUCT(CounterRecord, name, value)

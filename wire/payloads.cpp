@@ -184,6 +184,38 @@ StatesParts parse_states(std::span<const std::byte> payload) {
   return parts;
 }
 
+namespace {
+
+// A record of a kAddBody, into what is known of the body so far. Returns whether there is such a record.
+bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
+  const auto size = record.bytes.size();
+  switch (static_cast<NewBodyTag>(record.tag)) {
+    case NewBodyTag::kDoubts:
+      if (size != sizeof parts.doubts)
+        bad_frame("new body: doubts (record 20) have " + str(size) + " bytes, expected " + str(sizeof parts.doubts));
+      std::memcpy(&parts.doubts, record.bytes.data(), sizeof parts.doubts);
+      return true;
+    case NewBodyTag::kTriangles:
+      if (size == 0 || size % sizeof(TriangleRecord) != 0)
+        bad_frame("new body: triangles (record 21) have " + str(size) + " bytes, expected " +
+                  str(sizeof(TriangleRecord)) + " for each, and one at least");
+      if (parts.record.shape != static_cast<std::uint8_t>(BodyShape::kHull))
+        bad_query("new body: triangles are for vertices alone");
+      parts.triangles = Records<TriangleRecord>(record.bytes.data(), size / sizeof(TriangleRecord));
+      return true;
+    case NewBodyTag::kConvexify:
+      if (size != 1) bad_frame("new body: convexify (record 22) has " + str(size) + " bytes, expected 1");
+      if (const auto value = std::to_integer<std::size_t>(record.bytes[0]); value >= kConvexifyWords.size())
+        bad_query("new body: convexify " + str(value) + " is none of 0 to " + str(kConvexifyWords.size() - 1));
+      if (parts.triangles.size() == 0) bad_query("new body: convexify is for a mesh, and there are no triangles");
+      parts.convexify = static_cast<Convexify>(record.bytes[0]);
+      return true;
+  }
+  return false;
+}
+
+}  // namespace
+
 NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const std::byte> records) {
   NewBodyParts parts;
   parts.record = head<NewBodyRecord>(payload, "new body");
@@ -199,14 +231,8 @@ NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const 
   if (r.is_static > 1 || r.has_pose > 1) bad_query("new body: is_static and has_pose are 0 or 1");
   expect_zero(r.reserved, "new body");
   parts.vertices = Records<VertexRecord>(payload.data() + sizeof(NewBodyRecord), r.vertex_count);
-  parts.epoch = read_records("new body", records, parts.passed_over, [&](const RecordView& record) {
-    if (record.tag != static_cast<std::uint16_t>(NewBodyTag::kDoubts)) return false;
-    if (record.bytes.size() != sizeof parts.doubts)
-      bad_frame("new body: doubts (record 20) have " + str(record.bytes.size()) + " bytes, expected " +
-                str(sizeof parts.doubts));
-    std::memcpy(&parts.doubts, record.bytes.data(), sizeof parts.doubts);
-    return true;
-  });
+  parts.epoch = read_records("new body", records, parts.passed_over,
+                             [&](const RecordView& record) { return read_new_body_record(record, parts); });
   return parts;
 }
 

@@ -111,7 +111,9 @@ enum class AttachTag : std::uint16_t {
 
 /// Records of a kAddBody.
 enum class NewBodyTag : std::uint16_t {
-  kDoubts = 20,  ///< BodyDoubts
+  kDoubts = 20,     ///< BodyDoubts
+  kTriangles = 21,  ///< TriangleRecord each, of a hull's vertices: they are those of a mesh
+  kConvexify = 22,  ///< uint8: Convexify, what that mesh is; without it its hull
 };
 
 /// Records of a kReply.
@@ -223,15 +225,16 @@ struct BodyRecord {
   char name[64] = {};  ///< NUL-terminated UTF-8
   std::uint32_t parent = kNone;
   std::uint8_t is_static = 0;
-  std::uint8_t padding[3] = {};
+  std::uint8_t is_solid = 0;  ///< the body is what its triangles enclose; 0 where there are some: these alone
+  std::uint8_t padding[2] = {};
   std::uint32_t piece_count = 0;
   std::uint32_t padding2 = 0;
   std::uint64_t vertex_count = 0;
-  double model_error = 0;  ///< metres
-  double extent = 0;       ///< metres, farthest point from the body's origin
-  double hull_excess = 0;  ///< metres, how far its pieces stand out of its mesh at most
-  double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN: not known
-  std::uint64_t reserved = 0;
+  double model_error = 0;            ///< metres
+  double extent = 0;                 ///< metres, farthest point from the body's origin
+  double hull_excess = 0;            ///< metres, how far its pieces stand out of its mesh at most
+  double empty_share = 0;            ///< of the pieces' volume that the mesh leaves empty; NaN: not known
+  std::uint64_t triangle_count = 0;  ///< of a surface or solid, for which its pieces only stand; 0: it is its pieces
 };
 
 struct GroupRecord {
@@ -320,6 +323,10 @@ struct VertexRecord {
   double xyz[3] = {};  ///< metres, in the body's frame
 };
 
+struct TriangleRecord {
+  std::uint32_t vertices[3] = {};  ///< by their place among those of the body
+};
+
 struct RemoveBodyRecord {
   char name[64] = {};  ///< of a body that kAddBody brought
 };
@@ -384,6 +391,7 @@ CLEARANCE_WIRE(JointStateRecord, 128);
 CLEARANCE_WIRE(NewBodyRecord, 184);
 CLEARANCE_WIRE(BodyDoubts, 32);
 CLEARANCE_WIRE(VertexRecord, 24);
+CLEARANCE_WIRE(TriangleRecord, 12);
 CLEARANCE_WIRE(RemoveBodyRecord, 64);
 CLEARANCE_WIRE(SceneChange, 32);
 CLEARANCE_WIRE(CounterRecord, 64);

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "convexify.h"
 #include "protocol.h"
 #include "query_options.h"
 
@@ -246,11 +247,14 @@ JointsParts parse_joints(std::span<const std::byte> payload);
 struct NewBodyParts {
   NewBodyRecord record;
   Records<VertexRecord> vertices;
+  Records<TriangleRecord> triangles;  ///< empty: the vertices are those of a hull
+  Convexify convexify = Convexify::kHull;
   BodyDoubts doubts;
   PassedOver passed_over;
   std::uint64_t epoch = 0;  ///< as QueryParts::epoch
 };
-/// Also checks that the name ends, and that there is such a shape.
+/// Also checks that the name ends, and that there is such a shape, and such a `convexify` of triangles; not which
+/// vertices these name.
 NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload);
 SceneChange parse_scene_changed(std::span<const std::byte> payload);

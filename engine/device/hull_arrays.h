@@ -58,7 +58,7 @@ class HullArrays {
  private:
   // Its index; kNone: the device cannot hold it.
   std::uint32_t add_hull(const Piece& p) {
-    if (p.vertices.size() > kMostVertices) return kNone;
+    if (p.surface || p.vertices.size() > kMostVertices) return kNone;  // kernels know hulls alone, and no triangles
     HullHead head{p.extents(),
                   p.table ? std::numeric_limits<double>::infinity() : p.spread + p.radius,
                   static_cast<std::uint32_t>(x.size()),

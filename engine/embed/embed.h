@@ -10,6 +10,7 @@
 // nanoseconds, right-handed frames.
 #pragma once
 
+#include <clearance/convexify.h>
 #include <clearance/query.h>
 
 #include <array>
@@ -57,6 +58,7 @@ struct RobotOptions {
   bool is_static = false;                                  ///< the base never moves
   std::optional<std::map<std::string, double>> home = {};  ///< positions at load, by joint, others at 0; none: no poses
   double padding = 0;                                      ///< metres, grows the links
+  Convexify convexify = Convexify::kHull;                  ///< what the bodies of the links' meshes are
 };
 
 /// Bodies, groups, and pairs that are not asked about. Each add_* returns the body's id: its place in the order of
@@ -77,6 +79,13 @@ class CLEARANCE_API Scene {
   /// A mesh file. \param scale per axis. \param submeshes one hull for each submesh, instead of one for all vertices.
   std::uint32_t add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale = {1, 1, 1},
                          bool submeshes = false, const BodyOptions& options = {});
+  /// The same where the triangles may be the body, or enclose it.
+  std::uint32_t add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale,
+                         Convexify convexify, const BodyOptions& options = {});
+  /// A mesh of the caller's. \param vertices in the body's frame. \param triangles of places among them.
+  std::uint32_t add_mesh(const std::string& name, std::span<const std::array<double, 3>> vertices,
+                         std::span<const std::array<std::uint32_t, 3>> triangles, Convexify convexify,
+                         const BodyOptions& options = {});
   std::uint32_t add_box(const std::string& name, std::array<double, 3> size,
                         const BodyOptions& options = {});  ///< full edge lengths
   std::uint32_t add_sphere(const std::string& name, double radius, const BodyOptions& options = {});

@@ -194,6 +194,8 @@ std::vector<Vec3d> without_bulk(std::vector<Vec3d> points) {
   return unmarked(points, proved_inside(points, triangles, false), &new_index);
 }
 
+}  // namespace
+
 void check_vertices(std::span<const Vec3d> vertices) {
   if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
   for (std::size_t i = 0; i < vertices.size(); ++i)
@@ -202,8 +204,6 @@ void check_vertices(std::span<const Vec3d> vertices) {
         throw std::invalid_argument("vertex " + std::to_string(i) + " has the coordinate " +
                                     std::to_string(vertices[i][k]) + "; expected a finite number up to 1e60 m");
 }
-
-}  // namespace
 
 Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, bool distinct) {
   UniquePositions<double> unique;

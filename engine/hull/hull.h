@@ -32,6 +32,9 @@ inline constexpr std::size_t kHullCheckVertices = 5'000;
 /// Qhull is not given more vertices than this; it would take longer than a robot cares to wait.
 inline constexpr std::size_t kHullMaxVertices = 150'000;
 
+/// Throws std::invalid_argument for no vertex, and for a coordinate that is not finite or too large.
+void check_vertices(std::span<const Vec3d> vertices);
+
 /// The convex piece spanned by `vertices` and grown by `radius`, of reduce_to_hull().
 /// \param faces receives the guess of its faces, if not null.
 /// \param loaded_vertices how many there were before duplicates were merged by the caller (`distinct`); 0: those given.

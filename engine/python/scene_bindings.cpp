@@ -15,11 +15,13 @@
 
 #include "client/python/bindings/columns.h"
 #include "engine/scene/scene.h"
+#include "engine/surface/surface.h"
 
 namespace clearance::python {
 namespace {
 
 using VertexRows = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using TriangleRows = nb::ndarray<const std::uint32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using PoseRow = nb::ndarray<const double, nb::shape<7>, nb::c_contig, nb::device::cpu>;
 
 using Doubts = std::array<double, 4>;  // uncertainty of position and angle, padding, max_speed
@@ -51,6 +53,11 @@ nb::object array_of(const std::vector<Row>& rows) {
   return nb::cast(nb::ndarray<nb::numpy, T>(copy->data(), {copy->size(), 3}, owner));
 }
 
+bool is_solid(const Body& body) {
+  const Surface* surface = surface_of(body);
+  return surface && surface->is_solid();
+}
+
 nb::list bodies(const Scene& scene) {
   nb::list list;
   for (const Body& b : scene.bodies()) {
@@ -61,8 +68,8 @@ nb::list bodies(const Scene& scene) {
       extent = std::max(extent, piece->rho + piece->radius);
     }
     list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent,
-                               b.hull_excess, b.empty_share, b.model_inner, b.uncertainty.position, b.uncertainty.angle,
-                               b.padding, b.max_speed));
+                               b.hull_excess, b.empty_share, triangle_count(b), is_solid(b), b.model_inner,
+                               b.uncertainty.position, b.uncertainty.angle, b.padding, b.max_speed));
   }
   return list;
 }
@@ -110,6 +117,18 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("name"), nb::arg("path"), nb::arg("sx"), nb::arg("sy"), nb::arg("sz"), nb::arg("convexify"),
           nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
+          "add_mesh_of",
+          [](Scene& s, const std::string& name, const VertexRows& v, const TriangleRows& t, int convexify,
+             double radius, const Parent& parent, bool fixed, const P& pose, const Doubts& doubts) {
+            const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
+            const std::span<const Triangle> triangles(reinterpret_cast<const Triangle*>(t.data()), t.shape(0));
+            const Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
+            nb::gil_scoped_release release;
+            return s.add_mesh(name, vertices, triangles, static_cast<Convexify>(convexify), o);
+          },
+          nb::arg("name"), nb::arg("vertices"), nb::arg("triangles"), nb::arg("convexify"), nb::arg("radius"),
+          nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+      .def(
           "add_box",
           [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
              bool fixed, const P& pose,
@@ -156,7 +175,8 @@ void bind_scene(nb::module_& m) {
              const std::string& parent, bool fixed, bool visual,
              const std::optional<std::map<std::string, double>>& home, const std::string& home_state, double padding,
              const std::map<std::string, double>& link_padding,
-             const std::map<std::string, std::pair<double, double>>& link_uncertainty) {
+             const std::map<std::string, std::pair<double, double>>& link_uncertainty, int convexify,
+             const std::map<std::string, int>& link_convexify) {
             RobotOptions o{.urdf = urdf, .srdf = srdf, .packages = packages, .parent = parent};
             if (base) o.base = pose_from(base->data());
             o.is_static = fixed;
@@ -166,12 +186,15 @@ void bind_scene(nb::module_& m) {
             o.padding = padding;
             o.link_padding = link_padding;
             for (const auto& [link, doubt] : link_uncertainty) o.link_uncertainty[link] = {doubt.first, doubt.second};
+            o.convexify = static_cast<Convexify>(convexify);
+            for (const auto& [link, how] : link_convexify) o.link_convexify[link] = static_cast<Convexify>(how);
             nb::gil_scoped_release release;
             return s.add_robot(name, o);
           },
           nb::arg("name"), nb::arg("urdf"), nb::arg("srdf"), nb::arg("packages"), nb::arg("base").none(),
           nb::arg("parent"), nb::arg("static"), nb::arg("visual"), nb::arg("home").none(), nb::arg("home_state"),
-          nb::arg("padding"), nb::arg("link_padding"), nb::arg("link_uncertainty"))
+          nb::arg("padding"), nb::arg("link_padding"), nb::arg("link_uncertainty"), nb::arg("convexify"),
+          nb::arg("link_convexify"))
       .def("robot_warnings",
            [](const Scene& s, std::uint32_t first) {
              std::vector<std::string> all;

@@ -210,6 +210,10 @@ Certificate certify_rows(const JobContext& context, Plan plan, std::span<const s
     if (rows[i] >= plan.size.rows)
       refuse(QueryErrorCode::kBadQuery, "rows[" + std::to_string(i) + "]: expected one of " +
                                             std::to_string(plan.size.rows) + " rows, got " + std::to_string(rows[i]));
+  if (context.scene->has_surfaces())
+    for (const std::uint64_t row : rows)
+      if (const std::string why = no_convex_truth(*context.scene, plan.pairs.at(row % plan.size.pairs)); !why.empty())
+        refuse(QueryErrorCode::kNotSupported, why + ", of whose rows none is certified so far");
   plan.keep_configurations();
   CertificateJob job(context, std::move(plan), rows);
   while (!job.advance({})) {

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "engine/narrow/work_meter.h"
+#include "engine/surface/surface.h"
 
 namespace clearance {
 namespace {
@@ -18,6 +19,13 @@ std::uint64_t plus(std::uint64_t a, std::uint64_t b) {
   return __builtin_add_overflow(a, b, &sum) ? ~std::uint64_t{0} : sum;
 }
 
+// What a search through a surface takes about, whatever it meets: more for each triangle than a tree that prunes well
+// needs, so that a query of large meshes counts as large.
+std::uint64_t units_of(const Surface* surface) {
+  constexpr std::uint64_t kOfASearch = 64, kTrianglesPerUnit = 64;
+  return surface ? kOfASearch + surface->triangles().size() / kTrianglesPerUnit : 0;
+}
+
 }  // namespace
 
 void SceneBulk::Side::add(const Side& other) {
@@ -29,7 +37,8 @@ void SceneBulk::Side::add(const Side& other) {
 SceneBulk::SceneBulk(const Scene& scene) : scene_(&scene) {
   for (const Body& body : scene.bodies()) {
     Side& side = bodies_.emplace_back(Side{1, body.pieces.size(), 0});
-    for (const PiecePtr& piece : body.pieces) side.units += WorkMeter::units_of(*piece);
+    for (const PiecePtr& piece : body.pieces)
+      side.units += WorkMeter::units_of(*piece) + units_of(piece->surface.get());
     all_.add(side);
   }
   for (const Group& group : scene.groups()) {

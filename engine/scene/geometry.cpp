@@ -5,8 +5,11 @@
 #include <limits>
 #include <stdexcept>
 
+#include "engine/base/dedupe.h"
+#include "engine/base/digest.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/hull_excess.h"
+#include "engine/surface/surface.h"
 
 namespace clearance {
 
@@ -88,7 +91,57 @@ DisplayMesh joined(const std::vector<Submesh>& submeshes, const Vec3d& scale) {
   return out;
 }
 
+std::uint64_t digest_of(const Surface& surface, double radius) {
+  Digest digest;
+  digest.add(surface.digest());
+  digest.add(radius);
+  return digest.value();
+}
+
+// The hulls of a mesh's parts, and how far they stand out of it.
+void add_hulls(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const Vec3d& scale, Convexify convexify,
+               double radius, std::uint64_t loaded, Geometry& out) {
+  Excess excess;
+  if (convexify == Convexify::kHull)
+    out.pieces = {excess.add(whole, radius, loaded, submeshes.size() == 1)};
+  else
+    for (const Submesh& submesh : submeshes)
+      out.pieces.push_back(excess.add(joined({submesh}, scale), radius, submesh.loaded_vertices, true));
+  out.hull_excess = excess.distance();
+  out.empty_share = excess.empty_share();
+}
+
+// The piece of a mesh whose triangles are, or enclose, the body.
+PiecePtr true_piece(const DisplayMesh& mesh, Convexify convexify, double radius, std::uint64_t loaded) {
+  const std::string who = "convexify: " + std::string(word_of(convexify)) + ": ";
+  if (mesh.triangles.empty()) throw std::invalid_argument(who + "the mesh has no triangles");
+  try {
+    return make_surface_piece(mesh.vertices, mesh.triangles, convexify == Convexify::kSolid, radius, loaded);
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(who + e.what());
+  }
+}
+
 }  // namespace
+
+PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid, double radius,
+                            std::uint64_t loaded_vertices) {
+  // The hull first: it looks at the coordinates.
+  const PiecePtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
+  auto surface = std::make_shared<const Surface>(std::move(vertices), std::move(triangles), is_solid);
+  return make_piece(hull->vertices, radius, hull->loaded_vertices, digest_of(*surface, radius), hull->table, surface);
+}
+
+PiecePtr with_radius(const Piece& piece, double radius) {
+  const std::uint64_t digest = piece.surface ? digest_of(*piece.surface, radius) : 0;
+  return make_piece(piece.vertices, radius, piece.loaded_vertices, digest, piece.table, piece.surface);
+}
+
+std::vector<Triangle> triangles_as_loaded(const Surface& surface) {
+  std::vector<Triangle> triangles(surface.triangles().size());
+  for (std::size_t i = 0; i < triangles.size(); ++i) triangles[surface.places()[i]] = surface.triangles()[i];
+  return triangles;
+}
 
 Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source) {
   Shape grown = shape;
@@ -112,7 +165,7 @@ Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
 }
 
 std::string mesh_source(const std::string& file, Convexify convexify) {
-  return file + (convexify == Convexify::kHull ? " (hull)" : " (submeshes)");
+  return file + " (" + std::string(word_of(convexify)) + ")";
 }
 
 Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
@@ -122,24 +175,39 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
       throw std::invalid_argument("scale: expected finite numbers other than 0, got " + std::to_string(scale[k]));
   if (convexify == Convexify::kDecompose)
     throw std::invalid_argument(
-        "not yet: convexify: decompose (approximate convex decomposition); use hull or submeshes");
+        "not yet: convexify: decompose (approximate convex decomposition); use hull, submeshes, surface or solid");
   std::uint64_t loaded = 0;
   for (const Submesh& submesh : mesh.submeshes) loaded += submesh.loaded_vertices;
   auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, scale));
   Geometry out;
-  Excess excess;
-  if (convexify == Convexify::kHull) {
-    out.pieces = {excess.add(*whole, radius, loaded, mesh.submeshes.size() == 1)};
-  } else {
-    for (const Submesh& submesh : mesh.submeshes)
-      out.pieces.push_back(excess.add(joined({submesh}, scale), radius, submesh.loaded_vertices, true));
-  }
+  if (convexify == Convexify::kSurface || convexify == Convexify::kSolid)
+    out.pieces = {true_piece(*whole, convexify, radius, loaded)};
+  else
+    add_hulls(mesh.submeshes, *whole, scale, convexify, radius, loaded, out);
   out.model_error = out.model_inner = rounding_of(mesh.submeshes, scale);
-  out.hull_excess = excess.distance();
-  out.empty_share = excess.empty_share();
   out.display = std::move(whole);
   out.source = mesh_source(source, convexify);
   return out;
+}
+
+Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
+                               Convexify convexify, double radius) {
+  check_vertices(vertices);
+  UniquePositions<double> unique = unique_positions<double>(vertices);
+  Mesh mesh;
+  Submesh& all = mesh.submeshes.emplace_back();
+  all.triangles.resize(triangles.size());
+  for (std::size_t t = 0; t < triangles.size(); ++t)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t corner = triangles[t][k];
+      if (corner >= vertices.size())
+        throw std::invalid_argument("triangle " + std::to_string(t) + " names the vertex " + std::to_string(corner) +
+                                    ", and there are " + std::to_string(vertices.size()));
+      all.triangles[t][k] = unique.index[corner];
+    }
+  all.vertices = std::move(unique.positions);
+  all.loaded_vertices = vertices.size();
+  return geometry_of_mesh(mesh, {1, 1, 1}, convexify, radius, "mesh");
 }
 
 }  // namespace clearance

@@ -24,10 +24,22 @@ struct Geometry {
 /// \param radius grows the pieces; added to that of the shape. All throw std::invalid_argument for bad numbers.
 Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source);
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
+/// The hull of a surface's vertices, which stands for it, grown by a radius. Throws std::invalid_argument as Surface
+/// and make_piece() do. \param loaded_vertices of the mesh; 0: those given
+PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid, double radius,
+                            std::uint64_t loaded_vertices = 0);
+/// The same piece, and what it stands for, grown by another radius.
+PiecePtr with_radius(const Piece& piece, double radius);
+/// A surface's triangles in the order in which it was given them.
+std::vector<Triangle> triangles_as_loaded(const Surface& surface);
 /// What Body::source says of a mesh file.
 std::string mesh_source(const std::string& file, Convexify convexify);
-/// \param source names the file. \param scale per axis, in the file's frame; negative mirrors.
+/// \param source names the file. \param scale per axis, in the file's frame; negative mirrors. Of a surface or solid
+/// the piece is exact, so that nothing stands out of it.
 Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
                           const std::string& source);
+/// The same of a mesh that the caller has, in the body's frame.
+Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
+                               Convexify convexify, double radius);
 
 }  // namespace clearance

@@ -6,6 +6,7 @@
 
 #include "engine/hull/direction_table.h"
 #include "engine/scene/mesh_geometry.h"
+#include "engine/surface/surface.h"
 
 namespace clearance {
 
@@ -71,17 +72,49 @@ class Reader {
 };
 
 // Whether two lists have the same bits.
-bool same(const std::vector<Vec3d>& a, const std::vector<Vec3d>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3d)) == 0;
+template <class T>
+bool same(std::span<const T> a, std::span<const T> b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size_bytes()) == 0;
+}
+
+// A list that the mesh for pictures may hold already, as it does as a rule: then only that is said.
+template <class T>
+void add_list(Writer& out, const std::vector<T>& list, const std::vector<T>* displayed) {
+  const bool is_there = displayed && same<T>(list, *displayed);
+  out.add(std::uint64_t{is_there});
+  if (!is_there) out.add(list);
+}
+
+template <class T>
+std::vector<T> get_list(Reader& in, const std::vector<T>* displayed) {
+  if (in.get<std::uint64_t>() == 0) return in.list<T>();
+  if (!displayed) throw Damaged();
+  return *displayed;
+}
+
+enum class Truth : std::uint64_t { kPiece, kSurface, kSolid };
+
+// What the piece stands for: vertices and triangles, of which the rest is made anew.
+void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display) {
+  out.add(!surface ? Truth::kPiece : surface->is_solid() ? Truth::kSolid : Truth::kSurface);
+  if (!surface) return;
+  add_list(out, {surface->vertices().begin(), surface->vertices().end()}, display ? &display->vertices : nullptr);
+  add_list(out, triangles_as_loaded(*surface), display ? &display->triangles : nullptr);
+}
+
+PiecePtr get_surface_piece(Reader& in, Truth truth, double radius, std::uint64_t loaded, const DisplayMesh* display) {
+  std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
+  std::vector<Triangle> triangles = get_list(in, display ? &display->triangles : nullptr);
+  return make_surface_piece(std::move(vertices), std::move(triangles), truth == Truth::kSolid, radius, loaded);
 }
 
 void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tables tables) {
   out.add(piece.radius);
   out.add(piece.loaded_vertices);
+  add_surface(out, piece.surface.get(), display);
+  if (piece.surface) return;  // its hull is made anew with it: nothing else says that it is around it
   out.add(piece.digest);
-  const bool displayed = display && same(piece.vertices, display->vertices);  // of a convex mesh, as a rule
-  out.add(std::uint64_t{displayed});
-  if (!displayed) out.add(piece.vertices);
+  add_list(out, piece.vertices, display ? &display->vertices : nullptr);
   const bool has_table = piece.table && tables == Tables::kKept;
   out.add(std::uint64_t{has_table});
   if (!has_table) return;
@@ -92,10 +125,12 @@ void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tabl
 
 PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
-  const auto loaded = in.get<std::uint64_t>(), digest = in.get<std::uint64_t>();
-  const bool displayed = in.get<std::uint64_t>() != 0;
-  if (displayed && !display) throw Damaged();
-  std::vector<Vec3d> vertices = displayed ? display->vertices : in.list<Vec3d>();
+  const auto loaded = in.get<std::uint64_t>();
+  const auto truth = in.get<Truth>();
+  if (truth > Truth::kSolid) throw Damaged();
+  if (truth != Truth::kPiece) return get_surface_piece(in, truth, radius, loaded, display);
+  const auto digest = in.get<std::uint64_t>();
+  std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::shared_ptr<DirectionTable> table;
   if (in.get<std::uint64_t>() != 0) {
     if (tables != Tables::kKept) throw Damaged();

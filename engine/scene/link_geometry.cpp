@@ -5,6 +5,7 @@
 
 #include "engine/hull/hull.h"
 #include "engine/robot/exact_frame.h"
+#include "engine/surface/surface.h"
 
 namespace clearance {
 
@@ -38,16 +39,23 @@ Geometry moved(const Geometry& geometry, const Origin& X) {
   if (is_zero(X.xyz) && is_zero(X.rpy)) return geometry;
   Mover mover(X);
   Geometry out = geometry;
-  for (PiecePtr& piece : out.pieces) {
-    std::vector<Vec3d> vertices;
-    for (const Vec3d& v : piece->vertices) vertices.push_back(mover(v));
-    piece = make_hull_piece(vertices, {}, piece->radius, piece->loaded_vertices);
-  }
+  const auto all_of = [&mover](std::span<const Vec3d> points) {
+    std::vector<Vec3d> there;
+    there.reserve(points.size());
+    for (const Vec3d& p : points) there.push_back(mover(p));
+    return there;
+  };
+  for (PiecePtr& piece : out.pieces)
+    if (const Surface* surface = piece->surface.get())  // its hull anew: rounding may have moved inner vertices out
+      piece = make_surface_piece(all_of(surface->vertices()), triangles_as_loaded(*surface), surface->is_solid(),
+                                 piece->radius, piece->loaded_vertices);
+    else
+      piece = make_hull_piece(all_of(piece->vertices), {}, piece->radius, piece->loaded_vertices);
   out.model_error += mover.worst();
   out.model_inner += mover.worst();
   if (out.display) {
     auto display = std::make_shared<DisplayMesh>(*out.display);
-    for (Vec3d& v : display->vertices) v = mover(v);
+    display->vertices = all_of(display->vertices);
     out.display = std::move(display);
   }
   return out;

@@ -33,7 +33,24 @@ void read_geometry(const YamlValue& value, RobotOptions& options, const ResolveP
   options.visual = which == "visual";
 }
 
+void read_robot_convexify(const YamlValue& value, RobotOptions& options) {
+  if (!value.is_map()) {
+    options.convexify = read_convexify(value);
+    return;
+  }
+  for (const auto& [link, how] : value.map("")) options.link_convexify[link] = read_convexify(how);
+}
+
 }  // namespace
+
+Convexify read_convexify(const YamlValue& value) {
+  constexpr const char* kExpected = "hull, submeshes, surface, solid or decompose";
+  const std::optional<Convexify> convexify = convexify_of(value.text(kExpected));
+  if (!convexify) value.fail_expected(kExpected);
+  if (*convexify == Convexify::kDecompose)
+    value.fail("not yet: decompose (approximate convex decomposition); use hull, submeshes, surface or solid");
+  return *convexify;
+}
 
 Uncertainty read_uncertainty(const YamlValue& value) {
   value.map("a map, such as {position: 0.002, angle: 0.01}");
@@ -47,7 +64,7 @@ Uncertainty read_uncertainty(const YamlValue& value) {
 RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
   value.map("a robot, such as {name: panda, urdf: panda.urdf}");
   value.check_keys({"name", "urdf", "srdf", "packages", "base", "parent", "static", "live", "geometry", "home",
-                    "padding", "uncertainty"});
+                    "padding", "uncertainty", "convexify"});
   const auto name = value.find("name"), urdf = value.find("urdf");
   if (!name) value.fail("expected the key \"name\"");
   if (!urdf) value.fail("expected the key \"urdf\"");
@@ -66,6 +83,10 @@ RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
   if (const auto is_static = value.find("static")) options.is_static = is_static->boolean();
   if (const auto is_live = value.find("live")) plan.is_live = is_live->boolean();
   if (const auto geometry = value.find("geometry")) read_geometry(*geometry, options, resolve);
+  if (const auto convexify = value.find("convexify")) {
+    if (options.geometry_files) convexify->fail("files of a saved scene are what they were");
+    read_robot_convexify(*convexify, options);
+  }
   if (const auto home = value.find("home")) read_home(*home, options);
   if (const auto padding = value.find("padding")) read_padding(*padding, options);
   if (const auto uncertainty = value.find("uncertainty"))

@@ -21,6 +21,9 @@ struct RobotPlan {
 /// The file or folder that a value of the scene file names.
 using ResolvePath = std::function<std::string(const YamlValue&)>;
 
+/// What the body of a mesh is. Throws SceneError.
+Convexify read_convexify(const YamlValue& value);
+
 /// What is not known of a body's pose, or of a link's. Throws SceneError.
 Uncertainty read_uncertainty(const YamlValue& value);
 

@@ -14,6 +14,7 @@
 #include "engine/mesh/mesh.h"
 #include "engine/scene/geometry.h"
 #include "engine/scene/mesh_geometry.h"
+#include "engine/surface/surface.h"
 
 namespace clearance {
 
@@ -93,7 +94,7 @@ constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recogn
 
 // What a file is recognised by: another one, or the same one written anew, gives another key.
 std::string file_key(const std::string& path) {
-  struct stat info {};
+  struct stat info{};
   if (::stat(path.c_str(), &info) != 0) return path + "|";
   return std::to_string(info.st_dev) + ':' + std::to_string(info.st_ino) + ':' + std::to_string(info.st_size) + ':' +
          std::to_string(info.st_mtim.tv_sec) + '.' + std::to_string(info.st_mtim.tv_nsec) + '|' + path + '|';
@@ -168,6 +169,13 @@ std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, 
   return add_geometry(name, options, [&] { return mesh_geometry(path, scale, convexify, options.radius); });
 }
 
+std::uint32_t Scene::add_mesh(const std::string& name, std::span<const Vec3d> vertices,
+                              std::span<const Triangle> triangles, Convexify convexify, const BodyOptions& options) {
+  const FpEnvironment environment;
+  return add_geometry(name, options,
+                      [&] { return geometry_of_triangles(vertices, triangles, convexify, options.radius); });
+}
+
 // Of a file, scale and so on that were asked for before: what was made then. Throws MeshError.
 const Geometry& Scene::mesh_geometry(const std::string& path, Vec3d scale, Convexify convexify, double radius) {
   const std::string key = file_key(path) + number(scale.x) + ',' + number(scale.y) + ',' + number(scale.z) + ',' +
@@ -228,15 +236,29 @@ void Scene::check_free(const std::string& name, const char* what) const {
     throw SceneError(std::string(what) + " name " + in_quotes(name) + " is already that of a group");
 }
 
+namespace {
+
+// Whether two pieces stand for the same: themselves, or equal surfaces.
+bool same_truth(const Piece& a, const Piece& b) {
+  if (!a.surface || !b.surface) return a.surface == b.surface;
+  const auto same_vertex = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
+  const Surface &s = *a.surface, &t = *b.surface;
+  return s.is_solid() == t.is_solid() && std::ranges::equal(s.vertices(), t.vertices(), same_vertex) &&
+         std::ranges::equal(s.triangles(), t.triangles()) && std::ranges::equal(s.places(), t.places());
+}
+
+}  // namespace
+
 // Bodies of the same shape share one piece: less memory, and their pairs can be answered side by side.
 PiecePtr Scene::shared_piece(const PiecePtr& piece) {
   const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
   const auto [begin, end] = pieces_.equal_range(piece->digest);
   for (auto it = begin; it != end; ++it) {
     const Piece& known = *it->second;
-    if (known.radius == piece->radius && known.surface == piece->surface &&
-        known.loaded_vertices == piece->loaded_vertices &&
-        std::equal(known.vertices.begin(), known.vertices.end(), piece->vertices.begin(), piece->vertices.end(), same))
+    if (known.radius == piece->radius && known.loaded_vertices == piece->loaded_vertices &&
+        std::equal(known.vertices.begin(), known.vertices.end(), piece->vertices.begin(), piece->vertices.end(),
+                   same) &&
+        same_truth(known, *piece))
       return it->second;
   }
   pieces_.emplace(piece->digest, piece);
@@ -253,8 +275,7 @@ void Scene::grow(Body& body) {
       const double radius = sum_above(by, piece->radius);
       const bool is_exact = (piece->radius == 0) + (body.padding == 0) + (body.uncertainty.position == 0) >= 2;
       if (!is_exact) rounding = std::max(rounding, radius * 0x1p-50);
-      piece =
-          shared_piece(make_piece(piece->vertices, radius, piece->loaded_vertices, 0, piece->table, piece->surface));
+      piece = shared_piece(with_radius(*piece, radius));
     }
     body.reach = std::max(body.reach, (piece->rho + piece->radius) * (1 + 0x1p-50));
   }
@@ -384,12 +405,33 @@ std::uint32_t Scene::find_group(std::string_view name) const {
 }
 
 bool has_surface(const Body& body) {
-  return std::any_of(body.pieces.begin(), body.pieces.end(), [](const PiecePtr& p) { return p->surface != nullptr; });
+  return surface_of(body) != nullptr;
 }
 
 bool is_doubted(const Body& body) {
   return body.model_error > 0 || body.model_inner > 0 || body.uncertainty.position > 0 || body.uncertainty.angle > 0 ||
          body.max_speed > 0;
+}
+
+const Surface* surface_of(const Body& body) {
+  for (const PiecePtr& piece : body.pieces)
+    if (piece->surface) return piece->surface.get();
+  return nullptr;
+}
+
+std::uint64_t triangle_count(const Body& body) {
+  std::uint64_t count = 0;
+  for (const PiecePtr& piece : body.pieces)
+    if (piece->surface) count += piece->surface->triangles().size();
+  return count;
+}
+
+std::string no_convex_truth(const Scene& scene, BodyPair pair) {
+  for (const std::uint32_t id : {pair.a, pair.b}) {
+    const Surface* surface = id < scene.bodies().size() ? surface_of(scene.bodies()[id]) : nullptr;
+    if (surface) return "'" + scene.bodies()[id].name + "' is a " + (surface->is_solid() ? "solid" : "surface");
+  }
+  return "";
 }
 
 std::uint32_t Scene::find_joint(std::string_view name) const {

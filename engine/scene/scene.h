@@ -12,6 +12,8 @@
 #include <unordered_map>
 #include <vector>
 
+#include "engine/base/body_pair.h"
+#include "engine/base/triangle.h"
 #include "engine/hull/piece.h"
 #include "engine/pose/pose.h"
 #include "engine/scene/scene_robot.h"
@@ -27,15 +29,6 @@ struct Shape;          // engine/hull/shapes.h
 /// -1".
 struct SceneError : std::runtime_error {
   using std::runtime_error::runtime_error;
-};
-
-/// What the body of a mesh that need not be convex is.
-enum class Convexify : std::uint8_t {
-  kHull,       ///< one piece: the hull of all its vertices
-  kSubmeshes,  ///< one piece for each submesh of the file
-  kDecompose,  ///< approximate convex decomposition
-  kSurface,    ///< its triangles are the body
-  kSolid,      ///< what its triangles enclose is the body
 };
 
 /// Triangles of a body in its frame, for pictures and for the naive baseline; the engine's answers never use them.
@@ -72,6 +65,11 @@ struct Body {
 bool is_doubted(const Body& body);
 /// Whether a piece of it is not the truth.
 bool has_surface(const Body& body);
+/// What a body is where it is more than its pieces say: the first of its surfaces and solids; null: the union of its
+/// pieces.
+const Surface* surface_of(const Body& body);
+/// The triangles of all of them.
+std::uint64_t triangle_count(const Body& body);
 /// Why a link's pose cannot be given.
 std::string placed_by_joints(const Body& body);
 
@@ -111,9 +109,13 @@ class Scene {
   /// SceneError for a bad or repeated name or bad geometry.
   std::uint32_t add_hull(const std::string& name, std::span<const Vec3d> vertices, const BodyOptions& options);
   /// \param scale per axis, not 0; negative mirrors. Bodies of the same file, scale, convexify and radius share their
-  /// pieces.
+  /// pieces. A solid's mesh is closed; a surface's and a solid's has triangles.
   std::uint32_t add_mesh(const std::string& name, const std::string& path, Vec3d scale, Convexify convexify,
                          const BodyOptions& options);
+  /// The same of a mesh that the caller has. \param vertices metres, in the body's frame. \param triangles of indices
+  /// among them; a solid's turn all the same way.
+  std::uint32_t add_mesh(const std::string& name, std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
+                         Convexify convexify, const BodyOptions& options);
   std::uint32_t add_uv_sphere(const std::string& name, double radius, int resolution,
                               const BodyOptions& options);                                 ///< Open3D's create_sphere
   std::uint32_t add_box(const std::string& name, Vec3d size, const BodyOptions& options);  ///< full edge lengths
@@ -150,7 +152,7 @@ class Scene {
 
   /// Whether a body's shape, or where it is, is known less well than its pieces and pose say.
   bool has_doubts() const { return has_doubts_; }
-  /// Whether a body has a piece that is not the truth (Piece::surface).
+  /// Whether a body is not convex, nor the union of its pieces: surface_of().
   bool has_surfaces() const { return has_surfaces_; }
 
   /// Id of a body; kNone if there is none.
@@ -194,5 +196,9 @@ class Scene {
       geometries_;  ///< that were made before: of meshes by file and options, of shapes by what they are made of
   std::shared_ptr<MeshGeometries> meshes_;  ///< null until there is a mesh
 };
+
+/// Says which body of a pair is not convex, nor the union of its pieces: "'shelf' is a solid"; empty where none is, or
+/// where there is no such body.
+std::string no_convex_truth(const Scene& scene, BodyPair pair);
 
 }  // namespace clearance

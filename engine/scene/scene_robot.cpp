@@ -100,8 +100,9 @@ class RobotAdder {
   std::uint32_t add() {
     const auto index = static_cast<std::uint32_t>(scene_.robots_.size());
     check_padding();
-    check_uncertainty();
-    check_geometry_files();
+    check_links("uncertainty", options_.link_uncertainty);
+    check_links("convexify", options_.link_convexify);
+    if (options_.geometry_files) check_links("geometry", *options_.geometry_files);
     add_base();
     add_joints(index);
     robot_->bodies.resize(model_.links.size(), kNone);
@@ -119,15 +120,10 @@ class RobotAdder {
  private:
   [[noreturn]] void fail(const std::string& what) const { throw SceneError("robot " + in_quotes(name_) + ": " + what); }
 
-  void check_geometry_files() const {
-    if (!options_.geometry_files) return;
-    for (const auto& [link, file] : *options_.geometry_files)
-      if (model_.find_link(link) == kNone) fail("geometry: there is no link " + in_quotes(link));
-  }
-
-  void check_uncertainty() const {
-    for (const auto& [link, uncertainty] : options_.link_uncertainty)
-      if (model_.find_link(link) == kNone) fail("uncertainty: there is no link " + in_quotes(link));
+  template <class Value>
+  void check_links(const std::string& what, const std::map<std::string, Value>& by_link) const {
+    for (const auto& [link, value] : by_link)
+      if (model_.find_link(link) == kNone) fail(what + ": there is no link " + in_quotes(link));
   }
 
   void check_padding() const {
@@ -136,10 +132,8 @@ class RobotAdder {
         fail("padding" + of + ": expected a number of metres >= 0, got " + std::to_string(metres));
     };
     check(options_.padding, "");
-    for (const auto& [link, metres] : options_.link_padding) {
-      if (model_.find_link(link) == kNone) fail("padding: there is no link " + in_quotes(link));
-      check(metres, " of " + in_quotes(link));
-    }
+    check_links("padding", options_.link_padding);
+    for (const auto& [link, metres] : options_.link_padding) check(metres, " of " + in_quotes(link));
   }
 
   void add_base() {
@@ -225,7 +219,7 @@ class RobotAdder {
     if (options_.geometry_files)
       read_geometry(of.name, body);
     else if (const std::vector<RobotShape>& shapes = options_.visual ? of.visual : of.collision; !shapes.empty())
-      make_geometry(shapes, body);
+      make_geometry(shapes, convexify_of_link(of.name), body);
     if (!body.pieces.empty()) add_doubts(of.name, body);
     if (robot_->places(link)) {
       body.robot = index;
@@ -258,10 +252,15 @@ class RobotAdder {
     if (uncertainty != options_.link_uncertainty.end()) body.uncertainty = uncertainty->second;
   }
 
-  void make_geometry(const std::vector<RobotShape>& shapes, Body& body) {
+  Convexify convexify_of_link(const std::string& link) const {
+    const auto named = options_.link_convexify.find(link);
+    return named == options_.link_convexify.end() ? options_.convexify : named->second;
+  }
+
+  void make_geometry(const std::vector<RobotShape>& shapes, Convexify convexify, Body& body) {
     std::vector<Geometry> parts;
     for (const RobotShape& shape : shapes) try {
-        parts.push_back(moved(geometry_of(shape), shape.X_ls));
+        parts.push_back(moved(geometry_of(shape, convexify), shape.X_ls));
       } catch (const RobotError& e) {
         throw SceneError(e.what());
       } catch (const std::exception& e) {  // of its mesh or its numbers
@@ -280,7 +279,7 @@ class RobotAdder {
     body.source = std::move(geometry.source);
   }
 
-  Geometry geometry_of(const RobotShape& shape) {
+  Geometry geometry_of(const RobotShape& shape, Convexify convexify) {
     if (shape.kind != RobotShape::Kind::kMesh) {
       constexpr const char* kNames[] = {"box", "sphere", "cylinder", "capsule"};
       return geometry_of_shape(shape_of(shape), 0, kNames[static_cast<int>(shape.kind)]);
@@ -290,7 +289,7 @@ class RobotAdder {
       throw SceneError("mesh " + in_quotes(shape.mesh) +
                        " lies outside the scene's folder; mesh files must lie inside it " +
                        "unless files from outside are allowed");
-    return scene_.mesh_geometry(path, shape.mesh_scale, Convexify::kHull, 0);
+    return scene_.mesh_geometry(path, shape.mesh_scale, convexify, 0);
   }
 
   void add_groups() {

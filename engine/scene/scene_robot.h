@@ -11,6 +11,7 @@
 #include "engine/robot/kinematics.h"
 #include "engine/robot/robot.h"
 #include "engine/scene/link_errors.h"
+#include "wire/convexify.h"
 
 namespace clearance {
 
@@ -60,13 +61,15 @@ struct SceneRobot {
 
 /// A robot to be added to a scene.
 struct RobotOptions {
-  std::string urdf;                                  ///< path
-  std::string srdf = {};                             ///< path; empty: none
-  std::map<std::string, std::string> packages = {};  ///< folder by package, for package://NAME/...
-  std::string parent = {};                           ///< body that the base follows; empty: none
-  Pose base = {};                                    ///< X_wb of the base, with a parent X_pb
-  bool is_static = false;                            ///< the base never moves
-  bool visual = false;                               ///< links have the shapes of `visual`, not of `collision`
+  std::string urdf;                                      ///< path
+  std::string srdf = {};                                 ///< path; empty: none
+  std::map<std::string, std::string> packages = {};      ///< folder by package, for package://NAME/...
+  std::string parent = {};                               ///< body that the base follows; empty: none
+  Pose base = {};                                        ///< X_wb of the base, with a parent X_pb
+  bool is_static = false;                                ///< the base never moves
+  bool visual = false;                                   ///< links have the shapes of `visual`, not of `collision`
+  Convexify convexify = Convexify::kHull;                ///< what the bodies of the links' meshes are
+  std::map<std::string, Convexify> link_convexify = {};  ///< the same by link, in place of `convexify`
   /// Files of Scene::save() by link, in place of the shapes of the URDF; links that it does not name are frames.
   std::optional<std::map<std::string, std::string>> geometry_files = {};
   /// Positions at load, by joint; those that it does not name are at 0. None: no link has a pose that a joint has yet

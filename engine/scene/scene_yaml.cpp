@@ -236,13 +236,8 @@ class SceneReader {
       }
       if (scale.x == 0 || scale.y == 0 || scale.z == 0) s->fail("expected factors other than 0");
     }
-    Convexify convexify = Convexify::kHull;
-    if (const auto c = value.find("convexify")) {
-      const std::string how = c->text("hull, submeshes or decompose");
-      if (how == "decompose") c->fail("not yet: decompose (approximate convex decomposition); use hull or submeshes");
-      if (how != "hull" && how != "submeshes") c->fail_expected("hull, submeshes or decompose");
-      if (how == "submeshes") convexify = Convexify::kSubmeshes;
-    }
+    const auto how = value.find("convexify");
+    const Convexify convexify = how ? read_convexify(*how) : Convexify::kHull;
     const std::string path = resolve(mesh, named);
     std::shared_ptr<MeshFile>& file = files_[path];
     if (!file) file = std::make_shared<MeshFile>(path);

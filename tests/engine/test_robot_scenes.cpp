@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "arm_scene.h"
+#include "engine/surface/surface.h"
 #include "tests/scene/error_text.h"
 #include "tests/scene/temporary_folder.h"
 
@@ -73,6 +74,30 @@ TEST(RobotInAScene, SeveralShapesAreOneBodyEachWhereItsOriginSays) {
   EXPECT_LT(body.model_error, 1e-15);
 }
 
+TEST(RobotInAScene, MeshesOfLinksAreWhatIsSaidOfThem) {
+  const TemporaryFolder folder;
+  folder.write("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
+  const std::string urdf = folder.write("two.urdf", R"(<robot name="two"><link name="a">
+    <collision><origin xyz="1 0 0" rpy="0.1 0 0"/><geometry><mesh filename="t.obj"/></geometry></collision>
+    <collision><geometry><sphere radius="0.5"/></geometry></collision></link>
+    <link name="b"><collision><geometry><mesh filename="t.obj"/></geometry></collision></link>
+    <joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint></robot>)");
+  Scene scene;
+  scene.add_robot("all", {.urdf = urdf, .convexify = Convexify::kSolid, .padding = 0.25});
+  scene.add_robot("one", {.urdf = urdf, .link_convexify = {{"b", Convexify::kSurface}}});
+  const auto link = [&](const char* name) -> const Body& { return scene.bodies()[scene.find_body(name)]; };
+  ASSERT_EQ(link("all/a").pieces.size(), 2u);
+  const Piece& moved = *link("all/a").pieces[0];
+  ASSERT_TRUE(moved.surface);
+  EXPECT_TRUE(moved.surface->is_solid());
+  EXPECT_EQ(moved.radius, 0.25);
+  EXPECT_EQ(moved.surface->vertices()[0].x, 1);
+  EXPECT_FALSE(link("all/a").pieces[1]->surface);
+  EXPECT_TRUE(surface_of(link("all/b"))->is_solid());
+  EXPECT_FALSE(surface_of(link("one/a")));
+  EXPECT_FALSE(surface_of(link("one/b"))->is_solid());
+}
+
 TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
   const TemporaryFolder folder;
   const auto text = [&](const std::string& urdf, RobotOptions options = {}) {
@@ -101,6 +126,14 @@ TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
   has(text(joint, {.urdf = "", .parent = "table"}), "parent: there is no body \"table\"");
   has(text(joint, {.urdf = "", .home_state = "ready"}), "no group state \"ready\"");
   has(text(joint, {.urdf = "", .link_padding = {{"c", 0.1}}}), "padding: there is no link \"c\"");
+  has(text(joint, {.urdf = "", .link_convexify = {{"c", Convexify::kSolid}}}), "convexify: there is no link \"c\"");
+  folder.write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n");
+  const std::string open =
+      "<robot name='r'><link name='a'><collision><geometry>\n<mesh filename='open.obj'/>"
+      "</geometry></collision></link></robot>";
+  has(text(open, {.urdf = "", .convexify = Convexify::kSolid}), "r.urdf:1: link \"a\": collision: ");
+  has(text(open, {.urdf = "", .convexify = Convexify::kSolid}),
+      "open.obj: convexify: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle 0");
   has(text(joint, {.urdf = "", .padding = -1}), "padding: expected a number of metres >= 0");
   has(text(joint, {.urdf = "", .link_uncertainty = {{"c", {}}}}), "uncertainty: there is no link \"c\"");
   const std::string ball =

@@ -6,6 +6,7 @@
 #include <iterator>
 
 #include "arm_scene.h"
+#include "engine/surface/surface.h"
 #include "same_rows.h"
 #include "tests/scene/error_text.h"
 #include "tests/scene/temporary_folder.h"
@@ -38,6 +39,8 @@ void expect_same_pieces(const Scene& one, const Scene& other) {
     ASSERT_EQ(a.pieces.size(), b.pieces.size()) << a.name;
     for (std::size_t p = 0; p < a.pieces.size(); ++p) {
       EXPECT_EQ(a.pieces[p]->radius, b.pieces[p]->radius) << a.name;
+      ASSERT_EQ(a.pieces[p]->surface != nullptr, b.pieces[p]->surface != nullptr) << a.name;
+      if (a.pieces[p]->surface) EXPECT_EQ(a.pieces[p]->surface->digest(), b.pieces[p]->surface->digest()) << a.name;
       ASSERT_EQ(a.pieces[p]->vertices.size(), b.pieces[p]->vertices.size()) << a.name;
       EXPECT_EQ(std::memcmp(a.pieces[p]->vertices.data(), b.pieces[p]->vertices.data(),
                             a.pieces[p]->vertices.size() * sizeof(Vec3d)),
@@ -86,7 +89,8 @@ Scene everything(const TemporaryFolder& folder) {
   const std::string urdf = folder.write("hand.urdf", R"(<robot name="hand"><link name="wrist"><collision><geometry>
       <box size="0.1 0.2 0.3"/></geometry></collision><collision><origin xyz="0.3 0 0" rpy="0.1 0.2 0.3"/><geometry>
       <cylinder radius="0.1" length="0.2"/></geometry></collision></link>
-      <link name="tip"><collision><geometry><mesh filename="package://own/tip.obj" scale="1 1.5 2"/></geometry></collision></link>
+      <link name="tip"><collision><origin xyz="0 0.1 0" rpy="0.3 0 0"/><geometry>
+      <mesh filename="package://own/tip.obj" scale="1 1.5 2"/></geometry></collision></link>
       <link name="loose"><collision><geometry><sphere radius="0.05"/></geometry></collision></link>
       <joint name="turn" type="revolute"><parent link="wrist"/><child link="tip"/><origin xyz="0 0 0.4"/>
       <limit lower="-2" upper="2"/></joint>
@@ -109,10 +113,14 @@ Scene everything(const TemporaryFolder& folder) {
                            .srdf = srdf,
                            .packages = {{"own", folder / "own"}},
                            .base = {{1, 0.2, 0.3}, 2, 0, 0.1, 0},
+                           .convexify = Convexify::kSolid,
                            .home_state = "open"});
   scene.add_capsule("vague", 0.1, 0.3, {.pose = Pose{{0.1, 0.7, 0.3}}, .uncertainty = {0.1, 0.02}, .padding = 0.3});
   scene.add_cylinder("round", 0.1, 0.3,
                      {.radius = 0, .pose = Pose{{-0.7, 0.1 / 3, 1e-9}, 0.3, 0.1, -0.0, 7}, .is_live = true});
+  const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0.1, 0.1, 0.1}};
+  const std::vector<Triangle> skin{{0, 1, 4}, {1, 2, 4}, {2, 3, 4}};
+  scene.add_mesh("open", corners, skin, Convexify::kSurface, {.radius = 0.01, .pose = Pose{{2, 2, 2}}, .padding = 0.1});
   scene.add_box("nowhere", {1, 2, 3}, {.max_speed = 0.5});  // without a pose, whose age would be in answers
   const std::vector<std::string> members{"round", "arm/palm"};
   scene.add_group("some", members);
@@ -127,6 +135,8 @@ TEST(SavedScene, RobotsAndAllThatIsSaidOfBodiesComeBack) {
   const Scene saved = again(scene, folder);
   expect_same(scene, saved);
   ASSERT_EQ(saved.robots().size(), 2u);
+  for (const char* name : {"hand/tip", "open"})
+    EXPECT_TRUE(surface_of(saved.bodies()[saved.find_body(name)])) << name << ": its triangles come back, too";
   EXPECT_EQ(saved.joints().size(), scene.joints().size());
   EXPECT_EQ(*saved.joints()[saved.find_joint("hand/turn")].home, 0.1);
   EXPECT_EQ(saved.joint_groups().size(), scene.joint_groups().size());

@@ -7,6 +7,7 @@
 
 #include "engine/hull/direction_table.h"
 #include "engine/scene/mesh_geometry.h"
+#include "engine/surface/surface.h"
 #include "scratch_file.h"
 
 namespace clearance::fuzz {
@@ -23,6 +24,15 @@ void check_table(const DirectionTable& table, std::size_t vertices) {
       }
 }
 
+void check_surface(const Surface& surface) {
+  require(!surface.triangles().empty(), "a surface has triangles");
+  for (const Triangle& t : surface.triangles())
+    require(std::max({t[0], t[1], t[2]}) < surface.vertices().size(), "they are of vertices that there are");
+  for (const Vec3d& v : surface.vertices())
+    require(std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z), "its vertices are finite");
+  require(!surface.is_solid() || open_edge(surface.vertices(), surface.triangles()).empty(), "a solid is closed");
+}
+
 bool is_usable(const std::optional<Geometry>& geometry) {
   if (!geometry) return false;
   require(!geometry->pieces.empty() && geometry->model_error >= 0, "a body has pieces and an error");
@@ -30,6 +40,7 @@ bool is_usable(const std::optional<Geometry>& geometry) {
     require(!piece->vertices.empty() && piece->radius >= 0, "a piece has vertices and a radius");
     for (const Vec3d& v : piece->vertices)
       require(std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z), "vertices are finite");
+    if (piece->surface) check_surface(*piece->surface);
     if (piece->table) check_table(*piece->table, piece->vertices.size());
   }
   if (geometry->display)

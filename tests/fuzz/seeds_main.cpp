@@ -122,7 +122,8 @@ std::vector<std::pair<std::string, Data>> requests() {
   attach.has_pose = 1;
   std::copy(here.begin(), here.end(), attach.pose);
   const auto new_body = [&](const std::string& name, wire::BodyShape shape,
-                            std::span<const wire::VertexRecord> vertices) {
+                            std::span<const wire::VertexRecord> vertices,
+                            std::span<const wire::TriangleRecord> triangles = {}, Convexify convexify = {}) {
     wire::NewBodyRecord record;
     wire::set_name(record.name, name);
     record.shape = static_cast<std::uint8_t>(shape);
@@ -134,12 +135,28 @@ std::vector<std::pair<std::string, Data>> requests() {
     Data payload;
     add(payload, record);
     wire::append_bytes(payload, vertices.data(), vertices.size_bytes());
-    all.emplace_back("add_" + name, simple_frame(wire::FrameType::kAddBody, all.size() + 1, payload));
+    Data records;
+    if (!triangles.empty()) {
+      using wire::NewBodyTag;
+      const auto add_record = [&records](NewBodyTag tag, std::span<const std::byte> bytes) {
+        wire::append_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, bytes);
+      };
+      add_record(NewBodyTag::kTriangles, std::as_bytes(triangles));
+      add_record(NewBodyTag::kConvexify, std::as_bytes(std::span(&convexify, 1)));
+    }
+    auto header = wire::make_header(wire::FrameType::kAddBody, all.size() + 1, payload.size());
+    wire::FrameBuilder frame(wire::with_records(header, records.size()));
+    frame.add_bytes(payload.data(), payload.size()).add_bytes(records.data(), records.size());
+    all.emplace_back("add_" + name, frame.take());
   };
   new_body("capsule", wire::BodyShape::kCapsule, {});
   const wire::VertexRecord corners[] = {{{0, 0, 0}}, {{1, 0, 0}},       {{0, 1, 0}},
                                         {{0, 0, 1}}, {{0.2, 0.2, 0.2}}, {{1, 1, 1}}};
   new_body("hull", wire::BodyShape::kHull, corners);
+  const wire::TriangleRecord faces[] = {{{0, 2, 1}}, {{0, 1, 3}}, {{1, 2, 3}}, {{0, 3, 2}}};
+  new_body("solid", wire::BodyShape::kHull, std::span(corners).first(4), faces, Convexify::kSolid);
+  new_body("surface", wire::BodyShape::kHull, corners, std::span(faces).first(2), Convexify::kSurface);
+  new_body("mesh", wire::BodyShape::kHull, corners, faces, Convexify::kHull);
   all.emplace_back("reload", simple_frame(wire::FrameType::kReload, 27));
   all.emplace_back("attach", simple_frame(wire::FrameType::kAttach, 26, std::as_bytes(std::span(&attach, 1))));
   return all;

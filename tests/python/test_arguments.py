@@ -110,6 +110,8 @@ CLIENT: dict[str, tuple[dict, dict]] = {
     "add_body": ({"name": "mug", "sphere": 0.1}, {
         "name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, "sphere": ["1.5", True, [1.0], 1j, np.ones(2)],
         "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO,
+        "convexify": [*WORDS, "solid"],
+        "mesh": [3, "m", [1], ([[0, 0, 0]],), ([[0, 0, 0]], [[0.5, 1, 2]]), ([["0", 0, 0]], [[0, 0, 0]])],
         **DOUBTS}),
     "remove_body": ({}, {"name": TEXTS}),
     "ping": ({}, {"payload": ["text", 3, None, [1]]}),
@@ -133,7 +135,7 @@ SCENE = {
                      {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY, **DOUBTS}),
     "add_robot": ({"name": "x", "urdf": "x.urdf"}, {
         "name": TEXTS, "urdf": [*PATHS, None], "srdf": PATHS, "base": POSE, "parent": BODIES, "static": BOOLS,
-        "packages": [3, "p", {3: "x"}, {"p": 3}, ["p"]], "geometry": WORDS,
+        "packages": [3, "p", {3: "x"}, {"p": 3}, ["p"]], "geometry": WORDS, "convexify": [*WORDS, {3: "hull"}, {"l": "hul"}, {"l": 3}],
         "home": [3, ["j"], {3: 1.0}, {"j": "1"}, {"j": True}, {"j": float("nan")}],
         "padding": [*NUMBERS, None, {3: 0.1}, {"l": "1"}],
         "uncertainty": [3, "l", ["l"], {3: {}}, {"l": 0.1}, {"l": {"turn": 0.1}}, {"l": {"angle": "1"}}]}),
@@ -167,7 +169,7 @@ def complaints(call, right, arguments, leave_out=()):
     assert set(arguments) == parameters, "an argument is missing from the table"
     for argument, bad in arguments.items():
         fixed = {name: value for name, value in right.items() if name != argument}
-        if argument in ("vertices", "box", "capsule", "cylinder"):
+        if argument in ("vertices", "mesh", "box", "capsule", "cylinder"):
             fixed.pop("sphere", None)
         if argument == "bodies" and "configurations" in arguments:
             fixed.update(_ONE)

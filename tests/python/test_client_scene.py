@@ -62,7 +62,7 @@ def test_bodies_come_and_go(start_daemon, cell, tmp_path):
             client.add_body("mug", sphere=1.0)
         with pytest.raises(clearance.QueryError, match="is the scene file's"):
             client.remove_body("wall")
-        with pytest.raises(ValueError, match="expected one of vertices, box, sphere, capsule, cylinder, got none"):
+        with pytest.raises(ValueError, match="expected one of vertices, mesh, box, sphere, capsule, cylinder, got none"):
             client.add_body("thing")
         with pytest.raises(ValueError, match=r"box: expected three numbers, got \[1, 2\]"):
             client.add_body("thing", box=[1, 2])
@@ -98,6 +98,35 @@ def test_what_is_not_known_of_an_added_body_is_in_its_answers(start_daemon, tmp_
             with pytest.raises(clearance.QueryError, match=text):
                 client.add_body("odd", sphere=0.1, **wrong)
         assert len(client.bodies) == 3
+
+
+def test_a_mesh_is_added_as_what_it_is(start_daemon, tmp_path):
+    (tmp_path / "scene.yaml").write_text("bodies: [{name: wall, box: [1, 1, 1], static: true}]\n")
+    daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    triangles = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
+        client.add_body("solid", mesh=(vertices, triangles), convexify="solid", parent="wall", pose=at(3))
+        client.add_body("surface", mesh=(vertices, triangles[:2]), convexify="surface", pose=at(3), padding=0.1)
+        client.add_body("hull", mesh=(vertices, triangles), pose=at(3))
+        assert [(body.triangle_count, body.is_solid) for body in client.bodies] == [
+            (0, False), (4, True), (2, False), (0, False)
+        ]  # fmt: skip
+        scene = clearance.Scene()
+        scene.add_box("wall", [1, 1, 1], static=True)
+        scene.add_body("solid", mesh=(vertices, triangles), convexify="solid", parent="wall", pose=at(3))
+        scene.add_body("surface", mesh=(vertices, triangles[:2]), convexify="surface", pose=at(3), padding=0.1)
+        scene.add_body("hull", mesh=(vertices, triangles), pose=at(3))
+        assert client.distances().scene_revision == scene.revision
+        for mesh, text in [
+            ((vertices, triangles[:3]), "the mesh encloses no volume: the edge from .* belongs to no other triangle"),
+            ((vertices, [[0, 1, 4]]), "triangle 0 names the vertex 4, and there are 4"),
+            ((vertices, np.tile(triangles, (10001, 1))), "40004 triangles are more than the 40000"),
+        ]:
+            with pytest.raises(clearance.QueryError, match=text):
+                client.add_body("odd", mesh=mesh, convexify="solid")
+        with pytest.raises(clearance.QueryError, match="signed_distance: 'surface' is a surface"):
+            client.distances(pairs=("surface", "wall"), signed=True)
 
 
 def test_keys(start_daemon, cell, tmp_path, monkeypatch):

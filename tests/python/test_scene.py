@@ -40,6 +40,63 @@ def test_pieces_initial_poses_and_revision():
     assert other.revision != scene.revision
 
 
+#: A box of edge 2 about the origin, hollow above: closed, and not convex.
+CUP_VERTICES = [
+    [r * x, r * y, z if r == 1 or z > 0 else -0.5]
+    for r in (1.0, 0.5)
+    for z in (-1.0, 1.0)
+    for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+]
+CUP_QUADS = [(3, 2, 1, 0), (8, 9, 10, 11)]
+for i, j in ((0, 1), (1, 2), (2, 3), (3, 0)):
+    CUP_QUADS += [(i, j, 4 + j, 4 + i), (8 + j, 8 + i, 12 + i, 12 + j), (4 + i, 4 + j, 12 + j, 12 + i)]
+CUP_TRIANGLES = [t for a, b, c, d in CUP_QUADS for t in ((a, b, c), (a, c, d))]
+
+
+def test_a_mesh_is_what_is_said_of_it(tmp_path):
+    faces = "".join("f " + " ".join(str(v + 1) for v in t) + "\n" for t in CUP_TRIANGLES)
+    (tmp_path / "cup.obj").write_text("".join(f"v {x} {y} {z}\n" for x, y, z in CUP_VERTICES) + faces)
+    scene = clearance.Scene()
+    with pytest.warns(clearance.HullWarning):
+        scene.add_mesh("hull", tmp_path / "cup.obj")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for how in ("surface", "solid"):
+            scene.add_mesh(how, tmp_path / "cup.obj", convexify=how)
+            scene.add_body("own " + how, mesh=(CUP_VERTICES, CUP_TRIANGLES), convexify=how, radius=0.125)
+    assert [body.triangle_count for body in scene.bodies] == [0, 28, 28, 28, 28]
+    assert [body.is_solid for body in scene.bodies] == [False, False, False, True, True]
+    assert [body.hull_excess > 0 for body in scene.bodies] == [True, False, False, False, False]
+    assert [scene.source(i).split()[-1] for i in range(5)] == ["(hull)", *2 * ["(surface)"], *2 * ["(solid)"]]
+    assert scene.pieces("own solid")[0][1] == 0.125
+    scene.save(tmp_path / "saved")
+    again = clearance.Scene.load(tmp_path / "saved" / "scene.yaml")
+    assert again.revision == scene.revision and again.bodies == scene.bodies
+    with pytest.raises(clearance.QueryError, match="signed_distance: 'surface' is a surface, of which there is no depth"):
+        clearance.Engine(scene).distances(pairs=("hull", "surface"), signed=True)
+
+
+@pytest.mark.parametrize("arguments, error, text", [
+    ({"mesh": (CUP_VERTICES, CUP_TRIANGLES[1:]), "convexify": "solid"}, clearance.SceneError,
+     r"body \"x\": convexify: solid: the mesh encloses no volume: the edge from \(.*\) to \(.*\) of triangle \d+ "
+     r"belongs to no other triangle: the mesh is open there"),
+    ({"mesh": (CUP_VERTICES, [[0, 1, 16]])}, clearance.SceneError,
+     "triangle 0 names the vertex 16, and there are 16"),
+    ({"mesh": (CUP_VERTICES, CUP_TRIANGLES), "convexify": "decompose"}, clearance.SceneError, "not yet: convexify"),
+    ({"mesh": CUP_VERTICES}, ValueError, r"mesh: expected a pair \(vertices, triangles\), got 16 things"),
+    ({"mesh": (CUP_VERTICES, [[0, 1]])}, ValueError, r"mesh\[1\]: expected shape \(T, 3\), got \(1, 2\)"),
+    ({"mesh": (CUP_VERTICES, [[0.0, 1, 2]])}, TypeError, r"mesh\[1\]: expected \(T, 3\) integers, got an array of float"),
+    ({"mesh": (CUP_VERTICES, [[0, 1, -1]])}, ValueError, r"mesh\[1\]: expected places in the list of vertices, got -1"),
+    ({"mesh": ([[0, 1]], [[0, 1, 2]])}, ValueError, r"mesh\[0\]: expected shape \(V, 3\), got \(1, 2\)"),
+    ({"sphere": 1.0, "convexify": "solid"}, ValueError, "convexify: expected 'hull' where there is no mesh, got 'solid'"),
+])  # fmt: skip
+def test_what_is_wrong_with_a_mesh_is_said(arguments, error, text):
+    scene = clearance.Scene()
+    with pytest.raises(error, match=text):
+        scene.add_body("x", **arguments)
+    assert len(scene) == 0
+
+
 def test_a_cylinder_publishes_its_model_error():
     scene = clearance.Scene()
     scene.add_cylinder("post", 0.1, 1.0)
@@ -149,7 +206,7 @@ def test_matrix_as_pose_and_options_by_keyword():
     (lambda s: s.add_box("x", [1, 1, 1], parent=9), ValueError, r"parent: no body has the id 9; the scene has 5"),
     (lambda s: s.add_sphere("x", 0), clearance.SceneError, r"x"),
     (lambda s: s.add_mesh("x", "a.obj", convexify="hul"), ValueError,
-     r"convexify: expected 'hull' or 'submeshes' or 'decompose', got 'hul'"),
+     r"convexify: expected 'hull' or 'submeshes' or 'decompose' or 'surface' or 'solid', got 'hul'"),
     (lambda s: s.add_mesh("x", "a.obj", scale=[1, 2]), ValueError,
      r"scale: expected one number or three, got \[1, 2\]"),
     (lambda s: s.add_mesh("x", "/nowhere/a.obj"), clearance.SceneError, r"/nowhere/a.obj"),

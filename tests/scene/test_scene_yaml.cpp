@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "engine/scene/scene.h"
+#include "engine/surface/surface.h"
 #include "error_text.h"
 #include "temporary_folder.h"
 
@@ -42,11 +43,13 @@ bodies:
   - {name: cube, box: 2}
   - {name: 123, sphere: 1}
   - {name: hulled, mesh: meshes/two.obj, convexify: hull}
+  - {name: full, mesh: meshes/two.obj, convexify: solid}
+  - {name: skin, mesh: meshes/two.obj, convexify: surface, scale: 2}
 groups: {arm: [gripper, cup], things: [ball, pill, can]}
 ignore: [[base, cup], [arm, arm], [things, base]]
 )");
   const auto& bodies = scene.bodies();
-  ASSERT_EQ(bodies.size(), 11u);
+  ASSERT_EQ(bodies.size(), 13u);
   EXPECT_EQ(bodies[0].name, "cup");
   EXPECT_EQ(bodies[0].parent, 2u);
   ASSERT_TRUE(bodies[0].pose);
@@ -78,6 +81,13 @@ ignore: [[base, cup], [arm, arm], [things, base]]
   EXPECT_EQ(bodies[7].pieces[0]->vertices.size(), 42u);
   EXPECT_EQ(bodies[8].pieces[0]->half.x, bodies[8].pieces[0]->half.z);
   EXPECT_EQ(bodies[9].name, "123");
+  EXPECT_FALSE(surface_of(bodies[10]));
+  ASSERT_TRUE(surface_of(bodies[11]) && surface_of(bodies[12]));
+  EXPECT_TRUE(surface_of(bodies[11])->is_solid());
+  EXPECT_EQ(surface_of(bodies[11])->parts().size(), 2u);
+  EXPECT_FALSE(surface_of(bodies[12])->is_solid());
+  EXPECT_EQ(bodies[12].pieces[0]->half.x, 6) << "both objects of the file, scaled";
+  EXPECT_EQ(bodies[12].source, "meshes/two.obj (surface)");
   EXPECT_EQ(bodies[10].pieces.size(), 1u);
   EXPECT_EQ(scene.groups()[scene.find_group("arm")].bodies, (std::vector<std::uint32_t>{0, 2}));
   using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
@@ -262,9 +272,15 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, mesh: t.obj, scale: 1e61}]",
      ":1: bodies[0].mesh: t.obj: scale: expected finite numbers other than 0"},
     {"bodies: [{name: a, mesh: t.obj, convexify: hulls}]",
-     ":1: bodies[0].convexify: expected hull, submeshes or decompose, got \"hulls\""},
+     ":1: bodies[0].convexify: expected hull, submeshes, surface, solid or decompose, got \"hulls\""},
     {"bodies: [{name: a, mesh: t.obj, convexify: decompose}]",
-     ":1: bodies[0].convexify: not yet: decompose (approximate convex decomposition); use hull or submeshes"},
+     ":1: bodies[0].convexify: not yet: decompose (approximate convex decomposition); use hull, submeshes, "
+     "surface or solid"},
+    {"bodies: [{name: a, mesh: open.obj, convexify: solid}]",
+     ":1: bodies[0].mesh: open.obj: convexify: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, "
+     "0) "
+     "of triangle 0 belongs to no other triangle: the mesh is open there"},
+    {"bodies: [{name: a, box: 1, convexify: solid}]", ":1: bodies[0].convexify: only a mesh has this key"},
     {"bodies: [{name: a, mesh: empty.obj}]", ":1: bodies[0].mesh: empty.obj: the file is empty"},
     {"bodies: [{name: a, sphere: 1, uncertainty: 0.1}]",
      ":1: bodies[0].uncertainty: expected a map, such as {position: 0.002, angle: 0.01}, got 0.1"},
@@ -325,6 +341,7 @@ const BadScene kBadScenes[] = {
 TEST(SceneFile, EveryMistakeIsNamedWithItsPlace) {
   const TemporaryFolder folder;
   folder.write("t.obj", kTetrahedron);
+  folder.write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n");
   folder.write("empty.obj", "");
   const std::string file = folder / "scene.yaml";
   for (const BadScene& bad : kBadScenes) {

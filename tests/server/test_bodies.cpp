@@ -9,6 +9,7 @@
 
 #include "client/client.h"
 #include "daemon_fixture.h"
+#include "engine/surface/surface.h"
 #include "loop_fixture.h"
 #include "tests/patience.h"
 
@@ -41,6 +42,33 @@ std::vector<std::byte> doubted_frame(const std::string& name, const Doubts& doub
   frame.insert(frame.end(), records.begin(), records.end());
   return frame;
 }
+/// A tetrahedron of four corners, or what is left of it, and records by tag.
+std::vector<std::byte> mesh_frame(const std::string& name, std::span<const wire::TriangleRecord> triangles,
+                                  std::optional<std::uint8_t> convexify,
+                                  wire::BodyShape shape = wire::BodyShape::kHull) {
+  wire::NewBodyRecord record;
+  wire::set_name(record.name, name);
+  record.shape = static_cast<std::uint8_t>(shape);
+  record.has_pose = 1;
+  record.pose[0] = 3;
+  record.pose[3] = 1;
+  record.vertex_count = shape == wire::BodyShape::kHull ? 4 : 0;
+  const wire::VertexRecord corners[] = {{{0, 0, 0}}, {{1, 0, 0}}, {{0, 1, 0}}, {{0, 0, 1}}};
+  std::vector<std::byte> payload, records;
+  wire::append(payload, record);
+  wire::append_bytes(payload, corners, record.vertex_count * sizeof corners[0]);
+  if (!triangles.empty()) wire::append_record(records, 21, wire::kRecordRequired, std::as_bytes(triangles));
+  if (convexify) wire::append_record(records, 22, wire::kRecordRequired, std::as_bytes(std::span(&*convexify, 1)));
+  std::vector<std::byte> frame = simple_frame(FrameType::kAddBody, 1, payload);
+  wire::FrameHeader header;
+  std::memcpy(&header, frame.data(), sizeof header);
+  header = wire::with_records(header, records.size());
+  std::memcpy(frame.data(), &header, sizeof header);
+  frame.insert(frame.end(), records.begin(), records.end());
+  return frame;
+}
+constexpr wire::TriangleRecord kTetrahedron[] = {{{0, 2, 1}}, {{0, 1, 3}}, {{1, 2, 3}}, {{0, 3, 2}}};
+
 std::vector<std::byte> remove_frame(const std::string& name) {
   wire::RemoveBodyRecord record;
   wire::set_name(record.name, name);
@@ -221,6 +249,62 @@ TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
   EXPECT_GT(answer.upper()[0], answer.lower()[0]) << "its turn, and the age of its pose";
   change(simple_frame(FrameType::kReload, 3));
   EXPECT_NEAR(bodies()[4].pieces[0]->radius, 0.4, 1e-15) << "also after a reload";
+}
+
+TEST_F(Bodies, AnAddedMeshIsWhatItsClientSays) {
+  start_editable(small_scene());
+  EXPECT_EQ(change(mesh_frame("solid", kTetrahedron, 4)).body, 4u);
+  EXPECT_EQ(change(mesh_frame("surface", std::span(kTetrahedron).first(3), 3)).body, 5u);
+  EXPECT_EQ(change(mesh_frame("hull", kTetrahedron, std::nullopt)).body, 6u);
+  ASSERT_TRUE(surface_of(bodies()[4]) && surface_of(bodies()[5]));
+  EXPECT_TRUE(surface_of(bodies()[4])->is_solid());
+  EXPECT_EQ(triangle_count(bodies()[5]), 3u);
+  EXPECT_FALSE(surface_of(bodies()[6]));
+  Scene whole = small_scene();
+  const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  const std::vector<Triangle> triangles{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
+  whole.add_mesh("solid", corners, triangles, Convexify::kSolid, at(3, 0, 0));
+  whole.add_mesh("surface", corners, std::span(triangles).first(3), Convexify::kSurface, at(3, 0, 0));
+  whole.add_mesh("hull", corners, triangles, Convexify::kHull, at(3, 0, 0));
+  EXPECT_EQ(loop_->engine().scene().revision(), whole.revision());
+
+  const auto reply = ask_scene(a_, simple_frame(FrameType::kDescribe, 9));
+  const auto parts = wire::parse_scene(wire::split_payload(reply->header(), reply->payload()).body);
+  ASSERT_EQ(parts.bodies.size(), 7u);
+  const auto says = [&](std::uint64_t i, std::uint64_t count, bool is_solid) {
+    EXPECT_EQ(parts.bodies[i].triangle_count, count);
+    EXPECT_EQ(parts.bodies[i].is_solid, is_solid);
+  };
+  says(0, 0, false);
+  says(4, 4, true);
+  says(5, 3, false);
+  says(6, 0, false);
+}
+
+TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
+  Loop::Options options;
+  options.max_added_triangles = 4;
+  start_editable(small_scene(), options);
+  const auto open = std::span(kTetrahedron).first(3);
+  EXPECT_EQ(
+      refusal(mesh_frame("m", open, 4)),
+      "body \"m\": convexify: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle "
+      "0 belongs to no other triangle: the mesh is open there");
+  const wire::TriangleRecord beyond[] = {{{0, 1, 4}}};
+  for (const std::uint8_t how : {0, 3, 4})
+    EXPECT_EQ(refusal(mesh_frame("m", beyond, how)), "body \"m\": triangle 0 names the vertex 4, and there are 4");
+  EXPECT_NE(refusal(mesh_frame("m", open, 2)).find("not yet: convexify: decompose"), std::string::npos);
+  EXPECT_EQ(refusal(mesh_frame("m", open, 5)), "new body: convexify 5 is none of 0 to 4");
+  EXPECT_EQ(refusal(mesh_frame("m", {}, 4)), "new body: convexify is for a mesh, and there are no triangles");
+  EXPECT_EQ(refusal(mesh_frame("m", open, 3, wire::BodyShape::kBox)), "new body: triangles are for vertices alone");
+  const std::vector<wire::TriangleRecord> many(5, kTetrahedron[0]);
+  EXPECT_EQ(refusal(mesh_frame("m", many, 3), ErrorCode::kTooLarge),
+            "add_body: 5 triangles are more than the 4 that an added body may have (--max-added-triangles)");
+  EXPECT_EQ(refusal(doubted_frame("crate", std::uint64_t{0}, 21), ErrorCode::kBadFrame),
+            "new body: triangles (record 21) have 8 bytes, expected 12 for each, and one at least");
+  EXPECT_EQ(refusal(doubted_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
+            "new body: convexify (record 22) has 2 bytes, expected 1");
+  EXPECT_EQ(change(mesh_frame("m", kTetrahedron, 4)).body, 4u);
 }
 
 TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {
@@ -411,6 +495,14 @@ TEST(ClearancedBodies, AreAskedAboutByEveryClient) {
   const std::array<double, 3> corners[] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   one.add_body({.name = "wedge", .vertices = corners, .parent = one.body("ball"), .pose = Pose7{0, 0, 1, 1, 0, 0, 0}});
   EXPECT_EQ(one.scene().bodies[5].parent, 4u);
+  const std::array<std::uint32_t, 3> faces[] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
+  one.add_body({.name = "solid", .vertices = corners, .triangles = faces, .convexify = Convexify::kSolid});
+  EXPECT_EQ(one.scene().bodies[6].triangle_count, 4u);
+  EXPECT_TRUE(one.scene().bodies[6].is_solid);
+  EXPECT_EQ(one.scene().bodies[5].triangle_count, 0u);
+  one.remove_body("solid");
+  EXPECT_THROW(one.add_body({.name = "m", .vertices = corners, .convexify = Convexify::kSolid}), std::invalid_argument);
+  EXPECT_THROW(one.add_body({.name = "m", .sphere = 1.0, .triangles = faces}), std::invalid_argument);
   EXPECT_THROW(one.add_body({.name = "nothing"}), std::invalid_argument);
   EXPECT_THROW(one.add_body({.name = std::string(64, 'x'), .sphere = 1.0}), std::invalid_argument);
   EXPECT_THROW(one.remove_body("table"), RequestError);

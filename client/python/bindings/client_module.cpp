@@ -202,6 +202,7 @@ class PyPending {
 };
 
 using VertexRows = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using TriangleRows = nb::ndarray<const std::uint32_t, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 
 using Matrices = nb::ndarray<const double, nb::shape<-1, 4, 4>, nb::c_contig, nb::device::cpu>;
 using WritablePoseRows = nb::ndarray<double, nb::shape<-1, 7>, nb::c_contig, nb::device::cpu>;
@@ -300,15 +301,18 @@ class PyClient {
   nb::tuple reload(double timeout_s) const {
     return changed(use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); }));
   }
-  /// \param shape "vertices", "box", "sphere", "capsule" or "cylinder"; \param numbers its vertices (V, 3), or sizes
-  /// (1, 3). \param doubts of position and angle, padding, max_speed
+  /// \param shape "vertices", "mesh", "box", "sphere", "capsule" or "cylinder"; \param numbers its vertices (V, 3), or
+  /// sizes (1, 3). \param triangles of a mesh (T, 3), else none. \param doubts of position and angle, padding,
+  /// max_speed
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
                      std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose,
-                     const std::array<double, 4>& doubts) const {
+                     const std::array<double, 4>& doubts, const TriangleRows& triangles, int convexify) const {
     const auto* rows = reinterpret_cast<const std::array<double, 3>*>(numbers.data());
     NewBody body;
     body.name = name;
-    if (shape == "vertices") body.vertices = {rows, numbers.shape(0)};
+    if (shape == "vertices" || shape == "mesh") body.vertices = {rows, numbers.shape(0)};
+    body.triangles = {reinterpret_cast<const std::array<std::uint32_t, 3>*>(triangles.data()), triangles.shape(0)};
+    body.convexify = static_cast<Convexify>(convexify);
     if (shape == "box") body.box = rows[0];
     if (shape == "sphere") body.sphere = rows[0][0];
     if (shape == "capsule") body.capsule = {rows[0][0], rows[0][1]};
@@ -336,7 +340,7 @@ class PyClient {
     nb::list bodies, groups;
     for (const BodyInfo& b : info.bodies) {
       bodies.append(nb::make_tuple(b.name, b.parent, b.is_static, b.piece_count, b.vertex_count, b.model_error,
-                                   b.extent, b.hull_excess, b.empty_share));
+                                   b.extent, b.hull_excess, b.empty_share, b.triangle_count, b.is_solid));
     }
     for (const GroupInfo& g : info.groups) groups.append(nb::make_tuple(g.name, g.bodies));
     return nb::make_tuple(info.revision, info.backend, info.pair_count, bodies, groups);
@@ -421,7 +425,8 @@ NB_MODULE(_client, m) {
       .def("allow", &PyClient::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"))
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
-           nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+           nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"), nb::arg("triangles"),
+           nb::arg("convexify"))
       .def("remove_body", &PyClient::remove_body, nb::arg("name"))
       .def("scene", &PyClient::scene, nb::arg("refresh"))
       .def("body_states", &PyClient::body_states)

@@ -10,9 +10,11 @@ import difflib
 import math
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+
+from ._words import CONVEXIFY
 
 _Word = TypeVar("_Word")
 _INT64 = 1 << 63
@@ -173,20 +175,60 @@ def to_doubts(uncertainty: Any, padding: Any, max_speed: Any) -> tuple[float, fl
     return position, angle, to_number(padding, "padding"), to_number(max_speed, "max_speed")
 
 
-def to_shape(shapes: Mapping[str, Any]) -> tuple[str, np.ndarray]:
-    """The one shape that add_body() was given, and its numbers: vertices (V, 3), or sizes (1, 3)."""
+class ShapeArgument(NamedTuple):
+    """The shape that add_body() was given."""
+
+    kind: str  #: "vertices", "mesh", "box", "sphere", "capsule" or "cylinder"
+    numbers: np.ndarray  #: float64: vertices (V, 3), or sizes (1, 3)
+    triangles: np.ndarray  #: (T, 3) uint32: of a mesh, else none
+    convexify: int  #: what the mesh is
+
+
+def to_shape(shapes: Mapping[str, Any], convexify: Any) -> ShapeArgument:
+    """The one shape that add_body() was given."""
     given = [shape for shape, value in shapes.items() if value is not None]
     if len(given) != 1:
         raise ValueError(f"add_body: expected one of {', '.join(shapes)}, got {', '.join(given) or 'none'}")
+    how = to_word(convexify, CONVEXIFY, "convexify")
     shape = given[0]
-    value = shapes[shape]
+    if shape == "mesh":
+        parts = to_list(shapes[shape], "mesh", "a pair (vertices, triangles)")
+        if len(parts) != 2:
+            raise ValueError(f"mesh: expected a pair (vertices, triangles), got {len(parts)} things")
+        return ShapeArgument(shape, to_vertices(parts[0], "mesh[0]"), to_triangles(parts[1], "mesh[1]"), how)
+    if how:
+        raise ValueError(f"convexify: expected 'hull' where there is no mesh, got {convexify!r}")
+    return ShapeArgument(shape, _numbers_of(shape, shapes[shape]), np.zeros((0, 3), np.uint32), how)
+
+
+def _numbers_of(shape: str, value: Any) -> np.ndarray:
     if shape == "vertices":
-        rows = to_floats(value, "vertices", "(V, 3) numbers")
-        if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows):
-            raise ValueError(f"vertices: expected shape (V, 3), got {rows.shape}")
-        return shape, rows
+        return to_vertices(value, "vertices")
     if shape == "box":
-        return shape, np.array([to_numbers(value, "box", 3, "three numbers")])
+        return np.array([to_numbers(value, "box", 3, "three numbers")])
     if shape == "sphere":
-        return shape, np.array([[to_number(value, "sphere"), 0.0, 0.0]])
-    return shape, np.array([[*to_numbers(value, shape, 2, "two numbers (radius, length)"), 0.0]])
+        return np.array([[to_number(value, "sphere"), 0.0, 0.0]])
+    return np.array([[*to_numbers(value, shape, 2, "two numbers (radius, length)"), 0.0]])
+
+
+def to_vertices(value: Any, what: str) -> np.ndarray:
+    """(V, 3) float64, at least one row."""
+    rows = to_floats(value, what, "(V, 3) numbers")
+    if rows.ndim != 2 or rows.shape[1] != 3 or not len(rows):
+        raise ValueError(f"{what}: expected shape (V, 3), got {rows.shape}")
+    return rows
+
+
+def to_triangles(value: Any, what: str) -> np.ndarray:
+    """(T, 3) uint32, at least one row; which vertices there are, it does not know."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError) as error:  # rows of different lengths, for one
+        raise TypeError(f"{what}: expected (T, 3) integers, but numpy says: {error}") from None
+    if array.dtype.kind not in "iu":
+        raise TypeError(f"{what}: expected (T, 3) integers, got an array of {array.dtype}")
+    if array.ndim != 2 or array.shape[1] != 3 or not len(array):
+        raise ValueError(f"{what}: expected shape (T, 3), got {array.shape}")
+    if array.min() < 0 or array.max() >= 1 << 32:
+        raise ValueError(f"{what}: expected places in the list of vertices, got {array.min()} to {array.max()}")
+    return contiguous(array.astype(np.uint32, copy=False))

@@ -18,7 +18,7 @@ from ._names import BodyInfo, NameTable
 from ._poses import as_one_pose
 from ._query import Query
 from ._result import Result
-from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce, Status
+from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, ConvexifyWord, Reduce, Status
 from .wire import ErrorCode
 
 
@@ -137,6 +137,7 @@ class Client(Front):
         name: str,
         vertices: Any = None,
         *,
+        mesh: Any = None,
         box: Any = None,
         sphere: Optional[float] = None,
         capsule: Any = None,
@@ -148,11 +149,14 @@ class Client(Front):
         uncertainty: Optional[Mapping[str, float]] = None,
         padding: float = 0.0,
         max_speed: float = 0.0,
+        convexify: ConvexifyWord = "hull",
     ) -> SceneChanged:
         """Adds a body while the daemon runs (a grasped object, say), and waits until the scene has it.
 
-        vertices: (V, 3) metres in the body's frame; the shape is their hull. Or one of box: (x, y, z) edge lengths,
-            sphere: radius, capsule and cylinder: (radius, length), as in clearance.Scene.
+        vertices: (V, 3) metres in the body's frame; the shape is their hull. Or one of mesh: a pair of such
+            vertices and (T, 3) places in their list, box: (x, y, z) edge lengths, sphere: radius, capsule and
+            cylinder: (radius, length), as in clearance.Scene.
+        convexify: what a mesh is: "hull", "surface" (its triangles) or "solid" (what they enclose; they are closed).
         radius: metres, grows the shape.
         parent: name or id of the body that it follows.
         pose: X_world_body, with a parent X_parent_body; None: no pose until one arrives (with a parent or static: the
@@ -165,21 +169,24 @@ class Client(Front):
         for the scene they began with. Raises QueryError for a name that is taken, a shape that cannot be made, or too
         many bodies; ValueError and TypeError for a wrong argument.
         """
-        shapes = {"vertices": vertices, "box": box, "sphere": sphere, "capsule": capsule, "cylinder": cylinder}
-        shape, numbers = to_shape(shapes)
+        shapes = {"vertices": vertices, "mesh": mesh, "box": box}
+        shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
+        shape = to_shape(shapes, convexify)
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
         row = None if pose is None else as_one_pose(pose, "pose").reshape(1, 7)
         return self._changed(
             *self._guarded(
                 self._use().add_body,
                 to_text(name, "name"),
-                shape,
-                numbers,
+                shape.kind,
+                shape.numbers,
                 to_number(radius, "radius"),
                 parent_id,
                 to_bool(static, "static"),
                 row,
                 to_doubts(uncertainty, padding, max_speed),
+                shape.triangles,
+                shape.convexify,
             )
         )
 

@@ -28,6 +28,8 @@ class BodyInfo:
     extent: float  #: metres, farthest point from the body's origin
     hull_excess: float = 0.0  #: metres: no point of a piece is farther from the mesh it stands for; 0: a convex body
     empty_share: float = 0.0  #: of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
+    triangle_count: int = 0  #: of a surface or solid, which its pieces only surround; 0: it is its pieces
+    is_solid: bool = False  #: with triangles: it is what they enclose, and not they alone
     # What is not known of the body, term by term; of bodies in this process.
     model_inner: float = 0.0  #: metres: how far the shape they were asked for may stand out from the pieces
     uncertainty_position: float = 0.0  #: metres: radius of the ball that holds its origin

@@ -119,7 +119,11 @@ class Scene:
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds a mesh file. scale: one number or three. convexify: "hull", "submeshes" or "decompose".
+        """Adds a mesh file. scale: one number or three.
+
+        convexify: what the body is: "hull" or "submeshes" (the convex hull of all vertices, or of each submesh's),
+            "surface" (its triangles) or "solid" (what they enclose: they are closed, and turn alike); "decompose" is
+            not there yet.
 
         Warns (HullWarning) if the pieces stand far out of the mesh: BodyInfo.hull_excess says how far at most.
         """
@@ -232,6 +236,7 @@ class Scene:
         name: str,
         vertices: Any = None,
         *,
+        mesh: Any = None,
         box: Any = None,
         sphere: Optional[float] = None,
         capsule: Any = None,
@@ -243,17 +248,21 @@ class Scene:
         uncertainty: Optional[Mapping[str, float]] = None,
         padding: float = 0.0,
         max_speed: float = 0.0,
+        convexify: ConvexifyWord = "hull",
     ) -> int:
         """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it.
 
         A cylinder does not grow: ValueError.
         """
-        shapes = {"vertices": vertices, "box": box, "sphere": sphere, "capsule": capsule, "cylinder": cylinder}
-        shape, numbers = to_shape(shapes)
+        shapes = {"vertices": vertices, "mesh": mesh, "box": box}
+        shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
+        shape, numbers, triangles, how = to_shape(shapes, convexify)
         rest: dict[str, Any] = {"parent": parent, "static": static, "pose": pose, "uncertainty": uncertainty}
         rest.update(padding=padding, max_speed=max_speed)
         if shape == "vertices":
             return self.add_hull(name, numbers, radius, **rest)
+        if shape == "mesh":
+            return self._add_mesh_of(name, numbers, triangles, how, to_number(radius, "radius"), self._rest(**rest))
         if shape == "box":
             return self.add_box(name, numbers[0], radius=radius, **rest)
         grown = to_number(radius, "radius")
@@ -265,6 +274,14 @@ class Scene:
         if grown:
             raise ValueError(f"radius: expected 0 for a cylinder, which does not grow, got {grown:g}")
         return self.add_cylinder(name, r, length, **rest)
+
+    def _add_mesh_of(
+        self, name: str, vertices: np.ndarray, triangles: np.ndarray, convexify: int, radius: float, rest: tuple
+    ) -> int:
+        with self._lock:
+            added = self._scene.add_mesh_of(to_text(name, "name"), vertices, triangles, convexify, radius, *rest)
+            _warn_of_hulls(self._scene, added)
+            return added
 
     def add_robot(
         self,
@@ -280,6 +297,7 @@ class Scene:
         home: Union[Mapping[str, float], str, None] = None,
         padding: Union[float, Mapping[str, float]] = 0.0,
         uncertainty: Optional[Mapping[str, Mapping[str, float]]] = None,
+        convexify: Union[ConvexifyWord, Mapping[str, ConvexifyWord]] = "hull",
     ) -> None:
         """Adds a robot: a frame `name` that places it, and a body "name/LINK" for each of its links.
 
@@ -294,12 +312,14 @@ class Scene:
         padding: metres that grow the links, one number or {link: metres}.
         uncertainty: {link: {"position": metres, "angle": radians}} that a link may be off by, itself alone: not those
             that hang on it.
+        convexify: what the links' meshes are, as in add_mesh(): one word or {link: word}, "hull" for the others.
 
         Raises SceneError naming file, line and element. Warns (RobotWarning) of what was left out of the SRDF, and
         (HullWarning) of links that stand far out of their meshes.
         """
         folders = {} if packages is None else dict(to_items(packages, "packages", "a dict of folders by package"))
         by_link = isinstance(padding, Mapping)
+        named = isinstance(convexify, Mapping)
         by_joint = home is not None and not isinstance(home, str)
         with self._lock:
             bodies = len(self._scene.bodies())
@@ -322,6 +342,8 @@ class Scene:
                     to_text(link, "uncertainty"): to_uncertainty(doubt, f"uncertainty[{link!r}]")
                     for link, doubt in to_items({} if uncertainty is None else uncertainty, "uncertainty", _BY_LINK)
                 },
+                CONVEXIFY["hull"] if named else to_word(convexify, CONVEXIFY, "convexify"),
+                _convexify_by_link(convexify) if isinstance(convexify, Mapping) else {},
             )
             _warn_of_hulls(self._scene, bodies)
             _warn_of_robots(self._scene, index)
@@ -436,6 +458,10 @@ def name_table(scene: Any, revision: int) -> NameTable:
 def _numbers_by_name(value: Any, what: str, expected: str) -> dict[str, float]:
     items = to_items(value, what, f"a dict of {expected}")
     return {to_text(key, what): to_number(number, f"{what}[{key!r}]") for key, number in items}
+
+
+def _convexify_by_link(value: Mapping[str, str]) -> dict[str, int]:
+    return {to_text(link, "convexify"): to_word(how, CONVEXIFY, f"convexify[{link!r}]") for link, how in value.items()}
 
 
 def _warn_of_robots(scene: Any, first: int) -> None:

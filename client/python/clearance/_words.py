@@ -1,6 +1,6 @@
 """The words of the contract: what a query may ask and what an answer may say.
 
-Mirrors wire/types.h, value by value (tests/python/test_words.py compares the two).
+Mirrors wire/types.h and wire/convexify.h, value by value (tests/python/test_words.py compares them).
 """
 
 from __future__ import annotations
@@ -54,6 +54,16 @@ class Reduce(enum.IntEnum):
     NEAREST = 2  #: one row per configuration and body
     MIN = 3  #: one row per configuration
     ANY = 4  #: one row per configuration: BEYOND where every pair is proved beyond its margin, else one that is not
+
+
+class Convexify(enum.IntEnum):
+    """What the body of a mesh that need not be convex is."""
+
+    HULL = 0  #: one piece: the hull of all its vertices
+    SUBMESHES = 1  #: one piece for each submesh of the file
+    DECOMPOSE = 2  #: approximate convex decomposition
+    SURFACE = 3  #: its triangles are the body
+    SOLID = 4  #: what its triangles enclose is the body
 
 
 class Format(enum.IntEnum):
@@ -138,14 +148,14 @@ FIELD_MASKS: dict[str, int] = {
 PrecisionWord = Literal["f64", "f32"]
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
 FormatWord = Literal["full", "compact"]
-ConvexifyWord = Literal["hull", "submeshes", "decompose"]
+ConvexifyWord = Literal["hull", "submeshes", "decompose", "surface", "solid"]
 GeometryWord = Literal["collision", "visual"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 
 PRECISIONS = {word.name.lower(): int(word) for word in Precision}
 REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
 FORMATS = {word.name.lower(): int(word) for word in Format}
-CONVEXIFY = {"hull": 0, "submeshes": 1, "decompose": 2}
+CONVEXIFY = {word.name.lower(): int(word) for word in Convexify}
 GEOMETRIES = {"collision": 0, "visual": 1}
 BACKENDS = {name: name for name in ("auto", "cpu", "cuda", "reference")}
 

@@ -160,8 +160,12 @@ class Client:
         static: bool,
         pose: Optional[np.ndarray],
         doubts: tuple[float, float, float, float],
+        triangles: np.ndarray,
+        convexify: int,
     ) -> tuple:
-        return self._with(self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts)
+        return self._with(
+            self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts, triangles, convexify
+        )
 
     def remove_body(self, name: str) -> tuple:
         return self._with(self._session.remove_body, name)

@@ -25,6 +25,8 @@ _OPTION_FORMATS = {"bool": "<B", "word": "<B", "number": "<d", "integer": "<q", 
 _ARRAY_TAGS = {record.name.lower(): record for record in QueryRecord}
 _ATTACH_ALLOW = 1  #: tag of the record of an attachment that names what the child may touch
 _BODY_DOUBTS = 20  #: tag of the record of a new body that says what is not known of it
+_BODY_TRIANGLES = 21  #: of a mesh, whose vertices are the body's
+_BODY_CONVEXIFY = 22  #: what that mesh is
 
 
 class Scene(NamedTuple):
@@ -219,6 +221,7 @@ class Session:
         infos = [
             (_text(b["name"]), int(b["parent"]), bool(b["is_static"]), int(b["piece_count"]), int(b["vertex_count"]))
             + tuple(float(b[name]) for name in ("model_error", "extent", "hull_excess", "empty_share"))
+            + (int(b["triangle_count"]), bool(b["is_solid"]))
             for b in bodies
         ]
         lists = []
@@ -255,7 +258,7 @@ class Session:
     ) -> tuple:
         request_id = self._send(type, parts, scene_revision, records)
         if records:
-            self._sent_in_records[request_id] = "add_body: uncertainty, padding, max_speed"
+            self._sent_in_records[request_id] = "add_body: uncertainty, padding, max_speed, mesh"
         frame = self._receive(request_id, "SCENE_CHANGED", limit_s)
         self._scene_is_old = self._changed_by_us = True
         change = self._whole(frame, "SceneChange")
@@ -279,14 +282,18 @@ class Session:
         is_static: bool,
         pose: Optional[np.ndarray],
         doubts: tuple[float, float, float, float],
+        triangles: np.ndarray,
+        convexify: int,
     ) -> tuple:
-        """shape: "vertices", "box", "sphere", "capsule" or "cylinder"; numbers: vertices (V, 3), or sizes (1, 3).
+        """shape: "vertices", "mesh", "box", "sphere", "capsule" or "cylinder".
 
-        doubts: of position and angle, padding, max_speed.
+        numbers: vertices (V, 3), or sizes (1, 3). doubts: of position and angle, padding, max_speed. triangles: of a
+        mesh, (T, 3) uint32, else none.
         """
-        is_hull = shape == "vertices"
+        is_hull = shape in ("vertices", "mesh")
         body = np.zeros((), wire._wire.NewBodyRecord)
-        body["name"], body["parent"], body["shape"] = _name_bytes(name), parent, _SHAPES.index(shape)
+        kind = 0 if is_hull else _SHAPES.index(shape)
+        body["name"], body["parent"], body["shape"] = _name_bytes(name), parent, kind
         body["is_static"], body["has_pose"], body["radius"] = is_static, pose is not None, radius
         if pose is not None:
             body["pose"] = pose[0]
@@ -297,6 +304,9 @@ class Session:
         revision = 0 if parent == NONE else self._revision_of_ids()
         parts = [body, numbers] if is_hull else [body]
         records = record(_BODY_DOUBTS, struct.pack("<4d", *doubts)) if any(doubts) else b""
+        if len(triangles):
+            records += record(_BODY_TRIANGLES, triangles.astype("<u4").tobytes())
+            records += record(_BODY_CONVEXIFY, struct.pack("<B", convexify))
         return self._change_scene(FrameType.ADD_BODY, parts, self.connection.timeout_s, revision, records)
 
     def remove_body(self, name: str) -> tuple:
