@@ -135,7 +135,8 @@ SCENE = {
                      {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY, **DOUBTS}),
     "add_robot": ({"name": "x", "urdf": "x.urdf"}, {
         "name": TEXTS, "urdf": [*PATHS, None], "srdf": PATHS, "base": POSE, "parent": BODIES, "static": BOOLS,
-        "packages": [3, "p", {3: "x"}, {"p": 3}, ["p"]], "geometry": WORDS, "convexify": [*WORDS, {3: "hull"}, {"l": "hul"}, {"l": 3}],
+        "packages": [3, "p", {3: "x"}, {"p": 3}, ["p"]], "geometry": WORDS,
+        "convexify": [*WORDS, {3: "hull"}, {"l": "hul"}, {"l": 3}],
         "home": [3, ["j"], {3: 1.0}, {"j": "1"}, {"j": True}, {"j": float("nan")}],
         "padding": [*NUMBERS, None, {3: 0.1}, {"l": "1"}],
         "uncertainty": [3, "l", ["l"], {3: {}}, {"l": 0.1}, {"l": {"turn": 0.1}}, {"l": {"angle": "1"}}]}),

@@ -62,7 +62,9 @@ def test_bodies_come_and_go(start_daemon, cell, tmp_path):
             client.add_body("mug", sphere=1.0)
         with pytest.raises(clearance.QueryError, match="is the scene file's"):
             client.remove_body("wall")
-        with pytest.raises(ValueError, match="expected one of vertices, mesh, box, sphere, capsule, cylinder, got none"):
+        with pytest.raises(
+            ValueError, match="expected one of vertices, mesh, box, sphere, capsule, cylinder, got none"
+        ):
             client.add_body("thing")
         with pytest.raises(ValueError, match=r"box: expected three numbers, got \[1, 2\]"):
             client.add_body("thing", box=[1, 2])

@@ -7,6 +7,7 @@
 
 #include "engine/engine.h"
 #include "engine/hull/shapes.h"
+#include "engine/surface/surface.h"
 #include "inspect/inspect.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
@@ -273,6 +274,27 @@ TEST(Inspect, BodiesWithoutAPoseAreNotTimed) {
   EXPECT_FALSE(report.bodies[0].ns_per_pair);
   EXPECT_FALSE(report.ns_all_pairs);
   EXPECT_TRUE(findings(report, Finding::Kind::kDuplicate).empty()) << "nobody knows yet where they will be";
+}
+
+TEST(Inspect, ASolidIsItsTrianglesAndNoSphereOrBox) {
+  const Shape globe = make_uv_sphere(0.5, 40);
+  Scene scene;
+  for (const Convexify how : {Convexify::kHull, Convexify::kSolid, Convexify::kSurface})
+    scene.add_mesh(std::string(word_of(how)), globe.vertices, globe.triangles, how, {.radius = 0});
+  scene.add_mesh("again", globe.vertices, globe.triangles, Convexify::kSolid, {.radius = 0});
+  const SceneReport report = inspect(scene, {false, 0.01});
+  const auto spheres = findings(report, Finding::Kind::kSphere);
+  ASSERT_EQ(spheres.size(), 1u) << "what looks at vertices alone would name it for all of them";
+  EXPECT_EQ(spheres[0].body, 0u);
+  EXPECT_TRUE(findings(report, Finding::Kind::kUnshared).empty());
+  const BodyReport &hull = report.bodies[0], &solid = report.bodies[1], &surface = report.bodies[2];
+  EXPECT_EQ(hull.form, "hull");
+  EXPECT_EQ(solid.form, "solid");
+  EXPECT_EQ(surface.form, "surface");
+  EXPECT_EQ(hull.triangles, 0u);
+  EXPECT_EQ(solid.triangles, globe.triangles.size());
+  EXPECT_EQ(solid.bytes, hull.bytes + surface_of(scene.bodies()[1])->resident_bytes()) << "its tree counts";
+  EXPECT_EQ(solid.sharing, 2u);
 }
 
 }  // namespace

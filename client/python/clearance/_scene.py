@@ -276,7 +276,13 @@ class Scene:
         return self.add_cylinder(name, r, length, **rest)
 
     def _add_mesh_of(
-        self, name: str, vertices: np.ndarray, triangles: np.ndarray, convexify: int, radius: float, rest: tuple
+        self,
+        name: str,
+        vertices: np.ndarray,
+        triangles: np.ndarray,
+        convexify: int,
+        radius: float,
+        rest: tuple[Any, ...],
     ) -> int:
         with self._lock:
             added = self._scene.add_mesh_of(to_text(name, "name"), vertices, triangles, convexify, radius, *rest)
