@@ -40,7 +40,9 @@ void expect_same_pieces(const Scene& one, const Scene& other) {
     for (std::size_t p = 0; p < a.pieces.size(); ++p) {
       EXPECT_EQ(a.pieces[p]->radius, b.pieces[p]->radius) << a.name;
       ASSERT_EQ(a.pieces[p]->surface != nullptr, b.pieces[p]->surface != nullptr) << a.name;
-      if (a.pieces[p]->surface) EXPECT_EQ(a.pieces[p]->surface->digest(), b.pieces[p]->surface->digest()) << a.name;
+      if (a.pieces[p]->surface) {
+        EXPECT_EQ(a.pieces[p]->surface->digest(), b.pieces[p]->surface->digest()) << a.name;
+      }
       ASSERT_EQ(a.pieces[p]->vertices.size(), b.pieces[p]->vertices.size()) << a.name;
       EXPECT_EQ(std::memcmp(a.pieces[p]->vertices.data(), b.pieces[p]->vertices.data(),
                             a.pieces[p]->vertices.size() * sizeof(Vec3d)),

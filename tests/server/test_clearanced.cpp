@@ -303,7 +303,8 @@ TEST_F(CommandLine, Bodies) {
   EXPECT_TRUE(contains(table.out, "id  body   kind     parent  pieces  vertices"));
   EXPECT_TRUE(
       contains(table.out,
-               " 0  table  static   -            1         8   1.11915              0              0            0\n"));
+               " 0  table  static   -            1         8   1.11915              0              0            0  "
+               "pieces          0\n"));
   EXPECT_TRUE(contains(table.out, "group arm: link1 link2\n4 bodies, 6 enabled pairs, backend cpu, scene "));
   EXPECT_TRUE(contains(
       ask({"bodies", "--csv"}).out,
