@@ -1,0 +1,218 @@
+#!/usr/bin/env python3
+"""Distances of meshes that are not convex, beside Coal's trees of triangles (BVHModelOBBRSS), on the same poses.
+
+    bench/surfaces/bench_surfaces.py [--poses 200] [--sizes 1000 10000 100000] [--csv FILE]
+
+Two bumpy rings of so many triangles each, in poses that are apart (by about their size), near (their surfaces at most
+1 mm apart) and crossing; and a shelf of five compartments before 2000 convex hulls. One thread, processor time, one
+batch of configurations with us, a call for each pose with Coal. `least` asks for the distance, `valid` whether they
+touch, where the first contact is enough. Shown beside it: how far Coal's distance lies outside of our bounds at most,
+and poses in which it finds bodies apart that we prove to overlap.
+
+Installs Coal into build/robots.
+"""
+
+import argparse
+import csv
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "build/python"), str(ROOT / "bench/robots")]
+from environment import in_own_environment  # noqa: E402
+
+if __name__ == "__main__":
+    in_own_environment()
+import numpy as np  # noqa: E402
+
+
+def ring(triangles, radius, tube, rng):
+    """Vertices (N, 3) and triangles (M, 3) of a ring whose tube is bumpy."""
+    across = max(6, int(np.sqrt(triangles / 4)))
+    along = triangles // (2 * across)
+    u, v = np.meshgrid(np.arange(along), np.arange(across), indexing="ij")
+    a, b = 2 * np.pi * u / along, 2 * np.pi * v / across
+    bumps = sum(np.cos(p * a + q * b + s) for p, q, s in zip(*rng.integers(1, 6, (2, 4)), rng.uniform(0, 6, 4)))
+    r = tube * (1 + 0.05 * bumps)
+    at = np.stack([(radius + r * np.cos(b)) * np.cos(a), (radius + r * np.cos(b)) * np.sin(a), r * np.sin(b)], -1)
+    number = (u % along) * across + v
+    right, up = np.roll(number, -1, 0), np.roll(number, -1, 1)
+    both = np.roll(right, -1, 1)
+    faces = np.stack([number, right, both, number, both, up], -1).reshape(-1, 3)
+    return at.reshape(-1, 3), faces.astype(np.uint32)
+
+
+def block(low, high):
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    at = np.array(low) + corners * (np.array(high) - low)
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return at, np.array([t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))], np.uint32)
+
+
+def shelf():
+    """Boards of 2 cm, open in front: a back, two sides, six shelves."""
+    boards = [((0, 0, 0), (0.02, 1, 2)), ((0, 0, 0), (0.4, 0.02, 2)), ((0, 0.98, 0), (0.4, 1, 2))]
+    boards += [((0, 0, z), (0.4, 1, z + 0.02)) for z in np.linspace(0, 1.98, 6)]
+    vertices, faces, count = [], [], 0
+    for board in boards:
+        at, t = block(*board)
+        vertices.append(at)
+        faces.append(t + count)
+        count += len(at)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def poses(count, spread, centre, rng):
+    """(count, 7): positions about the centre, turned at random."""
+    q = rng.normal(size=(count, 4))
+    return np.hstack([centre + rng.uniform(-1, 1, (count, 3)) * spread, q / np.linalg.norm(q, axis=1, keepdims=True)])
+
+
+class Coal:
+    def __init__(self, a, b):
+        import coal
+
+        self.coal = coal
+        self.a, self.b = (self._model(*body) for body in (a, b))
+
+    def _model(self, vertices, faces):
+        if faces is None:
+            points = self.coal.StdVec_Vec3s()
+            points.extend(list(vertices))
+            return self.coal.Convex.convexHull(points, True, "Qt")
+        model = self.coal.BVHModelOBBRSS()
+        model.beginModel(len(faces), len(vertices))
+        model.addVertices(np.ascontiguousarray(vertices))
+        model.addTriangles(np.ascontiguousarray(faces.astype(np.int64)))
+        model.endModel()
+        return model
+
+    def _each(self, X, call):
+        still = self.coal.Transform3s()
+        out = []
+        for x in X:
+            quaternion = np.concatenate([x[4:], x[3:4]])
+            out.append(call(still, self.coal.Transform3s(self._rotation(quaternion), x[:3])))
+        return np.array(out)
+
+    @staticmethod
+    def _rotation(q):
+        x, y, z, w = q
+        return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+
+    def least(self, X):
+        request, result = self.coal.DistanceRequest(), self.coal.DistanceResult()
+        request.enable_signed_distance = False
+
+        def distance(A, B):
+            result.clear()
+            return self.coal.distance(self.a, A, self.b, B, request, result)
+
+        return self._each(X, distance)
+
+    def valid(self, X):
+        request, result = self.coal.CollisionRequest(), self.coal.CollisionResult()
+        request.num_max_contacts = 1
+        request.enable_contact = False
+
+        def collide(A, B):
+            result.clear()
+            return self.coal.collide(self.a, A, self.b, B, request, result) == 0
+
+        return self._each(X, collide)
+
+
+class Clearance:
+    def __init__(self, a, b):
+        import clearance
+
+        scene = clearance.Scene()
+        for name, (vertices, faces) in (("a", a), ("b", b)):
+            if faces is None:
+                scene.add_body(name, vertices, pose=[0, 0, 0, 1, 0, 0, 0])
+            else:
+                scene.add_body(name, mesh=(vertices, faces), convexify="solid", pose=[0, 0, 0, 1, 0, 0, 0])
+        self.engine = clearance.Engine(scene, backend="cpu", threads=1)
+
+    def ask(self, X, **more):
+        return self.engine.distances(pairs=[("a", "b")], bodies=["b"], configurations=X[:, None], **more)
+
+    def least(self, X):
+        answer = self.ask(X)
+        return np.asarray(answer.lower), np.asarray(answer.upper)
+
+    def valid(self, X):
+        return np.asarray(self.ask(X, reduce="any", margin=0).status) == 5
+
+
+def timed(call, X):
+    begin = time.process_time()
+    found = call(X)
+    return (time.process_time() - begin) / len(X) * 1e6, found
+
+
+def near(us, X, gap):
+    """The poses moved along the line to the origin until the bodies are about `gap` metres apart."""
+    X = X.copy()
+    for _ in range(30):
+        lower, _ = us.least(X)
+        X[:, :3] -= ((lower - gap) * 0.9)[:, None] * X[:, :3] / np.linalg.norm(X[:, :3], axis=1, keepdims=True)
+    lower, upper = us.least(X)
+    return X[(lower > 0) & (upper < 2 * gap)]
+
+
+def row(name, us, coal, X):
+    ours, (lower, upper) = timed(us.least, X)
+    theirs, distance = timed(coal.least, X)
+    our_check, free = timed(us.valid, X)
+    their_check, their_free = timed(coal.valid, X)
+    apart = lower > 0
+    off = np.maximum(np.maximum(lower - distance, distance - upper)[apart], 0)
+    return {"case": name, "poses": len(X), "us": round(ours, 1), "coal_us": round(theirs, 1),
+            "ratio": round(theirs / ours, 2), "check_us": round(our_check, 1), "coal_check_us": round(their_check, 1),
+            "check_ratio": round(their_check / our_check, 2), "wide": int(np.sum(upper - lower > 1e-5)),
+            "coal_off_m": f"{off.max(initial=0):.1e}", "coal_missed": int(np.sum(their_free & (upper <= 0))),
+            "verdicts_differ": int(np.sum(their_free != free))}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--poses", type=int, default=200)
+    parser.add_argument("--sizes", type=int, nargs="+", default=[1000, 10000, 100000])
+    parser.add_argument("--csv", type=Path)
+    arguments = parser.parse_args()
+    rows = []
+
+    def show(result):
+        rows.append(result)
+        print("  ".join(f"{key} {value}" for key, value in result.items()), flush=True)
+
+    for size in arguments.sizes:
+        rng = np.random.default_rng(size)
+        a, b = ring(size, 1, 0.3, rng), ring(size, 0.9, 0.25, rng)
+        us, coal = Clearance(a, b), Coal(a, b)
+        far = poses(arguments.poses, 4, 0, rng)
+        far = far[np.linalg.norm(far[:, :3], axis=1) > 2.6]
+        show(row(f"rings of {size} triangles, apart", us, coal, far))
+        show(row(f"rings of {size} triangles, 1 mm", us, coal, near(us, far[: arguments.poses // 4], 5e-4)))
+        inside = poses(arguments.poses, 0.6, 0, rng)
+        inside = inside[us.least(inside)[1] <= 0]
+        show(row(f"rings of {size} triangles, crossing", us, coal, inside))
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=(60, 3))
+    hull = (points / np.linalg.norm(points, axis=1, keepdims=True) * [0.05, 0.08, 0.15], None)
+    board = shelf()
+    us, coal = Clearance(board, hull), Coal(board, hull)
+    show(row("a hull before a shelf", us, coal, poses(10 * arguments.poses, [0.5, 0.7, 1.2], [0.3, 0.5, 1], rng)))
+    if arguments.csv:
+        with arguments.csv.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    main()
