@@ -46,7 +46,7 @@ Table table_of(const Scene& scene, const SceneReport& report, Output output) {
                           r.vertices,
                           r.faces,
                           Cell(r.radius, 4),
-                          Cell(r.extent, 4),
+                          Cell::finite(r.extent, 4),
                           Cell(r.model_error, 3),
                           Cell(r.hull_excess, 3),
                           r.empty_share ? Cell(*r.empty_share, 3) : Cell(),

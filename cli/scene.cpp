@@ -27,9 +27,9 @@ void reload(const Connection& connection) {
 struct AddBodyOptions {
   Connection connection;
   std::string name, vertices, triangles, convexify = "hull", parent;
-  std::vector<double> box, capsule, cylinder, pose, uncertainty{0, 0};
+  std::vector<double> box, capsule, cylinder, cone, ellipsoid, pose, uncertainty{0, 0};
   double sphere = 0, radius = 0, padding = 0, max_speed = 0;
-  bool is_static = false;
+  bool is_static = false, half_space = false;
 };
 
 /// Rows from a file of numbers, three each, separated by white space or commas; "-": standard input.
@@ -75,6 +75,9 @@ void add_body(const CLI::App& command, const AddBodyOptions& o) {
   if (command.count("--sphere")) body.sphere = o.sphere;
   if (!o.capsule.empty()) body.capsule = {o.capsule[0], o.capsule[1]};
   if (!o.cylinder.empty()) body.cylinder = {o.cylinder[0], o.cylinder[1]};
+  if (!o.cone.empty()) body.cone = {o.cone[0], o.cone[1]};
+  if (!o.ellipsoid.empty()) body.ellipsoid = {o.ellipsoid[0], o.ellipsoid[1], o.ellipsoid[2]};
+  body.half_space = o.half_space;
   body.radius = o.radius;
   body.is_static = o.is_static;
   body.uncertainty_position = o.uncertainty[0];
@@ -105,6 +108,9 @@ void add_add_body(CLI::App& app) {
       ->expected(2)
       ->type_name("X");
   shape.add_option("--cylinder", options->cylinder, "radius, and length along z")->expected(2)->type_name("X");
+  shape.add_option("--cone", options->cone, "radius, and length along z, the apex ahead")->expected(2)->type_name("X");
+  shape.add_option("--ellipsoid", options->ellipsoid, "half axes x y z")->expected(3)->type_name("X");
+  shape.add_flag("--half-space", options->half_space, "z <= 0 in its own frame: a floor or a wall, static");
   shape
       .add_option("--vertices", options->vertices,
                   "the convex hull of the vertices in this file, x y z on a line; -: standard input")

@@ -21,6 +21,8 @@ struct Cell {
   Cell(Number number) : text(std::to_string(number)), kind(Kind::kNumber) {}
   /// `digits` significant ones for people; programs get all 17.
   Cell(double number, int digits = 9);
+  /// The same, but nothing where it is infinite: JSON has no such number.
+  static Cell finite(double number, int digits) { return number - number == 0 ? Cell(number, digits) : Cell(); }
 
   enum class Kind { kNone, kNumber, kBool, kText };
   std::string text;

@@ -174,6 +174,9 @@ struct NewBody {
   std::optional<double> sphere = {};                     ///< radius, metres
   std::optional<std::array<double, 2>> capsule = {};     ///< radius, length between the centres of its caps; along z
   std::optional<std::array<double, 2>> cylinder = {};    ///< radius, length; along z
+  std::optional<std::array<double, 2>> cone = {};        ///< radius, length; along z, its apex ahead
+  std::optional<std::array<double, 3>> ellipsoid = {};   ///< half axes, metres
+  bool half_space = false;                               ///< all of z <= 0; static, without a parent
   double radius = 0;                                     ///< metres, grows the shape
   std::uint32_t parent = kNone;                          ///< body that it follows
   std::optional<Pose7> pose = {};                        ///< X_world_body, with a parent X_parent_body

@@ -82,10 +82,12 @@ void set_body_name(char (&field)[64], std::string_view name) {
 
 std::vector<std::byte> payload_of(const NewBody& body) {
   const int shapes = !body.vertices.empty() + body.box.has_value() + body.sphere.has_value() +
-                     body.capsule.has_value() + body.cylinder.has_value();
+                     body.capsule.has_value() + body.cylinder.has_value() + body.cone.has_value() +
+                     body.ellipsoid.has_value() + body.half_space;
   if (shapes != 1)
-    throw std::invalid_argument("add_body: expected one of vertices, box, sphere, capsule and cylinder, got " +
-                                std::to_string(shapes));
+    throw std::invalid_argument(
+        "add_body: expected one of vertices, box, sphere, capsule, cylinder, cone, ellipsoid and half_space, got " +
+        std::to_string(shapes));
   if (body.convexify != Convexify::kHull && body.triangles.empty())
     throw std::invalid_argument("add_body: convexify is for a mesh, and there are no triangles");
   if (!body.triangles.empty() && body.vertices.empty())
@@ -105,6 +107,10 @@ std::vector<std::byte> payload_of(const NewBody& body) {
   if (body.box) shape(wire::BodyShape::kBox, {(*body.box)[0], (*body.box)[1], (*body.box)[2]});
   if (body.sphere) shape(wire::BodyShape::kSphere, {*body.sphere});
   if (body.capsule) shape(wire::BodyShape::kCapsule, {(*body.capsule)[0], (*body.capsule)[1]});
+  if (body.cone) shape(wire::BodyShape::kCone, {(*body.cone)[0], (*body.cone)[1]});
+  if (body.ellipsoid)
+    shape(wire::BodyShape::kEllipsoid, {(*body.ellipsoid)[0], (*body.ellipsoid)[1], (*body.ellipsoid)[2]});
+  if (body.half_space) shape(wire::BodyShape::kHalfSpace, {});
   if (body.cylinder) shape(wire::BodyShape::kCylinder, {(*body.cylinder)[0], (*body.cylinder)[1]});
   std::vector<std::byte> payload;
   wire::append(payload, record);

@@ -9,6 +9,8 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/engine.h"
+#include "engine/hull/primitive.h"
+#include "engine/scene/body_ball.h"
 #include "engine/scene/ignored_pairs.h"
 #include "engine/scene/pair_table.h"
 #include "engine/surface/surface.h"
@@ -28,9 +30,22 @@ bool is_box(const Piece& piece) {
   return piece.half.x > 0 && piece.half.y > 0 && piece.half.z > 0;  // eight distinct corners: all of them
 }
 
+const char* name_of(Primitive::Kind kind) {
+  switch (kind) {
+    case Primitive::Kind::kHalfSpace:
+      return "half_space";
+    case Primitive::Kind::kCone:
+      return "cone";
+    case Primitive::Kind::kEllipsoid:
+      return "ellipsoid";
+  }
+  return "";
+}
+
 std::string form_of(const Piece& piece) {
   const bool rounded = piece.radius > 0;
   if (piece.surface) return std::string(rounded ? "rounded " : "") + (piece.surface->is_solid() ? "solid" : "surface");
+  if (piece.primitive) return std::string(rounded ? "rounded " : "") + name_of(piece.primitive->kind);
   if (piece.vertices.size() == 1) return rounded ? "sphere" : "point";
   if (piece.vertices.size() == 2) return rounded ? "capsule" : "segment";
   return std::string(rounded ? "rounded " : "") + (is_box(piece) ? "box" : "hull");
@@ -53,13 +68,13 @@ BodyReport describe(const Body& body) {
   r.hull_excess = body.hull_excess;
   if (!std::isnan(body.empty_share)) r.empty_share = body.empty_share;
   r.warning = hull_warning(body);
+  r.extent = extent_of(body);
   r.form = body.pieces.empty() ? "frame" : form_of(*body.pieces[0]);
   for (const PiecePtr& piece : body.pieces) {
     if (form_of(*piece) != r.form) r.form = "mixed";
     r.loaded += piece->loaded_vertices;
     r.vertices += piece->vertices.size();
     r.radius = std::max(r.radius, piece->radius);
-    r.extent = std::max(r.extent, piece->rho + piece->radius);
     r.bytes += bytes_of(*piece);
   }
   r.triangles = triangle_count(body);

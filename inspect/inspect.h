@@ -12,8 +12,8 @@ namespace clearance {
 
 /// What one body is made of.
 struct BodyReport {
-  std::string form;  ///< "point", "sphere", "segment", "capsule", "box", "hull", "surface", "solid", "rounded box",
-                     ///< ..., "mixed" or "frame"
+  std::string form;  ///< "point", "sphere", "segment", "capsule", "box", "hull", "surface", "solid", "cone",
+                     ///< "ellipsoid", "half_space", "rounded box", ..., "mixed" or "frame"
   std::size_t pieces = 0;
   std::uint64_t loaded = 0;             ///< vertices, before duplicates and inner ones were dropped
   std::uint64_t vertices = 0;           ///< that bounds are made from

@@ -65,6 +65,15 @@ Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, 
     case wire::BodyShape::kCylinder:
       alone.add_cylinder(name, record.size[0], record.size[1], options);
       break;
+    case wire::BodyShape::kCone:
+      alone.add_cone(name, record.size[0], record.size[1], options);
+      break;
+    case wire::BodyShape::kEllipsoid:
+      alone.add_ellipsoid(name, {record.size[0], record.size[1], record.size[2]}, options);
+      break;
+    case wire::BodyShape::kHalfSpace:
+      alone.add_half_space(name, options);
+      break;
   }
   Body body = alone.bodies()[0];
   if (!record.has_pose) body.pose.reset();

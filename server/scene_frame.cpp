@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "engine/scene/body_ball.h"
 #include "engine/scene/pose_store.h"
 #include "engine/surface/surface.h"
 #include "wire/wire.h"
@@ -24,10 +25,8 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   const Surface* surface = surface_of(body);
   record.is_solid = surface && surface->is_solid();
   record.triangle_count = triangle_count(body);
-  for (const PiecePtr& piece : body.pieces) {
-    record.vertex_count += piece->vertices.size();
-    record.extent = std::max(record.extent, piece->rho + piece->radius);
-  }
+  record.extent = extent_of(body);
+  for (const PiecePtr& piece : body.pieces) record.vertex_count += piece->vertices.size();
   return record;
 }
 

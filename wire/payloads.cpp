@@ -224,8 +224,8 @@ NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const 
       "new body", [&] { return str(r.vertex_count) + " vertices"; },
       sizeof(NewBodyRecord) + Wide(r.vertex_count) * sizeof(VertexRecord), payload.size());
   expect_name(r.name, "new body", 0);
-  if (r.shape > static_cast<std::uint8_t>(BodyShape::kCylinder))
-    bad_query("new body: shape " + str(r.shape) + " is none of 0 to 4");
+  if (r.shape > static_cast<std::uint8_t>(BodyShape::kEllipsoid))
+    bad_query("new body: shape " + str(r.shape) + " is none of 0 to 7");
   if (r.shape != static_cast<std::uint8_t>(BodyShape::kHull) && r.vertex_count)
     bad_query("new body: vertices are for a hull alone");
   if (r.is_static > 1 || r.has_pose > 1) bad_query("new body: is_static and has_pose are 0 or 1");

@@ -291,11 +291,14 @@ struct JointStateRecord {
 };
 
 enum class BodyShape : std::uint8_t {
-  kHull = 0,      ///< of the vertices that follow
-  kBox = 1,       ///< size: full edge lengths
-  kSphere = 2,    ///< size: radius
-  kCapsule = 3,   ///< size: radius, length between the centres of its caps; along z
-  kCylinder = 4,  ///< size: radius, length; along z
+  kHull = 0,       ///< of the vertices that follow
+  kBox = 1,        ///< size: full edge lengths
+  kSphere = 2,     ///< size: radius
+  kCapsule = 3,    ///< size: radius, length between the centres of its caps; along z
+  kCylinder = 4,   ///< size: radius, length; along z
+  kHalfSpace = 5,  ///< z <= 0 in its own frame; static, without a parent
+  kCone = 6,       ///< size: radius, length; along z, its apex ahead
+  kEllipsoid = 7,  ///< size: half axes
 };
 
 struct NewBodyRecord {

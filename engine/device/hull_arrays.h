@@ -58,7 +58,8 @@ class HullArrays {
  private:
   // Its index; kNone: the device cannot hold it.
   std::uint32_t add_hull(const Piece& p) {
-    if (p.surface || p.vertices.size() > kMostVertices) return kNone;  // kernels know hulls alone, and no triangles
+    // Kernels know hulls alone: no triangles, and no closed forms.
+    if (p.surface || p.primitive || p.vertices.size() > kMostVertices) return kNone;
     HullHead head{p.extents(),
                   p.table ? std::numeric_limits<double>::infinity() : p.spread + p.radius,
                   static_cast<std::uint32_t>(x.size()),

@@ -108,6 +108,15 @@ std::uint32_t Scene::add_capsule(const std::string& name, double radius, double 
 std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options) {
   return translated([&] { return impl_->scene.add_cylinder(name, radius, length, options_of(options)); });
 }
+std::uint32_t Scene::add_cone(const std::string& name, double radius, double length, const BodyOptions& options) {
+  return translated([&] { return impl_->scene.add_cone(name, radius, length, options_of(options)); });
+}
+std::uint32_t Scene::add_ellipsoid(const std::string& name, std::array<double, 3> radii, const BodyOptions& options) {
+  return translated([&] { return impl_->scene.add_ellipsoid(name, vector_of(radii), options_of(options)); });
+}
+std::uint32_t Scene::add_half_space(const std::string& name, const BodyOptions& options) {
+  return translated([&] { return impl_->scene.add_half_space(name, options_of(options)); });
+}
 void Scene::add_robot(const std::string& name, const RobotOptions& options) {
   const clearance::RobotOptions ours{.urdf = options.urdf,
                                      .srdf = options.srdf,

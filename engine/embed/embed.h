@@ -93,6 +93,12 @@ class CLEARANCE_API Scene {
   std::uint32_t add_capsule(const std::string& name, double radius, double length, const BodyOptions& options = {});
   /// Along z; a prism around the cylinder.
   std::uint32_t add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options = {});
+  /// Along z: a disc at -length / 2, the apex at length / 2.
+  std::uint32_t add_cone(const std::string& name, double radius, double length, const BodyOptions& options = {});
+  std::uint32_t add_ellipsoid(const std::string& name, std::array<double, 3> radii,
+                              const BodyOptions& options = {});  ///< half axes
+  /// The half-space z <= 0 of its own frame, as a floor or a wall; static, whatever the options say.
+  std::uint32_t add_half_space(const std::string& name, const BodyOptions& options = {});
 
   /// A robot: a frame NAME that places it, a body NAME/LINK for each link, groups NAME and NAME/GROUP (docs/robots.md).
   void add_robot(const std::string& name, const RobotOptions& options);

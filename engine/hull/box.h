@@ -9,6 +9,7 @@
 #include "engine/base/slack.h"
 #include "engine/base/vec.h"
 #include "engine/hull/piece.h"
+#include "engine/hull/primitive.h"
 
 namespace clearance {
 
@@ -36,7 +37,27 @@ CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, dou
   }
   return box;
 }
+/// Metres: farther out than any body can be, and small enough to be squared.
+inline constexpr double kBeyondAll = 1e100;
+
+/// A box that surely holds a placed half-space, z <= radius in the body's frame, as far out as bodies may be. Only
+/// where its plane lies along two of the world's axes does it leave room beside it. An entry of a rotation that is
+/// computed as 0 is 0 (docs/bounds.md, boxes).
+inline Aabb certify_half_space_box(double radius, const Mat3d& R_wb, const Vec3d& t_w) {
+  Aabb box{{-kBeyondAll, -kBeyondAll, -kBeyondAll}, {kBeyondAll, kBeyondAll, kBeyondAll}};
+  const Vec3d n{R_wb.row[0].z, R_wb.row[1].z, R_wb.row[2].z};
+  for (int k = 0; k < 3; ++k) {
+    if (n[(k + 1) % 3] != 0 || n[(k + 2) % 3] != 0) continue;
+    const double reach = radius + 16 * 0x1p-53 * (radius + std::abs(t_w[k])) + Arithmetic<double>::kUnderflowLength;
+    if (n[k] > 0)
+      box.high[k] = t_w[k] + reach;
+    else
+      box.low[k] = t_w[k] - reach;
+  }
+  return box;
+}
 inline Aabb certify_box(const Piece& piece, const Mat3d& R_wb, const Vec3d& t_w) {
+  if (is_half_space(piece)) return certify_half_space_box(piece.radius, R_wb, t_w);
   return certify_box(piece.centre, piece.half, piece.spread, piece.rho, piece.radius, R_wb, t_w);
 }
 /// A lower bound on the distance of whatever two boxes hold; 0 if they touch.

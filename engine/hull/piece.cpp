@@ -10,6 +10,7 @@
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
 #include "engine/hull/direction_table.h"
+#include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
 #include "engine/pose/pose.h"
 
@@ -108,7 +109,13 @@ void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius) 
   fill_rows(piece, piece.vertices);
 }
 
+PiecePtr with_radius(const Piece& piece, double radius) {
+  if (piece.primitive) return make_primitive_piece(*piece.primitive, radius);
+  return make_piece(piece.vertices, radius, piece.loaded_vertices, 0, piece.table, piece.surface);
+}
+
 Piece without_table(const Piece& piece) {
+  if (piece.primitive) return piece;  // nothing of it is made of vertices
   Piece plain;
   plain.vertices = piece.vertices;
   plain.radius = piece.radius;

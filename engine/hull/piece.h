@@ -11,6 +11,7 @@
 namespace clearance {
 
 struct DirectionTable;  // engine/hull/direction_table.h
+struct Primitive;       // engine/hull/primitive.h
 class Surface;          // engine/surface/surface.h
 
 /// What a hull says of itself without its vertices: metres, in the body's frame. Whoever holds a hull has it: a piece,
@@ -44,6 +45,10 @@ struct Piece : HullExtents {
   /// be and not how near it is. Grown by the same radius. Null: the piece is the truth.
   std::shared_ptr<const Surface> surface;
 
+  /// What the core is, if not the hull of `vertices`: these then are points of it. Null: that hull. Lanes and devices
+  /// know hulls alone.
+  std::shared_ptr<const Primitive> primitive;
+
   std::uint32_t count() const { return static_cast<std::uint32_t>(vertices.size()); }
 };
 using PiecePtr = std::shared_ptr<const Piece>;
@@ -59,6 +64,9 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint6
 /// Makes a small piece in place of another, in the memory that it has: without digest, for the moment. \param vertices
 /// as make_piece() has them, at most kTableFromVertices
 void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius);
+
+/// The same core, grown by another radius. Throws as make_piece() does.
+PiecePtr with_radius(const Piece& piece, double radius);
 
 /// A copy whose derived numbers are made anew from its vertices, which are scanned whatever their number: to find out
 /// what is true of a piece where its table, or another of them, may be damaged. Takes as long as the vertices are many.

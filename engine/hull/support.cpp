@@ -4,9 +4,11 @@
 #include <cassert>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "engine/base/clones.h"
 #include "engine/hull/direction_table.h"
+#include "engine/hull/primitive.h"
 
 namespace clearance {
 
@@ -103,9 +105,18 @@ double upper_length(const Vec3d& n) {
   return norm(n) * (1 + 4 * kUnitRoundoff);
 }
 
+// How far a core in closed form reaches along n.
+template <class T>
+T reach_of(const Primitive& primitive, const Vec3<T>& n) {
+  if (primitive.kind != Primitive::Kind::kHalfSpace) return farthest(primitive, n).value;
+  const T zero(0);
+  return n.x == zero && n.y == zero && !(n.z < zero) ? zero : T(std::numeric_limits<double>::infinity());
+}
+
 }  // namespace
 
 SupportPoint<double> support(const Piece& piece, const Vec3d& n) {
+  if (piece.primitive) return {0, reach_of(*piece.primitive, n)};
   assert(!piece.vertices.empty() && piece.x.size() % 8 == 0);
   if (!piece.table) return scan(piece, n);
   const std::span<const std::uint32_t> candidates = piece.table->candidates(n);
@@ -120,6 +131,7 @@ SupportPoint<double> support(const Piece& piece, const Vec3d& n) {
 // |computed - exact| <= 4 u |n| rho for each (n itself is rounded to double first), so twice that separates two of
 // them.
 SupportPoint<DoubleDouble> support(const Piece& piece, const Vec3<DoubleDouble>& n) {
+  if (piece.primitive) return {0, reach_of(*piece.primitive, n)};
   const Vec3d n_hi{n.x.hi, n.y.hi, n.z.hi};
   const SupportPoint<double> guess = support(piece, n_hi);
   const double threshold = guess.value - 10 * kUnitRoundoff * upper_length(n_hi) * piece.rho;

@@ -16,6 +16,10 @@ struct SupportPoint {
   T value{};  ///< n . v of that vertex
 };
 
+/// Of a core in closed form (primitive.h) the index is 0: its one vertex is a point of it, not the farthest. A
+/// half-space reaches to 0 along its own normal, (0, 0, z), and to +inf along any other direction; of a round core 3
+/// becomes 5.
+///
 /// The vertex with the largest computed n . v, ties to the lowest index (scan). Every other vertex has an exact n . v
 /// of at most `value` + 3 u |n| rho, u the unit roundoff of T: see docs/bounds.md. n in the body's frame, of any
 /// length.

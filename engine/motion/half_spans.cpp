@@ -1,8 +1,10 @@
 #include "engine/motion/half_spans.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
+#include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
 
 namespace clearance {
@@ -11,13 +13,21 @@ namespace {
 
 constexpr double kRounding = 0x1p-44;  // of all sums below, of the lengths that go into them
 
+// How far a piece's core reaches along a direction of about length 1, its body's axes. The normal of a half-space's
+// plane comes back from the world's axes as computed: a direction so near to it counts as that normal, which changes
+// what the other body reaches by less than kRounding leaves room for.
+double along(const Piece& piece, const Vec3d& n) {
+  constexpr double kSame = 0x1p-46;
+  if (is_half_space(piece) && std::hypot(n.x, n.y) <= kSame * n.z) return 0;
+  return support(piece, n).value;
+}
+
 // How far a body reaches along a direction, world axes, from its origin.
 double reach_along(const MovingBody& moving, const Vec3d& n) {
   const Vec3d n_b = moving.pose.R_wb.transpose_times(n);
   const double length = norm(n);
   double most = -std::numeric_limits<double>::infinity();
-  for (const PiecePtr& piece : moving.body.pieces)
-    most = std::max(most, support(*piece, n_b).value + piece->radius * length);
+  for (const PiecePtr& piece : moving.body.pieces) most = std::max(most, along(*piece, n_b) + piece->radius * length);
   return most;
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/hull/primitive.h"
 #include "engine/narrow/overlap.h"
 
 namespace clearance {
@@ -51,6 +52,17 @@ DoubleDouble sum(double a, double b, DoubleDouble) {
 }  // namespace
 
 template <class T>
+SupportPoint<T> CorePoints<T>::farthest(const Vec3<T>& n) {
+  if (found_.empty()) return support(*piece_, n);
+  const FarthestPoint<T> far = clearance::farthest(*piece_->primitive, n);
+  const auto same = [&](const Vec3<T>& p) { return p.x == far.point.x && p.y == far.point.y && p.z == far.point.z; };
+  const auto known = std::find_if(found_.begin(), found_.end(), same);
+  const auto index = static_cast<std::uint32_t>(known - found_.begin());
+  if (known == found_.end()) found_.push_back(far.point);
+  return {index, far.value};
+}
+
+template <class T>
 PlacedPair<T>::PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b,
                           const Mat3<T>& R_b, const Vec3d& t_b)
     : a(&piece_a),
@@ -58,13 +70,16 @@ PlacedPair<T>::PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d&
       R_wa(R_a),
       R_wb(R_b),
       R(R_a.transpose_times(R_b)),
-      D(R_a.transpose_times(difference(t_b, t_a, T()))) {
+      D(R_a.transpose_times(difference(t_b, t_a, T()))),
+      points_a(piece_a),
+      points_b(piece_b) {
   radius = sum(piece_a.radius, piece_b.radius, T());
   scale = pair_scale<double>(to_double(D), piece_a.rho, piece_b.rho, piece_a.radius + piece_b.radius);
 }
 
 template <class T>
 double PlacedPair<T>::error(double units) const {
+  if (is_round()) units += kRoundUnits;
   return rounding_error(units * Arithmetic<T>::kUnit / Arithmetic<double>::kUnit, scale);
 }
 
@@ -92,15 +107,35 @@ Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& proposed) {
     simplex.vertex[0].a = simplex.vertex[0].b = 0;
   }
   assert(std::all_of(simplex.vertex, simplex.vertex + simplex.size,
-                     [&](const auto& v) { return v.a < pair.a->vertices.size() && v.b < pair.b->vertices.size(); }));
+                     [&](const auto& v) { return v.a < pair.points_a.size() && v.b < pair.points_b.size(); }));
   for (int i = 0; i < simplex.size; ++i)
     simplex.vertex[i].w = pair.cso_vertex(simplex.vertex[i].a, simplex.vertex[i].b);
   const CsoPoint<T> point(
-      simplex, pair.R_wa, [&](std::uint32_t k) { return cast<T>(pair.a->vertices[k]); }, pair.R_wb,
-      [&](std::uint32_t k) { return cast<T>(pair.b->vertices[k]); });
+      simplex, pair.R_wa, [&](std::uint32_t k) { return pair.points_a[k]; }, pair.R_wb,
+      [&](std::uint32_t k) { return pair.points_b[k]; });
   const double upper = round_up(upper_from_point(norm(point.w), pair.radius, T(pair.upper_error())));
   return {std::isnan(upper) ? kInf : upper, to_double(point.core_a), to_double(point.core_b),
           to_double(point.separation), norm(to_double(point.w))};
+}
+
+// The half-space reaches to 0 along its normal and without end along every other direction, so that no other gap is
+// larger: what certify_lower() says of this one holds from above as well.
+template <class T>
+PlaneBounds certify_plane(const PlacedPair<T>& pair, bool signed_distance) {
+  assert(is_half_space(*pair.a) && !is_half_space(*pair.b));
+  const Vec3<T> n{T(0), T(0), T(1)};
+  const SupportPoint<T> deepest = pair.points_b.farthest(-pair.R.transpose_times(n));
+  const T gap = pair.D.z - deepest.value, error(pair.lower_error());
+  const Vec3<T> p_b = pair.points_b[deepest.index], p = pair.R * p_b + pair.D;
+  const bool common = !signed_distance && !(p.z > T(0));
+  const Vec3<T> foot = common ? p : Vec3<T>{p.x, p.y, T(0)}, separation = p - foot;
+  PlaneBounds out;
+  out.bounds = {round_down(lower_from_gap(gap, T(1), pair.radius, error)),
+                round_up(upper_from_point(gap, pair.radius, error))};
+  if (std::isnan(out.bounds.lower) || std::isnan(out.bounds.upper)) out.bounds = {-kInf, kInf};
+  out.nearest = {out.bounds.upper, to_double(pair.R_wa * foot), to_double(pair.R_wb * p_b),
+                 to_double(pair.R_wa * separation), norm(to_double(separation))};
+  return out;
 }
 
 namespace {
@@ -142,10 +177,12 @@ double certify_overlap(const Piece& a, const Piece& b, double ball) {
 }
 
 #define CLEARANCE_INSTANTIATE(T)                                           \
+  template class CorePoints<T>;                                            \
   template struct PlacedPair<T>;                                           \
   template double certify_lower(const PlacedPair<T>&, const T&, const T&); \
   template double certify_lower(const PlacedPair<T>&, const Vec3<T>&);     \
   template Witness certify_upper(const PlacedPair<T>&, const Simplex<T>&); \
+  template PlaneBounds certify_plane(const PlacedPair<T>&, bool);          \
   template double certify_ball(const PlacedPair<T>&, std::span<const CsoVertex<T>>, std::span<const CsoFace<T>>)
 CLEARANCE_INSTANTIATE(double);
 CLEARANCE_INSTANTIATE(DoubleDouble);

@@ -12,6 +12,7 @@
 
 #include "engine/base/arithmetic.h"
 #include "engine/hull/piece.h"
+#include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
 #include "engine/narrow/gjk.h"
 #include "engine/pose/pose.h"
@@ -42,6 +43,8 @@ template <>
 struct RoundingUnits<DoubleDouble> {
   static constexpr double kLower = 44, kUpper = 48, kBall = 48;
 };
+/// Added to each of them for a pair of which one core, or both, are round: what their points and supports err by.
+inline constexpr double kRoundUnits = 8;
 
 /// S of two pieces: |D| + rho_a + rho_b + r_a + r_b, rounded up. A scalar or a pack.
 template <class T>
@@ -140,16 +143,35 @@ struct RunBounds {
   }
 };
 
+/// The points of a piece's core that simplices and surfaces name by numbers: the vertices of a hull, or the points that
+/// were found of a round core, in the order in which they were; the first is its origin.
+template <class T>
+class CorePoints {
+ public:
+  explicit CorePoints(const Piece& piece) : piece_(&piece) {
+    if (is_round(piece)) found_.push_back({T(0), T(0), T(0)});
+  }
+  Vec3<T> operator[](std::uint32_t i) const { return found_.empty() ? cast<T>(piece_->vertices[i]) : found_[i]; }
+  std::size_t size() const { return found_.empty() ? piece_->vertices.size() : found_.size(); }
+  /// support(), whose index names the point. Of a round core it is added, unless it is there.
+  SupportPoint<T> farthest(const Vec3<T>& n);
+
+ private:
+  const Piece* piece_;
+  std::vector<Vec3<T>> found_;  // of a round core
+};
+
 /// Two pieces where they are, in the arithmetic T and the frame of a.
 template <class T>
 struct PlacedPair {
   const Piece* a;
   const Piece* b;
-  Mat3<T> R_wa, R_wb;  ///< for what is said in world axes
-  Mat3<T> R;           ///< R_wa^T R_wb
-  Vec3<T> D;           ///< R_wa^T (t_b - t_a)
-  double scale;        ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
-  T radius;            ///< r_a + r_b; exact in double-double
+  Mat3<T> R_wa, R_wb;                        ///< for what is said in world axes
+  Mat3<T> R;                                 ///< R_wa^T R_wb
+  Vec3<T> D;                                 ///< R_wa^T (t_b - t_a)
+  double scale;                              ///< S = |D| + rho_a + rho_b + r_a + r_b, rounded up
+  T radius;                                  ///< r_a + r_b; exact in double-double
+  mutable CorePoints<T> points_a, points_b;  ///< those found of round cores, while the pair is looked at
 
   PlacedPair(const Piece& piece_a, const Mat3<T>& R_a, const Vec3d& t_a, const Piece& piece_b, const Mat3<T>& R_b,
              const Vec3d& t_b);
@@ -159,9 +181,9 @@ struct PlacedPair {
   double ball_error() const { return error(RoundingUnits<T>::kBall); }
 
   /// A vertex of the CSO A - B, a's axes.
-  Vec3<T> cso_vertex(std::uint32_t ia, std::uint32_t ib) const {
-    return cast<T>(a->vertices[ia]) - R * cast<T>(b->vertices[ib]) - D;
-  }
+  Vec3<T> cso_vertex(std::uint32_t ia, std::uint32_t ib) const { return points_a[ia] - R * points_b[ib] - D; }
+  /// Whether the points of one are known up to rounding only, and not all from the beginning.
+  bool is_round() const { return clearance::is_round(*a) || clearance::is_round(*b); }
 
  private:
   double error(double units) const;
@@ -188,6 +210,16 @@ struct Witness {
 /// the vertices' indices, not their `w`.
 template <class T>
 Witness certify_upper(const PlacedPair<T>& pair, const Simplex<T>& simplex);
+
+/// What the plane of a half-space says of another piece: along its normal the gap is the signed distance itself.
+struct PlaneBounds {
+  Interval bounds;  ///< of the signed distance
+  Witness nearest;  ///< of the two cores' signed distance; `upper` is bounds.upper
+};
+/// \param pair a is a half-space, b is none. \param signed_distance whether, of cores that overlap, the foot on the
+/// plane is asked for; if not it is a common point of both.
+template <class T>
+PlaneBounds certify_plane(const PlacedPair<T>& pair, bool signed_distance);
 
 /// A triangle of CSO vertices (indices into a list), a direction that it lies beyond, axes of a, and the triangles
 /// across its edges. Edge i goes from vertex i to the next; a half-edge is an edge of a face.

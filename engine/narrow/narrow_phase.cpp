@@ -6,7 +6,9 @@
 #include <optional>
 #include <span>
 #include <type_traits>
+#include <utility>
 
+#include "engine/hull/primitive.h"
 #include "engine/narrow/epa.h"
 #include "engine/narrow/overlap.h"
 #include "engine/narrow/pair_run.h"
@@ -28,8 +30,8 @@ class SupportedCso {
 
   CsoSupport<T> operator()(const Vec3<T>& v) const {
     if (meter_) meter_->spend(units_);
-    const SupportPoint<T> a = support(*pair_.a, -v);
-    const SupportPoint<T> b = support(*pair_.b, pair_.R.transpose_times(v));
+    const SupportPoint<T> a = pair_.points_a.farthest(-v);
+    const SupportPoint<T> b = pair_.points_b.farthest(pair_.R.transpose_times(v));
     return {vertex(a.index, b.index), -dot(v, pair_.D) - (a.value + b.value)};
   }
 
@@ -79,10 +81,7 @@ class Answer {
   void take_witness(const PlacedPair<T>& pair, const Simplex<T>& simplex) {
     const Witness w = certify_upper(pair, simplex);
     assert(!std::isnan(w.upper));
-    if (!(w.upper < answer_.bounds.upper)) return;
-    answer_.bounds.upper = w.upper;
-    witness_ = w;
-    if (!proof_) return;
+    if (!lower_upper(w.upper, w) || !proof_) return;
     proof_->upper_in_double_double = std::is_same_v<T, DoubleDouble>;
     proof_->vertices.clear();
     proof_->faces.clear();
@@ -91,15 +90,19 @@ class Answer {
       proof_->vertices.push_back({simplex.vertex[i].a, simplex.vertex[i].b, DoubleDouble(point.share[i])});
     if (simplex.size == 0) proof_->vertices.push_back({0, 0, 1});
   }
+  /// Returns whether it is lower than what was there.
+  bool lower_upper(double upper, const Witness& w) {
+    if (!(upper < answer_.bounds.upper)) return false;
+    answer_.bounds.upper = upper;
+    witness_ = w;
+    return true;
+  }
   /// An upper bound that has no witness of its own (a ball in the overlap): the nearest points of the surface stand for
   /// it.
   template <class T>
   void lower_upper(double upper, const Witness& w, std::span<const CsoVertex<T>> vertices,
                    std::span<const CsoFace<T>> faces) {
-    if (!(upper < answer_.bounds.upper)) return;
-    answer_.bounds.upper = upper;
-    witness_ = w;
-    if (!proof_) return;
+    if (!lower_upper(upper, w) || !proof_) return;
     proof_->upper_in_double_double = std::is_same_v<T, DoubleDouble>;
     proof_->vertices.clear();
     proof_->faces.clear();
@@ -241,7 +244,8 @@ void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> verti
       witness.length - ball > answer.tolerance(ball) + 2 * pair.upper_error())
     return;
   answer.mark_deep();
-  if (!answer.wants_depth() && !(witness.length <= 0.5 * pair.upper_error())) answer.keep_surface<T>(vertices, faces);
+  if (!answer.wants_depth() && !(witness.length <= 0.5 * pair.upper_error()) && !pair.is_round())
+    answer.keep_surface<T>(vertices, faces);
   answer.lower_upper(certify_overlap(*pair.a, *pair.b, ball), witness, vertices, faces);
 }
 
@@ -263,16 +267,21 @@ std::unique_ptr<PausedEpa<T>> take_paused(PausedPairPtr* paused) {
   return std::unique_ptr<PausedEpa<T>>(epa);
 }
 
+// Of the surface around the overlap of a round core, which no number of vertices makes exact: each step looks at all of
+// them. What they leave of the depth's interval is said by it.
+constexpr std::size_t kMostRoundVertices = 256;
+
 /// Throws WorkMeter::PairUnfinished. \param resumed what is left of the EPA that is to go on; null: it begins.
 template <class T>
 void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const NarrowLimits& limits, const Gjk<T>& g,
                      Answer& answer, std::unique_ptr<PausedEpa<T>> resumed, PausedPairPtr* paused) {
   EpaLimits e;
-  e.rel_tol = pair.radius > T(0) ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
+  e.rel_tol = pair.radius > T(0) && !pair.is_round() ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
   e.abs_tol = limits.abs_tol / 2;
   e.noise = 8 * Arithmetic<T>::kUnit * pair.scale;
   if (!limits.signed_distance)
     e.enough = 2 * pair.ball_error() + std::max(0.0, limits.overlap_by - static_cast<double>(pair.radius));
+  if (pair.is_round()) e.max_vertices = kMostRoundVertices;
   static thread_local Epa<T> epa;
   std::size_t steps = 0;  // one at least, however short the slice is
   const auto pause = [&](std::size_t vertices) { return cso.count_step(vertices) && paused && steps++ > 0; };
@@ -304,7 +313,7 @@ template <class T>
 Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedCso<T>& cso, const WarmSimplex& seed) {
   Simplex<T> start;
   for (int i = 0; i < seed.size && i < 3; ++i)
-    if (seed.a[i] < pair.a->vertices.size() && seed.b[i] < pair.b->vertices.size())
+    if (seed.a[i] < pair.points_a.size() && seed.b[i] < pair.points_b.size())
       start.vertex[start.size++] = cso.vertex(seed.a[i], seed.b[i]);
   return gjk<T>(cso, first_direction(cso.centre()), start, gjk_limits(limits, pair));
 }
@@ -358,15 +367,50 @@ Mat3<DoubleDouble> double_double_rotation(const PlacedPose& pose) {
   return rotation_of_double_double(pose.X_wb);
 }
 
+template <class T>
+void attempt_plane(const PlacedPair<T>& pair, Answer& answer) {
+  const PlaneBounds plane = certify_plane(pair, answer.wants_depth());
+  answer.mark_deep();  // its points lie along the normal, apart or not
+  answer.raise_lower(plane.bounds.lower, Vec3<T>{T(0), T(0), T(1)});
+  answer.lower_upper(plane.bounds.upper, plane.nearest);
+}
+
+// A half-space, a, and another piece: nothing has to be searched. Of two half-spaces nothing is proved.
+NarrowAnswer against_half_space(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
+                                const NarrowLimits& limits, bool in_fine) {
+  if (is_half_space(b)) return {};
+  Answer answer(limits, pose_a.R_wb, a.radius, b.radius);
+  if (!in_fine) attempt_plane(PlacedPair<double>(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w), answer);
+  if (in_fine || !answer.settled())
+    attempt_plane(PlacedPair<DoubleDouble>(a, double_double_rotation(pose_a), pose_a.t_w, b,
+                                           double_double_rotation(pose_b), pose_b.t_w),
+                  answer);
+  NarrowAnswer r = answer.finish();
+  r.rounding = rounding_of(a, pose_a, b, pose_b);
+  return r;
+}
+// The same whichever of them it is; none: neither is one.
+std::optional<NarrowAnswer> against_half_space(const Piece& a, const PlacedPose& pose_a, const Piece& b,
+                                               const PlacedPose& pose_b, bool in_fine, const NarrowLimits& limits) {
+  if (is_half_space(a)) return against_half_space(a, pose_a, b, pose_b, limits, in_fine);
+  if (!is_half_space(b)) return {};
+  NarrowAnswer r = against_half_space(b, pose_b, a, pose_a, limits, in_fine);
+  std::swap(r.point_a, r.point_b);
+  r.normal = -r.normal;
+  return r;
+}
+
 // narrow_phase() with an answer that is empty yet.
 NarrowAnswer narrow_down(Answer answer, const Piece& a, const PlacedPose& pose_a, const Piece& b,
                          const PlacedPose& pose_b, const NarrowLimits& limits, WarmSimplex* warm,
                          const Gjk<double>* done, WorkMeter* meter, PausedPairPtr* paused) {
   const bool in_fine = paused && dynamic_cast<PausedEpa<DoubleDouble>*>(paused->get());
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
+  if (pair.is_round()) paused = nullptr;  // what a paused run has found would be lost
   WarmSimplex seed = warm ? *warm : WarmSimplex{};
   if (!in_fine) {
     seed = remember(attempt(pair, limits, seed, answer, meter, paused, done));
+    if (pair.is_round()) seed = {};  // points that only this attempt has found
     if (warm) *warm = seed;
   }
   if (in_fine || !answer.settled()) {
@@ -392,6 +436,7 @@ NarrowAnswer narrow_down(Answer answer, const Piece& a, const PlacedPose& pose_a
 NarrowAnswer narrow_phase(const Piece& a, const PlacedPose& pose_a, const Piece& b, const PlacedPose& pose_b,
                           const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done, WorkMeter* meter,
                           std::unique_ptr<PausedPair>* paused) {
+  if (const auto plane = against_half_space(a, pose_a, b, pose_b, false, limits)) return *plane;
   return narrow_down(Answer(limits, pose_a.R_wb, a.radius, b.radius), a, pose_a, b, pose_b, limits, warm, done, meter,
                      paused);
 }
@@ -429,6 +474,10 @@ NarrowAnswer narrow_phase_reference(const Piece& a, const PlacedPose& pose_a, co
   NarrowLimits whole = limits;
   whole.max_distance = kInf;
   whole.enough = -kInf;
+  if (auto plane = against_half_space(a, pose_a, b, pose_b, true, whole)) {
+    plane->beyond = plane->bounds.lower > limits.max_distance;
+    return *plane;
+  }
   Answer answer(whole, pose_a.R_wb, a.radius, b.radius);
   const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
                                       pose_b.t_w);

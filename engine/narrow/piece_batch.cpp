@@ -24,7 +24,8 @@ std::uint32_t PieceBatch::kind_of(const PieceTask& task) {
     std::uint32_t& slot = kind_slots_[h & (kind_slots_.size() - 1)];
     if (slot == kFree) {
       slot = static_cast<std::uint32_t>(kinds_.size());
-      kinds_.push_back({task.a, task.b, 0, 0, options_.f32 && fits_f32(*task.a, *task.b)});
+      const bool in_lanes = fit_lanes(task);
+      kinds_.push_back({task.a, task.b, 0, 0, in_lanes, in_lanes && options_.f32 && fits_f32(*task.a, *task.b)});
       return slot;
     }
     if (kinds_[slot].a == task.a && kinds_[slot].b == task.b) return slot;
@@ -45,10 +46,10 @@ void PieceBatch::deal() {
   const std::span<const PieceTask> tasks = tasks_;
   order_.clear();
   groups_.clear();
-  if (!options_.lanes || options_.reference) {
-    groups_.push_back({0, tasks.size(), false, false, false});
-    return;
-  }
+  const auto add_group_alone = [&](std::size_t begin, std::size_t end) {
+    if (begin < end) groups_.push_back({begin, end, false, false, false});
+  };
+  if (!options_.lanes || options_.reference) return add_group_alone(0, tasks.size());
   const auto lanes = static_cast<std::size_t>(options_.lanes->lanes);
   // In float32 also the few: an answer's bits must not depend on how many are asked for.
   const auto add_group = [&](std::size_t begin, std::size_t end, bool same_hulls, bool f32) {
@@ -59,6 +60,7 @@ void PieceBatch::deal() {
   };
   const PieceTask& first = tasks[0];
   if (std::all_of(tasks.begin(), tasks.end(), [&](const PieceTask& t) { return t.a == first.a && t.b == first.b; })) {
+    if (!fit_lanes(first)) return add_group_alone(0, tasks.size());
     add_group(0, tasks.size(), true, options_.f32 && fits_f32(*first.a, *first.b));
     return;
   }
@@ -70,17 +72,20 @@ void PieceBatch::deal() {
     kind_of_task_.push_back(kind_of(task));
     ++kinds_[kind_of_task_.back()].count;
   }
-  // Kinds that fill the lanes first; then those of few tasks, in float32 and in float64.
+  // Kinds that fill the lanes first; then those of few tasks, in float32 and in float64; then what lanes do not know.
   std::uint32_t next = 0;
-  for (const int part : {0, 1, 2}) {
+  for (const int part : {0, 1, 2, 3}) {
     const std::uint32_t begin = next;
     for (Kind& kind : kinds_) {
-      if ((kind.count >= lanes ? 0 : kind.f32 ? 1 : 2) != part) continue;
+      if ((!kind.in_lanes ? 3 : kind.count >= lanes ? 0 : kind.f32 ? 1 : 2) != part) continue;
       kind.begin = next;
       next += kind.count;
       if (part == 0) add_group(kind.begin, next, true, kind.f32);
     }
-    if (part > 0) add_group(begin, next, false, part == 1);
+    if (part == 3)
+      add_group_alone(begin, next);
+    else if (part > 0)
+      add_group(begin, next, false, part == 1);
   }
   assert(next == tasks.size());
   order_.resize(tasks.size());

@@ -99,13 +99,14 @@ class PieceBatch {
   struct Kind {  // of tasks: the same two pieces
     const Piece *a, *b;
     std::uint32_t count, begin;
-    bool f32;
+    bool in_lanes, f32;
   };
   std::size_t at(std::size_t i) const { return order_.empty() ? i : order_[i]; }
   std::uint32_t kind_of(const PieceTask& task);
   void deal();
   void run_group(const Group& group, WorkMeter& meter);
   void settle_in_f64(const LaneBatch& all);
+  static bool fit_lanes(const PieceTask& task) { return !task.a->primitive && !task.b->primitive; }
   static bool is_possible(const LaneAnswer& lane) { return Interval{lane.lower, lane.upper}.is_possible(); }
   NarrowLimits limits_of(const PieceTask& task) const;
   NarrowAnswer answer_alone(const PieceTask& task, const Gjk<double>* done, WorkMeter& meter);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
 #include "engine/narrow/lanes.h"
 
@@ -70,6 +71,23 @@ CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, cons
   }
   c.edge = R * c.edge;
   return c;
+}
+
+/// Of a half-space's face, a cone's base or its side.
+inline Contact contact_of_primitive(const Primitive& primitive, const Mat3d& R, const Vec3d& n_w) {
+  if (primitive.kind == Primitive::Kind::kHalfSpace) return {2, {0, 0, 0}};
+  if (primitive.kind == Primitive::Kind::kEllipsoid) return {};
+  const Vec3d n = R.transpose_times(n_w), &size = primitive.size;
+  const double across = std::hypot(n.x, n.y), tolerance = 1e-9 * std::hypot(size.x, size.z);
+  if (n.z < 0 && size.x * across <= tolerance) return {2, {0, 0, 0}};
+  if (!(std::abs(2 * size.z * n.z - size.x * across) <= tolerance)) return {};
+  const Vec3d side{-size.x * n.x / across, -size.x * n.y / across, 2 * size.z};
+  return {1, R * side * (1 / norm(side))};
+}
+/// A core in closed form knows without a look at vertices.
+inline Contact contact_along(const Piece& piece, const Mat3d& R, const Vec3d& n_w) {
+  if (piece.primitive) return contact_of_primitive(*piece.primitive, R, n_w);
+  return contact_along<Piece>(piece, R, n_w);
 }
 
 /// Whether the nearest points of two separated pieces are not unique: both touch the supporting planes normal to n in

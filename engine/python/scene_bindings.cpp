@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "client/python/bindings/columns.h"
+#include "engine/scene/body_ball.h"
 #include "engine/scene/scene.h"
 #include "engine/surface/surface.h"
 
@@ -62,12 +63,8 @@ nb::list bodies(const Scene& scene) {
   nb::list list;
   for (const Body& b : scene.bodies()) {
     std::uint64_t vertices = 0;
-    double extent = 0;
-    for (const PiecePtr& piece : b.pieces) {
-      vertices += piece->vertices.size();
-      extent = std::max(extent, piece->rho + piece->radius);
-    }
-    list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent,
+    for (const PiecePtr& piece : b.pieces) vertices += piece->vertices.size();
+    list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent_of(b),
                                b.hull_excess, b.empty_share, triangle_count(b), is_solid(b), b.model_inner,
                                b.uncertainty.position, b.uncertainty.angle, b.padding, b.max_speed));
   }
@@ -149,6 +146,28 @@ void bind_shapes(nb::class_<Scene>& scene) {
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
           nb::arg("pose").none(), nb::arg("doubts"))
+      .def(
+          "add_cone",
+          [](Scene& s, const std::string& name, double radius, double length, double grown, const Parent& parent,
+             bool fixed, const P& pose, const Doubts& doubts) {
+            return s.add_cone(name, radius, length, options(grown, parent, fixed, pose, doubts));
+          },
+          nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
+          nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+      .def(
+          "add_ellipsoid",
+          [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
+             bool fixed, const P& pose, const Doubts& doubts) {
+            return s.add_ellipsoid(name, {x, y, z}, options(radius, parent, fixed, pose, doubts));
+          },
+          nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
+          nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+      .def(
+          "add_half_space",
+          [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
+             const Doubts& doubts) { return s.add_half_space(name, options(radius, parent, fixed, pose, doubts)); },
+          nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
+          nb::arg("doubts"))
       .def(
           "add_cylinder",
           [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,

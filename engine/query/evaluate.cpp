@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "engine/hull/primitive.h"
 #include "engine/narrow/group.h"
 #include "engine/narrow/witness.h"
 
@@ -203,12 +204,14 @@ void Evaluator::take_in(WorkMeter& meter) {
     if (answer_without_pieces(scene_, pairs_[i], options_, answers_[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
-    if (a.size() == 1 && b.size() == 1 && !a[0]->surface && !b[0]->surface) {
+    // What a half-space sees of a body is the body's hull.
+    const bool by_hulls = is_half_space(*a[0]) || is_half_space(*b[0]);
+    if (a.size() == 1 && b.size() == 1 && (by_hulls || (!a[0]->surface && !b[0]->surface))) {
       const Slack slack = pair_slack(placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,
                         slack.cut_off(pairs_[i].max_distance), i, pairs_[i].warm, slack.outer,
                         enough(pairs_[i], slack)});
-    } else if (has_surface(scene_.bodies()[pair.a]) || has_surface(scene_.bodies()[pair.b])) {
+    } else if (!by_hulls && (has_surface(scene_.bodies()[pair.a]) || has_surface(scene_.bodies()[pair.b]))) {
       if (elements++ == kMostElementSearches) break;
       begin_element_search(pairs_[i], i);
     } else {

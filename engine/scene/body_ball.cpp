@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/hull/primitive.h"
+
 namespace clearance {
 
 LinkBall ball_around(const Body& body) {
@@ -20,6 +22,13 @@ LinkBall ball_around(const Body& body) {
     ball.radius = std::max(ball.radius, norm(piece->centre - ball.centre) + piece->spread + piece->radius);
   ball.radius = (ball.radius + std::max(body.model_error, body.model_inner)) * kUp;
   return ball;
+}
+
+double extent_of(const Body& body) {
+  double extent = 0;
+  for (const PiecePtr& piece : body.pieces)
+    extent = std::max(extent, is_half_space(*piece) ? HUGE_VAL : piece->rho + piece->radius);
+  return extent;
 }
 
 }  // namespace clearance

@@ -23,6 +23,29 @@ std::shared_ptr<const DisplayMesh> display_of(const Shape& shape) {
   return display;
 }
 
+// What is shown of a round core: points of its surface.
+Shape picture_of(const Primitive& round) {
+  constexpr int kResolution = 16;
+  const Vec3d& size = round.size;
+  if (round.kind == Primitive::Kind::kEllipsoid) {
+    Shape picture = make_uv_sphere(1, kResolution);
+    for (Vec3d& v : picture.vertices) v = {v.x * size.x, v.y * size.y, v.z * size.z};
+    return picture;
+  }
+  constexpr std::uint32_t kAround = 2 * kResolution;
+  Shape cone;
+  cone.vertices = {{0, 0, size.z}, {0, 0, -size.z}};
+  for (std::uint32_t j = 0; j < kAround; ++j) {
+    double sine, cosine;
+    sin_cos_pi(2 * j, kAround, &sine, &cosine);
+    cone.vertices.push_back({size.x * cosine, size.x * sine, -size.z});
+    const std::uint32_t here = 2 + j, next = 2 + (j + 1) % kAround;
+    cone.triangles.push_back({0, here, next});
+    cone.triangles.push_back({1, next, here});
+  }
+  return cone;
+}
+
 // One product's: nothing where it is exact, as with powers of two.
 double rounding_of_product(double a, double b, double product) {
   constexpr double kNoRemainderBelow = 0x1p-960;  // there the remainder might underflow
@@ -152,6 +175,18 @@ Geometry geometry_of_shape(const Shape& shape, double radius, const std::string&
   out.model_error = shape.model_error;
   out.source = source;
   return out;
+}
+
+Geometry geometry_of_primitive(const Primitive& primitive, double radius, const std::string& source) {
+  Geometry out;
+  out.pieces = {make_primitive_piece(primitive, radius)};
+  if (primitive.kind != Primitive::Kind::kHalfSpace) out.display = display_of(picture_of(primitive));
+  out.source = source;
+  return out;
+}
+
+Primitive cone_of(double radius, double length) {
+  return {Primitive::Kind::kCone, {radius, radius, 0.5 * length}};
 }
 
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {

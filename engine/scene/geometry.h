@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/hull/primitive.h"
 #include "engine/hull/shapes.h"
 #include "engine/mesh/mesh.h"
 #include "engine/scene/scene.h"
@@ -23,6 +24,9 @@ struct Geometry {
 
 /// \param radius grows the pieces; added to that of the shape. All throw std::invalid_argument for bad numbers.
 Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source);
+Geometry geometry_of_primitive(const Primitive& primitive, double radius, const std::string& source);
+/// The primitive of a cone of this radius and length.
+Primitive cone_of(double radius, double length);
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
 /// The hull of a surface's vertices, which stands for it, grown by a radius. Throws std::invalid_argument as Surface
 /// and make_piece() do. \param loaded_vertices of the mesh; 0: those given

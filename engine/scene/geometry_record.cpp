@@ -5,6 +5,7 @@
 #include <type_traits>
 
 #include "engine/hull/direction_table.h"
+#include "engine/hull/primitive.h"
 #include "engine/scene/mesh_geometry.h"
 #include "engine/surface/surface.h"
 
@@ -92,7 +93,7 @@ std::vector<T> get_list(Reader& in, const std::vector<T>* displayed) {
   return *displayed;
 }
 
-enum class Truth : std::uint64_t { kPiece, kSurface, kSolid };
+enum class Truth : std::uint64_t { kPiece, kSurface, kSolid, kPrimitive };
 
 // What the piece stands for: vertices and triangles, of which the rest is made anew.
 void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display) {
@@ -111,6 +112,11 @@ PiecePtr get_surface_piece(Reader& in, Truth truth, double radius, std::uint64_t
 void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tables tables) {
   out.add(piece.radius);
   out.add(piece.loaded_vertices);
+  if (piece.primitive) {
+    out.add(Truth::kPrimitive);
+    out.add(static_cast<std::uint64_t>(piece.primitive->kind));
+    return out.add(piece.primitive->size);
+  }
   add_surface(out, piece.surface.get(), display);
   if (piece.surface) return;  // its hull is made anew with it: nothing else says that it is around it
   out.add(piece.digest);
@@ -123,11 +129,21 @@ void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tabl
   out.add(piece.table->lists);
 }
 
+PiecePtr get_primitive(Reader& in, double radius) {
+  const auto kind = in.get<std::uint64_t>();
+  const auto size = in.get<Vec3d>();
+  if (kind < static_cast<std::uint64_t>(Primitive::Kind::kHalfSpace) ||
+      kind > static_cast<std::uint64_t>(Primitive::Kind::kEllipsoid))
+    throw Damaged();
+  return make_primitive_piece({static_cast<Primitive::Kind>(kind), size}, radius);
+}
+
 PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
   const auto loaded = in.get<std::uint64_t>();
   const auto truth = in.get<Truth>();
-  if (truth > Truth::kSolid) throw Damaged();
+  if (truth > Truth::kPrimitive) throw Damaged();
+  if (truth == Truth::kPrimitive) return get_primitive(in, radius);
   if (truth != Truth::kPiece) return get_surface_piece(in, truth, radius, loaded, display);
   const auto digest = in.get<std::uint64_t>();
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);

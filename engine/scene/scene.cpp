@@ -10,6 +10,7 @@
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
 #include "engine/base/slack.h"
+#include "engine/hull/primitive.h"
 #include "engine/hull/shapes.h"
 #include "engine/mesh/mesh.h"
 #include "engine/scene/geometry.h"
@@ -88,6 +89,25 @@ void check_doubts(const Body& body) {
     throw SceneError(who + "uncertainty.angle: expected 0 to 3.2 radians, got " + number(angle));
   if (!(body.max_speed >= 0 && body.max_speed <= kMaxCoordinate))
     throw SceneError(who + "max_speed: expected a number of metres a second >= 0, got " + number(body.max_speed));
+}
+
+constexpr const char* kPlaneStands = "a half_space follows no body: it stands where its pose says";
+
+bool is_plane(const Body& body) {
+  return std::any_of(body.pieces.begin(), body.pieces.end(), [](const PiecePtr& p) { return is_half_space(*p); });
+}
+
+// A half-space has points at any distance, which the least turn moves by any length: it stays as its pose says,
+// exactly.
+void settle_half_space(Body& body) {
+  if (!is_plane(body)) return;
+  const std::string who = "body " + in_quotes(body.name) + ": ";
+  if (body.pieces.size() > 1) throw SceneError(who + "a half_space is a body of its own, and no piece of another");
+  if (body.parent != kNone) throw SceneError(who + "parent: " + kPlaneStands);
+  if (body.uncertainty.angle > 0)
+    throw SceneError(who +
+                     "uncertainty.angle: expected 0, since a turn moves a half_space by any length, far enough out");
+  body.is_static = true;
 }
 
 constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recognised before their hulls are made
@@ -228,6 +248,29 @@ std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double
   return add_shape(name, make_cylinder(radius, length), "cylinder", options);
 }
 
+std::uint32_t Scene::add_cone(const std::string& name, double radius, double length, const BodyOptions& options) {
+  const FpEnvironment environment;
+  check_positive(name, "cone radius", radius);
+  check_positive(name, "cone length", length);
+  return add_geometry(name, options,
+                      [&] { return geometry_of_primitive(cone_of(radius, length), options.radius, "cone"); });
+}
+
+std::uint32_t Scene::add_ellipsoid(const std::string& name, Vec3d radii, const BodyOptions& options) {
+  const FpEnvironment environment;
+  for (int k = 0; k < 3; ++k) check_positive(name, "ellipsoid half axis", radii[k]);
+  return add_geometry(name, options, [&] {
+    return geometry_of_primitive({Primitive::Kind::kEllipsoid, radii}, options.radius, "ellipsoid");
+  });
+}
+
+std::uint32_t Scene::add_half_space(const std::string& name, const BodyOptions& options) {
+  const FpEnvironment environment;
+  return add_geometry(name, options, [&] {
+    return geometry_of_primitive({Primitive::Kind::kHalfSpace, {0, 0, 0}}, options.radius, "half_space");
+  });
+}
+
 void Scene::check_free(const std::string& name, const char* what) const {
   check_name(name, what);
   if (body_ids_.count(name))
@@ -258,7 +301,7 @@ PiecePtr Scene::shared_piece(const PiecePtr& piece) {
     if (known.radius == piece->radius && known.loaded_vertices == piece->loaded_vertices &&
         std::equal(known.vertices.begin(), known.vertices.end(), piece->vertices.begin(), piece->vertices.end(),
                    same) &&
-        same_truth(known, *piece))
+        same_truth(known, *piece) && same_primitive(known, *piece))
       return it->second;
   }
   pieces_.emplace(piece->digest, piece);
@@ -304,6 +347,7 @@ std::uint32_t Scene::insert_body(Body body) {
   if (!(body.model_inner >= 0 && body.model_inner <= kMaxCoordinate))
     throw SceneError(who + "model_inner: expected a number of metres >= 0, got " + number(body.model_inner));
   check_doubts(body);
+  settle_half_space(body);
   if (body.is_live) check_may_be_live(body);
   const std::uint32_t parent = body.parent;
   body.parent = kNone;
@@ -328,6 +372,7 @@ void Scene::set_parent(const std::string& child, const std::string& parent) {
   const std::string who = "body " + in_quotes(child) + ": ";
   if (p == kNone) throw SceneError(who + "parent: there is no body " + in_quotes(parent));
   if (bodies_[c].robot != kNone) throw SceneError(who + "parent: " + placed_by_joints(bodies_[c]));
+  if (is_plane(bodies_[c])) throw SceneError(who + "parent: " + kPlaneStands);
   if (bodies_[c].is_static && !bodies_[p].is_static)
     throw SceneError(who + "a static body cannot follow the movable body " + in_quotes(parent));
   for (std::uint32_t above = p; above != kNone; above = bodies_[above].parent)

@@ -124,6 +124,12 @@ class Scene {
                             const BodyOptions& options);  ///< along z; length between the centres of its caps
   std::uint32_t add_cylinder(const std::string& name, double radius, double length,
                              const BodyOptions& options);  ///< along z; a circumscribed prism
+  /// Along z and about the origin: a disc at -length / 2, the apex at length / 2.
+  std::uint32_t add_cone(const std::string& name, double radius, double length, const BodyOptions& options);
+  std::uint32_t add_ellipsoid(const std::string& name, Vec3d radii, const BodyOptions& options);  ///< half axes
+  /// The half-space z <= 0 of its own frame: static, whatever the options say, and its child of nobody. Its place must
+  /// be known but for a position: no uncertainty of angle.
+  std::uint32_t add_half_space(const std::string& name, const BodyOptions& options);
   /// Ready-made pieces, that are grown by the body's padding and by the uncertainty of its position, unless they are
   /// already, as in a body of another scene.
   std::uint32_t add_body(Body body);

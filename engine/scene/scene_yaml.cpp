@@ -76,9 +76,9 @@ class SceneReader {
   void read_body(const YamlValue& value) {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
     if (const auto robot = value.find("robot")) return read_place(value, *robot);
-    value.check_keys({"name", "mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "geometry",
-                      "scale", "convexify", "radius", "static", "live", "pose", "parent", "uncertainty", "padding",
-                      "max_speed"});
+    value.check_keys({"name",       "mesh",   "box",       "sphere",      "capsule", "cylinder",  "cone",   "ellipsoid",
+                      "half_space", "points", "uv_sphere", "geometry",    "scale",   "convexify", "radius", "static",
+                      "live",       "pose",   "parent",    "uncertainty", "padding", "max_speed"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};
@@ -113,8 +113,8 @@ class SceneReader {
     if (!box) value.fail("expected the key \"box\"");
     const std::int64_t n = count->integer(1, kMaxBodies);
     shape->map("a shape, such as {sphere: 0.1}");
-    shape->check_keys(
-        {"mesh", "box", "sphere", "capsule", "cylinder", "points", "uv_sphere", "scale", "convexify", "radius"});
+    shape->check_keys({"mesh", "box", "sphere", "capsule", "cylinder", "cone", "ellipsoid", "points", "uv_sphere",
+                       "scale", "convexify", "radius"});
     const std::size_t geometry = read_geometry(*shape);
     const Vec3d size = read_box(*box);
     std::uint64_t seed = 0;
@@ -157,10 +157,26 @@ class SceneReader {
     return {x[0].positive(), zero_length ? x[1].not_negative() : x[1].positive()};
   }
 
+  // None: the key stands for something else.
+  static std::optional<Primitive> read_primitive(const std::string& kind, const YamlValue& value) {
+    if (kind == "cone") {
+      const auto [r, length] = read_round(value, false);
+      return cone_of(r, length);
+    }
+    if (kind == "ellipsoid") {
+      if (!value.is_list() || value.size() != 3) value.fail_expected("3 half axes [x, y, z]");
+      const std::vector<YamlValue> x = value.list("");
+      return Primitive{Primitive::Kind::kEllipsoid, {x[0].positive(), x[1].positive(), x[2].positive()}};
+    }
+    if (kind != "half_space") return {};
+    if (!value.boolean()) value.fail_expected("true");
+    return Primitive{Primitive::Kind::kHalfSpace, {0, 0, 0}};
+  }
+
   // The one geometry that a body or a random shape names. Returns the index of its plan.
   std::size_t read_geometry(const YamlValue& value) {
-    constexpr const char* kKinds[] = {"mesh",     "box",    "sphere",    "capsule",
-                                      "cylinder", "points", "uv_sphere", "geometry"};
+    constexpr const char* kKinds[] = {"mesh",      "box",        "sphere", "capsule",   "cylinder", "cone",
+                                      "ellipsoid", "half_space", "points", "uv_sphere", "geometry"};
     std::unique_ptr<YamlValue> found;
     std::string kind;
     for (const char* k : kKinds)
@@ -169,7 +185,10 @@ class SceneReader {
         found = std::move(here);
         kind = k;
       }
-    if (!found) value.fail("expected one of the keys mesh, box, sphere, capsule, cylinder, points, uv_sphere");
+    if (!found)
+      value.fail(
+          "expected one of the keys mesh, box, sphere, capsule, cylinder, cone, ellipsoid, half_space, points, "
+          "uv_sphere");
     double radius = 0;
     if (const auto r = value.find("radius")) {
       if (kind == "geometry") r->fail("a geometry's pieces have their radius already");
@@ -203,6 +222,9 @@ class SceneReader {
         return capsule ? make_capsule(r, length) : make_cylinder(r, length);
       });
     }
+    if (const auto p = read_primitive(kind, *found))
+      return plan(kind + " " + exact(p->size.x) + exact(p->size.y) + exact(p->size.z) + " +" + exact(radius), *found,
+                  [p = *p, radius, kind] { return geometry_of_primitive(p, radius, kind); });
     if (kind == "uv_sphere") {
       found->map("{radius: ..., resolution: ...}");
       found->check_keys({"radius", "resolution"});

@@ -123,6 +123,9 @@ Scene everything(const TemporaryFolder& folder) {
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0.1, 0.1, 0.1}};
   const std::vector<Triangle> skin{{0, 1, 4}, {1, 2, 4}, {2, 3, 4}};
   scene.add_mesh("open", corners, skin, Convexify::kSurface, {.radius = 0.01, .pose = Pose{{2, 2, 2}}, .padding = 0.1});
+  scene.add_half_space("floor", {.pose = Pose{{0, 0, -3}, 1, 0.1, 0, 0}, .uncertainty = {0.01, 0}, .padding = 0.02});
+  scene.add_cone("cone", 0.1, 0.4, {.pose = Pose{{-1.5, 0, 0.2}}, .padding = 0.01});
+  scene.add_ellipsoid("egg", {0.1, 0.2, 0.3}, {.radius = 0.03, .pose = Pose{{-1.5, 1, 0.2}, 1, 2, 3, 4}});
   scene.add_box("nowhere", {1, 2, 3}, {.max_speed = 0.5});  // without a pose, whose age would be in answers
   const std::vector<std::string> members{"round", "arm/palm"};
   scene.add_group("some", members);

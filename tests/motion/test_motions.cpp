@@ -309,5 +309,33 @@ TEST(Motions, NoPoseAndBadPositionsAreSaid) {
   }
 }
 
+// Planes along the axes and across, which reach to any distance: what moves above them is proved like before any body.
+TEST(Motions, EdgesOfAnArmHoldAboveHalfSpaces) {
+  Scene scene = arm_scene(at_home());
+  const std::vector<std::uint32_t> planes{
+      scene.add_half_space("floor", {.pose = Pose{{0, 0, -0.05}}}),
+      scene.add_half_space("wall", {.pose = Pose{{-0.6, 0, 0}, 0.9, 0.1, 0.8, 0.05}})};
+  Motions motions = random_edges(scene, joints_of(scene, "arm"), 40, 0.6, 3);
+  for (const std::uint32_t plane : planes)
+    for (const char* link : {"upper", "wrist", "palm", "flange", "left_finger"})
+      motions.pairs.push_back({plane, scene.find_body(std::string("arm/") + link)});
+  const Engine engine = engine_of(std::move(scene));
+  const Answer any = ask(engine, motions.view(Reduce::kAny, 4096)), min = ask(engine, motions.view(Reduce::kMin, 4096));
+  int free = 0, hits = 0;
+  for (std::uint32_t i = 0; i < motions.count(); ++i) {
+    const Samples samples(motions, i, 100u);
+    const Answer at = ask(engine, samples.view(motions, Reduce::kMin));
+    const double nearest = *std::min_element(at.view.upper, at.view.upper + samples.count);
+    EXPECT_LE(min.view.lower[i], nearest + kRounding);
+    EXPECT_LE(min.view.upper[i] - min.view.lower[i], 1.001e-3);
+    const auto status = static_cast<Status>(any.view.status[i]);
+    if (status == Status::kBeyond) EXPECT_GT(nearest, 0);
+    free += status == Status::kBeyond;
+    hits += status == Status::kOverlap;
+  }
+  EXPECT_GT(free, 10);
+  EXPECT_GT(hits, 3);
+}
+
 }  // namespace
 }  // namespace clearance::test

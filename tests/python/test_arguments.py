@@ -112,7 +112,7 @@ CLIENT: dict[str, tuple[dict, dict]] = {
         "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO,
         "convexify": [*WORDS, "solid"],
         "mesh": [3, "m", [1], ([[0, 0, 0]],), ([[0, 0, 0]], [[0.5, 1, 2]]), ([["0", 0, 0]], [[0, 0, 0]])],
-        **DOUBTS}),
+        "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, **DOUBTS}),
     "remove_body": ({}, {"name": TEXTS}),
     "ping": ({}, {"payload": ["text", 3, None, [1]]}),
 }  # fmt: skip
@@ -133,6 +133,11 @@ SCENE = {
                     {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY, **DOUBTS}),
     "add_cylinder": ({"name": "x", "radius": 1, "length": 1},
                      {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY, **DOUBTS}),
+    "add_cone": ({"name": "x", "radius": 1, "length": 1},
+                 {"name": TEXTS, "radius": NUMBERS, "length": NUMBERS, **OF_A_BODY, **DOUBTS}),
+    "add_ellipsoid": ({"name": "x", "radii": [1, 1, 1]},
+                      {"name": TEXTS, "radii": SIZES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
+    "add_half_space": ({"name": "x"}, {"name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_robot": ({"name": "x", "urdf": "x.urdf"}, {
         "name": TEXTS, "urdf": [*PATHS, None], "srdf": PATHS, "base": POSE, "parent": BODIES, "static": BOOLS,
         "packages": [3, "p", {3: "x"}, {"p": 3}, ["p"]], "geometry": WORDS,
@@ -170,7 +175,7 @@ def complaints(call, right, arguments, leave_out=()):
     assert set(arguments) == parameters, "an argument is missing from the table"
     for argument, bad in arguments.items():
         fixed = {name: value for name, value in right.items() if name != argument}
-        if argument in ("vertices", "mesh", "box", "capsule", "cylinder"):
+        if argument in ("vertices", "mesh", "box", "capsule", "cylinder", "cone", "ellipsoid"):
             fixed.pop("sphere", None)
         if argument == "bodies" and "configurations" in arguments:
             fixed.update(_ONE)

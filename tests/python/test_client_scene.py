@@ -54,7 +54,8 @@ def test_bodies_come_and_go(start_daemon, cell, tmp_path):
         assert client.distances(pairs=("mug", "wall")).distance[0, 0] == pytest.approx(2.4)
         client.add_body("tip", np.zeros((1, 3)), radius=0.5, pose=at(0, 0, 3))
         assert client.distances(pairs=("tip", "gripper")).distance[0, 0] == pytest.approx(np.sqrt(10) - 0.6)
-        for shape in ({"sphere": 0.1}, {"capsule": (0.1, 0.5)}, {"cylinder": (0.1, 0.5)}):
+        two = [{shape: (0.1, 0.5)} for shape in ("capsule", "cylinder", "cone")]
+        for shape in ({"sphere": 0.1}, *two, {"ellipsoid": (0.1, 0.2, 0.3)}, {"half_space": True}):
             client.add_body("part", **shape)
             client.remove_body("part")
 
@@ -62,9 +63,7 @@ def test_bodies_come_and_go(start_daemon, cell, tmp_path):
             client.add_body("mug", sphere=1.0)
         with pytest.raises(clearance.QueryError, match="is the scene file's"):
             client.remove_body("wall")
-        with pytest.raises(
-            ValueError, match="expected one of vertices, mesh, box, sphere, capsule, cylinder, got none"
-        ):
+        with pytest.raises(ValueError, match="capsule, cylinder, cone, ellipsoid, half_space, got none"):
             client.add_body("thing")
         with pytest.raises(ValueError, match=r"box: expected three numbers, got \[1, 2\]"):
             client.add_body("thing", box=[1, 2])

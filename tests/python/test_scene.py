@@ -106,6 +106,30 @@ def test_a_cylinder_publishes_its_model_error():
     assert 0 < scene.bodies[0].model_error < 0.01
 
 
+def test_primitives_are_exact():
+    scene = clearance.Scene()
+    scene.add_half_space("floor", pose=[0, 0, -1, 1, 0, 0, 0])
+    scene.add_cone("cone", 0.5, 2.0, pose=[0, 0, 1, 1, 0, 0, 0])
+    scene.add_ellipsoid("egg", (1.0, 2.0, 0.5), pose=[0, 0, 4, 1, 0, 0, 0])
+    scene.add_body("grown", ellipsoid=(1.0, 2.0, 0.5), radius=0.25, pose=[4, 0, 4, 1, 0, 0, 0])
+    scene.add_body("blunt", cone=(0.5, 2.0), radius=0.25, pose=[4, 0, 1, 1, 0, 0, 0])
+    floor, cone = scene.bodies[0], scene.bodies[1]
+    assert floor.is_static and floor.extent == np.inf
+    assert cone.extent == pytest.approx(np.hypot(0.5, 1.0)) and cone.model_error == 0
+    engine = clearance.Engine(scene)
+    exact = {("floor", "cone"): 1.0, ("floor", "egg"): 4.5, ("cone", "egg"): 1.5}
+    exact.update({("floor", "grown"): 4.25, ("floor", "blunt"): 0.75, ("egg", "grown"): 4 - 2.25})
+    for pair, distance in exact.items():
+        r = engine.distances(pairs=pair, rel_tol=1e-9)
+        assert r.lower[0, 0] <= distance <= r.upper[0, 0] and r.status[0, 0] == clearance.Status.OK, pair
+    assert engine.distances(pairs=("cone", "egg"), rel_tol=1e-9).normal[0, 0] == pytest.approx([0, 0, 1])
+    engine.set_poses({"egg": [0, 0, -0.75, 1, 0, 0, 0]})
+    r = engine.distances(pairs=("floor", "egg"), signed=True)
+    assert r.lower[0, 0] <= -0.25 <= r.upper[0, 0] and r.status[0, 0] == clearance.Status.OVERLAP
+    with pytest.raises(clearance.SceneError, match="follows no body"):
+        scene.add_half_space("wall", parent="cone")
+
+
 def test_what_is_not_known_of_a_body_widens_its_intervals():
     scene = clearance.Scene()
     scene.add_box("wall", (1, 1, 1), pose=[0, 0, 0, 1, 0, 0, 0], static=True)

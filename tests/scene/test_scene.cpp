@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "engine/engine.h"
+#include "engine/hull/primitive.h"
 #include "engine/scene/scene.h"
 #include "error_text.h"
 #include "mesh_files.h"
@@ -43,6 +44,52 @@ TEST(Scene, BodiesHaveIdsInOrderOfArrival) {
   EXPECT_EQ(bodies[5].pieces[0]->vertices.size(), 4u);  // exact duplicates merged, also -0
   EXPECT_EQ(bodies[5].pieces[0]->loaded_vertices, 6u);
   EXPECT_FALSE(bodies[0].pose.has_value());
+}
+
+TEST(Scene, PrimitivesArePiecesOfTheirOwn) {
+  Scene scene;
+  scene.add_cone("cone", 0.5, 2, {});
+  scene.add_ellipsoid("egg", {1, 2, 3}, {.radius = 0.25});
+  scene.add_ellipsoid("same", {1, 2, 3}, {.radius = 0.25});
+  scene.add_ellipsoid("other", {1, 2, 4}, {.radius = 0.25});
+  scene.add_cone("padded", 0.5, 2, {.padding = 0.5});
+  const auto& bodies = scene.bodies();
+  EXPECT_EQ(bodies[1].pieces[0], bodies[2].pieces[0]);
+  EXPECT_NE(bodies[1].pieces[0], bodies[3].pieces[0]);
+  EXPECT_NE(bodies[1].pieces[0]->digest, bodies[3].pieces[0]->digest);
+  EXPECT_NE(bodies[0].pieces[0]->digest, bodies[4].pieces[0]->digest);
+  EXPECT_TRUE(same_primitive(*bodies[0].pieces[0], *bodies[4].pieces[0]));
+  EXPECT_EQ(bodies[4].pieces[0]->radius, 0.5);
+  EXPECT_EQ(bodies[1].pieces[0]->half.z, 3);
+  for (const Body& body : bodies) {
+    EXPECT_EQ(body.model_error, 0);
+    EXPECT_TRUE(body.display && !body.display->triangles.empty()) << body.name;
+  }
+  EXPECT_NE(error_text<SceneError>([&] { scene.add_cone("flat", 1, 0, {}); }).find("cone length: expected a number"),
+            std::string::npos);
+  EXPECT_NE(error_text<SceneError>([&] { scene.add_ellipsoid("flat", {1, 0, 1}, {}); }).find("half axis: expected"),
+            std::string::npos);
+}
+
+TEST(Scene, HalfSpacesStandStill) {
+  Scene scene;
+  scene.add_box("box", {1, 1, 1}, {.is_static = true});
+  EXPECT_EQ(scene.add_half_space("floor", {}), 1u);
+  EXPECT_TRUE(scene.bodies()[1].is_static);
+  EXPECT_EQ(scene.bodies()[1].pose->qw, 1);
+  const auto refused = [&](const Scene::BodyOptions& options, const char* why) {
+    const std::string text = error_text<SceneError>([&] { scene.add_half_space("other", options); });
+    EXPECT_NE(text.find(why), std::string::npos) << text;
+  };
+  refused({.parent = "box"}, "parent: a half_space follows no body");
+  refused({.is_live = true}, "live: a static body");
+  refused({.uncertainty = {0, 0.1}}, "uncertainty.angle: expected 0");
+  EXPECT_NE(error_text<SceneError>([&] { scene.set_parent("floor", "box"); }).find("a half_space follows no body"),
+            std::string::npos);
+  Body both;
+  both.name = "both";
+  both.pieces = {scene.bodies()[0].pieces[0], scene.bodies()[1].pieces[0]};
+  EXPECT_NE(error_text<SceneError>([&] { scene.add_body(both); }).find("a body of its own"), std::string::npos);
 }
 
 TEST(Scene, RadiusGrowsThePieces) {

@@ -64,6 +64,15 @@ TEST(Scenes, NineteenHasEveryFormatAndEveryPrimitive) {
   EXPECT_EQ(body(scene, "chair").pieces.size(), 6u);
 }
 
+TEST(Scenes, PrimitivesHasEveryClosedForm) {
+  const Scene scene = load("primitives");
+  std::set<std::string> sources;
+  for (const Body& b : scene.bodies()) sources.insert(b.source);
+  for (const char* wanted : {"half_space", "cone", "ellipsoid", "cylinder", "box", "sphere"})
+    EXPECT_EQ(sources.count(wanted), 1u) << wanted;
+  EXPECT_TRUE(body(scene, "floor").is_static);
+}
+
 TEST(Scenes, CellHasAnArmThatHoldsACup) {
   const Scene scene = load("cell");
   EXPECT_EQ(body(scene, "cup").parent, scene.find_body("gripper"));
@@ -102,7 +111,7 @@ TEST(Scenes, EveryOneLoads) {
     EXPECT_EQ(scene.revision(), load(name).revision()) << name;
     for (const Body& b : scene.bodies()) EXPECT_TRUE(b.pose) << name << " " << b.name;
   }
-  EXPECT_GE(count, 10);
+  EXPECT_GE(count, 11);
 }
 
 }  // namespace

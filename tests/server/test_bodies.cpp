@@ -210,7 +210,7 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
   EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"),
             std::string::npos)
       << "a quaternion of zeros";
-  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 4");
+  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 7");
   EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are for a hull alone");
   EXPECT_EQ(refusal(odd([](auto&) {}, 9), ErrorCode::kTooLarge),
             "add_body: 9 vertices are more than the 8 that an added body may have (--max-added-vertices)");

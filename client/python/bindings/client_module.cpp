@@ -301,9 +301,8 @@ class PyClient {
   nb::tuple reload(double timeout_s) const {
     return changed(use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); }));
   }
-  /// \param shape "vertices", "mesh", "box", "sphere", "capsule" or "cylinder"; \param numbers its vertices (V, 3), or
-  /// sizes (1, 3). \param triangles of a mesh (T, 3), else none. \param doubts of position and angle, padding,
-  /// max_speed
+  /// \param shape a key of Client.add_body(); \param numbers its vertices (V, 3), or sizes (1, 3). \param triangles of
+  /// a mesh (T, 3), else none. \param doubts of position and angle, padding, max_speed
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
                      std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose,
                      const std::array<double, 4>& doubts, const TriangleRows& triangles, int convexify) const {
@@ -317,6 +316,9 @@ class PyClient {
     if (shape == "sphere") body.sphere = rows[0][0];
     if (shape == "capsule") body.capsule = {rows[0][0], rows[0][1]};
     if (shape == "cylinder") body.cylinder = {rows[0][0], rows[0][1]};
+    if (shape == "cone") body.cone = {rows[0][0], rows[0][1]};
+    if (shape == "ellipsoid") body.ellipsoid = rows[0];
+    body.half_space = shape == "half_space";
     body.radius = radius;
     body.parent = parent;
     body.is_static = is_static;

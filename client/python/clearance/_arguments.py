@@ -10,7 +10,7 @@ import difflib
 import math
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Optional, TypeVar
 
 import numpy as np
 
@@ -175,10 +175,15 @@ def to_doubts(uncertainty: Any, padding: Any, max_speed: Any) -> tuple[float, fl
     return position, angle, to_number(padding, "padding"), to_number(max_speed, "max_speed")
 
 
+def to_half_space(value: Any) -> Optional[bool]:
+    """The shape of add_body() that has no numbers: True, or None where it is not asked for."""
+    return True if to_bool(value, "half_space") else None
+
+
 class ShapeArgument(NamedTuple):
     """The shape that add_body() was given."""
 
-    kind: str  #: "vertices", "mesh", "box", "sphere", "capsule" or "cylinder"
+    kind: str  #: as the argument is called
     numbers: np.ndarray  #: float64: vertices (V, 3), or sizes (1, 3)
     triangles: np.ndarray  #: (T, 3) uint32: of a mesh, else none
     convexify: int  #: what the mesh is
@@ -204,8 +209,10 @@ def to_shape(shapes: Mapping[str, Any], convexify: Any) -> ShapeArgument:
 def _numbers_of(shape: str, value: Any) -> np.ndarray:
     if shape == "vertices":
         return to_vertices(value, "vertices")
-    if shape == "box":
-        return np.array([to_numbers(value, "box", 3, "three numbers")])
+    if shape in ("box", "ellipsoid"):
+        return np.array([to_numbers(value, shape, 3, "three numbers")])
+    if shape == "half_space":
+        return np.zeros((1, 3))
     if shape == "sphere":
         return np.array([[to_number(value, "sphere"), 0.0, 0.0]])
     return np.array([[*to_numbers(value, shape, 2, "two numbers (radius, length)"), 0.0]])

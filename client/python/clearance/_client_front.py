@@ -10,7 +10,16 @@ from typing import Any, Optional, Union
 import numpy as np
 
 from . import _client
-from ._arguments import to_bool, to_doubts, to_number, to_number_from_0, to_path, to_shape, to_text
+from ._arguments import (
+    to_bool,
+    to_doubts,
+    to_half_space,
+    to_number,
+    to_number_from_0,
+    to_path,
+    to_shape,
+    to_text,
+)
 from ._errors import ConnectionError, QueryError, TimeoutError
 from ._front import BodyRef, BodyState, Front, PosesDone, SceneChanged
 from ._future import Future
@@ -142,6 +151,9 @@ class Client(Front):
         sphere: Optional[float] = None,
         capsule: Any = None,
         cylinder: Any = None,
+        cone: Any = None,
+        ellipsoid: Any = None,
+        half_space: bool = False,
         radius: float = 0.0,
         parent: Optional[BodyRef] = None,
         static: bool = False,
@@ -154,8 +166,9 @@ class Client(Front):
         """Adds a body while the daemon runs (a grasped object, say), and waits until the scene has it.
 
         vertices: (V, 3) metres in the body's frame; the shape is their hull. Or one of mesh: a pair of such
-            vertices and (T, 3) places in their list, box: (x, y, z) edge lengths, sphere: radius, capsule and
-            cylinder: (radius, length), as in clearance.Scene.
+            vertices and (T, 3) places in their list, box: (x, y, z) edge lengths, sphere: radius, capsule,
+            cylinder and cone: (radius, length), ellipsoid: (x, y, z) half axes, half_space: True, as in
+            clearance.Scene.
         convexify: what a mesh is: "hull", "surface" (its triangles) or "solid" (what they enclose; they are closed).
         radius: metres, grows the shape.
         parent: name or id of the body that it follows.
@@ -171,6 +184,7 @@ class Client(Front):
         """
         shapes = {"vertices": vertices, "mesh": mesh, "box": box}
         shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
+        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space)}
         shape = to_shape(shapes, convexify)
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
         row = None if pose is None else as_one_pose(pose, "pose").reshape(1, 7)

@@ -18,12 +18,13 @@ def from_coal(geometry: Any) -> dict[str, Any]:
 
         scene.add_body("cup", **clearance.from_coal(coal.Capsule(0.02, 0.1)))
 
-    geometry: a Box, Sphere, Capsule, Cylinder, Convex (its points; their hull), or a BVHModel (its vertices: **the hull
-        of the mesh**, where Coal measures to the triangles). A swept sphere's radius grows the shape, as in Coal.
-        Metres, in the frame of the geometry. A cylinder becomes a prism around it (BodyInfo.model_error).
+    geometry: a Box, Sphere, Capsule, Cylinder, Cone, Ellipsoid, Convex (its points; their hull), or a BVHModel (its
+        vertices: **the hull of the mesh**, where Coal measures to the triangles). A swept sphere's radius grows
+        the shape, as in Coal. Metres, in the frame of the geometry. A cylinder becomes a prism around it
+        (BodyInfo.model_error).
 
-    Raises TypeError, naming the class, for a shape that has no counterpart: a plane, a half-space, a cone, an
-    ellipsoid, an octree, a height field.
+    Raises TypeError, naming the class, for a shape that has no counterpart: a plane, a half-space (ours is
+    z <= 0, and its pose says the rest), an octree, a height field.
     """
     kind = type(geometry).__name__
     swept = float(getattr(geometry, "getSweptSphereRadius", float)())
@@ -32,14 +33,17 @@ def from_coal(geometry: Any) -> dict[str, Any]:
         return {"box": tuple(2 * float(half) for half in geometry.halfSide), **grown}
     if kind == "Sphere":
         return {"sphere": float(geometry.radius) + swept}
-    if kind in ("Capsule", "Cylinder"):
+    if kind == "Ellipsoid":
+        return {"ellipsoid": tuple(float(axis) for axis in geometry.radii), **grown}
+    if kind in ("Capsule", "Cylinder", "Cone"):
         return {kind.lower(): (float(geometry.radius), 2 * float(geometry.halfLength)), **grown}
     if kind.startswith("Convex"):
         return {"vertices": _rows(geometry.point(i) for i in range(geometry.num_points)), **grown}
     if kind.startswith("BVHModel"):
         return {"vertices": _rows(geometry.vertex(i) for i in range(geometry.num_vertices)), **grown}
     raise TypeError(
-        f"geometry: {kind} has no counterpart; expected a Box, Sphere, Capsule, Cylinder, Convex or BVHModel"
+        f"geometry: {kind} has no counterpart; expected a Box, Sphere, Capsule, Cylinder, Cone, Ellipsoid, Convex "
+        "or BVHModel"
     )
 
 

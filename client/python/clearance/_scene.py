@@ -16,6 +16,7 @@ from ._arguments import (
     to_bool,
     to_doubts,
     to_floats,
+    to_half_space,
     to_items,
     to_list,
     to_number,
@@ -231,6 +232,75 @@ class Scene:
                 *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
 
+    def add_cone(
+        self,
+        name: str,
+        radius: float,
+        length: float,
+        *,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
+    ) -> int:
+        """Adds a cone along z, exactly: a disc of `radius` at -length / 2, the apex at length / 2."""
+        with self._lock:
+            return self._scene.add_cone(
+                to_text(name, "name"),
+                to_number(radius, "radius"),
+                to_number(length, "length"),
+                0.0,
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
+            )
+
+    def add_ellipsoid(
+        self,
+        name: str,
+        radii: Any,
+        *,
+        radius: float = 0.0,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
+    ) -> int:
+        """Adds an ellipsoid of three half axes about the body's origin, exactly; `radius` grows it."""
+        x, y, z = _three(radii, "radii")
+        with self._lock:
+            return self._scene.add_ellipsoid(
+                to_text(name, "name"),
+                x,
+                y,
+                z,
+                to_number(radius, "radius"),
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
+            )
+
+    def add_half_space(
+        self,
+        name: str,
+        *,
+        radius: float = 0.0,
+        parent: Optional[BodyRef] = None,
+        static: bool = True,
+        pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
+    ) -> int:
+        """Adds the half-space z <= 0 of its own frame: a floor, or a wall. It is exact, static whatever `static` says,
+        and follows no parent; `radius` moves its plane outward. SceneError for a parent or an uncertainty of angle."""
+        with self._lock:
+            return self._scene.add_half_space(
+                to_text(name, "name"),
+                to_number(radius, "radius"),
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
+            )
+
     def add_body(
         self,
         name: str,
@@ -241,6 +311,9 @@ class Scene:
         sphere: Optional[float] = None,
         capsule: Any = None,
         cylinder: Any = None,
+        cone: Any = None,
+        ellipsoid: Any = None,
+        half_space: bool = False,
         radius: float = 0.0,
         parent: Optional[BodyRef] = None,
         static: bool = False,
@@ -256,6 +329,7 @@ class Scene:
         """
         shapes = {"vertices": vertices, "mesh": mesh, "box": box}
         shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
+        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space)}
         shape, numbers, triangles, how = to_shape(shapes, convexify)
         rest: dict[str, Any] = {"parent": parent, "static": static, "pose": pose, "uncertainty": uncertainty}
         rest.update(padding=padding, max_speed=max_speed)
@@ -265,12 +339,19 @@ class Scene:
             return self._add_mesh_of(name, numbers, triangles, how, to_number(radius, "radius"), self._rest(**rest))
         if shape == "box":
             return self.add_box(name, numbers[0], radius=radius, **rest)
+        if shape == "half_space":
+            return self.add_half_space(name, radius=radius, **rest)
+        if shape == "ellipsoid":
+            return self.add_ellipsoid(name, numbers[0], radius=radius, **rest)
         grown = to_number(radius, "radius")
         r, length, _ = numbers[0].tolist()
         if shape == "sphere":
             return self.add_sphere(name, r + grown, **rest)
         if shape == "capsule":
             return self.add_capsule(name, r + grown, length, **rest)
+        if shape == "cone":
+            with self._lock:
+                return self._scene.add_cone(to_text(name, "name"), r, length, grown, *self._rest(**rest))
         if grown:
             raise ValueError(f"radius: expected 0 for a cylinder, which does not grow, got {grown:g}")
         return self.add_cylinder(name, r, length, **rest)

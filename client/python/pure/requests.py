@@ -16,7 +16,7 @@ from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, ErrorCode, FrameType, Que
 from .connection import Connection, parse_error, refusal
 from .frames import Frame, header_bytes, malformed, name_of_type, record
 
-_SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder")
+_SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder", "half_space", "cone", "ellipsoid")
 #: How a record holds an option of each kind.
 _OPTION_FORMATS = {"bool": "<B", "word": "<B", "number": "<d", "integer": "<q", "count": "<Q"}
 
@@ -285,7 +285,7 @@ class Session:
         triangles: np.ndarray,
         convexify: int,
     ) -> tuple:
-        """shape: "vertices", "mesh", "box", "sphere", "capsule" or "cylinder".
+        """shape: "mesh", or one of _SHAPES.
 
         numbers: vertices (V, 3), or sizes (1, 3). doubts: of position and angle, padding, max_speed. triangles: of a
         mesh, (T, 3) uint32, else none.

@@ -1,0 +1,68 @@
+// Compiled with -ffp-contract=off: docs/bounds.md, round cores, counts each rounding.
+#include "engine/hull/primitive.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "engine/base/digest.h"
+#include "engine/base/fp_environment.h"
+#include "engine/pose/pose.h"
+
+namespace clearance {
+
+PiecePtr make_primitive_piece(const Primitive& primitive, double radius) {
+  const FpEnvironment environment;
+  const bool is_bounded = primitive.kind != Primitive::Kind::kHalfSpace;
+  Digest digest;
+  digest.add(std::string_view("primitive"));
+  digest.add(static_cast<std::uint64_t>(primitive.kind));
+  digest.add(primitive.size);
+  digest.add(radius);
+  for (int k = 0; k < 3 && is_bounded; ++k)
+    if (!(primitive.size[k] > 0 && primitive.size[k] <= kMaxCoordinate))
+      throw std::invalid_argument("expected sizes above 0 and up to 1e60 m, got " + std::to_string(primitive.size[k]));
+  auto piece = std::make_shared<Piece>(*make_piece({{0, 0, 0}}, radius, 0, digest.value()));
+  piece->primitive = std::make_shared<const Primitive>(primitive);
+  const auto& [x, y, z] = piece->half = primitive.size;
+  const double far = primitive.kind == Primitive::Kind::kEllipsoid ? std::max({x, y, z}) : std::hypot(x, z);
+  piece->rho = piece->spread = far * (1 + 0x1p-48);
+  return piece;
+}
+
+namespace {
+
+// h(n) = |A n| for A of the half axes, at A A n / |A n|.
+template <class T>
+FarthestPoint<T> farthest_of_ellipsoid(const Vec3d& axes, const Vec3<T>& n) {
+  const Vec3<T> A = cast<T>(axes), m{A.x * n.x, A.y * n.y, A.z * n.z};
+  const T length = norm(m);
+  if (!(length > T(0))) return {{T(0), T(0), T(0)}, T(0)};
+  return {{A.x * (m.x / length), A.y * (m.y / length), A.z * (m.z / length)}, length};
+}
+
+// The apex, or the point of the base's rim.
+template <class T>
+FarthestPoint<T> farthest_of_cone(const Vec3d& size, const Vec3<T>& n) {
+  using std::sqrt;
+  const T radius(size.x), half(size.z), zero(0), across = sqrt(n.x * n.x + n.y * n.y);
+  const T at_apex = half * n.z, at_base = radius * across - half * n.z;
+  if (at_apex > at_base) return {{zero, zero, half}, at_apex};
+  if (!(across > zero)) return {{zero, zero, -half}, at_base};
+  return {{radius * (n.x / across), radius * (n.y / across), -half}, at_base};
+}
+
+}  // namespace
+
+template <class T>
+FarthestPoint<T> farthest(const Primitive& round, const Vec3<T>& n) {
+  assert(round.kind != Primitive::Kind::kHalfSpace);
+  return round.kind == Primitive::Kind::kEllipsoid ? farthest_of_ellipsoid(round.size, n)
+                                                   : farthest_of_cone(round.size, n);
+}
+template FarthestPoint<double> farthest(const Primitive&, const Vec3<double>&);
+template FarthestPoint<DoubleDouble> farthest(const Primitive&, const Vec3<DoubleDouble>&);
+
+}  // namespace clearance
