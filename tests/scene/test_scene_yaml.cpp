@@ -330,8 +330,8 @@ const BadScene kBadScenes[] = {
      "b}]",
      ":1: random[1]: more than 1000000 bodies in one scene"},
     {"random: {shape: {sphere: 1}, box: 1}", ":1: random: expected the key \"count\""},
-    {"random: {count: 2, shape: {sphere: 1, pose: [0]}, box: 1}",
-     ":1: random.shape: unknown key \"pose\"; known: mesh, box, sphere, capsule, cylinder, cone, ellipsoid, "
+    {"random: {count: 2, shape: {sphere: 1, attitude: [0]}, box: 1}",
+     ":1: random.shape: unknown key \"attitude\"; known: mesh, box, sphere, capsule, cylinder, cone, ellipsoid, "
      "points, uv_sphere"},
     {"random: {count: 2, shape: sphere, box: 1}",
      ":1: random.shape: expected a shape, such as {sphere: 0.1}, got \"sphere\""},
