@@ -4,6 +4,7 @@
 
 #include <cstring>
 
+#include "engine/hull/shapes.h"
 #include "engine_test_util.h"
 
 namespace clearance::test {
@@ -136,6 +137,22 @@ TEST(Slices, CountWhatAQueryNames) {
   EXPECT_EQ(extent.units, 2 * (16u + 12 * 20)) << "20 vertices are a unit";
   query.configuration_count = 7;
   EXPECT_EQ(engine.extent(query).piece_pairs, 7 * (16u + 12 * 20));
+}
+
+TEST(Slices, CountTheTrianglesOfAMesh) {
+  const Shape ball = make_uv_sphere(1, 20);  // 1520 triangles
+  Scene scene;
+  scene.add_sphere("point", 1, {.pose = Pose{}});
+  scene.add_mesh("hull", ball.vertices, ball.triangles, Convexify::kHull, {.pose = Pose{{3, 0, 0}}});
+  scene.add_mesh("solid", ball.vertices, ball.triangles, Convexify::kSolid, {.pose = Pose{{6, 0, 0}}});
+  const Engine engine(std::move(scene), {.threads = 1});
+  QueryView query;
+  query.all_pairs = false;
+  const auto units = [&](BodyPair pair) {
+    query.pairs = std::span(&pair, 1);
+    return engine.extent(query).units;
+  };
+  EXPECT_EQ(units({2, 0}) - units({1, 0}), 64u + ball.triangles.size() / 64);
 }
 
 }  // namespace

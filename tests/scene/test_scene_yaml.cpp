@@ -86,7 +86,7 @@ ignore: [[base, cup], [arm, arm], [things, base]]
   EXPECT_TRUE(surface_of(bodies[11])->is_solid());
   EXPECT_EQ(surface_of(bodies[11])->parts().size(), 2u);
   EXPECT_FALSE(surface_of(bodies[12])->is_solid());
-  EXPECT_NEAR(bodies[12].pieces[0]->half.x, 6, 1e-14) << "both objects of the file, scaled";
+  EXPECT_NEAR(bodies[12].pieces[0]->half.x, 6, 1e-13) << "both objects of the file, scaled";
   EXPECT_EQ(bodies[12].source, "meshes/two.obj (surface)");
   EXPECT_EQ(bodies[10].pieces.size(), 1u);
   EXPECT_EQ(scene.groups()[scene.find_group("arm")].bodies, (std::vector<std::uint32_t>{0, 2}));

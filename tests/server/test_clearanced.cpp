@@ -306,10 +306,9 @@ TEST_F(CommandLine, Bodies) {
                " 0  table  static   -            1         8   1.11915              0              0            0  "
                "pieces          0\n"));
   EXPECT_TRUE(contains(table.out, "group arm: link1 link2\n4 bodies, 6 enabled pairs, backend cpu, scene "));
-  EXPECT_TRUE(contains(
-      ask({"bodies", "--csv"}).out,
-      "id,body,kind,parent,pieces,vertices,extent_m,model_error_m,hull_excess_m,empty_share,truth,"
-      "triangles\n0,table,static,,1,8,"));
+  EXPECT_TRUE(contains(ask({"bodies", "--csv"}).out,
+                       "id,body,kind,parent,pieces,vertices,extent_m,model_error_m,hull_excess_m,empty_share,truth,"
+                       "triangles\n0,table,static,,1,8,"));
   EXPECT_TRUE(contains(ask({"bodies", "--json"}).out,
                        "[{\"id\": 0, \"body\": \"table\", \"kind\": \"static\", \"parent\": null, \"pieces\": 1,"));
 }
