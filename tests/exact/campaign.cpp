@@ -7,8 +7,17 @@
 
 #include "engine/engine.h"
 #include "engine/hull/hull.h"
+#include "engine/surface/surface.h"
 
 namespace clearance::exact {
+
+PiecePtr piece_of(const Solid& s) {
+  if (s.triangles.empty()) return make_hull_piece(s.vertices, {}, s.radius);
+  auto surface = std::make_shared<const Surface>(s.vertices, s.triangles, s.is_solid);
+  const std::uint64_t digest = surface->digest();
+  return make_piece(reduce_to_hull(s.vertices).vertices, s.radius, s.vertices.size(), digest, nullptr,
+                    std::move(surface));
+}
 
 Bench::Bench(std::span<const Case> cases, const std::string& backend, int threads, const Surgery& surgery)
     : count_(cases.size()) {
@@ -16,7 +25,7 @@ Bench::Bench(std::span<const Case> cases, const std::string& backend, int thread
   std::map<const Solid*, PiecePtr> pieces;  // shapes that cases share are made once
   const auto add = [&](std::size_t i, bool is_b, const SolidPtr& solid, const Pose& X) {
     PiecePtr& piece = pieces[solid.get()];
-    if (!piece) piece = make_hull_piece(solid->vertices, {}, solid->radius);
+    if (!piece) piece = piece_of(*solid);
     Body body;
     body.name = (is_b ? "b" : "a") + std::to_string(i);
     body.pieces = {surgery ? surgery(piece, i, is_b) : piece};
@@ -134,10 +143,11 @@ void Tally::add(const Tally& o) {
   worst_width = std::max(worst_width, o.worst_width);
 }
 
-std::vector<Setting> standard_settings(const std::vector<std::string>& backends) {
+std::vector<Setting> standard_settings(const std::vector<std::string>& backends, bool with_depth) {
   std::vector<Setting> settings;
   for (const std::string& backend : backends) {
     for (const bool depth : {false, true}) {
+      if (depth && !with_depth) continue;
       Setting s;
       s.backend = backend;
       s.signed_distance = depth;

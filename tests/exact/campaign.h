@@ -17,6 +17,9 @@ class Engine;
 
 namespace clearance::exact {
 
+/// What stands for a body in the engine.
+PiecePtr piece_of(const Solid& s);
+
 /// Makes another piece of one that was loaded for body a or b of a case: damage, behind the engine's back.
 using Surgery = std::function<PiecePtr(const PiecePtr& piece, std::size_t index, bool is_b)>;
 
@@ -59,8 +62,9 @@ struct Tally {
 
 /// The settings that tests and the campaign ask each backend with: float64 and float32; with and without depth; full
 /// and compact; default, zero and loose tolerances; cut-off distances. The reference is asked with and without depth
-/// alone.
-std::vector<Setting> standard_settings(const std::vector<std::string>& backends = {"cpu", "reference"});
+/// alone. \param with_depth not of bodies with triangles, which have none
+std::vector<Setting> standard_settings(const std::vector<std::string>& backends = {"cpu", "reference"},
+                                       bool with_depth = true);
 
 /// A setting as the columns backend to max_distance of docs/results/accuracy.csv.
 std::string csv_key(const Setting& s);

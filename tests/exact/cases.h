@@ -10,13 +10,17 @@
 
 #include "engine/pose/pose.h"
 #include "exact_distance.h"
+#include "exact_surface.h"
 
 namespace clearance::exact {
 
-/// Geometry of a body: the hull of the vertices (metres, body frame), grown by a radius.
+/// Geometry of a body: the hull of the vertices (metres, body frame) or, where there are triangles, these, grown by a
+/// radius.
 struct Solid {
   std::vector<Vec3d> vertices;
   double radius = 0;
+  std::vector<Triangle> triangles = {};
+  bool is_solid = false;  ///< what the triangles enclose belongs to the body
 };
 /// Cases that share a shape share the pointer.
 using SolidPtr = std::shared_ptr<const Solid>;
@@ -30,8 +34,14 @@ struct Case {
 inline PieceView view(const Solid& s) {
   return {s.vertices, s.radius};
 }
+inline BodyView body_view(const Solid& s) {
+  return {s.vertices, s.triangles, s.is_solid, s.radius};
+}
+/// \param depth of hulls that overlap; there is none where one has triangles
 inline Result judge(const Case& c, bool depth = true) {
-  return exact_distance(view(*c.a), c.X_wa, view(*c.b), c.X_wb, depth);
+  if (c.a->triangles.empty() && c.b->triangles.empty())
+    return exact_distance(view(*c.a), c.X_wa, view(*c.b), c.X_wb, depth);
+  return exact_distance(body_view(*c.a), c.X_wa, body_view(*c.b), c.X_wb);
 }
 
 /// Seeded numbers.
@@ -62,13 +72,16 @@ struct CaseClass {
   int cost = 1;              ///< about how much longer a case takes than one of 42 vertices
 };
 
-/// All classes, in the order of the table.
+/// All classes of hulls, in the order of the table.
 const std::vector<CaseClass>& case_classes();
+/// All classes with bodies that are not convex.
+const std::vector<CaseClass>& mesh_classes();
 
 /// Case number `index` of a class: the same for the same seed, whatever else is made.
 Case make_case(const CaseClass& c, std::uint64_t seed, std::uint64_t index);
 
-/// Shifts b along the exact normal, in doubles, so that the signed distance becomes about `gap`.
+/// Shifts b along the exact normal, in doubles, so that the signed distance becomes about `gap`. Bodies with triangles
+/// have a normal only where they are apart: others stay.
 void set_gap(Case& c, double gap);
 
 /// A case that a search found to be hard, or that once had a wrong answer.

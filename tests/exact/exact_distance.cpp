@@ -18,14 +18,7 @@ class RoughDifference {
  public:
   using Scalar = double;
 
-  RoughDifference(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb) {
-    const auto place = [](const PieceView& piece, const Pose& X, const Vec3d& t, std::vector<Vec3d>& out) {
-      const Mat3d R = rotation_of(X);
-      for (const Vec3d& v : piece.vertices) out.push_back(R * v + t);
-    };
-    place(a, X_wa, {0, 0, 0}, a_);
-    place(b, X_wb, X_wb.translation - X_wa.translation, b_);
-  }
+  RoughDifference(std::span<const Vec3d> a, std::span<const Vec3d> b) : a_(a), b_(b) {}
   Vertex<double> at(VertexPair i) const { return {i, b_[i.b] - a_[i.a]}; }
   Vertex<double> lowest(const Vec3d& d) const {
     VertexPair best;
@@ -38,7 +31,7 @@ class RoughDifference {
   }
 
  private:
-  std::vector<Vec3d> a_, b_;
+  std::span<const Vec3d> a_, b_;
 };
 
 /// Where the hull of a few points is nearest to the origin: in the open hull of an independent subset.
@@ -135,10 +128,23 @@ Feature<typename Shape::Scalar> descend(const Shape& C, std::vector<VertexPair> 
 
 }  // namespace
 
+std::vector<Vec3d> roughly_placed(std::span<const Vec3d> vertices, const Pose& X, const Vec3d& t) {
+  const Mat3d R = rotation_of(X);
+  std::vector<Vec3d> out;
+  for (const Vec3d& v : vertices) out.push_back(R * v + t);
+  return out;
+}
+
+Vec3d rough_direction(std::span<const Vec3d> a, std::span<const Vec3d> b) {
+  return descend(RoughDifference(a, b), {{0, 0}}, 60, 1e-13, nullptr).direction;
+}
+
 Result exact_distance(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, bool depth) {
   const Difference C(a, X_wa, b, X_wb);
+  const std::vector<Vec3d> rough_a = roughly_placed(a.vertices, X_wa, {0, 0, 0}),
+                           rough_b = roughly_placed(b.vertices, X_wb, X_wb.translation - X_wa.translation);
   std::vector<VertexPair> start;
-  for (const auto& v : descend(RoughDifference(a, X_wa, b, X_wb), {{0, 0}}, 60, 1e-13, nullptr).vertices)
+  for (const auto& v : descend(RoughDifference(rough_a, rough_b), {{0, 0}}, 60, 1e-13, nullptr).vertices)
     start.push_back(v.index);
   if (start.empty()) start = {{0, 0}};
 
@@ -157,14 +163,17 @@ Result exact_distance(const PieceView& a, const Pose& X_wa, const PieceView& b, 
   return result;
 }
 
-Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3d& n) {
+Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3z& n) {
+  if (squared_norm(n) == 0) throw std::invalid_argument("exact_support_gap: the direction is zero");
   const Difference C(a, X_wa, b, X_wb);
+  const mpz_class gap = dot(n, C.lowest(n).c);
+  return C.value(sgn(gap), gap, n);
+}
+
+Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3d& n) {
   LeastExponent e;
   e.include(n);
-  const Vec3z direction = integer(n, e.get());
-  if (squared_norm(direction) == 0) throw std::invalid_argument("exact_support_gap: the direction is zero");
-  const mpz_class gap = dot(direction, C.lowest(direction).c);
-  return C.value(sgn(gap), gap, direction);
+  return exact_support_gap(a, X_wa, b, X_wb, integer(n, e.get()));
 }
 
 }  // namespace clearance::exact

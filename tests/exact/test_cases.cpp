@@ -1,6 +1,7 @@
 // The case classes: each makes what it says, and the same again for the same seed.
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <cstring>
 #include <set>
 
@@ -14,14 +15,21 @@ constexpr std::uint64_t kSeed = 3;
 bool same(const Case& a, const Case& b) {
   const auto same_solid = [](const Solid& s, const Solid& t) {
     return s.radius == t.radius && s.vertices.size() == t.vertices.size() &&
-           std::memcmp(s.vertices.data(), t.vertices.data(), s.vertices.size() * sizeof(Vec3d)) == 0;
+           std::memcmp(s.vertices.data(), t.vertices.data(), s.vertices.size() * sizeof(Vec3d)) == 0 &&
+           s.triangles == t.triangles && s.is_solid == t.is_solid;
   };
   return same_solid(*a.a, *b.a) && same_solid(*a.b, *b.b) && std::memcmp(&a.X_wa, &b.X_wa, sizeof(Pose)) == 0 &&
          std::memcmp(&a.X_wb, &b.X_wb, sizeof(Pose)) == 0;
 }
 
+std::vector<CaseClass> all_classes() {
+  std::vector<CaseClass> all = case_classes();
+  all.insert(all.end(), mesh_classes().begin(), mesh_classes().end());
+  return all;
+}
+
 TEST(Cases, RepeatForTheSameSeedAndDifferForAnother) {
-  for (const CaseClass& c : case_classes()) {
+  for (const CaseClass& c : all_classes()) {
     const Case third = make_case(c, kSeed, 3);
     make_case(c, kSeed, 1);
     EXPECT_TRUE(same(third, make_case(c, kSeed, 3))) << c.name;
@@ -32,7 +40,7 @@ TEST(Cases, RepeatForTheSameSeedAndDifferForAnother) {
 
 TEST(Cases, NamesAreUnique) {
   std::set<std::string> names;
-  for (const CaseClass& c : case_classes()) EXPECT_TRUE(names.insert(c.name).second) << c.name;
+  for (const CaseClass& c : all_classes()) EXPECT_TRUE(names.insert(c.name).second) << c.name;
 }
 
 TEST(Cases, HitWhatTheyAreForAndAreLegal) {
@@ -59,6 +67,29 @@ TEST(Cases, HitWhatTheyAreForAndAreLegal) {
       EXPECT_GE(apart, kCount / 10) << c.name;
       EXPECT_GE(deep, kCount / 20) << c.name;
     }
+  }
+}
+
+TEST(Cases, OfMeshesHitWhatTheyAreForAndAreLegal) {
+  for (const CaseClass& c : mesh_classes()) {
+    constexpr int kCount = 40;
+    int hits = 0, apart = 0, overlapping = 0, near = 0;
+    for (int i = 0; i < kCount; ++i) {
+      const Case k = make_case(c, kSeed, static_cast<std::uint64_t>(i));
+      ASSERT_NE(check(k.X_wa), PoseQuality::kBad) << c.name;
+      ASSERT_NE(check(k.X_wb), PoseQuality::kBad) << c.name;
+      const Result r = judge(k);
+      const bool is_apart = r.distance.compare(0) > 0;
+      (is_apart ? apart : overlapping)++;
+      near += is_apart && r.distance.compare(1e-3 * scale_of(k)) < 0;
+      hits += c.hits(k, r);
+    }
+    std::printf("%-20s %3d hit, %3d apart (%d nearly touch), %3d overlap\n", c.name.c_str(), hits, apart, near,
+                overlapping);
+    EXPECT_GE(hits, c.least_share * kCount) << c.name;
+    EXPECT_GE(apart, kCount / 8) << c.name;
+    EXPECT_GE(overlapping, kCount / 20) << c.name;
+    EXPECT_GE(near, c.name == "mesh_lattice" ? 0 : kCount / 20) << c.name;
   }
 }
 
