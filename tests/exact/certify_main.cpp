@@ -25,6 +25,9 @@ struct Options {
   int columns_every = 10;
   std::vector<std::string> backends{"cpu", "reference"};
   std::string csv, only, failures;
+  bool meshes = false;
+
+  const std::vector<CaseClass>& classes() const { return meshes ? mesh_classes() : case_classes(); }
 };
 
 /// Cases from `first` to `first + count` of a class.
@@ -39,10 +42,10 @@ struct Batch {
 std::vector<Batch> share_out(const Options& o) {
   double shares = 0;
   const auto chosen = [&](const CaseClass& c) { return o.only.empty() || c.name.find(o.only) != std::string::npos; };
-  for (const CaseClass& c : case_classes()) shares += chosen(c) / static_cast<double>(c.cost);
+  for (const CaseClass& c : o.classes()) shares += chosen(c) / static_cast<double>(c.cost);
   std::vector<Batch> batches;
-  for (std::size_t k = 0; k < case_classes().size(); ++k) {
-    const CaseClass& c = case_classes()[k];
+  for (std::size_t k = 0; k < o.classes().size(); ++k) {
+    const CaseClass& c = o.classes()[k];
     if (!chosen(c)) continue;
     const auto total = std::max<std::int64_t>(
         kBatch, static_cast<std::int64_t>(std::ceil(static_cast<double>(o.pairs) / shares / c.cost)));
@@ -66,7 +69,7 @@ void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& 
       if (t.cases == 0) continue;
       char numbers[160];
       std::snprintf(numbers, sizeof numbers, "%.3g,%.3g", t.worst_error, t.worst_width);
-      out << case_classes()[k].name << ',' << csv_key(settings[s]);
+      out << o.classes()[k].name << ',' << csv_key(settings[s]);
       out << ',' << t.cases << ',' << t.apart << ',' << t.touching << ',' << t.overlapping << ',' << t.violations << ','
           << t.inaccurate << ',' << numbers << ',' << t.contact << ',' << t.unconverged << ',' << t.rounding_limited
           << '\n';
@@ -92,9 +95,9 @@ bool certify_slack(const Options& o) {
 }
 
 int certify(const Options& o) {
-  const std::vector<Setting> settings = standard_settings(o.backends);
+  const std::vector<Setting> settings = standard_settings(o.backends, !o.meshes);
   const std::vector<Batch> batches = share_out(o);
-  std::vector<std::vector<Tally>> table(case_classes().size(), std::vector<Tally>(settings.size()));
+  std::vector<std::vector<Tally>> table(o.classes().size(), std::vector<Tally>(settings.size()));
   std::ofstream failures;
   if (!o.failures.empty()) failures.open(o.failures);
   std::atomic<std::size_t> next{0};
@@ -166,6 +169,7 @@ int main(int argc, char** argv) {
   app.add_option("--columns-every", o.columns_every, "prove witness points and normals of one batch in this many")
       ->check(CLI::Range(1, 1000000));
   app.add_option("--csv", o.csv, "file to write; standard output if none");
+  app.add_flag("--meshes", o.meshes, "the classes of bodies that are not convex, in place of those of hulls");
   app.add_option("--class", o.only, "only classes whose names hold this");
   app.add_option("--failures", o.failures, "file to which cases that fail are written, in the form of mined_cases.inc");
   CLI11_PARSE(app, argc, argv);

@@ -1,4 +1,5 @@
-// The judge of bodies that are not convex: exact distances of triangles and of what they enclose, in integer arithmetic.
+// The judge of bodies that are not convex: exact distances of triangles and of what they enclose, in integer
+// arithmetic.
 //
 // Triangles go before the judge of convex pieces (exact_distance.h) two by two: doubles only leave out pairs that are
 // proved farther than one that was solved exactly. Whether a body is inside another is a matter of winding numbers, of
@@ -20,9 +21,9 @@ struct BodyView {
   double radius = 0;
 };
 
-/// Exact distance of two bodies. Bodies that share a point have `cores_overlap`, and no depth: the cores' distance is 0.
-/// A direction, simplex and weights are those of the nearest triangles, with places in BodyView::vertices.
-/// Throws std::invalid_argument as the judge of convex pieces does.
+/// Exact distance of two bodies. Bodies that share a point have `cores_overlap`, and no depth: the cores' distance is
+/// 0. A direction, simplex and weights are those of the nearest triangles, with places in BodyView::vertices. Throws
+/// std::invalid_argument as the judge of convex pieces does.
 Result exact_distance(const BodyView& a, const Pose& X_wa, const BodyView& b, const Pose& X_wb);
 
 /// How often the triangles of a posed body wind around a point of the world: +1 inside of what is outward by the

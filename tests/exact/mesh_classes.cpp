@@ -22,8 +22,9 @@ Vec3d somewhere_in(Random& random, const Solid& s) {
   return p;
 }
 
-/// Turns both at random, or neither, and puts a point of b at a point of a's box or anywhere near; then, more often than
-/// not, moves b until a gap between `least` and 1 of the smaller size is left of what is apart, either side of contact.
+/// Turns both at random, or neither, and puts a point of b at a point of a's box or anywhere near; then, more often
+/// than not, moves b until a gap between `least` and 1 of the smaller size is left of what is apart, either side of
+/// contact.
 Case placed(Random& random, SolidPtr a, SolidPtr b, double least = 1e-15) {
   Case c{std::move(a), std::move(b), random.rotation(), random.rotation()};
   if (random.chance(0.2)) c.X_wa = c.X_wb = {};
@@ -113,8 +114,8 @@ Case tangled(Random& random) {
 Case degenerate(Random& random) {
   Mesh mesh = any_mesh(random);
   for (int i = random.integer(1, 8); i > 0; --i) {
-    const Triangle t = mesh.triangles[static_cast<std::size_t>(
-        random.integer(0, static_cast<int>(mesh.triangles.size()) - 1))];
+    const Triangle t =
+        mesh.triangles[static_cast<std::size_t>(random.integer(0, static_cast<int>(mesh.triangles.size()) - 1))];
     const auto n = static_cast<std::uint32_t>(mesh.vertices.size());
     if (random.chance(0.3)) {
       mesh.triangles.push_back({t[0], t[0], t[1]});
@@ -153,7 +154,8 @@ Case shells(Random& random) {
   if (random.chance(0.2)) mesh = flipped(std::move(mesh));
   const double s = random.uniform(0.05, 0.5);
   SolidPtr a = solid(std::move(mesh), true);
-  SolidPtr b = random.chance(0.5) ? solid(scaled(ordinary(random), s)) : solid(scaled(any_mesh(random), {s, s, s}), true);
+  SolidPtr b =
+      random.chance(0.5) ? solid(scaled(ordinary(random), s)) : solid(scaled(any_mesh(random), {s, s, s}), true);
   if (random.chance(0.5)) std::swap(a, b);
   return placed(random, std::move(a), std::move(b));
 }
@@ -240,8 +242,10 @@ Case coincident(Random& random) {
     return {solid(mesh, false), solid(scaled(mesh, {out, out, out}), false), {}, {}};
   }
   const SolidPtr a = solid(any_mesh(random), is_solid_mostly(random));
-  Case c{a, random.chance(0.5) ? a : solid({a->vertices, flipped({a->vertices, a->triangles}).triangles}, true),
-         random.rotation(random.direction()), {}};
+  Case c{a,
+         random.chance(0.5) ? a : solid({a->vertices, flipped({a->vertices, a->triangles}).triangles}, true),
+         random.rotation(random.direction()),
+         {}};
   c.X_wb = c.X_wa;
   if (random.chance(0.3)) c.X_wb.translation += random.direction() * random.log_uniform(1e-16, 1e-1);
   return c;
@@ -253,9 +257,9 @@ bool coincident_hits(const Case& c, const Result&) {
 Case rounded(Random& random) {
   SolidPtr a = solid(any_mesh(random), is_solid_mostly(random), random.log_uniform(1e-4, 0.3));
   const double s = random.log_uniform(0.05, 1);
-  SolidPtr b = random.chance(0.5) ? visitor(random)
-                                  : solid(scaled(any_mesh(random), {s, s, s}), is_solid_mostly(random),
-                                          random.log_uniform(1e-4, 0.3));
+  SolidPtr b = random.chance(0.5)
+                   ? visitor(random)
+                   : solid(scaled(any_mesh(random), {s, s, s}), is_solid_mostly(random), random.log_uniform(1e-4, 0.3));
   if (random.chance(0.5)) std::swap(a, b);
   return placed(random, std::move(a), std::move(b));
 }

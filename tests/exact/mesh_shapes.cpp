@@ -170,8 +170,7 @@ Mesh shelf(Random& random) {
   const int rows = random.integer(1, 3), columns = random.integer(1, 3);
   const double over = random.chance(0.5) ? board : 0;  // boards end in each other, or flush
   Mesh mesh = moved(box_mesh({1 + board, board, 1 + board}), {0, depth + board - over, 0});
-  for (int i = 0; i <= rows; ++i)
-    append(mesh, moved(box_mesh({1 + board, depth, board}), {0, 0, -1 + 2.0 * i / rows}));
+  for (int i = 0; i <= rows; ++i) append(mesh, moved(box_mesh({1 + board, depth, board}), {0, 0, -1 + 2.0 * i / rows}));
   for (int i = 0; i <= columns; ++i)
     append(mesh, moved(box_mesh({board, depth, 1 - board + over}), {-1 + 2.0 * i / columns, 0, 0}));
   return mesh;

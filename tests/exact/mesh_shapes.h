@@ -46,15 +46,16 @@ Mesh band(std::span<const Point2> left, std::span<const Point2> right, double he
 /// A profile (distance from the axis, z), its inside to the left of the way along it, turned around z.
 Mesh revolved(std::span<const Point2> profile, int sides);
 
-Mesh bent(Random& random);        ///< L, U or serpentine
-Mesh shelf(Random& random);       ///< compartments of boards that overlap or are flush
-Mesh ring(Random& random);        ///< a torus around z with a hole
-Mesh mug(Random& random);         ///< with a handle that overlaps its wall
-Mesh spiral(Random& random);      ///< turns that lie close to each other
-Mesh comb(Random& random, double gap);   ///< teeth, as one part or as boxes on a bar
-Mesh ball(Random& random);        ///< a uv sphere with dents
-Mesh cells(Random& random, double step); ///< cubes of a lattice: vertices are multiples of `step`; edges of four triangles
+Mesh bent(Random& random);              ///< L, U or serpentine
+Mesh shelf(Random& random);             ///< compartments of boards that overlap or are flush
+Mesh ring(Random& random);              ///< a torus around z with a hole
+Mesh mug(Random& random);               ///< with a handle that overlaps its wall
+Mesh spiral(Random& random);            ///< turns that lie close to each other
+Mesh comb(Random& random, double gap);  ///< teeth, as one part or as boxes on a bar
+Mesh ball(Random& random);              ///< a uv sphere with dents
+Mesh cells(Random& random,
+           double step);  ///< cubes of a lattice: vertices are multiples of `step`; edges of four triangles
 Mesh plate(Random& random, double thickness);  ///< bent by a right angle
-Mesh any_mesh(Random& random);    ///< one of these
+Mesh any_mesh(Random& random);                 ///< one of these
 
 }  // namespace clearance::exact

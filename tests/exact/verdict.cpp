@@ -22,8 +22,10 @@ bool finite(const Vec3d& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// How far a point of the world lies outside a grown piece, at most; 0 or less inside.
+/// How far a point of the world lies outside a grown body, at most; 0 or less inside.
 double outside(const Solid& s, const Pose& X, const Vec3d& p) {
+  if (!s.triangles.empty())
+    return exact_distance(body_view(s), X, BodyView{std::span(&p, 1), {}, false, 0}, {}).distance.upper();
   return exact_distance(view(s), X, {std::span(&p, 1), 0}, {}, false).distance.upper();
 }
 
@@ -153,7 +155,8 @@ class Judge {
     if (compact()) return;
     if (!finite(answer_.normal) || std::abs(norm(answer_.normal) - 1) > 8 * kEps)
       return violation("the normal is not a unit vector");
-    if (!setting_.signed_distance && answer_.lower <= 0) return;  // clipped: nothing to prove
+    if (!setting_.signed_distance && answer_.lower <= 0) return;       // clipped: nothing to prove
+    if (!c_.a->triangles.empty() || !c_.b->triangles.empty()) return;  // it proves the nearest triangles, no bodies
     const double gap = exact_support_gap(view(*c_.a), c_.X_wa, view(*c_.b), c_.X_wb, answer_.normal).upper();
     if (!(gap >= answer_.lower - 16 * kEps * scale_))
       inaccuracy(text("the normal proves %.17g, lower says %.17g: %.3g eps S", gap, answer_.lower,
@@ -189,7 +192,11 @@ std::string as_initialiser(const Case& c) {
   const auto one = [](const Solid& s, const Pose& X) {
     std::string out = "{{";
     for (const Vec3d& v : s.vertices) out += text("{%a, %a, %a},", v.x, v.y, v.z);
-    out += text("}, %a},\n  ", s.radius);
+    out += text("}, %a", s.radius);
+    for (std::size_t i = 0; i < s.triangles.size(); ++i)
+      out +=
+          text(i == 0 ? ", {{%u, %u, %u}" : ", {%u, %u, %u}", s.triangles[i][0], s.triangles[i][1], s.triangles[i][2]);
+    out += s.triangles.empty() ? "},\n  " : s.is_solid ? "}, true},\n  " : "}, false},\n  ";
     return out + text("{{%a, %a, %a}, %a, %a, %a, %a}", X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx,
                       X.qy, X.qz);
   };

@@ -114,7 +114,8 @@ TEST(Surface, TreeHoldsEveryTriangleOnceAndInItsBoxes) {
 TEST(Surface, TakesAtMost64BytesATriangleBesideItsVertices) {
   const Mesh mesh = exact::revolved(std::vector<exact::Point2>{{1, 0}, {1.5, 0.2}, {1.4, 0.9}, {1.1, 0.7}}, 5000);
   const Surface surface = surface_of(mesh, true);
-  EXPECT_LE(surface.resident_bytes(), 64 * mesh.triangles.size() + sizeof(Vec3d) * mesh.vertices.size() + sizeof surface);
+  EXPECT_LE(surface.resident_bytes(),
+            64 * mesh.triangles.size() + sizeof(Vec3d) * mesh.vertices.size() + sizeof surface);
 }
 
 TEST(Surface, DigestsTellSurfacesApart) {
@@ -128,8 +129,11 @@ TEST(Surface, DigestsTellSurfacesApart) {
 // ---- open edges
 
 TEST(Surface, ClosedMeshesHaveNoOpenEdge) {
-  for (const exact::SolidPtr& s : nasty_meshes(4))
-    if (s->is_solid) EXPECT_EQ(open_edge(s->vertices, s->triangles), "");
+  for (const exact::SolidPtr& s : nasty_meshes(4)) {
+    if (s->is_solid) {
+      EXPECT_EQ(open_edge(s->vertices, s->triangles), "");
+    }
+  }
 }
 
 TEST(Surface, AMissingOrTurnedTriangleLeavesAnOpenEdge) {
