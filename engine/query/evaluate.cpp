@@ -298,12 +298,19 @@ void Evaluator::finish_search(Search& search, WorkMeter& meter) {
     const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
     const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose,
                      &pose_b = (*bodies.placement)[bodies.pair.b].pose;
-    if (Vec3d shared[2]; found.lower > 0 && one_holds_the_other(a, pose_a, b, pose_b, found.lower, meter, shared)) {
+    Vec3d shared[2];
+    const Held held =
+        found.lower > 0 ? one_holds_the_other(a, pose_a, b, pose_b, found.lower, meter, shared) : Held::kNo;
+    if (held == Held::kYes) {
+      const Vec3d normal = found.best.bounds.upper < kInf ? found.best.normal : Vec3d{1, 0, 0};  // none was asked
       found.best = NarrowAnswer{};
       found.best.bounds.upper = -found.lower;  // what is held is as far from the surface around it
       found.best.point_a = shared[0];
       found.best.point_b = shared[1];
+      found.best.normal = normal;
       found.lower = -kInf;
+    } else if (held == Held::kUnknown) {
+      found.lower = 0;
     }
   }
   PairAnswer& answer = answers_[search.index];

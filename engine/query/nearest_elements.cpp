@@ -251,36 +251,41 @@ std::vector<Vec3d> a_point_of_each_part(const Piece& piece) {
 }
 
 // Whether a part of `inner` lies within a solid of `outer`.
-bool holds(const Body& outer, const PlacedPose& outer_pose, const Body& inner, const PlacedPose& inner_pose,
+Held holds(const Body& outer, const PlacedPose& outer_pose, const Body& inner, const PlacedPose& inner_pose,
            double apart, WorkMeter& meter, Vec3d* from_outer, Vec3d* from_inner) {
   const Vec3d shift = inner_pose.t_w - outer_pose.t_w;
   const double wrong = rounding_width(pair_scale(shift, outer.reach, inner.reach, 0.0));
+  Held held = Held::kNo;
   for (const PiecePtr& o : outer.pieces) {
     if (!o->surface || !o->surface->is_solid()) continue;
     const Aabb box = certify_box(*o, outer_pose.R_wb, outer_pose.t_w);
     for (const PiecePtr& i : inner.pieces) {
-      // The point as computed is on the side of every triangle that it is on: none is as near.
-      if (!(apart + o->radius + i->radius > wrong)) continue;
       if (certify_box_gap(box, certify_box(*i, inner_pose.R_wb, inner_pose.t_w)) > 0) continue;
+      // The point as computed must be on the side of every triangle that it is on: none may be as near.
+      if (!(apart + o->radius + i->radius > wrong)) {
+        held = Held::kUnknown;
+        continue;
+      }
       for (const Vec3d& v : a_point_of_each_part(*i)) {
         meter.count(1);
         const Vec3d turned = inner_pose.R_wb * v;
         if (winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) == 0) continue;
         *from_inner = turned;
         *from_outer = turned + shift;
-        return true;
+        return Held::kYes;
       }
     }
   }
-  return false;
+  return held;
 }
 
 }  // namespace
 
-bool one_holds_the_other(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b, double apart,
+Held one_holds_the_other(const Body& a, const PlacedPose& pose_a, const Body& b, const PlacedPose& pose_b, double apart,
                          WorkMeter& meter, Vec3d (&point)[2]) {
-  return holds(a, pose_a, b, pose_b, apart, meter, &point[0], &point[1]) ||
-         holds(b, pose_b, a, pose_a, apart, meter, &point[1], &point[0]);
+  const Held b_in_a = holds(a, pose_a, b, pose_b, apart, meter, &point[0], &point[1]);
+  if (b_in_a == Held::kYes) return b_in_a;
+  return std::max(b_in_a, holds(b, pose_b, a, pose_a, apart, meter, &point[1], &point[0]));
 }
 
 }  // namespace clearance
