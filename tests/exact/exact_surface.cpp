@@ -11,6 +11,7 @@
 #include <random>
 #include <stdexcept>
 #include <tuple>
+#include <utility>
 
 #include "exact_difference.h"
 

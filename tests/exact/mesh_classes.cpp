@@ -159,6 +159,30 @@ Case shells(Random& random) {
   if (random.chance(0.5)) std::swap(a, b);
   return placed(random, std::move(a), std::move(b));
 }
+/// One within the other, up to its skin: where that is a solid's, they overlap by a hair's breadth or more. Some have
+/// another part outside, some the axes of the other.
+Case held(Random& random) {
+  const double s = random.log_uniform(1e-3, 0.3);
+  if (random.chance(0.2)) {
+    Case c{solid(box_mesh({1, 1, 1}), true), solid(box({s, s, s})), {}, {}};
+    if (random.chance(0.5)) std::swap(c.a, c.b);
+    return c;
+  }
+  const Mesh mesh = random.chance(0.5) ? box_mesh({1, 1, 1}) : ball(random);
+  Mesh part = scaled(any_mesh(random), {s, s, s});
+  if (random.chance(0.5)) {
+    Mesh outside = moved(part, {0, 0, 5});
+    append(outside, part);
+    part = std::move(outside);
+  }
+  SolidPtr b = random.chance(0.3) ? solid(scaled(ordinary(random), s)) : solid(std::move(part), true);
+  Case c{solid(mesh, false), std::move(b), random.rotation(), random.rotation()};
+  c.X_wb.translation = random.direction() * random.uniform(0, 0.5);
+  set_gap(c, s * random.log_uniform(1e-18, 1));
+  c.a = solid(mesh, random.chance(0.6));
+  if (random.chance(0.5)) std::swap(c.a, c.b), std::swap(c.X_wa, c.X_wb);
+  return c;
+}
 /// One in the other's cavity, with its own body in its own cavity: apart, though boxes and hulls are inside each other.
 Case nested(Random& random) {
   const auto hollow = [&](double size, double wall) {
@@ -290,6 +314,7 @@ const std::vector<CaseClass>& mesh_classes() {
       {"mesh_degenerate", "triangles of repeated or collinear vertices", degenerate, has_triangles},
       {"mesh_few", "surfaces of one to three triangles", few_triangles, has_triangles},
       {"mesh_shells", "shells within shells: cavities, and inside twice", shells, has_triangles},
+      {"mesh_held", "one within the other, 1e-21 to 0.3 from its skin", held, has_triangles},
       {"mesh_nested", "solids in each other's cavities", nested, has_triangles},
       {"mesh_linked", "rings through each other's holes", linked, has_triangles},
       {"mesh_parts", "bodies of several parts, apart or overlapping", parts, has_triangles},

@@ -8,9 +8,12 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <limits>
+#include <memory>
+#include <optional>
 #include <set>
+#include <string>
+#include <vector>
 
 #include "campaign.h"
 #include "engine/engine.h"
@@ -20,7 +23,6 @@ namespace {
 
 constexpr std::uint64_t kSeed = 1;
 constexpr int kCases = 40;
-constexpr double kInf = std::numeric_limits<double>::infinity();
 
 #ifdef CLEARANCE_MUTANT
 
@@ -44,6 +46,8 @@ TEST(Mutants, OfSurfacesAreFound) {
 }
 
 #else
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
 
 class Meshes : public testing::TestWithParam<std::size_t> {};
 
@@ -283,6 +287,43 @@ TEST(MeshCrowds, EveryReductionIsTrue) {
   EXPECT_GT(asked.overlaps, 500);
   EXPECT_GT(asked.within, 500);
   EXPECT_GT(asked.beyond, 100);
+}
+
+// A body of a mesh and another piece, hull or mesh, both grown by padding: the nearer of them counts.
+TEST(MeshCrowds, PiecesOfAllKindsMakeABody) {
+  constexpr double kPadding = 0.0625;
+  int first_is_nearer = 0, second_is_nearer = 0, overlapping = 0;
+  for (const CaseClass& cls : mesh_classes())
+    for (std::uint64_t i = 0; i < 6; ++i) {
+      const Case c = make_case(cls, kSeed, 300 + i), other = make_case(cls, kSeed, 400 + i);
+      if (c.a->radius != 0 || other.b->radius != 0) continue;  // padding adds to radii, rounded
+      Body a, b;
+      a.name = "a", b.name = "b";
+      a.pieces = {piece_of(*c.a), piece_of(*other.b)};
+      b.pieces = {piece_of(*c.b)};
+      a.pose = c.X_wa, b.pose = c.X_wb;
+      a.padding = kPadding;
+      Scene scene;
+      scene.add_body(std::move(a));
+      scene.add_body(std::move(b));
+      Engine::Options options;
+      options.backend = "cpu";
+      const Rows rows = ask(Engine(std::move(scene), options), {});
+      Solid grown = *c.a, grown_other = *other.b;
+      grown.radius = grown_other.radius = kPadding;
+      const Result truth[] = {judge({std::make_shared<const Solid>(grown), c.b, c.X_wa, c.X_wb}, false),
+                              judge({std::make_shared<const Solid>(grown_other), c.b, c.X_wa, c.X_wb}, false)};
+      const int nearer = truth[0].distance.compare(truth[1].distance) <= 0 ? 0 : 1;
+      const bool is_apart = truth[nearer].distance.compare(0) > 0;
+      (is_apart ? nearer == 0 ? first_is_nearer : second_is_nearer : overlapping)++;
+      EXPECT_TRUE(contains(rows, 0, truth[nearer])) << cls.name << ' ' << i;
+      const auto status = static_cast<Status>(rows.view.status[0]);
+      EXPECT_TRUE(status == Status::kContact || status == (is_apart ? Status::kOk : Status::kOverlap))
+          << cls.name << ' ' << i << ' ' << static_cast<int>(status);
+    }
+  EXPECT_GT(first_is_nearer, 10);
+  EXPECT_GT(second_is_nearer, 10);
+  EXPECT_GT(overlapping, 20);
 }
 
 // An answer does not depend on how it was worked out: in slices, on several threads, with other instructions.

@@ -4,11 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <map>
-#include <numeric>
+#include <utility>
+#include <vector>
 
 #include "engine/surface/surface.h"
 #include "tests/exact/cases.h"
