@@ -254,7 +254,9 @@ std::vector<Vec3d> a_point_of_each_part(const Piece& piece) {
 Held holds(const Body& outer, const PlacedPose& outer_pose, const Body& inner, const PlacedPose& inner_pose,
            double apart, WorkMeter& meter, Vec3d* from_outer, Vec3d* from_inner) {
   const Vec3d shift = inner_pose.t_w - outer_pose.t_w;
-  const double wrong = rounding_width(pair_scale(shift, outer.reach, inner.reach, 0.0));
+  // A point that is turned, shifted and turned back is off by less than 16 roundings of S; a gap may be by 30.
+  const double wrong =
+      rounding_error(double(RoundingUnits<double>::kLower), pair_scale(shift, outer.reach, inner.reach, 0.0));
   Held held = Held::kNo;
   for (const PiecePtr& o : outer.pieces) {
     if (!o->surface || !o->surface->is_solid()) continue;
