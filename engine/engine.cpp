@@ -19,6 +19,7 @@
 #include "engine/query/certificate.h"
 #include "engine/query/extent.h"
 #include "engine/query/job_state.h"
+#include "engine/query/kept_jobs.h"
 #include "engine/query/plan.h"
 #include "engine/scene/pose_store.h"
 
@@ -41,13 +42,19 @@ struct Engine::Impl {
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
   SceneBulk bulk{scene};
+  mutable KeptJobs kept{scene};  // their trees go back where they came from
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0};
 
   JobContext context() const {
-    return {&scene,          options.threads, reference, lanes,   light,       &pairs_evaluated,
-            &contradictions, &warm,           &trees,    near_by, device.get()};
+    return {&scene,          options.threads, reference, lanes,   light,        &pairs_evaluated,
+            &contradictions, &warm,           &trees,    near_by, device.get(), &kept};
+  }
+
+  // Whether the job of a query may be asked again. Where there is a device, the router has its say each time.
+  bool keeps_job_of(const QueryView& query) const {
+    return (!device || query.reduce == Reduce::kAny) && kept.keeps(query);
   }
 
   // OpenMP's threads do not survive a fork: a child that used them would hang.
@@ -280,8 +287,12 @@ std::vector<double> Engine::free_scale(const QueryView& query, std::span<const d
 
 PreparedQuery Engine::begin_preparing(const QueryView& query) const {
   const FpEnvironment environment;
+  const auto snapshot = impl_->poses.snapshot();
+  const bool is_kept = impl_->keeps_job_of(query);
+  if (is_kept)
+    if (Job::StatePtr again = impl_->kept.take(query, snapshot)) return PreparedQuery(std::move(again));
   return PreparedQuery(
-      std::make_unique<Planner>(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true));
+      std::make_unique<Planner>(query, impl_->scene, snapshot, impl_->options.max_rows, true, is_kept));
 }
 
 PreparedQuery Engine::prepare(const QueryView& query) const {
@@ -312,12 +323,17 @@ bool for_device(const Plan& plan, const Scene& scene) {
 Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const FpEnvironment environment;
   impl_->check_process();
-  Plan plan = std::move(query.planner_->plan());
-  if (plan.size.rows > reply.rows)  // an attachment since size() was asked can make more pairs
-    throw QueryError(QueryErrorCode::kWrongScene, "the answer needs " + std::to_string(plan.size.rows) +
+  const std::uint64_t rows = query.size().rows;
+  if (rows > reply.rows)  // an attachment since size() was asked can make more pairs
+    throw QueryError(QueryErrorCode::kWrongScene, "the answer needs " + std::to_string(rows) +
                                                       " rows and there is room for " + std::to_string(reply.rows) +
                                                       ": ask for its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
+  if (query.again_) {
+    query.again_->begin_again(reply);
+    return Job(std::move(query.again_));
+  }
+  Plan plan = std::move(query.planner_->plan());
   const JobContext context = impl_->context();
   const bool any = plan.query.reduce == Reduce::kAny,
              motions = plan.query.max_steps > 0;  // which no kernel answers yet
@@ -341,7 +357,7 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
     state->when_done = [router, kind, pairs](const ReplyInfo& info, std::chrono::nanoseconds took) {
       router->learn(kind, pairs, info.backend == "cuda", took);
     };
-  return Job(std::move(state));
+  return Job(Job::StatePtr(state.release()));
 }
 
 std::string Engine::certificate(const QueryView& query, std::span<const std::uint64_t> rows) const {
@@ -385,6 +401,7 @@ Counters Engine::stats() const {
                     {"engine.pairs", snapshot->pairs->size()},
                     {"engine.threads", static_cast<std::uint64_t>(impl_->options.threads)},
                     {"engine.queries", impl_->queries},
+                    {"engine.queries_asked_again", impl_->kept.asked_again()},
                     {"engine.pairs_evaluated", impl_->pairs_evaluated},
                     {"engine.contradictions", impl_->contradictions},
                     {"engine.pose_revision", snapshot->revision},
@@ -407,10 +424,15 @@ bool Engine::has_cpu() const {
 }
 
 PreparedQuery::PreparedQuery(std::unique_ptr<Planner> planner) : planner_(std::move(planner)) {}
+PreparedQuery::PreparedQuery(Job::StatePtr again) : again_(std::move(again)) {}
 PreparedQuery::PreparedQuery(PreparedQuery&&) noexcept = default;
 PreparedQuery& PreparedQuery::operator=(PreparedQuery&&) noexcept = default;
 PreparedQuery::~PreparedQuery() = default;
+const Plan& PreparedQuery::plan() const {
+  return again_ ? *again_->plan_to_ask_again() : planner_->plan();
+}
 bool PreparedQuery::advance(const WorkBudget& budget) {
+  if (again_) return true;
   const FpEnvironment environment;
   WorkMeter slice(budget);
   const bool is_ready = planner_->advance(slice);
@@ -418,23 +440,23 @@ bool PreparedQuery::advance(const WorkBudget& budget) {
   return is_ready;
 }
 const QuerySize& PreparedQuery::size() const {
-  return planner_->plan().size;
+  return plan().size;
 }
 void PreparedQuery::copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPair* out) const {
-  planner_->plan().pairs.copy(begin, count, out);
+  plan().pairs.copy(begin, count, out);
 }
 std::uint64_t PreparedQuery::bytes() const {
-  const Plan& plan = planner_->plan();
-  return plan.pairs.list().size_bytes() + plan.configurations.size_bytes() + plan.positions.size_bytes();
+  const Plan& p = plan();
+  return p.pairs.list().size_bytes() + p.configurations.size_bytes() + p.positions.size_bytes();
 }
 void PreparedQuery::begin_cold() {
-  planner_->plan().query.warm_slot = 0;
+  if (planner_) planner_->plan().query.warm_slot = 0;
 }
 void PreparedQuery::keep_on_cpu() {
   keep_on_cpu_ = true;
 }
 
-Job::Job(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Job::Job(StatePtr state) : state_(std::move(state)) {}
 Job::Job(Job&&) noexcept = default;
 Job& Job::operator=(Job&&) noexcept = default;
 Job::~Job() = default;

@@ -149,59 +149,40 @@ class PyEngine {
   std::unique_ptr<PyJob> start(const Query& query, nb::handle out_list) const {
     Engine& engine = use();
     OutArrays out(out_list);
-    QueryView view = view_of(query);
-    while (true) {
-      QuerySize size;
-      {
-        nb::gil_scoped_release release;
-        size = engine.size(view);
-      }
-      if (query.points_by_default && size.rows <= kDefaultPointsRows) {
-        view.fields |= kFieldPoints | kFieldNormal;
-        size.fields |= kFieldPoints | kFieldNormal;
-      }
-      out.check(view.reduce, size.configurations, size.pairs, size.joints, size.rows);
+    PreparedQuery prepared = prepare(query);
+    const QuerySize size = prepared.size();
+    out.check(view_of(query).reduce, size.configurations, size.pairs, size.joints, size.rows);
 
-      const std::uint32_t own = size.fields & ~out.fields();
-      const Layout layout = layout_of(own, size.rows, size.joints);
-      Answer answer;
-      answer.owner = room_for(layout.bytes);
-      answer.base = static_cast<const std::byte*>(answer.owner.get());
-      answer.bytes = layout.bytes;
-      answer.offset = layout.offset;
-      answer.fields = size.fields;
-      answer.capacity = size.rows;
-      answer.configurations = size.configurations;
-      answer.pairs = size.pairs;
-      answer.joints = size.joints;
+    const std::uint32_t own = size.fields & ~out.fields();
+    const Layout layout = layout_of(own, size.rows, size.joints);
+    Answer answer;
+    answer.owner = room_for(layout.bytes);
+    answer.base = static_cast<const std::byte*>(answer.owner.get());
+    answer.bytes = layout.bytes;
+    answer.offset = layout.offset;
+    answer.fields = size.fields;
+    answer.capacity = size.rows;
+    answer.configurations = size.configurations;
+    answer.pairs = size.pairs;
+    answer.joints = size.joints;
 
-      ReplyView reply;
-      reply.rows = size.rows;
-      reply.joints = size.joints;
-      int position = 0;
-      for_each_column(
-          [&]<class Column>(Column*& column, int) {
-            const int at = position++;
-            const std::int64_t offset = layout.offset[static_cast<std::size_t>(at)];
-            if (out.fields() >> at & 1)
-              column = reinterpret_cast<Column*>(out.data(at));
-            else if (offset >= 0)
-              column = reinterpret_cast<Column*>(static_cast<std::byte*>(answer.owner.get()) + offset);
-          },
-          reply);
-
-      // Another thread may have attached a body since size(): then the room does not fit the answer.
-      std::optional<Job> job;
-      try {
-        nb::gil_scoped_release release;
-        job.emplace(engine.start(view, reply));
-      } catch (const QueryError& error) {
-        if (error.code != QueryErrorCode::kWrongScene) throw;
-        continue;
-      }
-      if (job->size().rows != size.rows || job->size().pairs != size.pairs) continue;
-      return std::make_unique<PyJob>(engine_, guard_, std::move(*job), std::move(answer), std::move(out));
-    }
+    ReplyView reply;
+    reply.rows = size.rows;
+    reply.joints = size.joints;
+    int position = 0;
+    for_each_column(
+        [&]<class Column>(Column*& column, int) {
+          const int at = position++;
+          const std::int64_t offset = layout.offset[static_cast<std::size_t>(at)];
+          if (out.fields() >> at & 1)
+            column = reinterpret_cast<Column*>(out.data(at));
+          else if (offset >= 0)
+            column = reinterpret_cast<Column*>(static_cast<std::byte*>(answer.owner.get()) + offset);
+        },
+        reply);
+    nb::gil_scoped_release release;
+    return std::make_unique<PyJob>(engine_, guard_, engine.start(std::move(prepared), reply), std::move(answer),
+                                   std::move(out));
   }
 
   nb::object answer(const Query& query, nb::handle out_list, double timeout_s) const {
@@ -322,6 +303,19 @@ class PyEngine {
   }
 
  private:
+  PreparedQuery prepare(const Query& query) const {
+    constexpr std::uint32_t kPoints = kFieldPoints | kFieldNormal;
+    QueryView view = view_of(query);
+    nb::gil_scoped_release release;
+    if (!query.points_by_default) return engine_->prepare(view);
+    const std::uint32_t without = view.fields;
+    view.fields |= kPoints;
+    PreparedQuery prepared = engine_->prepare(view);
+    if (prepared.size().rows <= kDefaultPointsRows) return prepared;
+    view.fields = without;
+    return engine_->prepare(view);
+  }
+
   std::shared_ptr<void> room_for(std::size_t bytes) const {
     const std::string_view backend = engine_->backend();
     return (backend == "cuda" || backend == "auto" ? pinned_blocks() : plain_blocks()).take(bytes);

@@ -15,15 +15,14 @@ constexpr std::size_t kSideBySideFrom = 4;  // fewer configurations are compared
 
 }  // namespace
 
-std::span<const double> BoxCull::gaps(std::span<const BodyPair> pairs, std::span<const Placement> placed,
-                                      std::uint64_t first) {
+std::span<const double> BoxCull::gaps(std::span<const BodyPair> pairs, std::span<const Placement> placed) {
   assert(!placed.empty());
   gaps_.resize(std::max(gaps_.size(), pairs.size() * placed.size()));
   const std::span<const double> all(gaps_.data(), pairs.size() * placed.size());
   if (!placed[0].moves_any()) {
     gaps_where_they_are(pairs);
   } else if (placed.size() >= kSideBySideFrom) {
-    if (first != first_) {  // other configurations: other boxes
+    if (const std::uint64_t first = placed[0].number(); first != first_) {  // other configurations: other boxes
       for (const std::uint32_t body : moved_bodies_) moved_at_[body] = kNone;
       moved_bodies_.clear();
       first_ = first;

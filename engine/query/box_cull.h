@@ -17,9 +17,9 @@ class BoxCull {
   BoxCull(const Scene& scene, std::span<const Aabb> boxes, const BoxColumns& columns)
       : scene_(scene), boxes_(boxes), columns_(columns) {}
 
-  /// \param placed configurations [first, first + placed.size()) of the plan. Returns (placed.size(), pairs.size()),
-  /// valid until the next call.
-  std::span<const double> gaps(std::span<const BodyPair> pairs, std::span<const Placement> placed, std::uint64_t first);
+  /// \param placed configurations of the plan that follow each other. Returns (placed.size(), pairs.size()), valid
+  /// until the next call.
+  std::span<const double> gaps(std::span<const BodyPair> pairs, std::span<const Placement> placed);
 
  private:
   struct Side {  // a body in all configurations: its boxes, or the one that they share
@@ -34,7 +34,7 @@ class BoxCull {
   std::span<const Aabb> boxes_;
   const BoxColumns& columns_;
   std::vector<double> gaps_, row_;
-  std::uint64_t first_ = ~std::uint64_t{0};
+  std::uint64_t first_ = ~std::uint64_t{0};  // Placement::number() of the block's first
   std::vector<BoxColumns> moved_;            // boxes of a moved body, in all configurations of the block
   std::vector<std::uint32_t> moved_at_;      // of each body: index into moved_, or kNone
   std::vector<std::uint32_t> moved_bodies_;  // those that have one

@@ -64,7 +64,7 @@ bool ConfigurationBlock::advance(WorkMeter& meter) {
 // What all configurations want to know next, in asked_. False: nothing.
 bool ConfigurationBlock::ask(WorkMeter& meter) {
   if (compares_boxes_ && gaps_.empty()) {
-    gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_, first_);
+    gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_);
     meter.count(gaps_.size() / kBoxesPerUnit);
   }
   asked_.clear();

@@ -15,7 +15,7 @@ constexpr std::uint64_t kTogether = kMostLanes;
 ConfigurationPoses::Block ConfigurationPoses::at(std::uint64_t first, std::uint64_t count) {
   const std::size_t bodies = plan_.bodies.size();
   if (plan_.motions.empty()) return {plan_.configurations.subspan(first * bodies, count * bodies), {}, {}};
-  if (first < first_ || first + count > first_ + count_) {
+  if (plan_.round != round_ || first < first_ || first + count > first_ + count_) {
     const std::uint64_t begin = first / kTogether * kTogether,
                         end = std::min((first + count + kTogether - 1) / kTogether * kTogether,
                                        plan_.size.configurations);
@@ -30,6 +30,7 @@ ConfigurationPoses::Block ConfigurationPoses::at(std::uint64_t first, std::uint6
 void ConfigurationPoses::make(std::uint64_t first, std::uint64_t count) {
   const std::size_t bodies = plan_.bodies.size(), given = plan_.given_bodies, joints = plan_.joints.size();
   assert(first + count <= plan_.size.configurations && plan_.positions.size() == plan_.size.configurations * joints);
+  round_ = plan_.round;
   first_ = first;
   count_ = count;
   poses_.resize(count * bodies);

@@ -38,7 +38,7 @@ class ConfigurationPoses {
   void make(std::uint64_t first, std::uint64_t count);
 
   const Plan& plan_;
-  std::uint64_t first_ = 0, count_ = 0;  // configurations that are made
+  std::uint64_t round_ = 0, first_ = 0, count_ = 0;  // configurations that are made, of a round of the plan
   std::vector<Pose> poses_;
   std::vector<std::uint8_t> facts_;
   std::vector<double> travels_;

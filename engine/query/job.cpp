@@ -6,6 +6,7 @@
 #include "engine/query/box_cull.h"
 #include "engine/query/configuration_block.h"
 #include "engine/query/job_state.h"
+#include "engine/query/kept_jobs.h"
 #include "engine/query/parallel_job.h"
 #include "engine/query/reduction.h"
 
@@ -55,6 +56,11 @@ class DenseJob final : public ParallelJob {
       context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
     }
     return done;
+  }
+
+  void rewind() override {
+    next_ = 0;
+    evaluated_ = 0;
   }
 
  private:
@@ -154,7 +160,7 @@ class DenseJob final : public ParallelJob {
         for (std::size_t k = 0; k < placed.size(); ++k) ask(i, k);
       return;
     }
-    const std::span<const double> gaps = culls_[static_cast<std::size_t>(worker)].gaps(pairs, placed, first);
+    const std::span<const double> gaps = culls_[static_cast<std::size_t>(worker)].gaps(pairs, placed);
     room.near.resize(std::max(room.near.size(), pairs.size()));
     for (std::size_t k = 0; k < placed.size(); ++k) {
       const std::size_t count =
@@ -218,6 +224,11 @@ class ReducedJob final : public ParallelJob {
       context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
     }
     return done;
+  }
+
+  void rewind() override {
+    first_ = next_ = written_ = 0;
+    evaluated_ = 0;
   }
 
  private:
@@ -296,8 +307,14 @@ class ReducedJob final : public ParallelJob {
 
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   plan.keep_configurations();
-  if (plan.query.reduce == Reduce::kNone) return std::make_unique<DenseJob>(context, std::move(plan), reply);
-  return std::make_unique<ReducedJob>(context, std::move(plan), reply);
+  const bool may_be_kept = plan.question && KeptJobs::keeps(plan.size);
+  std::unique_ptr<Job::State> job;
+  if (plan.query.reduce == Reduce::kNone)
+    job = std::make_unique<DenseJob>(context, std::move(plan), reply);
+  else
+    job = std::make_unique<ReducedJob>(context, std::move(plan), reply);
+  if (may_be_kept) job->keeper = context.kept;
+  return job;
 }
 
 }  // namespace clearance

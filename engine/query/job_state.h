@@ -20,6 +20,8 @@ namespace cuda {
 class DeviceBackend;  // engine/device/device_job.h
 }  // namespace cuda
 
+class KeptJobs;
+
 /// What the engine gives each job.
 struct JobContext {
   const Scene* scene;
@@ -33,6 +35,7 @@ struct JobContext {
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
   cuda::DeviceBackend* device = nullptr;  ///< null: the CPU alone
+  KeptJobs* kept = nullptr;               ///< where jobs go that may be asked again
 };
 
 struct Job::State {
@@ -44,6 +47,13 @@ struct Job::State {
   /// Told once how long the work took: the calls of advance() together. Empty: nobody asks.
   std::function<void(const ReplyInfo&, std::chrono::nanoseconds)> when_done;
   std::chrono::nanoseconds took{0};
+
+  /// Of a job that may be asked again (kept_jobs.h); null: it may not.
+  virtual Plan* plan_to_ask_again() { return nullptr; }
+  /// Begins anew with the plan's configurations as they are now; the snapshot is the one it was made for.
+  virtual void begin_again(const ReplyView& /*reply*/) {}
+  KeptJobs* keeper = nullptr;  ///< who takes it back; null: nobody
+  bool is_whole = false;       ///< the answer is
 };
 
 /// On the CPU.

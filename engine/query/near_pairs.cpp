@@ -135,9 +135,9 @@ std::uint64_t NearPairs::first_position(std::uint32_t body) const {
 }
 
 void TreeSearch::stand(const Placement& placement) {
-  const bool there = placement_ && stood_at_ == placement.configuration(), first = !placement_;
+  const bool there = placement_ && stood_at_ == placement.number(), first = !placement_;
   placement_ = &placement;
-  stood_at_ = placement.configuration();
+  stood_at_ = placement.number();
   if (there) return;
   if (first) {
     for (std::uint32_t b = 0; b < scene_.bodies().size(); ++b)

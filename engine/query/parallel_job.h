@@ -65,27 +65,35 @@ class ParallelJob : public Job::State {
     const bool serial = plan_.size.configurations * plan_.size.pairs < kSerialBelow;
     for (int i = 0; i < (serial ? 1 : context.threads); ++i) placements_.push_back({{}, ConfigurationPoses(plan_), {}});
     open_.assign(placements_.size(), kNone64);
-    info.backend = context.reference ? "reference" : "cpu";
-    info.snapshot_revision = snapshot.revision;
-    info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
-    info.snapshot_sequence = snapshot.newest_sequence;
-    info.scene_revision =
-        q.scene_revision ? q.scene_revision : snapshot.scene_revision;  // for both the answer is the same
-    info.oldest_receipt_ns = snapshot.oldest_receipt_ns;
-    if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = plan_.begun_ns - snapshot.oldest_receipt_ns;
+    begin_info();
   }
 
   const QuerySize& size() const override { return plan_.size; }
   bool advance(const WorkBudget& budget) final {
     WorkMeter slice(budget);
-    const bool done = go_on(slice);
+    is_whole = go_on(slice);
     units += slice.spent();
-    return done;
+    return is_whole;
+  }
+
+  Plan* plan_to_ask_again() override { return plan_.question ? &plan_ : nullptr; }
+  void begin_again(const ReplyView& reply) override {
+    assert(is_whole);
+    is_whole = false;
+    ++plan_.round;
+    plan_.keep_configurations();
+    plan_.begun_ns = monotonic_ns();
+    reply_ = reply;
+    units = 0;
+    begin_info();
+    rewind();
   }
 
  protected:
   /// Works until the slice is over. Returns true once the answer is whole.
   virtual bool go_on(WorkMeter& slice) = 0;
+  /// Back to the beginning, after an answer that is whole.
+  virtual void rewind() {}
   const Scene& scene() const { return *context_.scene; }
   std::span<const Aabb> boxes() const { return boxes_; }  ///< of all bodies in the snapshot; empty: not made
   int workers() const { return static_cast<int>(placements_.size()); }
@@ -162,6 +170,19 @@ class ParallelJob : public Job::State {
 
  private:
   static constexpr std::uint64_t kNone64 = ~std::uint64_t{0};
+
+  void begin_info() {
+    const PoseSnapshot& snapshot = *plan_.snapshot;
+    const std::uint64_t asked = plan_.query.scene_revision;
+    info = {};
+    info.backend = context_.reference ? "reference" : "cpu";
+    info.snapshot_revision = snapshot.revision;
+    info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
+    info.snapshot_sequence = snapshot.newest_sequence;
+    info.scene_revision = asked ? asked : snapshot.scene_revision;  // for both the answer is the same
+    info.oldest_receipt_ns = snapshot.oldest_receipt_ns;
+    if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = plan_.begun_ns - snapshot.oldest_receipt_ns;
+  }
 
   bool none_open() const {
     return std::all_of(open_.begin(), open_.end(), [](std::uint64_t unit) { return unit == kNone64; });

@@ -39,7 +39,7 @@ class PieceBoxes {
       }
     Slot& slot = slots_[home + (slots_[home].used > slots_[home + 1].used)];
     slot.placement = wanted.placement;
-    slot.configuration = wanted.configuration;
+    slot.number = wanted.number;
     slot.body = body;
     slot.used = ++count_;
     slot.boxes.clear();
@@ -53,17 +53,17 @@ class PieceBoxes {
   static constexpr std::size_t kFewestSlots = 16, kMostSlots = 2048;
   struct Slot {
     const Placement* placement = nullptr;  // null: of a body that stands where it does in all of them
-    std::uint64_t configuration = 0, used = 0;
+    std::uint64_t number = 0, used = 0;    // Placement::number()
     std::uint32_t body = kNone;
     std::vector<Aabb> boxes;
 
     bool holds(const Slot& other) const {
-      return placement == other.placement && configuration == other.configuration && body == other.body;
+      return placement == other.placement && number == other.number && body == other.body;
     }
   };
   static Slot of(const Placement& placement, std::uint32_t body) {
     if (!placement.moves(body)) return {.body = body, .boxes = {}};
-    return {.placement = &placement, .configuration = placement.configuration(), .body = body, .boxes = {}};
+    return {.placement = &placement, .number = placement.number(), .body = body, .boxes = {}};
   }
 
   const Scene& scene_;

@@ -78,11 +78,11 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
 }
 
 void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations) {
-  if (moved_slot_.empty() || k == configuration_) return;
+  if (stands_at(k)) return;
   const std::size_t count = plan_.bodies.size();
   assert(rotations.size() == count && given.poses.size() == count &&
          (given.facts.empty() || given.facts.size() == count));
-  configuration_ = k;
+  number_ = plan_.number(k);
   errors_ = given.errors;
   const PoseSnapshot& snapshot = *plan_.snapshot;
   for (std::size_t m = 0; m < count; ++m) {

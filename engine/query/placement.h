@@ -25,9 +25,9 @@ class Placement {
 
   bool moves_any() const { return !moved_slot_.empty(); }
   bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
-  /// The one that it was moved to last; the same value always where nothing moves.
-  std::uint64_t configuration() const { return configuration_; }
-  bool stands_at(std::uint64_t k) const { return moved_slot_.empty() || k == configuration_; }
+  /// Plan::number() of the one that it was moved to last; the same value always where nothing moves.
+  std::uint64_t number() const { return number_; }
+  bool stands_at(std::uint64_t k) const { return moved_slot_.empty() || plan_.number(k) == number_; }
 
   const BodyPlacement& operator[](std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
@@ -63,7 +63,7 @@ class Placement {
   const Scene& scene_;
   const Plan& plan_;
   std::span<const Aabb> boxes_;
-  std::uint64_t configuration_ = ~std::uint64_t{0};
+  std::uint64_t number_ = ~std::uint64_t{0};
   std::vector<std::uint32_t> moved_slot_;  // of each body: index into moved_, or kNone; empty without configurations
   std::vector<Pose> local_;                // of each moved body
   std::vector<std::uint8_t> facts_;        // likewise, LinkFact bits

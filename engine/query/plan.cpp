@@ -150,7 +150,7 @@ void check_count(const char* what, const char* of, std::size_t got, std::uint64_
 }  // namespace
 
 Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
-                 std::uint64_t max_rows, bool with_configurations)
+                 std::uint64_t max_rows, bool with_configurations, bool with_question)
     : scene_(scene), max_rows_(max_rows) {
   check_numbers(query);
   const bool is_older = query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision;
@@ -171,12 +171,8 @@ Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<con
   plan.query.joints = plan.joints;
   plan.query.configurations = {};
   plan.query.positions = {};
-  if (with_configurations) {
-    check_count("configurations", "poses", query.configurations.size(), query.configuration_count, query.bodies.size());
-    check_count("positions", "numbers", query.positions.size(), query.configuration_count, query.joints.size());
-    plan.configurations = query.configurations;
-    plan.positions = query.positions;
-  }
+  if (with_configurations) plan.take_configurations(query);
+  if (with_question) plan.question.emplace(query);
 
   plan.moved = plan.snapshot->with_followers(plan.bodies);
   lister_.emplace(query, scene, plan.snapshot->pairs, plan.moved);
@@ -237,6 +233,14 @@ void Plan::make_link_poses() {
   configurations = kept_configurations;
   given_bodies = bodies.size();
   motions.clear();
+}
+
+void Plan::take_configurations(const QueryView& asked) {
+  const std::uint32_t count = asked.configuration_count;
+  check_count("configurations", "poses", asked.configurations.size(), count, asked.bodies.size());
+  check_count("positions", "numbers", asked.positions.size(), count, asked.joints.size());
+  configurations = asked.configurations;
+  positions = asked.positions;
 }
 
 void Plan::keep_configurations() {

@@ -9,6 +9,7 @@
 #include "engine/query/margins.h"
 #include "engine/query/pair_lister.h"
 #include "engine/query/query.h"
+#include "engine/query/question.h"
 #include "engine/scene/link_motion.h"
 #include "engine/scene/pose_store.h"
 
@@ -30,9 +31,16 @@ struct Plan {
   PairList pairs;
   Margins margins;  ///< of the pairs, for Reduce::kAny and motions
   QuerySize size;
-  std::int64_t begun_ns = 0;      ///< monotonic_ns(): ages of poses are as of then
-  std::vector<BodyDoubt> doubts;  ///< of each body in the snapshot, as of then; empty: nothing is doubted of any
+  std::int64_t begun_ns = 0;         ///< monotonic_ns(): ages of poses are as of then
+  std::vector<BodyDoubt> doubts;     ///< of each body in the snapshot, as of then; empty: nothing is doubted of any
+  std::optional<Question> question;  ///< what it answers, if the same may be asked again; none: it is not kept
+  std::uint64_t round = 0;           ///< how often it was asked again before
 
+  /// A number that no other configuration has, nor the same one in another round: what was found there can be known by
+  /// it.
+  std::uint64_t number(std::uint64_t configuration) const { return round * size.configurations + configuration; }
+  /// Takes the configurations of a query for those that it has. Throws QueryError where they are not as many numbers.
+  void take_configurations(const QueryView& asked);
   /// Copies configurations and positions, whose memory is the caller's.
   void keep_configurations();
   /// Makes the poses of links here, so that they are `configurations` as any body's.
@@ -45,8 +53,9 @@ class Planner {
   /// Checks the query. Throws QueryError. \param query what it points to must stay, its configurations longer than
   /// this.
   /// \param scene must outlive this. \param with_configurations false: only sizes and pairs are wanted.
+  /// \param with_question the plan may be asked again (kept_jobs.h)
   Planner(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
-          std::uint64_t max_rows, bool with_configurations);
+          std::uint64_t max_rows, bool with_configurations, bool with_question = false);
   /// Lists pairs until the slice is over. Returns true once the plan is whole. Throws QueryError.
   bool advance(WorkMeter& meter);
   /// Once advance() has returned true.

@@ -233,7 +233,7 @@ void Reduction::take(std::span<const PairAnswer> found) {
 // box_gap() of each.
 std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerState& worker,
                                         const Placement& placement) const {
-  if (have_boxes_) return worker.cull.gaps(pairs, {&placement, 1}, placement.configuration());
+  if (have_boxes_) return worker.cull.gaps(pairs, {&placement, 1});
   worker.gaps.resize(pairs.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) worker.gaps[i] = box_gap(scene_, placement, pairs[i]);
   return worker.gaps;
