@@ -15,6 +15,9 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "build/python")]
 
 
+_BOUNDS = ("lower", "upper")
+
+
 class PinocchioCoal:
     """Pinocchio's kinematics and Coal's distances, each a call in C++ for one state.
 
@@ -148,10 +151,29 @@ class Clearance:
 
     def ways(self):
         where = "over shared memory" if self.url else "in process"
+        prepared = {"valid": {"reduce": "any", "fields": "status"}, "least": {"reduce": "min", "fields": _BOUNDS}}
         return {
-            question: {f"Clearance {where}": way, f"Clearance {where}, one a call": self._one_by_one(way)}
+            question: {
+                f"Clearance {where}": way,
+                f"Clearance {where}, one a call": self._one_by_one(way),
+                f"Clearance {where}, prepared, one a call": self._prepared(prepared[question]),
+            }
             for question, way in (("valid", self._valid), ("least", self._least))
         }
+
+    def _prepared(self, question):
+        def run(Q):
+            row = np.empty((1, Q.shape[1]))
+            ask = self.asked.prepare(joints=self.joints, positions=row, **question)
+            answers = []
+            for q in Q:
+                row[0] = q
+                answers.append(ask())
+            if question["reduce"] == "any":
+                return np.array([answer.status[0] == self.clearance.Status.BEYOND for answer in answers])
+            return tuple(np.concatenate([getattr(answer, name) for answer in answers]) for name in _BOUNDS)
+
+        return run
 
     @staticmethod
     def _one_by_one(way):
@@ -167,7 +189,7 @@ class Clearance:
         return np.asarray(self.asked.check(Q, joints=self.joints).free)
 
     def _least(self, Q):
-        answer = self.asked.distances(joints=self.joints, positions=Q, reduce="min", fields=["lower", "upper"])
+        answer = self.asked.distances(joints=self.joints, positions=Q, reduce="min", fields=_BOUNDS)
         return answer.lower.ravel(), answer.upper.ravel()
 
 

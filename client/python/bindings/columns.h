@@ -95,6 +95,16 @@ inline void bind_query(nb::module_& m) {
       },
       nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("configurations").none(), nb::arg("points_by_default"),
       nb::arg("joints").none() = nb::none(), nb::arg("positions").none() = nb::none());
+  query.def(
+      "at",
+      [](const Query& q, std::optional<PosesArray> configurations, std::optional<PositionsArray> positions) {
+        Query other = q;
+        other.configurations = std::move(configurations);
+        other.positions = std::move(positions);
+        return other;
+      },
+      nb::arg("configurations").none(), nb::arg("positions").none(),
+      "The same in other configurations, whose shapes are for the caller to have checked.");
   query.def("set_margins", [](Query& q, BytesOfMargins margins) { q.margins = std::move(margins); });
   query.def("set_pair_margins", [](Query& q, PairMargins margins) { q.pair_margins = std::move(margins); });
   for_each_query_option([&query](const QueryOption& option, auto member) {

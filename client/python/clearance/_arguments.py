@@ -134,6 +134,8 @@ def to_numbers(value: Any, what: str, count: int, expected: str) -> list[float]:
 
 def to_floats(value: Any, what: str, expected: str = "numbers") -> np.ndarray:
     """A C-contiguous float64 array of numbers: the very array if it is one, else a copy."""
+    if type(value) is np.ndarray and value.dtype == np.float64:
+        return contiguous(value)
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:  # rows of different lengths, for one

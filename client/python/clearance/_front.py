@@ -15,7 +15,8 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_integer, to_list
+from ._arguments import to_floats, to_integer, to_list
+from ._asked import Asked, key_of
 from ._future import Future
 from ._joints import Joints, JointsRef, JointState, JointTable
 from ._motions import MotionQueries
@@ -32,6 +33,7 @@ Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, Body
 
 _TableKey = tuple[int, Optional[bytes], Optional[bytes], Optional[bytes]]  #: scene revision, pairs, bodies, joints
 _TABLES_KEPT = 16
+_CHECKED = ("lower", "upper", "status", "pair")  #: columns of check()
 
 
 @dataclass(frozen=True)
@@ -73,16 +75,13 @@ class Front(MotionQueries, Parser):
     def __init__(self) -> None:
         self._names_cache: Optional[NameTable] = None
         self._joints_cache: Optional[JointTable] = None
+        self._asked = Asked()
         self._tables: OrderedDict[_TableKey, np.ndarray] = OrderedDict()
         self._tables_lock = threading.Lock()
 
     # ---- for subclasses -------------------------------------------------------------------------------------------
 
     def _load_names(self) -> NameTable:
-        raise NotImplementedError
-
-    def _scene_revision(self) -> int:
-        """The revision of the scene to which names and pair tables belong."""
         raise NotImplementedError
 
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
@@ -371,11 +370,18 @@ class Front(MotionQueries, Parser):
         TimeoutError; and from a client ConnectionError and RequestError. A bad pose or an unknown id is a status of its
         rows.
         """
-        query = self._parse(
-            pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
-            out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
-            joints, positions, **more,
+        arguments = (
+            max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format, out, timeout_s, max_results,
+            max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
         )  # fmt: skip
+        rows = None if positions is None else to_floats(positions, "positions", "(K, J) numbers")
+        key = key_of(self._scene_revision(), configurations, rows, (pairs, bodies, *arguments), more)
+        known = self._asked.find(key)
+        if known is not None:
+            query = known.at(configurations, rows)
+        else:
+            query = self._parse(pairs, configurations, bodies, *arguments, rows, **more)
+            self._asked.keep(key, query)
         return self._result(query, self._answer(query))
 
     def check(
@@ -401,7 +407,7 @@ class Front(MotionQueries, Parser):
         """
         if joints is not None and bodies is None and positions is None:
             configurations, positions = None, configurations
-        more = {"fields": ["lower", "upper", "status", "pair"], "timeout_s": timeout_s, **more}
+        more = {"fields": _CHECKED, "timeout_s": timeout_s, **more}
         asked = {"joints": joints, "positions": positions, "margin": margin}
         return Check(self.distances(pairs, configurations, bodies, reduce="any", **asked, **more))
 

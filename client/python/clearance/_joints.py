@@ -12,7 +12,7 @@ from ._arguments import contiguous, did_you_mean, to_floats, to_list, to_number
 from ._words import Status
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Joints:
     """Some joints, in the order in which rows of positions have them."""
 

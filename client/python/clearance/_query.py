@@ -37,6 +37,15 @@ class Query:
     copy: bool
     max_results: int
 
+    def at(self, poses: Optional[np.ndarray], rows: Optional[np.ndarray]) -> Query:
+        """The same in other configurations, as many; of what may be changed it has its own."""
+        other = Query()
+        other.raw = self.raw.at(poses, rows)
+        other.reduce, other.pairs, other.selects = self.reduce, self.pairs, self.selects
+        other.bodies, other.joints, other.out = self.bodies, self.joints, self.out
+        other.timeout_s, other.copy, other.max_results = self.timeout_s, self.copy, self.max_results
+        return other
+
     def out_list(self) -> Optional[list[Optional[np.ndarray]]]:
         """The arrays to write into, one entry for each bit of a field, as the extension modules take them."""
         if self.out is None:
@@ -59,6 +68,10 @@ class Parser:
 
     @property
     def _joint_table(self) -> JointTable:
+        raise NotImplementedError
+
+    def _scene_revision(self) -> int:
+        """The revision of the scene to which names and pair tables belong."""
         raise NotImplementedError
 
     def _default_fields(self, query: Query, configurations: int) -> int:

@@ -244,6 +244,9 @@ def out_arrays(out: Any) -> dict[str, np.ndarray]:
     return arrays
 
 
+_BEYOND = int(Status.BEYOND)  # numpy compares an enum's member as an object
+
+
 class Check:
     """Which configurations are free, and what is known of the others: K of them, 1 without configurations."""
 
@@ -254,7 +257,7 @@ class Check:
 
     def __init__(self, result: Result):
         self.result = result
-        self.free = result.status == Status.BEYOND
+        self.free = result.status == _BEYOND
 
     @property
     def status(self) -> np.ndarray:

@@ -61,6 +61,12 @@ class Query:
         self.pair_margins: Optional[np.ndarray] = None
         self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
 
+    def at(self, configurations: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Query:
+        """The same in other configurations, whose shapes are for the caller to have checked."""
+        other = Query.__new__(Query)
+        other.__dict__.update(self.__dict__, configurations=configurations, positions=positions)
+        return other
+
     def set_margins(self, rows: np.ndarray) -> None:
         self.margins = rows
 
