@@ -25,7 +25,7 @@ from ._poses import as_one_pose, as_pose7, stack_poses
 from ._prepared import Prepared, TableOf
 from ._query import Parser, Query
 from ._result import Check, Out, Result
-from ._words import NONE, FormatWord, PrecisionWord, ReduceWord, Status
+from ._words import NONE, Field, FormatWord, PrecisionWord, ReduceWord, Status
 
 BodyRef = Union[str, int]
 Margin = Union[float, np.ndarray, Sequence[float], Mapping[tuple[BodyRef, BodyRef], float]]
@@ -33,7 +33,7 @@ Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, Body
 
 _TableKey = tuple[int, Optional[bytes], Optional[bytes], Optional[bytes]]  #: scene revision, pairs, bodies, joints
 _TABLES_KEPT = 16
-_CHECKED = ("lower", "upper", "status", "pair")  #: columns of check()
+_CHECKED: Any = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.PAIR)  #: columns of check()
 
 
 @dataclass(frozen=True)
