@@ -116,7 +116,9 @@ class Engine {
   /// QueryError, also for bodies in the query, for robots that stand on links that its joints move, and for bodies with
   /// a max_speed that follow links. \param weights (J,) >= 0
   std::vector<double> free_scale(const QueryView& query, std::span<const double> weights) const;
-  /// Begins a query on the newest snapshot. Copies what it needs of `query`; throws QueryError.
+  /// Begins a query on the newest snapshot. Copies what it needs of `query`; throws QueryError. A small one that asks
+  /// the same as an earlier one of the same snapshot, in as many configurations, takes that one's job: what is made
+  /// ready for it is made once (query/kept_jobs.h).
   Job start(const QueryView& query, const ReplyView& reply) const;
   /// The same in two steps, between which the caller sees how large the answer is. What `query` points to must stay
   /// until start(). Both throw QueryError.

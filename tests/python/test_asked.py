@@ -113,9 +113,9 @@ def test_wrong_values_are_refused_after_right_ones(engine):
     for wrong in ({"signed": 1}, {"max_results": True}, {"max_results": 1.0}):
         with pytest.raises(TypeError):
             engine.distances(**{"joints": arm, "positions": q, "signed": True, "max_results": 1, **wrong})
-    for wrong in (q[:, 1:], q[0], np.zeros((0, len(arm)))):
+    for few in (q[:, 1:], q[0], np.zeros((0, len(arm)))):
         with pytest.raises(ValueError, match="positions: expected"):
-            engine.distances(joints=arm, positions=wrong, signed=True, max_results=1)
+            engine.distances(joints=arm, positions=few, signed=True, max_results=1)
 
 
 def test_another_scene_is_seen(engine, root):

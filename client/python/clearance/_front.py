@@ -415,7 +415,8 @@ class Front(MotionQueries, Parser):
         """Parses a query once, for a control loop that asks it again and again.
 
         arguments: those of distances(), by name. Each call reads `configurations` again if they are float64, of shape
-            (K, M, 7) and in C order: you may write new poses into them in between.
+            (K, M, 7) and in C order, and `positions` if they are float64, of shape (K, J) and in C order: you may write
+            new numbers into them in between.
 
         Raises as distances() does. Names are looked up here: prepare again after the scene has changed.
         """
