@@ -170,7 +170,7 @@ class Clearance:
                 row[0] = q
                 answers.append(ask())
             if question["reduce"] == "any":
-                return np.array([answer.status[0] == self.clearance.Status.BEYOND for answer in answers])
+                return np.concatenate([answer.status for answer in answers]) == int(self.clearance.Status.BEYOND)
             return tuple(np.concatenate([getattr(answer, name) for answer in answers]) for name in _BOUNDS)
 
         return run
