@@ -293,7 +293,8 @@ void Evaluator::finish_search(Search& search, WorkMeter& meter) {
   const PlacedBodies& bodies = pairs_[search.index];
   BodiesAnswer& found = search.found;
   found.lower = search.state.lower;
-  if (search.elements) {
+  const bool by_elements = search.elements != nullptr;
+  if (by_elements) {
     unused_.push_back(std::move(search.elements));
     const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
     const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose,
@@ -315,7 +316,8 @@ void Evaluator::finish_search(Search& search, WorkMeter& meter) {
   }
   PairAnswer& answer = answers_[search.index];
   const double true_lower = search.slack.true_lower(found.lower);
-  if (found.best.bounds.upper == kInf && true_lower > bodies.max_distance) {  // nothing was asked
+  const bool was_asked = found.best.bounds.upper < kInf;
+  if (by_elements && !was_asked && true_lower > bodies.max_distance) {
     const std::uint16_t flags = answer.flags;
     answer = beyond_answer(true_lower);
     answer.flags = flags;
@@ -385,10 +387,6 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
     const PiecePair& p = piece_pairs_[search.next + k];
     return {p.gap, {p.a, kNone}, {p.b, kNone}};
   };
-  const auto gap_after = [&](std::size_t k) {
-    if (elements) return k + 1 < answers.size() ? pair_at(k + 1).gap : elements->left();
-    return search.next + k + 1 < search.end ? pair_at(k + 1).gap : kInf;
-  };
   for (std::size_t k = 0; k < answers.size(); ++k) {
     const NarrowAnswer& answer = answers[k];
     const ElementPair p = pair_at(k);
@@ -406,8 +404,9 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
       search.next = search.end;
       return;
     }
-    if (!options_.reference && state.upper <= enough) {  // near enough: the same
-      state.leave_out(gap_after(k));
+    const bool is_last = !elements && search.next + k + 1 == search.end;
+    if (!options_.reference && state.upper <= enough && !is_last) {  // near enough: the same
+      state.leave_out(p.gap);
       search.next = search.end;
       return;
     }
