@@ -3,6 +3,7 @@
 
 usage: tools/accuracy_table.py [--check]     --check: only says whether the page is up to date (exit code 1 if not)
 """
+
 import csv
 import pathlib
 import re
@@ -34,7 +35,8 @@ def table(file, label_of_meeting, meeting, remark, rows):
     classes = list(dict.fromkeys(r["class"] for r in rows))
     lines = [
         f"| class | pairs | {label_of_meeting} | answers | violations | worst error: "
-        + " / ".join(" ".join(g) for g in GROUPS) + " | worst width: the same | contact | unconverged |",
+        + " / ".join(" ".join(g) for g in GROUPS)
+        + " | worst width: the same | contact | unconverged |",
         "|---|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]
     total = dict(pairs=0, answers=0, violations=0)
@@ -52,8 +54,11 @@ def table(file, label_of_meeting, meeting, remark, rows):
         share = [f"{100 * sum(int(r[c]) for r in mine) / answers:.3g} %" for c in ("contact", "unconverged")]
         lines.append(
             f"| {label} | {pairs} | {touching} | {answers} | {violations} | "
-            + " / ".join(worst(g, "worst_error") for g in by_group) + " | "
-            + " / ".join(worst(g, "worst_width") for g in by_group) + f" | {share[0]} | {share[1]} |")
+            + " / ".join(worst(g, "worst_error") for g in by_group)
+            + " | "
+            + " / ".join(worst(g, "worst_width") for g in by_group)
+            + f" | {share[0]} | {share[1]} |"
+        )
     return f"From `docs/results/{file}` ({remark}):\n\n" + "\n".join(lines) + "\n"
 
 
@@ -62,7 +67,7 @@ def main():
     for name, file, label, meeting in TABLES:
         begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
         block = f"{begin}\n{table(file, label, meeting, *read(ROOT / 'docs' / 'results' / file))}{end}"
-        new, found = re.subn(f"{re.escape(begin)}.*{re.escape(end)}", lambda _, block=block: block, new, flags=re.S)
+        new, found = re.subn(f"{re.escape(begin)}.*{re.escape(end)}", block.replace("\\", r"\\"), new, flags=re.S)
         if found != 1:
             sys.exit(f"{PAGE}: the marker {begin} or {end} is missing")
     if "--check" in sys.argv[1:]:

@@ -109,11 +109,6 @@ void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius) 
   fill_rows(piece, piece.vertices);
 }
 
-PiecePtr with_radius(const Piece& piece, double radius) {
-  if (piece.primitive) return make_primitive_piece(*piece.primitive, radius);
-  return make_piece(piece.vertices, radius, piece.loaded_vertices, 0, piece.table, piece.surface);
-}
-
 Piece without_table(const Piece& piece) {
   if (piece.primitive) return piece;  // nothing of it is made of vertices
   Piece plain;

@@ -65,9 +65,6 @@ PiecePtr make_piece(std::vector<Vec3d> vertices, double radius = 0.0, std::uint6
 /// as make_piece() has them, at most kTableFromVertices
 void remake_piece(Piece& piece, std::span<const Vec3d> vertices, double radius);
 
-/// The same core, grown by another radius. Throws as make_piece() does.
-PiecePtr with_radius(const Piece& piece, double radius);
-
 /// A copy whose derived numbers are made anew from its vertices, which are scanned whatever their number: to find out
 /// what is true of a piece where its table, or another of them, may be damaged. Takes as long as the vertices are many.
 Piece without_table(const Piece& piece);

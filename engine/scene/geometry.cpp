@@ -156,6 +156,7 @@ PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> t
 }
 
 PiecePtr with_radius(const Piece& piece, double radius) {
+  if (piece.primitive) return make_primitive_piece(*piece.primitive, radius);
   const std::uint64_t digest = piece.surface ? digest_of(*piece.surface, radius) : 0;
   return make_piece(piece.vertices, radius, piece.loaded_vertices, digest, piece.table, piece.surface);
 }
