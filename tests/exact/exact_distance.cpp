@@ -163,8 +163,8 @@ Result exact_distance(const PieceView& a, const Pose& X_wa, const PieceView& b, 
   return result;
 }
 
-Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3z& n) {
-  if (squared_norm(n) == 0) throw std::invalid_argument("exact_support_gap: the direction is zero");
+Value exact_gap_along(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3z& n) {
+  if (squared_norm(n) == 0) throw std::invalid_argument("exact_gap_along: the direction is zero");
   const Difference C(a, X_wa, b, X_wb);
   const mpz_class gap = dot(n, C.lowest(n).c);
   return C.value(sgn(gap), gap, n);
@@ -173,7 +173,7 @@ Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b
 Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3d& n) {
   LeastExponent e;
   e.include(n);
-  return exact_support_gap(a, X_wa, b, X_wb, integer(n, e.get()));
+  return exact_gap_along(a, X_wa, b, X_wb, integer(n, e.get()));
 }
 
 }  // namespace clearance::exact

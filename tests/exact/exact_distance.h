@@ -67,7 +67,8 @@ Result exact_distance(const PieceView& a, const Pose& X_wa, const PieceView& b, 
 /// The exact support gap of direction n (world frame, from a towards b, need not be a unit vector):
 /// [min_b n.b - max_a n.a] / |n| - r_a - r_b, a lower bound of the signed distance. Throws for n = 0 or non-finite.
 Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3d& n);
-Value exact_support_gap(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3z& n);
+/// The same of a direction in whole numbers.
+Value exact_gap_along(const PieceView& a, const Pose& X_wa, const PieceView& b, const Pose& X_wb, const Vec3z& n);
 
 /// In doubles, for guesses: where a pose and a shift put vertices, and a direction from points a towards points b along
 /// which these are about as far apart as they are, not of length 1; zero where they seem to overlap.

@@ -125,7 +125,7 @@ class NearestParts {
   /// By the direction of the best so far: all that share its nearest points are proved so.
   bool is_proved_no_nearer(const Candidate& c) const {
     return best_ &&
-           exact_support_gap(a_.piece(c.a), a_.X, b_.piece(c.b), b_.X, best_->direction).compare(best_->distance) >= 0;
+           exact_gap_along(a_.piece(c.a), a_.X, b_.piece(c.b), b_.X, best_->direction).compare(best_->distance) >= 0;
   }
   void solve_exactly(const Candidate& c) {
     Result r = exact_distance(a_.piece(c.a), a_.X, b_.piece(c.b), b_.X, false);
