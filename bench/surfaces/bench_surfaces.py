@@ -142,10 +142,10 @@ class Clearance:
 
     def least(self, X):
         answer = self.ask(X)
-        return np.asarray(answer.lower), np.asarray(answer.upper)
+        return answer.lower[:, 0], answer.upper[:, 0]
 
     def valid(self, X):
-        return np.asarray(self.ask(X, reduce="any", margin=0).status) == 5
+        return self.engine.check(bodies=["b"], configurations=X[:, None]).free
 
 
 def timed(call, X):
