@@ -285,7 +285,9 @@ TEST(RoundCores, AreProvedByDirectionsAndPoints) {
     EXPECT_TRUE(holds_point(*a, p_a)) << i;
     EXPECT_TRUE(holds_point(*b, p_b)) << i;
     const double apart = norm(answer.point_b + X_wb.translation - answer.point_a - X_wa.translation);
-    if (upper > 0) EXPECT_NEAR(apart, upper, 1e-11 + 1e-9 * upper) << i;
+    if (upper > 0) {
+      EXPECT_NEAR(apart, upper, 1e-11 + 1e-9 * upper) << i;
+    }
   }
   judged.print("pairs");
   EXPECT_GT(judged.asked, 1000);

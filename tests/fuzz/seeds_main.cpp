@@ -138,14 +138,14 @@ std::vector<std::pair<std::string, Data>> requests() {
     Data records;
     if (!triangles.empty()) {
       using wire::NewBodyTag;
-      const auto add_record = [&records](NewBodyTag tag, std::span<const std::byte> bytes) {
+      const auto add_tagged = [&records](NewBodyTag tag, std::span<const std::byte> bytes) {
         wire::append_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, bytes);
       };
-      add_record(NewBodyTag::kTriangles, std::as_bytes(triangles));
-      add_record(NewBodyTag::kConvexify, std::as_bytes(std::span(&convexify, 1)));
+      add_tagged(NewBodyTag::kTriangles, std::as_bytes(triangles));
+      add_tagged(NewBodyTag::kConvexify, std::as_bytes(std::span(&convexify, 1)));
     }
-    auto header = wire::make_header(wire::FrameType::kAddBody, all.size() + 1, payload.size());
-    wire::FrameBuilder frame(wire::with_records(header, records.size()));
+    const auto of_body = wire::make_header(wire::FrameType::kAddBody, all.size() + 1, payload.size());
+    wire::FrameBuilder frame(wire::with_records(of_body, records.size()));
     frame.add_bytes(payload.data(), payload.size()).add_bytes(records.data(), records.size());
     all.emplace_back("add_" + name, frame.take());
   };

@@ -329,7 +329,9 @@ TEST(Motions, EdgesOfAnArmHoldAboveHalfSpaces) {
     EXPECT_LE(min.view.lower[i], nearest + kRounding);
     EXPECT_LE(min.view.upper[i] - min.view.lower[i], 1.001e-3);
     const auto status = static_cast<Status>(any.view.status[i]);
-    if (status == Status::kBeyond) EXPECT_GT(nearest, 0);
+    if (status == Status::kBeyond) {
+      EXPECT_GT(nearest, 0);
+    }
     free += status == Status::kBeyond;
     hits += status == Status::kOverlap;
   }
