@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "engine/base/arithmetic.h"
 #include "engine/hull/box.h"
@@ -19,6 +20,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 // Rounding units of a gap: of the rotation, what is multiplied by it and the sums (docs/bounds.md, surfaces).
 constexpr double kGapUnits = 256 * 0x1p-53;
 constexpr std::uint64_t kOpenedPerUnit = 4;
+constexpr int kLevels = 6;  // 64 boxes at most
 
 Vec3d absolute(const Vec3d& v) {
   return {std::abs(v.x), std::abs(v.y), std::abs(v.z)};
@@ -52,6 +54,7 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   D_ = pose_a.R_wb.transpose_times(pose_b.t_w - pose_a.t_w);
   error_ = kGapUnits * (norm(D_) + a.reach + b.reach) + Arithmetic<double>::kUnderflowLength;
   looks_ = 0;
+  levels_ = 0;
   left_out_ = kInf;
   heap_.clear();
   const auto first = [](const PiecePtr& piece) { return piece->surface ? 0 : kNone; };
@@ -110,7 +113,7 @@ double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, dou
   for (int k = 0; k < 3; ++k) apart[k] = above_zero(std::abs(d[k]) - (a.half[k] + turned.half[k]));
   double gap = std::max(e.gap, above_zero(norm(apart) - margin(e)));
   if (gap > cut_off) return gap;
-  if (looks_) gap = std::max(gap, gap_along(e, a, b, n_a_, n_b_));
+  if (looks_) gap = std::max(gap, gap_known(e, a, b));
   const double length = norm(d);
   if (gap > cut_off || !(length > 0 && length < kInf)) return gap;
   const Vec3d n = d * (1 / length);
@@ -141,9 +144,43 @@ double NearestElements::gap_along(const Entry& e, const Bulk& a, const Bulk& b, 
   return above_zero(((dot(n_a, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
 }
 
+// reach() along the direction that is known, of a subtree looked at down to some levels: the boxes there are so much
+// smaller. Most of it is left out, since its box reaches less far than what is found.
+double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box,
+                                    int levels) const {
+  const Body& body = of_a ? *a_ : *b_;
+  const Vec3d n = of_a ? n_a_ : -n_b_;
+  const auto of_box = [&](std::uint32_t node, const Bulk& bulk) { return reach(body, piece, node, bulk, n); };
+  if (at == kNone || is_element(at) || levels == 0) return of_box(at, box);
+  const Surface::Node& node = body.pieces[piece]->surface->nodes()[at];
+  if (node.is_leaf()) return of_box(at, box);
+  Reach& known = reaches_[(at * 2654435761u + piece * 40503u + of_a) % kReaches];
+  if (known.direction == directions_ && known.at == at && known.piece == piece && known.of_a == of_a)
+    return known.reach;
+  std::uint32_t first = at + 1, second = node.right;
+  Bulk first_box = bulk(body, piece, first), second_box = bulk(body, piece, second);
+  double far = of_box(first, first_box), less = of_box(second, second_box);
+  if (far < less) {
+    std::swap(first, second);
+    std::swap(first_box, second_box);
+    std::swap(far, less);
+  }
+  double most = known_reach(of_a, piece, first, first_box, levels - 1);
+  if (less > most) most = std::max(most, known_reach(of_a, piece, second, second_box, levels - 1));
+  known = {directions_, piece, at, of_a, most};
+  return most;
+}
+
+double NearestElements::gap_known(const Entry& e, const Bulk& a, const Bulk& b) const {
+  const double far_a = known_reach(true, e.piece_a, e.at_a, a, levels_),
+               far_b = known_reach(false, e.piece_b, e.at_b, b, levels_);
+  return above_zero(((dot(n_a_, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
+}
+
 void NearestElements::look_along(const Vec3d& n_w) {
   if (!(std::abs(norm(n_w) - 1) < 0x1p-46)) return;
   ++looks_;
+  ++directions_;
   n_a_ = R_wa_.transpose_times(n_w);
   n_b_ = R_.transpose_times(n_a_);
 }
@@ -192,6 +229,7 @@ ElementPair NearestElements::pieces() const {
 }
 
 void NearestElements::take_pieces(double lower) {
+  levels_ = lower > 0 ? kLevels : 0;  // where no direction keeps all of both apart, it is good for a few triangles
   Entry e = pop();
   e.gap = std::max(e.gap, lower);
   put(e, kInf);
@@ -218,7 +256,7 @@ ElementPair NearestElements::near() const {
 NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, ElementPair& pair) {
   for (std::uint64_t opened = 1; !heap_.empty() && heap_.front().gap <= cut_off; ++opened) {
     Entry e = pop();
-    if (const double along = e.looked == looks_ ? 0 : gap_along(e, bulk_a(e), bulk_b(e), n_a_, n_b_); along > e.gap) {
+    if (const double along = e.looked == looks_ ? 0 : gap_known(e, bulk_a(e), bulk_b(e)); along > e.gap) {
       e.gap = along;  // it may not be its turn any more
       e.looked = looks_;
       put(e, cut_off);

@@ -76,8 +76,10 @@ class NearestElements {
   Bulk before_a(const Bulk& of_b) const;
   double gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const;
   double gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a, const Vec3d& n_b) const;
+  double gap_known(const Entry& e, const Bulk& a, const Bulk& b) const;
   double margin(const Entry& e) const;
   static double reach(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box, const Vec3d& n);
+  double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box, int levels) const;
   void put(const Entry& entry, double cut_off);
   Entry pop();
   template <class Each>
@@ -91,6 +93,18 @@ class NearestElements {
   std::uint32_t looks_ = 0;  // how many directions were known so far: the last one counts
   Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};
   std::vector<Entry> heap_;
+
+  // What subtrees were found to reach along the direction that is known: many partners ask the same of each.
+  struct Reach {
+    std::uint64_t direction = 0;  // of directions_
+    std::uint32_t piece = 0, at = 0;
+    bool of_a = false;
+    double reach = 0;
+  };
+  static constexpr std::size_t kReaches = 2048;
+  std::uint64_t directions_ = 0;  // of all searches
+  int levels_ = 0;                // that known_reach() goes down
+  mutable std::vector<Reach> reaches_ = std::vector<Reach>(kReaches);
 };
 
 /// Whether a part of one body lies within a solid of the other, whose elements are proved apart. kUnknown: they are so
