@@ -66,7 +66,7 @@ class FallbackJob final : public Job::State {
         units = query_->units;
         return done;
       } catch (const DeviceError& error) {
-        begin_again(error);
+        begin_elsewhere(error);
       }
     }
     assert(!query_);
@@ -81,7 +81,7 @@ class FallbackJob final : public Job::State {
 
  private:
   // On the devices that are left, or on the CPU. Rows that came are written again.
-  void begin_again(const DeviceError& error) {
+  void begin_elsewhere(const DeviceError& error) {
     DeviceBackend& backend = *context_.device;
     backend.note(error);
     const bool others_are_left = error.kind == DeviceError::kOneLost;
