@@ -7,6 +7,7 @@
 #include "engine/robot/motion_path.h"
 #include "motion_test.h"
 #include "tests/robot/exact_robot.h"
+#include "tests/robot/flat_arm.h"
 
 namespace clearance::test {
 namespace {
@@ -82,16 +83,7 @@ TEST(MotionRates, NoPointIsFasterOrAcceleratedByMore) {
 
 // A flat arm, stretched out: what is claimed is attained, of each joint alone and of several that add up.
 TEST(MotionRates, AccelerationsAreAttained) {
-  const RobotModel robot = parse_urdf(R"(<robot name='flat'>
-    <link name='base'/><link name='a'/><link name='b'/><link name='c'/><link name='tip'/>
-    <joint name='one' type='continuous'><parent link='base'/><child link='a'/><origin xyz='0 0 0.3'/><axis xyz='0 0 1'/></joint>
-    <joint name='two' type='continuous'><parent link='a'/><child link='b'/><origin xyz='0.4 0 0'/><axis xyz='0 0 -1'/>
-      <mimic joint='one' multiplier='-0.5' offset='0'/></joint>
-    <joint name='out' type='prismatic'><parent link='b'/><child link='c'/><origin xyz='0.3 0 0'/><axis xyz='1 0 0'/>
-      <limit lower='0' upper='1'/></joint>
-    <joint name='three' type='continuous'><parent link='c'/><child link='tip'/><origin xyz='0.2 0 0'/><axis xyz='0 0 1'/></joint>
-    </robot>)",
-                                      "flat.urdf");
+  const RobotModel robot = flat_arm();
   const Kinematics kinematics(robot);
   const std::uint32_t base = robot.find_link("base"), tip = robot.find_link("tip");
   const std::size_t one = robot.find_column("one"), out = robot.find_column("out"), three = robot.find_column("three");

@@ -5,6 +5,7 @@
 
 #include "engine/robot/motion_path.h"
 #include "exact_robot.h"
+#include "flat_arm.h"
 #include "random_robot.h"
 
 namespace clearance {
@@ -139,16 +140,7 @@ TEST(MotionPath, NoTwoPointsComeNearerThanAnyPathBetweenThem) {
 // An arm in a plane, stretched out: its tip goes as far as a bound that sums reaches says. Each joint is tried alone
 // and all of them together, from the world and from the tip; so whoever lowers one of them by a thousandth is found.
 TEST(MotionPath, TheBoundIsAttained) {
-  const RobotModel robot = parse_urdf(R"(<robot name='flat'>
-    <link name='base'/><link name='a'/><link name='b'/><link name='c'/><link name='tip'/>
-    <joint name='one' type='continuous'><parent link='base'/><child link='a'/><origin xyz='0 0 0.3'/><axis xyz='0 0 1'/></joint>
-    <joint name='two' type='continuous'><parent link='a'/><child link='b'/><origin xyz='0.4 0 0'/><axis xyz='0 0 -1'/>
-      <mimic joint='one' multiplier='-0.5' offset='0'/></joint>
-    <joint name='out' type='prismatic'><parent link='b'/><child link='c'/><origin xyz='0.3 0 0'/><axis xyz='1 0 0'/>
-      <limit lower='0' upper='1'/></joint>
-    <joint name='three' type='continuous'><parent link='c'/><child link='tip'/><origin xyz='0.2 0 0'/><axis xyz='0 0 1'/></joint>
-    </robot>)",
-                                      "flat.urdf");
+  const RobotModel robot = test::flat_arm();
   const Kinematics kinematics(robot);
   const LinkBall ball{{0.1, 0, 0}, 0.05};
   const Vec3d outmost{0.15, 0, 0};
