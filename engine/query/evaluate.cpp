@@ -210,7 +210,8 @@ void Evaluator::take_in(WorkMeter& meter) {
       tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,
                         slack.cut_off(pairs_[i].max_distance), i, pairs_[i].warm, slack.outer,
                         enough(pairs_[i], slack)});
-    } else if (!by_hulls && (has_surface(scene_.bodies()[pair.a]) || has_surface(scene_.bodies()[pair.b]))) {
+    } else if (!by_hulls && scene_.has_surfaces() &&
+               (has_surface(scene_.bodies()[pair.a]) || has_surface(scene_.bodies()[pair.b]))) {
       if (elements++ == kMostElementSearches) break;
       begin_element_search(pairs_[i], i);
     } else {

@@ -159,11 +159,12 @@ double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_
     return known.reach;
   std::uint32_t first = at + 1, second = node.right;
   Bulk first_box = bulk(body, piece, first), second_box = bulk(body, piece, second);
-  double far = of_box(first, first_box), less = of_box(second, second_box);
+  const double far = of_box(first, first_box);
+  double less = of_box(second, second_box);
   if (far < less) {
     std::swap(first, second);
     std::swap(first_box, second_box);
-    std::swap(far, less);
+    less = far;
   }
   double most = known_reach(of_a, piece, first, first_box, levels - 1);
   if (less > most) most = std::max(most, known_reach(of_a, piece, second, second_box, levels - 1));
