@@ -11,6 +11,7 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/device/device_job.h"
+#include "engine/device/device_plan.h"
 #include "engine/device/device_self_test.h"
 #include "engine/device/router.h"
 #include "engine/motion/free_scale.h"
@@ -358,6 +359,13 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
       router->learn(kind, pairs, info.backend == "cuda", took);
     };
   return Job(Job::StatePtr(state.release()));
+}
+
+std::unique_ptr<DevicePlan> Engine::plan_on_device(const QueryView& query) const {
+  const FpEnvironment environment;
+  impl_->check_process();
+  return cuda::make_device_plan(
+      impl_->context(), make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false));
 }
 
 std::string Engine::certificate(const QueryView& query, std::span<const std::uint64_t> rows) const {

@@ -18,6 +18,8 @@
 
 namespace clearance {
 
+class DevicePlan;  // engine/device/device_plan.h
+
 /// Thread-safe: poses may be set while jobs run; each job sees one snapshot.
 class Engine {
  public:
@@ -126,6 +128,11 @@ class Engine {
   /// The same in slices: PreparedQuery::advance() is for the caller to call.
   PreparedQuery begin_preparing(const QueryView& query) const;
   Job start(PreparedQuery query, const ReplyView& reply) const;
+
+  /// A query that a device answers from poses in its memory to rows in its memory, whenever it is run
+  /// (docs/cuda.md). \param query its configurations are not read: poses are given to each run. Throws QueryError, also
+  /// for what only the CPU answers, which is named: reductions, motions, joints, depths, bodies with slack, surfaces.
+  std::unique_ptr<DevicePlan> plan_on_device(const QueryView& query) const;
 
   /// Answers rows of a query (of reduce none; by their numbers, in any order) anew on the newest snapshot, as a job on
   /// the CPU answers them, and returns with each what proves its bounds: a document (JSON) that

@@ -5,8 +5,7 @@
 #include <atomic>
 #include <chrono>
 
-#include "engine/cuda/group_kernel.cuh"
-#include "engine/cuda/overlap_kernel.cuh"
+#include "engine/cuda/dense_launch.cuh"
 #include "engine/cuda/workspace.cuh"
 #include "engine/device/reply_columns.h"
 
@@ -14,9 +13,6 @@ namespace clearance::cuda {
 
 inline constexpr std::uint64_t kSmallRows = 16384;     // of a chunk that is answered with as few calls as can be
 inline constexpr std::uint64_t kFirstRows = 1u << 16;  // of a first chunk that proves overlaps at once
-// What float32 leaves open, and what overlaps, takes long. How many pairs that are is not known when their kernels
-// start: all that these do not take, the next chunk's blocks do.
-inline constexpr std::uint32_t kLateBlocks = 66, kLateWarps = 64;
 inline constexpr std::chrono::microseconds kFlagPatience{200};  // few pairs take a tenth of that
 
 struct DenseSlot : QuerySlot {
@@ -91,7 +87,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     if (question_.prove_overlaps && !prove_at_once)
       view.enclosed = reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(slot.rows * sizeof(Enclosed)));
     view.prove_at_once = question_.prove_overlaps && prove_at_once;
-    if (f32_goes_first(chunk))
+    if (f32_goes_first(question_, chunk, *pairs_))
       view.left_open = reinterpret_cast<LeftOpen*>(slot.device_open.reserve(slot.rows * sizeof(LeftOpen)));
     if (chunk.tiles() > 0) answer(slot, chunk);
     ++counters_.launches;
@@ -122,51 +118,8 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     slot.is_under_way = false;
   }
 
-  bool f32_goes_first(const ChunkSetup& chunk) const {
-    return question_.f32 && chunk.group_tiles > 0 && pairs_->most_shared_f32 > 0;
-  }
-
   void answer(DenseSlot& slot, const ChunkSetup& chunk) {
-    const bool lean = (fields_ & ~kLeanFields) == 0;
-    if (warm_)
-      lean ? answer_as<true, true>(slot, chunk) : answer_as<false, true>(slot, chunk);
-    else
-      lean ? answer_as<true, false>(slot, chunk) : answer_as<false, false>(slot, chunk);
-    check(cudaGetLastError(), "starting a kernel");
-  }
-  // The last kernel hands the counts over.
-  template <bool kLean, bool kWarm>
-  void answer_as(DenseSlot& slot, const ChunkSetup& chunk) {
-    ChunkView& view = slot.device_view;
-    view.group_of_tile = pairs_->group_of_tile + chunk.first_tile;
-    const bool f32_first = f32_goes_first(chunk), only_f32 = f32_first && pairs_->all_fit_f32;
-    const bool proof_follows = view.enclosed && (chunk.stray_tiles > 0 || (chunk.group_tiles > 0 && !only_f32));
-    ChunkView before = view;  // of a kernel that another follows
-    before.host_counts = nullptr;
-    view.blocks = chunk.tiles();
-    const ChunkView& first = f32_first || proof_follows ? before : view;
-    if (f32_first)
-      answer_groups<float, kLean, kWarm><<<chunk.group_tiles, kTile, pairs_->most_shared_f32, slot.stream>>>(first);
-    if (chunk.group_tiles > 0 && !only_f32)
-      answer_groups<double, kLean, kWarm><<<chunk.group_tiles, kTile, pairs_->most_shared, slot.stream>>>(first);
-    if (chunk.stray_tiles > 0) {
-      const auto kernel = question_.f32 ? answer_strays<true, kLean, kWarm> : answer_strays<false, kLean, kWarm>;
-      kernel<<<chunk.stray_tiles, kTile, 0, slot.stream>>>(first, chunk.strays);
-    }
-    if (chunk.several_tiles > 0) {
-      const auto kernel = question_.f32 ? answer_several<true> : answer_several<false>;
-      kernel<<<chunk.several_tiles, kTile, 0, slot.stream>>>(first, chunk.several);
-    }
-    if (f32_first) {
-      ChunkView open = proof_follows ? before : view;
-      open.prove_at_once = question_.prove_overlaps;
-      open.blocks = std::min(chunk.group_tiles, kLateBlocks);
-      answer_open<kLean, kWarm><<<open.blocks, kTile, 0, slot.stream>>>(open, kLateWarps);
-    }
-    if (proof_follows) {
-      view.blocks = static_cast<std::uint32_t>(std::min<std::uint64_t>((slot.rows + kTile - 1) / kTile, kLateBlocks));
-      prove_overlaps<<<view.blocks, kTile, 0, slot.stream>>>(view, kLateWarps);
-    }
+    answer_chunk(slot.device_view, chunk, *pairs_, fields_, warm_ != nullptr, slot.stream);
   }
 
   // Copies columns to where they are wanted; those that wait in the workspace lie side by side and go at once.

@@ -4,6 +4,7 @@
 
 #include "engine/cuda/dense_workspace.cuh"
 #include "engine/cuda/reduced_workspace.cuh"
+#include "engine/cuda/standing_workspace.cuh"
 #include "engine/device/device_module.h"
 #include "engine/scene/scene.h"
 
@@ -120,6 +121,15 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   }
   std::shared_ptr<Workspace> borrow() override { return dense_.borrow(shared_from_this()); }
   std::shared_ptr<ReducedWorkspace> borrow_reduced() override { return reduced_.borrow(shared_from_this()); }
+  std::shared_ptr<StandingWorkspace> make_standing() override {
+    const OnDevice here(hulls_.device());
+    return {new CudaStanding(hulls_, work_), [owner = shared_from_this()](CudaStanding* w) {
+              // What a caller's stream still does may read and write its memory.
+              const OnDevice there(owner->hulls_.device());
+              cudaDeviceSynchronize();
+              delete w;
+            }};
+  }
 
   DeviceCounters counters() const override {
     DeviceCounters c;

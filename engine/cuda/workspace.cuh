@@ -191,12 +191,21 @@ class QuerySide : public Interface {
     return given;
   }
 
+  // Room for the moved bodies of a chunk: outer boxes, boxes of pieces, components, states.
+  struct MovedRoom {
+    std::size_t states, boxes, pieces, numbers;
+    std::size_t bytes() const { return boxes + pieces + numbers + states; }
+  };
+  MovedRoom moved_room(std::uint32_t configurations) const {
+    const std::size_t states = std::size_t{bodies_.moved_count} * configurations;
+    return {states, bodies_.fixed_box ? states * sizeof(OuterBox) : 0,
+            std::size_t{moved_pieces_} * configurations * kPieceBoxBytes, states * bodies_.components * sizeof(double)};
+  }
+
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
-    const Pose* given = send_poses(slot, chunk, std::size_t{given_count_} * chunk.configurations);
-    const std::size_t states = std::size_t{bodies.moved_count} * chunk.configurations,
-                      numbers = states * bodies.components * sizeof(double),
-                      boxes = bodies.fixed_box ? states * sizeof(OuterBox) : 0,
-                      pieces = std::size_t{moved_pieces_} * chunk.configurations * kPieceBoxBytes;
+    const Pose* given =
+        chunk.poses_on_device ? chunk.poses : send_poses(slot, chunk, std::size_t{given_count_} * chunk.configurations);
+    const auto [states, boxes, pieces, numbers] = moved_room(chunk.configurations);
     std::byte* memory = slot.device_bodies.reserve(boxes + pieces + numbers + states);
     bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
     bodies.moved_piece_box = pieces > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;

@@ -47,28 +47,13 @@ class DenseDeviceQuery final : public DeviceQuery {
 
   void launch(std::uint64_t index) override {
     const Chunk c = chunk(index);
-    const bool is_last = c.configurations != deal_->configurations;
-    const PairDeal::Part::Groups& g = is_last ? c.part->last : c.part->whole;
-    ChunkSetup s;
     const int slot = static_cast<int>(index % slots_);
+    ChunkSetup s = chunk_of(*c.part, c.configurations == deal_->configurations ? c.part->whole : c.part->last);
     s.configurations = c.configurations;
     s.first_configuration = c.first_configuration;
     give_poses(*workspace_, slot, s);
     s.first_row = c.first_row;
-    s.first_pair = c.part->first_pair;
-    s.pair_count = c.part->count;
-    s.first_tile = g.first_tile;
-    s.group_tiles = g.tiles;
-    s.strays = g.strays;
-    s.stray_tiles = g.stray_tiles;
-    s.several = g.several;
-    s.several_tiles = g.several_tiles;
-    ReplyView direct;
-    const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
-      to = column ? column + c.first_row * width : nullptr;
-    };
-    for_each_column(shift, direct_, direct);
-    workspace_->launch(slot, s, direct);
+    workspace_->launch(slot, s, rows_from(c.first_row, direct_));
   }
 
   void finish(std::uint64_t index) override {

@@ -99,6 +99,7 @@ struct ChunkSetup {
   std::uint32_t pair_count = 0;  ///< rows of one configuration
   const Pose* poses =
       nullptr;  ///< (configurations, given_count), in pinned memory that stays until the chunk is finished
+  bool poses_on_device = false;                         ///< they are in device memory, until the chunk is done
   std::function<void(const Pose* end)> wait_for_poses;  ///< returns once those before `end` are there; empty: all are
   std::uint32_t first_tile = 0;                         ///< of the list that says each tile's group
   std::uint32_t group_tiles = 0;                        ///< tiles of groups of the same two hulls
@@ -153,6 +154,23 @@ class Workspace : public QueryWorkspace {
   virtual ChunkResult finish(int slot) = 0;
 };
 
+/// For a query whose poses are in device memory already and whose rows stay there. All of it goes into the caller's
+/// stream: nothing waits for the host or takes memory once room was made, so that it can be captured in a graph.
+class StandingWorkspace : public QueryWorkspace {
+ public:
+  /// Room for chunks of so many rows and configurations at most, once begin() was called. All that begin() sent is
+  /// there when it returns.
+  virtual void make_room(std::uint64_t rows, std::uint32_t configurations) = 0;
+  virtual int device() const = 0;  ///< its number
+  /// Device memory of its own for rows. Once.
+  virtual std::byte* room_for_rows(std::size_t bytes) = 0;
+  /// Starts a chunk, whose poses (ChunkSetup::poses) are in device memory. \param rows columns in device memory
+  /// \param in_order the query's pairs in their order. \param first_in_order the chunk's first among them
+  /// \param stream cudaStream_t
+  virtual void launch(const ChunkSetup& chunk, const ReplyView& rows, const ResidentPairs& in_order,
+                      std::uint64_t first_in_order, void* stream) = 0;
+};
+
 /// For reduced queries. A chunk's pairs are those of ChunkSetup, all of one part; what says how they are grouped by
 /// hulls is not looked at.
 class ReducedWorkspace : public QueryWorkspace {
@@ -186,6 +204,8 @@ class Device {
   /// A workspace that nobody uses, made if there is none. It goes back when the pointer is let go.
   virtual std::shared_ptr<Workspace> borrow() = 0;
   virtual std::shared_ptr<ReducedWorkspace> borrow_reduced() = 0;
+  /// One more, for as long as its owner keeps it; null: what there is are several devices.
+  virtual std::shared_ptr<StandingWorkspace> make_standing() { return nullptr; }
   virtual DeviceCounters counters() const = 0;
 };
 

@@ -85,6 +85,8 @@ class DeviceBackend {
   void note(const DeviceError& error);
   /// How this plan's pairs are dealt: the last deal if it fits.
   std::shared_ptr<const PairDeal> deal(const Plan& plan);
+  /// The same for a plan that keeps it, in chunks of about so many rows.
+  std::shared_ptr<const PairDeal> deal_anew(const Plan& plan, std::uint64_t chunk_rows) const;
   /// The plan's pairs in their order: the last list if it fits.
   std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
   /// The plan's whole table: the last one if it is the same.
@@ -114,6 +116,9 @@ class DeviceBackend {
   std::shared_ptr<const TableOnDevice> last_table_;
   LatestTables<DeviceWarmTable> warm_{kWarmClients};
 };
+
+/// What a device does not answer yet, in words; empty: it answers this.
+std::string beyond_the_device(const Scene& scene, const Plan& plan);
 
 /// A query on the device, which the CPU takes over if the device fails in the middle of it; null, and the plan
 /// untouched, where the CPU has to answer it from the beginning. Throws QueryError where the device fails and no one

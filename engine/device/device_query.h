@@ -12,6 +12,20 @@
 
 namespace clearance::cuda {
 
+/// What a deal says of a chunk of a part, in so many configurations as `groups` are for.
+inline ChunkSetup chunk_of(const PairDeal::Part& part, const PairDeal::Part::Groups& groups) {
+  ChunkSetup s;
+  s.first_pair = part.first_pair;
+  s.pair_count = part.count;
+  s.first_tile = groups.first_tile;
+  s.group_tiles = groups.tiles;
+  s.strays = groups.strays;
+  s.stray_tiles = groups.stray_tiles;
+  s.several = groups.several;
+  s.several_tiles = groups.several_tiles;
+  return s;
+}
+
 class DeviceQuery : public ParallelJob {
  public:
   DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply);

@@ -36,10 +36,9 @@ class Dealer {
       for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref_[plan.moved[slot]] = slot | kMovedBit;
   }
 
-  void run() {
+  /// \param growing whether the first of few chunks are small, as rows are waited for
+  void run(std::uint64_t chunk_rows, bool growing) {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    const std::uint64_t chunk_rows =
-        std::clamp(K * P / static_cast<std::uint64_t>(device_.chunks_wanted()), kFewestRows, kMostRows);
     const std::uint64_t parts = K == 1 || P >= chunk_rows ? (P + chunk_rows - 1) / chunk_rows : 1;
     const std::uint64_t per_part = parts == 0 ? 0 : (P + parts - 1) / parts;
     const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;
@@ -47,7 +46,7 @@ class Dealer {
     deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
     // The first of few parts is small, so that rows are soon on their way; each of the next is made while those before
     // it are.
-    const std::uint64_t shares = K == 1 && parts <= kChunksUnderWay ? parts * (parts + 1) / 2 : 0;
+    const std::uint64_t shares = growing && K == 1 && parts <= kChunksUnderWay ? parts * (parts + 1) / 2 : 0;
     for (std::uint64_t first = 0, i = 1; first < P; ++i) {
       const std::uint64_t size = shares > 0 ? (i * P / shares + kTile - 1) / kTile * kTile : per_part;
       add_part(first, static_cast<std::uint32_t>(std::min(size, P - first)));
@@ -193,10 +192,18 @@ std::shared_ptr<const PairDeal> DeviceBackend::deal(const Plan& plan) {
   auto next = std::make_shared<PairDeal>();
   next->all_configurations = plan.size.configurations;
   next->asked = AskedPairs(plan);
-  Dealer(scene_, *device_, plan, *next).run();
+  const std::uint64_t rows = plan.size.configurations * plan.size.pairs;
+  Dealer(scene_, *device_, plan, *next)
+      .run(std::clamp(rows / static_cast<std::uint64_t>(device_->chunks_wanted()), kFewestRows, kMostRows), true);
   const std::lock_guard lock(mutex_);
   last_ = next;
   return next;
+}
+
+std::shared_ptr<const PairDeal> DeviceBackend::deal_anew(const Plan& plan, std::uint64_t chunk_rows) const {
+  auto deal = std::make_shared<PairDeal>();
+  Dealer(scene_, *device_, plan, *deal).run(chunk_rows, false);
+  return deal;
 }
 
 std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {

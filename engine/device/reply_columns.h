@@ -14,4 +14,14 @@ inline ReplyView preferring(ReplyView view, const ReplyView& direct) {
   return view;
 }
 
+/// The view's columns from a row on.
+inline ReplyView rows_from(std::uint64_t row, const ReplyView& view) {
+  ReplyView from = view;
+  const auto shift = [&](auto*& column, int width) {
+    if (column) column += row * static_cast<std::uint64_t>(width);
+  };
+  for_each_column(shift, from);
+  return from;
+}
+
 }  // namespace clearance::cuda

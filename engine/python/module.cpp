@@ -13,6 +13,7 @@
 #include "client/python/bindings/columns.h"
 #include "engine/device/device.h"
 #include "engine/engine.h"
+#include "engine/python/device_plan_binding.h"
 #include "engine/python/scene_bindings.h"
 
 namespace clearance::python {
@@ -191,6 +192,15 @@ class PyEngine {
     return nb::cast(job->answer());
   }
 
+  /// \param configurations how many; 0: the current poses
+  std::unique_ptr<PyDevicePlan> plan_on_device(const Query& query, std::uint32_t configurations) const {
+    QueryView view = view_of(query);
+    view.configuration_count = configurations;
+    view.configurations = {};
+    nb::gil_scoped_release release;
+    return std::make_unique<PyDevicePlan>(engine_, guard_, use().plan_on_device(view));
+  }
+
   nb::object pairs(const Query& query) const {
     auto* pairs = new std::vector<BodyPair>();
     nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<BodyPair>*>(p); });
@@ -346,6 +356,7 @@ NB_MODULE(_engine, m) {
   m.attr("OPTIONS") = query_options<QueryView>();
   bind_answer(m);
   bind_scene(m);
+  bind_device_plan(m);
 
   nb::class_<PyJob>(m, "Job")
       .def("advance", &PyJob::advance, nb::arg("budget_ns"))
@@ -367,6 +378,7 @@ NB_MODULE(_engine, m) {
       .def("start", &PyEngine::start, nb::arg("query"), nb::arg("out").none())
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("out").none(), nb::arg("timeout_s"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
+      .def("plan_on_device", &PyEngine::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("rows").none())
       .def("free_scale", &PyEngine::free_scale, nb::arg("query"), nb::arg("weights"))
       .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),

@@ -13,6 +13,7 @@ thread_local uint4 shared_memory[test::kMostShared / sizeof(uint4)] = {some_word
 }  // namespace clearance::emulated
 #define cuda emulated
 #include "engine/cuda/group_kernel.cuh"
+#include "engine/cuda/open_rows.cuh"
 #undef cuda
 
 namespace clearance::test {
@@ -174,6 +175,66 @@ TEST(DenseKernels, LeanOnesGiveTheBitsOfTheCpu) {
     chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
     chunk.expect_the_cpus(cpu, c.q, "lean, fields " + std::to_string(fields));
   }
+}
+
+// Bodies that touch, that overlap by less than their radii, and that are farther than asked: what is left to the CPU.
+struct TouchingCase {
+  static constexpr std::uint32_t kConfigurations = 96;
+  Scene scene;
+  std::vector<std::uint32_t> bodies;
+  std::vector<BodyPair> pairs;
+  std::vector<Pose> poses;
+  QueryView q;
+
+  TouchingCase() {
+    Random random(11);
+    scene.add_box("box", {1, 1, 1}, {.is_static = true, .pose = Pose()});
+    scene.add_sphere("ball", 0.5, {.is_static = true, .pose = Pose{{5, 0, 0}}});
+    scene.add_box("other box", {1, 2, 0.5}, {});
+    scene.add_sphere("other ball", 0.25, {});
+    scene.add_capsule("capsule", 0.1, 0.8, {});
+    bodies = {2, 3, 4};
+    pairs = {{0, 2}, {3, 0}, {1, 3}, {4, 0}, {1, 4}};
+    for (std::uint32_t k = 0; k < kConfigurations; ++k) {
+      const double turn = random.uniform(-3, 3), depth = 0.24 * random.uniform(-0.02, 1);
+      poses.push_back({{1, 0, 0}, std::cos(turn / 2), std::sin(turn / 2), 0, 0});  // face to face
+      poses.push_back({{5 - 0.75 + depth, 0, 0}});
+      poses.push_back({{0.5 + 0.1 - 0.3 * depth, 0, 0}, std::cos(turn / 2), std::sin(turn / 2), 0, 0});
+    }
+    q.all_pairs = false;
+    q.fields = kAllFields;
+    q.configuration_count = kConfigurations;
+    q.pairs = pairs;
+    q.bodies = bodies;
+    q.configurations = poses;
+  }
+};
+
+TEST(DenseKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
+  TouchingCase c;
+  const Engine reference(std::move(c.scene), {"reference"});
+  HostChunk chunk(reference, c.q);
+  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
+               [&] { answer_groups<double, false, false>(chunk.view); });
+  chunk.launch(kFewBlocks, [&] { prove_overlaps(chunk.view, 5); });
+  const std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.counts[kRest]);
+  ASSERT_GT(left.size(), kFewBlocks * kTile / 4u) << "more than these threads have warps";
+  chunk.launch(kFewBlocks, [&] { answer_open_rows(chunk.view, chunk.pairs.data(), 5); });
+  const Answer expected = ask(reference, c.q);
+  std::set<Status> seen;
+  for (const std::uint32_t row : left) {
+    const ReplyView &got = chunk.rows.view, &exact = expected.view;
+    EXPECT_LE(got.lower[row], exact.upper[row]) << row;
+    EXPECT_GE(got.upper[row], exact.lower[row]) << row;
+    EXPECT_TRUE(got.lower[row] >= 0 && got.upper[row] < 1e-9 + 3 * std::max(exact.upper[row], 0.0)) << row;
+    const Vec3d a{got.point_a[3 * row], got.point_a[3 * row + 1], got.point_a[3 * row + 2]},
+        b{got.point_b[3 * row], got.point_b[3 * row + 1], got.point_b[3 * row + 2]};
+    EXPECT_LE(norm(a - b), got.upper[row] + 1e-12) << row;
+    EXPECT_EQ(got.pair[row], exact.pair[row]) << row;
+    seen.insert(static_cast<Status>(got.status[row]));
+  }
+  EXPECT_TRUE(seen.contains(Status::kOverlap)) << "rounded bodies";
+  EXPECT_TRUE(seen.contains(Status::kContact)) << "face to face";
 }
 
 }  // namespace

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import wire
 from ._certificate import Certificate
+from ._device_plan import DeviceArray, DevicePlan, DeviceRows
 from ._errors import (
     ClearanceError,
     ConnectionError,
@@ -56,6 +57,9 @@ __all__ = [
     "Client",
     "ConnectionError",
     "DaemonHung",
+    "DeviceArray",
+    "DevicePlan",
+    "DeviceRows",
     "EVERY_BODY",
     "Engine",
     "Field",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 
@@ -13,8 +13,9 @@ import clearance._engine as _engine
 
 from ._arguments import to_bool, to_count, to_floats, to_integer, to_list, to_word
 from ._certificate import Certificate
+from ._device_plan import DevicePlan
 from ._errors import TimeoutError
-from ._front import DEFAULTS, BodyState, Front, Margin, Pairs, PosesDone
+from ._front import DEFAULTS, BodyRef, BodyState, Front, Margin, Pairs, PosesDone
 from ._future import EngineFuture, Worker
 from ._joints import JointsRef
 from ._names import NameTable
@@ -122,6 +123,38 @@ class Engine(Front):
         if each.ndim != 1:
             raise ValueError(f"weights: expected one number for each joint, got shape {each.shape}")
         return self._engine.free_scale(query.raw, each)
+
+    def plan_on_device(
+        self,
+        configurations: int = 0,
+        bodies: Optional[Sequence[BodyRef]] = None,
+        pairs: Pairs = None,
+        fields: Union[str, Sequence[str]] = ("lower", "upper"),
+        **more: Any,
+    ) -> DevicePlan:
+        """A query that a GPU answers from poses in its memory to columns in its memory, as often as it is called.
+
+        configurations: K, how many each call has; 0: the current poses, answered as one.
+        bodies: (M,) names or ids of the bodies that they move, as in distances(); None: every movable body.
+        pairs, and `more` (max_distance, abs_tol, rel_tol, precision, format, ...): as in distances(). All rows come:
+            reduce is "none".
+
+        The other bodies stay where they are now. Raises as distances(), and QueryError for what only the CPU answers
+        (joints, depths, bodies with slack, surfaces), and for an engine without a GPU or of several.
+        """
+        count = to_count(configurations, "configurations")
+        asked: dict[str, Any] = {"pairs": pairs, "fields": fields, **more}
+        if asked.get("format") == "compact":
+            asked["fields"] = None if fields == ("lower", "upper") else fields
+        if count == 0 and bodies is not None:
+            raise ValueError("bodies: only together with configurations")
+        if count > 0:
+            moved = self._names.movable if bodies is None else self._names.bodies_array(bodies, "bodies")
+            one = np.zeros((1, len(moved), 7))
+            asked.update(configurations=one, bodies=moved)
+        query = self._parse(**{**DEFAULTS, **asked})
+        plan = self._engine.plan_on_device(query.raw, count)
+        return DevicePlan(_engine, plan, query, 0 if query.bodies is None else len(query.bodies))
 
     def stats(self) -> dict[str, int]:
         """Counters that the engine keeps about itself."""

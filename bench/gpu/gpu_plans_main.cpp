@@ -1,0 +1,114 @@
+// Queries whose poses and answers stay on the device beside the same queries to the host: make gpu-bench.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+
+#include "bench/gpu/gpu_workloads.h"
+#include "device_memory.h"
+#include "engine/device/device.h"
+#include "engine/device/device_plan.h"
+
+namespace clearance::test {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+template <class Work>
+double median_us(int repeats, const Work& work) {
+  std::vector<double> took;
+  for (int i = -3; i < repeats; ++i) {
+    const auto begin = Clock::now();
+    work();
+    if (i >= 0) took.push_back(std::chrono::duration<double, std::micro>(Clock::now() - begin).count());
+  }
+  return median(took);
+}
+
+std::uint64_t bytes_of(const QuerySize& size) {
+  std::uint64_t bytes = 0;
+  reply_view_over(nullptr, size.rows, size.fields, &bytes);
+  return bytes;
+}
+
+// \returns whether the rows are those of the query to the host, but for those that the CPU finished.
+void run(const Workload& w, std::ostream& csv) {
+  const Engine device(w.scene(), {"cuda"});
+  const Asked asked(w, device);
+  const QuerySize size = device.size(asked.q);
+  const std::uint64_t bytes = bytes_of(size);
+  const cuda::PinnedMemory pinned(bytes);
+  const ReplyView host = reply_view_over(pinned.data(), size.rows, size.fields);
+  const int repeats = size.rows > 4'000'000 ? 20 : 100;
+
+  const auto begin = Clock::now();
+  const std::unique_ptr<DevicePlan> plan = device.plan_on_device(asked.q);
+  const double made_us = std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
+  DeviceMemory poses(asked.poses.size() * sizeof(Pose)), rows(bytes);
+  poses.put(asked.poses.data(), asked.poses.size() * sizeof(Pose));
+  const ReplyView out = reply_view_over(rows.data(), size.rows, size.fields);
+  DeviceStream stream;
+  const auto* at = reinterpret_cast<const Pose*>(poses.data());
+  const double resident = median_us(repeats, [&] {
+    plan->run(at, out, stream.get());
+    stream.wait();
+  });
+  constexpr int kInARow = 10;  // whose launches are hidden by the work before them
+  const double in_a_row = median_us(std::max(5, repeats / kInARow),
+                                    [&] {
+                                      for (int i = 0; i < kInARow; ++i) plan->run(at, out, stream.get());
+                                      stream.wait();
+                                    }) /
+                          kInARow;
+  stream.capture([&] { plan->run(at, out, stream.get()); });
+  const double in_graph = median_us(repeats, [&] {
+    stream.launch();
+    stream.wait();
+  });
+  const double to_host = median_us(repeats, [&] {
+    Job job = device.start(asked.q, host);
+    while (!job.advance()) {
+    }
+  });
+  const std::vector<std::byte> got = rows.get();
+  std::uint64_t other = 0;
+  for (std::uint64_t i = 0; host.compact && i < size.rows; ++i)
+    other += std::memcmp(got.data() + i * sizeof(CompactAnswer), &host.compact[i], 2 * sizeof(float)) != 0;
+  csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << resident << ',' << in_graph << ','
+      << in_a_row << ',' << to_host << ',' << to_host / resident << ',' << made_us << ',' << other << '\n';
+  csv.flush();
+  std::printf(
+      "%-55s %9llu rows | resident %8.1f us, graph %8.1f, in a row %8.1f | to the host %8.1f us, %5.1fx | made in "
+      "%8.0f us | "
+      "%llu rows with other bounds\n",
+      w.name.c_str(), static_cast<unsigned long long>(size.configurations * size.pairs), resident, in_graph, in_a_row,
+      to_host, to_host / resident, made_us, static_cast<unsigned long long>(other));
+  std::fflush(stdout);
+}
+
+}  // namespace
+}  // namespace clearance::test
+
+int main(int argc, char** argv) {
+  using namespace clearance;
+  using namespace clearance::test;
+  if (!cuda::device_info().present) {
+    std::fprintf(stderr, "no CUDA device: %s\n", cuda::device_info().reason.c_str());
+    return 1;
+  }
+  const std::string path = argc > 1 ? argv[1] : "gpu_plans.csv", filter = argc > 2 ? argv[2] : "";
+  std::ofstream csv(path);
+  csv << "# device: " << cuda::device_info().name << "\n# command: make gpu-bench\n"
+      << "workload,pairs,resident_us,graph_us,in_a_row_us,to_host_us,to_host_over_resident,made_us,rows_with_other_"
+         "bounds\n";
+  for (Workload w : workloads()) {
+    if (w.reduce != Reduce::kNone || w.warm || w.depth || w.moves || w.name.find(filter) == std::string::npos) continue;
+    run(w, csv);
+    if (w.format != Format::kCompact || w.fields != kFieldCompact) continue;
+    w.name += ": bounds alone";
+    w.format = Format::kFull;
+    w.fields = kFieldLower | kFieldUpper;
+    run(w, csv);
+  }
+}

@@ -1,0 +1,182 @@
+#include "bench/gpu/gpu_workloads.h"
+
+#include <algorithm>
+
+#include "tests/cuda/arms_scene.h"
+
+namespace clearance::test {
+
+Scene spheres(int count, double box) {
+  Random random(7);
+  Scene scene, one;
+  one.add_uv_sphere("one", 2, 5, {});
+  for (int i = 0; i < count; ++i) {
+    Body body;
+    body.name = "s" + std::to_string(i);
+    body.pieces = one.bodies()[0].pieces;
+    body.pose = random.pose(box / 2);
+    scene.add_body(std::move(body));
+  }
+  return scene;
+}
+
+namespace {
+
+// 30 hulls of 32 to 256 vertices within reach of each other.
+constexpr int kHulls = 30, kHullPairs = 150;
+Scene hulls(int fewest, int most) {
+  Random random(11);
+  Scene scene;
+  for (int i = 0; i < kHulls; ++i) {
+    const int count = fewest + i * (most - fewest) / (kHulls - 1);
+    std::vector<Vec3d> v = random.cloud(count, {1, 1, 1});
+    const Vec3d size{random.uniform(0.1, 0.4), random.uniform(0.1, 0.4), random.uniform(0.1, 0.4)};
+    for (Vec3d& p : v) {
+      p = p * (1 / norm(p));
+      p = {p.x * size.x, p.y * size.y, p.z * size.z};
+    }
+    scene.add_hull("h" + std::to_string(i), v, {.pose = random.pose(1)});
+  }
+  return scene;
+}
+
+// Made once: their vertices take seconds.
+Scene large_spheres() {
+  static const Scene scene = [] {
+    Scene two;
+    for (const double x : {0.0, 4.01}) two.add_uv_sphere(x > 0 ? "b" : "a", 2, 1000, {.pose = Pose{{x, 0, 0}}});
+    return two;
+  }();
+  return scene;
+}
+
+Scene hulls() {
+  return hulls(32, 256);
+}
+Scene middle_hulls() {
+  return hulls(32, 496);
+}
+Scene large_hulls() {
+  return hulls(600, 4000);
+}
+
+constexpr std::uint32_t kBounds = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
+constexpr double kFar = std::numeric_limits<double>::infinity();
+Workload few(std::size_t pairs) {
+  return {"spheres, " + std::to_string(pairs) + (pairs == 1 ? " pair, compact" : " pairs, compact"),
+          [] { return spheres(200, 58); },
+          0,
+          Format::kCompact,
+          kFieldCompact,
+          Reduce::kNone,
+          kFar,
+          pairs};
+}
+}  // namespace
+
+const std::vector<Workload>& workloads() {
+  static const std::vector<Workload> all{
+      {"1000 spheres, box 100, compact", [] { return spheres(1000, 100); }, 0, Format::kCompact, kFieldCompact},
+      {"1000 spheres, box 25, compact", [] { return spheres(1000, 25); }, 0, Format::kCompact, kFieldCompact},
+      {"1000 spheres, box 100, compact, f32", [] { return spheres(1000, 100); }, 0, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, false, Precision::kF32},
+      {"1000 spheres, box 25, compact, f32", [] { return spheres(1000, 25); }, 0, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, false, Precision::kF32},
+      {"1000 spheres, box 100, bounds and status", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds},
+      {"5000 spheres, box 171, compact", [] { return spheres(5000, 171); }, 0, Format::kCompact, kFieldCompact},
+      {"30 hulls, 150 pairs, 4096 configurations, compact", hulls, 4096, Format::kCompact, kFieldCompact},
+      {"30 hulls, 150 pairs, 4096 configurations, compact and status", hulls, 4096, Format::kCompact,
+       kFieldCompact | kFieldStatus},
+      {"30 hulls, 150 pairs, 4096 configurations, compact, status and flags", hulls, 4096, Format::kCompact,
+       kFieldCompact | kFieldStatus | kFieldFlags},
+      {"30 hulls, 150 pairs, 4096 configurations, bounds and status", hulls, 4096, Format::kFull, kBounds},
+      {"30 hulls, 150 pairs, 4096 configurations, compact, warm", hulls, 4096, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, true},
+      {"30 hulls of 600 to 4000 vertices, 4096 configurations, compact", large_hulls, 4096, Format::kCompact,
+       kFieldCompact},
+      few(1),
+      few(10),
+      few(100),
+      few(300),
+      few(1000),
+      few(10000),
+      {"2 spheres of 1,998,002 vertices", large_spheres, 0, Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0,
+       false, Precision::kF64, false, 1, true},
+      {"1000 spheres, box 100, nearest", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds,
+       Reduce::kNearest},
+      {"1000 spheres, box 100, within 2", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds, Reduce::kWithin,
+       2},
+      {"5000 spheres, box 171, nearest", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds,
+       Reduce::kNearest},
+      {"5000 spheres, box 171, within 2", [] { return spheres(5000, 171); }, 0, Format::kFull, kBounds, Reduce::kWithin,
+       2},
+      {"50000 spheres, box 368, within 2", [] { return spheres(50000, 368); }, 0, Format::kFull, kBounds,
+       Reduce::kWithin, 2},
+      {"1000 spheres, box 100, nearest, warm", [] { return spheres(1000, 100); }, 0, Format::kFull, kBounds,
+       Reduce::kNearest, kFar, 0, true},
+      {"30 hulls, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds, Reduce::kMin},
+      {"30 hulls, 150 pairs, 4096 configurations, min, warm", hulls, 4096, Format::kFull, kBounds, Reduce::kMin, kFar,
+       0, true},
+      {"30 hulls in 27 times the room, 150 pairs, 4096 configurations, min", hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin, kFar, 0, false, Precision::kF64, false, 3},
+      {"30 hulls in 27 times the room, 150 pairs, 4096 configurations, min, warm", hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin, kFar, 0, true, Precision::kF64, false, 3},
+      {"30 hulls of 32 to 496 vertices, 4096 configurations, min", middle_hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin},
+      {"30 hulls of 32 to 496 vertices, 4096 configurations, min, warm", middle_hulls, 4096, Format::kFull, kBounds,
+       Reduce::kMin, kFar, 0, true},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact", arms_scene, 4096, Format::kCompact,
+       kFieldCompact},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, compact, f32", arms_scene, 4096, Format::kCompact,
+       kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF32},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, near 0.1, compact", arms_scene, 4096,
+       Format::kCompact, kFieldCompact, Reduce::kNone, 0.1},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, min", arms_scene, 4096, Format::kFull, kBounds,
+       Reduce::kMin},
+      {"2 arms of 35 pieces, 10 obstacles of 71, 4096 configurations, depth, compact", arms_scene, 4096,
+       Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF64, true},
+      {"30 hulls, 150 pairs, 4096 configurations, depth, compact", hulls, 4096, Format::kCompact, kFieldCompact,
+       Reduce::kNone, kFar, 0, false, Precision::kF64, true},
+  };
+  return all;
+}
+
+Asked::Asked(const Workload& w, const Engine& cpu) {
+  q.format = w.format;
+  q.fields = w.fields;
+  q.reduce = w.reduce;
+  q.max_distance = w.max_distance;
+  q.precision = w.precision;
+  q.signed_distance = w.depth;
+  if (w.scene == arms_scene) {
+    for (std::uint32_t b = 0; b < kArms * kLinks; ++b) bodies.push_back(b);
+    pairs = arms_pairs();
+    poses = arms_poses(w.configurations, 13);
+  } else if (w.configurations > 0) {
+    for (std::uint32_t b = 0; b < kHulls; ++b) bodies.push_back(b);
+    for (std::uint32_t a = 0; a < kHulls && pairs.size() < kHullPairs; ++a)
+      for (std::uint32_t b = a + 1; b < kHulls && pairs.size() < kHullPairs; b += 2) pairs.push_back({a, b});
+    Random random(13);
+    for (std::size_t i = 0; i < std::size_t{w.configurations} * kHulls; ++i) poses.push_back(random.pose(w.room));
+  }
+  if (w.configurations > 0) {
+    q.all_pairs = false;
+    q.pairs = pairs;
+    q.bodies = bodies;
+    q.configurations = poses;
+    q.configuration_count = w.configurations;
+  }
+  if (w.first_pairs > 0) {
+    pairs = cpu.pairs(q);
+    pairs.resize(std::min(pairs.size(), w.first_pairs));
+    q.all_pairs = false;
+    q.pairs = pairs;
+  }
+}
+
+double median(std::vector<double>& v) {
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+
+}  // namespace clearance::test

@@ -1,0 +1,180 @@
+"""Queries whose poses and answers stay in a GPU's memory: no copy to the host, and no wait for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Optional
+
+import numpy as np
+
+from ._arguments import did_you_mean
+from ._words import COLUMNS, Column
+
+if TYPE_CHECKING:
+    from ._query import Query
+
+_DLPACK_CUDA, _DLPACK_KINDS = 2, {0: "i", 1: "u", 2: "f"}
+
+
+class DeviceArray:
+    """A column in a GPU's memory, for whoever takes __cuda_array_interface__: torch.as_tensor(), cupy.asarray(), ...
+
+    It is the plan's own memory: the next run of the plan writes there. Keeps the plan.
+    """
+
+    def __init__(self, address: int, shape: tuple[int, ...], dtype: np.dtype, owner: Any):
+        self.shape, self.dtype, self._owner = shape, dtype, owner
+        self.__cuda_array_interface__ = {
+            "shape": shape,
+            "typestr": dtype.str,
+            "descr": dtype.descr,
+            "data": (address, False),
+            "strides": None,
+            "version": 3,
+        }
+
+    def __repr__(self) -> str:
+        return f"<clearance.DeviceArray {self.shape} {self.dtype}>"
+
+
+class DeviceRows:
+    """The columns of a run, as attributes: what `out` held, or the plan's own memory. There once the stream is."""
+
+    def __init__(self, columns: Mapping[str, Any]):
+        self.__dict__.update(columns)
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"the run wrote no column {name!r}{did_you_mean(name, list(self.__dict__))}")
+
+
+class DevicePlan:
+    """A query that a GPU answers from poses in its memory to columns in its memory, as often as it is called.
+
+    Made by Engine.plan_on_device(). Rows have the bits of Engine.distances(), but for pairs that the GPU cannot settle,
+    which the CPU finishes there: here they have the bounds that the GPU proved, which hold as well but may be wider
+    than asked (Status.UNCONVERGED then). The other bodies stay where they were when the plan was made.
+    """
+
+    def __init__(self, module: Any, plan: Any, query: Query, bodies: int):
+        self._module, self._plan, self._query = module, plan, query
+        configurations, pairs, mask = plan.shape
+        self.shape: tuple[int, int] = (configurations, pairs)
+        self._poses_shape = (configurations, bodies, 7)
+        self._columns = {name: column for name, column in COLUMNS.items() if mask >> column.bit & 1}
+        self._own: Optional[DeviceRows] = None
+        self._own_addresses: list[int] = []
+
+    @property
+    def device(self) -> int:
+        """The GPU's number."""
+        return self._plan.device
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The columns that it can write."""
+        return tuple(self._columns)
+
+    def __call__(self, poses: Any = None, out: Optional[Mapping[str, Any]] = None, stream: Any = None) -> DeviceRows:
+        """Puts the query into a stream and returns.
+
+        poses: (K, M, 7) float64 in C order, in the GPU's memory: [x, y, z, qw, qx, qy, qz] of each body; None for a
+            plan of the current poses. Anything with __cuda_array_interface__ or __dlpack__.
+        out: {name: array}, some of the plan's columns, each (K, P) and what a row has, in C order and of the column's
+            type, in the GPU's memory; None: the plan's own memory, which its next run writes again.
+        stream: the address of a cudaStream_t, or what has it as `cuda_stream` (PyTorch) or `ptr` (CuPy); None: the
+            default stream.
+
+        Nothing waits for the host or takes memory, so a call may be captured in a CUDA graph. Runs in several streams
+        must follow each other, which is yours to see to. Raises TypeError or ValueError naming the argument, and
+        QueryError where the GPU says no.
+        """
+        if self._poses_shape[1] == 0:
+            if poses is not None:
+                raise ValueError("poses: the plan has no bodies that they move")
+            address = 0
+        else:
+            address = self._address(poses, "poses", np.dtype("<f8"), self._poses_shape)
+        if out is None:
+            rows, addresses = self._own_rows()
+        else:
+            rows, addresses = DeviceRows(out), self._addresses_of(out)
+        self._plan.run(address, addresses, _address_of_stream(stream))
+        return rows
+
+    def _own_rows(self) -> tuple[DeviceRows, list[int]]:
+        if self._own is None:
+            self._own_addresses = addresses = self._plan.own_columns()
+            self._own = DeviceRows(
+                {
+                    name: DeviceArray(addresses[c.bit], self.shape + c.shape, c.dtype, self._plan)
+                    for name, c in self._columns.items()
+                }
+            )
+        return self._own, self._own_addresses
+
+    def _addresses_of(self, out: Mapping[str, Any]) -> list[int]:
+        if not isinstance(out, Mapping):
+            raise TypeError(f"out: expected a dict of arrays, got {type(out).__name__}")
+        addresses = [0] * (1 + max(column.bit for column in COLUMNS.values()))
+        for name, array in out.items():
+            column = self._columns.get(name)
+            if column is None:
+                raise ValueError(f"out: the plan has no column {name!r}{did_you_mean(name, list(self._columns))}")
+            addresses[column.bit] = self._address(array, f"out[{name!r}]", column.dtype, self._shape_of(column))
+        return addresses
+
+    def _shape_of(self, column: Column) -> tuple[int, ...]:
+        return self.shape + column.shape
+
+    def _address(self, array: Any, what: str, dtype: np.dtype, shape: tuple[int, ...]) -> int:
+        address, got_shape, got_dtype = self._memory_of(array, what)
+        # A compact row may come as its eight float32.
+        if got_shape == (*shape, dtype.itemsize // 4) and dtype.kind == "V" and got_dtype == np.dtype("<f4"):
+            return address
+        if got_dtype != dtype:
+            raise TypeError(f"{what}: expected {dtype}, got {got_dtype}")
+        if got_shape != shape:
+            raise ValueError(f"{what}: expected shape {shape}, got {got_shape}")
+        return address
+
+    def _memory_of(self, array: Any, what: str) -> tuple[int, tuple[int, ...], np.dtype]:
+        """Address, shape and type of memory of this GPU in C order."""
+        try:
+            interface = array.__cuda_array_interface__
+        except AttributeError:
+            interface = None
+        if interface is not None:
+            shape, dtype = tuple(interface["shape"]), np.dtype(interface["typestr"])
+            if dtype.kind == "V" and "descr" in interface:
+                dtype = np.dtype([tuple(field) for field in interface["descr"]])
+            strides = interface.get("strides")
+            if strides is not None and tuple(strides) != _strides_in_c_order(shape, dtype.itemsize):
+                raise ValueError(f"{what}: expected C order, got strides {tuple(strides)}")
+            return int(interface["data"][0]), shape, dtype
+        if not hasattr(array, "__dlpack__"):
+            raise TypeError(
+                f"{what}: expected an array in a GPU's memory (__cuda_array_interface__ or __dlpack__), "
+                f"got {type(array).__name__}"
+            )
+        address, shape, code, bits, kind, number = self._module.exported_array(array)
+        if kind != _DLPACK_CUDA or number != self.device:
+            raise ValueError(f"{what}: expected memory of CUDA device {self.device}")
+        return address, shape, np.dtype(f"<{_DLPACK_KINDS.get(code, 'V')}{bits // 8}")
+
+
+def _strides_in_c_order(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
+    strides = []
+    for size in reversed(shape):
+        strides.append(itemsize)
+        itemsize *= size
+    return tuple(reversed(strides))
+
+
+def _address_of_stream(stream: Any) -> int:
+    if stream is None:
+        return 0
+    for name in ("cuda_stream", "ptr", "handle"):
+        stream = getattr(stream, name, stream)
+    if isinstance(stream, bool) or not isinstance(stream, int):
+        raise TypeError(f"stream: expected the address of a CUDA stream or a stream's object, got {stream!r}")
+    return stream

@@ -1,0 +1,42 @@
+// A query whose poses and answers stay in a device's memory, for planners that live there.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "engine/query/query.h"
+
+namespace clearance {
+
+struct JobContext;
+struct Plan;
+
+/// Made by Engine::plan_on_device(), which has to outlive it. Rows of every configuration and pair (Reduce::kNone). It
+/// keeps the snapshot that it was made for: bodies that it does not move stay where they were then.
+class DevicePlan {
+ public:
+  virtual ~DevicePlan() = default;
+  virtual const QuerySize& size() const = 0;
+  /// The device's number.
+  virtual int device() const = 0;
+  /// All columns of the plan in device memory of its own, which are there as long as it is.
+  virtual ReplyView own_rows() = 0;
+  /// Puts the query into a stream and returns: nothing waits for the host or takes memory, so it may be captured in a
+  /// graph. Runs share memory: those in several streams must follow each other, which is the caller's to see to.
+  /// Throws QueryError for a column that the plan was not made for, or that is not aligned, and where the device says
+  /// no.
+  /// \param poses (K, M) poses of the query's bodies, in device memory. Read as the stream gets there.
+  /// \param rows columns of K * P rows in device memory, those that are wanted; `compact` from a multiple of 16 bytes
+  /// on. A pair that the device cannot settle has the bounds that it could prove, status kUnconverged unless these
+  /// deserve a better one, and points that may be farther apart than `upper` by rounding.
+  /// \param stream cudaStream_t; null: the default stream
+  virtual void run(const Pose* poses, const ReplyView& rows, void* stream) = 0;
+};
+
+namespace cuda {
+
+/// Throws QueryError where a device cannot answer the plan, and names the reason.
+std::unique_ptr<DevicePlan> make_device_plan(const JobContext& context, Plan&& plan);
+
+}  // namespace cuda
+}  // namespace clearance

@@ -1,0 +1,80 @@
+// Queries between a caller's device memory and a caller's device memory, for Python: clearance/_device_plan.py.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/vector.h>
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "client/python/bindings/columns.h"
+#include "engine/device/device_plan.h"
+#include "engine/engine.h"
+
+namespace clearance::python {
+
+/// Addresses are numbers here: who gives them has looked at what they are of.
+class PyDevicePlan {
+ public:
+  PyDevicePlan(std::shared_ptr<Engine> engine, ProcessGuard guard, std::unique_ptr<DevicePlan> plan)
+      : engine_(std::move(engine)), guard_(guard), plan_(std::move(plan)) {}
+
+  nb::tuple shape() const {
+    const QuerySize& size = plan_->size();
+    return nb::make_tuple(size.configurations, size.pairs, size.fields);
+  }
+  int device() const { return plan_->device(); }
+
+  /// An address for each bit of a field; 0: the plan has no such column.
+  std::vector<std::uintptr_t> own_columns() {
+    guard_.check("this plan");
+    std::vector<std::uintptr_t> addresses;
+    ReplyView rows = plan_->own_rows();
+    for_each_column([&](auto*& column, int) { addresses.push_back(reinterpret_cast<std::uintptr_t>(column)); }, rows);
+    return addresses;
+  }
+
+  void run(std::uintptr_t poses, const std::vector<std::uintptr_t>& columns, std::uintptr_t stream) {
+    guard_.check("this plan");
+    ReplyView rows;
+    std::size_t bit = 0;
+    for_each_column(
+        [&]<class Column>(Column*& column, int) {
+          const std::size_t at = bit++;
+          if (at < columns.size() && columns[at] != 0) column = reinterpret_cast<Column*>(columns[at]);
+        },
+        rows);
+    nb::gil_scoped_release release;
+    plan_->run(reinterpret_cast<const Pose*>(poses), rows, reinterpret_cast<void*>(stream));
+  }
+
+ private:
+  std::shared_ptr<Engine> engine_;  // the plan's, so before it
+  ProcessGuard guard_;
+  std::unique_ptr<DevicePlan> plan_;
+};
+
+using AnyArray = nb::ndarray<nb::ro, nb::c_contig>;
+
+inline void bind_device_plan(nb::module_& m) {
+  nb::class_<PyDevicePlan>(m, "DevicePlan")
+      .def_prop_ro("shape", &PyDevicePlan::shape)
+      .def_prop_ro("device", &PyDevicePlan::device)
+      .def("own_columns", &PyDevicePlan::own_columns)
+      .def("run", &PyDevicePlan::run, nb::arg("poses"), nb::arg("columns"), nb::arg("stream"));
+  m.def(
+      "exported_array",
+      [](const AnyArray& array) {
+        std::vector<std::size_t> shape(array.ndim());
+        for (std::size_t i = 0; i < shape.size(); ++i) shape[i] = array.shape(i);
+        const auto type = array.dtype();
+        return nb::make_tuple(reinterpret_cast<std::uintptr_t>(array.data()), nb::tuple(nb::cast(shape)), type.code,
+                              type.bits, array.device_type(), array.device_id());
+      },
+      nb::arg("array"),
+      "Address, shape, type code and bits, kind and number of the device, of what has __dlpack__ and lies in C order.");
+}
+
+}  // namespace clearance::python

@@ -1,0 +1,52 @@
+// Memory, streams and graphs of the installed device, in words that need no CUDA.
+#pragma once
+
+#include <cstddef>
+#include <cstring>
+#include <functional>
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace clearance::test {
+
+/// Bytes on the device. What it cannot do ends the program: it is for tests and benchmarks.
+class DeviceMemory {
+ public:
+  explicit DeviceMemory(std::size_t bytes);
+  ~DeviceMemory();
+  DeviceMemory(const DeviceMemory&) = delete;
+  DeviceMemory& operator=(const DeviceMemory&) = delete;
+
+  std::byte* data() const { return data_; }
+  std::size_t size() const { return bytes_; }
+  void put(const void* from, std::size_t bytes);
+  void fill(int byte);
+  /// All of it.
+  std::vector<std::byte> get() const;
+
+ private:
+  std::byte* data_ = nullptr;
+  std::size_t bytes_;
+};
+
+/// A stream, and the graph of what was captured in it last.
+class DeviceStream {
+ public:
+  DeviceStream();
+  ~DeviceStream();
+  DeviceStream(const DeviceStream&) = delete;
+  DeviceStream& operator=(const DeviceStream&) = delete;
+
+  void* get() const { return stream_; }
+  void wait();
+  /// Captures what `work` puts into the stream, which is not done yet then.
+  void capture(const std::function<void()>& work);
+  /// Does it.
+  void launch();
+
+ private:
+  void *stream_ = nullptr, *graph_ = nullptr;
+};
+
+}  // namespace clearance::test

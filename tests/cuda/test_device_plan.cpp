@@ -1,0 +1,250 @@
+// Queries whose poses and answers stay on the device, against the CPU's answers and in graphs.
+#include "device_memory.h"
+#include "engine/device/device_plan.h"
+#include "same_answer.h"
+
+namespace clearance::test {
+namespace {
+
+// Groups of the same hulls, pairs without company, rounded bodies, bodies of several pieces.
+Scene scene_of_all_kinds(int count, double box) {
+  Random random(23);
+  Scene scene;
+  for (int i = 0; i < count; ++i) {
+    const std::string name = "b" + std::to_string(i);
+    const Scene::BodyOptions options{.is_static = i % 6 == 5, .pose = random.pose(box)};
+    if (i % 30 == 7) {
+      scene.add_hull(name, cloud_on_sphere(600, 0.6, 3), options);
+    } else if (i % 20 == 13) {
+      Body body;
+      body.name = name;
+      body.is_static = options.is_static;
+      body.pose = options.pose;
+      body.pieces = {make_piece(cloud_on_sphere(10, 0.3, 5)), make_piece(random.cloud(10, {0.4, 0.1, 0.3}), 0.05)};
+      scene.add_body(std::move(body));
+    } else if (i % 4 == 0) {
+      scene.add_capsule(name, 0.2, 0.5, options);
+    } else if (i % 4 == 1) {
+      scene.add_hull(name, cloud_on_sphere(200, 0.5, 4), options);
+    } else if (i % 4 == 2) {
+      scene.add_box(name, {0.5, 1, 0.25}, options);
+    } else {
+      scene.add_uv_sphere(name, 0.5, 5, options);
+    }
+  }
+  return scene;
+}
+
+class DevicePlans : public testing::Test {
+ protected:
+  void SetUp() override { SKIP_WITHOUT_DEVICE(); }
+};
+
+// A query's configurations, some of them square to each other at round places, so that bodies touch exactly.
+struct Asked {
+  std::vector<std::uint32_t> bodies;
+  std::vector<Pose> poses;
+  QueryView q;
+
+  Asked(const Scene& scene, std::uint32_t configurations, double box) {
+    Random random(7);
+    for (std::uint32_t b = 0; b < scene.bodies().size() && bodies.size() < 20; ++b)
+      if (!scene.bodies()[b].is_static) bodies.push_back(b);
+    for (std::uint32_t k = 0; k < configurations; ++k)
+      for (std::size_t m = 0; m < bodies.size(); ++m) {
+        Pose pose = random.pose(box);
+        if (k % 5 == 2)
+          pose = {{std::round(pose.translation.x), std::round(4 * pose.translation.y) / 4, 0.0}, 1, 0, 0, 0};
+        poses.push_back(pose);
+      }
+    if (configurations > 3) poses[3 * bodies.size()].qw = std::numeric_limits<double>::quiet_NaN();
+    q.configuration_count = configurations;
+    if (configurations == 0) return;
+    q.bodies = bodies;
+    q.configurations = poses;
+  }
+};
+
+// A plan with memory of the caller's.
+struct Running {
+  std::unique_ptr<DevicePlan> plan;
+  DeviceMemory poses, rows;
+  ReplyView view;
+  DeviceStream stream;
+
+  Running(const Engine& engine, const Asked& asked)
+      : plan(engine.plan_on_device(asked.q)),
+        poses(asked.poses.size() * sizeof(Pose)),
+        rows(bytes_of(plan->size())),
+        view(reply_view_over(rows.data(), plan->size().rows, plan->size().fields)) {
+    put(asked);
+  }
+  static std::size_t bytes_of(const QuerySize& size) {
+    std::uint64_t bytes = 0;
+    reply_view_over(nullptr, size.rows, size.fields, &bytes);
+    return bytes;
+  }
+  void put(const Asked& asked) { poses.put(asked.poses.data(), asked.poses.size() * sizeof(Pose)); }
+  const Pose* at() const { return reinterpret_cast<const Pose*>(poses.data()); }
+  Answer answer() {
+    stream.wait();
+    Answer a;
+    a.size = plan->size();
+    const std::vector<std::byte> all = rows.get();
+    a.memory.resize(all.size() + 64);
+    void* base = a.memory.data();
+    std::size_t room = a.memory.size();
+    std::align(64, all.size(), base, room);
+    std::memcpy(base, all.data(), all.size());
+    a.view = reply_view_over(static_cast<std::byte*>(base), a.size.rows, a.size.fields);
+    a.info.rows = a.info.total = a.size.rows;
+    return a;
+  }
+};
+
+bool same_row(const ReplyView& a, const ReplyView& b, std::uint64_t row) {
+  bool same = true;
+  const auto compare = [&](auto* x, auto* y, std::uint64_t width) {
+    for (std::uint64_t i = row * width; x && i < (row + 1) * width; ++i) same = same && same_bits(x[i], y[i]);
+  };
+  for_each_column(compare, a, b);
+  return same;
+}
+
+// The CPU's bits, but for few rows whose intervals meet the CPU's and whose points are as far apart as they say.
+void expect_the_cpus(const Answer& got, const Answer& cpu, const std::string& what) {
+  ASSERT_EQ(got.size.rows, cpu.info.rows) << what;
+  std::uint64_t others = 0;
+  for (std::uint64_t row = 0; row < got.size.rows; ++row) {
+    if (same_row(got.view, cpu.view, row)) continue;
+    ++others;
+    const auto bounds = [&](const ReplyView& v) {
+      return v.compact ? std::pair<double, double>(v.compact[row].lower, v.compact[row].upper)
+                       : std::pair(v.lower[row], v.upper[row]);
+    };
+    const auto [lower, upper] = bounds(got.view);
+    const auto [cpu_lower, cpu_upper] = bounds(cpu.view);
+    EXPECT_TRUE(lower <= cpu_upper && cpu_lower <= upper) << what << ", row " << row << ": [" << lower << ", " << upper
+                                                          << "] and [" << cpu_lower << ", " << cpu_upper << "]";
+    if (!got.view.status) continue;
+    const auto status = static_cast<Status>(got.view.status[row]);
+    EXPECT_TRUE(status == Status::kUnconverged || status == Status::kContact || status == Status::kOverlap ||
+                status == Status::kOk || status == Status::kBeyond)
+        << what << ", row " << row;
+  }
+  EXPECT_LE(others, got.size.rows / 20 + 2) << what << ": few are left to the CPU";
+}
+
+const std::uint32_t kBounds = kFieldLower | kFieldUpper;
+
+TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceSettlesARow) {
+  for (const double box : {2.0, 12.0}) {
+    const Engine device(scene_of_all_kinds(120, box), {"cuda"}), cpu(scene_of_all_kinds(120, box), {"cpu"});
+    for (const std::uint32_t configurations : {0u, 1u, 50u})
+      for (const Precision precision : {Precision::kF64, Precision::kF32})
+        for (const std::uint32_t fields : {kBounds, kDefaultFields, kAllFields, std::uint32_t{kFieldCompact}})
+          for (const double max_distance : {std::numeric_limits<double>::infinity(), 1.0}) {
+            Asked asked(device.scene(), configurations, box);
+            asked.q.fields = fields;
+            asked.q.format = fields == kFieldCompact ? Format::kCompact : Format::kFull;
+            asked.q.precision = precision;
+            asked.q.max_distance = max_distance;
+            Running running(device, asked);
+            running.rows.fill(0x5a);
+            running.plan->run(running.at(), running.view, running.stream.get());
+            expect_the_cpus(running.answer(), ask(cpu, asked.q),
+                            "box " + std::to_string(box) + ", K " + std::to_string(configurations) + ", fields " +
+                                std::to_string(fields) + (precision == Precision::kF32 ? ", f32" : "") +
+                                (max_distance < 2 ? ", near" : ""));
+          }
+  }
+}
+
+TEST_F(DevicePlans, GoThroughMoreRowsThanAChunkHolds) {
+  const auto scene = [] { return scene_of_all_kinds(60, 6); };
+  const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+  Asked asked(device.scene(), 6000, 6);
+  asked.q.fields = kBounds;
+  Running running(device, asked);
+  ASSERT_GT(running.plan->size().rows, std::uint64_t{1} << 22);
+  running.plan->run(running.at(), running.view, running.stream.get());
+  expect_the_cpus(running.answer(), ask(cpu, asked.q), "several chunks");
+}
+
+TEST_F(DevicePlans, AreCapturedInGraphsThatReadPosesAnew) {
+  const Engine device(scene_of_all_kinds(80, 4), {"cuda"});
+  Asked asked(device.scene(), 64, 4), others(device.scene(), 64, 3);
+  asked.q.fields = others.q.fields = kDefaultFields;
+  Running running(device, asked), plain(device, others);
+  plain.plan->run(plain.at(), plain.view, plain.stream.get());
+  const Answer expected = plain.answer();
+  const std::uint64_t allocations = counter(device, "cuda.allocations");
+  running.stream.capture([&] { running.plan->run(running.at(), running.view, running.stream.get()); });
+  running.put(others);
+  for (int round = 0; round < 3; ++round) {
+    running.rows.fill(0x5a);
+    running.stream.launch();
+    const Answer got = running.answer();
+    std::uint64_t different = 0;
+    for (std::uint64_t row = 0; row < got.size.rows; ++row) different += !same_row(got.view, expected.view, row);
+    EXPECT_EQ(different, 0u) << "round " << round;
+  }
+  EXPECT_EQ(counter(device, "cuda.allocations"), allocations) << "a run takes no memory";
+}
+
+TEST_F(DevicePlans, HaveMemoryOfTheirOwnForRows) {
+  const Engine device(scene_of_all_kinds(40, 4), {"cuda"});
+  Asked asked(device.scene(), 8, 4);
+  asked.q.fields = kDefaultFields;
+  Running running(device, asked);
+  const ReplyView own = running.plan->own_rows();
+  EXPECT_TRUE(own.lower && own.upper && own.status && own.distance && !own.point_a);
+  EXPECT_EQ(running.plan->own_rows().lower, own.lower) << "the same each time";
+  EXPECT_EQ(running.plan->device(), 0);
+  running.plan->run(running.at(), own, nullptr);
+  running.plan->run(running.at(), running.view, nullptr);
+}
+
+std::string refusal(const Engine& engine, const QueryView& q) {
+  try {
+    engine.plan_on_device(q);
+  } catch (const QueryError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST_F(DevicePlans, RefuseByNameWhatOnlyTheCpuAnswers) {
+  Scene scene = scene_of_all_kinds(12, 4);
+  scene.add_cylinder("can", 0.2, 0.5, {.pose = Pose()});
+  const Engine device(std::move(scene), {"cuda"});
+  QueryView q;
+  EXPECT_NE(refusal(device, q).find("'can' has slack"), std::string::npos) << refusal(device, q);
+  const std::vector<BodyPair> pairs{{0, 1}};
+  q.all_pairs = false;
+  q.pairs = pairs;
+  EXPECT_EQ(refusal(device, q), "");
+  q.reduce = Reduce::kMin;
+  EXPECT_NE(refusal(device, q).find("reduce"), std::string::npos);
+  q.reduce = Reduce::kNone;
+  q.signed_distance = true;
+  EXPECT_NE(refusal(device, q).find("depths"), std::string::npos);
+  q.signed_distance = false;
+  q.fields = kBounds;
+  const auto plan = device.plan_on_device(q);
+  DeviceMemory column(64);
+  ReplyView view;
+  view.distance = reinterpret_cast<double*>(column.data());
+  EXPECT_THROW(plan->run(nullptr, view, nullptr), QueryError) << "a column that it was not made for";
+  view = {};
+  view.lower = reinterpret_cast<double*>(column.data() + 4);
+  EXPECT_THROW(plan->run(nullptr, view, nullptr), QueryError) << "not aligned";
+}
+
+TEST(DevicePlansWithoutADevice, AreRefused) {
+  const Engine cpu(scene_of_all_kinds(6, 4), {"cpu"});
+  EXPECT_NE(refusal(cpu, {}).find("no device"), std::string::npos) << refusal(cpu, {});
+}
+
+}  // namespace
+}  // namespace clearance::test
