@@ -13,6 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ["README.md", "docs/accuracy.md", "docs/latency.md", "docs/cuda.md"]
 GPU = "gpu_nvidia_h200"
+GPU_PLANS = "gpu_plans_nvidia_h100_80gb_hbm3"
 NAMES = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
 
 
@@ -155,6 +156,19 @@ def gpu_all():
     )
 
 
+def gpu_plans():
+    """What a query takes whose poses and answers stay on the device, for docs/cuda.md."""
+    _, rows = read(GPU_PLANS)
+    keys = ("resident_us", "graph_us", "in_a_row_us", "to_host_us")
+
+    def line(row):
+        return [GPU_NAMES.get(row["workload"], row["workload"]), f"{int(row['pairs']):,}",
+                *(microseconds(row[key]) for key in keys)]
+
+    return markdown(["work", "pairs", "one run [us]", "in a graph [us]", "ten in a row, each [us]", "to the host [us]"],
+                    [line(row) for row in rows])
+
+
 GPU_SHOWN = {
     "1000 spheres, box 100, compact": "all pairs of 1000 spheres, bounds and points of each",
     "5000 spheres, box 171, compact": "all pairs of 5000 spheres, likewise",
@@ -192,7 +206,7 @@ def gpu():
 
 
 TABLES = {"accuracy": accuracy, "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
-          "gpu_all": gpu_all}
+          "gpu_all": gpu_all, "gpu_plans": gpu_plans}
 
 
 def fill(page, text):

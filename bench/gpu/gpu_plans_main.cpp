@@ -73,8 +73,15 @@ void run(const Workload& w, std::ostream& csv) {
   });
   const std::vector<std::byte> got = rows.get();
   std::uint64_t other = 0;
-  for (std::uint64_t i = 0; host.compact && i < size.rows; ++i)
-    other += std::memcmp(got.data() + i * sizeof(CompactAnswer), &host.compact[i], 2 * sizeof(float)) != 0;
+  for_each_column(
+      [&](const auto* mine, const auto* theirs, int) {
+        constexpr std::size_t kBounds = 2 * sizeof(float);  // what a compact row and a bound alone begin with
+        const std::byte* const at = got.data() + (reinterpret_cast<const std::byte*>(mine) - rows.data());
+        const bool has_bounds = mine && sizeof(*mine) >= kBounds;
+        for (std::uint64_t i = 0; has_bounds && i < size.rows; ++i)
+          other += std::memcmp(at + i * sizeof(*mine), theirs + i, kBounds) != 0;
+      },
+      out, host);
   csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << resident << ',' << in_graph << ','
       << in_a_row << ',' << to_host << ',' << to_host / resident << ',' << made_us << ',' << other << '\n';
   csv.flush();

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 from . import wire
 from ._certificate import Certificate
-from ._device_plan import DeviceArray, DevicePlan, DeviceRows
 from ._errors import (
     ClearanceError,
     ConnectionError,
@@ -46,6 +45,7 @@ from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, St
 if TYPE_CHECKING:
     from ._client_front import Client, connect
     from ._coal import from_coal, from_pinocchio
+    from ._device_plan import DeviceArray, DevicePlan, DeviceRows
     from ._engine_front import Engine
     from ._scene import Scene
 
@@ -101,6 +101,9 @@ _LAZY = {
     "connect": "._client_front",
     "from_coal": "._coal",
     "from_pinocchio": "._coal",
+    "DeviceArray": "._device_plan",
+    "DevicePlan": "._device_plan",
+    "DeviceRows": "._device_plan",
     "Engine": "._engine_front",
     "Scene": "._scene",
 }

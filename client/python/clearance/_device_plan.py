@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Optional
+from typing import Any, Optional
 
 import numpy as np
 
 from ._arguments import did_you_mean
 from ._words import COLUMNS, Column
-
-if TYPE_CHECKING:
-    from ._query import Query
 
 _DLPACK_CUDA, _DLPACK_KINDS = 2, {0: "i", 1: "u", 2: "f"}
 
@@ -55,11 +52,15 @@ class DevicePlan:
     than asked (Status.UNCONVERGED then). The other bodies stay where they were when the plan was made.
     """
 
-    def __init__(self, module: Any, plan: Any, query: Query, bodies: int):
-        self._module, self._plan, self._query = module, plan, query
-        configurations, pairs, mask = plan.shape
-        self.shape: tuple[int, int] = (configurations, pairs)
-        self._poses_shape = (configurations, bodies, 7)
+    shape: tuple[int, int]  #: K (1 for the current poses) and P
+    bodies: Optional[np.ndarray]  #: (M,) ids of those that the poses move; None: they are the current ones
+    pairs: np.ndarray  #: (P, 2) body ids
+
+    def __init__(self, module: Any, plan: Any, bodies: Optional[np.ndarray], pairs: np.ndarray):
+        self._module, self._plan, self.bodies, self.pairs = module, plan, bodies, pairs
+        configurations, count, mask = plan.shape
+        self.shape = (configurations, count)
+        self._poses_shape = (configurations, 0 if bodies is None else len(bodies), 7)
         self._columns = {name: column for name, column in COLUMNS.items() if mask >> column.bit & 1}
         self._own: Optional[DeviceRows] = None
         self._own_addresses: list[int] = []
@@ -97,7 +98,8 @@ class DevicePlan:
         if out is None:
             rows, addresses = self._own_rows()
         else:
-            rows, addresses = DeviceRows(out), self._addresses_of(out)
+            addresses = self._addresses_of(out)
+            rows = DeviceRows(out)
         self._plan.run(address, addresses, _address_of_stream(stream))
         return rows
 

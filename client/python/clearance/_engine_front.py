@@ -154,7 +154,7 @@ class Engine(Front):
             asked.update(configurations=one, bodies=moved)
         query = self._parse(**{**DEFAULTS, **asked})
         plan = self._engine.plan_on_device(query.raw, count)
-        return DevicePlan(_engine, plan, query, 0 if query.bodies is None else len(query.bodies))
+        return DevicePlan(_engine, plan, query.bodies, self._table(query.pairs, query.bodies, query.joints))
 
     def stats(self) -> dict[str, int]:
         """Counters that the engine keeps about itself."""

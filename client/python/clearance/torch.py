@@ -1,0 +1,88 @@
+"""Distances as a PyTorch function: poses in, distances out, and their gradient back, all in the GPU's memory.
+
+    import torch, clearance, clearance.torch
+
+    engine = clearance.Engine(scene, backend="cuda")
+    plan = engine.plan_on_device(64, bodies, pairs, fields=["distance", "gradient"])
+    distances = clearance.torch.Distances(engine, plan)
+    d = distances(poses)                        # (K, P); poses (K, M, 7) float64, which may want a gradient
+    d.clamp(max=0.1).sum().backward()           # poses.grad: (K, M, 7)
+
+Needs PyTorch with CUDA (`pip install torch`); `import clearance` alone does not.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from ._device_plan import DevicePlan
+
+__all__ = ["Distances", "pose_gradient"]
+
+
+def pose_gradient(poses: Any, by_twist: Any) -> Any:
+    """From a gradient by twists to one by the seven numbers of poses.
+
+    poses: (..., 7) [x, y, z, qw, qx, qy, qz]. by_twist: (..., 6), by a turn about the body's own origin (m/rad) and by
+    a shift (m/m), world axes. Returns (..., 7): along the quaternion itself it is 0, since its length means nothing.
+    """
+    q, turn = poses[..., 3:], by_twist[..., :3]
+    w, v = q[..., :1], q[..., 1:]
+    scale = 2 / (q * q).sum(-1, keepdim=True)
+    by_w = -scale * (turn * v).sum(-1, keepdim=True)
+    by_v = scale * (w * turn + torch.linalg.cross(turn, v))
+    return torch.cat([by_twist[..., 3:], by_w, by_v], dim=-1)
+
+
+class _Run(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, poses: Any, distances: Distances) -> Any:
+        plan = distances.plan
+        out = {"distance": poses.new_empty(plan.shape), "gradient": poses.new_empty((*plan.shape, 2, 6))}
+        plan(poses.contiguous(), out=out, stream=torch.cuda.current_stream(poses.device))
+        ctx.save_for_backward(poses, out["gradient"])
+        ctx.distances = distances
+        return out["distance"]
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Any) -> tuple[Any, None]:
+        poses, gradient = ctx.saved_tensors
+        weighed = grads[0][..., None, None] * gradient  # (K, P, 2, 6)
+        by_twist = poses.new_zeros((*poses.shape[:2], 6))
+        for side, (columns, slots) in enumerate(ctx.distances.sides):
+            by_twist.index_add_(1, slots, weighed[:, columns, side])
+        return pose_gradient(poses, by_twist), None
+
+
+class Distances:
+    """Distances of a plan's pairs as a function of its bodies' poses, with a gradient.
+
+    plan: made with the columns "distance" and "gradient", for K >= 1 configurations of bodies without parents.
+
+    Called with (K, M, 7) float64 poses on the plan's GPU it returns (K, P) float64 metres, in the current stream. The
+    gradient is that of the witness points: where these are not unique it is one of several. It is 0 where bodies
+    overlap, as the distance is, and NaN where a pose is bad.
+    """
+
+    def __init__(self, engine: Any, plan: DevicePlan):
+        for name in ("distance", "gradient"):
+            if name not in plan.fields:
+                raise ValueError(f"plan: expected the column {name!r} among its fields, got {list(plan.fields)}")
+        if plan.bodies is None:
+            raise ValueError("plan: expected configurations of bodies, as the current poses have no gradient")
+        self.plan = plan
+        slot_of = np.full(len(engine.bodies), -1)
+        slot_of[plan.bodies] = np.arange(len(plan.bodies))
+        device = f"cuda:{plan.device}"
+        #: Of each side of the pairs: which of them have a body there that moves, and its place among the bodies.
+        self.sides = []
+        for side in range(2):
+            slots = slot_of[plan.pairs[:, side]]
+            columns = np.flatnonzero(slots >= 0)
+            self.sides.append((torch.as_tensor(columns, device=device), torch.as_tensor(slots[columns], device=device)))
+
+    def __call__(self, poses: Any) -> Any:
+        return _Run.apply(poses, self)

@@ -1,0 +1,177 @@
+"""Plans on a device: what they take and refuse, without a GPU by a stand-in, and with one against the CPU."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import clearance
+from clearance import _engine
+from clearance._device_plan import DeviceArray, DevicePlan
+from clearance._words import COLUMNS, Field
+
+MASK = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.COMPACT)
+
+
+class StandIn:
+    """In place of the extension module's plan."""
+
+    shape = (3, 2, MASK)
+    device = 0
+
+    def __init__(self) -> None:
+        self.runs: list[tuple[int, list[int], int]] = []
+
+    def own_columns(self) -> list[int]:
+        return [1000 * column.bit if MASK >> column.bit & 1 else 0 for column in COLUMNS.values()]
+
+    def run(self, poses: int, columns: list[int], stream: int) -> None:
+        self.runs.append((poses, columns, stream))
+
+
+class OnDevice:
+    """Memory that says that it is a GPU's."""
+
+    def __init__(self, address: int, shape: tuple[int, ...], typestr: str, strides: object = None):
+        self.__cuda_array_interface__ = {
+            "shape": shape, "typestr": typestr, "data": (address, False), "strides": strides, "version": 3
+        }  # fmt: skip
+
+
+@pytest.fixture()
+def run() -> StandIn:
+    return StandIn()
+
+
+@pytest.fixture()
+def plan(run: StandIn) -> DevicePlan:
+    return DevicePlan(_engine, run, np.array([1, 2, 4, 7], dtype=np.uint32), np.array([[1, 2], [4, 9]]))
+
+
+POSES = OnDevice(64, (3, 4, 7), "<f8")
+
+
+def test_memory_of_the_caller_goes_to_its_column(plan: DevicePlan, run: StandIn) -> None:
+    lower, compact = OnDevice(4096, (3, 2), "<f8"), OnDevice(8192, (3, 2, 8), "<f4")
+    rows = plan(POSES, out={"lower": lower, "compact": compact}, stream=77)
+    assert rows.lower is lower and rows.compact is compact
+    poses, columns, stream = run.runs[0]
+    assert (poses, stream) == (64, 77)
+    assert columns[COLUMNS["lower"].bit] == 4096 and columns[COLUMNS["compact"].bit] == 8192
+    assert sum(map(bool, columns)) == 2
+    with pytest.raises(AttributeError, match=r"no column 'uper'|no column 'upper'"):
+        _ = rows.upper
+
+
+def test_memory_of_the_plan_is_shown_as_arrays(plan: DevicePlan, run: StandIn) -> None:
+    rows = plan(POSES)
+    assert plan.fields == ("lower", "upper", "status", "compact")
+    assert isinstance(rows.status, DeviceArray) and rows.status.dtype == np.uint8
+    interface = rows.upper.__cuda_array_interface__
+    assert interface["shape"] == (3, 2) and interface["data"] == (2000, False) and interface["typestr"] == "<f8"
+    assert plan(POSES).upper is rows.upper, "the same each time"
+    assert run.runs[0] == run.runs[1]
+
+
+class Stream:
+    cuda_stream = 99
+
+
+@pytest.mark.parametrize(("stream", "address"), [(None, 0), (5, 5), (Stream(), 99)])
+def test_streams(plan: DevicePlan, run: StandIn, stream: object, address: int) -> None:
+    plan(POSES, stream=stream)
+    assert run.runs[0][2] == address
+
+
+@pytest.mark.parametrize(
+    ("poses", "error", "text"),
+    [
+        (None, TypeError, "poses: expected an array in a GPU's memory"),
+        (np.zeros((3, 4, 7)), ValueError, "poses: expected memory of CUDA device 0"),
+        (OnDevice(64, (3, 4, 7), "<f4"), TypeError, "poses: expected float64, got float32"),
+        (OnDevice(64, (4, 3, 7), "<f8"), ValueError, r"poses: expected shape \(3, 4, 7\), got \(4, 3, 7\)"),
+        (OnDevice(64, (3, 4, 7), "<f8", (8, 24, 96)), ValueError, r"poses: expected C order, got strides"),
+    ],
+)
+def test_poses_that_are_refused(plan: DevicePlan, poses: object, error: type[Exception], text: str) -> None:
+    with pytest.raises(error, match=text):
+        plan(poses)
+
+
+@pytest.mark.parametrize(
+    ("out", "error", "text"),
+    [
+        ({"uper": OnDevice(64, (3, 2), "<f8")}, ValueError, "out: the plan has no column 'uper'; did you mean 'upper'"),
+        ({"upper": OnDevice(64, (3, 2), "<f4")}, TypeError, r"out\['upper'\]: expected float64, got float32"),
+        ({"upper": OnDevice(64, (2, 3), "<f8")}, ValueError, r"out\['upper'\]: expected shape \(3, 2\)"),
+        ([1], TypeError, "out: expected a dict of arrays, got list"),
+    ],
+)
+def test_columns_that_are_refused(plan: DevicePlan, out: object, error: type[Exception], text: str) -> None:
+    with pytest.raises(error, match=text):
+        plan(POSES, out=out)  # type: ignore[arg-type]
+
+
+def test_a_stream_that_is_none(plan: DevicePlan) -> None:
+    with pytest.raises(TypeError, match="stream: expected the address"):
+        plan(POSES, stream="0")
+
+
+def test_a_plan_of_the_current_poses_takes_none(run: StandIn) -> None:
+    plan = DevicePlan(_engine, run, None, np.array([[1, 2], [4, 9]]))
+    plan()
+    assert run.runs[0][0] == 0
+    with pytest.raises(ValueError, match="poses: the plan has no bodies"):
+        plan(POSES)
+
+
+def balls() -> clearance.Scene:
+    scene = clearance.Scene()
+    for i in range(6):
+        scene.add_sphere(f"s{i}", 0.2 + 0.02 * i, pose=[i, 0.1 * i, 0, 1, 0, 0, 0])
+    return scene
+
+
+def test_without_a_gpu_it_says_so() -> None:
+    engine = clearance.Engine(balls(), backend="cpu")
+    with pytest.raises(clearance.QueryError, match="the engine has no device"):
+        engine.plan_on_device()
+    with pytest.raises(ValueError, match="bodies: only together with configurations"):
+        engine.plan_on_device(bodies=["s1"])
+
+
+@pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason="no CUDA device")
+def test_a_loop_in_pytorch_never_leaves_the_device() -> None:
+    torch = pytest.importorskip("torch")
+    import clearance.torch
+
+    engine = clearance.Engine(balls(), backend="cuda")
+    cpu = clearance.Engine(balls(), backend="cpu")
+    bodies = ["s1", "s4"]
+    plan = engine.plan_on_device(32, bodies, fields=["distance", "lower", "upper", "gradient"])
+    rng = np.random.default_rng(3)
+    numbers = rng.normal(size=(32, 2, 7)) * [2, 2, 2, 1, 1, 1, 1]
+    poses = torch.tensor(numbers, device="cuda", requires_grad=True)
+    rows = plan(poses.detach(), stream=torch.cuda.current_stream())
+    torch.cuda.synchronize()
+    expected = cpu.distances(configurations=numbers, bodies=bodies, fields=["lower", "upper"])
+    settled = torch.as_tensor(rows.upper, device="cuda").cpu().numpy() > 0
+    assert settled.any()
+    for name in ("lower", "upper"):
+        got = torch.as_tensor(getattr(rows, name), device="cuda").cpu().numpy()
+        np.testing.assert_array_equal(got[settled], getattr(expected, name)[settled])
+
+    distances = clearance.torch.Distances(engine, plan)
+    weights = torch.tensor(rng.uniform(0.5, 2, size=plan.shape), device="cuda")
+    (distances(poses) * weights).sum().backward()
+    step, got = 1e-6, poses.grad.cpu().numpy()
+    apart = (expected.lower > 1e-3).all(axis=1)
+    assert apart.sum() > 5
+    for m in range(2):
+        for i in range(7):
+            moved = [numbers.copy(), numbers.copy()]
+            moved[0][:, m, i] -= step
+            moved[1][:, m, i] += step
+            ends = [cpu.distances(configurations=x, bodies=bodies, rel_tol=1e-12).distance for x in moved]
+            slope = ((ends[1] - ends[0]) * weights.cpu().numpy()).sum(axis=1) / (2 * step)
+            np.testing.assert_allclose(got[apart, m, i], slope[apart], atol=1e-5)
