@@ -86,6 +86,7 @@ class CLEARANCE_API Reply {
   std::span<const IdPair> pair_lower() const;
   std::span<const double> time() const;           ///< of motions: 0 to 1
   std::span<const double> first_contact() const;  ///< (rows * 2,) of motions; kFieldFirstContact
+  std::span<const float> bounds() const;          ///< (rows, 2) lower and upper, metres, rounded outward
   std::span<const std::uint32_t> steps() const;   ///< of motions: configurations that each asked for
 
   std::uint64_t epoch() const;  ///< of the daemon that answered; 0: it is too old to have one

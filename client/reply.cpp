@@ -112,6 +112,10 @@ std::span<const std::uint32_t> Reply::steps() const {
   return column<std::uint32_t>(kFieldSteps, 1);
 }
 
+std::span<const float> Reply::bounds() const {
+  return column<float>(kFieldBounds, 2);
+}
+
 std::uint64_t Reply::epoch() const {
   return epoch_;
 }

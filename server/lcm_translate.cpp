@@ -103,7 +103,8 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
                                     {kFieldGradientJoints, "gradient_joints"},
                                     {kFieldTime, "time"},
                                     {kFieldFirstContact, "first_contact"},
-                                    {kFieldSteps, "steps"}})
+                                    {kFieldSteps, "steps"},
+                                    {kFieldBounds, "bounds"}})
     if (options.fields & field)
       throw wire::WireError(wire::ErrorCode::kBadQuery, std::string("query: fields: reply_t has no column ") + name);
   // The pair table is not served over LCM, so rows say their pair unless told otherwise.

@@ -75,8 +75,9 @@ enum Field : std::uint32_t {
   kFieldFirstContact = 1u << 16,  ///< 2 float64, 0 to 1: up to when the pairs are proved beyond their margins, and when
                                   ///< one is proved within; inf: they always are; it never is
   kFieldSteps = 1u << 17,         ///< uint32, configurations that the motion asked for
+  kFieldBounds = 1u << 18,        ///< 2 float32, metres: lower and upper, rounded outward
 };
-inline constexpr int kFieldCount = 18;
+inline constexpr int kFieldCount = 19;
 inline constexpr std::uint32_t kKnownFields = (1u << kFieldCount) - 1;
 /// Columns that only motions have.
 inline constexpr std::uint32_t kMotionFields = kFieldTime | kFieldFirstContact | kFieldSteps;
@@ -84,7 +85,8 @@ inline constexpr std::uint32_t kFieldPoints = kFieldPointA | kFieldPointB;
 inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 
 /// Bytes of one row of each column, by bit position of its Field; of kFieldGradientJoints those of one joint.
-inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1, 2, 24, 24, 24, 8, 96, 8, 4, 32, 8, 8, 8, 16, 4};
+inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8,  1, 2, 24, 24, 24, 8, 96,
+                                                           8, 4, 32, 8, 8, 8,  16, 4,  8};
 /// Bytes of one row of a column. \param joints of the query: J
 constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {
   return kFieldBytes[bit] * ((1u << bit) == kFieldGradientJoints ? joints : 1);

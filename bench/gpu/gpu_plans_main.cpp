@@ -113,9 +113,13 @@ int main(int argc, char** argv) {
     if (w.reduce != Reduce::kNone || w.warm || w.depth || w.moves || w.name.find(filter) == std::string::npos) continue;
     run(w, csv);
     if (w.format != Format::kCompact || w.fields != kFieldCompact) continue;
-    w.name += ": bounds alone";
+    const std::string name = w.name.substr(0, w.name.rfind(", compact")) + w.name.substr(w.name.rfind(", compact") + 9);
     w.format = Format::kFull;
+    w.name = name + ", lower and upper";
     w.fields = kFieldLower | kFieldUpper;
+    run(w, csv);
+    w.name = name + ", bounds in float32";
+    w.fields = kFieldBounds;
     run(w, csv);
   }
 }

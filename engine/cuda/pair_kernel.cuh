@@ -39,7 +39,8 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
 
 // The columns of queries that need no more than a pair's bounds, and of compact ones. Kernels for these alone take
 // fewer registers and fewer instructions.
-inline constexpr std::uint32_t kLeanFields = kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact;
+inline constexpr std::uint32_t kLeanFields =
+    kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact | kFieldBounds;
 
 enum class Outcome { kNone, kWithoutPieces, kSettled, kUnsettled, kEnclosed };
 

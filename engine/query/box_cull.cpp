@@ -110,6 +110,10 @@ void write_beyond_rows(const ReplyView& reply, std::uint64_t first, std::span<co
     if (column) std::memcpy(column + first, gaps, count * sizeof(double));
   fill(reply.upper, first, count, row.upper);
   fill(reply.status, first, count, static_cast<std::uint8_t>(row.status));
+  for (std::uint64_t i = 0; reply.bounds && i < count; ++i) {
+    reply.bounds[2 * (first + i)] = detail::float_below(gaps[i]);
+    reply.bounds[2 * (first + i) + 1] = static_cast<float>(row.upper);
+  }
   if (flags && reply.flags) std::memcpy(reply.flags + first, flags, count * sizeof *flags);
   if (!flags) fill(reply.flags, first, count, row.flags);
   for (double* const column : {reply.point_a, reply.point_b, reply.normal})

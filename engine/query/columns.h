@@ -45,10 +45,19 @@ CLEARANCE_HD inline float float_above(double x) {
   return f < x ? nextafterf(f, __builtin_inff()) : f;
 }
 
+/// The answer's interval in float32, which holds it.
+struct OuterBounds {
+  float lower, upper;
+
+  CLEARANCE_HD explicit OuterBounds(const PairAnswer& a) : lower(float_below(a.lower)), upper(float_above(a.upper)) {
+    if (!(lower <= a.lower)) lower = -__builtin_inff();  // where rounding is broken
+    if (!(upper >= a.upper)) upper = __builtin_inff();
+  }
+};
+
 CLEARANCE_HD inline CompactAnswer compact(const PairAnswer& a) {
-  CompactAnswer c{float_below(a.lower), float_above(a.upper), {}, {}};
-  if (!(c.lower <= a.lower)) c.lower = -__builtin_inff();  // where rounding is broken
-  if (!(c.upper >= a.upper)) c.upper = __builtin_inff();
+  const OuterBounds bounds(a);
+  CompactAnswer c{bounds.lower, bounds.upper, {}, {}};
   for (int k = 0; k < 3; ++k) {
     c.point_a[k] = static_cast<float>(a.point_a[k]);
     c.point_b[k] = static_cast<float>(a.point_b[k]);
@@ -71,12 +80,16 @@ CLEARANCE_HD inline void write_gradient(double* g, const PairAnswer& a) {
 
 }  // namespace detail
 
-/// Writes one row of the columns that kDefaultFields names, where they are there.
+/// Writes one row of the columns that kDefaultFields and kFieldBounds name, where they are there.
 CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t index, const PairAnswer& a) {
   if (reply.distance) reply.distance[index] = a.distance;
   if (reply.lower) reply.lower[index] = a.lower;
   if (reply.upper) reply.upper[index] = a.upper;
   if (reply.status) reply.status[index] = static_cast<std::uint8_t>(a.status);
+  if (!reply.bounds) return;
+  const detail::OuterBounds bounds(a);
+  reply.bounds[2 * index] = bounds.lower;
+  reply.bounds[2 * index + 1] = bounds.upper;
 }
 
 /// Writes one row of every column there is, but gradient_joints.

@@ -54,7 +54,8 @@ class ParallelJob : public Job::State {
     options_.f32 = q.precision == Precision::kF32 && !q.signed_distance;
     const bool needs_boxes = q.reduce != Reduce::kNone || q.max_distance < std::numeric_limits<double>::infinity();
     options_.cull = needs_boxes && !context.reference;
-    const std::uint32_t interval = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration | kFieldPairLower;
+    const std::uint32_t interval =
+        kDefaultFields | kFieldBounds | kFieldFlags | kFieldPair | kFieldConfiguration | kFieldPairLower;
     options_.want_flags = (q.fields & (kFieldFlags | kFieldGradient)) != 0;
     if (plan_.size.fields & kFieldGradientJoints) options_.joint_gradient = &joint_gradient_.emplace(scene(), plan_);
     options_.want_points = (q.fields & ~interval) != 0 || q.format == Format::kCompact || options_.want_flags;

@@ -89,6 +89,7 @@ struct ReplyView {
   double* time = nullptr;                  ///< (rows,)
   double* first_contact = nullptr;         ///< (rows, 2)
   std::uint32_t* steps = nullptr;          ///< (rows,)
+  float* bounds = nullptr;                 ///< (rows, 2)
   std::uint32_t joints = 0;                ///< J: entries a row of gradient_joints
 };
 
@@ -116,6 +117,7 @@ void for_each_column(F&& f, View&... view) {
   f(view.time..., 1);
   f(view.first_contact..., 2);
   f(view.steps..., 1);
+  f(view.bounds..., 2);
 }
 
 /// A view of columns laid out one after another in the order of Field, each starting on a 64-byte boundary: the layout

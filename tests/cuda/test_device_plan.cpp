@@ -142,7 +142,8 @@ TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceSettlesARow) {
     const Engine device(scene_of_all_kinds(120, box), {"cuda"}), cpu(scene_of_all_kinds(120, box), {"cpu"});
     for (const std::uint32_t configurations : {0u, 1u, 50u})
       for (const Precision precision : {Precision::kF64, Precision::kF32})
-        for (const std::uint32_t fields : {kBounds, kDefaultFields, kAllFields, std::uint32_t{kFieldCompact}})
+        for (const std::uint32_t fields :
+             {kBounds, kDefaultFields | kFieldBounds, kAllFields | kFieldBounds, std::uint32_t{kFieldCompact}})
           for (const double max_distance : {std::numeric_limits<double>::infinity(), 1.0}) {
             Asked asked(device.scene(), configurations, box);
             asked.q.fields = fields;

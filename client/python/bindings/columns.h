@@ -196,9 +196,9 @@ inline void bind_answer(nb::module_& m) {
 }
 
 inline constexpr const char* kFieldNames[kFieldCount] = {
-    "distance", "lower",           "upper",      "status",   "flags",         "point_a",
-    "point_b",  "normal",          "pieces",     "gradient", "pair",          "configuration",
-    "compact",  "gradient_joints", "pair_lower", "time",     "first_contact", "steps"};
+    "distance",   "lower",  "upper",         "status", "flags",         "point_a", "point_b",
+    "normal",     "pieces", "gradient",      "pair",   "configuration", "compact", "gradient_joints",
+    "pair_lower", "time",   "first_contact", "steps",  "bounds"};
 
 /// Arrays of the caller to write columns into: a list with one entry for each field, None where there is none.
 /// dtype and contiguity were checked in Python; shapes are checked here, once the answer's size is known.

@@ -73,6 +73,7 @@ class Result:
         "(..., 2) float64, 0 to 1: until when a motion is proved beyond its margins, and when within; inf: never"
     )  # type: ignore[assignment]
     steps: np.ndarray = _ColumnAttribute("uint32: configurations that a motion asked for")  # type: ignore[assignment]
+    bounds: np.ndarray = _ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
     compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
 
     def __init__(

@@ -94,6 +94,7 @@ class Field(enum.IntFlag):
     TIME = 1 << 15
     FIRST_CONTACT = 1 << 16
     STEPS = 1 << 17
+    BOUNDS = 1 << 18
 
 
 #: One row of format="compact".
@@ -131,6 +132,7 @@ COLUMNS: dict[str, Column] = {
     "time": Column(15, np.dtype("<f8"), ()),
     "first_contact": Column(16, np.dtype("<f8"), (2,)),
     "steps": Column(17, np.dtype("<u4"), ()),
+    "bounds": Column(18, np.dtype("<f4"), (2,)),
 }
 KNOWN_FIELDS = sum(1 << column.bit for column in COLUMNS.values())
 #: Bits from 0 to that of the last column.
