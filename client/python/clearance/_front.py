@@ -344,7 +344,8 @@ class Front(MotionQueries, Parser):
             For "any" `margin` says how far: metres, or (P,) metres for each pair, or {("arm", "*"): 0.02, ...}, where
             later entries win and pairs that no entry names have 0. It takes no max_distance.
         fields: names of the columns that come back; "points" is both points, "default" is distance, lower, upper and
-            status, "bounds" lower and upper in float32, rounded outward. None: "default", with points and normal too if there are at most 100,000 rows.
+            status, "bounds" lower and upper in float32, rounded outward. None: "default", with points and normal
+            too if there are at most 100,000 rows.
         format: "full", or "compact": float32 bounds rounded outward, points relative to each body's origin.
         out: a dict of arrays or an earlier result to write into; `fields` then follows from its columns.
         timeout_s: seconds; None: the client's own; in process no limit.
