@@ -1,0 +1,181 @@
+"""What viser draws: bodies, segments, an edge."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Sequence
+from typing import Any, Optional
+
+import numpy as np
+import viser
+
+from .edge import Edge
+from .model import Picture
+from .shapes import LOOKS, Shape
+from .tables import COLOURS, HIT
+
+_SEGMENT = (11, 87, 208)
+_STATIC, _UNKNOWN = (150, 156, 166), (196, 200, 206)
+
+
+def colour_of(name: str, is_static: bool) -> tuple[int, int, int]:
+    """Calm, and the same for the same name: red and blue are left to the meaning."""
+    if is_static:
+        return _STATIC
+    hue = 0.10 + 0.42 * (sum(name.encode()) * 0.61803398875 % 1.0)
+    r, g, b = colorsys.hls_to_rgb(hue, 0.62, 0.38)
+    return int(255 * r), int(255 * g), int(255 * b)
+
+
+class Drawn:
+    """One body on the page: a frame that moves, with a mesh for each look below it."""
+
+    def __init__(self, scene: viser.SceneApi, body: int, name: str, is_static: bool, known: bool, shape: Shape):
+        self.colour = colour_of(name, is_static) if known else _UNKNOWN
+        path = f"/bodies/{body}"
+        self.frame = scene.add_frame(path, show_axes=False, visible=False)
+        self.looks: dict[str, list[Any]] = {look: [] for look in LOOKS}
+        opacity = None if known else 0.25
+        for look in ("mesh", "pieces"):
+            for i, mesh in enumerate(shape.look(look)):
+                shown = tuple(min(255, c + 22 * (i % 3)) for c in self.colour) if look == "pieces" else self.colour
+                self.looks[look].append(
+                    scene.add_mesh_simple(
+                        f"{path}/{look}/{i}", mesh.vertices.astype(np.float32), mesh.triangles, color=shown,
+                        flat_shading=True, side="double", opacity=opacity,
+                    )
+                )  # fmt: skip
+        if len(shape.points):
+            cloud = scene.add_point_cloud(
+                f"{path}/points", shape.points.astype(np.float32), self.colour, point_size=0.006, point_shape="circle",
+                precision="float32",
+            )  # fmt: skip
+            self.looks["points"].append(cloud)
+        self.label = scene.add_label(f"{path}/label", name, visible=False)
+        self._plain = {id(handle): handle.color for look in ("mesh", "pieces") for handle in self.looks[look]}
+        self._pose: Optional[bytes] = None
+        self._red = False
+
+    def show(self, look: str) -> None:
+        for each, handles in self.looks.items():
+            for handle in handles:
+                handle.visible = each == look
+
+    def place(self, pose: np.ndarray, placed: bool, red: bool) -> None:
+        """Moves it; says nothing to the browser where nothing has changed."""
+        now = pose.tobytes() if placed else b""
+        if now != self._pose:
+            self._pose = now
+            self.frame.visible = placed
+            if placed:
+                self.frame.position = tuple(pose[:3])
+                self.frame.wxyz = tuple(pose[3:] / np.linalg.norm(pose[3:]))
+        if red != self._red:
+            self._red = red
+            for handle in self.looks["mesh"] + self.looks["pieces"]:
+                handle.color = _rgb(HIT) if red else self._plain[id(handle)]
+            for handle in self.looks["points"]:
+                handle.colors = np.array(_rgb(HIT) if red else self.colour, dtype=np.uint8)
+
+    def remove(self) -> None:
+        self.frame.remove()
+
+
+class Page:
+    """The three-dimensional part of the page."""
+
+    def __init__(self, server: viser.ViserServer):
+        self._scene = server.scene
+        self._server = server
+        self._bodies: list[Drawn] = []
+        self._look = "mesh"
+        self._segments: Any = None
+        self._drawn_segments = b""
+        self._edge: list[Any] = []
+        self._scene.set_up_direction("+z")
+        self._scene.add_grid("/grid", 4.0, 4.0, cell_size=0.25, infinite_grid=True, fade_distance=12.0)
+
+    def rebuild(self, picture: Picture, shapes: Sequence[Shape], is_static: Sequence[bool], known: Sequence[bool]) -> None:
+        """Draws other bodies, and looks at them from where all can be seen."""
+        with self._server.atomic():
+            for body in self._bodies:
+                body.remove()
+            self._bodies = [
+                Drawn(self._scene, i, name, is_static[i], known[i], shape)
+                for i, (name, shape) in enumerate(zip(picture.names, shapes))
+            ]
+            self.show(self._look)
+        self._look_at(picture, shapes)
+
+    def _look_at(self, picture: Picture, shapes: Sequence[Shape]) -> None:
+        seen = [i for i, shape in enumerate(shapes) if len(shape.points) and picture.placed[i]]
+        if not seen:
+            return
+        origins = picture.poses[seen, :3]
+        reach = [float(np.linalg.norm(shapes[i].mesh[0].vertices, axis=1).max()) for i in seen]
+        middle = np.median(origins, axis=0)
+        size = max(0.3, float(np.percentile(np.linalg.norm(origins - middle, axis=1) + np.minimum(reach, 1.0), 80)))
+        camera = self._server.initial_camera
+        camera.up = (0.0, 0.0, 1.0)
+        camera.look_at = tuple(middle)
+        camera.position = tuple(middle + size * np.array([1.5, -1.9, 1.1]))
+        for client in self._server.get_clients().values():
+            client.camera.look_at = middle
+            client.camera.position = middle + size * np.array([1.5, -1.9, 1.1])
+
+    def show(self, look: str) -> None:
+        """Draws bodies as "mesh", "pieces" or "points"."""
+        self._look = look
+        for body in self._bodies:
+            body.show(look)
+
+    def label(self, visible: bool) -> None:
+        """Says each body's name beside it, or does not."""
+        for body in self._bodies:
+            if any(body.looks.values()):
+                body.label.visible = visible
+
+    def draw(self, picture: Picture, segments: bool) -> None:
+        """Puts bodies where they are, and segments between them."""
+        red = picture.overlapping
+        with self._server.atomic():
+            for body, pose, placed, marked in zip(self._bodies, picture.poses, picture.placed, red):
+                body.place(pose, bool(placed), bool(marked))
+            self._draw_segments(picture.segments[picture.drawn] if segments else np.zeros((0, 2, 3)))
+
+    def _draw_segments(self, points: np.ndarray) -> None:
+        if points.tobytes() == self._drawn_segments:
+            return
+        self._drawn_segments = points.tobytes()
+        if self._segments is not None:
+            self._segments.remove()
+            self._segments = None
+        if len(points):
+            self._segments = _lines(self._scene, "/segments", points, np.array(_SEGMENT, dtype=np.uint8), 2.0)
+
+    def draw_edge(self, edge: Optional[Edge], trace: Optional[np.ndarray]) -> None:
+        """Draws the way of what moves farthest, and the witness points of each span, coloured by what is proved."""
+        for handle in self._edge:
+            handle.remove()
+        self._edge = []
+        if edge is None:
+            return
+        colours = np.array([_rgb(COLOURS[span.verdict]) for span in edge.spans], dtype=np.uint8)
+        points = np.stack([span.segment for span in edge.spans])
+        there = np.isfinite(points).all(axis=(1, 2))
+        if there.any():
+            both = np.repeat(colours[there, None], 2, axis=1)
+            self._edge.append(_lines(self._scene, "/edge/witnesses", points[there], both, 1.5))
+        if trace is not None:
+            way = np.stack([trace[:-1], trace[1:]], axis=1)
+            each = len(way) // len(edge.spans)
+            both = np.repeat(np.repeat(colours, each, axis=0)[:, None], 2, axis=1)
+            self._edge.append(_lines(self._scene, "/edge/way", way, both, 5.0))
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def _lines(scene: viser.SceneApi, name: str, points: np.ndarray, colours: np.ndarray, pixels: float) -> Any:
+    return scene.add_line_segments(name, points.astype(np.float32), colours, thickness=pixels, thickness_units="screen")
