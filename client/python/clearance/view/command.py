@@ -74,6 +74,7 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 
 def open_session(options: argparse.Namespace) -> Session:
     """The session that options ask for. Raises ValueError for options that do not go together."""
+    from .model import all_joints, positions_now
     from .session import Session
 
     url = options.connect or (None if options.scene else os.environ.get("CLEARANCE_URL"))
@@ -87,7 +88,11 @@ def open_session(options: argparse.Namespace) -> Session:
     assert scene is not None
     from .._engine_front import Engine
 
-    return Session(Engine(scene), scene, str(options.scene))
+    engine = Engine(scene)
+    joints = all_joints(engine)
+    if joints is not None:
+        engine.set_joints(positions_now(engine), joints)  # a robot without a home has no pose else
+    return Session(engine, scene, str(options.scene))
 
 
 def load(file: Path, srdf: Optional[Path], packages: Sequence[str]) -> Scene:
@@ -99,7 +104,7 @@ def load(file: Path, srdf: Optional[Path], packages: Sequence[str]) -> Scene:
             raise ValueError("--srdf and --package are of a URDF; a scene file names its own")
         return Scene.load(file)
     folders = dict(_package(text) for text in packages)
-    return Scene.load_urdf(file, srdf=srdf, packages=folders or None, home={}, static=True)
+    return Scene.load_urdf(file, srdf=srdf, packages=folders or None, static=True)
 
 
 def _package(text: str) -> tuple[str, str]:

@@ -89,7 +89,7 @@ def _span(r: Result, i: int, begin: float, end: float) -> Span:
     proved, within = r.first_contact[i].tolist()
     verdict = Verdict.FREE if math.isinf(proved) else Verdict.OPEN if math.isinf(within) else Verdict.HIT
     a, b = (r.pair_lower if verdict is Verdict.FREE else r.pair)[i].tolist()
-    at = begin + float(r.time[i]) * (end - begin)
+    at = float(begin + r.time[i] * (end - begin))
     points = np.stack((r.point_a[i], r.point_b[i]))
     return Span(
         float(begin), float(end), verdict, float(r.lower[i]), float(r.upper[i]), (a, b), at, points, int(r.steps[i])

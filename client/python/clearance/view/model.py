@@ -145,11 +145,11 @@ def all_joints(front: Front) -> Optional[Joints]:
 
 
 def positions_now(front: Front) -> np.ndarray:
-    """(J,) where each joint is, by id; one without a position counts as the middle of its limits, or 0."""
+    """(J,) where each joint is, by id; one without a position counts as 0, or as its limit that is nearest to 0."""
     states = front.joint_states()
     joints = front.joints(np.arange(len(states), dtype=np.uint32))
-    low, high = slider_range(joints)
-    return np.array([s.position if s.status == Status.OK else (a + b) / 2 for s, a, b in zip(states, low, high)])
+    rest = np.clip(0.0, *slider_range(joints))
+    return np.array([s.position if s.status == Status.OK else zero for s, zero in zip(states, rest.tolist())])
 
 
 def slider_range(joints: Joints) -> tuple[np.ndarray, np.ndarray]:

@@ -12,9 +12,9 @@ import viser
 from .edge import Edge
 from .model import Picture
 from .shapes import LOOKS, Shape
-from .tables import COLOURS, HIT
+from .tables import BLUE, COLOURS, HIT
 
-_SEGMENT = (11, 87, 208)
+_FROM = np.array([1.25, -1.55, 0.9])  # where a camera looks at the middle of all from, in sizes of it
 _STATIC, _UNKNOWN = (150, 156, 166), (196, 200, 206)
 
 
@@ -95,7 +95,9 @@ class Page:
         self._scene.set_up_direction("+z")
         self._scene.add_grid("/grid", 4.0, 4.0, cell_size=0.25, infinite_grid=True, fade_distance=12.0)
 
-    def rebuild(self, picture: Picture, shapes: Sequence[Shape], is_static: Sequence[bool], known: Sequence[bool]) -> None:
+    def rebuild(
+        self, picture: Picture, shapes: Sequence[Shape], is_static: Sequence[bool], known: Sequence[bool]
+    ) -> None:
         """Draws other bodies, and looks at them from where all can be seen."""
         with self._server.atomic():
             for body in self._bodies:
@@ -118,10 +120,10 @@ class Page:
         camera = self._server.initial_camera
         camera.up = (0.0, 0.0, 1.0)
         camera.look_at = tuple(middle)
-        camera.position = tuple(middle + size * np.array([1.5, -1.9, 1.1]))
+        camera.position = tuple(middle + size * _FROM)
         for client in self._server.get_clients().values():
             client.camera.look_at = middle
-            client.camera.position = middle + size * np.array([1.5, -1.9, 1.1])
+            client.camera.position = middle + size * _FROM
 
     def show(self, look: str) -> None:
         """Draws bodies as "mesh", "pieces" or "points"."""
@@ -151,7 +153,7 @@ class Page:
             self._segments.remove()
             self._segments = None
         if len(points):
-            self._segments = _lines(self._scene, "/segments", points, np.array(_SEGMENT, dtype=np.uint8), 2.0)
+            self._segments = _lines(self._scene, "/segments", points, _rgb(BLUE), 2.0)
 
     def draw_edge(self, edge: Optional[Edge], trace: Optional[np.ndarray]) -> None:
         """Draws the way of what moves farthest, and the witness points of each span, coloured by what is proved."""
@@ -160,22 +162,24 @@ class Page:
         self._edge = []
         if edge is None:
             return
-        colours = np.array([_rgb(COLOURS[span.verdict]) for span in edge.spans], dtype=np.uint8)
         points = np.stack([span.segment for span in edge.spans])
         there = np.isfinite(points).all(axis=(1, 2))
-        if there.any():
-            both = np.repeat(colours[there, None], 2, axis=1)
-            self._edge.append(_lines(self._scene, "/edge/witnesses", points[there], both, 1.5))
-        if trace is not None:
-            way = np.stack([trace[:-1], trace[1:]], axis=1)
-            each = len(way) // len(edge.spans)
-            both = np.repeat(np.repeat(colours, each, axis=0)[:, None], 2, axis=1)
-            self._edge.append(_lines(self._scene, "/edge/way", way, both, 5.0))
+        for verdict, colour in COLOURS.items():  # a set of lines has one colour: viser shows several too light
+            decided = np.array([span.verdict is verdict for span in edge.spans])
+            self._add_to_edge(f"witnesses/{verdict.name}", points[decided & there], _rgb(colour), 1.5)
+            if trace is not None:
+                way = np.stack([trace[:-1], trace[1:]], axis=1)
+                parts = np.repeat(decided, len(way) // len(edge.spans))
+                self._add_to_edge(f"way/{verdict.name}", way[parts], _rgb(colour), 5.0)
+
+    def _add_to_edge(self, name: str, points: np.ndarray, colour: tuple[int, int, int], pixels: float) -> None:
+        if len(points):
+            self._edge.append(_lines(self._scene, f"/edge/{name}", points, colour, pixels))
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
-def _lines(scene: viser.SceneApi, name: str, points: np.ndarray, colours: np.ndarray, pixels: float) -> Any:
-    return scene.add_line_segments(name, points.astype(np.float32), colours, thickness=pixels, thickness_units="screen")
+def _lines(scene: viser.SceneApi, name: str, points: np.ndarray, colour: tuple[int, int, int], pixels: float) -> Any:
+    return scene.add_line_segments(name, points.astype(np.float32), colour, thickness=pixels, thickness_units="screen")

@@ -12,9 +12,10 @@ import viser
 
 from .edge import Edge
 from .model import Picture, Question, slider_range
+from .plots import Series, plot
 from .session import Session
 from .shapes import LOOKS
-from .tables import FREE, HIT, edge_table, pairs_table, service_table
+from .tables import BLUE, FREE, HIT, edge_table, pairs_table, paragraph, service_table
 
 _HISTORY_S = 30.0
 _MOST_SPANS = 64
@@ -78,15 +79,14 @@ class Panel:
         self._spans = gui.add_slider("spans", 1, _MOST_SPANS, 1, 16)
         ends = gui.add_button_group("take positions", ("as start", "as end"))
         ask = gui.add_button("Prove the edge", hint="nothing is sampled: each span is proved, or is not")
-        self._edge_plot: Any = None
-        self._edge = gui.add_html("<p>Choose a start and an end.</p>")
-        self._edge_folder = gui.add_folder("Bounds along the edge [m]", visible=False)
+        self._edge_plot = gui.add_html("")
+        self._edge = gui.add_html(paragraph("Take positions of the sliders as start, others as end."))
 
         @ends.on_click
         def _(event: Any) -> None:
             self.ends[ends.value != "as start"] = self.positions()
             have = [name for name, end in zip(("start", "end"), self.ends) if end is not None]
-            self._set(self._edge, f"<p>Taken: {' and '.join(have)}.</p>")
+            self._set(self._edge, paragraph(f"Taken: {' and '.join(have)}."))
 
         @ask.on_click
         def _(event: Any) -> None:
@@ -95,16 +95,8 @@ class Panel:
     def _make_service(self) -> None:
         gui = self._server.gui
         self._service = gui.add_html("")
-        now = self.history.columns(0.0)
-        self._latency = gui.add_uplot(
-            (now[0], now[1], now[2]),
-            ({"label": "s"}, _series("answer [ms]", "#0b57d0"), _series("engine [ms]", FREE)),
-            title="Latency [ms]", scales={"x": {"time": False}}, aspect=2.0,
-        )  # fmt: skip
-        self._age = gui.add_uplot(
-            (now[0], now[3]), ({"label": "s"}, _series("oldest pose [ms]", HIT)),
-            title="Age of the oldest pose [ms]", scales={"x": {"time": False}}, aspect=2.0,
-        )  # fmt: skip
+        self._latency = gui.add_html("")
+        self._age = gui.add_html("")
 
     def _make_look(self) -> None:
         gui = self._server.gui
@@ -125,7 +117,7 @@ class Panel:
         joints = self._session.joints
         with self._joints_folder:
             if joints is None:
-                self._sliders = [self._server.gui.add_html("<p>The scene has no robot.</p>")]
+                self._sliders = [self._server.gui.add_html(paragraph("The scene has no robot."))]
                 return
             low, high = slider_range(joints)
             now = np.clip(self._session.positions(), low, high)
@@ -137,7 +129,6 @@ class Panel:
                 hint = "sliders ask what would be: nothing is told to the daemon"
                 back = self._server.gui.add_button("Follow the daemon again", hint=hint)
                 back.on_click(self._on_follow)
-                self._back = back
                 self._sliders.append(back)
 
     def _on_slider(self, event: Any) -> None:
@@ -187,7 +178,7 @@ class Panel:
 
     def say(self, text: str) -> None:
         """A line above everything; empty: none."""
-        self._set(self._message, f'<p style="color:{HIT}">{text}</p>' if text else "")
+        self._set(self._message, paragraph(text, HIT) if text else "")
 
     def follow(self, positions: np.ndarray) -> None:
         """Puts sliders where joints are, unless somebody moved them."""
@@ -203,34 +194,28 @@ class Panel:
         self._set(self._pairs, pairs_table(picture))
         self._set(self._service, service_table(picture, self._session.source))
         times, took, engine, age = self.history.columns(now)
-        self._latency.data = (times, took, engine)
-        self._age.data = (times, age)
+        span = (-_HISTORY_S, 0.0)
+        latency = [Series("answer", BLUE, took), Series("engine", FREE, engine)]
+        self._set(self._latency, plot("Latency [ms]", times, latency, span, " s"))
+        self._set(self._age, plot("Age of the oldest pose [ms]", times, [Series("age", HIT, age)], span, " s"))
 
     def show_edge(self, edge: Edge, names: tuple[str, ...]) -> None:
         """Spans of an edge, and a plot of their bounds."""
         self._set(self._edge, edge_table(edge, names))
         times = np.repeat([edge.spans[0].begin, *(span.end for span in edge.spans)], 2)[1:-1]
-        lower, upper = (np.repeat([getattr(span, name) for span in edge.spans], 2) for name in ("lower", "upper"))
-        data = (times, lower, upper, np.full(len(times), edge.margin))
-        self._edge_folder.visible = True
-        if self._edge_plot is not None:
-            self._edge_plot.remove()
-        with self._edge_folder:
-            self._edge_plot = self._server.gui.add_uplot(
-                data,
-                ({"label": "time"}, _series("lower", "#0b57d0"), _series("upper", FREE), _series("margin", HIT)),
-                scales={"x": {"time": False}}, aspect=1.8,
-            )  # fmt: skip
+        lower, upper = (
+            np.maximum(0.0, np.repeat([getattr(span, name) for span in edge.spans], 2)) for name in ("lower", "upper")
+        )
+        margin = np.full(len(times), edge.margin)
+        series = [Series("lower", BLUE, lower), Series("upper", FREE, upper), Series("margin", HIT, margin)]
+        self._set(self._edge_plot, plot("Bounds along the edge [m]", times, series, (0.0, 1.0), ""))
 
     def say_of_edge(self, text: str) -> None:
-        self._set(self._edge, f"<p>{text}</p>")
+        self._set(self._edge_plot, "")
+        self._set(self._edge, paragraph(text))
 
     def _set(self, handle: Any, content: str) -> None:
         """Writes HTML where it is not what stands there."""
         if self._shown.get(id(handle)) != content:
             self._shown[id(handle)] = content
             handle.content = content
-
-
-def _series(label: str, colour: str) -> Any:
-    return {"label": label, "stroke": colour, "width": 2}

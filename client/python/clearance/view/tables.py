@@ -13,6 +13,8 @@ from .model import Picture
 
 #: Colours, as a browser has them, of what is proved.
 FREE, OPEN, HIT = "#2f9e62", "#d98a00", "#d64541"
+#: Of nearest points, and of lower bounds.
+BLUE = "#0b57d0"
 COLOURS = {Verdict.FREE: FREE, Verdict.OPEN: OPEN, Verdict.HIT: HIT}
 _STATUS_COLOURS = {Status.OVERLAP: HIT, Status.CONTACT: OPEN, Status.UNCONVERGED: OPEN}
 _STYLE = (
@@ -65,9 +67,9 @@ def pairs_table(picture: Picture) -> str:
         names = f"{_name(picture.names, a)} &ndash; {_name(picture.names, b)}"
         rows.append(f'<tr{style} data-pair="{a},{b}"><td>{names}</td>{interval(lower, upper)}<td>{said}</td></tr>')
     if not rows:
-        return "<p>No pair is that near.</p>"
+        return paragraph("No pair is that near.")
     more = picture.total - len(rows)
-    note = f"<p>and {more} more pairs, farther than these</p>" if more > 0 else ""
+    note = paragraph(f"and {more} more pairs, farther than these") if more > 0 else ""
     return _table(["bodies", "lower [m]", "upper [m]", "status"], rows) + note
 
 
@@ -108,4 +110,9 @@ def _name(names: Sequence[str], body: int) -> str:
 
 def _table(head: Sequence[str], rows: Sequence[str]) -> str:
     titles = "<tr>" + "".join(f"<th>{title}</th>" for title in head) + "</tr>" if head else ""
-    return f'{_STYLE}<table class="clr">{titles}{"".join(rows)}</table>'
+    return f'{_STYLE}<div style="padding:0 10px"><table class="clr">{titles}{"".join(rows)}</table></div>'
+
+
+def paragraph(text: str, colour: str = "inherit") -> str:
+    """A line of text, which is HTML already."""
+    return f'<p style="padding:0 10px;margin:4px 0;font-size:12px;color:{colour}">{text}</p>'
