@@ -23,8 +23,9 @@ using Clock = std::chrono::steady_clock;
 /// Messages that wait between two looks at the network.
 constexpr int kQueue = 10000;
 /// What goes to a daemon, and not what it says: to be played to another one.
-const std::set<std::string> kInputs{"CLEARANCE_POSES",  "CLEARANCE_POSES_NAMED", "CLEARANCE_JOINTS", "CLEARANCE_JOINTS_NAMED",
-                                    "CLEARANCE_QUERY",  "CLEARANCE_QUERY2",      "CLEARANCE_JOINT_QUERY"};
+const std::set<std::string> kInputs{"CLEARANCE_POSES",        "CLEARANCE_POSES_NAMED", "CLEARANCE_JOINTS",
+                                    "CLEARANCE_JOINTS_NAMED", "CLEARANCE_QUERY",       "CLEARANCE_QUERY2",
+                                    "CLEARANCE_JOINT_QUERY"};
 
 struct Options {
   std::string file;
@@ -37,7 +38,7 @@ volatile sig_atomic_t interrupted = 0;
 
 /// Ctrl-C and SIGTERM end a loop instead of the program, so that what is written is whole.
 void end_by_signal() {
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_handler = [](int) { interrupted = 1; };
   for (const int number : {SIGINT, SIGTERM}) ::sigaction(number, &action, nullptr);
 }
@@ -68,15 +69,23 @@ class Log {
 
   using Event = std::unique_ptr<lcm_eventlog_event_t, decltype(&lcm_eventlog_free_event)>;
   /// The next message; null at the end.
-  Event next() { return {lcm_eventlog_read_next_event(log_), &lcm_eventlog_free_event}; }
-  /// Whether next() ended before the file did.
-  bool is_cut() const { return std::fgetc(log_->f) != EOF; }
+  Event next() {
+    Event event{lcm_eventlog_read_next_event(log_), &lcm_eventlog_free_event};
+    if (event) understood_ += kEventHeader + event->channellen + event->datalen;
+    return event;
+  }
+  /// Whether next() passed over bytes that are no message: liblcm looks for the next one without a word.
+  bool is_damaged() const { return std::fseek(log_->f, 0, SEEK_END) != 0 || std::ftell(log_->f) != understood_; }
 
  private:
   [[noreturn]] void fail() const { throw std::runtime_error(file_ + ": cannot be written: " + std::strerror(errno)); }
 
+  /// A word to find it by, its number, its time, and two lengths.
+  static constexpr long kEventHeader = 28;
+
   std::string file_;
   lcm_eventlog_t* log_;
+  long understood_ = 0;
 };
 
 std::int64_t now_us() {
@@ -90,7 +99,7 @@ void print_counts(const std::map<std::string, std::uint64_t>& counts) {
 }
 
 void record(const Options& o) {
-  struct stat found {};
+  struct stat found{};
   if (!o.force && ::stat(o.file.c_str(), &found) == 0)
     throw std::runtime_error(o.file + ": is there already; --force writes over it");
   const LcmAddress address = parse_lcm_address(o.lcm);
@@ -130,7 +139,8 @@ bool sleep_until(Clock::time_point due) {
 void replay(const Options& o) {
   LcmAddress address = parse_lcm_address(o.lcm);
   if (!address.prefix.empty())
-    throw std::invalid_argument("--lcm: channels keep the names that the log has; leave prefix=" + address.prefix + " out");
+    throw std::invalid_argument("--lcm: channels keep the names that the log has; leave prefix=" + address.prefix +
+                                " out");
   Log log(o.file, "r");
   LcmBus bus(address);
   LcmPacer pacer;
@@ -156,7 +166,8 @@ void replay(const Options& o) {
   }
   print_counts(counts);
   if (refused > 0) throw std::runtime_error(std::to_string(refused) + " messages could not be sent");
-  if (!interrupted && log.is_cut()) throw std::runtime_error(o.file + ": is damaged, or no LCM log, from some place on");
+  if (!interrupted && log.is_damaged())
+    throw std::runtime_error(o.file + ": is damaged, or no LCM log: parts of it are no message");
 }
 
 CLI::App& add(CLI::App& app, const char* name, const char* what, const std::shared_ptr<Options>& o) {

@@ -228,10 +228,8 @@ void LcmBus::subscribe(const std::string& name, int queue, Handler handler) {
   add(address_.prefix + name, queue, std::make_unique<Subscription>(Subscription{this, unnamed}));
 }
 
-void LcmBus::subscribe_all(int queue,
-                           std::function<void(const std::string&, std::span<const std::byte>)> handler) {
-  add(address_.prefix + "CLEARANCE_.*", queue,
-      std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
+void LcmBus::subscribe_all(int queue, std::function<void(const std::string&, std::span<const std::byte>)> handler) {
+  add(address_.prefix + "CLEARANCE_.*", queue, std::make_unique<Subscription>(Subscription{this, std::move(handler)}));
 }
 
 void LcmBus::add(const std::string& pattern, int queue, std::unique_ptr<Subscription> added) {

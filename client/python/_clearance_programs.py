@@ -1,4 +1,4 @@
-"""The commands that a wheel brings: each becomes the program of its name in clearance/libexec, but for `clearance view`.
+"""The commands that a wheel brings: each is a program in clearance/libexec, but for `clearance view`.
 
 A module of its own, since importing the package would load numpy first.
 """

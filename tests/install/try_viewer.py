@@ -1,6 +1,6 @@
-"""try_viewer.py BUILD PICTURES: `clearance view` in a headless browser: numbers are the engine's, its console has no error.
+"""try_viewer.py BUILD PICTURES: `clearance view` in a browser: its numbers are the engine's, no error in its console.
 
-BUILD: a build folder. PICTURES: a folder for what the page looked like. CHROMIUM names the browser, else the one on PATH.
+BUILD: a build folder. PICTURES: a folder for what the page looked like. CHROMIUM: the browser; else the one on PATH.
 """
 
 import contextlib
@@ -25,7 +25,8 @@ from clearance.view.viewer import Viewer
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD, PICTURES = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2])
 SCENE = ROOT / "scenes/cell/robot.yaml"
-PATIENCE_S = 120.0
+PATIENCE_S = 240.0
+DASH = " \N{EN DASH} "
 GL = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
@@ -40,7 +41,7 @@ def wait_until(condition, what):
 @contextlib.contextmanager
 def viewing(front, scene, source):
     """A viewer in a thread of this process."""
-    viewer = Viewer(Session(front, scene, source), port=18080, rate_hz=10)
+    viewer = Viewer(Session(front, scene, source), port=18080, rate_hz=4)
     thread = threading.Thread(target=viewer.run)
     thread.start()
     try:
@@ -56,10 +57,11 @@ class Tab:
     def __init__(self, browser, url):
         self.errors = []
         self.page = browser.new_page(viewport={"width": 1440, "height": 900})
+        self.page.set_default_timeout(1e3 * PATIENCE_S)
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
         self.page.goto(url)
-        self.page.wait_for_selector("tr[data-pair]", timeout=1e3 * PATIENCE_S)
+        self.page.wait_for_selector("tr[data-pair]")
 
     def open(self, name):
         self.page.get_by_role("tab", name=name).click()
@@ -100,7 +102,9 @@ def try_scene(browser):
         assert len(expected) > 20, len(expected)
         tab.wait_for(expected, "the engine's numbers")
         for lower, upper, low, high, _ in tab.rows().values():
-            assert (low, high) == (rounded_down(lower), rounded_up(upper)) and float(low) <= lower <= upper <= float(high)
+            assert (low, high) == (rounded_down(lower), rounded_up(upper)) and float(low) <= lower <= upper <= float(
+                high
+            )
         tab.picture("pairs")
 
         tab.open("Joints")
@@ -144,13 +148,14 @@ def try_edge(tab, viewer, judge, arm):
     tab.page.get_by_role("button", name="as end").click()
     wait_until(lambda: viewer._panel.ends[1] is not None, "the end")
     tab.page.get_by_role("button", name="Prove the edge").click()
-    tab.page.wait_for_selector("tr[data-span]", timeout=1e3 * PATIENCE_S)
+    tab.page.wait_for_selector("tr[data-span]")
     edge = certified_edge(judge, arm, start, end, margin=0.01, spans=16)
     script = """() => [...document.querySelectorAll('tr[data-span]')].map(r => [r.querySelector('.lower').title,
         r.querySelector('.upper').title, r.querySelector('i').innerText, r.children[4].innerText])"""
     names = [body.name for body in judge.bodies]
     expected = [
-        [s.lower, s.upper, s.verdict.value, " – ".join(names[i] for i in s.decided_by)] for s in (edge.whole, *edge.spans)
+        [s.lower, s.upper, s.verdict.value, DASH.join(names[i] for i in s.decided_by)]
+        for s in (edge.whole, *edge.spans)
     ]
     have = [[float(lower), float(upper), *rest] for lower, upper, *rest in tab.page.evaluate(script)]
     assert have == expected, (have, expected)
@@ -193,10 +198,10 @@ def try_daemon(browser, folder):
 
             daemon.kill()
             daemon.wait()
-            tab.page.get_by_text("Connection").first.wait_for(timeout=1e3 * PATIENCE_S)
+            tab.page.get_by_text("Connection").first.wait_for()
             daemon = start()
             judge = clearance.connect(url)
-            tab.page.wait_for_function("() => !document.body.innerText.includes('Error')", timeout=1e3 * PATIENCE_S)
+            tab.page.wait_for_function("() => !document.body.innerText.includes('Error')")
             viewer._panel._moved = False
             tab.wait_for(expected_rows(judge), "the numbers of the daemon that came after")
             assert not tab.errors, tab.errors

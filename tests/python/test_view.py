@@ -232,7 +232,7 @@ def test_the_way_of_an_edge_is_that_of_the_body_that_gets_farthest(robot):
     end[0] -= 1.0
     edge = session.edge(start, end, 0.01, 4)
     way = session.trace(edge)
-    assert way.shape == (17, 3)
+    assert way is not None and way.shape == (17, 3)
     robot.set_joints(end, joints=session.joints)
     ends = np.array([state.pose[:3] for state in robot.body_states()])
     assert np.linalg.norm(ends - way[-1], axis=1).min() < 1e-9
@@ -260,7 +260,7 @@ def test_the_table_has_the_pictures_rows(robot):
     assert len(rows) == 7
     for (a, b, names, lower, upper), pair, low, high in zip(rows, picture.pairs, picture.lower, picture.upper):
         assert [int(a), int(b)] == pair.tolist() and (float(lower), float(upper)) == (low, high)
-        assert html.unescape(names) == " – ".join(picture.names[i] for i in pair)
+        assert html.unescape(names) == " \N{EN DASH} ".join(picture.names[i] for i in pair)
     assert f"and {picture.total - 7} more pairs" in text
     assert f"{len(picture.names)}, of which {len(picture.names)} have a pose" in service_table(picture, "a <b>")
     assert "a &lt;b&gt;" in service_table(picture, "a <b>")

@@ -38,11 +38,11 @@ class Drawn:
         opacity = None if known else 0.25
         for look in ("mesh", "pieces"):
             for i, mesh in enumerate(shape.look(look)):
-                shown = tuple(min(255, c + 22 * (i % 3)) for c in self.colour) if look == "pieces" else self.colour
+                shown = np.minimum(255, np.array(self.colour) + (22 * (i % 3) if look == "pieces" else 0))
                 self.looks[look].append(
                     scene.add_mesh_simple(
-                        f"{path}/{look}/{i}", mesh.vertices.astype(np.float32), mesh.triangles, color=shown,
-                        flat_shading=True, side="double", opacity=opacity,
+                        f"{path}/{look}/{i}", mesh.vertices.astype(np.float32), mesh.triangles,
+                        color=shown.astype(np.uint8), flat_shading=True, side="double", opacity=opacity,
                     )
                 )  # fmt: skip
         if len(shape.points):

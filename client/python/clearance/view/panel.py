@@ -82,15 +82,16 @@ class Panel:
         self._edge_plot = gui.add_html("")
         self._edge = gui.add_html(paragraph("Take positions of the sliders as start, others as end."))
 
-        @ends.on_click
-        def _(event: Any) -> None:
-            self.ends[ends.value != "as start"] = self.positions()
-            have = [name for name, end in zip(("start", "end"), self.ends) if end is not None]
-            self._set(self._edge, paragraph(f"Taken: {' and '.join(have)}."))
+        ends.on_click(self._on_end)
+        ask.on_click(self._on_ask)
 
-        @ask.on_click
-        def _(event: Any) -> None:
-            self.edge_asked = True
+    def _on_end(self, event: Any) -> None:
+        self.ends[event.target.value != "as start"] = self.positions()
+        have = [name for name, end in zip(("start", "end"), self.ends) if end is not None]
+        self.say_of_edge(f"Taken: {' and '.join(have)}.")
+
+    def _on_ask(self, event: Any) -> None:
+        self.edge_asked = True
 
     def _make_service(self) -> None:
         gui = self._server.gui

@@ -24,7 +24,7 @@ class Session:
     """Pictures of one front.
 
     front: an Engine, whose joints the sliders move; or a Client, whose daemon is asked and never told anything.
-    scene: shapes, and where links would be if joints were elsewhere; None: bodies are drawn as the balls that hold them.
+    scene: shapes, and where links would be if joints were elsewhere; None: bodies are drawn as balls that hold them.
     """
 
     def __init__(self, front: Front, scene: Optional[Scene], source: str):

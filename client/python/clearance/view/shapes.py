@@ -109,7 +109,8 @@ def sphere_of_directions(fineness: int) -> tuple[np.ndarray, np.ndarray]:
         middles = points[unique].sum(axis=1)
         middle = place.reshape(-1, 3) + len(points)
         points = np.concatenate([points, middles / np.linalg.norm(middles, axis=1, keepdims=True)])
-        a, b, c, ab, bc, ca = *triangles.T, *middle.T
+        a, b, c = triangles.T
+        ab, bc, ca = middle.T
         corners: list[Any] = [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
         triangles = np.concatenate([np.stack(three, axis=1) for three in corners])
     _SPHERES[fineness] = points, triangles.astype(np.uint32)
