@@ -3,16 +3,18 @@
 import ast
 import importlib
 import math
+import shutil
 import sys
 import time
-from types import ModuleType, SimpleNamespace as Message
+from types import ModuleType
+from types import SimpleNamespace as Message
 
 import numpy as np
 import pytest
 
 import clearance
 from conftest import ROOT
-from robots import arm_scene
+from robots import ARM_YAML, arm_scene
 from scenes import at
 
 PACKAGE = ROOT / "ros" / "clearance_ros"
@@ -31,10 +33,6 @@ def ros(monkeypatch):
 
 @pytest.fixture
 def bridge(ros, start_daemon, urdf, tmp_path):
-    import shutil
-
-    from robots import ARM_YAML
-
     shutil.copy(urdf, tmp_path / "arm.urdf")
     (tmp_path / "scene.yaml").write_text(ARM_YAML)
     daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
@@ -123,8 +121,10 @@ def test_objects_come_move_and_go(bridge):
     low, high = distance(client, "crate", "pair.0")
     exact = math.hypot(0.9, 1.0) - 0.1  # from the sphere's centre to the crate's lower edge
     assert low <= exact <= high and high - low < 1e-5
-    low, high = distance(client, "pair.1", "cone")
-    assert low <= 2.0589 <= high + 0.01 or low > 1  # a cylinder and a cone are there, far apart
+    state = client.body_states()[client.body_id("cone")]
+    assert state.pose.tolist() == at(3, 0, 2)
+    low, high = distance(client, "pair.1", "crate")  # from (1.9, y, z) to (1.1, y', z'): the cylinder ends at z = 0.2
+    assert low <= math.hypot(math.hypot(1.0, 0.9) - 0.1, 0.8) <= high and high - low < 1e-3
 
     follower.on_scene(scene([thing("crate", MOVE, where=pose(1, 0, 3)), thing("pair", REMOVE)]))
     assert not follower.left_out
@@ -223,6 +223,7 @@ def test_the_report_is_the_answer(bridge, ros):
 
 
 def test_it_goes_on_after_another_client_changed_the_scene(bridge):
+    bridge.report(0.1)
     with clearance.connect(bridge.daemon.urls["ipc"]) as other:
         other.add_body("new", sphere=0.1, pose=at(5))
     with pytest.raises(clearance.QueryError) as raised:

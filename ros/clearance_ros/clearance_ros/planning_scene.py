@@ -13,7 +13,7 @@ BOX, SPHERE, CYLINDER, CONE = 1, 2, 3, 4
 
 
 def pose_of(message: Any) -> list[float]:
-    """[x, y, z, qw, qx, qy, qz] of a geometry_msgs/Pose or Transform. A quaternion of zeros is none, as MoveIt has it."""
+    """[x, y, z, qw, qx, qy, qz] of a geometry_msgs/Pose or Transform; a quaternion of zeros is none."""
     p = getattr(message, "position", None) or message.translation
     q = getattr(message, "orientation", None) or message.rotation
     turn = [q.w, q.x, q.y, q.z] if any((q.w, q.x, q.y, q.z)) else [1.0, 0.0, 0.0, 0.0]
@@ -36,8 +36,8 @@ def matrix_of(pose: list[float]) -> np.ndarray:
 class SceneFollower:
     """Keeps a daemon's added bodies as planning scenes say.
 
-    An object of one shape is a body of its name; of several, bodies NAME.0, NAME.1, ... Bodies of the daemon's own scene
-    are left alone.
+    An object of one shape is a body of its name; of several, bodies NAME.0, NAME.1, ... Bodies of the daemon's own
+    scene are left alone.
     """
 
     def __init__(self, client: clearance.Client, robot: str = ""):

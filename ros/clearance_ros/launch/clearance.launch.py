@@ -1,9 +1,10 @@
 """The bridge beside a daemon that runs already: ros2 launch clearance_ros clearance.launch.py robot:=panda"""
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+from launch import LaunchDescription
 
 ARGUMENTS = {
     "url": ("", "of the daemon; empty: CLEARANCE_URL"),

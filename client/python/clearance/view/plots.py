@@ -42,7 +42,7 @@ def plot(title: str, x: np.ndarray, series: Sequence[Series], x_range: tuple[flo
         parts.append(f'<text x="{place:.1f}" y="{_HEIGHT - 6}" text-anchor="{anchor}">{at:g}{x_label}</text>')
     for i, s in enumerate(series):
         parts.append(f'<path d="{_way(_LEFT + (x - low) * across, base - s.values * down)}" stroke="{s.colour}"/>')
-        at = _WIDTH - _RIGHT - 80 * (len(series) - i)
+        at = _WIDTH - _RIGHT - 58 * (len(series) - i)
         parts.append(f'<text x="{at + 12:.0f}" y="12">{html.escape(s.label)}</text>')
         parts.append(f'<path d="M{at:.0f} 9h9" stroke="{s.colour}"/>')
     style = (
