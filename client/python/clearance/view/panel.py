@@ -19,6 +19,7 @@ from .tables import BLUE, FREE, HIT, edge_table, pairs_table, paragraph, service
 
 _HISTORY_S = 30.0
 _MOST_SPANS = 64
+_PLOTS_S = 0.5  # between two plots of the service
 
 
 @dataclass
@@ -45,6 +46,7 @@ class Panel:
         self._server = server
         self._session = session
         self.history = History()
+        self._plotted = -_PLOTS_S
         self.look_changed = True
         self.edge_asked = False
         self.ends: list[Optional[np.ndarray]] = [None, None]
@@ -194,6 +196,11 @@ class Panel:
         self.history.add(now, picture)
         self._set(self._pairs, pairs_table(picture))
         self._set(self._service, service_table(picture, self._session.source))
+        if now - self._plotted >= _PLOTS_S:
+            self._plotted = now
+            self._plot(now)
+
+    def _plot(self, now: float) -> None:
         times, took, engine, age = self.history.columns(now)
         span = (-_HISTORY_S, 0.0)
         latency = [Series("answer", BLUE, took), Series("engine", FREE, engine)]

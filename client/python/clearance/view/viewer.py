@@ -51,14 +51,15 @@ class Viewer:
                 continue
             try:
                 self._turn()
-            except (ClearanceError, OSError) as error:
+            except (ClearanceError, OSError, ValueError) as error:  # such as names of a scene that is gone
                 self._panel.say(html.escape(reason(error)))
                 due = time.monotonic() + _RETRY_S
 
     def stop(self) -> None:
         """Ends run(), and the page with it. May be called from any thread."""
         self._stopping.set()
-        self._server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
 
     def _turn(self) -> None:
         elsewhere = self._panel.elsewhere()
