@@ -3,7 +3,8 @@
 One query of one pair over shared memory, a thousand times a second, by a client of the class control, in turns without
 and with a viewer's questions: all that a page asks of the daemon, ten times a second, from a process of its own. The
 browser and the drawing are left out: they ask nothing of a daemon, and run where the person is. Prints and writes, as
-CSV, the medians over the turns of p50, p99.9 and max. The client runs at real-time priority where that is allowed.
+CSV, the medians over the turns of p50, p99.9 and max, and the least and most p99.9. The daemon and the loop's client
+run at real-time priority where that is allowed, so that other programs of the machine count little.
 """
 
 import argparse
@@ -46,6 +47,7 @@ def measure(binaries, seconds, turns):
         url = f"shm://{stage.folder}/c.sock"
         daemon = [*cpus.run_on(cpus.daemon), binaries / "clearanced", "--scene", SCENE]
         daemon += ["--shm", stage.folder / "c.sock", "--control-user", str(os.geteuid())]
+        daemon += ["--real-time"] if priority.of_client else []
         stage.start("clearanced", daemon)
         stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
         client = [*priority.of_client, *cpus.run_on(cpus.client)]
@@ -81,12 +83,12 @@ def main():
             {
                 "beside": kind,
                 "machine": of_kind[0]["machine"],
-                "cpus": os.cpu_count(),
                 "shared": "yes" if cpus.are_shared else "no",
                 "turns": options.turns,
                 "seconds": options.seconds,
                 **numbers,
                 "least_p99.9_us": round(min(row["p99.9_us"] for row in of_kind), 1),
+                "most_p99.9_us": round(max(row["p99.9_us"] for row in of_kind), 1),
                 "load": round(os.getloadavg()[0], 1),
             }
         )

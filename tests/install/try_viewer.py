@@ -123,6 +123,10 @@ def try_scene(browser):
         tab.page.get_by_label("bodies as").click()
         tab.page.get_by_role("option", name="pieces").click()
         tab.picture("pieces")
+        tab.page.get_by_label("bodies as").click()
+        tab.page.get_by_role("option", name="points").click()
+        tab.page.get_by_label("names").click()
+        tab.picture("points")
         tab.open("Service")
         tab.picture("service")
         assert not tab.errors, tab.errors

@@ -11,7 +11,7 @@ import viser
 
 from .edge import Edge
 from .model import Picture
-from .shapes import LOOKS, Shape
+from .shapes import Shape
 from .tables import BLUE, COLOURS, HIT
 
 _FROM = np.array([1.25, -1.55, 0.9])  # where a camera looks at the middle of all from, in sizes of it
@@ -28,57 +28,74 @@ def colour_of(name: str, is_static: bool) -> tuple[int, int, int]:
 
 
 class Drawn:
-    """One body on the page: a frame that moves, with a mesh for each look below it."""
+    """One body on the page: a frame that moves, with what is shown of it below. What is not shown yet is not made."""
 
     def __init__(self, scene: viser.SceneApi, body: int, name: str, is_static: bool, known: bool, shape: Shape):
-        self.colour = colour_of(name, is_static) if known else _UNKNOWN
-        path = f"/bodies/{body}"
-        self.frame = scene.add_frame(path, show_axes=False, visible=False)
-        self.looks: dict[str, list[Any]] = {look: [] for look in LOOKS}
-        opacity = None if known else 0.25
-        for look in ("mesh", "pieces"):
-            for i, mesh in enumerate(shape.look(look)):
-                shown = np.minimum(255, np.array(self.colour) + (22 * (i % 3) if look == "pieces" else 0))
-                self.looks[look].append(
-                    scene.add_mesh_simple(
-                        f"{path}/{look}/{i}", mesh.vertices.astype(np.float32), mesh.triangles,
-                        color=shown.astype(np.uint8), flat_shading=True, side="double", opacity=opacity,
-                    )
-                )  # fmt: skip
-        if len(shape.points):
-            cloud = scene.add_point_cloud(
-                f"{path}/points", shape.points.astype(np.float32), self.colour, point_size=0.006, point_shape="circle",
-                precision="float32",
-            )  # fmt: skip
-            self.looks["points"].append(cloud)
-        self.label = scene.add_label(f"{path}/label", name, visible=False)
-        self._plain = {id(handle): handle.color for look in ("mesh", "pieces") for handle in self.looks[look]}
+        self._scene, self._path, self._name, self._shape = scene, f"/bodies/{body}", name, shape
+        self._colour = np.array(colour_of(name, is_static) if known else _UNKNOWN)
+        self._opacity = None if known else 0.25
+        self._frame = scene.add_frame(self._path, show_axes=False, visible=False)
+        self._looks: dict[str, list[tuple[Any, np.ndarray]]] = {}  # handles, and their own colours
+        self._label: Any = None
         self._pose: Optional[bytes] = None
         self._red = False
 
+    def _make(self, look: str) -> list[tuple[Any, np.ndarray]]:
+        path = f"{self._path}/{look}"
+        if look == "points" and len(self._shape.points):
+            points = self._shape.points.astype(np.float32)
+            options: dict[str, Any] = {"point_size": 0.006, "point_shape": "circle", "precision": "float32"}
+            return [(self._scene.add_point_cloud(path, points, self._colour.astype(np.uint8), **options), self._colour)]
+        made = []
+        for i, mesh in enumerate(self._shape.look(look)):
+            colour = np.minimum(255, self._colour + (22 * (i % 3) if look == "pieces" else 0)).astype(np.uint8)
+            handle = self._scene.add_mesh_simple(
+                f"{path}/{i}", mesh.vertices.astype(np.float32), mesh.triangles,
+                color=colour, flat_shading=True, side="double", opacity=self._opacity,
+            )  # fmt: skip
+            made.append((handle, colour))
+        return made
+
     def show(self, look: str) -> None:
-        for each, handles in self.looks.items():
-            for handle in handles:
+        """One of LOOKS."""
+        if look not in self._looks:
+            self._looks[look] = self._make(look)
+            self._paint(look)
+        for each, handles in self._looks.items():
+            for handle, _ in handles:
                 handle.visible = each == look
+
+    def label(self, visible: bool) -> None:
+        """Says its name beside it, or does not."""
+        if self._label is None and visible and len(self._shape.points):
+            self._label = self._scene.add_label(f"{self._path}/label", self._name)
+        if self._label is not None:
+            self._label.visible = visible
+
+    def _paint(self, look: str) -> None:
+        for handle, colour in self._looks[look]:
+            now = np.array(_rgb(HIT), dtype=np.uint8) if self._red else colour
+            if look == "points":
+                handle.colors = now.astype(np.uint8)
+            else:
+                handle.color = tuple(now.tolist())
 
     def place(self, pose: np.ndarray, placed: bool, red: bool) -> None:
         """Moves it; says nothing to the browser where nothing has changed."""
         now = pose.tobytes() if placed else b""
         if now != self._pose:
             self._pose = now
-            self.frame.visible = placed
+            self._frame.visible = placed
             if placed:
-                self.frame.position = tuple(pose[:3])
-                self.frame.wxyz = tuple(pose[3:] / np.linalg.norm(pose[3:]))
+                self._frame.position = tuple(pose[:3])
+                self._frame.wxyz = tuple(pose[3:] / np.linalg.norm(pose[3:]))
         if red != self._red:
             self._red = red
-            for handle in self.looks["mesh"] + self.looks["pieces"]:
-                handle.color = _rgb(HIT) if red else self._plain[id(handle)]
-            for handle in self.looks["points"]:
-                handle.colors = np.array(_rgb(HIT) if red else self.colour, dtype=np.uint8)
+            for look in self._looks:
+                self._paint(look)
 
     def remove(self) -> None:
-        self.frame.remove()
+        self._frame.remove()
 
 
 class Page:
@@ -134,8 +151,7 @@ class Page:
     def label(self, visible: bool) -> None:
         """Says each body's name beside it, or does not."""
         for body in self._bodies:
-            if any(body.looks.values()):
-                body.label.visible = visible
+            body.label(visible)
 
     def draw(self, picture: Picture, segments: bool) -> None:
         """Puts bodies where they are, and segments between them."""
