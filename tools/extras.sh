@@ -138,6 +138,10 @@ run_ompl() {
 run_viewer() {
   local venv=out/extras/viewer
   [ "${CHROMIUM:-$(command -v chromium)}" ] || tools/setup.sh tools/viewer_packages.txt
+  if [ -z "${CHROMIUM:-$(command -v chromium)}" ]; then
+    say "The viewer's page is not tried: there is no chromium, and CHROMIUM names none"
+    return
+  fi
   tools/build.sh release product
   step viewer-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step viewer-install "Install viser and Playwright" "$venv/bin/python" -m pip install --disable-pip-version-check \
