@@ -131,7 +131,8 @@ class Page:
         if not seen:
             return
         origins = picture.poses[seen, :3]
-        reach = [float(np.linalg.norm(shapes[i].mesh[0].vertices, axis=1).max()) for i in seen]
+        corners = [shapes[i].mesh[0].vertices if shapes[i].mesh else shapes[i].points for i in seen]
+        reach = [float(np.linalg.norm(each, axis=1).max()) for each in corners]
         middle = np.median(origins, axis=0)
         size = max(0.3, float(np.percentile(np.linalg.norm(origins - middle, axis=1) + np.minimum(reach, 1.0), 80)))
         camera = self._server.initial_camera

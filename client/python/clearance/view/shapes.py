@@ -32,13 +32,17 @@ class Mesh:
 class Shape:
     """A body in its own frame."""
 
-    mesh: Sequence[Mesh]  #: as it was given: one, or none where nothing is known
-    pieces: Sequence[Mesh]  #: what bounds are about: the convex pieces, or the triangles of a surface or solid
-    points: np.ndarray  #: (V, 3) vertices of the pieces
+    mesh: Sequence[Mesh]  #: as it was given; none: it was given as pieces
+    hulls: Sequence[tuple[np.ndarray, float]]  #: vertices and radius of each convex piece; none: the mesh is what it is
+    points: np.ndarray  #: (V, 3) vertices of what bounds are about
 
     def look(self, look: str) -> Sequence[Mesh]:
-        """The meshes of a look; of "points" none."""
-        return () if look == "points" else self.pieces if look == "pieces" else self.mesh
+        """The meshes of a look; of "points" none. Pieces are made anew each time, some milliseconds each."""
+        if look == "points":
+            return ()
+        if not self.hulls or (look == "mesh" and self.mesh):
+            return self.mesh
+        return [hull_mesh(vertices, radius) for vertices, radius in self.hulls]
 
 
 EMPTY = Shape((), (), np.zeros((0, 3)))
@@ -50,16 +54,15 @@ def shape_of(scene: Scene, body: BodyInfo) -> Shape:
         return EMPTY
     if math.isinf(body.extent):
         square = Mesh(*_square(HALF_SPACE_EDGE))
-        return Shape((square,), (square,), square.vertices)
+        return Shape((square,), (), square.vertices)
     given = scene.display_mesh(body.id)
     mesh = None if given is None else Mesh(*given)
     pieces = scene.pieces(body.id)
     points = np.concatenate([vertices for vertices, _ in pieces])
     # A point with a radius is a round shape, whose picture is finer than any made here; triangles are what they are.
     if mesh and (body.triangle_count or all(len(vertices) == 1 for vertices, _ in pieces)):
-        return Shape((mesh,), (mesh,), mesh.vertices)
-    hulls = tuple(hull_mesh(vertices, radius) for vertices, radius in pieces)
-    return Shape((mesh,) if mesh else hulls, hulls, points)
+        return Shape((mesh,), (), mesh.vertices)
+    return Shape((mesh,) if mesh else (), pieces, points)
 
 
 def unknown_shape(body: BodyInfo) -> Shape:
@@ -68,7 +71,7 @@ def unknown_shape(body: BodyInfo) -> Shape:
         return EMPTY
     directions, triangles = sphere_of_directions(2)
     ball = Mesh(directions * body.extent, triangles)
-    return Shape((ball,), (ball,), np.zeros((1, 3)))
+    return Shape((ball,), (), np.zeros((1, 3)))
 
 
 def hull_mesh(vertices: np.ndarray, radius: float = 0.0) -> Mesh:
