@@ -55,9 +55,9 @@ def shape_of(scene: Scene, body: BodyInfo) -> Shape:
     if math.isinf(body.extent):
         square = Mesh(*_square(HALF_SPACE_EDGE))
         return Shape((square,), (), square.vertices)
-    given = scene.display_mesh(body.id)
+    given = scene._scene.display(body.id)  # Scene's own methods look through all names for each body
     mesh = None if given is None else Mesh(*given)
-    pieces = scene.pieces(body.id)
+    pieces = scene._scene.pieces(body.id)
     points = np.concatenate([vertices for vertices, _ in pieces])
     # A point with a radius is a round shape, whose picture is finer than any made here; triangles are what they are.
     if mesh and (body.triangle_count or all(len(vertices) == 1 for vertices, _ in pieces)):
