@@ -3,7 +3,9 @@
 import ast
 import importlib
 import math
+import os
 import shutil
+import subprocess
 import sys
 import time
 from types import ModuleType
@@ -13,7 +15,8 @@ import numpy as np
 import pytest
 
 import clearance
-from conftest import ROOT
+from conftest import BUILD, ROOT
+from patience import PATIENCE_S
 from robots import ARM_YAML, arm_scene
 from scenes import at
 
@@ -230,6 +233,31 @@ def test_it_goes_on_after_another_client_changed_the_scene(bridge):
         bridge.report(0.1)
     assert bridge.recover(raised.value) and bridge.report(0.1) is not None
     assert not bridge.recover(clearance.TimeoutError("late"))
+
+
+def test_the_clients_own_wheel_is_enough(bridge, tmp_path):
+    """Its package has another name, and no engine."""
+    alone = BUILD / "python" / "clearance_client"
+    if not (alone / "_client" / "contract.json").exists():
+        pytest.skip("the client in Python alone was not built")
+    (tmp_path / "clearance_client").symlink_to(alone)
+    (tmp_path / "clearance_ros").symlink_to(PACKAGE / "clearance_ros")
+    code = """
+import sys
+sys.modules["clearance"] = None  # as where it is not installed
+from clearance_ros import bridge, clearance
+print(bridge.Bridge(clearance.connect(sys.argv[1]), "arm").report(0.5).least)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code, bridge.daemon.urls["ipc"]],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) == bridge.report(0.5).least
 
 
 def test_the_package_is_whole():

@@ -8,8 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, Optional
 
-import clearance
-
+from . import clearance
 from .planning_scene import SceneFollower, pose_of
 
 

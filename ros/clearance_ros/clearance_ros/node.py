@@ -8,8 +8,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-import clearance
-
+from . import clearance
 from .bridge import Bridge, level_of
 
 

@@ -5,7 +5,7 @@ from typing import Any, Optional
 
 import numpy as np
 
-import clearance
+from . import clearance
 
 # Of moveit_msgs/CollisionObject and shape_msgs/SolidPrimitive.
 ADD, REMOVE, APPEND, MOVE = 0, 1, 2, 3
