@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-robots bench-motions bench-surfaces bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-view bench-robots bench-motions bench-surfaces bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -62,6 +62,9 @@ bench-sections: build  ## the longest that the loop is away from its transports,
 
 bench-classes: build  ## what a client of the class control waits beside the worst of the others; rewrites docs/results/classes.csv
 	@$(PYTHON_VENV) bench/latency/bench_classes.py
+
+bench-view: build  ## what a control loop waits while a viewer looks at its daemon; rewrites docs/results/view.csv
+	@$(PYTHON_VENV) bench/latency/bench_view.py
 
 bench-robots: build  ## MotionBenchMaker's problems: is a state valid, how near is it to contact, beside Pinocchio and Coal, which it installs; rewrites docs/results/robots.csv
 	@$(PYTHON_VENV) bench/robots/bench_robots.py --csv docs/results/robots.csv

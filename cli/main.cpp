@@ -24,6 +24,10 @@ int main(int argc, char** argv) {
   cli::add_stat(app);
   cli::add_ping(app);
   cli::add_keygen(app);
+#ifdef CLEARANCE_HAVE_LCM
+  cli::add_record(app);
+  cli::add_replay(app);
+#endif
 #ifdef CLEARANCE_HAVE_BENCH
   cli::add_bench(app);
   cli::add_bench_throughput(app);
@@ -35,6 +39,7 @@ int main(int argc, char** argv) {
   cli::add_robot(app);
   cli::add_selftest(app);
   cli::add_cache(app);
+  cli::add_view(app);
   // Last: a subcommand would inherit it.
   app.footer(R"(
 Example

@@ -16,6 +16,7 @@ extras=(
   "arm             CMakeLists.txt CMakePresets.json cmake engine tests/golden tests/exact tests/robot tools/root.sh"
   "coal            client/python/clearance tests/install/try_coal.py"
   "ompl            client/python/clearance engine/motion tests/install/try_ompl.py"
+  "viewer          client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
   "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
   "robots          engine/robot engine/base engine/pose cli/robot_main.cpp tests/robot"
   "races           wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
@@ -131,6 +132,21 @@ run_ompl() {
   step ompl-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step ompl-install "Install OMPL" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off ompl==2.0.1 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_ompl.py
+}
+
+# The viewer's page in a headless browser; what it looked like is in out/extras/pages.
+run_viewer() {
+  local venv=out/extras/viewer
+  [ "${CHROMIUM:-$(command -v chromium)}" ] || tools/setup.sh tools/viewer_packages.txt
+  if [ -z "${CHROMIUM:-$(command -v chromium)}" ]; then
+    say "The viewer's page is not tried: there is no chromium, and CHROMIUM names none"
+    return
+  fi
+  tools/build.sh release product
+  step viewer-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step viewer-install "Install viser and Playwright" "$venv/bin/python" -m pip install --disable-pip-version-check \
+    --progress-bar off viser==1.1.1 playwright==1.65.2 numpy
+  PYTHONPATH=build/python "$venv/bin/python" tests/install/try_viewer.py build out/extras/pages
 }
 
 # Half a minute for each target of tests/fuzz, under the address and undefined-behaviour sanitizers.

@@ -62,6 +62,8 @@ class LcmBus {
   /// Calls `handler` with each message of the channel `prefix + name`.
   /// \param queue messages kept between two calls of handle(); more are dropped by liblcm without a word.
   void subscribe(const std::string& name, int queue, Handler handler);
+  /// Likewise with each message of every channel `prefix + CLEARANCE_...`, and the channel's whole name.
+  void subscribe_all(int queue, std::function<void(const std::string&, std::span<const std::byte>)> handler);
 
   /// Sends one message on `prefix + name`. False if the system refused it. Never blocks for long.
   bool publish(const std::string& name, std::span<const std::byte> message);
@@ -84,6 +86,9 @@ class LcmBus {
 
  private:
   struct Subscription;
+  /// Adds a subscription to the channels that a regular expression matches.
+  void add(const std::string& pattern, int queue, std::unique_ptr<Subscription> subscription);
+
   LcmAddress address_;
   _lcm_t* lcm_ = nullptr;
   int descriptor_ = -1;

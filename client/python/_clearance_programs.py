@@ -1,4 +1,4 @@
-"""The commands that a wheel brings: each becomes the program of its name in clearance/libexec.
+"""The commands that a wheel brings: each is a program in clearance/libexec, but for `clearance view`.
 
 A module of its own, since importing the package would load numpy first.
 """
@@ -9,6 +9,10 @@ from pathlib import Path
 
 
 def clearance() -> None:
+    if sys.argv[1:2] == ["view"]:  # the one command that is Python
+        from clearance.view.command import main
+
+        sys.exit(main(sys.argv[2:]))
     _become("clearance")
 
 

@@ -64,6 +64,15 @@ def check_robot(folder):
     assert hook["z"] == 1 and abs(hook["qz"] - np.sqrt(0.5)) < 1e-12 and 0 <= hook["error"] < 1e-12, hook
 
 
+def check_view():
+    """The one command that is Python says what it needs, which is no part of the wheel."""
+    done = subprocess.run([BIN / "clearance", "view", "scene.yaml"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (
+        1,
+        'clearance view: the page needs viser: pip install "clearance[view]"\n',
+    ), done
+
+
 def nearest(clearance, url, poses):
     with clearance.connect(url, timeout_s=60) as client:
         client.set_poses(poses)
@@ -97,6 +106,7 @@ def check_whole(clearance, scene):
             assert done.returncode == 0 and done.stdout, (arguments, done)
         assert done.stdout.split() == ["clearance", clearance.__version__]
         check_robot(folder)
+        check_view()
         daemon.terminate()
         assert daemon.wait(60) == 0
 

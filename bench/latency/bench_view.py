@@ -1,0 +1,115 @@
+"""What a control loop waits while `clearance view` looks at its daemon, beside the same loop without.
+
+One query of one pair over shared memory, a thousand times a second, by a client of the class control, in turns without
+and with a viewer's questions: all that a page asks of the daemon, ten times a second, from a process of its own. The
+browser and the drawing are left out: they ask nothing of a daemon, and run where the person is. Prints and writes, as
+CSV, the medians over the turns of p50, p99.9 and max, and the least and most p99.9; and how long a picture keeps the
+daemon's CPU, which other programs of the machine hardly change. The loop's client runs at real-time priority where that
+is allowed.
+"""
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from bench_classes import Cpus, Players, Priority
+from bench_sections import BIN, ROOT, bench_one_pair, cpu_ms, write_csv
+
+SCENE = ROOT / "scenes/cell/robot.yaml"
+RATE_HZ, PICTURES = 10, 2000
+
+
+def pictures(url):
+    """Asks what a page asks, once for each turn of the loop that goes through it."""
+    import clearance
+    from clearance.view.model import Question
+    from clearance.view.session import Session
+
+    session = Session(clearance.connect(url), clearance.Scene.load(SCENE), url)
+    while True:
+        session.picture(Question())
+        session.positions()
+        yield
+
+
+def look(url):
+    """Is the viewer, until it is ended."""
+    asked = pictures(url)
+    next(asked)
+    print("asked", flush=True)
+    due = time.monotonic()
+    for _ in asked:
+        due += 1 / RATE_HZ
+        time.sleep(max(0.0, due - time.monotonic()))
+
+
+def measure(binaries, seconds, turns):
+    """{"nothing": rows of `clearance bench`, "viewer": rows}, and us of the daemon's CPU for a picture."""
+    cpus, priority = Cpus(), Priority()
+    rows = {"nothing": [], "viewer": []}
+    with Players(priority) as stage:
+        url = f"shm://{stage.folder}/c.sock"
+        daemon = [*cpus.run_on(cpus.daemon), binaries / "clearanced", "--scene", SCENE]
+        daemon += ["--shm", stage.folder / "c.sock", "--control-user", str(os.geteuid())]
+        process = stage.start("clearanced", daemon)
+        stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
+        client = [*priority.of_client, *cpus.run_on(cpus.client)]
+        asked = pictures(url)
+        next(asked)
+        before = cpu_ms(process.pid)
+        for _ in range(PICTURES):
+            next(asked)
+        picture_us = (cpu_ms(process.pid) - before) * 1000 / PICTURES
+        asked.close()
+        for turn in range(turns):
+            for kind, of_kind in rows.items():
+                if kind == "viewer":
+                    command = [*cpus.run_on(cpus.others), sys.executable, __file__, "--look", url]
+                    viewer = stage.start(f"viewer{turn}", command, stdout=subprocess.PIPE, text=True)
+                    viewer.stdout.readline()
+                of_kind.append(bench_one_pair(binaries, url, seconds, kind, client))
+                if kind == "viewer":
+                    assert viewer.poll() is None, stage.log(f"viewer{turn}")
+                    viewer.kill()
+                    viewer.wait()
+    return rows, cpus, picture_us
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--csv", type=Path, default=ROOT / "docs/results/view.csv")
+    parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
+    parser.add_argument("--seconds", type=float, default=10, help="of each turn")
+    parser.add_argument("--turns", type=int, default=8)
+    parser.add_argument("--look", metavar="URL", help="be the viewer")
+    options = parser.parse_args()
+    if options.look:
+        look(options.look)
+    rows, cpus, picture_us = measure(options.binaries, options.seconds, options.turns)
+    table = []
+    for kind, of_kind in rows.items():
+        numbers = {n: round(statistics.median(row[n] for row in of_kind), 1) for n in ("p50_us", "p99.9_us", "max_us")}
+        table.append(
+            {
+                "beside": kind,
+                "machine": of_kind[0]["machine"],
+                "shared": "yes" if cpus.are_shared else "no",
+                "turns": options.turns,
+                "seconds": options.seconds,
+                **numbers,
+                "least_p99.9_us": round(min(row["p99.9_us"] for row in of_kind), 1),
+                "most_p99.9_us": round(max(row["p99.9_us"] for row in of_kind), 1),
+                "picture_us": round(picture_us, 1),
+                "load": round(os.getloadavg()[0], 1),
+            }
+        )
+        print(table[-1], flush=True)
+    write_csv(options.csv, table)
+
+
+if __name__ == "__main__":
+    main()

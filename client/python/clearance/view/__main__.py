@@ -1,0 +1,7 @@
+"""`python -m clearance.view` is `clearance view`."""
+
+import sys
+
+from .command import main
+
+sys.exit(main())

@@ -1,0 +1,129 @@
+"""`clearance view`: what it is told, and what it says where it cannot."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Optional
+
+if TYPE_CHECKING:
+    from .._scene import Scene
+    from .session import Session
+
+_REFUSED, _COMMAND_LINE, _NO_CONNECTION = 1, 2, 3  # as the command `clearance` has them
+_EPILOG = """
+Example
+  clearance view scenes/cell/robot.yaml                              a scene file, answered in this process
+  clearance view panda.urdf --package franka_description=.           a robot alone
+  clearance view scenes/cell/robot.yaml --connect ipc:///tmp/c.ipc   a daemon, with the file's shapes
+
+A daemon does not hand out shapes: without its scene file bodies are drawn as the balls that hold them. It is asked, and
+told nothing: sliders then ask what would be.
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's options."""
+    options = argparse.ArgumentParser(
+        prog="clearance view",
+        description="Shows a scene in a browser: bodies, the nearest points between them, certified intervals.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    options.add_argument("scene", nargs="?", type=Path, metavar="FILE", help="a scene file (.yaml) or a robot (.urdf)")
+    options.add_argument("--connect", metavar="URL", help="the daemon (without FILE: this, or CLEARANCE_URL)")
+    options.add_argument("--srdf", type=Path, metavar="FILE", help="of the robot: groups, and pairs not asked about")
+    options.add_argument("--package", action="append", default=[], metavar="NAME=DIR", help="where package://NAME is")
+    options.add_argument("--host", default="127.0.0.1", help="address to serve on; default: this machine alone")
+    options.add_argument("--port", type=int, default=8080, help="the first that is tried; default 8080")
+    options.add_argument("--rate", type=_rate, default=10.0, metavar="HZ", help="pictures a second at most; default 10")
+    options.add_argument("--timeout", type=float, default=5.0, metavar="S", help="seconds to wait for an answer")
+    return options
+
+
+def main(arguments: Optional[Sequence[str]] = None) -> int:
+    """Runs the command; returns its exit code."""
+    from .._errors import ClearanceError, ConnectionError, TimeoutError
+
+    options = parser().parse_args(arguments)
+    try:
+        from .viewer import Viewer
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] != "viser":
+            raise
+        return _fail(_REFUSED, 'the page needs viser: pip install "clearance[view]"')
+    try:
+        session = open_session(options)
+        viewer = Viewer(session, options.host, options.port, options.rate)
+    except ValueError as error:
+        return _fail(_COMMAND_LINE, str(error))
+    except (ConnectionError, TimeoutError) as error:
+        return _fail(_NO_CONNECTION, str(error))
+    except (ClearanceError, ImportError, OSError) as error:
+        return _fail(_REFUSED, str(error))
+    print(f"{session.source}: {viewer.url}", flush=True)
+    try:
+        viewer.run()
+    except KeyboardInterrupt:
+        viewer.stop()
+    return 0
+
+
+def open_session(options: argparse.Namespace) -> Session:
+    """The session that options ask for. Raises ValueError for options that do not go together."""
+    from .model import all_joints, positions_now
+    from .session import Session
+
+    url = options.connect or (None if options.scene else os.environ.get("CLEARANCE_URL"))
+    if options.scene is None and url is None:
+        raise ValueError("expected a scene file, a URDF, or --connect URL")
+    scene = None if options.scene is None else load(options.scene, options.srdf, options.package)
+    if url is not None:
+        from .._client_front import connect
+
+        return Session(connect(url, options.timeout), scene, url)
+    assert scene is not None
+    from .._engine_front import Engine
+
+    engine = Engine(scene)
+    joints = all_joints(engine)
+    if joints is not None:
+        engine.set_joints(positions_now(engine), joints)  # a robot without a home has no pose else
+    return Session(engine, scene, str(options.scene))
+
+
+def load(file: Path, srdf: Optional[Path], packages: Sequence[str]) -> Scene:
+    """A scene file, or a scene of one robot."""
+    from .. import Scene  # says so where the engine is not there
+
+    if file.suffix.lower() not in (".urdf", ".xml"):
+        if srdf or packages:
+            raise ValueError("--srdf and --package are of a URDF; a scene file names its own")
+        return Scene.load(file)
+    folders = dict(_package(text) for text in packages)
+    return Scene.load_urdf(file, srdf=srdf, packages=folders or None, static=True)
+
+
+def _package(text: str) -> tuple[str, str]:
+    name, equals, folder = text.partition("=")
+    if not name or not equals or not folder:
+        raise ValueError(f"--package: expected NAME=DIR, got {text!r}")
+    return name, folder
+
+
+def _rate(text: str) -> float:
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = 0.0
+    if not 0.1 <= rate <= 60.0:
+        raise argparse.ArgumentTypeError(f"expected 0.1 to 60 pictures a second, got {text!r}")
+    return rate
+
+
+def _fail(code: int, what: str) -> int:
+    print(f"clearance view: {what}", file=sys.stderr)
+    return code

@@ -1,0 +1,202 @@
+"""What viser draws: bodies, segments, an edge."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Sequence
+from typing import Any, Optional
+
+import numpy as np
+import viser
+
+from .edge import Edge
+from .model import Picture
+from .shapes import Shape
+from .tables import BLUE, COLOURS, HIT
+
+_FROM = np.array([1.25, -1.55, 0.9])  # where a camera looks at the middle of all from, in sizes of it
+_STATIC, _UNKNOWN = (150, 156, 166), (196, 200, 206)
+
+
+def colour_of(name: str, is_static: bool) -> tuple[int, int, int]:
+    """Calm, and the same for the same name: red and blue are left to the meaning."""
+    if is_static:
+        return _STATIC
+    hue = 0.10 + 0.42 * (sum(name.encode()) * 0.61803398875 % 1.0)
+    r, g, b = colorsys.hls_to_rgb(hue, 0.62, 0.38)
+    return int(255 * r), int(255 * g), int(255 * b)
+
+
+class Drawn:
+    """One body on the page: a frame that moves, with what is shown of it below. What is not shown yet is not made."""
+
+    def __init__(self, scene: viser.SceneApi, body: int, name: str, is_static: bool, known: bool, shape: Shape):
+        self._scene, self._path, self._name, self._shape = scene, f"/bodies/{body}", name, shape
+        self._colour = np.array(colour_of(name, is_static) if known else _UNKNOWN)
+        self._opacity = None if known else 0.25
+        self._frame = scene.add_frame(self._path, show_axes=False, visible=False)
+        self._looks: dict[str, list[tuple[Any, np.ndarray]]] = {}  # handles, and their own colours
+        self._label: Any = None
+        self._pose: Optional[bytes] = None
+        self._red = False
+
+    def _make(self, look: str) -> list[tuple[Any, np.ndarray]]:
+        path = f"{self._path}/{look}"
+        if look == "points" and len(self._shape.points):
+            points = self._shape.points.astype(np.float32)
+            options: dict[str, Any] = {"point_size": 0.006, "point_shape": "circle", "precision": "float32"}
+            return [(self._scene.add_point_cloud(path, points, self._colour.astype(np.uint8), **options), self._colour)]
+        made = []
+        for i, mesh in enumerate(self._shape.look(look)):
+            colour = np.minimum(255, self._colour + (22 * (i % 3) if look == "pieces" else 0)).astype(np.uint8)
+            handle = self._scene.add_mesh_simple(
+                f"{path}/{i}", mesh.vertices.astype(np.float32), mesh.triangles,
+                color=colour, flat_shading=True, side="double", opacity=self._opacity,
+            )  # fmt: skip
+            made.append((handle, colour))
+        return made
+
+    def show(self, look: str) -> None:
+        """One of LOOKS."""
+        if look not in self._looks:
+            self._looks[look] = self._make(look)
+            self._paint(look)
+        for each, handles in self._looks.items():
+            for handle, _ in handles:
+                handle.visible = each == look
+
+    def label(self, visible: bool) -> None:
+        """Says its name beside it, or does not."""
+        if self._label is None and visible and len(self._shape.points):
+            self._label = self._scene.add_label(f"{self._path}/label", self._name)
+        if self._label is not None:
+            self._label.visible = visible
+
+    def _paint(self, look: str) -> None:
+        for handle, colour in self._looks[look]:
+            now = np.array(_rgb(HIT), dtype=np.uint8) if self._red else colour
+            if look == "points":
+                handle.colors = now.astype(np.uint8)
+            else:
+                handle.color = tuple(now.tolist())
+
+    def place(self, pose: np.ndarray, placed: bool, red: bool) -> None:
+        """Moves it; says nothing to the browser where nothing has changed."""
+        now = pose.tobytes() if placed else b""
+        if now != self._pose:
+            self._pose = now
+            self._frame.visible = placed
+            if placed:
+                self._frame.position = tuple(pose[:3])
+                self._frame.wxyz = tuple(pose[3:] / np.linalg.norm(pose[3:]))
+        if red != self._red:
+            self._red = red
+            for look in self._looks:
+                self._paint(look)
+
+    def remove(self) -> None:
+        self._frame.remove()
+
+
+class Page:
+    """The three-dimensional part of the page."""
+
+    def __init__(self, server: viser.ViserServer):
+        self._scene = server.scene
+        self._server = server
+        self._bodies: list[Drawn] = []
+        self._look = "mesh"
+        self._segments: Any = None
+        self._drawn_segments = b""
+        self._edge: list[Any] = []
+        self._scene.set_up_direction("+z")
+        self._scene.add_grid("/grid", 4.0, 4.0, cell_size=0.25, infinite_grid=True, fade_distance=12.0)
+
+    def rebuild(
+        self, picture: Picture, shapes: Sequence[Shape], is_static: Sequence[bool], known: Sequence[bool]
+    ) -> None:
+        """Draws other bodies, and looks at them from where all can be seen."""
+        with self._server.atomic():
+            for body in self._bodies:
+                body.remove()
+            self._bodies = [
+                Drawn(self._scene, i, name, is_static[i], known[i], shape)
+                for i, (name, shape) in enumerate(zip(picture.names, shapes))
+            ]
+            self.show(self._look)
+        self._look_at(picture, shapes)
+
+    def _look_at(self, picture: Picture, shapes: Sequence[Shape]) -> None:
+        seen = [i for i, shape in enumerate(shapes) if len(shape.points) and picture.placed[i]]
+        if not seen:
+            return
+        origins = picture.poses[seen, :3]
+        corners = [shapes[i].mesh[0].vertices if shapes[i].mesh else shapes[i].points for i in seen]
+        reach = [float(np.linalg.norm(each, axis=1).max()) for each in corners]
+        middle = np.median(origins, axis=0)
+        size = max(0.3, float(np.percentile(np.linalg.norm(origins - middle, axis=1) + np.minimum(reach, 1.0), 80)))
+        camera = self._server.initial_camera
+        camera.up = (0.0, 0.0, 1.0)
+        camera.look_at = tuple(middle)
+        camera.position = tuple(middle + size * _FROM)
+        for client in self._server.get_clients().values():
+            client.camera.look_at = middle
+            client.camera.position = middle + size * _FROM
+
+    def show(self, look: str) -> None:
+        """Draws bodies as "mesh", "pieces" or "points"."""
+        self._look = look
+        for body in self._bodies:
+            body.show(look)
+
+    def label(self, visible: bool) -> None:
+        """Says each body's name beside it, or does not."""
+        for body in self._bodies:
+            body.label(visible)
+
+    def draw(self, picture: Picture, segments: bool) -> None:
+        """Puts bodies where they are, and segments between them."""
+        red = picture.overlapping
+        with self._server.atomic():
+            for body, pose, placed, marked in zip(self._bodies, picture.poses, picture.placed, red):
+                body.place(pose, bool(placed), bool(marked))
+            self._draw_segments(picture.segments[picture.drawn] if segments else np.zeros((0, 2, 3)))
+
+    def _draw_segments(self, points: np.ndarray) -> None:
+        if points.tobytes() == self._drawn_segments:
+            return
+        self._drawn_segments = points.tobytes()
+        if self._segments is not None:
+            self._segments.remove()
+            self._segments = None
+        if len(points):
+            self._segments = _lines(self._scene, "/segments", points, _rgb(BLUE), 2.0)
+
+    def draw_edge(self, edge: Optional[Edge], trace: Optional[np.ndarray]) -> None:
+        """Draws the way of what moves farthest, and the witness points of each span, coloured by what is proved."""
+        for handle in self._edge:
+            handle.remove()
+        self._edge = []
+        if edge is None:
+            return
+        points = np.stack([span.segment for span in edge.spans])
+        there = np.isfinite(points).all(axis=(1, 2))
+        for verdict, colour in COLOURS.items():  # a set of lines has one colour: viser shows several too light
+            decided = np.array([span.verdict is verdict for span in edge.spans])
+            self._add_to_edge(f"witnesses/{verdict.name}", points[decided & there], _rgb(colour), 1.5)
+            if trace is not None:
+                way = np.stack([trace[:-1], trace[1:]], axis=1)
+                parts = np.repeat(decided, len(way) // len(edge.spans))
+                self._add_to_edge(f"way/{verdict.name}", way[parts], _rgb(colour), 5.0)
+
+    def _add_to_edge(self, name: str, points: np.ndarray, colour: tuple[int, int, int], pixels: float) -> None:
+        if len(points):
+            self._edge.append(_lines(self._scene, f"/edge/{name}", points, colour, pixels))
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def _lines(scene: viser.SceneApi, name: str, points: np.ndarray, colour: tuple[int, int, int], pixels: float) -> Any:
+    return scene.add_line_segments(name, points.astype(np.float32), colour, thickness=pixels, thickness_units="screen")

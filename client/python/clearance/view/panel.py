@@ -1,0 +1,229 @@
+"""The controls beside the picture: the question, the pairs, the joints, an edge, and how the service does."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any, Optional
+
+import numpy as np
+import viser
+
+from .edge import Edge
+from .model import Picture, Question, slider_range
+from .plots import Series, plot
+from .session import Session
+from .shapes import LOOKS
+from .tables import BLUE, FREE, HIT, edge_table, pairs_table, paragraph, service_table
+
+_HISTORY_S = 30.0
+_MOST_SPANS = 64
+_PLOTS_S = 0.5  # between two plots of the service
+
+
+@dataclass
+class History:
+    """What the plots show: one entry for each answer."""
+
+    rows: deque[tuple[float, float, float, float]] = field(default_factory=deque)
+
+    def add(self, now: float, picture: Picture) -> None:
+        self.rows.append((now, 1e3 * picture.took_s, 1e3 * picture.engine_s, 1e3 * picture.pose_age_s))
+        while now - self.rows[0][0] > _HISTORY_S:
+            self.rows.popleft()
+
+    def columns(self, now: float) -> tuple[np.ndarray, ...]:
+        """Seconds before now; milliseconds of the answer, of the engine, of the oldest pose."""
+        times, took, engine, age = np.array(self.rows or [(now, np.nan, np.nan, np.nan)]).T
+        return times - now, took, engine, age
+
+
+class Panel:
+    """Controls, tables and plots. Callbacks only note what was asked: the loop that draws does it."""
+
+    def __init__(self, server: viser.ViserServer, session: Session):
+        self._server = server
+        self._session = session
+        self.history = History()
+        self._plotted = -_PLOTS_S
+        self.look_changed = True
+        self.edge_asked = False
+        self.ends: list[Optional[np.ndarray]] = [None, None]
+        self._moved = False
+        self._sliders: list[Any] = []
+        self._shown: dict[int, Any] = {}
+        server.gui.set_panel_label("Clearance")
+        self._message = server.gui.add_html("")
+        tabs = server.gui.add_tab_group()
+        with tabs.add_tab("Pairs"):
+            self._make_question()
+        with tabs.add_tab("Joints"):
+            self._joints_folder = server.gui.add_folder("Positions")
+            with server.gui.add_folder("Certified edge"):
+                self._make_edge()
+        with tabs.add_tab("Service"):
+            self._make_service()
+        with tabs.add_tab("Look"):
+            self._make_look()
+
+    # ---- what there is --------------------------------------------------------------------------------------------
+
+    def _make_question(self) -> None:
+        gui = self._server.gui
+        self._kind = gui.add_dropdown("ask for", ("pairs within", "each body's nearest"), hint="what the query asks")
+        self._distance = gui.add_number("within [m]", Question.max_distance, min=0.0, max=100.0, step=0.01)
+        self._pairs = gui.add_html("")
+
+    def _make_edge(self) -> None:
+        gui = self._server.gui
+        self._margin = gui.add_number("margin [m]", 0.01, min=0.0, max=10.0, step=0.005)
+        self._spans = gui.add_slider("spans", 1, _MOST_SPANS, 1, 16)
+        ends = gui.add_button_group("take positions", ("as start", "as end"))
+        ask = gui.add_button("Prove the edge", hint="nothing is sampled: each span is proved, or is not")
+        self._edge_plot = gui.add_html("")
+        self._edge = gui.add_html(paragraph("Take positions of the sliders as start, others as end."))
+
+        ends.on_click(self._on_end)
+        ask.on_click(self._on_ask)
+
+    def _on_end(self, event: Any) -> None:
+        self.ends[event.target.value != "as start"] = self.positions()
+        have = [name for name, end in zip(("start", "end"), self.ends) if end is not None]
+        self.say_of_edge(f"Taken: {' and '.join(have)}.")
+
+    def _on_ask(self, event: Any) -> None:
+        self.edge_asked = True
+
+    def _make_service(self) -> None:
+        gui = self._server.gui
+        self._service = gui.add_html("")
+        self._latency = gui.add_html("")
+        self._age = gui.add_html("")
+
+    def _make_look(self) -> None:
+        gui = self._server.gui
+        self._look = gui.add_dropdown("bodies as", LOOKS, hint="mesh: as given; pieces: what bounds are about")
+        self._labels = gui.add_checkbox("names", False)
+        self._segments = gui.add_checkbox("segments", True)
+        for control in (self._look, self._labels, self._segments):
+            control.on_update(self._on_look)
+
+    def _on_look(self, event: Any) -> None:
+        self.look_changed = True
+
+    def rebuild(self) -> None:
+        """Makes a slider for each joint there is now."""
+        for slider in self._sliders:
+            slider.remove()
+        self._sliders, self._moved, self.ends = [], False, [None, None]
+        joints = self._session.joints
+        with self._joints_folder:
+            if joints is None:
+                self._sliders = [self._server.gui.add_html(paragraph("The scene has no robot."))]
+                return
+            low, high = slider_range(joints)
+            now = np.clip(self._session.positions(), low, high)
+            for name, a, b, q in zip(joints.names, low.tolist(), high.tolist(), now.tolist()):
+                slider = self._server.gui.add_slider(name, a, b, max((b - a) / 1e4, 1e-9), q)
+                slider.on_update(self._on_slider)
+                self._sliders.append(slider)
+            if self._session.asks_only:
+                hint = "sliders ask what would be: nothing is told to the daemon"
+                back = self._server.gui.add_button("Follow the daemon again", hint=hint)
+                back.on_click(self._on_follow)
+                self._sliders.append(back)
+
+    def _on_slider(self, event: Any) -> None:
+        if event.client is not None:  # a person's, and not follow()'s
+            self._moved = True
+
+    def _on_follow(self, event: Any) -> None:
+        self._moved = False
+
+    # ---- what was asked -------------------------------------------------------------------------------------------
+
+    @property
+    def question(self) -> Question:
+        kind = "within" if self._kind.value == "pairs within" else "nearest"
+        return Question(kind, float(self._distance.value))  # type: ignore[arg-type]
+
+    @property
+    def look(self) -> str:
+        return str(self._look.value)
+
+    @property
+    def labels(self) -> bool:
+        return bool(self._labels.value)
+
+    @property
+    def segments(self) -> bool:
+        return bool(self._segments.value)
+
+    @property
+    def margin(self) -> float:
+        return float(self._margin.value)
+
+    @property
+    def spans(self) -> int:
+        return int(self._spans.value)
+
+    def positions(self) -> np.ndarray:
+        """(J,) as the sliders have them."""
+        count = 0 if self._session.joints is None else len(self._session.joints)
+        return np.array([slider.value for slider in self._sliders[:count]], dtype=np.float64)
+
+    def elsewhere(self) -> Optional[np.ndarray]:
+        """(J,) positions that somebody moved the sliders to; None: nobody did."""
+        return self.positions() if self._moved else None
+
+    # ---- what is shown --------------------------------------------------------------------------------------------
+
+    def say(self, text: str) -> None:
+        """A line above everything; empty: none."""
+        self._set(self._message, paragraph(text, HIT) if text else "")
+
+    def follow(self, positions: np.ndarray) -> None:
+        """Puts sliders where joints are, unless somebody moved them."""
+        if not self._moved:
+            for slider, position in zip(self._sliders, positions.tolist()):
+                if abs(slider.value - position) > 1e-9:
+                    slider.value = min(max(position, slider.min), slider.max)
+
+    def show(self, picture: Picture) -> None:
+        """Numbers of an answer."""
+        now = time.monotonic()
+        self.history.add(now, picture)
+        self._set(self._pairs, pairs_table(picture))
+        self._set(self._service, service_table(picture, self._session.source))
+        if now - self._plotted >= _PLOTS_S:
+            self._plotted = now
+            self._plot(now)
+
+    def _plot(self, now: float) -> None:
+        times, took, engine, age = self.history.columns(now)
+        span = (-_HISTORY_S, 0.0)
+        latency = [Series("answer", BLUE, took), Series("engine", FREE, engine)]
+        self._set(self._latency, plot("Latency [ms]", times, latency, span, " s"))
+        self._set(self._age, plot("Age of the oldest pose [ms]", times, [Series("age", HIT, age)], span, " s"))
+
+    def show_edge(self, edge: Edge, names: tuple[str, ...]) -> None:
+        """Spans of an edge, and a plot of their bounds."""
+        self._set(self._edge, edge_table(edge, names))
+        times = np.repeat([edge.spans[0].begin, *(span.end for span in edge.spans)], 2)[1:-1]
+        lower, upper = (
+            np.maximum(0.0, np.repeat([getattr(span, name) for span in edge.spans], 2)) for name in ("lower", "upper")
+        )
+        margin = np.full(len(times), edge.margin)
+        series = [Series("lower", BLUE, lower), Series("upper", FREE, upper), Series("margin", HIT, margin)]
+        self._set(self._edge_plot, plot("Bounds along the edge [m]", times, series, (0.0, 1.0), ""))
+
+    def say_of_edge(self, text: str) -> None:
+        self._set(self._edge_plot, "")
+        self._set(self._edge, paragraph(text))
+
+    def _set(self, handle: Any, content: str) -> None:
+        """Writes HTML where it is not what stands there."""
+        if self._shown.get(id(handle)) != content:
+            self._shown[id(handle)] = content
+            handle.content = content

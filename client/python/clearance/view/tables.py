@@ -1,0 +1,118 @@
+"""The page's tables: numbers rounded outward, so that an interval on the page holds the engine's, in HTML."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+
+from .._words import Flag, Status
+from .edge import Edge, Span, Verdict
+from .model import Picture
+
+#: Colours, as a browser has them, of what is proved.
+FREE, OPEN, HIT = "#2f9e62", "#d98a00", "#d64541"
+#: Of nearest points, and of lower bounds.
+BLUE = "#0b57d0"
+COLOURS = {Verdict.FREE: FREE, Verdict.OPEN: OPEN, Verdict.HIT: HIT}
+_STATUS_COLOURS = {Status.OVERLAP: HIT, Status.CONTACT: OPEN, Status.UNCONVERGED: OPEN}
+_STYLE = (
+    "<style>.clr{width:100%;border-collapse:collapse;font-size:11px;font-variant-numeric:tabular-nums}"
+    ".clr td,.clr th{padding:1px 4px;text-align:right;white-space:nowrap}"
+    ".clr td:first-child,.clr th:first-child{text-align:left;white-space:normal;overflow-wrap:anywhere}"
+    ".clr tr{border-bottom:1px solid #8883}.clr i{font-style:normal;font-weight:600}</style>"
+)
+
+
+def rounded_down(value: float, digits: int = 6) -> str:
+    """`value` as text that is no larger."""
+    return _rounded(value, digits, ROUND_FLOOR)
+
+
+def rounded_up(value: float, digits: int = 6) -> str:
+    """`value` as text that is no smaller."""
+    return _rounded(value, digits, ROUND_CEILING)
+
+
+def _rounded(value: float, digits: int, way: str) -> str:
+    if not math.isfinite(value):
+        return {math.inf: "&infin;", -math.inf: "-&infin;"}.get(value, "")
+    text = str(Decimal(value).quantize(Decimal(1).scaleb(-digits), rounding=way))
+    return text[1:] if text.startswith("-") and not text.strip("-0.") else text
+
+
+def interval(lower: float, upper: float) -> str:
+    """Two cells: what is shown holds the interval, and a pointer that rests on them gets all digits."""
+    return (
+        f'<td class="lower" title="{lower!r}">{rounded_down(lower)}</td>'
+        f'<td class="upper" title="{upper!r}">{rounded_up(upper)}</td>'
+    )
+
+
+def pairs_table(picture: Picture) -> str:
+    """A row for each pair: bodies, interval in metres, status, flags."""
+    rows = []
+    for (a, b), status, flags, lower, upper in zip(
+        picture.pairs.tolist(),
+        picture.status.tolist(),
+        picture.flags.tolist(),
+        picture.lower.tolist(),
+        picture.upper.tolist(),
+    ):
+        word = Status(status).name.lower()
+        said = ", ".join([word, *(flag.name.lower() for flag in Flag if flag.name and flags & flag)])
+        colour = _STATUS_COLOURS.get(Status(status))
+        style = f' style="color:{colour}"' if colour else ""
+        names = f"{_name(picture.names, a)} &ndash; {_name(picture.names, b)}"
+        rows.append(f'<tr{style} data-pair="{a},{b}"><td>{names}</td>{interval(lower, upper)}<td>{said}</td></tr>')
+    if not rows:
+        return paragraph("No pair is that near.")
+    more = picture.total - len(rows)
+    note = paragraph(f"and {more} more pairs, farther than these") if more > 0 else ""
+    return _table(["bodies", "lower [m]", "upper [m]", "status"], rows) + note
+
+
+def edge_table(edge: Edge, names: Sequence[str]) -> str:
+    """The verdict, and a row for each span: times, interval in metres, the pair that decided it, steps of its proof."""
+    rows = [_span_row(span, names, f"{span.begin:.3f} &ndash; {span.end:.3f}") for span in edge.spans]
+    whole = _span_row(edge.whole, names, "all of it")
+    head = ["time", "", "lower [m]", "upper [m]", "decided by", "steps"]
+    return _table(head, [whole, *rows])
+
+
+def _span_row(span: Span, names: Sequence[str], times: str) -> str:
+    a, b = span.decided_by
+    verdict = f'<i style="color:{COLOURS[span.verdict]}">{span.verdict.value}</i>'
+    return (
+        f'<tr data-span="{span.begin!r},{span.end!r}"><td>{times}</td><td>{verdict}</td>'
+        f"{interval(span.lower, span.upper)}<td>{_name(names, a)} &ndash; {_name(names, b)}</td>"
+        f"<td>{span.steps}</td></tr>"
+    )
+
+
+def service_table(picture: Picture, source: str) -> str:
+    """What answers, how fast, and how old what it knows is."""
+    oldest = max(((age, i) for i, age in enumerate(picture.ages_s.tolist()) if not math.isnan(age)), default=None)
+    rows = [
+        ("answered by", html.escape(source)),
+        ("bodies", f"{len(picture.names)}, of which {int(picture.placed.sum())} have a pose"),
+        ("scene, poses", f"revision {picture.scene_revision:x}, {picture.pose_revision}"),
+        ("answer took", f"{1e3 * picture.took_s:.3f} ms, of which the engine {1e3 * picture.engine_s:.3f}"),
+        ("oldest pose", f"{oldest[0]:.3f} s, of {_name(picture.names, oldest[1])}" if oldest else "none was received"),
+    ]
+    return _table([], [f"<tr><td>{name}</td><td>{value}</td></tr>" for name, value in rows])
+
+
+def _name(names: Sequence[str], body: int) -> str:
+    return html.escape(names[body]) if body < len(names) else "none"
+
+
+def _table(head: Sequence[str], rows: Sequence[str]) -> str:
+    titles = "<tr>" + "".join(f"<th>{title}</th>" for title in head) + "</tr>" if head else ""
+    return f'{_STYLE}<div style="padding:0 10px"><table class="clr">{titles}{"".join(rows)}</table></div>'
+
+
+def paragraph(text: str, colour: str = "inherit") -> str:
+    """A line of text, which is HTML already."""
+    return f'<p style="padding:0 10px;margin:4px 0;font-size:12px;color:{colour}">{text}</p>'

@@ -1,0 +1,107 @@
+"""The loop: asks at most so often, and only while somebody looks."""
+
+from __future__ import annotations
+
+import contextlib
+import html
+import io
+import threading
+import time
+from typing import Optional
+
+import numpy as np
+import viser
+
+from .._errors import ClearanceError
+from .model import Picture
+from .page import Page
+from .panel import Panel
+from .session import Session, reason
+
+_RETRY_S = 1.0
+
+
+class Viewer:
+    """A page of a session, on an address of this machine.
+
+    rate_hz: pictures a second, at most.
+    """
+
+    def __init__(self, session: Session, host: str = "127.0.0.1", port: int = 8080, rate_hz: float = 10.0):
+        self._session = session
+        self._period = 1.0 / rate_hz
+        with contextlib.redirect_stdout(io.StringIO()):  # viser prints a box of its own
+            self._server = viser.ViserServer(host=host, port=port, label="Clearance", verbose=False)
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._server.gui.main_panel.dock_right()
+        self._server.gui.main_panel.set_width(460)
+        self._page = Page(self._server)
+        self._panel = Panel(self._server, session)
+        self._generation = -1
+        self._stopping = threading.Event()
+        self.pictures = 0  #: drawn so far
+        self.url = f"http://{'localhost' if host in ('127.0.0.1', '::1') else host}:{self._server.get_port()}"
+
+    def run(self) -> None:
+        """Draws until stop()."""
+        due = time.monotonic()
+        while not self._stopping.wait(max(0.0, due - time.monotonic())):
+            due = max(due + self._period, time.monotonic())
+            if not self._server.get_clients():
+                continue
+            try:
+                self._turn()
+            except (ClearanceError, OSError, ValueError) as error:  # such as names of a scene that is gone
+                self._panel.say(html.escape(reason(error)))
+                due = time.monotonic() + _RETRY_S
+
+    def stop(self) -> None:
+        """Ends run(), and the page with it. May be called from any thread."""
+        self._stopping.set()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def _turn(self) -> None:
+        elsewhere = self._panel.elsewhere()
+        picture = self._session.picture(self._panel.question, elsewhere)
+        if self._session.generation != self._generation:
+            self._rebuild(picture)
+        if self._panel.look_changed:
+            self._panel.look_changed = False
+            self._page.show(self._panel.look)
+            self._page.label(self._panel.labels)
+        self._page.draw(picture, self._panel.segments)
+        self._panel.show(picture)
+        if self._session.joints is not None:
+            self._panel.follow(self._session.positions())
+        self._panel.say(self._notice(elsewhere))
+        if self._panel.edge_asked:
+            self._panel.edge_asked = False
+            self._prove(picture)
+        self.pictures += 1
+
+    def _rebuild(self, picture: Picture) -> None:
+        self._generation = self._session.generation
+        is_static = [body.is_static for body in self._session.front.bodies]
+        self._page.rebuild(picture, self._session.shapes, is_static, self._session.known)
+        self._page.draw_edge(None, None)
+        self._panel.rebuild()
+        self._panel.look_changed = True
+
+    def _notice(self, elsewhere: Optional[np.ndarray]) -> str:
+        if elsewhere is not None and self._session.asks_only:
+            return "What would be: joints are where the sliders are, and not where the daemon has them."
+        return self._session.warning
+
+    def _prove(self, picture: Picture) -> None:
+        start, end = self._panel.ends
+        if start is None or end is None:
+            self._panel.say_of_edge("Take positions as start and as end first.")
+            return
+        try:
+            edge = self._session.edge(start, end, self._panel.margin, self._panel.spans)
+        except (ClearanceError, ValueError) as error:
+            self._panel.say_of_edge(html.escape(reason(error)))
+            return
+        self._page.draw_edge(edge, self._session.trace(edge))
+        self._panel.show_edge(edge, picture.names)

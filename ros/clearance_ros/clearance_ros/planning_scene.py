@@ -1,0 +1,173 @@
+"""moveit_msgs/PlanningScene to a daemon: objects become bodies, attached ones follow links, allowed pairs may touch."""
+
+from collections.abc import Iterator
+from typing import Any, Optional
+
+import numpy as np
+
+from . import clearance
+
+# Of moveit_msgs/CollisionObject and shape_msgs/SolidPrimitive.
+ADD, REMOVE, APPEND, MOVE = 0, 1, 2, 3
+BOX, SPHERE, CYLINDER, CONE = 1, 2, 3, 4
+
+
+def pose_of(message: Any) -> list[float]:
+    """[x, y, z, qw, qx, qy, qz] of a geometry_msgs/Pose or Transform; a quaternion of zeros is none."""
+    p = getattr(message, "position", None) or message.translation
+    q = getattr(message, "orientation", None) or message.rotation
+    turn = [q.w, q.x, q.y, q.z] if any((q.w, q.x, q.y, q.z)) else [1.0, 0.0, 0.0, 0.0]
+    return [float(number) for number in (p.x, p.y, p.z, *turn)]
+
+
+def matrix_of(pose: list[float]) -> np.ndarray:
+    """(4, 4) of a pose."""
+    w, x, y, z = np.array(pose[3:]) / np.linalg.norm(pose[3:])
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, 3] = pose[:3]
+    return matrix
+
+
+class SceneFollower:
+    """Keeps a daemon's added bodies as planning scenes say.
+
+    An object of one shape is a body of its name; of several, bodies NAME.0, NAME.1, ... Bodies of the daemon's own
+    scene are left alone.
+    """
+
+    def __init__(self, client: clearance.Client, robot: str = ""):
+        self._client = client
+        self._prefix = f"{robot}/" if robot else ""
+        self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # of each object: its bodies, and where within it
+        self.left_out: dict[str, str] = {}  #: objects and pairs that could not be taken, and why
+
+    def on_scene(self, message: Any) -> None:
+        """Applies a scene or a difference. What it cannot take stands in `left_out`; the rest is taken."""
+        if not message.is_diff:
+            named = {item.id for item in message.world.collision_objects}
+            named |= {item.object.id for item in message.robot_state.attached_collision_objects}
+            for name in [name for name in self._parts if name not in named]:
+                self._remove(name)
+        for item in message.world.collision_objects:
+            self._try(item.id, self._object, item)
+        for attached in message.robot_state.attached_collision_objects:
+            self._try(attached.object.id, self._attached, attached)
+        self._allow(message.allowed_collision_matrix)
+
+    def forget(self) -> None:
+        """The daemon was started anew, and has none of the objects."""
+        self._parts.clear()
+
+    def _try(self, name: str, apply: Any, item: Any) -> None:
+        try:
+            apply(item)
+            self.left_out.pop(name, None)
+        except (clearance.QueryError, clearance.RequestError, ValueError) as error:
+            self.left_out[name] = str(error)
+
+    def _object(self, item: Any, parent: Optional[str] = None) -> None:
+        operation = _operation(item)
+        if operation == REMOVE:
+            return self._remove(item.id)
+        place = matrix_of(pose_of(item.pose))
+        if operation == MOVE:
+            return self._move(item, place)
+        if operation == ADD:
+            self._remove(item.id)
+        if item.planes:
+            raise ValueError("planes are not taken: put a half_space into the daemon's scene")
+        shapes = list(_shapes(item))
+        if not shapes:
+            raise ValueError("it has no shape")
+        parts = self._parts.setdefault(item.id, [])
+        for shape, within in shapes:
+            several = len(shapes) > 1 or operation == APPEND
+            name = f"{item.id}.{len(parts)}" if several else item.id
+            self._client.add_body(name, parent=parent, pose=place @ within, **shape)
+            parts.append((name, within))
+
+    def _move(self, item: Any, place: np.ndarray) -> None:
+        parts = self._parts.get(item.id)
+        if not parts:
+            raise ValueError("there is no such object to be moved")
+        given = [pose_of(pose) for pose in (*item.primitive_poses, *item.mesh_poses)]
+        if given and len(given) != len(parts):
+            raise ValueError(f"it has {len(parts)} shapes, and comes with poses for {len(given)}")
+        if given:
+            parts[:] = [(name, matrix_of(pose)) for (name, _), pose in zip(parts, given)]
+        self._client.set_poses({name: place @ within for name, within in parts})
+
+    def _remove(self, name: str) -> None:
+        for body, _ in reversed(self._parts.pop(name, [])):
+            self._client.remove_body(body)
+
+    def _attached(self, attached: Any) -> None:
+        item, link = attached.object, self._prefix + attached.link_name
+        if _operation(item) == REMOVE:
+            for body, _ in self._parts.get(item.id, []):
+                self._client.attach(body, None)  # stays where it is, in the world
+            return
+        if _shapes_given(item):
+            self._remove(item.id)
+            self._object(item, link)
+        touched = [self._prefix + name for name in attached.touch_links]
+        known = {body.name for body in self._client.bodies}
+        for body, _ in self._parts.get(item.id, []):
+            self._client.attach(body, link, allow=[name for name in touched if name in known])
+
+    def _allow(self, matrix: Any) -> None:
+        """Pairs that may touch; of pairs that may not, those that the scene lets touch stay so: its file says why."""
+        names = {name: self._of(name) for name in matrix.entry_names}
+        for i, (name, entry) in enumerate(zip(matrix.entry_names, matrix.entry_values)):
+            for other, allowed in zip(matrix.entry_names[i + 1 :], entry.enabled[i + 1 :]):
+                for a in names[name] if allowed else ():
+                    for b in names[other]:
+                        self._client.allow(a, b)
+
+    def _of(self, name: str) -> list[str]:
+        """Bodies that a name of MoveIt stands for: those of an object, or a link."""
+        if name in self._parts:
+            return [body for body, _ in self._parts[name]]
+        known = {body.name for body in self._client.bodies}
+        return [each for each in (name, self._prefix + name) if each in known][:1]
+
+
+def _operation(item: Any) -> int:
+    """A byte in ROS 2 is one of bytes in Python."""
+    value = item.operation
+    return value[0] if isinstance(value, (bytes, bytearray)) else int(value)
+
+
+def _shapes_given(item: Any) -> bool:
+    return bool(item.primitives or item.meshes)
+
+
+def _shapes(item: Any) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
+    """Arguments of add_body() for each shape of an object, and where it is within the object."""
+    if len(item.primitives) != len(item.primitive_poses) or len(item.meshes) != len(item.mesh_poses):
+        raise ValueError("it has another number of shapes than of poses")
+    for primitive, pose in zip(item.primitives, item.primitive_poses):
+        yield primitive_of(primitive), matrix_of(pose_of(pose))
+    for mesh, pose in zip(item.meshes, item.mesh_poses):
+        vertices = np.array([[p.x, p.y, p.z] for p in mesh.vertices], dtype=np.float64).reshape(-1, 3)
+        triangles = np.array([list(t.vertex_indices) for t in mesh.triangles], dtype=np.uint32).reshape(-1, 3)
+        yield {"mesh": (vertices, triangles), "convexify": "surface"}, matrix_of(pose_of(pose))
+
+
+def primitive_of(primitive: Any) -> dict[str, Any]:
+    """Arguments of add_body() for a shape_msgs/SolidPrimitive, whose dimensions have an order of their own."""
+    size = [float(number) for number in primitive.dimensions]
+    kinds = {BOX: ("box", 3), SPHERE: ("sphere", 1), CYLINDER: ("cylinder", 2), CONE: ("cone", 2)}
+    if primitive.type not in kinds:
+        raise ValueError(f"primitives of type {primitive.type} are not taken")
+    word, count = kinds[primitive.type]
+    if len(size) != count:
+        raise ValueError(f"a {word} has {count} dimensions, not {len(size)}")
+    if count == 2:  # height, radius
+        return {word: (size[1], size[0])}
+    return {word: size[0] if count == 1 else size}

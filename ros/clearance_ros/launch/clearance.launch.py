@@ -1,0 +1,25 @@
+"""The bridge beside a daemon that runs already: ros2 launch clearance_ros clearance.launch.py robot:=panda"""
+
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from launch import LaunchDescription
+
+ARGUMENTS = {
+    "url": ("", "of the daemon; empty: CLEARANCE_URL"),
+    "robot": ("", "the robot of the scene whose joints joint_states has; empty: names there are whole"),
+    "margin": ("0.02", "metres: pairs that may be nearer are warned of"),
+    "within": ("0.25", "metres: pairs that may be nearer are published"),
+    "rate": ("50.0", "answers a second, at most"),
+}
+
+
+def generate_launch_description():
+    declared = [
+        DeclareLaunchArgument(name, default_value=value, description=text) for name, (value, text) in ARGUMENTS.items()
+    ]
+    parameters = {name: LaunchConfiguration(name) for name in ARGUMENTS}
+    return LaunchDescription(
+        [*declared, Node(package="clearance_ros", executable="bridge", name="clearance", parameters=[parameters])]
+    )
