@@ -5,7 +5,7 @@
     tools/snippets.py --write docs/cookbook.md     # writes what they print into the page
 
 A snippet is a block ```python; what it prints is the block ```text right behind it. The first snippet of a page is what
-the others begin with: each runs in a copy of what it left behind, so that a reader who has the first can take any other.
+the others begin with: it is run anew before each of them, so that a reader who has the first can take any other.
 Snippets run in the repository's folder. One that asks a daemon is given one: the command that the page starts it with,
 build/bin/clearanced ..., with its sockets in a folder of its own in place of /tmp. (```py is another library's code.)
 """
@@ -35,19 +35,21 @@ class Differs(Exception):
 def run_page(text: str, name: str) -> str:
     """The page with what its snippets print. Raises what a snippet raises, with the page's line."""
     with tempfile.TemporaryDirectory() as folder, daemon_of(text, Path(folder)):
-        first: dict = {}
+        first: list = []
 
         def written(block):
-            line = text[: block.start()].count("\n") + 2
-            code = block[1].replace("/tmp/", f"{folder}/")
-            names = first if not first else dict(first)
-            printed = run(code, names, f"{name}, snippet", line).replace(f"{folder}/", "/tmp/")
+            snippet = block[1].replace("/tmp/", f"{folder}/"), f"{name}, snippet", text[: block.start()].count("\n") + 2
+            names: dict = {}
+            for before in first:
+                run(names, *before)
+            first.extend([] if first else [snippet])
+            printed = run(names, *snippet).replace(f"{folder}/", "/tmp/")
             return f"```python\n{block[1]}```\n" + (f"\n```text\n{printed}```\n" if printed else "")
 
         return BLOCK.sub(written, text)
 
 
-def run(code: str, names: dict, name: str, line: int) -> str:
+def run(names: dict, code: str, name: str, line: int) -> str:
     """What a snippet prints; its line numbers are those of the page."""
     printed = io.StringIO()
     before = os.getcwd()
