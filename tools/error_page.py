@@ -30,19 +30,23 @@ SECTIONS = {
     "status": """
 ## Statuses of a row
 `clearance.Status`, in C++ `clearance::Status`. A status that you do not know is no answer: newer daemons may have more.
+
 """,
     "flag": """
 ## Flags of a row
 `clearance.Flag`, in C++ `clearance::Flag`: bits of the column `flags`.
+
 """,
     "code": """
 ## Error codes of a request
 `QueryError.code` and `RequestError.code`, values of `clearance.wire.ErrorCode`; in C++ `clearance::wire::ErrorCode`. The text that comes with
 a code is for people and may change; the code does not. [What to do about each](wire.md#errors) stands with the wire.
+
 """,
     "exception": """
 ## Exceptions in Python
 A wrong argument is an ordinary `TypeError` or `ValueError` that names it. All others are a `clearance.ClearanceError`.
+
 """,
     "exit": """
 ## Exit codes of programs
