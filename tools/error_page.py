@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes docs/errors.md: every status, flag, error code, exception and exit code, with the line that the code has on it.
+"""Writes docs/errors.md: every status, flag, error code, exception and exit code, with its line in the code.
 
     tools/error_page.py            # writes the page
     tools/error_page.py --check    # exit code 1 where it is not what this would write
@@ -23,8 +23,8 @@ PROGRAMS = ["clearance", "clearanced", "clearance-inspect", "clearance-robot", "
 HEAD = """\
 # Statuses, flags, errors
 <!-- Made by tools/error_page.py from the code; a test compares. -->
-Three kinds of wrong: at set-up an exception or an exit code, with a sentence that names cause and place; of a request an error with a
-code; of a row a status, while the other rows are answered ([why](concepts.md#status)).
+Three kinds of wrong: at set-up an exception or an exit code, with a sentence that names cause and place; of a request
+an error with a code; of a row a status, while the other rows are answered ([why](concepts.md#status)).
 """
 SECTIONS = {
     "status": """
@@ -39,8 +39,9 @@ SECTIONS = {
 """,
     "code": """
 ## Error codes of a request
-`QueryError.code` and `RequestError.code`, values of `clearance.wire.ErrorCode`; in C++ `clearance::wire::ErrorCode`. The text that comes with
-a code is for people and may change; the code does not. [What to do about each](wire.md#errors) stands with the wire.
+`QueryError.code` and `RequestError.code`, values of `clearance.wire.ErrorCode`; in C++ `clearance::wire::ErrorCode`. The
+text that comes with a code is for people and may change; the code does not. [What to do about each](wire.md#errors)
+stands with the wire.
 
 """,
     "exception": """

@@ -87,9 +87,10 @@ def daemon_of(text: str, folder: Path):
 def check(page: Path) -> None:
     """Raises Differs where the page says otherwise than its snippets do, and what a snippet raises."""
     text = page.read_text()
-    lines = [each.splitlines(keepends=True) for each in (text, run_page(text, page.name))]
-    if lines[0] != lines[1]:
-        raise Differs("".join(difflib.unified_diff(*lines, f"{page.name} as it is", "and what its snippets print")))
+    before, after = text.splitlines(keepends=True), run_page(text, page.name).splitlines(keepends=True)
+    if before != after:
+        difference = difflib.unified_diff(before, after, f"{page.name} as it is", "and what its snippets print")
+        raise Differs("".join(difference))
 
 
 def main() -> int:

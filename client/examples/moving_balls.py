@@ -16,7 +16,6 @@ import time
 import lcm
 import numpy as np
 import own_daemon  # noqa: F401  finds the message types where they are not installed
-
 from clearance_lcm import named_pose_update_t
 
 RADIUS = 0.06  # metres

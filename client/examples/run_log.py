@@ -34,7 +34,7 @@ class Rows:
 class RunLog:
     """Samples of the arm every millisecond, a row for each answer, and what went wrong."""
 
-    def __init__(self, joints: "list[str]", seconds: float):
+    def __init__(self, joints: list[str], seconds: float):
         self.joints = joints
         room = int(2500 * seconds) + 1000
         self.samples, self.ticks = Rows(1 + len(joints), room), Rows(5, room)
@@ -57,8 +57,8 @@ class RunLog:
     def judge(self, began: float, keep: float, stall: float, floor: float) -> None:
         """The true distance at every sample: closed forms, and where the balls really were.
 
-        `allowed` is what a stall longer than the margin covers may have cost: a ball's way in the rest of it, from which
-        the barrier recovers. 0 where no stall was longer; so the verdict is never the machine's load.
+        `allowed` is what a stall longer than the margin covers may have cost: a ball's way in the rest of it, from
+        which the barrier recovers. 0 where no stall was longer; so the verdict is never the machine's load.
         """
         base = np.eye(4)
         base[2, 3] = self.floor = floor
@@ -102,17 +102,25 @@ class RunLog:
     def report(self, margin: float, table, picture) -> None:
         """Prints what came out, and writes the table and the picture where they are wanted."""
         ticks, misses = self.ticks.array, self.misses.array
-        took = 1e6 * np.percentile(ticks[:, 1], [50, 99, 99.9])
-        print(f"{len(ticks)} answers in {self.t[-1]:.1f} s; a tick took {took[0]:.0f} us (p99 {took[1]:.0f}, p99.9 {took[2]:.0f})")
-        longest = 1e3 * misses.max() if len(misses) else 0.0
-        print(f"{len(misses)} deadlines missed, the longest by {longest:.1f} ms; without an answer: {dict(self.failures) or 0}")
-        print(f"barriers given up in {(ticks[:, 4] > 1e-3).sum()} ticks; stalls past the margin's: {(self.allowed > 0).sum()} samples")
-        print(f"least true distance {1e3 * self.truth.min():.2f} mm, least lower bound {1e3 * ticks[:, 2].min():.2f} mm, ", end="")
-        print(f"promised {1e3 * self.keep:.0f} mm (margin {1e3 * margin:.1f} mm): {'kept' if self.kept() else 'BROKEN'}")
+        p50, p99, p999 = 1e6 * np.percentile(ticks[:, 1], [50, 99, 99.9])
+        print(f"{len(ticks)} answers in {self.t[-1]:.1f} s; a tick took {p50:.0f} us (p99 {p99:.0f}, p99.9 {p999:.0f})")
+        longest, unanswered = 1e3 * misses.max() if len(misses) else 0.0, dict(self.failures) or 0
+        print(f"{len(misses)} deadlines missed, the longest by {longest:.1f} ms; without an answer: {unanswered}")
+        print(
+            f"barriers given up in {(ticks[:, 4] > 1e-3).sum()} ticks, stalls longer than the margin covers:", end=" "
+        )
+        print(f"{(self.allowed > 0).sum()} samples")
+        true, lower = 1e3 * self.truth.min(), 1e3 * ticks[:, 2].min()
+        print(f"least true distance {true:.2f} mm, least lower bound {lower:.2f} mm", end="; ")
+        print(
+            f"promised {1e3 * self.keep:.0f} mm (margin {1e3 * margin:.1f} mm): {'kept' if self.kept() else 'BROKEN'}"
+        )
         if table:
             with open(table, "w", newline="") as file:
                 write = csv.writer(file)
-                write.writerow(["begin_s", "true_m", "lower_m", "upper_m", "tick_p50_us", "tick_p999_us", "answers", "late"])
+                write.writerow(
+                    ["begin_s", "true_m", "lower_m", "upper_m", "tick_p50_us", "tick_p999_us", "answers", "late"]
+                )
                 for begin, *metres_and_us, answers, late in self.bins(10.0):
                     numbers = [f"{x:.5f}" for x in metres_and_us[:3]] + [f"{x:.0f}" for x in metres_and_us[3:]]
                     write.writerow([f"{begin:.0f}", *numbers, answers, late])
@@ -128,7 +136,9 @@ class RunLog:
 
         bins = np.array(list(self.bins(max(self.t[-1] / 400, 0.02))))
         figure, (far, took, late) = plt.subplots(3, 1, sharex=True, figsize=(10, 8), height_ratios=[3, 1, 1])
-        far.fill_between(bins[:, 0], 1e3 * bins[:, 2], 1e3 * bins[:, 3], alpha=0.4, label="interval of the nearest pair")
+        far.fill_between(
+            bins[:, 0], 1e3 * bins[:, 2], 1e3 * bins[:, 3], alpha=0.4, label="interval of the nearest pair"
+        )
         far.plot(bins[:, 0], 1e3 * bins[:, 1], lw=1, color="black", label="true distance, judged without Clearance")
         far.axhline(1e3 * margin, ls="--", color="orange", label="margin that the barrier keeps")
         far.axhline(1e3 * self.keep, color="red", label="promise")

@@ -5,7 +5,7 @@
 
 It starts a daemon, and balls that a process of their own publishes over LCM. The arm goes to and fro between goals that
 know nothing of the balls. Every millisecond one question gives all pairs that may be near, with certified lower bounds
-and their slopes by joint; a small QP takes the joint speeds nearest to the wanted ones that keep the barrier's condition
+and their slopes by joint; a small QP takes the joint speeds nearest to the wanted ones that keep the barrier:
 
     slope . dq  >=  ball's speed - ALPHA (lower - margin)         for each pair
 
@@ -55,8 +55,8 @@ def margin() -> float:
     `lower` holds at the question's begin, since the scene says how fast a ball may be (max_speed) and the engine counts
     the age of its pose. After that come, until the next answer or, without one, until the drives have stopped:
       - a ball, by its speed for as long as no answer comes: covered up to STALL;
-      - the arm, by its command during HOLD and the ramp of STOP, as far as `way` seconds at full speed. The barrier lets
-        the witness point close in by at most ALPHA (lower - margin) a second; ALPHA way < 1, so it does not get past;
+      - the arm, by its command during HOLD and the ramp of STOP, as far as `way` seconds at full speed. The barrier
+        lets the witness close in by at most ALPHA (lower - margin) a second; ALPHA way < 1, so it does not get past;
       - points of the same link beside the witness, which may close in faster, by its turn times its length;
       - the bend of their ways: the acceleration of a chain of joints that turn steadily.
     """
@@ -106,7 +106,7 @@ class SafeSpeeds:
         self.joints = joints
         self.rows, self.least = np.zeros((ROWS, joints + 1)), np.full(ROWS, -1e20)
         self.wanted = np.zeros(joints + 1)
-        # The last variable gives way where the barriers cannot all be kept; it is dear, and the log says where it was used.
+        # The last variable gives way where the barriers cannot all be kept. It is dear, and the log says where it was.
         weights = np.diag([1.0] * joints + [1e5])
         low, high = np.r_[np.full(joints, -SPEED), 0.0], np.r_[np.full(joints, SPEED), 1e20]
         self.qp = proxqp.dense.QP(joints + 1, 0, ROWS, True)

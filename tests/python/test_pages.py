@@ -30,7 +30,9 @@ def test_a_page_that_says_otherwise_is_found(tmp_path):
     page.write_text(page.read_text().replace("text\n2", "text\n3"))
     with pytest.raises(snippets.Differs, match=r"(?s)-3.*\+2"):
         snippets.check(page)
-    written = snippets.run_page("```python\nx = 1\n```\n\n```python\ndel x\n```\n\n```python\nprint(x)\n```\n", "page.md")
+    written = snippets.run_page(
+        "```python\nx = 1\n```\n\n```python\ndel x\n```\n\n```python\nprint(x)\n```\n", "page.md"
+    )
     assert "```text\n1\n```" in written, "each snippet begins with the first one, run anew"
     page.write_text("```python\nx = 1\n```\n\n```python\nprint(y)\n```\n")
     with pytest.raises(NameError):
