@@ -5,8 +5,8 @@
 
 A MuJoCo model becomes a scene, a body for each geom. After each control step the simulator publishes where its geoms
 are and asks the daemon, over shared memory, what is nearest to the hand *at those poses*: the question waits for their
-stamp, so that nothing depends on which way is faster. The hand goes to and fro, slower where something is near, and away
-from what comes nearer. MuJoCo's own distances judge each answer, and whether the hand ever came too near.
+stamp, so that nothing depends on which way is faster. The hand goes to and fro, slower where something is near, and
+away from what comes nearer. MuJoCo's own distances judge each answer, and whether the hand ever came too near.
 Needs numpy, lcm and mujoco.
 """
 
