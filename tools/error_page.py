@@ -39,8 +39,8 @@ SECTIONS = {
 """,
     "code": """
 ## Error codes of a request
-`QueryError.code` and `RequestError.code`, values of `clearance.wire.ErrorCode`; in C++ `clearance::wire::ErrorCode`. The
-text that comes with a code is for people and may change; the code does not. [What to do about each](wire.md#errors)
+`QueryError.code` and `RequestError.code`, values of `clearance.wire.ErrorCode`; in C++ `clearance::wire::ErrorCode`.
+The text that comes with a code is for people and may change; the code does not. [What to do about each](wire.md#errors)
 stands with the wire.
 
 """,

@@ -23,6 +23,7 @@ import os
 import subprocess
 import sys
 import time
+from typing import Optional
 
 import moving_balls
 import numpy as np
@@ -107,23 +108,31 @@ class SafeSpeeds:
         self.rows, self.least = np.zeros((ROWS, joints + 1)), np.full(ROWS, -1e20)
         self.wanted = np.zeros(joints + 1)
         # The last variable gives way where the barriers cannot all be kept. It is dear, and the log says where it was.
-        weights = np.diag([1.0] * joints + [1e5])
+        weights = np.diag([1.0] * joints + [1e4])
         low, high = np.r_[np.full(joints, -SPEED), 0.0], np.r_[np.full(joints, SPEED), 1e20]
         self.qp = proxqp.dense.QP(joints + 1, 0, ROWS, True)
-        self.qp.settings.eps_abs = 1e-6
+        self.qp.settings.eps_abs = 1e-5
+        self.qp.settings.max_iter, self.qp.settings.max_iter_in = 50, 50  # one that takes longer is no answer
         self.qp.settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         top = np.full(ROWS, 1e20)
         self.qp.init(weights, self.wanted, None, None, self.rows, self.least, top, low, high)
 
-    def __call__(self, wanted, slopes, least) -> tuple[np.ndarray, float]:
-        """(J,) rad/s, and by how much the barriers were given up. slopes: (N, J); least: (N,) m/s, nearest first."""
+    def __call__(self, wanted, slopes, least) -> Optional[tuple[np.ndarray, float]]:
+        """(J,) rad/s, and by how much the barriers were given up; None: the QP has no answer.
+
+        slopes: (N, J) metres a radian; least: (N,) metres a second; the nearest pair first.
+        """
         n = min(len(slopes), ROWS)
-        self.rows[:], self.least[:] = 0.0, -1e20
-        self.rows[:n, :-1], self.rows[:n, -1], self.least[:n] = slopes[:n], 1.0, least[:n]
+        self.rows[:, :-1], self.rows[:, -1], self.least[:] = 0.0, 1.0, -1e3  # rows that are not used say nothing
+        self.rows[:n, :-1], self.least[:n] = slopes[:n], least[:n]
         self.wanted[:-1] = -wanted
         self.qp.update(g=self.wanted, C=self.rows, l=self.least)
         self.qp.solve()
         x = self.qp.results.x
+        if self.qp.results.info.status != proxqp.QPSolverOutput.PROXQP_SOLVED or not np.isfinite(x).all():
+            self.qp.settings.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS  # nor is what it left behind a start
+            return None
+        self.qp.settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         return np.clip(x[:-1], -SPEED, SPEED), float(x[-1])
 
 
@@ -162,7 +171,11 @@ class Controller:
         late = 1e-9 * max(0, time.time_ns() - r.snapshot_stamp_ns - max(r.pose_age_ns, 0))
         approach = np.where(self.balls[r.pair].any(axis=1), moving_balls.MAX_SPEED, 0.0)
         least = approach - ALPHA * (lower - approach * late - self.margin)
-        speeds, given_up = self.safe(wanted(now - began, self.drive.q), r.gradient_joints[nearest], least[nearest])
+        answer = self.safe(wanted(now - began, self.drive.q), r.gradient_joints[nearest], least[nearest])
+        if answer is None:
+            self.log.failed("no QP")
+            return
+        speeds, given_up = answer
         done = time.monotonic()
         self.drive.command(speeds, done, self.log)
         low, high = (lower[nearest[0]], r.upper[nearest[0]]) if len(nearest) else (LOOK, LOOK)
