@@ -2,8 +2,9 @@
 
 docs/README.md lists every page under a heading: that is the site's navigation, and its first page. A link that leaves
 docs/ leads to a page of the site that shows the file (or lists the folder), so that a site needs no repository beside
-it. "::: cpp FILE" on a page stands for what a public header declares (site_cpp.py).
+it. "::: cpp FILE" on a page stands for what a public header declares (site_cpp.py), "::: notebook FILE" for a notebook.
 """
+import json
 import re
 import sys
 from pathlib import Path
@@ -63,7 +64,27 @@ def on_page_markdown(markdown, page, config, files):
 
     markdown = LINK.sub(moved, markdown)
     markdown = re.sub(r"^::: cpp (\S+)$", lambda found: reference(ROOT / found[1]), markdown, flags=re.MULTILINE)
+    markdown = re.sub(r"^::: notebook (\S+)$", lambda found: notebook(DOCS / found[1]), markdown, flags=re.MULTILINE)
     return spaced_lists(markdown)
+
+
+def notebook(file):
+    """A notebook's cells and what they printed and drew, one heading deeper than they are, without its title."""
+    out = []
+    for cell in json.loads(file.read_text())["cells"]:
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            lines = ("#" + line if line.startswith("## ") else line for line in source.splitlines())
+            out += ["", *(line.replace("](../", "](") for line in lines if not line.startswith("# ")), ""]
+        else:
+            out += ["```python", source, "```", ""]
+        for output in cell.get("outputs", []):
+            picture = output.get("data", {}).get("image/png")
+            if picture:
+                out += [f'<img alt="What the cell draws" src="data:image/png;base64,{"".join(picture.split())}">', ""]
+            elif output.get("text"):
+                out += ["```text", "".join(output["text"]).rstrip(), "```", ""]
+    return "\n".join(out)
 
 
 def resolved(page, link):
