@@ -9,7 +9,8 @@ def reference(header: Path) -> str:
     """Each declaration of a header's namespace under a heading of its name; what is private is left out."""
     body = header.read_text()
     first = body.index("\n\n", body.index("\nnamespace clearance"))
-    out = [f"## {header.name}", "", head(body), ""]
+    name = "engine.h" if header.name == "embed.h" else header.name  # as cmake installs it
+    out = [f"## clearance/{name}", "", head(body), ""]
     for comment, code in declarations(body[first:body.rindex("\n}")]):
         found = TYPE.match(code[0])
         if found:

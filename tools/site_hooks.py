@@ -24,7 +24,7 @@ LANGUAGES = {".h": "cpp", ".cpp": "cpp", ".py": "python", ".lcm": "c", ".sh": "b
 
 def on_config(config):
     """The navigation: headings of docs/README.md, and under each the pages that its list names, in order."""
-    nav, section = [{"Start": ["README.md"]}], None
+    nav, section = [{"Home": ["README.md"]}], None
     for line in (DOCS / "README.md").read_text().splitlines():
         if line.startswith("## "):
             section = []
@@ -62,6 +62,8 @@ def on_page_markdown(markdown, page, config, files):
         target = resolved(here, link[2])
         return link[1] + up + place(target) + link[3] if target else link[0]
 
+    if here == DOCS / "README.md":  # which names pages by their files, as a folder's list does
+        markdown = re.sub(r"\[[\w/]+\.md\]\(([\w/]+\.md)\)", lambda link: f"[{title(link[1])}]({link[1]})", markdown)
     markdown = LINK.sub(moved, markdown)
     markdown = re.sub(r"^::: cpp (\S+)$", lambda found: reference(ROOT / found[1]), markdown, flags=re.MULTILINE)
     markdown = re.sub(r"^::: notebook (\S+)$", lambda found: notebook(DOCS / found[1]), markdown, flags=re.MULTILINE)
@@ -85,6 +87,11 @@ def notebook(file):
             elif output.get("text"):
                 out += ["```text", "".join(output["text"]).rstrip(), "```", ""]
     return "\n".join(out)
+
+
+def title(page):
+    """A page's first heading."""
+    return (DOCS / page).read_text().split("\n", 1)[0].removeprefix("# ")
 
 
 def resolved(page, link):
