@@ -157,7 +157,7 @@ run_site() {
   step site-install "Install what makes the site" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
     -r tools/site_requirements.txt
   PYTHONPATH=build/python "$venv/bin/python" tools/notebook.py --check docs/notebook/first_steps.ipynb
-  step site "Build out/site" env NO_MKDOCS_2_WARNING=1 "$venv/bin/mkdocs" build --strict
+  step site "Build out/site" env NO_MKDOCS_2_WARNING=1 PATH="$PWD/$venv/bin:$PATH" mkdocs build --strict
 }
 
 # Half a minute for each target of tests/fuzz, under the address and undefined-behaviour sanitizers.
