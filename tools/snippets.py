@@ -23,7 +23,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
-PAGES = ["start", "concepts", "cookbook", "fcl", "drake", "moveit", "curobo"]
+PAGES = ["start", "concepts", "cookbook", "shapes", "motions", "fcl", "drake", "moveit", "curobo"]
 BLOCK = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^ *(build/bin/clearanced .*?)(?: *&)?$", re.MULTILINE)
 
