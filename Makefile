@@ -21,7 +21,7 @@ test: setup  ## every test: ctest, then pytest
 	@ctest --test-dir build -j $(CORES) --output-on-failure
 	@$(PYTHON_VENV) -m pytest -q tests/python
 
-test-extras: setup  ## what takes more packages or minutes than test: installing (wheels, deb), 64-bit ARM, fuzzing, robots, races, kernels; EXTRAS="fuzz races"
+test-extras: setup  ## what takes more packages or minutes than test: installing (wheels, deb), 64-bit ARM, examples, the site, fuzzing, robots, races, kernels; EXTRAS="fuzz races"
 	@tools/extras.sh $(EXTRAS)
 
 lint: setup  ## layout of C++ (clang-format), lint, layout and types of Python (ruff, mypy); installs them into .venv

@@ -12,11 +12,13 @@ set -euo pipefail
 extras=(
   "client_install  pyproject.toml CMakeLists.txt cmake client wire cli lcmtypes"
   "wheels          pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
-  "deb             CMakeLists.txt cmake cli/CMakeLists.txt server/CMakeLists.txt server/clearanced.service.in tests/install tools/root.sh"
+  "deb             CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/clearanced.service.in tests/install tools/root.sh"
   "arm             CMakeLists.txt CMakePresets.json cmake engine tests/golden tests/exact tests/robot tools/root.sh"
   "coal            client/python/clearance tests/install/try_coal.py"
   "ompl            client/python/clearance engine/motion tests/install/try_ompl.py"
   "viewer          client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
+  "examples        client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
+  "site            docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/embed wire/*.h"
   "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
   "robots          engine/robot engine/base engine/pose cli/robot_main.cpp tests/robot"
   "races           wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
@@ -147,6 +149,31 @@ run_viewer() {
   step viewer-install "Install viser and Playwright" "$venv/bin/python" -m pip install --disable-pip-version-check \
     --progress-bar off viser==1.1.1 playwright==1.65.2 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_viewer.py build out/extras/pages
+}
+
+# Programs to start from, each of which judges by other means what it has done: an optimiser, a planner, a simulator, and a
+# controller for EXAMPLE_SECONDS of a clock's time (600: the run of docs/examples.md).
+run_examples() {
+  local venv=out/extras/examples python=out/extras/examples/bin/python
+  tools/build.sh release product
+  step examples-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step examples-install "Install what the examples need" "$python" -m pip install --disable-pip-version-check --progress-bar off \
+    -r tools/examples_requirements.txt
+  "$python" client/examples/trajectory_optimiser.py
+  "$python" client/examples/ompl_planner.py
+  "$python" client/examples/mujoco_simulator.py
+  "$python" client/examples/safe_controller.py --seconds "${EXAMPLE_SECONDS:-10}" --csv out/safe_controller.csv --plot out/safe_controller.png
+}
+
+# The documentation as a site, in out/site: every link leads somewhere, and the notebook says what it says when it is run.
+run_site() {
+  local venv=out/extras/site
+  tools/build.sh release product
+  step site-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step site-install "Install what makes the site" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    -r tools/site_requirements.txt
+  PYTHONPATH=build/python "$venv/bin/python" tools/notebook.py --check docs/notebook/first_steps.ipynb
+  step site "Build out/site" env NO_MKDOCS_2_WARNING=1 PATH="$PWD/$venv/bin:$PATH" mkdocs build --strict
 }
 
 # Half a minute for each target of tests/fuzz, under the address and undefined-behaviour sanitizers.

@@ -18,6 +18,9 @@ systemd-analyze verify /usr/lib/systemd/system/clearanced.service
   COMP_WORDS=(clearance qu) COMP_CWORD=1; _clearance; [ "${COMPREPLY[*]}" = query ]
   COMP_WORDS=(clearance query --max-d) COMP_CWORD=2; _clearance; [[ " ${COMPREPLY[*]} " = *" --max-distance "* ]]
 )
+# Its man pages say what its programs say of themselves. (An image may leave out what lies in share/man.)
+dpkg-deb --fsys-tarfile "$deb" | tar -xO ./usr/share/man/man1/clearance.1.gz | gzip -d | grep 'max\\-distance' >/dev/null
+dpkg-deb --fsys-tarfile "$deb" | tar -xO ./usr/share/man/man8/clearanced.8.gz | gzip -d | grep 'real\\-time' >/dev/null
 # A daemon that reads meshes, and an answer of it.
 folder=$(mktemp -d)
 mkfifo "$folder/ready"

@@ -7,7 +7,21 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ["client_install", "wheels", "deb", "arm", "coal", "ompl", "viewer", "fuzz", "robots", "races", "kernels"]
+NAMES = [
+    "client_install",
+    "wheels",
+    "deb",
+    "arm",
+    "coal",
+    "ompl",
+    "viewer",
+    "examples",
+    "site",
+    "fuzz",
+    "robots",
+    "races",
+    "kernels",
+]
 
 
 @pytest.fixture
@@ -51,7 +65,7 @@ def extras(folder, *arguments):
 def test_a_change_runs_what_depends_on_it(checkout):
     git(checkout, "checkout", "-q", "-b", "work")
     commit(checkout, "engine/cuda/pair.cu", "second")
-    commit(checkout, "docs/page.md", "third")  # the change before it counts all the same
+    commit(checkout, "notes/page.md", "third")  # the change before it counts all the same
     done, calls = extras(checkout, "--changed")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "differ from" in done.stdout and "(first)" in done.stdout
@@ -71,7 +85,7 @@ def test_what_is_run_before_a_release_is_named(checkout):
 
 
 def test_what_is_not_committed_counts(checkout):
-    commit(checkout, "docs/page.md", "second")
+    commit(checkout, "notes/page.md", "second")
     (checkout / "engine/cuda/new.cuh").write_text("")
     done, calls = extras(checkout, "--changed")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -79,7 +93,7 @@ def test_what_is_not_committed_counts(checkout):
 
 
 def test_a_change_of_no_folder_of_theirs_runs_nothing(checkout):
-    commit(checkout, "docs/page.md", "second")  # on main: against the commit before
+    commit(checkout, "notes/page.md", "second")  # on main: against the commit before
     done, calls = extras(checkout, "--changed")
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("nothing of it has changed") == len(NAMES) and not calls

@@ -65,20 +65,20 @@ class QueryRecord(enum.IntEnum):
 class ErrorCode(enum.IntEnum):
     """Why a request was refused."""
 
-    BAD_QUERY = 1
-    WRONG_SCENE = 2
-    TOO_LARGE = 3
-    NOT_SUPPORTED = 4
-    BAD_FRAME = 16
-    WRONG_VERSION = 17
-    UNKNOWN_TYPE = 18
-    BUSY = 19
-    INTERNAL = 20
-    RELOAD_FAILED = 21
-    FORBIDDEN = 22
-    POSES_LATE = 23
-    NEW_EPOCH = 24
-    DEADLINE = 25
+    BAD_QUERY = 1  #: a value makes no sense; the text names it
+    WRONG_SCENE = 2  #: the daemon has another scene than the request names; the next call looks names up anew
+    TOO_LARGE = 3  #: the answer does not fit; ask for fewer rows or fields
+    NOT_SUPPORTED = 4  #: legal, but not in this build, backend or version; the text says what
+    BAD_FRAME = 16  #: sizes or counts do not fit: a bug in the client
+    WRONG_VERSION = 17  #: the daemon speaks an older version of the contract; the text says which
+    UNKNOWN_TYPE = 18  #: there is no such request: a bug in the client, or a daemon that is older
+    BUSY = 19  #: too many of this client's requests are waiting; read answers before sending more
+    INTERNAL = 20  #: a bug of Clearance; please report it
+    RELOAD_FAILED = 21  #: the scene file could not be loaded, and the old scene stays; the text is the loader's
+    FORBIDDEN = 22  #: this client lacks the right that the text names
+    POSES_LATE = 23  #: the poses that the query waits for have not come in time
+    NEW_EPOCH = 24  #: the daemon was started anew, or is another one; Client.acknowledge_epoch() goes on with it
+    DEADLINE = 25  #: no answer by the query's deadline_ns; the text says how long it takes, or took
 
 
 RECORD_REQUIRED = 1  #: flag of a record: who does not know its tag refuses the frame

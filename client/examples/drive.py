@@ -1,0 +1,43 @@
+"""Drives of an arm as they are: they follow a commanded speed for a while, and stop by themselves without a new one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+HOLD = 0.005  # seconds that a command counts for
+STOP = 0.02  # seconds from a command's end to a standstill, at a constant deceleration
+GRID = 1e-3  # seconds between samples of the log
+
+
+class Drive:
+    """Joint positions as a function of time: dq for HOLD after the command, then down to 0 within STOP."""
+
+    def __init__(self, q):
+        self.q = np.array(q, float)
+        self.start(0.0)
+
+    def start(self, now: float) -> None:
+        """Stands still from now on."""
+        self.dq, self.commanded, self.time = np.zeros_like(self.q), -np.inf, now
+
+    def travel(self, now: float) -> float:
+        """Seconds at full speed that the way from the command until now amounts to."""
+        if not np.isfinite(self.commanded):
+            return 0.0
+        full, ramp = min(now - self.commanded, HOLD), min(max(now - self.commanded - HOLD, 0.0), STOP)
+        return full + ramp - ramp**2 / (2 * STOP)
+
+    def advance(self, now: float, log) -> np.ndarray:
+        """(J,) where the arm is now; the log gets where it was meanwhile, every GRID."""
+        count = max(1, int(np.ceil((now - self.time) / GRID)))
+        from_here, q = self.travel(self.time), self.q
+        for t in np.linspace(self.time, now, count + 1)[1:]:
+            self.q = q + (self.travel(t) - from_here) * self.dq
+            log.sample(t, self.q)
+        self.time = now
+        return self.q
+
+    def command(self, dq, now: float, log) -> None:
+        """New speeds from now on, rad/s."""
+        self.advance(now, log)
+        self.dq, self.commanded = np.array(dq), now

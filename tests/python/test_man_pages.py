@@ -1,0 +1,44 @@
+"""The man pages that the build makes hold all that the programs say of themselves, and roff takes them as they are."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from conftest import BUILD
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "cli"))
+
+import man_page  # noqa: E402
+
+
+@pytest.mark.parametrize("program, section", [("clearance", "1"), ("clearanced", "8")])
+def test_a_page_has_every_command_and_option(program, section):
+    path = str(BUILD / "bin" / program)
+    text = man_page.page(path, section)
+    assert text.startswith(f".TH {program.upper()} {section} ")
+    commands = man_page.commands_of(man_page.help_of(path))
+    assert ("path" in commands) == (program == "clearance")
+    for command in commands:
+        assert f"\n.SH CLEARANCE {command.upper()}\n".replace("-", "\\-") in text, command
+    helps = [man_page.help_of(path)] + [man_page.help_of(path, command) for command in commands]
+    options = {option for each in helps for option in re.findall(r"^ +(?:-\w,)?(--[a-z-]+)", each, re.MULTILINE)}
+    assert len(options) > 20
+    assert not [option for option in options if man_page.roff(option) not in text]
+    assert "/clearance-0/" not in text, "the page names a folder of the user who builds"
+
+
+@pytest.mark.skipif(not shutil.which("groff"), reason="no groff on this machine")
+def test_roff_warns_of_nothing(tmp_path):
+    text = man_page.page(str(BUILD / "bin/clearance"), "1")
+    done = subprocess.run(["groff", "-man", "-Tutf8", "-ww"], input=text, capture_output=True, text=True)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    assert "--max-distance" in re.sub(r"\x1b\[[0-9;]*m", "", done.stdout)
+
+
+def test_a_line_that_begins_as_a_request_is_text():
+    assert man_page.roff(".so\n'x\na.b") == "\\&.so\n\\&'x\na.b"

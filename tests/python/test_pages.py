@@ -1,0 +1,65 @@
+"""Pages whose snippets are run, and pages that are made from the code."""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import clearance
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
+sys.path.insert(0, str(ROOT / "tools"))
+
+import error_page  # noqa: E402
+import snippets  # noqa: E402
+
+
+@pytest.mark.filterwarnings("ignore::clearance.HullWarning")
+@pytest.mark.parametrize("page", snippets.PAGES)
+def test_snippets_print_what_the_page_says(page):
+    snippets.check(ROOT / f"docs/{page}.md")
+
+
+def test_a_page_that_says_otherwise_is_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("```python\nx = 1\n```\n\nThen\n\n```python\nx += 1\nprint(x)\n```\n\n```text\n2\n```\n")
+    snippets.check(page)
+    page.write_text(page.read_text().replace("text\n2", "text\n3"))
+    with pytest.raises(snippets.Differs, match=r"(?s)-3.*\+2"):
+        snippets.check(page)
+    written = snippets.run_page(
+        "```python\nx = 1\n```\n\n```python\ndel x\n```\n\n```python\nprint(x)\n```\n", "page.md"
+    )
+    assert "```text\n1\n```" in written, "each snippet begins with the first one, run anew"
+    page.write_text("```python\nx = 1\n```\n\n```python\nprint(y)\n```\n")
+    with pytest.raises(NameError):
+        snippets.check(page)
+
+
+def test_the_cookbook_answers_twenty_questions():
+    text = (ROOT / "docs/cookbook.md").read_text()
+    questions = re.split(r"^### ", text, flags=re.MULTILINE)[1:]
+    assert [int(question.split(".")[0]) for question in questions] == list(range(1, 21))
+    assert all("```python" in question and "?" in question.splitlines()[0] for question in questions)
+
+
+def test_the_page_of_errors_is_that_of_the_code():
+    text = error_page.PAGE.read_text()
+    assert text == error_page.page(), "run tools/error_page.py"
+    rows = dict(re.findall(r"^\| `([A-Z_]+)` \| (\d+) \|", text, re.MULTILINE))
+    for words in (clearance.Status, clearance.Flag, clearance.wire.ErrorCode):
+        for word in words:
+            assert rows[word.name] == str(word.value), word
+    for name in clearance.__all__:
+        thing = getattr(clearance, name)
+        if isinstance(thing, type) and issubclass(thing, (Exception, Warning)):
+            assert f"| `{name}` |" in text, name
+    # The wire's own list, in C++, has the same codes, and says what to do about each.
+    header = (ROOT / "wire/protocol.h").read_text()
+    codes = re.findall(r"^  k(\w+) = \d+", header[header.index("enum class ErrorCode") :].split("};")[0], re.MULTILINE)
+    assert len(codes) == len(clearance.wire.ErrorCode)
+    what_to_do = (ROOT / "docs/wire.md").read_text().split("## Errors")[1].split("\n## ")[0]
+    assert not [code for code in codes if f"`k{code}`" not in what_to_do]
