@@ -58,7 +58,7 @@ def test_a_mesh_is_what_is_said_of_it(tmp_path):
     (tmp_path / "cup.obj").write_text("".join(f"v {x} {y} {z}\n" for x, y, z in CUP_VERTICES) + faces)
     scene = clearance.Scene()
     with pytest.warns(clearance.HullWarning):
-        scene.add_mesh("hull", tmp_path / "cup.obj")
+        scene.add_mesh("hull", tmp_path / "cup.obj", convexify="hull")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for how in ("surface", "solid"):
@@ -91,7 +91,7 @@ def test_a_mesh_is_what_is_said_of_it(tmp_path):
     ({"mesh": (CUP_VERTICES, [[0, 1, -1]])}, ValueError, r"mesh\[1\]: expected places in the list of vertices, got -1"),
     ({"mesh": ([[0, 1]], [[0, 1, 2]])}, ValueError, r"mesh\[0\]: expected shape \(V, 3\), got \(1, 2\)"),
     ({"sphere": 1.0, "convexify": "solid"}, ValueError,
-     "convexify: expected 'hull' where there is no mesh, got 'solid'"),
+     "convexify: expected 'auto' or 'hull' where there is no mesh, got 'solid'"),
 ])  # fmt: skip
 def test_what_is_wrong_with_a_mesh_is_said(arguments, error, text):
     scene = clearance.Scene()
@@ -180,7 +180,8 @@ def write_shelf(path):
 def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
     write_shelf(tmp_path / "shelf.obj")
     (tmp_path / "scene.yaml").write_text(
-        "bodies:\n  - {name: one, mesh: shelf.obj}\n  - {name: two, mesh: shelf.obj, scale: 2}\n"
+        "bodies:\n  - {name: one, mesh: shelf.obj, convexify: hull}\n"
+        "  - {name: two, mesh: shelf.obj, scale: 2, convexify: hull}\n"
     )
     with pytest.warns(
         clearance.HullWarning, match=r"one: its hull stands up to .* m out of its mesh, .* % of it is empty.*; two: "
@@ -193,10 +194,10 @@ def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", clearance.HullWarning)
-        clearance.Scene().add_mesh("quiet", tmp_path / "shelf.obj")
+        clearance.Scene().add_mesh("quiet", tmp_path / "shelf.obj", convexify="hull")
         clearance.Scene().add_box("crate", [1, 1, 1])
     with pytest.warns(clearance.HullWarning):
-        scene.add_mesh("three", tmp_path / "shelf.obj")
+        scene.add_mesh("three", tmp_path / "shelf.obj", convexify="hull")
 
 
 def test_matrix_as_pose_and_options_by_keyword():
@@ -233,7 +234,7 @@ def test_matrix_as_pose_and_options_by_keyword():
     (lambda s: s.add_box("x", [1, 1, 1], parent=9), ValueError, r"parent: no body has the id 9; the scene has 5"),
     (lambda s: s.add_sphere("x", 0), clearance.SceneError, r"x"),
     (lambda s: s.add_mesh("x", "a.obj", convexify="hul"), ValueError,
-     r"convexify: expected 'hull' or 'submeshes' or 'decompose' or 'surface' or 'solid', got 'hul'"),
+     r"convexify: expected 'hull' or 'submeshes' or 'decompose' or 'surface' or 'solid' or 'auto', got 'hul'"),
     (lambda s: s.add_mesh("x", "a.obj", scale=[1, 2]), ValueError,
      r"scale: expected one number or three, got \[1, 2\]"),
     (lambda s: s.add_mesh("x", "/nowhere/a.obj"), clearance.SceneError, r"/nowhere/a.obj"),

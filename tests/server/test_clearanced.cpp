@@ -190,7 +190,8 @@ TEST_F(Clearanced, LogWarnsOfMeshesThatAreFarFromConvex) {
           "f " + std::to_string(first + a) + " " + std::to_string(first + b) + " " + std::to_string(first + c) + "\n";
   folder_.write("apart.obj", obj);
   const std::string scene = folder_.write(
-      "apart.yaml", "bodies: [{name: apart, mesh: apart.obj}, {name: again, mesh: apart.obj}, {name: box, box: 1}]\n");
+      "apart.yaml", "bodies: [{name: apart, mesh: apart.obj, convexify: hull}, "
+                    "{name: again, mesh: apart.obj, convexify: hull}, {name: box, box: 1}]\n");
   Daemon daemon({"--scene", scene, "--zmq", ipc_});
   const std::string log = daemon.log(),
                     event = "level=warning event=hull_stands_out body=\"apart\" more=1 hull_excess_m=";
