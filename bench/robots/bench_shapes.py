@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a robot's meshes are taken for, and what each choice costs: MotionBenchMaker's states of robots whose links are not convex.
+"""What a robot's meshes are taken for, and what each choice costs: MotionBenchMaker's states of robots, concave ones.
 
     bench/robots/bench_shapes.py [--robots ur5 panda] [--problems 2] [--states 100] [--csv FILE]
 
@@ -55,8 +55,9 @@ class Robot:
         return scene
 
     def engine(self, choice, problem):
-        import clearance
         from contenders import shape_of
+
+        import clearance
 
         scene = self.scene(choice)
         for thing in problem.obstacles:
@@ -104,9 +105,7 @@ def measure(name, resources, options):
 
     robot = Robot(name, resources)
     sums = {choice: Sums() for choice in CHOICES}
-    triangles = {
-        choice: sum(body.triangle_count for body in robot.scene(choice).bodies) for choice in CHOICES
-    }
+    triangles = {choice: sum(body.triangle_count for body in robot.scene(choice).bodies) for choice in CHOICES}
     asked = [p for p in problems.load(resources, name) if p.number <= options.problems]
     for problem in asked:
         joints = list(problem.goal)

@@ -230,7 +230,8 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
       throw std::invalid_argument("scale: expected finite numbers other than 0, got " + std::to_string(scale[k]));
   if (convexify == Convexify::kDecompose)
     throw std::invalid_argument(
-        "not yet: convexify: decompose (approximate convex decomposition); use auto, hull, submeshes, surface or solid");
+        "not yet: convexify: decompose (approximate convex decomposition); use auto, hull, submeshes, surface or "
+        "solid");
   std::uint64_t loaded = 0;
   for (const Submesh& submesh : mesh.submeshes) loaded += submesh.loaded_vertices;
   auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, scale));

@@ -30,8 +30,8 @@ std::string hull_warning(const Body& body) {
   std::string warning = std::string(text, static_cast<std::size_t>(n)) + ": distances are to the hull";
   if (!body.display) return warning;
   if (const std::string edge = open_edge(body.display->vertices, body.display->triangles); !edge.empty())
-    warning += "; " + body.source + " encloses nothing: " + edge +
-               "; convexify: surface asks for its triangles as they are";
+    warning +=
+        "; " + body.source + " encloses nothing: " + edge + "; convexify: surface asks for its triangles as they are";
   return warning;
 }
 
