@@ -134,7 +134,9 @@ TEST(Engine, CertificatesOfSurfacesAndSolidsAreRefusedByTheirNames) {
     FAIL() << "accepted";
   } catch (const QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kNotSupported);
-    EXPECT_STREQ(error.what(), "certificate: 'shelf' is a solid, of whose rows none is certified so far");
+    EXPECT_STREQ(
+        error.what(),
+        "certificate: 'shelf' is a solid, of whose rows none is certified so far; its hull's are (convexify: hull)");
   }
 }
 

@@ -53,9 +53,54 @@ for i, j in ((0, 1), (1, 2), (2, 3), (3, 0)):
 CUP_TRIANGLES = [t for a, b, c, d in CUP_QUADS for t in ((a, b, c), (a, c, d))]
 
 
+def write_obj(path, vertices, triangles):
+    faces = "".join("f " + " ".join(str(v + 1) for v in t) + "\n" for t in triangles)
+    path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in vertices) + faces)
+
+
+def test_a_mesh_is_the_truth_where_nothing_is_said(tmp_path):
+    write_obj(tmp_path / "cup.obj", CUP_VERTICES, CUP_TRIANGLES)
+    write_obj(tmp_path / "open.obj", CUP_VERTICES, CUP_TRIANGLES[1:])
+    (tmp_path / "scene.yaml").write_text("bodies:\n  - {name: file, mesh: cup.obj}\n")
+    (tmp_path / "cup.urdf").write_text(
+        "<robot name='r'><link name='l'><collision><geometry><mesh filename='cup.obj'/></geometry></collision></link>"
+        "</robot>"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = clearance.Scene.load(tmp_path / "scene.yaml")
+        scene.add_mesh("path", tmp_path / "cup.obj")
+        scene.add_body("own", mesh=(CUP_VERTICES, CUP_TRIANGLES))
+        scene.add_mesh("said", tmp_path / "cup.obj", convexify="solid")
+        robot = clearance.Scene.load_urdf(tmp_path / "cup.urdf")
+    assert all(body.is_solid and body.triangle_count == 28 for body in scene.bodies)
+    assert [body.is_solid for body in robot.bodies if body.triangle_count] == [True]
+    assert scene.source(1) == f"{tmp_path / 'cup.obj'} (solid)"
+    with pytest.warns(
+        clearance.HullWarning,
+        match=r"open: its hull stands up to .*: distances are to the hull; .*open\.obj \(hull\) encloses nothing: the "
+        r"edge from \(.*\) to \(.*\) of triangle \d+ belongs to no other triangle: the mesh is open there; convexify: "
+        "surface ",
+    ):
+        scene.add_mesh("open", tmp_path / "open.obj")
+    with pytest.warns(clearance.HullWarning, match="own open: .* mesh \\(hull\\) encloses nothing"):
+        scene.add_body("own open", mesh=(CUP_VERTICES, CUP_TRIANGLES[1:]))
+    assert [body.triangle_count for body in scene.bodies[-2:]] == [0, 0]
+
+
+def test_what_overlaps_a_solid_has_a_depth_between_two_bounds():
+    scene = clearance.Scene()
+    scene.add_body("cup", mesh=(CUP_VERTICES, CUP_TRIANGLES), pose=[0, 0, 0, 1, 0, 0, 0])
+    scene.add_sphere("inside", 0.25, pose=[0, 0, 0.25, 1, 0, 0, 0])
+    scene.add_sphere("in the wall", 0.1, pose=[0.75, 0, 0, 1, 0, 0, 0])
+    r = clearance.Engine(scene, backend="cpu").distances(pairs=[(0, 1), (0, 2)], signed=True)
+    assert r.status[0, 0] == clearance.Status.OK and r.lower[0, 0] <= 0.25 <= r.upper[0, 0]
+    assert r.status[0, 1] == clearance.Status.UNCONVERGED
+    assert r.lower[0, 1] == pytest.approx(-0.35) and -0.35 <= r.upper[0, 1] <= -0.1
+
+
 def test_a_mesh_is_what_is_said_of_it(tmp_path):
-    faces = "".join("f " + " ".join(str(v + 1) for v in t) + "\n" for t in CUP_TRIANGLES)
-    (tmp_path / "cup.obj").write_text("".join(f"v {x} {y} {z}\n" for x, y, z in CUP_VERTICES) + faces)
+    write_obj(tmp_path / "cup.obj", CUP_VERTICES, CUP_TRIANGLES)
     scene = clearance.Scene()
     with pytest.warns(clearance.HullWarning):
         scene.add_mesh("hull", tmp_path / "cup.obj", convexify="hull")
@@ -72,10 +117,6 @@ def test_a_mesh_is_what_is_said_of_it(tmp_path):
     scene.save(tmp_path / "saved")
     again = clearance.Scene.load(tmp_path / "saved" / "scene.yaml")
     assert again.revision == scene.revision and again.bodies == scene.bodies
-    with pytest.raises(
-        clearance.QueryError, match="signed_distance: 'surface' is a surface, of which there is no depth"
-    ):
-        clearance.Engine(scene).distances(pairs=("hull", "surface"), signed=True)
 
 
 @pytest.mark.parametrize("arguments, error, text", [
