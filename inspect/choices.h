@@ -7,7 +7,6 @@
 
 #include "engine/scene/scene.h"
 #include "inspect/timing.h"
-#include "wire/convexify.h"
 
 namespace clearance {
 

@@ -124,8 +124,8 @@ def measure(name, resources, options):
             least = timed(engine.distances, **ask, reduce="min", fields=("lower", "upper", "status"))
             answers[choice] = (*valid, *least)
         _, truth, _, nearest = answers["exact"]
-        for choice, of_choice in answers.items():
-            sums[choice].add(*of_choice, truth, nearest)
+        for choice, (valid_s, valid, least_s, least) in answers.items():
+            sums[choice].add(valid_s, valid, least_s, least, truth, nearest)
     return [row_of(name, choice, triangles[choice], sums[choice]) for choice in CHOICES]
 
 
