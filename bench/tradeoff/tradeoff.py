@@ -316,8 +316,9 @@ def shapes_table():
     header = ["robot, `convexify`", "triangles", "valid [us a state]", "least distance [us]", "short by, median [mm]",
               "most [mm]", "free states refused", "missed overlaps"]
     return markdown(header, [
-        [f"{r['robot']}, `{r['convexify']}`", r["triangles"], f"{float(r['valid_us']):.4g}", f"{float(r['least_us']):.4g}", r["short_mm"],
-         r["short_most_mm"], f"{r['false_refusals']} of {r['free']}", r["missed"]]
+        [f"{r['robot']}, `{r['convexify']}`", r["triangles"], f"{float(r['valid_us']):.4g}",
+         f"{float(r['least_us']):.4g}", r["short_mm"], r["short_most_mm"],
+         f"{r['false_refusals']} of {r['free']}", r["missed"]]
         for r in rows
     ])
 
