@@ -2,6 +2,7 @@
 // shift by -lower along the normal takes the bodies apart, no shift shorter than -upper does.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <string>
 
@@ -20,15 +21,17 @@ struct Depth {
   Vec3d normal;
 };
 
-Depth ask(const Case& c) {
+/// \param beside null, or another piece of a
+Depth ask(const Case& c, const SolidPtr& beside = nullptr) {
   Scene scene;
-  for (const auto& [name, solid, pose] : {std::tuple{"a", &c.a, &c.X_wa}, {"b", &c.b, &c.X_wb}}) {
-    Body body;
-    body.name = name;
-    body.pieces = {piece_of(**solid)};
-    body.pose = *pose;
-    scene.add_body(std::move(body));
-  }
+  Body a, b;
+  a.name = "a", b.name = "b";
+  a.pieces = {piece_of(*c.a)};
+  if (beside) a.pieces.push_back(piece_of(*beside));
+  b.pieces = {piece_of(*c.b)};
+  a.pose = c.X_wa, b.pose = c.X_wb;
+  scene.add_body(std::move(a));
+  scene.add_body(std::move(b));
   const Engine engine(std::move(scene), {.threads = 1});
   Depth d{};
   QueryView q;
@@ -85,6 +88,22 @@ TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
   EXPECT_GT(overlapping, 50);
   EXPECT_GT(proved, 5);
   EXPECT_GE(settled, apart / 2);
+}
+
+TEST(MeshDepths, TheDeepestPairOfPiecesCounts) {
+  int first = 0, second = 0;
+  for (const CaseClass& cls : mesh_classes())
+    for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {
+      const Case c = make_case(cls, kSeed, i), other{make_case(cls, kSeed, i + kCases).b, c.b, c.X_wa, c.X_wb};
+      const double one = ask(c).lower, two = ask(other).lower, both = ask(c, other.a).lower;
+      if (std::min(one, two) > 0) continue;
+      EXPECT_LE(both, std::min(one, two) + 1e-9) << cls.name << ' ' << i;
+      if (one < two - 1e-6) ++first;
+      if (two < one - 1e-6) ++second;
+    }
+  std::printf("the first piece is the deeper one in %d cases, the second in %d\n", first, second);
+  EXPECT_GT(first, 10);
+  EXPECT_GT(second, 10);
 }
 
 }  // namespace
