@@ -81,6 +81,15 @@ Table warnings_of(const Scene& scene, const SceneReport& report) {
   return table;
 }
 
+Table choices_of(const Scene& scene, const SceneReport& report) {
+  Table table({"body", "convexify", "now", "vertices", "triangles", "KiB", "hull_excess_m", "ns_per_pair"});
+  for (const Choice& c : report.choices)
+    table.add({scene.bodies()[c.body].name, std::string(word_of(c.what)), c.is_now, c.vertices, c.triangles,
+               Cell(static_cast<double>(c.bytes) / 1024, 3), Cell(c.hull_excess, 3),
+               c.ns_per_pair ? Cell(*c.ns_per_pair, 3) : Cell()});
+  return table;
+}
+
 // What is not known of a body, term by term; nothing where its bounds are those of its pieces.
 void print_doubts(const Body& body) {
   if (!is_doubted(body) && body.padding == 0) return;
@@ -106,6 +115,11 @@ void print_for_people(const Scene& scene, const SceneReport& report) {
   std::cout.flush();
   for (const Body& body : scene.bodies()) print_doubts(body);
   std::fflush(stdout);
+  if (!report.choices.empty()) {
+    std::cout << "\nWhat meshes that are not convex could be\n";
+    choices_of(scene, report).print(std::cout, Output::kTable);
+    std::cout << "\n";
+  }
   if (report.findings.empty()) std::cout << "Nothing was found that could be left out.\n";
   for (const Finding& f : report.findings) std::cout << scene.bodies()[f.body].name << ": " << f.text << "\n";
   std::printf("\n%zu bodies, %llu enabled pairs; pieces take %.4g KiB, meshes for pictures %.4g KiB\n",
@@ -123,6 +137,8 @@ void print_json(const Options& o, const Scene& scene, const SceneReport& report)
   findings_of(scene, report).print(std::cout, Output::kJson);
   std::cout << ",\n\"warnings\": ";
   warnings_of(scene, report).print(std::cout, Output::kJson);
+  std::cout << ",\n\"choices\": ";
+  choices_of(scene, report).print(std::cout, Output::kJson);
   std::cout << ",\n\"pairs\": " << report.pairs << ", \"bytes\": " << report.bytes
             << ", \"display_bytes\": " << report.display_bytes << ", \"ns_all_pairs\": ";
   if (report.ns_all_pairs)

@@ -26,7 +26,7 @@ void reload(const Connection& connection) {
 
 struct AddBodyOptions {
   Connection connection;
-  std::string name, vertices, triangles, convexify = "hull", parent;
+  std::string name, vertices, triangles, convexify = "auto", parent;
   std::vector<double> box, capsule, cylinder, cone, ellipsoid, pose, uncertainty{0, 0};
   double sphere = 0, radius = 0, padding = 0, max_speed = 0;
   bool is_static = false, half_space = false;
@@ -121,8 +121,9 @@ void add_add_body(CLI::App& app) {
       ->type_name("FILE");
   command
       .add_option("--convexify", options->convexify,
-                  "what that mesh is: hull, surface (its triangles) or solid (what they enclose)")
-      ->check(quiet(CLI::IsMember({"hull", "surface", "solid"})))
+                  "what that mesh is: hull, surface (its triangles), solid (what they enclose), or\n"
+                  "auto: the hull of a convex or open one, else a solid")
+      ->check(quiet(CLI::IsMember({"auto", "hull", "surface", "solid"})))
       ->type_name("WORD")
       ->capture_default_str();
   command.add_option("--radius", options->radius, "grows the shape")->type_name("R");

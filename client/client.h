@@ -189,7 +189,7 @@ struct NewBody {
   double max_speed = 0;             ///< metres a second that no point of it exceeds
   // A mesh, which a daemon that does not know of it refuses.
   std::span<const std::array<std::uint32_t, 3>> triangles = {};  ///< of places in `vertices`; a solid's are closed
-  Convexify convexify = Convexify::kHull;  ///< what the mesh is: kHull, kSubmeshes (the same), kSurface or kSolid
+  Convexify convexify = Convexify::kAuto;  ///< what the mesh is; kAuto: found out. kSubmeshes is the same as kHull
 };
 
 /// The scene that replaced another.

@@ -88,7 +88,7 @@ std::vector<std::byte> payload_of(const NewBody& body) {
     throw std::invalid_argument(
         "add_body: expected one of vertices, box, sphere, capsule, cylinder, cone, ellipsoid and half_space, got " +
         std::to_string(shapes));
-  if (body.convexify != Convexify::kHull && body.triangles.empty())
+  if (body.convexify != Convexify::kHull && body.convexify != Convexify::kAuto && body.triangles.empty())
     throw std::invalid_argument("add_body: convexify is for a mesh, and there are no triangles");
   if (!body.triangles.empty() && body.vertices.empty())
     throw std::invalid_argument("add_body: triangles are for vertices alone");

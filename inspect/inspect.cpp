@@ -1,26 +1,20 @@
 #include "inspect.h"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
 
 #include "engine/base/fp_environment.h"
-#include "engine/engine.h"
 #include "engine/hull/primitive.h"
 #include "engine/scene/body_ball.h"
-#include "engine/scene/ignored_pairs.h"
-#include "engine/scene/pair_table.h"
+#include "engine/scene/hull_warning.h"
 #include "engine/surface/surface.h"
+#include "inspect/timing.h"
 
 namespace clearance {
 
 namespace {
-
-constexpr std::size_t kSampledPartners = 64;  // of a body whose pairs are timed
-constexpr int kRounds = 5;                    // the median of so many timings counts
 
 bool is_box(const Piece& piece) {
   if (piece.vertices.size() != 8) return false;
@@ -67,7 +61,6 @@ BodyReport describe(const Body& body) {
   r.model_error = body.model_error;
   r.hull_excess = body.hull_excess;
   if (!std::isnan(body.empty_share)) r.empty_share = body.empty_share;
-  r.warning = hull_warning(body);
   r.extent = extent_of(body);
   r.form = body.pieces.empty() ? "frame" : form_of(*body.pieces[0]);
   for (const PiecePtr& piece : body.pieces) {
@@ -131,58 +124,18 @@ void count_sharing(const Scene& scene, SceneReport& report) {
       report.bodies[i].sharing = holders[pieces[0].get()];
 }
 
-double thread_ns() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e9 * static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec);
-}
-
 /// Times some pairs of each body through the engine.
-void measure(const Scene& scene, SceneReport& report) {
-  Engine::Options options;
-  options.threads = 1;  // its time is then this thread's own, whatever else the machine does
-  const Engine engine(scene, options);
-  const auto n = static_cast<std::uint32_t>(scene.bodies().size());
-  std::vector<std::uint32_t> parents;
-  std::vector<std::uint8_t> placed;
-  for (std::uint32_t b = 0; b < n; ++b) {
-    parents.push_back(scene.bodies()[b].parent);
-    placed.push_back(engine.body_state(b).status == Status::kOk);
-  }
-  const IgnoredPairs ignored(scene);
-  const PairTable table(scene, parents, ignored.all());
+void measure(const PairTimes& times, SceneReport& report) {
   double twice = 0;
   bool complete = true;
-  for (std::uint32_t b = 0; b < n; ++b) {
+  for (std::uint32_t b = 0; b < report.bodies.size(); ++b) {
     BodyReport& body = report.bodies[b];
-    std::vector<BodyPair> pairs;
-    const std::uint32_t stride = std::max<std::uint32_t>(1, n / (2 * kSampledPartners));
-    for (std::uint32_t first = 0; first < stride && pairs.size() < kSampledPartners; ++first)
-      for (std::uint32_t p = first; p < n && pairs.size() < kSampledPartners; p += stride)
-        if (placed[b] && placed[p] && table.enabled(b, p)) pairs.push_back({b, p});
+    const std::vector<BodyPair> pairs = times.sampled(b);
     if (pairs.empty()) {
       complete = complete && body.partners == 0;
       continue;
     }
-    QueryView query;
-    query.all_pairs = false;
-    query.pairs = pairs;
-    query.fields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
-    std::vector<double> distance(pairs.size()), lower(pairs.size()), upper(pairs.size()), times;
-    std::vector<std::uint8_t> status(pairs.size());
-    ReplyView reply;
-    reply.rows = pairs.size();
-    reply.distance = distance.data();
-    reply.lower = lower.data();
-    reply.upper = upper.data();
-    reply.status = status.data();
-    for (int round = 0; round < kRounds; ++round) {
-      const double begin = thread_ns();
-      engine.start(query, reply).advance();
-      times.push_back(thread_ns() - begin);
-    }
-    std::nth_element(times.begin(), times.begin() + kRounds / 2, times.end());
-    body.ns_per_pair = times[kRounds / 2] / static_cast<double>(pairs.size());
+    body.ns_per_pair = times.ns_per_pair(pairs);
     twice += *body.ns_per_pair * static_cast<double>(body.partners);
   }
   if (complete) report.ns_all_pairs = twice / 2;
@@ -194,13 +147,16 @@ SceneReport inspect(const Scene& scene, const InspectOptions& options) {
   const FpEnvironment environment;
   SceneReport report;
   for (const Body& body : scene.bodies()) report.bodies.push_back(describe(body));
+  for (HullWarning& warning : hull_warnings(scene)) report.bodies[warning.body].warning = std::move(warning.text);
   count_partners(scene, report);
   count_sharing(scene, report);
   std::vector<std::uint64_t> partners;
   for (const BodyReport& body : report.bodies) partners.push_back(body.partners);
   for (const std::uint64_t count : partners) report.pairs += count;
   report.pairs /= 2;
-  if (options.measure) measure(scene, report);
+  std::optional<PairTimes> times;
+  if (options.measure) measure(times.emplace(scene), report);
+  report.choices = choices_of(scene, times ? &*times : nullptr);
   report.findings = find_redundancy(scene, partners, options.within);
   return report;
 }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/scene/scene.h"
+#include "inspect/choices.h"
 
 namespace clearance {
 
@@ -62,6 +63,7 @@ struct InspectOptions {
 struct SceneReport {
   std::vector<BodyReport> bodies;  ///< by id
   std::vector<Finding> findings;   ///< by body
+  std::vector<Choice> choices;     ///< by body: what meshes that are not convex could be
   std::uint64_t pairs = 0;         ///< enabled
   std::uint64_t bytes = 0;         ///< of all pieces, shared ones once
   std::uint64_t display_bytes = 0;

@@ -52,14 +52,21 @@ void Reloader::begin(const std::shared_ptr<Engine>& current, const SceneParts& p
   assert(!ended_ && !outcome_.engine);
   if (asked_.exchange(false)) {
     outcome_.load = ++loads_;
-    start([this, parts] { load(parts); });
+    start([this, parts] {
+      load(parts);
+      outcome_.warnings = hull_warnings(outcome_.engine->scene());
+    });
   } else if (!edits_.empty()) {
     outcome_.edit = ++edits_begun_;
     start([this, current = current, parts = parts, edit = std::move(edits_.front())]() mutable {
       if (!parts.file) parts.file = std::make_shared<const Scene>(current->scene());
       current.reset();  // its memory may be given back while the new one is made
+      const std::size_t before = parts.added.size();
       edit(parts);
       outcome_.engine = build_(parts.whole());
+      const Scene& scene = outcome_.engine->scene();
+      if (parts.added.size() > before)
+        outcome_.warnings = hull_warnings(scene, static_cast<std::uint32_t>(scene.bodies().size() - 1));
       outcome_.parts = std::move(parts);
     });
     edits_.pop_front();

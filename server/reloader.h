@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "engine/engine.h"
+#include "engine/scene/hull_warning.h"
 
 namespace clearance {
 
@@ -46,9 +47,10 @@ class Reloader {
     std::string error;
     bool bad_input = false;  ///< the error is that of what was asked for
     double seconds = 0;
-    std::uint64_t load = 0;  ///< its number, from 1; 0: this was an edit
-    std::uint64_t edit = 0;  ///< likewise
-    std::string left_out;    ///< of a load: added bodies that do not fit to the file any more, and why
+    std::uint64_t load = 0;             ///< its number, from 1; 0: this was an edit
+    std::uint64_t edit = 0;             ///< likewise
+    std::vector<HullWarning> warnings;  ///< of a load; of an edit: of the body that it added
+    std::string left_out;               ///< of a load: added bodies that do not fit to the file any more, and why
   };
 
   /// \param done called on the reloader's thread when an outcome is there.

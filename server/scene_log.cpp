@@ -1,5 +1,6 @@
 #include "scene_log.h"
 
+#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -8,23 +9,26 @@
 
 namespace clearance {
 
-void log_scene_warnings(const Scene& scene) {
+void log_hull_warnings(const Scene& scene, std::span<const HullWarning> warnings) {
   struct Warned {
     const Body* first;
+    const std::string* text;
     int bodies = 0;
   };
   std::vector<Warned> meshes;  // in the order of the scene
   std::unordered_map<const Piece*, std::size_t> place;
-  for (const Body& body : scene.bodies()) {
-    if (hull_warning(body).empty()) continue;
+  for (const HullWarning& warning : warnings) {
+    const Body& body = scene.bodies()[warning.body];
     const auto [at, fresh] = place.try_emplace(body.pieces[0].get(), meshes.size());
-    if (fresh) meshes.push_back({&body});
+    if (fresh) meshes.push_back({&body, &warning.text});
     ++meshes[at->second].bodies;
   }
-  for (const auto& [first, bodies] : meshes)
+  for (const auto& [first, text, bodies] : meshes)
     log::warn("event=hull_stands_out body=\"{}\" more={} hull_excess_m={:.4g} empty_share={:.3g} text=\"{}\"",
-              log_text(first->name), bodies - 1, first->hull_excess, first->empty_share,
-              log_text(hull_warning(*first)));
+              log_text(first->name), bodies - 1, first->hull_excess, first->empty_share, log_text(*text));
+}
+
+void log_robot_warnings(const Scene& scene) {
   for (const auto& robot : scene.robots())
     for (const std::string& warning : robot->model.warnings)
       log::warn("event=robot_left_out robot=\"{}\" text=\"{}\"", log_text(robot->name), log_text(warning));

@@ -1,12 +1,16 @@
 // What the log says of a scene.
 #pragma once
 
-#include "engine/scene/scene.h"
+#include <span>
+
+#include "engine/scene/hull_warning.h"
 
 namespace clearance {
 
-/// Warns of bodies whose pieces stand far out of their meshes (hull_warning()), once for each mesh, and of what was
-/// left out of the SRDFs of robots.
-void log_scene_warnings(const Scene& scene);
+/// Of bodies whose pieces stand far out of their meshes, once for each mesh. To find them takes time: it is not done
+/// here.
+void log_hull_warnings(const Scene& scene, std::span<const HullWarning> warnings);
+/// Of what was left out of the SRDFs of robots.
+void log_robot_warnings(const Scene& scene);
 
 }  // namespace clearance

@@ -17,11 +17,12 @@ enum class Convexify : std::uint8_t {
   kDecompose = 2,  ///< approximate convex decomposition
   kSurface = 3,    ///< its triangles are the body
   kSolid = 4,      ///< what its triangles enclose is the body
+  kAuto = 5,       ///< the default: a convex mesh is its hull, another closed one a solid, an open one its hull
 };
 
 /// What users call them, by value.
-inline constexpr std::array<std::string_view, 5> kConvexifyWords = {"hull", "submeshes", "decompose", "surface",
-                                                                    "solid"};
+inline constexpr std::array<std::string_view, 6> kConvexifyWords = {"hull",    "submeshes", "decompose",
+                                                                    "surface", "solid",     "auto"};
 
 /// The value of a word; nothing for any other text.
 constexpr std::optional<Convexify> convexify_of(std::string_view word) {

@@ -35,7 +35,7 @@ def scene_of(problem, files):
     import clearance
 
     scene = clearance.Scene()
-    scene.add_robot(problem.robot, **files)
+    scene.add_robot(problem.robot, convexify="hull", **files)
     for thing in problem.obstacles:
         scene.add_body(f"{thing.name}_obstacle", static=True, pose=thing.pose, **shape_of(thing))
     return clearance.Engine(scene, backend="cpu", threads=1)

@@ -135,11 +135,11 @@ def states_of(problem, joints, limits, count, rng):
 
 
 def scene_of(robot, urdf, srdf, resources):
-    """A scene file with the robot alone, for the daemon."""
+    """A scene file with the robot alone, for the daemon: its links are hulls, as the peers have them."""
     path = resources / f"{robot}.yaml"
     path.write_text(
         f"robots:\n  - {{name: {robot}, urdf: {robot}/{urdf.name}, srdf: {robot}/{srdf.name}, "
-        f"packages: {{{robot}: {robot}}}}}\n"
+        f"packages: {{{robot}: {robot}}}, convexify: hull}}\n"
     )
     return path
 

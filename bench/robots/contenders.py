@@ -136,7 +136,7 @@ class Clearance:
             self.asked = self.client
             return
         scene = self.clearance.Scene()
-        scene.add_robot(self.robot, **self.files)
+        scene.add_robot(self.robot, convexify="hull", **self.files)  # as the peers have them
         for thing in problem.obstacles:
             scene.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
         self.asked = self.clearance.Engine(scene, backend="cpu", threads=1)

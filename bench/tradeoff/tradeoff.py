@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes what docs/results/tradeoff.csv says into docs/tradeoff.md (between its markers) and draws docs/tradeoff.png.
+"""Writes what docs/results/tradeoff.csv and shapes.csv say into docs/tradeoff.md and draws docs/tradeoff.png.
 
     bench/tradeoff/tradeoff.py            write them; exit code 1 if the page's own words no longer hold
     bench/tradeoff/tradeoff.py --check    only check that the page shows the CSV and its words hold (exit code 1 if not)
@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "tradeoff.md"
 PICTURE = ROOT / "docs" / "tradeoff.png"
 CSV = ROOT / "docs" / "results" / "tradeoff.csv"
+SHAPES = ROOT / "docs" / "results" / "shapes.csv"
 INF = math.inf
 
 
@@ -308,19 +309,38 @@ def draw(remark, rows):
     figure.savefig(PICTURE, dpi=80)
 
 
+def shapes_table():
+    """What bench/robots/bench_shapes.py measured."""
+    with open(SHAPES) as f:
+        rows = list(csv.DictReader(f))
+    header = ["robot, `convexify`", "triangles", "valid [us a state]", "least distance [us]", "short by, median [mm]",
+              "most [mm]", "free states refused", "missed overlaps"]
+    return markdown(header, [
+        [f"{r['robot']}, `{r['convexify']}`", r["triangles"], f"{float(r['valid_us']):.4g}",
+         f"{float(r['least_us']):.4g}", r["short_mm"], r["short_most_mm"],
+         f"{r['false_refusals']} of {r['free']}", r["missed"]]
+        for r in rows
+    ])
+
+
+def with_block(text, name, block):
+    """The page with what stands between the markers of this name replaced."""
+    begin, end = f"<!-- {name}: begin -->\n", f"\n<!-- {name}: end -->"
+    if begin not in text or end not in text:
+        sys.exit(f"{PAGE}: the marker {begin.strip()} or {end.strip()} is missing")
+    return text[:text.index(begin) + len(begin)] + block + text[text.index(end):]
+
+
 def main():
     if sys.argv[1:] not in ([], ["--check"]):
         sys.exit(__doc__)
     remark, rows = read()
     text = PAGE.read_text()
-    begin, end = "<!-- tradeoff: begin -->\n", "\n<!-- tradeoff: end -->"
-    if begin not in text or end not in text:
-        sys.exit(f"{PAGE}: the marker {begin.strip()} or {end.strip()} is missing")
-    new = text[:text.index(begin) + len(begin)] + generated(remark, rows) + text[text.index(end):]
+    new = with_block(with_block(text, "tradeoff", generated(remark, rows)), "shapes", shapes_table())
     broken = broken_claims(text, rows)
     if sys.argv[1:]:
         if new != text:
-            sys.exit(f"{PAGE} does not show {CSV}: run bench/tradeoff/tradeoff.py")
+            sys.exit(f"{PAGE} does not show {CSV} and {SHAPES}: run bench/tradeoff/tradeoff.py")
     else:
         PAGE.write_text(new)
         draw(remark, rows)

@@ -83,7 +83,7 @@ std::uint32_t Scene::add_hull(const std::string& name, std::span<const std::arra
 }
 std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale,
                               bool submeshes, const BodyOptions& options) {
-  return add_mesh(name, path, scale, submeshes ? Convexify::kSubmeshes : Convexify::kHull, options);
+  return add_mesh(name, path, scale, submeshes ? Convexify::kSubmeshes : Convexify::kAuto, options);
 }
 std::uint32_t Scene::add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale,
                               Convexify convexify, const BodyOptions& options) {

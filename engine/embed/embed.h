@@ -58,7 +58,7 @@ struct RobotOptions {
   bool is_static = false;                                  ///< the base never moves
   std::optional<std::map<std::string, double>> home = {};  ///< positions at load, by joint, others at 0; none: no poses
   double padding = 0;                                      ///< metres, grows the links
-  Convexify convexify = Convexify::kHull;                  ///< what the bodies of the links' meshes are
+  Convexify convexify = Convexify::kAuto;                  ///< what the bodies of the links' meshes are
 };
 
 /// Bodies, groups, and pairs that are not asked about. Each add_* returns the body's id: its place in the order of
@@ -76,10 +76,11 @@ class CLEARANCE_API Scene {
   /// The hull of vertices, in the body's frame.
   std::uint32_t add_hull(const std::string& name, std::span<const std::array<double, 3>> vertices,
                          const BodyOptions& options = {});
-  /// A mesh file. \param scale per axis. \param submeshes one hull for each submesh, instead of one for all vertices.
+  /// A mesh file: what it is is found out (Convexify::kAuto). \param scale per axis. \param submeshes one hull for each
+  /// submesh instead.
   std::uint32_t add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale = {1, 1, 1},
                          bool submeshes = false, const BodyOptions& options = {});
-  /// The same where the triangles may be the body, or enclose it.
+  /// The same where it is said what the mesh is.
   std::uint32_t add_mesh(const std::string& name, const std::string& path, std::array<double, 3> scale,
                          Convexify convexify, const BodyOptions& options = {});
   /// A mesh of the caller's. \param vertices in the body's frame. \param triangles of places among them.

@@ -56,22 +56,21 @@ class Measure {
 
   HullExcess run() {
     if (triangles_.empty()) return {};
-    const MeshRows rows(points_.size(), triangles_);
-    const bool sphere = rows.is_sphere();
-    std::optional<double> bound;
-    if (sphere) {
-      const Solid solid = solid_of(points_, triangles_);
-      bound = bound_by_planes(solid.centre);
-      if (bound && *bound <= kNegligible) {
-        if (*bound <= kRounding && rows.is_exactly_convex(positions_)) bound = 0;
-        const double grown = 1 / (1 - *bound);  // about the centre, which then holds the hull
-        return result(*bound, solid.volume * grown * grown * grown, solid.volume);
-      }
+    const std::optional<double> bound = convex_bound();
+    if (bound && *bound <= kNegligible) {
+      const double grown = 1 / (1 - *bound), volume = solid_of(points_, triangles_).volume;
+      return result(*bound, volume * grown * grown * grown, volume);  // about the centre, which then holds the hull
     }
     const TriangleTree tree(points_, triangles_);
     const double divided = divide(tree) + kRounding;
     return result(bound ? std::min(*bound, divided) : divided, hull_volume(),
                   tree.solid() ? tree.volume() : std::numeric_limits<double>::quiet_NaN());
+  }
+
+  std::optional<double> run_convex() const {
+    const std::optional<double> bound = convex_bound();
+    if (!bound || *bound == 0) return bound;
+    return result(*bound + kRounding, 0, 0).distance;
   }
 
  private:
@@ -85,6 +84,14 @@ class Measure {
   HullExcess result(double distance, double hull, double solid) const {
     const double cube = hull_.spread * hull_.spread * hull_.spread;
     return {distance * hull_.spread * (1 + kRounding), hull * cube, solid * cube};
+  }
+
+  // Of a mesh whose triangles form a sphere, and planes say something of: 0 where it is proved convex.
+  std::optional<double> convex_bound() const {
+    const MeshRows rows(points_.size(), triangles_);
+    if (triangles_.empty() || !rows.is_sphere()) return {};
+    const std::optional<double> bound = bound_by_planes(solid_of(points_, triangles_).centre);
+    return bound && *bound <= kRounding && rows.is_exactly_convex(positions_) ? std::optional(0.0) : bound;
   }
 
   // How far the hull reaches along a direction of length 1.
@@ -214,6 +221,12 @@ HullExcess hull_excess(std::span<const Vec3d> vertices, std::span<const Triangle
                        std::span<const Triangle> hull_faces) {
   if (triangles.empty() || !(hull.spread > 0)) return {};
   return Measure(vertices, triangles, hull, hull_faces).run();
+}
+
+std::optional<double> convex_excess(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
+                                    const Piece& hull) {
+  if (!(hull.spread > 0)) return 0;
+  return Measure(vertices, triangles, hull, {}).run_convex();
 }
 
 }  // namespace clearance

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <span>
 
 #include "engine/base/vec.h"
@@ -34,5 +35,10 @@ inline constexpr int kHullExcessVisits = 1 << 17;
 /// for a mesh without triangles.
 HullExcess hull_excess(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const Piece& hull,
                        std::span<const Triangle> hull_faces);
+
+/// The same of a closed mesh whose faces' planes tell that it is convex, or nearly so: metres, rounding included, and 0
+/// only where that is proved. None: they do not; it may be convex all the same. \param hull of all its vertices
+std::optional<double> convex_excess(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
+                                    const Piece& hull);
 
 }  // namespace clearance

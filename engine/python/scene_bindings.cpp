@@ -15,6 +15,7 @@
 
 #include "client/python/bindings/columns.h"
 #include "engine/scene/body_ball.h"
+#include "engine/scene/hull_warning.h"
 #include "engine/scene/scene.h"
 #include "engine/surface/surface.h"
 
@@ -244,9 +245,8 @@ void bind_scene(nb::module_& m) {
       .def("hull_warnings",
            [](const Scene& s, std::uint32_t first) {
              nb::list list;
-             for (std::size_t i = first; i < s.bodies().size(); ++i)
-               if (const std::string text = hull_warning(s.bodies()[i]); !text.empty())
-                 list.append(nb::make_tuple(s.bodies()[i].name, text));
+             for (const HullWarning& warning : hull_warnings(s, first))
+               list.append(nb::make_tuple(s.bodies()[warning.body].name, warning.text));
              return list;
            })
       .def("save", &Scene::save, nb::arg("folder"), nb::call_guard<nb::gil_scoped_release>())

@@ -223,7 +223,8 @@ Certificate certify_rows(const JobContext& context, Plan plan, std::span<const s
   if (context.scene->has_surfaces())
     for (const std::uint64_t row : rows)
       if (const std::string why = no_convex_truth(*context.scene, plan.pairs.at(row % plan.size.pairs)); !why.empty())
-        refuse(QueryErrorCode::kNotSupported, why + ", of whose rows none is certified so far");
+        refuse(QueryErrorCode::kNotSupported,
+               why + ", of whose rows none is certified so far; its hull's are (convexify: hull)");
   plan.keep_configurations();
   CertificateJob job(context, std::move(plan), rows);
   while (!job.advance({})) {

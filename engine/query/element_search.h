@@ -22,6 +22,7 @@ class ElementSearch {
     nearest_.begin(a, pose_a, b, pose_b);
     end_round();
     in_hulls_ = are_hulls_taken_ = false;
+    hulls_gap_ = {};
   }
   /// Adds to the round until it has so many pairs or no other is within the cut-off. False: the slice is over; it goes
   /// on with the same numbers.
@@ -35,11 +36,21 @@ class ElementSearch {
     }
     return true;
   }
-  /// The round is the hulls of two pieces, which are not the truth.
-  void begin_hulls() {
+  /// The round is the hulls of the nearest two pieces, which are not the truth. \param all of all that may overlap
+  void begin_hulls(bool all) {
     round_.assign(1, nearest_.pieces());
+    if (all) nearest_.touching_pieces(round_);
     in_hulls_ = true;
   }
+  /// What the round of hulls said of how far they are apart or, signed, have to move to be.
+  struct HullsGap {
+    double lower = 0;  // not above 0
+    Vec3d normal{1, 0, 0};
+  };
+  void see_hulls(double lower, const Vec3d& n_w) {
+    if (lower < hulls_gap_.lower) hulls_gap_ = {lower, n_w};
+  }
+  const HullsGap& hulls_gap() const { return hulls_gap_; }
   bool in_hulls() const { return in_hulls_; }
   void take_hulls(double lower, const Vec3d& n_w) {
     nearest_.take_pieces(lower);
@@ -70,6 +81,7 @@ class ElementSearch {
   NearestElements nearest_;
   std::vector<ElementPair> round_;
   bool in_hulls_ = false, are_hulls_taken_ = false;
+  HullsGap hulls_gap_;
   std::deque<Piece> rooms_;
 };
 

@@ -280,7 +280,7 @@ bool Evaluator::gather(Search& search, WorkMeter& meter) {
   ElementSearch& elements = *search.elements;
   if (search.state.round == 1) {
     if (drops(elements.left(), bodies)) return true;
-    elements.are_hulls_taken() ? elements.begin_near() : elements.begin_hulls();
+    elements.are_hulls_taken() ? elements.begin_near() : elements.begin_hulls(options_.limits.signed_distance);
     return true;
   }
   const double cut_off = search.state.cut_off(search.slack.cut_off(bodies.max_distance));
@@ -295,6 +295,7 @@ void Evaluator::finish_search(Search& search, WorkMeter& meter) {
   found.lower = search.state.lower;
   const bool by_elements = search.elements != nullptr;
   if (by_elements) {
+    const ElementSearch::HullsGap hulls = search.elements->hulls_gap();
     unused_.push_back(std::move(search.elements));
     const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
     const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose,
@@ -312,6 +313,11 @@ void Evaluator::finish_search(Search& search, WorkMeter& meter) {
       found.lower = -kInf;
     } else if (held == Held::kUnknown) {
       found.lower = 0;
+    }
+    // What takes hulls apart takes apart what is within.
+    if (options_.limits.signed_distance && search.slack.true_lower(found.lower) <= 0) {
+      found.lower = hulls.lower;
+      found.best.normal = hulls.normal;
     }
   }
   PairAnswer& answer = answers_[search.index];
@@ -380,8 +386,10 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
   assert(search.next + answers.size() <= search.end);
   PieceSearch& state = search.state;
   ElementSearch* const elements = search.elements.get();
-  if (elements && elements->in_hulls() && !answers.empty())
+  if (elements && elements->in_hulls() && !answers.empty()) {
+    for (const NarrowAnswer& hulls : answers) elements->see_hulls(hulls.bounds.lower, hulls.normal);
     return elements->take_hulls(answers[0].bounds.lower, answers[0].normal);
+  }
   const auto pair_at = [&](std::size_t k) -> ElementPair {
     if (elements) return elements->round()[k];
     const PiecePair& p = piece_pairs_[search.next + k];
@@ -400,7 +408,8 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
       search.found.a = p.a;
       search.found.b = p.b;
     }
-    if (!options_.limits.signed_distance && search.slack.true_upper(state.upper) <= 0) {  // overlapping: that is all
+    const bool wants_depth = options_.limits.signed_distance && !elements;
+    if (!wants_depth && search.slack.true_upper(state.upper) <= 0) {  // overlapping: that is all
       search.next = search.end;
       return;
     }

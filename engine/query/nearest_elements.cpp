@@ -229,6 +229,11 @@ ElementPair NearestElements::pieces() const {
   return {e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}};
 }
 
+void NearestElements::touching_pieces(std::vector<ElementPair>& others) const {
+  for (std::size_t i = 1; i < heap_.size(); ++i)
+    if (const Entry& e = heap_[i]; !(e.gap > 0)) others.push_back({e.gap, {e.piece_a, kNone}, {e.piece_b, kNone}});
+}
+
 void NearestElements::take_pieces(double lower) {
   levels_ = lower > 0 ? kLevels : 0;  // where no direction keeps all of both apart, it is good for a few triangles
   Entry e = pop();

@@ -37,6 +37,8 @@ class NearestElements {
   /// The nearest two pieces by their boxes. Where they are not the truth, a lower bound on the distance of the hulls
   /// and the direction that proves it hold for all that they are around.
   ElementPair pieces() const;
+  /// Before any is taken: all others whose boxes may overlap.
+  void touching_pieces(std::vector<ElementPair>& others) const;
   void take_pieces(double lower);
   /// A pair that is near, and may not be the nearest: it comes again.
   ElementPair near() const;

@@ -58,18 +58,6 @@ void check_numbers(const QueryView& q) {
   check_motions(q);
 }
 
-// A depth is how far convex things have to move apart, or pieces whose union is the body: of a surface or a solid
-// nobody knows it.
-void refuse_depths(const PairList& pairs, const Scene& scene) {
-  constexpr std::uint64_t kAtATime = 1024;
-  std::vector<BodyPair> room;
-  for (std::uint64_t begin = 0; begin < pairs.size(); begin += kAtATime)
-    for (const BodyPair pair : pairs.slice(begin, std::min(kAtATime, pairs.size() - begin), room))
-      if (const std::string why = no_convex_truth(scene, pair); !why.empty())
-        throw QueryError(QueryErrorCode::kNotSupported, "signed_distance: " + why + ", of which there is no depth");
-  units_of_this_thread += pairs.size() / kAtATime;
-}
-
 std::uint32_t written_fields(const QueryView& q) {
   constexpr std::uint32_t kPacked =
       kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal | kFieldGradient | kFieldGradientJoints;
@@ -185,7 +173,6 @@ bool Planner::advance(WorkMeter& meter) {
   if (!lister_->advance(meter)) return false;
   plan_.pairs = lister_->take();
   lister_.reset();
-  if (plan_.query.signed_distance && scene_.has_surfaces()) refuse_depths(plan_.pairs, scene_);
   if (plan_.query.reduce == Reduce::kAny || plan_.query.max_steps > 0)
     plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
   plan_.query.margins = {};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 
 #include "engine/base/dedupe.h"
@@ -145,6 +146,23 @@ PiecePtr true_piece(const DisplayMesh& mesh, Convexify convexify, double radius,
   }
 }
 
+// What a mesh is where nobody says it. The hull of a closed one that is convex but for its vertices' rounding stands
+// for what it encloses: what it stands out by is slack. One that is open encloses nothing, and counts as its hull.
+void add_truth(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, const Vec3d& scale, double radius,
+               std::uint64_t loaded, Geometry& out) {
+  constexpr double kOfRounding = 0x1p-20;  // share of the size: eight times what float32 moves a vertex by
+  if (whole.triangles.empty() || !open_edge(whole.vertices, whole.triangles).empty())
+    return add_hulls(submeshes, whole, scale, Convexify::kHull, radius, loaded, out);
+  const PiecePtr hull = make_hull_piece(whole.vertices, whole.triangles, radius, loaded, submeshes.size() == 1);
+  const std::optional<double> excess = convex_excess(whole.vertices, whole.triangles, *hull);
+  if (excess && *excess <= kOfRounding * hull->spread) {
+    out.pieces = {hull};
+    out.model_error = (out.model_error + *excess) * (1 + 0x1p-52);
+  } else {
+    out.pieces = {true_piece(whole, Convexify::kSolid, radius, loaded)};
+  }
+}
+
 }  // namespace
 
 PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid, double radius,
@@ -200,7 +218,8 @@ Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
   return out;
 }
 
-std::string mesh_source(const std::string& file, Convexify convexify) {
+std::string mesh_source(const std::string& file, Convexify convexify, const Geometry& made) {
+  if (convexify == Convexify::kAuto) convexify = made.pieces[0]->surface ? Convexify::kSolid : Convexify::kHull;
   return file + " (" + std::string(word_of(convexify)) + ")";
 }
 
@@ -211,18 +230,21 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
       throw std::invalid_argument("scale: expected finite numbers other than 0, got " + std::to_string(scale[k]));
   if (convexify == Convexify::kDecompose)
     throw std::invalid_argument(
-        "not yet: convexify: decompose (approximate convex decomposition); use hull, submeshes, surface or solid");
+        "not yet: convexify: decompose (approximate convex decomposition); use auto, hull, submeshes, surface or "
+        "solid");
   std::uint64_t loaded = 0;
   for (const Submesh& submesh : mesh.submeshes) loaded += submesh.loaded_vertices;
   auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, scale));
   Geometry out;
-  if (convexify == Convexify::kSurface || convexify == Convexify::kSolid)
+  out.model_error = out.model_inner = rounding_of(mesh.submeshes, scale);
+  if (convexify == Convexify::kAuto)
+    add_truth(mesh.submeshes, *whole, scale, radius, loaded, out);
+  else if (convexify == Convexify::kSurface || convexify == Convexify::kSolid)
     out.pieces = {true_piece(*whole, convexify, radius, loaded)};
   else
     add_hulls(mesh.submeshes, *whole, scale, convexify, radius, loaded, out);
-  out.model_error = out.model_inner = rounding_of(mesh.submeshes, scale);
   out.display = std::move(whole);
-  out.source = mesh_source(source, convexify);
+  out.source = mesh_source(source, convexify, out);
   return out;
 }
 

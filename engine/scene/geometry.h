@@ -36,8 +36,8 @@ PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> t
 PiecePtr with_radius(const Piece& piece, double radius);
 /// A surface's triangles in the order in which it was given them.
 std::vector<Triangle> triangles_as_loaded(const Surface& surface);
-/// What Body::source says of a mesh file.
-std::string mesh_source(const std::string& file, Convexify convexify);
+/// What Body::source says of a mesh file. \param made of it, which says what kAuto has become
+std::string mesh_source(const std::string& file, Convexify convexify, const Geometry& made);
 /// \param source names the file. \param scale per axis, in the file's frame; negative mirrors. Of a surface or solid
 /// the piece is exact, so that nothing stands out of it.
 Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,

@@ -55,7 +55,7 @@ Geometry MeshGeometries::make(MeshFile& file, const MeshRecipe& recipe, const st
     geometry = made(file, recipe, name, &shared);
     if (shared) slot->geometry = geometry;
   }
-  geometry.source = mesh_source(source, recipe.convexify);
+  geometry.source = mesh_source(source, recipe.convexify, geometry);
   return geometry;
 }
 

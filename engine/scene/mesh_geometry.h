@@ -38,7 +38,7 @@ class MeshFile {
 /// pieces.
 struct MeshRecipe {
   Vec3d scale{1, 1, 1};
-  Convexify convexify = Convexify::kHull;
+  Convexify convexify = Convexify::kAuto;
   double radius = 0;
 };
 

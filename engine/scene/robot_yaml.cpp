@@ -44,11 +44,11 @@ void read_robot_convexify(const YamlValue& value, RobotOptions& options) {
 }  // namespace
 
 Convexify read_convexify(const YamlValue& value) {
-  constexpr const char* kExpected = "hull, submeshes, surface, solid or decompose";
+  constexpr const char* kExpected = "auto, hull, submeshes, surface, solid or decompose";
   const std::optional<Convexify> convexify = convexify_of(value.text(kExpected));
   if (!convexify) value.fail_expected(kExpected);
   if (*convexify == Convexify::kDecompose)
-    value.fail("not yet: decompose (approximate convex decomposition); use hull, submeshes, surface or solid");
+    value.fail("not yet: decompose (approximate convex decomposition); use auto, hull, submeshes, surface or solid");
   return *convexify;
 }
 

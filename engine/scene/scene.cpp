@@ -488,19 +488,6 @@ std::string placed_by_joints(const Body& body) {
   return "'" + body.name + "' is a link that joints place: set these, or the pose of its robot's base";
 }
 
-std::string hull_warning(const Body& body) {
-  double size = 0;
-  for (const PiecePtr& piece : body.pieces) size = std::max(size, piece->spread + piece->radius);
-  if (!(body.hull_excess > kHullExcessShare * size)) return "";
-  char text[200];
-  const char* what = body.pieces.size() == 1 ? "its hull stands" : "its pieces stand";
-  int n = std::snprintf(text, sizeof text, "%s up to %.3g m out of its mesh", what, body.hull_excess);
-  if (body.empty_share > 0)
-    n += std::snprintf(text + n, sizeof text - static_cast<std::size_t>(n), ", %.3g %% of it is empty",
-                       100 * body.empty_share);
-  return std::string(text, static_cast<std::size_t>(n)) + ": distances are to the hull";
-}
-
 std::uint64_t Scene::revision() const {
   const FpEnvironment environment;
   Digest digest;

@@ -73,11 +73,6 @@ std::uint64_t triangle_count(const Body& body);
 /// Why a link's pose cannot be given.
 std::string placed_by_joints(const Body& body);
 
-/// A body whose pieces stand out of its mesh by more than this share of its size is warned about: hull_warning().
-inline constexpr double kHullExcessShare = 0.02;
-/// What is to be said of a body whose mesh is not what its pieces are, with figures; empty for others.
-std::string hull_warning(const Body& body);
-
 struct Group {
   std::string name;
   std::vector<std::uint32_t> bodies;  ///< ids, ascending

@@ -68,7 +68,7 @@ struct RobotOptions {
   Pose base = {};                                        ///< X_wb of the base, with a parent X_pb
   bool is_static = false;                                ///< the base never moves
   bool visual = false;                                   ///< links have the shapes of `visual`, not of `collision`
-  Convexify convexify = Convexify::kHull;                ///< what the bodies of the links' meshes are
+  Convexify convexify = Convexify::kAuto;                ///< what the bodies of the links' meshes are
   std::map<std::string, Convexify> link_convexify = {};  ///< the same by link, in place of `convexify`
   /// Files of Scene::save() by link, in place of the shapes of the URDF; links that it does not name are frames.
   std::optional<std::map<std::string, std::string>> geometry_files = {};

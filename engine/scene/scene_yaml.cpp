@@ -259,7 +259,7 @@ class SceneReader {
       if (scale.x == 0 || scale.y == 0 || scale.z == 0) s->fail("expected factors other than 0");
     }
     const auto how = value.find("convexify");
-    const Convexify convexify = how ? read_convexify(*how) : Convexify::kHull;
+    const Convexify convexify = how ? read_convexify(*how) : Convexify::kAuto;
     const std::string path = resolve(mesh, named);
     std::shared_ptr<MeshFile>& file = files_[path];
     if (!file) file = std::make_shared<MeshFile>(path);

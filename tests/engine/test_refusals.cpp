@@ -120,35 +120,6 @@ TEST_P(EngineTest, AnAnswerLargerThanItsRoomIsRefused) {
   EXPECT_THROW(engine.start({}, room), QueryError);
 }
 
-TEST_P(EngineTest, DepthsOfSurfacesAndSolidsAreRefusedByTheirNames) {
-  const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  const std::vector<Triangle> faces{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
-  Scene scene;
-  for (const double x : {0.0, 0.5}) scene.add_sphere("ball" + std::to_string(x), 1, {.pose = Pose{{x, 0, 0}}});
-  scene.add_mesh("shelf", corners, faces, Convexify::kSolid, {.pose = Pose{{4, 0, 0}}});
-  scene.add_mesh("sheet", corners, faces, Convexify::kSurface, {.pose = Pose{{8, 0, 0}}});
-  const Engine engine = make(std::move(scene));
-  QueryView q;
-  q.signed_distance = true;
-  const auto refusal = [&](std::vector<BodyPair> pairs) -> std::string {
-    q.all_pairs = pairs.empty();
-    q.pairs = pairs;
-    try {
-      ask(engine, q);
-    } catch (const QueryError& error) {
-      EXPECT_EQ(error.code, QueryErrorCode::kNotSupported);
-      return error.what();
-    }
-    return "";
-  };
-  EXPECT_EQ(refusal({{0, 1}}), "") << "other pairs of the scene have depths";
-  EXPECT_EQ(refusal({{0, 1}, {2, 0}}), "signed_distance: 'shelf' is a solid, of which there is no depth");
-  EXPECT_EQ(refusal({{3, 0}}), "signed_distance: 'sheet' is a surface, of which there is no depth");
-  EXPECT_EQ(refusal({}), "signed_distance: 'shelf' is a solid, of which there is no depth");
-  q.signed_distance = false;
-  EXPECT_EQ(refusal({}), "");
-}
-
 TEST(Engine, CertificatesOfSurfacesAndSolidsAreRefusedByTheirNames) {
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const std::vector<Triangle> faces{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
@@ -163,7 +134,9 @@ TEST(Engine, CertificatesOfSurfacesAndSolidsAreRefusedByTheirNames) {
     FAIL() << "accepted";
   } catch (const QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kNotSupported);
-    EXPECT_STREQ(error.what(), "certificate: 'shelf' is a solid, of whose rows none is certified so far");
+    EXPECT_STREQ(
+        error.what(),
+        "certificate: 'shelf' is a solid, of whose rows none is certified so far; its hull's are (convexify: hull)");
   }
 }
 

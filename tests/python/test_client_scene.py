@@ -106,18 +106,21 @@ def test_a_mesh_is_added_as_what_it_is(start_daemon, tmp_path):
     daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     triangles = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    two = np.concatenate([vertices, vertices + 5]), np.concatenate([triangles, triangles + 4])
     with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
         client.add_body("solid", mesh=(vertices, triangles), convexify="solid", parent="wall", pose=at(3))
         client.add_body("surface", mesh=(vertices, triangles[:2]), convexify="surface", pose=at(3), padding=0.1)
         client.add_body("hull", mesh=(vertices, triangles), pose=at(3))
+        client.add_body("found out", mesh=two, pose=at(3))
         assert [(body.triangle_count, body.is_solid) for body in client.bodies] == [
-            (0, False), (4, True), (2, False), (0, False)
+            (0, False), (4, True), (2, False), (0, False), (8, True)
         ]  # fmt: skip
         scene = clearance.Scene()
         scene.add_box("wall", [1, 1, 1], static=True)
         scene.add_body("solid", mesh=(vertices, triangles), convexify="solid", parent="wall", pose=at(3))
         scene.add_body("surface", mesh=(vertices, triangles[:2]), convexify="surface", pose=at(3), padding=0.1)
         scene.add_body("hull", mesh=(vertices, triangles), pose=at(3))
+        scene.add_body("found out", mesh=two, pose=at(3))
         assert client.distances().scene_revision == scene.revision
         for mesh, text in [
             ((vertices, triangles[:3]), "the mesh encloses no volume: the edge from .* belongs to no other triangle"),
@@ -126,8 +129,7 @@ def test_a_mesh_is_added_as_what_it_is(start_daemon, tmp_path):
         ]:
             with pytest.raises(clearance.QueryError, match=text):
                 client.add_body("odd", mesh=mesh, convexify="solid")
-        with pytest.raises(clearance.QueryError, match="signed_distance: 'surface' is a surface"):
-            client.distances(pairs=("surface", "wall"), signed=True)
+        assert client.distances(pairs=("surface", "wall"), signed=True).upper[0, 0] == pytest.approx(2.4)
 
 
 def test_keys(start_daemon, cell, tmp_path, monkeypatch):

@@ -53,12 +53,57 @@ for i, j in ((0, 1), (1, 2), (2, 3), (3, 0)):
 CUP_TRIANGLES = [t for a, b, c, d in CUP_QUADS for t in ((a, b, c), (a, c, d))]
 
 
+def write_obj(path, vertices, triangles):
+    faces = "".join("f " + " ".join(str(v + 1) for v in t) + "\n" for t in triangles)
+    path.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in vertices) + faces)
+
+
+def test_a_mesh_is_the_truth_where_nothing_is_said(tmp_path):
+    write_obj(tmp_path / "cup.obj", CUP_VERTICES, CUP_TRIANGLES)
+    write_obj(tmp_path / "open.obj", CUP_VERTICES, CUP_TRIANGLES[1:])
+    (tmp_path / "scene.yaml").write_text("bodies:\n  - {name: file, mesh: cup.obj}\n")
+    (tmp_path / "cup.urdf").write_text(
+        "<robot name='r'><link name='l'><collision><geometry><mesh filename='cup.obj'/></geometry></collision></link>"
+        "</robot>"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = clearance.Scene.load(tmp_path / "scene.yaml")
+        scene.add_mesh("path", tmp_path / "cup.obj")
+        scene.add_body("own", mesh=(CUP_VERTICES, CUP_TRIANGLES))
+        scene.add_mesh("said", tmp_path / "cup.obj", convexify="solid")
+        robot = clearance.Scene.load_urdf(tmp_path / "cup.urdf")
+    assert all(body.is_solid and body.triangle_count == 28 for body in scene.bodies)
+    assert [body.is_solid for body in robot.bodies if body.triangle_count] == [True]
+    assert scene.source(1) == f"{tmp_path / 'cup.obj'} (solid)"
+    with pytest.warns(
+        clearance.HullWarning,
+        match=r"open: its hull stands up to .*: distances are to the hull; .*open\.obj \(hull\) encloses nothing: the "
+        r"edge from \(.*\) to \(.*\) of triangle \d+ belongs to no other triangle: the mesh is open there; convexify: "
+        "surface ",
+    ):
+        scene.add_mesh("open", tmp_path / "open.obj")
+    with pytest.warns(clearance.HullWarning, match="own open: .* mesh \\(hull\\) encloses nothing"):
+        scene.add_body("own open", mesh=(CUP_VERTICES, CUP_TRIANGLES[1:]))
+    assert [body.triangle_count for body in scene.bodies[-2:]] == [0, 0]
+
+
+def test_what_overlaps_a_solid_has_a_depth_between_two_bounds():
+    scene = clearance.Scene()
+    scene.add_body("cup", mesh=(CUP_VERTICES, CUP_TRIANGLES), pose=[0, 0, 0, 1, 0, 0, 0])
+    scene.add_sphere("inside", 0.25, pose=[0, 0, 0.25, 1, 0, 0, 0])
+    scene.add_sphere("in the wall", 0.1, pose=[0.75, 0, 0, 1, 0, 0, 0])
+    r = clearance.Engine(scene, backend="cpu").distances(pairs=[(0, 1), (0, 2)], signed=True)
+    assert r.status[0, 0] == clearance.Status.OK and r.lower[0, 0] <= 0.25 <= r.upper[0, 0]
+    assert r.status[0, 1] == clearance.Status.UNCONVERGED
+    assert r.lower[0, 1] == pytest.approx(-0.35) and -0.35 <= r.upper[0, 1] <= -0.1
+
+
 def test_a_mesh_is_what_is_said_of_it(tmp_path):
-    faces = "".join("f " + " ".join(str(v + 1) for v in t) + "\n" for t in CUP_TRIANGLES)
-    (tmp_path / "cup.obj").write_text("".join(f"v {x} {y} {z}\n" for x, y, z in CUP_VERTICES) + faces)
+    write_obj(tmp_path / "cup.obj", CUP_VERTICES, CUP_TRIANGLES)
     scene = clearance.Scene()
     with pytest.warns(clearance.HullWarning):
-        scene.add_mesh("hull", tmp_path / "cup.obj")
+        scene.add_mesh("hull", tmp_path / "cup.obj", convexify="hull")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for how in ("surface", "solid"):
@@ -72,10 +117,6 @@ def test_a_mesh_is_what_is_said_of_it(tmp_path):
     scene.save(tmp_path / "saved")
     again = clearance.Scene.load(tmp_path / "saved" / "scene.yaml")
     assert again.revision == scene.revision and again.bodies == scene.bodies
-    with pytest.raises(
-        clearance.QueryError, match="signed_distance: 'surface' is a surface, of which there is no depth"
-    ):
-        clearance.Engine(scene).distances(pairs=("hull", "surface"), signed=True)
 
 
 @pytest.mark.parametrize("arguments, error, text", [
@@ -91,7 +132,7 @@ def test_a_mesh_is_what_is_said_of_it(tmp_path):
     ({"mesh": (CUP_VERTICES, [[0, 1, -1]])}, ValueError, r"mesh\[1\]: expected places in the list of vertices, got -1"),
     ({"mesh": ([[0, 1]], [[0, 1, 2]])}, ValueError, r"mesh\[0\]: expected shape \(V, 3\), got \(1, 2\)"),
     ({"sphere": 1.0, "convexify": "solid"}, ValueError,
-     "convexify: expected 'hull' where there is no mesh, got 'solid'"),
+     "convexify: expected 'auto' or 'hull' where there is no mesh, got 'solid'"),
 ])  # fmt: skip
 def test_what_is_wrong_with_a_mesh_is_said(arguments, error, text):
     scene = clearance.Scene()
@@ -180,7 +221,8 @@ def write_shelf(path):
 def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
     write_shelf(tmp_path / "shelf.obj")
     (tmp_path / "scene.yaml").write_text(
-        "bodies:\n  - {name: one, mesh: shelf.obj}\n  - {name: two, mesh: shelf.obj, scale: 2}\n"
+        "bodies:\n  - {name: one, mesh: shelf.obj, convexify: hull}\n"
+        "  - {name: two, mesh: shelf.obj, scale: 2, convexify: hull}\n"
     )
     with pytest.warns(
         clearance.HullWarning, match=r"one: its hull stands up to .* m out of its mesh, .* % of it is empty.*; two: "
@@ -193,10 +235,10 @@ def test_a_concave_mesh_is_warned_about_once_for_each_load(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.simplefilter("ignore", clearance.HullWarning)
-        clearance.Scene().add_mesh("quiet", tmp_path / "shelf.obj")
+        clearance.Scene().add_mesh("quiet", tmp_path / "shelf.obj", convexify="hull")
         clearance.Scene().add_box("crate", [1, 1, 1])
     with pytest.warns(clearance.HullWarning):
-        scene.add_mesh("three", tmp_path / "shelf.obj")
+        scene.add_mesh("three", tmp_path / "shelf.obj", convexify="hull")
 
 
 def test_matrix_as_pose_and_options_by_keyword():
@@ -233,7 +275,7 @@ def test_matrix_as_pose_and_options_by_keyword():
     (lambda s: s.add_box("x", [1, 1, 1], parent=9), ValueError, r"parent: no body has the id 9; the scene has 5"),
     (lambda s: s.add_sphere("x", 0), clearance.SceneError, r"x"),
     (lambda s: s.add_mesh("x", "a.obj", convexify="hul"), ValueError,
-     r"convexify: expected 'hull' or 'submeshes' or 'decompose' or 'surface' or 'solid', got 'hul'"),
+     r"convexify: expected 'hull' or 'submeshes' or 'decompose' or 'surface' or 'solid' or 'auto', got 'hul'"),
     (lambda s: s.add_mesh("x", "a.obj", scale=[1, 2]), ValueError,
      r"scale: expected one number or three, got \[1, 2\]"),
     (lambda s: s.add_mesh("x", "/nowhere/a.obj"), clearance.SceneError, r"/nowhere/a.obj"),

@@ -7,7 +7,7 @@
 
 #include "engine/hull/hull.h"
 #include "engine/hull/hull_excess.h"
-#include "engine/scene/scene.h"
+#include "engine/scene/hull_warning.h"
 #include "mesh_files.h"
 #include "temporary_folder.h"
 
@@ -196,8 +196,8 @@ TEST(HullExcess, BodiesPublishItAndWarn) {
   }());
   const Scene scene = Scene::load(folder.write("scene.yaml", R"(
 bodies:
-  - {name: shelf, mesh: shelf.obj}
-  - {name: twice, mesh: shelf.stl, scale: [2, 2, -2]}
+  - {name: shelf, mesh: shelf.obj, convexify: hull}
+  - {name: twice, mesh: shelf.stl, scale: [2, 2, -2], convexify: hull}
   - {name: parts, mesh: parts.stl, convexify: submeshes}
   - {name: ball, mesh: ball.ply}
   - {name: box, box: 1}

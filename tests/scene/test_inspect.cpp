@@ -297,5 +297,41 @@ TEST(Inspect, ASolidIsItsTrianglesAndNoSphereOrBox) {
   EXPECT_EQ(solid.sharing, 2u);
 }
 
+// Two tetrahedra that do not touch, as one mesh.
+TEST(Inspect, SaysWhatAMeshCouldBeAndWhatThatCosts) {
+  const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1},
+                                   {5, 0, 0}, {6, 0, 0}, {5, 1, 0}, {5, 0, 1}};
+  const std::vector<Triangle> faces{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2},
+                                    {4, 6, 5}, {4, 5, 7}, {5, 6, 7}, {4, 7, 6}};
+  const std::span<const Triangle> open = std::span(faces).first(7), one = std::span(faces).first(4);
+  Scene scene;
+  scene.add_mesh("closed", corners, faces, Convexify::kAuto, {.pose = Pose{{0, 0, 0}}});
+  scene.add_mesh("open", corners, open, Convexify::kAuto, {.radius = 0.25, .pose = Pose{{0, 0, 9}}});
+  scene.add_mesh("convex", std::span(corners).first(4), one, Convexify::kAuto, {.pose = Pose{{0, 9, 0}}});
+  scene.add_box("box", {1, 1, 1}, {.pose = Pose{{3, 0.5, 0.5}}});
+  scene.add_mesh("apart", corners, faces, Convexify::kSurface, {.radius = 0.5});  // without a pose
+  const SceneReport report = inspect(scene, {});
+  ASSERT_EQ(report.choices.size(), 8u);
+  const auto is = [&](std::size_t i, std::uint32_t body, Convexify what, bool now, bool is_timed) {
+    const Choice& c = report.choices[i];
+    EXPECT_EQ(c.body, body) << i;
+    EXPECT_EQ(c.what, what) << i;
+    EXPECT_EQ(c.is_now, now) << i;
+    EXPECT_EQ(c.ns_per_pair.has_value(), is_timed) << i;
+    EXPECT_EQ(c.triangles, c.what == Convexify::kHull ? 0u : body == 1 ? 7u : 8u) << i;
+    EXPECT_EQ(c.hull_excess > 1, c.what == Convexify::kHull) << i << ' ' << c.hull_excess;
+  };
+  is(0, 0, Convexify::kHull, false, true);
+  is(1, 0, Convexify::kSurface, false, true);
+  is(2, 0, Convexify::kSolid, true, true);
+  is(3, 1, Convexify::kHull, true, true);
+  is(4, 1, Convexify::kSurface, false, true);
+  is(5, 4, Convexify::kHull, false, false);
+  is(6, 4, Convexify::kSurface, true, false);
+  is(7, 4, Convexify::kSolid, false, false);
+  EXPECT_GT(report.choices[2].bytes, report.choices[0].bytes);
+  for (const Choice& c : inspect(scene, {.measure = false}).choices) EXPECT_FALSE(c.ns_per_pair);
+}
+
 }  // namespace
 }  // namespace clearance

@@ -278,9 +278,9 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, mesh: t.obj, scale: 1e61}]",
      ":1: bodies[0].mesh: t.obj: scale: expected finite numbers other than 0"},
     {"bodies: [{name: a, mesh: t.obj, convexify: hulls}]",
-     ":1: bodies[0].convexify: expected hull, submeshes, surface, solid or decompose, got \"hulls\""},
+     ":1: bodies[0].convexify: expected auto, hull, submeshes, surface, solid or decompose, got \"hulls\""},
     {"bodies: [{name: a, mesh: t.obj, convexify: decompose}]",
-     ":1: bodies[0].convexify: not yet: decompose (approximate convex decomposition); use hull, submeshes, "
+     ":1: bodies[0].convexify: not yet: decompose (approximate convex decomposition); use auto, hull, submeshes, "
      "surface or solid"},
     {"bodies: [{name: a, mesh: open.obj, convexify: solid}]",
      ":1: bodies[0].mesh: open.obj: convexify: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, "

@@ -12,6 +12,7 @@
 #include "engine/device/hull_arrays.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/shapes.h"
+#include "engine/scene/hull_warning.h"
 #include "engine/scene/link_geometry.h"
 #include "engine/scene/mesh_geometry.h"
 #include "engine/surface/surface.h"
@@ -99,6 +100,118 @@ TEST(TrueMesh, IsOnePieceThatStandsForItsTriangles) {
   Scene convex;
   add(convex, "hull", cup(), Convexify::kHull);
   EXPECT_FALSE(convex.has_surfaces());
+}
+
+// ---- where nothing is said
+
+Source box_at(const Vec3d& at) {
+  const Shape box = make_box({1, 1, 1});
+  Source mesh{{}, {box.triangles.begin(), box.triangles.end()}};
+  for (const Vec3d& v : box.vertices) mesh.vertices.push_back(v + at);
+  return mesh;
+}
+Source beside(Source a, const Source& b) {
+  const auto base = static_cast<std::uint32_t>(a.vertices.size());
+  a.vertices.insert(a.vertices.end(), b.vertices.begin(), b.vertices.end());
+  for (const Triangle& t : b.triangles) a.triangles.push_back({base + t[0], base + t[1], base + t[2]});
+  return a;
+}
+
+TEST(TrueMesh, TheDefaultIsTheTruth) {
+  Source open = cup(), turned = cup();
+  open.triangles.pop_back();
+  std::swap(turned.triangles[3][0], turned.triangles[3][1]);
+  Source inside_out = box_at({0, 0, 0});
+  for (Triangle& t : inside_out.triangles) std::swap(t[0], t[1]);
+  Scene scene;
+  add(scene, "box", box_at({0, 0, 0}), Convexify::kAuto);
+  add(scene, "inside out", inside_out, Convexify::kAuto);
+  add(scene, "cup", cup(), Convexify::kAuto);
+  add(scene, "two", beside(box_at({0, 0, 0}), box_at({3, 0, 0})), Convexify::kAuto);
+  add(scene, "open", open, Convexify::kAuto);
+  add(scene, "turned", turned, Convexify::kAuto);
+  const auto& b = scene.bodies();
+  for (const std::size_t i : {0u, 1u, 4u, 5u}) {
+    EXPECT_EQ(surface_of(b[i]), nullptr) << b[i].name;
+    EXPECT_EQ(b[i].source, "mesh (hull)");
+  }
+  for (const std::size_t i : {0u, 1u, 2u, 3u}) {
+    EXPECT_EQ(b[i].hull_excess, 0) << b[i].name;
+    EXPECT_EQ(b[i].model_error, 0) << b[i].name;
+    EXPECT_EQ(hull_warning(b[i]), "") << b[i].name;
+  }
+  for (const std::size_t i : {2u, 3u}) {
+    ASSERT_NE(surface_of(b[i]), nullptr) << b[i].name;
+    EXPECT_TRUE(surface_of(b[i])->is_solid());
+    EXPECT_EQ(b[i].source, "mesh (solid)");
+  }
+  EXPECT_EQ(b[2].pieces[0], [&] {
+    add(scene, "said", cup(), Convexify::kSolid);
+    return scene.bodies().back().pieces[0];
+  }()) << "what was found out is what may be said";
+}
+
+TEST(TrueMesh, AnOpenMeshIsItsHullAndAnEdgeSaysWhy) {
+  Source open = cup(), turned = cup();
+  open.triangles.pop_back();
+  std::swap(turned.triangles[3][0], turned.triangles[3][1]);
+  const TemporaryFolder folder;
+  const std::string file = folder.write("open.off", off(open));
+  Scene scene;
+  scene.add_mesh("a", file, {1, 1, 1}, Convexify::kAuto, {});
+  scene.add_mesh("b", folder.write("turned.off", off(turned)), {2, 2, 2}, Convexify::kAuto, {});
+  add(scene, "closed", cup(), Convexify::kHull);
+  scene.add_mesh("c", file, {1, 1, 1}, Convexify::kAuto, {});
+  const std::vector<HullWarning> warnings = hull_warnings(scene);
+  ASSERT_EQ(warnings.size(), 4u);
+  const auto says = [&](std::size_t i, const std::string& what) {
+    EXPECT_NE(warnings[i].text.find(what), std::string::npos) << warnings[i].text;
+  };
+  says(0, ": distances are to the hull; " + file + " (hull) encloses nothing: the edge from (");
+  says(0,
+       " belongs to no other triangle: the mesh is open there; convexify: surface asks for its triangles as they are");
+  says(1, "turned.off (hull) encloses nothing: the edge from (");
+  says(1, "they are not oriented alike");
+  EXPECT_EQ(warnings[2].text.find("edge"), std::string::npos) << "its hull was asked for: " << warnings[2].text;
+  EXPECT_EQ(warnings[3].text, warnings[0].text);
+  EXPECT_EQ(hull_warnings(scene, 3).size(), 1u);
+}
+
+// A ball as a file of float32 has it: no face is where it was, and the hull stands out by a rounding.
+TEST(TrueMesh, AConvexMeshOfRoundedVerticesIsItsHullWithSlack) {
+  const Shape ball = make_uv_sphere(1, 12);
+  Source rounded{ball.vertices, {ball.triangles.begin(), ball.triangles.end()}}, dented = rounded;
+  for (Vec3d& v : rounded.vertices)
+    for (int k = 0; k < 3; ++k) v[k] = static_cast<float>(v[k]);
+  dented.vertices[40] = dented.vertices[40] * (1 - 1e-3);
+  Scene scene;
+  add(scene, "rounded", rounded, Convexify::kAuto);
+  add(scene, "hull", rounded, Convexify::kHull);
+  add(scene, "dented", dented, Convexify::kAuto);
+  const auto& b = scene.bodies();
+  EXPECT_EQ(b[0].pieces[0], b[1].pieces[0]) << "the same hull";
+  EXPECT_EQ(b[0].hull_excess, 0);
+  EXPECT_GT(b[0].model_error, 1e-9);
+  EXPECT_LT(b[0].model_error, 1e-6);
+  EXPECT_EQ(b[0].model_inner, 0) << "no point of the mesh is beside its hull";
+  EXPECT_NEAR(b[0].model_error, b[1].hull_excess, 1e-10);
+  EXPECT_EQ(b[1].model_error, 0) << "the hull was asked for";
+  ASSERT_NE(surface_of(b[2]), nullptr);
+  EXPECT_TRUE(surface_of(b[2])->is_solid());
+}
+
+TEST(TrueMesh, TheDefaultIsKeptInTheCache) {
+  const TemporaryFolder folder;
+  const std::string file = folder.write("cup.off", off(cup()));
+  MeshGeometries geometries;
+  for (int round = 0; round < 2; ++round) {
+    MeshFile mesh(file);
+    const Geometry made = geometries.make(mesh, {.convexify = Convexify::kAuto}, "cup.off");
+    const std::optional<Geometry> kept = geometry_of_record(geometry_record(made));
+    ASSERT_TRUE(kept);
+    EXPECT_EQ(mesh_source("cup.off", Convexify::kAuto, *kept), "cup.off (solid)");
+    EXPECT_EQ(made.source, "cup.off (solid)");
+  }
 }
 
 TEST(TrueMesh, PiecesOfEqualVerticesAreSharedWhereTheirTrianglesAreEqual) {

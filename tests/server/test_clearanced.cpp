@@ -189,8 +189,9 @@ TEST_F(Clearanced, LogWarnsOfMeshesThatAreFarFromConvex) {
       obj +=
           "f " + std::to_string(first + a) + " " + std::to_string(first + b) + " " + std::to_string(first + c) + "\n";
   folder_.write("apart.obj", obj);
-  const std::string scene = folder_.write(
-      "apart.yaml", "bodies: [{name: apart, mesh: apart.obj}, {name: again, mesh: apart.obj}, {name: box, box: 1}]\n");
+  const std::string scene = folder_.write("apart.yaml",
+                                          "bodies: [{name: apart, mesh: apart.obj, convexify: hull}, "
+                                          "{name: again, mesh: apart.obj, convexify: hull}, {name: box, box: 1}]\n");
   Daemon daemon({"--scene", scene, "--zmq", ipc_});
   const std::string log = daemon.log(),
                     event = "level=warning event=hull_stands_out body=\"apart\" more=1 hull_excess_m=";
@@ -201,6 +202,27 @@ TEST_F(Clearanced, LogWarnsOfMeshesThatAreFarFromConvex) {
   EXPECT_LT(bodies[0].hull_excess, 6);
   EXPECT_GT(bodies[0].empty_share, 0.9);
   EXPECT_EQ(bodies[2].hull_excess, 0);
+}
+
+TEST_F(Clearanced, AnOpenMeshThatIsAddedIsLoggedWithAnEdge) {
+  Daemon daemon({"--scene", scene_, "--zmq", ipc_});
+  Client client = connect(ipc_);
+  const std::array<std::array<double, 3>, 4> corners{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+  const std::array<std::array<std::uint32_t, 3>, 4> faces{{{0, 1, 3}, {1, 2, 3}, {0, 3, 2}, {0, 2, 1}}};
+  NewBody closed, open;
+  closed.name = "closed", open.name = "open";
+  closed.vertices = open.vertices = corners;
+  closed.triangles = faces;
+  open.triangles = std::span(faces).first(3);
+  client.add_body(closed);
+  client.add_body(open);
+  const std::string log = daemon.log();
+  EXPECT_FALSE(contains(log, "event=hull_stands_out body=\"closed\""));
+  ASSERT_TRUE(contains(log, "level=warning event=hull_stands_out body=\"open\" more=0 "));
+  EXPECT_TRUE(
+      contains(log,
+               "mesh (hull) encloses nothing: the edge from (0, 0, 0) to (1, 0, 0) of triangle 0 belongs to no "
+               "other triangle: the mesh is open there; convexify: surface asks for its triangles as they are"));
 }
 
 TEST_F(Clearanced, TheSocketOfALivingDaemonIsRefusedThatOfADeadOneReplaced) {

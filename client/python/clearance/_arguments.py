@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Optional, TypeVar
 
 import numpy as np
 
-from ._words import CONVEXIFY
+from ._words import CONVEXIFY, Convexify
 
 _Word = TypeVar("_Word")
 _INT64 = 1 << 63
@@ -203,8 +203,8 @@ def to_shape(shapes: Mapping[str, Any], convexify: Any) -> ShapeArgument:
         if len(parts) != 2:
             raise ValueError(f"mesh: expected a pair (vertices, triangles), got {len(parts)} things")
         return ShapeArgument(shape, to_vertices(parts[0], "mesh[0]"), to_triangles(parts[1], "mesh[1]"), how)
-    if how:
-        raise ValueError(f"convexify: expected 'hull' where there is no mesh, got {convexify!r}")
+    if how not in (Convexify.HULL, Convexify.AUTO):
+        raise ValueError(f"convexify: expected 'auto' or 'hull' where there is no mesh, got {convexify!r}")
     return ShapeArgument(shape, _numbers_of(shape, shapes[shape]), np.zeros((0, 3), np.uint32), how)
 
 

@@ -161,7 +161,7 @@ class Client(Front):
         uncertainty: Optional[Mapping[str, float]] = None,
         padding: float = 0.0,
         max_speed: float = 0.0,
-        convexify: ConvexifyWord = "hull",
+        convexify: ConvexifyWord = "auto",
     ) -> SceneChanged:
         """Adds a body while the daemon runs (a grasped object, say), and waits until the scene has it.
 
@@ -169,7 +169,8 @@ class Client(Front):
             vertices and (T, 3) places in their list, box: (x, y, z) edge lengths, sphere: radius, capsule,
             cylinder and cone: (radius, length), ellipsoid: (x, y, z) half axes, half_space: True, as in
             clearance.Scene.
-        convexify: what a mesh is: "hull", "surface" (its triangles) or "solid" (what they enclose; they are closed).
+        convexify: what a mesh is: "hull", "surface" (its triangles), "solid" (what they enclose; they are closed), or
+            "auto": the hull of a convex or open one, else a solid.
         radius: metres, grows the shape.
         parent: name or id of the body that it follows.
         pose: X_world_body, with a parent X_parent_body; None: no pose until one arrives (with a parent or static: the

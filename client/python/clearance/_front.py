@@ -338,7 +338,7 @@ class Front(MotionQueries, Parser):
         max_distance: metres; a pair proved farther is BEYOND and not refined.
         abs_tol, rel_tol: asks for upper - lower <= max(abs_tol, rel_tol |distance|). rel_tol None: 1e-6 (f32: 1e-4).
         precision: "f64" or "f32" iterations; the bounds are valid in either.
-        signed: also the penetration depth of overlapping pairs.
+        signed: also the penetration depth of overlapping pairs; of a solid or a surface an interval that holds it.
         reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body), "min" (per configuration) or
             "any" (per configuration: BEYOND where every pair is proved farther than its margin, else one that is not).
             For "any" `margin` says how far: metres, or (P,) metres for each pair, or {("arm", "*"): 0.02, ...}, where

@@ -110,7 +110,7 @@ class Scene:
         name: str,
         path: str | os.PathLike[str],
         scale: Any = 1.0,
-        convexify: ConvexifyWord = "hull",
+        convexify: ConvexifyWord = "auto",
         *,
         radius: float = 0.0,
         parent: Optional[BodyRef] = None,
@@ -124,7 +124,7 @@ class Scene:
 
         convexify: what the body is: "hull" or "submeshes" (the convex hull of all vertices, or of each submesh's),
             "surface" (its triangles) or "solid" (what they enclose: they are closed, and turn alike); "decompose" is
-            not there yet.
+            not there yet. "auto": the hull of a convex mesh, and of an open one, and a solid else.
 
         Warns (HullWarning) if the pieces stand far out of the mesh: BodyInfo.hull_excess says how far at most.
         """
@@ -321,7 +321,7 @@ class Scene:
         uncertainty: Optional[Mapping[str, float]] = None,
         padding: float = 0.0,
         max_speed: float = 0.0,
-        convexify: ConvexifyWord = "hull",
+        convexify: ConvexifyWord = "auto",
     ) -> int:
         """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it.
 
@@ -384,7 +384,7 @@ class Scene:
         home: Union[Mapping[str, float], str, None] = None,
         padding: Union[float, Mapping[str, float]] = 0.0,
         uncertainty: Optional[Mapping[str, Mapping[str, float]]] = None,
-        convexify: Union[ConvexifyWord, Mapping[str, ConvexifyWord]] = "hull",
+        convexify: Union[ConvexifyWord, Mapping[str, ConvexifyWord]] = "auto",
     ) -> None:
         """Adds a robot: a frame `name` that places it, and a body "name/LINK" for each of its links.
 
@@ -399,7 +399,7 @@ class Scene:
         padding: metres that grow the links, one number or {link: metres}.
         uncertainty: {link: {"position": metres, "angle": radians}} that a link may be off by, itself alone: not those
             that hang on it.
-        convexify: what the links' meshes are, as in add_mesh(): one word or {link: word}, "hull" for the others.
+        convexify: what the links' meshes are, as in add_mesh(): one word or {link: word}, "auto" for the others.
 
         Raises SceneError naming file, line and element. Warns (RobotWarning) of what was left out of the SRDF, and
         (HullWarning) of links that stand far out of their meshes.
@@ -429,7 +429,7 @@ class Scene:
                     to_text(link, "uncertainty"): to_uncertainty(doubt, f"uncertainty[{link!r}]")
                     for link, doubt in to_items({} if uncertainty is None else uncertainty, "uncertainty", _BY_LINK)
                 },
-                CONVEXIFY["hull"] if named else to_word(convexify, CONVEXIFY, "convexify"),
+                CONVEXIFY["auto"] if named else to_word(convexify, CONVEXIFY, "convexify"),
                 _convexify_by_link(convexify) if isinstance(convexify, Mapping) else {},
             )
             _warn_of_hulls(self._scene, bodies)

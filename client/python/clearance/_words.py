@@ -64,6 +64,7 @@ class Convexify(enum.IntEnum):
     DECOMPOSE = 2  #: approximate convex decomposition
     SURFACE = 3  #: its triangles are the body
     SOLID = 4  #: what its triangles enclose is the body
+    AUTO = 5  #: the default: a convex mesh is its hull, another closed one a solid, an open one its hull
 
 
 class Format(enum.IntEnum):
@@ -150,7 +151,7 @@ FIELD_MASKS: dict[str, int] = {
 PrecisionWord = Literal["f64", "f32"]
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
 FormatWord = Literal["full", "compact"]
-ConvexifyWord = Literal["hull", "submeshes", "decompose", "surface", "solid"]
+ConvexifyWord = Literal["hull", "submeshes", "decompose", "surface", "solid", "auto"]
 GeometryWord = Literal["collision", "visual"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 

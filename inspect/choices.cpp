@@ -1,0 +1,100 @@
+#include "inspect/choices.h"
+
+#include <algorithm>
+#include <array>
+#include <set>
+#include <utility>
+
+#include "engine/scene/geometry.h"
+#include "engine/surface/surface.h"
+
+namespace clearance {
+
+namespace {
+
+// What a body was made of, if that is one mesh: submeshes are gone by now.
+bool is_of_one_mesh(const Body& body) {
+  constexpr std::array kOfOneMesh = {Convexify::kHull, Convexify::kSurface, Convexify::kSolid};
+  return body.pieces.size() == 1 && body.display && std::ranges::any_of(kOfOneMesh, [&](Convexify what) {
+           return body.source.ends_with("(" + std::string(word_of(what)) + ")");
+         });
+}
+
+Convexify what_is(const Body& body) {
+  const Surface* surface = surface_of(body);
+  return !surface ? Convexify::kHull : surface->is_solid() ? Convexify::kSolid : Convexify::kSurface;
+}
+
+// The same body where it stands, made anew of its mesh.
+Body made(const Body& body, Geometry geometry, const Pose& X_wb) {
+  Body other = body;
+  other.pieces = std::move(geometry.pieces);
+  other.parent = other.robot = other.link = kNone;
+  other.is_static = false;
+  other.is_live = false;
+  other.is_grown = true;
+  other.pose = X_wb;
+  return other;
+}
+
+Choice choice_of(std::uint32_t id, Convexify what, bool is_now, const Geometry& geometry) {
+  const Piece& piece = *geometry.pieces[0];
+  Choice choice{id, what, is_now, piece.vertices.size(), 0, resident_bytes(piece), geometry.hull_excess, {}};
+  if (!piece.surface) return choice;
+  choice.triangles = piece.surface->triangles().size();
+  choice.bytes += piece.surface->resident_bytes();
+  return choice;
+}
+
+// Each as a body of a scene of its own, among the partners that the body has, all where they are.
+void measure(const Scene& scene, std::uint32_t id, const PairTimes& times, std::span<const Geometry> geometries,
+             std::span<Choice> choices) {
+  const std::vector<BodyPair> pairs = times.sampled(id);
+  if (pairs.empty()) return;
+  Scene among;
+  for (const BodyPair& pair : pairs) {
+    Geometry as_it_is;
+    as_it_is.pieces = scene.bodies()[pair.b].pieces;
+    Body partner = made(scene.bodies()[pair.b], std::move(as_it_is), times.pose(pair.b));
+    among.add_body(std::move(partner));
+  }
+  for (std::size_t i = 0; i < geometries.size(); ++i) {
+    Body one = made(scene.bodies()[id], geometries[i], times.pose(id));
+    one.name = "choice " + std::to_string(i);
+    if (among.find_body(one.name) != kNone) return;  // somebody's body is called so
+    among.add_body(std::move(one));
+  }
+  const PairTimes here(among);
+  for (std::size_t i = 0; i < geometries.size(); ++i) {
+    std::vector<BodyPair> with;
+    for (std::uint32_t p = 0; p < pairs.size(); ++p) with.push_back({static_cast<std::uint32_t>(pairs.size() + i), p});
+    choices[i].ns_per_pair = here.ns_per_pair(with);
+  }
+}
+
+}  // namespace
+
+std::vector<Choice> choices_of(const Scene& scene, const PairTimes* times) {
+  std::vector<Choice> all;
+  std::set<std::pair<const DisplayMesh*, double>> seen;
+  for (std::uint32_t id = 0; id < scene.bodies().size(); ++id) {
+    const Body& body = scene.bodies()[id];
+    if (!is_of_one_mesh(body) || (!surface_of(body) && body.hull_excess == 0)) continue;
+    const double radius = body.pieces[0]->radius;
+    if (!seen.insert({body.display.get(), radius}).second) continue;
+    const DisplayMesh& mesh = *body.display;
+    std::vector<Convexify> kinds{Convexify::kHull, Convexify::kSurface};
+    if (open_edge(mesh.vertices, mesh.triangles).empty()) kinds.push_back(Convexify::kSolid);
+    std::vector<Geometry> geometries;
+    std::vector<Choice> choices;
+    for (const Convexify what : kinds) {
+      geometries.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, what, radius));
+      choices.push_back(choice_of(id, what, what == what_is(body), geometries.back()));
+    }
+    if (times) measure(scene, id, *times, geometries, choices);
+    all.insert(all.end(), choices.begin(), choices.end());
+  }
+  return all;
+}
+
+}  // namespace clearance
