@@ -75,12 +75,13 @@ bench-surfaces: build  ## meshes that are not convex, beside Coal, which it inst
 bench-load: build  ## how long 1000 meshes take to load, with an empty cache and with a full one; rewrites docs/results/load.csv
 	@$(PYTHON_VENV) bench/load/bench_load.py --csv docs/results/load.csv
 
-certify: setup  ## a million pairs of every hard class of hulls and of meshes against exact arithmetic, and certificates of 1000 of each; rewrites docs/results/*accuracy.csv
+certify: setup  ## a million pairs of every hard class of hulls and of meshes against exact arithmetic, 100,000 motions, and certificates of 1000 of each class; rewrites docs/results/*accuracy.csv
 	@tools/build.sh release clearance-certify clearance-certificates
 	@mkdir -p out
 	@build/bin/clearance-certificates --cases 1000 --out out/certificates
 	@$(PYTHON_VENV) tools/check_certificate.py out/certificates/*.json
 	@build/bin/clearance-certify --pairs 1000000 --seed 1 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
+	@build/bin/clearance-certify --motions 100000 --seed 1
 	@build/bin/clearance-certify --meshes --pairs 1000000 --seed 1 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
 
 tradeoff: setup  ## time against accuracy for every setting of a query; rewrites docs/results/tradeoff.csv and docs/tradeoff.*

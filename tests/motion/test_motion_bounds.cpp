@@ -1,5 +1,7 @@
 // That the bounds bite: how far a motion can bring bodies together is claimed to a thousandth, term by term. Whoever
 // lowers one of them is found here.
+#include <gtest/gtest.h>
+
 #include <boost/multiprecision/cpp_bin_float.hpp>
 #include <fstream>
 
