@@ -138,19 +138,29 @@ void MotionSearch::give_up() {
   spans_.clear();
 }
 
-void MotionSearch::ask(Node& node, const Placement& placed, std::vector<PlacedBodies>& asked,
+void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked,
                        std::vector<Question>& questions) {
+  const Placement& placed = moment.placed;
   // Before anything is known of the least distance all pairs would be asked in full: one comes first.
   const PairList& pairs = question_.plan.pairs;
   const bool seeds = question_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
   const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
   node.seeds = seed < node.open.size();
-  if (node.seeds) return ask(seed, node, pairs.at(node.open[seed]), placed, asked, questions);
+  const auto ask_about = [&](BodyPair pair, const Question& q) {
+    asked.push_back({pair, &placed, sum_above(q.target, q.way), nullptr, decides() ? q.target : -kInf});
+    questions.push_back(q);
+  };
+  if (node.seeds) {
+    const BodyPair pair = pairs.at(node.open[seed]);
+    return ask_about(pair, question_about(seed, node, pair, placed));
+  }
   question_.bounds.speeds(moving, placed, speeds_);
   for (std::size_t i = 0; i < node.open.size(); ++i) {
     const BodyPair pair = pairs.at(node.open[i]);
-    if (is_unusable(question_.scene, placed, pair) || !leaves_by_boxes(i, node, pair, placed))
-      ask(i, node, pair, placed, asked, questions);
+    const bool usable = !is_unusable(question_.scene, placed, pair);
+    if (usable && leaves_by_boxes(i, node, pair, placed)) continue;
+    const Question question = question_about(i, node, pair, placed);
+    if (!usable || !leaves_along_boxes(question, node, pair, moment)) ask_about(pair, question);
   }
 }
 
@@ -168,19 +178,33 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
   return true;
 }
 
-void MotionSearch::ask(std::size_t i, const Node& node, BodyPair pair, const Placement& placed,
-                       std::vector<PlacedBodies>& asked, std::vector<Question>& questions) {
+// Nor do most others come nearer along the way from one box to the other, as they move there.
+bool MotionSearch::leaves_along_boxes(const Question& asked, const Node& node, BodyPair pair, const Moment& moment) {
+  const Aabb *const a = moment.placed.known_box(pair.a), *const b = moment.placed.known_box(pair.b);
+  if (!a || !b || asked.way == 0) return false;
+  Vec3d n{0, 0, 0};
+  for (int k = 0; k < 3; ++k) n[k] = std::max(b->low[k] - a->high[k], 0.0) - std::max(a->low[k] - b->high[k], 0.0);
+  const double length = norm(n);
+  if (!(length > asked.target)) return false;
+  const HalfSpans gaps = half_spans(pair, asked.rates, n, 0, moment, node.half(), true);
+  const double low = std::min(gaps.before, gaps.after);
+  Goal& goal = goal_of(node.open[asked.open]);
+  if (!(low > target_of(node.open[asked.open], goal, 0))) return false;
+  leave(goal, node.open[asked.open], std::max(low, node.low[asked.open]), 0, node.begin);
+  return true;
+}
+
+MotionSearch::Question MotionSearch::question_about(std::size_t i, const Node& node, BodyPair pair,
+                                                    const Placement& placed) {
   const std::uint64_t position = node.open[i];
-  double way = 0, inner = 0;
-  PairRates rates;
+  Question question{static_cast<std::uint32_t>(i), 0, 0, 0, {}};
   if (!is_unusable(question_.scene, placed, pair)) {
-    rates = question_.bounds.rates(position, pair, moving, placed);
-    if (rates.speed > 0) way = sum_above(rates.speed * node.half(), 0x1p-1000);
-    inner = pair_slack(placed, pair).inner;
+    question.rates = question_.bounds.rates(position, pair, moving, placed);
+    if (question.rates.speed > 0) question.way = sum_above(question.rates.speed * node.half(), 0x1p-1000);
+    question.inner = pair_slack(placed, pair).inner;
   }
-  const double target = target_of(position, goal_of(position), inner);
-  asked.push_back({pair, &placed, sum_above(target, way), nullptr, decides() ? target : -kInf});
-  questions.push_back({static_cast<std::uint32_t>(i), target, way, inner, rates});
+  question.target = target_of(position, goal_of(position), question.inner);
+  return question;
 }
 
 // The pair whose boxes are nearest; none: they are all beyond max_distance, or nowhere.
@@ -218,13 +242,11 @@ bool MotionSearch::is_proved(std::uint64_t position, const Goal& goal, double lo
   return decides() ? low > target : low >= target;
 }
 
-// How near the pair can come in either half, along the direction that keeps it apart in the middle.
-HalfSpans MotionSearch::half_spans(BodyPair pair, const Question& asked, const PairAnswer& answer, const Moment& moment,
-                                   double half) const {
-  const Vec3d& n = answer.normal;
-  if (!(answer.lower > 0) || !std::isfinite(n.x + n.y + n.z)) return {-kInf, -kInf};
+// How near the pair can come in either half, along a direction that keeps it apart in the middle. \param of_boxes the
+// bodies' boxes, which hold what is not known of them
+HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner,
+                                   const Moment& moment, double half, bool of_boxes) const {
   const MotionBounds& bounds = question_.bounds;
-  const PairRates& rates = asked.rates;
   const auto twist_of = [&](std::uint32_t body) {
     return bounds.slot(body) == kNone ? Twist() : moment.twists[bounds.slot(body)];
   };
@@ -236,12 +258,13 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const Question& asked, const P
       twist.shift = twist.shift - (seer.shift + cross(seer.turn, pose.t_w - moment.placed[rates.seer].pose.t_w));
       twist.turn = twist.turn - seer.turn;
     }
-    return MovingBody{question_.scene.bodies()[body], pose, twist};
+    return MovingBody{question_.scene.bodies()[body], pose, twist, of_boxes ? moment.placed.known_box(body) : nullptr};
   };
   const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half,
                                     rates.acceleration * (0.5 * half * half) * (1 + 0x1p-40));
-  const double less = (asked.inner + rates.drift * half) * (1 + 0x1p-40);
-  return {difference_below(gaps.before, less), difference_below(gaps.after, less)};
+  const double less = (inner + rates.drift * half) * (1 + 0x1p-40);
+  return {difference_below(gaps.before, less), difference_below(gaps.after, less),
+          difference_below(gaps.middle, inner * (1 + 0x1p-40))};
 }
 
 // What an answer proves of both halves of the span. Where that is not enough the pair goes on in the half.
@@ -253,13 +276,13 @@ void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const
   double low = std::max(node.low[asked.open], difference_below(answer.lower, asked.way));
   const bool beyond = answer.status == Status::kBeyond;
   if (beyond) low = std::max(low, std::nextafter(asked.target, kInf));
-  HalfSpans gaps{low, low};
-  if (!beyond && !is_proved(position, goal, low, inner) && asked.way > 0) {
-    const HalfSpans along = half_spans(question_.plan.pairs.at(position), asked, answer, moment, node.half());
-    gaps = {std::max(low, along.before), std::max(low, along.after)};
-  }
+  HalfSpans gaps{low, low, -kInf};
+  const Vec3d& n = answer.normal;
+  const bool has_normal = answer.lower > 0 && std::isfinite(n.x + n.y + n.z);
+  if (!beyond && !is_proved(position, goal, low, inner) && asked.way > 0 && has_normal)
+    gaps = half_spans(question_.plan.pairs.at(position), asked.rates, n, inner, moment, node.half(), false);
   for (Node& half : halves) {
-    const double gap = &half == &halves[0] ? gaps.before : gaps.after;
+    const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
     const bool proved = beyond || is_proved(position, goal, gap, inner);
     if (proved || asked.way == 0 || node.half() <= kLeastHalf) {
       goal.forced |= !proved && (any() || !seeks_contact_);

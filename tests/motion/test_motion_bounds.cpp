@@ -238,6 +238,19 @@ TEST(MotionBounds, ATurningBaseUnderAnArm) {
   a.expect_bound(0.5 * 9e-4);
 }
 
+// How far out something stands on what turns is part of how fast it goes.
+TEST(MotionBounds, WhatStandsOnACarriedBody) {
+  Approach a;
+  add_plate(a.scene, "plate", 0, 0.9 - 1e-5);
+  const std::uint32_t cart = a.scene.add_sphere("cart", 1e-5, {.pose = Pose{}});
+  a.scene.add_sphere("shelf", 1e-5, {.parent = "cart", .pose = Pose{{1, 0, 0}}});
+  const std::uint32_t goes = a.scene.add_sphere("goes", 1e-5, {.parent = "shelf", .pose = Pose{}});
+  a.motion.bodies = {cart, goes};
+  a.motion.poses = {turned_about_z(0.01), Pose{}, turned_about_z(-0.01), Pose{}};
+  a.pair = {0, goes};
+  a.expect_bound(5e-5);
+}
+
 // What carries both does not count: neither a joint, nor a base, nor a body that both follow.
 TEST(MotionBounds, WhatCarriesBothDoesNotCount) {
   Approach a;
