@@ -13,6 +13,8 @@ namespace clearance {
 namespace {
 
 constexpr double kLeastHalf = 0x1p-40;    // of a span
+constexpr double kGrid = 0x1p-12;         // times that spans are cut at
+constexpr double kLeastTrimmed = 0x1p-7;  // half of a span that is cut so: 30 more halves are exact
 constexpr double kContactTime = 0x1p-10;  // first contact is narrowed to that, of the motion
 
 bool is_less_promising(const MotionSearch::Node& p, const MotionSearch::Node& q) {
@@ -267,9 +269,17 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const 
           difference_below(gaps.middle, inner * (1 + 0x1p-40))};
 }
 
+// How much of the way from a middle to an end keeps a bound of its target that is concave in between: of what is above
+// the target in the middle all but a little may be lost.
+MotionSearch::Proved MotionSearch::proved_until(double middle, double end, double target) {
+  const double kept = target + 0x1p-6 * (middle - target);
+  if (!(middle > target) || !(end < kept)) return {};
+  return {(middle - kept) / (middle - end) * (1 - 0x1p-30), std::min(kept, middle)};
+}
+
 // What an answer proves of both halves of the span. Where that is not enough the pair goes on in the half.
 void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
-                          Node (&halves)[2]) {
+                          Half (&halves)[2]) {
   const std::uint64_t position = node.open[asked.open];
   Goal& goal = goal_of(position);
   const double inner = asked.inner;
@@ -281,17 +291,40 @@ void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const
   const bool has_normal = answer.lower > 0 && std::isfinite(n.x + n.y + n.z);
   if (!beyond && !is_proved(position, goal, low, inner) && asked.way > 0 && has_normal)
     gaps = half_spans(question_.plan.pairs.at(position), asked.rates, n, inner, moment, node.half(), false);
-  for (Node& half : halves) {
+  const double target = target_of(position, goal, inner);
+  for (Half& half : halves) {
     const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
     const bool proved = beyond || is_proved(position, goal, gap, inner);
     if (proved || asked.way == 0 || node.half() <= kLeastHalf) {
       goal.forced |= !proved && (any() || !seeks_contact_);
-      leave(goal, position, gap, inner, half.begin);
+      leave(goal, position, gap, inner, half.node.begin);
     } else {
-      half.open.push_back(position);
-      half.low.push_back(gap);
+      half.node.open.push_back(position);
+      half.node.low.push_back(gap);
+      const Proved by_way = proved_until(answer.lower, difference_below(answer.lower, asked.way), target),
+                   by_normal = proved_until(gaps.middle, along, target), most = std::max(by_way, by_normal);
+      half.proved = std::min(half.proved, most.share * node.half());
+      half.proved_low.push_back(most.low);
+      half.inner.push_back(inner);
     }
   }
+}
+
+// Up to where all pairs of a half are proved they leave; what is left of it is looked at next. Its ends stay such that
+// middles, and middles of these, are exact.
+void MotionSearch::push_rest(Half& half, double middle) {
+  Node& node = half.node;
+  if (node.open.empty()) return;
+  const bool is_after = node.begin == middle;
+  const double end =
+      is_after ? std::floor((middle + half.proved) / kGrid) * kGrid : std::ceil((middle - half.proved) / kGrid) * kGrid;
+  if (half.proved > kGrid && node.half() >= kLeastTrimmed && (is_after ? end > middle : end < middle)) {
+    for (std::size_t i = 0; i < node.open.size(); ++i)
+      leave(goal_of(node.open[i]), node.open[i], std::max(half.proved_low[i], node.low[i]), half.inner[i],
+            is_after ? middle : end);
+    (is_after ? node.begin : node.end) = end;
+  }
+  push(std::move(node));
 }
 
 void MotionSearch::take(Node& node, const Moment& moment, std::span<const Question> questions,
@@ -299,10 +332,11 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const Questi
   assert(questions.size() == answers.size());
   --under_way_;
   const double middle = node.middle();
-  Node halves[2];
-  halves[0].begin = node.begin;
-  halves[0].end = halves[1].begin = middle;
-  halves[1].end = node.end;
+  Half halves[2];
+  for (Half& half : halves) half.proved = node.half();
+  halves[0].node.begin = node.begin;
+  halves[0].node.end = halves[1].node.begin = middle;
+  halves[1].node.end = node.end;
   const bool seed = node.seeds;  // the others come next, and it with them
   for (std::size_t k = 0; k < questions.size(); ++k) {
     const PairAnswer& answer = answers[k];
@@ -319,8 +353,7 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const Questi
     if (!seed) divide(questions[k], answer, moment, node, halves);
   }
   if (seed) push(std::move(node));
-  for (Node& half : halves)
-    if (!half.open.empty()) push(std::move(half));
+  for (Half& half : halves) push_rest(half, middle);
   end_if_done();
 }
 
