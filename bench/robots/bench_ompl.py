@@ -40,9 +40,8 @@ class SampledMotions(ob.MotionValidator):
         self.problem = problem
 
     def checkMotion(self, start, end):
-        problem = self.problem
-        a, b = problem.row(start), problem.row(end)
-        return self.free(a[None], b[None])[0]
+        a, b = self.problem.row(start), self.problem.row(end)
+        return bool(self.free(a[None], b[None])[0])
 
     def free(self, start, end):
         problem = self.problem
@@ -153,7 +152,7 @@ def main():
 
     resources = problems.fetch(BUILD)
     warnings.simplefilter("ignore")  # what robots and meshes have in them is known
-    util.setLogLevel(util.LogLevel.LOG_ERROR)
+    util.setLogLevel(util.LOG_ERROR)
     rows = []
     for robot in options.robots:
         for row in measure(robot, resources, options):
