@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-robots bench-motions bench-surfaces bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-robots bench-motions bench-ompl bench-surfaces bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -66,8 +66,12 @@ bench-classes: build  ## what a client of the class control waits beside the wor
 bench-robots: build  ## MotionBenchMaker's problems: is a state valid, how near is it to contact, beside Pinocchio and Coal, which it installs; rewrites docs/results/robots.csv
 	@$(PYTHON_VENV) bench/robots/bench_robots.py --csv docs/results/robots.csv
 
-bench-motions: build  ## edges of the same problems, proved free all along, beside sampling them; rewrites docs/results/motions.csv
+bench-motions: build  ## edges of the same problems, proved free all along, beside sampling them; free bodies beside FCL; rewrites docs/results/motions.csv and free_bodies.csv
 	@$(PYTHON_VENV) bench/robots/bench_motions.py --csv docs/results/motions.csv
+	@$(PYTHON_VENV) bench/robots/bench_free_bodies.py --csv docs/results/free_bodies.csv
+
+bench-ompl: build  ## the same problems planned by OMPL, with edges that are sampled and with edges that are proved; rewrites docs/results/ompl.csv
+	@$(PYTHON_VENV) bench/robots/bench_ompl.py --csv docs/results/ompl.csv
 
 bench-surfaces: build  ## meshes that are not convex, beside Coal, which it installs; rewrites docs/results/surfaces.csv
 	@$(PYTHON_VENV) bench/surfaces/bench_surfaces.py --csv docs/results/surfaces.csv

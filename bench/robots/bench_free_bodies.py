@@ -1,16 +1,16 @@
 #!/usr/bin/env python3
-"""Motions of free bodies: is a box that goes straight and turns free all along? Clearance beside FCL's continuous collision.
+"""Free bodies: is a box that goes straight and turns free all along? Clearance beside FCL's continuous collision.
 
     bench/robots/bench_free_bodies.py [--motions 1000] [--csv FILE]
 
 A box goes by, or through, a block or a plate of 0.1 mm. FCL is asked by its package python-fcl, one motion a call, with
-the motion type that is the same motion (linear): by conservative advancement, of its shapes and of the same boxes as meshes,
-and by 100 samples (`naive`). Clearance gets all motions in one batch. One thread, processor time.
+the motion type that is the same motion (linear): by conservative advancement, of its shapes and of the same boxes as
+meshes, and by 100 samples (`naive`). Clearance gets all motions in one batch. One thread, processor time.
 
 A verdict is wrong where it says free and the bodies overlap at the time that Clearance names, as FCL's own distance of
-standing bodies says there; or where it says hit and Clearance proves more than 0.1 mm all along, which FCL's distance at
-400 times does not contradict. Clearance's is wrong where FCL's standing bodies contradict it at one of these times. Exit
-code 1 if one is.
+standing bodies says there; or where it says hit and Clearance proves more than 0.1 mm all along, which FCL's distance
+at 400 times does not contradict. Clearance's is wrong where FCL's standing bodies contradict it at one of these times.
+Exit code 1 if one is.
 
 Installs python-fcl in build/robots.
 """
@@ -27,8 +27,9 @@ from environment import in_own_environment  # noqa: E402
 
 if __name__ == "__main__":
     in_own_environment()
-import fcl  # noqa: E402
 import numpy as np  # noqa: E402
+
+import fcl  # noqa: E402
 
 LINEAR, NAIVE, ADVANCEMENT = 1, 0, 1  # of FCL: motion type, solvers
 TIMES = 400

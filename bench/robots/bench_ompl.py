@@ -111,7 +111,6 @@ def measure(robot, resources, options):
         start, goal = (np.array([at[j] for j in joints]) for at in (asked.start, asked.goal))
         engine = scene_of(asked, files)
         for way, of in found.items():
-            util.RNG.setSeed(asked.number)
             problem = clearance.ompl.JointProblem(engine, [f"{robot}/{j}" for j in joints])
             if not problem.free(np.array([start, goal])).all():
                 continue  # a start or goal that is not free, which no planner can mend
@@ -146,6 +145,7 @@ def main():
     parser.add_argument("--robots", nargs="+", default=["panda", "ur5", "fetch"])
     parser.add_argument("--problems", type=int, default=3, help="of each family: numbers 1 to this")
     parser.add_argument("--seconds", type=float, default=20, help="on the wall, for each plan")
+    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
     import problems
@@ -153,6 +153,7 @@ def main():
     resources = problems.fetch(BUILD)
     warnings.simplefilter("ignore")  # what robots and meshes have in them is known
     util.setLogLevel(util.LOG_ERROR)
+    util.RNG.setSeed(options.seed)
     rows = []
     for robot in options.robots:
         for row in measure(robot, resources, options):

@@ -283,7 +283,8 @@ void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const
   const std::uint64_t position = node.open[asked.open];
   Goal& goal = goal_of(position);
   const double inner = asked.inner;
-  double low = std::max(node.low[asked.open], difference_below(answer.lower, asked.way));
+  const double by_speed = difference_below(answer.lower, asked.way);
+  double low = std::max(node.low[asked.open], by_speed);
   const bool beyond = answer.status == Status::kBeyond;
   if (beyond) low = std::max(low, std::nextafter(asked.target, kInf));
   HalfSpans gaps{low, low, -kInf};
@@ -301,7 +302,7 @@ void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const
     } else {
       half.node.open.push_back(position);
       half.node.low.push_back(gap);
-      const Proved by_way = proved_until(answer.lower, difference_below(answer.lower, asked.way), target),
+      const Proved by_way = proved_until(answer.lower, by_speed, target),
                    by_normal = proved_until(gaps.middle, along, target), most = std::max(by_way, by_normal);
       half.proved = std::min(half.proved, most.share * node.half());
       half.proved_low.push_back(most.low);
