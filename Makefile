@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-view bench-robots bench-motions bench-surfaces bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-view bench-robots bench-motions bench-ompl bench-surfaces bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -69,8 +69,12 @@ bench-view: build  ## what a control loop waits while a viewer looks at its daem
 bench-robots: build  ## MotionBenchMaker's problems: is a state valid, how near is it to contact, beside Pinocchio and Coal, which it installs; rewrites docs/results/robots.csv
 	@$(PYTHON_VENV) bench/robots/bench_robots.py --csv docs/results/robots.csv
 
-bench-motions: build  ## edges of the same problems, proved free all along, beside sampling them; rewrites docs/results/motions.csv
+bench-motions: build  ## edges of the same problems, proved free all along, beside sampling them; free bodies beside FCL; rewrites docs/results/motions.csv and free_bodies.csv
 	@$(PYTHON_VENV) bench/robots/bench_motions.py --csv docs/results/motions.csv
+	@$(PYTHON_VENV) bench/robots/bench_free_bodies.py --csv docs/results/free_bodies.csv
+
+bench-ompl: build  ## the same problems planned by OMPL, with edges that are sampled and with edges that are proved; rewrites docs/results/ompl.csv
+	@$(PYTHON_VENV) bench/robots/bench_ompl.py --csv docs/results/ompl.csv
 
 bench-surfaces: build  ## meshes that are not convex, beside Coal, which it installs; rewrites docs/results/surfaces.csv
 	@$(PYTHON_VENV) bench/surfaces/bench_surfaces.py --csv docs/results/surfaces.csv
@@ -78,12 +82,13 @@ bench-surfaces: build  ## meshes that are not convex, beside Coal, which it inst
 bench-load: build  ## how long 1000 meshes take to load, with an empty cache and with a full one; rewrites docs/results/load.csv
 	@$(PYTHON_VENV) bench/load/bench_load.py --csv docs/results/load.csv
 
-certify: setup  ## a million pairs of every hard class of hulls and of meshes against exact arithmetic, and certificates of 1000 of each; rewrites docs/results/*accuracy.csv
+certify: setup  ## a million pairs of every hard class of hulls and of meshes against exact arithmetic, 100,000 motions, and certificates of 1000 of each class; rewrites docs/results/*accuracy.csv
 	@tools/build.sh release clearance-certify clearance-certificates
 	@mkdir -p out
 	@build/bin/clearance-certificates --cases 1000 --out out/certificates
 	@$(PYTHON_VENV) tools/check_certificate.py out/certificates/*.json
 	@build/bin/clearance-certify --pairs 1000000 --seed 1 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
+	@build/bin/clearance-certify --motions 100000 --seed 1
 	@build/bin/clearance-certify --meshes --pairs 1000000 --seed 1 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
 
 tradeoff: setup  ## time against accuracy for every setting of a query; and what robots' meshes are taken for; rewrites docs/results/tradeoff.csv, shapes.csv and docs/tradeoff.*

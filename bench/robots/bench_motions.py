@@ -56,7 +56,7 @@ def timed(call, *args, **more):
     return time.process_time() - begin, result
 
 
-def sampled(engine, joints, start, end, margin):
+def within_samples(engine, joints, start, end, margin):
     """Whether each edge is free at all of its samples. As a planner would: one check for all samples of a batch."""
     counts = np.maximum(np.ceil(np.abs(end - start).max(axis=1) / STEP).astype(int), 1) + 1
     rows = np.concatenate([s + np.linspace(0, 1, n)[:, None] * (e - s) for s, e, n in zip(start, end, counts)])
@@ -83,7 +83,7 @@ def measure(robot, resources, margin, options):
         engine.motions(**{**ask, "start": start[:2], "end": end[:2]})  # what is made once
         seconds, r = timed(engine.motions, **ask, rel_tol=1e-6, abs_tol=0.0, fields=("status", "pair", "steps"))
         proof_s += seconds
-        seconds, free_at_samples = timed(sampled, engine, names, start, end, margin)
+        seconds, free_at_samples = timed(within_samples, engine, names, start, end, margin)
         sampling_s += seconds
         free = r.status == Status.BEYOND
         sums["edges"] += len(start)

@@ -1,4 +1,4 @@
-"""The Python environment that these benchmarks run in, with Pinocchio, Coal and what reads the problems."""
+"""The Python environment that these benchmarks run in, with Pinocchio, Coal, OMPL, FCL and what reads the problems."""
 
 import os
 import subprocess
@@ -7,6 +7,7 @@ from pathlib import Path
 
 BUILD = Path(__file__).resolve().parents[2] / "build/robots"
 PACKAGES = ["pin==4.1.0", "coal==3.0.3", "numpy", "pyyaml", "scikit-build-core", "matplotlib"]
+PACKAGES += ["ompl==2.0.1", "python-fcl==0.7.0.11"]
 
 
 def in_own_environment():

@@ -24,11 +24,23 @@ double along(const Piece& piece, const Vec3d& n) {
 
 // How far a body reaches along a direction, world axes, from its origin.
 double reach_along(const MovingBody& moving, const Vec3d& n) {
+  if (moving.box) {
+    const Vec3d low = moving.box->low - moving.pose.t_w, high = moving.box->high - moving.pose.t_w;
+    return std::max(n.x * low.x, n.x * high.x) + std::max(n.y * low.y, n.y * high.y) +
+           std::max(n.z * low.z, n.z * high.z);
+  }
   const Vec3d n_b = moving.pose.R_wb.transpose_times(n);
   const double length = norm(n);
   double most = -std::numeric_limits<double>::infinity();
   for (const PiecePtr& piece : moving.body.pieces) most = std::max(most, along(*piece, n_b) + piece->radius * length);
   return most;
+}
+
+// The length of what is looked at, from the origin, or more.
+double size_of(const MovingBody& moving) {
+  if (!moving.box) return moving.body.reach;
+  const Vec3d low = moving.box->low - moving.pose.t_w, high = moving.box->high - moving.pose.t_w;
+  return norm(low) + norm(high);
 }
 
 }  // namespace
@@ -44,11 +56,11 @@ HalfSpans gaps_along(const Vec3d& normal, const MovingBody& a, const MovingBody&
     return (dot(n, D) + s * dot(n, shift)) - reach_along(a, n + lean_a * s) - reach_along(b, -(n + lean_b * s));
   };
   const double longest = 1 + half * std::max(norm(lean_a), norm(lean_b));
-  const double error = kRounding * (longest * (a.body.reach + b.body.reach + norm(D)) +
-                                    half * (norm(a.twist.shift) + norm(b.twist.shift)));
+  const double error =
+      kRounding * (longest * (size_of(a) + size_of(b) + norm(D)) + half * (norm(a.twist.shift) + norm(b.twist.shift)));
   const double middle = gap(0);
   const auto least = [&](double end) { return std::min(middle, gap(end) - bend) - error; };
-  return {least(-half), least(half)};
+  return {least(-half), least(half), middle - error};
 }
 
 }  // namespace clearance

@@ -1,6 +1,7 @@
 // How near two bodies can come within half a span, by how fast they move at its middle: docs/bounds.md, "Motion".
 #pragma once
 
+#include "engine/hull/box.h"
 #include "engine/pose/placed.h"
 #include "engine/robot/link_twists.h"
 #include "engine/scene/scene.h"
@@ -11,12 +12,15 @@ namespace clearance {
 struct MovingBody {
   const Body& body;
   const PlacedPose& pose;
-  Twist twist;  ///< world axes
+  Twist twist;                ///< world axes
+  const Aabb* box = nullptr;  ///< looked at in place of the pieces that it holds; world axes
 };
 
-/// Metres: no nearer are the pieces in the half before the middle, and in the one behind it. May be negative.
+/// Metres: no nearer are the pieces in the half before the middle, and in the one behind it; and in the middle itself.
+/// May be negative. From the middle to an end what is proved is concave in time: no less than on the straight line
+/// between the two.
 struct HalfSpans {
-  double before, after;
+  double before, after, middle;
 };
 
 /// Along one direction, which the seer carries with him. \param normal world axes, from a to b, about of length 1.

@@ -105,7 +105,7 @@ bool MotionBlock::ask(WorkMeter& meter) {
   asked_.clear();
   questions_.clear();
   for (std::size_t k = 0; k < used_; ++k) {
-    places_[k].search->ask(places_[k].node, placements_[k], asked_, questions_);
+    places_[k].search->ask(places_[k].node, {placements_[k], places_[k].twists}, asked_, questions_);
     places_[k].end = asked_.size();
   }
   meter.count(asked_.size() / kPairsPerUnit);

@@ -13,6 +13,8 @@ namespace clearance {
 namespace {
 
 constexpr double kLeastHalf = 0x1p-40;    // of a span
+constexpr double kGrid = 0x1p-12;         // times that spans are cut at
+constexpr double kLeastTrimmed = 0x1p-7;  // half of a span that is cut so: 30 more halves are exact
 constexpr double kContactTime = 0x1p-10;  // first contact is narrowed to that, of the motion
 
 bool is_less_promising(const MotionSearch::Node& p, const MotionSearch::Node& q) {
@@ -138,19 +140,29 @@ void MotionSearch::give_up() {
   spans_.clear();
 }
 
-void MotionSearch::ask(Node& node, const Placement& placed, std::vector<PlacedBodies>& asked,
+void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked,
                        std::vector<Question>& questions) {
+  const Placement& placed = moment.placed;
   // Before anything is known of the least distance all pairs would be asked in full: one comes first.
   const PairList& pairs = question_.plan.pairs;
   const bool seeds = question_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
   const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
   node.seeds = seed < node.open.size();
-  if (node.seeds) return ask(seed, node, pairs.at(node.open[seed]), placed, asked, questions);
+  const auto ask_about = [&](BodyPair pair, const Question& q) {
+    asked.push_back({pair, &placed, sum_above(q.target, q.way), nullptr, decides() ? q.target : -kInf});
+    questions.push_back(q);
+  };
+  if (node.seeds) {
+    const BodyPair pair = pairs.at(node.open[seed]);
+    return ask_about(pair, question_about(seed, node, pair, placed));
+  }
   question_.bounds.speeds(moving, placed, speeds_);
   for (std::size_t i = 0; i < node.open.size(); ++i) {
     const BodyPair pair = pairs.at(node.open[i]);
-    if (is_unusable(question_.scene, placed, pair) || !leaves_by_boxes(i, node, pair, placed))
-      ask(i, node, pair, placed, asked, questions);
+    const bool usable = !is_unusable(question_.scene, placed, pair);
+    if (usable && leaves_by_boxes(i, node, pair, placed)) continue;
+    const Question question = question_about(i, node, pair, placed);
+    if (!usable || !leaves_along_boxes(question, node, pair, moment)) ask_about(pair, question);
   }
 }
 
@@ -168,19 +180,33 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
   return true;
 }
 
-void MotionSearch::ask(std::size_t i, const Node& node, BodyPair pair, const Placement& placed,
-                       std::vector<PlacedBodies>& asked, std::vector<Question>& questions) {
+// Nor do most others come nearer along the way from one box to the other, as they move there.
+bool MotionSearch::leaves_along_boxes(const Question& asked, const Node& node, BodyPair pair, const Moment& moment) {
+  const Aabb *const a = moment.placed.known_box(pair.a), *const b = moment.placed.known_box(pair.b);
+  if (!a || !b || asked.way == 0) return false;
+  Vec3d n{0, 0, 0};
+  for (int k = 0; k < 3; ++k) n[k] = std::max(b->low[k] - a->high[k], 0.0) - std::max(a->low[k] - b->high[k], 0.0);
+  const double length = norm(n);
+  if (!(length > asked.target)) return false;
+  const HalfSpans gaps = half_spans(pair, asked.rates, n, 0, moment, node.half(), true);
+  const double low = std::min(gaps.before, gaps.after);
+  Goal& goal = goal_of(node.open[asked.open]);
+  if (!(low > target_of(node.open[asked.open], goal, 0))) return false;
+  leave(goal, node.open[asked.open], std::max(low, node.low[asked.open]), 0, node.begin);
+  return true;
+}
+
+MotionSearch::Question MotionSearch::question_about(std::size_t i, const Node& node, BodyPair pair,
+                                                    const Placement& placed) {
   const std::uint64_t position = node.open[i];
-  double way = 0, inner = 0;
-  PairRates rates;
+  Question question{static_cast<std::uint32_t>(i), 0, 0, 0, {}};
   if (!is_unusable(question_.scene, placed, pair)) {
-    rates = question_.bounds.rates(position, pair, moving, placed);
-    if (rates.speed > 0) way = sum_above(rates.speed * node.half(), 0x1p-1000);
-    inner = pair_slack(placed, pair).inner;
+    question.rates = question_.bounds.rates(position, pair, moving, placed);
+    if (question.rates.speed > 0) question.way = sum_above(question.rates.speed * node.half(), 0x1p-1000);
+    question.inner = pair_slack(placed, pair).inner;
   }
-  const double target = target_of(position, goal_of(position), inner);
-  asked.push_back({pair, &placed, sum_above(target, way), nullptr, decides() ? target : -kInf});
-  questions.push_back({static_cast<std::uint32_t>(i), target, way, inner, rates});
+  question.target = target_of(position, goal_of(position), question.inner);
+  return question;
 }
 
 // The pair whose boxes are nearest; none: they are all beyond max_distance, or nowhere.
@@ -218,13 +244,11 @@ bool MotionSearch::is_proved(std::uint64_t position, const Goal& goal, double lo
   return decides() ? low > target : low >= target;
 }
 
-// How near the pair can come in either half, along the direction that keeps it apart in the middle.
-HalfSpans MotionSearch::half_spans(BodyPair pair, const Question& asked, const PairAnswer& answer, const Moment& moment,
-                                   double half) const {
-  const Vec3d& n = answer.normal;
-  if (!(answer.lower > 0) || !std::isfinite(n.x + n.y + n.z)) return {-kInf, -kInf};
+// How near the pair can come in either half, along a direction that keeps it apart in the middle. \param of_boxes the
+// bodies' boxes, which hold what is not known of them
+HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner,
+                                   const Moment& moment, double half, bool of_boxes) const {
   const MotionBounds& bounds = question_.bounds;
-  const PairRates& rates = asked.rates;
   const auto twist_of = [&](std::uint32_t body) {
     return bounds.slot(body) == kNone ? Twist() : moment.twists[bounds.slot(body)];
   };
@@ -236,39 +260,72 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const Question& asked, const P
       twist.shift = twist.shift - (seer.shift + cross(seer.turn, pose.t_w - moment.placed[rates.seer].pose.t_w));
       twist.turn = twist.turn - seer.turn;
     }
-    return MovingBody{question_.scene.bodies()[body], pose, twist};
+    return MovingBody{question_.scene.bodies()[body], pose, twist, of_boxes ? moment.placed.known_box(body) : nullptr};
   };
   const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half,
                                     rates.acceleration * (0.5 * half * half) * (1 + 0x1p-40));
-  const double less = (asked.inner + rates.drift * half) * (1 + 0x1p-40);
-  return {difference_below(gaps.before, less), difference_below(gaps.after, less)};
+  const double less = (inner + rates.drift * half) * (1 + 0x1p-40);
+  return {difference_below(gaps.before, less), difference_below(gaps.after, less),
+          difference_below(gaps.middle, inner * (1 + 0x1p-40))};
+}
+
+// How much of the way from a middle to an end keeps a bound of its target that is concave in between: of what is above
+// the target in the middle all but a little may be lost.
+MotionSearch::Proved MotionSearch::proved_until(double middle, double end, double target) {
+  const double kept = target + 0x1p-6 * (middle - target);
+  if (!(middle > target) || !(end < kept)) return {};
+  return {(middle - kept) / (middle - end) * (1 - 0x1p-30), std::min(kept, middle)};
 }
 
 // What an answer proves of both halves of the span. Where that is not enough the pair goes on in the half.
 void MotionSearch::divide(const Question& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
-                          Node (&halves)[2]) {
+                          Half (&halves)[2]) {
   const std::uint64_t position = node.open[asked.open];
   Goal& goal = goal_of(position);
   const double inner = asked.inner;
-  double low = std::max(node.low[asked.open], difference_below(answer.lower, asked.way));
+  const double by_speed = difference_below(answer.lower, asked.way);
+  double low = std::max(node.low[asked.open], by_speed);
   const bool beyond = answer.status == Status::kBeyond;
   if (beyond) low = std::max(low, std::nextafter(asked.target, kInf));
-  HalfSpans gaps{low, low};
-  if (!beyond && !is_proved(position, goal, low, inner) && asked.way > 0) {
-    const HalfSpans along = half_spans(question_.plan.pairs.at(position), asked, answer, moment, node.half());
-    gaps = {std::max(low, along.before), std::max(low, along.after)};
-  }
-  for (Node& half : halves) {
-    const double gap = &half == &halves[0] ? gaps.before : gaps.after;
+  HalfSpans gaps{low, low, -kInf};
+  const Vec3d& n = answer.normal;
+  const bool has_normal = answer.lower > 0 && std::isfinite(n.x + n.y + n.z);
+  if (!beyond && !is_proved(position, goal, low, inner) && asked.way > 0 && has_normal)
+    gaps = half_spans(question_.plan.pairs.at(position), asked.rates, n, inner, moment, node.half(), false);
+  const double target = target_of(position, goal, inner);
+  for (Half& half : halves) {
+    const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
     const bool proved = beyond || is_proved(position, goal, gap, inner);
     if (proved || asked.way == 0 || node.half() <= kLeastHalf) {
       goal.forced |= !proved && (any() || !seeks_contact_);
-      leave(goal, position, gap, inner, half.begin);
+      leave(goal, position, gap, inner, half.node.begin);
     } else {
-      half.open.push_back(position);
-      half.low.push_back(gap);
+      half.node.open.push_back(position);
+      half.node.low.push_back(gap);
+      const Proved by_way = proved_until(answer.lower, by_speed, target),
+                   by_normal = proved_until(gaps.middle, along, target), most = std::max(by_way, by_normal);
+      half.proved = std::min(half.proved, most.share * node.half());
+      half.proved_low.push_back(most.low);
+      half.inner.push_back(inner);
     }
   }
+}
+
+// Up to where all pairs of a half are proved they leave; what is left of it is looked at next. Its ends stay such that
+// middles, and middles of these, are exact.
+void MotionSearch::push_rest(Half& half, double middle) {
+  Node& node = half.node;
+  if (node.open.empty()) return;
+  const bool is_after = node.begin == middle;
+  const double end =
+      is_after ? std::floor((middle + half.proved) / kGrid) * kGrid : std::ceil((middle - half.proved) / kGrid) * kGrid;
+  if (half.proved > kGrid && node.half() >= kLeastTrimmed && (is_after ? end > middle : end < middle)) {
+    for (std::size_t i = 0; i < node.open.size(); ++i)
+      leave(goal_of(node.open[i]), node.open[i], std::max(half.proved_low[i], node.low[i]), half.inner[i],
+            is_after ? middle : end);
+    (is_after ? node.begin : node.end) = end;
+  }
+  push(std::move(node));
 }
 
 void MotionSearch::take(Node& node, const Moment& moment, std::span<const Question> questions,
@@ -276,10 +333,11 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const Questi
   assert(questions.size() == answers.size());
   --under_way_;
   const double middle = node.middle();
-  Node halves[2];
-  halves[0].begin = node.begin;
-  halves[0].end = halves[1].begin = middle;
-  halves[1].end = node.end;
+  Half halves[2];
+  for (Half& half : halves) half.proved = node.half();
+  halves[0].node.begin = node.begin;
+  halves[0].node.end = halves[1].node.begin = middle;
+  halves[1].node.end = node.end;
   const bool seed = node.seeds;  // the others come next, and it with them
   for (std::size_t k = 0; k < questions.size(); ++k) {
     const PairAnswer& answer = answers[k];
@@ -296,8 +354,7 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const Questi
     if (!seed) divide(questions[k], answer, moment, node, halves);
   }
   if (seed) push(std::move(node));
-  for (Node& half : halves)
-    if (!half.open.empty()) push(std::move(half));
+  for (Half& half : halves) push_rest(half, middle);
   end_if_done();
 }
 

@@ -71,8 +71,8 @@ class MotionSearch {
   bool is_done() const { return done_; }
   /// The most promising span; false: there is none for now.
   bool next(Node& node);
-  /// What it asks for, in the placement at its middle. Appends to both in the same order.
-  void ask(Node& node, const Placement& placed, std::vector<PlacedBodies>& asked, std::vector<Question>& questions);
+  /// What it asks for in its middle. Appends to both in the same order.
+  void ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked, std::vector<Question>& questions);
   /// The answers to that. The node is spent then.
   void take(Node& node, const Moment& moment, std::span<const Question> questions, std::span<const PairAnswer> answers);
   /// Once is_done().
@@ -101,6 +101,18 @@ class MotionSearch {
     double upper() const { return pair == kNowhere ? kInf : best.upper; }
   };
 
+  // A share of half a span, from its middle on, in which a pair is no nearer than `low`.
+  struct Proved {
+    double share = 0, low = 0;
+    bool operator<(const Proved& other) const { return share < other.share; }
+  };
+  // Half a span, with the pairs that go on in it.
+  struct Half {
+    Node node;
+    double proved = 0;                      // of it, from the middle on: all pairs are
+    std::vector<double> proved_low, inner;  // of each pair: no nearer there; Slack::inner
+  };
+
   bool any() const { return question_.plan.query.reduce == Reduce::kAny; }
   /// Whether pairs are tested against their margins now.
   bool decides() const { return any() || seeks_contact_; }
@@ -112,17 +124,19 @@ class MotionSearch {
   void leave(Goal& goal, std::uint64_t position, double low, double slack, double begin);
   void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const Placement& placed);
   bool is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const;
+  static Proved proved_until(double middle, double end, double target);
   void divide(const Question& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
-              Node (&halves)[2]);
-  HalfSpans half_spans(BodyPair pair, const Question& asked, const PairAnswer& answer, const Moment& moment,
-                       double half) const;
+              Half (&halves)[2]);
+  void push_rest(Half& half, double middle);
+  HalfSpans half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner, const Moment& moment,
+                       double half, bool of_boxes) const;
   void open_all();
   bool seek_contact();
   bool may_ask() const { return !spans_.empty() && (spans_[0].has_steps || steps_ < question_.plan.query.max_steps); }
   std::size_t nearest_of(const Node& node, const Placement& placed) const;
   bool leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const Placement& placed);
-  void ask(std::size_t i, const Node& node, BodyPair pair, const Placement& placed, std::vector<PlacedBodies>& asked,
-           std::vector<Question>& questions);
+  bool leaves_along_boxes(const Question& asked, const Node& node, BodyPair pair, const Moment& moment);
+  Question question_about(std::size_t i, const Node& node, BodyPair pair, const Placement& placed);
   void push(Node&& node);
   void give_up();
   void end_if_done();

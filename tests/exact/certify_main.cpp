@@ -12,6 +12,7 @@
 
 #include "campaign.h"
 #include "slack_judge.h"
+#include "tests/motion/motion_judge.h"
 
 namespace clearance::exact {
 namespace {
@@ -19,7 +20,7 @@ namespace {
 constexpr int kBatch = 200;
 
 struct Options {
-  std::int64_t pairs = 10000, slack = 0;
+  std::int64_t pairs = 10000, slack = 0, motions = 0;
   std::uint64_t seed = 1;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   int columns_every = 10;
@@ -94,6 +95,35 @@ bool certify_slack(const Options& o) {
   return findings.all() == 0;
 }
 
+/// Motions of all kinds, shared among the threads; false: something is wrong.
+bool certify_motions(const Options& o) {
+  constexpr int kAtOnce = 400;
+  const int shares = static_cast<int>((o.motions + kAtOnce - 1) / kAtOnce);
+  test::MotionFindings all;
+  std::atomic<int> next{0};
+  std::mutex mutex;
+  std::exception_ptr error;
+  const auto work = [&] {
+    for (int k; (k = next++) < shares;) try {
+        const test::MotionFindings found = test::judge_many(o.seed * 1'000 + static_cast<std::uint64_t>(k), kAtOnce);
+        const std::lock_guard lock(mutex);
+        all.add(found);
+        if (found.wrong() > 0) std::cerr << "motions, share " << k << ": " << found.text() << '\n';
+        if (all.motions / kAtOnce % 25 == 0) std::cerr << all.motions << " motions\n";
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        error = std::current_exception();
+        next = shares;
+      }
+  };
+  std::vector<std::thread> threads;
+  for (int t = 0; t < o.threads; ++t) threads.emplace_back(work);
+  for (std::thread& t : threads) t.join();
+  if (error) std::rethrow_exception(error);
+  std::cerr << all.text() << '\n';
+  return all.wrong() == 0;
+}
+
 int certify(const Options& o) {
   const std::vector<Setting> settings = standard_settings(o.backends, !o.meshes);
   const std::vector<Batch> batches = share_out(o);
@@ -163,6 +193,8 @@ int main(int argc, char** argv) {
   app.add_option("--pairs", o.pairs, "pairs in all; each is asked under every setting")->check(CLI::PositiveNumber);
   app.add_option("--slack", o.slack, "also scenes of each kind of slack, judged by all that is allowed")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--motions", o.motions, "in place of pairs so many motions of every kind, judged with 60 digits")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--seed", o.seed, "of the cases");
   app.add_option("--backend", o.backends, "backends to ask; cpu and reference if none is named");
   app.add_option("--threads", o.threads, "batches at a time")->check(CLI::Range(1, 256));
@@ -174,6 +206,7 @@ int main(int argc, char** argv) {
   app.add_option("--failures", o.failures, "file to which cases that fail are written, in the form of mined_cases.inc");
   CLI11_PARSE(app, argc, argv);
   try {
+    if (o.motions > 0) return clearance::exact::certify_motions(o) ? 0 : 1;
     return clearance::exact::certify(o);
   } catch (const std::exception& e) {
     std::cerr << "clearance-certify: " << e.what() << '\n';

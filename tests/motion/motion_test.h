@@ -1,14 +1,11 @@
 // Motions asked of an engine, and a judge that samples them as single configurations.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 #include <string>
 #include <vector>
 
-#include "tests/engine/arm_scene.h"
 #include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {

@@ -1,5 +1,7 @@
 // That the bounds bite: how far a motion can bring bodies together is claimed to a thousandth, term by term. Whoever
 // lowers one of them is found here.
+#include <gtest/gtest.h>
+
 #include <boost/multiprecision/cpp_bin_float.hpp>
 #include <fstream>
 
@@ -234,6 +236,19 @@ TEST(MotionBounds, ATurningBaseUnderAnArm) {
   a.motion.bodies = {a.scene.find_body("r")};
   a.motion.poses = {turned_about_z(-0.01), turned_about_z(0.01)};
   a.expect_bound(0.5 * 9e-4);
+}
+
+// How far out something stands on what turns is part of how fast it goes.
+TEST(MotionBounds, WhatStandsOnACarriedBody) {
+  Approach a;
+  add_plate(a.scene, "plate", 0, 0.9 - 1e-5);
+  const std::uint32_t cart = a.scene.add_sphere("cart", 1e-5, {.pose = Pose{}});
+  a.scene.add_sphere("shelf", 1e-5, {.parent = "cart", .pose = Pose{{1, 0, 0}}});
+  const std::uint32_t goes = a.scene.add_sphere("goes", 1e-5, {.parent = "shelf", .pose = Pose{}});
+  a.motion.bodies = {cart, goes};
+  a.motion.poses = {turned_about_z(0.01), Pose{}, turned_about_z(-0.01), Pose{}};
+  a.pair = {0, goes};
+  a.expect_bound(5e-5);
 }
 
 // What carries both does not count: neither a joint, nor a base, nor a body that both follow.

@@ -1,5 +1,8 @@
 // Motions through the engine: what is proved of them holds at each time, and what is said to be there is.
+#include <gtest/gtest.h>
+
 #include "motion_test.h"
+#include "tests/engine/arm_scene.h"
 
 namespace clearance::test {
 namespace {

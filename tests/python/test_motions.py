@@ -186,3 +186,28 @@ def test_columns_of_motions_are_for_motions(engine):
         engine.distances(joints="arm", positions=np.zeros((3, 8)), max_steps=8)
     with pytest.raises(ValueError, match="path: expected two waypoints or more, got 1"):
         engine.check_path(ONE, joints="arm")
+
+
+def test_bodies_that_are_not_convex_are_answered_as_they_are(tmp_path):
+    corners = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]  # an L, 1 m thick
+    lines = [f"v {x} {y} {z}" for z in (0, 1) for x, y in corners]
+    for a, b, c in ((1, 2, 3), (1, 3, 4), (1, 4, 6), (4, 5, 6)):
+        lines += [f"f {c} {b} {a}", f"f {a + 6} {b + 6} {c + 6}"]
+    for i in range(1, 7):
+        j = i % 6 + 1
+        lines += [f"f {i} {j} {j + 6}", f"f {i} {j + 6} {i + 6}"]
+    path = tmp_path / "l.obj"
+    path.write_text("\n".join(lines) + "\n")
+    start, end = [1.6, 3, 0.5, 1, 0, 0, 0], [1.6, 1.2, 0.5, 1, 0, 0, 0]  # into the hull, not into the L
+    for kind, status in (("solid", Status.OK), ("surface", Status.OK), ("hull", Status.OVERLAP)):
+        scene = clearance.Scene()
+        scene.add_mesh("shelf", path, convexify=kind, pose=[0, 0, 0, 1, 0, 0, 0])
+        scene.add_sphere("ball", 0.1, pose=start)
+        engine = clearance.Engine(scene, backend="cpu", threads=1)
+        r = engine.motions(bodies=["ball"], start=np.array([[start]]), end=np.array([[end]]))
+        assert r.status[0] == status, kind
+        assert kind == "hull" or r.lower[0] <= 0.1 <= r.upper[0]
+        free = engine.motions(
+            bodies=["ball"], start=np.array([[start]]), end=np.array([[end]]), reduce="any", margin=0.09
+        )
+        assert (free.status[0] == Status.BEYOND) == (kind != "hull")

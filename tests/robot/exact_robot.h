@@ -64,15 +64,25 @@ inline RealFrame real_frame(const Pose& X) {
           {{X.translation.x, X.translation.y, X.translation.z}}};
 }
 
+/// Where the joints stand in their parents: what does not change with positions.
+inline std::vector<RealFrame> real_origins(const RobotModel& robot) {
+  std::vector<RealFrame> origins;
+  for (const RobotJoint& joint : robot.joints) origins.push_back(real_frame(joint.X_pj));
+  return origins;
+}
+
 /// Frames of all links. \param q by column: double or Real. \param roots as of Kinematics::place()
+/// \param origins real_origins(), for whoever asks often
 template <class Number>
 std::vector<RealFrame> real_links(const RobotModel& robot, const Number* q,
-                                  const std::vector<std::uint32_t>& root_links, std::span<const Pose> roots) {
+                                  const std::vector<std::uint32_t>& root_links, std::span<const Pose> roots,
+                                  const std::vector<RealFrame>& origins) {
   std::vector<RealFrame> links(robot.links.size());
   for (std::size_t r = 0; r < root_links.size(); ++r) links[root_links[r]] = real_frame(roots[r]);
-  for (const RobotJoint& joint : robot.joints) {
+  for (std::size_t i = 0; i < robot.joints.size(); ++i) {
+    const RobotJoint& joint = robot.joints[i];
     if (joint.kind == JointKind::kFloating) continue;
-    RealFrame X = links[joint.parent] * real_frame(joint.X_pj);
+    RealFrame X = links[joint.parent] * origins[i];
     if (joint.kind != JointKind::kFixed) {
       const RobotJoint& driver = joint.mimic ? robot.joints[joint.mimic->joint] : joint;
       Real position = q[driver.column];
@@ -90,6 +100,11 @@ std::vector<RealFrame> real_links(const RobotModel& robot, const Number* q,
     links[joint.child] = X;
   }
   return links;
+}
+template <class Number>
+std::vector<RealFrame> real_links(const RobotModel& robot, const Number* q,
+                                  const std::vector<std::uint32_t>& root_links, std::span<const Pose> roots) {
+  return real_links(robot, q, root_links, roots, real_origins(robot));
 }
 
 /// How far points within `radius` of the origin are moved by going from one frame to another: |t - t'| + |R - R'|

@@ -1,0 +1,171 @@
+#!/usr/bin/env python3
+"""Free bodies: is a box that goes straight and turns free all along? Clearance beside FCL's continuous collision.
+
+    bench/robots/bench_free_bodies.py [--motions 1000] [--csv FILE]
+
+A box goes by, or through, a block or a plate of 0.1 mm. FCL is asked by its package python-fcl, one motion a call, with
+the motion type that is the same motion (linear): by conservative advancement, of its shapes and of the same boxes as
+meshes, and by 100 samples (`naive`). Clearance gets all motions in one batch. One thread, processor time.
+
+A verdict is wrong where it says free and the bodies overlap at the time that Clearance names, as FCL's own distance of
+standing bodies says there; or where it says hit and Clearance proves more than 0.1 mm all along, which FCL's distance
+at 400 times does not contradict. Clearance's is wrong where FCL's standing bodies contradict it at one of these times.
+Exit code 1 if one is.
+
+Installs python-fcl in build/robots.
+"""
+
+import argparse
+import csv
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
+from environment import in_own_environment  # noqa: E402
+
+if __name__ == "__main__":
+    in_own_environment()
+import numpy as np  # noqa: E402
+
+import fcl  # noqa: E402
+
+LINEAR, NAIVE, ADVANCEMENT = 1, 0, 1  # of FCL: motion type, solvers
+TIMES = 400
+NEAR = 1e-4  # metres: what FCL's hits may be off by
+CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4]]
+    + [[1, 5, 7], [1, 7, 3]]
+)
+
+
+def random_poses(rng, count):
+    """(K, 7) starts and ends on either side of the origin, by less than half a turn."""
+    start, end = rng.normal(size=(count, 7)), rng.normal(size=(count, 7))
+    side = rng.normal(size=(count, 3))
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    beside = rng.uniform(-0.35, 0.35, (count, 3))
+    start[:, :3], end[:, :3] = side * 0.8 + beside, -side * 0.8 + beside + rng.uniform(-0.2, 0.2, (count, 3))
+    for poses in (start, end):
+        poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    flip = (start[:, 3:] * end[:, 3:]).sum(axis=1) < 0
+    end[flip, 3:] *= -1
+    return start, end
+
+
+def at(start, end, t):
+    """(K, 7) where the motion is at time t: slerp."""
+    cosine = np.clip((start[:, 3:] * end[:, 3:]).sum(axis=1, keepdims=True), -1, 1)
+    angle = np.arccos(cosine)
+    sine = np.where(angle < 1e-9, 1, np.sin(angle))
+    first, last = np.where(angle < 1e-9, 1 - t, np.sin((1 - t) * angle) / sine), np.sin(t * angle) / sine
+    return np.hstack([start[:, :3] + t * (end[:, :3] - start[:, :3]), first * start[:, 3:] + last * end[:, 3:]])
+
+
+def transform(pose):
+    return fcl.Transform(pose[3:], pose[:3])
+
+
+def box(sizes, as_mesh):
+    if not as_mesh:
+        return fcl.Box(*sizes)
+    model = fcl.BVHModel()
+    model.beginModel(8, 12)
+    model.addSubModel(CORNERS * sizes, FACES)
+    model.endModel()
+    return model
+
+
+def fcl_hits(sizes, other, start, end, solver, as_mesh):
+    """Seconds, and (K,) whether each motion hits."""
+    body, still = (fcl.CollisionObject(box(s, as_mesh), fcl.Transform()) for s in (sizes, other))
+    request = fcl.ContinuousCollisionRequest(
+        num_max_iterations=100, toc_err=1e-4, ccd_motion_type=LINEAR, ccd_solver_type=solver
+    )
+    ends, stands, hits = [transform(pose) for pose in end], fcl.Transform(), []
+    starts = [transform(pose) for pose in start]
+    begin = time.process_time()
+    for first, last in zip(starts, ends):
+        body.setTransform(first)
+        result = fcl.ContinuousCollisionResult()
+        fcl.continuousCollide(body, last, still, stands, request, result)
+        hits.append(result.is_collide)
+    return time.process_time() - begin, np.array(hits)
+
+
+def standing(sizes, other, poses):
+    """(K,) FCL's distances of standing bodies."""
+    body, still = (fcl.CollisionObject(fcl.Box(*s), fcl.Transform()) for s in (sizes, other))
+    found = []
+    for pose in poses:
+        body.setTransform(transform(pose))
+        found.append(fcl.distance(body, still, fcl.DistanceRequest(), fcl.DistanceResult()))
+    return np.array(found)
+
+
+def measure(name, other, count, rng):
+    import clearance
+    from clearance import Status
+
+    sizes = np.array([0.2, 0.15, 0.1])
+    start, end = random_poses(rng, count)
+    scene = clearance.Scene()
+    scene.add_box("body", list(sizes), pose=[0, 0, 0, 1, 0, 0, 0])
+    scene.add_box("still", list(other), static=True, pose=[0, 0, 0, 1, 0, 0, 0])
+    engine = clearance.Engine(scene, backend="cpu", threads=1)
+    ask = {"bodies": ["body"], "start": start[:, None], "end": end[:, None]}
+    engine.motions(**{**ask, "start": start[:2, None], "end": end[:2, None]}, reduce="any")
+    begin = time.process_time()
+    any_ = engine.motions(**ask, reduce="any", rel_tol=1e-6, abs_tol=0.0, fields=("status", "time"))
+    seconds = time.process_time() - begin
+    least = engine.motions(**ask, reduce="min", abs_tol=1e-5, max_steps=4096, fields=("lower", "status"))
+    free = any_.status == Status.BEYOND
+    hit = any_.status <= Status.CONTACT
+    clear = free & (least.lower > NEAR)
+    seen = np.min([standing(sizes, other, at(start, end, t)) for t in np.linspace(0, 1, TIMES)], axis=0)
+    there = at(start, end, np.nan_to_num(any_.time)[:, None])
+    touches = standing(sizes, other, there) <= 1e-9
+    rows = [
+        {
+            "still": name, "system": "Clearance", "motions": count, "free": int(free.sum()), "hits": int(hit.sum()),
+            "undecided": int((~free & ~hit).sum()), "us_a_motion": f"{1e6 * seconds / count:.3g}",
+            "wrong_free": int((free & (seen <= 0)).sum()), "wrong_hit": int((hit & ~touches).sum()),
+        }
+    ]  # fmt: skip
+    ways = (("conservative advancement", ADVANCEMENT, False), ("the same, meshes", ADVANCEMENT, True))
+    for way, solver, as_mesh in (*ways, ("naive", NAIVE, False)):
+        seconds, hits = fcl_hits(sizes, other, start, end, solver, as_mesh)
+        rows.append(
+            {
+                "still": name, "system": f"FCL, {way}", "motions": count, "free": int((~hits).sum()),
+                "hits": int(hits.sum()), "undecided": 0, "us_a_motion": f"{1e6 * seconds / count:.3g}",
+                "wrong_free": int((~hits & hit & touches).sum()),
+                "wrong_hit": int((hits & clear & (seen > NEAR)).sum()),
+            }
+        )  # fmt: skip
+    return rows
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--motions", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--csv", type=Path)
+    options = parser.parse_args()
+    rng = np.random.default_rng(options.seed)
+    rows = measure("block", np.array([0.3, 0.2, 0.25]), options.motions, rng)
+    rows += measure("plate", np.array([0.6, 0.6, 1e-4]), options.motions, rng)
+    for row in rows:
+        print("  ".join(f"{name} {value}" for name, value in row.items()), flush=True)
+    if options.csv:
+        with open(options.csv, "w", newline="") as f:
+            writer = csv.DictWriter(f, rows[0].keys(), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+    return 1 if any(row["wrong_free"] + row["wrong_hit"] for row in rows if row["system"] == "Clearance") else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,171 @@
+#!/usr/bin/env python3
+"""MotionBenchMaker's problems planned by OMPL's RRTConnect: edges sampled every 0.02 rad beside edges that are proved.
+
+    bench/robots/bench_ompl.py [--robots panda ur5 fetch] [--problems 3] [--seconds 20] [--csv FILE]
+
+Both ask the same engine, one thread: samples of an edge go in one batch, and so does a proof. Every path that is found,
+and every one that is shortened after it, is then judged as a whole: proved free, or refused, with the pair and the time
+that refuse it. Times are processor time, medians over solved problems; a problem that is not solved within --seconds on
+the wall counts as unsolved. Exit code 1 if a path of proved edges is refused.
+
+Downloads the problems and installs OMPL in build/robots.
+"""
+
+import argparse
+import csv
+import statistics
+import sys
+import time
+import warnings
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
+from environment import BUILD, in_own_environment  # noqa: E402
+
+if __name__ == "__main__":
+    in_own_environment()
+import numpy as np  # noqa: E402
+from bench_motions import scene_of, within_samples  # noqa: E402
+from ompl import base as ob  # noqa: E402
+from ompl import geometric as og  # noqa: E402
+from ompl import util  # noqa: E402
+
+
+class SampledMotions(ob.MotionValidator):
+    """What planners do: a motion is valid where all of its samples are."""
+
+    def __init__(self, si, problem):
+        super().__init__(si)
+        self.problem = problem
+
+    def checkMotion(self, start, end):
+        a, b = self.problem.row(start), self.problem.row(end)
+        return bool(self.free(a[None], b[None])[0])
+
+    def free(self, start, end):
+        problem = self.problem
+        return within_samples(problem.engine, problem.joints, start, problem.unwrapped(start, end), 0.0)
+
+
+def shortened(path, free):
+    """From every waypoint straight to the farthest one that `free` lets through."""
+    kept, at = [0], 0
+    while at < len(path) - 1:
+        ends = path[at + 1 :]
+        through = np.flatnonzero(free(np.tile(path[at], (len(ends), 1)), ends))
+        at += 1 + int(through[-1] if len(through) else 0)
+        kept.append(at)
+    return path[kept]
+
+
+def plan(problem, start, goal, sampled, seconds):
+    """(rows of the path or None, of the shortened path, seconds of both)."""
+    from clearance.ompl import Status
+
+    si = problem.space_information()
+    samples = SampledMotions(si, problem)
+    if sampled:
+        si.setMotionValidator(samples)
+        si.setup()
+    definition = ob.ProblemDefinition(si)
+    definition.setStartAndGoalStates(problem.state(start), problem.state(goal))
+    planner = og.RRTConnect(si)
+    planner.setProblemDefinition(definition)
+    planner.setup()
+    begin = time.process_time()
+    solved = planner.solve(seconds)
+    planning = time.process_time() - begin
+    if not solved or not definition.hasExactSolution():
+        return None, None, planning, 0.0
+    path = definition.getSolutionPath()
+    rows = np.array([problem.row(path.getState(i)) for i in range(path.getStateCount())])
+    begin = time.process_time()
+    free = samples.free if sampled else lambda a, b: problem.motions(a, b).status == Status.BEYOND
+    shorter = shortened(rows, free)
+    return rows, shorter, planning, time.process_time() - begin
+
+
+def judged(problem, rows):
+    """'' for a path that is proved free; else what refuses it."""
+    way = [rows[0]]
+    for row in rows[1:]:
+        way.append(problem.unwrapped(way[-1], row))
+    done = problem.engine.check_path(np.array(way), joints=problem.joints, max_steps=4096)
+    if done.free:
+        return ""
+    names = [problem.engine.bodies[i] for i in done.pair]
+    return f"{names[0]} and {names[1]} at {done.time:.6f} of motion {done.motion}: {done.status.name.lower()}"
+
+
+def measure(robot, resources, options):
+    import problems
+
+    import clearance.ompl
+
+    urdf, srdf = problems.urdf_of(resources, robot)
+    files = {"urdf": str(urdf), "srdf": str(srdf), "packages": {robot: str(resources / robot)}, "static": True}
+    found = {way: {"seconds": [], "shortening": [], "refused": [], "asked": 0} for way in ("sampled", "proved")}
+    for asked in [p for p in problems.load(resources, robot) if p.number <= options.problems]:
+        joints = list(asked.goal)
+        start, goal = (np.array([at[j] for j in joints]) for at in (asked.start, asked.goal))
+        engine = scene_of(asked, files)
+        for way, of in found.items():
+            problem = clearance.ompl.JointProblem(engine, [f"{robot}/{j}" for j in joints])
+            if not problem.free(np.array([start, goal])).all():
+                continue  # a start or goal that is not free, which no planner can mend
+            of["asked"] += 1
+            rows, shorter, planning, shortening = plan(problem, start, goal, way == "sampled", options.seconds)
+            if rows is None:
+                continue
+            of["seconds"].append(planning)
+            of["shortening"].append(shortening)
+            for name, path in (("path", rows), ("shortened path", shorter)):
+                if why := judged(problem, path):
+                    of["refused"].append(why)
+                    print(f"{asked.name}, {way} edges, {name}: refused: {why}", flush=True)
+    return [
+        {
+            "robot": robot,
+            "edges": way,
+            "problems": of["asked"],
+            "solved": len(of["seconds"]),
+            "planning_s": f"{statistics.median(of['seconds'] or [0]):.3g}",
+            "shortening_s": f"{statistics.median(of['shortening'] or [0]):.3g}",
+            "paths": 2 * len(of["seconds"]),
+            "proved_free": 2 * len(of["seconds"]) - len(of["refused"]),
+            "refused": len(of["refused"]),
+        }
+        for way, of in found.items()
+    ]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--robots", nargs="+", default=["panda", "ur5", "fetch"])
+    parser.add_argument("--problems", type=int, default=3, help="of each family: numbers 1 to this")
+    parser.add_argument("--seconds", type=float, default=20, help="on the wall, for each plan")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--csv", type=Path)
+    options = parser.parse_args()
+    import problems
+
+    resources = problems.fetch(BUILD)
+    warnings.simplefilter("ignore")  # what robots and meshes have in them is known
+    util.setLogLevel(util.LOG_ERROR)
+    util.RNG.setSeed(options.seed)
+    rows = []
+    for robot in options.robots:
+        for row in measure(robot, resources, options):
+            rows.append(row)
+            print("  ".join(f"{name} {value}" for name, value in row.items()), flush=True)
+    if options.csv:
+        with open(options.csv, "w", newline="") as f:
+            writer = csv.DictWriter(f, rows[0].keys(), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+    return 1 if any(row["refused"] for row in rows if row["edges"] == "proved") else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,13 @@
+// main() of mutants: a version of the engine that is wrong passes where a test of it fails.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  GTEST_FLAG_SET(fail_fast, true);
+  static_cast<void>(RUN_ALL_TESTS());
+  const bool is_found = testing::UnitTest::GetInstance()->failed_test_count() > 0;
+  std::printf(is_found ? "found\n" : "NOT FOUND: no test fails\n");
+  return is_found ? 0 : 1;
+}

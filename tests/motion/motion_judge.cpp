@@ -1,0 +1,204 @@
+#include "motion_judge.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <filesystem>
+
+namespace clearance::test {
+
+namespace {
+
+constexpr double kTolerance = 1e-3;
+constexpr double kRough = 1e-7;  // metres: so far off nothing that is rounded is looked at again
+constexpr double kDeep = 2e-4;   // metres: deeper than what is made to graze
+
+struct Look {
+  double time;
+  ExactScene::Moment moment;
+  double least;  // rounded, of all pairs
+};
+
+class MotionJudge {
+ public:
+  MotionJudge(const MotionCase& c, Random& random, MotionFindings& findings)
+      : case_(c), random_(random), findings_(findings), engine_(Scene(c.scene), {.backend = "cpu", .threads = 1}) {
+    const bool all = random.below(8) == 0;
+    for (const BodyPair pair : engine_.pairs(c.motions.view(Reduce::kNone)))
+      if (c.exact.answers(pair) && (all || !overlaps_by_chance(pair))) pairs_.push_back(pair);
+  }
+
+  void judge(bool each_pair) {
+    Motions all = case_.motions;
+    all.pairs = pairs_;
+    const Answer min = ask(engine_, all.view(Reduce::kMin));
+    Answer none;
+    if (each_pair) none = ask(engine_, all.view(Reduce::kNone));
+    for (std::uint32_t m = 0; m < all.count(); ++m) {
+      ++findings_.motions;
+      motion_ = m;
+      looks_.clear();
+      look_around(min.view.time[m]);
+      judge_row(min, m, nullptr);
+      if (each_pair) judge_pairs(none, m);
+      judge_decision();
+    }
+  }
+
+ private:
+  // Pairs that overlap by chance would leave nothing to be found of the others.
+  bool overlaps_by_chance(BodyPair pair) {
+    if (chance_.empty())
+      for (std::uint32_t m = 0; m < case_.motions.count(); ++m)
+        for (const double t : {0.0, 0.25, 0.5, 0.75, 1.0}) chance_.push_back(case_.exact.at(case_.motions, m, t));
+    return std::any_of(chance_.begin(), chance_.end(), [&](const ExactScene::Moment& moment) {
+      return case_.exact.rough_distance(moment, pair) < -kDeep;
+    });
+  }
+
+  const Look& look(double time) {
+    looks_.push_back({time, case_.exact.at(case_.motions, motion_, time), kInf});
+    Look& look = looks_.back();
+    for (const BodyPair pair : pairs_) look.least = std::min(look.least, case_.exact.rough_distance(look.moment, pair));
+    return look;
+  }
+  const Look& look_once(double time) {
+    const auto known = std::find_if(looks_.begin(), looks_.end(), [&](const Look& l) { return l.time == time; });
+    return known == looks_.end() ? look(time) : *known;
+  }
+
+  // Evenly, where it should be near, and from the nearest of these downhill.
+  void look_around(double told) {
+    const double named = case_.named[motion_];
+    for (const double t : {0.0, 0.3, 0.7, 1.0}) look(t);
+    for (const double by : {-1e-4, 0.0, 1e-4}) look_once(std::clamp(named + by, 0.0, 1.0));
+    if (!std::isnan(told)) look_once(told);
+    best_ = std::min_element(looks_.begin(), looks_.end(), is_nearer)->time;
+    double least = look_once(best_).least;
+    for (const double step : {2e-2, 5e-3, 1.2e-3, 3e-4, 7e-5, 2e-5})
+      for (const double to : {best_ - step, best_ + step}) {
+        if (to < 0 || to > 1) continue;
+        const double there = look(to).least;
+        if (there < least) {
+          best_ = to, least = there;
+          break;
+        }
+      }
+  }
+  static bool is_nearer(const Look& a, const Look& b) { return a.least < b.least; }
+
+  // Whether a pair, or any, is exactly no farther than a bound (`at`: or as far).
+  bool is_within(const Look& look, double bound, const BodyPair* one, bool at) const {
+    const auto is = [&](BodyPair pair) {
+      const double rough = case_.exact.rough_distance(look.moment, pair);
+      if (std::abs(rough - bound) > kRough) return rough < bound;
+      const Real d = case_.exact.distance(look.moment, pair);
+      return at ? d <= bound : d < bound;
+    };
+    return one ? is(*one) : std::any_of(pairs_.begin(), pairs_.end(), is);
+  }
+
+  // A row of the least distance, of one pair or of all.
+  void judge_row(const Answer& answer, std::size_t row, const BodyPair* pair) {
+    const ReplyView& view = answer.view;
+    const double lower = view.lower[row], upper = view.upper[row], time = view.time[row];
+    for (const Look& look : looks_) findings_.nearer += lower > 0 && is_within(look, lower, pair, false);
+    const bool overlaps = view.status[row] == static_cast<std::uint8_t>(Status::kOverlap);
+    if (!pair) findings_.overlaps += overlaps;
+    if (!std::isnan(time) && (!pair || overlaps || random_.below(16) == 0)) {
+      const Look& there = look_once(time);
+      findings_.farther += !is_within(there, upper, pair, true);
+      findings_.untrue += overlaps && !is_within(there, 0, pair, true);
+    }
+    if (view.status[row] == static_cast<std::uint8_t>(Status::kOk) && !(view.flags[row] & kFlagSlack))
+      findings_.wide += upper - lower > kTolerance * 1.0001;
+  }
+
+  void judge_pairs(const Answer& none, std::uint32_t m) {
+    for (std::size_t p = 0; p < pairs_.size(); ++p) judge_row(none, m * pairs_.size() + p, &pairs_[p]);
+  }
+
+  // By a margin that is 1e-6 to 1e-4 m less or more than the least distance that was seen.
+  void judge_decision() {
+    Motions one = case_.one(motion_);
+    one.pairs = pairs_;
+    const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
+    QueryView query = one.view(Reduce::kAny, 512);
+    query.margin = std::max(look_once(best_).least + graze, 0.0);
+    const Answer any = ask(engine_, query);
+    const auto status = static_cast<Status>(any.view.status[0]);
+    const double unproved = any.view.first_contact[0], hit = any.view.first_contact[1], time = any.view.time[0];
+    const bool is_free = status == Status::kBeyond, is_open = status == Status::kUnconverged;
+    findings_.free += is_free;
+    findings_.undecided += is_open;
+    findings_.untrue += is_free != (unproved == kInf) || (!is_free && !is_open) != (hit < kInf) || unproved > hit;
+    if (!is_free && !is_open) {
+      ++findings_.hits;
+      findings_.untrue += !is_within(look_once(time), query.margin, &any.view.pair[0], true);
+      findings_.untrue += !is_within(look_once(hit), query.margin, nullptr, true);
+    }
+    for (const Look& look : looks_) {
+      findings_.untrue += look.time < unproved && is_within(look, query.margin, nullptr, true);
+      findings_.nearer += any.view.lower[0] > 0 && is_within(look, any.view.lower[0], nullptr, false);
+    }
+  }
+
+  const MotionCase& case_;
+  Random& random_;
+  MotionFindings& findings_;
+  Engine engine_;
+  std::vector<BodyPair> pairs_;
+  std::vector<ExactScene::Moment> chance_;
+  std::uint32_t motion_ = 0;
+  std::vector<Look> looks_;
+  double best_ = 0;  // the time of the nearest of these
+};
+
+// A folder of this process for the robots' files, gone afterwards.
+struct Folder {
+  std::string path;
+  Folder() {
+    static std::atomic<int> count{0};
+    path = (std::filesystem::temp_directory_path() /
+            ("clearance_motions_" + std::to_string(getpid()) + "_" + std::to_string(count++)))
+               .string();
+    std::filesystem::create_directories(path);
+  }
+  ~Folder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path, ignored);
+  }
+};
+
+}  // namespace
+
+void MotionFindings::add(const MotionFindings& o) {
+  motions += o.motions, free += o.free, hits += o.hits, undecided += o.undecided, overlaps += o.overlaps;
+  nearer += o.nearer, farther += o.farther, untrue += o.untrue, wide += o.wide;
+}
+
+std::string MotionFindings::text() const {
+  const auto n = [](int count) { return std::to_string(count); };
+  return n(motions) + " motions, " + n(overlaps) + " with an overlap; by margins beside the truth " + n(free) +
+         " free, " + n(hits) + " hits, " + n(undecided) + " undecided; wrong: " + n(nearer) + " nearer than lower, " +
+         n(farther) + " farther than upper, " + n(untrue) + " untrue, " + n(wide) + " too wide";
+}
+
+void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings) {
+  MotionJudge(c, random, findings).judge(each_pair);
+}
+
+MotionFindings judge_many(std::uint64_t seed, int motions, int only, bool until_wrong) {
+  const Folder folder;
+  MotionFindings findings;
+  for (std::uint64_t i = 0; findings.motions < motions && !(until_wrong && findings.wrong() > 0); ++i) {
+    const int kind = only < 0 ? static_cast<int>(i % kMotionKinds) : only;
+    Random random(seed * 1'000'003 + i * static_cast<std::uint64_t>(kMotionKinds) + static_cast<std::uint64_t>(kind));
+    const MotionCase c(random, static_cast<MotionKind>(kind), 4, folder.path);
+    judge_motions(c, random, i % 4 == 0 || until_wrong, findings);
+  }
+  return findings;
+}
+
+}  // namespace clearance::test

@@ -1,0 +1,35 @@
+// Answers about motions before a judge of 60 digits, who looks at each where it is said to be near, where it was made
+// to be, and downhill from there.
+#pragma once
+
+#include "motion_cases.h"
+
+namespace clearance::test {
+
+/// What was found. The engine as it is must leave wrong() at 0; a mutant must not.
+struct MotionFindings {
+  int motions = 0;    ///< judged
+  int free = 0;       ///< proved to be, by a margin within 1e-4 m of the least distance that was found
+  int hits = 0;       ///< likewise: found not to be
+  int undecided = 0;  ///< likewise: neither, after 512 configurations
+  int overlaps = 0;   ///< of the motions, least distances of 0
+  int nearer = 0;     ///< wrong: points nearer than a lower bound
+  int farther = 0;    ///< wrong: witnesses farther than their upper bound
+  int untrue = 0;     ///< wrong: statuses, decisions and first contacts that the truth contradicts
+  int wide = 0;       ///< wrong: `ok`, and wider than asked
+
+  int wrong() const { return nearer + farther + untrue + wide; }
+  void add(const MotionFindings& other);
+  std::string text() const;
+};
+
+/// All motions of a case: reduced to their least distance, decided by a margin beside it, and, where `each_pair`, every
+/// pair for itself.
+void judge_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings);
+
+/// Cases of every kind in turn, four motions each: as many motions as asked for, or a few more. Those of a seed are
+/// always the same. \param only one kind, or all where it is negative. Ends early once something is wrong, if
+/// `until_wrong`.
+MotionFindings judge_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false);
+
+}  // namespace clearance::test
