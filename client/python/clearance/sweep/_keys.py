@@ -47,15 +47,14 @@ class Keys:
         except (TypeError, ValueError) as error:
             raise JobError(str(error)) from None
 
-    def one_of(self, *names: str) -> str:
-        """The one of these keys that is there."""
+    def one_of(self, *names: str, only: bool = False) -> str:
+        """The one of these keys that is there. only: the map has no others."""
         self._known += names
         given = [name for name in names if name in self._given]
         if len(given) != 1:
             where = self._path or "the job"
-            for name in self._given:
-                if name not in self._known:
-                    raise self._stranger(name)
+            if only:
+                self.finish()
             raise JobError(
                 f"{self.file}: {where}: expected one of {', '.join(names)}, got {' and '.join(given) or 'none of them'}"
             )

@@ -12,7 +12,7 @@ from ._errors import SweepError
 from ._journal import Journal
 from ._plan import Plan
 from ._progress import Progress
-from ._work import Check, Checked, Done, Failed, Outcome, Part, Task
+from ._work import Check, Checked, Done, Failed, Outcome, Part, Task, host_of
 
 DEPTH = 2  #: tasks that a worker has: the one that it is at, and the next
 _LOSSES = 3  #: workers that may be lost over one part, or one after the other at their start
@@ -125,10 +125,20 @@ class Run:
             self._asked.add(worker)
             return self._dispute.check
         for check in self._checks:
-            if alone or self._made_by.get(check.part) != worker:
+            if alone or self._is_other(worker, check.part):
                 self._checks.remove(check)
                 return check
         return Part(self._parts.popleft()) if self._parts else None
+
+    def _is_other(self, worker: int, part: int) -> bool:
+        """Whether a worker is on another machine than a part's maker, or where all are on one, is another worker."""
+        maker = self._made_by.get(part)
+        if maker is None:
+            return True
+        hosts = {host_of(self._machines[number]) for number in self._tasks}
+        if len(hosts) > 1:
+            return host_of(self._machines[worker]) != host_of(self._machines[maker])
+        return worker != maker
 
     def _take(self, event: Event) -> None:
         if isinstance(event, Ready):
@@ -177,35 +187,39 @@ class Run:
 
     def _take_check(self, worker: int, task: Check, outcome: Checked) -> None:
         machine = self._machines[worker]
-        disputed = self._dispute is not None and self._dispute.check.part == task.part
-        if not outcome.differences and not disputed:
-            self._journal.add_check(outcome, machine)
-            self._checked += outcome.rows
-            return
         if self._dispute is None:
+            if not outcome.differences:
+                self._journal.add_check(outcome, machine)
+                self._checked += outcome.rows
+                return
             maker = self._made_by.get(task.part)
             self._dispute, self._asked = _Dispute(task), {worker} if maker is None else {worker, maker}
-        if self._dispute.check.part == task.part:
-            self._dispute.opinions.append((machine, outcome.differences))
+        elif self._dispute.check.part != task.part:
+            return  # one dispute ends the run
+        self._dispute.opinions.append((machine, outcome.differences))
         if len(self._dispute.opinions) == 2 or self._pool.size <= len(self._asked):
             self._settle(self._dispute)
 
     def _settle(self, dispute: _Dispute) -> None:
-        """Says whose answer stands alone, as far as that is known."""
+        """Says whose answer stands alone, as far as that is known, and believes none of its parts."""
         part = dispute.check.part
         maker = self._journal.makers[part]
-        self._journal.drop(part)
         (second, differences), *others = dispute.opinions
-        text = f"part {part}: rows asked again do not come out as they are written: {'; '.join(differences)}. "
-        if not others:
-            text += f"{maker} wrote it, {second} was asked again"
-        elif not others[0][1]:
-            text += f"{second} stands alone: {others[0][0]} answers as {maker} wrote"
-        elif others[0][1] == differences:
-            text += f"{maker} stands alone, who wrote it: {second} and {others[0][0]} answer alike"
-        else:
-            text += f"{maker}, {second} and {others[0][0]} each answer something else"
-        raise SweepError(text + ". The part will be made anew when the job goes on")
+        suspects = {maker, second}
+        text = f"{maker} wrote it, {second} was asked again; which of them is wrong, nobody else was there to say"
+        if others:
+            third, found = others[0]
+            suspects = {maker} if found == differences else {maker, second, third} if found else {second}
+            text = f"{maker}, {second} and {third} each answer something else"
+            if len(suspects) == 1:
+                text = f"{min(suspects)} stands alone among {maker}, who wrote it, {second} and {third}"
+        dropped = [number for number in self._journal.done if self._journal.makers[number] in suspects]
+        for number in dropped:
+            self._journal.drop(number)
+        raise SweepError(
+            f"part {part}: rows asked again do not come out as they are written: {'; '.join(differences)}. {text}. "
+            f"When the job goes on, the {len(dropped)} parts of {' and '.join(sorted(suspects))} are made anew"
+        )
 
 
 def drive(plan: Plan, start_pool: Callable[[], Pool], progress: Progress) -> Summary:

@@ -93,7 +93,7 @@ class Source:
 def read_rows(keys: Keys, folder: Path, bodies: bool, nodes: bool = False) -> Source:
     """Reads the key `rows`, or of edges the key `of`."""
     kinds = tuple(kind for kind in KINDS if not (nodes and kind == "edges"))
-    kind = keys.one_of(*kinds)
+    kind = keys.one_of(*kinds, only=True)
     what = keys.at(kind)
     if bodies and kind in ("uniform", "halton", "grid"):
         raise JobError(f"{what}: draws positions of joints; of bodies expected file, or edges of one")
@@ -115,7 +115,6 @@ def read_rows(keys: Keys, folder: Path, bodies: bool, nodes: bool = False) -> So
             "radius": own.take("radius", to_number_from_0, math.inf),
         }
     own.finish()
-    keys.finish()
     return Source(kind, what, options, motions, inner)
 
 

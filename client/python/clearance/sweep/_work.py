@@ -184,3 +184,8 @@ def differences_of(held: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> I
 def machine() -> str:
     """How errors call this machine and process."""
     return f"{socket.gethostname()} (process {os.getpid()})"
+
+
+def host_of(name: str) -> str:
+    """The machine of what machine() says."""
+    return name.partition(" (process ")[0]
