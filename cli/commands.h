@@ -61,9 +61,10 @@ void add_bench(CLI::App& app);             // bench.cpp
 void add_bench_throughput(CLI::App& app);  // bench_throughput.cpp
 void add_bench_loop(CLI::App& app);        // bench_loop.cpp
 void add_keygen(CLI::App& app);
-void add_inspect(CLI::App& app);  // sibling.cpp, and the three below
+void add_inspect(CLI::App& app);  // sibling.cpp, and the four below
 void add_robot(CLI::App& app);
 void add_selftest(CLI::App& app);
 void add_cache(CLI::App& app);
+void add_sweep(CLI::App& app);
 
 }  // namespace clearance::cli

@@ -35,6 +35,7 @@ int main(int argc, char** argv) {
   cli::add_robot(app);
   cli::add_selftest(app);
   cli::add_cache(app);
+  cli::add_sweep(app);
   // Last: a subcommand would inherit it.
   app.footer(R"(
 Example

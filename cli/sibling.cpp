@@ -20,27 +20,29 @@ std::string own_folder() {
 
 /// Goes on as another program: the one beside this one, else the one on PATH. Returns only by throwing.
 [[noreturn]] void become(const std::string& program, const std::vector<std::string>& arguments,
-                         const std::string& why) {
+                         const std::string& remedy) {
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
   for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
   argv.push_back(nullptr);
   const std::string folder = own_folder();
   if (!folder.empty()) execv((folder + "/" + program).c_str(), argv.data());
   execvp(program.c_str(), argv.data());
-  throw std::runtime_error("the program " + program + " " + why + "; there is none in " +
+  throw std::runtime_error("the program " + program + " " + remedy + "; there is none in " +
                            (folder.empty() ? std::string() : folder + " nor ") + "on PATH (" + std::strerror(errno) +
                            ")");
 }
 
-/// A command that is the program clearance-NAME. \param why it is one.
-void add_program(CLI::App& app, const char* name, const char* description, const char* why) {
+const char* const kWithDaemon =
+    "; it is installed with the daemon (component server, or pip install without CLEARANCE_CLIENT_ONLY)";
+
+/// A command that is the program clearance-NAME. \param why it is one. \param remedy how it is installed.
+void add_program(CLI::App& app, const char* name, const char* description, const char* why,
+                 const char* remedy = kWithDaemon) {
   auto& command = *app.add_subcommand(name, description);
   command.prefix_command();  // every option is the program's own, --help too
   command.set_help_flag();
-  command.callback([&command, name, why] {
-    become(std::string("clearance-") + name, command.remaining(),
-           std::string(why) +
-               "; it is installed with the daemon (component server, or pip install without CLEARANCE_CLIENT_ONLY)");
+  command.callback([&command, name, why, remedy] {
+    become(std::string("clearance-") + name, command.remaining(), std::string(why) + remedy);
   });
 }
 
@@ -62,6 +64,11 @@ void add_selftest(CLI::App& app) {
 
 void add_cache(CLI::App& app) {
   add_program(app, "cache", "what is kept of meshes that were loaded before: list, clear", "knows the engine's cache");
+}
+
+void add_sweep(CLI::App& app) {
+  add_program(app, "sweep", "answers a job of many configurations or motions in parts, as Parquet",
+              "is part of the Python package", "; pip install \"clearance[sweep]\"");
 }
 
 }  // namespace clearance::cli

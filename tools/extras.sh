@@ -16,6 +16,7 @@ extras=(
   "arm             CMakeLists.txt CMakePresets.json cmake engine tests/golden tests/exact tests/robot tools/root.sh"
   "coal            client/python/clearance tests/install/try_coal.py"
   "ompl            client/python/clearance engine/motion tests/install/try_ompl.py"
+  "ray             client/python/clearance client/examples/roadmap.py tests/python/test_sweep.py tests/python/test_sweep_jobs.py tests/python/test_sweep_ray.py tests/python/sweeps.py"
   "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
   "robots          engine/robot engine/base engine/pose cli/robot_main.cpp tests/robot"
   "races           wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
@@ -131,6 +132,17 @@ run_ompl() {
   step ompl-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step ompl-install "Install OMPL" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off ompl==2.0.1 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_ompl.py
+}
+
+# Sweeps on Ray and without it, what is killed meanwhile included, and a small roadmap, in an environment that has it.
+run_ray() {
+  local venv=out/extras/ray
+  tools/build.sh release product
+  step ray-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step ray-install "Install Ray and pyarrow" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    ray==2.60.0 pyarrow==26.0.1 scipy==1.17.1 PyYAML==6.0.3 numpy pytest
+  "$venv/bin/python" -m pytest -q tests/python/test_sweep_jobs.py tests/python/test_sweep.py tests/python/test_sweep_ray.py
+  PYTHONPATH=build/python "$venv/bin/python" client/examples/roadmap.py --nodes 1000 --queries 20 --output out/extras/roadmap
 }
 
 # Half a minute for each target of tests/fuzz, under the address and undefined-behaviour sanitizers.

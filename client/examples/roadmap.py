@@ -5,8 +5,8 @@
 
 First a sweep says which points of a Halton sequence are free, then another which motions between near ones are. Both
 go on where they were if the program is ended, and may run on Ray (--ray). Then it answers --queries random ones: from
-each end proved motions lead onto the roadmap, and A* with landmarks (Goldberg and Harrelson 2005) goes along it. Each path that comes
-out is proved once more, as a whole. Needs pyarrow and scipy.
+each end proved motions lead onto the roadmap, and A* with landmarks (Goldberg and Harrelson 2005) goes along it. Each
+path that comes out is proved once more, as a whole. Needs pyarrow and scipy.
 """
 
 import argparse
@@ -18,6 +18,10 @@ import sys
 import time
 
 import numpy as np
+import pyarrow.parquet as pq
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 try:
@@ -25,12 +29,9 @@ try:
 except ImportError:  # not installed: the build of this checkout
     sys.path.append(str(ROOT / "build" / "python"))
     import clearance
-import pyarrow.parquet as pq
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
+from clearance.sweep import Job, run  # noqa: E402
 
-from clearance.sweep import Job, run
+JOINTS = [f"arm/{name}" for name in ("turn", "lift", "elbow", "wrist_lift", "wrist_turn", "tool")]
 
 LANDMARKS = 16
 ONTO = 4  # nodes that are tried at once from each end of a query
@@ -66,23 +67,23 @@ class Roadmap:
     def path(self, start, goal):
         """(W, J) waypoints whose motions are proved free, or None where the roadmap has no such way."""
         begin, end = self._onto(start), self._onto(goal)
-        for a, to_a in begin:
-            for b, from_b in end:
+        for a in begin:
+            for b in end:
                 if self.part[a] == self.part[b]:
                     inner = self.nodes[self._along(a, b)]
                     return np.concatenate([[start], inner, [goal]])
         return None
 
     def _onto(self, place):
-        """The nodes near a place to which a motion is proved free, nearest first, with how far they are."""
-        far, near = self.tree.query(place, k=8 * ONTO)
+        """The nodes near a place to which a motion is proved free, nearest first."""
+        _, near = self.tree.query(place, k=8 * ONTO)
         for i in range(0, len(near), ONTO):
             ends = self.nodes[near[i : i + ONTO]]
             starts = np.tile(place, (len(ends), 1))
             asked = {"joints": self.joints, "margin": self.margin, "reduce": "any", "fields": ["status"]}
             free = self.engine.motions(start=starts, end=ends, **asked).status == clearance.Status.BEYOND
             if free.any():
-                return [(int(near[i + j]), float(far[i + j])) for j in np.flatnonzero(free)]
+                return near[i : i + ONTO][free].tolist()
         return []
 
     def _along(self, start, goal):
@@ -182,10 +183,23 @@ def ask(roadmap, count, seed):
     return np.array(times), answered
 
 
+def write_csv(options, sweeps, queries):
+    """The figures of both sweeps and of the queries."""
+    with open(options.csv, "w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["what", "rows", "free", "workers", "seconds", "rows_per_s", "bytes_per_row", "ms_50", "ms_99"])
+        for what, rows, free, done, seconds, size in sweeps:
+            whole = done.made == done.parts  # else some were there: no rate
+            rate = [f"{seconds:.0f}", f"{rows / seconds:.0f}"] if whole else ["", ""]
+            writer.writerow([what, rows, free, options.workers or "", *rate, f"{size / rows:.2f}", "", ""])
+        count, answered, middle, most = queries
+        writer.writerow(["queries", count, answered, 1, "", "", "", f"{middle:.1f}", f"{most:.1f}"])
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--scene", type=pathlib.Path, default=ROOT / "scenes/cell/robot.yaml")
-    parser.add_argument("--joints", nargs="+", default=[f"arm/{j}" for j in ("turn", "lift", "elbow", "wrist_lift", "wrist_turn", "tool")])  # fmt: skip
+    parser.add_argument("--joints", nargs="+", default=JOINTS, help="a robot's, by name")
     parser.add_argument("--nodes", type=int, default=5000, help="points to draw, free or not")
     parser.add_argument("--nearest", type=int, default=10, help="nodes that each node is joined with")
     parser.add_argument("--margin", type=float, default=0.005, help="metres that everything is farther apart than")
@@ -200,16 +214,10 @@ def main():
     roadmap, sweeps = make(options, engine, engine.joints(options.joints))
     times, answered = ask(roadmap, options.queries, seed=1)
     middle, most = np.percentile(times, [50, 99])
-    print(f"queries: {answered} of {len(times)} answered, each path proved again; median {middle:.1f} ms, 99 % within {most:.1f} ms")  # fmt: skip
+    print(f"queries: {answered} of {len(times)} answered, each path proved again; "
+          f"median {middle:.1f} ms, 99 % within {most:.1f} ms")  # fmt: skip
     if options.csv:
-        with open(options.csv, "w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["what", "rows", "free", "workers", "seconds", "rows_per_s", "bytes_per_row"])
-            for what, rows, free, done, seconds, size in sweeps:
-                whole = done.made == done.parts  # else some were there: no rate
-                rate = [f"{seconds:.0f}", f"{rows / seconds:.0f}"] if whole else ["", ""]
-                writer.writerow([what, rows, free, options.workers or "", *rate, f"{size / rows:.2f}"])
-            writer.writerow(["queries", len(times), answered, 1, f"{times.sum() / 1e3:.2f}", f"{1e3 / times.mean():.0f}", ""])
+        write_csv(options, sweeps, (len(times), answered, middle, most))
     return 0
 
 

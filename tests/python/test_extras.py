@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ["client_install", "wheels", "deb", "arm", "coal", "ompl", "fuzz", "robots", "races", "kernels"]
+NAMES = ["client_install", "wheels", "deb", "arm", "coal", "ompl", "ray", "fuzz", "robots", "races", "kernels"]
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """Sweeps on this machine: rows come out as in process, in the same bytes whoever makes them and whatever is killed."""
 
 import contextlib
+import importlib.util
 import json
 import os
 import random
@@ -10,9 +11,6 @@ import numpy as np
 import pytest
 
 import clearance
-
-pytest.importorskip("pyarrow", reason="pyarrow is not installed; make test-extras EXTRAS=ray has it")
-
 from clearance.sweep import Job, SweepError, prepare, run
 from clearance.sweep._job import columns_of
 from clearance.sweep._parts import part_name
@@ -34,6 +32,9 @@ from sweeps import (
     workers_of,
 )
 
+pytestmark = pytest.mark.skipif(
+    not importlib.util.find_spec("pyarrow"), reason="pyarrow is not installed; make test-extras EXTRAS=ray has it"
+)
 LEAST = ["lower", "upper", "distance", "status", "flags", "pair", "pair_lower", "point_a", "point_b", "normal",
          "gradient", "gradient_joints"]  # fmt: skip
 
@@ -47,7 +48,7 @@ def engine_of(folder):
     return clearance.Engine(clearance.Scene.load(folder / "scene.yaml"), threads=1)
 
 
-# ---- what comes out ---------------------------------------------------------------------------------------------------
+# ---- what comes out --------------------------------------------------------------------------------------------------
 
 
 def test_rows_are_those_of_the_engine_in_process(tmp_path, urdf):
@@ -123,7 +124,7 @@ def test_the_result_does_not_depend_on_who_made_it(tmp_path, urdf):
     assert all((plan.spec.folder / name).read_bytes() == first[name] for name in parts)
 
 
-# ---- kills ------------------------------------------------------------------------------------------------------------
+# ---- kills -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -207,7 +208,7 @@ def test_another_job_or_another_run_in_the_folder_is_refused(tmp_path, urdf):
         run(Job.from_dict(job, tmp_path), workers=1)
 
 
-# ---- workers that are wrong -------------------------------------------------------------------------------------------
+# ---- workers that are wrong ------------------------------------------------------------------------------------------
 
 
 class Wrong(Worker):
@@ -246,7 +247,10 @@ def driven(plan, size, make):
 ])  # fmt: skip
 def test_a_machine_that_answers_otherwise_is_named(tmp_path, urdf, size, wrong, said):
     plan = plan_of(tmp_path, urdf, check=0.05)
-    make = lambda number: (Wrong if number == wrong else Worker)(plan.spec, plan.packed)
+
+    def make(number):
+        return (Wrong if number == wrong else Worker)(plan.spec, plan.packed)
+
     with pytest.raises(SweepError, match=said) as caught:
         driven(plan, size, make)
     assert "rows asked again do not come out as they are written: row " in str(caught.value)
@@ -261,13 +265,14 @@ def test_a_machine_that_answers_otherwise_is_named(tmp_path, urdf, size, wrong, 
 def test_a_share_of_all_rows_is_asked_again_by_another(tmp_path, urdf):
     plan = plan_of(tmp_path, urdf, check=0.05)
     summary, _ = driven(plan, 3, lambda number: Worker(plan.spec, plan.packed))
-    assert summary.checked == sum(len(plan.spec.checked(part)) for part in range(8)) == 54  # of 130 and, in the end, 90 rows
+    assert summary.checked == sum(len(plan.spec.checked(part)) for part in range(8)) == 54
     entries = journal_of(plan.output)
     makers = {entry["done"]["part"]: entry["by"] for entry in entries if "done" in entry}
     checks = {entry["checked"]: entry["by"] for entry in entries if "checked" in entry}
     assert sorted(checks) == list(range(8)) and all(makers[part] != by for part, by in checks.items())
     # Without a share nothing is; with one machine it is asked again itself.
-    assert driven(plan_of(tmp_path, urdf, output="none"), 2, lambda number: Worker(plan.spec, plan.packed))[0].checked == 0
+    plan = plan_of(tmp_path, urdf, output="none")
+    assert driven(plan, 2, lambda number: Worker(plan.spec, plan.packed))[0].checked == 0
 
 
 class Sleepless:
@@ -293,14 +298,17 @@ def test_a_part_over_which_workers_die_ends_the_run(tmp_path, urdf):
         if part == 4:
             raise SystemExit("out of memory")
 
-    with pytest.raises(SweepError, match="part 4: 3 workers were lost over it; the last, machine .*: out of memory"):
+    with pytest.raises(SweepError, match=r"part 4: 3 workers were lost over it; the last, machine .*: out of memory"):
         driven(plan, 2, lambda number: Sleepless(dies))
     assert 4 not in [entry["done"]["part"] for entry in journal_of(plan.output) if "done" in entry]
 
 
 def test_what_would_fail_everywhere_is_not_tried_again(tmp_path, urdf):
     plan = plan_of(tmp_path, urdf)
-    failing = lambda part: Failed("part 2, on machine 1: no space left") if part == 2 else None
+
+    def failing(part):
+        return Failed("part 2, on machine 1: no space left") if part == 2 else None
+
     with pytest.raises(SweepError, match="part 2, on machine 1: no space left"):
         driven(plan, 2, lambda number: Sleepless(failing))
 

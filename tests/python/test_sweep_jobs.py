@@ -12,7 +12,7 @@ import pytest
 import clearance.sweep
 from clearance.sweep import Job, JobError
 from clearance.sweep._generators import ArrayFile, Box, Grid, Halton, ParquetFile, Uniform
-from sweeps import JOINTS, arm_job
+from sweeps import arm_job
 
 EDGES = {"edges": {"of": {"uniform": {"count": 50}}, "nearest": 3}}
 
@@ -83,8 +83,9 @@ def test_a_bad_job_is_told_file_key_and_what_is_allowed(name, good, tmp_path):
 def test_files_that_are_no_jobs(tmp_path):
     (tmp_path / "job.json").write_text("{")
     (tmp_path / "list.json").write_text("[]")
-    for name, text in (("job.json", "is not JSON"), ("list.json", "expected a map, got []"), ("no.json", "No such file")):
-        with pytest.raises(JobError, match="cannot be read|expected a map|is not JSON") as caught:
+    said = {"job.json": "is not JSON", "list.json": "expected a map, got []", "no.json": "cannot be read: No such file"}
+    for name, text in said.items():
+        with pytest.raises(JobError) as caught:
             Job.load(tmp_path / name)
         assert str(caught.value).startswith(f"{tmp_path / name}: ") and text in str(caught.value)
 
@@ -141,7 +142,7 @@ def test_the_command_says_what_is_wrong_with_a_job(tmp_path, good):
     assert done.stderr.startswith(f"clearance sweep: {tmp_path / 'job.json'}: answer: expected 'validity' or 'least'")
 
 
-# ---- rows -------------------------------------------------------------------------------------------------------------
+# ---- rows ------------------------------------------------------------------------------------------------------------
 
 BOX = Box(np.array([-1.0, 0.0, 2.0]), np.array([1.0, 0.5, 2.0]))
 RANDOM_ACCESS = [Uniform(BOX, 5000, 7), Halton(BOX, 5000, 3), Grid(BOX, (20, 25, 10))]
@@ -231,5 +232,3 @@ def test_edges_are_those_of_the_nearest(tmp_path):
     assert [tuple(pair) for pair in np.load(tmp_path / "edges.npy").tolist()] == sorted(near)
     pairs = np.array(sorted(near))
     assert edges.motions and edges.at(np.arange(edges.count)).tobytes() == places[pairs].tobytes()
-
-

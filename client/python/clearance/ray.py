@@ -18,7 +18,7 @@ from typing import Any, Callable, Optional, TextIO, Union
 import ray
 
 from ._words import BackendWord
-from .sweep import Job, Plan, Summary, prepare
+from .sweep import Job, Plan, Summary, SweepError, prepare
 from .sweep._processes import importable_from
 from .sweep._progress import Progress
 from .sweep._run import Event, Lost, Ready, Result, drive
@@ -26,6 +26,9 @@ from .sweep._scenes import Packed
 from .sweep._work import Failed, Outcome, Performs, Spec, Task, Worker, machine
 
 __all__ = ["Actors", "run"]
+
+_GONE = (ray.exceptions.RayActorError, ray.exceptions.ObjectLostError, ray.exceptions.WorkerCrashedError)
+_LOOK_S = 5.0  # of silence, after which it is looked whether there is a machine at all
 
 #: Makes a worker in an actor's process. Tests give others.
 MakeWorker = Callable[[Spec, Packed], Performs]
@@ -75,8 +78,11 @@ class Actors:
 
     def wait(self) -> Event:
         while not self._events:
-            (answer, *_), _ = ray.wait(list(self._waiting), num_returns=1)
-            self._receive(answer)
+            ready, _ = ray.wait(list(self._waiting), num_returns=1, timeout=_LOOK_S)
+            if ready:
+                self._receive(ready[0])
+            elif not any(node["Alive"] for node in ray.nodes()):
+                raise SweepError("Ray has no machine left that is alive; the job goes on when it is started again")
         return self._events.popleft()
 
     def close(self) -> None:
@@ -94,9 +100,11 @@ class Actors:
         worker = self._waiting.pop(answer)
         try:
             message = ray.get(answer)
-        except (ray.exceptions.RayActorError, ray.exceptions.ObjectLostError, ray.exceptions.WorkerCrashedError) as error:
+        except _GONE as error:
             self._lose(worker, " ".join(str(error).split()))
             return
+        except ray.exceptions.RayTaskError as error:  # a worker's own errors are answers: this one could not be sent
+            message = Failed(f"Ray: {error}")
         self._events.append(Ready(worker, message) if isinstance(message, str) else Result(worker, message))
 
     def _lose(self, worker: int, text: str) -> None:
@@ -131,7 +139,7 @@ def run(
     threads: CPUs of each actor, and of its engine. gpus: of each; None: 1 with backend "cuda", else 0.
     output, backend, progress: as in clearance.sweep.run().
 
-    Raises as clearance.sweep.run() does, and ConnectionError where there is no cluster.
+    Raises as clearance.sweep.run() does; SweepError where there is no cluster, too.
     """
     plan = prepare(job, None if output is None else Path(output), backend, threads)
     each = (1.0 if backend == "cuda" else 0.0) if gpus is None else gpus
@@ -150,14 +158,17 @@ def _connect(address: Optional[str], scene_bytes: int) -> None:
     # Workers look for this package where this process found it; on other machines it may be installed.
     path = os.pathsep.join(filter(None, [importable_from(), os.environ.get("PYTHONPATH", "")]))
     more: dict[str, Any] = {} if address else {"object_store_memory": max(1 << 27, 4 * scene_bytes)}
-    ray.init(
-        address=address or "local",
-        include_dashboard=False if not address else None,
-        log_to_driver=False,
-        logging_level="error",
-        runtime_env={"env_vars": {"PYTHONPATH": path}},
-        **more,
-    )
+    try:
+        ray.init(
+            address=address or "local",
+            include_dashboard=None if address else False,
+            log_to_driver=False,
+            logging_level="error",
+            runtime_env={"env_vars": {"PYTHONPATH": path}},
+            **more,
+        )
+    except Exception as error:  # ray.init() raises whatever it came upon
+        raise SweepError(f"Ray at {address or 'this machine'} cannot be reached or started: {error}") from error
 
 
 def _room(threads: int, gpus: float) -> int:

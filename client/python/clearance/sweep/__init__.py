@@ -1,10 +1,10 @@
-"""Many rows: a job of configurations or motions, answered in parts by many workers, on this machine or (clearance.ray) many.
+"""Many rows: a job of configurations or motions, answered in parts by many workers, on one machine or many.
 
-    job = clearance.sweep.Job.load("reach.yaml")
-    clearance.sweep.run(job, workers=2)                      # parts/*.parquet and manifest.json in the job's output
+    job = Job.load("reach.yaml")
+    run(job, workers=2)            # parts/*.parquet and manifest.json in the job's output
 
 The result depends on the job alone: not on how many workers there were, which of them were lost, or how often the run
-was killed and went on. docs/sweep.md has the keys of a job. Needs pyarrow.
+was killed and went on. docs/sweep.md has the keys of a job. clearance.ray does the same on many machines. Needs pyarrow.
 """
 
 from __future__ import annotations

@@ -25,10 +25,11 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     )
     parser.add_argument("job", type=Path, help="job file (YAML, or JSON)")
     parser.add_argument("--output", type=Path, help="folder, in place of the job's own")
-    parser.add_argument("--workers", type=_count, default=0, help="processes (default: one a core; with --ray: one a CPU)")
+    parser.add_argument("--workers", type=_count, default=0, help="how many (default: one a core)")
     parser.add_argument("--threads", type=_count, default=1, help="of each worker (default 1)")
-    parser.add_argument("--backend", choices=["cpu", "cuda", "auto"], default="cpu", help="of each worker (default cpu)")
-    parser.add_argument("--ray", nargs="?", const="local", metavar="ADDRESS", help="workers are actors of Ray: of the cluster at ADDRESS ('auto': the one that runs), or one of this machine")  # fmt: skip
+    parser.add_argument("--backend", choices=["cpu", "cuda", "auto"], default="cpu", help="of each worker")
+    on_ray = "on Ray: the cluster at ADDRESS ('auto': the one that runs), or one that is started on this machine"
+    parser.add_argument("--ray", nargs="?", const="local", metavar="ADDRESS", help=on_ray)
     parser.add_argument("--quiet", action="store_true", help="no progress")
     options = parser.parse_args(arguments)
     try:

@@ -63,7 +63,7 @@ class _InBox:
 
 @dataclass(frozen=True)
 class Uniform(_InBox):
-    """Independent positions, uniform over the box: number i of SplitMix64 (Steele, Lea, Flood 2014) is a function of i."""
+    """Independent positions, uniform over the box: numbers of SplitMix64 (Steele, Lea, Flood 2014), by their places."""
 
     count: int
     seed: int

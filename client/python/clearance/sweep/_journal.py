@@ -30,7 +30,7 @@ class Journal:
         self.done: dict[int, Done] = {}
         self.makers: dict[int, str] = {}  #: the machine of each part
         self.checked: set[int] = set()
-        self._file = open(self._path, "a+b")
+        self._file = open(self._path, "a+b")  # noqa: SIM115  # open as long as this lives: it is the lock
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

@@ -1,4 +1,4 @@
-"""The keys of a job file, one map at a time: every error names the file, the way to the key, and what is allowed there."""
+"""The keys of a job file, one map at a time: errors name the file, the way to the key, and what is allowed there."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Keys:
         if name not in self._given:
             if default is _NEEDED:
                 raise JobError(f"{self.at(name)}: is needed, and is not there")
-            return default  # type: ignore[no-any-return]
+            return default
         try:
             return read(self._given[name], self.at(name))
         except JobError:

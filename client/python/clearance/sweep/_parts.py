@@ -63,14 +63,14 @@ def encoded(columns: Mapping[str, np.ndarray]) -> bytes:
 
     table = pa.table({name: pa.array(column) for name, column in columns.items()})
     floats = [name for name, column in columns.items() if column.dtype.kind == "f"]
-    # Floats keep their bits (a dictionary might take one NaN for another); numbers of rows shrink to nothing as differences.
+    # Floats keep their bits (a dictionary might take one NaN for another); numbers of rows shrink to nothing.
     encodings = {**dict.fromkeys(floats, "BYTE_STREAM_SPLIT"), "row": "DELTA_BINARY_PACKED"}
     words = [name for name in columns if name not in encodings]
     sink = pa.BufferOutputStream()
     pq.write_table(
         table, sink, compression="zstd", use_dictionary=words, column_encoding=encodings, row_group_size=len(table)
     )
-    return sink.getvalue().to_pybytes()  # type: ignore[no-any-return]
+    return sink.getvalue().to_pybytes()
 
 
 def write_part(folder: Path, part: int, columns: Mapping[str, np.ndarray]) -> tuple[int, str]:

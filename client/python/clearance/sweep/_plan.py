@@ -123,7 +123,8 @@ def _space(job: Job, engine: Engine) -> Space:
     lower, upper = joints.lower.copy(), joints.upper.copy()
     for name, (low, high) in job.limits.items():
         if name not in joints.names:
-            raise JobError(f"{job.file}: limits.{name}: is not a joint of this job; there are {', '.join(joints.names)}")
+            there = ", ".join(joints.names)
+            raise JobError(f"{job.file}: limits.{name}: is not a joint of this job; there are {there}")
         place = joints.names.index(name)
         lower[place], upper[place] = low, high
     return Space(joints.names, len(joints), lower, upper)

@@ -167,7 +167,8 @@ class Run:
                 self._checks.appendleft(task)
             self._losses[task.part] += place == 0  # the one that it was at
             if self._losses[task.part] >= _LOSSES:
-                raise SweepError(f"part {task.part}: {_LOSSES} workers were lost over it; the last, {machine}: {event.text}")
+                text = f"{_LOSSES} workers were lost over it; the last, {machine}: {event.text}"
+                raise SweepError(f"part {task.part}: {text}")
         if self._lost_in_a_row >= _LOSSES + self._pool.size:
             raise SweepError(f"workers are lost one after the other; the last, {machine}: {event.text}")
 

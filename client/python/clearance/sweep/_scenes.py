@@ -21,7 +21,7 @@ class Packed:
 
 
 def pack(scene: Scene) -> Packed:
-    """What Scene.save() writes, in the order of names, without times and owners: the same scene gives the same bytes."""
+    """What Scene.save() writes, by name, without times and owners: the same scene gives the same bytes."""
     archive = io.BytesIO()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "scene"

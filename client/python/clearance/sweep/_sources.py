@@ -56,7 +56,7 @@ class Source:
         if self.kind == "file":
             kind = ParquetFile if o["path"].suffix == ".parquet" else ArrayFile
             more = {"columns": o["columns"]} if kind is ParquetFile else {}
-            return kind(o["path"], space.width, self.motions, self.what, **more)  # type: ignore[no-any-return,operator]
+            return kind(o["path"], space.width, self.motions, self.what, **more)
         if self.kind == "edges":
             return self._edges(space, folder)
         box = space.box(self.what)

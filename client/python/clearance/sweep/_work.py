@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import traceback
@@ -46,7 +47,7 @@ class Spec:
     def checked(self, part: int) -> np.ndarray:
         """(n,) rows of a part that are asked again: always the same, scattered."""
         index = self.index(part)
-        count = -(-int(round(self.check * len(index) * 2**20)) // 2**20)
+        count = math.ceil(self.check * len(index))
         return np.sort(index[np.argsort(split_mix(part, index.astype(np.uint64)), kind="stable")[:count]])
 
 
@@ -142,14 +143,12 @@ def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
     rows = spec.rows.at(index)
     fields = ["status" if name == "free" else name for name in spec.columns]
     asked = {**spec.asked, "fields": list(dict.fromkeys(fields))}
-    if "bodies" in asked:
-        moving = rows.reshape(*rows.shape[:-1], -1, 7)
-    else:
-        moving = rows
+    moving = rows.reshape(*rows.shape[:-1], -1, 7) if "bodies" in asked else rows
     if spec.rows.motions:
         result = engine.motions(start=moving[:, 0], end=moving[:, 1], **asked)
     else:
-        result = engine.distances(**{"configurations" if "bodies" in asked else "positions": moving}, **asked)
+        asked["configurations" if "bodies" in asked else "positions"] = moving
+        result = engine.distances(**asked)
     columns = {"row": index.astype(np.int64)}
     if spec.positions:
         columns.update(_positions(rows, spec.rows.motions))
