@@ -158,17 +158,23 @@ def _connect(address: Optional[str], scene_bytes: int) -> None:
     # Workers look for this package where this process found it; on other machines it may be installed.
     path = os.pathsep.join(filter(None, [importable_from(), os.environ.get("PYTHONPATH", "")]))
     more: dict[str, Any] = {} if address else {"object_store_memory": max(1 << 27, 4 * scene_bytes)}
-    try:
-        ray.init(
-            address=address or "local",
-            include_dashboard=None if address else False,
-            log_to_driver=False,
-            logging_level="error",
-            runtime_env={"env_vars": {"PYTHONPATH": path}},
-            **more,
-        )
-    except Exception as error:  # ray.init() raises whatever it came upon
-        raise SweepError(f"Ray at {address or 'this machine'} cannot be reached or started: {error}") from error
+    for again in (True, True, False):
+        try:
+            ray.init(
+                address=address or "local",
+                include_dashboard=None if address else False,
+                log_to_driver=False,
+                logging_level="error",
+                runtime_env={"env_vars": {"PYTHONPATH": path}},
+                **more,
+            )
+            return
+        except Exception as error:  # ray.init() raises whatever it came upon
+            ray.shutdown()
+            if address or not again:
+                where = address or "this machine"
+                raise SweepError(f"Ray at {where} cannot be reached or started: {error}") from error
+            # Its processes have half a minute to start, which on a busy machine may be too little.
 
 
 def _room(threads: int, gpus: float) -> int:

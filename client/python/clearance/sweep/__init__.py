@@ -4,7 +4,7 @@
     run(job, workers=2)            # parts/*.parquet and manifest.json in the job's output
 
 The result depends on the job alone: not on how many workers there were, which of them were lost, or how often the run
-was killed and went on. docs/sweep.md has the keys of a job. clearance.ray does the same on many machines. Needs pyarrow.
+was killed and went on. docs/sweep.md has the keys of a job; clearance.ray is the same on many machines. Needs pyarrow.
 """
 
 from __future__ import annotations

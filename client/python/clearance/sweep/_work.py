@@ -154,6 +154,8 @@ def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
         columns.update(_positions(rows, spec.rows.motions))
     for name in spec.columns:
         column = result.status == Status.BEYOND if name == "free" else getattr(result, name)
+        if column.dtype.kind == "f":
+            column = np.where(np.isnan(column), np.nan, column)  # backends may give other bits of NaN
         flat = column.reshape(len(index), -1)
         names = columns_of(name, column.shape[1:])
         columns.update((each, np.ascontiguousarray(flat[:, i])) for i, each in enumerate(names))
