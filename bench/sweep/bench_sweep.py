@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """What Ray costs a sweep: the engine alone in this process, beside one and two actors; and 32 that only sleep.
 
-    bench/sweep/bench_sweep.py [--rounds 5] [--parts 16] [--csv docs/results/sweep.csv]
+    bench/sweep/bench_sweep.py [--rounds 5] [--parts 8] [--csv docs/results/sweep.csv]
 
 Each round does the same parts by the engine alone, then by one actor, then by two, whose processes stay: parts written,
 journal and manifest included. `wall` are medians over rounds of the ratio within a round; they mean something on an
-idle machine. `cpu` is the processor time of all of Ray's processes and this one, over that of the engine alone, which
-other programs disturb less. Runs in an environment of its own (build/sweep), which has Ray.
+idle machine. `cpu_over_alone` is the processor time of this process and the actors over that of the engine alone, which
+other programs disturb less; `daemons_cores` what Ray's other processes take of a core all the while, work or none. Runs
+in an environment of its own (build/sweep), which has Ray.
 """
 
 import argparse
@@ -38,8 +39,8 @@ def in_own_environment():
     os.execve(python, [str(python), __file__, *sys.argv[1:]], {**os.environ, **more})
 
 
-def cpu_of_tree(pid):
-    """Processor seconds of a process and all that it has started and that lives."""
+def cpu_of_tree(pid, ours):
+    """Processor seconds of some processes, and of all else that lives and that the process `pid` has started."""
     stats = {}
     for path in pathlib.Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -48,18 +49,21 @@ def cpu_of_tree(pid):
             continue
         fields = after.split()
         stats[int(before.split()[0])] = int(fields[1]), int(fields[11]) + int(fields[12])
-    ticks, waiting = 0, [pid]
+    ticks, waiting = [0, 0], [pid]
     while waiting:
         one = waiting.pop()
-        ticks += stats[one][1] if one in stats else 0
+        ticks[one not in ours] += stats[one][1] if one in stats else 0
         waiting += [child for child, (parent, _) in stats.items() if parent == one]
-    return ticks / os.sysconf("SC_CLK_TCK")
+    return [each / os.sysconf("SC_CLK_TCK") for each in ticks]
 
 
-def timed(what):
-    wall, cpu = time.perf_counter(), cpu_of_tree(os.getpid())
+def timed(what, workers=()):
+    """Seconds: on the wall, of this process and the workers, and of Ray's other processes."""
+    ours = {os.getpid(), *workers}
+    wall, before = time.perf_counter(), cpu_of_tree(os.getpid(), ours)
     what()
-    return time.perf_counter() - wall, cpu_of_tree(os.getpid()) - cpu
+    wall, after = time.perf_counter() - wall, cpu_of_tree(os.getpid(), ours)
+    return wall, after[0] - before[0], after[1] - before[1]
 
 
 class Sleeping:
@@ -96,7 +100,7 @@ def fresh(plan):
 
 
 def overhead(options):
-    """Seconds of each way in each round: {way: [(wall, cpu), ...]}."""
+    """Seconds of each way in each round: {way: [(wall, cpu, daemons'), ...]}."""
     from clearance.sweep import Job, prepare
     from clearance.sweep._progress import Progress
     from clearance.sweep._run import drive
@@ -108,13 +112,14 @@ def overhead(options):
         plan = prepare(Job.from_dict({**said, "output": "out"}, folder))
         worker = Worker(plan.spec, plan.packed)
         pools = {count: kept(plan, count) for count in (1, 2)}
+        pids = {count: pool.pids() for count, pool in pools.items()}
         times = {"engine": [], 1: [], 2: []}
         for _ in range(options.rounds):
             fresh(plan)
             times["engine"].append(timed(lambda: [worker.perform(Part(part)) for part in range(plan.parts)]))
             for count, pool in pools.items():
                 fresh(plan)
-                times[count].append(timed(lambda pool=pool: drive(plan, lambda: pool, Progress(None))))
+                times[count].append(timed(lambda pool=pool: drive(plan, lambda: pool, Progress(None)), pids[count]))
     return times
 
 
@@ -136,7 +141,7 @@ def asleep():
     with tempfile.TemporaryDirectory() as folder:
         plan = prepare(Job.from_dict({**said, "rows": {"uniform": {"count": SLEEPS}}}, folder))
         pool = kept(plan, SLEEPERS, make=Sleeping)
-        seconds, _ = timed(lambda: drive(plan, lambda: pool, Progress(None)))
+        seconds, *_ = timed(lambda: drive(plan, lambda: pool, Progress(None)))
     ray.shutdown()
     cluster.shutdown()
     return seconds
@@ -145,8 +150,8 @@ def asleep():
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--parts", type=int, default=16)
-    parser.add_argument("--part-rows", type=int, default=16384)
+    parser.add_argument("--parts", type=int, default=8)
+    parser.add_argument("--part-rows", type=int, default=65536)
     parser.add_argument("--csv", type=pathlib.Path)
     options = parser.parse_args()
     in_own_environment()
@@ -159,17 +164,20 @@ def main():
     rows = options.parts * options.part_rows
     table = []
     for way, seconds in times.items():
-        walls = [wall / alone for (wall, _), (alone, _) in zip(seconds, times["engine"])]
-        cpu = sum(each for _, each in seconds) / sum(each for _, each in times["engine"])
-        rate = rows / statistics.median(wall for wall, _ in seconds)
+        walls = [here[0] / alone[0] for here, alone in zip(seconds, times["engine"])]
+        cpu = sum(each[1] for each in seconds) / sum(each[1] for each in times["engine"])
+        daemons = sum(each[2] for each in seconds) / sum(each[0] for each in seconds)
+        rate = rows / statistics.median(each[0] for each in seconds)
         name = "engine alone" if way == "engine" else f"Ray, {way} worker{'s' * (way > 1)}"
         table.append([name, rows, options.rounds, f"{rate:.0f}", f"{1 / statistics.median(walls):.3f}",
-                      f"{1 / max(walls):.3f}", f"{1 / min(walls):.3f}", f"{cpu:.3f}", f"{load:.1f}"])  # fmt: skip
+                      f"{1 / max(walls):.3f}", f"{1 / min(walls):.3f}", f"{cpu:.3f}", f"{daemons:.3f}",
+                      f"{load:.1f}"])  # fmt: skip
     seconds = asleep()
     ideal = SLEEPS * SLEEP_S / SLEEPERS
     name = f"{SLEEPERS} workers asleep, {SLEEPS} parts of {SLEEP_S:g} s: {seconds:.2f} s of {ideal:g}"
-    table.append([name, SLEEPS, 1, f"{SLEEPS / seconds:.1f}", f"{SLEEPS * SLEEP_S / seconds:.2f}", "", "", "", f"{load:.1f}"])
-    head = ["way", "rows", "rounds", "rows_per_s", "times_alone", "least", "most", "cpu_over_alone", "load"]
+    times_alone = f"{SLEEPS * SLEEP_S / seconds:.2f}"
+    table.append([name, SLEEPS, 1, f"{SLEEPS / seconds:.1f}", times_alone, "", "", "", "", f"{load:.1f}"])
+    head = ["way", "rows", "rounds", "rows_per_s", "times_alone", "least", "most", "cpu_over_alone", "daemons_cores", "load"]
     for row in [head, *table]:
         print(", ".join(map(str, row)), flush=True)
     if options.csv:

@@ -114,6 +114,7 @@ class Journal:
 
     def write_manifest(self) -> None:
         """Writes what the result is of, and each of its parts in order: the same for every run of the job."""
+        remove_temporary(self._plan.spec.folder)  # of workers that were lost in this run
         spec = self._plan.spec
         entries = [self.done[part] for part in sorted(self.done)]
         manifest = {
