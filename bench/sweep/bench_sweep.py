@@ -33,7 +33,8 @@ def in_own_environment():
     python = VENV / "bin/python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", str(VENV)], check=True)
-        subprocess.run([str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check", *PACKAGES], check=True)
+        pip = [str(python), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
+        subprocess.run([*pip, *PACKAGES], check=True)
     path = os.pathsep.join(filter(None, [str(ROOT / "build/python"), os.environ.get("PYTHONPATH")]))
     more = {"CLEARANCE_BENCH_SWEEP": "1", "PYTHONPATH": path}
     os.execve(python, [str(python), __file__, *sys.argv[1:]], {**os.environ, **more})
@@ -107,7 +108,8 @@ def overhead(options):
     from clearance.sweep._work import Part, Worker
 
     rows = {"uniform": {"count": options.parts * options.part_rows, "seed": 1}}
-    said = {"scene": str(ROOT / "scenes/cell/robot.yaml"), "joints": "arm", "rows": rows, "part_rows": options.part_rows}
+    said = {"scene": str(ROOT / "scenes/cell/robot.yaml"), "joints": "arm", "rows": rows}
+    said["part_rows"] = options.part_rows
     with tempfile.TemporaryDirectory() as folder:
         plan = prepare(Job.from_dict({**said, "output": "out"}, folder))
         worker = Worker(plan.spec, plan.packed)
@@ -157,7 +159,8 @@ def main():
     in_own_environment()
     import ray
 
-    ray.init(num_cpus=3, include_dashboard=False, log_to_driver=False, logging_level="error", object_store_memory=1 << 27)
+    quiet = {"include_dashboard": False, "log_to_driver": False, "logging_level": "error"}
+    ray.init(num_cpus=3, object_store_memory=1 << 27, **quiet)
     load = os.getloadavg()[0]
     times = overhead(options)
     ray.shutdown()
@@ -177,7 +180,8 @@ def main():
     name = f"{SLEEPERS} workers asleep, {SLEEPS} parts of {SLEEP_S:g} s: {seconds:.2f} s of {ideal:g}"
     times_alone = f"{SLEEPS * SLEEP_S / seconds:.2f}"
     table.append([name, SLEEPS, 1, f"{SLEEPS / seconds:.1f}", times_alone, "", "", "", "", f"{load:.1f}"])
-    head = ["way", "rows", "rounds", "rows_per_s", "times_alone", "least", "most", "cpu_over_alone", "daemons_cores", "load"]
+    head = ["way", "rows", "rounds", "rows_per_s", "times_alone", "least", "most", "cpu_over_alone", "daemons_cores",
+            "load"]  # fmt: skip
     for row in [head, *table]:
         print(", ".join(map(str, row)), flush=True)
     if options.csv:
