@@ -1,5 +1,6 @@
 """Jobs of sweeps: what a bad one is told, and rows that depend on their number alone."""
 
+import importlib
 import itertools
 import json
 import subprocess
@@ -140,6 +141,15 @@ def test_the_command_says_what_is_wrong_with_a_job(tmp_path, good):
     )
     assert done.returncode == 2 and not done.stdout
     assert done.stderr.startswith(f"clearance sweep: {tmp_path / 'job.json'}: answer: expected 'validity' or 'least'")
+
+
+def test_the_wheels_command_runs_it_as_python(tmp_path, root, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(root / "client/python"))
+    programs = importlib.import_module("_clearance_programs")
+    monkeypatch.setattr(sys, "argv", ["clearance", "sweep", str(tmp_path / "none.json")])
+    with pytest.raises(SystemExit) as end:
+        programs.clearance()
+    assert end.value.code == 2 and "none.json: the job cannot be read" in capsys.readouterr().err
 
 
 # ---- rows ------------------------------------------------------------------------------------------------------------

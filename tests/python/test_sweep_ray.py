@@ -26,9 +26,9 @@ OPTIONS = ("--ray", "--workers", 2, "--quiet")
 
 
 @pytest.fixture
-def job(tmp_path, urdf):
-    """A job file of 40 parts, and what an undisturbed run without Ray makes of it."""
-    job = motion_job(tmp_path, urdf, check=0.05)
+def job(tmp_path, urdf, request):
+    """A job file of 40 parts, of 50 rows or as many as a test says, and what a run without Ray makes of it."""
+    job = motion_job(tmp_path, urdf, part_rows=getattr(request, "param", 50), check=0.05)
     (tmp_path / "job.json").write_text(json.dumps(job))
     run(Job.load(tmp_path / "job.json"), output=tmp_path / "undisturbed", workers=2)
     return tmp_path / "job.json"
@@ -91,6 +91,7 @@ def test_the_driver_is_killed(job):
     assert_once(job)
 
 
+@pytest.mark.parametrize("job", [1500], indirect=True)  # Ray takes some ten seconds to miss it
 def test_the_store_is_killed(job):
     """The raylet, whose process holds the object store: the only one. What the run has not done, the next one does."""
     process = start(job, *OPTIONS)
