@@ -127,6 +127,7 @@ def connect(cluster):
     ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
 
 
+@pytest.mark.parametrize("job", [4000], indirect=True)
 def test_a_machine_with_its_store_is_killed(job, cluster):
     """Of two nodes one is killed; its workers are lost, and others begin on the node that is left."""
     cluster.add_node(num_cpus=3, **cluster.node_arguments)
