@@ -68,5 +68,6 @@ void add_robot(CLI::App& app);
 void add_selftest(CLI::App& app);
 void add_cache(CLI::App& app);
 void add_view(CLI::App& app);
+void add_sweep(CLI::App& app);
 
 }  // namespace clearance::cli

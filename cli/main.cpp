@@ -40,6 +40,7 @@ int main(int argc, char** argv) {
   cli::add_selftest(app);
   cli::add_cache(app);
   cli::add_view(app);
+  cli::add_sweep(app);
   // Last: a subcommand would inherit it.
   app.footer(R"(
 Example

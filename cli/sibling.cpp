@@ -71,4 +71,9 @@ void add_view(CLI::App& app) {
               "; pip install \"clearance[view]\"");
 }
 
+void add_sweep(CLI::App& app) {
+  add_program(app, "sweep", "answers a job of many configurations or motions in parts, as Parquet",
+              "is part of the Python package", "; pip install \"clearance[sweep]\"");
+}
+
 }  // namespace clearance::cli

@@ -19,6 +19,7 @@ extras=(
   "viewer          client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
   "examples        client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
   "site            docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/embed wire/*.h"
+  "ray             client/python/clearance client/examples/roadmap.py tests/python/test_sweep.py tests/python/test_sweep_jobs.py tests/python/test_sweep_ray.py tests/python/sweeps.py"
   "fuzz            wire server client/*.cpp client/*.h engine/mesh engine/robot engine/scene engine/cache tests/fuzz"
   "robots          engine/robot engine/base engine/pose cli/robot_main.cpp tests/robot"
   "races           wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
@@ -174,6 +175,17 @@ run_site() {
     -r tools/site_requirements.txt
   PYTHONPATH=build/python "$venv/bin/python" tools/notebook.py --check docs/notebook/first_steps.ipynb
   step site "Build out/site" env NO_MKDOCS_2_WARNING=1 PATH="$PWD/$venv/bin:$PATH" mkdocs build --strict
+}
+
+# Sweeps on Ray and without it, what is killed meanwhile included, and a small roadmap, in an environment that has it.
+run_ray() {
+  local venv=out/extras/ray
+  tools/build.sh release product
+  step ray-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step ray-install "Install Ray and pyarrow" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    ray==2.60.0 pyarrow==26.0.1 scipy==1.17.1 PyYAML==6.0.3 numpy pytest
+  "$venv/bin/python" -m pytest -q tests/python/test_sweep_jobs.py tests/python/test_sweep.py tests/python/test_sweep_ray.py
+  PYTHONPATH=build/python "$venv/bin/python" client/examples/roadmap.py --nodes 1000 --queries 20 --output out/extras/roadmap
 }
 
 # Half a minute for each target of tests/fuzz, under the address and undefined-behaviour sanitizers.

@@ -1,18 +1,21 @@
-"""The commands that a wheel brings: each is a program in clearance/libexec, but for `clearance view`.
+"""The commands that a wheel brings: each becomes the program of its name in clearance/libexec, or runs as Python.
 
 A module of its own, since importing the package would load numpy first.
 """
 
+import importlib
 import os
 import sys
 from pathlib import Path
 
+#: Commands of `clearance` that are Python: the modules whose main(arguments) they run.
+PYTHON = {"sweep": "clearance.sweep.__main__", "view": "clearance.view.command"}
+
 
 def clearance() -> None:
-    if sys.argv[1:2] == ["view"]:  # the one command that is Python
-        from clearance.view.command import main
-
-        sys.exit(main(sys.argv[2:]))
+    module = PYTHON.get(sys.argv[1]) if len(sys.argv) > 1 else None
+    if module is not None:
+        sys.exit(importlib.import_module(module).main(sys.argv[2:]))
     _become("clearance")
 
 

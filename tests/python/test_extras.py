@@ -17,6 +17,7 @@ NAMES = [
     "viewer",
     "examples",
     "site",
+    "ray",
     "fuzz",
     "robots",
     "races",

@@ -1,0 +1,230 @@
+"""A run: gives parts to workers until all are there, whoever is lost meanwhile."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Callable, Optional, Protocol, Union
+
+from ._errors import SweepError
+from ._journal import Journal
+from ._plan import Plan
+from ._progress import Progress
+from ._work import Check, Checked, Done, Failed, Outcome, Part, Task, host_of
+
+DEPTH = 2  #: tasks that a worker has: the one that it is at, and the next
+_LOSSES = 3  #: workers that may be lost over one part, or one after the other at their start
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A worker has its scene."""
+
+    worker: int
+    machine: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """A worker has done the oldest of its tasks."""
+
+    worker: int
+    outcome: Outcome
+
+
+@dataclass(frozen=True)
+class Lost:
+    """A worker is gone, and with it its tasks. The pool has begun to start another, with a new number."""
+
+    worker: int
+    text: str
+
+
+Event = Union[Ready, Result, Lost]
+
+
+class Pool(Protocol):
+    """Processes that hold workers, on one machine or many."""
+
+    @property
+    def size(self) -> int: ...
+    def submit(self, worker: int, task: Task) -> None: ...
+    def wait(self) -> Event:
+        """The next thing that happens."""
+        ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run came to."""
+
+    rows: int
+    parts: int
+    made: int  #: parts that this run made; the others were there
+    checked: int  #: rows that this run asked again
+    lost: int  #: workers
+    output: Path
+
+
+@dataclass
+class _Dispute:
+    """A part of which rows came out otherwise when they were asked again."""
+
+    check: Check
+    opinions: list[tuple[str, tuple[str, ...]]] = field(default_factory=list)  #: machine, differences it found
+
+
+class Run:
+    """The state of one run. `go()` does it."""
+
+    def __init__(self, plan: Plan, pool: Pool, journal: Journal, progress: Progress):
+        self._plan, self._pool, self._journal, self._progress = plan, pool, journal, progress
+        self._parts = deque(part for part in range(plan.parts) if part not in journal.done)
+        # By whom a part was made in this run; of one that was there nobody is left.
+        self._made_by: dict[int, int] = {}
+        unchecked = (done for part, done in journal.done.items() if part not in journal.checked)
+        self._checks = deque(Check(done.part, done.digest) for done in unchecked) if plan.spec.check else deque()
+        self._dispute: Optional[_Dispute] = None
+        self._asked: set[int] = set()  # workers that have had their say in the dispute
+        self._machines: dict[int, str] = {}
+        self._tasks: dict[int, deque[Task]] = {}
+        self._losses: Counter[int] = Counter()
+        self._lost_in_a_row = 0
+        self._lost = self._checked = 0
+
+    def go(self) -> Summary:
+        made = len(self._parts)
+        while self._parts or self._checks or self._dispute or any(self._tasks.values()):
+            for worker in self._tasks:
+                self._fill(worker)
+            self._take(self._pool.wait())
+        self._journal.write_manifest()
+        self._progress.end()
+        rows, parts = self._plan.rows, self._plan.parts
+        return Summary(rows, parts, made, self._checked, self._lost, self._plan.output)
+
+    def _fill(self, worker: int) -> None:
+        tasks = self._tasks[worker]
+        while len(tasks) < DEPTH:
+            task = self._next(worker)
+            if task is None:
+                return
+            tasks.append(task)
+            self._pool.submit(worker, task)
+
+    def _next(self, worker: int) -> Optional[Task]:
+        """Checks come before parts: what is wrong shows early, and few wait."""
+        alone = self._pool.size == 1
+        if self._dispute is not None:
+            if worker in self._asked:
+                return None  # no part is made before it is settled
+            self._asked.add(worker)
+            return self._dispute.check
+        for check in self._checks:
+            if alone or self._is_other(worker, check.part):
+                self._checks.remove(check)
+                return check
+        return Part(self._parts.popleft()) if self._parts else None
+
+    def _is_other(self, worker: int, part: int) -> bool:
+        """Whether a worker is on another machine than a part's maker, or where all are on one, is another worker."""
+        maker = self._made_by.get(part)
+        if maker is None:
+            return True
+        hosts = {host_of(self._machines[number]) for number in self._tasks}
+        if len(hosts) > 1:
+            return host_of(self._machines[worker]) != host_of(self._machines[maker])
+        return worker != maker
+
+    def _take(self, event: Event) -> None:
+        if isinstance(event, Ready):
+            self._machines[event.worker] = event.machine
+            self._tasks[event.worker] = deque()
+        elif isinstance(event, Lost):
+            self._take_loss(event)
+        else:
+            if event.worker not in self._tasks:
+                assert isinstance(event.outcome, Failed)  # of its start
+                raise SweepError(event.outcome.text)
+            task = self._tasks[event.worker].popleft()
+            self._lost_in_a_row = 0
+            self._take_outcome(event.worker, task, event.outcome)
+
+    def _take_loss(self, event: Lost) -> None:
+        self._lost += 1
+        self._lost_in_a_row += 1
+        machine = self._machines.get(event.worker, "a worker that had not started")
+        self._progress.say(f"lost {machine}: {event.text}")
+        tasks = self._tasks.pop(event.worker, deque())
+        for place, task in enumerate(tasks):
+            if isinstance(task, Part):
+                self._parts.appendleft(task.part)
+            elif self._dispute is None:
+                self._checks.appendleft(task)
+            self._losses[task.part] += place == 0  # the one that it was at
+            if self._losses[task.part] >= _LOSSES:
+                text = f"{_LOSSES} workers were lost over it; the last, {machine}: {event.text}"
+                raise SweepError(f"part {task.part}: {text}")
+        if self._lost_in_a_row >= _LOSSES + self._pool.size:
+            raise SweepError(f"workers are lost one after the other; the last, {machine}: {event.text}")
+
+    def _take_outcome(self, worker: int, task: Task, outcome: Outcome) -> None:
+        machine = self._machines[worker]
+        if isinstance(outcome, Failed):
+            raise SweepError(outcome.text)
+        if isinstance(outcome, Done):
+            self._journal.add(outcome, machine)
+            self._made_by[outcome.part] = worker
+            if self._plan.spec.check:
+                self._checks.append(Check(outcome.part, outcome.digest))
+            self._progress.add(outcome.rows)
+            return
+        assert isinstance(task, Check)
+        self._take_check(worker, task, outcome)
+
+    def _take_check(self, worker: int, task: Check, outcome: Checked) -> None:
+        machine = self._machines[worker]
+        if self._dispute is None:
+            if not outcome.differences:
+                self._journal.add_check(outcome, machine)
+                self._checked += outcome.rows
+                return
+            maker = self._made_by.get(task.part)
+            self._dispute, self._asked = _Dispute(task), {worker} if maker is None else {worker, maker}
+        elif self._dispute.check.part != task.part:
+            return  # one dispute ends the run
+        self._dispute.opinions.append((machine, outcome.differences))
+        if len(self._dispute.opinions) == 2 or self._pool.size <= len(self._asked):
+            self._settle(self._dispute)
+
+    def _settle(self, dispute: _Dispute) -> None:
+        """Says whose answer stands alone, as far as that is known, and believes none of its parts."""
+        part = dispute.check.part
+        maker = self._journal.makers[part]
+        (second, differences), *others = dispute.opinions
+        suspects = {maker, second}
+        text = f"{maker} wrote it, {second} was asked again; which of them is wrong, nobody else was there to say"
+        if others:
+            third, found = others[0]
+            suspects = {maker} if found == differences else {maker, second, third} if found else {second}
+            text = f"{maker}, {second} and {third} each answer something else"
+            if len(suspects) == 1:
+                text = f"{min(suspects)} stands alone among {maker}, who wrote it, {second} and {third}"
+        dropped = [number for number in self._journal.done if self._journal.makers[number] in suspects]
+        for number in dropped:
+            self._journal.drop(number)
+        raise SweepError(
+            f"part {part}: rows asked again do not come out as they are written: {'; '.join(differences)}. {text}. "
+            f"When the job goes on, the {len(dropped)} parts of {' and '.join(sorted(suspects))} are made anew"
+        )
+
+
+def drive(plan: Plan, start_pool: Callable[[], Pool], progress: Progress) -> Summary:
+    """Does what is left of a job with the workers of a pool, and writes the manifest."""
+    with contextlib.closing(Journal(plan)) as journal, contextlib.closing(start_pool()) as pool:
+        progress.start(plan.rows, sum(done.rows for done in journal.done.values()))
+        return Run(plan, pool, journal, progress).go()

@@ -1,0 +1,192 @@
+"""What a worker does, whichever kind of process it lives in: answers parts, and asks rows of parts again."""
+
+from __future__ import annotations
+
+import math
+import os
+import socket
+import traceback
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, Union
+
+import numpy as np
+
+from .._engine_front import Engine
+from .._errors import ClearanceError
+from .._words import Status
+from ._generators import Rows, split_mix
+from ._job import columns_of
+from ._parts import read_part, write_part
+from ._scenes import Packed, unpack
+
+_AT_ONCE = {False: 4096, True: 512}  # configurations, motions of a query: more would only take more memory
+_NAMED = 3  # differences that an error shows
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What a worker needs to know beside the scene."""
+
+    rows: Rows
+    asked: dict[str, Any]  #: arguments of distances() or motions()
+    columns: tuple[str, ...]
+    positions: bool
+    part_rows: int
+    check: float
+    folder: Path  #: of the parts
+    backend: str = "cpu"
+    threads: int = 1
+
+    def index(self, part: int) -> np.ndarray:
+        """(n,) rows of a part."""
+        first = part * self.part_rows
+        return np.arange(first, min(first + self.part_rows, self.rows.count))
+
+    def checked(self, part: int) -> np.ndarray:
+        """(n,) rows of a part that are asked again: always the same, scattered."""
+        index = self.index(part)
+        count = math.ceil(self.check * len(index))
+        return np.sort(index[np.argsort(split_mix(part, index.astype(np.uint64)), kind="stable")[:count]])
+
+
+@dataclass(frozen=True)
+class Part:
+    """A task: answer the rows of a part and write them."""
+
+    part: int
+
+
+@dataclass(frozen=True)
+class Check:
+    """A task: ask some rows of a written part again, and compare them with the file."""
+
+    part: int
+    digest: str
+
+
+@dataclass(frozen=True)
+class Done:
+    """A part is there."""
+
+    part: int
+    rows: int
+    size: int  #: bytes
+    digest: str
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Rows were asked again."""
+
+    part: int
+    rows: int
+    differences: tuple[str, ...]  #: row, column and both values of the first few; none: equal, bit for bit
+
+
+@dataclass(frozen=True)
+class Failed:
+    """A task, or a worker's start, that would fail again."""
+
+    text: str
+
+
+Task = Union[Part, Check]
+Outcome = Union[Done, Checked, Failed]
+
+
+class Performs(Protocol):
+    """What pools know of workers."""
+
+    def perform(self, task: Task) -> Outcome: ...
+
+
+class Worker:
+    """An engine with the scene, and what is to be asked of it."""
+
+    def __init__(self, spec: Spec, packed: Packed):
+        self.spec = spec
+        self.engine = Engine(unpack(packed), backend=spec.backend, threads=spec.threads)  # type: ignore[arg-type]
+
+    def perform(self, task: Task) -> Outcome:
+        """Does a task. What goes wrong is said, not raised: it would go wrong everywhere."""
+        try:
+            return self._answer(task.part) if isinstance(task, Part) else self._check(task)
+        except (ClearanceError, OSError) as error:
+            return Failed(f"part {task.part}, on {machine()}: {error}")
+        except Exception:
+            return Failed(f"part {task.part}, on {machine()}: {traceback.format_exc()}")
+
+    def _answer(self, part: int) -> Done:
+        index = self.spec.index(part)
+        size, digest = write_part(self.spec.folder, part, answer(self.engine, self.spec, index))
+        return Done(part, len(index), size, digest)
+
+    def _check(self, task: Check) -> Checked:
+        index = self.spec.checked(task.part)
+        held = read_part(self.spec.folder, task.part, task.digest)
+        place = index - task.part * self.spec.part_rows
+        now = answer(self.engine, self.spec, index)
+        differences = differences_of({name: column[place] for name, column in held.items()}, now)
+        return Checked(task.part, len(index), tuple(differences))
+
+
+def answer(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarray]:
+    """The flat columns of some rows, which depend on nothing but the rows."""
+    at_once = _AT_ONCE[spec.rows.motions]
+    blocks = [_block(engine, spec, index[i : i + at_once]) for i in range(0, len(index), at_once)]
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+
+
+def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarray]:
+    rows = spec.rows.at(index)
+    fields = ["status" if name == "free" else name for name in spec.columns]
+    asked = {**spec.asked, "fields": list(dict.fromkeys(fields))}
+    moving = rows.reshape(*rows.shape[:-1], -1, 7) if "bodies" in asked else rows
+    if spec.rows.motions:
+        result = engine.motions(start=moving[:, 0], end=moving[:, 1], **asked)
+    else:
+        asked["configurations" if "bodies" in asked else "positions"] = moving
+        result = engine.distances(**asked)
+    columns = {"row": index.astype(np.int64)}
+    if spec.positions:
+        columns.update(_positions(rows, spec.rows.motions))
+    for name in spec.columns:
+        column = result.status == Status.BEYOND if name == "free" else getattr(result, name)
+        if column.dtype.kind == "f":
+            column = np.where(np.isnan(column), np.nan, column)  # backends may give other bits of NaN
+        flat = column.reshape(len(index), -1)
+        names = columns_of(name, column.shape[1:])
+        columns.update((each, np.ascontiguousarray(flat[:, i])) for i, each in enumerate(names))
+    return columns
+
+
+def _positions(rows: np.ndarray, motions: bool) -> Iterator[tuple[str, np.ndarray]]:
+    ends = {"start": rows[:, 0], "end": rows[:, 1]} if motions else {"position": rows}
+    for end, values in ends.items():
+        yield from ((f"{end}_{i}", np.ascontiguousarray(values[:, i])) for i in range(values.shape[1]))
+
+
+def differences_of(held: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> Iterator[str]:
+    """The first few places where two answers to the same rows differ in a bit."""
+    if list(held) != list(now):
+        yield f"columns {', '.join(held)} and {', '.join(now)}"
+        return
+    found = 0
+    for name, column in held.items():
+        again = now[name].astype(column.dtype, copy=False)
+        bits = [np.ascontiguousarray(each).view(np.uint8).reshape(len(each), -1) for each in (column, again)]
+        for i in np.flatnonzero((bits[0] != bits[1]).any(axis=1))[: _NAMED - found]:
+            found += 1
+            yield f"row {now['row'][i]}, {name}: {column[i]!r} is written, {again[i]!r} comes again"
+
+
+def machine() -> str:
+    """How errors call this machine and process."""
+    return f"{socket.gethostname()} (process {os.getpid()})"
+
+
+def host_of(name: str) -> str:
+    """The machine of what machine() says."""
+    return name.partition(" (process ")[0]
