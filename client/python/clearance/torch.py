@@ -42,7 +42,7 @@ class _Run(torch.autograd.Function):
     def forward(ctx: Any, poses: Any, distances: Distances) -> Any:
         plan = distances.plan
         out = {"distance": poses.new_empty(plan.shape), "gradient": poses.new_empty((*plan.shape, 2, 6))}
-        plan(poses.contiguous(), out=out, stream=torch.cuda.current_stream(poses.device))
+        plan(poses.detach().contiguous(), out=out, stream=torch.cuda.current_stream(poses.device))
         ctx.save_for_backward(poses, out["gradient"])
         ctx.distances = distances
         return out["distance"]
