@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-robots bench-motions bench-surfaces bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-robots bench-motions bench-surfaces bench-clouds bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -71,6 +71,8 @@ bench-motions: build  ## edges of the same problems, proved free all along, besi
 
 bench-surfaces: build  ## meshes that are not convex, beside Coal, which it installs; rewrites docs/results/surfaces.csv
 	@$(PYTHON_VENV) bench/surfaces/bench_surfaces.py --csv docs/results/surfaces.csv
+bench-clouds: build  ## points against a robot, beside Coal's octree, which it installs; rewrites docs/results/clouds.csv
+	@$(PYTHON_VENV) bench/surfaces/bench_clouds.py --csv docs/results/clouds.csv
 
 bench-load: build  ## how long 1000 meshes take to load, with an empty cache and with a full one; rewrites docs/results/load.csv
 	@$(PYTHON_VENV) bench/load/bench_load.py --csv docs/results/load.csv

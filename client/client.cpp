@@ -60,8 +60,8 @@ struct Client::Impl {
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
     std::byte* room = begin(bytes + records.size(), reply_bytes);
-    const auto header = wire::with_records(
-        wire::make_header(type, connection.next_request_id(), bytes, scene_revision), records.size());
+    const auto header = wire::with_records(wire::make_header(type, connection.next_request_id(), bytes, scene_revision),
+                                           records.size());
     std::memcpy(room, &header, sizeof header);
     room += sizeof header;
     for (const std::span<const std::byte> part : {payload, rest, std::span<const std::byte>(records)}) {

@@ -48,8 +48,8 @@ struct Engine::Impl {
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
 
   JobContext context(const PoseSnapshot& snapshot) const {
-    return {snapshot.scene.get(),          options.threads, reference, lanes,   light,        &pairs_evaluated,
-            &contradictions, &warm,           &trees,    near_by, device.get(), &kept};
+    return {snapshot.scene.get(), options.threads, reference, lanes,   light,        &pairs_evaluated,
+            &contradictions,      &warm,           &trees,    near_by, device.get(), &kept};
   }
 
   // Whether the job of a query may be asked again. Where there is a device, the router has its say each time.

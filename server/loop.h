@@ -87,7 +87,9 @@ class Loop final : public Inbox {
   std::optional<Stats::Figures> read_figures(std::chrono::nanoseconds patience);
   bool is_reloading() const { return scenes_.is_busy(); }
   /// Queries under way.
-  std::size_t waiting() const { return small_.size() + control_worker_.size() + planning_worker_.size() + points_worker_.size(); }
+  std::size_t waiting() const {
+    return small_.size() + control_worker_.size() + planning_worker_.size() + points_worker_.size();
+  }
   /// Whether somebody still works on queries.
   bool is_working() const { return waiting() > small_.size(); }
   /// Queries that wait for poses.

@@ -95,7 +95,8 @@ PoseUpdateResult apply_joints(Engine& engine, const FrameHeader& header, std::sp
   return engine.set_joints(positions, parts.header.stamp_ns, parts.header.sequence, client);
 }
 
-/// \param name of the body: empty at first; then that of the body whose points these were before, whatever its id is now
+/// \param name of the body: empty at first; then that of the body whose points these were before, whatever its id is
+/// now
 PoseUpdateResult apply_points(Engine& engine, const FrameHeader& header, std::span<const std::byte> payload,
                               std::uint64_t client, std::string& name) {
   const auto& [head, xyz] = wire::parse_points(payload);

@@ -1,5 +1,5 @@
-// How many points the scene's bodies of points have, and from whom: what is more is refused, so that no client fills the
-// daemon's memory with them.
+// How many points the scene's bodies of points have, and from whom: what is more is refused, so that no client fills
+// the daemon's memory with them.
 #pragma once
 
 #include <cstdint>
@@ -30,8 +30,8 @@ class PointsLedger {
   };
 
   Limits limits_;
-  std::unordered_map<std::string, Held> bodies_;                  // by name
-  std::unordered_map<std::uint64_t, std::uint64_t> under_way_;    // by client
+  std::unordered_map<std::string, Held> bodies_;                // by name
+  std::unordered_map<std::uint64_t, std::uint64_t> under_way_;  // by client
 };
 
 }  // namespace clearance

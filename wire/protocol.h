@@ -53,7 +53,7 @@ enum class FrameType : std::uint16_t {
   kAllow = 12,       ///< payload AllowRecord; answered by kPosesDone, whose `applied` counts pairs
   kSetJoints = 13,   ///< payload PosesHeader, JointRecord each; answered by kPosesDone
   kGetJoints = 14,   ///< no payload; answered by kJoints
-  kSetPoints = 15,   ///< payload PointsHeader, float32 x, y, z each; answered by kPosesDone, whose `applied` counts points
+  kSetPoints = 15,   ///< payload PointsHeader, float32 x, y, z each; answered by kPosesDone
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,

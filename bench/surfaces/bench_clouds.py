@@ -145,6 +145,23 @@ def swap(call, times=20):
     return 1e3 * float(np.median([timed(call)[0] for _ in range(times)]))
 
 
+def row(us, coal, body, elements, states, coal_least, coal_check, cloud):
+    """What is measured of one body. coal_least, coal_check: seconds a state, and what was found."""
+    least, (lower, upper) = timed(lambda: us.least(body, states), len(states))
+    check, free = timed(lambda: us.free(body, states), len(states))
+    distances, is_same = coal_least[1], body == "voxels"  # of the same boxes
+    apart = (lower > 0) & (distances > 0)
+    off = np.maximum(np.maximum(lower - distances, distances - upper)[apart], 0).max(initial=0)
+    return {"cloud": body, "elements": len(elements), "states": len(states), "free": int(free.sum()),
+            "min_us": round(1e6 * least, 1), "coal_min_us": round(1e6 * coal_least[0], 1),
+            "min_ratio": round(coal_least[0] / least, 2), "any_us": round(1e6 * check, 1),
+            "coal_any_us": round(1e6 * coal_check[0], 1), "any_ratio": round(coal_check[0] / check, 2),
+            "coal_off_m": f"{off:.1e}" if is_same else "",
+            "verdicts_differ": int(np.sum(free != coal_check[1])) if is_same else "",
+            "swap_ms": round(swap(lambda: us.engine.set_points(body, elements)), 2),
+            "coal_swap_ms": round(swap(lambda: coal.take(cloud), 3), 2)}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--points", type=int, default=100000)
@@ -180,19 +197,8 @@ def main():
 
     coal_least, distances = timed(coal.least, len(states))
     coal_check, coal_free = timed(coal.free, len(states))
-    for body, count in (("points", len(cloud)), ("voxels", len(voxels))):
-        least, (lower, upper) = timed(lambda: us.least(body, states), len(states))
-        check, free = timed(lambda: us.free(body, states), len(states))
-        apart = (lower > 0) & (distances > 0)
-        off = np.maximum(np.maximum(lower - distances, distances - upper)[apart], 0).max(initial=0)
-        same = body == "voxels"
-        show(cloud=body, elements=count, states=len(states), free=int(free.sum()), min_us=round(1e6 * least, 1),
-             coal_min_us=round(1e6 * coal_least, 1), min_ratio=round(coal_least / least, 2),
-             any_us=round(1e6 * check, 1), coal_any_us=round(1e6 * coal_check, 1),
-             any_ratio=round(coal_check / check, 2), coal_off_m=f"{off:.1e}" if same else "",
-             verdicts_differ=int(np.sum(free != coal_free)) if same else "",
-             swap_ms=round(swap(lambda: us.engine.set_points(body, cloud if body == "points" else voxels)), 2),
-             coal_swap_ms=round(swap(lambda: coal.take(cloud), 3), 2))
+    for body, elements in (("points", cloud), ("voxels", voxels)):
+        show(**row(us, coal, body, elements, states, (coal_least, distances), (coal_check, coal_free), cloud))
     if arguments.csv:
         with arguments.csv.open("w", newline="") as file:
             writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")

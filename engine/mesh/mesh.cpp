@@ -137,7 +137,8 @@ Fd open_file(const std::string& path, const MeshLimits& limits, const std::vecto
   for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   if (std::find(known.begin(), known.end(), extension) == known.end()) {
     std::string all;
-    for (std::size_t i = 0; i < known.size(); ++i) all += (i == 0 ? "" : i + 1 < known.size() ? ", " : " or ") + known[i];
+    for (std::size_t i = 0; i < known.size(); ++i)
+      all += (i == 0 ? "" : i + 1 < known.size() ? ", " : " or ") + known[i];
     throw MeshError("unknown format \"" + extension + "\"; expected " + all);
   }
   return file;

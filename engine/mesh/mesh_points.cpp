@@ -87,9 +87,11 @@ Array array_of(std::string_view content) {
   if (length > content.size() - begin) throw LoadError("it ends within its header");
   const std::string_view header = content.substr(begin, length);
   const std::string_view type = value_of(header, "'descr'");
-  if (type != "'<f4'" && type != "'<f8'") throw LoadError("expected '<f4' or '<f8' numbers, got " + std::string(type.substr(0, 20)));
+  if (type != "'<f4'" && type != "'<f8'")
+    throw LoadError("expected '<f4' or '<f8' numbers, got " + std::string(type.substr(0, 20)));
   if (value_of(header, "'fortran_order'") != "False") throw LoadError("expected rows one after another (C order)");
-  Array array{shape_of(value_of(header, "'shape'")), type == "'<f4'" ? std::size_t{4} : 8, content.data() + begin + length};
+  Array array{shape_of(value_of(header, "'shape'")), type == "'<f4'" ? std::size_t{4} : 8,
+              content.data() + begin + length};
   const std::uint64_t there = (content.size() - begin - length) / array.size;
   if (array.shape[1] == 0 || array.shape[0] > there / array.shape[1])
     throw LoadError("it ends before its " + std::to_string(array.shape[0]) + " x " + std::to_string(array.shape[1]) +
@@ -240,8 +242,8 @@ void read_pcd(std::string_view content, const PartSink& sink) {
       if (word.empty()) text.fail("it ends before its " + std::to_string(header.points) + " points do");
       for (std::size_t k = 0; k < 3; ++k)
         if (row.place[k] == w)
-          p[static_cast<int>(k)] = lower(word) == "nan" ? std::numeric_limits<double>::quiet_NaN()
-                                                        : text.number(word, "a coordinate");
+          p[static_cast<int>(k)] =
+              lower(word) == "nan" ? std::numeric_limits<double>::quiet_NaN() : text.number(word, "a coordinate");
     }
     take(p);
     text.skip_line();

@@ -54,9 +54,7 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   R_ = pose_a.R_wb.transpose_times(pose_b.R_wb);
   D_ = pose_a.R_wb.transpose_times(pose_b.t_w - pose_a.t_w);
   error_ = kGapUnits * (norm(D_) + a.reach + b.reach) + Arithmetic<double>::kUnderflowLength;
-  plane_ = is_half_space(*a.pieces[0])   ? Plane::kA
-           : is_half_space(*b.pieces[0]) ? Plane::kB
-                                         : Plane::kNeither;
+  plane_ = is_half_space(*a.pieces[0]) ? Plane::kA : is_half_space(*b.pieces[0]) ? Plane::kB : Plane::kNeither;
   looks_ = 0;
   levels_ = 0;
   left_out_ = kInf;

@@ -101,8 +101,8 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
       moved_[i].status = Status::kStalePose;  // through a joint that the query leaves as it is
     if (!moved_doubts_.empty() && moved_[i].status == Status::kOk) {
       // What the query itself places is there now.
-      const double age_s = rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns)
-                                           : pose_age_s(snapshot, body, plan_.begun_ns);
+      const double age_s =
+          rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
       PlacedLink link = plan_.doubts[body].link;
       if (motion_of_[i] != kNone) link.travel = given.travels[motion_of_[i]];
       moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,

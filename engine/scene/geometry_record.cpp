@@ -6,8 +6,8 @@
 
 #include "engine/hull/direction_table.h"
 #include "engine/hull/primitive.h"
-#include "engine/scene/mesh_geometry.h"
 #include "engine/scene/cloud_geometry.h"
+#include "engine/scene/mesh_geometry.h"
 #include "engine/surface/surface.h"
 
 namespace clearance {

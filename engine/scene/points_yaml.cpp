@@ -109,7 +109,8 @@ MakeGeometry read_cloud(const YamlValue& body, const YamlValue& points, double r
   };
 }
 
-MakeGeometry read_height_field(const YamlValue& body, const YamlValue& file, double radius, const ResolvePath& resolve) {
+MakeGeometry read_height_field(const YamlValue& body, const YamlValue& file, double radius,
+                               const ResolvePath& resolve) {
   const auto cell = body.find("cell");
   if (!cell) body.fail("a height_field needs the key \"cell\": metres between its samples");
   const double metres = cell->positive();

@@ -203,7 +203,8 @@ namespace {
 void note_receipts_of_points(PoseSnapshot& next) {
   for (const ReceivedPoints& of : *next.points) {
     if (next.oldest_receipt_ns == 0 || of.receipt_ns < next.oldest_receipt_ns) next.oldest_receipt_ns = of.receipt_ns;
-    if (const std::pair stamped(of.stamp_ns, of.sequence); stamped > std::pair(next.newest_stamp_ns, next.newest_sequence))
+    if (const std::pair stamped(of.stamp_ns, of.sequence);
+        stamped > std::pair(next.newest_stamp_ns, next.newest_sequence))
       std::tie(next.newest_stamp_ns, next.newest_sequence) = stamped;
   }
 }

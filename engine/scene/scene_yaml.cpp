@@ -77,10 +77,10 @@ class SceneReader {
   void read_body(const YamlValue& value) {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
     if (const auto robot = value.find("robot")) return read_place(value, *robot);
-    value.check_keys({"name",       "mesh",   "box",       "sphere",      "capsule", "cylinder",  "cone",   "ellipsoid",
-                      "half_space", "points", "uv_sphere", "geometry",    "scale",   "convexify", "radius", "static",
-                      "live",       "pose",   "parent",    "uncertainty", "padding", "max_speed", "voxel",
-                      "height_field", "cell"});
+    value.check_keys({"name",      "mesh",       "box",          "sphere",    "capsule",  "cylinder",    "cone",
+                      "ellipsoid", "half_space", "points",       "uv_sphere", "geometry", "scale",       "convexify",
+                      "radius",    "static",     "live",         "pose",      "parent",   "uncertainty", "padding",
+                      "max_speed", "voxel",      "height_field", "cell"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};

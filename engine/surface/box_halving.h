@@ -1,8 +1,7 @@
-// How the tree over a surface's elements is made: halved at the middle one along the longest side, and so on.
+// How the tree over a surface's elements is made: a list is cut in two, and each part again, down to a few.
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -35,44 +34,30 @@ struct Extremes {
 
 namespace halving {
 
-// The float nearest to x that is not above it; not below it.
-inline float float_below(double x) {
-  const auto f = static_cast<float>(x);
-  return f <= x ? f : std::nextafter(f, -std::numeric_limits<float>::infinity());
-}
-inline float float_above(double x) {
-  return -float_below(-x);
-}
-
 template <class Elements>
-Extremes build(Elements& elements, std::uint32_t begin, std::uint32_t end, std::vector<Surface::Node>& nodes) {
-  constexpr float kInf = std::numeric_limits<float>::infinity();
+auto build(Elements& elements, std::uint32_t begin, std::uint32_t end, std::vector<Surface::Node>& nodes) {
   const std::size_t at = nodes.size();
   nodes.push_back({{}, {}, 0, 0});
-  Extremes box;
+  const auto close = [&](const auto& box) {
+    elements.close(box, nodes[at].low, nodes[at].high);
+    return box;
+  };
   if (end - begin <= Surface::kLeafElements) {
     nodes[at].few = begin * Surface::kLeafElements + (end - begin - 1);
-    box = elements.box(begin, end);
-  } else {
-    const std::uint32_t half = (end - begin) / 2;
-    elements.split(begin, begin + half, end);
-    box = build(elements, begin, begin + half, nodes);
-    nodes[at].right = static_cast<std::uint32_t>(nodes.size());
-    box.take(build(elements, begin + half, end, nodes));
+    return close(elements.box(begin, end));
   }
-  for (std::size_t k = 0; k < 3; ++k) {
-    // What is measured from the centre was rounded: half a unit of float64, far less than one of float32.
-    nodes[at].low[k] = std::nextafter(float_below(box.low[static_cast<int>(k)]), -kInf);
-    nodes[at].high[k] = std::nextafter(float_above(box.high[static_cast<int>(k)]), kInf);
-  }
-  return box;
+  const std::uint32_t middle = elements.split(begin, end);
+  auto box = build(elements, begin, middle, nodes);
+  nodes[at].right = static_cast<std::uint32_t>(nodes.size());
+  box.take(build(elements, middle, end, nodes));
+  return close(box);
 }
 
 }  // namespace halving
 
 /// The nodes over so many elements, at least one, which are brought into the order of the leaves. \param elements has
-/// box(begin, end), around some of them as seen from the surface's centre, and split(begin, middle, end), which brings
-/// those of the lower half before the others.
+/// box(begin, end), around some of them; split(begin, end), which brings some before the others and says where these
+/// begin; close(box, low, high), which rounds a box outward as seen from the surface's centre.
 template <class Elements>
 std::vector<Surface::Node> halve(Elements& elements, std::uint32_t count) {
   std::vector<Surface::Node> nodes;

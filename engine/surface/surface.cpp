@@ -22,7 +22,16 @@ std::string position(const Vec3d& v) {
   return text;
 }
 
-// A list of triangles, for halve().
+// The float nearest to x that is not above it; not below it.
+float float_below(double x) {
+  const auto f = static_cast<float>(x);
+  return f <= x ? f : std::nextafter(f, -std::numeric_limits<float>::infinity());
+}
+float float_above(double x) {
+  return -float_below(-x);
+}
+
+// A list of triangles, for halve(): cut at the middle one along the longest side of their middles.
 class TriangleList {
  public:
   TriangleList(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const Vec3d& centre)
@@ -40,7 +49,8 @@ class TriangleList {
       for (const std::uint32_t corner : triangles_[order[i]]) box.take(vertices_[corner] - centre_);
     return box;
   }
-  void split(std::uint32_t begin, std::uint32_t middle, std::uint32_t end) {
+  std::uint32_t split(std::uint32_t begin, std::uint32_t end) {
+    const std::uint32_t middle = begin + (end - begin) / 2;
     Extremes middles;
     for (std::uint32_t i = begin; i < end; ++i) middles.take(middles_[order[i]]);
     const int axis = middles.longest();
@@ -48,6 +58,15 @@ class TriangleList {
     std::nth_element(at(begin), at(middle), at(end), [&](std::uint32_t a, std::uint32_t b) {
       return middles_[a][axis] != middles_[b][axis] ? middles_[a][axis] < middles_[b][axis] : a < b;
     });
+    return middle;
+  }
+  // What was measured from the centre was rounded: half a unit of float64, far less than one of float32.
+  static void close(const Extremes& box, std::array<float, 3>& low, std::array<float, 3>& high) {
+    constexpr float kInf = std::numeric_limits<float>::infinity();
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = std::nextafter(float_below(box.low[static_cast<int>(k)]), -kInf);
+      high[k] = std::nextafter(float_above(box.high[static_cast<int>(k)]), kInf);
+    }
   }
 
  private:
@@ -91,7 +110,9 @@ std::string open_edge(std::span<const Vec3d> vertices, std::span<const Triangle>
 }
 
 Surface::Surface(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid)
-    : vertices_(std::move(vertices)), triangles_(std::move(triangles)), kind_(is_solid ? Kind::kSolid : Kind::kSurface) {
+    : vertices_(std::move(vertices)),
+      triangles_(std::move(triangles)),
+      kind_(is_solid ? Kind::kSolid : Kind::kSurface) {
   if (triangles_.empty()) throw std::invalid_argument("a surface needs at least one triangle");
   if (triangles_.size() > kMostElements) throw std::invalid_argument("a surface has at most 2^30 triangles");
   for (std::size_t t = 0; t < triangles_.size(); ++t)

@@ -90,7 +90,6 @@ class Surface {
  private:
   void find_parts();
   void build_tree();
-  void measure_cloud();
 
   std::vector<Vec3d> vertices_;
   std::vector<Triangle> triangles_;

@@ -6,9 +6,9 @@
 #include <limits>
 #include <thread>
 
+#include "ask.h"
 #include "engine/engine.h"
 #include "engine/narrow/answer.h"
-#include "ask.h"
 
 namespace clearance::test {
 namespace {

@@ -247,7 +247,9 @@ std::vector<CloudPoint> points_about(Random& random, double size) {
   std::vector<CloudPoint> points;
   const Vec3d shift = random.chance(0.2) ? random.direction() * random.log_uniform(1, 1e4) : Vec3d{0, 0, 0};
   for (int i = random.integer(1, 60); i > 0; --i) {
-    const auto pick = [&](std::size_t n) { return static_cast<std::size_t>(random.integer(0, static_cast<int>(n) - 1)); };
+    const auto pick = [&](std::size_t n) {
+      return static_cast<std::size_t>(random.integer(0, static_cast<int>(n) - 1));
+    };
     const Triangle& t = mesh.triangles[pick(mesh.triangles.size())];
     const double u = random.uniform(), v = random.uniform(0, 1 - u);
     Vec3d p = mesh.vertices[t[0]] * (1 - u - v) + mesh.vertices[t[1]] * u + mesh.vertices[t[2]] * v;

@@ -1,5 +1,7 @@
 """Bodies of points: made, replaced in this process and through every transport, and refused."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -94,11 +96,11 @@ def test_what_is_too_much_is_refused(scene_file, start_daemon):
     url = daemon.urls["ipc"]
     with clearance.connect(url, timeout_s=PATIENCE_S) as client:
         points = np.zeros((1001, 3), np.float32)
-        with pytest.raises(clearance.QueryError, match="1001 points of one body .*--max-body-points"):
+        with pytest.raises(clearance.QueryError, match=r"1001 points of one body .*--max-body-points"):
             client.set_points("cloud", points)
         client.set_points("cloud", points[:1000])
         client.set_points("voxels", points[:1000])
-        with pytest.raises(clearance.QueryError, match="3000 points of this client.*--max-client-points"):
+        with pytest.raises(clearance.QueryError, match=r"3000 points of this client.*--max-client-points"):
             client.set_points("cloud", points[:1000])
         client.set_points("cloud", [])
         client.set_points("cloud", points[:900])
@@ -185,7 +187,9 @@ def test_files_of_every_format_hold_the_same_points(tmp_path):
 
 def test_a_saved_scene_has_the_same_points(tmp_path, scene_file):
     scene = clearance.Scene.load(scene_file)
-    scene.add_points("cut", np.random.default_rng(1).normal(size=(500, 3)), radius=0.1, padding=0.01, pose=[0] * 3 + [1] + [0] * 3)
+    scene.add_points(
+        "cut", np.random.default_rng(1).normal(size=(500, 3)), radius=0.1, padding=0.01, pose=[0] * 3 + [1] + [0] * 3
+    )
     scene.save(tmp_path / "saved")
     again = clearance.Engine(clearance.Scene.load(tmp_path / "saved/scene.yaml"), backend="cpu")
     first = clearance.Engine(scene, backend="cpu")
@@ -205,3 +209,37 @@ def test_a_million_points_fit(scene_file):
     assert engine.set_points("cloud", points, 0.0).applied == 1_000_000
     low, high = gap(engine)
     assert low - 1e-12 <= float(exact(points, 0)) <= high + 1e-12
+
+
+def test_messages_of_lcm_make_a_cloud(scene_file, start_daemon, kinds):
+    if kinds["udpm"]:
+        pytest.skip(kinds["udpm"])
+    lcm = pytest.importorskip("lcm")
+    from clearance_lcm import points_t
+
+    daemon = start_daemon(scene_file, ["udpm", "ipc"])
+    bus = lcm.LCM(daemon.urls["udpm"])
+    points = np.random.default_rng(2).normal(size=(10_000, 3)).astype(np.float32)
+
+    def send(parts, sequence, body="cloud"):
+        for part in parts:
+            message = points_t()
+            message.publisher_id, message.sequence, message.stamp_ns = 99, sequence, 5000 + sequence
+            message.body, message.radius, message.total, message.part, message.parts = body, 0.02, 10_000, part, 3
+            message.xyz = points[4000 * part : 4000 * (part + 1)].tolist()
+            message.count = len(message.xyz)
+            bus.publish("CLEARANCE_POINTS", message.encode())
+
+    with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
+        send([0, 2], 1)  # never whole
+        deadline = time.monotonic() + PATIENCE_S
+        while not client.stats().get("points.updates", 0):
+            assert time.monotonic() < deadline
+            send([2, 0, 1], 2)  # UDP may lose some: again, as a publisher does
+            time.sleep(0.05)
+        low, high = gap(client)
+        assert low - 1e-12 <= float(exact(points, 0.02)) <= high + 1e-12
+        answer = client.distances(pairs=[("cloud", "ball")])
+        assert answer.snapshot_stamp_ns == 5002 and answer.snapshot_sequence == 2
+        stats = client.stats()
+        assert stats["lcm.clouds"] == 1 and stats["points.applied"] == 10_000
