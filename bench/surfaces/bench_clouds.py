@@ -31,7 +31,7 @@ import numpy as np  # noqa: E402
 EDGE = 0.02  # metres
 SCENE = """
 robots:
-  - {name: arm, urdf: arm.urdf, base: [0, 0, 0.75, 1, 0, 0, 0], static: true, home: {elbow: 1.3}}
+  - {name: arm, urdf: %s, base: [0, 0, 0.75, 1, 0, 0, 0], static: true, home: {elbow: 1.3}}
 bodies:
   - {name: points, points: [], static: true}
   - {name: voxels, points: [], voxel: %g, static: true}
@@ -64,19 +64,19 @@ class Clearance:
     def __init__(self, folder):
         import clearance
 
-        self.scene = clearance.Scene.load(folder / "scene.yaml")
+        self.scene = clearance.Scene.load(folder / "scene.yaml", allow_outside=True)
         self.engine = clearance.Engine(self.scene, backend="cpu", threads=1)
 
     def least(self, body, states):
         answer = self.engine.distances(pairs=[("arm", body)], joints="arm", positions=states, reduce="min")
-        return answer.lower[:, 0], answer.upper[:, 0]
+        return answer.lower, answer.upper
 
     def free(self, body, states):
         return self.engine.check(pairs=[("arm", body)], joints="arm", positions=states).free
 
 
 class Coal:
-    """Links as convex hulls, placed by the engine's own poses."""
+    """Links as hulls, balls and capsules, placed by the engine's own poses."""
 
     def __init__(self, us, states):
         import coal
@@ -85,16 +85,28 @@ class Coal:
         links = [body for body in us.scene.bodies if body.name.startswith("arm/") and body.piece_count]
         self.links = []
         for body in links:
-            for vertices, _ in us.scene.pieces(body.id):
-                points = coal.StdVec_Vec3s()
-                points.extend(list(vertices))
-                self.links.append((body.id, coal.Convex.convexHull(points, True, "Qt")))
+            self.links += [(body.id, *self._model(*piece)) for piece in us.scene.pieces(body.id)]
         self.places = []
         for state in states:
             us.engine.set_joints(state, joints="arm")
             at = us.engine.body_states()
-            self.places.append([self._transform(at[body].pose) for body, _ in self.links])
+            self.places.append([self._transform(at[body].pose) * own for body, _, own in self.links])
         self.still = coal.Transform3s()
+
+    def _model(self, vertices, radius):
+        """A piece of ours: a ball, a capsule or a hull, and where it is in its link."""
+        if len(vertices) == 1:
+            return self.coal.Sphere(radius), self.coal.Transform3s(np.eye(3), vertices[0])
+        if len(vertices) == 2:
+            along = vertices[1] - vertices[0]
+            turn = np.linalg.qr(np.column_stack([along, [1, 0.3, 0.2], [0.1, 1, 0.3]]))[0][:, [1, 2, 0]]
+            turn[:, 2] = along / np.linalg.norm(along)
+            turn[:, 0] *= np.sign(np.linalg.det(turn))
+            place = self.coal.Transform3s(turn, (vertices[0] + vertices[1]) / 2)
+            return self.coal.Capsule(radius, np.linalg.norm(along)), place
+        points = self.coal.StdVec_Vec3s()
+        points.extend(list(vertices))
+        return self.coal.Convex.convexHull(points, True, "Qt"), self.coal.Transform3s.Identity()
 
     def _transform(self, pose):
         t, (w, x, y, z) = np.array(pose[:3]), pose[3:]
@@ -112,7 +124,7 @@ class Coal:
         out = []
         for places in self.places:
             best = np.inf
-            for (_, link), place in zip(self.links, places):
+            for (_, link, _), place in zip(self.links, places):
                 result.clear()
                 best = min(best, self.coal.distance(link, place, self.tree, self.still, request, result))
             out.append(best)
@@ -125,7 +137,7 @@ class Coal:
         out = []
         for places in self.places:
             touches = False
-            for (_, link), place in zip(self.links, places):
+            for (_, link, _), place in zip(self.links, places):
                 result.clear()
                 if self.coal.collide(link, place, self.tree, self.still, request, result):
                     touches = True
@@ -171,11 +183,7 @@ def main():
     rng = np.random.default_rng(5)
     folder = ROOT / "build/bench_clouds"
     folder.mkdir(parents=True, exist_ok=True)
-    for path in (ROOT / "scenes/cell").iterdir():
-        if not (folder / path.name).exists():
-            (folder / path.name).symlink_to(path.resolve())
-    (folder / "scene.yaml").unlink(missing_ok=True)
-    (folder / "scene.yaml").write_text(SCENE % EDGE)
+    (folder / "scene.yaml").write_text(SCENE % (ROOT / "scenes/cell/arm.urdf", EDGE))
     us = Clearance(folder)
 
     cloud = room(int(arguments.points * 1.05), rng)
@@ -185,7 +193,8 @@ def main():
     us.engine.set_points("points", cloud)
     voxels = on_grid(cloud)
     us.engine.set_points("voxels", voxels)
-    states = np.stack([rng.uniform(max(j.lower, -2.5), min(j.upper, 2.5), arguments.states) for j in joints], -1)
+    low, high = np.maximum(joints.lower, -2.5), np.minimum(joints.upper, 2.5)
+    states = rng.uniform(low, high, (arguments.states, len(low)))
     coal = Coal(us, states)
     coal.take(cloud)
 

@@ -62,7 +62,7 @@ class World:
         answer = self.engine.distances(
             pairs=[(body, "probe") for body in bodies], bodies=["probe"], configurations=at, reduce="min"
         )
-        return answer.lower.reshape(-1)
+        return answer.lower
 
     def depths(self, camera, bodies):
         """How far each ray gets, metres; inf: it meets nothing within FAR."""
@@ -110,7 +110,7 @@ def main():
         kept = self_filtered(world, points, radius)
         done = who.set_points("seen", points[kept], radius, sequence=frame + 1)
         answer = who.distances(pairs=[("arm", "seen")], reduce="min")
-        low, high = answer.lower[0, 0], answer.upper[0, 0]
+        low, high = answer.lower[0], answer.upper[0]
         print(f"frame {frame}: {seen.sum()} of {len(seen)} rays met something, {seen.sum() - kept.sum()} points may be "
               f"the robot's, {done.applied} are kept; the arm is {low:.4f} to {high:.4f} m from them")  # fmt: skip
 
