@@ -382,7 +382,8 @@ void Loop::set_points_elsewhere(const FrameHeader& header, std::function<OwnPayl
     std::uint64_t ignored = 0;  // records
   };
   const auto update = std::make_shared<Update>(Update{engine_, {}, {}, {}});
-  const std::uint64_t client = sink->client(), count = bytes / sizeof(CloudPoint);
+  const std::uint64_t client = sink->client(), rest = sizeof(wire::PointsHeader) + header.records_bytes;
+  const std::uint64_t count = (bytes - std::min(bytes, rest)) / sizeof(CloudPoint);
   const auto make = [=, this, fetch = std::move(fetch)](auto) {
     if (!update->payload.begin) update->payload = fetch();
     update->ignored = 0;
