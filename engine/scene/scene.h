@@ -16,8 +16,8 @@
 #include "engine/base/triangle.h"
 #include "engine/hull/piece.h"
 #include "engine/pose/pose.h"
-#include "engine/surface/cloud_point.h"
 #include "engine/scene/scene_robot.h"
+#include "engine/surface/cloud_point.h"
 #include "wire/types.h"
 
 namespace clearance {

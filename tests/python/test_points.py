@@ -1,5 +1,6 @@
 """Bodies of points: made, replaced in this process and through every transport, and refused."""
 
+import importlib.util
 import time
 
 import numpy as np
@@ -243,3 +244,25 @@ def test_messages_of_lcm_make_a_cloud(scene_file, start_daemon, kinds):
         assert answer.snapshot_stamp_ns == 5002 and answer.snapshot_sequence == 2
         stats = client.stats()
         assert stats["lcm.clouds"] == 1 and stats["points.applied"] == 10_000
+
+
+def test_a_depth_camera_leaves_the_robot_out(root):
+    spec = importlib.util.spec_from_file_location("depth_camera", root / "client/examples/depth_camera.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    world = example.World(root / "scenes/cell/robot.yaml")
+    camera = example.Camera([1.6, -1.2, 1.7], [0.3, 0, 1.2], 12, 9, view=0.4)
+    radius = 0.002
+    on_arm, beside = world.depths(camera, ["arm"]), world.depths(camera, world.others)
+    is_arm, is_other = np.isfinite(on_arm) & (on_arm < beside), np.isfinite(beside) & (beside < on_arm)
+    assert is_arm.sum() > 3 and is_other.sum() > 3
+    met = camera.position + np.minimum(on_arm, beside)[:, None].clip(0, example.FAR) * camera.rays
+    kept = example.self_filtered(world, met, radius)
+    assert not kept[is_arm].any()
+    lower = world.distance(met[is_other], ["arm"])
+    assert kept[is_other].sum() == (lower > radius).sum() > 0  # nothing else is left out
+    world.scene.add_points("seen", met[is_other & kept], radius=radius, pose=[0, 0, 0, 1, 0, 0, 0])
+    engine = clearance.Engine(world.scene, backend="cpu")
+    engine.set_joints(example.HOME)
+    answer = engine.distances(pairs=[("arm", "seen")], reduce="min")
+    assert answer.lower[0] > 0 and answer.status[0] == clearance.Status.OK
