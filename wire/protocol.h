@@ -392,6 +392,7 @@ CLEARANCE_WIRE(RecordHeader, 8);
 CLEARANCE_WIRE(QueryHeader, 128);
 CLEARANCE_WIRE(ReplyHeader, 128);
 CLEARANCE_WIRE(PosesHeader, 32);
+CLEARANCE_WIRE(PointsHeader, 64);
 CLEARANCE_WIRE(PoseRecord, 64);
 CLEARANCE_WIRE(JointRecord, 16);
 CLEARANCE_WIRE(AttachRecord, 72);
