@@ -152,7 +152,7 @@ def to_cloud(value: Any, what: str) -> np.ndarray:
     else:
         with np.errstate(over="ignore"):  # inf is refused by its name later
             array = contiguous(to_floats(value, what, "(N, 3) numbers").astype(np.float32))
-    if array.size == 0:
+    if array.shape in ((0,), (0, 3)):
         return np.empty((0, 3), np.float32)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"{what}: expected shape (N, 3), got {array.shape}")
