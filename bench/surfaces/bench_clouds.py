@@ -91,7 +91,7 @@ class Coal:
             us.engine.set_joints(state, joints="arm")
             at = us.engine.body_states()
             self.places.append([self._transform(at[body].pose) * own for body, _, own in self.links])
-        self.still = coal.Transform3s()
+        self.still = self._transform([0, 0, 0, 1, 0, 0, 0])
 
     def _model(self, vertices, radius):
         """A piece of ours: a ball, a capsule or a hull, and where it is in its link."""

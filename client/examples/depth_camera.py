@@ -16,6 +16,7 @@ answers whose scene has such a body (`points: []`); without, this process does.
 import argparse
 import pathlib
 import sys
+from typing import Union
 
 import numpy as np
 
@@ -93,6 +94,7 @@ def main():
 
     world = World(ROOT / "scenes/cell/robot.yaml")
     camera = Camera([2.2, -1.6, 2.2], [0.4, 0, 1.0], options.width, options.width * 3 // 4)
+    who: Union[clearance.Client, clearance.Engine]
     if options.connect:
         who = clearance.connect(options.connect)
     else:
