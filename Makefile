@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-view bench-robots bench-motions bench-ompl bench-surfaces bench-sweep bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
+.PHONY: help setup build test test-extras lint fuzz soak demo bench bench-peers bench-broad bench-sections bench-classes bench-view bench-robots bench-motions bench-ompl bench-surfaces bench-clouds bench-sweep bench-load certify tradeoff report report-gpu gpu-compile gpu-test gpu-certify gpu-sanitize gpu-bench gpu-several clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -78,6 +78,9 @@ bench-ompl: build  ## the same problems planned by OMPL, with edges that are sam
 
 bench-surfaces: build  ## meshes that are not convex, beside Coal, which it installs; rewrites docs/results/surfaces.csv
 	@$(PYTHON_VENV) bench/surfaces/bench_surfaces.py --csv docs/results/surfaces.csv
+
+bench-clouds: build  ## points against a robot, beside Coal's octree, which it installs; rewrites docs/results/clouds.csv
+	@$(PYTHON_VENV) bench/surfaces/bench_clouds.py --csv docs/results/clouds.csv
 
 bench-sweep: build  ## a sweep on Ray, which it installs, beside the engine alone; rewrites docs/results/sweep.csv
 	@$(PYTHON_VENV) bench/sweep/bench_sweep.py --csv docs/results/sweep.csv

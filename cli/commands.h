@@ -52,6 +52,7 @@ void add_ping(CLI::App& app);
 void add_set_pose(CLI::App& app);
 void add_attach(CLI::App& app);
 void add_joints(CLI::App& app);
+void add_points(CLI::App& app);
 void add_path(CLI::App& app);
 void add_allow(CLI::App& app);
 void add_reload(CLI::App& app);

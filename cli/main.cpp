@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   cli::add_set_pose(app);
   cli::add_attach(app);
   cli::add_joints(app);
+  cli::add_points(app);
   cli::add_path(app);
   cli::add_allow(app);
   cli::add_reload(app);

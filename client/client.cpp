@@ -51,14 +51,23 @@ struct Client::Impl {
   /// Sends a frame that is not a query and returns its request id.
   std::uint64_t send(FrameType type, std::span<const std::byte> payload, std::uint64_t reply_bytes,
                      std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
+    return send(type, payload, {}, reply_bytes, scene_revision, std::move(records));
+  }
+  /// \param rest of the payload
+  std::uint64_t send(FrameType type, std::span<const std::byte> payload, std::span<const std::byte> rest,
+                     std::uint64_t reply_bytes, std::uint64_t scene_revision, std::vector<std::byte> records) {
+    const std::uint64_t bytes = payload.size() + rest.size();
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
-    std::byte* room = begin(payload.size() + records.size(), reply_bytes);
-    const auto header = wire::with_records(
-        wire::make_header(type, connection.next_request_id(), payload.size(), scene_revision), records.size());
+    std::byte* room = begin(bytes + records.size(), reply_bytes);
+    const auto header = wire::with_records(wire::make_header(type, connection.next_request_id(), bytes, scene_revision),
+                                           records.size());
     std::memcpy(room, &header, sizeof header);
-    if (!payload.empty()) std::memcpy(room + sizeof header, payload.data(), payload.size());
-    if (!records.empty()) std::memcpy(room + sizeof header + payload.size(), records.data(), records.size());
+    room += sizeof header;
+    for (const std::span<const std::byte> part : {payload, rest, std::span<const std::byte>(records)}) {
+      if (!part.empty()) std::memcpy(room, part.data(), part.size());
+      room += part.size();
+    }
     connection.send();
     return header.request_id;
   }
@@ -213,7 +222,8 @@ SceneInfo Client::Impl::fetch_scene() {
   for (std::uint64_t i = 0; i < parts.bodies.size(); ++i) {
     const wire::BodyRecord r = parts.bodies[i];
     info.bodies.push_back({wire::name_of(r.name), r.parent, r.is_static != 0, r.piece_count, r.vertex_count,
-                           r.model_error, r.extent, r.hull_excess, r.empty_share, r.triangle_count, r.is_solid != 0});
+                           r.model_error, r.extent, r.hull_excess, r.empty_share, r.triangle_count, r.is_solid != 0,
+                           r.is_cloud != 0});
   }
   for (std::uint64_t i = 0; i < parts.groups.size(); ++i) {
     const wire::GroupRecord r = parts.groups[i];
@@ -349,6 +359,21 @@ PosesDone Client::set_joints(std::span<const std::pair<std::uint32_t, double>> p
   }
   const std::uint64_t revision = impl().revision_of_ids();
   return impl().poses_done(*impl().call(FrameType::kSetJoints, payload, FrameType::kPosesDone, 0, revision));
+}
+
+PosesDone Client::set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz,
+                             std::optional<double> radius, std::int64_t stamp_ns, std::int64_t sequence) {
+  wire::PointsHeader header;
+  header.count = xyz.size();
+  header.stamp_ns = stamp_ns;
+  header.sequence = sequence;
+  header.radius = radius.value_or(0);
+  header.has_radius = radius.has_value();
+  header.body = body;
+  const std::uint64_t revision = impl().revision_of_ids();
+  const std::span<const std::byte> head = std::as_bytes(std::span(&header, 1));
+  const std::uint64_t request = impl().send(FrameType::kSetPoints, head, std::as_bytes(xyz), 0, revision, {});
+  return impl().poses_done(*impl().receive(request, FrameType::kPosesDone));
 }
 
 JointsInfo Client::joints() {

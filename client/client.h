@@ -121,6 +121,7 @@ struct BodyInfo {
   double empty_share = 0;  ///< of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
   std::uint64_t triangle_count = 0;  ///< of a surface or solid, which its pieces only surround; 0: it is its pieces
   bool is_solid = false;             ///< with triangles: it is what they enclose, and not they alone
+  bool is_cloud = false;             ///< it is points, which set_points() replaces
 };
 struct GroupInfo {
   std::string name;
@@ -238,6 +239,12 @@ class CLEARANCE_API Client {
   /// joint that is named twice.
   PosesDone set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns = 0,
                        std::int64_t sequence = 0);
+  /// Replaces the points of a body of points, all at once: queries that begin when this has returned see them all.
+  /// \param xyz (N,) metres, the body's frame; none: there is nothing. \param radius metres, that they are grown by;
+  /// none: as the scene has it. `applied` counts points. Throws RequestError, and nothing is replaced, for another
+  /// body, a coordinate that is not finite, more points than may be, and stamps as set_poses() does.
+  PosesDone set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz, std::optional<double> radius = {},
+                       std::int64_t stamp_ns = 0, std::int64_t sequence = 0);
   /// The joints of the scene's robots, and where they are now.
   JointsInfo joints();
   /// \param allow bodies and groups (selectors) that the child may touch while it is attached so: their pairs with it

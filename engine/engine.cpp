@@ -46,11 +46,11 @@ struct Engine::Impl {
   mutable KeptJobs kept{scene};  // their trees go back where they came from
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0};
-  std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0};
+  std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
 
-  JobContext context() const {
-    return {&scene,          options.threads, reference, lanes,   light,        &pairs_evaluated,
-            &contradictions, &warm,           &trees,    near_by, device.get(), &kept};
+  JobContext context(const PoseSnapshot& snapshot) const {
+    return {snapshot.scene.get(), options.threads, reference, lanes,   light,        &pairs_evaluated,
+            &contradictions,      &warm,           &trees,    near_by, device.get(), &kept};
   }
 
   // Whether the job of a query may be asked again. Where there is a device, the router has its say each time.
@@ -180,6 +180,16 @@ PoseUpdateResult Engine::set_joints(std::span<const JointPosition> positions, st
   return result;
 }
 
+PoseUpdateResult Engine::set_points(std::uint32_t body, std::span<const CloudPoint> points,
+                                    std::optional<double> radius, std::int64_t stamp_ns, std::int64_t sequence,
+                                    std::uint64_t publisher) {
+  const FpEnvironment environment;
+  const PoseUpdateResult result = impl_->poses.set_points(body, points, radius, stamp_ns, sequence, publisher);
+  count_copied(result.copied_bytes);
+  impl_->point_updates.fetch_add(1, std::memory_order_relaxed);
+  return result;
+}
+
 JointState Engine::joint_state(std::uint32_t joint) const {
   const auto snapshot = impl_->poses.snapshot();
   if (joint >= impl_->scene.joints().size()) throw std::out_of_range("unknown joint " + std::to_string(joint));
@@ -261,7 +271,8 @@ std::int64_t Engine::oldest_stamp(std::uint32_t bodies) const {
 
 QuerySize Engine::size(const QueryView& query) const {
   const FpEnvironment environment;
-  return make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false).size;
+  const auto snapshot = impl_->poses.snapshot();
+  return make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, false).size;
 }
 
 std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
@@ -274,7 +285,8 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
   q.max_steps = 0;
   q.fields = 0;
   q.configuration_count = 0;
-  const Plan plan = make_plan(q, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false);
+  const auto snapshot = impl_->poses.snapshot();
+  const Plan plan = make_plan(q, *snapshot->scene, snapshot, impl_->options.max_rows, false);
   std::vector<BodyPair> pairs(plan.pairs.size());
   plan.pairs.copy(0, pairs.size(), pairs.data());
   return pairs;
@@ -283,7 +295,8 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
 std::vector<double> Engine::free_scale(const QueryView& query, std::span<const double> weights) const {
   const FpEnvironment environment;
   impl_->check_process();
-  return clearance::free_scale(impl_->context(), impl_->poses.snapshot(), query, weights, impl_->options.max_rows);
+  const auto snapshot = impl_->poses.snapshot();
+  return clearance::free_scale(impl_->context(*snapshot), snapshot, query, weights, impl_->options.max_rows);
 }
 
 PreparedQuery Engine::begin_preparing(const QueryView& query) const {
@@ -293,7 +306,7 @@ PreparedQuery Engine::begin_preparing(const QueryView& query) const {
   if (is_kept)
     if (Job::StatePtr again = impl_->kept.take(query, snapshot)) return PreparedQuery(std::move(again));
   return PreparedQuery(
-      std::make_unique<Planner>(query, impl_->scene, snapshot, impl_->options.max_rows, true, is_kept));
+      std::make_unique<Planner>(query, *snapshot->scene, snapshot, impl_->options.max_rows, true, is_kept));
 }
 
 PreparedQuery Engine::prepare(const QueryView& query) const {
@@ -335,7 +348,7 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
     return Job(std::move(query.again_));
   }
   Plan plan = std::move(query.planner_->plan());
-  const JobContext context = impl_->context();
+  const JobContext context = impl_->context(*plan.snapshot);
   const bool any = plan.query.reduce == Reduce::kAny,
              motions = plan.query.max_steps > 0;  // which no kernel answers yet
   const bool for_cpu = query.keep_on_cpu_ || any || motions;
@@ -371,8 +384,9 @@ std::unique_ptr<DevicePlan> Engine::plan_on_device(const QueryView& query) const
 std::string Engine::certificate(const QueryView& query, std::span<const std::uint64_t> rows) const {
   const FpEnvironment environment;
   impl_->check_process();
-  Plan plan = make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, true);
-  return to_json(certify_rows(impl_->context(), std::move(plan), rows), impl_->scene);
+  const auto snapshot = impl_->poses.snapshot();
+  Plan plan = make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, true);
+  return to_json(certify_rows(impl_->context(*snapshot), std::move(plan), rows), impl_->scene);
 }
 
 const std::uint64_t Engine::kMostWarmBytes = WarmStore::kMostSimplices * sizeof(WarmSimplex);
@@ -393,12 +407,14 @@ std::shared_ptr<void> Engine::trim_warm(std::uint64_t client, std::uint64_t room
 
 Counters Engine::stats() const {
   const auto snapshot = impl_->poses.snapshot();
-  std::uint64_t vertices = 0, pieces = 0;
-  for (const Body& body : impl_->scene.bodies())
+  std::uint64_t vertices = 0, pieces = 0, points = 0;
+  for (const Body& body : snapshot->scene->bodies()) {
+    points += point_count(body);
     for (const PiecePtr& piece : body.pieces) {
       ++pieces;
       vertices += piece->vertices.size();
     }
+  }
   Counters counters{{"engine.bodies", impl_->scene.bodies().size()},
                     {"engine.pieces", pieces},
                     {"engine.warm_bytes", impl_->warm.bytes()},
@@ -417,6 +433,8 @@ Counters Engine::stats() const {
                     {"engine.bad_poses", impl_->bad_poses},
                     {"engine.joint_updates", impl_->joint_updates},
                     {"engine.bad_joints", impl_->bad_joints},
+                    {"engine.point_updates", impl_->point_updates},
+                    {"engine.points", points},
                     {"engine.stamps_out_of_range", impl_->poses.stamps_out_of_range()},
                     {"engine.stamps_late", impl_->poses.stamps_late()}};
   if (impl_->device) impl_->device->append(counters);

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -79,6 +80,13 @@ class Engine {
   /// position that is no number, or beyond 1e6, is stored as bad: its links are kBadPose until a good one comes.
   PoseUpdateResult set_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns = 0,
                               std::int64_t sequence = 0, std::uint64_t publisher = 0);
+  /// Replaces the points of a body of points (Scene::add_points()), all at once: a job sees all of the old ones or all
+  /// of the new. The tree over them is made here, on the calling thread; jobs and poses go on meanwhile. `applied` of
+  /// the result counts points. Throws QueryError, and nothing is replaced, for another body, a coordinate that is not
+  /// finite or beyond 1e9 m, a bad radius, and stamps as set_poses() does. \param points (N, 3) metres, the body's
+  /// frame; none: there is nothing \param radius metres, that they are grown by; none: as the scene has it
+  PoseUpdateResult set_points(std::uint32_t body, std::span<const CloudPoint> points, std::optional<double> radius = {},
+                              std::int64_t stamp_ns = 0, std::int64_t sequence = 0, std::uint64_t publisher = 0);
   JointState joint_state(std::uint32_t joint) const;
   /// Throws QueryError for a stamp below 0, or ahead of this machine's clock (UTC) by more than
   /// Options::max_stamp_lead.

@@ -58,6 +58,7 @@ Rights right_for(wire::FrameType request) {
       return kMayQuery;
     case wire::FrameType::kSetPoses:
     case wire::FrameType::kSetJoints:
+    case wire::FrameType::kSetPoints:
     case wire::FrameType::kAttach:
     case wire::FrameType::kAllow:
     case wire::FrameType::kAddBody:

@@ -21,6 +21,7 @@ LcmFigures::LcmFigures(Inbox& inbox)
       publishers(inbox.counter("lcm.publishers")),
       queries(inbox.counter("lcm.queries")),
       frames(inbox.counter("lcm.frames")),
+      clouds(inbox.counter("lcm.clouds")),
       given_up(inbox.counter("lcm.frames_given_up")),
       replies(inbox.counter("lcm.replies")),
       dropped(inbox.counter("lcm.replies_dropped")),

@@ -29,7 +29,7 @@ class LcmFigures {
   }
 
   std::uint64_t &messages, &bad, &poses, &wrong_scene, &unknown, &gaps, &reordered, &repeated, &restarts, &contested,
-      &bad_stamps, &not_allowed, &publishers, &queries, &frames, &given_up, &replies, &dropped, &sent, &failed,
+      &bad_stamps, &not_allowed, &publishers, &queries, &frames, &clouds, &given_up, &replies, &dropped, &sent, &failed,
       &other_daemons;
 
  private:

@@ -92,6 +92,20 @@ class LcmFrameSink final : public LcmSink {
   std::int64_t lcm_client_, request_;
 };
 
+/// For what was let in by the names that it gives, and is answered by nothing.
+class LcmSilentSink final : public LcmSink {
+ public:
+  using Refused = std::function<void(std::span<const std::byte> frame)>;
+  /// \param refused called with the error's frame
+  LcmSilentSink(std::weak_ptr<LcmLink> link, std::uint64_t client, Refused refused)
+      : LcmSink(std::move(link), client), refused_(std::move(refused)) {}
+  Rights rights() const override { return kMayPose; }
+
+ private:
+  void deliver(LcmLink&, FrameBytes frame) override { refused_(frame.span()); }
+  Refused refused_;
+};
+
 /// Hands the frame to the transport itself.
 class LcmOwnSink final : public LcmSink {
  public:

@@ -76,6 +76,20 @@ bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
   return apply_positions({"CLEARANCE_JOINTS_NAMED", 3, update.publisher_id, update.sequence, update.stamp_ns});
 }
 
+std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_t& points) {
+  const std::uint32_t body = inbox_.engine().scene().find_body(points.body);
+  if (points.publisher_id == 0) {
+    figures_.accept("CLEARANCE_POINTS: publisher_id is 0; draw one at random");
+  } else if (body == kNone) {
+    refuse_name(points.body, "points of '%', which is no body of this scene");
+  } else if (!allowed_[body]) {
+    refuse_right(points.body, "points of '%', which are not taken from LCM (--lcm-poses)");
+  } else if (with_good_stamp(message_of(points), [&] { inbox_.engine().check_stamp(points.stamp_ns); })) {
+    return body;
+  }
+  return std::nullopt;
+}
+
 void LcmPoseIntake::refuse_scene(std::int64_t revision) {
   ++figures_.wrong_scene;
   figures_.complain("scene", "poses for scene " + std::to_string(revision) + " refused, this is " +

@@ -9,6 +9,7 @@
 #include "clearance_lcm/joint_update_t.hpp"
 #include "clearance_lcm/named_joint_update_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
+#include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "lcm_figures.h"
 #include "lcm_publishers.h"
@@ -29,6 +30,10 @@ class LcmPoseIntake {
   bool take(const clearance_lcm::named_pose_update_t& update);
   bool take(const clearance_lcm::joint_update_t& update);
   bool take(const clearance_lcm::named_joint_update_t& update);
+  /// The body whose points these are; none: they are not taken, which is counted and said.
+  std::optional<std::uint32_t> body_of(const clearance_lcm::points_t& points);
+  /// Whether a cloud is newer than its publisher's last one.
+  bool is_in_order(const clearance_lcm::points_t& points) { return is_in_order(message_of(points)); }
   std::size_t publishers() const { return publishers_.size(); }
 
  private:
@@ -39,6 +44,9 @@ class LcmPoseIntake {
     std::int64_t publisher, sequence, stamp_ns;
     std::string who() const { return "publisher " + std::to_string(publisher) + " on " + channel; }
   };
+  static Message message_of(const clearance_lcm::points_t& points) {
+    return {"CLEARANCE_POINTS", 4, points.publisher_id, points.sequence, points.stamp_ns};
+  }
   void refuse_scene(std::int64_t revision);
   void refuse_name(const std::string& name, const char* what);
   void refuse_right(const std::string& name, const char* what);

@@ -16,6 +16,7 @@
 #include "server/lcm_announcer.h"
 #include "server/lcm_figures.h"
 #include "server/lcm_link.h"
+#include "server/lcm_points.h"
 #include "server/lcm_pose_intake.h"
 #include "server/lcm_publishers.h"
 #include "server/lcm_translate.h"
@@ -34,6 +35,7 @@ using clearance_lcm::joint_query_t;
 using clearance_lcm::joint_update_t;
 using clearance_lcm::named_joint_update_t;
 using clearance_lcm::named_pose_update_t;
+using clearance_lcm::points_t;
 using clearance_lcm::pose_update_t;
 using clearance_lcm::query2_t;
 using clearance_lcm::query_t;
@@ -62,6 +64,7 @@ class LcmTransport final : public Transport {
     listen("CLEARANCE_POSES_NAMED", &LcmTransport::on_poses<named_pose_update_t>);
     listen("CLEARANCE_JOINTS", &LcmTransport::on_poses<joint_update_t>);
     listen("CLEARANCE_JOINTS_NAMED", &LcmTransport::on_poses<named_joint_update_t>);
+    listen("CLEARANCE_POINTS", &LcmTransport::on_points);
     listen("CLEARANCE_QUERY", &LcmTransport::on_query<query_t>);
     listen("CLEARANCE_QUERY2", &LcmTransport::on_query<query2_t>);
     listen("CLEARANCE_JOINT_QUERY", &LcmTransport::on_joint_query);
@@ -98,6 +101,7 @@ class LcmTransport final : public Transport {
     meet(inbox);
     link_->port->tick(inbox);
     assembler_.expire(Clock::now());
+    points_.expire(Clock::now());
     serve();
   }
 
@@ -124,6 +128,28 @@ class LcmTransport final : public Transport {
   void on_poses(std::span<const std::byte> packet) {
     Update update;
     if (decode(packet, update)) handed_in_ += intake_->take(update);
+  }
+
+  void on_points(std::span<const std::byte> packet) {
+    points_t part;
+    if (!decode(packet, part)) return;
+    const std::optional<std::uint32_t> body = intake_->body_of(part);
+    if (!body) return;
+    const std::uint64_t bad = points_.counts().bad;
+    std::optional<FrameBytes> whole = points_.add(part, *body, Clock::now());
+    if (points_.counts().bad != bad) figures_->accept("points_t: its part and sizes do not fit together");
+    if (!whole || !intake_->is_in_order(part)) return;
+    ++figures_->clouds;
+    auto sink = std::make_unique<LcmSilentSink>(
+        link_, clients_.number_of(part.publisher_id), [this, name = part.body](std::span<const std::byte> frame) {
+          wire::FrameHeader header;
+          std::memcpy(&header, frame.data(), sizeof header);
+          if (header.type != static_cast<std::uint16_t>(wire::FrameType::kError)) return;
+          const std::span<const std::byte> payload = wire::split_payload(header, frame.subspan(sizeof header)).body;
+          figures_->complain("points", "points of '" + name + "' refused: " + wire::parse_error(payload).text);
+        });
+    const auto frame = std::make_shared<FrameBytes>(std::move(*whole));
+    hand_in(frame->span(), frame, std::move(sink));
   }
 
   // --- requests
@@ -243,7 +269,7 @@ class LcmTransport final : public Transport {
     link_->outbox.flush(Clock::now());
     link_->announcements.flush(Clock::now());
     figures_->publishers = intake_->publishers();
-    figures_->given_up = assembler_.counts().given_up;
+    figures_->given_up = assembler_.counts().given_up + points_.counts().given_up;
     figures_->replies = link_->replies;
     figures_->dropped = link_->dropped;
     figures_->sent = link_->outbox.sent() + link_->announcements.sent();
@@ -273,6 +299,7 @@ class LcmTransport final : public Transport {
   std::shared_ptr<LcmLink> link_;
   int timer_;
   FrameAssembler assembler_;
+  LcmPoints points_;
   double distances_hz_;
   LcmClients clients_;
   PublisherLog changes_;  // frames that change something, of each client

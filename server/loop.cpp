@@ -46,7 +46,8 @@ Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
       next_tick_(started_),
       control_worker_({options.slice, options.worker_thread}, [this] { wake(); }),
       planning_worker_({options.slice, options.worker_thread, options.has_control ? kNiceOfPlanning : 0},
-                       [this] { wake(); }) {
+                       [this] { wake(); }),
+      points_worker_({options.slice, options.worker_thread, kNiceOfPlanning}, [this] { wake(); }) {
   if (!wake_fd_) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
 }
 
@@ -172,7 +173,7 @@ int Loop::poll_transport(std::size_t i) {
 bool Loop::work_for_a_slice() {
   bool worked = !small_.empty();
   if (worked) small_.work(Clock::now(), [this](Worker::QueryPtr query) { settle(std::move(query)); });
-  if (!options_.worker_thread && (control_worker_.work() || planning_worker_.work()))
+  if (!options_.worker_thread && (control_worker_.work() || planning_worker_.work() || points_worker_.work()))
     worked = settle_what_was_worked_on() || true;
   if (worked) warn_of_contradictions();
   return worked;
@@ -180,7 +181,7 @@ bool Loop::work_for_a_slice() {
 
 bool Loop::settle_what_was_worked_on() {
   bool any = false;
-  for (Worker* worker : {&control_worker_, &planning_worker_}) {
+  for (Worker* worker : {&control_worker_, &planning_worker_, &points_worker_}) {
     worker->expire(turn_began_);
     if (!worker->has_done()) continue;
     for (Worker::QueryPtr& query : worker->take()) settle(std::move(query));
@@ -227,6 +228,7 @@ void Loop::tick() {
 void Loop::drop_gone() {
   control_worker_.look();
   planning_worker_.look();
+  points_worker_.look();
   if (const std::size_t queries = held_.drop_gone()) count_dropped(queries);
   stats_.dropped += scenes_.drop_gone();
 }

@@ -25,6 +25,7 @@
 #include "dear_request.h"
 #include "forecast.h"
 #include "held_queries.h"
+#include "points_ledger.h"
 #include "quotas.h"
 #include "running_query.h"
 #include "scene_changes.h"
@@ -44,7 +45,7 @@ class Loop final : public Inbox {
  public:
   using Clock = std::chrono::steady_clock;
 
-  struct Options : Quotas::Limits, SceneChanges::Limits, RunningQuery::Limits {
+  struct Options : Quotas::Limits, SceneChanges::Limits, RunningQuery::Limits, PointsLedger::Limits {
     std::chrono::nanoseconds slice = std::chrono::microseconds(200);  ///< of one query, before the others get a turn
     std::chrono::nanoseconds spin =
         std::chrono::microseconds(50);  ///< the most to poll in memory before going to sleep
@@ -86,7 +87,9 @@ class Loop final : public Inbox {
   std::optional<Stats::Figures> read_figures(std::chrono::nanoseconds patience);
   bool is_reloading() const { return scenes_.is_busy(); }
   /// Queries under way.
-  std::size_t waiting() const { return small_.size() + control_worker_.size() + planning_worker_.size(); }
+  std::size_t waiting() const {
+    return small_.size() + control_worker_.size() + planning_worker_.size() + points_worker_.size();
+  }
   /// Whether somebody still works on queries.
   bool is_working() const { return waiting() > small_.size(); }
   /// Queries that wait for poses.
@@ -134,6 +137,8 @@ class Loop final : public Inbox {
                   std::unique_ptr<ReplySink>& sink);
   void set_poses_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch,
                            std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
+  void set_points_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                            std::unique_ptr<ReplySink>& sink);
   wire::PosesResult set_poses(const wire::FrameHeader& header, std::span<const std::byte> payload,
                               std::uint64_t client);
   void count_poses(const PoseUpdateResult& done);
@@ -174,6 +179,7 @@ class Loop final : public Inbox {
   Forecast forecast_;
   Scheduler small_{std::min<std::chrono::nanoseconds>(options_.slice, kEnough)};  // what the loop itself works on
   HeldQueries held_;
+  PointsLedger points_{options_};
   SceneChanges scenes_{engine_, answers_, stats_, quotas_, options_};
 
   std::vector<std::uint64_t> aligned_;  // a query's payload, where it arrived unaligned
@@ -202,8 +208,9 @@ class Loop final : public Inbox {
       [this](const wire::FrameHeader& header, ServiceClass service, const QueryOptions& asked,
              const OwnPayload& payload, std::unique_ptr<ReplySink>& sink,
              Clock::time_point received) { return hold(header, service, asked, payload, sink, received); }};
-  // Last: what they work on uses the others. Each class has one, since not all work can be cut into slices.
-  Worker control_worker_, planning_worker_;
+  // Last: what they work on uses the others. Each class has one, since not all work can be cut into slices, and trees
+  // over points, which are made in one go, have one more.
+  Worker control_worker_, planning_worker_, points_worker_;
 };
 
 }  // namespace clearance

@@ -95,6 +95,30 @@ PoseUpdateResult apply_joints(Engine& engine, const FrameHeader& header, std::sp
   return engine.set_joints(positions, parts.header.stamp_ns, parts.header.sequence, client);
 }
 
+/// \param name of the body: empty at first; then that of the body whose points these were before, whatever its id is
+/// now
+PoseUpdateResult apply_points(Engine& engine, const FrameHeader& header, std::span<const std::byte> payload,
+                              std::uint64_t client, std::string& name) {
+  const auto& [head, xyz] = wire::parse_points(payload);
+  std::uint32_t body = head.body;
+  const auto& bodies = engine.scene().bodies();
+  if (name.empty()) {
+    check_scene(engine, header, std::array{body});
+    if (body < bodies.size()) name = bodies[body].name;
+  } else {
+    body = engine.scene().find_body(name);
+  }
+  std::vector<CloudPoint> copy;  // where they did not arrive as float32s can be read
+  std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(xyz.data()), head.count);
+  if (reinterpret_cast<std::uintptr_t>(xyz.data()) % alignof(float) != 0) {
+    copy.resize(points.size());
+    std::memcpy(copy.data(), xyz.data(), xyz.size());
+    points = copy;
+  }
+  const std::optional<double> radius = head.has_radius ? std::optional(head.radius) : std::nullopt;
+  return engine.set_points(body, points, radius, head.stamp_ns, head.sequence, client);
+}
+
 /// Poses, or positions of joints.
 PoseUpdateResult apply_poses(Engine& engine, const FrameHeader& header, std::span<const std::byte> payload,
                              std::uint64_t client) {
@@ -136,7 +160,7 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   const bool waits = is_update && (poses_away_.contains(sink->client()) ||
                                    (type == FrameType::kSetJoints && engine_->scene().bodies().size() > kFewBodies));
   if (type != FrameType::kQuery && type != FrameType::kPairs && type != FrameType::kAttach &&
-      type != FrameType::kAddBody && !waits)
+      type != FrameType::kAddBody && type != FrameType::kSetPoints && !waits)
     payload = without_records(answers_, header, payload, stats_.records_ignored);
   const auto reply = [&](FrameType with, std::span<const std::byte> bytes) {
     answers_.reply(*sink, header, with, bytes);
@@ -158,6 +182,8 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
       is_empty();
       if (engine_->scene().joints().size() <= kFewBodies) return reply(FrameType::kJoints, joints_payload(*engine_));
       return reply_elsewhere(header, 0, FrameType::kJoints, [e = engine_](auto) { return joints_payload(*e); }, sink);
+    case FrameType::kSetPoints:
+      return set_points_elsewhere(header, own_copy(payload), payload.size(), sink);
     case FrameType::kSetPoses:
     case FrameType::kSetJoints:
       if (waits) return set_poses_elsewhere(header, own_copy(payload), payload.size(), sink);
@@ -345,6 +371,51 @@ void Loop::set_poses_elsewhere(const FrameHeader& header, std::function<OwnPaylo
   ++poses_away_.try_emplace(client, PosesAway{0, service}).first->second.updates;
 }
 
+/// Has points taken up by a worker of their own, so that nobody waits for the tree that is made of them.
+void Loop::set_points_elsewhere(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                                std::unique_ptr<ReplySink>& sink) {
+  struct Update {
+    std::shared_ptr<Engine> engine;
+    OwnPayload payload;
+    std::string body;  // its name: another scene may have other ids
+    PoseUpdateResult result;
+    std::uint64_t ignored = 0;  // records
+  };
+  const auto update = std::make_shared<Update>(Update{engine_, {}, {}, {}});
+  const std::uint64_t client = sink->client(), rest = sizeof(wire::PointsHeader) + header.records_bytes;
+  const std::uint64_t count = (bytes - std::min(bytes, rest)) / sizeof(CloudPoint);
+  const auto make = [=, this, fetch = std::move(fetch)](auto) {
+    if (!update->payload.begin) update->payload = fetch();
+    update->ignored = 0;
+    const auto body = without_records(answers_, header, update->payload.span(), update->ignored);
+    update->result = apply_points(*update->engine, header, body, client, update->body);
+    const wire::PosesResult result = result_of(update->result, update->engine->scene_revision());
+    const auto bytes_of_it = bytes_of(result);
+    return std::vector<std::byte>(bytes_of_it.begin(), bytes_of_it.end());
+  };
+  const auto done = [=, this](bool made) {
+    if (made && update->engine != engine_) {  // a scene that came meanwhile needs them too
+      update->engine = engine_;
+      return false;
+    }
+    points_.end(client, update->body, count, made);
+    stats_.records_ignored += update->ignored;
+    if (!made) return true;
+    ++stats_["points.updates"];
+    stats_["points.applied"] += update->result.applied;
+    poses_changed_ = true;
+    return true;
+  };
+  const ServiceClass service = class_for(*sink, kDefaultOptions);
+  quotas_.check_requests(client);
+  quotas_.check_bytes(client, service, bytes, sink->unsent_bytes());
+  points_.begin(client, count);
+  PendingRequest asked{nullptr, header, quotas_.take(client, service, bytes)};
+  asked.sink = std::move(sink);
+  points_worker_.add(std::make_unique<DearRequest>(answers_, std::move(asked), service, FrameType::kPosesDone,
+                                                   turn_began_, make, done));
+}
+
 void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes, std::function<OwnPayload()> fetch,
                           std::unique_ptr<ReplySink> sink) {
   ++stats_.frames;
@@ -364,6 +435,8 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
       case FrameType::kSetPoses:
       case FrameType::kSetJoints:
         return set_poses_elsewhere(header, std::move(fetch), payload_bytes, sink);
+      case FrameType::kSetPoints:
+        return set_points_elsewhere(header, std::move(fetch), payload_bytes, sink);
       case FrameType::kPing:
         return echo_elsewhere(header, std::move(fetch), payload_bytes, sink);
       default:

@@ -154,6 +154,9 @@ Loop::Options loop_options_of(const DaemonOptions& options, const Access& access
   loop.max_waiting_per_client = options.max_waiting;
   loop.max_client_bytes = std::uint64_t{options.max_client_mib} << 20;
   loop.max_added_bodies = options.max_added_bodies;
+  loop.max_points_of_body = options.max_body_points;
+  loop.max_points_of_client = options.max_client_points;
+  loop.max_points = options.max_points;
   loop.max_added_vertices = options.max_added_vertices;
   loop.max_added_triangles = options.max_added_triangles;
   loop.max_pairs = options.max_pairs;

@@ -183,6 +183,15 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 62)))
       ->type_name("N")
       ->capture_default_str();
+  const auto add_points = [&](const char* name, std::uint64_t& most, const char* what) {
+    app.add_option(name, most, what)
+        ->check(quiet(CLI::Range(std::uint64_t{0}, std::uint64_t{1} << 30)))
+        ->type_name("N")
+        ->capture_default_str();
+  };
+  add_points("--max-body-points", o.max_body_points, "points that one update of a body of points may have");
+  add_points("--max-client-points", o.max_client_points, "points that a client may have set, and under way");
+  add_points("--max-points", o.max_points, "points of all clients");
   app.add_option("--max-added-bodies", o.max_added_bodies, "bodies that clients may have added to the scene")
       ->check(quiet(CLI::Range(0u, 100000u)))
       ->type_name("N")

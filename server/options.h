@@ -46,6 +46,7 @@ struct DaemonOptions {
   unsigned max_client_mib = 2048;
   unsigned max_warm_mib = 1024;
   unsigned max_added_bodies = 64;
+  std::uint64_t max_body_points = 2'000'000, max_client_points = 8'000'000, max_points = 16'000'000;
   unsigned max_added_vertices = 20'000;
   unsigned max_added_triangles = 40'000;
   std::uint64_t max_pairs = 10'000'000'000;

@@ -24,6 +24,7 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   record.empty_share = body.empty_share;
   const Surface* surface = surface_of(body);
   record.is_solid = surface && surface->is_solid();
+  record.is_cloud = is_cloud(body);
   record.triangle_count = triangle_count(body);
   record.extent = extent_of(body);
   for (const PiecePtr& piece : body.pieces) record.vertex_count += piece->vertices.size();

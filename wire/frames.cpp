@@ -82,6 +82,8 @@ std::string type_name(std::uint16_t type) {
       return "kGetJoints";
     case FrameType::kGetStats:
       return "kGetStats";
+    case FrameType::kSetPoints:
+      return "kSetPoints";
     case FrameType::kReload:
       return "kReload";
     case FrameType::kAddBody:

@@ -54,6 +54,7 @@ void for_each_struct(Begin begin, Member member) {
                    snapshot_revision, snapshot_stamp_ns, oldest_receipt_ns, pairs_evaluated, engine_ns, server_ns,
                    backend, snapshot_sequence, pose_age_ns)
   CLEARANCE_STRUCT(PosesHeader, count, stamp_ns, sequence, reserved)
+  CLEARANCE_STRUCT(PointsHeader, count, stamp_ns, sequence, radius, body, has_radius, padding, reserved)
   CLEARANCE_STRUCT(PoseRecord, body, padding, pose)
   CLEARANCE_STRUCT(JointRecord, joint, padding, position)
   CLEARANCE_STRUCT(AttachRecord, child, parent, has_pose, padding, pose)
@@ -61,8 +62,8 @@ void for_each_struct(Begin begin, Member member) {
   CLEARANCE_STRUCT(PosesResult, revision, scene_revision, applied, bad, unknown, fixed)
   CLEARANCE_STRUCT(SceneHeader, scene_revision, body_count, group_count, member_count, padding, pair_count, backend,
                    reserved)
-  CLEARANCE_STRUCT(BodyRecord, name, parent, is_static, is_solid, padding, piece_count, padding2, vertex_count,
-                   model_error, extent, hull_excess, empty_share, triangle_count)
+  CLEARANCE_STRUCT(BodyRecord, name, parent, is_static, is_solid, is_cloud, padding, piece_count, padding2,
+                   vertex_count, model_error, extent, hull_excess, empty_share, triangle_count)
   CLEARANCE_STRUCT(GroupRecord, name, first_member, member_count, reserved)
   CLEARANCE_STRUCT(PairsHeader, scene_revision, count)
   CLEARANCE_STRUCT(StatesHeader, count, revision, now_ns, reserved)

@@ -138,6 +138,16 @@ std::string check_named_joint_update(std::span<const std::byte> packet) {
   return walk.end();
 }
 
+std::string check_points(std::span<const std::byte> packet) {
+  Walk walk(packet, "points_t", clearance_lcm::points_t::getHash());
+  walk.skip(3 * 8, "its ids and stamps");
+  walk.string(kMaxNameBytes, "its body's name");
+  walk.skip(8 + 3 * 4, "its numbers");
+  const std::uint64_t count = walk.count(3 * 4, "count");
+  walk.skip(count * 3 * 4, "points");
+  return walk.end();
+}
+
 std::string check_query(std::span<const std::byte> packet) {
   Walk walk(packet, "query_t", clearance_lcm::query_t::getHash());
   walk_query(walk);

@@ -13,6 +13,7 @@
 #include "clearance_lcm/joint_update_t.hpp"
 #include "clearance_lcm/named_joint_update_t.hpp"
 #include "clearance_lcm/named_pose_update_t.hpp"
+#include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query2_t.hpp"
 #include "clearance_lcm/query_t.hpp"
@@ -24,6 +25,7 @@ std::string check_pose_update(std::span<const std::byte> packet);
 std::string check_named_pose_update(std::span<const std::byte> packet);
 std::string check_joint_update(std::span<const std::byte> packet);
 std::string check_named_joint_update(std::span<const std::byte> packet);
+std::string check_points(std::span<const std::byte> packet);
 std::string check_query(std::span<const std::byte> packet);
 std::string check_query2(std::span<const std::byte> packet);
 std::string check_joint_query(std::span<const std::byte> packet);
@@ -40,6 +42,9 @@ inline std::string check_packet(std::span<const std::byte> packet, const clearan
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::named_joint_update_t&) {
   return check_named_joint_update(packet);
+}
+inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::points_t&) {
+  return check_points(packet);
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::query_t&) {
   return check_query(packet);

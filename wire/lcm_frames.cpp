@@ -10,8 +10,8 @@ namespace {
 constexpr std::uint64_t kPartBytes = clearance_lcm::frame_t::PART_BYTES;
 }
 
-std::uint64_t frame_part_count(std::uint64_t frame_bytes) {
-  return std::max<std::uint64_t>(1, (frame_bytes + kPartBytes - 1) / kPartBytes);
+std::uint64_t frame_part_count(std::uint64_t frame_bytes, std::uint64_t part_bytes) {
+  return std::max<std::uint64_t>(1, (frame_bytes + part_bytes - 1) / part_bytes);
 }
 
 clearance_lcm::frame_t frame_part(std::span<const std::byte> frame, std::uint64_t part) {
@@ -30,11 +30,13 @@ clearance_lcm::frame_t frame_part(std::span<const std::byte> frame, std::uint64_
 std::optional<FrameAssembler::Whole> FrameAssembler::add(const clearance_lcm::frame_t& part, Clock::time_point now) {
   expire(now);
   const auto frame_bytes = static_cast<std::uint64_t>(part.frame_bytes);
-  const bool sizes_fit = part.frame_bytes >= static_cast<std::int64_t>(sizeof(wire::FrameHeader)) &&
+  static_assert(sizeof(wire::FrameHeader) == 64);  // Limits::least_bytes
+  const std::uint64_t part_bytes = limits_.part_bytes;
+  const bool sizes_fit = part.frame_bytes >= static_cast<std::int64_t>(limits_.least_bytes) &&
                          frame_bytes <= limits_.frame_bytes && part.part >= 0 && part.part < part.parts &&
-                         static_cast<std::uint64_t>(part.parts) == frame_part_count(frame_bytes);
-  const std::uint64_t begin = static_cast<std::uint64_t>(part.part) * kPartBytes;
-  if (!sizes_fit || static_cast<std::uint64_t>(part.byte_count) != std::min(kPartBytes, frame_bytes - begin) ||
+                         static_cast<std::uint64_t>(part.parts) == frame_part_count(frame_bytes, part_bytes);
+  const std::uint64_t begin = static_cast<std::uint64_t>(part.part) * part_bytes;
+  if (!sizes_fit || static_cast<std::uint64_t>(part.byte_count) != std::min(part_bytes, frame_bytes - begin) ||
       part.bytes.size() != static_cast<std::size_t>(part.byte_count)) {
     ++counts_.bad;
     return std::nullopt;

@@ -26,7 +26,8 @@ struct FrameBytes {
 };
 
 /// Parts that a frame of so many bytes takes; at least 1.
-std::uint64_t frame_part_count(std::uint64_t frame_bytes);
+std::uint64_t frame_part_count(std::uint64_t frame_bytes,
+                               std::uint64_t part_bytes = clearance_lcm::frame_t::PART_BYTES);
 
 /// Part `part` of a frame; ids and sequence are the caller's to fill in.
 clearance_lcm::frame_t frame_part(std::span<const std::byte> frame, std::uint64_t part);
@@ -41,6 +42,8 @@ class FrameAssembler {
     std::uint64_t total_bytes = 0;        ///< of all frames under way
     std::size_t frames = 64;              ///< under way
     std::chrono::milliseconds age{2000};  ///< since its last part
+    std::uint64_t least_bytes = 64;       ///< a smaller frame is refused: a FrameHeader
+    std::uint64_t part_bytes = clearance_lcm::frame_t::PART_BYTES;
   };
   struct Whole {
     std::int64_t server_id = 0;

@@ -90,6 +90,20 @@ JointUpdateParts parse_joint_update(std::span<const std::byte> payload) {
   return parts;
 }
 
+PointsParts parse_points(std::span<const std::byte> payload) {
+  constexpr std::size_t kPointBytes = 3 * sizeof(float);
+  PointsParts parts;
+  parts.header = head<PointsHeader>(payload, "points");
+  expect_size(
+      "points", [&] { return str(parts.header.count) + " points"; },
+      sizeof(PointsHeader) + Wide(parts.header.count) * kPointBytes, payload.size());
+  expect_zero(parts.header.reserved, "points");
+  if (parts.header.has_radius > 1)
+    bad_frame("points: has_radius " + std::to_string(parts.header.has_radius) + " is neither 0 nor 1");
+  parts.xyz = payload.subspan(sizeof(PointsHeader));
+  return parts;
+}
+
 AttachParts parse_attach(std::span<const std::byte> payload, std::span<const std::byte> records) {
   AttachParts parts;
   parts.record = head<AttachRecord>(payload, "attach");

@@ -53,6 +53,7 @@ enum class FrameType : std::uint16_t {
   kAllow = 12,       ///< payload AllowRecord; answered by kPosesDone, whose `applied` counts pairs
   kSetJoints = 13,   ///< payload PosesHeader, JointRecord each; answered by kPosesDone
   kGetJoints = 14,   ///< no payload; answered by kJoints
+  kSetPoints = 15,   ///< payload PointsHeader, float32 x, y, z each; answered by kPosesDone
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,
@@ -175,6 +176,18 @@ struct PosesHeader {
   std::uint64_t reserved[1] = {};
 };
 
+/// Points that replace those of a body of points, all at once: three float32 each follow, metres, in the body's frame.
+struct PointsHeader {
+  std::uint64_t count = 0;
+  std::int64_t stamp_ns = 0;  ///< publisher's clock; 0: it gives none
+  std::int64_t sequence = 0;  ///< publisher's count of its updates; 0: it keeps none
+  double radius = 0;          ///< metres, that the points are grown by; meaningful if has_radius
+  std::uint32_t body = 0;
+  std::uint8_t has_radius = 0;  ///< 0: as the scene has it
+  std::uint8_t padding[3] = {};
+  std::uint64_t reserved[3] = {};
+};
+
 struct PoseRecord {
   std::uint32_t body = 0;
   std::uint32_t padding = 0;
@@ -226,7 +239,8 @@ struct BodyRecord {
   std::uint32_t parent = kNone;
   std::uint8_t is_static = 0;
   std::uint8_t is_solid = 0;  ///< the body is what its triangles enclose; 0 where there are some: these alone
-  std::uint8_t padding[2] = {};
+  std::uint8_t is_cloud = 0;  ///< the body is points, which kSetPoints replaces
+  std::uint8_t padding[1] = {};
   std::uint32_t piece_count = 0;
   std::uint32_t padding2 = 0;
   std::uint64_t vertex_count = 0;
@@ -378,6 +392,7 @@ CLEARANCE_WIRE(RecordHeader, 8);
 CLEARANCE_WIRE(QueryHeader, 128);
 CLEARANCE_WIRE(ReplyHeader, 128);
 CLEARANCE_WIRE(PosesHeader, 32);
+CLEARANCE_WIRE(PointsHeader, 64);
 CLEARANCE_WIRE(PoseRecord, 64);
 CLEARANCE_WIRE(JointRecord, 16);
 CLEARANCE_WIRE(AttachRecord, 72);

@@ -204,6 +204,11 @@ struct JointUpdateParts {
   Records<JointRecord> joints;
 };
 JointUpdateParts parse_joint_update(std::span<const std::byte> payload);
+struct PointsParts {
+  PointsHeader header;
+  std::span<const std::byte> xyz;  ///< twelve bytes for each point
+};
+PointsParts parse_points(std::span<const std::byte> payload);
 struct AttachParts {
   AttachRecord record;
   std::vector<std::uint32_t> allow;  ///< selectors

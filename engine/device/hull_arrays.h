@@ -39,7 +39,7 @@ class HullArrays {
       for (const PiecePtr& piece : body.pieces) {
         const auto [at, is_new] = index.try_emplace(piece.get(), kNone);
         if (is_new) at->second = add_hull(*piece);
-        if (at->second == kNone) break;
+        if (at->second == kNone || is_cloud(body)) break;
         hulls.push_back(at->second);
       }
       const bool is_held = hulls.size() == body.pieces.size();

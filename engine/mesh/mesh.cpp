@@ -117,8 +117,12 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
                   " and no result; is the file damaged?");
 }
 
+const std::vector<std::string> kMeshes = {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb"};
+const std::vector<std::string> kPoints = {".ply", ".xyz", ".npy", ".pcd"};
+
 // Opens a mesh file; what can be seen without reading it is in order.
-Fd open_file(const std::string& path, const MeshLimits& limits) {
+/// \param known formats, in words for a message
+Fd open_file(const std::string& path, const MeshLimits& limits, const std::vector<std::string>& known = kMeshes) {
   struct stat info{};
   if (::stat(path.c_str(), &info) != 0) throw MeshError(reason(errno));
   if (S_ISDIR(info.st_mode)) throw MeshError("expected a mesh file, got a folder");
@@ -129,11 +133,14 @@ Fd open_file(const std::string& path, const MeshLimits& limits) {
                     std::to_string(limits.file_bytes));
   Fd file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!file) throw MeshError(reason(errno));
-  constexpr const char* kKnown[] = {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb"};
   std::string extension = fs::path(path).extension().string();
   for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  if (std::find(std::begin(kKnown), std::end(kKnown), extension) == std::end(kKnown))
-    throw MeshError("unknown format \"" + extension + "\"; expected .obj, .stl, .ply, .off, .dae, .gltf or .glb");
+  if (std::find(known.begin(), known.end(), extension) == known.end()) {
+    std::string all;
+    for (std::size_t i = 0; i < known.size(); ++i)
+      all += (i == 0 ? "" : i + 1 < known.size() ? ", " : " or ") + known[i];
+    throw MeshError("unknown format \"" + extension + "\"; expected " + all);
+  }
   return file;
 }
 
@@ -189,10 +196,12 @@ Sha256Digest mesh_loader_digest() {
   return read_through(file, MeshLimits(), nullptr);
 }
 
+namespace {
+
 // The loader gets a copy of the bytes that the digest is of, and no second look at a file that may have changed.
-Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
+Mesh load(const std::string& path, const MeshLimits& limits, const std::vector<std::string>& known) {
   const Fd content = memory_file("clearance-mesh-file", MFD_ALLOW_SEALING);
-  const Sha256Digest digest = read_through(open_file(path, limits), limits, &content);
+  const Sha256Digest digest = read_through(open_file(path, limits, known), limits, &content);
   if (::fcntl(content.get(), F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) != 0)
     throw MeshError("cannot start the mesh loader: " + reason(errno));
   const Loader loader = start_loader(path, content, limits);
@@ -213,6 +222,22 @@ Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
   if (!mesh) fail_without_result(ending);
   mesh->digest = digest;
   return std::move(*mesh);
+}
+
+}  // namespace
+
+Mesh load_mesh(const std::string& path, const MeshLimits& limits) {
+  Mesh mesh = load(path, limits, kMeshes);
+  if (std::all_of(mesh.submeshes.begin(), mesh.submeshes.end(), [](const Submesh& s) { return s.triangles.empty(); }))
+    throw MeshError("it holds points or lines only, no face with an area");
+  return mesh;
+}
+
+std::vector<Vec3d> load_points(const std::string& path, const MeshLimits& limits) {
+  std::vector<Vec3d> points;
+  for (const Submesh& part : load(path, limits, kPoints).submeshes)
+    points.insert(points.end(), part.vertices.begin(), part.vertices.end());
+  return points;
 }
 
 }  // namespace clearance

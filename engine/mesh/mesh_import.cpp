@@ -49,15 +49,13 @@ class Result {
     write(triangles.data(), triangles.size() * sizeof(Triangle));
     const std::uint32_t padding = 0;
     if (triangles.size() % 2) write(&padding, sizeof padding);
-    triangles_ += triangles.size();
     ++parts_;
   }
 
-  /// Whether it is written. Throws LoadError if there was no part, or none with a face.
+  /// Whether it is written. Throws LoadError if there was no part.
   /// \param alone no other file was asked for.
   bool finish(bool alone) {
     if (parts_ == 0) throw LoadError("it holds no mesh");
-    if (triangles_ == 0) throw LoadError("it holds points or lines only, no face with an area");
     const MeshHeader header{kMeshMagic, MeshState::kGood, parts_, 0, at_, LoaderLimits::kAll, alone ? 1u : 0u};
     return ::pwrite(fd_, &header, sizeof header, 0) == sizeof header;
   }
@@ -76,7 +74,7 @@ class Result {
   }
 
   int fd_;
-  std::uint64_t memory_bytes_, at_ = sizeof(MeshHeader), triangles_ = 0;
+  std::uint64_t memory_bytes_, at_ = sizeof(MeshHeader);
   std::uint32_t parts_ = 0;
 };
 
@@ -92,6 +90,12 @@ bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::pat
     read_ply(content, sink);
   else if (extension == "stl")
     read_stl(content, sink);
+  else if (extension == "xyz")
+    read_xyz(content, sink);
+  else if (extension == "npy")
+    read_npy(content, sink);
+  else if (extension == "pcd")
+    read_pcd(content, sink);
   else if (extension == "gltf" || extension == "glb")
     read_gltf(content, extension == "glb", folder, kMostRepeatedVertices, sink);
   else

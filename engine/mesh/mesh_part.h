@@ -65,4 +65,12 @@ void read_off(std::string_view content, const PartSink& sink);
 void read_ply(std::string_view content, const PartSink& sink);
 void read_stl(std::string_view content, const PartSink& sink);
 
+/// Files of points: one part without triangles. \p NPY: (N, 3) float32 or float64; an array of any other width is a
+/// height field, whose heights that are numbers come as (column, row, height). Pixels of a PCD that are NaN are left
+/// out.
+void read_xyz(std::string_view content, const PartSink& sink);
+void read_npy(std::string_view content, const PartSink& sink);
+void read_pcd(std::string_view content, const PartSink& sink);
+inline constexpr std::uint64_t kMostPoints = 100'000'000;  ///< numbers of an NPY
+
 }  // namespace clearance

@@ -261,6 +261,17 @@ class PyEngine {
     return done(result);
   }
 
+  nb::tuple set_points(std::uint32_t body, const CloudRows& xyz, const std::optional<double>& radius,
+                       std::int64_t stamp_ns, std::int64_t sequence) const {
+    const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(xyz.data()), xyz.shape(0));
+    PoseUpdateResult result;
+    {
+      nb::gil_scoped_release release;
+      result = use().set_points(body, points, radius, stamp_ns, sequence);
+    }
+    return done(result);
+  }
+
   /// As Client.joints().
   nb::tuple joints() const {
     const Scene& scene = use().scene();
@@ -383,6 +394,8 @@ NB_MODULE(_engine, m) {
       .def("free_scale", &PyEngine::free_scale, nb::arg("query"), nb::arg("weights"))
       .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
+      .def("set_points", &PyEngine::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),
+           nb::arg("stamp_ns"), nb::arg("sequence"))
       .def("set_joints", &PyEngine::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("joints", &PyEngine::joints)

@@ -66,7 +66,7 @@ nb::list bodies(const Scene& scene) {
     std::uint64_t vertices = 0;
     for (const PiecePtr& piece : b.pieces) vertices += piece->vertices.size();
     list.append(nb::make_tuple(b.name, b.parent, b.is_static, b.pieces.size(), vertices, b.model_error, extent_of(b),
-                               b.hull_excess, b.empty_share, triangle_count(b), is_solid(b), b.model_inner,
+                               b.hull_excess, b.empty_share, triangle_count(b), is_solid(b), is_cloud(b), b.model_inner,
                                b.uncertainty.position, b.uncertainty.angle, b.padding, b.max_speed));
   }
   return list;
@@ -125,6 +125,18 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_mesh(name, vertices, triangles, static_cast<Convexify>(convexify), o);
           },
           nb::arg("name"), nb::arg("vertices"), nb::arg("triangles"), nb::arg("convexify"), nb::arg("radius"),
+          nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+      .def(
+          "add_points",
+          [](Scene& s, const std::string& name, const CloudRows& v, double voxel, bool live, double radius,
+             const Parent& parent, bool fixed, const P& pose, const Doubts& doubts) {
+            const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(v.data()), v.shape(0));
+            Scene::BodyOptions o = options(radius, parent, fixed, pose, doubts);
+            o.is_live = live;
+            nb::gil_scoped_release release;
+            return s.add_points(name, points, voxel, o);
+          },
+          nb::arg("name"), nb::arg("points"), nb::arg("voxel"), nb::arg("live"), nb::arg("radius"),
           nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
       .def(
           "add_box",

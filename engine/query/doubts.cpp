@@ -72,9 +72,15 @@ std::vector<double> travels_of(const Scene& scene, const PoseSnapshot& snapshot)
 
 }  // namespace
 
+double points_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t now_ns) {
+  const ReceivedPoints* const points = snapshot.points_of(body);
+  return points ? 1e-9 * static_cast<double>(std::max<std::int64_t>(now_ns - points->receipt_ns, 0)) : 0;
+}
+
 double pose_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t now_ns) {
   const std::int64_t receipt = snapshot.receipt_ns[body];
-  return 1e-9 * static_cast<double>(std::max<std::int64_t>(now_ns - (receipt ? receipt : snapshot.loaded_ns), 0));
+  const std::int64_t age_ns = now_ns - (receipt ? receipt : snapshot.loaded_ns);
+  return std::max(1e-9 * static_cast<double>(std::max<std::int64_t>(age_ns, 0)), points_age_s(snapshot, body, now_ns));
 }
 
 std::vector<BodyDoubt> doubts_of(const Scene& scene, const PoseSnapshot& snapshot, std::int64_t now_ns) {

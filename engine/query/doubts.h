@@ -51,8 +51,10 @@ struct BodyDoubt {
 BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent,
                    bool composed, const PlacedLink& link = {});
 
-/// How old a body's pose is at `now_ns` (monotonic_ns()), seconds: since its receipt, or of one that the scene gives
-/// since that was loaded.
+/// How long ago a body's points were received, seconds; 0: none were.
+double points_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t now_ns);
+/// How old a body's pose, or its points if they are older, is at `now_ns` (monotonic_ns()), seconds: since the receipt,
+/// or of a pose that the scene gives since that was loaded.
 double pose_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t now_ns);
 
 /// Of each body of a snapshot, as of `now_ns`; empty: nothing is doubted of any.

@@ -51,6 +51,12 @@ bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const
     return true;
   }
   const std::uint16_t flags = options.want_flags ? pose_flags(placement, pair, options.stale) : 0;
+  const auto is_nowhere = [&](std::uint32_t body) { return scene.bodies()[body].cloud == CloudState::kEmpty; };
+  if (scene.has_surfaces() && (is_nowhere(pair.a) || is_nowhere(pair.b)) && !is_unusable(scene, placement, pair)) {
+    answer = beyond_answer(kInf);
+    answer.flags = flags;
+    return true;
+  }
   return answer_without_pieces(
       placement[pair.a].status, placement[pair.b].status, flags, options.cull, bodies.max_distance,
       [&] { return box_gap(scene, placement, pair); }, answer);
@@ -203,8 +209,9 @@ void Evaluator::take_in(WorkMeter& meter) {
     if (answer_without_pieces(scene_, pairs_[i], options_, answers_[i])) continue;
     const std::vector<PiecePtr>&a = scene_.bodies()[pair.a].pieces, &b = scene_.bodies()[pair.b].pieces;
     assert(!a.empty() && !b.empty());
-    // What a half-space sees of a body is the body's hull.
-    const bool by_hulls = is_half_space(*a[0]) || is_half_space(*b[0]);
+    // What a half-space sees of a body is the body's hull, which is known of all but clouds.
+    const bool by_hulls = (is_half_space(*a[0]) && !is_cloud(scene_.bodies()[pair.b])) ||
+                          (is_half_space(*b[0]) && !is_cloud(scene_.bodies()[pair.a]));
     if (a.size() == 1 && b.size() == 1 && (by_hulls || (!a[0]->surface && !b[0]->surface))) {
       const Slack slack = pair_slack(placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,

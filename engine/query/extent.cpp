@@ -21,9 +21,10 @@ std::uint64_t plus(std::uint64_t a, std::uint64_t b) {
 
 // What a search through a surface takes about, whatever it meets: more for each triangle than a tree that prunes well
 // needs, so that a query of large meshes counts as large.
-std::uint64_t units_of(const Surface* surface) {
-  constexpr std::uint64_t kOfASearch = 64, kTrianglesPerUnit = 64;
-  return surface ? kOfASearch + surface->triangles().size() / kTrianglesPerUnit : 0;
+std::uint64_t units_of(const Body& body, const Surface* surface) {
+  constexpr std::uint64_t kOfASearch = 64, kElementsPerUnit = 64, kOfACloud = 100'000;  // points: they come and go
+  if (is_cloud(body)) return kOfASearch + kOfACloud / kElementsPerUnit;
+  return surface ? kOfASearch + surface->size() / kElementsPerUnit : 0;
 }
 
 }  // namespace
@@ -38,7 +39,7 @@ SceneBulk::SceneBulk(const Scene& scene) : scene_(&scene) {
   for (const Body& body : scene.bodies()) {
     Side& side = bodies_.emplace_back(Side{1, body.pieces.size(), 0});
     for (const PiecePtr& piece : body.pieces)
-      side.units += WorkMeter::units_of(*piece) + units_of(piece->surface.get());
+      side.units += WorkMeter::units_of(*piece) + units_of(body, piece->surface.get());
     all_.add(side);
   }
   for (const Group& group : scene.groups()) {

@@ -9,6 +9,7 @@
 
 #include "engine/base/arithmetic.h"
 #include "engine/hull/box.h"
+#include "engine/hull/primitive.h"
 #include "engine/narrow/certify.h"
 #include "engine/surface/surface.h"
 
@@ -34,7 +35,7 @@ double above_zero(double x) {
 const Piece& piece_of(const Body& body, const Element& element, Piece& room) {
   const Piece& piece = *body.pieces[element.piece];
   if (element.triangle == kNone) return piece;
-  remake_piece(room, piece.surface->corners(element.triangle), piece.radius);
+  remake_piece(room, piece.surface->element(element.triangle).span(), piece.radius);
   return room;
 }
 
@@ -53,6 +54,7 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   R_ = pose_a.R_wb.transpose_times(pose_b.R_wb);
   D_ = pose_a.R_wb.transpose_times(pose_b.t_w - pose_a.t_w);
   error_ = kGapUnits * (norm(D_) + a.reach + b.reach) + Arithmetic<double>::kUnderflowLength;
+  plane_ = is_half_space(*a.pieces[0]) ? Plane::kA : is_half_space(*b.pieces[0]) ? Plane::kB : Plane::kNeither;
   looks_ = 0;
   levels_ = 0;
   left_out_ = kInf;
@@ -71,6 +73,10 @@ NearestElements::Bulk NearestElements::bulk(const Body& body, std::uint32_t piec
   if (at == kNone) return {p.centre, p.half, p.spread};
   const Surface& surface = *p.surface;
   if (is_element(at)) {
+    if (surface.is_cloud()) {
+      const double half = 0.5 * double{surface.edge()} + surface.rounding();
+      return {surface.point(at & ~kTriangle), {half, half, half}, 2 * half};
+    }
     const auto [u, v, w] = surface.corners(at & ~kTriangle);
     Bulk bulk;
     for (int k = 0; k < 3; ++k) {
@@ -107,6 +113,11 @@ double NearestElements::margin(const Entry& e) const {
 // By boxes in the axes of a, by what both reach along the line of their middles, and along the direction that is known.
 // \param b in its own axes
 double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const {
+  if (plane_ != Plane::kNeither) {  // it has no box, and its plane's normal says all
+    const Vec3d z{0, 0, 1};
+    if (plane_ == Plane::kA) return std::max(e.gap, gap_along(e, a, b, z, R_.transpose_times(z)));
+    return std::max(e.gap, gap_along(e, a, b, R_ * -z, -z));
+  }
   const Bulk turned = before_a(b);
   const Vec3d d = turned.centre - a.centre;
   Vec3d apart;
@@ -124,16 +135,21 @@ double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, dou
 double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box,
                               const Vec3d& n) {
   const Surface* const surface = body.pieces[piece]->surface.get();
-  const auto of_triangles = [&](std::uint32_t begin, std::uint32_t end) {
+  const auto of_elements = [&](std::uint32_t begin, std::uint32_t end) {
     double most = -kInf;
+    if (surface->is_cloud()) {
+      const double half = 0.5 * double{surface->edge()} + surface->rounding();
+      for (std::uint32_t i = begin; i < end; ++i) most = std::max(most, dot(n, surface->point(i)));
+      return most + half * (std::abs(n.x) + std::abs(n.y) + std::abs(n.z));
+    }
     for (std::uint32_t t = begin; t < end; ++t)
       for (const std::uint32_t corner : surface->triangles()[t])
         most = std::max(most, dot(n, surface->vertices()[corner]));
     return most;
   };
-  if (at != kNone && is_element(at)) return of_triangles(at & ~kTriangle, (at & ~kTriangle) + 1);
+  if (at != kNone && is_element(at)) return of_elements(at & ~kTriangle, (at & ~kTriangle) + 1);
   if (at != kNone && surface->nodes()[at].is_leaf())
-    return of_triangles(surface->nodes()[at].begin(), surface->nodes()[at].end());
+    return of_elements(surface->nodes()[at].begin(), surface->nodes()[at].end());
   return dot(n, box.centre) + dot(absolute(n), box.half);
 }
 
@@ -179,7 +195,7 @@ double NearestElements::gap_known(const Entry& e, const Bulk& a, const Bulk& b) 
 }
 
 void NearestElements::look_along(const Vec3d& n_w) {
-  if (!(std::abs(norm(n_w) - 1) < 0x1p-46)) return;
+  if (plane_ != Plane::kNeither || !(std::abs(norm(n_w) - 1) < 0x1p-46)) return;
   ++looks_;
   ++directions_;
   n_a_ = R_wa_.transpose_times(n_w);
@@ -286,13 +302,54 @@ NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, E
 
 namespace {
 
-// A vertex of each part of a piece.
-std::vector<Vec3d> a_point_of_each_part(const Piece& piece) {
-  if (!piece.surface) return {piece.vertices[0]};
-  std::vector<Vec3d> points;
-  for (const std::uint32_t v : piece.surface->parts()) points.push_back(piece.surface->vertices()[v]);
-  return points;
-}
+// Asks about a point of each part of a piece until one is within: found(point) says so. A cloud's points are parts of
+// their own, but those of a box that no triangle comes into lie on one side of all of them.
+class PartsOf {
+ public:
+  /// \param R, t take coordinates of the piece to the solid's; `wrong` off at most, metres
+  PartsOf(const Piece& piece, const Surface& solid, const Mat3d& R, const Vec3d& t, double wrong, WorkMeter& meter)
+      : piece_(piece), solid_(solid), R_(R), t_(t), wrong_(wrong), meter_(meter) {}
+
+  template <class Found>
+  bool any(const Found& found) const {
+    const Surface* const surface = piece_.surface.get();
+    if (!surface) return found(piece_.vertices[0]);
+    if (surface->is_cloud()) return any_below(*surface, 0, found);
+    return std::ranges::any_of(surface->parts(), [&](std::uint32_t v) { return found(surface->vertices()[v]); });
+  }
+
+ private:
+  template <class Found>
+  bool any_below(const Surface& cloud, std::uint32_t at, const Found& found) const {
+    const Surface::Node& node = cloud.nodes()[at];
+    Vec3d centre, half;
+    for (int k = 0; k < 3; ++k) {
+      const double low = node.low[static_cast<std::size_t>(k)], high = node.high[static_cast<std::size_t>(k)];
+      centre[k] = cloud.centre()[k] + (0.5 * low + 0.5 * high);
+      half[k] = 0.5 * high - 0.5 * low;
+    }
+    const Vec3d there = R_ * centre + t_;
+    Vec3d reach{wrong_, wrong_, wrong_};
+    for (int k = 0; k < 3; ++k) reach[k] += dot(absolute(R_.row[k]), half) * (1 + 0x1p-40);
+    meter_.count(1);
+    if (!meets_leaf(solid_, there - reach, there + reach)) return found(cloud.point(first_of(cloud, at)));
+    if (!node.is_leaf()) return any_below(cloud, at + 1, found) || any_below(cloud, node.right, found);
+    for (std::uint32_t i = node.begin(); i < node.end(); ++i)
+      if (found(cloud.point(i))) return true;
+    return false;
+  }
+  static std::uint32_t first_of(const Surface& cloud, std::uint32_t at) {
+    while (!cloud.nodes()[at].is_leaf()) ++at;
+    return cloud.nodes()[at].begin();
+  }
+
+  const Piece& piece_;
+  const Surface& solid_;
+  Mat3d R_;
+  Vec3d t_;
+  double wrong_;
+  WorkMeter& meter_;
+};
 
 // Whether a part of `inner` lies within a solid of `outer`.
 Held holds(const Body& outer, const PlacedPose& outer_pose, const Body& inner, const PlacedPose& inner_pose,
@@ -312,14 +369,17 @@ Held holds(const Body& outer, const PlacedPose& outer_pose, const Body& inner, c
         held = Held::kUnknown;
         continue;
       }
-      for (const Vec3d& v : a_point_of_each_part(*i)) {
+      const PartsOf parts(*i, *o->surface, outer_pose.R_wb.transpose_times(inner_pose.R_wb),
+                          outer_pose.R_wb.transpose_times(shift), wrong, meter);
+      const auto is_within = [&](const Vec3d& v) {
         meter.count(1);
         const Vec3d turned = inner_pose.R_wb * v;
-        if (winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) == 0) continue;
+        if (winding_number(*o->surface, outer_pose.R_wb.transpose_times(turned + shift)) == 0) return false;
         *from_inner = turned;
         *from_outer = turned + shift;
-        return Held::kYes;
-      }
+        return true;
+      };
+      if (parts.any(is_within)) return Held::kYes;
     }
   }
   return held;

@@ -88,9 +88,10 @@ class NearestElements {
   void open(const Entry& entry, const Each& each) const;
 
   const Body *a_ = nullptr, *b_ = nullptr;
-  Mat3d R_wa_, R_;           // R_wa^T R_wb
-  Vec3d D_{0, 0, 0};         // R_wa^T (t_b - t_a)
-  double error_ = 0;         // of a gap, metres
+  Mat3d R_wa_, R_;                                                                // R_wa^T R_wb
+  Vec3d D_{0, 0, 0};                                                              // R_wa^T (t_b - t_a)
+  double error_ = 0;                                                              // of a gap, metres
+  enum class Plane : std::uint8_t { kNeither, kA, kB } plane_ = Plane::kNeither;  // which is a half-space
   double left_out_ = 0;      // the least gap of what was beyond a cut-off
   std::uint32_t looks_ = 0;  // how many directions were known so far: the last one counts
   Vec3d n_a_{0, 0, 0}, n_b_{0, 0, 0};

@@ -217,7 +217,10 @@ class ParallelJob : public Job::State {
       stale_[b] = !scene().bodies()[b].is_static && (receipt == 0 || receipt < oldest_allowed);
     }
     if (plan_.query.configuration_count > 0) {
-      for (const std::uint32_t b : plan_.moved) stale_[b] = 0;  // the query itself says where they are
+      for (const std::uint32_t b : plan_.moved) {  // the query itself says where they are, but not what is there
+        const ReceivedPoints* const points = snapshot.points_of(b);
+        stale_[b] = points && points->receipt_ns < oldest_allowed;
+      }
       for (const LinkMotion& motion : plan_.motions) find_stale_links(motion, oldest_allowed);
     }
     options_.stale = stale_;

@@ -17,7 +17,7 @@ constexpr std::uint64_t kMostPieces = 8192;  // placed at a time, of moved bodie
 template <class Each>
 Aabb body_box(const Body& body, const BodyPlacement& placement, const Slack& slack, const Each& each) {
   Aabb box = kEmptyBox;
-  if (placement.status != Status::kOk) return box;
+  if (placement.status != Status::kOk || body.cloud == CloudState::kEmpty) return box;
   for (std::size_t i = 0; i < body.pieces.size(); ++i) {
     const Aabb piece = certify_box(*body.pieces[i], placement.pose.R_wb, placement.pose.t_w);
     box = joined(box, piece);
@@ -94,13 +94,15 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
   for (std::size_t i = 0; i < plan_.moved.size(); ++i) {
     const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
     const BodyPlacement* const on = parent == kNone ? nullptr : &(*this)[parent];
-    moved_[i] = place(facts_[i] & kLinkUnplaced ? nullptr : &local_[i], on, rotation_of_[i]);
+    const bool is_unplaced = (facts_[i] & kLinkUnplaced) || scene_.bodies()[body].cloud == CloudState::kAwaited;
+    moved_[i] = place(is_unplaced ? nullptr : &local_[i], on, rotation_of_[i]);
     moved_[i].beyond_limits |= (facts_[i] & kLinkBeyondLimits) != 0;
     if (moved_[i].status == Status::kOk && snapshot.placed[body].status == Status::kStalePose)
       moved_[i].status = Status::kStalePose;  // through a joint that the query leaves as it is
     if (!moved_doubts_.empty() && moved_[i].status == Status::kOk) {
       // What the query itself places is there now.
-      const double age_s = rotation_of_[i] ? 0 : pose_age_s(snapshot, body, plan_.begun_ns);
+      const double age_s =
+          rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
       PlacedLink link = plan_.doubts[body].link;
       if (motion_of_[i] != kNone) link.travel = given.travels[motion_of_[i]];
       moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,

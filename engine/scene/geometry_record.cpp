@@ -6,6 +6,7 @@
 
 #include "engine/hull/direction_table.h"
 #include "engine/hull/primitive.h"
+#include "engine/scene/cloud_geometry.h"
 #include "engine/scene/mesh_geometry.h"
 #include "engine/surface/surface.h"
 
@@ -93,7 +94,7 @@ std::vector<T> get_list(Reader& in, const std::vector<T>* displayed) {
   return *displayed;
 }
 
-enum class Truth : std::uint64_t { kPiece, kSurface, kSolid, kPrimitive };
+enum class Truth : std::uint64_t { kPiece, kSurface, kSolid, kPrimitive, kCloud };
 
 // What the piece stands for: vertices and triangles, of which the rest is made anew.
 void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display) {
@@ -116,6 +117,11 @@ void add_piece(Writer& out, const Piece& piece, const DisplayMesh* display, Tabl
     out.add(Truth::kPrimitive);
     out.add(static_cast<std::uint64_t>(piece.primitive->kind));
     return out.add(piece.primitive->size);
+  }
+  if (piece.surface && piece.surface->is_cloud()) {
+    out.add(Truth::kCloud);
+    out.add(piece.surface->edge());
+    return out.add(std::vector<CloudPoint>(piece.surface->points().begin(), piece.surface->points().end()));
   }
   add_surface(out, piece.surface.get(), display);
   if (piece.surface) return;  // its hull is made anew with it: nothing else says that it is around it
@@ -142,8 +148,12 @@ PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
   const auto loaded = in.get<std::uint64_t>();
   const auto truth = in.get<Truth>();
-  if (truth > Truth::kPrimitive) throw Damaged();
+  if (truth > Truth::kCloud) throw Damaged();
   if (truth == Truth::kPrimitive) return get_primitive(in, radius);
+  if (truth == Truth::kCloud) {
+    const auto edge = in.get<float>();
+    return make_cloud_piece(in.list<CloudPoint>(), edge, radius);
+  }
   if (truth != Truth::kPiece) return get_surface_piece(in, truth, radius, loaded, display);
   const auto digest = in.get<std::uint64_t>();
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);

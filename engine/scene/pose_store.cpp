@@ -19,6 +19,7 @@ void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
   Pose poses[kAtATime];
   Mat3d rotations[kAtATime];
   assert(placed.size() == local.size() && parent.size() == local.size());
+  const auto is_given = [&](std::uint32_t b) { return given[b] && scene->bodies()[b].cloud != CloudState::kAwaited; };
   for (std::size_t begin = 0; begin < bodies.size(); begin += kAtATime) {
     const auto part = bodies.subspan(begin, std::min(kAtATime, bodies.size() - begin));
     for (std::size_t i = 0; i < part.size(); ++i) poses[i] = local[part[i]];
@@ -26,7 +27,7 @@ void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
     for (std::size_t i = 0; i < part.size(); ++i) {
       const std::uint32_t b = part[i];
       placed[b] =
-          place(given[b] ? &local[b] : nullptr, parent[b] == kNone ? nullptr : &placed[parent[b]], &rotations[i]);
+          place(is_given(b) ? &local[b] : nullptr, parent[b] == kNone ? nullptr : &placed[parent[b]], &rotations[i]);
       placed[b].beyond_limits |= beyond_limits[b] != 0;
     }
   }
@@ -34,8 +35,11 @@ void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
 
 std::int64_t PoseSnapshot::receipt_of_chain(std::uint32_t body) const {
   std::int64_t oldest = 0;
-  for (std::uint32_t b = body; b != kNone; b = parent[b])
-    if (receipt_ns[b] != 0 && (oldest == 0 || receipt_ns[b] < oldest)) oldest = receipt_ns[b];
+  const auto look = [&](std::int64_t receipt) {
+    if (receipt != 0 && (oldest == 0 || receipt < oldest)) oldest = receipt;
+  };
+  for (std::uint32_t b = body; b != kNone; b = parent[b]) look(receipt_ns[b]);
+  if (const ReceivedPoints* own = points_of(body)) look(own->receipt_ns);
   return oldest;
 }
 
@@ -104,8 +108,10 @@ PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead
     : scene_(scene),
       max_stamp_lead_(max_stamp_lead),
       marks_(scene.bodies().size()),
-      joint_marks_(scene.joints().size()) {
+      joint_marks_(scene.joints().size()),
+      points_marks_(scene.bodies().size()) {
   auto first = std::make_shared<PoseSnapshot>();
+  first->scene = std::shared_ptr<const Scene>(std::shared_ptr<const Scene>(), &scene);  // which outlives it
   const std::size_t n = scene.bodies().size();
   first->loaded_ns = monotonic_ns();
   first->local.resize(n);
@@ -160,6 +166,8 @@ std::shared_ptr<PoseSnapshot> PoseStore::copy() {
   next->is_published = false;
   return {next.release(), [spares = spares_](PoseSnapshot* done) {
             std::unique_ptr<PoseSnapshot> snapshot(done);
+            snapshot->scene = nullptr;  // whose points may be many
+            snapshot->points = nullptr;
             const std::lock_guard lock(spares->mutex);
             if (spares->snapshots.size() < kSpares) spares->snapshots.push_back(std::move(snapshot));
           }};
@@ -177,6 +185,8 @@ bool PoseStore::catch_up(PoseSnapshot& old, const PoseSnapshot& current) {
         copied_bytes_ += sizeof(old.*column)[b];
       });
   old.joints = current.joints;
+  old.scene = current.scene;
+  old.points = current.points;
   old.revision = current.revision;
   return true;
 }
@@ -187,6 +197,19 @@ void PoseStore::remember(std::vector<std::uint32_t> changed) {
   changes_.push_back(std::move(changed));
   if (changes_.size() > kRemembered) changes_.pop_front();
 }
+
+namespace {
+
+void note_receipts_of_points(PoseSnapshot& next) {
+  for (const ReceivedPoints& of : *next.points) {
+    if (next.oldest_receipt_ns == 0 || of.receipt_ns < next.oldest_receipt_ns) next.oldest_receipt_ns = of.receipt_ns;
+    if (const std::pair stamped(of.stamp_ns, of.sequence);
+        stamped > std::pair(next.newest_stamp_ns, next.newest_sequence))
+      std::tie(next.newest_stamp_ns, next.newest_sequence) = stamped;
+  }
+}
+
+}  // namespace
 
 void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
   next->is_published = true;
@@ -199,6 +222,7 @@ void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
     if (stamped > std::pair(next->newest_stamp_ns, next->newest_sequence))
       std::tie(next->newest_stamp_ns, next->newest_sequence) = stamped;
   }
+  if (next->points) note_receipts_of_points(*next);
   assert(next->pairs && next->order && next->local.size() == scene_.bodies().size());
   std::shared_ptr<const PoseSnapshot> old = std::move(next);  // freed outside the lock
   const std::lock_guard lock(current_mutex_);
@@ -294,6 +318,7 @@ void PoseStore::take_over(const PoseStore& old_store) {
     if (now == kNone) continue;
     ids[was] = now;
     marks_.take_over(now, old_store.marks_, was);
+    points_marks_.take_over(now, old_store.points_marks_, was);
     if (bodies[now].is_static || bodies[now].robot != kNone || old.receipt_ns[was] == 0) continue;
     const std::uint32_t leader = old.parent[was] == kNone ? kNone : scene_.find_body(old_bodies[old.parent[was]].name);
     if (old.parent[was] != kNone && leader == kNone) continue;  // its pose would be relative to nothing
@@ -310,6 +335,7 @@ void PoseStore::take_over(const PoseStore& old_store) {
   }
   changes_.clear();
   take_over_joints(old_store, *next);
+  take_over_points(old_store, *next);
   IgnoredPairs ignored(scene_);
   ignored.take_over(*old.ignored, old_store.scene_, ids, keeps, scene_);
   next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));

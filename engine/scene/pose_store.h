@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -20,6 +21,14 @@
 
 namespace clearance {
 
+/// The points of a body that were received last.
+struct ReceivedPoints {
+  std::uint32_t body;
+  PiecePtr cloud;       ///< not grown by what is doubted of the body; null: there are none
+  std::uint64_t count;  ///< of points
+  std::int64_t stamp_ns, receipt_ns, sequence;
+};
+
 /// The poses of all bodies at one moment, with what follows from them. Shared by jobs; never changed once published.
 struct PoseSnapshot {
   std::uint64_t revision = 0;
@@ -32,6 +41,9 @@ struct PoseSnapshot {
   std::shared_ptr<const SceneHistory> history;
   std::shared_ptr<const IgnoredPairs> ignored;
   std::shared_ptr<const PairTable> pairs;
+  /// The scene as it is at this moment: another one than was loaded where points were received.
+  std::shared_ptr<const Scene> scene;
+  std::shared_ptr<const std::vector<ReceivedPoints>> points;  ///< null: none were received
 
   std::vector<Pose> local;          ///< as given: X_wb, or X_pb of a body with a parent
   std::vector<std::uint8_t> given;  ///< whether `local` was ever given
@@ -68,7 +80,9 @@ struct PoseSnapshot {
   std::vector<std::uint32_t> move_links(const SceneRobot& robot, std::span<const std::uint32_t> changed);
   /// Places bodies anew, parents before children.
   void place_again(std::span<const std::uint32_t> bodies);
-  /// The oldest receipt among the body and those that it follows; 0 if none of them was ever received.
+  /// What was received of a body's points; null: nothing.
+  const ReceivedPoints* points_of(std::uint32_t body) const;
+  /// The oldest receipt among the body, its points and those that it follows; 0 if none of them was ever received.
   std::int64_t receipt_of_chain(std::uint32_t body) const;
   /// `bodies` and everything that follows one of them, parents before children.
   std::vector<std::uint32_t> with_followers(std::span<const std::uint32_t> bodies) const;
@@ -83,6 +97,10 @@ class PoseStore {
                        std::uint64_t publisher);
   PoseUpdateResult set_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns, std::int64_t sequence,
                               std::uint64_t publisher);
+  /// Replaces the points of a body of points, all at once. It takes as long as the tree over them does; meanwhile only
+  /// others wait who replace points. \param radius metres, that they are grown by; none: as the scene has it
+  PoseUpdateResult set_points(std::uint32_t body, std::span<const CloudPoint> points, std::optional<double> radius,
+                              std::int64_t stamp_ns, std::int64_t sequence, std::uint64_t publisher);
   /// What was received and attached since `old` was loaded, for bodies that are in both scenes, known by their names.
   void take_over(const PoseStore& old);
   void check_stamp(std::int64_t stamp_ns) const;
@@ -106,6 +124,8 @@ class PoseStore {
   void publish(std::shared_ptr<PoseSnapshot> next);
   void check_not_late(const StampMarks& marks, std::uint32_t id, const std::string& name, std::int64_t stamp_ns,
                       std::uint64_t publisher);
+  void take_over_points(const PoseStore& old_store, PoseSnapshot& next);
+  static void note_points(PoseSnapshot& next, ReceivedPoints received);
   void take_over_joints(const PoseStore& old_store, PoseSnapshot& next);
 
   const Scene& scene_;
@@ -113,10 +133,14 @@ class PoseStore {
   mutable std::atomic<std::uint64_t> out_of_range_{0};  // stamps
   std::atomic<std::uint64_t> late_{0};
   mutable std::mutex writers_;  // of what follows
-  StampMarks marks_, joint_marks_;
+  StampMarks marks_, joint_marks_, points_marks_;
   std::shared_ptr<SceneHistory> history_ = std::make_shared<SceneHistory>();
   std::deque<std::vector<std::uint32_t>> changes_;  // bodies that the newest revisions have changed, the newest last
   std::uint64_t copied_bytes_ = 0;
+  std::mutex points_writers_;  // taken before writers_, of what follows
+  /// Scenes that jobs may still read: whoever brings points lets go of those that nobody does, so that freeing a cloud
+  /// keeps nobody else.
+  std::vector<std::shared_ptr<const Scene>> scenes_;
   mutable std::mutex current_mutex_;  // held for a pointer's copy only
   std::shared_ptr<const PoseSnapshot> current_;
   std::shared_ptr<Spares> spares_ = std::make_shared<Spares>();  // snapshots may outlive the store

@@ -110,6 +110,18 @@ void settle_half_space(Body& body) {
   body.is_static = true;
 }
 
+// A body whose one piece is a cloud has its points replaced like any that was made for it.
+void settle_cloud(Body& body) {
+  const Surface* const cloud = body.pieces.size() == 1 ? body.pieces[0]->surface.get() : nullptr;
+  if (is_cloud(body) || !cloud || !cloud->is_cloud()) return;
+  body.cloud = CloudState::kPoints;
+  const double grown_by = body.is_grown ? body.padding + body.uncertainty.position : 0;
+  body.cloud_radius = std::max(0.0, body.pieces[0]->radius - grown_by);
+  body.voxel = cloud->edge();
+  body.model_error = std::max(body.model_error, cloud->rounding());
+  body.model_inner = std::max(body.model_inner, cloud->rounding());
+}
+
 constexpr std::size_t kRememberedVertices = 5'000;  // of shapes that are recognised before their hulls are made
 
 // What a file is recognised by: another one, or the same one written anew, gives another key.
@@ -120,7 +132,9 @@ std::string file_key(const std::string& path) {
          std::to_string(info.st_mtim.tv_sec) + '.' + std::to_string(info.st_mtim.tv_nsec) + '|' + path + '|';
 }
 
-Body body_from(const std::string& name, const Scene& scene, const Scene::BodyOptions& options) {
+}  // namespace
+
+Body Scene::body_from(const std::string& name, const BodyOptions& options) const {
   Body body;
   body.name = name;
   body.is_static = options.is_static;
@@ -131,19 +145,17 @@ Body body_from(const std::string& name, const Scene& scene, const Scene::BodyOpt
   body.max_speed = options.max_speed;
   check_positive(name, "radius", options.radius, true);
   if (!options.parent.empty()) {
-    body.parent = scene.find_body(options.parent);
+    body.parent = find_body(options.parent);
     if (body.parent == kNone)
       throw SceneError("body " + in_quotes(name) + ": parent: there is no body " + in_quotes(options.parent));
   }
   return body;
 }
 
-}  // namespace
-
 template <class F>
 std::uint32_t Scene::add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of) {
   check_free(name, "body");
-  Body body = body_from(name, *this, options);
+  Body body = body_from(name, options);
   try {
     const Geometry geometry = geometry_of();
     for (const PiecePtr& piece : geometry.pieces) body.pieces.push_back(shared_piece(piece));
@@ -286,7 +298,8 @@ bool same_truth(const Piece& a, const Piece& b) {
   if (!a.surface || !b.surface) return a.surface == b.surface;
   const auto same_vertex = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
   const Surface &s = *a.surface, &t = *b.surface;
-  return s.is_solid() == t.is_solid() && std::ranges::equal(s.vertices(), t.vertices(), same_vertex) &&
+  return s.kind() == t.kind() && s.edge() == t.edge() && std::ranges::equal(s.points(), t.points()) &&
+         std::ranges::equal(s.vertices(), t.vertices(), same_vertex) &&
          std::ranges::equal(s.triangles(), t.triangles()) && std::ranges::equal(s.places(), t.places());
 }
 
@@ -310,7 +323,7 @@ PiecePtr Scene::shared_piece(const PiecePtr& piece) {
 
 // A position within a ball, and padding, are the pieces' own: their radius is larger by as much, which is exact but for
 // the rounding of that sum.
-void Scene::grow(Body& body) {
+void Scene::grow(Body& body, bool shares_pieces) {
   const double by = body.is_grown ? 0 : sum_above(body.padding, body.uncertainty.position);
   double rounding = 0;
   for (PiecePtr& piece : body.pieces) {
@@ -318,7 +331,8 @@ void Scene::grow(Body& body) {
       const double radius = sum_above(by, piece->radius);
       const bool is_exact = (piece->radius == 0) + (body.padding == 0) + (body.uncertainty.position == 0) >= 2;
       if (!is_exact) rounding = std::max(rounding, radius * 0x1p-50);
-      piece = shared_piece(with_radius(*piece, radius));
+      piece = with_radius(*piece, radius);
+      if (shares_pieces) piece = shared_piece(piece);
     }
     body.reach = std::max(body.reach, (piece->rho + piece->radius) * (1 + 0x1p-50));
   }
@@ -348,6 +362,7 @@ std::uint32_t Scene::insert_body(Body body) {
     throw SceneError(who + "model_inner: expected a number of metres >= 0, got " + number(body.model_inner));
   check_doubts(body);
   settle_half_space(body);
+  settle_cloud(body);
   if (body.is_live) check_may_be_live(body);
   const std::uint32_t parent = body.parent;
   body.parent = kNone;
@@ -450,7 +465,7 @@ std::uint32_t Scene::find_group(std::string_view name) const {
 }
 
 bool has_surface(const Body& body) {
-  return surface_of(body) != nullptr;
+  return is_cloud(body) || surface_of(body) != nullptr;
 }
 
 bool is_doubted(const Body& body) {
@@ -467,13 +482,15 @@ const Surface* surface_of(const Body& body) {
 std::uint64_t triangle_count(const Body& body) {
   std::uint64_t count = 0;
   for (const PiecePtr& piece : body.pieces)
-    if (piece->surface) count += piece->surface->triangles().size();
+    if (piece->surface) count += piece->surface->triangles().size();  // a cloud has none
   return count;
 }
 
 std::string no_convex_truth(const Scene& scene, BodyPair pair) {
   for (const std::uint32_t id : {pair.a, pair.b}) {
-    const Surface* surface = id < scene.bodies().size() ? surface_of(scene.bodies()[id]) : nullptr;
+    if (id >= scene.bodies().size()) continue;
+    if (is_cloud(scene.bodies()[id])) return "'" + scene.bodies()[id].name + "' is a cloud of points";
+    const Surface* surface = surface_of(scene.bodies()[id]);
     if (surface) return "'" + scene.bodies()[id].name + "' is a " + (surface->is_solid() ? "solid" : "surface");
   }
   return "";
@@ -505,6 +522,10 @@ std::uint64_t Scene::revision() const {
     if (body.pose) {
       digest.add(body.pose->translation);
       for (const double q : {body.pose->qw, body.pose->qx, body.pose->qy, body.pose->qz}) digest.add(q);
+    }
+    if (is_cloud(body)) {
+      digest.add(static_cast<std::uint64_t>(body.cloud));
+      digest.add(double{body.voxel});
     }
     digest.add(std::uint64_t{body.pieces.size()});
     for (const PiecePtr& piece : body.pieces) digest.add(piece->digest);

@@ -17,6 +17,7 @@
 #include "engine/hull/piece.h"
 #include "engine/pose/pose.h"
 #include "engine/scene/scene_robot.h"
+#include "engine/surface/cloud_point.h"
 #include "wire/types.h"
 
 namespace clearance {
@@ -36,6 +37,9 @@ struct DisplayMesh {
   std::vector<Vec3d> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
+
+/// What a body of points has of them: its own, none (nothing is there), or none until they are received.
+enum class CloudState : std::uint8_t { kNoCloud, kPoints, kEmpty, kAwaited };
 
 struct Body {
   std::string name;
@@ -59,10 +63,18 @@ struct Body {
   bool is_grown = false;  ///< the pieces hold `padding` and the free position already: Scene sees to it
   double max_speed = 0;   ///< metres a second: how fast a point of it, or of what follows it, may move at most
   double reach = 0;       ///< metres: no point of the pieces is farther from the origin; Scene says it
+  /// Points may be replaced (Engine::set_points()). Where there are none the one piece stands for nothing.
+  CloudState cloud = CloudState::kNoCloud;
+  double cloud_radius = 0;  ///< metres: by which points are grown whose sender says nothing else
+  float voxel = 0;          ///< metres: the edge of the boxes about the points; 0: points
 };
 
 /// Whether the body's shape, or where it is, is known less well than its pieces and pose say.
 bool is_doubted(const Body& body);
+/// Whether it is a cloud of points or voxels, or would be one if there were any.
+inline bool is_cloud(const Body& body) {
+  return body.cloud != CloudState::kNoCloud;
+}
 /// Whether a piece of it is not the truth.
 bool has_surface(const Body& body);
 /// What a body is where it is more than its pieces say: the first of its surfaces and solids; null: the union of its
@@ -70,6 +82,8 @@ bool has_surface(const Body& body);
 const Surface* surface_of(const Body& body);
 /// The triangles of all of them.
 std::uint64_t triangle_count(const Body& body);
+/// The points of a cloud.
+std::uint64_t point_count(const Body& body);
 /// Why a link's pose cannot be given.
 std::string placed_by_joints(const Body& body);
 
@@ -111,6 +125,13 @@ class Scene {
   /// among them; a solid's turn all the same way.
   std::uint32_t add_mesh(const std::string& name, std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
                          Convexify convexify, const BodyOptions& options);
+  /// A cloud: points (metres, the body's frame), grown by the radius, or boxes about them of an edge `voxel`, which
+  /// counts as the float32 above it. Without points there is nothing; of a live body nothing is known until they come.
+  std::uint32_t add_points(const std::string& name, std::span<const CloudPoint> points, double voxel,
+                           const BodyOptions& options);
+  /// The same scene with other points in a body of points. \param cloud of its voxels, not grown yet by what is doubted
+  /// of the body (make_cloud_piece()); null: there are none
+  Scene with_points(std::uint32_t body, const PiecePtr& cloud) const;
   std::uint32_t add_uv_sphere(const std::string& name, double radius, int resolution,
                               const BodyOptions& options);                                 ///< Open3D's create_sphere
   std::uint32_t add_box(const std::string& name, Vec3d size, const BodyOptions& options);  ///< full edge lengths
@@ -172,6 +193,7 @@ class Scene {
   template <class F>
   std::uint32_t add_geometry(const std::string& name, const BodyOptions& options, F&& geometry_of);
   std::uint32_t add_shape(const std::string& name, const Shape& shape, const char* source, const BodyOptions& options);
+  Body body_from(const std::string& name, const BodyOptions& options) const;
   PiecePtr shared_piece(const PiecePtr& piece);
   void check_free(const std::string& name, const char* what) const;
   const Geometry& mesh_geometry(const std::string& path, Vec3d scale, Convexify convexify, double radius);
@@ -180,7 +202,7 @@ class Scene {
   void leave_out(std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs);
   friend class RobotAdder;
 
-  void grow(Body& body);
+  void grow(Body& body, bool shares_pieces = true);
 
   std::vector<Body> bodies_;
   bool has_doubts_ = false, has_surfaces_ = false;

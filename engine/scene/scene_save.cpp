@@ -104,7 +104,13 @@ class SceneWriter {
 
   void add_body(std::uint32_t id) {
     const Body& body = scene_.bodies()[id];
-    text_ += "  - {name: " + names_[id] + ", geometry: " + geometry_of(body);
+    text_ += "  - {name: " + names_[id];
+    if (is_cloud(body) && point_count(body) == 0) {
+      text_ += ", points: [], radius: " + exact(body.cloud_radius);
+      if (body.voxel > 0) text_ += ", voxel: " + exact(body.voxel);
+    } else {
+      text_ += ", geometry: " + geometry_of(body);
+    }
     if (body.pose) text_ += ", pose: " + exact(*body.pose);
     if (body.parent != kNone) text_ += ", parent: " + names_[body.parent];
     if (body.is_static) text_ += ", static: true";

@@ -14,6 +14,7 @@
 #include "engine/scene/geometry.h"
 #include "engine/scene/geometry_file.h"
 #include "engine/scene/mesh_geometry.h"
+#include "engine/scene/points_yaml.h"
 #include "engine/scene/robot_yaml.h"
 #include "engine/scene/scene.h"
 #include "engine/scene/yaml_document.h"
@@ -76,14 +77,16 @@ class SceneReader {
   void read_body(const YamlValue& value) {
     value.map("a body, such as {name: table, box: [1, 1, 0.1]}");
     if (const auto robot = value.find("robot")) return read_place(value, *robot);
-    value.check_keys({"name",       "mesh",   "box",       "sphere",      "capsule", "cylinder",  "cone",   "ellipsoid",
-                      "half_space", "points", "uv_sphere", "geometry",    "scale",   "convexify", "radius", "static",
-                      "live",       "pose",   "parent",    "uncertainty", "padding", "max_speed"});
+    value.check_keys({"name",      "mesh",       "box",          "sphere",    "capsule",  "cylinder",    "cone",
+                      "ellipsoid", "half_space", "points",       "uv_sphere", "geometry", "scale",       "convexify",
+                      "radius",    "static",     "live",         "pose",      "parent",   "uncertainty", "padding",
+                      "max_speed", "voxel",      "height_field", "cell"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};
     plan.body.name = name->text("a name");
     plan.body.is_grown = value.find("geometry") != nullptr;
+    read_no_points(value, plan.body);
     if (const auto is_static = value.find("static")) plan.body.is_static = is_static->boolean();
     if (const auto is_live = value.find("live")) plan.body.is_live = is_live->boolean();
     if (const auto pose = value.find("pose")) plan.body.pose = pose->pose();
@@ -176,7 +179,7 @@ class SceneReader {
   // The one geometry that a body or a random shape names. Returns the index of its plan.
   std::size_t read_geometry(const YamlValue& value) {
     constexpr const char* kKinds[] = {"mesh",      "box",        "sphere", "capsule",   "cylinder", "cone",
-                                      "ellipsoid", "half_space", "points", "uv_sphere", "geometry"};
+                                      "ellipsoid", "half_space", "points", "uv_sphere", "geometry", "height_field"};
     std::unique_ptr<YamlValue> found;
     std::string kind;
     for (const char* k : kKinds)
@@ -188,7 +191,7 @@ class SceneReader {
     if (!found)
       value.fail(
           "expected one of the keys mesh, box, sphere, capsule, cylinder, cone, ellipsoid, half_space, points, "
-          "uv_sphere");
+          "uv_sphere, height_field");
     double radius = 0;
     if (const auto r = value.find("radius")) {
       if (kind == "geometry") r->fail("a geometry's pieces have their radius already");
@@ -197,6 +200,10 @@ class SceneReader {
     if (kind != "mesh")
       for (const char* key : {"scale", "convexify"})
         if (const auto extra = value.find(key)) extra->fail("only a mesh has this key");
+    if (const auto extra = value.find("voxel"); extra && (kind != "points" || !is_cloud_value(*found)))
+      extra->fail("only points of a file, or points: [], have this key");
+    if (const auto extra = value.find("cell"); extra && kind != "height_field")
+      extra->fail("only a height_field has this key");
 
     const auto shape = [&](const std::string& numbers, auto&& make) {
       return plan(kind + " " + numbers + " +" + exact(radius), *found,
@@ -240,6 +247,12 @@ class SceneReader {
         found->fail("the uv_spheres of this scene have more than " + std::to_string(kMaxMadeVertices) + " vertices");
       return index;
     }
+    const auto path_of = [this](const YamlValue& file) { return resolve(file, file.text("the path of a file")); };
+    if (kind == "height_field")
+      return plan("height_field " + std::to_string(geometries_.size()), *found,
+                  read_height_field(value, *found, radius, path_of));
+    if (is_cloud_value(*found))
+      return plan("cloud " + std::to_string(geometries_.size()), *found, read_cloud(value, *found, radius, path_of));
     // Points are as large as the file: no two are looked at for being the same.
     return plan("points " + std::to_string(geometries_.size()), *found,
                 [points = found->vectors(), radius] { return geometry_of_points(points, radius); });

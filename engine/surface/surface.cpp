@@ -10,6 +10,7 @@
 
 #include "engine/base/dedupe.h"
 #include "engine/base/digest.h"
+#include "engine/surface/box_halving.h"
 
 namespace clearance {
 
@@ -30,71 +31,45 @@ float float_above(double x) {
   return -float_below(-x);
 }
 
-struct Box {
-  Vec3d low, high;
-  void take(const Vec3d& v) {
-    for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], v[k]);
-      high[k] = std::max(high[k], v[k]);
-    }
-  }
-};
-constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr Box kNothing{{kInf, kInf, kInf}, {-kInf, -kInf, -kInf}};
-
-// Halves a list of triangles at the middle one along the longest side of their middles, and so on.
-class TreeBuilder {
+// A list of triangles, for halve(): cut at the middle one along the longest side of their middles.
+class TriangleList {
  public:
-  TreeBuilder(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const Vec3d& centre)
+  TriangleList(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, const Vec3d& centre)
       : vertices_(vertices), triangles_(triangles), centre_(centre) {
     for (const Triangle& t : triangles)
       middles_.push_back((vertices[t[0]] - centre) + (vertices[t[1]] - centre) + (vertices[t[2]] - centre));
     order.resize(triangles.size());
     std::iota(order.begin(), order.end(), 0);
-    nodes.reserve(triangles.size());
-    build(0, static_cast<std::uint32_t>(triangles.size()));
   }
   std::vector<std::uint32_t> order;  // of the triangles
-  std::vector<Surface::Node> nodes;
 
- private:
-  Box build(std::uint32_t begin, std::uint32_t end) {
-    const std::size_t at = nodes.size();
-    nodes.push_back({{}, {}, 0, 0});
-    Box box = kNothing;
-    if (end - begin <= Surface::kLeafTriangles) {
-      nodes[at].few = begin * Surface::kLeafTriangles + (end - begin - 1);
-      for (std::uint32_t i = begin; i < end; ++i)
-        for (const std::uint32_t corner : triangles_[order[i]]) box.take(vertices_[corner] - centre_);
-    } else {
-      const std::uint32_t half = (end - begin) / 2;
-      split(begin, begin + half, end);
-      box = build(begin, begin + half);
-      nodes[at].right = static_cast<std::uint32_t>(nodes.size());
-      const Box other = build(begin + half, end);
-      box.take(other.low);
-      box.take(other.high);
-    }
-    for (std::size_t k = 0; k < 3; ++k) {
-      // The differences above are rounded: half a unit of float64, far less than one of float32.
-      nodes[at].low[k] =
-          std::nextafter(float_below(box.low[static_cast<int>(k)]), -std::numeric_limits<float>::infinity());
-      nodes[at].high[k] =
-          std::nextafter(float_above(box.high[static_cast<int>(k)]), std::numeric_limits<float>::infinity());
-    }
+  Extremes box(std::uint32_t begin, std::uint32_t end) const {
+    Extremes box;
+    for (std::uint32_t i = begin; i < end; ++i)
+      for (const std::uint32_t corner : triangles_[order[i]]) box.take(vertices_[corner] - centre_);
     return box;
   }
-  void split(std::uint32_t begin, std::uint32_t middle, std::uint32_t end) {
-    Box middles = kNothing;
+  std::uint32_t split(std::uint32_t begin, std::uint32_t end) {
+    const std::uint32_t middle = begin + (end - begin) / 2;
+    Extremes middles;
     for (std::uint32_t i = begin; i < end; ++i) middles.take(middles_[order[i]]);
-    const Vec3d size = middles.high - middles.low;
-    const int axis = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
+    const int axis = middles.longest();
     const auto at = [&](std::uint32_t i) { return order.begin() + static_cast<std::ptrdiff_t>(i); };
     std::nth_element(at(begin), at(middle), at(end), [&](std::uint32_t a, std::uint32_t b) {
       return middles_[a][axis] != middles_[b][axis] ? middles_[a][axis] < middles_[b][axis] : a < b;
     });
+    return middle;
+  }
+  // What was measured from the centre was rounded: half a unit of float64, far less than one of float32.
+  static void close(const Extremes& box, std::array<float, 3>& low, std::array<float, 3>& high) {
+    constexpr float kInf = std::numeric_limits<float>::infinity();
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = std::nextafter(float_below(box.low[static_cast<int>(k)]), -kInf);
+      high[k] = std::nextafter(float_above(box.high[static_cast<int>(k)]), kInf);
+    }
   }
 
+ private:
   std::span<const Vec3d> vertices_;
   std::span<const Triangle> triangles_;
   Vec3d centre_;
@@ -135,22 +110,24 @@ std::string open_edge(std::span<const Vec3d> vertices, std::span<const Triangle>
 }
 
 Surface::Surface(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid)
-    : vertices_(std::move(vertices)), triangles_(std::move(triangles)), is_solid_(is_solid) {
+    : vertices_(std::move(vertices)),
+      triangles_(std::move(triangles)),
+      kind_(is_solid ? Kind::kSolid : Kind::kSurface) {
   if (triangles_.empty()) throw std::invalid_argument("a surface needs at least one triangle");
-  if (triangles_.size() > kMostTriangles) throw std::invalid_argument("a surface has at most 2^30 triangles");
+  if (triangles_.size() > kMostElements) throw std::invalid_argument("a surface has at most 2^30 triangles");
   for (std::size_t t = 0; t < triangles_.size(); ++t)
     for (const std::uint32_t corner : triangles_[t])
       if (corner >= vertices_.size())
         throw std::invalid_argument("triangle " + std::to_string(t) + " names the vertex " + std::to_string(corner) +
                                     ", and there are " + std::to_string(vertices_.size()));
-  if (is_solid_)
+  if (is_solid)
     if (const std::string why = open_edge(vertices_, triangles_); !why.empty())
       throw std::invalid_argument("the mesh encloses no volume: " + why);
   Digest digest;
   digest.add(vertices_);
   for (const Triangle& t : triangles_)
     for (const std::uint32_t corner : t) digest.add(std::uint64_t{corner});
-  digest.add(std::uint64_t{is_solid_});
+  digest.add(std::uint64_t{is_solid});
   digest_ = digest.value();
   find_parts();
   build_tree();
@@ -172,23 +149,39 @@ void Surface::find_parts() {
 }
 
 void Surface::build_tree() {
-  Box box = kNothing;
+  Extremes box;
   for (const Triangle& t : triangles_)
     for (const std::uint32_t corner : t) box.take(vertices_[corner]);
-  centre_ = 0.5 * box.low + 0.5 * box.high;
-  TreeBuilder tree(vertices_, triangles_, centre_);
-  nodes_ = std::move(tree.nodes);
-  nodes_.shrink_to_fit();
-  places_ = std::move(tree.order);
+  centre_ = box.middle();
+  TriangleList list(vertices_, triangles_, centre_);
+  nodes_ = halve(list, size());
+  places_ = std::move(list.order);
   std::vector<Triangle> ordered;
   ordered.reserve(triangles_.size());
   for (const std::uint32_t t : places_) ordered.push_back(triangles_[t]);
   triangles_ = std::move(ordered);
 }
 
+ElementCorners Surface::element(std::uint32_t i) const {
+  if (!is_cloud()) {
+    const auto [u, v, w] = corners(i);
+    return {{u, v, w}, 3};
+  }
+  ElementCorners out{{point(i)}, 1};
+  if (edge_ == 0) return out;
+  const Vec3d centre = out.corner[0];
+  const double half = 0.5 * double{edge_};
+  for (out.count = 0; out.count < 8; ++out.count) {
+    const auto way = [&](unsigned bit) { return out.count & bit ? half : -half; };
+    out.corner[out.count] = centre + Vec3d{way(1), way(2), way(4)};  // within rounding()
+  }
+  return out;
+}
+
 std::uint64_t Surface::resident_bytes() const {
   const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
-  return sizeof(Surface) + held(vertices_) + held(triangles_) + held(places_) + held(parts_) + held(nodes_);
+  return sizeof(Surface) + held(vertices_) + held(triangles_) + held(places_) + held(parts_) + held(points_) +
+         held(nodes_);
 }
 
 }  // namespace clearance

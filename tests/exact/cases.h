@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "engine/pose/pose.h"
+#include "engine/surface/cloud_point.h"
 #include "exact_distance.h"
 #include "exact_surface.h"
 
@@ -21,6 +22,9 @@ struct Solid {
   double radius = 0;
   std::vector<Triangle> triangles = {};
   bool is_solid = false;  ///< what the triangles enclose belongs to the body
+  /// The body is a cloud: what the triangles make, which are these points (float32) or the boxes about them.
+  std::vector<CloudPoint> cloud = {};
+  float voxel = 0;  ///< metres: the edge of those boxes; 0: points
 };
 /// Cases that share a shape share the pointer.
 using SolidPtr = std::shared_ptr<const Solid>;

@@ -239,6 +239,69 @@ Case far_from_frame(Random& random) {
   return visited(random, moved(any_mesh(random), t), is_solid_mostly(random));
 }
 
+// ---- clouds
+
+/// Points on the skin of a mesh, some of them twice, or anywhere about it; few, since the judge is slow.
+std::vector<CloudPoint> points_about(Random& random, double size) {
+  const Mesh mesh = any_mesh(random);
+  std::vector<CloudPoint> points;
+  const Vec3d shift = random.chance(0.2) ? random.direction() * random.log_uniform(1, 1e4) : Vec3d{0, 0, 0};
+  for (int i = random.integer(1, 60); i > 0; --i) {
+    const auto pick = [&](std::size_t n) {
+      return static_cast<std::size_t>(random.integer(0, static_cast<int>(n) - 1));
+    };
+    const Triangle& t = mesh.triangles[pick(mesh.triangles.size())];
+    const double u = random.uniform(), v = random.uniform(0, 1 - u);
+    Vec3d p = mesh.vertices[t[0]] * (1 - u - v) + mesh.vertices[t[1]] * u + mesh.vertices[t[2]] * v;
+    if (random.chance(0.1)) p = random.direction() * random.uniform(0, 2);
+    p = (p + shift) * size;
+    points.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
+    if (random.chance(0.1)) points.push_back(points[pick(points.size())]);
+  }
+  return points;
+}
+/// What comes near a cloud: what comes near a mesh, or another cloud.
+Case with_cloud(Random& random, SolidPtr a) {
+  SolidPtr b = random.chance(0.25) ? cloud(points_about(random, random.log_uniform(0.1, 1)), 0,
+                                           random.chance(0.5) ? 0 : random.log_uniform(1e-3, 0.1))
+                                   : visitor(random);
+  if (random.chance(0.3)) std::swap(a, b);
+  return placed(random, std::move(a), std::move(b));
+}
+Case points(Random& random) {
+  return with_cloud(random, cloud(points_about(random, 1), 0));
+}
+Case balls(Random& random) {
+  return with_cloud(random, cloud(points_about(random, random.log_uniform(0.1, 10)), 0, random.log_uniform(1e-4, 0.3)));
+}
+/// Boxes of a grid or anywhere, whose corners are exact.
+Case voxels(Random& random) {
+  std::vector<CloudPoint> points = points_about(random, 1);
+  const bool on_grid = random.chance(0.6);
+  const float edge = std::ldexp(on_grid ? 1.0f : static_cast<float>(random.integer(1, 15)), -random.integer(4, 8));
+  for (CloudPoint& p : points)
+    for (float& x : p) x = std::round(x / edge * 64) / 64 * edge;  // a multiple of both
+  if (on_grid)
+    for (CloudPoint& p : points)
+      for (float& x : p) x = (std::floor(x / edge) + 0.5f) * edge;
+  return with_cloud(random, cloud(std::move(points), edge, random.chance(0.8) ? 0 : random.log_uniform(1e-3, 0.1)));
+}
+/// Many of them within a solid's cavity, in the solid itself, or either side of its skin.
+Case cloud_in_solid(Random& random) {
+  Mesh shell = box_mesh({1, 1, 1});
+  if (random.chance(0.7)) append(shell, flipped(box_mesh({0.9, 0.9, 0.9})));
+  std::vector<CloudPoint> points = points_about(random, random.uniform(0.1, 0.6));
+  if (random.chance(0.3)) points.push_back({0.95f, 0, 0});
+  Case c{solid(shell, true), cloud(std::move(points), 0, random.chance(0.7) ? 0 : 1e-3), random.rotation(), {}};
+  c.X_wb = random.chance(0.5) ? c.X_wa : random.rotation();
+  c.X_wb.translation = c.X_wa.translation + random.direction() * random.uniform(0, 0.3);
+  if (random.chance(0.5)) std::swap(c.a, c.b), std::swap(c.X_wa, c.X_wb);
+  return c;
+}
+bool has_cloud(const Case& c, const Result&) {
+  return !c.a->cloud.empty() || !c.b->cloud.empty();
+}
+
 // ---- exact contact
 
 /// Cubes of a lattice, turned by rational rotations: faces, edges and vertices that meet exactly.
@@ -321,6 +384,10 @@ const std::vector<CaseClass>& mesh_classes() {
       {"mesh_scales", "sizes from 1e-6 to 1e3 m", scales, has_triangles},
       {"mesh_far_from_world", "both 1e3 to 1e6 m from the world's origin", far_from_world, has_triangles},
       {"mesh_far_from_frame", "vertices 1e3 to 1e6 m from the frame's origin", far_from_frame, has_triangles},
+      {"cloud_points", "points against hulls, meshes and other points", points, has_cloud},
+      {"cloud_balls", "the same, grown by 1e-4 to 0.3", balls, has_cloud},
+      {"cloud_voxels", "boxes of one size, on a grid or anywhere", voxels, has_cloud},
+      {"cloud_in_solid", "points in a solid, in its cavity, either side of its skin", cloud_in_solid, has_cloud},
       {"mesh_lattice", "cubes of a lattice: exact contact of faces, edges, vertices", lattice, lattice_hits, 0.8},
       {"mesh_coincident", "a mesh on itself, or off or larger by 1e-16 to 0.1", coincident, coincident_hits},
       {"mesh_rounded", "surfaces and solids with radius", rounded, rounded_hits},

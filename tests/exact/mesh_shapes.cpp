@@ -36,6 +36,22 @@ SolidPtr solid(Mesh mesh, bool is_solid, double radius) {
   return std::make_shared<const Solid>(Solid{std::move(mesh.vertices), radius, std::move(mesh.triangles), is_solid});
 }
 
+SolidPtr cloud(std::vector<CloudPoint> points, float voxel, double radius) {
+  Mesh mesh;
+  for (const auto& [x, y, z] : points) {
+    const double half = 0.5 * double{voxel};
+    if (voxel > 0) {
+      append(mesh, moved(box_mesh({half, half, half}), {x, y, z}));
+      continue;
+    }
+    const auto at = static_cast<std::uint32_t>(mesh.vertices.size());
+    mesh.vertices.push_back({x, y, z});
+    mesh.triangles.push_back({at, at, at});
+  }
+  return std::make_shared<const Solid>(
+      Solid{std::move(mesh.vertices), radius, std::move(mesh.triangles), voxel > 0, std::move(points), voxel});
+}
+
 Mesh scaled(Mesh mesh, Vec3d s) {
   mesh.vertices = scaled(std::move(mesh.vertices), s);
   return mesh;

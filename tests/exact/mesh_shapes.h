@@ -22,6 +22,8 @@ struct Point2 {
 
 /// A body of a mesh. \param is_solid what it encloses is part of it
 SolidPtr solid(Mesh mesh, bool is_solid, double radius = 0);
+/// A cloud of points, each a triangle of one corner, or of boxes (`voxel` > 0) of twelve triangles each.
+SolidPtr cloud(std::vector<CloudPoint> points, float voxel, double radius = 0);
 
 // ---- what stays closed stays closed
 Mesh scaled(Mesh mesh, Vec3d s);  ///< s > 0

@@ -89,6 +89,8 @@ FRONT = {
     "set_joints": ({"positions": {}}, {
         "positions": [*POSITIONS, None, {"nonesuch": 0.0}, {1.5: 0.0}, {7: 0.0}], "joints": JOINTS,
         "stamp_ns": INTEGERS, "sequence": INTEGERS}),
+    "set_points": ({"body": "cup", "xyz": [[0, 0, 0]]}, {
+        "body": [*BODIES, None], "xyz": VERTICES, "radius": NUMBERS, "stamp_ns": INTEGERS, "sequence": INTEGERS}),
     "attach": ({"child": "cup", "parent": "gripper"}, {
         "child": [*BODIES, None], "parent": BODIES, "pose": POSE,
         "allow": ["cup", b"cup", 3, None, ["nonesuch"], [1.5], [True], [-1], np.zeros((1, 1))]}),
@@ -122,6 +124,9 @@ ENGINE: dict[str, tuple[dict, dict]] = {
 SCENE = {
     "add_hull": ({"name": "x", "vertices": [[0, 0, 0]]},
                  {"name": TEXTS, "vertices": VERTICES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
+    "add_points": ({"name": "x", "points": [[0, 0, 0]]}, {
+        "name": TEXTS, "points": VERTICES, "voxel": [*NUMBERS, None], "radius": [*NUMBERS, None], "live": BOOLS,
+        **OF_A_BODY, **DOUBTS}),
     "add_mesh": ({"name": "x", "path": "x.obj"}, {
         "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:1], *SIZES[2:], None, True], "convexify": WORDS,
         "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),

@@ -58,7 +58,7 @@ class TreeWalk {
     if (node.is_leaf()) {
       ASSERT_EQ(node.begin(), triangles);
       ASSERT_GT(node.end(), node.begin());
-      ASSERT_LE(node.end() - node.begin(), Surface::kLeafTriangles);
+      ASSERT_LE(node.end() - node.begin(), Surface::kLeafElements);
       ASSERT_LE(node.end(), surface_.triangles().size());
       for (; triangles < node.end(); ++triangles)
         for (const Vec3d& v : surface_.corners(triangles))

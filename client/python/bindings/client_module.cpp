@@ -271,6 +271,14 @@ class PyClient {
     return done(use().with([&](Client& client) { return client.set_joints(batch, stamp_ns, sequence); }));
   }
 
+  nb::tuple set_points(std::uint32_t body, const CloudRows& xyz, const std::optional<double>& radius,
+                       std::int64_t stamp_ns, std::int64_t sequence) const {
+    const std::span<const std::array<float, 3>> points(reinterpret_cast<const std::array<float, 3>*>(xyz.data()),
+                                                       xyz.shape(0));
+    return done(
+        use().with([&](Client& client) { return client.set_points(body, points, radius, stamp_ns, sequence); }));
+  }
+
   /// Joints as _joints.py has them, and groups.
   nb::tuple joints() const {
     const JointsInfo info = use().with([](Client& client) { return client.joints(); });
@@ -342,7 +350,7 @@ class PyClient {
     nb::list bodies, groups;
     for (const BodyInfo& b : info.bodies) {
       bodies.append(nb::make_tuple(b.name, b.parent, b.is_static, b.piece_count, b.vertex_count, b.model_error,
-                                   b.extent, b.hull_excess, b.empty_share, b.triangle_count, b.is_solid));
+                                   b.extent, b.hull_excess, b.empty_share, b.triangle_count, b.is_solid, b.is_cloud));
     }
     for (const GroupInfo& g : info.groups) groups.append(nb::make_tuple(g.name, g.bodies));
     return nb::make_tuple(info.revision, info.backend, info.pair_count, bodies, groups);
@@ -420,6 +428,8 @@ NB_MODULE(_client, m) {
       .def("pairs", &PyClient::pairs, nb::arg("query"))
       .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
+      .def("set_points", &PyClient::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),
+           nb::arg("stamp_ns"), nb::arg("sequence"))
       .def("set_joints", &PyClient::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("joints", &PyClient::joints)

@@ -145,6 +145,20 @@ def to_floats(value: Any, what: str, expected: str = "numbers") -> np.ndarray:
     return contiguous(array.astype(np.float64, copy=False))
 
 
+def to_cloud(value: Any, what: str) -> np.ndarray:
+    """(N, 3) float32, C-contiguous: the very array if it is one, else a copy; no points at all are (0, 3)."""
+    if type(value) is np.ndarray and value.dtype == np.float32:
+        array = contiguous(value)
+    else:
+        with np.errstate(over="ignore"):  # inf is refused by its name later
+            array = contiguous(to_floats(value, what, "(N, 3) numbers").astype(np.float32))
+    if array.shape in ((0,), (0, 3)):
+        return np.empty((0, 3), np.float32)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"{what}: expected shape (N, 3), got {array.shape}")
+    return array
+
+
 def contiguous(array: np.ndarray) -> np.ndarray:
     """The array itself if it is C-contiguous and aligned, else a copy that is."""
     flags = array.flags

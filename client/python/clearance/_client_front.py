@@ -323,6 +323,11 @@ class Client(Front):
     def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
         return PosesDone(*self._guarded(self._use().set_joints, ids, positions, stamp_ns, sequence))
 
+    def _send_points(
+        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int
+    ) -> PosesDone:
+        return PosesDone(*self._guarded(self._use().set_points, body, xyz, radius, stamp_ns, sequence))
+
     def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> PosesDone:
         return PosesDone(
             *self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7), allow)

@@ -15,7 +15,7 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_floats, to_integer, to_list
+from ._arguments import to_cloud, to_floats, to_integer, to_list, to_number
 from ._asked import Asked, key_of
 from ._future import Future
 from ._joints import Joints, JointsRef, JointState, JointTable
@@ -100,6 +100,11 @@ class Front(MotionQueries, Parser):
         raise NotImplementedError
 
     def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
+        raise NotImplementedError
+
+    def _send_points(
+        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int
+    ) -> PosesDone:
         raise NotImplementedError
 
     def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> PosesDone:
@@ -238,6 +243,34 @@ class Front(MotionQueries, Parser):
             JointState(name, position, Status(status), beyond, stamp, None if age < 0 else age)
             for name, _, _, position, status, beyond, stamp, age in self._load_joints()[0]
         ]
+
+    def set_points(
+        self,
+        body: BodyRef,
+        xyz: Any,
+        radius: Optional[float] = None,
+        stamp_ns: int = 0,
+        sequence: int = 0,
+    ) -> PosesDone:
+        """Replaces the points of a body of points, all at once: a query sees all of the old ones or all of the new.
+
+        body: by name or id; one that was made of points, and may have none yet.
+        xyz: (N, 3) metres, in the body's frame, N >= 0. float32 is taken as it is, exactly; other numbers are rounded
+            to float32 first. Without points nothing is there.
+        radius: metres that the points, or the voxels about them, are grown by; None: as the scene has it.
+        stamp_ns, sequence: as in set_poses().
+
+        `applied` of the result counts points. Raises QueryError, and replaces nothing, for another body, a coordinate
+        that is not finite or beyond 1e9 m, more points than may be, and late stamps; ValueError for a wrong shape or an
+        unknown name; TypeError for a wrong type.
+        """
+        return self._send_points(
+            self._names.body(body, "body"),
+            to_cloud(xyz, "xyz"),
+            None if radius is None else to_number(radius, "radius"),
+            to_integer(stamp_ns, "stamp_ns"),
+            to_integer(sequence, "sequence"),
+        )
 
     def set_joints(
         self,

@@ -30,6 +30,7 @@ class BodyInfo:
     empty_share: float = 0.0  #: of the pieces' volume that the mesh leaves empty; NaN for one that is not closed
     triangle_count: int = 0  #: of a surface or solid, which its pieces only surround; 0: it is its pieces
     is_solid: bool = False  #: with triangles: it is what they enclose, and not they alone
+    is_cloud: bool = False  #: it is points, which set_points() replaces
     # What is not known of the body, term by term; of bodies in this process.
     model_inner: float = 0.0  #: metres: how far the shape they were asked for may stand out from the pieces
     uncertainty_position: float = 0.0  #: metres: radius of the ball that holds its origin

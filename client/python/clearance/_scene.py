@@ -14,6 +14,7 @@ import clearance._engine as _engine
 
 from ._arguments import (
     to_bool,
+    to_cloud,
     to_doubts,
     to_floats,
     to_half_space,
@@ -101,6 +102,38 @@ class Scene:
             return self._scene.add_hull(
                 to_text(name, "name"),
                 rows,
+                to_number(radius, "radius"),
+                *self._rest(parent, static, pose, uncertainty, padding, max_speed),
+            )
+
+    def add_points(
+        self,
+        name: str,
+        points: Any = (),
+        voxel: float = 0.0,
+        radius: float = 0.0,
+        *,
+        live: bool = False,
+        parent: Optional[BodyRef] = None,
+        static: bool = False,
+        pose: Any = None,
+        uncertainty: Optional[Mapping[str, float]] = None,
+        padding: float = 0.0,
+        max_speed: float = 0.0,
+    ) -> int:
+        """Adds a cloud: (N, 3) points, grown by `radius`, which set_points() of an engine or a client replaces.
+
+        points: float32 is taken as it is, exactly; other numbers are rounded to float32 first. None: nothing is there.
+        voxel: metres; above 0 the body is the boxes of this edge about the points, along its axes. The edge counts as
+            the float32 above it.
+        live: it has no pose and, without points, nothing is known of it (NO_POSE) until both are received.
+        """
+        with self._lock:
+            return self._scene.add_points(
+                to_text(name, "name"),
+                to_cloud(points, "points"),
+                to_number(voxel, "voxel"),
+                to_bool(live, "live"),
                 to_number(radius, "radius"),
                 *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )

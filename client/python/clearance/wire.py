@@ -41,6 +41,7 @@ class FrameType(enum.IntEnum):
     ALLOW = 12
     SET_JOINTS = 13
     GET_JOINTS = 14
+    SET_POINTS = 15
     PONG = 0x81
     SCENE = 0x82
     REPLY = 0x83

@@ -144,6 +144,9 @@ class Client:
             raise ValueError("positions: expected one for each joint")
         return self._with(self._session.set_joints, ids, positions, stamp_ns, sequence)
 
+    def set_points(self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int) -> tuple:
+        return self._with(self._session.set_points, body, xyz, radius, stamp_ns, sequence)
+
     def joints(self) -> tuple:
         return self._with(self._session.joints)
 

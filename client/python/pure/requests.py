@@ -221,7 +221,7 @@ class Session:
         infos = [
             (_text(b["name"]), int(b["parent"]), bool(b["is_static"]), int(b["piece_count"]), int(b["vertex_count"]))
             + tuple(float(b[name]) for name in ("model_error", "extent", "hull_excess", "empty_share"))
-            + (int(b["triangle_count"]), bool(b["is_solid"]))
+            + (int(b["triangle_count"]), bool(b["is_solid"]), bool(b["is_cloud"]))
             for b in bodies
         ]
         lists = []
@@ -352,6 +352,13 @@ class Session:
         rows = np.zeros(len(ids), wire._wire.JointRecord)
         rows["joint"], rows["position"] = ids, positions
         return self._poses_done(self._call(FrameType.SET_JOINTS, [head, rows], "POSES_DONE", self._revision_of_ids()))
+
+    def set_points(self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int) -> tuple:
+        head = np.zeros((), wire._wire.PointsHeader)
+        head["count"], head["stamp_ns"], head["sequence"], head["body"] = len(xyz), stamp_ns, sequence, body
+        if radius is not None:
+            head["radius"], head["has_radius"] = radius, 1
+        return self._poses_done(self._call(FrameType.SET_POINTS, [head, xyz], "POSES_DONE", self._revision_of_ids()))
 
     def joints(self) -> tuple:
         """Joints as _joints.py has them, and groups."""

@@ -1,0 +1,67 @@
+// Points of a body of points, from a file or another program.
+#include <array>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <sstream>
+
+#include "commands.h"
+
+namespace clearance::cli {
+namespace {
+
+struct Options {
+  Connection connection;
+  std::string body, file;
+  double radius = -1;  // below 0: as the scene has it
+};
+
+// Three numbers a line; what follows them is passed over, and '#' begins a comment. Throws std::invalid_argument.
+std::vector<std::array<float, 3>> read_points(std::istream& in, const std::string& name) {
+  std::vector<std::array<float, 3>> points;
+  std::string line;
+  for (std::size_t number = 1; std::getline(in, line); ++number) {
+    std::istringstream words(line.substr(0, line.find('#')));
+    std::string word;
+    std::array<float, 3> point{};
+    std::size_t count = 0;
+    while (count < 3 && words >> word)
+      point[count++] = static_cast<float>(
+          position_of(word, name + ":" + std::to_string(number) + ": expected 3 numbers, metres, got '" + word + "'"));
+    if (count == 3) points.push_back(point);
+    if (count == 1 || count == 2)
+      throw std::invalid_argument(name + ":" + std::to_string(number) + ": expected 3 numbers, got " +
+                                  std::to_string(count));
+  }
+  return points;
+}
+
+void run(const Options& o) {
+  std::vector<std::array<float, 3>> points;
+  if (o.file == "-") {
+    points = read_points(std::cin, "stdin");
+  } else {
+    std::ifstream file(o.file);
+    if (!file) throw std::invalid_argument("cannot read " + o.file);
+    points = read_points(file, o.file);
+  }
+  Client client = o.connection.open();
+  const std::optional<double> radius = o.radius >= 0 ? std::optional(o.radius) : std::nullopt;
+  const PosesDone done = client.set_points(body_of(client, o.body), points, radius);
+  std::cout << done.applied << " points, pose revision " << done.revision << "\n";
+}
+
+}  // namespace
+
+void add_points(CLI::App& app) {
+  auto& command = *app.add_subcommand("points", "replace the points of a body of points");
+  auto options = std::make_shared<Options>();
+  command.add_option("BODY", options->body, "name or number of the body")->required();
+  command.add_option("FILE", options->file, "x y z a line, metres, in the body's frame; -: standard input")->required();
+  command.add_option("--radius", options->radius, "metres that they are grown by; default: as the scene has it")
+      ->check(at_least_zero());
+  add_connection_options(command, options->connection);
+  command.callback([options] { run(*options); });
+}
+
+}  // namespace clearance::cli

@@ -1,0 +1,92 @@
+#include "engine/scene/cloud_geometry.h"
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "engine/base/digest.h"
+#include "engine/base/fp_environment.h"
+#include "engine/scene/scene.h"
+#include "engine/surface/surface.h"
+
+namespace clearance {
+
+PiecePtr make_cloud_piece(std::span<const CloudPoint> points, float voxel, double radius) {
+  const FpEnvironment environment;
+  const auto cloud = std::make_shared<const Surface>(points, voxel);
+  const auto& ends = cloud->extremes();
+  std::vector<Vec3d> corners;
+  for (std::size_t i = 0; i < 8; ++i) corners.push_back({ends[i & 1].x, ends[i >> 1 & 1].y, ends[i >> 2].z});
+  Digest digest;
+  digest.add(cloud->digest());
+  digest.add(radius);
+  return make_piece(std::move(corners), radius, cloud->size(), digest.value(), nullptr, cloud);
+}
+
+PiecePtr piece_of_no_points() {
+  static const PiecePtr nothing = make_piece({{0, 0, 0}});
+  return nothing;
+}
+
+float voxel_of(double edge) {
+  if (!(edge >= 0 && edge <= double{Surface::kMostCloudCoordinate}))
+    throw std::invalid_argument("voxel: expected a number of metres >= 0 and up to 1e9, got " + std::to_string(edge));
+  const auto rounded = static_cast<float>(edge);
+  return rounded < edge ? std::nextafter(rounded, std::numeric_limits<float>::infinity()) : rounded;
+}
+
+namespace {
+
+// Puts points into a body, as they are before they grow.
+void put_points(Body& body, const PiecePtr& cloud) {
+  body.pieces = {cloud ? cloud : piece_of_no_points()};
+  body.cloud = cloud ? CloudState::kPoints : CloudState::kEmpty;
+  body.model_error = body.model_inner = cloud ? cloud->surface->rounding() : 0;
+  body.reach = 0;
+  body.is_grown = false;
+}
+
+}  // namespace
+
+std::uint32_t Scene::add_points(const std::string& name, std::span<const CloudPoint> points, double voxel,
+                                const BodyOptions& options) {
+  const FpEnvironment environment;
+  check_free(name, "body");
+  Body body = body_from(name, options);
+  const std::string who = "body \"" + name + "\": ";
+  body.cloud_radius = options.radius;
+  body.source = voxel > 0 ? "voxels" : "cloud";
+  try {
+    body.voxel = voxel_of(voxel);
+    put_points(body, points.empty() ? nullptr : make_cloud_piece(points, body.voxel, options.radius));
+  } catch (const std::invalid_argument& e) {
+    throw SceneError(who + e.what());
+  }
+  if (points.empty() && options.is_live) body.cloud = CloudState::kAwaited;
+  return add_body(std::move(body));
+}
+
+Scene Scene::with_points(std::uint32_t id, const PiecePtr& cloud) const {
+  const FpEnvironment environment;
+  Scene next;  // without what only adding bodies needs
+  next.bodies_ = bodies_;
+  next.groups_ = groups_;
+  next.ignored_ = ignored_;
+  next.robots_ = robots_;
+  next.joints_ = joints_;
+  next.joint_groups_ = joint_groups_;
+  next.joint_ids_ = joint_ids_;
+  next.body_ids_ = body_ids_;
+  next.group_ids_ = group_ids_;
+  next.has_surfaces_ = has_surfaces_;
+  put_points(next.bodies_.at(id), cloud);
+  next.grow(next.bodies_[id], false);
+  for (const Body& body : next.bodies_) next.has_doubts_ |= is_doubted(body);
+  return next;
+}
+
+std::uint64_t point_count(const Body& body) {
+  return body.cloud == CloudState::kPoints ? body.pieces[0]->surface->size() : 0;
+}
+
+}  // namespace clearance
