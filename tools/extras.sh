@@ -13,7 +13,7 @@ extras=(
   "client_install  pyproject.toml CMakeLists.txt cmake client wire cli lcmtypes"
   "wheels          pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
   "deb             CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/clearanced.service.in tests/install tools/root.sh"
-  "arm             CMakeLists.txt CMakePresets.json cmake engine tests/golden tests/exact tests/robot tools/root.sh"
+  "arm             CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/exact tests/install/try_arm.py tests/robot tools/root.sh"
   "coal            client/python/clearance tests/install/try_coal.py"
   "ompl            client/python/clearance engine/motion tests/install/try_ompl.py"
   "viewer          client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
@@ -108,14 +108,27 @@ run_deb() {
 }
 
 # 64-bit ARM: cross-built against Debian 12's libraries, and run by qemu. The golden answers are those of x86-64, bit for bit;
-# and what is written for the processor alone does what it is for.
+# what is written for the processor alone does what it is for; and a daemon is asked over every transport, in a network of its own.
 run_arm() {
-  local tests=(test_fp_environment test_lanes test_kinematics) packages root
+  local tests=(test_fp_environment test_lanes test_kinematics) packages root bin=build-arm64/bin
   tools/setup.sh tools/install_packages.txt
   mapfile -t packages < <(sed 's/#.*//; s/?//' tools/packages.txt | xargs -n 1)
   root=$(tools/root.sh arm64-bookworm "${packages[@]}")
-  tools/build.sh arm64 clearance-golden "${tests[@]}"
+  lcm_for_arm "$root/opt/lcm"
+  tools/build.sh release _client _engine clearance_mesh_loader
+  tools/build.sh arm64 clearance-golden clearanced clearance_cli clearance_mesh_loader "${tests[@]}"
   (cd build-arm64 && ctest --output-on-failure -R "^($(IFS='|'; echo "${tests[*]}"))\\.|^golden_answers$")
+  unshare --net sh -ec 'ip link set lo up; ip route add 239.255.76.67/32 dev lo; exec "$@"' sh \
+    env PYTHONPATH=build/python .venv/bin/python tests/install/try_arm.py "$bin" "$root" scenes/nineteen/scene.yaml
+}
+
+# lcm_for_arm FOLDER: LCM's library and headers, out of its wheel for ARM.
+lcm_for_arm() {
+  [ -d "$1/lib" ] && return
+  rm -rf out/lcm-arm64
+  step arm-lcm "Fetch LCM for ARM" .venv/bin/python -m pip download --disable-pip-version-check --progress-bar off --no-deps \
+    --only-binary=:all: --python-version 3.11 --platform manylinux_2_28_aarch64 -d out/lcm-arm64 "$(grep '^lcm==' requirements.txt)"
+  .venv/bin/python -m zipfile -e out/lcm-arm64/*.whl "$1"
 }
 
 # What comes from Coal and Pinocchio, in an environment that has them.

@@ -14,18 +14,20 @@ GROUP = "239.255.76.67"  # LCM's own multicast address
 ROUTE = f"ip link set lo up && ip route add {GROUP}/32 dev lo"
 
 
-def start_daemon(stage, scene, prefix=(), options=()):
+def start_daemon(stage, scene, prefix=(), options=(), program=BIN / "clearanced", seconds=30.0):
     """Starts clearanced on a scene file with its sockets in the stage's folder, and waits until it serves.
 
     prefix: a command that runs it, such as ("taskset", "-c", "0").
     options: more of the daemon's.
+    program: the daemon, if it is not this build's.
+    seconds: how long to wait for it.
 
     Returns the process, {"shm": url, "zmq": url, "lcm": url} (lcm only where multicast works), and the seconds it took.
     """
     urls = {"shm": f"shm://{stage.folder}/shm.sock", "zmq": f"ipc://{stage.folder}/zmq.sock"}
     command = [
         *prefix,
-        BIN / "clearanced",
+        program,
         "--scene",
         scene,
         "--shm",
@@ -41,7 +43,7 @@ def start_daemon(stage, scene, prefix=(), options=()):
     notice = ReadyNotice(stage.folder)
     started = time.monotonic()
     process = stage.start("clearanced", command, env={**os.environ, "NOTIFY_SOCKET": notice.path})
-    stage.wait_until(notice.arrived, "clearanced to become ready")
+    stage.wait_until(notice.arrived, "clearanced to become ready", seconds)
     return process, urls, time.monotonic() - started
 
 

@@ -27,9 +27,14 @@ build_native() { build .venv/bin/python; }
 
 # A Python of a newer Debian needs its own glibc, which the wheel must not: it runs under its own loader, and all else is here.
 build_abi3() {
-  local root packages=$PWD/out/wheel-abi3/packages python=$PWD/out/wheel-abi3/python3.13
+  local root packages=$PWD/out/wheel-abi3/packages python=$PWD/out/wheel-abi3/python3.13 triplet
+  triplet=$(uname -m)-linux-gnu
   root=$(tools/root.sh trixie-build python3 python3-dev)
   mkdir -p "$packages"
+  # Debian's Python.h asks for what depends on the processor as <TRIPLET/python3.13/pyconfig.h>, below /usr/include. That folder also
+  # has a C library's headers, which are not to be found; so it leads there from the folder of Python.h.
+  mkdir -p "$root/usr/include/python3.13/$triplet"
+  ln -sfnr "$root/usr/include/$triplet/python3.13" "$root/usr/include/python3.13/$triplet/python3.13"
   # Python::SABIModule, by which a module is built for the stable ABI, came with CMake 3.26.
   [ -d "$packages/cmake" ] || step wheel-abi3 "Install what builds for Python 3.13" .venv/bin/python -m pip install \
     --disable-pip-version-check --progress-bar off --target "$packages" --python-version 3.13 --implementation cp \
@@ -39,7 +44,7 @@ build_abi3() {
   cat >"$python" <<SCRIPT
 #!/bin/sh
 exec env PYTHONHOME=$root/usr PYTHONPATH=$packages $(echo "$root"/lib64/ld-linux-*.so.2) --argv0 "\$0" \\
-  --library-path $(echo "$root/usr/lib/$(uname -m)-linux-gnu") $root/usr/bin/python3.13 "\$@"
+  --library-path $root/usr/lib/$triplet $root/usr/bin/python3.13 "\$@"
 SCRIPT
   chmod +x "$python"
   PATH="$packages/bin:$PATH" CMAKE_EXECUTABLE="$packages/cmake/data/bin/cmake" build "$python" -C wheel.py-api=cp312
