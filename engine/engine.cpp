@@ -377,8 +377,9 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
 std::unique_ptr<DevicePlan> Engine::plan_on_device(const QueryView& query) const {
   const FpEnvironment environment;
   impl_->check_process();
-  return cuda::make_device_plan(
-      impl_->context(), make_plan(query, impl_->scene, impl_->poses.snapshot(), impl_->options.max_rows, false));
+  const auto snapshot = impl_->poses.snapshot();
+  return cuda::make_device_plan(impl_->context(*snapshot),
+                                make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, false));
 }
 
 std::string Engine::certificate(const QueryView& query, std::span<const std::uint64_t> rows) const {
