@@ -74,12 +74,12 @@ void run(const Workload& w, std::ostream& csv) {
   const std::vector<std::byte> got = rows.get();
   std::uint64_t other = 0;
   for_each_column(
-      [&](const auto* mine, const auto* theirs, int) {
+      [&](const auto* mine, const auto* theirs, int width) {
         constexpr std::size_t kBounds = 2 * sizeof(float);  // what a compact row and a bound alone begin with
-        const std::byte* const at = got.data() + (reinterpret_cast<const std::byte*>(mine) - rows.data());
-        const bool has_bounds = mine && sizeof(*mine) >= kBounds;
-        for (std::uint64_t i = 0; has_bounds && i < size.rows; ++i)
-          other += std::memcmp(at + i * sizeof(*mine), theirs + i, kBounds) != 0;
+        const std::byte* const from = got.data() + (reinterpret_cast<const std::byte*>(mine) - rows.data());
+        const std::size_t step = sizeof(*mine) * static_cast<std::size_t>(width);
+        for (std::uint64_t i = 0; mine && step >= kBounds && i < size.rows; ++i)
+          other += std::memcmp(from + i * step, reinterpret_cast<const std::byte*>(theirs) + i * step, kBounds) != 0;
       },
       out, host);
   csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << resident << ',' << in_graph << ','

@@ -18,6 +18,7 @@ import sys
 import time
 import warnings
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
@@ -61,7 +62,7 @@ def shortened(path, free):
 
 def plan(problem, start, goal, sampled, seconds):
     """(rows of the path or None, of the shortened path, seconds of both)."""
-    from clearance.ompl import Status
+    from clearance import Status
 
     si = problem.space_information()
     samples = SampledMotions(si, problem)
@@ -105,7 +106,9 @@ def measure(robot, resources, options):
 
     urdf, srdf = problems.urdf_of(resources, robot)
     files = {"urdf": str(urdf), "srdf": str(srdf), "packages": {robot: str(resources / robot)}, "static": True}
-    found = {way: {"seconds": [], "shortening": [], "refused": [], "asked": 0} for way in ("sampled", "proved")}
+    found: dict[str, dict[str, Any]] = {
+        way: {"seconds": [], "shortening": [], "refused": [], "asked": 0} for way in ("sampled", "proved")
+    }
     for asked in [p for p in problems.load(resources, robot) if p.number <= options.problems]:
         joints = list(asked.goal)
         start, goal = (np.array([at[j] for j in joints]) for at in (asked.start, asked.goal))

@@ -70,7 +70,9 @@ TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
       if (truth.distance.compare(0) > 0) {
         ++apart;
         EXPECT_LE(truth.distance.compare(d.upper), 0) << where;
-        if (d.lower > 0) EXPECT_GE(truth.distance.compare(d.lower), 0) << where;
+        if (d.lower > 0) {
+          EXPECT_GE(truth.distance.compare(d.lower), 0) << where;
+        }
         continue;
       }
       ++overlapping;

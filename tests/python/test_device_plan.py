@@ -109,7 +109,7 @@ def test_poses_that_are_refused(plan: DevicePlan, poses: object, error: type[Exc
 )
 def test_columns_that_are_refused(plan: DevicePlan, out: object, error: type[Exception], text: str) -> None:
     with pytest.raises(error, match=text):
-        plan(POSES, out=out)  # type: ignore[arg-type]
+        plan(POSES, out=out)
 
 
 def test_a_stream_that_is_none(plan: DevicePlan) -> None:

@@ -37,7 +37,7 @@ def pose_gradient(poses: Any, by_twist: Any) -> Any:
     return torch.cat([by_twist[..., 3:], by_w, by_v], dim=-1)
 
 
-class _Run(torch.autograd.Function):
+class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not installed it is Any
     @staticmethod
     def forward(ctx: Any, poses: Any, distances: Distances) -> Any:
         plan = distances.plan
