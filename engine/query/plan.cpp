@@ -58,6 +58,19 @@ void check_numbers(const QueryView& q) {
   check_motions(q);
 }
 
+// A depth is how far things have to move apart: points have no inside, and who asks for it means something else.
+void refuse_depths_of_clouds(const PairList& pairs, const Scene& scene) {
+  constexpr std::uint64_t kAtATime = 1024;
+  std::vector<BodyPair> room;
+  for (std::uint64_t begin = 0; begin < pairs.size(); begin += kAtATime)
+    for (const BodyPair pair : pairs.slice(begin, std::min(kAtATime, pairs.size() - begin), room))
+      for (const std::uint32_t body : {pair.a, pair.b})
+        if (body < scene.bodies().size() && is_cloud(scene.bodies()[body]))
+          throw QueryError(QueryErrorCode::kNotSupported, "signed_distance: '" + scene.bodies()[body].name +
+                                                              "' is a cloud of points, of which there is no depth");
+  units_of_this_thread += pairs.size() / kAtATime;
+}
+
 std::uint32_t written_fields(const QueryView& q) {
   constexpr std::uint32_t kPacked =
       kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal | kFieldGradient | kFieldGradientJoints;
@@ -173,6 +186,7 @@ bool Planner::advance(WorkMeter& meter) {
   if (!lister_->advance(meter)) return false;
   plan_.pairs = lister_->take();
   lister_.reset();
+  if (plan_.query.signed_distance && scene_.has_surfaces()) refuse_depths_of_clouds(plan_.pairs, scene_);
   if (plan_.query.reduce == Reduce::kAny || plan_.query.max_steps > 0)
     plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
   plan_.query.margins = {};

@@ -89,7 +89,8 @@ TEST(Cases, OfMeshesHitWhatTheyAreForAndAreLegal) {
     EXPECT_GE(hits, c.least_share * kCount) << c.name;
     EXPECT_GE(apart, kCount / 8) << c.name;
     EXPECT_GE(overlapping, 1) << c.name;
-    EXPECT_GE(near, c.name == "mesh_lattice" ? 0 : kCount / 20) << c.name;
+    const bool is_elsewhere = c.name == "mesh_lattice" || c.name == "cloud_in_solid";  // in contact; within
+    EXPECT_GE(near, is_elsewhere ? 0 : kCount / 20) << c.name;
   }
 }
 

@@ -223,7 +223,8 @@ def front(request, scene_of_the_cell, start_daemon, cell):
 
 def test_every_argument_of_both_fronts(front):
     calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else ENGINE)}
-    named = public_methods(type(front)) - {"prepare", "free_scale"}  # free_scale needs a robot: test_joints.py
+    # These need a robot (test_joints.py), or a GPU (test_device_plan.py).
+    named = public_methods(type(front)) - {"prepare", "free_scale", "plan_on_device"}
     assert named == set(calls), "a call is missing from the table"
     scene_revision, snapshot = front.scene_revision, front.distances().snapshot_revision
     wrong = [f"{name}: {text}" for name, (right, arguments) in calls.items()

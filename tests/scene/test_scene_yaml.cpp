@@ -219,7 +219,6 @@ const BadScene kBadScenes[] = {
     {"bodies: [{name: a, box: 1}, {name: f, half_space: true, parent: a}]",
      ":1: bodies[1].parent: body \"f\": parent: a half_space follows no body: it stands where its pose says"},
     {"bodies: [{name: a, cylinder: [1, 0]}]", ":1: bodies[0].cylinder[1]: expected a number > 0, got 0"},
-    {"bodies: [{name: a, points: []}]", ":1: bodies[0].points: expected a list of points [x, y, z], got a list of 0"},
     {"bodies: [{name: a, points: [[0, 0, 0], [0, 0]]}]",
      ":1: bodies[0].points[1]: expected a point [x, y, z], got a list of 2"},
     {"bodies:\n- name: a\n  points:\n  - [0, 0, 0]\n  - [0, x, 0]\n",
