@@ -1,7 +1,6 @@
 #include "lcm_frames.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "protocol.h"
 
@@ -67,7 +66,7 @@ std::optional<FrameAssembler::Whole> FrameAssembler::add(const clearance_lcm::fr
     return std::nullopt;
   }
   it->there[index] = true;
-  std::memcpy(it->whole.frame.bytes.get() + begin, part.bytes.data(), part.bytes.size());
+  std::copy(part.bytes.begin(), part.bytes.end(), reinterpret_cast<std::uint8_t*>(it->whole.frame.bytes.get()) + begin);
   it->last = now;
   partials_.splice(partials_.end(), partials_, it);
   if (--it->missing > 0) return std::nullopt;
