@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A probabilistic roadmap of an arm whose edges are *proved* free all along, made by two sweeps, and paths from it.
 
-    python3 client/examples/roadmap.py --nodes 190000 --nearest 14 --workers 2
+    python3 client/examples/roadmap.py --nodes 200000 --nearest 18 --workers 2
 
 First a sweep says which points of a Halton sequence are free, then another which motions between near ones are. Both
 go on where they were if the program is ended, and may run on Ray (--ray). Then it answers --queries random ones: from
