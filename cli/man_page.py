@@ -49,7 +49,11 @@ def page(program: str, section: str) -> str:
     out += [f".SH NAME\n{roff(name)} \\- {roff(summary[0].lower() + summary[1:])}\n", f".SH SYNOPSIS\n{roff(usage)}\n"]
     out += [f".SH DESCRIPTION\n{roff(what)}\n.PP\n", as_it_is(rest)]
     for command in commands_of(text):
-        out += [f".SH {roff(f'{name} {command}').upper()}\n", as_it_is(help_of(program, command))]
+        try:
+            text = help_of(program, command)
+        except subprocess.CalledProcessError:  # a program of its own, which this build is without
+            continue
+        out += [f".SH {roff(f'{name} {command}').upper()}\n", as_it_is(text)]
     return "".join(out)
 
 

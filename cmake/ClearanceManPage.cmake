@@ -2,7 +2,7 @@
 # and installed with it. The other targets are programs that its commands run. Where what is built cannot be run (another
 # processor) there are no pages.
 function(clearance_man_page target section component)
-  if(CMAKE_CROSSCOMPILING OR CLEARANCE_SANITIZE)
+  if(CMAKE_CROSSCOMPILING OR CLEARANCE_SANITIZE OR SKBUILD)  # a wheel has no place for them
     return()
   endif()
   get_target_property(_name ${target} OUTPUT_NAME)
