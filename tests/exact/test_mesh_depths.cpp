@@ -51,6 +51,11 @@ Depth ask(const Case& c, const SolidPtr& beside = nullptr) {
   return d;
 }
 
+// Of which a depth is refused.
+bool has_points(const Case& c) {
+  return !c.a->cloud.empty() || !c.b->cloud.empty();
+}
+
 bool is_apart(Case c, const Vec3d& shift) {
   c.X_wb.translation += shift;
   return judge(c, false).distance.compare(0) > 0;
@@ -62,6 +67,7 @@ TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
   for (const CaseClass& cls : mesh_classes())
     for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {
       const Case c = make_case(cls, kSeed, i);
+      if (has_points(c)) continue;
       const Result truth = judge(c, false);
       const Depth d = ask(c);
       const std::string where = std::string(cls.name) + " " + std::to_string(i);
@@ -97,6 +103,7 @@ TEST(MeshDepths, TheDeepestPairOfPiecesCounts) {
   for (const CaseClass& cls : mesh_classes())
     for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {
       const Case c = make_case(cls, kSeed, i), other{make_case(cls, kSeed, i + kCases).b, c.b, c.X_wa, c.X_wb};
+      if (has_points(c) || has_points(other)) continue;
       const double one = ask(c).lower, two = ask(other).lower, both = ask(c, other.a).lower;
       if (std::min(one, two) > 0) continue;
       EXPECT_LE(both, std::min(one, two) + 1e-9) << cls.name << ' ' << i;
