@@ -6,7 +6,7 @@ _clearance() {
   if [[ $word = -* ]]; then
     mapfile -t COMPREPLY < <(compgen -W "$(grep -oE -- '--[a-z][a-z0-9-]*' <<<"$help")" -- "$word")
   elif [[ ${program##*/} = clearance ]] && ((COMP_CWORD == 1)); then
-    mapfile -t COMPREPLY < <(compgen -W "$(sed -n '/^S[Uu][Bb]/,$s/^  \([a-z][a-z-]*\) .*/\1/p' <<<"$help")" -- "$word")
+    mapfile -t COMPREPLY < <(compgen -W "$(sed -n '/^S[Uu][Bb]/,/^$/s/^  \([a-z][a-z-]*\) .*/\1/p' <<<"$help")" -- "$word")
   fi
 }
 complete -o default -F _clearance clearance clearanced

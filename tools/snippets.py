@@ -1,101 +1,202 @@
 #!/usr/bin/env python3
-"""Runs the Python snippets of pages as they stand, and compares what they print with what the page says they print.
+"""Does what pages say, as it stands there and in its order, and compares what comes out with what they say comes out.
 
     tools/snippets.py docs/cookbook.md             # exit code 1, and the difference, where a page says something else
-    tools/snippets.py --write docs/cookbook.md     # writes what they print into the page
+    tools/snippets.py --write docs/cookbook.md     # writes what its snippets print into the page
 
-A snippet is a block ```python; what it prints is the block ```text right behind it. The first snippet of a page is what
-the others begin with: it is run anew before each of them, so that a reader who has the first can take any other.
-Snippets run in the repository's folder. One that asks a daemon is given one: the command that the page starts it with,
-build/bin/clearanced ..., with its sockets in a folder of its own in place of /tmp. (```py is another library's code.)
+```python       is run. The first of a page is what the others begin with: it is run anew before each of them, so that a
+                reader who has the first can take any other. What it prints is the block ```text right behind it.
+an indented     block is commands of a shell, one a line. A daemon that one starts serves until the next, or the end.
+```yaml         that begins with "# NAME.yaml" is that file.
+
+What else is fenced is not run (```py is another library's Python), nor what LEFT_OUT names, with the reason. A page is
+read in a folder of its own, in which the repository's files are (tools/page_reader.py).
 """
+
 import argparse
-import contextlib
 import difflib
-import io
-import os
 import re
-import subprocess
 import sys
-import tempfile
+import textwrap
 import traceback
+from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
-PAGES = ["start", "concepts", "cookbook", "shapes", "motions", "fcl", "drake", "moveit", "curobo"]
-BLOCK = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.MULTILINE | re.DOTALL)
-COMMAND = re.compile(r"^ *(build/bin/clearanced .*?)(?: *&)?$", re.MULTILINE)
+sys.path.insert(0, str(Path(__file__).parent))
+
+from page_reader import BUILD, ROOT, Failed, Reader, lines_of
+
+FENCE = re.compile(r"^```([\w+]*)$")
+NAMED_FILE = re.compile(r"# ([\w.-]+\.yaml)\b")
+
+ELSEWHERE = "a test of its own runs it: "
+NEEDS = "needs "
+LONG = "takes minutes; the same in little: "
+#: What is not run: of each page how the command, or the block's first line, begins, and why. A test finds stale ones.
+LEFT_OUT: dict[str, dict[str, str]] = {
+    "README.md": {
+        "make demo": ELSEWHERE + "tests/python/test_demo.py",
+        "make test": "it runs this",
+        "build/bin/clearanced": ELSEWHERE + "tests/python/test_docs.py",
+        "import clearance": ELSEWHERE + "tests/python/test_docs.py",
+    },
+    "docs/accuracy.md": {
+        "make ": LONG + "make test has a part of it",
+        "build/bin/clearance-certify": LONG + "tests/exact",
+        "build/bin/clearance-mine": LONG + "tests/exact",
+        "tools/accuracy_table.py": "rewrites the page; its check is tests/python/test_docs.py",
+    },
+    "docs/containers_and_ros.md": {
+        "mkdir -p /run/clearance": NEEDS + "Docker",
+        "docker run": NEEDS + "Docker",
+        "clearance bodies": NEEDS + "Docker",
+        "ln -s $PWD/ros": NEEDS + "ROS 2; tests/python/test_ros.py has the package",
+        "pip install": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
+        "cd ~/ws": NEEDS + "ROS 2",
+        "ros2 launch": NEEDS + "ROS 2",
+    },
+    "docs/cuda.md": {"plan = engine": NEEDS + "a GPU; make gpu-test"},
+    "docs/examples.md": {"python3 client/examples/": LONG + "make test-extras EXTRAS=examples"},
+    "docs/faults.md": {"make ": LONG + "make test has a part of it"},
+    "docs/latency.md": {
+        "clearanced --scene scenes/nineteen/scene.yaml --shm /run": NEEDS + "the right to real-time priorities",
+        "clearance stat --watch": "never ends; tests/server/test_stats.cpp has the counters",
+    },
+    "docs/lcm.md": {
+        "ip ": "changes the machine's network",
+        "sysctl ": "changes the machine's kernel",
+    },
+    "docs/python.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
+    "docs/report.md": {"make ": LONG + "make test has a part of it"},
+    "docs/start.md": {
+        "git clone": "the repository is there",
+        "make build": "it is built",
+        ". .venv/bin/activate": "this Python has the package",
+    },
+    "docs/sweep.md": {
+        "pip install": NEEDS + "a network",
+        "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
+        "ray start": NEEDS + "Ray; make test-extras EXTRAS=ray",
+        "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
+    },
+    "docs/viewer.md": {
+        "pip install": NEEDS + "a network",
+        "clearance view": "never ends; make test-extras EXTRAS=viewer",
+        "clearance record": "never ends; tests/python/test_record.py",
+        "clearance replay": ELSEWHERE + "tests/python/test_record.py",
+    },
+    "docs/wire.md": {"import struct": ELSEWHERE + "tests/python/test_docs.py"},
+}
+#: Pages on which what is indented is formulas or drawings.
+FORMULAS = {"docs/bounds.md", "docs/architecture.md"}
 
 
 class Differs(Exception):
     """A page says otherwise than its snippets do; the text is the difference."""
 
 
+@dataclass(frozen=True)
+class Block:
+    """Code on a page."""
+
+    kind: str  #: the fence's language; "shell": an indented block
+    code: str  #: without fence and indentation
+    line: int  #: where the code begins on the page, from 1
+    end: int  #: the page's line behind the block, from 0
+
+
+def pages() -> "list[Path]":
+    """Every page whose snippets are run."""
+    return [ROOT / "README.md", ROOT / "lcmtypes/README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def blocks(text: str, name: str = "") -> "list[Block]":
+    """All code of a page, in order."""
+    lines, found, i = text.splitlines(), [], 0
+    while i < len(lines):
+        fence = FENCE.match(lines[i])
+        if fence:
+            end = lines.index("```", i + 1)
+            found.append(Block(fence[1], "\n".join(lines[i + 1 : end]) + "\n", i + 2, end + 1))
+            i = end + 1
+        elif lines[i].startswith("    ") and begins_code(lines, i) and name not in FORMULAS:
+            end = i
+            while end < len(lines) and (lines[end].startswith("    ") or not lines[end].strip()):
+                end += 1
+            while not lines[end - 1].strip():
+                end -= 1
+            found.append(Block("shell", textwrap.dedent("\n".join(lines[i:end])) + "\n", i + 1, end))
+            i = end
+        else:
+            i += 1
+    return found
+
+
+def begins_code(lines: "list[str]", i: int) -> bool:
+    """Whether an indented line begins a block: behind an empty line or a heading."""
+    return i == 0 or not lines[i - 1].strip() or lines[i - 1].startswith("#")
+
+
+def left_out(name: str, beginning: str) -> "str | None":
+    """Why a command or block is not run; None: it is."""
+    return next((why for key, why in LEFT_OUT.get(name, {}).items() if beginning.startswith(key)), None)
+
+
 def run_page(text: str, name: str) -> str:
     """The page with what its snippets print. Raises what a snippet raises, with the page's line."""
-    with tempfile.TemporaryDirectory() as folder, daemon_of(text, Path(folder)):
+    lines, out, done = text.splitlines(), [], 0
+    found = blocks(text, name)
+    with Reader() as reader:
         first: list = []
-
-        def written(block):
-            snippet = block[1].replace("/tmp/", f"{folder}/"), f"{name}, snippet", text[: block.start()].count("\n") + 2
-            names: dict = {}
-            for before in first:
-                run(names, *before)
-            first.extend([] if first else [snippet])
-            printed = run(names, *snippet).replace(f"{folder}/", "/tmp/")
-            return f"```python\n{block[1]}```\n" + (f"\n```text\n{printed}```\n" if printed else "")
-
-        return BLOCK.sub(written, text)
-
-
-def run(names: dict, code: str, name: str, line: int) -> str:
-    """What a snippet prints; its line numbers are those of the page."""
-    printed = io.StringIO()
-    before = os.getcwd()
-    os.chdir(ROOT)
-    try:
-        with contextlib.redirect_stdout(printed):
-            exec(compile("\n" * (line - 1) + code, name, "exec"), names)
-    finally:
-        os.chdir(before)
-    return printed.getvalue()
+        for i, block in enumerate(found):
+            if block.end <= done:
+                continue  # what the one before it prints
+            printed = run_block(reader, block, name, first)
+            out += lines[done : block.end]
+            done = block.end
+            behind = found[i + 1] if i + 1 < len(found) else None
+            shown = behind and behind.kind == "text" and behind.line == block.end + 3
+            if (block.kind == "python" and printed is not None) or (block.kind == "shell" and shown):
+                done = behind.end if shown else done
+                out += ["", "```text", *printed.splitlines(), "```"] if printed else []
+    return "".join(f"{line}\n" for line in out + lines[done:])
 
 
-@contextlib.contextmanager
-def daemon_of(text: str, folder: Path):
-    """The daemon that a page starts, until the end; nothing for a page that starts none."""
-    command = COMMAND.search(text)
-    if not command:
-        yield
-        return
-    arguments = command[1].replace("/tmp/", f"{folder}/").replace("build/bin/", f"{BUILD}/bin/").split()
-    read_end, write_end = os.pipe()
-    process = subprocess.Popen([*arguments, "--ready-fd", str(write_end)], cwd=ROOT, pass_fds=[write_end],
-                               stderr=subprocess.PIPE, text=True)
-    os.close(write_end)
-    try:
-        with os.fdopen(read_end) as ready:
-            if not ready.read():
-                raise RuntimeError(f"{command[1]}: ended before it was ready: {process.communicate()[1]}")
-        yield
-    finally:
-        process.terminate()
-        process.communicate()
+def run_block(reader: Reader, block: Block, name: str, first: list) -> "str | None":
+    """What a block prints; None: it is not run."""
+    if block.kind == "shell":
+        return "".join(
+            reader.command(line, f"{name}:{at}") for at, line in lines_of(block) if left_out(name, line) is None
+        )
+    if block.kind == "yaml" and NAMED_FILE.match(block.code):
+        (reader.work / NAMED_FILE.match(block.code)[1]).write_text(reader.stand_in(block.code))
+    if block.kind != "python" or left_out(name, block.code) is not None:
+        return None
+    names: dict = {}
+    for before in first:
+        reader.python(names, before.code, f"{name}, snippet", before.line)
+    first.extend([] if first else [block])
+    return reader.python(names, block.code, f"{name}, snippet", block.line)
 
 
 def check(page: Path) -> None:
     """Raises Differs where the page says otherwise than its snippets do, and what a snippet raises."""
     text = page.read_text()
-    before, after = text.splitlines(keepends=True), run_page(text, page.name).splitlines(keepends=True)
+    before, after = text.splitlines(keepends=True), run_page(text, name_of(page)).splitlines(keepends=True)
     if before != after:
         difference = difflib.unified_diff(before, after, f"{page.name} as it is", "and what its snippets print")
         raise Differs("".join(difference))
 
 
+def name_of(page: Path) -> str:
+    """A page's name in LEFT_OUT: its path from the repository."""
+    page = page.resolve()
+    return page.relative_to(ROOT).as_posix() if ROOT in page.parents else page.name
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("pages", nargs="*", type=Path, default=[ROOT / f"docs/{page}.md" for page in PAGES])
+    parser.add_argument("pages", nargs="*", type=Path, default=pages())
     parser.add_argument("--write", action="store_true", help="write what snippets print into the pages")
     options = parser.parse_args()
     sys.path.insert(0, str(BUILD / "python"))
@@ -103,11 +204,11 @@ def main() -> int:
     for page in options.pages:
         try:
             if options.write:
-                page.write_text(run_page(page.read_text(), page.name))
+                page.write_text(run_page(page.read_text(), name_of(page)))
             else:
                 check(page)
-        except Differs as difference:
-            print(difference, end="")
+        except (Differs, Failed) as difference:
+            print(difference)
             failed += 1
         except Exception:
             traceback.print_exc()

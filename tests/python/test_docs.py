@@ -103,6 +103,37 @@ def test_cpp_example_of_the_readme(daemon, engine, tmp_path):
     assert (done.returncode, done.stdout[:10]) == (1, "no answer:"), done.stdout
 
 
+FRAGMENTS = [("docs/access.md", "client.h"), ("docs/install.md", "eigen.h")]
+
+
+@pytest.mark.parametrize("page, header", FRAGMENTS)
+def test_cpp_fragments_compile(page, header, tmp_path):
+    """Against the headers as they are installed; what a fragment does not include itself is put before it."""
+    if header == "eigen.h" and not Path("/usr/include/eigen3").exists():
+        pytest.skip("no Eigen on this machine")
+    for component in ("client_library", "engine_library"):
+        command = ["cmake", "--install", BUILD, "--component", component, "--prefix", tmp_path]
+        subprocess.run(command, check=True, capture_output=True, timeout=PATIENCE_S)
+    blocks = code_blocks(page, "cpp")
+    assert blocks
+    for code in blocks:
+        lines = code.splitlines()
+        includes = [f"#include <clearance/{header}>", *(line for line in lines if line.startswith("#include"))]
+        body = [line for line in lines if not line.startswith("#include")]
+        (tmp_path / "main.cpp").write_text("\n".join([*includes, "int main() {", *body, "}", ""]))
+        compiler = ["c++", "-std=c++20", "-fsyntax-only", "-Wall", "-Wno-unused-variable", f"-I{tmp_path}/include"]
+        done = subprocess.run(
+            [*compiler, "-isystem", "/usr/include/eigen3", tmp_path / "main.cpp"], capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+
+
+def test_every_cpp_block_is_compiled_or_anothers():
+    pages = {page: code_blocks(page, "cpp") for page in ("README.md", *(ROOT / "docs").glob("*.md"))}
+    ours = {page for page, codes in pages.items() if [c for c in codes if not c.startswith(("// FCL", "// MoveIt"))]}
+    assert ours == {"README.md", *(ROOT / page for page, _ in FRAGMENTS)}
+
+
 def test_the_client_of_the_wire_page(daemon, engine, tmp_path):
     (code,) = code_blocks("docs/wire.md", "python")
     printed = [line.split() for line in run_python(code, daemon("ipc:///tmp/clearance.ipc")).splitlines()]
@@ -154,7 +185,7 @@ def test_tables_are_those_of_the_result_files():
 @pytest.mark.parametrize("front", ["engine", "client"])
 def test_the_example_of_the_python_page(front, start_daemon):
     text = (ROOT / "docs/python.md").read_text()
-    code = textwrap.dedent("\n".join(re.findall(r"^    .*$|^$", text[: text.index("`add_body()`")], re.MULTILINE)))
+    code = re.search(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)[1]
     if front == "client":
         url = start_daemon(ROOT / "scenes/cell/scene.yaml", ["shm"]).urls["shm"]
         code = re.sub(

@@ -1,5 +1,6 @@
 """The man pages that the build makes hold all that the programs say of themselves, and roff takes them as they are."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -38,6 +39,28 @@ def test_roff_warns_of_nothing(tmp_path):
     done = subprocess.run(["groff", "-man", "-Tutf8", "-ww"], input=text, capture_output=True, text=True)
     assert done.returncode == 0 and not done.stderr, done.stderr
     assert "--max-distance" in re.sub(r"\x1b\[[0-9;]*m", "", done.stdout)
+
+
+def completed(*words):
+    """What bash offers for the last of some words."""
+    script = (
+        'source "$1"; shift; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _clearance; printf "%s\\n" "${COMPREPLY[@]}"'
+    )
+    command = ["bash", "-c", script, "bash", str(ROOT / "cli/completion.bash"), *words]
+    path = f"{BUILD}/bin{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PATH": path})
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    return set(done.stdout.split())
+
+
+def test_the_shell_completes_commands_and_options():
+    clearance = str(BUILD / "bin/clearance")
+    assert completed("clearance", "") == set(man_page.commands_of(man_page.help_of(clearance)))
+    assert completed("clearance", "for") == {"forbid"}
+    options = re.findall(r"^ +(?:-\w,)?(--[a-z-]+)", man_page.help_of(clearance, "query"), re.MULTILINE)
+    assert len(options) > 10 and set(options) <= completed("clearance", "query", "--")
+    assert completed("clearance", "query", "--max-d") == {"--max-distance"}
+    assert "--control-user" in completed("clearanced", "--c") and not completed("clearanced", "for")
 
 
 def test_a_line_that_begins_as_a_request_is_text():

@@ -18,9 +18,9 @@ import snippets  # noqa: E402
 
 
 @pytest.mark.filterwarnings("ignore::clearance.HullWarning")
-@pytest.mark.parametrize("page", snippets.PAGES)
-def test_snippets_print_what_the_page_says(page):
-    snippets.check(ROOT / f"docs/{page}.md")
+@pytest.mark.parametrize("page", snippets.pages(), ids=snippets.name_of)
+def test_what_a_page_says_runs_and_prints_what_it_says(page):
+    snippets.check(page)
 
 
 def test_a_page_that_says_otherwise_is_found(tmp_path):
@@ -36,6 +36,24 @@ def test_a_page_that_says_otherwise_is_found(tmp_path):
     assert "```text\n1\n```" in written, "each snippet begins with the first one, run anew"
     page.write_text("```python\nx = 1\n```\n\n```python\nprint(y)\n```\n")
     with pytest.raises(NameError):
+        snippets.check(page)
+
+
+def test_commands_are_run_in_order_and_in_a_folder_of_their_own(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# A page\n    export WHO=you\n    echo $WHO \\\n        too > said\n    cat said\n\n```text\nyou too\n```\n"
+    )
+    snippets.check(page)
+    assert not (ROOT / "said").exists()
+    page.write_text(page.read_text().replace("text\nyou too", "text\nyou"))
+    with pytest.raises(snippets.Differs):
+        snippets.check(page)
+    page.write_text("First\n\n    true\n    ls nowhere   # ends with 2\n")
+    with pytest.raises(snippets.Failed, match=r"page.md:4: ls nowhere.*\nends with 2: .*nowhere"):
+        snippets.check(page)
+    page.write_text("# A page\n    clearanced --scene nowhere.yaml &\n")
+    with pytest.raises(snippets.Failed, match=r"(?s)page.md:2: .*ended before it was ready.*nowhere.yaml"):
         snippets.check(page)
 
 

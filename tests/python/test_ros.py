@@ -100,6 +100,22 @@ def test_joint_states_move_the_robot(bridge, urdf):
     assert bridge.on_joints(Message(header=header(now), name=["wheel"], position=[1.0])) is None
 
 
+def test_joint_states_that_do_not_fit_are_refused(bridge):
+    joints = lambda names, positions: Message(header=header(time.time_ns()), name=names, position=positions)  # noqa: E731
+    bridge.on_joints(joints(["joint1"], [0.4]))
+    with pytest.raises(ValueError, match="joint_states: 2 names come with 1 positions"):
+        bridge.on_joints(joints(["joint1", "joint4"], [0.7]))
+    with pytest.raises(ValueError, match="arm/joint1 is named twice"):
+        bridge.on_joints(joints(["joint1", "joint4", "joint1"], [0.7, 0.1, 0.2]))
+    assert bridge.on_joints(joints(["joint1"], [])) is None, "velocities alone"
+    state = next(state for state in bridge.client.joint_states() if state.name == "arm/joint1")
+    assert state.position == 0.4, "nothing of them was taken"
+    bridge.on_joints(joints(["joint1"], [math.nan]))
+    report = bridge.report(0.1)
+    assert "bad_pose" in {pair.status for pair in report.pairs}, "what is no position is never a distance"
+    assert report.least == -math.inf, "nor is the least distance of the others that of all"
+
+
 def test_transforms_move_bodies(bridge):
     now = time.time_ns()
     assert bridge.on_poses([transform("cup", now, 0.4, 0.3, 0.9), transform("moon", now, 0, 0, 0)]).applied == 1
@@ -204,6 +220,52 @@ def test_what_cannot_be_taken_is_said_and_the_rest_is_taken(bridge):
     assert "good" in {body.name for body in bridge.client.bodies}
     bridge.scene.on_scene(scene([thing("short", primitives=[(primitive(1, 1.0, 1.0, 1.0), pose(5))])]))
     assert "short" not in bridge.scene.left_out
+
+
+def test_a_new_version_that_cannot_be_taken_leaves_the_old_one(bridge):
+    follower = bridge.scene
+    follower.on_scene(scene([thing("crate", primitives=[(primitive(1, 1.0, 1.0, 1.0), pose(3))])]))
+    for bad in (
+        thing("crate", primitives=[(primitive(1, 1.0), pose(3))]),
+        thing("crate", primitives=[(primitive(1, 1.0, 1.0, 1.0), pose(4)), (primitive(2, -1.0, 0.0), pose())]),
+        thing("crate", planes=[Message(coef=[0, 0, 1, 0])]),
+        thing("crate", operation=7, primitives=[(primitive(1, 1.0, 1.0, 1.0), pose(4))]),
+    ):
+        follower.on_scene(scene([bad]))
+        assert list(follower.left_out) == ["crate"]
+        assert bridge.client.body_states()[bridge.client.body_id("crate")].pose.tolist() == at(3)
+    follower.on_scene(scene([thing("crate", primitives=[(primitive(1, 1.0, 1.0, 1.0), pose(4))])]))
+    assert not follower.left_out
+
+
+def test_without_a_name_all_are_meant(bridge):
+    """As in MoveIt: a removal that names no object is of all of them, of what is attached as of what is not."""
+    client, follower = bridge.client, bridge.scene
+    link = next(body.name for body in reversed(client.bodies) if body.name.startswith("arm/") and body.piece_count)
+    balls = [thing(name, primitives=[(primitive(2, 0.05), pose(k))]) for k, name in enumerate("abc", 3)]
+    held = [Message(link_name=link.removeprefix("arm/"), object=ball, touch_links=[]) for ball in balls[:2]]
+    follower.on_scene(scene(balls[2:], attached=held))
+    parent = lambda name: client.body_states()[client.body_id(name)].parent  # noqa: E731
+    assert [parent(name) for name in "abc"] == [client.body_id(link)] * 2 + [None]
+    for where in ("joint1", ""):  # of another link, then of any
+        follower.on_scene(scene(attached=[Message(link_name=where, object=thing("", REMOVE), touch_links=[])]))
+        assert (parent("a") is None) == (not where)
+    assert [parent(name) for name in "abc"] == [None] * 3
+    follower.on_scene(scene([thing("", REMOVE)]))
+    assert not {"a", "b", "c"} & {body.name for body in client.bodies}
+    assert not follower.left_out and "table" in {body.name for body in client.bodies}
+
+
+def test_a_matrix_that_is_not_square_is_left_out(bridge):
+    follower = bridge.scene
+    message = scene(names=["table", "cup"], allowed={("cup", "table")})
+    message.allowed_collision_matrix.entry_values.pop()
+    before = len(bridge.client.pairs)
+    follower.on_scene(message)
+    assert "2 names need 2 rows of 2 values" in follower.left_out["allowed_collision_matrix"]
+    assert len(bridge.client.pairs) == before
+    follower.on_scene(scene(names=["table", "cup"], allowed={("cup", "table")}))
+    assert not follower.left_out and len(bridge.client.pairs) == before - 1
 
 
 def test_the_report_is_the_answer(bridge, ros):
@@ -321,6 +383,8 @@ def test_the_node_publishes_what_the_bridge_reports(ros, bridge, monkeypatch):
     module("moveit_msgs.msg", PlanningScene=Message)
     node = importlib.import_module("clearance_ros.node").ClearanceNode()
     node.calls["joint_states"](Message(header=header(time.time_ns()), name=["joint1"], position=[0.2]))
+    node.calls["joint_states"](Message(header=header(time.time_ns()), name=["joint1"], position=[0.2, 0.3]))
+    assert published.pop("log") == ["joint_states: 1 names come with 2 positions"], "said, and the node goes on"
     node.calls["planning_scene"](scene([thing("plane", planes=[Message(coef=[0, 0, 1, 0])])]))
     node.calls["timer"]()
     report = bridge.report(0.5)

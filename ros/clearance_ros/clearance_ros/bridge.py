@@ -33,7 +33,7 @@ class Report:
     """What is published of one answer."""
 
     pairs: list[Pair]  #: nearer than `within`, or not proved to be farther; the nearest first
-    least: float  #: metres: the certified lower bound of the least distance; NaN: nothing has a pose
+    least: float  #: metres: the certified lower bound of the least distance; -inf: not all have a pose, NaN: none has
     stamp_ns: int  #: of the newest poses that the answer saw
 
 
@@ -52,9 +52,19 @@ class Bridge:
         self.scene = SceneFollower(client, robot)
 
     def on_joints(self, message: Any) -> Optional[clearance.PosesDone]:
-        """sensor_msgs/JointState: sets the joints that the scene has, as one snapshot; None: it names none of them."""
+        """sensor_msgs/JointState: sets the joints that the scene has, as one snapshot; None: it names none of them.
+
+        A message without positions (of velocities alone) says nothing. Raises ValueError where names and positions do
+        not fit.
+        """
+        if not len(message.position):
+            return None
+        if len(message.position) != len(message.name):
+            raise ValueError(f"joint_states: {len(message.name)} names come with {len(message.position)} positions")
         known = self._joints()
         names = [self._prefix + name for name in message.name]
+        if len(set(names)) != len(names):
+            raise ValueError(f"joint_states: {max(names, key=names.count)} is named twice")
         self.unknown |= set(names) - known
         positions = {n: float(q) for n, q in zip(names, message.position) if n in known}
         if not positions:
@@ -101,11 +111,12 @@ class Bridge:
         names = [body.name for body in self.client.bodies]
         rows = zip(r.pairs.tolist(), r.status.tolist(), r.lower.tolist(), r.upper.tolist())
         pairs = [Pair(names[a], names[b], clearance.Status(s).name.lower(), lo, up) for (a, b), s, lo, up in rows]
-        least = self.client.distances(reduce="min", **asked)
+        least = self.client.distances(reduce="min", **asked | {"fields": ("default", "pair", "flags")})
         known = bool(len(least.lower)) and least.status[0] <= clearance.Status.UNCONVERGED
+        whole = known and not least.flags[0] & clearance.Flag.INCOMPLETE
         return Report(
             sorted(pairs, key=lambda pair: (pair.lower, pair.upper)),
-            float(least.lower[0]) if known else math.nan,
+            float(least.lower[0]) if whole else -math.inf if known else math.nan,
             int(r.snapshot_stamp_ns),
         )
 

@@ -41,13 +41,14 @@ class ClearanceNode(Node):
         self._said = {}
 
     def _guarded(self, act):
-        """A daemon that is gone or refuses is said, and tried again with the next message."""
+        """A bad message, and a daemon that is gone or refuses, is said; the next message is tried again."""
 
         def call(*message):
             try:
                 act(*message)
-            except clearance.ClearanceError as error:
-                self._bridge.recover(error)
+            except (clearance.ClearanceError, ValueError) as error:
+                if isinstance(error, clearance.ClearanceError):
+                    self._bridge.recover(error)
                 self.get_logger().warning(str(error), throttle_duration_sec=1.0)
 
         return call

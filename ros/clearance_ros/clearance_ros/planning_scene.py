@@ -10,6 +10,7 @@ from . import clearance
 # Of moveit_msgs/CollisionObject and shape_msgs/SolidPrimitive.
 ADD, REMOVE, APPEND, MOVE = 0, 1, 2, 3
 BOX, SPHERE, CYLINDER, CONE = 1, 2, 3, 4
+MATRIX = "allowed_collision_matrix"  #: its name in `left_out`
 
 
 def pose_of(message: Any) -> list[float]:
@@ -44,10 +45,11 @@ class SceneFollower:
         self._client = client
         self._prefix = f"{robot}/" if robot else ""
         self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # of each object: its bodies, and where within it
+        self._held: dict[str, str] = {}  # the link of each object that is attached to one
         self.left_out: dict[str, str] = {}  #: objects and pairs that could not be taken, and why
 
     def on_scene(self, message: Any) -> None:
-        """Applies a scene or a difference. What it cannot take stands in `left_out`; the rest is taken."""
+        """Applies a scene or a difference; what it cannot take stays as it was, and stands in `left_out`."""
         if not message.is_diff:
             named = {item.id for item in message.world.collision_objects}
             named |= {item.object.id for item in message.robot_state.attached_collision_objects}
@@ -62,6 +64,7 @@ class SceneFollower:
     def forget(self) -> None:
         """The daemon was started anew, and has none of the objects."""
         self._parts.clear()
+        self._held.clear()
 
     def _try(self, name: str, apply: Any, item: Any) -> None:
         try:
@@ -73,17 +76,21 @@ class SceneFollower:
     def _object(self, item: Any, parent: Optional[str] = None) -> None:
         operation = _operation(item)
         if operation == REMOVE:
-            return self._remove(item.id)
+            for name in [item.id] if item.id else list(self._parts):  # without a name: all of them
+                self._remove(name)
+            return
+        if operation not in (ADD, APPEND, MOVE):
+            raise ValueError(f"there is no operation {operation}")
         place = matrix_of(pose_of(item.pose))
         if operation == MOVE:
             return self._move(item, place)
-        if operation == ADD:
-            self._remove(item.id)
         if item.planes:
             raise ValueError("planes are not taken: put a half_space into the daemon's scene")
         shapes = list(_shapes(item))
         if not shapes:
             raise ValueError("it has no shape")
+        if operation == ADD:  # the old one stays until it is known what takes its place
+            self._remove(item.id)
         parts = self._parts.setdefault(item.id, [])
         for shape, within in shapes:
             several = len(shapes) > 1 or operation == APPEND
@@ -103,14 +110,18 @@ class SceneFollower:
         self._client.set_poses({name: place @ within for name, within in parts})
 
     def _remove(self, name: str) -> None:
+        self._held.pop(name, None)
         for body, _ in reversed(self._parts.pop(name, [])):
             self._client.remove_body(body)
 
     def _attached(self, attached: Any) -> None:
         item, link = attached.object, self._prefix + attached.link_name
         if _operation(item) == REMOVE:
-            for body, _ in self._parts.get(item.id, []):
-                self._client.attach(body, None)  # stays where it is, in the world
+            held = [item.id] if item.id else [name for name, at in self._held.items() if link in (at, self._prefix)]
+            for name in held:  # without a name: all that the link holds, or any link
+                for body, _ in self._parts.get(name, []):
+                    self._client.attach(body, None)  # stays where it is, in the world
+                self._held.pop(name, None)
             return
         if _shapes_given(item):
             self._remove(item.id)
@@ -119,9 +130,15 @@ class SceneFollower:
         known = {body.name for body in self._client.bodies}
         for body, _ in self._parts.get(item.id, []):
             self._client.attach(body, link, allow=[name for name in touched if name in known])
+        self._held[item.id] = link
 
     def _allow(self, matrix: Any) -> None:
         """Pairs that may touch; of pairs that may not, those that the scene lets touch stay so: its file says why."""
+        count = len(matrix.entry_names)
+        if len(matrix.entry_values) != count or any(len(entry.enabled) != count for entry in matrix.entry_values):
+            self.left_out[MATRIX] = f"its {count} names need {count} rows of {count} values"
+            return
+        self.left_out.pop(MATRIX, None)
         names = {name: self._of(name) for name in matrix.entry_names}
         for i, (name, entry) in enumerate(zip(matrix.entry_names, matrix.entry_values)):
             for other, allowed in zip(matrix.entry_names[i + 1 :], entry.enabled[i + 1 :]):
