@@ -133,8 +133,8 @@ class Reader:
         os.close(write_end)
         with os.fdopen(read_end) as ready:
             if not ready.read():
-                log = (self.folder / "log").read_text()
-                raise Failed(f"{where}: {line}\nended before it was ready: {log}")
+                said = (self.folder / "log").read_text()
+                raise Failed(f"{where}: {line}\nended before it was ready: {said}")
 
     def _stop(self) -> None:
         if self._daemon:

@@ -125,7 +125,9 @@ def main():
     parser.add_argument("--csv", type=Path, default=ROOT / "docs/results/classes.csv")
     parser.add_argument("--binaries", type=Path, default=BIN, help="where clearanced and clearance are")
     parser.add_argument("--seconds", type=float, default=5, help="of each round")
-    parser.add_argument("--rounds", type=int, default=3, help="of each row; the one counts that the host disturbed least")
+    parser.add_argument(
+        "--rounds", type=int, default=3, help="of each row; the one counts that the host disturbed least"
+    )
     parser.add_argument("--kinds", nargs="*", default=[kind for kind in KINDS if kind != "nothing"], choices=KINDS)
     options = parser.parse_args()
     cpus = Cpus()
