@@ -16,7 +16,7 @@ from typing import Any, Optional, Union
 import numpy as np
 
 from ._arguments import to_cloud, to_floats, to_integer, to_list, to_number
-from ._asked import Asked, key_of
+from ._asked import Asked
 from ._future import Future
 from ._joints import Joints, JointsRef, JointState, JointTable
 from ._motions import MotionQueries
@@ -409,8 +409,7 @@ class Front(MotionQueries, Parser):
             max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
         )  # fmt: skip
         rows = None if positions is None else to_floats(positions, "positions", "(K, J) numbers")
-        key = key_of(self._scene_revision(), configurations, rows, (pairs, bodies, *arguments), more)
-        known = self._asked.find(key)
+        known, key = self._asked.find(self._scene_revision(), configurations, rows, (pairs, bodies, *arguments), more)
         if known is not None:
             query = known.at(configurations, rows)
         else:

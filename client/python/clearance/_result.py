@@ -11,6 +11,9 @@ from ._arguments import did_you_mean
 from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
 
 
+_ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Reduce.ANY))  # (R,) or (K,)
+
+
 class _ColumnAttribute:
     """A column, made into an array when it is first looked at and kept."""
 
@@ -160,7 +163,7 @@ class Result:
 
     def _column(self, name: str) -> np.ndarray:
         column = COLUMNS[name]
-        if not self.fields & (1 << column.bit):
+        if not self._answer.fields >> column.bit & 1:
             if self.fields & Field.COMPACT and name in (COMPACT_DTYPE.names or ()):
                 return self.compact[name]
             have = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
@@ -168,8 +171,10 @@ class Result:
         if self._out is not None and name in self._out:
             array = self._out[name]
             return array[: self._answer.rows] if self._reduce == Reduce.WITHIN else array
-        shape = self._lead + self._row_shape(name)
-        return np.ndarray(shape, column.dtype, self._answer, self._answer.offset(column.bit))
+        answer = self._answer
+        lead = (answer.rows,) if self._reduce in _ROWS_ALONE else self._lead
+        shape = lead if column.shape == () and name != "gradient_joints" else lead + self._row_shape(name)
+        return np.ndarray(shape, column.dtype, answer, answer.offset(column.bit))
 
     def _row_shape(self, name: str) -> tuple[int, ...]:
         return (self._answer.joints,) if name == "gradient_joints" else COLUMNS[name].shape
