@@ -299,6 +299,10 @@ Client::Impl& Client::impl() const {
 Check Client::check(const Query& query) {
   return check_of(distances(as_check(query)));
 }
+std::vector<double> Client::free_scale(const Query& query, std::span<const double> weights) {
+  const Reply reply = distances(as_free_scale(query, weights));
+  return {reply.free_scale().begin(), reply.free_scale().end()};
+}
 Reply Client::distances(const Query& query) {
   return Reply(impl().receive(impl().send_query(FrameType::kQuery, query), FrameType::kReply));
 }

@@ -87,6 +87,7 @@ class CLEARANCE_API Reply {
   std::span<const double> time() const;           ///< of motions: 0 to 1
   std::span<const double> first_contact() const;  ///< (rows * 2,) of motions; kFieldFirstContact
   std::span<const float> bounds() const;          ///< (rows, 2) lower and upper, metres, rounded outward
+  std::span<const double> free_scale() const;     ///< Client::free_scale()
   std::span<const std::uint32_t> steps() const;   ///< of motions: configurations that each asked for
 
   std::uint64_t epoch() const;  ///< of the daemon that answered; 0: it is too old to have one
@@ -225,6 +226,11 @@ class CLEARANCE_API Client {
   Reply distances(const Query& query = {});
   /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free.
   Check check(const Query& query = {});
+  /// How far joints may move from each configuration (of joints, no bodies): the largest s that is proved such that all
+  /// pairs stay beyond the query's margins while no joint moves by more than s times its weight. 0: not even the
+  /// configuration itself is proved free; inf: nothing that moves can come nearer. Joint limits are not looked at.
+  /// \param weights (J,) radians and metres, >= 0. Returns (K,). Throws as distances().
+  std::vector<double> free_scale(const Query& query, std::span<const double> weights);
   /// Sends a query and returns at once.
   Pending submit(const Query& query = {});
 

@@ -27,6 +27,7 @@ std::string options_in_records(const Query& query) {
   const auto add = [&names](const char* name) { names += (names.empty() ? "" : ", ") + std::string(name); };
   if (!query.margins.empty()) add("margins");
   if (!query.pair_margins.empty()) add("pair_margins");
+  if (!query.weights.empty()) add("weights");
   if (!query.joints.empty()) add("joints");
   return names;
 }
@@ -38,6 +39,7 @@ std::vector<std::byte> query_records(const Query& query) {
   };
   add(wire::QueryRecord::kMargins, std::as_bytes(query.margins));
   add(wire::QueryRecord::kPairMargins, std::as_bytes(query.pair_margins));
+  add(wire::QueryRecord::kWeights, std::as_bytes(query.weights));
   return records;
 }
 

@@ -277,26 +277,28 @@ QuerySize Engine::size(const QueryView& query) const {
 
 std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
   const FpEnvironment environment;
-  QueryView q = query;
-  q.reduce = Reduce::kNone;
-  q.margin = 0;
-  q.margins = {};
-  q.pair_margins = {};
-  q.max_steps = 0;
-  q.fields = 0;
-  q.configuration_count = 0;
   const auto snapshot = impl_->poses.snapshot();
-  const Plan plan = make_plan(q, *snapshot->scene, snapshot, impl_->options.max_rows, false);
+  const Plan plan = make_plan(for_pairs(query), *snapshot->scene, snapshot, impl_->options.max_rows, false);
   std::vector<BodyPair> pairs(plan.pairs.size());
   plan.pairs.copy(0, pairs.size(), pairs.data());
   return pairs;
 }
 
 std::vector<double> Engine::free_scale(const QueryView& query, std::span<const double> weights) const {
-  const FpEnvironment environment;
-  impl_->check_process();
-  const auto snapshot = impl_->poses.snapshot();
-  return clearance::free_scale(impl_->context(*snapshot), snapshot, query, weights, impl_->options.max_rows);
+  QueryView asked = query;
+  asked.reduce = Reduce::kAny;
+  asked.format = Format::kFull;
+  asked.fields = kFieldFreeScale;
+  asked.weights = weights;
+  PreparedQuery prepared = prepare(asked);
+  std::vector<double> scales(prepared.size().rows);
+  ReplyView reply;
+  reply.rows = scales.size();
+  reply.free_scale = scales.data();
+  Job job = start(std::move(prepared), reply);
+  while (!job.advance()) {
+  }
+  return scales;
 }
 
 PreparedQuery Engine::begin_preparing(const QueryView& query) const {
@@ -366,7 +368,11 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   if (has_device && (!router || router->to_device(kind, pairs))) {
     state = cuda::make_device_job(context, plan, reply);
   }
-  if (!state) state = (motions ? make_motion_job : make_cpu_job)(context, std::move(plan), reply);
+  if (!state) {
+    const bool scales = plan.query.fields & kFieldFreeScale;
+    const auto make = motions ? make_motion_job : scales ? make_free_scale_job : make_cpu_job;
+    state = make(context, std::move(plan), reply);
+  }
   if (router)
     state->when_done = [router, kind, pairs](const ReplyInfo& info, std::chrono::nanoseconds took) {
       router->learn(kind, pairs, info.backend == "cuda", took);

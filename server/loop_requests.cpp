@@ -76,7 +76,8 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
     case FrameType::kDescribe:
       is_empty();
       if (few) return reply(FrameType::kScene, scene_payload(*engine_));
-      return reply_elsewhere(header, 0, FrameType::kScene, [e = engine_](auto) { return scene_payload(*e); }, sink);
+      return reply_elsewhere(
+          header, 0, FrameType::kScene, [e = engine_](auto) { return scene_payload(*e); }, sink);
     case FrameType::kQuery:
       return start_query(header, payload, sink);
     case FrameType::kPairs:
@@ -84,7 +85,8 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
     case FrameType::kGetJoints:
       is_empty();
       if (engine_->scene().joints().size() <= kFewBodies) return reply(FrameType::kJoints, joints_payload(*engine_));
-      return reply_elsewhere(header, 0, FrameType::kJoints, [e = engine_](auto) { return joints_payload(*e); }, sink);
+      return reply_elsewhere(
+          header, 0, FrameType::kJoints, [e = engine_](auto) { return joints_payload(*e); }, sink);
     case FrameType::kSetPoints:
       return set_points_elsewhere(header, own_copy(payload), payload.size(), sink);
     case FrameType::kSetPoses:
@@ -166,7 +168,9 @@ bool Loop::is_small(const Extent& extent) const {
 void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
                        std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
   const Extent extent = engine_->extent(view_of(parts, header.scene_revision));
-  const bool is_here = is_small(extent) && !poses_away_.contains(sink->client());
+  // What each pair leaves to the joints is looked at beforehand, beside the loop.
+  const bool is_here =
+      is_small(extent) && !poses_away_.contains(sink->client()) && !(parts.options.fields & kFieldFreeScale);
   // Of those elsewhere no two are due at once: one ends, then the next.
   auto query = new_query(header, *sink, class_for(*sink, parts.options), received,
                          due(is_here ? received : Clock::now(), extent.pairs));

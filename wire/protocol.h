@@ -104,6 +104,7 @@ enum class QueryRecord : std::uint16_t {
   kPairMargins = 7,  ///< float64 each, metres: (P,)
   kJoints = 8,       ///< uint32 each: (J,) ids of joints
   kPositions = 9,    ///< float64 each: (K, J) radians and metres, K the configuration_count; not in kPairs
+  kWeights = 11,     ///< float64 each: (J,) radians and metres, of the column free_scale
 };
 /// Records of a kAttach.
 enum class AttachTag : std::uint16_t {

@@ -63,6 +63,9 @@ bool take_array(const RecordView& record, QueryParts& parts) {
     case QueryRecord::kPositions:
       parts.positions = read_array<double>(record, "positions");
       return true;
+    case QueryRecord::kWeights:
+      parts.weights = read_array<double>(record, "weights");
+      return true;
   }
   return false;
 }

@@ -155,6 +155,7 @@ struct QueryParts {
   Records<double> pair_margins;                 ///< one of each pair; not looked at
   Records<std::uint32_t> joints;                ///< (J,)
   Records<double> positions;                    ///< (K, J); empty in kPairs
+  Records<double> weights;                      ///< of the joints; not looked at
 };
 
 /// Bytes of a query's payload. Throws WireError (kTooLarge) if a frame cannot be so large.
@@ -304,7 +305,7 @@ template <class Options>
 std::vector<std::byte> option_records(const Options& options) {
   std::vector<std::byte> records;
   for_each_query_option([&](const QueryOption& option, auto member) {
-    if constexpr (!requires(QueryHeader& header) { member(header); })
+    if constexpr (!requires(QueryHeader & header) { member(header); })
       if (const auto& value = member(options); value != member(kDefaultOptions)) {
         const auto sent = static_cast<OptionOnWire<std::remove_cvref_t<decltype(value)>>>(value);
         append_record(records, option.tag, kRecordRequired, std::as_bytes(std::span(&sent, 1)));

@@ -222,16 +222,6 @@ class PyEngine {
     return use().certificate(view, numbers);
   }
 
-  nb::object free_scale(const Query& query, const PositionRow& weights) const {
-    auto* scales = new std::vector<double>();
-    nb::capsule owner(scales, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-    {
-      nb::gil_scoped_release release;
-      *scales = use().free_scale(view_of(query), {weights.data(), weights.shape(0)});
-    }
-    return nb::cast(nb::ndarray<nb::numpy, double>(scales->data(), {scales->size()}, owner));
-  }
-
   nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
                       std::int64_t sequence) const {
     if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
@@ -391,7 +381,6 @@ NB_MODULE(_engine, m) {
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("plan_on_device", &PyEngine::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("rows").none())
-      .def("free_scale", &PyEngine::free_scale, nb::arg("query"), nb::arg("weights"))
       .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("set_points", &PyEngine::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),

@@ -25,6 +25,7 @@ struct Plan {
   std::vector<std::uint32_t> joints;  ///< (J,)
   std::span<const double> positions;  ///< (K, J); as `configurations`
   std::vector<double> kept_positions;
+  std::vector<double> weights;       ///< of the joints, for kFieldFreeScale
   std::vector<LinkMotion> motions;   ///< of each robot that some of the joints move
   std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first
   std::shared_ptr<const PoseSnapshot> snapshot;

@@ -102,7 +102,8 @@ class MemoryTransport final : public Transport {
       if (size > kLargePayload) {
         const auto own = std::make_shared<std::vector<std::byte>>(std::move(frame));
         const OwnPayload payload{{own, own->data() + sizeof header}, size};
-        inbox.on_large_frame(header, size, [payload] { return payload; }, std::make_unique<Sink>(*this, *client));
+        inbox.on_large_frame(
+            header, size, [payload] { return payload; }, std::make_unique<Sink>(*this, *client));
         continue;
       }
       const AlignedBytes copy = aligned_bytes(size + 1);
@@ -152,7 +153,7 @@ struct TestQuery {
   std::vector<std::uint32_t> bodies;
   std::vector<Pose7> configurations;
   std::vector<std::uint32_t> joints;
-  std::vector<double> positions;
+  std::vector<double> positions, weights;
   std::vector<std::byte> records;
   std::uint64_t scene_revision = 0;
 
@@ -171,6 +172,9 @@ struct TestQuery {
         wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
     std::vector<std::byte> all_records = records;
     wire::insert_joint_records(all_records, joints, is_query ? positions : std::vector<double>());
+    if (!weights.empty())
+      wire::insert_record(all_records, static_cast<std::uint16_t>(wire::QueryRecord::kWeights), wire::kRecordRequired,
+                          std::as_bytes(std::span(weights)));
     std::vector<std::byte> bytes(sizeof(wire::FrameHeader) + payload + all_records.size());
     const auto frame_header =
         wire::with_records(wire::make_header(type, request_id, payload, scene_revision), all_records.size());

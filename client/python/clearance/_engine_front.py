@@ -11,13 +11,12 @@ import numpy as np
 
 import clearance._engine as _engine
 
-from ._arguments import to_bool, to_count, to_floats, to_integer, to_list, to_word
+from ._arguments import to_bool, to_count, to_integer, to_list, to_word
 from ._certificate import Certificate
 from ._device_plan import DevicePlan
 from ._errors import TimeoutError
-from ._front import DEFAULTS, BodyRef, BodyState, Front, Margin, Pairs, PosesDone
+from ._front import DEFAULTS, BodyRef, BodyState, Front, Pairs, PosesDone
 from ._future import EngineFuture, Worker
-from ._joints import JointsRef
 from ._names import NameTable
 from ._query import POINTS_BY_DEFAULT, Query
 from ._scene import Scene, name_table
@@ -94,35 +93,6 @@ class Engine(Front):
     def body_states(self) -> list[BodyState]:
         """Where each body is now, by id."""
         return [_state(*row) for row in self._engine.body_states()]
-
-    def free_scale(
-        self,
-        positions: Any,
-        joints: JointsRef,
-        weights: Any = None,
-        margin: Margin = 0.0,
-        pairs: Pairs = None,
-        **more: Any,
-    ) -> np.ndarray:
-        """How far joints may move: a region of joint space around each configuration that is proved to be free.
-
-        positions: (K, J) radians and metres of the joints, as in distances().
-        weights: (J,) >= 0, radians and metres, of how far each joint may go; None: 1 each.
-        margin: as in check(). `more`: rel_tol, max_pose_age_ns, ...
-
-        Returns (K,) float64, rounded down: the largest s that is proved such that all pairs stay beyond their margins
-        while no joint moves by more than s times its weight. 0: not even the configuration itself is proved free; inf:
-        nothing that moves can come nearer. Joint limits are not looked at. Raises as distances() does, and QueryError
-        for robots that stand on links that these joints move.
-        """
-        asked = {"pairs": pairs, "joints": joints, "positions": positions, "reduce": "any", "fields": "lower"}
-        query = self._parse(**{**DEFAULTS, **asked, "margin": margin, **more})
-        if query.joints is None:
-            raise ValueError("joints: expected some, that move")
-        each = np.ones(len(query.joints)) if weights is None else to_floats(weights, "weights")
-        if each.ndim != 1:
-            raise ValueError(f"weights: expected one number for each joint, got shape {each.shape}")
-        return self._engine.free_scale(query.raw, each)
 
     def plan_on_device(
         self,

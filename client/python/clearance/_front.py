@@ -375,7 +375,8 @@ class Front(MotionQueries, Parser):
         reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body), "min" (per configuration) or
             "any" (per configuration: BEYOND where every pair is proved farther than its margin, else one that is not).
             For "any" `margin` says how far: metres, or (P,) metres for each pair, or {("arm", "*"): 0.02, ...}, where
-            later entries win and pairs that no entry names have 0. It takes no max_distance.
+            later entries win and pairs that no entry names have 0. It takes no max_distance. With its column
+            "free_scale" `weights` (J,) says how far each joint goes at a scale of 1, as free_scale() asks it.
         fields: names of the columns that come back; "points" is both points, "default" is distance, lower, upper and
             status, "bounds" lower and upper in float32, rounded outward. None: "default", with points and normal
             too if there are at most 100,000 rows.
@@ -443,6 +444,34 @@ class Front(MotionQueries, Parser):
         more = {"fields": _CHECKED, "timeout_s": timeout_s, **more}
         asked = {"joints": joints, "positions": positions, "margin": margin}
         return Check(self.distances(pairs, configurations, bodies, reduce="any", **asked, **more))
+
+    def free_scale(
+        self,
+        positions: Any,
+        joints: JointsRef,
+        weights: Any = None,
+        margin: Margin = 0.0,
+        pairs: Pairs = None,
+        **more: Any,
+    ) -> np.ndarray:
+        """How far joints may move: a region of joint space around each configuration that is proved to be free.
+
+        positions: (K, J) radians and metres of the joints, as in distances().
+        weights: (J,) >= 0, radians and metres, of how far each joint may go; None: 1 each.
+        margin: as in check(). `more`: timeout_s, rel_tol, max_pose_age_ns, ...
+
+        Returns (K,) float64, rounded down: the largest s that is proved such that all pairs stay beyond their margins
+        while no joint moves by more than s times its weight. 0: not even the configuration itself is proved free; inf:
+        nothing that moves can come nearer. Joint limits are not looked at. Raises as distances() does, and QueryError
+        for robots that stand on links that these joints move.
+        """
+        if joints is None:
+            raise ValueError("joints: expected some, that move")
+        table = self._joint_table
+        rows, ids = table.rows(positions, joints)
+        each = np.ones(len(ids)) if weights is None else to_floats(weights, "weights")
+        asked = {"pairs": pairs, "joints": joints, "positions": rows, "margin": margin, "weights": each, **more}
+        return self.distances(reduce="any", fields="free_scale", **asked).free_scale
 
     def prepare(self, **arguments: Any) -> Prepared:
         """Parses a query once, for a control loop that asks it again and again.

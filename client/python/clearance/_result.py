@@ -76,6 +76,7 @@ class Result:
         "(..., 2) float64, 0 to 1: until when a motion is proved beyond its margins, and when within; inf: never"
     )  # type: ignore[assignment]
     steps: np.ndarray = _ColumnAttribute("uint32: configurations that a motion asked for")  # type: ignore[assignment]
+    free_scale: np.ndarray = _ColumnAttribute("float64: how far joints may move, in their weights; see free_scale()")  # type: ignore[assignment]
     bounds: np.ndarray = _ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
     compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
 

@@ -61,6 +61,7 @@ class QueryRecord(enum.IntEnum):
     PAIR_MARGINS = 7  #: float64 each: (P,) metres
     JOINTS = 8  #: uint32 each: (J,) ids
     POSITIONS = 9  #: float64 each: (K, J)
+    WEIGHTS = 11  #: float64 each: (J,)
 
 
 class ErrorCode(enum.IntEnum):

@@ -59,6 +59,7 @@ class Query:
         self.joints, self.positions = joints, positions
         self.margins: Optional[np.ndarray] = None
         self.pair_margins: Optional[np.ndarray] = None
+        self.weights: Optional[np.ndarray] = None
         self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
 
     def at(self, configurations: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Query:
@@ -72,6 +73,9 @@ class Query:
 
     def set_pair_margins(self, each: np.ndarray) -> None:
         self.pair_margins = each
+
+    def set_weights(self, each: np.ndarray) -> None:
+        self.weights = each
 
 
 class Client:
