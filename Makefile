@@ -66,8 +66,11 @@ bench-classes: build  ## what a client of the class control waits beside the wor
 bench-view: build  ## what a control loop waits while a viewer looks at its daemon; rewrites docs/results/view.csv
 	@$(PYTHON_VENV) bench/latency/bench_view.py
 
-bench-robots: build  ## MotionBenchMaker's problems: is a state valid, how near is it to contact, beside Pinocchio and Coal, which it installs; rewrites docs/results/robots.csv
+bench-robots: build  ## MotionBenchMaker's problems: is a state valid, how near is it to contact, beside Pinocchio and Coal, which it installs; RRT-Connect end to end; rewrites docs/results/robots.csv and rrt.csv, the tables and the picture of docs/robots.md
 	@$(PYTHON_VENV) bench/robots/bench_robots.py --csv docs/results/robots.csv
+	@$(PYTHON_VENV) bench/robots/bench_rrt.py --csv docs/results/rrt.csv
+	@$(PYTHON_VENV) tools/readme_tables.py
+	@$(PYTHON_VENV) bench/robots/draw.py
 
 bench-motions: build  ## edges of the same problems, proved free all along, beside sampling them; free bodies beside FCL; rewrites docs/results/motions.csv and free_bodies.csv
 	@$(PYTHON_VENV) bench/robots/bench_motions.py --csv docs/results/motions.csv

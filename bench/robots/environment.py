@@ -1,6 +1,9 @@
 """The Python environment that these benchmarks run in, with Pinocchio, Coal, OMPL, FCL and what reads the problems."""
 
+import csv
+import datetime
 import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -23,3 +26,20 @@ def in_own_environment():
     python = venv / "bin/python"
     if Path(sys.prefix).resolve() != venv.resolve():
         os.execv(python, [str(python), *sys.argv])
+
+
+def write_rows(path, rows, remark):
+    """A CSV file whose first line says what was measured, when, and how busy the machine was."""
+    load = os.getloadavg()[0]
+    with open(path, "w", newline="") as f:
+        f.write(f"# {remark}; {_processor()}, {datetime.date.today()}, one thread, load {load:.0f}\n")
+        writer = csv.DictWriter(f, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _processor():
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            return f"{line.split(':', 1)[1].strip()} x{os.cpu_count()}"
+    return platform.machine()
