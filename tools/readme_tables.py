@@ -210,7 +210,7 @@ COAL = "Coal"  # in tables of robots: the faster of its ways
 
 
 def by_robot(ways):
-    """Robots' states beside Coal, for docs/robots.md: microseconds a state of the ways {(question, contender): header}."""
+    """Microseconds a state beside Coal, for docs/robots.md, of the ways {(question, contender): header}."""
     remark, rows = read("robots")
     found = {}
     for row in rows:
@@ -274,7 +274,8 @@ def rrt():
     return f"{markdown(header, [line(row) for row in rows], words=2)}\n\nFrom `docs/results/rrt.csv` ({remark})."
 
 
-TABLES = {"robots": robots, "robots_one_a_call": robots_one_a_call, "rrt": rrt, "accuracy": accuracy, "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
+TABLES = {"robots": robots, "robots_one_a_call": robots_one_a_call, "rrt": rrt, "accuracy": accuracy,
+          "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
           "gpu_all": gpu_all, "gpu_plans": gpu_plans}
 
 

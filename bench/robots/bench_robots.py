@@ -193,7 +193,8 @@ def main():
         for row in more:
             print("  ".join(f"{value:>12}" for value in row.values()), flush=True)
     if options.csv:
-        write_rows(options.csv, rows, f"problems 1 to {options.problems} of each family, {options.states} random states of each")
+        asked = f"problems 1 to {options.problems} of each family, {options.states} random states of each"
+        write_rows(options.csv, rows, asked)
     return 1 if unproved else 0
 
 

@@ -255,7 +255,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--robots", nargs="+", default=["panda", "ur5"])
     parser.add_argument("--problems", type=int, default=20, help="of each robot, of its families by turns")
-    parser.add_argument("--resolution", type=float, default=1 / 32, help="radians and metres between samples of an edge")
+    parser.add_argument("--resolution", type=float, default=1 / 32, help="radians, metres between samples of an edge")
     parser.add_argument("--states", type=int, default=200000, help="samples after which a problem counts as unsolved")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
@@ -271,7 +271,8 @@ def main():
     for row in rows:
         print("  ".join(f"{value:>12}" for value in row.values()), flush=True)
     if options.csv:
-        write_rows(options.csv, rows, f"up to {options.problems} problems of each robot, a sample every {options.resolution:g} rad")
+        asked = f"up to {options.problems} problems of each robot, a sample every {options.resolution:g} rad"
+        write_rows(options.csv, rows, asked)
     return 0
 
 
