@@ -2,7 +2,8 @@
 
 Starts clearanced on a scene, moves its joints and bodies from separate processes, asks for every body's nearest
 neighbour through shared memory (Python), ZeroMQ (C++) and LCM (Python) at one pose revision, compares the answers bit
-for bit, measures latency, proves of an edge that sampling calls free that it is not, and draws a picture. Ends by itself and leaves nothing behind.
+for bit, measures latency, proves of an edge that sampling calls free that it is not, and draws a picture. Ends by itself
+and leaves nothing behind.
 """
 import argparse
 import csv
@@ -319,7 +320,7 @@ def print_latency(stage, urls, seconds):
 
 
 def print_edge():
-    """An edge that samples call free, with what proves that it is not, checked by a program that uses nothing of ours."""
+    """An edge that samples call free, and the proof that it is not, checked by a program that uses nothing of ours."""
     edge = Edge()
     sampled, proved = edge.sampled(), edge.proved()
     if not sampled.free or not all(good for good, _ in check_certificate.verdicts(proved.witness.document)):

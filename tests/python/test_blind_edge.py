@@ -1,5 +1,5 @@
-"""An edge that sampling calls free, and contact between two of its samples: both before exact arithmetic, with poses from
-kinematics of its own."""
+"""An edge that sampling calls free, and contact between two of its samples: both before exact arithmetic, with poses
+from kinematics of its own."""
 
 import sys
 
@@ -46,7 +46,8 @@ def probe_pose(tools, edge, time):
     _, arm = tools
     links = arm.link_poses(np.degrees(edge.at([time])[0, :6]))
     t, q = links["flange"][:3], links["flange"][3:]
-    return np.array([*(t + arm.rotated(q, (0, 0.078 + 0.18, 0))), *arm.product(q, np.array([0.5**0.5, 0.5**0.5, 0, 0]))])
+    half = 0.5**0.5
+    return np.array([*(t + arm.rotated(q, (0, 0.078 + 0.18, 0))), *arm.product(q, np.array([half, half, 0, 0]))])
 
 
 def test_samples_call_it_free(edge, tools):
