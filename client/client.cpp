@@ -72,20 +72,25 @@ struct Client::Impl {
     return header.request_id;
   }
 
-  std::uint64_t send_query(FrameType type, const Query& query) {
+  /// \param rows of kCertify; none: all
+  std::uint64_t send_query(FrameType type, const Query& query,
+                           std::optional<std::span<const std::uint64_t>> rows = {}) {
     wire::QueryHeader q;
     try {
       q = header_of(query);
     } catch (const wire::WireError& error) {
       throw RequestError(static_cast<std::uint16_t>(error.code), error.what());
     }
-    const bool is_query = type == FrameType::kQuery;
+    const bool is_query = type == FrameType::kQuery, has_configurations = type != FrameType::kPairs;
     const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;  // before the room: it may ask, too
     const std::uint64_t payload_bytes =
-        wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
+        wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
     // Without records a query is of version 1, which every daemon answers.
     std::vector<std::byte> records = query_records(query);
-    wire::insert_joint_records(records, query.joints, is_query ? query.positions : std::span<const double>());
+    wire::insert_joint_records(records, query.joints, has_configurations ? query.positions : std::span<const double>());
+    if (rows)
+      wire::insert_record(records, static_cast<std::uint16_t>(wire::QueryRecord::kRows), wire::kRecordRequired,
+                          std::as_bytes(*rows));
     const bool has_options = !records.empty();
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
@@ -440,6 +445,12 @@ std::vector<IdPair> Client::pairs(const Query& query) {
   std::vector<IdPair> pairs(table.pairs.size());
   if (!pairs.empty()) std::memcpy(pairs.data(), table.pairs.data(), table.pairs.size_bytes());
   return pairs;
+}
+
+std::string Client::certificate(const Query& query, std::optional<std::span<const std::uint64_t>> rows) {
+  const auto frame = impl().receive(impl().send_query(FrameType::kCertify, query, rows), FrameType::kCertificate);
+  const std::span<const std::byte> text = impl().body_of(*frame);
+  return {reinterpret_cast<const char*>(text.data()), text.size()};
 }
 
 std::vector<BodyStateInfo> Client::body_states() {

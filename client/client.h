@@ -279,6 +279,10 @@ class CLEARANCE_API Client {
   std::uint32_t body(std::string_view name);           ///< id; throws std::invalid_argument naming near misses
   std::uint32_t group(std::string_view name);          ///< selector; "*": every body
   std::vector<IdPair> pairs(const Query& query = {});  ///< the pairs a query answers, in order
+  /// Has rows of a query (k P + p for pair p in configuration k; of reduce none) answered anew, each with what proves
+  /// its bounds: a document (JSON) that tools/check_certificate.py checks (docs/certificates.md). Throws RequestError,
+  /// also for a document of more than 64 MiB. \param rows none: all
+  std::string certificate(const Query& query = {}, std::optional<std::span<const std::uint64_t>> rows = {});
   std::vector<BodyStateInfo> body_states();
   std::vector<std::pair<std::string, std::uint64_t>> stats();
   Duration ping(std::span<const std::byte> payload = {});  ///< a bare echo through the daemon

@@ -382,12 +382,21 @@ std::unique_ptr<DevicePlan> Engine::plan_on_device(const QueryView& query) const
                                 make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, false));
 }
 
-std::string Engine::certificate(const QueryView& query, std::span<const std::uint64_t> rows) const {
+CertificateRun Engine::begin_certificate(const QueryView& query, CertificateRows rows) const {
   const FpEnvironment environment;
   impl_->check_process();
   const auto snapshot = impl_->poses.snapshot();
-  Plan plan = make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, true);
-  return to_json(certify_rows(impl_->context(*snapshot), std::move(plan), rows), impl_->scene);
+  return {impl_->context(*snapshot), snapshot, query, std::move(rows), impl_->options.max_rows};
+}
+
+std::string Engine::certificate(const QueryView& query, std::optional<std::span<const std::uint64_t>> rows) const {
+  CertificateRows asked;
+  if (rows) asked.numbers.emplace(rows->begin(), rows->end());
+  CertificateRun run = begin_certificate(query, std::move(asked));
+  while (!run.advance()) {
+  }
+  const std::vector<std::byte> text = run.take();
+  return {reinterpret_cast<const char*>(text.data()), text.size()};
 }
 
 const std::uint64_t Engine::kMostWarmBytes = WarmStore::kMostSimplices * sizeof(WarmSimplex);

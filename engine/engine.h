@@ -19,7 +19,9 @@
 
 namespace clearance {
 
-class DevicePlan;  // engine/device/device_plan.h
+class CertificateRun;    // engine/query/certificate.h
+struct CertificateRows;  // likewise
+class DevicePlan;        // engine/device/device_plan.h
 
 /// Thread-safe: poses may be set while jobs run; each job sees one snapshot.
 class Engine {
@@ -146,7 +148,10 @@ class Engine {
   /// the CPU answers them, and returns with each what proves its bounds: a document (JSON) that
   /// tools/check_certificate.py checks by itself (docs/certificates.md). Takes ten times as long as the
   /// rows do. Throws QueryError, also for a row that the answer has not.
-  std::string certificate(const QueryView& query, std::span<const std::uint64_t> rows) const;
+  /// \param rows none: all
+  std::string certificate(const QueryView& query, std::optional<std::span<const std::uint64_t>> rows = {}) const;
+  /// The same in slices. What `query` points to must outlive it, as must the engine.
+  CertificateRun begin_certificate(const QueryView& query, CertificateRows rows) const;
 
   /// What a query asks for at most (SceneBulk::of()).
   Extent extent(const QueryView& query) const;

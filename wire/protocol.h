@@ -54,6 +54,7 @@ enum class FrameType : std::uint16_t {
   kSetJoints = 13,   ///< payload PosesHeader, JointRecord each; answered by kPosesDone
   kGetJoints = 14,   ///< no payload; answered by kJoints
   kSetPoints = 15,   ///< payload PointsHeader, float32 x, y, z each; answered by kPosesDone
+  kCertify = 17,     ///< payload as kQuery's, perhaps with the record kRows; answered by kCertificate
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,
@@ -64,6 +65,7 @@ enum class FrameType : std::uint16_t {
   kStats = 0x88,
   kSceneChanged = 0x89,  ///< payload SceneChange
   kJoints = 0x8A,        ///< payload JointsHeader, JointStateRecord each, GroupRecord each, uint32 members
+  kCertificate = 0x8C,   ///< payload: the document (JSON, UTF-8), docs/certificates.md
   kError = 0xFF,
 };
 
@@ -104,6 +106,7 @@ enum class QueryRecord : std::uint16_t {
   kPairMargins = 7,  ///< float64 each, metres: (P,)
   kJoints = 8,       ///< uint32 each: (J,) ids of joints
   kPositions = 9,    ///< float64 each: (K, J) radians and metres, K the configuration_count; not in kPairs
+  kRows = 16,        ///< uint64 each: numbers of rows, k P + p; only in kCertify; none: all
 };
 /// Records of a kAttach.
 enum class AttachTag : std::uint16_t {

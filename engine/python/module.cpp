@@ -7,7 +7,6 @@
 
 #include <atomic>
 #include <chrono>
-#include <numeric>
 #include <utility>
 
 #include "client/python/bindings/columns.h"
@@ -213,13 +212,10 @@ class PyEngine {
 
   /// \param rows null: all
   std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
-    std::vector<std::uint64_t> numbers;
     nb::gil_scoped_release release;
     const QueryView view = view_of(query);
-    if (rows) return use().certificate(view, {rows->data(), rows->shape(0)});
-    numbers.resize(use().size(view).rows);
-    std::iota(numbers.begin(), numbers.end(), std::uint64_t{0});
-    return use().certificate(view, numbers);
+    if (rows) return use().certificate(view, std::span(rows->data(), rows->shape(0)));
+    return use().certificate(view);
   }
 
   nb::object free_scale(const Query& query, const PositionRow& weights) const {

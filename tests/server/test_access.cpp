@@ -68,6 +68,7 @@ std::vector<Request> requests() {
           {FrameType::kDescribe, kMayQuery, simple_frame(FrameType::kDescribe, 1)},
           {FrameType::kQuery, kMayQuery, small_query().frame(1)},
           {FrameType::kPairs, kMayQuery, small_query().frame(1, FrameType::kPairs)},
+          {FrameType::kCertify, kMayQuery, small_query().frame(1, FrameType::kCertify)},
           {FrameType::kSetPoses, kMayPose, with(FrameType::kSetPoses, poses)},
           {FrameType::kAttach, kMayPose, with(FrameType::kAttach, attach)},
           {FrameType::kGetStates, kMayQuery, simple_frame(FrameType::kGetStates, 1)},

@@ -62,6 +62,7 @@ class Epochs : public LoopTest {
         {"stats", simple_frame(FrameType::kGetStats, 1)},
         {"query", small_query().frame(1)},
         {"pairs", small_query().frame(1, FrameType::kPairs)},
+        {"certify", small_query().frame(1, FrameType::kCertify)},
         {"poses", poses_frame(0.7)},
         {"attach", frame_of(FrameType::kAttach, attach)},
         {"an error", frame_of(FrameType::kRemoveBody, remove)},

@@ -27,6 +27,8 @@ using Clock = std::chrono::steady_clock;
 /// How often a waiting call looks whether Ctrl-C was pressed and lets other threads use the connection.
 constexpr std::chrono::milliseconds kSlice{10};
 
+using RowNumbers = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
 static_assert(sizeof(IdPair) == 8 && sizeof(Pose7) == 56);
 
 clearance::Query query_of(const Query& q) {
@@ -252,6 +254,13 @@ class PyClient {
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
 
+  /// \param rows null: all
+  std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
+    std::optional<std::span<const std::uint64_t>> numbers;
+    if (rows) numbers.emplace(rows->data(), rows->shape(0));
+    return use().with([&](Client& client) { return client.certificate(query_of(query), numbers); });
+  }
+
   nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
                       std::int64_t sequence) const {
     if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
@@ -426,6 +435,7 @@ NB_MODULE(_client, m) {
       .def("submit", &PyClient::submit, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"))
       .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"), nb::arg("timeout_s"))
       .def("pairs", &PyClient::pairs, nb::arg("query"))
+      .def("certificate", &PyClient::certificate, nb::arg("query"), nb::arg("rows").none())
       .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("set_points", &PyClient::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),

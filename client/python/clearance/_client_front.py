@@ -272,6 +272,10 @@ class Client(Front):
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
         return self._guarded(self._use().pairs, raw)
 
+    def _certify(self, query: Query, rows: Optional[np.ndarray]) -> str:
+        self._names  # so that the scene's revision goes with the query
+        return self._guarded(self._use().certificate, query.raw, rows)
+
     def _default_fields(self, query: Query, configurations: int) -> int:
         names = self._names
         if query.reduce == Reduce.MIN:

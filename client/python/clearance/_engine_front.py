@@ -12,7 +12,6 @@ import numpy as np
 import clearance._engine as _engine
 
 from ._arguments import to_bool, to_count, to_floats, to_integer, to_list, to_word
-from ._certificate import Certificate
 from ._device_plan import DevicePlan
 from ._errors import TimeoutError
 from ._front import DEFAULTS, BodyRef, BodyState, Front, Margin, Pairs, PosesDone
@@ -160,22 +159,6 @@ class Engine(Front):
         """Counters that the engine keeps about itself."""
         return dict(self._engine.stats())
 
-    def certificate(self, rows: Optional[Sequence[int]] = None, **arguments: Any) -> Certificate:
-        """Answers rows of a query anew, on the newest poses, and gives with each what proves its bounds.
-
-        rows: numbers of rows, k * P + p for pair p in configuration k; None: all.
-        arguments: those of distances(), by name, but for reduce, which must be "none". The bounds are those that
-            distances() answers to the same poses with warm=False, bit for bit, unless their slack grows with age.
-
-        Takes ten times as long as the rows do. The reduction of a configuration is proved by the rows of
-        its pairs. Raises as distances(), and QueryError for a row that the answer has not.
-        """
-        query = self._parse_named(arguments)
-        if rows is None:
-            return Certificate(self._engine.certificate(query.raw, None))
-        numbers = [to_count(row, f"rows[{i}]") for i, row in enumerate(to_list(rows, "rows", "row numbers"))]
-        return Certificate(self._engine.certificate(query.raw, np.array(numbers, dtype=np.uint64)))
-
     # ---- what Front asks for --------------------------------------------------------------------------------------
 
     def _load_names(self) -> NameTable:
@@ -189,6 +172,9 @@ class Engine(Front):
 
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
         return self._engine.pairs(raw)
+
+    def _certify(self, query: Query, rows: Optional[np.ndarray]) -> str:
+        return self._engine.certificate(query.raw, rows)
 
     def _default_fields(self, query: Query, configurations: int) -> int:
         return DEFAULT_FIELDS | POINTS_BY_DEFAULT

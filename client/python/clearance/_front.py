@@ -17,6 +17,7 @@ import numpy as np
 
 from ._arguments import to_cloud, to_floats, to_integer, to_list, to_number
 from ._asked import Asked, key_of
+from ._certificate import Certificates
 from ._future import Future
 from ._joints import Joints, JointsRef, JointState, JointTable
 from ._motions import MotionQueries
@@ -69,7 +70,7 @@ class BodyState:
     age_ns: Optional[int]  #: since the pose was received; None: never received
 
 
-class Front(MotionQueries, Parser):
+class Front(MotionQueries, Certificates, Parser):
     """Methods of both clearance.Engine and clearance.Client."""
 
     def __init__(self) -> None:

@@ -134,6 +134,9 @@ class Client:
     def pairs(self, query: Query) -> np.ndarray:
         return self._with(self._session.pairs, query)
 
+    def certificate(self, query: Query, rows: Optional[np.ndarray]) -> str:
+        return self._with(self._session.certificate, query, rows)
+
     def set_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
         if len(ids) != len(poses):
             raise ValueError("poses: expected one pose for each body")
