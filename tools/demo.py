@@ -2,8 +2,8 @@
 
 Starts clearanced on a scene, moves its joints and bodies from separate processes, asks for every body's nearest
 neighbour through shared memory (Python), ZeroMQ (C++) and LCM (Python) at one pose revision, compares the answers bit
-for bit, measures latency, proves of an edge that sampling calls free that it is not, and draws a picture. Ends by itself
-and leaves nothing behind.
+for bit, measures latency, proves of an edge that sampling calls free that it is not, and draws a picture. Ends by
+itself and leaves nothing behind.
 """
 import argparse
 import csv

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from clearance import Status
 
 
@@ -25,6 +26,7 @@ def tools(edge, root):
     sys.path[:0] = [str(root / "tools"), str(root / "scenes" / "cell")]
     try:
         import arm
+
         import check_certificate
 
         return check_certificate, arm
