@@ -94,13 +94,14 @@ certify: setup  ## a million pairs of every hard class of hulls and of meshes ag
 	@build/bin/clearance-certificates --cases 1000 --out out/certificates
 	@$(PYTHON_VENV) tools/check_certificate.py out/certificates/*.json
 	@build/bin/clearance-certify --pairs 1000000 --seed 1 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
-	@build/bin/clearance-certify --motions 100000 --seed 1
+	@build/bin/clearance-certify --motions 100000 --seed 1 --csv docs/results/motion_accuracy.csv
 	@build/bin/clearance-certify --meshes --pairs 1000000 --seed 1 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
 
-tradeoff: setup  ## time against accuracy for every setting of a query; and what robots' meshes are taken for; rewrites docs/results/tradeoff.csv, shapes.csv and docs/tradeoff.*
+tradeoff: setup  ## time against accuracy for every setting of a query; what robots' meshes are taken for; proved edges beside sampled ones; rewrites docs/results/tradeoff.csv, shapes.csv, edges.csv and docs/tradeoff.*
 	@tools/build.sh release product clearance-tradeoff
 	@build/bin/clearance-tradeoff --csv docs/results/tradeoff.csv
 	@$(PYTHON_VENV) bench/robots/bench_shapes.py --csv docs/results/shapes.csv
+	@$(PYTHON_VENV) bench/tradeoff/edges.py --csv docs/results/edges.csv
 	@$(PYTHON_VENV) bench/tradeoff/tradeoff.py
 
 report: setup  ## the experiments of the 2023 report with its systems, ours and Coal; rewrites docs/report.* and docs/results/report.csv
