@@ -104,8 +104,8 @@ TEST_F(LoopTest, ARequestIsAnsweredToThoseAloneWhoHaveItsRight) {
       EXPECT_FALSE(loop_->is_reloading());
       ++refused;
     }
-  EXPECT_EQ(allowed, 8 + 11 * 4);  // the echo, and each of the others with half of the sets
-  EXPECT_EQ(refused, 11 * 4);
+  EXPECT_EQ(allowed, 8 + 12 * 4);  // the echo, and each of the others with half of the sets
+  EXPECT_EQ(refused, 12 * 4);
 }
 
 // --- Unix sockets

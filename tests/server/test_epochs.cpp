@@ -138,7 +138,7 @@ TEST_F(Epochs, ADaemonThatRequiresThemAnswersWhoNamesNoneOnlyWhatIsHarmless) {
     EXPECT_EQ(wire::parse_error(frame->payload()).header.code, static_cast<std::uint16_t>(ErrorCode::kNewEpoch));
     ++refused;
   }
-  EXPECT_EQ(refused, 7);
+  EXPECT_EQ(refused, 8);
   EXPECT_EQ(ask(a_, in_version_2(requests_["query"], loop_->epoch()))->type(), FrameType::kReply);
 }
 
