@@ -17,7 +17,6 @@
 #include "engine/motion/free_scale.h"
 #include "engine/motion/motion_job.h"
 #include "engine/narrow/self_test.h"
-#include "engine/query/certificate.h"
 #include "engine/query/extent.h"
 #include "engine/query/job_state.h"
 #include "engine/query/kept_jobs.h"

@@ -12,6 +12,7 @@
 
 #include "engine/base/counters.h"
 #include "engine/pose/body_pose.h"
+#include "engine/query/certificate.h"
 #include "engine/query/extent.h"
 #include "engine/query/job.h"
 #include "engine/query/query.h"
@@ -19,9 +20,7 @@
 
 namespace clearance {
 
-class CertificateRun;    // engine/query/certificate.h
-struct CertificateRows;  // likewise
-class DevicePlan;        // engine/device/device_plan.h
+class DevicePlan;  // engine/device/device_plan.h
 
 /// Thread-safe: poses may be set while jobs run; each job sees one snapshot.
 class Engine {

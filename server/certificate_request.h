@@ -9,7 +9,6 @@
 
 #include "answers.h"
 #include "engine/engine.h"
-#include "engine/query/certificate.h"
 #include "transport.h"
 
 namespace clearance {
