@@ -162,8 +162,8 @@ MovingScene cell(const std::string& folder, int steps) {
   return s;
 }
 
-// The same bodies, which are their pieces exactly: a cylinder is its prism. What refining buys is what is measured, and
-// slack is the same for all settings.
+// The same bodies, which are their pieces exactly: what refining buys is what is measured, and slack is the same for
+// all settings.
 Scene as_pieces(const Scene& scene) {
   Scene exact;
   for (Body body : scene.bodies()) {

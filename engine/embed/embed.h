@@ -92,7 +92,7 @@ class CLEARANCE_API Scene {
   std::uint32_t add_sphere(const std::string& name, double radius, const BodyOptions& options = {});
   /// Along z; length between the centres of its caps.
   std::uint32_t add_capsule(const std::string& name, double radius, double length, const BodyOptions& options = {});
-  /// Along z; a prism around the cylinder.
+  /// Along z, from -length / 2 to length / 2.
   std::uint32_t add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options = {});
   /// Along z: a disc at -length / 2, the apex at length / 2.
   std::uint32_t add_cone(const std::string& name, double radius, double length, const BodyOptions& options = {});

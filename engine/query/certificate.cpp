@@ -156,7 +156,7 @@ class CertificateJob final : public ParallelJob {
     const PlacedBodies asked{r.pair, &here, plan_.query.max_distance};
     evaluator_.run({&asked, 1}, {&r.answer, 1});
     if (is_unusable(scene(), here, r.pair)) return r;
-    for (const std::uint32_t body : {r.pair.a, r.pair.b}) refuse_primitives(scene().bodies()[body]);
+    for (const std::uint32_t body : {r.pair.a, r.pair.b}) refuse_half_spaces(scene().bodies()[body]);
     SpanCertificate& span = r.spans.emplace_back();
     span.X_wa = here[r.pair.a].pose.X_wb;
     span.X_wb = here[r.pair.b].pose.X_wb;
@@ -171,13 +171,13 @@ class CertificateJob final : public ParallelJob {
     return r;
   }
 
-  // The document says what bodies are by their vertices.
-  static void refuse_primitives(const Body& body) {
+  // Of which only one direction proves anything, which another body's axes hold up to rounding only.
+  static void refuse_half_spaces(const Body& body) {
     for (const PiecePtr& piece : body.pieces)
-      if (piece->primitive)
+      if (is_half_space(*piece))
         throw QueryError(
             QueryErrorCode::kNotSupported,
-            "certificate: of bodies that vertices span, so far, and not of '" + body.name + "' (" + body.source + ")");
+            "certificate: of bodies that are bounded, so far, and not of '" + body.name + "' (" + body.source + ")");
   }
 
   static void take_parts(const BodyDoubt& a, const BodyDoubt& b, SpanCertificate& span) {

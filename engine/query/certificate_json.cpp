@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "engine/hull/primitive.h"
 #include "engine/query/certificate.h"
 
 namespace clearance {
@@ -52,6 +53,12 @@ Json lower_json(const PieceProof& p) {
           {"arithmetic", arithmetic(p.proof.lower_in_double_double)},
           {"direction", vector(p.proof.direction)}};
 }
+// Of a round core; null: the other piece has vertices.
+Json points_json(const std::vector<Vec3<DoubleDouble>>& points) {
+  Json json;
+  for (const Vec3<DoubleDouble>& p : points) json.push_back(vector(p));
+  return json;
+}
 Json upper_json(const PieceProof& p) {
   Json vertices = Json::array(), weights = Json::array(), faces = Json::array(), normals = Json::array();
   for (const ProofVertex& v : p.proof.vertices) {
@@ -64,6 +71,8 @@ Json upper_json(const PieceProof& p) {
   }
   Json json{
       {"pieces", pieces_of(p)}, {"arithmetic", arithmetic(p.proof.upper_in_double_double)}, {"vertices", vertices}};
+  if (!p.proof.points_a.empty() || !p.proof.points_b.empty())
+    json["points"] = {points_json(p.proof.points_a), points_json(p.proof.points_b)};
   if (faces.empty()) {
     json["weights"] = weights;
   } else {
@@ -150,6 +159,8 @@ class Shapes {
                          {"radius", number(piece.radius)},
                          {"count", piece.count()},
                          {"vertices", vertices}});
+      if (piece.primitive)
+        pieces_.back()["core"] = {{"kind", name_of(piece.primitive->kind)}, {"size", vector(piece.primitive->size)}};
     }
     return found->second;
   }

@@ -257,7 +257,8 @@ std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double
   const FpEnvironment environment;
   check_positive(name, "cylinder radius", radius);
   check_positive(name, "cylinder length", length);
-  return add_shape(name, make_cylinder(radius, length), "cylinder", options);
+  return add_geometry(name, options,
+                      [&] { return geometry_of_primitive(cylinder_of(radius, length), options.radius, "cylinder"); });
 }
 
 std::uint32_t Scene::add_cone(const std::string& name, double radius, double length, const BodyOptions& options) {

@@ -162,9 +162,9 @@ class SceneReader {
 
   // None: the key stands for something else.
   static std::optional<Primitive> read_primitive(const std::string& kind, const YamlValue& value) {
-    if (kind == "cone") {
+    if (kind == "cone" || kind == "cylinder") {
       const auto [r, length] = read_round(value, false);
-      return cone_of(r, length);
+      return kind == "cone" ? cone_of(r, length) : cylinder_of(r, length);
     }
     if (kind == "ellipsoid") {
       if (!value.is_list() || value.size() != 3) value.fail_expected("3 half axes [x, y, z]");
@@ -222,12 +222,9 @@ class SceneReader {
       const double r = found->positive();
       return shape(exact(r), [r] { return make_sphere(r); });
     }
-    if (kind == "capsule" || kind == "cylinder") {
-      const bool capsule = kind == "capsule";
-      const auto [r, length] = read_round(*found, capsule);
-      return shape(exact(r) + exact(length), [=, r = r, length = length] {
-        return capsule ? make_capsule(r, length) : make_cylinder(r, length);
-      });
+    if (kind == "capsule") {
+      const auto [r, length] = read_round(*found, true);
+      return shape(exact(r) + exact(length), [=, r = r, length = length] { return make_capsule(r, length); });
     }
     if (const auto p = read_primitive(kind, *found))
       return plan(kind + " " + exact(p->size.x) + exact(p->size.y) + exact(p->size.z) + " +" + exact(radius), *found,

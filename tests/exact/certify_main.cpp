@@ -84,8 +84,10 @@ bool certify_slack(const Options& o) {
   for (std::int64_t i = 0; i < o.slack; ++i) {
     try_uncertain(random, findings);
     try_shapes(random, i % 2 == 1, findings);
-    try_cylinder(random, findings);
-    try_crossed_cylinders(random, findings);
+    for (const CylinderAs as : {CylinderAs::kItself, CylinderAs::kPrism}) {
+      try_cylinder(random, as, findings);
+      try_crossed_cylinders(random, as, findings);
+    }
     if (i % 100 == 0) try_age(random, findings);
   }
   if (o.slack > 0)

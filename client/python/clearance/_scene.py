@@ -256,12 +256,13 @@ class Scene:
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds a cylinder along z as a circumscribed prism; BodyInfo.model_error says by how much that is larger."""
+        """Adds a cylinder along z, exactly, from -length / 2 to length / 2."""
         with self._lock:
             return self._scene.add_cylinder(
                 to_text(name, "name"),
                 to_number(radius, "radius"),
                 to_number(length, "length"),
+                0.0,
                 *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
 
@@ -356,10 +357,7 @@ class Scene:
         max_speed: float = 0.0,
         convexify: ConvexifyWord = "auto",
     ) -> int:
-        """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it.
-
-        A cylinder does not grow: ValueError.
-        """
+        """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it."""
         shapes = {"vertices": vertices, "mesh": mesh, "box": box}
         shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
         shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space)}
@@ -382,12 +380,9 @@ class Scene:
             return self.add_sphere(name, r + grown, **rest)
         if shape == "capsule":
             return self.add_capsule(name, r + grown, length, **rest)
-        if shape == "cone":
-            with self._lock:
-                return self._scene.add_cone(to_text(name, "name"), r, length, grown, *self._rest(**rest))
-        if grown:
-            raise ValueError(f"radius: expected 0 for a cylinder, which does not grow, got {grown:g}")
-        return self.add_cylinder(name, r, length, **rest)
+        with self._lock:
+            add = self._scene.add_cone if shape == "cone" else self._scene.add_cylinder
+            return add(to_text(name, "name"), r, length, grown, *self._rest(**rest))
 
     def _add_mesh_of(
         self,
