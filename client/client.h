@@ -168,7 +168,7 @@ struct PosesDone {
 };
 
 /// A body to add while the daemon runs. Exactly one shape: the hull of `vertices` (body frame), with `triangles` a mesh
-/// of them, or a primitive.
+/// of them, a primitive, or a cloud of `points`.
 struct NewBody {
   std::string name;
   std::span<const std::array<double, 3>> vertices = {};  ///< metres
@@ -191,6 +191,9 @@ struct NewBody {
   // A mesh, which a daemon that does not know of it refuses.
   std::span<const std::array<std::uint32_t, 3>> triangles = {};  ///< of places in `vertices`; a solid's are closed
   Convexify convexify = Convexify::kAuto;  ///< what the mesh is; kAuto: found out. kSubmeshes is the same as kHull
+  /// Metres: a cloud, which set_points() replaces. None in it: nothing is there yet.
+  std::optional<std::span<const std::array<float, 3>>> points = {};
+  double voxel = 0;  ///< metres, of a cloud: above 0 it is the boxes of this edge about the points
 };
 
 /// The scene that replaced another.

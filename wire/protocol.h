@@ -115,6 +115,7 @@ enum class NewBodyTag : std::uint16_t {
   kDoubts = 20,     ///< BodyDoubts
   kTriangles = 21,  ///< TriangleRecord each, of a hull's vertices: they are those of a mesh
   kConvexify = 22,  ///< uint8: Convexify, what that mesh is; without it its hull
+  kPoints = 23,     ///< three float32 each, metres, the body's frame: those of a cloud; without it it has none
 };
 
 /// Records of a kReply.
@@ -313,6 +314,7 @@ enum class BodyShape : std::uint8_t {
   kHalfSpace = 5,  ///< z <= 0 in its own frame; static, without a parent
   kCone = 6,       ///< size: radius, length; along z, its apex ahead
   kEllipsoid = 7,  ///< size: half axes
+  kCloud = 8,      ///< points, which kSetPoints replaces; size: the edge of the boxes about them, 0: points
 };
 
 struct NewBodyRecord {

@@ -254,12 +254,13 @@ struct NewBodyParts {
   Records<VertexRecord> vertices;
   Records<TriangleRecord> triangles;  ///< empty: the vertices are those of a hull
   Convexify convexify = Convexify::kHull;
+  Records<std::array<float, 3>> points;  ///< of a cloud
   BodyDoubts doubts;
   PassedOver passed_over;
   std::uint64_t epoch = 0;  ///< as QueryParts::epoch
 };
-/// Also checks that the name ends, and that there is such a shape, and such a `convexify` of triangles; not which
-/// vertices these name.
+/// Also checks that the name ends, that there is such a shape, that only clouds have points, and such a `convexify` of
+/// triangles; not which vertices these name.
 NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload);
 SceneChange parse_scene_changed(std::span<const std::byte> payload);

@@ -114,7 +114,8 @@ CLIENT: dict[str, tuple[dict, dict]] = {
         "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO,
         "convexify": [*WORDS, "solid"],
         "mesh": [3, "m", [1], ([[0, 0, 0]],), ([[0, 0, 0]], [[0.5, 1, 2]]), ([["0", 0, 0]], [[0, 0, 0]])],
-        "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, **DOUBTS}),
+        "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, "points": VERTICES, "voxel": [*NUMBERS, None],
+        **DOUBTS}),
     "remove_body": ({}, {"name": TEXTS}),
     "ping": ({}, {"payload": ["text", 3, None, [1]]}),
 }  # fmt: skip
@@ -180,7 +181,7 @@ def complaints(call, right, arguments, leave_out=()):
     assert set(arguments) == parameters, "an argument is missing from the table"
     for argument, bad in arguments.items():
         fixed = {name: value for name, value in right.items() if name != argument}
-        if argument in ("vertices", "mesh", "box", "capsule", "cylinder", "cone", "ellipsoid"):
+        if argument in ("vertices", "mesh", "box", "capsule", "cylinder", "cone", "ellipsoid", "points"):
             fixed.pop("sphere", None)
         if argument == "bodies" and "configurations" in arguments:
             fixed.update(_ONE)

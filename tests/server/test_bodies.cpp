@@ -210,7 +210,7 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
   EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"),
             std::string::npos)
       << "a quaternion of zeros";
-  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 7");
+  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 8");
   EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are for a hull alone");
   EXPECT_EQ(refusal(odd([](auto&) {}, 9), ErrorCode::kTooLarge),
             "add_body: 9 vertices are more than the 8 that an added body may have (--max-added-vertices)");
@@ -305,6 +305,39 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   EXPECT_EQ(refusal(doubted_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
             "new body: convexify (record 22) has 2 bytes, expected 1");
   EXPECT_EQ(change(mesh_frame("m", kTetrahedron, 4)).body, 4u);
+}
+
+TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
+  Loop::Options options;
+  options.max_added_points = 2;
+  start_editable(small_scene(), options);
+  const auto cloud = [](std::span<const float> xyz, wire::BodyShape shape = wire::BodyShape::kCloud, double voxel = 0) {
+    wire::NewBodyRecord record;
+    wire::set_name(record.name, "cloud");
+    record.shape = static_cast<std::uint8_t>(shape);
+    record.size[0] = voxel;
+    std::vector<std::byte> payload, records;
+    wire::append(payload, record);
+    wire::append_record(records, 23, wire::kRecordRequired, std::as_bytes(xyz));
+    std::vector<std::byte> frame = simple_frame(FrameType::kAddBody, 1, payload);
+    wire::FrameHeader header;
+    std::memcpy(&header, frame.data(), sizeof header);
+    header = wire::with_records(header, records.size());
+    std::memcpy(frame.data(), &header, sizeof header);
+    frame.insert(frame.end(), records.begin(), records.end());
+    return frame;
+  };
+  const float two[] = {0, 0, 1, 2, 3, 4}, far[] = {0, NAN, 0}, three[9] = {};
+  EXPECT_EQ(refusal(cloud(std::span(two).first(2)), ErrorCode::kBadFrame),
+            "new body: points (record 23) have 8 bytes, expected 12 for each");
+  EXPECT_EQ(refusal(cloud(two, wire::BodyShape::kBox)), "new body: points are for a cloud alone");
+  EXPECT_EQ(refusal(cloud(three), ErrorCode::kTooLarge),
+            "add_body: 3 points are more than the 2 that an added body may have (--max-added-points)");
+  EXPECT_NE(refusal(cloud(far)).find("body \"cloud\""), std::string::npos);
+  EXPECT_NE(refusal(cloud(two, wire::BodyShape::kCloud, NAN)).find("voxel"), std::string::npos);
+  const std::uint32_t body = change(cloud(two)).body;
+  EXPECT_EQ(body, 4u);
+  EXPECT_TRUE(is_cloud(loop_->engine().scene().bodies()[body]));
 }
 
 TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {

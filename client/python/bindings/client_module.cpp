@@ -310,10 +310,11 @@ class PyClient {
     return changed(use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); }));
   }
   /// \param shape a key of Client.add_body(); \param numbers its vertices (V, 3), or sizes (1, 3). \param triangles of
-  /// a mesh (T, 3), else none. \param doubts of position and angle, padding, max_speed
+  /// a mesh (T, 3), else none. \param doubts of position and angle, padding, max_speed. \param cloud its points (N, 3)
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
                      std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose,
-                     const std::array<double, 4>& doubts, const TriangleRows& triangles, int convexify) const {
+                     const std::array<double, 4>& doubts, const TriangleRows& triangles, int convexify,
+                     const CloudRows& cloud) const {
     const auto* rows = reinterpret_cast<const std::array<double, 3>*>(numbers.data());
     NewBody body;
     body.name = name;
@@ -327,6 +328,10 @@ class PyClient {
     if (shape == "cone") body.cone = {rows[0][0], rows[0][1]};
     if (shape == "ellipsoid") body.ellipsoid = rows[0];
     body.half_space = shape == "half_space";
+    if (shape == "points") {
+      body.points.emplace(reinterpret_cast<const std::array<float, 3>*>(cloud.data()), cloud.shape(0));
+      body.voxel = rows[0][0];
+    }
     body.radius = radius;
     body.parent = parent;
     body.is_static = is_static;
@@ -438,7 +443,7 @@ NB_MODULE(_client, m) {
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
            nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"), nb::arg("triangles"),
-           nb::arg("convexify"))
+           nb::arg("convexify"), nb::arg("cloud"))
       .def("remove_body", &PyClient::remove_body, nb::arg("name"))
       .def("scene", &PyClient::scene, nb::arg("refresh"))
       .def("body_states", &PyClient::body_states)

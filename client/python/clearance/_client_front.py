@@ -154,6 +154,8 @@ class Client(Front):
         cone: Any = None,
         ellipsoid: Any = None,
         half_space: bool = False,
+        points: Any = None,
+        voxel: float = 0.0,
         radius: float = 0.0,
         parent: Optional[BodyRef] = None,
         static: bool = False,
@@ -167,8 +169,9 @@ class Client(Front):
 
         vertices: (V, 3) metres in the body's frame; the shape is their hull. Or one of mesh: a pair of such
             vertices and (T, 3) places in their list, box: (x, y, z) edge lengths, sphere: radius, capsule,
-            cylinder and cone: (radius, length), ellipsoid: (x, y, z) half axes, half_space: True, as in
-            clearance.Scene.
+            cylinder and cone: (radius, length), ellipsoid: (x, y, z) half axes, half_space: True, points: (N, 3) of a
+            cloud, which set_points() replaces, as in clearance.Scene.
+        voxel: metres, of a cloud: above 0 it is the boxes of this edge about its points.
         convexify: what a mesh is: "hull", "surface" (its triangles), "solid" (what they enclose; they are closed), or
             "auto": the hull of a convex or open one, else a solid.
         radius: metres, grows the shape.
@@ -185,8 +188,8 @@ class Client(Front):
         """
         shapes = {"vertices": vertices, "mesh": mesh, "box": box}
         shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
-        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space)}
-        shape = to_shape(shapes, convexify)
+        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space), "points": points}
+        shape = to_shape(shapes, convexify, voxel)
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
         row = None if pose is None else as_one_pose(pose, "pose").reshape(1, 7)
         return self._changed(
@@ -202,6 +205,7 @@ class Client(Front):
                 to_doubts(uncertainty, padding, max_speed),
                 shape.triangles,
                 shape.convexify,
+                shape.cloud,
             )
         )
 

@@ -348,6 +348,8 @@ class Scene:
         cone: Any = None,
         ellipsoid: Any = None,
         half_space: bool = False,
+        points: Any = None,
+        voxel: float = 0.0,
         radius: float = 0.0,
         parent: Optional[BodyRef] = None,
         static: bool = False,
@@ -360,12 +362,14 @@ class Scene:
         """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it."""
         shapes = {"vertices": vertices, "mesh": mesh, "box": box}
         shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
-        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space)}
-        shape, numbers, triangles, how = to_shape(shapes, convexify)
+        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space), "points": points}
+        shape, numbers, triangles, how, cloud = to_shape(shapes, convexify, voxel)
         rest: dict[str, Any] = {"parent": parent, "static": static, "pose": pose, "uncertainty": uncertainty}
         rest.update(padding=padding, max_speed=max_speed)
         if shape == "vertices":
             return self.add_hull(name, numbers, radius, **rest)
+        if shape == "points":
+            return self.add_points(name, cloud, numbers[0, 0], radius, **rest)
         if shape == "mesh":
             return self._add_mesh_of(name, numbers, triangles, how, to_number(radius, "radius"), self._rest(**rest))
         if shape == "box":

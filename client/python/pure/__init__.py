@@ -171,9 +171,11 @@ class Client:
         doubts: tuple[float, float, float, float],
         triangles: np.ndarray,
         convexify: int,
+        cloud: np.ndarray,
     ) -> tuple:
+        mesh = (triangles, convexify)
         return self._with(
-            self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts, triangles, convexify
+            self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts, *mesh, cloud
         )
 
     def remove_body(self, name: str) -> tuple:

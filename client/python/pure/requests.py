@@ -16,7 +16,7 @@ from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, ErrorCode, FrameType, Que
 from .connection import Connection, parse_error, refusal
 from .frames import Frame, header_bytes, malformed, name_of_type, record
 
-_SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder", "half_space", "cone", "ellipsoid")
+_SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder", "half_space", "cone", "ellipsoid", "points")
 #: How a record holds an option of each kind.
 _OPTION_FORMATS = {"bool": "<B", "word": "<B", "number": "<d", "integer": "<q", "count": "<Q"}
 
@@ -27,6 +27,7 @@ _ATTACH_ALLOW = 1  #: tag of the record of an attachment that names what the chi
 _BODY_DOUBTS = 20  #: tag of the record of a new body that says what is not known of it
 _BODY_TRIANGLES = 21  #: of a mesh, whose vertices are the body's
 _BODY_CONVEXIFY = 22  #: what that mesh is
+_BODY_POINTS = 23  #: of a cloud
 
 
 class Scene(NamedTuple):
@@ -284,11 +285,12 @@ class Session:
         doubts: tuple[float, float, float, float],
         triangles: np.ndarray,
         convexify: int,
+        cloud: np.ndarray,
     ) -> tuple:
         """shape: "mesh", or one of _SHAPES.
 
         numbers: vertices (V, 3), or sizes (1, 3). doubts: of position and angle, padding, max_speed. triangles: of a
-        mesh, (T, 3) uint32, else none.
+        mesh, (T, 3) uint32, else none. cloud: its points, (N, 3) float32, else none.
         """
         is_hull = shape in ("vertices", "mesh")
         body = np.zeros((), wire._wire.NewBodyRecord)
@@ -307,6 +309,8 @@ class Session:
         if len(triangles):
             records += record(_BODY_TRIANGLES, triangles.astype("<u4").tobytes())
             records += record(_BODY_CONVEXIFY, struct.pack("<B", convexify))
+        if shape == "points":
+            records += record(_BODY_POINTS, cloud.astype("<f4").tobytes())
         return self._change_scene(FrameType.ADD_BODY, parts, self.connection.timeout_s, revision, records)
 
     def remove_body(self, name: str) -> tuple:
