@@ -206,7 +206,7 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->capture_default_str();
   app.add_option("--max-added-points", o.max_added_points,
                  "points that each of them may have when it is added; what replaces them may be more")
-      ->check(quiet(CLI::Range(1u, 10000000u)))
+      ->check(quiet(CLI::Range(1u, 80000u)))
       ->type_name("N")
       ->capture_default_str();
   app.add_option(

@@ -213,6 +213,12 @@ Primitive cylinder_of(double radius, double length) {
   return {Primitive::Kind::kCylinder, {radius, radius, 0.5 * length}};
 }
 
+PiecePtr with_prism(const PiecePtr& piece) {
+  if (!piece->primitive || piece->primitive->kind != Primitive::Kind::kCylinder) return piece;
+  const Vec3d& size = piece->primitive->size;
+  return geometry_of_shape(make_cylinder(size.x, 2 * size.z), piece->radius, "cylinder").pieces[0];
+}
+
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
   Geometry out;
   auto display = std::make_shared<DisplayMesh>();
