@@ -86,7 +86,8 @@ std::vector<std::byte> payload_of(const NewBody& body) {
                      body.ellipsoid.has_value() + body.half_space + body.points.has_value();
   if (shapes != 1)
     throw std::invalid_argument(
-        "add_body: expected one of vertices, box, sphere, capsule, cylinder, cone, ellipsoid, half_space and points, got " +
+        "add_body: expected one of vertices, box, sphere, capsule, cylinder, cone, ellipsoid, half_space and points, "
+        "got " +
         std::to_string(shapes));
   if (body.convexify != Convexify::kHull && body.convexify != Convexify::kAuto && body.triangles.empty())
     throw std::invalid_argument("add_body: convexify is for a mesh, and there are no triangles");

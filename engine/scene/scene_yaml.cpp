@@ -80,8 +80,7 @@ class SceneReader {
     value.check_keys({"name",      "mesh",       "box",          "sphere",    "capsule",  "cylinder",    "cone",
                       "ellipsoid", "half_space", "points",       "uv_sphere", "geometry", "scale",       "convexify",
                       "radius",    "static",     "live",         "pose",      "parent",   "uncertainty", "padding",
-                      "max_speed", "voxel",      "height_field", "cell",
-                      "octomap",   "unknown"});
+                      "max_speed", "voxel",      "height_field", "cell",      "octomap",  "unknown"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};
@@ -179,9 +178,9 @@ class SceneReader {
 
   // The one geometry that a body or a random shape names. Returns the index of its plan.
   std::size_t read_geometry(const YamlValue& value) {
-    constexpr const char* kKinds[] = {"mesh",      "box",        "sphere", "capsule",   "cylinder", "cone",
-                                      "ellipsoid", "half_space", "points", "uv_sphere", "geometry", "height_field",
-                                      "octomap"};
+    constexpr const char* kKinds[] = {"mesh",     "box",          "sphere",     "capsule", "cylinder",
+                                      "cone",     "ellipsoid",    "half_space", "points",  "uv_sphere",
+                                      "geometry", "height_field", "octomap"};
     std::unique_ptr<YamlValue> found;
     std::string kind;
     for (const char* k : kKinds)

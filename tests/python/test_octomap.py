@@ -35,7 +35,9 @@ def test_an_octomap_is_its_occupied_voxels(tmp_path, name, leaves, edge):
     assert scene.bodies[0].is_cloud and scene.source("map").endswith("(octomap)")
     exact = edge == 0.25  # a power of two: nothing is rounded
     assert (scene.bodies[0].model_error == 0) == exact and scene.bodies[0].model_error < 1e-6
-    points = np.random.default_rng(2).uniform(-2, 2.5, (400, 3))
+    rng = np.random.default_rng(2)
+    within = rng.choice(centres, 20) + rng.uniform(-0.3, 0.3, (20, 3)) * edge
+    points = np.concatenate([rng.uniform(-2, 2.5, (380, 3)), within])
     scene.add_sphere("probe", 1e-3)
     engine = clearance.Engine(scene, backend="cpu")
     poses = np.concatenate([points, np.tile([1.0, 0, 0, 0], (400, 1))], axis=1)[:, None]

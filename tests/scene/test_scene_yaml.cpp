@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/hull/primitive.h"
 #include "engine/scene/scene.h"
 #include "engine/surface/surface.h"
 #include "error_text.h"
