@@ -321,15 +321,10 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
 
 namespace {
 
-// A device knows poses alone, and no joints' limits: what is asked of these, and poses of links that would take much of
-// memory, are left to the CPU.
-bool for_device(const Plan& plan, const Scene& scene) {
+// Poses of links that would take much of memory are left to the CPU.
+bool for_device(const Plan& plan) {
   constexpr std::uint64_t kMostPoses = std::uint64_t{1} << 24;
-  if (scene.robots().empty()) return true;
-  if (plan.query.fields & kFieldFlags) return false;
-  return plan.motions.empty() || (plan.size.configurations * plan.bodies.size() <= kMostPoses &&
-                                  std::all_of(plan.motions.begin(), plan.motions.end(),
-                                              [](const LinkMotion& motion) { return motion.places_all(); }));
+  return plan.motions.empty() || plan.size.configurations * plan.bodies.size() <= kMostPoses;
 }
 
 }  // namespace
@@ -359,10 +354,10 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
   std::unique_ptr<Job::State> state;
-  const bool has_device = impl_->device && !for_cpu && for_device(plan, impl_->scene);
+  const bool has_device = impl_->device && !for_cpu && for_device(plan);
   if (impl_->device && !has_device && !for_cpu && !impl_->options.device_fallback)
     throw QueryError(QueryErrorCode::kNotSupported,
-                     "a device answers neither flags in a scene with robots, nor joints where others have no position");
+                     "joints: a device does not place links in so many configurations at once");
   if (has_device && (!router || router->to_device(kind, pairs))) {
     state = cuda::make_device_job(context, plan, reply);
   }

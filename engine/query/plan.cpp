@@ -227,13 +227,12 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
 }
 
 void Plan::make_link_poses() {
-  if (motions.empty()) return;
+  if (motions.empty() || made) return;
   ConfigurationPoses poses(*this);
-  const auto made = poses.at(0, size.configurations).poses;
-  kept_configurations.assign(made.begin(), made.end());
-  configurations = kept_configurations;
-  given_bodies = bodies.size();
-  motions.clear();
+  const ConfigurationPoses::Block all = poses.at(0, size.configurations);
+  made = std::make_shared<MadePoses>(MadePoses{{all.poses.begin(), all.poses.end()},
+                                               {all.facts.begin(), all.facts.end()},
+                                               {all.travels.begin(), all.travels.end()}});
 }
 
 void Plan::take_configurations(const QueryView& asked) {
@@ -242,6 +241,7 @@ void Plan::take_configurations(const QueryView& asked) {
   check_count("positions", "numbers", asked.positions.size(), count, asked.joints.size());
   configurations = asked.configurations;
   positions = asked.positions;
+  made.reset();
 }
 
 void Plan::keep_configurations() {

@@ -18,8 +18,7 @@ struct Answer {
   ReplyInfo info;
 };
 
-/// That each backend writes of configurations, with the interval as it is; devices leave a query with pair_lower to the
-/// CPU, and gradient_joints is for joints.
+/// That each backend writes of configurations, with the interval as it is; gradient_joints is for joints.
 inline constexpr std::uint32_t kAllFields =
     kKnownFields & ~(kFieldCompact | kFieldBounds | kFieldPairLower | kFieldGradientJoints | kMotionFields);
 
