@@ -3,7 +3,6 @@
 #include <set>
 #include <thread>
 
-#include "doubted_scene.h"
 #include "same_answer.h"
 
 namespace clearance::test {
@@ -222,49 +221,6 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForFollowers) {
   const Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
   for (const auto& [name, question] : questions()) compare(device, cpu, question, name);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-}
-
-// Bodies that are not known exactly, and robots' joints, where the snapshot has them and over several chunks.
-TEST_F(CudaBackend, GivesTheBitsOfTheCpuForWhatIsDoubted) {
-  for (const std::uint32_t K : {0u, 1u, 40u, 3000u}) {
-    DoubtedCase c(K, 11);
-    const Engine device(doubted_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
-    for (const auto& [name, question] : questions()) {
-      if (K == 3000 && question.signed_distance) continue;  // overlaps are the CPU's
-      QueryView q = question;
-      if (q.fields == kAllFields) q.fields |= kFieldPairLower;
-      q.all_pairs = false;
-      q.pairs = c.pairs;
-      if (K > 0) {
-        q.configuration_count = K;
-        q.bodies = c.bodies;
-        q.joints = c.joints;
-        q.configurations = c.poses;
-        q.positions = c.positions;
-      }
-      compare(device, cpu, q, name + ", " + std::to_string(K) + " configurations");
-    }
-    EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 100u * (K + 1));
-  }
-}
-
-// Slack grows as time goes by: it is between that of a scene that was loaded earlier and is asked later, and that of
-// one that was loaded later and is asked earlier.
-TEST_F(CudaBackend, CountsTheAgeOfPoses) {
-  DoubtedCase c(20, 12, true);
-  c.q.fields = kDefaultFields;
-  const Engine old(doubted_robot_scene(true), {"cpu"}), device(doubted_robot_scene(true), {"cuda"}),
-      young(std::move(c.scene), {"cpu"});
-  const Answer most = ask(young, c.q), rows = ask(device, c.q), least = ask(old, c.q);
-  ASSERT_EQ(rows.info.backend, "cuda");
-  std::uint64_t grown = 0;
-  for (std::uint64_t i = 0; i < rows.info.rows; ++i) {
-    EXPECT_TRUE(least.view.lower[i] <= rows.view.lower[i] && rows.view.lower[i] <= most.view.lower[i]) << i;
-    EXPECT_TRUE(same_bits(rows.view.upper[i], least.view.upper[i])) << i;
-    grown += least.view.lower[i] < rows.view.lower[i];
-  }
-  EXPECT_GT(grown, 20u);
 }
 
 // Over several chunks with a smaller last one.

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <thread>
 
-#include "doubted_scene.h"
 #include "same_answer.h"
 
 namespace clearance::test {
@@ -486,30 +485,6 @@ TEST_F(CudaReductions, LeaveScenesThatTheDeviceDoesNotKnowToTheCpu) {
   const Engine device(with_large(), {"cuda"}), cpu(with_large(), {"cpu"});
   for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), questions().size());
-}
-
-// Bodies that are not known exactly, robots' joints, and which pair has the least lower bound.
-TEST_F(CudaReductions, GivesTheBitsOfTheCpuForWhatIsDoubted) {
-  for (const std::uint32_t K : {0u, 1u, 40u, 3000u}) {
-    DoubtedCase c(K, 13);
-    const Engine device(doubted_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
-    for (const auto& [name, question] : questions()) {
-      if (K == 3000 && question.signed_distance) continue;  // overlaps are the CPU's
-      QueryView q = question;
-      if (q.fields == kAllFields) q.fields |= kFieldPairLower;
-      q.all_pairs = false;
-      q.pairs = c.pairs;
-      if (K > 0) {
-        q.configuration_count = K;
-        q.bodies = c.bodies;
-        q.joints = c.joints;
-        q.configurations = c.poses;
-        q.positions = c.positions;
-      }
-      expect_same(ask(device, q), ask(cpu, q), name + ", " + std::to_string(K) + " configurations", true);
-    }
-    EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-  }
 }
 
 // Which pair has the least lower bound, where all is known.

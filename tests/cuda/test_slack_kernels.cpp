@@ -118,7 +118,7 @@ std::uint32_t tiles_of(const Group& group, const HostChunk& chunk) {
 
 // Answers a query, and expects the rows of the CPU. \returns how many have which status and flags
 struct Seen {
-  std::uint64_t slack = 0, contact = 0, overlap = 0, beyond = 0, left = 0;
+  std::uint64_t slack = 0, contact = 0, overlap = 0, beyond = 0, left = 0, beyond_limits = 0;
 };
 template <bool kF32>
 Seen expect_rows_of_the_cpu(const Engine& cpu, const QueryView& q, const std::string& what) {
@@ -137,6 +137,7 @@ Seen expect_rows_of_the_cpu(const Engine& cpu, const QueryView& q, const std::st
   for (std::size_t row = 0; row < chunk.rest.size(); ++row) {
     const auto status = static_cast<Status>(chunk.rows.view.status[row]);
     seen.slack += (chunk.rows.view.flags[row] & kFlagSlack) != 0;
+    seen.beyond_limits += (chunk.rows.view.flags[row] & kFlagBeyondLimits) != 0;
     seen.contact += status == Status::kContact;
     seen.overlap += status == Status::kOverlap;
     seen.beyond += status == Status::kBeyond;
@@ -147,11 +148,13 @@ Seen expect_rows_of_the_cpu(const Engine& cpu, const QueryView& q, const std::st
 TEST(SlackKernels, DenseRowsHaveTheBitsOfTheCpu) {
   DoubtedCase c(50, 7);
   c.poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
+  c.positions[c.joints.size() * 7] = 3;  // beyond its limits
   const Engine cpu(std::move(c.scene), {"cpu"});
   const Seen all = expect_rows_of_the_cpu<false>(cpu, c.q, "float64");
   EXPECT_GT(all.slack, 500u);
   EXPECT_GT(all.contact, 50u) << "slack alone makes them touch";
   EXPECT_GT(all.overlap, 500u);
+  EXPECT_GT(all.beyond_limits, 50u) << "what a joint beyond its limits moves";
   for (const double distance : {0.0, 0.05, 0.3}) {
     c.q.max_distance = distance;
     EXPECT_GT(expect_rows_of_the_cpu<false>(cpu, c.q, "near " + std::to_string(distance)).beyond, 500u);
