@@ -92,7 +92,7 @@ class HostReduction {
   }
   template <class Kernel>
   static void launch(std::size_t threads, std::uint32_t block, const Kernel& kernel) {
-    EmulatedGrid::one().launch(static_cast<unsigned>((threads + block - 1) / block), block, kernel);
+    EmulatedGrid::one().launch(static_cast<unsigned>(threads / block + 1), block, kernel);
   }
   std::size_t groups() const { return complete_.size(); }
 
@@ -205,6 +205,45 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpuForWhatIsDoubted) {
   EXPECT_GT(slack, 500u);
   EXPECT_GT(others, 10u) << "the least lower bound is another pair's";
   EXPECT_GT(left, 20u) << "the CPU finishes some";
+}
+
+// The pair whose boxes are nearest says less of how near the true bodies are than its pieces do: another wins.
+TEST(ReduceKernels, LeaveOutNothingThatSlackMayLetWin) {
+  Scene scene;
+  Body rough;
+  rough.name = "rough";
+  rough.is_static = true;
+  rough.pose = Pose();
+  rough.pieces = {make_piece({{0.5, 0.5, 0.5},
+                              {-0.5, 0.5, 0.5},
+                              {0.5, -0.5, 0.5},
+                              {-0.5, -0.5, 0.5},
+                              {0.5, 0.5, -0.5},
+                              {-0.5, 0.5, -0.5},
+                              {0.5, -0.5, -0.5},
+                              {-0.5, -0.5, -0.5}})};
+  rough.model_error = 0.01;
+  scene.add_body(std::move(rough));
+  scene.add_sphere("at its corner", 0.1, {});
+  scene.add_box("known", {1, 1, 1}, {.is_static = true, .pose = Pose{{50, 0, 0}}});
+  scene.add_sphere("at its face", 0.1, {});
+  const double far = 0.3 * std::sqrt(3.0) - 0.1;  // of the first ball; its box is nearer
+  const std::vector<std::uint32_t> bodies{1, 3};
+  const std::vector<BodyPair> pairs{{0, 1}, {2, 3}};
+  const std::vector<Pose> poses{{{0.8, 0.8, 0.8}}, {{50 + 0.5 + 0.1 + far + 0.005, 0, 0}}};
+  const Engine cpu(std::move(scene), {"cpu"});
+  QueryView q;
+  q.all_pairs = false;
+  q.pairs = pairs;
+  q.bodies = bodies;
+  q.configurations = poses;
+  q.configuration_count = 1;
+  q.reduce = Reduce::kMin;
+  q.fields = kAllFields | kFieldPairLower;
+  HostReduction reduction(cpu, q);
+  EXPECT_EQ(reduction.compare("a rough box"), 0u);
+  EXPECT_EQ(reduction.rows().pair[0], pairs[1]) << "5 mm farther, and 5 mm nearer at most";
+  EXPECT_EQ(reduction.rows().pair_lower[0], pairs[0]);
 }
 
 }  // namespace
