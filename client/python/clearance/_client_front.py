@@ -21,12 +21,13 @@ from ._arguments import (
     to_text,
 )
 from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyRef, BodyState, Front, PosesDone, SceneChanged
+from ._front import BodyState, Front, SceneChanged
 from ._future import Future
-from ._names import BodyInfo, NameTable
+from ._names import BodyInfo, BodyRef, NameTable
 from ._poses import as_one_pose
 from ._query import Query
 from ._result import Result
+from ._updates import PosesDone
 from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, ConvexifyWord, Reduce, Status
 from .wire import ErrorCode
 

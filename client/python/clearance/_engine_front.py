@@ -15,12 +15,13 @@ from ._arguments import to_bool, to_count, to_floats, to_integer, to_list, to_wo
 from ._certificate import Certificate
 from ._device_plan import DevicePlan
 from ._errors import TimeoutError
-from ._front import DEFAULTS, BodyRef, BodyState, Front, Margin, Pairs, PosesDone
+from ._front import DEFAULTS, BodyState, Front, Margin, Pairs
 from ._future import EngineFuture, Worker
 from ._joints import JointsRef
-from ._names import NameTable
+from ._names import BodyRef, NameTable
 from ._query import POINTS_BY_DEFAULT, Query
 from ._scene import Scene, name_table
+from ._updates import PosesDone
 from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, Status
 
 
