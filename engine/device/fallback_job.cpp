@@ -1,9 +1,11 @@
 // A query on the device that the CPU takes over where the device fails.
 #include <algorithm>
 #include <cassert>
+#include <optional>
 #include <string>
 
 #include "engine/device/device_query.h"
+#include "engine/device/link_pose_maker.h"
 
 namespace clearance::cuda {
 
@@ -39,13 +41,24 @@ class FallbackJob final : public Job::State {
  public:
   FallbackJob(const JobContext& context, std::unique_ptr<DeviceQuery> query, const ReplyView& reply)
       : context_(context), reply_(reply), query_(std::move(query)), size_(query_->size()) {}
+  /// Of a plan that moves joints: the poses of its links are made first.
+  FallbackJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
+      : context_(context), reply_(reply), size_(plan.size), plan_(std::move(plan)) {
+    poses_.emplace(*plan_, context.threads);
+  }
 
   bool advance(const WorkBudget& budget) override {
+    if (poses_) {
+      WorkMeter slice(budget);
+      if (poses_->advance(slice)) begin();
+      units = of_poses_ += slice.spent();
+      return false;
+    }
     while (query_) {
       try {
         const bool done = query_->advance(budget);
         info = query_->info;
-        units = query_->units;
+        units = of_poses_ + query_->units;
         return done;
       } catch (const DeviceError& error) {
         begin_elsewhere(error);
@@ -55,13 +68,25 @@ class FallbackJob final : public Job::State {
     if (!on_cpu_) refuse(context_.device->error());  // again
     const bool done = on_cpu_->advance(budget);
     info = on_cpu_->info;
-    units = on_cpu_->units;
+    units = of_poses_ + on_cpu_->units;
     return done;
   }
 
   const QuerySize& size() const override { return size_; }
 
  private:
+  // With the poses of links.
+  void begin() {
+    poses_.reset();
+    Plan plan = std::move(*plan_);
+    plan_.reset();
+    query_ = begin_on_device(context_, plan, reply_);
+    if (!query_) begin_on_cpu(std::move(plan));
+  }
+  void begin_on_cpu(Plan&& plan) {
+    context_.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
+    on_cpu_ = make_cpu_job(context_, std::move(plan), reply_);
+  }
   // On the devices that are left, or on the CPU. Rows that came are written again.
   void begin_elsewhere(const DeviceError& error) {
     DeviceBackend& backend = *context_.device;
@@ -71,9 +96,7 @@ class FallbackJob final : public Job::State {
     Plan plan = query_->give_up();
     query_.reset();
     if (others_are_left) query_ = begin_on_device(context_, plan, reply_);
-    if (query_) return;
-    backend.queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
-    on_cpu_ = make_cpu_job(context_, std::move(plan), reply_);
+    if (!query_) begin_on_cpu(std::move(plan));
   }
 
   JobContext context_;
@@ -81,6 +104,9 @@ class FallbackJob final : public Job::State {
   std::unique_ptr<DeviceQuery> query_;
   std::unique_ptr<Job::State> on_cpu_;
   QuerySize size_;
+  std::optional<Plan> plan_;            // until the poses of its links are made
+  std::optional<LinkPoseMaker> poses_;  // likewise
+  std::uint64_t of_poses_ = 0;          // units
 };
 
 }  // namespace
@@ -92,7 +118,7 @@ std::string beyond_the_device(const Plan& plan) {
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
   const std::string beyond = beyond_the_device(plan);
   if (!beyond.empty() && !context.device->fallback()) refuse(beyond + " is not for a device yet");
-  if (beyond.empty()) plan.make_link_poses();
+  if (beyond.empty() && !plan.motions.empty()) return std::make_unique<FallbackJob>(context, std::move(plan), reply);
   auto query = beyond.empty() ? begin_on_device(context, plan, reply) : nullptr;
   if (query) return std::make_unique<FallbackJob>(context, std::move(query), reply);
   context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);

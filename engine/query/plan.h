@@ -51,8 +51,6 @@ struct Plan {
   void take_configurations(const QueryView& asked);
   /// Copies configurations and positions, whose memory is the caller's.
   void keep_configurations();
-  /// Makes the poses of links in all configurations, for who wants them at once.
-  void make_link_poses();
 };
 
 /// A plan in the making.

@@ -63,11 +63,6 @@ void LinkMotion::take_positions(std::span<const double> positions, std::span<con
   }
 }
 
-bool LinkMotion::places_all() const {
-  return std::none_of(link_facts_.begin(), link_facts_.end(),
-                      [](std::uint8_t fact) { return (fact & kLinkUnplaced) != 0; });
-}
-
 // By link.
 std::vector<std::uint8_t> LinkMotion::row_facts(std::span<const double> row) const {
   std::vector<std::uint8_t> facts = column_facts_;

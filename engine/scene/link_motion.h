@@ -41,8 +41,6 @@ class LinkMotion {
   const std::vector<std::uint32_t>& links() const { return links_; }
   const std::vector<Moving>& moving() const { return moving_; }
   const SceneRobot& robot() const { return *robot_; }
-  /// Whether every joint on the way to links() has a position, or moves.
-  bool places_all() const;
 
   /// \param rows (count, J) positions. \param poses of links() of row k from k * stride on. \param facts LinkFact bits,
   /// likewise

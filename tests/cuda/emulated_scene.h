@@ -9,6 +9,7 @@
 #include "engine/device/device.h"
 #include "engine/device/device_doubts.h"
 #include "engine/device/hull_arrays.h"
+#include "engine/device/link_pose_maker.h"
 #include "engine/device/moved_chains.h"
 #include "engine/narrow/overlap.h"
 #include "engine/narrow/piece_search.h"
@@ -48,7 +49,8 @@ inline Plan plan_of(const Scene& scene, const QueryView& q) {
   Plan plan = make_plan(q, scene, poses.snapshot(), ~std::uint64_t{0}, true);
   plan.begun_ns = monotonic_ns();
   plan.doubts = doubts_of(scene, *plan.snapshot, plan.begun_ns);
-  plan.make_link_poses();
+  WorkMeter unlimited;
+  if (!plan.motions.empty()) LinkPoseMaker(plan, 2).advance(unlimited);
   return plan;
 }
 
