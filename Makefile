@@ -66,8 +66,11 @@ bench-classes: build  ## what a client of the class control waits beside the wor
 bench-view: build  ## what a control loop waits while a viewer looks at its daemon; rewrites docs/results/view.csv
 	@$(PYTHON_VENV) bench/latency/bench_view.py
 
-bench-robots: build  ## MotionBenchMaker's problems: is a state valid, how near is it to contact, beside Pinocchio and Coal, which it installs; rewrites docs/results/robots.csv
+bench-robots: build  ## MotionBenchMaker's problems: is a state valid, how near is it to contact, beside Pinocchio and Coal, which it installs; RRT-Connect end to end; rewrites docs/results/robots.csv and rrt.csv, the tables and the picture of docs/robots.md
 	@$(PYTHON_VENV) bench/robots/bench_robots.py --csv docs/results/robots.csv
+	@$(PYTHON_VENV) bench/robots/bench_rrt.py --csv docs/results/rrt.csv
+	@$(PYTHON_VENV) tools/readme_tables.py
+	@$(PYTHON_VENV) bench/robots/draw.py
 
 bench-motions: build  ## edges of the same problems, proved free all along, beside sampling them; free bodies beside FCL; rewrites docs/results/motions.csv and free_bodies.csv
 	@$(PYTHON_VENV) bench/robots/bench_motions.py --csv docs/results/motions.csv
@@ -94,13 +97,14 @@ certify: setup  ## a million pairs of every hard class of hulls and of meshes ag
 	@build/bin/clearance-certificates --cases 1000 --out out/certificates
 	@$(PYTHON_VENV) tools/check_certificate.py out/certificates/*.json
 	@build/bin/clearance-certify --pairs 1000000 --seed 1 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
-	@build/bin/clearance-certify --motions 100000 --seed 1
+	@build/bin/clearance-certify --motions 100000 --seed 1 --csv docs/results/motion_accuracy.csv
 	@build/bin/clearance-certify --meshes --pairs 1000000 --seed 1 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
 
-tradeoff: setup  ## time against accuracy for every setting of a query; and what robots' meshes are taken for; rewrites docs/results/tradeoff.csv, shapes.csv and docs/tradeoff.*
+tradeoff: setup  ## time against accuracy for every setting of a query; what robots' meshes are taken for; proved edges beside sampled ones; rewrites docs/results/tradeoff.csv, shapes.csv, edges.csv and docs/tradeoff.*
 	@tools/build.sh release product clearance-tradeoff
 	@build/bin/clearance-tradeoff --csv docs/results/tradeoff.csv
 	@$(PYTHON_VENV) bench/robots/bench_shapes.py --csv docs/results/shapes.csv
+	@$(PYTHON_VENV) bench/tradeoff/edges.py --csv docs/results/edges.csv
 	@$(PYTHON_VENV) bench/tradeoff/tradeoff.py
 
 report: setup  ## the experiments of the 2023 report with its systems, ours and Coal; rewrites docs/report.* and docs/results/report.csv
@@ -116,7 +120,7 @@ gpu-compile: setup  ## the kernels for every GPU architecture from 7.5 to 12.0; 
 	@tools/build.sh gpus kernels
 
 gpu-test: setup  ## the cuda backend against the CPU and the exact judge, on this machine's GPU
-	@tools/build.sh release test_cuda_backend test_cuda_reductions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_device_plan test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench clearance_cuda
+	@tools/build.sh release test_cuda_backend test_cuda_slack test_cuda_reductions test_cuda_loss test_device_faults test_several_devices test_router test_cuda_classes test_cuda_containment test_device_plan test_segment_pinner test_engine test_narrow_baselines clearance-gpu-bench clearance_cuda
 	@tools/gpu.sh test
 
 gpu-certify: setup  ## a million pairs of every hard class on this machine's GPU against exact arithmetic; writes docs/results/accuracy_*.csv

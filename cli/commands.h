@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -29,6 +30,9 @@ CLI::Validator at_least_zero();
 
 /// The options --json and --csv.
 void add_output_options(CLI::App& command, Output& output);
+
+/// The words of --precision.
+extern const std::map<std::string, Precision> kPrecisionNames;
 
 /// A body given by name or by number.
 std::uint32_t body_of(Client& client, const std::string& text);

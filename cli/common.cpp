@@ -7,6 +7,8 @@
 
 namespace clearance::cli {
 
+const std::map<std::string, Precision> kPrecisionNames{{"f64", Precision::kF64}, {"f32", Precision::kF32}};
+
 Client Connection::open() const {
   const auto timeout = std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(timeout_s));
   Client client = connect(url.empty() ? "shm://" + default_socket_path() : url, timeout);

@@ -9,7 +9,7 @@
 namespace clearance::cli {
 namespace {
 
-struct Options {
+struct PlainOptions {
   Connection connection;
   Output output = Output::kTable;
 };
@@ -18,7 +18,7 @@ Cell parent_cell(const SceneInfo& scene, std::uint32_t parent) {
   return parent < scene.bodies.size() ? Cell(scene.bodies[parent].name) : Cell();
 }
 
-void print_bodies(const Options& o) {
+void print_bodies(const PlainOptions& o) {
   Client client = o.connection.open();
   const SceneInfo& scene = client.scene();
   Table table({"id", "body", "kind", "parent", "pieces", "vertices", "extent_m", "model_error_m", "hull_excess_m",
@@ -56,7 +56,7 @@ const char* pose_status(Status status) {
   }
 }
 
-void print_poses(const Options& o) {
+void print_poses(const PlainOptions& o) {
   Client client = o.connection.open();
   const SceneInfo& scene = client.scene();
   const auto states = client.body_states();
@@ -75,7 +75,7 @@ void print_poses(const Options& o) {
 template <class Run>
 CLI::App& add_plain(CLI::App& app, const char* name, const char* description, Run run) {
   auto& command = *app.add_subcommand(name, description);
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PlainOptions>();
   add_connection_options(command, options->connection);
   add_output_options(command, options->output);
   command.callback([options, run] { run(*options); });

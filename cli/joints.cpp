@@ -8,7 +8,7 @@
 namespace clearance::cli {
 namespace {
 
-struct Options {
+struct JointsOptions {
   Connection connection;
   std::string group;
   std::vector<std::string> positions;  // NAME=POSITION
@@ -59,7 +59,7 @@ void print(const JointsInfo& info, const std::string& group, Output output) {
   table.print(std::cout, output);
 }
 
-void run(const Options& o) {
+void run(const JointsOptions& o) {
   Client client = o.connection.open();
   const JointsInfo info = client.joints();
   if (o.positions.empty()) return print(info, o.group, o.output);
@@ -71,7 +71,7 @@ void run(const Options& o) {
 void add_joints(CLI::App& app) {
   auto& command =
       *app.add_subcommand("joints", "where the joints of the scene's robots are; with --set: put them there");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<JointsOptions>();
   command.add_option("GROUP", options->group, "a robot, or a group of its joints; default: all");
   command.add_option("--set", options->positions, "JOINT=POSITION, radians or metres; again for others, all at once");
   add_connection_options(command, options->connection);

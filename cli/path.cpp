@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::size_t kMotionsAtOnce = 256;
 
-struct Options {
+struct PathOptions {
   Connection connection;
   std::string file;
   std::vector<std::string> pairs;
@@ -79,7 +79,7 @@ std::vector<std::uint32_t> ids_of(const Path& path, const JointsInfo& info, cons
 }
 
 /// Says what is wrong with the motion of row `r`, which begins at waypoint `first`.
-[[noreturn]] void report(const Reply& reply, std::size_t r, std::size_t first, const Path& path, const Options& o,
+[[noreturn]] void report(const Reply& reply, std::size_t r, std::size_t first, const Path& path, const PathOptions& o,
                          const SceneInfo& scene) {
   const Status status = reply.status()[r];
   const auto [a, b] = reply.pair()[r];
@@ -96,7 +96,7 @@ std::vector<std::uint32_t> ids_of(const Path& path, const JointsInfo& info, cons
   throw RequestError(0, text.str());
 }
 
-void run(const Options& o) {
+void run(const PathOptions& o) {
   const Path path = read(o.file);
   Client client = o.connection.open();
   const std::vector<std::uint32_t> ids = ids_of(path, client.joints(), o.file);
@@ -129,7 +129,7 @@ void run(const Options& o) {
 
 void add_path(CLI::App& app) {
   auto& command = *app.add_subcommand("path", "whether a path is free all along, proved; exit code 1: it is not");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PathOptions>();
   command
       .add_option("FILE", options->file,
                   "CSV: a line of joint names as `clearance joints` has them, then a line for each waypoint,\nradians "

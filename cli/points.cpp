@@ -10,7 +10,7 @@
 namespace clearance::cli {
 namespace {
 
-struct Options {
+struct PointsOptions {
   Connection connection;
   std::string body, file;
   double radius = -1;  // below 0: as the scene has it
@@ -36,7 +36,7 @@ std::vector<std::array<float, 3>> read_points(std::istream& in, const std::strin
   return points;
 }
 
-void run(const Options& o) {
+void run(const PointsOptions& o) {
   std::vector<std::array<float, 3>> points;
   if (o.file == "-") {
     points = read_points(std::cin, "stdin");
@@ -55,7 +55,7 @@ void run(const Options& o) {
 
 void add_points(CLI::App& app) {
   auto& command = *app.add_subcommand("points", "replace the points of a body of points");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<PointsOptions>();
   command.add_option("BODY", options->body, "name or number of the body")->required();
   command.add_option("FILE", options->file, "x y z a line, metres, in the body's frame; -: standard input")->required();
   command.add_option("--radius", options->radius, "metres that they are grown by; default: as the scene has it")

@@ -18,7 +18,6 @@ const std::map<std::string, Reduce> kReduceNames{{"none", Reduce::kNone},
                                                  {"nearest", Reduce::kNearest},
                                                  {"min", Reduce::kMin},
                                                  {"any", Reduce::kAny}};
-const std::map<std::string, Precision> kPrecisionNames{{"f64", Precision::kF64}, {"f32", Precision::kF32}};
 
 template <class Value>
 std::vector<std::string> names_of(const std::map<std::string, Value>& words) {
@@ -33,7 +32,7 @@ std::string flag_of(std::string name) {
   return "--" + name;
 }
 
-struct Options {
+struct QuestionOptions {
   Connection connection;
   Output output = Output::kTable;
   std::vector<std::string> pairs;
@@ -71,7 +70,7 @@ struct NumberColumns {
   std::vector<std::string> names;
 };
 
-void print_reply(const Reply& reply, const SceneInfo& scene, const Options& o) {
+void print_reply(const Reply& reply, const SceneInfo& scene, const QuestionOptions& o) {
   std::vector<NumberColumns<double>> doubles;
   const auto add_doubles = [&doubles](std::span<const double> values, std::vector<std::string> names) {
     if (!values.empty()) doubles.push_back({values, std::move(names)});
@@ -123,7 +122,7 @@ void print_reply(const Reply& reply, const SceneInfo& scene, const Options& o) {
               1e-6 * static_cast<double>(reply.server_ns()));
 }
 
-void run(const Options& o) {
+void run(const QuestionOptions& o) {
   Client client = o.connection.open();
   const SceneInfo scene = client.scene();
   const std::vector<IdPair> pairs = pairs_of(client, o.pairs);
@@ -140,7 +139,7 @@ void run(const Options& o) {
 
 void add_query(CLI::App& app) {
   auto& command = *app.add_subcommand("query", "how far apart bodies are, with certified bounds");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<QuestionOptions>();
   Query& q = options->query;
   add_pairs_option(command, options->pairs);
   command.add_option("--max-distance", q.max_distance, "pairs proved farther than so many metres are \"beyond\"")

@@ -27,7 +27,7 @@ const std::set<std::string> kInputs{"CLEARANCE_POSES",        "CLEARANCE_POSES_N
                                     "CLEARANCE_JOINTS_NAMED", "CLEARANCE_QUERY",       "CLEARANCE_QUERY2",
                                     "CLEARANCE_JOINT_QUERY"};
 
-struct Options {
+struct RecordOptions {
   std::string file;
   std::string lcm = "udpm://239.255.76.67:7667?ttl=0";
   bool force = false, inputs = false;
@@ -98,7 +98,7 @@ void print_counts(const std::map<std::string, std::uint64_t>& counts) {
   for (const auto& [channel, count] : counts) std::cout << channel << ' ' << count << '\n';
 }
 
-void record(const Options& o) {
+void record(const RecordOptions& o) {
   struct stat found{};
   if (!o.force && ::stat(o.file.c_str(), &found) == 0)
     throw std::runtime_error(o.file + ": is there already; --force writes over it");
@@ -136,7 +136,7 @@ bool sleep_until(Clock::time_point due) {
   return !interrupted;
 }
 
-void replay(const Options& o) {
+void replay(const RecordOptions& o) {
   LcmAddress address = parse_lcm_address(o.lcm);
   if (!address.prefix.empty())
     throw std::invalid_argument("--lcm: channels keep the names that the log has; leave prefix=" + address.prefix +
@@ -170,7 +170,7 @@ void replay(const Options& o) {
     throw std::runtime_error(o.file + ": is damaged, or no LCM log: parts of it are no message");
 }
 
-CLI::App& add(CLI::App& app, const char* name, const char* what, const std::shared_ptr<Options>& o) {
+CLI::App& add(CLI::App& app, const char* name, const char* what, const std::shared_ptr<RecordOptions>& o) {
   auto& command = *app.add_subcommand(name, what);
   command.add_option("file", o->file, "an LCM log")->required()->type_name("FILE");
   command.add_option("--lcm", o->lcm, "the network, as the daemon's --lcm")->type_name("URL")->capture_default_str();
@@ -180,7 +180,7 @@ CLI::App& add(CLI::App& app, const char* name, const char* what, const std::shar
 }  // namespace
 
 void add_record(CLI::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<RecordOptions>();
   auto& command = add(app, "record", "writes every message of the daemon's LCM channels to a log", o);
   command.add_flag("--force", o->force, "write over a file that is there");
   command.add_option("--seconds", o->seconds, "stop after so long; default: at Ctrl-C")
@@ -190,7 +190,7 @@ void add_record(CLI::App& app) {
 }
 
 void add_replay(CLI::App& app) {
-  const auto o = std::make_shared<Options>();
+  const auto o = std::make_shared<RecordOptions>();
   auto& command = add(app, "replay", "publishes the messages of an LCM log as they were", o);
   command.add_option("--speed", o->speed, "times as fast as it was")
       ->check(quiet(CLI::PositiveNumber))

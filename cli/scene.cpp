@@ -26,9 +26,9 @@ void reload(const Connection& connection) {
 
 struct AddBodyOptions {
   Connection connection;
-  std::string name, vertices, triangles, convexify = "auto", parent;
+  std::string name, vertices, points, triangles, convexify = "auto", parent;
   std::vector<double> box, capsule, cylinder, cone, ellipsoid, pose, uncertainty{0, 0};
-  double sphere = 0, radius = 0, padding = 0, max_speed = 0;
+  double sphere = 0, voxel = 0, radius = 0, padding = 0, max_speed = 0;
   bool is_static = false, half_space = false;
 };
 
@@ -71,6 +71,12 @@ void add_body(const CLI::App& command, const AddBodyOptions& o) {
   body.vertices = vertices;
   body.triangles = triangles;
   body.convexify = *convexify_of(o.convexify);
+  std::vector<std::array<float, 3>> points;
+  if (!o.points.empty()) {
+    points = read_rows<float>("--points", o.points, "numbers");
+    body.points = points;
+    body.voxel = o.voxel;
+  }
   if (!o.box.empty()) body.box = {o.box[0], o.box[1], o.box[2]};
   if (command.count("--sphere")) body.sphere = o.sphere;
   if (!o.capsule.empty()) body.capsule = {o.capsule[0], o.capsule[1]};
@@ -115,6 +121,11 @@ void add_add_body(CLI::App& app) {
       .add_option("--vertices", options->vertices,
                   "the convex hull of the vertices in this file, x y z on a line; -: standard input")
       ->type_name("FILE");
+  shape
+      .add_option("--points", options->points,
+                  "a cloud, which `clearance points` replaces: x y z on a line; -: standard input")
+      ->type_name("FILE");
+  command.add_option("--voxel", options->voxel, "with --points: boxes of this edge about them")->type_name("X");
   command
       .add_option("--triangles", options->triangles,
                   "with --vertices: a mesh of them, three places in their list, from 0 on, on a line")

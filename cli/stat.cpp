@@ -15,7 +15,7 @@ namespace {
 
 using Counters = std::map<std::string, std::uint64_t>;
 
-struct Options {
+struct StatOptions {
   Connection connection;
   Output output = Output::kTable;
   double watch_s = 0;
@@ -77,7 +77,7 @@ Counters counters_of(Client& client) {
   return counters;
 }
 
-void stat(const Options& o) {
+void stat(const StatOptions& o) {
   Client client = o.connection.open();
   if (o.prometheus) {
     std::cout << prometheus_text(client.stats());
@@ -104,7 +104,7 @@ void stat(const Options& o) {
 
 void add_stat(CLI::App& app) {
   auto& command = *app.add_subcommand("stat", "the daemon's counters, and how long queries take");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<StatOptions>();
   add_connection_options(command, options->connection);
   add_output_options(command, options->output);
   auto* watch =

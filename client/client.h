@@ -87,6 +87,7 @@ class CLEARANCE_API Reply {
   std::span<const double> time() const;           ///< of motions: 0 to 1
   std::span<const double> first_contact() const;  ///< (rows * 2,) of motions; kFieldFirstContact
   std::span<const float> bounds() const;          ///< (rows, 2) lower and upper, metres, rounded outward
+  std::span<const double> free_scale() const;     ///< Client::free_scale()
   std::span<const std::uint32_t> steps() const;   ///< of motions: configurations that each asked for
 
   std::uint64_t epoch() const;  ///< of the daemon that answered; 0: it is too old to have one
@@ -168,7 +169,7 @@ struct PosesDone {
 };
 
 /// A body to add while the daemon runs. Exactly one shape: the hull of `vertices` (body frame), with `triangles` a mesh
-/// of them, or a primitive.
+/// of them, a primitive, or a cloud of `points`.
 struct NewBody {
   std::string name;
   std::span<const std::array<double, 3>> vertices = {};  ///< metres
@@ -191,6 +192,9 @@ struct NewBody {
   // A mesh, which a daemon that does not know of it refuses.
   std::span<const std::array<std::uint32_t, 3>> triangles = {};  ///< of places in `vertices`; a solid's are closed
   Convexify convexify = Convexify::kAuto;  ///< what the mesh is; kAuto: found out. kSubmeshes is the same as kHull
+  /// Metres: a cloud, which set_points() replaces. None in it: nothing is there yet.
+  std::optional<std::span<const std::array<float, 3>>> points = {};
+  double voxel = 0;  ///< metres, of a cloud: above 0 it is the boxes of this edge about the points
 };
 
 /// The scene that replaced another.
@@ -225,6 +229,11 @@ class CLEARANCE_API Client {
   Reply distances(const Query& query = {});
   /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free.
   Check check(const Query& query = {});
+  /// How far joints may move from each configuration (of joints, no bodies): the largest s that is proved such that all
+  /// pairs stay beyond the query's margins while no joint moves by more than s times its weight. 0: not even the
+  /// configuration itself is proved free; inf: nothing that moves can come nearer. Joint limits are not looked at.
+  /// \param weights (J,) radians and metres, >= 0. Returns (K,). Throws as distances().
+  std::vector<double> free_scale(const Query& query, std::span<const double> weights);
   /// Sends a query and returns at once.
   Pending submit(const Query& query = {});
 
@@ -279,6 +288,10 @@ class CLEARANCE_API Client {
   std::uint32_t body(std::string_view name);           ///< id; throws std::invalid_argument naming near misses
   std::uint32_t group(std::string_view name);          ///< selector; "*": every body
   std::vector<IdPair> pairs(const Query& query = {});  ///< the pairs a query answers, in order
+  /// Has rows of a query (k P + p for pair p in configuration k; of reduce none) answered anew, each with what proves
+  /// its bounds: a document (JSON) that tools/check_certificate.py checks (docs/certificates.md). Throws RequestError,
+  /// also for a document of more than 64 MiB. \param rows none: all
+  std::string certificate(const Query& query = {}, std::optional<std::span<const std::uint64_t>> rows = {});
   std::vector<BodyStateInfo> body_states();
   std::vector<std::pair<std::string, std::uint64_t>> stats();
   Duration ping(std::span<const std::byte> payload = {});  ///< a bare echo through the daemon

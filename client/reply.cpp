@@ -115,6 +115,9 @@ std::span<const std::uint32_t> Reply::steps() const {
 std::span<const float> Reply::bounds() const {
   return column<float>(kFieldBounds, 2);
 }
+std::span<const double> Reply::free_scale() const {
+  return column<double>(kFieldFreeScale, 1);
+}
 
 std::uint64_t Reply::epoch() const {
   return epoch_;

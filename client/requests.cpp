@@ -27,6 +27,7 @@ std::string options_in_records(const Query& query) {
   const auto add = [&names](const char* name) { names += (names.empty() ? "" : ", ") + std::string(name); };
   if (!query.margins.empty()) add("margins");
   if (!query.pair_margins.empty()) add("pair_margins");
+  if (!query.weights.empty()) add("weights");
   if (!query.joints.empty()) add("joints");
   return names;
 }
@@ -38,6 +39,7 @@ std::vector<std::byte> query_records(const Query& query) {
   };
   add(wire::QueryRecord::kMargins, std::as_bytes(query.margins));
   add(wire::QueryRecord::kPairMargins, std::as_bytes(query.pair_margins));
+  add(wire::QueryRecord::kWeights, std::as_bytes(query.weights));
   return records;
 }
 
@@ -83,13 +85,15 @@ void set_body_name(char (&field)[64], std::string_view name) {
 std::vector<std::byte> payload_of(const NewBody& body) {
   const int shapes = !body.vertices.empty() + body.box.has_value() + body.sphere.has_value() +
                      body.capsule.has_value() + body.cylinder.has_value() + body.cone.has_value() +
-                     body.ellipsoid.has_value() + body.half_space;
+                     body.ellipsoid.has_value() + body.half_space + body.points.has_value();
   if (shapes != 1)
     throw std::invalid_argument(
-        "add_body: expected one of vertices, box, sphere, capsule, cylinder, cone, ellipsoid and half_space, got " +
+        "add_body: expected one of vertices, box, sphere, capsule, cylinder, cone, ellipsoid, half_space and points, "
+        "got " +
         std::to_string(shapes));
   if (body.convexify != Convexify::kHull && body.convexify != Convexify::kAuto && body.triangles.empty())
     throw std::invalid_argument("add_body: convexify is for a mesh, and there are no triangles");
+  if (body.voxel != 0 && !body.points) throw std::invalid_argument("add_body: voxel is for points alone");
   if (!body.triangles.empty() && body.vertices.empty())
     throw std::invalid_argument("add_body: triangles are for vertices alone");
   wire::NewBodyRecord record;
@@ -111,6 +115,7 @@ std::vector<std::byte> payload_of(const NewBody& body) {
   if (body.ellipsoid)
     shape(wire::BodyShape::kEllipsoid, {(*body.ellipsoid)[0], (*body.ellipsoid)[1], (*body.ellipsoid)[2]});
   if (body.half_space) shape(wire::BodyShape::kHalfSpace, {});
+  if (body.points) shape(wire::BodyShape::kCloud, {body.voxel});
   if (body.cylinder) shape(wire::BodyShape::kCylinder, {(*body.cylinder)[0], (*body.cylinder)[1]});
   std::vector<std::byte> payload;
   wire::append(payload, record);
@@ -124,6 +129,9 @@ std::vector<std::byte> records_of(const NewBody& body) {
   if (doubts.uncertainty_position != 0 || doubts.uncertainty_angle != 0 || doubts.padding != 0 || doubts.max_speed != 0)
     wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kDoubts), wire::kRecordRequired,
                         std::as_bytes(std::span(&doubts, 1)));
+  if (body.points)
+    wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kPoints), wire::kRecordRequired,
+                        std::as_bytes(*body.points));
   if (body.triangles.empty()) return records;
   static_assert(sizeof(body.triangles[0]) == sizeof(wire::TriangleRecord));
   wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kTriangles), wire::kRecordRequired,

@@ -14,7 +14,7 @@ endfunction()
 # where none is named).
 #
 # The header alone takes the compiler eight seconds, so it is precompiled once for all of them; and whatever includes it gets
-# its formatters, too, which take as long again at -O3. Nobody reads options in a hurry: -O1. Sources that read none get
+# all that is inline in it compiled, too, which takes as long again at -O3. Nobody reads options in a hurry: -O1. Sources that read none get
 # neither. (Not for targets with OpenMP: GCC takes no header that was compiled without.)
 function(clearance_use_cli11 target)
   find_package(CLI11 REQUIRED)
@@ -23,6 +23,7 @@ function(clearance_use_cli11 target)
     add_executable(clearance_cli11_headers ${PROJECT_SOURCE_DIR}/cmake/headers.cpp)
     set_target_properties(clearance_cli11_headers PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/cmake)
     target_link_libraries(clearance_cli11_headers PRIVATE clearance_options CLI11::CLI11)
+    target_compile_options(clearance_cli11_headers PRIVATE $<$<CONFIG:Release>:-O1>)
     target_precompile_headers(clearance_cli11_headers PRIVATE <CLI/CLI.hpp>)
   endif()
   target_precompile_headers(${target} REUSE_FROM clearance_cli11_headers)
@@ -31,16 +32,24 @@ function(clearance_use_cli11 target)
   if(NOT _readers)
     set(_readers ${_sources})
   endif()
-  set_property(SOURCE ${_readers} APPEND PROPERTY COMPILE_OPTIONS $<$<CONFIG:Release>:-O1>)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)  # not of a source: such a one is joined with none
   list(REMOVE_ITEM _sources ${_readers})
   if(_sources)
-    set_source_files_properties(${_sources} PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
+    set_source_files_properties(${_sources} PROPERTIES SKIP_PRECOMPILE_HEADERS ON COMPILE_OPTIONS $<$<CONFIG:Release>:-O3>)
   endif()
 endfunction()
 
-# clearance_join_sources(target): compiles the target's sources several at a time, so that what they include is read once for
-# all of them. Where CLEARANCE_JOIN_SOURCES says so; elsewhere each by itself, and so finds a file that leaves out an include
-# of its own. Not for the engine: tests/exact puts a mutant in the place of one of its objects.
+# clearance_join_sources(target [most]): compiles the target's sources several at a time, 8 at most or as said, so that what
+# they include is read once for all of them. Where CLEARANCE_JOIN_SOURCES says so; elsewhere each by itself, and so finds a
+# file that leaves out an include of its own.
 function(clearance_join_sources target)
-  set_target_properties(${target} PROPERTIES UNITY_BUILD ${CLEARANCE_JOIN_SOURCES} UNITY_BUILD_BATCH_SIZE 8)
+  set(_most ${ARGN} 8)
+  list(GET _most 0 _most)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ${CLEARANCE_JOIN_SOURCES} UNITY_BUILD_BATCH_SIZE ${_most})
+endfunction()
+
+# clearance_join_group(target group source...): the same for these sources alone, all at a time.
+function(clearance_join_group target group)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ${CLEARANCE_JOIN_SOURCES} UNITY_BUILD_MODE GROUP)
+  set_source_files_properties(${ARGN} PROPERTIES UNITY_GROUP ${group})
 endfunction()

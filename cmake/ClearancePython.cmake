@@ -19,6 +19,11 @@ function(clearance_python_module name)
     ${ARG_UNPARSED_ARGUMENTS})
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PRIVATE clearance_options ${ARG_LIBS})
+  foreach(_library nanobind-static nanobind-static-abi3)  # compiled as one, once for all modules
+    if(TARGET ${_library})
+      set_target_properties(${_library} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0)
+    endif()
+  endforeach()
   # Only PyInit_ leaves the module: it shares a process with other builds of the same libraries. The script also hides
   # what the standard library's headers instantiate.
   target_link_options(${name} PRIVATE LINKER:--exclude-libs,ALL

@@ -17,7 +17,6 @@
 #include "engine/motion/free_scale.h"
 #include "engine/motion/motion_job.h"
 #include "engine/narrow/self_test.h"
-#include "engine/query/certificate.h"
 #include "engine/query/extent.h"
 #include "engine/query/job_state.h"
 #include "engine/query/kept_jobs.h"
@@ -277,26 +276,28 @@ QuerySize Engine::size(const QueryView& query) const {
 
 std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
   const FpEnvironment environment;
-  QueryView q = query;
-  q.reduce = Reduce::kNone;
-  q.margin = 0;
-  q.margins = {};
-  q.pair_margins = {};
-  q.max_steps = 0;
-  q.fields = 0;
-  q.configuration_count = 0;
   const auto snapshot = impl_->poses.snapshot();
-  const Plan plan = make_plan(q, *snapshot->scene, snapshot, impl_->options.max_rows, false);
+  const Plan plan = make_plan(for_pairs(query), *snapshot->scene, snapshot, impl_->options.max_rows, false);
   std::vector<BodyPair> pairs(plan.pairs.size());
   plan.pairs.copy(0, pairs.size(), pairs.data());
   return pairs;
 }
 
 std::vector<double> Engine::free_scale(const QueryView& query, std::span<const double> weights) const {
-  const FpEnvironment environment;
-  impl_->check_process();
-  const auto snapshot = impl_->poses.snapshot();
-  return clearance::free_scale(impl_->context(*snapshot), snapshot, query, weights, impl_->options.max_rows);
+  QueryView asked = query;
+  asked.reduce = Reduce::kAny;
+  asked.format = Format::kFull;
+  asked.fields = kFieldFreeScale;
+  asked.weights = weights;
+  PreparedQuery prepared = prepare(asked);
+  std::vector<double> scales(prepared.size().rows);
+  ReplyView reply;
+  reply.rows = scales.size();
+  reply.free_scale = scales.data();
+  Job job = start(std::move(prepared), reply);
+  while (!job.advance()) {
+  }
+  return scales;
 }
 
 PreparedQuery Engine::begin_preparing(const QueryView& query) const {
@@ -321,15 +322,10 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
 
 namespace {
 
-// A device knows poses alone, and no joints' limits: what is asked of these, and poses of links that would take much of
-// memory, are left to the CPU.
-bool for_device(const Plan& plan, const Scene& scene) {
+// Poses of links that would take much of memory are left to the CPU.
+bool for_device(const Plan& plan) {
   constexpr std::uint64_t kMostPoses = std::uint64_t{1} << 24;
-  if (scene.robots().empty()) return true;
-  if (plan.query.fields & kFieldFlags) return false;
-  return plan.motions.empty() || (plan.size.configurations * plan.bodies.size() <= kMostPoses &&
-                                  std::all_of(plan.motions.begin(), plan.motions.end(),
-                                              [](const LinkMotion& motion) { return motion.places_all(); }));
+  return plan.motions.empty() || plan.size.configurations * plan.bodies.size() <= kMostPoses;
 }
 
 }  // namespace
@@ -359,14 +355,18 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
   std::unique_ptr<Job::State> state;
-  const bool has_device = impl_->device && !for_cpu && for_device(plan, impl_->scene);
+  const bool has_device = impl_->device && !for_cpu && for_device(plan);
   if (impl_->device && !has_device && !for_cpu && !impl_->options.device_fallback)
     throw QueryError(QueryErrorCode::kNotSupported,
-                     "a device answers neither flags in a scene with robots, nor joints where others have no position");
+                     "joints: a device does not place links in so many configurations at once");
   if (has_device && (!router || router->to_device(kind, pairs))) {
     state = cuda::make_device_job(context, plan, reply);
   }
-  if (!state) state = (motions ? make_motion_job : make_cpu_job)(context, std::move(plan), reply);
+  if (!state) {
+    const bool scales = plan.query.fields & kFieldFreeScale;
+    const auto make = motions ? make_motion_job : scales ? make_free_scale_job : make_cpu_job;
+    state = make(context, std::move(plan), reply);
+  }
   if (router)
     state->when_done = [router, kind, pairs](const ReplyInfo& info, std::chrono::nanoseconds took) {
       router->learn(kind, pairs, info.backend == "cuda", took);
@@ -382,12 +382,21 @@ std::unique_ptr<DevicePlan> Engine::plan_on_device(const QueryView& query) const
                                 make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, false));
 }
 
-std::string Engine::certificate(const QueryView& query, std::span<const std::uint64_t> rows) const {
+CertificateRun Engine::begin_certificate(const QueryView& query, CertificateRows rows) const {
   const FpEnvironment environment;
   impl_->check_process();
   const auto snapshot = impl_->poses.snapshot();
-  Plan plan = make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, true);
-  return to_json(certify_rows(impl_->context(*snapshot), std::move(plan), rows), impl_->scene);
+  return {impl_->context(*snapshot), snapshot, query, std::move(rows), impl_->options.max_rows};
+}
+
+std::string Engine::certificate(const QueryView& query, std::optional<std::span<const std::uint64_t>> rows) const {
+  CertificateRows asked;
+  if (rows) asked.numbers.emplace(rows->begin(), rows->end());
+  CertificateRun run = begin_certificate(query, std::move(asked));
+  while (!run.advance()) {
+  }
+  const std::vector<std::byte> text = run.take();
+  return {reinterpret_cast<const char*>(text.data()), text.size()};
 }
 
 const std::uint64_t Engine::kMostWarmBytes = WarmStore::kMostSimplices * sizeof(WarmSimplex);
@@ -448,66 +457,6 @@ Extent Engine::extent(const QueryView& query) const {
 }
 bool Engine::has_cpu() const {
   return !impl_->device || impl_->router;
-}
-
-PreparedQuery::PreparedQuery(std::unique_ptr<Planner> planner) : planner_(std::move(planner)) {}
-PreparedQuery::PreparedQuery(Job::StatePtr again) : again_(std::move(again)) {}
-PreparedQuery::PreparedQuery(PreparedQuery&&) noexcept = default;
-PreparedQuery& PreparedQuery::operator=(PreparedQuery&&) noexcept = default;
-PreparedQuery::~PreparedQuery() = default;
-const Plan& PreparedQuery::plan() const {
-  return again_ ? *again_->plan_to_ask_again() : planner_->plan();
-}
-bool PreparedQuery::advance(const WorkBudget& budget) {
-  if (again_) return true;
-  const FpEnvironment environment;
-  WorkMeter slice(budget);
-  const bool is_ready = planner_->advance(slice);
-  units_of_this_thread += slice.spent();
-  return is_ready;
-}
-const QuerySize& PreparedQuery::size() const {
-  return plan().size;
-}
-void PreparedQuery::copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPair* out) const {
-  plan().pairs.copy(begin, count, out);
-}
-std::uint64_t PreparedQuery::bytes() const {
-  const Plan& p = plan();
-  return p.pairs.list().size_bytes() + p.configurations.size_bytes() + p.positions.size_bytes();
-}
-void PreparedQuery::begin_cold() {
-  if (planner_) planner_->plan().query.warm_slot = 0;
-}
-void PreparedQuery::keep_on_cpu() {
-  keep_on_cpu_ = true;
-}
-
-Job::Job(StatePtr state) : state_(std::move(state)) {}
-Job::Job(Job&&) noexcept = default;
-Job& Job::operator=(Job&&) noexcept = default;
-Job::~Job() = default;
-bool Job::advance(const WorkBudget& budget) {
-  const FpEnvironment environment;
-  const std::uint64_t before = state_->units;
-  using Clock = std::chrono::steady_clock;
-  const bool timed = state_->when_done != nullptr;
-  const Clock::time_point begin = timed ? Clock::now() : Clock::time_point();
-  const bool done = state_->advance(budget);
-  units_of_this_thread += state_->units - before;
-  if (!timed) return done;
-  state_->took += Clock::now() - begin;
-  if (done) std::exchange(state_->when_done, nullptr)(state_->info, state_->took);
-  return done;
-}
-std::uint64_t Job::units() const {
-  return state_->units;
-}
-const QuerySize& Job::size() const {
-  return state_->size();
-}
-const ReplyInfo& Job::info() const {
-  return state_->info;
 }
 
 }  // namespace clearance

@@ -12,6 +12,7 @@
 
 #include "engine/base/counters.h"
 #include "engine/pose/body_pose.h"
+#include "engine/query/certificate.h"
 #include "engine/query/extent.h"
 #include "engine/query/job.h"
 #include "engine/query/query.h"
@@ -146,7 +147,10 @@ class Engine {
   /// the CPU answers them, and returns with each what proves its bounds: a document (JSON) that
   /// tools/check_certificate.py checks by itself (docs/certificates.md). Takes ten times as long as the
   /// rows do. Throws QueryError, also for a row that the answer has not.
-  std::string certificate(const QueryView& query, std::span<const std::uint64_t> rows) const;
+  /// \param rows none: all
+  std::string certificate(const QueryView& query, std::optional<std::span<const std::uint64_t>> rows = {}) const;
+  /// The same in slices. What `query` points to must outlive it, as must the engine.
+  CertificateRun begin_certificate(const QueryView& query, CertificateRows rows) const;
 
   /// What a query asks for at most (SceneBulk::of()).
   Extent extent(const QueryView& query) const;

@@ -24,18 +24,6 @@ bool is_box(const Piece& piece) {
   return piece.half.x > 0 && piece.half.y > 0 && piece.half.z > 0;  // eight distinct corners: all of them
 }
 
-const char* name_of(Primitive::Kind kind) {
-  switch (kind) {
-    case Primitive::Kind::kHalfSpace:
-      return "half_space";
-    case Primitive::Kind::kCone:
-      return "cone";
-    case Primitive::Kind::kEllipsoid:
-      return "ellipsoid";
-  }
-  return "";
-}
-
 std::string form_of(const Piece& piece) {
   const bool rounded = piece.radius > 0;
   if (piece.surface) return std::string(rounded ? "rounded " : "") + (piece.surface->is_solid() ? "solid" : "surface");

@@ -52,6 +52,7 @@ Rights right_for(wire::FrameType request) {
     case wire::FrameType::kDescribe:
     case wire::FrameType::kQuery:
     case wire::FrameType::kPairs:
+    case wire::FrameType::kCertify:
     case wire::FrameType::kGetStates:
     case wire::FrameType::kGetJoints:
     case wire::FrameType::kGetStats:

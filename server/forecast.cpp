@@ -34,10 +34,11 @@ Refusal late(std::chrono::nanoseconds deadline, const std::string& why) {
 
 Forecast::Work Forecast::work_of(const QueryOptions& query, const Extent& extent) {
   const auto reduce = static_cast<std::uint32_t>(query.reduce);
-  const auto kind = query.max_steps > 0 ? 40 + reduce
-                                        : reduce * 8 + (query.signed_distance ? 4u : 0u) +
-                                              (query.precision == Precision::kF32 ? 2u : 0u) +
-                                              (std::isfinite(query.max_distance) ? 1u : 0u);
+  const auto kind = query.fields & kFieldFreeScale ? 45u
+                    : query.max_steps > 0          ? 40 + reduce
+                                                   : reduce * 8 + (query.signed_distance ? 4u : 0u) +
+                                                (query.precision == Precision::kF32 ? 2u : 0u) +
+                                                (std::isfinite(query.max_distance) ? 1u : 0u);
   return {kind, std::max<std::uint64_t>(extent.piece_pairs, 1)};
 }
 

@@ -135,6 +135,8 @@ class Loop final : public Inbox {
                       std::unique_ptr<ReplySink>& sink);
   void list_pairs(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
                   std::unique_ptr<ReplySink>& sink);
+  void certify(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+               std::unique_ptr<ReplySink>& sink);
   void set_poses_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch,
                            std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
   void set_points_elsewhere(const wire::FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <utility>
 
+#include "certificate_request.h"
 #include "loop.h"
 #include "pair_listing.h"
 #include "request_payload.h"
@@ -62,8 +63,8 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
   // Behind what the client sent before, or where each of many bodies may move.
   const bool waits = is_update && (poses_away_.contains(sink->client()) ||
                                    (type == FrameType::kSetJoints && engine_->scene().bodies().size() > kFewBodies));
-  if (type != FrameType::kQuery && type != FrameType::kPairs && type != FrameType::kAttach &&
-      type != FrameType::kAddBody && type != FrameType::kSetPoints && !waits)
+  if (type != FrameType::kQuery && type != FrameType::kPairs && type != FrameType::kCertify &&
+      type != FrameType::kAttach && type != FrameType::kAddBody && type != FrameType::kSetPoints && !waits)
     payload = without_records(answers_, header, payload, stats_.records_ignored);
   const auto reply = [&](FrameType with, std::span<const std::byte> bytes) {
     answers_.reply(*sink, header, with, bytes);
@@ -81,6 +82,8 @@ void Loop::handle(const FrameHeader& header, std::span<const std::byte> payload,
       return start_query(header, payload, sink);
     case FrameType::kPairs:
       return list_pairs(header, own_copy(payload), payload.size(), sink);
+    case FrameType::kCertify:
+      return certify(header, own_copy(payload), payload.size(), sink);
     case FrameType::kGetJoints:
       is_empty();
       if (engine_->scene().joints().size() <= kFewBodies) return reply(FrameType::kJoints, joints_payload(*engine_));
@@ -166,7 +169,9 @@ bool Loop::is_small(const Extent& extent) const {
 void Loop::begin_query(const FrameHeader& header, const wire::QueryParts& parts, std::span<const std::byte> payload,
                        std::unique_ptr<ReplySink>& sink, Clock::time_point received) {
   const Extent extent = engine_->extent(view_of(parts, header.scene_revision));
-  const bool is_here = is_small(extent) && !poses_away_.contains(sink->client());
+  // What each pair leaves to the joints is looked at beforehand, beside the loop.
+  const bool is_here =
+      is_small(extent) && !poses_away_.contains(sink->client()) && !(parts.options.fields & kFieldFreeScale);
   // Of those elsewhere no two are due at once: one ends, then the next.
   auto query = new_query(header, *sink, class_for(*sink, parts.options), received,
                          due(is_here ? received : Clock::now(), extent.pairs));
@@ -225,6 +230,16 @@ void Loop::list_pairs(const FrameHeader& header, std::function<OwnPayload()> fet
   reply_elsewhere(header, bytes, FrameType::kPairTable, make, sink, count_later(ignored));
 }
 
+/// It counts, whatever becomes of it, as what its document may take.
+void Loop::certify(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
+                   std::unique_ptr<ReplySink>& sink) {
+  const auto ignored = std::make_shared<std::uint64_t>(0);
+  const auto asked = std::make_shared<CertificateRequest>(answers_, engine_, header, std::move(fetch));
+  const auto make = [asked, ignored](std::chrono::nanoseconds budget) { return asked->advance(budget, *ignored); };
+  reply_elsewhere(header, bytes + CertificateRequest::kMostBytes, FrameType::kCertificate, make, sink,
+                  count_later(ignored));
+}
+
 /// Counts records that whoever works has ignored, on the loop.
 DearRequest::Done Loop::count_later(std::shared_ptr<const std::uint64_t> ignored) {
   return [this, ignored](bool) {
@@ -249,6 +264,8 @@ void Loop::on_large_frame(const FrameHeader& header, std::uint64_t payload_bytes
                                std::move(fetch), payload_bytes, {}, sink);
       case FrameType::kPairs:
         return list_pairs(header, std::move(fetch), payload_bytes, sink);
+      case FrameType::kCertify:
+        return certify(header, std::move(fetch), payload_bytes, sink);
       case FrameType::kSetPoses:
       case FrameType::kSetJoints:
         return set_poses_elsewhere(header, std::move(fetch), payload_bytes, sink);

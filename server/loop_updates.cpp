@@ -88,6 +88,33 @@ PoseUpdateResult apply_poses(Engine& engine, const FrameHeader& header, std::spa
   return engine.set_poses(poses, parts.header.stamp_ns, parts.header.sequence, client);
 }
 
+/// An update that a worker applies to the engine, and to each that takes its place meanwhile.
+struct Update {
+  std::shared_ptr<Engine> engine;
+  OwnPayload payload;
+  std::string body;  // of points, its name: another scene may have other ids
+  PoseUpdateResult result;
+  std::uint64_t ignored = 0;  // records
+
+  /// The reply's payload. \param apply takes the request's, without its records
+  template <class Fetch, class Apply>
+  std::vector<std::byte> make(const Answers& answers, const FrameHeader& header, const Fetch& fetch,
+                              const Apply& apply) {
+    if (!payload.begin) payload = fetch();
+    ignored = 0;
+    result = apply(without_records(answers, header, payload.span(), ignored));
+    const wire::PosesResult done = result_of(result, engine->scene_revision());
+    const auto bytes = bytes_of(done);
+    return {bytes.begin(), bytes.end()};
+  }
+  /// Whether there is another engine, which needs it too.
+  bool begins_again(const std::shared_ptr<Engine>& now) {
+    if (engine == now) return false;
+    engine = now;
+    return true;
+  }
+};
+
 }  // namespace
 
 wire::PosesResult Loop::set_poses(const FrameHeader& header, std::span<const std::byte> payload, std::uint64_t client) {
@@ -99,28 +126,15 @@ wire::PosesResult Loop::set_poses(const FrameHeader& header, std::span<const std
 /// Has the worker apply poses. What their client sends meanwhile goes the same way, so that nothing overtakes them.
 void Loop::set_poses_elsewhere(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
                                std::unique_ptr<ReplySink>& sink) {
-  struct Update {
-    std::shared_ptr<Engine> engine;
-    OwnPayload payload;
-    PoseUpdateResult result;
-    std::uint64_t ignored = 0;  // records
-  };
-  const auto update = std::make_shared<Update>(Update{engine_, {}, {}});
+  const auto update = std::make_shared<Update>(Update{engine_, {}, {}, {}});
   const std::uint64_t client = sink->client();
   const auto make = [=, this, fetch = std::move(fetch)](auto) {
-    if (!update->payload.begin) update->payload = fetch();
-    update->ignored = 0;
-    const auto body = without_records(answers_, header, update->payload.span(), update->ignored);
-    update->result = apply_poses(*update->engine, header, body, client);
-    const wire::PosesResult result = result_of(update->result, update->engine->scene_revision());
-    const auto bytes_of_it = bytes_of(result);
-    return std::vector<std::byte>(bytes_of_it.begin(), bytes_of_it.end());
+    return update->make(answers_, header, fetch, [&](std::span<const std::byte> body) {
+      return apply_poses(*update->engine, header, body, client);
+    });
   };
   const auto done = [=, this](bool made) {
-    if (made && update->engine != engine_) {  // a scene that came meanwhile needs them too
-      update->engine = engine_;
-      return false;
-    }
+    if (made && update->begins_again(engine_)) return false;
     if (--poses_away_.at(client).updates == 0) poses_away_.erase(client);
     stats_.records_ignored += update->ignored;
     if (made) count_poses(update->result);
@@ -134,30 +148,16 @@ void Loop::set_poses_elsewhere(const FrameHeader& header, std::function<OwnPaylo
 /// Has points taken up by a worker of their own, so that nobody waits for the tree that is made of them.
 void Loop::set_points_elsewhere(const FrameHeader& header, std::function<OwnPayload()> fetch, std::uint64_t bytes,
                                 std::unique_ptr<ReplySink>& sink) {
-  struct Update {
-    std::shared_ptr<Engine> engine;
-    OwnPayload payload;
-    std::string body;  // its name: another scene may have other ids
-    PoseUpdateResult result;
-    std::uint64_t ignored = 0;  // records
-  };
   const auto update = std::make_shared<Update>(Update{engine_, {}, {}, {}});
   const std::uint64_t client = sink->client(), rest = sizeof(wire::PointsHeader) + header.records_bytes;
   const std::uint64_t count = (bytes - std::min(bytes, rest)) / sizeof(CloudPoint);
   const auto make = [=, this, fetch = std::move(fetch)](auto) {
-    if (!update->payload.begin) update->payload = fetch();
-    update->ignored = 0;
-    const auto body = without_records(answers_, header, update->payload.span(), update->ignored);
-    update->result = apply_points(*update->engine, header, body, client, update->body);
-    const wire::PosesResult result = result_of(update->result, update->engine->scene_revision());
-    const auto bytes_of_it = bytes_of(result);
-    return std::vector<std::byte>(bytes_of_it.begin(), bytes_of_it.end());
+    return update->make(answers_, header, fetch, [&](std::span<const std::byte> body) {
+      return apply_points(*update->engine, header, body, client, update->body);
+    });
   };
   const auto done = [=, this](bool made) {
-    if (made && update->engine != engine_) {  // a scene that came meanwhile needs them too
-      update->engine = engine_;
-      return false;
-    }
+    if (made && update->begins_again(engine_)) return false;
     points_.end(client, update->body, count, made);
     stats_.records_ignored += update->ignored;
     if (!made) return true;

@@ -159,6 +159,7 @@ Loop::Options loop_options_of(const DaemonOptions& options, const Access& access
   loop.max_points = options.max_points;
   loop.max_added_vertices = options.max_added_vertices;
   loop.max_added_triangles = options.max_added_triangles;
+  loop.max_added_points = options.max_added_points;
   loop.max_pairs = options.max_pairs;
   loop.max_piece_pairs = options.max_piece_pairs;
   loop.require_epoch = options.require_epoch;

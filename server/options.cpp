@@ -204,6 +204,11 @@ void add_limits(CLI::App& app, DaemonOptions& o) {
       ->check(quiet(CLI::Range(1u, 20000000u)))
       ->type_name("N")
       ->capture_default_str();
+  app.add_option("--max-added-points", o.max_added_points,
+                 "points that each of them may have when it is added; what replaces them may be more")
+      ->check(quiet(CLI::Range(1u, 80000u)))
+      ->type_name("N")
+      ->capture_default_str();
   app.add_option(
          "--max-stamp-lead-s", o.max_stamp_lead_s,
          "seconds that the stamp of a pose may be ahead of this machine's clock; poses farther ahead are refused")

@@ -49,6 +49,7 @@ struct DaemonOptions {
   std::uint64_t max_body_points = 2'000'000, max_client_points = 8'000'000, max_points = 16'000'000;
   unsigned max_added_vertices = 20'000;
   unsigned max_added_triangles = 40'000;
+  unsigned max_added_points = 80'000;
   std::uint64_t max_pairs = 10'000'000'000;
   std::uint64_t max_piece_pairs = 10'000'000'000'000;
   unsigned max_stamp_lead_s = 60;

@@ -27,11 +27,8 @@ void PairListing::begin(std::uint64_t& ignored) {
   const wire::QueryParts parts = wire::parse_query(request_, aligned(payload_.span(), aligned_));
   ignored += parts.passed_over.size();
   answers_.check_epoch(request_, parts.epoch);
-  QueryView query = view_of(parts, request_.scene_revision);
-  query.reduce = Reduce::kNone;
-  query.configuration_count = 0;
-  query.configurations = {};
-  prepared_ = engine_->begin_preparing(query);
+  const QueryView query = view_of(parts, request_.scene_revision);
+  prepared_ = engine_->begin_preparing(for_pairs(query));
 }
 
 bool PairListing::copy(Clock::time_point end) {

@@ -76,6 +76,7 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
                static_cast<std::size_t>(parts.margins.size())};
   q.pair_margins = {reinterpret_cast<const double*>(parts.pair_margins.data()),
                     static_cast<std::size_t>(parts.pair_margins.size())};
+  q.weights = {reinterpret_cast<const double*>(parts.weights.data()), static_cast<std::size_t>(parts.weights.size())};
   q.scene_revision = scene_revision;
   return q;
 }

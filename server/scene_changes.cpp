@@ -20,18 +20,23 @@ using wire::FrameHeader;
 struct NewGeometry {
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;
+  std::vector<CloudPoint> points;
   Convexify convexify;
 
   explicit NewGeometry(const wire::NewBodyParts& parts)
-      : vertices(parts.vertices.size()), triangles(parts.triangles.size()), convexify(parts.convexify) {
+      : vertices(parts.vertices.size()),
+        triangles(parts.triangles.size()),
+        points(parts.points.size()),
+        convexify(parts.convexify) {
     static_assert(sizeof(Vec3d) == sizeof(wire::VertexRecord) && sizeof(Triangle) == sizeof(wire::TriangleRecord));
     if (!vertices.empty()) std::memcpy(vertices.data(), parts.vertices.data(), parts.vertices.size_bytes());
     if (!triangles.empty()) std::memcpy(triangles.data(), parts.triangles.data(), parts.triangles.size_bytes());
+    if (!points.empty()) std::memcpy(points.data(), parts.points.data(), parts.points.size_bytes());
   }
 };
 
 /// The body that a client describes. Throws SceneError.
-/// \param geometry vertices and triangles, of a hull or a mesh
+/// \param geometry vertices and triangles, of a hull or a mesh, or points of a cloud
 Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, const NewGeometry& geometry) {
   const std::string name = wire::name_of(record.name);
   Scene::BodyOptions options;
@@ -73,6 +78,9 @@ Body body_of(const wire::NewBodyRecord& record, const wire::BodyDoubts& doubts, 
       break;
     case wire::BodyShape::kHalfSpace:
       alone.add_half_space(name, options);
+      break;
+    case wire::BodyShape::kCloud:
+      alone.add_points(name, geometry.points, record.size[0], options);
       break;
   }
   Body body = alone.bodies()[0];
@@ -172,6 +180,7 @@ void SceneChanges::check_size(const wire::NewBodyParts& parts) const {
   };
   check(parts.vertices.size(), limits_.max_added_vertices, "vertices");
   check(parts.triangles.size(), limits_.max_added_triangles, "triangles");
+  check(parts.points.size(), limits_.max_added_points, "points");
 }
 
 void SceneChanges::remove_body(const FrameHeader& request, std::span<const std::byte> payload,

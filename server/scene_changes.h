@@ -19,6 +19,7 @@ class SceneChanges {
     std::uint32_t max_added_bodies = 64;         ///< more: kBadQuery
     std::uint64_t max_added_vertices = 20'000;   ///< of each; more: kTooLarge
     std::uint64_t max_added_triangles = 40'000;  ///< likewise
+    std::uint64_t max_added_points = 80'000;     ///< likewise; set_points() may bring more
   };
 
   /// What is passed must outlive this. \param engine the one that serves, which turn() replaces.

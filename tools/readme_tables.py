@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the tables of the README and of docs/accuracy.md, latency.md and cuda.md from the files in docs/results.
+"""Writes the tables of the README and of docs/accuracy.md, latency.md, cuda.md and robots.md from docs/results.
 
     tools/readme_tables.py            write them
     tools/readme_tables.py --check    exit code 1 if they are not those of the files
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ["README.md", "docs/accuracy.md", "docs/latency.md", "docs/cuda.md"]
+PAGES = ["README.md", "docs/accuracy.md", "docs/latency.md", "docs/cuda.md", "docs/robots.md"]
 GPU = "gpu_nvidia_h200"
 GPU_PLANS = "gpu_plans_nvidia_h100_80gb_hbm3"
 NAMES = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
@@ -205,7 +205,77 @@ def gpu():
     return f"{table}\n\nFrom {source}, by `make gpu-bench`."
 
 
-TABLES = {"accuracy": accuracy, "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
+ROBOTS = {"panda": "Panda", "ur5": "UR5", "fetch": "Fetch", "baxter": "Baxter"}
+COAL = "Coal"  # in tables of robots: the faster of its ways
+
+
+def by_robot(ways):
+    """Microseconds a state beside Coal, for docs/robots.md, of the ways {(question, contender): header}."""
+    remark, rows = read("robots")
+    found = {}
+    for row in rows:
+        key = row["robot"], row["states"], row["question"]
+        found.setdefault(key, {})[row["contender"]] = float(row["us_a_state"])
+
+    def figure(contenders, name):
+        best = min(us for contender, us in contenders.items() if contender.startswith(COAL))
+        if name == COAL:
+            return f"{best:.3g}"
+        us = contenders.get(name)
+        return "" if us is None else f"{us:.3g}, **{best / us:.2g}x**"
+
+    lines = [
+        [ROBOTS[robot], states, *(figure(found[robot, states, question], name) for question, name in ways)]
+        for robot in ROBOTS
+        for states in ("free", "colliding")
+        if (robot, states, "valid") in found
+    ]
+    return f"{markdown(['', 'states', *ways.values()], lines, words=2)}\n\nFrom `docs/results/robots.csv` ({remark})."
+
+
+def robots():
+    """Many states a call."""
+    return by_robot({
+        ("valid", COAL): "Coal: valid",
+        ("valid", "Clearance in process"): "ours",
+        ("valid", "Clearance over shared memory"): "shared memory",
+        ("least", COAL): "Coal: least distance",
+        ("least", "Clearance in process"): "ours",
+        ("least", "Clearance over shared memory"): "shared memory",
+    })  # fmt: skip
+
+
+def robots_one_a_call():
+    """One state a call."""
+    return by_robot({
+        ("valid", COAL): "Coal: valid",
+        ("valid", "Clearance in process, one a call"): "`check()`",
+        ("valid", "Clearance in process, prepared, one a call"): "prepared",
+        ("valid", "Clearance over shared memory, prepared, one a call"): "prepared, shared memory",
+        ("least", COAL): "Coal: least distance",
+        ("least", "Clearance in process, one a call"): "`distances()`",
+        ("least", "Clearance in process, prepared, one a call"): "prepared",
+        ("least", "Clearance over shared memory, prepared, one a call"): "prepared, shared memory",
+    })  # fmt: skip
+
+
+def rrt():
+    """RRT-Connect end to end, and where its time goes, for docs/robots.md."""
+    remark, rows = read("rrt")
+    keys = ("total_ms", "checking_ms", "kinematics_ms", "transport_ms", "planning_ms")
+
+    def line(row):
+        ours = row["contender"].startswith("Clearance")
+        figures = [f"{float(row[key]):.3g}" if ours or key != "transport_ms" else "" for key in keys]
+        return [ROBOTS[row["robot"]], row["contender"], row["problems"], f"{int(row['states']):,}", *figures]
+
+    header = ["", "edges asked of", "problems", "states", "whole plan [ms]", "checking", "kinematics", "transport",
+              "planner"]  # fmt: skip
+    return f"{markdown(header, [line(row) for row in rows], words=2)}\n\nFrom `docs/results/rrt.csv` ({remark})."
+
+
+TABLES = {"robots": robots, "robots_one_a_call": robots_one_a_call, "rrt": rrt, "accuracy": accuracy,
+          "latency_bars": latency_bars, "latency_doorbell": latency_doorbell, "gpu": gpu,
           "gpu_all": gpu_all, "gpu_plans": gpu_plans}
 
 

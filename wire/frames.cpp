@@ -84,6 +84,8 @@ std::string type_name(std::uint16_t type) {
       return "kGetStats";
     case FrameType::kSetPoints:
       return "kSetPoints";
+    case FrameType::kCertify:
+      return "kCertify";
     case FrameType::kReload:
       return "kReload";
     case FrameType::kAddBody:
@@ -110,6 +112,8 @@ std::string type_name(std::uint16_t type) {
       return "kStats";
     case FrameType::kSceneChanged:
       return "kSceneChanged";
+    case FrameType::kCertificate:
+      return "kCertificate";
     case FrameType::kError:
       return "kError";
   }

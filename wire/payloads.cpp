@@ -224,6 +224,14 @@ bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
       if (parts.triangles.size() == 0) bad_query("new body: convexify is for a mesh, and there are no triangles");
       parts.convexify = static_cast<Convexify>(record.bytes[0]);
       return true;
+    case NewBodyTag::kPoints:
+      if (size % sizeof parts.points[0] != 0)
+        bad_frame("new body: points (record 23) have " + str(size) + " bytes, expected " + str(sizeof parts.points[0]) +
+                  " for each");
+      if (parts.record.shape != static_cast<std::uint8_t>(BodyShape::kCloud))
+        bad_query("new body: points are for a cloud alone");
+      parts.points = Records<std::array<float, 3>>(record.bytes.data(), size / sizeof parts.points[0]);
+      return true;
   }
   return false;
 }
@@ -238,8 +246,8 @@ NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const 
       "new body", [&] { return str(r.vertex_count) + " vertices"; },
       sizeof(NewBodyRecord) + Wide(r.vertex_count) * sizeof(VertexRecord), payload.size());
   expect_name(r.name, "new body", 0);
-  if (r.shape > static_cast<std::uint8_t>(BodyShape::kEllipsoid))
-    bad_query("new body: shape " + str(r.shape) + " is none of 0 to 7");
+  if (r.shape > static_cast<std::uint8_t>(BodyShape::kCloud))
+    bad_query("new body: shape " + str(r.shape) + " is none of 0 to 8");
   if (r.shape != static_cast<std::uint8_t>(BodyShape::kHull) && r.vertex_count)
     bad_query("new body: vertices are for a hull alone");
   if (r.is_static > 1 || r.has_pose > 1) bad_query("new body: is_static and has_pose are 0 or 1");

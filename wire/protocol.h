@@ -54,6 +54,7 @@ enum class FrameType : std::uint16_t {
   kSetJoints = 13,   ///< payload PosesHeader, JointRecord each; answered by kPosesDone
   kGetJoints = 14,   ///< no payload; answered by kJoints
   kSetPoints = 15,   ///< payload PointsHeader, float32 x, y, z each; answered by kPosesDone
+  kCertify = 17,     ///< payload as kQuery's, perhaps with the record kRows; answered by kCertificate
   // daemon to client; any request may be answered by kError
   kPong = 0x81,
   kScene = 0x82,
@@ -64,6 +65,7 @@ enum class FrameType : std::uint16_t {
   kStats = 0x88,
   kSceneChanged = 0x89,  ///< payload SceneChange
   kJoints = 0x8A,        ///< payload JointsHeader, JointStateRecord each, GroupRecord each, uint32 members
+  kCertificate = 0x8C,   ///< payload: the document (JSON, UTF-8), docs/certificates.md
   kError = 0xFF,
 };
 
@@ -104,6 +106,8 @@ enum class QueryRecord : std::uint16_t {
   kPairMargins = 7,  ///< float64 each, metres: (P,)
   kJoints = 8,       ///< uint32 each: (J,) ids of joints
   kPositions = 9,    ///< float64 each: (K, J) radians and metres, K the configuration_count; not in kPairs
+  kWeights = 11,     ///< float64 each: (J,) radians and metres, of the column free_scale
+  kRows = 16,        ///< uint64 each: numbers of rows, k P + p; only in kCertify; none: all
 };
 /// Records of a kAttach.
 enum class AttachTag : std::uint16_t {
@@ -115,6 +119,7 @@ enum class NewBodyTag : std::uint16_t {
   kDoubts = 20,     ///< BodyDoubts
   kTriangles = 21,  ///< TriangleRecord each, of a hull's vertices: they are those of a mesh
   kConvexify = 22,  ///< uint8: Convexify, what that mesh is; without it its hull
+  kPoints = 23,     ///< three float32 each, metres, the body's frame: those of a cloud; without it it has none
 };
 
 /// Records of a kReply.
@@ -313,6 +318,7 @@ enum class BodyShape : std::uint8_t {
   kHalfSpace = 5,  ///< z <= 0 in its own frame; static, without a parent
   kCone = 6,       ///< size: radius, length; along z, its apex ahead
   kEllipsoid = 7,  ///< size: half axes
+  kCloud = 8,      ///< points, which kSetPoints replaces; size: the edge of the boxes about them, 0: points
 };
 
 struct NewBodyRecord {

@@ -37,6 +37,8 @@ struct Query {
   /// Reduce::kAny, in place of `margin`: of pairs of bodies and groups, later entries win; or (P,) one of each pair.
   std::span<const MarginEntry> margins = {};
   std::span<const double> pair_margins = {};
+  std::span<const double> weights =
+      {};                   ///< kFieldFreeScale: (J,) radians and metres >= 0 that joints go at a scale of 1
   bool check_scene = true;  ///< refuse an answer for another scene than the one this client fetched
 };
 
@@ -72,7 +74,15 @@ inline Query as_check(Query query) {
   query.fields = kFieldLower | kFieldUpper | kFieldStatus;
   return query;
 }
-/// What its answer says.
+/// A query as free_scale() asks it. \param weights must stay until it is answered
+inline Query as_free_scale(Query query, std::span<const double> weights) {
+  query.reduce = Reduce::kAny;
+  query.format = Format::kFull;
+  query.fields = kFieldFreeScale;
+  query.weights = weights;
+  return query;
+}
+/// What the answer to as_check() says.
 template <class Answer>
 Check check_of(const Answer& answer) {
   Check check;

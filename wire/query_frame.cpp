@@ -1,4 +1,4 @@
-// kQuery and kPairs: written by clients, checked by the daemon.
+// kQuery, kPairs and kCertify: written by clients, checked by the daemon.
 #include "checks.h"
 
 namespace clearance::wire {
@@ -62,6 +62,13 @@ bool take_array(const RecordView& record, QueryParts& parts) {
       return true;
     case QueryRecord::kPositions:
       parts.positions = read_array<double>(record, "positions");
+      return true;
+    case QueryRecord::kWeights:
+      parts.weights = read_array<double>(record, "weights");
+      return true;
+    case QueryRecord::kRows:
+      parts.rows = read_array<std::uint64_t>(record, "rows");
+      parts.has_rows = true;
       return true;
   }
   return false;
@@ -145,7 +152,7 @@ void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader&
   append(bodies, std::size_t{query.body_count} * 4);
   const std::uint32_t zero = 0;
   append(&zero, query.body_count % 2 * 4);
-  if (header.type == static_cast<std::uint16_t>(FrameType::kQuery))
+  if (header.type != static_cast<std::uint16_t>(FrameType::kPairs))
     append(configurations, std::size_t{query.configuration_count} * query.body_count * sizeof(ConfigurationRecord));
   append(records.data(), records.size());
 }
@@ -176,7 +183,11 @@ QueryParts parse_query(std::span<const std::byte> payload, bool with_configurati
 
 QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> payload) {
   const PayloadParts parts = split_payload(header, payload);
-  return parse_query(parts.body, header.type == static_cast<std::uint16_t>(FrameType::kQuery), parts.records);
+  QueryParts query =
+      parse_query(parts.body, header.type != static_cast<std::uint16_t>(FrameType::kPairs), parts.records);
+  if (query.has_rows && header.type != static_cast<std::uint16_t>(FrameType::kCertify))
+    bad_query("query: rows (record " + str(static_cast<std::uint16_t>(QueryRecord::kRows)) + ") are for kCertify");
+  return query;
 }
 
 }  // namespace clearance::wire

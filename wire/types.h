@@ -76,8 +76,10 @@ enum Field : std::uint32_t {
                                   ///< one is proved within; inf: they always are; it never is
   kFieldSteps = 1u << 17,         ///< uint32, configurations that the motion asked for
   kFieldBounds = 1u << 18,        ///< 2 float32, metres: lower and upper, rounded outward
+  kFieldFreeScale = 1u << 19,  ///< float64: while no joint moves by more than so many times its weight, every pair is
+                               ///< proved to stay beyond its margin; 0: not even now. kAny, with weights
 };
-inline constexpr int kFieldCount = 19;
+inline constexpr int kFieldCount = 20;
 inline constexpr std::uint32_t kKnownFields = (1u << kFieldCount) - 1;
 /// Columns that only motions have.
 inline constexpr std::uint32_t kMotionFields = kFieldTime | kFieldFirstContact | kFieldSteps;
@@ -86,7 +88,7 @@ inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | k
 
 /// Bytes of one row of each column, by bit position of its Field; of kFieldGradientJoints those of one joint.
 inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8,  1, 2, 24, 24, 24, 8, 96,
-                                                           8, 4, 32, 8, 8, 8,  16, 4,  8};
+                                                           8, 4, 32, 8, 8, 8,  16, 4,  8, 8};
 /// Bytes of one row of a column. \param joints of the query: J
 constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {
   return kFieldBytes[bit] * ((1u << bit) == kFieldGradientJoints ? joints : 1);

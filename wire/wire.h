@@ -141,7 +141,7 @@ FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes);
 template <class Know>
 std::uint64_t read_records(const char* what, std::span<const std::byte> records, PassedOver& passed_over, Know know);
 
-// --- kQuery, kPairs
+// --- kQuery, kPairs, kCertify
 
 struct QueryParts {
   QueryHeader header;
@@ -155,13 +155,17 @@ struct QueryParts {
   Records<double> pair_margins;                 ///< one of each pair; not looked at
   Records<std::uint32_t> joints;                ///< (J,)
   Records<double> positions;                    ///< (K, J); empty in kPairs
+  Records<double> weights;                      ///< of the joints; not looked at
+  Records<std::uint64_t> rows;                  ///< of kCertify; not looked at
+  bool has_rows = false;                        ///< there is such a record
 };
 
 /// Bytes of a query's payload. Throws WireError (kTooLarge) if a frame cannot be so large.
 std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std::uint64_t configurations);
 
-/// Writes a whole kQuery or kPairs frame of sizeof(FrameHeader) + query_payload_bytes(...) + records at `frame`. The
-/// counts are those of `query`; of kPairs the configurations are left out (and counted as 0 in query_payload_bytes).
+/// Writes a whole kQuery, kPairs or kCertify frame of sizeof(FrameHeader) + query_payload_bytes(...) + records at
+/// `frame`. The counts are those of `query`; of kPairs the configurations are left out (and counted as 0 in
+/// query_payload_bytes).
 void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,
                  const void* bodies, const void* configurations, std::span<const std::byte> records = {});
 
@@ -177,7 +181,7 @@ void insert_joint_records(std::vector<std::byte>& records, std::span<const std::
 /// \param with_configurations false for kPairs.
 QueryParts parse_query(std::span<const std::byte> payload, bool with_configurations = true,
                        std::span<const std::byte> records = {});
-/// The payload of a kQuery or kPairs frame, with its records.
+/// The payload of a kQuery, kPairs or kCertify frame, with its records.
 QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> payload);
 
 // --- kReply
@@ -254,12 +258,13 @@ struct NewBodyParts {
   Records<VertexRecord> vertices;
   Records<TriangleRecord> triangles;  ///< empty: the vertices are those of a hull
   Convexify convexify = Convexify::kHull;
+  Records<std::array<float, 3>> points;  ///< of a cloud
   BodyDoubts doubts;
   PassedOver passed_over;
   std::uint64_t epoch = 0;  ///< as QueryParts::epoch
 };
-/// Also checks that the name ends, and that there is such a shape, and such a `convexify` of triangles; not which
-/// vertices these name.
+/// Also checks that the name ends, that there is such a shape, that only clouds have points, and such a `convexify` of
+/// triangles; not which vertices these name.
 NewBodyParts parse_new_body(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 RemoveBodyRecord parse_remove_body(std::span<const std::byte> payload);
 SceneChange parse_scene_changed(std::span<const std::byte> payload);

@@ -24,7 +24,7 @@ constexpr double kFloorPart = 0.5;
 /// Lost replies in a row after which nobody is there.
 constexpr int kMostLost = 20;
 
-struct Options : BenchQuestion {
+struct BenchOptions : BenchQuestion {
   Connection connection;
   Output output = Output::kTable;
   std::string rate = "closed";
@@ -42,7 +42,7 @@ EchoSize size_of(const Query& query, const Reply& reply) {
 }
 
 /// Runs daemon and floor by turns and fills the report's series.
-void measure(Client& client, const Query& query, Floor& floor, const Options& o, BenchReport& report) {
+void measure(Client& client, const Query& query, Floor& floor, const BenchOptions& o, BenchReport& report) {
   int lost_in_a_row = 0;
   const auto ask = [&]() -> Exchanged {
     try {
@@ -92,7 +92,7 @@ double parse_rate(const std::string& text) {
 }
 
 /// Connects, spinning as long as `--spin-us` says.
-Client open(const Options& o) {
+Client open(const BenchOptions& o) {
   Connection connection = o.connection;
   if (o.spin_us >= 0) {
     if (connection.url.empty()) connection.url = "shm://" + default_socket_path();
@@ -104,7 +104,7 @@ Client open(const Options& o) {
   return connection.open();
 }
 
-void run(const Options& o) {
+void run(const BenchOptions& o) {
   BenchReport report;
   report.rate_hz = parse_rate(o.rate);
   if (!o.csv.empty()) check_csv(row_of(report), o.csv);
@@ -138,7 +138,7 @@ void run(const Options& o) {
 
 void add_bench(CLI::App& app) {
   auto& command = *app.add_subcommand("bench", "how long queries take, beside the bare transport");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<BenchOptions>();
   add_connection_options(command, options->connection);
   add_question_options(command, *options);
   command.add_option("--rate", options->rate, "requests a second, or \"closed\": each after the last reply")

@@ -29,7 +29,7 @@ constexpr int kPoseSets = 64;
 /// What fits into one datagram (lcmtypes/pose_update_t.lcm).
 constexpr std::size_t kMostBodies = 800;
 
-struct Options : BenchQuestion {
+struct ControlLoopOptions : BenchQuestion {
   Connection connection;
   std::string lcm;
   double minutes = 1, rate_hz = 1000;
@@ -70,7 +70,7 @@ void run_cycles(double seconds, std::chrono::nanoseconds period, Cycles& cycles,
 /// Publishes poses of all movable bodies and asks for distances, as a controller does in each cycle.
 class Controller {
  public:
-  Controller(Client& client, const Options& o)
+  Controller(Client& client, const ControlLoopOptions& o)
       : client_(client), query_(make_query(client, o)), bus_(parse_lcm_address(o.lcm)), wait_ns_(1000 * o.wait_us) {
     const std::vector<BodyStateInfo> states = client.body_states();
     const std::vector<std::uint32_t> bodies = movable_bodies(client.scene(), states);
@@ -134,8 +134,8 @@ class Controller {
   Samples engine_;
 };
 
-Table result_of(const Options& o, const std::string& url, const Controller& controller, const Cycles& working,
-                const Cycles& idle) {
+Table result_of(const ControlLoopOptions& o, const std::string& url, const Controller& controller,
+                const Cycles& working, const Cycles& idle) {
   double load[1] = {0};
   ::getloadavg(load, 1);
   std::vector<std::string> names{"machine", "date", "load_1min", "transport", "bodies", "pairs", "rate_hz"};
@@ -160,7 +160,7 @@ Table result_of(const Options& o, const std::string& url, const Controller& cont
   return table;
 }
 
-void run(const Options& o) {
+void run(const ControlLoopOptions& o) {
   Client client = o.connection.open();
   Controller controller(client, o);
   Cycles working, idle, warm;
@@ -199,7 +199,7 @@ void run(const Options& o) {
 
 void add_bench_loop(CLI::App& app) {
   auto& command = *app.add_subcommand("bench-loop", "a control loop's deadline misses, beside those of an idle loop");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ControlLoopOptions>();
   options->pairs = 200;
   add_connection_options(command, options->connection);
   command

@@ -15,9 +15,8 @@ namespace clearance::cli {
 
 namespace {
 
-const std::map<std::string, Reduce> kReduceNames{
+const std::map<std::string, Reduce> kBenchReductions{
     {"none", Reduce::kNone}, {"within", Reduce::kWithin}, {"nearest", Reduce::kNearest}, {"min", Reduce::kMin}};
-const std::map<std::string, Precision> kPrecisionNames{{"f64", Precision::kF64}, {"f32", Precision::kF32}};
 
 }  // namespace
 
@@ -79,7 +78,7 @@ BenchQuery make_query(Client& client, const BenchQuestion& o) {
   std::mt19937_64 random(o.seed);
   BenchQuery q;
   q.query.max_distance = o.max_distance;
-  q.query.reduce = kReduceNames.at(o.reduce);
+  q.query.reduce = kBenchReductions.at(o.reduce);
   q.query.precision = kPrecisionNames.at(o.precision);
   if (o.configurations > 0) {
     const SceneInfo& scene = client.scene();

@@ -24,7 +24,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-struct Options : BenchQuestion {
+struct ThroughputOptions : BenchQuestion {
   Connection connection;
   int clients = 1;
   int depth = 1;
@@ -93,7 +93,7 @@ std::uint64_t drive_client(Client& client, const Query& query, int depth, const 
   return answers;
 }
 
-Result measure(const Options& o) {
+Result measure(const ThroughputOptions& o) {
   Result result;
   result.answers.resize(static_cast<std::size_t>(o.clients));
   std::vector<Client> clients;
@@ -137,7 +137,7 @@ Result measure(const Options& o) {
   return result;
 }
 
-Table row_of(const Options& o, const std::string& url, const Result& r) {
+Table row_of(const ThroughputOptions& o, const std::string& url, const Result& r) {
   const auto [least, most] = std::minmax_element(r.answers.begin(), r.answers.end());
   const double per_second = r.seconds > 0 ? static_cast<double>(r.total()) / r.seconds : 0;
   const double outside = r.latency.percentile_us(0.5) - r.engine.percentile_us(0.5);
@@ -155,7 +155,7 @@ Table row_of(const Options& o, const std::string& url, const Result& r) {
   return table;
 }
 
-void run(const Options& o) {
+void run(const ThroughputOptions& o) {
   const std::string url = o.connection.open().url();
   if (!o.csv.empty()) check_csv(row_of(o, url, {}), o.csv);
   const Result r = measure(o);
@@ -184,7 +184,7 @@ void run(const Options& o) {
 void add_bench_throughput(CLI::App& app) {
   auto& command = *app.add_subcommand("bench-throughput",
                                       "queries a second of several clients at once; large replies beside a memcpy");
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<ThroughputOptions>();
   add_connection_options(command, options->connection);
   command.add_option("--clients", options->clients, "connections, each with a thread of its own")
       ->check(quiet(CLI::Range(1, 1024)))

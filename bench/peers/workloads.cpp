@@ -9,6 +9,7 @@
 #include "engine/base/digest.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/shapes.h"
+#include "engine/scene/geometry.h"
 #include "tests/exact/random_motion.h"
 
 namespace clearance {
@@ -187,8 +188,9 @@ Problem make_cell(const std::string& scenes, const LinkPoses& links) {
       const auto [at, fresh] = shapes.try_emplace(piece.get(), static_cast<std::uint32_t>(p.shapes.size()));
       if (fresh) {
         std::vector<Triangle> faces;
-        make_hull_piece(piece->vertices, {}, piece->radius, 0, true, &faces);
-        p.shapes.push_back(shape_of(piece->vertices, faces, piece->radius));
+        const PiecePtr hull = with_prism(piece);
+        make_hull_piece(hull->vertices, {}, hull->radius, 0, true, &faces);
+        p.shapes.push_back(shape_of(hull->vertices, faces, hull->radius));
       }
       mine.push_back(at->second);
     }

@@ -16,7 +16,6 @@ Installs python-fcl in build/robots.
 """
 
 import argparse
-import csv
 import importlib
 import sys
 import time
@@ -26,6 +25,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
 from environment import in_own_environment  # noqa: E402
+from rows import save, show  # noqa: E402
 
 if __name__ == "__main__":
     in_own_environment()
@@ -160,12 +160,8 @@ def main():
     rows = measure("block", np.array([0.3, 0.2, 0.25]), options.motions, rng)
     rows += measure("plate", np.array([0.6, 0.6, 1e-4]), options.motions, rng)
     for row in rows:
-        print("  ".join(f"{name} {value}" for name, value in row.items()), flush=True)
-    if options.csv:
-        with open(options.csv, "w", newline="") as f:
-            writer = csv.DictWriter(f, rows[0].keys(), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+        show(row)
+    save(rows, options.csv)
     return 1 if any(row["wrong_free"] + row["wrong_hit"] for row in rows if row["system"] == "Clearance") else 0
 
 

@@ -12,7 +12,6 @@ Downloads the problems into build/robots.
 """
 
 import argparse
-import csv
 import sys
 import time
 import warnings
@@ -21,6 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
 from environment import BUILD, in_own_environment  # noqa: E402
+from rows import save, show  # noqa: E402
 
 if __name__ == "__main__":
     in_own_environment()
@@ -126,12 +126,8 @@ def main():
     for robot in options.robots:
         for margin in options.margins:
             rows.append(measure(robot, resources, margin, options))
-            print("  ".join(f"{name} {value}" for name, value in rows[-1].items()), flush=True)
-    if options.csv:
-        with open(options.csv, "w", newline="") as f:
-            writer = csv.DictWriter(f, rows[0].keys(), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+            show(rows[-1])
+    save(rows, options.csv)
     return 1 if any(row["wrong"] for row in rows) else 0
 
 

@@ -12,7 +12,6 @@ Downloads the problems and installs OMPL in build/robots.
 """
 
 import argparse
-import csv
 import statistics
 import sys
 import time
@@ -23,6 +22,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
 from environment import BUILD, in_own_environment  # noqa: E402
+from rows import save, show  # noqa: E402
 
 if __name__ == "__main__":
     in_own_environment()
@@ -161,12 +161,8 @@ def main():
     for robot in options.robots:
         for row in measure(robot, resources, options):
             rows.append(row)
-            print("  ".join(f"{name} {value}" for name, value in row.items()), flush=True)
-    if options.csv:
-        with open(options.csv, "w", newline="") as f:
-            writer = csv.DictWriter(f, rows[0].keys(), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+            show(row)
+    save(rows, options.csv)
     return 1 if any(row["refused"] for row in rows if row["edges"] == "proved") else 0
 
 

@@ -13,7 +13,6 @@ Downloads the problems and installs Pinocchio and Coal in build/robots.
 """
 
 import argparse
-import csv
 import sys
 import time
 import warnings
@@ -22,6 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "build/python"), str(Path(__file__).parent)]
 from environment import BUILD, in_own_environment  # noqa: E402
+from rows import save  # noqa: E402
 
 NEAR = 1e-6  # metres: what Coal's verdicts may be off by
 
@@ -193,11 +193,8 @@ def main():
         unproved += open_ones
         for row in more:
             print("  ".join(f"{value:>12}" for value in row.values()), flush=True)
-    if options.csv:
-        with open(options.csv, "w", newline="") as f:
-            writer = csv.DictWriter(f, rows[0].keys(), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+    asked = f"problems 1 to {options.problems} of each family, {options.states} random states of each"
+    save(rows, options.csv, asked)
     return 1 if unproved else 0
 
 

@@ -14,7 +14,6 @@ Downloads the problems into build/robots.
 """
 
 import argparse
-import csv
 import sys
 import time
 import warnings
@@ -23,6 +22,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).parent)]
 from environment import BUILD, in_own_environment  # noqa: E402
+from rows import save, show  # noqa: E402
 
 if __name__ == "__main__":
     in_own_environment()
@@ -164,12 +164,8 @@ def main():
     for name in options.robots:
         for row in measure(name, resources, options):
             rows.append(row)
-            print("  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
-    if options.csv:
-        with open(options.csv, "w", newline="") as out:
-            writer = csv.DictWriter(out, rows[0], lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+            show(row)
+    save(rows, options.csv)
     return int(any(row["missed"] for row in rows))
 
 

@@ -115,7 +115,7 @@ class Clearance:
         import clearance
 
         self.clearance, self.robot, self.url = clearance, robot, url
-        self.joints = [f"{robot}/{joint}" for joint in joints]
+        self.names = [f"{robot}/{joint}" for joint in joints]
         self.files = {"urdf": str(urdf), "srdf": str(srdf), "packages": {robot: str(resources / robot)}}
         self.client = clearance.connect(url) if url else None
         self.current: Any = None
@@ -134,12 +134,14 @@ class Clearance:
             for thing in problem.obstacles:
                 self.client.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
             self.asked = self.client
+            self.joints = self.asked.joints(self.names)
             return
         scene = self.clearance.Scene()
         scene.add_robot(self.robot, convexify="hull", **self.files)  # as the peers have them
         for thing in problem.obstacles:
             scene.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
         self.asked = self.clearance.Engine(scene, backend="cpu", threads=1)
+        self.joints = self.asked.joints(self.names)
 
     def end(self):
         if self.client:

@@ -5,6 +5,7 @@
 
 #include "engine/base/digest.h"
 #include "engine/hull/shapes.h"
+#include "engine/scene/geometry.h"
 #include "tests/exact/random_motion.h"
 
 namespace clearance::tradeoff {
@@ -162,12 +163,13 @@ MovingScene cell(const std::string& folder, int steps) {
   return s;
 }
 
-// The same bodies, which are their pieces exactly: a cylinder is its prism. What refining buys is what is measured, and
-// slack is the same for all settings.
+// The same bodies, which are their pieces exactly, and hulls, which the judge knows: a cylinder is its prism. What
+// refining buys is what is measured, and slack is the same for all settings.
 Scene as_pieces(const Scene& scene) {
   Scene exact;
   for (Body body : scene.bodies()) {
     body.model_error = body.model_inner = 0;
+    for (PiecePtr& piece : body.pieces) piece = with_prism(piece);
     exact.add_body(std::move(body));
   }
   return exact;

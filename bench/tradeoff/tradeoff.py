@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes what docs/results/tradeoff.csv and shapes.csv say into docs/tradeoff.md and draws docs/tradeoff.png.
+"""Writes what docs/results/tradeoff.csv, shapes.csv and edges.csv say into docs/tradeoff.md, draws docs/tradeoff.png.
 
     bench/tradeoff/tradeoff.py            write them; exit code 1 if the page's own words no longer hold
     bench/tradeoff/tradeoff.py --check    only check that the page shows the CSV and its words hold (exit code 1 if not)
@@ -12,6 +12,8 @@ import re
 import statistics
 import sys
 from pathlib import Path
+
+import edges as edge_figures
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "tradeoff.md"
@@ -236,14 +238,14 @@ CLAIMS = {
 }
 
 
-def broken_claims(text, rows):
+def broken_claims(text, rows, edges):
     """Names of the page's claims that the figures contradict."""
     s = Sweep(rows, "cpu")
     names = re.findall(r"<!-- claim (.*?) -->", text)
-    unknown = set(names) ^ set(CLAIMS)
+    unknown = set(names) ^ (set(CLAIMS) | set(edge_figures.CLAIMS))
     if unknown:
-        sys.exit(f"{PAGE}: claims of the page and of bench/tradeoff/tradeoff.py differ: {', '.join(sorted(unknown))}")
-    return [name for name in names if not CLAIMS[name](s)]
+        sys.exit(f"{PAGE}: claims of the page and of bench/tradeoff differ: {', '.join(sorted(unknown))}")
+    return [n for n in names if not (CLAIMS[n](s) if n in CLAIMS else edge_figures.CLAIMS[n](edges))]
 
 
 def draw(remark, rows):
@@ -336,11 +338,14 @@ def main():
         sys.exit(__doc__)
     remark, rows = read()
     text = PAGE.read_text()
+    edges = edge_figures.Edges()
     new = with_block(with_block(text, "tradeoff", generated(remark, rows)), "shapes", shapes_table())
-    broken = broken_claims(text, rows)
+    new = with_block(new, "edges", edge_figures.tables(edges, markdown))
+    broken = broken_claims(text, rows, edges)
     if sys.argv[1:]:
         if new != text:
-            sys.exit(f"{PAGE} does not show {CSV} and {SHAPES}: run bench/tradeoff/tradeoff.py")
+            files = f"{CSV}, {SHAPES} and {edge_figures.CSV}"
+            sys.exit(f"{PAGE} does not show {files}: run bench/tradeoff/tradeoff.py")
     else:
         PAGE.write_text(new)
         draw(remark, rows)

@@ -5,7 +5,7 @@
 // for each, side by side and in their order: without depths the first pair that overlaps wins whatever comes after it,
 // so the team stops as soon as each pair before that one is proved to be apart. What a thread cannot settle leaves the
 // configuration open: its pairs are listed, and answered as reduce_kernel.cuh does. Rows have the bits that they have
-// there.
+// there. Not where something is doubted of a body, nor where pair_lower is asked for.
 #pragma once
 
 #include "engine/cuda/reduce_kernel.cuh"
@@ -250,7 +250,7 @@ class Decision {
     take_enclosed(run.g, enclosed);
     const Where at_a = pair.at_a, at_b = pair.at_b;
     PairAnswer answer = pair.answer;
-    const bool overlaps = proved(c_, enclosed, at_a, at_b, answer) == Outcome::kSettled;
+    const bool overlaps = proved(c_, enclosed, at_a, at_b, 0, answer) == Outcome::kSettled;
     pair.answer = answer;
     return overlaps;
   }
@@ -331,8 +331,8 @@ class Decision {
       r_.seed[at_] = 0;
       r_.complete[at_] = first_.unusable == kNone;
     } else if (is_usable()) {
-      write_winner(r_, at_, members_.ref(static_cast<std::uint32_t>(best_.place)), r_.answers[at_], lower_,
-                   first_.unusable == kNone);
+      const PairRef winner = members_.ref(static_cast<std::uint32_t>(best_.place));
+      write_winner(r_, at_, winner, r_.answers[at_], lower_, first_.unusable == kNone, winner);
     } else if (first_.unusable != kNone) {
       write_unusable(r_, at_, members_.ref(first_.unusable));
     } else {

@@ -51,11 +51,32 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
   }
 }
 
+// The same where something is doubted of a body: all pairs of single pieces in one list, whose hulls are read where the
+// scene has them, and whose overlaps are proved by who finds them.
+template <bool kWarm>
+void answer_doubted_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t stream) {
+  const Group singles{kNone, kNone, 0, chunk.strays.first + chunk.strays.count, 0};
+  const std::uint32_t tiles = blocks_of(std::uint64_t{singles.count} * chunk.configurations, kTile);
+  const bool f32 = view.question.f32;
+  view.prove_at_once = view.question.prove_overlaps;
+  view.blocks = tiles + chunk.several_tiles;
+  if (tiles > 0) {
+    const auto kernel = f32 ? answer_strays<true, false, kWarm, Slack> : answer_strays<false, false, kWarm, Slack>;
+    kernel<<<tiles, kTile, 0, stream>>>(view, singles);
+  }
+  if (chunk.several_tiles > 0) {
+    const auto kernel = f32 ? answer_several<true> : answer_several<false>;
+    kernel<<<chunk.several_tiles, kTile, 0, stream>>>(view, chunk.several);
+  }
+}
+
 // \param fields columns that are wanted, Field bits. \param warm whether the view has warm rows
 inline void answer_chunk(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, std::uint32_t fields,
                          bool warm, cudaStream_t stream) {
   const bool lean = (fields & ~kLeanFields) == 0;
-  if (warm)
+  if (view.bodies.doubts.fixed)
+    warm ? answer_doubted_chunk<true>(view, chunk, stream) : answer_doubted_chunk<false>(view, chunk, stream);
+  else if (warm)
     lean ? answer_chunk_as<true, true>(view, chunk, pairs, stream)
          : answer_chunk_as<false, true>(view, chunk, pairs, stream);
   else

@@ -50,15 +50,16 @@ struct GroupItem {
 };
 
 // Answers it and writes its row, unless it is not settled.
-template <bool kLean, bool kWarm, class Hull, class PointHull>
+template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
 __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,
                                       const PairHulls<PointHull>& hulls, const PairFrame<typename Hull::T>& at,
-                                      Enclosed& enclosed) {
+                                      Enclosed& enclosed, const S& slack = S()) {
   enclosed.pair = item.pair;
   enclosed.configuration = item.k;
   PairAnswer answer;
   WarmRow* const warm = kWarm ? c.warm + item.k * c.warm_stride + c.position[item.pair] : nullptr;
-  const Outcome outcome = solve_item<kLean, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm);
+  const Outcome outcome =
+      solve_item<kLean, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm, slack);
   if (outcome == Outcome::kEnclosed && c.prove_at_once) return prove_row(c, enclosed);
   if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
     write_answer<kLean>(c, item.row, item.k, item.at_a, item.at_b, answer);
@@ -102,35 +103,37 @@ __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
 }
 
 // One item whose hulls are read where the scene has them. \tparam kBoth float32 goes first where it is asked for and
-// fits.
-template <bool kBoth, bool kLean, bool kWarm>
+// fits. \tparam S of its slack: a Slack, or NoSlack
+template <bool kBoth, bool kLean, bool kWarm, class S = NoSlack>
 __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, bool is_there) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairHulls<Hull<SceneVertices>> hulls{a, b};
   Enclosed enclosed;
   Outcome outcome = Outcome::kNone;
+  const S slack = known_slack<S>(c, item.ref, item.k);
   if (is_there) {
     outcome = Outcome::kUnsettled;
     if (kBoth && fit_f32(*head_a, *head_b)) {
       const PairFrame<float> at = place_pair<float>(item.at_a, *head_a, item.at_b, *head_b);
       outcome = answer_item<kLean, kWarm>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
-                                          hulls, at, enclosed);
+                                          hulls, at, enclosed, slack);
     }
     if (outcome == Outcome::kUnsettled) {
       const PairFrame<double> at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
-      outcome = answer_item<kLean, kWarm>(c, item, a, b, hulls, at, enclosed);
+      outcome = answer_item<kLean, kWarm>(c, item, a, b, hulls, at, enclosed, slack);
     }
   }
   report(c, outcome, item.row, enclosed);
 }
 
-// Pairs that have too little company for a block of their own. \param strays their group.
-template <bool kBoth, bool kLean, bool kWarm>
+// Pairs that have too little company for a block of their own; where something is doubted all pairs of single pieces.
+// \param strays their group.
+template <bool kBoth, bool kLean, bool kWarm, class S = NoSlack>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_strays(const __grid_constant__ ChunkView c, Group strays) {
   note_begin(c);
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = strays.count * c.configurations;
-  answer_alone<kBoth, kLean, kWarm>(c, GroupItem(c, strays, place < count ? place : count - 1), place < count);
+  answer_alone<kBoth, kLean, kWarm, S>(c, GroupItem(c, strays, place < count ? place : count - 1), place < count);
   hand_over_counts(c);
 }
 

@@ -8,9 +8,9 @@
 namespace clearance::cuda {
 
 // Not inlined: few pairs come here. False: the proof fails, or double-double would make a better common point; the CPU
-// finishes the pair.
+// finishes the pair. \param outer of the pair's slack: the pieces must overlap by as much
 __device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a, const HullHead& b, const Enclosed& e,
-                                           const Where& at_a, const Where& at_b, PairAnswer& answer) {
+                                           const Where& at_a, const Where& at_b, double outer, PairAnswer& answer) {
   const PairFrame<double> at = place_pair<double>(at_a, a, at_b, b);
   const auto vertex_a = [&](std::uint32_t i) {
     return Vec3d{c.hulls.x[a.first + i], c.hulls.y[a.first + i], c.hulls.z[a.first + i]};
@@ -30,7 +30,10 @@ __device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a
   CsoFace<double> faces[4];
   if (!tetrahedron_faces(s, faces)) return false;
   const auto [ball, one_side] = view_surface(w, faces, 4, scale);
-  if (!(ball > 0) || !(ball - rounding_error(double(RoundingUnits<double>::kBall), scale) > 0)) return false;
+  const double sure = ball - rounding_error(double(RoundingUnits<double>::kBall), scale);
+  if (!(ball > 0) || !(sure > 0)) return false;
+  // Clearly deep enough, so that the CPU, which rounds otherwise, finds it so, too.
+  if (outer > 0 && !((sure + a.radius + b.radius) * (1 - 0x1p-40) > outer)) return false;
   if (!one_side && !is_surrounded(w, faces, 4, ball)) return false;
 
   decide({}, -__builtin_inf(), 0, [] { return 0.0; }, answer);
@@ -52,9 +55,9 @@ __device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a
 
 // What becomes of an enclosed pair of single pieces.
 __device__ inline Outcome proved(const ChunkView& c, const Enclosed& e, const Where& at_a, const Where& at_b,
-                                 PairAnswer& answer) {
+                                 double outer, PairAnswer& answer) {
   const HullHead &a = c.hulls.heads[c.hulls.of_body[at_a.body]], &b = c.hulls.heads[c.hulls.of_body[at_b.body]];
-  return prove_overlap(c, a, b, e, at_a, at_b, answer) ? Outcome::kSettled : Outcome::kUnsettled;
+  return prove_overlap(c, a, b, e, at_a, at_b, outer, answer) ? Outcome::kSettled : Outcome::kUnsettled;
 }
 
 __device__ inline std::uint64_t row_of(const ChunkView& c, const Enclosed& e) {
@@ -68,7 +71,7 @@ __device__ __noinline__ Outcome prove_row(const ChunkView& c, Enclosed e) {
       at_b(c.bodies, c.configurations, pair.b, e.configuration);
   PairAnswer answer;
   answer.flags = flags_of(at_a, at_b);
-  const Outcome outcome = proved(c, e, at_a, at_b, answer);
+  const Outcome outcome = proved(c, e, at_a, at_b, slack_of_pair(c, pair, e.configuration).outer, answer);
   if (outcome == Outcome::kSettled) write_answer(c, row_of(c, e), e.configuration, at_a, at_b, answer);
   return outcome;
 }

@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "engine/cuda/hull.cuh"
+#include "engine/cuda/slack.cuh"
 #include "engine/narrow/pair_run.h"
 #include "engine/narrow/witness.h"
 
@@ -148,12 +149,17 @@ struct PairHulls {
 };
 
 // The answer of a run whose bounds are settled. \tparam kLean only kLeanFields are wanted: no flags, no normal, and
-// points for compact rows alone.
-template <bool kLean, class T, class Hull>
+// points for compact rows alone. \param slack of the pair: a Slack, or NoSlack
+template <bool kLean, class T, class Hull, class S = NoSlack>
 __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hulls, const Where& at_a,
-                                    const Where& at_b, const Gjk<T>& g, const RunBounds<T>& bounds,
-                                    PairAnswer& answer) {
-  decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
+                                    const Where& at_b, const Gjk<T>& g, const RunBounds<T>& bounds, PairAnswer& answer,
+                                    const S& slack = S()) {
+  bool decided = false;
+  if constexpr (kHasSlack<S>) {
+    decided = slack.any();
+    if (decided) decide(limits_of(q), bounds.lower, bounds.upper, [] { return 0.0; }, answer, slack);
+  }
+  if (!decided) decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
   if (!q.want_points) return;
   const LaneWitness w = witness_of(g, bounds, at_a.rotation());
   if (!kLean) {
@@ -188,14 +194,21 @@ __device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hul
 }
 
 // Answers one pair that has poses, if it can be settled.
-template <bool kLean, bool kWarm, class Hull, class PointHull>
+template <bool kLean, bool kWarm, class Hull, class PointHull, class S>
 __device__ inline Outcome narrow(const Question& q, const Hull& a, const Hull& b, const PairHulls<PointHull>& hulls,
                                  const Where& at_a, const Where& at_b, const PairFrame<typename Hull::T>& at,
-                                 PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
+                                 PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
   using T = typename Hull::T;
-  return run_to_end<kWarm>(q, a, b, at, enclosed, warm, [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
-    take_settled<kLean>(q, hulls, at_a, at_b, g, bounds, answer);
-  });
+  const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
+    take_settled<kLean>(q, hulls, at_a, at_b, g, bounds, answer, slack);
+  };
+  if constexpr (kHasSlack<S>) {
+    Question of_pieces = q;
+    of_pieces.max_distance = slack.cut_off(q.max_distance);
+    return run_to_end<kWarm>(of_pieces, a, b, at, enclosed, warm, take);
+  } else {
+    return run_to_end<kWarm>(q, a, b, at, enclosed, warm, take);
+  }
 }
 
 // How a grid's threads take a list of pairs that each take long. The threads of one warp wait for each other: only so
@@ -217,7 +230,8 @@ struct SpreadList {
 
 __device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
   const std::uint8_t states = a.state | b.state;
-  return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0);
+  return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0) |
+         (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
 }
 template <bool kLean = false>
 __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a,
@@ -246,13 +260,13 @@ __device__ inline bool answer_without_pieces(const Question& q, const Where& at_
 }
 
 // Answers one item of a chunk, unless it is not settled.
-template <bool kLean, bool kWarm, class Hull, class PointHull>
+template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
 __device__ inline Outcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
                                      const PairHulls<PointHull>& hulls, const Where& at_a, const Where& at_b,
                                      const PairFrame<typename Hull::T>& at, PairAnswer& answer, Enclosed& enclosed,
-                                     WarmRow* warm = nullptr) {
+                                     WarmRow* warm = nullptr, const S& slack = S()) {
   if (answer_without_pieces(c.question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
-  return narrow<kLean, kWarm>(c.question, a, b, hulls, at_a, at_b, at, answer, enclosed, warm);
+  return narrow<kLean, kWarm>(c.question, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }
 
 // Counts a warp's outcomes and lists the rows that are not settled. All its threads call these.

@@ -82,12 +82,14 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uin
     const Outcome outcome =
         run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed, nullptr, take);
     if (outcome == Outcome::kSettled) return PieceEnd::kApart;
-    if (outcome != Outcome::kEnclosed || !prove_overlap(c, *of_a, *of_b, enclosed, at_a, at_b, answer))
-      return PieceEnd::kOpen;
+    if (outcome != Outcome::kEnclosed) return PieceEnd::kOpen;
+    const double outer = slack_of_pair(c, ref, k).outer;
+    if (!prove_overlap(c, *of_a, *of_b, enclosed, at_a, at_b, outer, answer)) return PieceEnd::kOpen;
     best = p;
     return PieceEnd::kOverlap;
   };
-  const PieceEnd end = search_pieces(search, question.max_distance, nearest, look);
+  const double cut_off = slack_of_pair(c, ref, k).cut_off(question.max_distance);
+  const PieceEnd end = search_pieces(search, cut_off, nearest, look);
   if (end == PieceEnd::kOpen || (end == PieceEnd::kApart && !(search.upper < __builtin_inf())))
     return Outcome::kUnsettled;
   if (end == PieceEnd::kApart) {
@@ -96,10 +98,11 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uin
       const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
       return rounding_width(pair_scale(at.D, of_a->rho, of_b->rho, of_a->radius + of_b->radius));
     };
-    decide({question.max_distance, question.abs_tol, question.rel_tol}, search.lower, search.upper, rounding, answer);
+    decide(limits_of(question), search.lower, search.upper, rounding, answer, slack_of_pair(c, ref, k));
     if (question.want_points)
       add_points(scene_hull(c.hulls, of_a), at_a, scene_hull(c.hulls, of_b), at_b, witness, question.want_nonsmooth,
                  answer);
+    if (question.want_nonsmooth && answer.lower <= 0) answer.flags |= kFlagNonsmooth;  // slack may make it touch
   }
   answer.piece_a = best.a;
   answer.piece_b = best.b;

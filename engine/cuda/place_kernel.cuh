@@ -4,6 +4,7 @@
 #include "engine/device/layout.h"
 #include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
+#include "engine/scene/link_motion.h"
 
 namespace clearance::cuda {
 
@@ -25,9 +26,10 @@ __device__ inline Aabb box_of(const HullHead& h, const Mat3d& R_wb, const Vec3d&
 }
 
 // The box of a placed body that is on the device: body_box()'s words. `put(i, box)` takes those of its pieces.
+// \param inner of its slack
 template <class Put>
 __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, const Mat3d& R_wb, const Vec3d& t_w,
-                                   const Put& put) {
+                                   double inner, const Put& put) {
   const std::uint32_t first = hulls.piece_begin[body], count = hulls.piece_begin[body + 1] - first;
   Aabb all = box_of(hulls.heads[hulls.piece_hull[first]], R_wb, t_w);
   put(0, all);
@@ -36,7 +38,7 @@ __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, c
     put(i, box);
     all = joined(all, box);
   }
-  return all;
+  return grown(all, inner);
 }
 
 // Boxes of the bodies that stay where the snapshot has them, and of their pieces; of those that are not on the device,
@@ -53,14 +55,16 @@ __global__ void __launch_bounds__(128)
     const double* p = bodies.fixed + std::size_t{c} * n + body;
     return Vec3d{p[0], p[n], p[2 * std::size_t{n}]};
   };
-  const Aabb box = box_of_body(hulls, body, {{at(0), at(3), at(6)}}, at(9), [&](std::uint32_t i, const Aabb& of_piece) {
+  const double inner = bodies.doubts.fixed ? bodies.doubts.fixed[body].all.inner : 0;
+  const auto put = [&](std::uint32_t i, const Aabb& of_piece) {
     if (!bodies.fixed_piece_box) return;
     double* p = bodies.fixed_piece_box + std::size_t{hulls.piece_begin[body] + i} * 6;
     for (int k = 0; k < 3; ++k) {
       p[k] = of_piece.low[k];
       p[3 + k] = of_piece.high[k];
     }
-  });
+  };
+  const Aabb box = box_of_body(hulls, body, {{at(0), at(3), at(6)}}, at(9), inner, put);
   if (!outer_boxes) return;
   for (int i = 0; i < 3; ++i) {
     boxes[static_cast<std::size_t>(i) * n + body] = box.low[i];
@@ -69,6 +73,19 @@ __global__ void __launch_bounds__(128)
   outer_boxes[body] = outer_box(box);
 }
 
+// What is doubted of a moved body in configuration k: doubt_of()'s words. \param parent of what it follows; null:
+// nothing
+__device__ inline PlacedDoubt doubt_of_moved(const MovesView& moves, std::uint32_t link, std::uint32_t k,
+                                             const Pose& local, const BodyPlacement& here, const PlacedDoubt* parent,
+                                             bool composed, double& travel) {
+  const DoubtMove& m = moves.doubts[link];
+  travel = m.motion == kNone ? m.travel : moves.travels[std::size_t{k} * moves.motions + m.motion];
+  const FrameDoubt joints{placement_error(m.joint_fixed, m.joint_per_travel, travel), m.joint_turn};
+  return doubt_below(m.source, local.translation, here.pose.t_w, m.age_s, parent, composed, joints);
+}
+
+// \tparam kDoubted something is doubted
+template <bool kDoubted>
 __global__ void __launch_bounds__(128)
     place_bodies(HullsView hulls, BodiesView bodies, MovesView moves, std::uint32_t configurations) {
   const std::uint64_t item = std::uint64_t{blockIdx.x} * blockDim.x + threadIdx.x;
@@ -80,15 +97,27 @@ __global__ void __launch_bounds__(128)
   BodyPlacement parent, here;
   bool follows = moves.has_base[slot] != 0;
   if (follows) parent = moves.base[slot];
+  PlacedDoubt doubt;
+  double travel = 0;
+  if (kDoubted && follows) doubt = moves.base_doubt[slot];
   for (std::uint32_t i = moves.chain_begin[slot]; i < moves.chain_begin[slot + 1]; ++i) {
     const std::uint32_t link = moves.chain[i], source = moves.source[link];
     const Pose local = source == kNone ? moves.own[link] : moves.given[std::uint64_t{k} * moves.given_count + source];
-    here = place(&local, follows ? &parent : nullptr);
+    const std::uint8_t state = moves.slot_state[link];
+    const std::uint8_t facts =
+        moves.facts && source != kNone ? moves.facts[std::uint64_t{k} * moves.given_count + source] : 0;
+    here = place((state & kSlotUnplaced) || (facts & kLinkUnplaced) ? nullptr : &local, follows ? &parent : nullptr);
+    if ((state & kSlotBeyondLimits) || (facts & kLinkBeyondLimits)) here.beyond_limits = true;
+    if ((state & kSlotStale) && here.status == Status::kOk) here.status = Status::kStalePose;
+    if (kDoubted && here.status == Status::kOk)
+      doubt = doubt_of_moved(moves, link, k, local, here, follows ? &doubt : nullptr, follows && is_composed(parent),
+                             travel);
     parent = here;
     follows = true;
   }
   bodies.moved_state[std::size_t{slot} * configurations + k] =
-      static_cast<std::uint8_t>(here.status) | (here.renormalised ? kStateRenormalised : 0);
+      static_cast<std::uint8_t>(here.status) | (here.renormalised ? kStateRenormalised : 0) |
+      (here.beyond_limits ? kStateBeyondLimits : 0) | (moves.slot_state[slot] & kSlotOld ? kStateStale : 0);
   double* out = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
   const auto put = [&](std::uint32_t c, const Vec3d& v) {
     out[std::size_t{c} * configurations] = v.x;
@@ -99,20 +128,22 @@ __global__ void __launch_bounds__(128)
   const Vec3d zero{0, 0, 0};
   for (int r = 0; r < 3; ++r) put(3 * r, placed ? here.pose.R_wb.row[r] : zero);
   put(9, placed ? here.pose.t_w : zero);
+  if (kDoubted) bodies.doubts.moved[std::size_t{slot} * configurations + k] = {doubt.slack, doubt.beside, travel};
   const bool want_box = bodies.components > kPoseComponents;
   if (!want_box && !bodies.moved_piece_box) return;
   const std::uint32_t body = bodies.moved_body[slot];
   OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
   if (want_box) *outer = no_outer_box();
   if (hulls.of_body[body] == kNone || !placed) return;
-  const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w, [&](std::uint32_t i, const Aabb& of_piece) {
+  const auto put_piece = [&](std::uint32_t i, const Aabb& of_piece) {
     if (!bodies.moved_piece_box) return;
     double* p = bodies.moved_piece_box + std::size_t{bodies.moved_piece_begin[slot] + i} * 6 * configurations + k;
     for (int c = 0; c < 3; ++c) {
       p[std::size_t(c) * configurations] = of_piece.low[c];
       p[std::size_t(3 + c) * configurations] = of_piece.high[c];
     }
-  });
+  };
+  const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w, kDoubted ? doubt.slack.inner : 0, put_piece);
   if (!want_box) return;
   put(12, box.low);
   put(15, box.high);

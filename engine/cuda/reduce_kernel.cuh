@@ -197,7 +197,7 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
   Run<Hull<SceneVertices>> run(c.question, a, b, at);
   if (warm) run.begin_at(*warm);
   for (int steps = 0; run.g.end == 0 && steps < kSeedSteps; ++steps) run.step();
-  return upper_so_far(run);
+  return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
 }
 
 // One thread for each group.
@@ -297,9 +297,9 @@ __device__ inline void report_item(const ReducedView& r, Outcome outcome, std::u
   add_count(r.chunk.counts + kSettledRows, outcome == Outcome::kSettled);
 }
 
-template <bool kWarm>
+template <bool kWarm, class S>
 __device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, const Where& at_a, const Where& at_b,
-                                          PairAnswer& answer, Enclosed& enclosed, WarmRow* warm) {
+                                          PairAnswer& answer, Enclosed& enclosed, WarmRow* warm, const S& slack) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairHulls<Hull<SceneVertices>> hulls{a, b};
@@ -307,14 +307,15 @@ __device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, 
     const PairFrame<float> at = place_pair<float>(at_a, *head_a, at_b, *head_b);
     const Outcome outcome =
         solve_item<false, kWarm>(c, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b), hulls, at_a, at_b,
-                                 at, answer, enclosed, warm);
+                                 at, answer, enclosed, warm, slack);
     if (outcome != Outcome::kUnsettled) return outcome;
   }
   const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
-  return solve_item<false, kWarm>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, warm);
+  return solve_item<false, kWarm>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }
 
-template <bool kWarm>
+// \tparam S a Slack where something is doubted, else NoSlack
+template <bool kWarm, class S>
 __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
   const std::uint32_t count = item_count(r);
@@ -332,8 +333,10 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       several = has_several(c.hulls, at_a.body, at_b.body);
       PairAnswer answer;
       WarmRow* const warm = kWarm ? warm_row(r, listed_row(r, i)) : nullptr;
-      if (!several) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm);
-      if (outcome == Outcome::kEnclosed) outcome = proved(c, enclosed, at_a, at_b, answer);
+      const S slack = known_slack<S>(c, item.ref, item.k);
+      if (!several) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
+      if (outcome == Outcome::kEnclosed)
+        outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);
@@ -382,6 +385,11 @@ __global__ void __launch_bounds__(kItemThreads)
   offer(r, item, at, answer, at_a, at_b);
 }
 
+// Whether it is asked which pair has the least lower bound of its group: for what slack adds to that, or by the query.
+__device__ inline bool wants_lowest(const ReducedView& r) {
+  return has_doubts(r.chunk) || r.chunk.reply.pair_lower;
+}
+
 // The winner, as Standing has it: by keys, since threads of many blocks bring their candidates.
 __global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_constant__ ReducedView r) {
   const std::uint32_t count = item_count(r);
@@ -394,6 +402,13 @@ __global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_cons
       // Where the least upper bound is infinite, so are all of the group, and each lower bound is a gap.
       if (upper == r.upper[g] && (answer.upper < __builtin_inf() || lower == r.lower[g]))
         take_least(r.winner + g, std::uint64_t{item.p} << 32 | i);
+    });
+    if (!wants_lowest(r)) continue;
+    const Where at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
+        at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
+    const std::uint64_t of_group = order_key(group_lower(answer, at_a, at_b));
+    for_groups(r, item, [&](std::size_t g) {
+      if (of_group == r.lower[g]) take_least(r.lowest + g, std::uint64_t{item.p} << 32 | i);
     });
   }
 }
@@ -419,15 +434,22 @@ __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, Pa
   answer.flags = flags_of(at_a, at_b) | kFlagIncomplete;
   write_answer(c, at, k, at_a, at_b, answer);
 }
-// \param lower the least of the group. \param complete all its pairs have usable poses
+// \param lower the least of the group. \param complete all its pairs have usable poses. \param lowest the pair with
+// that bound, where it is asked for
 __device__ inline void write_winner(const ReducedView& r, std::uint64_t at, PairRef ref, PairAnswer answer,
-                                    double lower, bool complete) {
+                                    double lower, bool complete, PairRef lowest) {
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
   const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
-  widen_to_group(answer, lower, c.question.max_distance, c.question.abs_tol, c.question.rel_tol);
+  const Question& q = c.question;
+  if (has_doubts(c))
+    widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol, pair_slack(c, ref, k),
+                   pair_slack(c, lowest, k));
+  else
+    widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol);
   if (!complete) answer.flags |= kFlagIncomplete;
   write_answer(c, at, k, at_a, at_b, answer);
+  if (c.reply.pair_lower) c.reply.pair_lower[at] = {body_of(c.bodies, lowest.a), body_of(c.bodies, lowest.b)};
 }
 
 // A row for each group.
@@ -440,7 +462,9 @@ __global__ void __launch_bounds__(kItemThreads) write_groups(const __grid_consta
   if (seed == ~std::uint64_t{0}) return write_empty(r, at);
   if (winner == ~std::uint64_t{0}) return write_unusable(r, at, r.chunk.pairs[static_cast<std::uint32_t>(seed)]);
   const auto i = static_cast<std::uint32_t>(winner);
-  write_winner(r, at, r.chunk.pairs[winner >> 32], r.answers[i], from_order_key(r.lower[at]), r.complete[at] != 0);
+  const PairRef ref = r.chunk.pairs[winner >> 32];
+  write_winner(r, at, ref, r.answers[i], from_order_key(r.lower[at]), r.complete[at] != 0,
+               wants_lowest(r) ? r.chunk.pairs[r.lowest[at] >> 32] : ref);
 }
 
 __device__ inline std::uint32_t hits_before(const ReducedView& r, std::uint32_t word) {

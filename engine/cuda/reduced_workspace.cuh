@@ -244,11 +244,12 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   std::size_t make_room_for_groups(ReducedSlot& slot) {
     ReducedView& r = slot.view;
     const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-    const std::size_t bytes = groups * (5 * sizeof(std::uint64_t) + 2);
+    const std::size_t bytes = groups * (6 * sizeof(std::uint64_t) + 2);
     r.upper = reinterpret_cast<std::uint64_t*>(slot.device_groups.reserve(bytes));
     r.lower = r.upper + groups;
     r.winner = r.lower + groups;
-    r.seed = r.winner + groups;
+    r.lowest = r.winner + groups;
+    r.seed = r.lowest + groups;
     r.cutoff = r.seed + groups;
     r.complete = reinterpret_cast<std::uint8_t*>(r.cutoff + groups);
     r.answered = by_teams_ ? r.complete + groups : nullptr;
@@ -307,13 +308,13 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   void clear_groups(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
     const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-    check(cudaMemsetAsync(r.upper, 0xff, 3 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
+    check(cudaMemsetAsync(r.upper, 0xff, 4 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
   }
   void clear_winners(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
     if (within()) return;
     const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
-    check(cudaMemsetAsync(r.winner, 0xff, groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
+    check(cudaMemsetAsync(r.winner, 0xff, 2 * groups * sizeof(std::uint64_t), slot.stream), "clearing groups");
   }
 
   void solve(ReducedSlot& slot) {
@@ -328,7 +329,10 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   }
   void solve_items(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
-    const auto kernel = r.chunk.warm ? solve_candidates<true> : solve_candidates<false>;
+    const bool warm = r.chunk.warm != nullptr;
+    const auto known = warm ? solve_candidates<true, NoSlack> : solve_candidates<false, NoSlack>,
+               doubted = warm ? solve_candidates<true, Slack> : solve_candidates<false, Slack>;
+    const auto kernel = r.chunk.bodies.doubts.fixed ? doubted : known;
     kernel<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
     if (hulls_.has_several()) solve_several<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
     check(cudaGetLastError(), "starting a kernel");

@@ -88,10 +88,18 @@ class QuerySide : public Interface {
     const std::size_t moved_body = setup_.add(s.moved_body),
                       pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)),
                       source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
-                      own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base);
+                      own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base),
+                      slot_state = setup_.add(s.slot_state), facts = setup_.add(s.facts),
+                      fixed_slack = setup_.add(s.fixed_slack), links = setup_.add(s.links),
+                      link_pairs = setup_.add(s.link_pairs), doubt_moves = setup_.add(s.doubt_moves),
+                      base_doubt = setup_.add(s.base_doubt), travels = setup_.add(s.travels);
     const cudaStream_t stream = slots_[0]->stream;
     setup_.send(stream);
-    send_bodies(s, stream);
+    DoubtsView doubts{};
+    if (!s.fixed_slack.empty())
+      doubts = {setup_.at<BodySlack>(fixed_slack), nullptr, setup_.at<LinkPlace>(links),
+                setup_.at<LinkPairError>(link_pairs)};
+    send_bodies(s, doubts, stream);
     if (s.chunks > 1) check(cudaEventRecord(ready_.event, stream), "recording an event");
     for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
@@ -105,7 +113,13 @@ class QuerySide : public Interface {
               setup_.at<std::uint32_t>(begin),
               setup_.at<std::uint32_t>(chain),
               setup_.at<BodyPlacement>(base),
-              setup_.at<std::uint8_t>(has_base)};
+              setup_.at<std::uint8_t>(has_base),
+              setup_.at<std::uint8_t>(slot_state),
+              s.facts.empty() ? nullptr : setup_.at<std::uint8_t>(facts),
+              setup_.at<DoubtMove>(doubt_moves),
+              setup_.at<PlacedDoubt>(base_doubt),
+              setup_.at<double>(travels),
+              s.motions};
     pairs_ = static_cast<const CudaPairs*>(s.pairs);
   }
 
@@ -145,7 +159,7 @@ class QuerySide : public Interface {
   std::size_t fixed_bytes() const {
     return components_offset() + std::size_t{fixed_count_} * kPoseComponents * sizeof(double);
   }
-  void send_bodies(const QuerySetup& s, cudaStream_t stream) {
+  void send_bodies(const QuerySetup& s, const DoubtsView& doubts, cudaStream_t stream) {
     const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
     const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
     const std::size_t pieces_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
@@ -153,6 +167,7 @@ class QuerySide : public Interface {
         device_bodies_.reserve(pieces_at + (hulls_.has_several() ? hulls_.pieces() * kPieceBoxBytes : 0));
     auto* outer = s.boxes ? reinterpret_cast<OuterBox*>(memory + outer_at) : nullptr;
     bodies_ = {};
+    bodies_.doubts = doubts;
     bodies_.fixed = reinterpret_cast<const double*>(memory + components_offset());
     bodies_.fixed_state = reinterpret_cast<const std::uint8_t*>(memory);
     bodies_.fixed_box = outer;
@@ -191,30 +206,36 @@ class QuerySide : public Interface {
     return given;
   }
 
-  // Room for the moved bodies of a chunk: outer boxes, boxes of pieces, components, states.
+  // Room for the moved bodies of a chunk: outer boxes, boxes of pieces, components, what is doubted, states.
   struct MovedRoom {
-    std::size_t states, boxes, pieces, numbers;
-    std::size_t bytes() const { return boxes + pieces + numbers + states; }
+    std::size_t states, boxes, pieces, numbers, slacks;
+    std::size_t bytes() const { return boxes + pieces + numbers + slacks + states; }
   };
   MovedRoom moved_room(std::uint32_t configurations) const {
     const std::size_t states = std::size_t{bodies_.moved_count} * configurations;
     return {states, bodies_.fixed_box ? states * sizeof(OuterBox) : 0,
-            std::size_t{moved_pieces_} * configurations * kPieceBoxBytes, states * bodies_.components * sizeof(double)};
+            std::size_t{moved_pieces_} * configurations * kPieceBoxBytes, states * bodies_.components * sizeof(double),
+            bodies_.doubts.fixed ? states * sizeof(BodySlack) : 0};
   }
 
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
     const Pose* given =
         chunk.poses_on_device ? chunk.poses : send_poses(slot, chunk, std::size_t{given_count_} * chunk.configurations);
-    const auto [states, boxes, pieces, numbers] = moved_room(chunk.configurations);
-    std::byte* memory = slot.device_bodies.reserve(boxes + pieces + numbers + states);
+    const MovedRoom room = moved_room(chunk.configurations);
+    const auto [states, boxes, pieces, numbers, slacks] = room;
+    std::byte* memory = slot.device_bodies.reserve(room.bytes());
     bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
     bodies.moved_piece_box = pieces > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
     bodies.moved = reinterpret_cast<double*>(memory + boxes + pieces);
-    bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + pieces + numbers);
+    bodies.doubts.moved = reinterpret_cast<BodySlack*>(memory + boxes + pieces + numbers);
+    bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + pieces + numbers + slacks);
     MovesView moves = moves_;
     moves.given = given;
-    place_bodies<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves,
-                                                                                       chunk.configurations);
+    if (moves.facts) moves.facts += chunk.first_configuration * moves.given_count;
+    moves.travels += chunk.first_configuration * moves.motions;
+    const auto kernel = bodies.doubts.fixed ? place_bodies<true> : place_bodies<false>;
+    kernel<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves,
+                                                                                 chunk.configurations);
     check(cudaGetLastError(), "starting a kernel");
   }
 

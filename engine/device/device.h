@@ -77,7 +77,16 @@ struct QuerySetup {
   std::span<const std::uint32_t> moved_body, source, chain_begin, chain;
   std::span<const Pose> own;
   std::span<const BodyPlacement> base;
-  std::span<const std::uint8_t> has_base;
+  std::span<const std::uint8_t> has_base, slot_state;
+  std::span<const std::uint8_t> facts;  ///< of all configurations of the query
+  // What is doubted, as BodiesView and MovesView have it. Empty where nothing is doubted of any body that is asked for.
+  std::span<const BodySlack> fixed_slack;
+  std::span<const LinkPlace> links;
+  std::span<const LinkPairError> link_pairs;
+  std::span<const DoubtMove> doubt_moves;
+  std::span<const PlacedDoubt> base_doubt;
+  std::span<const double> travels;  ///< of all configurations of the query
+  std::uint32_t motions = 0;
   const ResidentPairs* pairs = nullptr;
   const ResidentTable* table = nullptr;  ///< of Reduce::kWithin over a whole table, in place of pairs
   std::uint64_t chunks = 1;

@@ -118,7 +118,7 @@ class DeviceBackend {
 };
 
 /// What a device does not answer yet, in words; empty: it answers this.
-std::string beyond_the_device(const Scene& scene, const Plan& plan);
+std::string beyond_the_device(const Plan& plan);
 
 /// A query on the device, which the CPU takes over if the device fails in the middle of it; null, and the plan
 /// untouched, where the CPU has to answer it from the beginning. Throws QueryError where the device fails and no one

@@ -16,12 +16,15 @@ namespace {
 }
 
 // What plans do not answer, beyond what a device does not (beyond_the_device()); empty: nothing.
-std::string beyond_plans(const Plan& plan) {
+std::string beyond_plans(const Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
   if (q.reduce != Reduce::kNone) return "reduce: expected none";
   if (q.max_steps > 0) return "max_steps: motions are not for a device yet";
   if (!q.joints.empty()) return "joints are not for a device yet: give the poses of bodies";
   if (q.signed_distance) return "signed_distance: depths are the CPU's";
+  // Slack may grow as time goes by, and a plan's poses come later.
+  if (const std::uint32_t body = doubted_body(scene, plan); body != kNone)
+    return "'" + scene.bodies()[body].name + "' has slack (docs/bounds.md)";
   return {};
 }
 
@@ -131,8 +134,8 @@ class StandingQuery final : public DevicePlan, private DeviceQuery {
 std::unique_ptr<DevicePlan> make_device_plan(const JobContext& context, Plan&& plan) {
   if (!context.device || !context.device->usable())
     refuse(context.device ? context.device->error() : "the engine has no device (backend cuda or auto)");
-  std::string beyond = beyond_plans(plan);
-  if (beyond.empty()) beyond = beyond_the_device(*context.scene, plan);
+  std::string beyond = beyond_plans(*context.scene, plan);
+  if (beyond.empty()) beyond = beyond_the_device(plan);
   if (!beyond.empty()) refuse(beyond);
   try {
     auto query = std::make_unique<StandingQuery>(context, std::move(plan));

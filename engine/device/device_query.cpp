@@ -64,15 +64,16 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   s.boxes = options_.cull;
   place_fixed(workspace.room_for_bodies(plan_.snapshot->placed.size()));
   if (plan_.query.configuration_count > 0) {
-    const std::span<const Pose> poses = plan_.configurations;
+    const std::span<const Pose> poses = all_poses();
     if (poses.size_bytes() <= kPinnedPoses) {
       pinned_poses_ = workspace.room_for_all_poses(poses.size());
       poses_.emplace(poses.data(), pinned_poses_, poses.size_bytes(), CopyReader::kDevice);
     } else {
       plan_.keep_configurations();
     }
-    chain_moved(s);
+    moved_.emplace(scene(), plan_, options_.stale).tell(s);
   }
+  if (doubted_body(scene(), plan_) != kNone) doubts_.emplace(scene(), plan_).tell(s);
   return s;
 }
 
@@ -84,8 +85,9 @@ void DeviceQuery::place_fixed(const FixedBodies& fixed) {
   for (std::size_t b = 0; b < n; ++b) {
     const BodyPlacement& at = placed[b];
     const bool stale = !options_.stale.empty() && options_.stale[b];
-    fixed.state[b] = static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) |
-                                               (at.renormalised ? kStateRenormalised : 0) | (stale ? kStateStale : 0));
+    fixed.state[b] =
+        static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
+                                  (stale ? kStateStale : 0) | (at.beyond_limits ? kStateBeyondLimits : 0));
     if (at.status != Status::kOk) continue;
     const auto put = [&](std::size_t c, const Vec3d& v) {
       for (int i = 0; i < 3; ++i) fixed.components[(c + static_cast<std::size_t>(i)) * n + b] = v[i];
@@ -93,35 +95,6 @@ void DeviceQuery::place_fixed(const FixedBodies& fixed) {
     for (std::size_t r = 0; r < 3; ++r) put(3 * r, at.pose.R_wb.row[r]);
     put(9, at.pose.t_w);
   }
-}
-
-void DeviceQuery::chain_moved(QuerySetup& s) {
-  const PoseSnapshot& snapshot = *plan_.snapshot;
-  const std::vector<std::uint32_t>& moved = plan_.moved;
-  std::vector<std::uint32_t> slot_of(scene().bodies().size(), kNone);
-  for (std::uint32_t i = 0; i < moved.size(); ++i) slot_of[moved[i]] = i;
-  source_.assign(moved.size(), kNone);
-  for (std::uint32_t m = 0; m < plan_.bodies.size(); ++m) source_[slot_of[plan_.bodies[m]]] = m;
-  chain_begin_.assign(1, 0);
-  base_.resize(moved.size());
-  for (std::uint32_t i = 0; i < moved.size(); ++i) {
-    own_.push_back(snapshot.local[moved[i]]);
-    const std::size_t first = chain_.size();
-    std::uint32_t b = moved[i];
-    for (; b != kNone && slot_of[b] != kNone; b = snapshot.parent[b]) chain_.push_back(slot_of[b]);
-    std::reverse(chain_.begin() + static_cast<std::ptrdiff_t>(first), chain_.end());
-    chain_begin_.push_back(static_cast<std::uint32_t>(chain_.size()));
-    has_base_.push_back(b != kNone);
-    if (b != kNone) base_[i] = snapshot.placed[b];
-  }
-  s.given_count = static_cast<std::uint32_t>(plan_.bodies.size());
-  s.moved_body = moved;
-  s.source = source_;
-  s.chain_begin = chain_begin_;
-  s.chain = chain_;
-  s.own = own_;
-  s.base = base_;
-  s.has_base = has_base_;
 }
 
 void DeviceQuery::begin_chunks(QueryWorkspace& workspace, const QuerySetup& setup) {
@@ -146,7 +119,7 @@ void DeviceQuery::begin_chunks(QueryWorkspace& workspace, const QuerySetup& setu
     }
   }
   if (failure) std::rethrow_exception(failure);
-  plan_.configurations = {pinned_poses_, plan_.configurations.size()};
+  if (!plan_.made) plan_.configurations = {pinned_poses_, plan_.configurations.size()};
 }
 
 void DeviceQuery::launch_ahead() {
@@ -177,7 +150,7 @@ void DeviceQuery::give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& ch
     };
   } else {
     Pose* room = workspace.room_for_poses(slot, count);
-    copy_bytes(plan_.configurations.data() + first, room, count * sizeof(Pose), CopyReader::kDevice);
+    copy_bytes(all_poses().data() + first, room, count * sizeof(Pose), CopyReader::kDevice);
     chunk.poses = room;
   }
 }

@@ -6,7 +6,9 @@
 #include <optional>
 #include <vector>
 
+#include "engine/device/device_doubts.h"
 #include "engine/device/device_job.h"
+#include "engine/device/moved_chains.h"
 #include "engine/device/ordered_copy.h"
 #include "engine/query/parallel_job.h"
 
@@ -107,15 +109,16 @@ class DeviceQuery : public ParallelJob {
   void find_direct_columns();
   void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);
   void place_fixed(const FixedBodies& fixed);
-  void chain_moved(QuerySetup& s);
+  /// Of all configurations, (K, M): the caller's, or the links' as they were made.
+  std::span<const Pose> all_poses() const {
+    return plan_.made ? std::span<const Pose>(plan_.made->poses) : plan_.configurations;
+  }
 
   std::unique_ptr<DeviceWarmTable> warm_;
-  Pose* pinned_poses_ = nullptr;      // of all configurations; null: too many
-  std::optional<OrderedCopy> poses_;  // on their way there
-  std::vector<std::uint8_t> has_base_;
-  std::vector<std::uint32_t> source_, chain_begin_, chain_;
-  std::vector<Pose> own_;
-  std::vector<BodyPlacement> base_;
+  Pose* pinned_poses_ = nullptr;        // of all configurations; null: too many
+  std::optional<OrderedCopy> poses_;    // on their way there
+  std::optional<MovedChains> moved_;    // none: the query moves nothing
+  std::optional<DeviceDoubts> doubts_;  // none: nothing is doubted of any body that is asked for
   std::vector<Room> rooms_;
   std::vector<Evaluator> evaluators_;
 };

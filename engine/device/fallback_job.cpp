@@ -85,25 +85,12 @@ class FallbackJob final : public Job::State {
 
 }  // namespace
 
-std::string beyond_the_device(const Scene& scene, const Plan& plan) {
-  if (plan.query.fields & kFieldPairLower) return "the column pair_lower";
-  if (plan.query.fields & kFieldGradientJoints) return "the column gradient_joints";
-  const PoseSnapshot& snapshot = *plan.snapshot;
-  if (!scene.has_doubts() && !snapshot.has_followers) return {};
-  std::uint32_t found = kNone;
-  const auto look = [&](std::uint32_t body) {
-    const bool there = body < scene.bodies().size();
-    if (there && (is_doubted(scene.bodies()[body]) || snapshot.parent[body] != kNone)) found = std::min(found, body);
-  };
-  if (plan.pairs.is_whole_table())
-    for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) look(b);
-  else
-    for (const auto [a, b] : plan.pairs.list()) look(a), look(b);
-  return found == kNone ? "" : "'" + scene.bodies()[found].name + "' has slack (docs/bounds.md)";
+std::string beyond_the_device(const Plan& plan) {
+  return plan.query.fields & kFieldGradientJoints ? "the column gradient_joints" : "";
 }
 
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
-  const std::string beyond = beyond_the_device(*context.scene, plan);
+  const std::string beyond = beyond_the_device(plan);
   if (!beyond.empty() && !context.device->fallback()) refuse(beyond + " is not for a device yet");
   if (beyond.empty()) plan.make_link_poses();
   auto query = beyond.empty() ? begin_on_device(context, plan, reply) : nullptr;

@@ -3,10 +3,12 @@
 
 #include <cstdint>
 
+#include "engine/base/placement_error.h"
 #include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
 #include "engine/pose/placed.h"
 #include "engine/query/columns.h"
+#include "engine/query/doubt_step.h"
 
 namespace clearance::cuda {
 
@@ -67,11 +69,29 @@ inline constexpr std::uint32_t kTile = 128;  ///< pair-configurations of one blo
 /// neighbouring numbers: component c of the body at `index` is at c * stride + index.
 inline constexpr std::uint32_t kPoseComponents = 12, kBoxComponents = 6;
 /// A body's state: its Status in the low bits, then these.
-inline constexpr std::uint8_t kStateStatus = 15, kStateRenormalised = 16, kStateStale = 32;
+inline constexpr std::uint8_t kStateStatus = 15, kStateRenormalised = 16, kStateStale = 32, kStateBeyondLimits = 64;
 
 /// A body's box rounded outward to float32, for tests that may be loose; low > high: the body has no usable pose.
 struct alignas(16) OuterBox {
   float low_x, low_y, low_z, high_x, high_y, high_z, unused[2];
+};
+
+/// What is not known of a body where it stands: its BodyDoubt, as pairs need it.
+struct BodySlack {
+  Slack all, beside;
+  double travel = 0;  ///< of its robot's joints
+};
+/// Where a link is in the table of its robot's pairs.
+struct LinkPlace {
+  std::uint32_t robot = kNone;  ///< kNone: it is no link, or its robot has no table
+  std::uint32_t slot = 0;
+  std::uint64_t first_pair = 0;  ///< of the robot's, in DoubtsView::link_pairs
+};
+struct DoubtsView {
+  const BodySlack* fixed;           ///< (bodies,) where the snapshot has them; null: nothing is doubted of any
+  BodySlack* moved;                 ///< (moved, configurations)
+  const LinkPlace* links;           ///< (bodies,)
+  const LinkPairError* link_pairs;  ///< of all robots
 };
 
 struct BodiesView {
@@ -89,7 +109,20 @@ struct BodiesView {
   double* fixed_piece_box;                 ///< (pieces, 6) where the snapshot has them
   double* moved_piece_box;                 ///< (pieces of the moved, 6, configurations)
   const std::uint32_t* moved_piece_begin;  ///< (moved,)
+  DoubtsView doubts;
 };
+
+/// What a moved body adds to what is doubted of what it follows.
+struct DoubtMove {
+  DoubtSource source;
+  double age_s = 0;
+  double joint_fixed = 0, joint_per_travel = 0, joint_turn = 0;  ///< PlacementError of a link's pose; 0: it is none
+  double travel = 0;                                             ///< where the query's joints do not say it
+  std::uint32_t motion = kNone;                                  ///< whose travel it is in each configuration
+};
+/// What becomes of a moved body whatever its pose, as bits: it has none, or one that is too old for one; a joint that
+/// the query leaves as it is, and that places it, is beyond its limits; the flag that its pose is old.
+inline constexpr std::uint8_t kSlotUnplaced = 1, kSlotStale = 2, kSlotBeyondLimits = 4, kSlotOld = 8;
 
 /// How the moved bodies get their poses. Each follows a chain of moved bodies, from the top down to itself, under a
 /// body that stays (or the world).
@@ -102,6 +135,13 @@ struct MovesView {
   const std::uint32_t* chain;        ///< places among the moved
   const BodyPlacement* base;         ///< (moved,) the body that the chain's top follows
   const std::uint8_t* has_base;      ///< (moved,)
+  const std::uint8_t* slot_state;    ///< (moved,) kSlotUnplaced and so on
+  const std::uint8_t* facts;         ///< (configurations, given_count) LinkFact bits; null: no joints move
+  // Where something is doubted:
+  const DoubtMove* doubts;        ///< (moved,)
+  const PlacedDoubt* base_doubt;  ///< (moved,) of `base`
+  const double* travels;          ///< (configurations, motions)
+  std::uint32_t motions;
 };
 
 /// What is asked of every pair.
@@ -190,6 +230,7 @@ struct ReducedView {
   std::uint64_t* cutoff;  ///< (configurations, groups) a distance, float64: pairs with boxes farther apart are left out
   std::uint64_t *upper, *lower;  ///< (configurations, groups) least bounds, order_key()
   std::uint64_t* winner;         ///< (configurations, groups) pair and item
+  std::uint64_t* lowest;         ///< (configurations, groups) the first pair with the least lower bound, and its item
   std::uint8_t* complete;        ///< (configurations, groups) 0: holds a pair without usable poses
   std::uint8_t* answered;        ///< (configurations, groups) nonzero: its row is written already; null: none is
   std::uint32_t *candidate_words, *hit_words;  ///< of Reduce::kWithin: a bit for each row

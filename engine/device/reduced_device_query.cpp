@@ -15,10 +15,11 @@ constexpr std::uint64_t kMostMembers = 4096;     // pairs of a configuration tha
 
 // Whether teams of threads decide configurations (decide_kernel.cuh). Not where the device settles nothing, and the CPU
 // finishes it all.
-bool is_for_teams(const Plan& plan) {
+bool is_for_teams(const Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
   return q.reduce == Reduce::kMin && plan.size.pairs <= kMostMembers && !q.signed_distance &&
-         q.precision == Precision::kF64 && (q.rel_tol > 0 || q.abs_tol > 0);
+         q.precision == Precision::kF64 && (q.rel_tol > 0 || q.abs_tol > 0) && !(q.fields & kFieldPairLower) &&
+         doubted_body(scene, plan) == kNone;
 }
 
 class ReducedDeviceQuery final : public DeviceQuery {
@@ -35,7 +36,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     workspace_ = backend_.device().borrow_reduced();
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
     // A launch of teams takes as long as its slowest configuration: half as many.
-    const bool by_teams = is_for_teams(plan_);
+    const bool by_teams = is_for_teams(scene(), plan_);
     const auto chunks = static_cast<std::uint64_t>(backend_.device().chunks_wanted() / (by_teams ? 2 : 1));
     const std::uint64_t rows = std::clamp((K * P + chunks - 1) / chunks, kFewestRows, kMostRows);
     configurations_ = std::clamp<std::uint64_t>(std::min(rows / P, kMostGroups / groups_), 1, K);

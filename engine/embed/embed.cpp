@@ -51,6 +51,7 @@ QueryView view_of(const Query& query) {
   view.configuration_count = static_cast<std::uint32_t>(configuration_count(query));
   view.margins = query.margins;
   view.pair_margins = query.pair_margins;
+  view.weights = query.weights;
   view.warm_slot = query.warm ? 1 : 0;
   return view;
 }
@@ -235,6 +236,9 @@ std::span<const double> Answer::first_contact() const {
 std::span<const std::uint32_t> Answer::steps() const {
   return impl_->column<std::uint32_t>(impl_->view.steps, 1);
 }
+std::span<const double> Answer::free_scale() const {
+  return impl_->column<double>(impl_->view.free_scale, 1);
+}
 std::uint64_t Answer::snapshot_revision() const {
   return impl_->info.snapshot_revision;
 }
@@ -327,6 +331,11 @@ std::uint32_t Engine::forbid(std::uint32_t a, std::uint32_t b) {
 
 Check Engine::check(const Query& query) const {
   return check_of(distances(as_check(query)));
+}
+
+std::vector<double> Engine::free_scale(const Query& query, std::span<const double> weights) const {
+  const Answer answer = distances(as_free_scale(query, weights));
+  return {answer.free_scale().begin(), answer.free_scale().end()};
 }
 
 Answer Engine::distances(const Query& query) const {

@@ -92,7 +92,7 @@ class CLEARANCE_API Scene {
   std::uint32_t add_sphere(const std::string& name, double radius, const BodyOptions& options = {});
   /// Along z; length between the centres of its caps.
   std::uint32_t add_capsule(const std::string& name, double radius, double length, const BodyOptions& options = {});
-  /// Along z; a prism around the cylinder.
+  /// Along z, from -length / 2 to length / 2.
   std::uint32_t add_cylinder(const std::string& name, double radius, double length, const BodyOptions& options = {});
   /// Along z: a disc at -length / 2, the apex at length / 2.
   std::uint32_t add_cone(const std::string& name, double radius, double length, const BodyOptions& options = {});
@@ -145,6 +145,7 @@ class CLEARANCE_API Answer {
   std::span<const double> time() const;           ///< of motions: 0 to 1
   std::span<const double> first_contact() const;  ///< (rows * 2,) of motions; kFieldFirstContact
   std::span<const std::uint32_t> steps() const;   ///< of motions: configurations that each asked for
+  std::span<const double> free_scale() const;     ///< Engine::free_scale()
 
   std::uint64_t snapshot_revision() const;  ///< of the poses
   std::int64_t snapshot_stamp_ns() const;   ///< the newest stamp among them; 0: none
@@ -216,6 +217,11 @@ class CLEARANCE_API Engine {
   /// Which configurations are free: Reduce::kAny with the query's margins. What is not proved is not free. Throws as
   /// distances().
   Check check(const Query& query = {}) const;
+  /// How far joints may move from each configuration (of joints, no bodies): the largest s that is proved such that all
+  /// pairs stay beyond the query's margins while no joint moves by more than s times its weight. 0: not even the
+  /// configuration itself is proved free; inf: nothing that moves can come nearer. Joint limits are not looked at.
+  /// \param weights (J,) radians and metres, >= 0. Returns (K,). Throws as distances().
+  std::vector<double> free_scale(const Query& query, std::span<const double> weights) const;
   /// The pairs that a query answers, in order.
   std::vector<IdPair> pairs(const Query& query = {}) const;
 

@@ -13,6 +13,20 @@
 
 namespace clearance {
 
+const char* name_of(Primitive::Kind kind) {
+  switch (kind) {
+    case Primitive::Kind::kHalfSpace:
+      return "half_space";
+    case Primitive::Kind::kCone:
+      return "cone";
+    case Primitive::Kind::kEllipsoid:
+      return "ellipsoid";
+    case Primitive::Kind::kCylinder:
+      return "cylinder";
+  }
+  return "";
+}
+
 PiecePtr make_primitive_piece(const Primitive& primitive, double radius) {
   const FpEnvironment environment;
   const bool is_bounded = primitive.kind != Primitive::Kind::kHalfSpace;
@@ -54,13 +68,23 @@ FarthestPoint<T> farthest_of_cone(const Vec3d& size, const Vec3<T>& n) {
   return {{radius * (n.x / across), radius * (n.y / across), -half}, at_base};
 }
 
+// A point of the rim of the disc that is farther; the disc's middle along the axis.
+template <class T>
+FarthestPoint<T> farthest_of_cylinder(const Vec3d& size, const Vec3<T>& n) {
+  using std::sqrt;
+  const T radius(size.x), zero(0), across = sqrt(n.x * n.x + n.y * n.y);
+  const T half = n.z < zero ? T(-size.z) : T(size.z), value = radius * across + half * n.z;
+  if (!(across > zero)) return {{zero, zero, half}, value};
+  return {{radius * (n.x / across), radius * (n.y / across), half}, value};
+}
+
 }  // namespace
 
 template <class T>
 FarthestPoint<T> farthest(const Primitive& round, const Vec3<T>& n) {
   assert(round.kind != Primitive::Kind::kHalfSpace);
-  return round.kind == Primitive::Kind::kEllipsoid ? farthest_of_ellipsoid(round.size, n)
-                                                   : farthest_of_cone(round.size, n);
+  if (round.kind == Primitive::Kind::kEllipsoid) return farthest_of_ellipsoid(round.size, n);
+  return round.kind == Primitive::Kind::kCone ? farthest_of_cone(round.size, n) : farthest_of_cylinder(round.size, n);
 }
 template FarthestPoint<double> farthest(const Primitive&, const Vec3<double>&);
 template FarthestPoint<DoubleDouble> farthest(const Primitive&, const Vec3<DoubleDouble>&);

@@ -17,16 +17,20 @@ struct Primitive {
     kHalfSpace = 1,  ///< all points with z <= 0; the extents of its piece are not its own, but certify_box() knows
     kCone = 2,       ///< along z: a disc at -size.z, the apex at size.z
     kEllipsoid = 3,  ///< about the origin
+    kCylinder = 4,   ///< along z: discs at -size.z and size.z
   };
   Kind kind;
-  /// Metres: half extents. Of a cone radius, radius and half its length, of an ellipsoid its half axes; of a half-space
-  /// 0.
+  /// Metres: half extents. Of a cone or cylinder radius, radius and half its length, of an ellipsoid its half axes; of
+  /// a half-space 0.
   Vec3d size{0, 0, 0};
 
   friend bool operator==(const Primitive& a, const Primitive& b) {
     return a.kind == b.kind && a.size.x == b.size.x && a.size.y == b.size.y && a.size.z == b.size.z;
   }
 };
+
+/// As scene files call it.
+const char* name_of(Primitive::Kind kind);
 
 /// A piece of a core in closed form, grown by a radius. Throws std::invalid_argument for a negative or non-finite
 /// radius, and for sizes that are not above 0 and at most 1e60 m.

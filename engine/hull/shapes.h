@@ -24,7 +24,7 @@ struct Shape {
 
 /// Largest resolution of a uv_sphere: 2 r (r - 1) + 2 vertices, about 8 million.
 inline constexpr int kMaxUvSphereResolution = 2000;
-/// Sides of the prism that stands for a cylinder: its corners stand out by 0.12 % of the radius.
+/// Sides of the prism that stands for a robot's cylinder: its corners stand out by 0.12 % of the radius.
 inline constexpr int kCylinderSides = 64;
 
 /// sin and cos of pi k / n, for n from 1 to 2^28 and 0 <= k <= 2 n, correct to the last bit but one and exact at

@@ -119,6 +119,7 @@ bool wait_for(const Loader& loader, std::chrono::milliseconds limit, Ending* end
 
 const std::vector<std::string> kMeshes = {".obj", ".stl", ".ply", ".off", ".dae", ".gltf", ".glb"};
 const std::vector<std::string> kPoints = {".ply", ".xyz", ".npy", ".pcd"};
+const std::vector<std::string> kOctomaps = {".bt", ".ot"};
 
 // Opens a mesh file; what can be seen without reading it is in order.
 /// \param known formats, in words for a message
@@ -238,6 +239,13 @@ std::vector<Vec3d> load_points(const std::string& path, const MeshLimits& limits
   for (const Submesh& part : load(path, limits, kPoints).submeshes)
     points.insert(points.end(), part.vertices.begin(), part.vertices.end());
   return points;
+}
+
+Octomap load_octomap(const std::string& path, const MeshLimits& limits) {
+  Mesh map = load(path, limits, kOctomaps);
+  if (map.submeshes.size() != 2 || map.submeshes[0].vertices.size() != 1 || !(map.submeshes[0].vertices[0].x > 0))
+    throw MeshError("the mesh loader handed back no octomap");
+  return {map.submeshes[0].vertices[0].x, std::move(map.submeshes[1].vertices)};
 }
 
 }  // namespace clearance

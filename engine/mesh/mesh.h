@@ -57,6 +57,14 @@ Mesh load_mesh(const std::string& path, const MeshLimits& limits = {});
 /// that is not three numbers wide (column, row, height) of each height that is a number. Throws MeshError.
 std::vector<Vec3d> load_points(const std::string& path, const MeshLimits& limits = {});
 
+/// The occupied space of an octomap.
+struct Octomap {
+  double edge = 0;             ///< of a voxel, metres
+  std::vector<Vec3d> centres;  ///< of the occupied ones, each coordinate rounded once
+};
+/// Reads a BT or OT file. Throws MeshError, as where nothing is occupied.
+Octomap load_octomap(const std::string& path, const MeshLimits& limits = {});
+
 /// What is missing from the limits of the loaders that have run in this process so far; empty if nothing is.
 std::string mesh_loader_warning();
 

@@ -96,6 +96,8 @@ bool load(std::unique_ptr<Assimp::Importer>* kept, Result* result, const fs::pat
     read_npy(content, sink);
   else if (extension == "pcd")
     read_pcd(content, sink);
+  else if (extension == "bt" || extension == "ot")
+    read_octomap(content, sink);
   else if (extension == "gltf" || extension == "glb")
     read_gltf(content, extension == "glb", folder, kMostRepeatedVertices, sink);
   else

@@ -14,6 +14,9 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 // Rounding of the few sums and products below.
 constexpr double kUp = 1 + 0x1p-40, kDown = 1 - 0x1p-40;
+constexpr std::uint64_t kMostPairs = std::uint64_t{1} << 18;  // each keeps some numbers
+constexpr std::uint64_t kPairsAtATime = 64;
+constexpr std::uint64_t kUnitsPerPair = 2, kMoversPerUnit = 4;  // of work
 
 [[noreturn]] void refuse(const std::string& what) {
   throw QueryError(QueryErrorCode::kBadQuery, "free_scale: " + what);
@@ -21,21 +24,34 @@ constexpr double kUp = 1 + 0x1p-40, kDown = 1 - 0x1p-40;
 
 }  // namespace
 
-FreeScale::FreeScale(const Scene& scene, const Plan& plan, std::span<const double> weights)
-    : scene_(scene), plan_(plan), moves_(scene.bodies().size(), 0) {
+FreeScale::FreeScale(const Scene& scene, const Plan& plan)
+    : scene_(scene), plan_(plan), moves_(scene.bodies().size(), 0), carried_(scene.bodies().size()) {
   for (const std::uint32_t body : plan.moved) moves_[body] = 1;
-  check(weights);
-  take_weights(weights);
-  std::vector<BodyPair> room;
-  for (const BodyPair pair : plan.pairs.slice(0, plan.pairs.size(), room)) {
-    for (const std::uint32_t body : {pair.a, pair.b})
-      if (body >= scene.bodies().size()) refuse("unknown body " + std::to_string(body));
-    add_pair(carried(pair.a), carried(pair.b));
-  }
+  check();
+  take_weights();
 }
 
-void FreeScale::check(std::span<const double> weights) const {
-  if (plan_.joints.empty()) refuse("expected joints, and their positions");
+bool FreeScale::advance(WorkMeter& meter) {
+  std::vector<BodyPair> room;
+  const std::uint64_t count = plan_.pairs.size();
+  while (next_ < count) {
+    const auto pairs = plan_.pairs.slice(next_, std::min(kPairsAtATime, count - next_), room);
+    for (const BodyPair pair : pairs) {
+      for (const std::uint32_t body : {pair.a, pair.b})
+        if (body >= scene_.bodies().size()) refuse("unknown body " + std::to_string(body));
+      const std::size_t before = ways_.size();
+      add_pair(carried(pair.a), carried(pair.b));
+      meter.count(kUnitsPerPair + (ways_.size() - before) * plan_.joints.size() / kMoversPerUnit);
+    }
+    next_ += pairs.size();
+    if (next_ < count && meter.is_over()) return false;
+  }
+  return true;
+}
+
+void FreeScale::check() const {
+  const std::vector<double>& weights = plan_.weights;
+  if (plan_.joints.empty() || plan_.query.configuration_count == 0) refuse("expected joints, and their positions");
   if (plan_.given_bodies > 0) refuse("bodies: only joints move");
   if (weights.size() != plan_.joints.size())
     refuse("weights: expected " + std::to_string(plan_.joints.size()) + " numbers, one for each joint, got " +
@@ -43,13 +59,17 @@ void FreeScale::check(std::span<const double> weights) const {
   for (std::size_t i = 0; i < weights.size(); ++i)
     if (!(weights[i] >= 0) || std::isinf(weights[i]))
       refuse("weights[" + std::to_string(i) + "]: expected a finite number >= 0, got " + std::to_string(weights[i]));
+  if (plan_.pairs.size() > kMostPairs)
+    throw QueryError(QueryErrorCode::kTooLarge, "free_scale: " + std::to_string(plan_.pairs.size()) +
+                                                    " pairs are more than the limit of " + std::to_string(kMostPairs) +
+                                                    ": name the pairs that it is about");
   for (const auto& robot : scene_.robots())
     for (const std::uint32_t root : robot->kinematics.roots())
       if (const std::uint32_t body = robot->bodies[root]; moves_[body])
         refuse("'" + scene_.bodies()[body].name + "' stands on a link that the joints move, which is not for this yet");
 }
 
-void FreeScale::take_weights(std::span<const double> weights) {
+void FreeScale::take_weights() {
   for (const auto& robot : scene_.robots()) {
     const std::size_t count = robot->model.columns.size();
     const auto begin = plan_.snapshot->joints.position.begin() + robot->first_joint;
@@ -58,7 +78,7 @@ void FreeScale::take_weights(std::span<const double> weights) {
   }
   for (std::size_t i = 0; i < plan_.joints.size(); ++i) {
     const SceneJoint& joint = scene_.joints()[plan_.joints[i]];
-    weights_[joint.robot][joint.column] = weights[i];
+    weights_[joint.robot][joint.column] = plan_.weights[i];
   }
   for (std::size_t r = 0; r < weights_.size(); ++r) {
     double most = 0;
@@ -72,8 +92,14 @@ void FreeScale::take_weights(std::span<const double> weights) {
   }
 }
 
+const FreeScale::Carried& FreeScale::carried(std::uint32_t body) {
+  std::optional<Carried>& known = carried_[body];
+  if (!known) known = carrier_of(body);
+  return *known;
+}
+
 // A body that follows another turns with it at most as the farthest of its points do, whatever is doubted of its place.
-FreeScale::Carried FreeScale::carried(std::uint32_t body) const {
+FreeScale::Carried FreeScale::carrier_of(std::uint32_t body) const {
   if (!moves_[body]) return {};
   const PoseSnapshot& snapshot = *plan_.snapshot;
   const Body* of = &scene_.bodies()[body];
@@ -148,44 +174,6 @@ double FreeScale::of(std::uint64_t position, std::span<const double> travels, do
     scale = std::max(scale, 2 * room / ((linear + std::sqrt(linear * linear + 4 * square * room)) * kUp) * kDown);
   }
   return scale;
-}
-
-std::vector<double> free_scale(const JobContext& context, const std::shared_ptr<const PoseSnapshot>& snapshot,
-                               const QueryView& query, std::span<const double> weights, std::uint64_t max_rows) {
-  constexpr std::uint64_t kRowsAtOnce = std::uint64_t{1} << 20;
-  QueryView asked = query;
-  asked.reduce = Reduce::kAny;  // which has margins
-  asked.format = Format::kFull;
-  asked.fields = kFieldLower;
-  asked.warm_slot = 0;
-  const Plan plan = make_plan(asked, *context.scene, snapshot, max_rows, true);
-  const FreeScale scale(*context.scene, plan, weights);
-  asked.reduce = Reduce::kNone;
-  asked.margin = 0;
-  asked.margins = {};
-  asked.pair_margins = {};
-  const std::uint64_t pairs = plan.pairs.size(),
-                      most = std::max<std::uint64_t>(kRowsAtOnce / std::max(pairs, std::uint64_t{1}), 1);
-  const std::size_t width = plan.joints.size();
-  std::vector<double> scales(query.configuration_count, kInf), lower;
-  for (std::uint64_t first = 0; first < scales.size(); first += most) {
-    const std::uint64_t count = std::min<std::uint64_t>(most, scales.size() - first);
-    asked.configuration_count = static_cast<std::uint32_t>(count);
-    asked.positions = query.positions.subspan(first * width, count * width);
-    lower.resize(count * pairs);
-    ReplyView reply;
-    reply.rows = lower.size();
-    reply.lower = lower.data();
-    const auto job = make_cpu_job(context, make_plan(asked, *context.scene, snapshot, max_rows, true), reply);
-    while (!job->advance({})) {
-    }
-    for (std::uint64_t k = 0; k < count; ++k) {
-      const std::vector<double> travels = scale.travels(asked.positions.subspan(k * width, width));
-      for (std::uint64_t p = 0; p < pairs; ++p)
-        scales[first + k] = std::min(scales[first + k], scale.of(p, travels, lower[k * pairs + p], plan.margins.of(p)));
-    }
-  }
-  return scales;
 }
 
 }  // namespace clearance

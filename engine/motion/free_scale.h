@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,9 +17,14 @@ namespace clearance {
 /// more than s times its weight.
 class FreeScale {
  public:
-  /// \param weights (J,) radians and metres, >= 0. \param scene, plan outlive this. Throws QueryError for other
-  /// weights, for a query without joints or with bodies, and for a robot whose root the joints move.
-  FreeScale(const Scene& scene, const Plan& plan, std::span<const double> weights);
+  /// \param plan with weights: (J,) radians and metres, >= 0. \param scene, plan outlive this. Throws QueryError for
+  /// other weights, for a query without joints or with bodies or too many pairs, and for a robot whose root the joints
+  /// move.
+  FreeScale(const Scene& scene, const Plan& plan);
+
+  /// Looks at the pairs until the slice is over. Returns true once all are, from when on the rest may be called. Throws
+  /// QueryError for a pair of an unknown body, and of one that moves by itself.
+  bool advance(WorkMeter& meter);
 
   /// How far sliding joints are out, of each robot. \param row (J,) positions
   std::vector<double> travels(std::span<const double> row) const;
@@ -38,15 +44,18 @@ class FreeScale {
     double fixed, per_travel;
   };
 
-  void check(std::span<const double> weights) const;
-  void take_weights(std::span<const double> weights);
-  Carried carried(std::uint32_t body) const;
+  void check() const;
+  void take_weights();
+  const Carried& carried(std::uint32_t body);
+  Carried carrier_of(std::uint32_t body) const;
   Way way_of(std::uint32_t robot, const MotionPath& path) const;
   void add_pair(const Carried& a, const Carried& b);
 
   const Scene& scene_;
   const Plan& plan_;
   std::vector<std::uint8_t> moves_;                       // of each body: whether the joints move it
+  std::vector<std::optional<Carried>> carried_;           // of each body that a pair has named
+  std::uint64_t next_ = 0;                                // pair to be looked at
   std::vector<std::vector<double>> positions_, weights_;  // of each robot, by column: as in the snapshot; while s is 1
   std::vector<double> weight_travels_;                    // of each robot: the most that s = 1 adds to the travel
   std::vector<Way> ways_;
@@ -54,8 +63,7 @@ class FreeScale {
   std::vector<std::uint32_t> bound_end_, pair_end_;
 };
 
-/// Engine::free_scale() on one snapshot.
-std::vector<double> free_scale(const JobContext& context, const std::shared_ptr<const PoseSnapshot>& snapshot,
-                               const QueryView& query, std::span<const double> weights, std::uint64_t max_rows);
+/// Of a plan with kFieldFreeScale. Throws QueryError as FreeScale does.
+std::unique_ptr<Job::State> make_free_scale_job(const JobContext& context, Plan plan, const ReplyView& reply);
 
 }  // namespace clearance

@@ -62,4 +62,18 @@ CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double
   answer.distance = is_beyond ? answer.lower : answer.upper;
 }
 
+/// The same where bodies are not known exactly. The tolerance is judged before slack: what slack alone keeps apart, of
+/// the winner's upper bound and of the lower bound of whose pair is lowest, is no fault of the refinement. \param
+/// winner, lowest the slack of these two pairs
+CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double max_distance, double abs_tol,
+                                        double rel_tol, const Slack& winner, const Slack& lowest) {
+  const double slack = (winner.outer + lowest.inner) * (1 + 0x1p-30),
+               size = answer.upper < 0 ? -answer.upper : answer.upper;
+  const double wanted = slack > 0 && abs_tol < rel_tol * size ? rel_tol * size : abs_tol;
+  widen_to_group(answer, lower, max_distance, wanted + slack, rel_tol);
+  if (slack > 0 && answer.status == Status::kOk &&
+      !is_narrow(answer.upper - answer.lower, answer.upper, abs_tol, rel_tol))
+    answer.flags |= kFlagSlack;
+}
+
 }  // namespace clearance

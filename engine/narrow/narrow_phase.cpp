@@ -82,13 +82,11 @@ class Answer {
     const Witness w = certify_upper(pair, simplex);
     assert(!std::isnan(w.upper));
     if (!lower_upper(w.upper, w) || !proof_) return;
-    proof_->upper_in_double_double = std::is_same_v<T, DoubleDouble>;
-    proof_->vertices.clear();
-    proof_->faces.clear();
+    begin_upper_proof<T>();
     const SimplexPoint<T> point(simplex);
     for (int i = 0; i < simplex.size; ++i)
-      proof_->vertices.push_back({simplex.vertex[i].a, simplex.vertex[i].b, DoubleDouble(point.share[i])});
-    if (simplex.size == 0) proof_->vertices.push_back({0, 0, 1});
+      add_to_proof(pair, simplex.vertex[i].a, simplex.vertex[i].b, DoubleDouble(point.share[i]));
+    if (simplex.size == 0) add_to_proof(pair, 0, 0, 1);
   }
   /// Returns whether it is lower than what was there.
   bool lower_upper(double upper, const Witness& w) {
@@ -100,13 +98,11 @@ class Answer {
   /// An upper bound that has no witness of its own (a ball in the overlap): the nearest points of the surface stand for
   /// it.
   template <class T>
-  void lower_upper(double upper, const Witness& w, std::span<const CsoVertex<T>> vertices,
+  void lower_upper(const PlacedPair<T>& pair, double upper, const Witness& w, std::span<const CsoVertex<T>> vertices,
                    std::span<const CsoFace<T>> faces) {
     if (!lower_upper(upper, w) || !proof_) return;
-    proof_->upper_in_double_double = std::is_same_v<T, DoubleDouble>;
-    proof_->vertices.clear();
-    proof_->faces.clear();
-    for (const CsoVertex<T>& v : vertices) proof_->vertices.push_back({v.a, v.b, 0});
+    begin_upper_proof<T>();
+    for (const CsoVertex<T>& v : vertices) add_to_proof(pair, v.a, v.b, 0);
     for (const CsoFace<T>& f : faces)
       proof_->faces.push_back({{f.vertex[0], f.vertex[1], f.vertex[2]}, cast<DoubleDouble>(f.normal)});
   }
@@ -163,6 +159,25 @@ class Answer {
   void mark_deep() { deep_ = true; }
 
  private:
+  template <class T>
+  void begin_upper_proof() {
+    proof_->upper_in_double_double = std::is_same_v<T, DoubleDouble>;
+    proof_->vertices.clear();
+    proof_->faces.clear();
+    proof_->points_a.clear();
+    proof_->points_b.clear();
+  }
+  template <class T>
+  void add_to_proof(const PlacedPair<T>& pair, std::uint32_t a, std::uint32_t b, const DoubleDouble& share) {
+    const auto named = [](const Piece& piece, const CorePoints<T>& points, std::uint32_t i, auto& known) {
+      if (!is_round(piece)) return i;
+      known.push_back(cast<DoubleDouble>(points[i]));
+      return static_cast<std::uint32_t>(known.size() - 1);
+    };
+    proof_->vertices.push_back({named(*pair.a, pair.points_a, a, proof_->points_a),
+                                named(*pair.b, pair.points_b, b, proof_->points_b), share});
+  }
+
   NarrowLimits limits_;
   Mat3d R_wa_;
   double radius_a_, radius_b_;
@@ -246,7 +261,7 @@ void take_overlap(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> verti
   answer.mark_deep();
   if (!answer.wants_depth() && !(witness.length <= 0.5 * pair.upper_error()) && !pair.is_round())
     answer.keep_surface<T>(vertices, faces);
-  answer.lower_upper(certify_overlap(*pair.a, *pair.b, ball), witness, vertices, faces);
+  answer.lower_upper(pair, certify_overlap(*pair.a, *pair.b, ball), witness, vertices, faces);
 }
 
 /// Where EPA goes on, and what was found before it.

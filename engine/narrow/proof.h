@@ -9,7 +9,7 @@
 
 namespace clearance {
 
-/// Two vertices by their places in their pieces: one of the CSO.
+/// Two vertices by their places in their pieces, or in the proof's points: one of the CSO.
 struct ProofVertex {
   std::uint32_t a, b;
   DoubleDouble share;  ///< of the witness points, >= 0; they add up to 1 up to rounding. Of a surface: 0
@@ -27,6 +27,8 @@ struct NarrowProof {
   /// Either the witness points, of up to four vertices, or (with faces) a closed surface of CSO triangles.
   std::vector<ProofVertex> vertices;
   std::vector<ProofFace> faces;
+  /// Of a round core what `vertices` name: points of it up to rounding, its own axes. Else none.
+  std::vector<Vec3<DoubleDouble>> points_a, points_b;
 };
 
 /// narrow_phase() from nothing, in one go: the same bits, and what proves them.

@@ -73,13 +73,16 @@ CLEARANCE_HD inline Contact contact_along(const Hull& hull, const Mat3d& R, cons
   return c;
 }
 
-/// Of a half-space's face, a cone's base or its side.
+/// Of a half-space's face, a disc at an end of a cone or cylinder, or its side.
 inline Contact contact_of_primitive(const Primitive& primitive, const Mat3d& R, const Vec3d& n_w) {
   if (primitive.kind == Primitive::Kind::kHalfSpace) return {2, {0, 0, 0}};
   if (primitive.kind == Primitive::Kind::kEllipsoid) return {};
   const Vec3d n = R.transpose_times(n_w), &size = primitive.size;
   const double across = std::hypot(n.x, n.y), tolerance = 1e-9 * std::hypot(size.x, size.z);
-  if (n.z < 0 && size.x * across <= tolerance) return {2, {0, 0, 0}};
+  const bool has_two_discs = primitive.kind == Primitive::Kind::kCylinder;
+  if ((n.z < 0 || has_two_discs) && size.x * across <= tolerance) return {2, {0, 0, 0}};
+  if (has_two_discs && size.z * std::abs(n.z) <= tolerance) return {1, R * Vec3d{0, 0, 1}};
+  if (has_two_discs) return {};
   if (!(std::abs(2 * size.z * n.z - size.x * across) <= tolerance)) return {};
   const Vec3d side{-size.x * n.x / across, -size.x * n.y / across, 2 * size.z};
   return {1, R * side * (1 / norm(side))};

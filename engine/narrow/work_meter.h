@@ -51,6 +51,14 @@ class WorkMeter {
     if (budget_.units != WorkBudget::kNoLimit) other.budget_.units -= std::min(budget_.units, spent_);
     return other;
   }
+  /// What is left of the slice, for somebody who meters himself and whose work is then counted here.
+  WorkBudget left() const {
+    WorkBudget left = budget_;
+    if (budget_.units != WorkBudget::kNoLimit) left.units -= std::min(budget_.units, spent_);
+    if (deadline_ != Clock::time_point::max())
+      left.time = std::max(std::chrono::nanoseconds(deadline_ - Clock::now()), std::chrono::nanoseconds(0));
+    return left;
+  }
   /// Counts work on many pairs.
   void count(std::uint64_t units) { spent_ += units; }
   /// A pair of pieces begins that is answered alone.

@@ -7,7 +7,6 @@
 
 #include <atomic>
 #include <chrono>
-#include <numeric>
 #include <utility>
 
 #include "client/python/bindings/columns.h"
@@ -213,23 +212,10 @@ class PyEngine {
 
   /// \param rows null: all
   std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
-    std::vector<std::uint64_t> numbers;
     nb::gil_scoped_release release;
     const QueryView view = view_of(query);
-    if (rows) return use().certificate(view, {rows->data(), rows->shape(0)});
-    numbers.resize(use().size(view).rows);
-    std::iota(numbers.begin(), numbers.end(), std::uint64_t{0});
-    return use().certificate(view, numbers);
-  }
-
-  nb::object free_scale(const Query& query, const PositionRow& weights) const {
-    auto* scales = new std::vector<double>();
-    nb::capsule owner(scales, [](void* p) noexcept { delete static_cast<std::vector<double>*>(p); });
-    {
-      nb::gil_scoped_release release;
-      *scales = use().free_scale(view_of(query), {weights.data(), weights.shape(0)});
-    }
-    return nb::cast(nb::ndarray<nb::numpy, double>(scales->data(), {scales->size()}, owner));
+    if (rows) return use().certificate(view, std::span(rows->data(), rows->shape(0)));
+    return use().certificate(view);
   }
 
   nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
@@ -391,7 +377,6 @@ NB_MODULE(_engine, m) {
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("plan_on_device", &PyEngine::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("rows").none())
-      .def("free_scale", &PyEngine::free_scale, nb::arg("query"), nb::arg("weights"))
       .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("set_points", &PyEngine::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),

@@ -183,12 +183,12 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("doubts"))
       .def(
           "add_cylinder",
-          [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
-             const P& pose, const Doubts& doubts) {
-            return s.add_cylinder(name, radius, length, options(0, parent, fixed, pose, doubts));
+          [](Scene& s, const std::string& name, double radius, double length, double grown, const Parent& parent,
+             bool fixed, const P& pose, const Doubts& doubts) {
+            return s.add_cylinder(name, radius, length, options(grown, parent, fixed, pose, doubts));
           },
-          nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
-          nb::arg("pose").none(), nb::arg("doubts"));
+          nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
+          nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"));
 }
 
 }  // namespace

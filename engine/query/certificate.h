@@ -2,56 +2,51 @@
 // what a document holds and what it does not prove.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
-#include <span>
-#include <string>
 #include <vector>
 
-#include "engine/narrow/proof.h"
-#include "engine/query/job_state.h"
+#include "engine/narrow/work_meter.h"
+#include "engine/query/query.h"
 
 namespace clearance {
 
-/// What proves a bound of two pieces.
-struct PieceProof {
-  std::uint32_t piece_a, piece_b;  ///< of their bodies; both kNone: the direction is for every pair of pieces
-  NarrowProof proof;
+struct JobContext;
+struct PoseSnapshot;
+
+/// Which rows of a query a certificate is of, and how large it may be.
+struct CertificateRows {
+  /// Throws QueryError for more rows than a document may have.
+  static void check_count(std::uint64_t count);
+
+  std::optional<std::vector<std::uint64_t>> numbers;  ///< none: all
+  std::uint64_t most_bytes = std::uint64_t{0} - 1;    ///< of the document; a larger one is refused
 };
 
-/// What proves a row while its bodies stand where they are. A row has one; what moves has several.
-struct SpanCertificate {
-  Pose X_wa, X_wb;
-  Slack slack;  ///< of the pair
-  SlackParts parts_a, parts_b;
-  double joints = 0;                                ///< of links of one robot: joints_between()
-  bool composed_a = false, composed_b = false;      ///< the pose was composed with that of another body, and rounded
-  std::vector<std::uint32_t> follows_a, follows_b;  ///< the bodies that each follows, the nearest first
-  std::vector<PieceProof> lower;                    ///< empty: the bound says nothing (unsigned and 0, or -inf)
-  std::optional<PieceProof> upper;                  ///< none: it is infinite
+/// A certificate under way: answers rows of a query anew, as a job on the CPU does, finds what proves each, and writes
+/// the document (JSON) meanwhile. Holds the snapshot it began with.
+class CertificateRun {
+ public:
+  /// Checks the query. Throws QueryError. \param query what it points to must outlive this, as must what `context`
+  /// points to, but for the scene, which the snapshot holds
+  CertificateRun(const JobContext& context, std::shared_ptr<const PoseSnapshot> snapshot, const QueryView& query,
+                 CertificateRows rows, std::uint64_t max_rows);
+  CertificateRun(CertificateRun&&) noexcept;
+  CertificateRun& operator=(CertificateRun&&) noexcept;
+  ~CertificateRun();
+
+  /// Works for about `budget` (on one pair of pieces at least). Returns true once the document is whole. Throws
+  /// QueryError for a reduced query, for a row that it has not, for bodies of which no row is certified, and for a
+  /// document that is too large.
+  bool advance(const WorkBudget& budget = {});
+  /// The document. Once, when advance() has returned true.
+  std::vector<std::byte> take();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
-
-struct RowCertificate {
-  std::uint64_t row;
-  std::uint32_t configuration;
-  BodyPair pair;
-  PairAnswer answer;
-  bool proved = false;                 ///< what follows proves `answer`, or its status needs no proof
-  std::vector<SpanCertificate> spans;  ///< empty: the bodies have no usable poses
-};
-
-struct Certificate {
-  ReplyInfo info;
-  double max_distance, abs_tol, rel_tol;
-  bool signed_distance;
-  std::vector<RowCertificate> rows;
-};
-
-/// Answers rows of a query anew, as a job on the CPU does, and finds what proves each. Throws QueryError for a reduced
-/// query, and for a row that it has not.
-Certificate certify_rows(const JobContext& context, Plan plan, std::span<const std::uint64_t> rows);
-
-/// The document (JSON), with the bodies and pieces that its rows name.
-std::string to_json(const Certificate& certificate, const Scene& scene);
 
 }  // namespace clearance

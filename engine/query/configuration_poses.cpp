@@ -15,13 +15,17 @@ constexpr std::uint64_t kTogether = kMostLanes;
 ConfigurationPoses::Block ConfigurationPoses::at(std::uint64_t first, std::uint64_t count) {
   const std::size_t bodies = plan_.bodies.size();
   if (plan_.motions.empty()) return {plan_.configurations.subspan(first * bodies, count * bodies), {}, {}};
+  const std::size_t motions = plan_.motions.size();
+  if (const MadePoses* const made = plan_.made.get())
+    return {std::span(made->poses).subspan(first * bodies, count * bodies),
+            std::span(made->facts).subspan(first * bodies, count * bodies),
+            std::span(made->travels).subspan(first * motions, count * motions)};
   if (plan_.round != round_ || first < first_ || first + count > first_ + count_) {
     const std::uint64_t begin = first / kTogether * kTogether,
                         end = std::min((first + count + kTogether - 1) / kTogether * kTogether,
                                        plan_.size.configurations);
     make(begin, end - begin);
   }
-  const std::size_t motions = plan_.motions.size();
   return {std::span(poses_).subspan((first - first_) * bodies, count * bodies),
           std::span(facts_).subspan((first - first_) * bodies, count * bodies),
           std::span(travels_).subspan((first - first_) * motions, count * motions)};

@@ -7,56 +7,30 @@ namespace clearance {
 
 namespace {
 
-constexpr double kUnit = 0x1p-53;
-// Of one step down a chain of poses, in units of rounding (docs/bounds.md, "Slack").
-constexpr double kTurnUnits = 20, kShiftUnits = 8;
-// What a step's own sums and products round, all of them positive, and sin() with them.
-constexpr double kUp = 1 + 0x1p-40, kUnderflow = 0x1p-1000;
-
-double up(double x) {
-  return x == 0 ? 0 : x * kUp + kUnderflow;
-}
-
 // How far a turn by at most `angle` about the origin moves a point, for each metre from the origin.
 double chord(double angle) {
-  return angle >= M_PI ? 2 : up(2 * std::sin(0.5 * angle));
-}
-
-// How far a body's origin may be from its place, if it may be `shift` from it in its parent's frame, `along` from that
-// one's origin: the parent's turn takes along what has moved already.
-double shift_below(const FrameDoubt& parent, double along, double shift) {
-  return parent.shift + parent.turn * (along + shift) + shift;
+  return angle >= M_PI ? 2 : detail::up(2 * std::sin(0.5 * angle));
 }
 
 }  // namespace
 
+DoubtSource doubt_source(const Body& body) {
+  return {body.max_speed,
+          body.uncertainty.position,
+          chord(body.uncertainty.angle),
+          detail::up(body.reach + body.model_inner),
+          body.model_inner,
+          body.model_error};
+}
+
+FrameDoubt joints_of(const PlacedLink& link) {
+  if (!link.errors) return {};
+  return {link.errors->shift(link.link, link.travel), link.errors->turn(link.link)};
+}
+
 BodyDoubt doubt_of(const Body& body, const Pose& local, const Vec3d& t_w, double age_s, const BodyDoubt* parent,
                    bool composed, const PlacedLink& link) {
-  const FrameDoubt none,
-      joints =
-          link.errors ? FrameDoubt{link.errors->shift(link.link, link.travel), link.errors->turn(link.link)} : none;
-  const FrameDoubt &above = parent ? parent->known : none, &placed_above = parent ? parent->placed : none;
-  const double along = up(norm(local.translation) + joints.shift), own = up(body.max_speed * age_s),
-               turn = chord(body.uncertainty.angle);
-  const double turned = composed ? kTurnUnits * kUnit : 0,
-               shifted = composed ? kShiftUnits * kUnit * along + kUnit * norm(t_w) : 0;
-  BodyDoubt doubt;
-  doubt.link = link;
-  doubt.known.shift = up(shift_below(above, along, up(own + body.uncertainty.position)));
-  doubt.known.turn = up(above.turn + turn);
-  if (parent) {
-    doubt.placed.shift = up(placed_above.shift + placed_above.turn * along + shifted + joints.shift);
-    doubt.placed.turn = up(placed_above.turn + turned + joints.turn);
-  }
-  // The pieces are grown by the uncertainty of the body's own position already.
-  const double reach = up(body.reach + body.model_inner);
-  const double known = shift_below(above, along, own) + doubt.known.turn * reach;
-  const double placed = doubt.placed.shift + doubt.placed.turn * reach;
-  doubt.slack = {up(known + placed + body.model_inner), up(placed + body.model_error)};
-  const double step = shifted + turned * reach;
-  doubt.parts = {own, turn * reach, above.shift + above.turn * (along + own) + above.turn * reach, placed, step, age_s};
-  doubt.beside = {up(own + turn * reach + step + body.model_inner), up(step + body.model_error)};
-  return doubt;
+  return {doubt_below(doubt_source(body), local.translation, t_w, age_s, parent, composed, joints_of(link)), link};
 }
 
 namespace {

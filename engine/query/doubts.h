@@ -5,28 +5,11 @@
 #include <cstdint>
 #include <vector>
 
-#include "engine/base/slack.h"
+#include "engine/query/doubt_step.h"
 #include "engine/scene/pose_store.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {
-
-/// How far a frame may be from where it was computed to be: no point that belongs to it, d metres from its origin, is
-/// farther than shift + turn * d from its place.
-struct FrameDoubt {
-  double shift = 0, turn = 0;
-};
-
-/// What the slack of a body's pieces is made of, metres: lengths that add up to no more than it. Inner ones, but for
-/// `placed`, which counts on both sides.
-struct SlackParts {
-  double age = 0;     ///< how far it may have got since its own pose was received, `age_s` ago
-  double turn = 0;    ///< by its own uncertain turn
-  double parent = 0;  ///< by what is doubted of that which it follows
-  double placed = 0;  ///< by the rounding of joints and of poses that follow one another
-  double step = 0;    ///< of `placed`: by the rounding of this body's own pose
-  double age_s = 0;   ///< seconds
-};
 
 /// A body that joints place: what their rounding may come to.
 struct PlacedLink {
@@ -36,14 +19,14 @@ struct PlacedLink {
 };
 
 /// What is not known of a placed body.
-struct BodyDoubt {
-  FrameDoubt known;   ///< its frame, and all that follow it: by what the user knows and by the age of its pose
-  FrameDoubt placed;  ///< by the rounding of joints and of poses that follow one another
-  Slack slack;        ///< of its pieces
-  SlackParts parts;   ///< beside what its shape adds: Body::model_inner, model_error
+struct BodyDoubt : PlacedDoubt {
   PlacedLink link;
-  Slack beside;  ///< of a link: without what moves all links on its root alike, and without the joints' rounding
 };
+
+/// What a body adds of its own to what is doubted.
+DoubtSource doubt_source(const Body& body);
+/// What is doubted of where joints put a link in its root's frame; nothing where it is none.
+FrameDoubt joints_of(const PlacedLink& link);
 
 /// \param local its pose as given. \param t_w its origin in the world, as computed. \param age_s of that pose, seconds.
 /// \param parent of the body that it follows; null: none.

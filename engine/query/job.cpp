@@ -3,6 +3,7 @@
 #include <optional>
 #include <utility>
 
+#include "engine/base/fp_environment.h"
 #include "engine/query/box_cull.h"
 #include "engine/query/configuration_block.h"
 #include "engine/query/job_state.h"
@@ -315,6 +316,65 @@ std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, c
     job = std::make_unique<ReducedJob>(context, std::move(plan), reply);
   if (may_be_kept) job->keeper = context.kept;
   return job;
+}
+
+PreparedQuery::PreparedQuery(std::unique_ptr<Planner> planner) : planner_(std::move(planner)) {}
+PreparedQuery::PreparedQuery(Job::StatePtr again) : again_(std::move(again)) {}
+PreparedQuery::PreparedQuery(PreparedQuery&&) noexcept = default;
+PreparedQuery& PreparedQuery::operator=(PreparedQuery&&) noexcept = default;
+PreparedQuery::~PreparedQuery() = default;
+const Plan& PreparedQuery::plan() const {
+  return again_ ? *again_->plan_to_ask_again() : planner_->plan();
+}
+bool PreparedQuery::advance(const WorkBudget& budget) {
+  if (again_) return true;
+  const FpEnvironment environment;
+  WorkMeter slice(budget);
+  const bool is_ready = planner_->advance(slice);
+  units_of_this_thread += slice.spent();
+  return is_ready;
+}
+const QuerySize& PreparedQuery::size() const {
+  return plan().size;
+}
+void PreparedQuery::copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPair* out) const {
+  plan().pairs.copy(begin, count, out);
+}
+std::uint64_t PreparedQuery::bytes() const {
+  const Plan& p = plan();
+  return p.pairs.list().size_bytes() + p.configurations.size_bytes() + p.positions.size_bytes();
+}
+void PreparedQuery::begin_cold() {
+  if (planner_) planner_->plan().query.warm_slot = 0;
+}
+void PreparedQuery::keep_on_cpu() {
+  keep_on_cpu_ = true;
+}
+
+Job::Job(StatePtr state) : state_(std::move(state)) {}
+Job::Job(Job&&) noexcept = default;
+Job& Job::operator=(Job&&) noexcept = default;
+Job::~Job() = default;
+bool Job::advance(const WorkBudget& budget) {
+  const FpEnvironment environment;
+  const std::uint64_t before = state_->units;
+  const bool timed = state_->when_done != nullptr;
+  const Clock::time_point begin = timed ? Clock::now() : Clock::time_point();
+  const bool done = state_->advance(budget);
+  units_of_this_thread += state_->units - before;
+  if (!timed) return done;
+  state_->took += Clock::now() - begin;
+  if (done) std::exchange(state_->when_done, nullptr)(state_->info, state_->took);
+  return done;
+}
+std::uint64_t Job::units() const {
+  return state_->units;
+}
+const QuerySize& Job::size() const {
+  return state_->size();
+}
+const ReplyInfo& Job::info() const {
+  return state_->info;
 }
 
 }  // namespace clearance

@@ -13,11 +13,11 @@ void PairList::copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) con
   if (table_)
     table_->copy(begin, count, out);
   else
-    std::copy_n(pairs_.begin() + static_cast<std::ptrdiff_t>(begin), count, out);
+    std::copy_n(pairs_->begin() + static_cast<std::ptrdiff_t>(begin), count, out);
 }
 
 std::span<const BodyPair> PairList::slice(std::uint64_t begin, std::uint64_t count, std::vector<BodyPair>& room) const {
-  if (!table_) return std::span(pairs_).subspan(begin, count);
+  if (!table_) return list().subspan(begin, count);
   room.resize(count);
   copy(begin, count, room.data());
   return room;

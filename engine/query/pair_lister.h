@@ -12,17 +12,19 @@
 
 namespace clearance {
 
-/// The pairs of a query: the scene's whole table, or an explicit list.
+/// The pairs of a query: the scene's whole table, or an explicit list. Copies share it.
 class PairList {
  public:
   PairList() = default;
   explicit PairList(std::shared_ptr<const PairTable> table) : table_(std::move(table)) {}
-  explicit PairList(std::vector<BodyPair> pairs) : pairs_(std::move(pairs)) {}
+  explicit PairList(std::vector<BodyPair> pairs)
+      : pairs_(std::make_shared<const std::vector<BodyPair>>(std::move(pairs))) {}
 
   bool is_whole_table() const { return table_ != nullptr; }
   const PairTable* table() const { return table_.get(); }
-  std::span<const BodyPair> list() const { return pairs_; }  ///< of an explicit list
-  std::uint64_t size() const { return table_ ? table_->size() : pairs_.size(); }
+  /// Of an explicit list.
+  std::span<const BodyPair> list() const { return pairs_ ? std::span(*pairs_) : std::span<const BodyPair>(); }
+  std::uint64_t size() const { return table_ ? table_->size() : list().size(); }
   BodyPair at(std::uint64_t position) const;
   /// Writes the pairs at [begin, begin + count).
   void copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
@@ -31,7 +33,7 @@ class PairList {
 
  private:
   std::shared_ptr<const PairTable> table_;
-  std::vector<BodyPair> pairs_;
+  std::shared_ptr<const std::vector<BodyPair>> pairs_;  // so that copies cost nothing
 };
 
 /// Explicit pairs as given; a pair with a group becomes its enabled pairs, each once, in lexicographic order. Without

@@ -41,8 +41,8 @@ Slack pair_slack(const Placement& placement, BodyPair pair) {
   if (placement.has_doubts()) {
     const BodyDoubt &a = placement.doubt(pair.a), &b = placement.doubt(pair.b);
     if (const double joints = joints_between(a, b); joints < kInf)
-      return (a.beside + placement.beside_chains(pair.a)) + (b.beside + placement.beside_chains(pair.b)) +
-             Slack{joints, joints};
+      return slack_beside(a.beside + placement.beside_chains(pair.a), b.beside + placement.beside_chains(pair.b),
+                          joints);
   }
   return placement.slack(pair.a) + placement.slack(pair.b);
 }

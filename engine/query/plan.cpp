@@ -33,6 +33,17 @@ void check_motions(const QueryView& q) {
     refuse("configurations: motions have two each, got " + std::to_string(q.configuration_count));
 }
 
+void check_free_scale(const QueryView& q) {
+  if (!(q.fields & kFieldFreeScale)) {
+    if (!q.weights.empty()) refuse("weights: are for the column free_scale");
+    return;
+  }
+  if (q.reduce != Reduce::kAny) refuse("fields: free_scale is a column of reduce any, whose margins it is about");
+  if (q.max_steps > 0) throw QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
+  if ((q.fields & ~(kFieldFreeScale | kFieldPair)) || q.format != Format::kFull)
+    refuse("fields: free_scale comes with no other column but pair, in the format full");
+}
+
 void check_numbers(const QueryView& q) {
   if (!(q.max_distance >= 0)) refuse("max_distance: expected metres >= 0, got " + std::to_string(q.max_distance));
   if (!(q.abs_tol >= 0) || std::isinf(q.abs_tol))
@@ -56,6 +67,7 @@ void check_numbers(const QueryView& q) {
     refuse("fields: gradient_joints is for a query with joints");
   if (q.stale_status && q.max_pose_age_ns == 0) refuse("stale_status: is for a query with max_pose_age_ns");
   check_motions(q);
+  check_free_scale(q);
 }
 
 // A depth is how far things have to move apart: points have no inside, and who asks for it means something else.
@@ -170,6 +182,8 @@ Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<con
     refuse("configurations without bodies or joints that they move");
   plan.query.bodies = plan.bodies;
   plan.query.joints = plan.joints;
+  plan.weights.assign(query.weights.begin(), query.weights.end());
+  plan.query.weights = plan.weights;
   plan.query.configurations = {};
   plan.query.positions = {};
   if (with_configurations) plan.take_configurations(query);
@@ -227,13 +241,12 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
 }
 
 void Plan::make_link_poses() {
-  if (motions.empty()) return;
+  if (motions.empty() || made) return;
   ConfigurationPoses poses(*this);
-  const auto made = poses.at(0, size.configurations).poses;
-  kept_configurations.assign(made.begin(), made.end());
-  configurations = kept_configurations;
-  given_bodies = bodies.size();
-  motions.clear();
+  const ConfigurationPoses::Block all = poses.at(0, size.configurations);
+  made = std::make_shared<MadePoses>(MadePoses{{all.poses.begin(), all.poses.end()},
+                                               {all.facts.begin(), all.facts.end()},
+                                               {all.travels.begin(), all.travels.end()}});
 }
 
 void Plan::take_configurations(const QueryView& asked) {
@@ -242,6 +255,7 @@ void Plan::take_configurations(const QueryView& asked) {
   check_count("positions", "numbers", asked.positions.size(), count, asked.joints.size());
   configurations = asked.configurations;
   positions = asked.positions;
+  made.reset();
 }
 
 void Plan::keep_configurations() {

@@ -4,6 +4,20 @@
 
 namespace clearance {
 
+QueryView for_pairs(QueryView query) {
+  query.reduce = Reduce::kNone;
+  query.margin = 0;
+  query.margins = {};
+  query.pair_margins = {};
+  query.weights = {};
+  query.max_steps = 0;
+  query.fields = 0;
+  query.configuration_count = 0;
+  query.configurations = {};
+  query.positions = {};
+  return query;
+}
+
 ReplyView reply_view_over(std::byte* base, std::uint64_t rows, std::uint32_t fields, std::uint64_t* bytes,
                           std::uint32_t joints) {
   ReplyView view;

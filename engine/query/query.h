@@ -35,6 +35,8 @@ struct QueryView {
   double margin = 0;
   std::span<const MarginEntry> margins;    ///< in place of `margin` for the pairs that they name; later entries win
   std::span<const double> pair_margins{};  ///< or (P,): of each pair, in the order of the pairs
+  /// kFieldFreeScale, of Reduce::kAny: (J,) radians and metres >= 0 that joints go at a scale of 1.
+  std::span<const double> weights{};
   /// Not 0: motions, each of which asks for up to so many configurations. 2k and 2k + 1 are the ends of motion k; the
   /// answer has K / 2 of them. Joints go in a straight line from one end to the other, and bodies as well, which turn
   /// at a constant speed the shorter way. Reduce::kNone, kMin, kAny; `margin` is what kFieldFirstContact is about.
@@ -53,6 +55,9 @@ struct QueryView {
   /// Warm state of this client; 0: none (answers repeat bit for bit). The CPU's reductions begin cold all the same.
   std::uint64_t warm_slot = 0;
 };
+
+/// What of a query says which pairs it answers: the same without configurations, reduction and columns.
+QueryView for_pairs(QueryView query);
 
 /// The default relative tolerance of a precision.
 constexpr double default_rel_tol(Precision p) {
@@ -90,6 +95,7 @@ struct ReplyView {
   double* first_contact = nullptr;         ///< (rows, 2)
   std::uint32_t* steps = nullptr;          ///< (rows,)
   float* bounds = nullptr;                 ///< (rows, 2)
+  double* free_scale = nullptr;            ///< (rows,)
   std::uint32_t joints = 0;                ///< J: entries a row of gradient_joints
 };
 
@@ -118,6 +124,7 @@ void for_each_column(F&& f, View&... view) {
   f(view.first_contact..., 2);
   f(view.steps..., 1);
   f(view.bounds..., 2);
+  f(view.free_scale..., 1);
 }
 
 /// A view of columns laid out one after another in the order of Field, each starting on a 64-byte boundary: the layout

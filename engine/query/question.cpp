@@ -29,6 +29,7 @@ Question::Question(const QueryView& query) : query_(query) {
   query_.joints = kept(query.joints, joints_);
   query_.margins = kept(query.margins, margins_);
   query_.pair_margins = kept(query.pair_margins, pair_margins_);
+  query_.weights = kept(query.weights, weights_);
 }
 
 bool Question::is_of(const QueryView& query) const {
@@ -43,7 +44,7 @@ bool Question::is_of(const QueryView& query) const {
   });
   return same && same_bits(query.pairs, query_.pairs) && same_bits(query.bodies, query_.bodies) &&
          same_bits(query.joints, query_.joints) && same_bits(query.margins, query_.margins) &&
-         same_bits(query.pair_margins, query_.pair_margins);
+         same_bits(query.pair_margins, query_.pair_margins) && same_bits(query.weights, query_.weights);
 }
 
 }  // namespace clearance

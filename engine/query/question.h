@@ -21,7 +21,7 @@ class Question {
   std::vector<BodyPair> pairs_;
   std::vector<std::uint32_t> bodies_, joints_;
   std::vector<MarginEntry> margins_;
-  std::vector<double> pair_margins_;
+  std::vector<double> pair_margins_, weights_;
 };
 
 }  // namespace clearance

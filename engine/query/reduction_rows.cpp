@@ -68,20 +68,14 @@ bool Reduction::is_any_stale() const {
   return std::any_of(plan_.pairs.list().begin(), plan_.pairs.list().end(), is_stale);
 }
 
-// The tolerance is judged before slack: what slack alone keeps apart, of the winner's upper bound and of the lower
-// bound of whose pair is lowest, is no fault of the refinement.
 void Reduction::widen(Row& row, double lower, const Placement& placement) const {
   const NarrowLimits& asked = options_.limits;
-  const auto is_placed = [&](BodyPair p) { return p.a < scene_.bodies().size() && p.b < scene_.bodies().size(); };
-  double slack = 0;
-  if (is_placed(row.pair) && is_placed(row.pair_lower))
-    slack = (pair_slack(placement, row.pair).outer + pair_slack(placement, row.pair_lower).inner) * (1 + 0x1p-30);
-  const double wanted = slack > 0 ? std::max(asked.abs_tol, asked.rel_tol * std::abs(row.answer.upper)) : asked.abs_tol;
-  widen_to_group(row.answer, lower, asked.max_distance, wanted + slack, asked.rel_tol);
-  const double width = row.answer.upper - row.answer.lower;
-  if (slack > 0 && row.answer.status == Status::kOk &&
-      !is_narrow(width, row.answer.upper, asked.abs_tol, asked.rel_tol))
-    row.answer.flags |= kFlagSlack;
+  const auto slack_of = [&](BodyPair p) {
+    const bool is_placed = p.a < scene_.bodies().size() && p.b < scene_.bodies().size();
+    return is_placed ? pair_slack(placement, p) : Slack();
+  };
+  widen_to_group(row.answer, lower, asked.max_distance, asked.abs_tol, asked.rel_tol, slack_of(row.pair),
+                 slack_of(row.pair_lower));
 }
 
 std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& placement) {

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "engine/base/fp_environment.h"
+#include "engine/base/placement_error.h"
 #include "engine/robot/kinematics.h"
 
 namespace clearance {
@@ -14,8 +15,7 @@ constexpr double kSinCosUnits = 1.25;  // of sine, and of cosine: sin_cos.h
 constexpr double kTurnedUnits = 20;    // turning an offset by a computed frame, of its length
 constexpr double kConstant =
     0x1p-80;  // what constants may be off before they are rounded, of their size; 2^-90 at most
-// Terms of second order, and the rounding of these sums themselves.
-constexpr double kSlack = 1 + 0x1p-30;
+constexpr double kSlack = kPlacementSlack;
 
 bool is_power_of_two(double x) {
   int exponent = 0;
@@ -37,7 +37,7 @@ double length_of(const Vec3d& v) {
 }  // namespace
 
 double PlacementError::at(double travel, double distance) const {
-  return (fixed + per_travel * travel + per_distance * distance) * kSlack;
+  return placement_error(fixed, per_travel, travel, per_distance, distance);
 }
 
 Kinematics::StepError Kinematics::error_of(const KinematicStep& step, double inexact_turn, double inexact_shift,

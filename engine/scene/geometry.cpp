@@ -24,10 +24,11 @@ std::shared_ptr<const DisplayMesh> display_of(const Shape& shape) {
   return display;
 }
 
-// What is shown of a round core: points of its surface.
+// What is shown of a round core: points of its surface, or just around it.
 Shape picture_of(const Primitive& round) {
   constexpr int kResolution = 16;
   const Vec3d& size = round.size;
+  if (round.kind == Primitive::Kind::kCylinder) return make_cylinder(size.x, 2 * size.z);
   if (round.kind == Primitive::Kind::kEllipsoid) {
     Shape picture = make_uv_sphere(1, kResolution);
     for (Vec3d& v : picture.vertices) v = {v.x * size.x, v.y * size.y, v.z * size.z};
@@ -206,6 +207,16 @@ Geometry geometry_of_primitive(const Primitive& primitive, double radius, const 
 
 Primitive cone_of(double radius, double length) {
   return {Primitive::Kind::kCone, {radius, radius, 0.5 * length}};
+}
+
+Primitive cylinder_of(double radius, double length) {
+  return {Primitive::Kind::kCylinder, {radius, radius, 0.5 * length}};
+}
+
+PiecePtr with_prism(const PiecePtr& piece) {
+  if (!piece->primitive || piece->primitive->kind != Primitive::Kind::kCylinder) return piece;
+  const Vec3d& size = piece->primitive->size;
+  return geometry_of_shape(make_cylinder(size.x, 2 * size.z), piece->radius, "cylinder").pieces[0];
 }
 
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {

@@ -25,8 +25,11 @@ struct Geometry {
 /// \param radius grows the pieces; added to that of the shape. All throw std::invalid_argument for bad numbers.
 Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source);
 Geometry geometry_of_primitive(const Primitive& primitive, double radius, const std::string& source);
-/// The primitive of a cone of this radius and length.
+/// The primitive of a cone or a cylinder of this radius and length.
 Primitive cone_of(double radius, double length);
+Primitive cylinder_of(double radius, double length);
+/// For whoever knows hulls alone: the prism around a cylinder, grown as it is; any other piece as it is.
+PiecePtr with_prism(const PiecePtr& piece);
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
 /// The hull of a surface's vertices, which stands for it, grown by a radius. Throws std::invalid_argument as Surface
 /// and make_piece() do. \param loaded_vertices of the mesh; 0: those given

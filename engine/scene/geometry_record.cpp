@@ -139,7 +139,7 @@ PiecePtr get_primitive(Reader& in, double radius) {
   const auto kind = in.get<std::uint64_t>();
   const auto size = in.get<Vec3d>();
   if (kind < static_cast<std::uint64_t>(Primitive::Kind::kHalfSpace) ||
-      kind > static_cast<std::uint64_t>(Primitive::Kind::kEllipsoid))
+      kind > static_cast<std::uint64_t>(Primitive::Kind::kCylinder))
     throw Damaged();
   return make_primitive_piece({static_cast<Primitive::Kind>(kind), size}, radius);
 }

@@ -1,6 +1,5 @@
 #include "engine/scene/link_errors.h"
 
-#include <algorithm>
 #include <limits>
 
 namespace clearance {
@@ -8,11 +7,6 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-
-std::size_t place(std::uint32_t i, std::uint32_t j) {
-  const std::size_t low = std::min(i, j), high = std::max(i, j);
-  return high * (high - 1) / 2 + low;
-}
 
 }  // namespace
 
@@ -36,8 +30,7 @@ LinkErrors::LinkErrors(const Kinematics& robot, std::span<const double> radii) :
 double LinkErrors::between(std::uint32_t a, std::uint32_t b, double travel) const {
   if (a == b) return 0;  // rigid
   if (pairs_.empty()) return kInf;
-  const Pair& pair = pairs_[place(slots_[a], slots_[b])];
-  return PlacementError{pair.fixed, pair.per_travel, 0}.at(travel, 0);
+  return pairs_[link_pair_place(slots_[a], slots_[b])].at(travel);
 }
 
 }  // namespace clearance

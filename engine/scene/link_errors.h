@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/base/placement_error.h"
 #include "engine/robot/kinematics.h"
 
 namespace clearance {
@@ -28,13 +29,16 @@ class LinkErrors {
   /// different roots or are too many for a table, and the sum of both links' errors has to do.
   double between(std::uint32_t a, std::uint32_t b, double travel) const;
 
+  /// What these are made of, for who asks elsewhere than here: of a link's origin, its place in the table of pairs
+  /// (kNone: it has no shape), and the table, by link_pair_place(); empty: there is none.
+  const PlacementError& origin(std::uint32_t link) const { return links_[link]; }
+  std::uint32_t slot(std::uint32_t link) const { return slots_[link]; }
+  std::span<const LinkPairError> pairs() const { return pairs_; }
+
  private:
-  struct Pair {
-    double fixed, per_travel;
-  };
   std::vector<PlacementError> links_;  // of their origins
   std::vector<std::uint32_t> slots_;   // by link: its place in the table, or kNone
-  std::vector<Pair> pairs_;            // of slots i < j: at j (j - 1) / 2 + i
+  std::vector<LinkPairError> pairs_;   // of slots, by link_pair_place()
 };
 
 }  // namespace clearance

@@ -16,9 +16,9 @@ bool is_zero(const Vec3d& v) {
 }
 
 // Points of a frame in another, each coordinate rounded once.
-class Mover {
+class PointMover {
  public:
-  explicit Mover(const Origin& X) : X_(exact_frame(X)) {}
+  explicit PointMover(const Origin& X) : X_(exact_frame(X)) {}
   Vec3d operator()(const Vec3d& p) {
     double off = 0;
     const Vec3d at = rounded(X_.t + turned(X_.q, cast<DoubleDouble>(p)), &off);
@@ -37,7 +37,7 @@ class Mover {
 
 Geometry moved(const Geometry& geometry, const Origin& X) {
   if (is_zero(X.xyz) && is_zero(X.rpy)) return geometry;
-  Mover mover(X);
+  PointMover mover(X);
   Geometry out = geometry;
   const auto all_of = [&mover](std::span<const Vec3d> points) {
     std::vector<Vec3d> there;

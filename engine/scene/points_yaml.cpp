@@ -13,6 +13,12 @@ namespace clearance {
 
 namespace {
 
+// Products with one are not rounded.
+bool is_a_power_of_two(double x) {
+  int exponent = 0;
+  return std::frexp(x, &exponent) == 0.5;
+}
+
 // Runs what reads a file, so that an error names it.
 template <class F>
 auto in_file(const std::string& named, F&& f) {
@@ -23,6 +29,27 @@ auto in_file(const std::string& named, F&& f) {
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument(named + ": " + e.what());
   }
+}
+
+// Voxels of a map, as boxes about float32 centres: how far these and the map's may be apart counts as slack.
+Geometry voxels_of(const Octomap& map, double radius, const std::string& named) {
+  constexpr double kUp = 1 + 0x1p-40;
+  const float edge = voxel_of(map.edge);
+  double off = 0;  // of a centre's coordinate
+  std::vector<CloudPoint> rounded;
+  for (const Vec3d& c : map.centres) {
+    CloudPoint& p = rounded.emplace_back();
+    for (int k = 0; k < 3; ++k) {
+      const float x = p[static_cast<std::size_t>(k)] = static_cast<float>(c[k]);
+      off = std::max(off, std::abs(double{x} - c[k]) + (is_a_power_of_two(map.edge) ? 0 : 0x1p-53 * std::abs(c[k])));
+    }
+  }
+  Geometry cloud;
+  cloud.pieces = {make_cloud_piece(rounded, edge, radius)};
+  const double of_corner = std::sqrt(3.0) * (off + 0.5 * (double{edge} - map.edge)) * kUp;
+  cloud.model_error = cloud.model_inner = (cloud.pieces[0]->surface->rounding() + of_corner) * kUp;
+  cloud.source = named + " (octomap)";
+  return cloud;
 }
 
 // A grid's samples, and its triangles: two in each cell whose corners are all there.
@@ -50,9 +77,7 @@ Geometry height_field(const std::vector<Vec3d>& samples, double cell, double rad
   }
   if (triangles.empty()) throw std::invalid_argument("no four neighbouring samples are numbers");
   Geometry geometry = geometry_of_triangles(vertices, triangles, Convexify::kSurface, radius);
-  int exponent = 0;
-  const bool is_exact = std::frexp(cell, &exponent) == 0.5;  // products with a power of two are not rounded
-  if (!is_exact) geometry.model_error = geometry.model_inner = 0x1p-52 * far;
+  if (!is_a_power_of_two(cell)) geometry.model_error = geometry.model_inner = 0x1p-52 * far;
   geometry.source = named + " (height field)";
   return geometry;
 }
@@ -107,6 +132,16 @@ MakeGeometry read_cloud(const YamlValue& body, const YamlValue& points, double r
       return cloud;
     });
   };
+}
+
+MakeGeometry read_octomap(const YamlValue& body, const YamlValue& file, double radius, const ResolvePath& resolve) {
+  const auto unknown = body.find("unknown");
+  if (!unknown)
+    body.fail("an octomap needs the key \"unknown\": what the space is that it says nothing of; expected free");
+  if (const std::string word = unknown->text("free"); word != "free")
+    unknown->fail(word == "occupied" ? "not yet: unknown: occupied; expected free" : "expected free");
+  const std::string named = file.text("the path of an octomap"), path = resolve(file);
+  return [=] { return in_file(named, [&] { return voxels_of(load_octomap(path), radius, named); }); };
 }
 
 MakeGeometry read_height_field(const YamlValue& body, const YamlValue& file, double radius,

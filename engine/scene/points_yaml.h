@@ -1,4 +1,4 @@
-// The geometries of a scene file that are read from files of points: clouds and height fields.
+// The geometries of a scene file that are read from files of points: clouds, octomaps and height fields.
 #pragma once
 
 #include <functional>
@@ -20,6 +20,8 @@ bool is_cloud_value(const YamlValue& points);
 void read_no_points(const YamlValue& value, Body& body);
 /// \param body the map that the value stands in, whose `voxel` is read
 MakeGeometry read_cloud(const YamlValue& body, const YamlValue& points, double radius, const ResolvePath& resolve);
+/// \param body whose `unknown` is read: what space counts as of which the map says nothing
+MakeGeometry read_octomap(const YamlValue& body, const YamlValue& file, double radius, const ResolvePath& resolve);
 /// \param body whose `cell` is read: metres between samples
 MakeGeometry read_height_field(const YamlValue& body, const YamlValue& file, double radius, const ResolvePath& resolve);
 

@@ -9,7 +9,6 @@
 
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
-#include "engine/base/slack.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/shapes.h"
 #include "engine/mesh/mesh.h"
@@ -257,7 +256,8 @@ std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double
   const FpEnvironment environment;
   check_positive(name, "cylinder radius", radius);
   check_positive(name, "cylinder length", length);
-  return add_shape(name, make_cylinder(radius, length), "cylinder", options);
+  return add_geometry(name, options,
+                      [&] { return geometry_of_primitive(cylinder_of(radius, length), options.radius, "cylinder"); });
 }
 
 std::uint32_t Scene::add_cone(const std::string& name, double radius, double length, const BodyOptions& options) {
@@ -289,56 +289,6 @@ void Scene::check_free(const std::string& name, const char* what) const {
     throw SceneError(std::string(what) + " name " + in_quotes(name) + " is already that of a body");
   if (group_ids_.count(name))
     throw SceneError(std::string(what) + " name " + in_quotes(name) + " is already that of a group");
-}
-
-namespace {
-
-// Whether two pieces stand for the same: themselves, or equal surfaces.
-bool same_truth(const Piece& a, const Piece& b) {
-  if (!a.surface || !b.surface) return a.surface == b.surface;
-  const auto same_vertex = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
-  const Surface &s = *a.surface, &t = *b.surface;
-  return s.kind() == t.kind() && s.edge() == t.edge() && std::ranges::equal(s.points(), t.points()) &&
-         std::ranges::equal(s.vertices(), t.vertices(), same_vertex) &&
-         std::ranges::equal(s.triangles(), t.triangles()) && std::ranges::equal(s.places(), t.places());
-}
-
-}  // namespace
-
-// Bodies of the same shape share one piece: less memory, and their pairs can be answered side by side.
-PiecePtr Scene::shared_piece(const PiecePtr& piece) {
-  const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
-  const auto [begin, end] = pieces_.equal_range(piece->digest);
-  for (auto it = begin; it != end; ++it) {
-    const Piece& known = *it->second;
-    if (known.radius == piece->radius && known.loaded_vertices == piece->loaded_vertices &&
-        std::equal(known.vertices.begin(), known.vertices.end(), piece->vertices.begin(), piece->vertices.end(),
-                   same) &&
-        same_truth(known, *piece) && same_primitive(known, *piece))
-      return it->second;
-  }
-  pieces_.emplace(piece->digest, piece);
-  return piece;
-}
-
-// A position within a ball, and padding, are the pieces' own: their radius is larger by as much, which is exact but for
-// the rounding of that sum.
-void Scene::grow(Body& body, bool shares_pieces) {
-  const double by = body.is_grown ? 0 : sum_above(body.padding, body.uncertainty.position);
-  double rounding = 0;
-  for (PiecePtr& piece : body.pieces) {
-    if (by > 0) {
-      const double radius = sum_above(by, piece->radius);
-      const bool is_exact = (piece->radius == 0) + (body.padding == 0) + (body.uncertainty.position == 0) >= 2;
-      if (!is_exact) rounding = std::max(rounding, radius * 0x1p-50);
-      piece = with_radius(*piece, radius);
-      if (shares_pieces) piece = shared_piece(piece);
-    }
-    body.reach = std::max(body.reach, (piece->rho + piece->radius) * (1 + 0x1p-50));
-  }
-  body.model_error = sum_above(body.model_error, rounding);
-  body.model_inner = sum_above(body.model_inner, rounding);
-  body.is_grown = true;
 }
 
 std::uint32_t Scene::add_body(Body body) {
@@ -464,45 +414,9 @@ std::uint32_t Scene::find_group(std::string_view name) const {
   return found == group_ids_.end() ? kNone : found->second;
 }
 
-bool has_surface(const Body& body) {
-  return is_cloud(body) || surface_of(body) != nullptr;
-}
-
-bool is_doubted(const Body& body) {
-  return body.model_error > 0 || body.model_inner > 0 || body.uncertainty.position > 0 || body.uncertainty.angle > 0 ||
-         body.max_speed > 0;
-}
-
-const Surface* surface_of(const Body& body) {
-  for (const PiecePtr& piece : body.pieces)
-    if (piece->surface) return piece->surface.get();
-  return nullptr;
-}
-
-std::uint64_t triangle_count(const Body& body) {
-  std::uint64_t count = 0;
-  for (const PiecePtr& piece : body.pieces)
-    if (piece->surface) count += piece->surface->triangles().size();  // a cloud has none
-  return count;
-}
-
-std::string no_convex_truth(const Scene& scene, BodyPair pair) {
-  for (const std::uint32_t id : {pair.a, pair.b}) {
-    if (id >= scene.bodies().size()) continue;
-    if (is_cloud(scene.bodies()[id])) return "'" + scene.bodies()[id].name + "' is a cloud of points";
-    const Surface* surface = surface_of(scene.bodies()[id]);
-    if (surface) return "'" + scene.bodies()[id].name + "' is a " + (surface->is_solid() ? "solid" : "surface");
-  }
-  return "";
-}
-
 std::uint32_t Scene::find_joint(std::string_view name) const {
   const auto found = joint_ids_.find(std::string(name));
   return found == joint_ids_.end() ? kNone : found->second;
-}
-
-std::string placed_by_joints(const Body& body) {
-  return "'" + body.name + "' is a link that joints place: set these, or the pose of its robot's base";
 }
 
 std::uint64_t Scene::revision() const {

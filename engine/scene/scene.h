@@ -139,7 +139,7 @@ class Scene {
   std::uint32_t add_capsule(const std::string& name, double radius, double length,
                             const BodyOptions& options);  ///< along z; length between the centres of its caps
   std::uint32_t add_cylinder(const std::string& name, double radius, double length,
-                             const BodyOptions& options);  ///< along z; a circumscribed prism
+                             const BodyOptions& options);  ///< along z
   /// Along z and about the origin: a disc at -length / 2, the apex at length / 2.
   std::uint32_t add_cone(const std::string& name, double radius, double length, const BodyOptions& options);
   std::uint32_t add_ellipsoid(const std::string& name, Vec3d radii, const BodyOptions& options);  ///< half axes

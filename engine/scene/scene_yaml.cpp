@@ -80,7 +80,7 @@ class SceneReader {
     value.check_keys({"name",      "mesh",       "box",          "sphere",    "capsule",  "cylinder",    "cone",
                       "ellipsoid", "half_space", "points",       "uv_sphere", "geometry", "scale",       "convexify",
                       "radius",    "static",     "live",         "pose",      "parent",   "uncertainty", "padding",
-                      "max_speed", "voxel",      "height_field", "cell"});
+                      "max_speed", "voxel",      "height_field", "cell",      "octomap",  "unknown"});
     const auto name = value.find("name");
     if (!name) value.fail("expected the key \"name\"");
     BodyPlan plan{*name, {}, read_geometry(value), {}};
@@ -162,9 +162,9 @@ class SceneReader {
 
   // None: the key stands for something else.
   static std::optional<Primitive> read_primitive(const std::string& kind, const YamlValue& value) {
-    if (kind == "cone") {
+    if (kind == "cone" || kind == "cylinder") {
       const auto [r, length] = read_round(value, false);
-      return cone_of(r, length);
+      return kind == "cone" ? cone_of(r, length) : cylinder_of(r, length);
     }
     if (kind == "ellipsoid") {
       if (!value.is_list() || value.size() != 3) value.fail_expected("3 half axes [x, y, z]");
@@ -178,8 +178,9 @@ class SceneReader {
 
   // The one geometry that a body or a random shape names. Returns the index of its plan.
   std::size_t read_geometry(const YamlValue& value) {
-    constexpr const char* kKinds[] = {"mesh",      "box",        "sphere", "capsule",   "cylinder", "cone",
-                                      "ellipsoid", "half_space", "points", "uv_sphere", "geometry", "height_field"};
+    constexpr const char* kKinds[] = {"mesh",     "box",          "sphere",     "capsule", "cylinder",
+                                      "cone",     "ellipsoid",    "half_space", "points",  "uv_sphere",
+                                      "geometry", "height_field", "octomap"};
     std::unique_ptr<YamlValue> found;
     std::string kind;
     for (const char* k : kKinds)
@@ -191,7 +192,7 @@ class SceneReader {
     if (!found)
       value.fail(
           "expected one of the keys mesh, box, sphere, capsule, cylinder, cone, ellipsoid, half_space, points, "
-          "uv_sphere, height_field");
+          "uv_sphere, height_field, octomap");
     double radius = 0;
     if (const auto r = value.find("radius")) {
       if (kind == "geometry") r->fail("a geometry's pieces have their radius already");
@@ -204,6 +205,8 @@ class SceneReader {
       extra->fail("only points of a file, or points: [], have this key");
     if (const auto extra = value.find("cell"); extra && kind != "height_field")
       extra->fail("only a height_field has this key");
+    if (const auto extra = value.find("unknown"); extra && kind != "octomap")
+      extra->fail("only an octomap has this key");
 
     const auto shape = [&](const std::string& numbers, auto&& make) {
       return plan(kind + " " + numbers + " +" + exact(radius), *found,
@@ -222,12 +225,9 @@ class SceneReader {
       const double r = found->positive();
       return shape(exact(r), [r] { return make_sphere(r); });
     }
-    if (kind == "capsule" || kind == "cylinder") {
-      const bool capsule = kind == "capsule";
-      const auto [r, length] = read_round(*found, capsule);
-      return shape(exact(r) + exact(length), [=, r = r, length = length] {
-        return capsule ? make_capsule(r, length) : make_cylinder(r, length);
-      });
+    if (kind == "capsule") {
+      const auto [r, length] = read_round(*found, true);
+      return shape(exact(r) + exact(length), [=, r = r, length = length] { return make_capsule(r, length); });
     }
     if (const auto p = read_primitive(kind, *found))
       return plan(kind + " " + exact(p->size.x) + exact(p->size.y) + exact(p->size.z) + " +" + exact(radius), *found,
@@ -248,6 +248,9 @@ class SceneReader {
       return index;
     }
     const auto path_of = [this](const YamlValue& file) { return resolve(file, file.text("the path of a file")); };
+    if (kind == "octomap")
+      return plan("octomap " + std::to_string(geometries_.size()), *found,
+                  read_octomap(value, *found, radius, path_of));
     if (kind == "height_field")
       return plan("height_field " + std::to_string(geometries_.size()), *found,
                   read_height_field(value, *found, radius, path_of));

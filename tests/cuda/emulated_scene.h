@@ -3,10 +3,13 @@
 #pragma once
 
 #include <algorithm>
+#include <chrono>
 #include <limits>
 
 #include "engine/device/device.h"
+#include "engine/device/device_doubts.h"
 #include "engine/device/hull_arrays.h"
+#include "engine/device/moved_chains.h"
 #include "engine/narrow/overlap.h"
 #include "engine/narrow/piece_search.h"
 #include "engine/narrow/witness.h"
@@ -15,7 +18,8 @@
 #include "emulated_cuda.h"
 namespace clearance::emulated {
 using namespace clearance::cuda;
-using clearance::cuda::Group;  // not the scene's
+using clearance::cuda::Group;     // not the scene's
+using clearance::cuda::Question;  // not a plan's
 }  // namespace clearance::emulated
 #define cuda emulated
 #include "engine/cuda/place_kernel.cuh"
@@ -38,24 +42,89 @@ void for_each_thread(std::size_t threads, const Kernel& kernel) {
   }
 }
 
-// Bodies of a scene where they stand, some of them moved.
+// What a query asks where the scene's bodies stand, resolved as the engine does.
+inline Plan plan_of(const Scene& scene, const QueryView& q) {
+  const PoseStore poses(scene, std::chrono::nanoseconds(0));
+  Plan plan = make_plan(q, scene, poses.snapshot(), ~std::uint64_t{0}, true);
+  plan.begun_ns = monotonic_ns();
+  plan.doubts = doubts_of(scene, *plan.snapshot, plan.begun_ns);
+  plan.make_link_poses();
+  return plan;
+}
+
+// Bodies of a plan where they stand, some of them moved.
 struct HostBodies {
   static constexpr std::size_t kComponents = kPoseComponents + kBoxComponents;
-  std::vector<double> fixed, moved;
-  std::vector<std::uint8_t> fixed_state, moved_state, has_base;
+  Plan plan;
+  MovedChains chains;
+  DeviceDoubts doubts;
+  bool doubted;
+  std::vector<double> fixed, moved, fixed_piece_box, moved_piece_box;
+  std::vector<std::uint8_t> fixed_state, moved_state;
   std::vector<OuterBox> fixed_box, moved_box;
-  std::vector<std::uint32_t> source, chain_begin;
-  std::vector<Pose> own;
-  std::vector<BodyPlacement> base;
+  std::vector<std::uint32_t> moved_piece_begin;
+  std::vector<BodySlack> moved_slack;
   BodiesView view{};
 
-  HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q) {
-    const std::size_t n = scene.bodies().size(), M = q.bodies.size(), K = q.configuration_count;
+  HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q)
+      : plan(plan_of(scene, q)),
+        chains(scene, plan, {}),
+        doubts(doubts_for(scene)),
+        doubted(doubted_body(scene, plan) != kNone) {
+    QuerySetup s;
+    chains.tell(s);
+    if (doubted) doubts.tell(s);
+    const std::size_t n = scene.bodies().size(), M = plan.moved.size(), K = plan.size.configurations;
+    take_fixed(hulls, n);
+    view.doubts = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};
+    for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
+    make_room_for_moved(hulls, K, M);
+    const Pose* const given = plan.made ? plan.made->poses.data() : plan.configurations.data();
+    const MovesView moves{given,
+                          s.given_count,
+                          s.source.data(),
+                          s.own.data(),
+                          s.chain_begin.data(),
+                          s.chain.data(),
+                          s.base.data(),
+                          s.has_base.data(),
+                          s.slot_state.data(),
+                          s.facts.empty() ? nullptr : s.facts.data(),
+                          s.doubt_moves.data(),
+                          s.base_doubt.data(),
+                          s.travels.data(),
+                          s.motions};
+    const auto configurations = static_cast<std::uint32_t>(K);
+    for_each_thread(K * M, [&] {
+      doubted ? place_bodies<true>(hulls, view, moves, configurations)
+              : place_bodies<false>(hulls, view, moves, configurations);
+    });
+  }
+  HostBodies(const HostBodies&) = delete;
+
+  /// The query's pairs as the kernels know them.
+  std::vector<PairRef> refs() const {
+    std::vector<PairRef> refs;
+    const auto ref = [&](std::uint32_t body) {
+      const auto slot =
+          static_cast<std::uint32_t>(std::find(plan.moved.begin(), plan.moved.end(), body) - plan.moved.begin());
+      return slot < plan.moved.size() ? slot | kMovedBit : body;
+    };
+    for (const BodyPair pair : plan.pairs.list()) refs.push_back({ref(pair.a), ref(pair.b)});
+    return refs;
+  }
+
+ private:
+  DeviceDoubts doubts_for(const Scene& scene) {
+    if (plan.doubts.empty()) plan.doubts.resize(scene.bodies().size());
+    return {scene, plan};
+  }
+  void take_fixed(const HullsView& hulls, std::size_t n) {
     fixed.assign(n * kComponents, 1e300);  // of bodies without a pose nobody reads
     for (std::size_t b = 0; b < n; ++b) {
-      const auto& pose = scene.bodies()[b].pose;
-      const BodyPlacement at = place(pose ? &*pose : nullptr, nullptr);
-      fixed_state.push_back(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0));
+      const BodyPlacement& at = plan.snapshot->placed[b];
+      fixed_state.push_back(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
+                            (at.beyond_limits ? kStateBeyondLimits : 0));
       if (at.status != Status::kOk) continue;
       for (std::size_t c = 0; c < 3; ++c) {
         for (std::size_t r = 0; r < 3; ++r) fixed[(3 * r + c) * n + b] = at.pose.R_wb.row[r][static_cast<int>(c)];
@@ -63,28 +132,33 @@ struct HostBodies {
       }
     }
     fixed_box.resize(n);
-    moved.resize(K * M * kComponents);
-    moved_state.resize(K * M);
-    moved_box.resize(K * M);
+    fixed_piece_box.resize(std::size_t{hulls.piece_begin[n]} * kBoxComponents);
     view.fixed = fixed.data();
     view.fixed_state = fixed_state.data();
     view.fixed_box = fixed_box.data();
+    view.fixed_piece_box = fixed_piece_box.data();
     view.bodies = static_cast<std::uint32_t>(n);
+    view.components = kComponents;
+  }
+  void make_room_for_moved(const HullsView& hulls, std::size_t K, std::size_t M) {
+    std::uint32_t pieces = 0;
+    for (const std::uint32_t body : plan.moved) {
+      moved_piece_begin.push_back(pieces);
+      pieces += hulls.piece_begin[body + 1] - hulls.piece_begin[body];
+    }
+    moved.resize(K * M * kComponents);
+    moved_state.resize(K * M);
+    moved_box.resize(K * M);
+    moved_piece_box.resize(K * pieces * kBoxComponents);
+    moved_slack.resize(K * M);
     view.moved_box = moved_box.data();
     view.moved = moved.data();
     view.moved_state = moved_state.data();
-    view.moved_body = q.bodies.data();
+    view.moved_body = plan.moved.data();
     view.moved_count = static_cast<std::uint32_t>(M);
-    view.components = kComponents;
-    for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
-    has_base.assign(M, 0);
-    own.resize(M);
-    base.resize(M);
-    for (std::uint32_t i = 0; i <= M; ++i) chain_begin.push_back(i);
-    source = chain_begin;
-    const MovesView moves{q.configurations.data(), view.moved_count, source.data(), own.data(),
-                          chain_begin.data(),      source.data(),    base.data(),   has_base.data()};
-    for_each_thread(K * M, [&] { place_bodies(hulls, view, moves, static_cast<std::uint32_t>(K)); });
+    view.moved_piece_box = moved_piece_box.data();
+    view.moved_piece_begin = moved_piece_begin.data();
+    view.doubts.moved = moved_slack.data();
   }
 };
 
@@ -137,16 +211,5 @@ struct EmulatedCase {
   std::vector<Pose> poses;
   QueryView q;
 };
-
-/// A query's pairs as the kernels know them.
-inline std::vector<PairRef> refs_of(const QueryView& q) {
-  std::vector<PairRef> refs;
-  const auto ref = [&](std::uint32_t body) {
-    const auto slot = static_cast<std::uint32_t>(std::find(q.bodies.begin(), q.bodies.end(), body) - q.bodies.begin());
-    return slot < q.bodies.size() ? slot | kMovedBit : body;
-  };
-  for (const BodyPair pair : q.pairs) refs.push_back({ref(pair.a), ref(pair.b)});
-  return refs;
-}
 
 }  // namespace clearance::test

@@ -487,5 +487,16 @@ TEST_F(CudaReductions, LeaveScenesThatTheDeviceDoesNotKnowToTheCpu) {
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), questions().size());
 }
 
+// Which pair has the least lower bound, where all is known.
+TEST_F(CudaReductions, KnowsThePairOfTheLeastLowerBound) {
+  const Engine device(simple_scene(80, 3, 5), {"cuda"}), cpu(simple_scene(80, 3, 5), {"cpu"});
+  for (auto [name, q] : questions()) {
+    if (q.format == Format::kCompact) continue;
+    q.fields |= kFieldPairLower;
+    expect_same(ask(device, q), ask(cpu, q), name, true);
+  }
+  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
+}
+
 }  // namespace
 }  // namespace clearance::test

@@ -24,7 +24,7 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   const std::uint32_t K = q.configuration_count, P = static_cast<std::uint32_t>(q.pairs.size());
   const HullArrays hulls(engine.scene(), kMostShared);
   const HostBodies bodies(engine.scene(), hulls.view(), q);
-  const std::vector<PairRef> pairs = refs_of(q);
+  const std::vector<PairRef> pairs = bodies.refs();
   Decided d;
   d.rows = room_for(engine, q);
   d.rows.info.rows = d.rows.info.total = K;

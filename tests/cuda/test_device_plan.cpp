@@ -217,7 +217,7 @@ std::string refusal(const Engine& engine, const QueryView& q) {
 
 TEST_F(DevicePlans, RefuseByNameWhatOnlyTheCpuAnswers) {
   Scene scene = scene_of_all_kinds(12, 4);
-  scene.add_cylinder("can", 0.2, 0.5, {.pose = Pose()});
+  scene.add_box("can", {0.2, 0.2, 0.5}, {.pose = Pose(), .max_speed = 1});
   const Engine device(std::move(scene), {"cuda"});
   QueryView q;
   EXPECT_NE(refusal(device, q).find("'can' has slack"), std::string::npos) << refusal(device, q);

@@ -18,10 +18,9 @@ struct Answer {
   ReplyInfo info;
 };
 
-/// That each backend writes of configurations, with the interval as it is; devices leave a query with pair_lower to the
-/// CPU, and gradient_joints is for joints.
-inline constexpr std::uint32_t kAllFields =
-    kKnownFields & ~(kFieldCompact | kFieldBounds | kFieldPairLower | kFieldGradientJoints | kMotionFields);
+/// That each backend writes of configurations, with the interval as it is; gradient_joints is for joints.
+inline constexpr std::uint32_t kAllFields = kKnownFields & ~(kFieldCompact | kFieldBounds | kFieldPairLower |
+                                                             kFieldGradientJoints | kMotionFields | kFieldFreeScale);
 
 /// The memory that a query's answer takes.
 inline Answer room_for(const Engine& engine, const QueryView& query) {

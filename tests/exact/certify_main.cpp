@@ -84,8 +84,10 @@ bool certify_slack(const Options& o) {
   for (std::int64_t i = 0; i < o.slack; ++i) {
     try_uncertain(random, findings);
     try_shapes(random, i % 2 == 1, findings);
-    try_cylinder(random, findings);
-    try_crossed_cylinders(random, findings);
+    for (const CylinderAs as : {CylinderAs::kItself, CylinderAs::kPrism}) {
+      try_cylinder(random, as, findings);
+      try_crossed_cylinders(random, as, findings);
+    }
     if (i % 100 == 0) try_age(random, findings);
   }
   if (o.slack > 0)
@@ -95,18 +97,33 @@ bool certify_slack(const Options& o) {
   return findings.all() == 0;
 }
 
-/// Motions of all kinds, shared among the threads; false: something is wrong.
+void write_motions(std::ostream& out, const Options& o, const std::vector<test::MotionFindings>& kinds) {
+  out << "# motions " << o.motions << ", seed " << o.seed << ", judged with 60 digits\n"
+      << "kind,motions,overlaps,free,hits,undecided,nearer,farther,untrue,wide\n";
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
+    const test::MotionFindings& f = kinds[k];
+    out << test::name_of(static_cast<test::MotionKind>(k)) << ',' << f.motions << ',' << f.overlaps << ',' << f.free
+        << ',' << f.hits << ',' << f.undecided << ',' << f.nearer << ',' << f.farther << ',' << f.untrue << ','
+        << f.wide << '\n';
+  }
+}
+
+/// Motions of each kind in turn, shared among the threads; false: something is wrong.
 bool certify_motions(const Options& o) {
   constexpr int kAtOnce = 400;
   const int shares = static_cast<int>((o.motions + kAtOnce - 1) / kAtOnce);
+  std::vector<test::MotionFindings> kinds(test::kMotionKinds);
   test::MotionFindings all;
   std::atomic<int> next{0};
   std::mutex mutex;
   std::exception_ptr error;
   const auto work = [&] {
     for (int k; (k = next++) < shares;) try {
-        const test::MotionFindings found = test::judge_many(o.seed * 1'000 + static_cast<std::uint64_t>(k), kAtOnce);
+        const int kind = k % test::kMotionKinds;
+        const test::MotionFindings found =
+            test::judge_many(o.seed * 1'000 + static_cast<std::uint64_t>(k), kAtOnce, kind);
         const std::lock_guard lock(mutex);
+        kinds[static_cast<std::size_t>(kind)].add(found);
         all.add(found);
         if (found.wrong() > 0) std::cerr << "motions, share " << k << ": " << found.text() << '\n';
         if (all.motions / kAtOnce % 25 == 0) std::cerr << all.motions << " motions\n";
@@ -121,6 +138,11 @@ bool certify_motions(const Options& o) {
   for (std::thread& t : threads) t.join();
   if (error) std::rethrow_exception(error);
   std::cerr << all.text() << '\n';
+  if (!o.csv.empty()) {
+    std::ofstream out(o.csv);
+    write_motions(out, o, kinds);
+    if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
+  }
   return all.wrong() == 0;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/engine.h"
+#include "engine/scene/geometry.h"
 #include "engine/scene/pose_store.h"
 
 namespace clearance::exact {
@@ -207,17 +208,32 @@ Vec3l into(const Pose& X, const Vec3d& p) {
           (2 * (x * z + w * y) * d.x + 2 * (y * z - w * x) * d.y + (w * w - x * x - y * y + z * z) * d.z) / n};
 }
 
+// As a link of a robot has it, or as a scene.
+std::uint32_t add_cylinder(Scene& scene, CylinderAs as, const std::string& name, double r, double length,
+                           const Pose& pose) {
+  Scene::BodyOptions at;
+  at.pose = pose;
+  if (as == CylinderAs::kItself) return scene.add_cylinder(name, r, length, at);
+  const Geometry prism = geometry_of_shape(make_cylinder(r, length), 0, "cylinder");
+  Body body;
+  body.name = name;
+  body.pieces = prism.pieces;
+  body.model_error = prism.model_error;
+  body.source = prism.source;
+  body.pose = pose;
+  return scene.add_body(std::move(body));
+}
+
 }  // namespace
 
-bool try_cylinder(Random& random, Findings& findings) {
+bool try_cylinder(Random& random, CylinderAs as, Findings& findings) {
   const double r = random.log_uniform(0.01, 10), half = 0.5 * r * random.log_uniform(0.1, 10), ball = 0.25 * r;
   const Pose X = random.rotation(random.direction() * 3.0);
   Pose Y;
   Y.translation = X.translation + random.direction() * random.uniform(0.1 * r, 3 * (r + half));
   Scene scene;
+  const std::uint32_t cylinder = add_cylinder(scene, as, "cylinder", r, 2 * half, X);
   Scene::BodyOptions at;
-  at.pose = X;
-  const std::uint32_t cylinder = scene.add_cylinder("cylinder", r, 2 * half, at);
   at.pose = Y;
   scene.add_sphere("ball", ball, at);
   const double outer = scene.bodies()[cylinder].model_error;
@@ -232,17 +248,15 @@ bool try_cylinder(Random& random, Findings& findings) {
   findings.misses += deep.lower > truth + error || deep.upper < truth - error;
   findings.untrue +=
       (plain.status == Status::kOk && truth < -error) || (plain.status == Status::kOverlap && truth > error);
-  if (truth < -3 * Real(outer)) findings.unsettled += plain.status != Status::kOverlap;
+  if (truth < -3 * Real(outer) - error) findings.unsettled += plain.status != Status::kOverlap;
+  if (outer == 0 && truth > 0.01L * Real(r)) findings.wide += plain.upper - plain.lower > 1e-6 * plain.upper;
   return truth > 0 && plain.upper - Real(outer) < truth - error;
 }
 
-void try_crossed_cylinders(Random& random, Findings& findings) {
+void try_crossed_cylinders(Random& random, CylinderAs as, Findings& findings) {
   Scene scene;
-  Scene::BodyOptions at;
-  at.pose = random.rotation();
-  scene.add_cylinder("a", 0.3, 1, at);
-  at.pose = random.rotation(random.direction() * random.uniform(0.05, 0.2));
-  scene.add_cylinder("b", 0.3, 1, at);
+  add_cylinder(scene, as, "a", 0.3, 1, random.rotation());
+  add_cylinder(scene, as, "b", 0.3, 1, random.rotation(random.direction() * random.uniform(0.05, 0.2)));
   const Engine engine(std::move(scene), kFewLanes);
   ++findings.asked;
   findings.unsettled += ask_one(engine).status != Status::kOverlap;

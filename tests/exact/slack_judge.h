@@ -20,11 +20,13 @@ struct Findings {
 void try_uncertain(Random& random, Findings& findings);
 /// Pieces that miss their hulls by up to a length, inside and outside, which their bodies admit.
 void try_shapes(Random& random, bool depth, Findings& findings);
+/// What stands for a cylinder: a scene's own is exact, a robot's is a prism around it.
+enum class CylinderAs { kItself, kPrism };
 /// A ball beside a true cylinder: the distance is a closed form, computed to 64 bits. Returns whether the interval of
 /// the cylinder's prism would have missed it.
-bool try_cylinder(Random& random, Findings& findings);
+bool try_cylinder(Random& random, CylinderAs as, Findings& findings);
 /// Cylinders that overlap deeply: that is proved of the true ones.
-void try_crossed_cylinders(Random& random, Findings& findings);
+void try_crossed_cylinders(Random& random, CylinderAs as, Findings& findings);
 /// A box that may have come nearer at up to 10 m/s since its pose was received, and one that follows it.
 void try_age(Random& random, Findings& findings);
 

@@ -1,4 +1,4 @@
-// Cones and ellipsoids before closed forms in 450 bits, and their directions before supports in as many.
+// Cones, cylinders and ellipsoids before closed forms in 450 bits, and their directions before supports in as many.
 #include <gmpxx.h>
 #include <gtest/gtest.h>
 
@@ -94,6 +94,24 @@ Real from_cone(const Vec3d& size, const Vec3r& p) {
   return to_base < to_side ? to_base : to_side;
 }
 
+// Signed distance of a point from a cylinder: a rectangle in the half-plane through the axis.
+Real from_cylinder(const Vec3d& size, const Vec3r& p) {
+  const Real beyond_side = sqrt(Real(p.x * p.x + p.y * p.y)) - real(size.x), beyond_end = abs(p.z) - real(size.z);
+  if (beyond_side <= 0 || beyond_end <= 0) return larger(beyond_side, beyond_end);
+  return sqrt(Real(beyond_side * beyond_side + beyond_end * beyond_end));
+}
+
+Real from_round(const Primitive& core, const Vec3r& p) {
+  switch (core.kind) {
+    case Primitive::Kind::kEllipsoid:
+      return from_ellipsoid(core.size, p);
+    case Primitive::Kind::kCone:
+      return from_cone(core.size, p);
+    default:
+      return from_cylinder(core.size, p);
+  }
+}
+
 // How far a piece reaches along n, its own axes.
 Real reach(const Piece& piece, const Vec3r& n) {
   Real far;
@@ -106,8 +124,10 @@ Real reach(const Piece& piece, const Vec3r& n) {
     const Vec3r size = real(piece.primitive->size);
     if (piece.primitive->kind == Primitive::Kind::kEllipsoid)
       far = length({size.x * n.x, size.y * n.y, size.z * n.z});
-    else
+    else if (piece.primitive->kind == Primitive::Kind::kCone)
       far = larger(size.z * n.z, size.x * sqrt(Real(n.x * n.x + n.y * n.y)) - size.z * n.z);
+    else
+      far = size.x * sqrt(Real(n.x * n.x + n.y * n.y)) + size.z * abs(n.z);
   }
   return far + real(piece.radius) * length(n);
 }
@@ -132,13 +152,16 @@ Vec3d sizes(Random& random, bool extreme) {
 PiecePtr round_piece(Random& random, bool extreme) {
   const Vec3d s = sizes(random, extreme);
   const double radius = random.chance(0.3) ? random.log_uniform(1e-4, 0.5) : 0;
-  if (random.chance(0.5)) return make_primitive_piece({Primitive::Kind::kEllipsoid, s}, radius);
-  return make_primitive_piece({Primitive::Kind::kCone, {s.x, s.x, s.z}}, radius);
+  const auto kind = random.integer(0, 2);
+  if (kind == 0) return make_primitive_piece({Primitive::Kind::kEllipsoid, s}, radius);
+  const Primitive::Kind along_z = kind == 1 ? Primitive::Kind::kCone : Primitive::Kind::kCylinder;
+  return make_primitive_piece({along_z, {s.x, s.x, s.z}}, radius);
 }
 
 // Apart, touching or deep, near the origin or 10 km away, with turns that are simple or not.
 struct Judged {
   int asked = 0, settled = 0, near = 0, deep = 0;
+  int of_kind[5] = {};                // round pieces by their Primitive::Kind
   int depths = 0, narrow_depths = 0;  // of overlaps whose depth is asked for; not among the asked
   double widest_depth = 0;            // of its own length
   void print(const char* what) const {
@@ -185,10 +208,7 @@ Judged judge_balls(bool extreme, int count, std::uint64_t seed) {
     if (random.chance(0.2)) X_wb.translation = X_wa.translation + rotation_of(X_wa) * (on.point * random.uniform(0, 1));
     const Vec3r p = turned(X_wa, difference(real(X_wb.translation), real(X_wa.translation)), true);
     if (p.x == 0 || p.y == 0 || p.z == 0) continue;  // there the closed form divides by zero
-    const Vec3d& size = piece->primitive->size;
-    const Real exact =
-        (piece->primitive->kind == Primitive::Kind::kEllipsoid ? from_ellipsoid(size, p) : from_cone(size, p)) -
-        real(piece->radius) - real(ball->radius);
+    const Real exact = from_round(*piece->primitive, p) - real(piece->radius) - real(ball->radius);
     const double tiny = 1e-60;  // of the judge's own bits
     for (const bool depth : {true, false})
       for (const bool swapped : {false, true}) {
@@ -204,6 +224,7 @@ Judged judge_balls(bool extreme, int count, std::uint64_t seed) {
       }
     judged.near += abs(exact) < 1e-6;
     judged.deep += exact < -1e-3;
+    ++judged.of_kind[static_cast<int>(piece->primitive->kind)];
   }
   judged.print(extreme ? "balls, extreme" : "balls");
   return judged;
@@ -213,6 +234,8 @@ TEST(RoundCores, HoldTheDistanceOfABall) {
   const Judged judged = judge_balls(false, 1500, 1);
   EXPECT_GT(judged.near, 200);
   EXPECT_GT(judged.deep, 200);
+  for (const auto kind : {Primitive::Kind::kCone, Primitive::Kind::kEllipsoid, Primitive::Kind::kCylinder})
+    EXPECT_GT(judged.of_kind[static_cast<int>(kind)], 300);
   EXPECT_GE(judged.settled, judged.asked * 0.999);
   EXPECT_GT(judged.depths, 1000);
   EXPECT_GE(judged.narrow_depths, judged.depths * 0.9);
@@ -243,10 +266,7 @@ bool holds_point(const Piece& piece, const Vec3d& p) {
     }
     return true;
   }
-  const Vec3d& size = piece.primitive->size;
-  const Real off =
-      piece.primitive->kind == Primitive::Kind::kEllipsoid ? from_ellipsoid(size, real(p)) : from_cone(size, real(p));
-  return off <= piece.radius + 1e-12;
+  return from_round(*piece.primitive, real(p)) <= piece.radius + 1e-12;
 }
 
 // Pairs of all kinds: the direction proves the lower bound in 450 bits, the witness points lie in their pieces as far

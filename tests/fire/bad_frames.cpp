@@ -177,7 +177,7 @@ void spoil_choices(Bytes& frame, std::mt19937_64& random) {
         q.warm = high;
         break;
       case 5:
-        q.fields |= 1u << (kFieldCount + random() % 17);
+        q.fields |= 1u << (kFieldCount + random() % (32 - kFieldCount));
         break;
       default:
         q.reserved[random() % std::size(q.reserved)] = 1 + random();

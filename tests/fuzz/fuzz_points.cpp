@@ -28,7 +28,7 @@ bool read(void (*reader)(std::string_view, const PartSink&), Bytes bytes) {
     require(length > 0 && length < 500, "a complaint about a file does not quote all of it");
     return false;
   }
-  return parts == 1;
+  return parts > 0;
 }
 
 /// [milliseconds 1 B | size 2 B | a packet] one after another.
@@ -65,13 +65,15 @@ CLEARANCE_FUZZ_TARGET(points) {
   using namespace clearance;
   using namespace clearance::fuzz;
   Input in(bytes);
-  switch (in.number<std::uint8_t>() % 4) {
+  switch (in.number<std::uint8_t>() % 5) {
     case 0:
       return read(read_xyz, in.rest());
     case 1:
       return read(read_npy, in.rest());
     case 2:
       return read(read_pcd, in.rest());
+    case 4:
+      return read(read_octomap, in.rest());
     default:
       return assemble(in);
   }

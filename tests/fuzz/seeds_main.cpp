@@ -48,7 +48,8 @@ std::vector<std::pair<std::string, Data>> requests() {
     q.bodies = {1, 2};
     q.configurations = {here, there, there, here};
     q.header.precision = 1;
-    q.header.fields = kKnownFields & ~(kFieldCompact | kFieldPairLower | kFieldGradientJoints | kMotionFields);
+    q.header.fields =
+        kKnownFields & ~(kFieldCompact | kFieldPairLower | kFieldGradientJoints | kMotionFields | kFieldFreeScale);
   });
   query("signed_with_points", [&](TestQuery& q) {
     q.bodies = {1};

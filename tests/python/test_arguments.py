@@ -106,6 +106,7 @@ FRONT = {
         **{name: QUERY[name] for name in ("joints", "pairs", "bodies")}}),
     "allow": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "forbid": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
+    "certificate": ({}, {"rows": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
 }  # fmt: skip
 CLIENT: dict[str, tuple[dict, dict]] = {
     "reload": ({}, {"timeout_s": [*NUMBERS_FROM_0, None]}),
@@ -114,13 +115,11 @@ CLIENT: dict[str, tuple[dict, dict]] = {
         "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO,
         "convexify": [*WORDS, "solid"],
         "mesh": [3, "m", [1], ([[0, 0, 0]],), ([[0, 0, 0]], [[0.5, 1, 2]]), ([["0", 0, 0]], [[0, 0, 0]])],
-        "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, **DOUBTS}),
+        "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, "points": VERTICES, "voxel": [*NUMBERS, None],
+        **DOUBTS}),
     "remove_body": ({}, {"name": TEXTS}),
     "ping": ({}, {"payload": ["text", 3, None, [1]]}),
 }  # fmt: skip
-ENGINE: dict[str, tuple[dict, dict]] = {
-    "certificate": ({}, {"rows": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
-}
 SCENE = {
     "add_hull": ({"name": "x", "vertices": [[0, 0, 0]]},
                  {"name": TEXTS, "vertices": VERTICES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
@@ -180,7 +179,7 @@ def complaints(call, right, arguments, leave_out=()):
     assert set(arguments) == parameters, "an argument is missing from the table"
     for argument, bad in arguments.items():
         fixed = {name: value for name, value in right.items() if name != argument}
-        if argument in ("vertices", "mesh", "box", "capsule", "cylinder", "cone", "ellipsoid"):
+        if argument in ("vertices", "mesh", "box", "capsule", "cylinder", "cone", "ellipsoid", "points"):
             fixed.pop("sphere", None)
         if argument == "bodies" and "configurations" in arguments:
             fixed.update(_ONE)
@@ -222,7 +221,7 @@ def front(request, scene_of_the_cell, start_daemon, cell):
 
 
 def test_every_argument_of_both_fronts(front):
-    calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else ENGINE)}
+    calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else {})}
     # These need a robot (test_joints.py), or a GPU (test_device_plan.py).
     named = public_methods(type(front)) - {"prepare", "free_scale", "plan_on_device"}
     assert named == set(calls), "a call is missing from the table"

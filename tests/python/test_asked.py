@@ -147,3 +147,21 @@ def test_prepared_queries_are_their_own(engine):
     for q in Q:
         row[0] = q
         assert same(prepared(), engine.distances(joints=arm, positions=q[None], reduce="min"))
+
+
+# Whoever asks with the very objects of the call before is answered without looking at what they hold.
+def test_the_same_objects_are_the_same_question_and_others_are_not(engine, parsed):
+    arm = engine.joints("arm")
+    q = rows(8, 1, len(arm))
+    near, far = 0.0, 50.0
+    asked = {"pairs": ("arm", "cup"), "joints": arm, "positions": q, "reduce": "any", "max_results": 1}
+    for margin in (near, near, near, far, far, far, near, far):
+        free = engine.distances(margin=margin, **asked).status[0] == clearance.Status.BEYOND
+        assert free == (margin == near)
+    assert len(parsed) == 2
+    for wrong in ({"max_results": 1.0}, {"max_results": True}, {"signed": 0}):
+        with pytest.raises(TypeError):
+            engine.distances(margin=far, **{**asked, **wrong})
+    assert engine.distances(**asked).status[0] == clearance.Status.BEYOND, "without the option: its default"
+    other = {**asked, "positions": rows(9, 2, len(arm))}
+    assert len(engine.distances(margin=far, **other).status) == 2

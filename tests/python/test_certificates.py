@@ -41,6 +41,8 @@ def zoo():
     scene.add_hull("hull", rng.normal(size=(14, 3)) * 0.3)
     scene.add_hull("round", rng.normal(size=(12, 3)) * 0.3, radius=0.07)
     scene.add_cylinder("cylinder", 0.2, 0.6)
+    scene.add_body("blunt", cone=(0.3, 0.5), radius=0.05)
+    scene.add_ellipsoid("egg", (0.2, 0.5, 0.3))
     scene.add_hull("vague", box_vertices(0.4, 0.4, 0.4), uncertainty={"position": 0.01, "angle": 0.02}, padding=0.005)
     scene.add_sphere("follower", 0.1, parent="vague", pose=at(0.3, 0.1, 0.2))
     return scene
@@ -214,17 +216,19 @@ def test_the_program(root, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def documents(root):
+def documents(root, tmp_path_factory):
     """Of one row each, proved: what a mutation is tried on."""
     engine = clearance.Engine(zoo())
     q = np.array([0.9, 0.1, 0.3, 0.2])
     places = {"box": at(0), "hull": at(1.5, 0.2, 0.1, q), "round": at(0.1, 1.4, 0.2, q), "vague": at(-1.5, 0.3, 0.2, q)}
-    engine.set_poses({**places, "cylinder": at(0, -1.2, 0.1, q)})
+    places |= {"cylinder": at(0, -1.2, 0.1, q), "blunt": at(0.4, 0.3, 1.2, q), "egg": at(0.1, 0.3, -1.5)}
+    engine.set_poses(places)
     asked = {
         "apart": {"pairs": [("box", "hull")], "rel_tol": 1e-12},
         "round": {"pairs": [("hull", "round")], "rel_tol": 1e-12},
         "slack": {"pairs": [("box", "vague")], "rel_tol": 1e-12},
-        "shape": {"pairs": [("cylinder", "box")], "rel_tol": 1e-12},
+        "can": {"pairs": [("cylinder", "box")], "rel_tol": 1e-12},
+        "egg": {"pairs": [("box", "egg")], "rel_tol": 1e-12},
         "follower": {"pairs": [("follower", "box")], "rel_tol": 1e-12},
         "beyond": {"pairs": [("box", "hull")], "max_distance": 0.1},
     }
@@ -237,6 +241,13 @@ def documents(root):
     of_pieces = [len(body["pieces"]) for body in cell.certificate().document["bodies"]]
     several = [of_pieces[a] * of_pieces[b] > 1 for a, b in result.pairs] & (result.status[0] == Status.OK)
     made["pieces"] = cell.certificate([np.flatnonzero(several)[0]], rel_tol=1e-12).document
+    urdf = tmp_path_factory.mktemp("prism") / "can.urdf"
+    shape = '<collision><geometry><cylinder radius="0.2" length="0.6"/></geometry></collision>'
+    urdf.write_text(f'<robot name="r"><link name="can">{shape}</link></robot>')
+    prism = clearance.Scene()
+    prism.add_robot("r", urdf)
+    prism.add_box("box", [0.3, 0.5, 0.7], pose=at(1, 0.1, 0.2, q))
+    made["shape"] = clearance.Engine(prism).certificate(pairs=[("r/can", "box")], rel_tol=1e-12).document
     aged = clearance.Scene()
     aged.add_sphere("fast", 0.1, max_speed=0.01)
     aged.add_sphere("still", 0.1, static=True, pose=at(9))
@@ -332,6 +343,21 @@ def shift_pose(side, metres):
     return mutate
 
 
+def core(document):
+    return next(piece["core"] for piece in document["pieces"] if "core" in piece)
+
+
+def resize(factor):
+    def mutate(document):
+        core(document)["size"] = [factor * x for x in core(document)["size"]]
+
+    return mutate
+
+
+def move_point(document):
+    next(points for points in upper(document)["points"] if points)[0][0][0] += 0.01
+
+
 def leave_out_vertex(document):
     del document["pieces"][0]["vertices"][-1]
 
@@ -368,6 +394,17 @@ MUTATIONS = {
     "vertex moved": ("apart", move_vertex),
     "vertex left out": ("apart", leave_out_vertex),
     "no such vertex": ("apart", lambda d: upper(d)["vertices"][0].__setitem__(0, -1)),
+    "core larger": ("can", resize(1 + 1e-9)),
+    "core smaller": ("can", resize(1 - 1e-9)),
+    "round core larger": ("egg", resize(1 + 1e-9)),
+    "round core smaller": ("egg", resize(1 - 1e-9)),
+    "core of no size": ("egg", resize(0)),
+    "core of another kind": ("can", lambda d: core(d).update(kind="ellipsoid")),
+    "unknown core": ("can", lambda d: core(d).update(kind="torus")),
+    "core left out": ("egg", lambda d: [piece.pop("core", None) for piece in d["pieces"]]),
+    "point of a core moved": ("can", move_point),
+    "point of a round core moved": ("egg", move_point),
+    "points of a core left out": ("can", lambda d: upper(d).pop("points")),
     "radius": ("round", lambda d: [piece.update(radius=piece["radius"] * 1.01) for piece in d["pieces"]]),
     "pose of a changed": ("apart", shift_pose(0, -1e-3)),
     "pose of b changed": ("apart", shift_pose(1, -1e-3)),
@@ -418,7 +455,7 @@ def test_tampering_is_found(checker, documents, name):
     try:
         [(is_proved, why)] = checker.verdicts(document)
     except checker.MALFORMED as error:
-        assert name in ("vertex left out", "more position", "padding"), error
+        assert name in ("vertex left out", "more position", "padding", "unknown core", "core of no size"), error
     else:
         assert not is_proved, why
 
@@ -429,7 +466,7 @@ def test_any_junk_is_answered(checker, documents):
     junk = [None, True, -1, 0, 1e300, "inf", "nan", "", [], {}, [[]], {"a": 1}, 10**400, [1, 2, 3]]
     found = 0
     for _ in range(400):
-        document = copy.deepcopy(documents[rng.choice(["apart", "slack", "overlap", "follower", "age"])])
+        document = copy.deepcopy(documents[rng.choice(["apart", "slack", "overlap", "follower", "age", "can"])])
         part = document
         while True:
             key = rng.choice(sorted(part) if isinstance(part, dict) else range(len(part)))

@@ -63,7 +63,7 @@ def test_bodies_come_and_go(start_daemon, cell, tmp_path):
             client.add_body("mug", sphere=1.0)
         with pytest.raises(clearance.QueryError, match="is the scene file's"):
             client.remove_body("wall")
-        with pytest.raises(ValueError, match="capsule, cylinder, cone, ellipsoid, half_space, got none"):
+        with pytest.raises(ValueError, match="capsule, cylinder, cone, ellipsoid, half_space, points, got none"):
             client.add_body("thing")
         with pytest.raises(ValueError, match=r"box: expected three numbers, got \[1, 2\]"):
             client.add_body("thing", box=[1, 2])
@@ -130,6 +130,46 @@ def test_a_mesh_is_added_as_what_it_is(start_daemon, tmp_path):
             with pytest.raises(clearance.QueryError, match=text):
                 client.add_body("odd", mesh=mesh, convexify="solid")
         assert client.distances(pairs=("surface", "wall"), signed=True).upper[0, 0] == pytest.approx(2.4)
+
+
+def test_a_cloud_is_added_and_replaced(start_daemon, tmp_path):
+    (tmp_path / "scene.yaml").write_text("bodies: [{name: wall, box: [1, 1, 1], static: true}]\n")
+    daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
+    points = np.random.default_rng(4).uniform(-0.4, 0.4, (3000, 3)).astype(np.float32)
+    clouds = {
+        "seen": {"points": points, "radius": 0.01, "pose": at(2, 0.1, 0.2), "uncertainty": {"position": 0.02}},
+        "voxels": {"points": points[:50], "voxel": 0.05, "pose": at(0, 2)},
+        "nothing": {"points": [], "pose": at(0, 0, 2)},
+        "held": {"points": points, "parent": "seen", "pose": at(0.5)},
+    }
+    scene = clearance.Scene()
+    scene.add_box("wall", [1, 1, 1], static=True)
+    for name, cloud in clouds.items():
+        scene.add_body(name, **cloud)
+    with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
+        for name, cloud in clouds.items():
+            client.add_body(name, **cloud)
+        assert [body.is_cloud for body in client.bodies] == [False, True, True, True, True]
+        engine = clearance.Engine(scene, threads=1)
+        for step in ("added", "replaced"):
+            ours, theirs = (who.distances(pairs=("wall", "*")) for who in (engine, client))
+            assert (ours.lower == theirs.lower).all() and (ours.upper == theirs.upper).all(), step
+            assert np.isfinite(ours.upper[0]).tolist() == [True, True, step == "replaced", True]
+            for who in (engine, client):
+                assert who.set_points("nothing", points[:10]).applied == 10
+        client.add_body("ball", sphere=0.1, pose=at(9))  # another edit keeps the points that were received
+        later = client.distances(pairs=("wall", "*"))
+        assert (later.upper[0, :4] == ours.upper[0]).all()
+        client.remove_body("nothing")
+        for wrong, error in [
+            ({"points": [[0, 0, np.nan]]}, "point 0 has the coordinate nan"),
+            ({"points": points, "voxel": -1.0}, "voxel"),
+            ({"points": np.zeros((80_001, 3))}, "80001 points are more than the 80000 .*--max-added-points"),
+        ]:
+            with pytest.raises(clearance.QueryError, match=error):
+                client.add_body("odd", **wrong)
+        with pytest.raises(ValueError, match=r"voxel: expected 0 where there are no points, got 0\.1"):
+            client.add_body("odd", sphere=0.1, voxel=0.1)
 
 
 def test_keys(start_daemon, cell, tmp_path, monkeypatch):

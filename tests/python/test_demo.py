@@ -80,6 +80,10 @@ def test_it_runs_to_its_end(tmp_path):
     assert re.search(f"^Joints +{by} ", output, re.MULTILINE), output
     assert output.count("the same bits in every column") == (2 if MULTICAST else 1)
     assert len(re.findall(r"p50 +[\d.]+ us +p99 +[\d.]+ us", output)) == (3 if MULTICAST else 2)
+    sampled = re.search(r"^Edge .* all 31 samples, 0.02 rad apart, are free, by ([\d.]+) mm or more$", output, re.M)
+    contact = re.search(r"free until ([\d.]+) of the way, and at ([\d.]+) probe and sheet overlap", output)
+    assert sampled and contact and float(sampled[1]) > 1, output
+    assert 15 / 30 < float(contact[1]) <= float(contact[2]) < 16 / 30, "between two samples"
     header = (tmp_path / "demo.png").read_bytes()[:24]
     assert header[:8] == b"\x89PNG\r\n\x1a\n" and struct.unpack(">II", header[16:]) == (1600, 1000)
     assert_nothing_is_left(tmp_path, output)

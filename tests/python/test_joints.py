@@ -1,5 +1,6 @@
 """Robots in scenes, joint positions and queries in joint space: in process and through a daemon on every transport."""
 
+import math
 import warnings
 
 import numpy as np
@@ -208,6 +209,23 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
             assert expected.gradient_joints.shape == (expected.total, 2) and expected.total > 10
             for copy in (True, False):
                 assert same_bits(client.distances(copy=copy, **slopes), expected)
+        bounds = client.distances(joints=arm, positions=rows, fields="bounds")
+        assert same_bits(bounds, engine.distances(joints=arm, positions=rows, fields="bounds"))
+        pairs = [("table", "arm/palm"), ("cup", "arm/fore"), ("cup", "arm/palm"), ("arm/base", "arm/palm")]
+        asked = (rows, arm, np.linspace(0.1, 1, len(arm)), {("arm", "*"): 0.01, ("arm", "cup"): 0.0}, pairs)
+        scales = client.free_scale(*asked)
+        assert np.array_equal(scales, engine.free_scale(*asked)) and 0 < (scales > 0).sum() < len(rows)
+        assert np.array_equal(client.free_scale(rows, arm), engine.free_scale(rows, arm)), "weights are 1"
+        with pytest.raises(clearance.QueryError, match="weights: expected 8 numbers, one for each joint, got 2"):
+            client.free_scale(rows, arm, [1, 2])
+        with pytest.raises(
+            clearance.QueryError, match=r"free_scale: weights\[7\]: expected a finite number >= 0, got nan"
+        ):
+            client.free_scale(rows, arm, [0] * 7 + [math.nan])
+        with pytest.raises(ValueError, match="joints: expected some, that move"):
+            client.free_scale(rows, None)
+        with pytest.raises(clearance.QueryError, match="weights: are for the column free_scale"):
+            client.distances(joints=arm, positions=rows, reduce="any", weights=np.ones(8))
         with pytest.raises(clearance.QueryError, match="'arm/joint3' is named twice"):
             client._send_joints(np.array([2, 2], np.uint32), np.zeros(2), 0, 0)
         with pytest.raises(clearance.QueryError, match="'arm/fore' is a link that joints place"):

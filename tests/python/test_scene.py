@@ -141,10 +141,15 @@ def test_what_is_wrong_with_a_mesh_is_said(arguments, error, text):
     assert len(scene) == 0
 
 
-def test_a_cylinder_publishes_its_model_error():
+def test_a_cylinder_is_exact_but_for_a_robots_which_publishes_its_model_error(root):
     scene = clearance.Scene()
-    scene.add_cylinder("post", 0.1, 1.0)
-    assert 0 < scene.bodies[0].model_error < 0.01
+    scene.add_cylinder("post", 0.1, 1.0, pose=[0, 0, 1, 1, 0, 0, 0])
+    scene.add_body("grown", cylinder=(0.1, 1.0), radius=0.05, pose=[1, 0, 1, 1, 0, 0, 0])
+    r = clearance.Engine(scene).distances(rel_tol=1e-12)
+    assert r.lower[0, 0] <= 1 - 0.25 <= r.upper[0, 0] and r.upper[0, 0] - r.lower[0, 0] < 1e-12
+    assert all(body.model_error == 0 for body in scene.bodies)
+    arm = clearance.Scene.load_urdf(root / "scenes" / "cell" / "arm.urdf")
+    assert 0 < max(body.model_error for body in arm.bodies) < 2e-4
 
 
 def test_primitives_are_exact():

@@ -39,7 +39,8 @@ TEST(Scene, BodiesHaveIdsInOrderOfArrival) {
   EXPECT_EQ(bodies[1].pieces[0]->vertices.size(), 1u);
   EXPECT_EQ(bodies[1].pieces[0]->radius, 0.5);
   EXPECT_EQ(bodies[2].pieces[0]->vertices.size(), 2u);
-  EXPECT_GT(bodies[3].model_error, 0);
+  EXPECT_EQ(bodies[3].model_error, 0);
+  EXPECT_TRUE(is_round(*bodies[3].pieces[0]));
   EXPECT_EQ(bodies[4].pieces[0]->vertices.size(), 42u);
   EXPECT_EQ(bodies[5].pieces[0]->vertices.size(), 4u);  // exact duplicates merged, also -0
   EXPECT_EQ(bodies[5].pieces[0]->loaded_vertices, 6u);
@@ -53,6 +54,7 @@ TEST(Scene, PrimitivesArePiecesOfTheirOwn) {
   scene.add_ellipsoid("same", {1, 2, 3}, {.radius = 0.25});
   scene.add_ellipsoid("other", {1, 2, 4}, {.radius = 0.25});
   scene.add_cone("padded", 0.5, 2, {.padding = 0.5});
+  scene.add_cylinder("post", 0.5, 2, {.radius = 0.25});
   const auto& bodies = scene.bodies();
   EXPECT_EQ(bodies[1].pieces[0], bodies[2].pieces[0]);
   EXPECT_NE(bodies[1].pieces[0], bodies[3].pieces[0]);
@@ -61,6 +63,8 @@ TEST(Scene, PrimitivesArePiecesOfTheirOwn) {
   EXPECT_TRUE(same_primitive(*bodies[0].pieces[0], *bodies[4].pieces[0]));
   EXPECT_EQ(bodies[4].pieces[0]->radius, 0.5);
   EXPECT_EQ(bodies[1].pieces[0]->half.z, 3);
+  EXPECT_EQ(bodies[5].pieces[0]->radius, 0.25);
+  EXPECT_FALSE(same_primitive(*bodies[0].pieces[0], *bodies[5].pieces[0])) << "of the same sizes";
   for (const Body& body : bodies) {
     EXPECT_EQ(body.model_error, 0);
     EXPECT_TRUE(body.display && !body.display->triangles.empty()) << body.name;

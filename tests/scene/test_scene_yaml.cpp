@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/hull/primitive.h"
 #include "engine/scene/scene.h"
 #include "engine/surface/surface.h"
 #include "error_text.h"
@@ -76,7 +77,8 @@ ignore: [[base, cup], [arm, arm], [things, base]]
   EXPECT_NEAR(volume, 2 * 0.5 / 6, 1e-12);
   EXPECT_EQ(bodies[3].pieces[0]->radius, 0.5);
   EXPECT_EQ(bodies[4].pieces[0]->vertices.size(), 2u);
-  EXPECT_GT(bodies[5].model_error, 0);
+  EXPECT_EQ(bodies[5].model_error, 0);
+  EXPECT_TRUE(is_round(*bodies[5].pieces[0]));
   EXPECT_EQ(bodies[6].pieces[0]->loaded_vertices, 5u);
   EXPECT_EQ(bodies[7].pieces[0]->vertices.size(), 42u);
   EXPECT_EQ(bodies[8].pieces[0]->half.x, bodies[8].pieces[0]->half.z);

@@ -152,7 +152,7 @@ struct TestQuery {
   std::vector<std::uint32_t> bodies;
   std::vector<Pose7> configurations;
   std::vector<std::uint32_t> joints;
-  std::vector<double> positions;
+  std::vector<double> positions, weights;
   std::vector<std::byte> records;
   std::uint64_t scene_revision = 0;
 
@@ -166,11 +166,14 @@ struct TestQuery {
       return static_cast<std::uint32_t>(each ? given / each : 0);
     };
     q.configuration_count = std::max(rows(configurations.size(), bodies.size()), rows(positions.size(), joints.size()));
-    const bool is_query = type == wire::FrameType::kQuery;
+    const bool has_configurations = type != wire::FrameType::kPairs;
     const std::uint64_t payload =
-        wire::query_payload_bytes(q.pair_count, q.body_count, is_query ? q.configuration_count : 0);
+        wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
     std::vector<std::byte> all_records = records;
-    wire::insert_joint_records(all_records, joints, is_query ? positions : std::vector<double>());
+    wire::insert_joint_records(all_records, joints, has_configurations ? positions : std::vector<double>());
+    if (!weights.empty())
+      wire::insert_record(all_records, static_cast<std::uint16_t>(wire::QueryRecord::kWeights), wire::kRecordRequired,
+                          std::as_bytes(std::span(weights)));
     std::vector<std::byte> bytes(sizeof(wire::FrameHeader) + payload + all_records.size());
     const auto frame_header =
         wire::with_records(wire::make_header(type, request_id, payload, scene_revision), all_records.size());

@@ -68,6 +68,7 @@ std::vector<Request> requests() {
           {FrameType::kDescribe, kMayQuery, simple_frame(FrameType::kDescribe, 1)},
           {FrameType::kQuery, kMayQuery, small_query().frame(1)},
           {FrameType::kPairs, kMayQuery, small_query().frame(1, FrameType::kPairs)},
+          {FrameType::kCertify, kMayQuery, small_query().frame(1, FrameType::kCertify)},
           {FrameType::kSetPoses, kMayPose, with(FrameType::kSetPoses, poses)},
           {FrameType::kAttach, kMayPose, with(FrameType::kAttach, attach)},
           {FrameType::kGetStates, kMayQuery, simple_frame(FrameType::kGetStates, 1)},
@@ -103,8 +104,8 @@ TEST_F(LoopTest, ARequestIsAnsweredToThoseAloneWhoHaveItsRight) {
       EXPECT_FALSE(loop_->is_reloading());
       ++refused;
     }
-  EXPECT_EQ(allowed, 8 + 11 * 4);  // the echo, and each of the others with half of the sets
-  EXPECT_EQ(refused, 11 * 4);
+  EXPECT_EQ(allowed, 8 + 12 * 4);  // the echo, and each of the others with half of the sets
+  EXPECT_EQ(refused, 12 * 4);
 }
 
 // --- Unix sockets

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <thread>
 
+#include "body_frames.h"
 #include "client/client.h"
 #include "daemon_fixture.h"
 #include "engine/surface/surface.h"
@@ -18,62 +19,6 @@ namespace {
 
 using wire::ErrorCode;
 using wire::FrameType;
-
-std::vector<std::byte> box_frame(const std::string& name, std::uint32_t parent = kNone) {
-  wire::NewBodyRecord record;
-  wire::set_name(record.name, name);
-  record.shape = static_cast<std::uint8_t>(wire::BodyShape::kBox);
-  record.size[0] = record.size[1] = record.size[2] = 0.2;
-  record.parent = parent;
-  record.has_pose = 1;
-  record.pose[0] = 3;
-  record.pose[3] = 1;
-  return simple_frame(FrameType::kAddBody, 1, std::as_bytes(std::span(&record, 1)));
-}
-/// The same with a record that says what is not known of it.
-template <class Doubts>
-std::vector<std::byte> doubted_frame(const std::string& name, const Doubts& doubts, std::uint16_t tag = 20) {
-  std::vector<std::byte> frame = box_frame(name), records;
-  wire::append_record(records, tag, wire::kRecordRequired, std::as_bytes(std::span(&doubts, 1)));
-  wire::FrameHeader header;
-  std::memcpy(&header, frame.data(), sizeof header);
-  header = wire::with_records(header, records.size());
-  std::memcpy(frame.data(), &header, sizeof header);
-  frame.insert(frame.end(), records.begin(), records.end());
-  return frame;
-}
-/// A tetrahedron of four corners, or what is left of it, and records by tag.
-std::vector<std::byte> mesh_frame(const std::string& name, std::span<const wire::TriangleRecord> triangles,
-                                  std::optional<std::uint8_t> convexify,
-                                  wire::BodyShape shape = wire::BodyShape::kHull) {
-  wire::NewBodyRecord record;
-  wire::set_name(record.name, name);
-  record.shape = static_cast<std::uint8_t>(shape);
-  record.has_pose = 1;
-  record.pose[0] = 3;
-  record.pose[3] = 1;
-  record.vertex_count = shape == wire::BodyShape::kHull ? 4 : 0;
-  const wire::VertexRecord corners[] = {{{0, 0, 0}}, {{1, 0, 0}}, {{0, 1, 0}}, {{0, 0, 1}}};
-  std::vector<std::byte> payload, records;
-  wire::append(payload, record);
-  wire::append_bytes(payload, corners, record.vertex_count * sizeof corners[0]);
-  if (!triangles.empty()) wire::append_record(records, 21, wire::kRecordRequired, std::as_bytes(triangles));
-  if (convexify) wire::append_record(records, 22, wire::kRecordRequired, std::as_bytes(std::span(&*convexify, 1)));
-  std::vector<std::byte> frame = simple_frame(FrameType::kAddBody, 1, payload);
-  wire::FrameHeader header;
-  std::memcpy(&header, frame.data(), sizeof header);
-  header = wire::with_records(header, records.size());
-  std::memcpy(frame.data(), &header, sizeof header);
-  frame.insert(frame.end(), records.begin(), records.end());
-  return frame;
-}
-constexpr wire::TriangleRecord kTetrahedron[] = {{{0, 2, 1}}, {{0, 1, 3}}, {{1, 2, 3}}, {{0, 3, 2}}};
-
-std::vector<std::byte> remove_frame(const std::string& name) {
-  wire::RemoveBodyRecord record;
-  wire::set_name(record.name, name);
-  return simple_frame(FrameType::kRemoveBody, 2, std::as_bytes(std::span(&record, 1)));
-}
 
 class Bodies : public LoopTest {
  protected:
@@ -210,7 +155,7 @@ TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
   EXPECT_NE(refusal(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"),
             std::string::npos)
       << "a quaternion of zeros";
-  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 7");
+  EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is none of 0 to 8");
   EXPECT_EQ(refusal(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are for a hull alone");
   EXPECT_EQ(refusal(odd([](auto&) {}, 9), ErrorCode::kTooLarge),
             "add_body: 9 vertices are more than the 8 that an added body may have (--max-added-vertices)");
@@ -305,6 +250,39 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   EXPECT_EQ(refusal(doubted_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
             "new body: convexify (record 22) has 2 bytes, expected 1");
   EXPECT_EQ(change(mesh_frame("m", kTetrahedron, 4)).body, 4u);
+}
+
+TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
+  Loop::Options options;
+  options.max_added_points = 2;
+  start_editable(small_scene(), options);
+  const auto cloud = [](std::span<const float> xyz, wire::BodyShape shape = wire::BodyShape::kCloud, double voxel = 0) {
+    wire::NewBodyRecord record;
+    wire::set_name(record.name, "cloud");
+    record.shape = static_cast<std::uint8_t>(shape);
+    record.size[0] = voxel;
+    std::vector<std::byte> payload, records;
+    wire::append(payload, record);
+    wire::append_record(records, 23, wire::kRecordRequired, std::as_bytes(xyz));
+    std::vector<std::byte> frame = simple_frame(FrameType::kAddBody, 1, payload);
+    wire::FrameHeader header;
+    std::memcpy(&header, frame.data(), sizeof header);
+    header = wire::with_records(header, records.size());
+    std::memcpy(frame.data(), &header, sizeof header);
+    frame.insert(frame.end(), records.begin(), records.end());
+    return frame;
+  };
+  const float two[] = {0, 0, 1, 2, 3, 4}, far[] = {0, NAN, 0}, three[9] = {};
+  EXPECT_EQ(refusal(cloud(std::span(two).first(2)), ErrorCode::kBadFrame),
+            "new body: points (record 23) have 8 bytes, expected 12 for each");
+  EXPECT_EQ(refusal(cloud(two, wire::BodyShape::kBox)), "new body: points are for a cloud alone");
+  EXPECT_EQ(refusal(cloud(three), ErrorCode::kTooLarge),
+            "add_body: 3 points are more than the 2 that an added body may have (--max-added-points)");
+  EXPECT_NE(refusal(cloud(far)).find("body \"cloud\""), std::string::npos);
+  EXPECT_NE(refusal(cloud(two, wire::BodyShape::kCloud, NAN)).find("voxel"), std::string::npos);
+  const std::uint32_t body = change(cloud(two)).body;
+  EXPECT_EQ(body, 4u);
+  EXPECT_TRUE(is_cloud(loop_->engine().scene().bodies()[body]));
 }
 
 TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {

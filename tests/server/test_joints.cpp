@@ -98,6 +98,105 @@ TEST_F(JointsTest, AnswersAreThoseOfTheEngine) {
   }
 }
 
+class FreeScaleTest : public JointsTest {
+ protected:
+  static TestQuery scale_query() {
+    TestQuery query = joint_query();
+    query.weights = {1, 0.5};
+    query.pairs = {{0, 6}, {0, 8}, {0, 10}, {2, 10}};  // the table, the base; forearm, palm, flange
+    query.header.reduce = static_cast<std::uint8_t>(Reduce::kAny);
+    query.header.fields = kFieldFreeScale;
+    return query;
+  }
+  static QueryView view_of(const TestQuery& query) {
+    QueryView view;
+    view.joints = query.joints;
+    view.positions = query.positions;
+    view.configuration_count = static_cast<std::uint32_t>(query.positions.size() / query.joints.size());
+    view.all_pairs = false;
+    view.pairs = {reinterpret_cast<const BodyPair*>(query.pairs.data()), query.pairs.size()};
+    return view;
+  }
+  std::string refusal(const TestQuery& query) { return error_of(ask(a_, query.frame(4))).text; }
+};
+
+TEST_F(FreeScaleTest, IsThatOfTheEngine) {
+  start(arm_scene());
+  const TestQuery query = scale_query();
+  const std::vector<double> expected = engine_->free_scale(view_of(query), query.weights);
+  const Reply reply = ask(a_, query);
+  ASSERT_EQ(reply.rows(), 3u);
+  EXPECT_EQ(reply.fields(), kFieldFreeScale | kFieldPair);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_GT(expected[k], 0);
+    EXPECT_EQ(reply.free_scale()[k], expected[k]);
+    // Without the pair that allows no more, there is more.
+    std::vector<BodyPair> others;
+    for (const BodyPair pair : engine_->pairs(view_of(query)))
+      if (pair.a != reply.pair()[k][0] || pair.b != reply.pair()[k][1]) others.push_back(pair);
+    QueryView without = view_of(query);
+    without.pairs = others;
+    EXPECT_GT(engine_->free_scale(without, query.weights)[k], expected[k]);
+  }
+}
+
+TEST_F(FreeScaleTest, IsNoWorkForTheLoop) {
+  start(arm_scene(), short_slices());
+  TestQuery query = joint_query();
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kAny);
+  const auto is_elsewhere = [&](const TestQuery& asked) {
+    transport_->send(a_, asked.frame(1));
+    loop_->turn();
+    const bool found = loop_->is_working();
+    turn_until_idle();
+    EXPECT_EQ(take(a_)->type(), FrameType::kReply);
+    return found;
+  };
+  EXPECT_FALSE(is_elsewhere(query)) << "small";
+  EXPECT_TRUE(is_elsewhere(scale_query()));
+}
+
+TEST_F(FreeScaleTest, OfWhatNothingMovesIsInfinite) {
+  start(arm_scene());
+  TestQuery query = scale_query();
+  query.pairs = {{0, 2}};  // the table and the base
+  const auto frame = ask(a_, query.frame(1));
+  ASSERT_EQ(frame->type(), FrameType::kReply) << error_of(frame).text;
+  const Reply reply = ask(a_, query);
+  EXPECT_EQ(reply.free_scale()[2], std::numeric_limits<double>::infinity());
+  EXPECT_EQ(reply.pair()[2], (IdPair{kNone, kNone}));
+}
+
+TEST_F(FreeScaleTest, WhatItIsNotForIsSaid) {
+  start(arm_scene());
+  TestQuery query = scale_query();
+  query.weights = {1};
+  EXPECT_EQ(refusal(query), "free_scale: weights: expected 2 numbers, one for each joint, got 1");
+  query.weights = {1, -2};
+  EXPECT_EQ(refusal(query), "free_scale: weights[1]: expected a finite number >= 0, got -2.000000");
+  query.weights = {std::numeric_limits<double>::quiet_NaN(), 1};
+  EXPECT_EQ(refusal(query), "free_scale: weights[0]: expected a finite number >= 0, got nan");
+  query.weights = {};
+  EXPECT_EQ(refusal(query), "free_scale: weights: expected 2 numbers, one for each joint, got 0");
+  query = scale_query();
+  query.header.fields = kFieldStatus;
+  EXPECT_EQ(refusal(query), "weights: are for the column free_scale");
+  query.header.fields = kFieldFreeScale | kFieldStatus;
+  EXPECT_EQ(refusal(query), "fields: free_scale comes with no other column but pair, in the format full");
+  query = scale_query();
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
+  EXPECT_EQ(refusal(query), "fields: free_scale is a column of reduce any, whose margins it is about");
+  query = scale_query();
+  query.joints = {};
+  query.positions = {};
+  EXPECT_EQ(refusal(query), "free_scale: expected joints, and their positions");
+  query = scale_query();
+  const std::uint32_t max_steps = 64;
+  wire::append_record(query.records, 10, wire::kRecordRequired, std::as_bytes(std::span(&max_steps, 1)));
+  query.positions.resize(4);
+  EXPECT_EQ(refusal(query), "fields: motions have no free_scale");
+}
+
 // A column as wide as the query has joints, between others, with fewer rows than there was room for.
 TEST_F(JointsTest, GradientsByJointsAreThoseOfTheEngine) {
   start(arm_scene());

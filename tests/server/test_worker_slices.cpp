@@ -120,5 +120,28 @@ TEST_F(WorkerSlices, TheDepthOfOnePairOfPiecesIsFoundInThem) {
   EXPECT_EQ(reply.upper()[0], upper);
 }
 
+TEST_F(WorkerSlices, WhatManyPairsLeaveToJointsIsFoundInThem) {
+  Scene scene = crowd();
+  scene.add_robot("arm", {.urdf = CLEARANCE_SOURCE_DIR "/tests/robot/arm.urdf", .home = {{{"joint4", -1.5}}}});
+  start(std::move(scene), short_slices());
+  TestQuery query;
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kAny);
+  query.header.fields = kFieldFreeScale;
+  query.joints = {0, 1, 2, 3};
+  query.weights = {1, 1, 1, 1};
+  for (int k = 0; k < 24; ++k) query.positions.push_back(-0.3 - 0.05 * k);
+  const Reply reply(ask_in_slices(query.frame(1)));
+  EXPECT_GT(turns_, 100);
+  EXPECT_GT(reply.pairs(), 20000u);
+
+  QueryView view;
+  view.joints = query.joints;
+  view.positions = query.positions;
+  view.configuration_count = 6;
+  const std::vector<double> expected = engine_->free_scale(view, query.weights);
+  ASSERT_EQ(reply.rows(), 6u);
+  EXPECT_TRUE(std::equal(expected.begin(), expected.end(), reply.free_scale().begin()));
+}
+
 }  // namespace
 }  // namespace clearance

@@ -27,6 +27,8 @@ using Clock = std::chrono::steady_clock;
 /// How often a waiting call looks whether Ctrl-C was pressed and lets other threads use the connection.
 constexpr std::chrono::milliseconds kSlice{10};
 
+using RowNumbers = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
 static_assert(sizeof(IdPair) == 8 && sizeof(Pose7) == 56);
 
 clearance::Query query_of(const Query& q) {
@@ -63,15 +65,11 @@ nb::dict wire_structs() {
 }
 
 std::array<const void*, kFieldCount> columns_of(const Reply& r) {
-  return {r.distance().data(),      r.lower().data(),
-          r.upper().data(),         r.status().data(),
-          r.flags().data(),         r.point_a().data(),
-          r.point_b().data(),       r.normal().data(),
-          r.pieces().data(),        r.gradient().data(),
-          r.pair().data(),          r.configuration().data(),
-          r.compact().data(),       r.gradient_joints().data(),
-          r.pair_lower().data(),    r.time().data(),
-          r.first_contact().data(), r.steps().data()};
+  return {r.distance().data(),      r.lower().data(),           r.upper().data(),      r.status().data(),
+          r.flags().data(),         r.point_a().data(),         r.point_b().data(),    r.normal().data(),
+          r.pieces().data(),        r.gradient().data(),        r.pair().data(),       r.configuration().data(),
+          r.compact().data(),       r.gradient_joints().data(), r.pair_lower().data(), r.time().data(),
+          r.first_contact().data(), r.steps().data(),           r.bounds().data(),     r.free_scale().data()};
 }
 
 Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, const OutArrays& out, bool copy) {
@@ -252,6 +250,13 @@ class PyClient {
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
 
+  /// \param rows null: all
+  std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
+    std::optional<std::span<const std::uint64_t>> numbers;
+    if (rows) numbers.emplace(rows->data(), rows->shape(0));
+    return use().with([&](Client& client) { return client.certificate(query_of(query), numbers); });
+  }
+
   nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
                       std::int64_t sequence) const {
     if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
@@ -310,10 +315,11 @@ class PyClient {
     return changed(use().with([&](Client& client) { return client.reload(duration_of(timeout_s)); }));
   }
   /// \param shape a key of Client.add_body(); \param numbers its vertices (V, 3), or sizes (1, 3). \param triangles of
-  /// a mesh (T, 3), else none. \param doubts of position and angle, padding, max_speed
+  /// a mesh (T, 3), else none. \param doubts of position and angle, padding, max_speed. \param cloud its points (N, 3)
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
                      std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose,
-                     const std::array<double, 4>& doubts, const TriangleRows& triangles, int convexify) const {
+                     const std::array<double, 4>& doubts, const TriangleRows& triangles, int convexify,
+                     const CloudRows& cloud) const {
     const auto* rows = reinterpret_cast<const std::array<double, 3>*>(numbers.data());
     NewBody body;
     body.name = name;
@@ -327,6 +333,10 @@ class PyClient {
     if (shape == "cone") body.cone = {rows[0][0], rows[0][1]};
     if (shape == "ellipsoid") body.ellipsoid = rows[0];
     body.half_space = shape == "half_space";
+    if (shape == "points") {
+      body.points.emplace(reinterpret_cast<const std::array<float, 3>*>(cloud.data()), cloud.shape(0));
+      body.voxel = rows[0][0];
+    }
     body.radius = radius;
     body.parent = parent;
     body.is_static = is_static;
@@ -426,6 +436,7 @@ NB_MODULE(_client, m) {
       .def("submit", &PyClient::submit, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"))
       .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"), nb::arg("timeout_s"))
       .def("pairs", &PyClient::pairs, nb::arg("query"))
+      .def("certificate", &PyClient::certificate, nb::arg("query"), nb::arg("rows").none())
       .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("set_points", &PyClient::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),
@@ -438,7 +449,7 @@ NB_MODULE(_client, m) {
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
            nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"), nb::arg("triangles"),
-           nb::arg("convexify"))
+           nb::arg("convexify"), nb::arg("cloud"))
       .def("remove_body", &PyClient::remove_body, nb::arg("name"))
       .def("scene", &PyClient::scene, nb::arg("refresh"))
       .def("body_states", &PyClient::body_states)

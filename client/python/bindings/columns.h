@@ -52,14 +52,16 @@ struct Query : QueryOptions {
   std::optional<PositionsArray> positions;  ///< (K, J)
   std::optional<BytesOfMargins> margins;
   std::optional<PairMargins> pair_margins;
-  bool points_by_default;  ///< add points and normal if there are few rows
+  std::optional<PositionRow> weights;  ///< (J,)
+  bool points_by_default;              ///< add points and normal if there are few rows
 };
 
-/// The margins of a query, for whatever has such members.
+/// The margins and weights of a query, for whatever has such members.
 template <class To>
 void copy_margins(const Query& q, To& to) {
   if (q.margins) to.margins = {reinterpret_cast<const MarginEntry*>(q.margins->data()), q.margins->shape(0)};
   if (q.pair_margins) to.pair_margins = {q.pair_margins->data(), q.pair_margins->shape(0)};
+  if (q.weights) to.weights = {q.weights->data(), q.weights->shape(0)};
 }
 
 /// How Python sees an option of type T.
@@ -92,6 +94,7 @@ inline void bind_query(nb::module_& m) {
                          std::move(positions),
                          {},
                          {},
+                         {},
                          points_by_default};
       },
       nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("configurations").none(), nb::arg("points_by_default"),
@@ -108,6 +111,7 @@ inline void bind_query(nb::module_& m) {
       "The same in other configurations, whose shapes are for the caller to have checked.");
   query.def("set_margins", [](Query& q, BytesOfMargins margins) { q.margins = std::move(margins); });
   query.def("set_pair_margins", [](Query& q, PairMargins margins) { q.pair_margins = std::move(margins); });
+  query.def("set_weights", [](Query& q, PositionRow weights) { q.weights = std::move(weights); });
   for_each_query_option([&query](const QueryOption& option, auto member) {
     using T = std::remove_reference_t<decltype(member(std::declval<QueryOptions&>()))>;
     query.def_prop_rw(
@@ -197,9 +201,9 @@ inline void bind_answer(nb::module_& m) {
 }
 
 inline constexpr const char* kFieldNames[kFieldCount] = {
-    "distance",   "lower",  "upper",         "status", "flags",         "point_a", "point_b",
-    "normal",     "pieces", "gradient",      "pair",   "configuration", "compact", "gradient_joints",
-    "pair_lower", "time",   "first_contact", "steps",  "bounds"};
+    "distance",   "lower",  "upper",         "status", "flags",         "point_a",   "point_b",
+    "normal",     "pieces", "gradient",      "pair",   "configuration", "compact",   "gradient_joints",
+    "pair_lower", "time",   "first_contact", "steps",  "bounds",        "free_scale"};
 
 /// Arrays of the caller to write columns into: a list with one entry for each field, None where there is none.
 /// dtype and contiguity were checked in Python; shapes are checked here, once the answer's size is known.

@@ -31,7 +31,7 @@ from ._errors import (
     SceneError,
     TimeoutError,
 )
-from ._front import BodyState, PosesDone, SceneChanged
+from ._front import BodyState, SceneChanged
 from ._future import Future
 from ._joints import Joints, JointState
 from ._motions import PathCheck
@@ -39,6 +39,7 @@ from ._names import BodyInfo
 from ._poses import pose7_from_matrix
 from ._prepared import Prepared
 from ._result import Check, Result
+from ._updates import PosesDone
 from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, Status
 

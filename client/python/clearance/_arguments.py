@@ -203,23 +203,31 @@ class ShapeArgument(NamedTuple):
     numbers: np.ndarray  #: float64: vertices (V, 3), or sizes (1, 3)
     triangles: np.ndarray  #: (T, 3) uint32: of a mesh, else none
     convexify: int  #: what the mesh is
+    cloud: np.ndarray  #: (N, 3) float32: the points of a cloud, else none; its voxel is the first of `numbers`
 
 
-def to_shape(shapes: Mapping[str, Any], convexify: Any) -> ShapeArgument:
+def to_shape(shapes: Mapping[str, Any], convexify: Any, voxel: Any) -> ShapeArgument:
     """The one shape that add_body() was given."""
     given = [shape for shape, value in shapes.items() if value is not None]
     if len(given) != 1:
         raise ValueError(f"add_body: expected one of {', '.join(shapes)}, got {', '.join(given) or 'none'}")
     how = to_word(convexify, CONVEXIFY, "convexify")
     shape = given[0]
+    edge, none = to_number(voxel, "voxel"), np.zeros((0, 3), np.float32)
+    if edge != 0 and shape != "points":
+        raise ValueError(f"voxel: expected 0 where there are no points, got {voxel!r}")
     if shape == "mesh":
         parts = to_list(shapes[shape], "mesh", "a pair (vertices, triangles)")
         if len(parts) != 2:
             raise ValueError(f"mesh: expected a pair (vertices, triangles), got {len(parts)} things")
-        return ShapeArgument(shape, to_vertices(parts[0], "mesh[0]"), to_triangles(parts[1], "mesh[1]"), how)
+        return ShapeArgument(shape, to_vertices(parts[0], "mesh[0]"), to_triangles(parts[1], "mesh[1]"), how, none)
     if how not in (Convexify.HULL, Convexify.AUTO):
         raise ValueError(f"convexify: expected 'auto' or 'hull' where there is no mesh, got {convexify!r}")
-    return ShapeArgument(shape, _numbers_of(shape, shapes[shape]), np.zeros((0, 3), np.uint32), how)
+    triangles = np.zeros((0, 3), np.uint32)
+    if shape == "points":
+        cloud = to_cloud(shapes[shape], "points")
+        return ShapeArgument(shape, np.array([[edge, 0.0, 0.0]]), triangles, how, cloud)
+    return ShapeArgument(shape, _numbers_of(shape, shapes[shape]), triangles, how, none)
 
 
 def _numbers_of(shape: str, value: Any) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import operator
+from collections.abc import Iterable, Mapping
 from typing import Any, Optional
 
 import numpy as np
@@ -18,9 +19,32 @@ class Asked:
 
     def __init__(self) -> None:
         self._queries: dict[Any, Query] = {}
+        self._last: Optional[_Last] = None
 
-    def find(self, key: Any) -> Optional[Query]:
-        return None if key is None else self._queries.get(key)
+    def find(
+        self,
+        revision: int,
+        configurations: Any,
+        positions: Optional[np.ndarray],
+        arguments: tuple[Any, ...],
+        more: Mapping[str, Any],
+    ) -> tuple[Optional[Query], Any]:
+        """The query that these arguments were parsed to before, or None; and what keep() takes."""
+        try:
+            shapes = _shape_of(configurations), None if positions is None else positions.shape
+        except TypeError:
+            return None, None
+        last = self._last
+        if last is not None and last.is_of(revision, shapes, arguments, more):
+            return last.query, None
+        try:
+            key = (revision, shapes, _frozen_all(arguments), *more, _frozen_all(tuple(more.values())))
+        except TypeError:
+            return None, None
+        query = self._queries.get(key)
+        if query is not None and _never_change(arguments) and _never_change(more.values()):
+            self._last = _Last(revision, shapes, arguments, more, query)
+        return query, key
 
     def keep(self, key: Any, query: Query) -> None:
         if key is None:
@@ -30,21 +54,23 @@ class Asked:
         self._queries[key] = query.at(None, None)  # without the arrays, and nobody else's
 
 
-def key_of(
-    revision: int,
-    configurations: Any,
-    positions: Optional[np.ndarray],
-    arguments: tuple[Any, ...],
-    more: Mapping[str, Any],
-) -> Any:
-    """What stands for these arguments in the scene of that revision: equal keys, the same parsed query, but for the
-    numbers in configurations and positions. None: something among them may change, and is to be parsed each time.
-    """
-    try:
-        where = _shape_of(configurations), None if positions is None else positions.shape
-        return (revision, where, _frozen_all(arguments), *more, _frozen_all(tuple(more.values())))
-    except TypeError:
-        return None
+class _Last:
+    """The arguments that came last, none of which can change: the same objects are the same question."""
+
+    __slots__ = ("revision", "shapes", "arguments", "names", "values", "query")
+
+    def __init__(self, revision: int, shapes: Any, arguments: tuple[Any, ...], more: Mapping[str, Any], query: Query):
+        self.revision, self.shapes, self.arguments, self.query = revision, shapes, arguments, query
+        self.names, self.values = tuple(more), tuple(more.values())
+
+    def is_of(self, revision: int, shapes: Any, arguments: tuple[Any, ...], more: Mapping[str, Any]) -> bool:
+        return (
+            revision == self.revision
+            and shapes == self.shapes
+            and all(map(operator.is_, arguments, self.arguments))
+            and tuple(more) == self.names
+            and all(map(operator.is_, more.values(), self.values))
+        )
 
 
 def _shape_of(configurations: Any) -> Optional[tuple[int, ...]]:
@@ -60,6 +86,12 @@ def _shape_of(configurations: Any) -> Optional[tuple[int, ...]]:
 _NEVER_CHANGES = frozenset((type(None), str, float, int, bool, Joints))
 
 
+def _never_change(values: Iterable[Any]) -> bool:
+    return all(type(v) in _NEVER_CHANGES or (type(v) is tuple and _never_change(v)) for v in values)
+
+
+# Equal keys, the same parsed query, but for the numbers in configurations and positions. TypeError: something among the
+# arguments may change, and is to be parsed each time.
 def _frozen_all(values: tuple[Any, ...]) -> tuple[Any, ...]:
     """With their types: 1 is no True."""
     kinds = tuple(map(type, values))

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Optional, Protocol
 
-from ._arguments import to_path
+import numpy as np
+
+from ._arguments import to_count, to_list, to_path
+from ._query import Query
 
 
 class Certificate:
@@ -35,3 +39,31 @@ class Certificate:
     def __repr__(self) -> str:
         rows = self.document["rows"]
         return f"<clearance.Certificate: {sum(row['proved'] for row in rows)} of {len(rows)} rows are proved>"
+
+
+class Certifier(Protocol):
+    """What Certificates needs of the class that it is part of."""
+
+    def _parse_named(self, arguments: dict[str, Any]) -> Query: ...
+    def _certify(self, query: Query, rows: Optional[np.ndarray]) -> str: ...
+
+
+class Certificates:
+    """What Front says about certificates."""
+
+    def certificate(self: Certifier, rows: Optional[Sequence[int]] = None, **arguments: Any) -> Certificate:
+        """Answers rows of a query anew, on the newest poses, and gives with each what proves its bounds.
+
+        rows: numbers of rows, k * P + p for pair p in configuration k; None: all.
+        arguments: those of distances(), by name, but for reduce, which must be "none". The bounds are those that
+            distances() answers to the same poses with warm=False, bit for bit, unless their slack grows with age.
+
+        Takes ten times as long as the rows do. The reduction of a configuration is proved by the rows of
+        its pairs. Raises as distances(), and QueryError for a row that the answer has not; a daemon also for a document
+        of more than 64 MiB.
+        """
+        query = self._parse_named(arguments)
+        if rows is None:
+            return Certificate(self._certify(query, None))
+        numbers = [to_count(row, f"rows[{i}]") for i, row in enumerate(to_list(rows, "rows", "row numbers"))]
+        return Certificate(self._certify(query, np.array(numbers, dtype=np.uint64)))

@@ -21,12 +21,13 @@ from ._arguments import (
     to_text,
 )
 from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyRef, BodyState, Front, PosesDone, SceneChanged
+from ._front import BodyState, Front, SceneChanged
 from ._future import Future
-from ._names import BodyInfo, NameTable
+from ._names import BodyInfo, BodyRef, NameTable
 from ._poses import as_one_pose
 from ._query import Query
 from ._result import Result
+from ._updates import PosesDone
 from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, ConvexifyWord, Reduce, Status
 from .wire import ErrorCode
 
@@ -154,6 +155,8 @@ class Client(Front):
         cone: Any = None,
         ellipsoid: Any = None,
         half_space: bool = False,
+        points: Any = None,
+        voxel: float = 0.0,
         radius: float = 0.0,
         parent: Optional[BodyRef] = None,
         static: bool = False,
@@ -167,8 +170,9 @@ class Client(Front):
 
         vertices: (V, 3) metres in the body's frame; the shape is their hull. Or one of mesh: a pair of such
             vertices and (T, 3) places in their list, box: (x, y, z) edge lengths, sphere: radius, capsule,
-            cylinder and cone: (radius, length), ellipsoid: (x, y, z) half axes, half_space: True, as in
-            clearance.Scene.
+            cylinder and cone: (radius, length), ellipsoid: (x, y, z) half axes, half_space: True, points: (N, 3) of a
+            cloud, which set_points() replaces, as in clearance.Scene.
+        voxel: metres, of a cloud: above 0 it is the boxes of this edge about its points.
         convexify: what a mesh is: "hull", "surface" (its triangles), "solid" (what they enclose; they are closed), or
             "auto": the hull of a convex or open one, else a solid.
         radius: metres, grows the shape.
@@ -185,8 +189,8 @@ class Client(Front):
         """
         shapes = {"vertices": vertices, "mesh": mesh, "box": box}
         shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
-        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space)}
-        shape = to_shape(shapes, convexify)
+        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space), "points": points}
+        shape = to_shape(shapes, convexify, voxel)
         parent_id = NONE if parent is None else self._names.body(parent, "parent")
         row = None if pose is None else as_one_pose(pose, "pose").reshape(1, 7)
         return self._changed(
@@ -202,6 +206,7 @@ class Client(Front):
                 to_doubts(uncertainty, padding, max_speed),
                 shape.triangles,
                 shape.convexify,
+                shape.cloud,
             )
         )
 
@@ -271,6 +276,10 @@ class Client(Front):
 
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
         return self._guarded(self._use().pairs, raw)
+
+    def _certify(self, query: Query, rows: Optional[np.ndarray]) -> str:
+        self._names  # so that the scene's revision goes with the query
+        return self._guarded(self._use().certificate, query.raw, rows)
 
     def _default_fields(self, query: Query, configurations: int) -> int:
         names = self._names

@@ -20,8 +20,7 @@ def from_coal(geometry: Any) -> dict[str, Any]:
 
     geometry: a Box, Sphere, Capsule, Cylinder, Cone, Ellipsoid, Convex (its points; their hull), or a BVHModel (its
         vertices: **the hull of the mesh**, where Coal measures to the triangles). A swept sphere's radius grows
-        the shape, as in Coal. Metres, in the frame of the geometry. A cylinder becomes a prism around it
-        (BodyInfo.model_error).
+        the shape, as in Coal. Metres, in the frame of the geometry.
 
     Raises TypeError, naming the class, for a shape that has no counterpart: a plane, a half-space (ours is
     z <= 0, and its pose says the rest), an octree, a height field.

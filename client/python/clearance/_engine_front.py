@@ -11,16 +11,15 @@ import numpy as np
 
 import clearance._engine as _engine
 
-from ._arguments import to_bool, to_count, to_floats, to_integer, to_list, to_word
-from ._certificate import Certificate
+from ._arguments import to_bool, to_count, to_integer, to_list, to_word
 from ._device_plan import DevicePlan
 from ._errors import TimeoutError
-from ._front import DEFAULTS, BodyRef, BodyState, Front, Margin, Pairs, PosesDone
+from ._front import DEFAULTS, BodyState, Front, Pairs
 from ._future import EngineFuture, Worker
-from ._joints import JointsRef
-from ._names import NameTable
+from ._names import BodyRef, NameTable
 from ._query import POINTS_BY_DEFAULT, Query
 from ._scene import Scene, name_table
+from ._updates import PosesDone
 from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, Status
 
 
@@ -95,35 +94,6 @@ class Engine(Front):
         """Where each body is now, by id."""
         return [_state(*row) for row in self._engine.body_states()]
 
-    def free_scale(
-        self,
-        positions: Any,
-        joints: JointsRef,
-        weights: Any = None,
-        margin: Margin = 0.0,
-        pairs: Pairs = None,
-        **more: Any,
-    ) -> np.ndarray:
-        """How far joints may move: a region of joint space around each configuration that is proved to be free.
-
-        positions: (K, J) radians and metres of the joints, as in distances().
-        weights: (J,) >= 0, radians and metres, of how far each joint may go; None: 1 each.
-        margin: as in check(). `more`: rel_tol, max_pose_age_ns, ...
-
-        Returns (K,) float64, rounded down: the largest s that is proved such that all pairs stay beyond their margins
-        while no joint moves by more than s times its weight. 0: not even the configuration itself is proved free; inf:
-        nothing that moves can come nearer. Joint limits are not looked at. Raises as distances() does, and QueryError
-        for robots that stand on links that these joints move.
-        """
-        asked = {"pairs": pairs, "joints": joints, "positions": positions, "reduce": "any", "fields": "lower"}
-        query = self._parse(**{**DEFAULTS, **asked, "margin": margin, **more})
-        if query.joints is None:
-            raise ValueError("joints: expected some, that move")
-        each = np.ones(len(query.joints)) if weights is None else to_floats(weights, "weights")
-        if each.ndim != 1:
-            raise ValueError(f"weights: expected one number for each joint, got shape {each.shape}")
-        return self._engine.free_scale(query.raw, each)
-
     def plan_on_device(
         self,
         configurations: int = 0,
@@ -160,22 +130,6 @@ class Engine(Front):
         """Counters that the engine keeps about itself."""
         return dict(self._engine.stats())
 
-    def certificate(self, rows: Optional[Sequence[int]] = None, **arguments: Any) -> Certificate:
-        """Answers rows of a query anew, on the newest poses, and gives with each what proves its bounds.
-
-        rows: numbers of rows, k * P + p for pair p in configuration k; None: all.
-        arguments: those of distances(), by name, but for reduce, which must be "none". The bounds are those that
-            distances() answers to the same poses with warm=False, bit for bit, unless their slack grows with age.
-
-        Takes ten times as long as the rows do. The reduction of a configuration is proved by the rows of
-        its pairs. Raises as distances(), and QueryError for a row that the answer has not.
-        """
-        query = self._parse_named(arguments)
-        if rows is None:
-            return Certificate(self._engine.certificate(query.raw, None))
-        numbers = [to_count(row, f"rows[{i}]") for i, row in enumerate(to_list(rows, "rows", "row numbers"))]
-        return Certificate(self._engine.certificate(query.raw, np.array(numbers, dtype=np.uint64)))
-
     # ---- what Front asks for --------------------------------------------------------------------------------------
 
     def _load_names(self) -> NameTable:
@@ -189,6 +143,9 @@ class Engine(Front):
 
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
         return self._engine.pairs(raw)
+
+    def _certify(self, query: Query, rows: Optional[np.ndarray]) -> str:
+        return self._engine.certificate(query.raw, rows)
 
     def _default_fields(self, query: Query, configurations: int) -> int:
         return DEFAULT_FIELDS | POINTS_BY_DEFAULT

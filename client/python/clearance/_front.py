@@ -15,37 +15,25 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_cloud, to_floats, to_integer, to_list, to_number
-from ._asked import Asked, key_of
+from ._arguments import to_floats
+from ._asked import Asked
+from ._certificate import Certificates
 from ._future import Future
 from ._joints import Joints, JointsRef, JointState, JointTable
 from ._motions import MotionQueries
-from ._names import BodyInfo, NameTable
-from ._poses import as_one_pose, as_pose7, stack_poses
+from ._names import BodyInfo, BodyRef, NameTable
 from ._prepared import Prepared, TableOf
 from ._query import Parser, Query
 from ._result import Check, Out, Result
-from ._words import NONE, Field, FormatWord, PrecisionWord, ReduceWord, Status
+from ._updates import Updates
+from ._words import Field, FormatWord, PrecisionWord, ReduceWord, Status
 
-BodyRef = Union[str, int]
 Margin = Union[float, np.ndarray, Sequence[float], Mapping[tuple[BodyRef, BodyRef], float]]
 Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
 
 _TableKey = tuple[int, Optional[bytes], Optional[bytes], Optional[bytes]]  #: scene revision, pairs, bodies, joints
 _TABLES_KEPT = 16
 _CHECKED: Any = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.PAIR)  #: columns of check()
-
-
-@dataclass(frozen=True)
-class PosesDone:
-    """The effect of a pose update, which applies as a whole, in one snapshot."""
-
-    revision: int  #: of the snapshot that holds the update
-    scene_revision: int
-    applied: int
-    bad: int  #: stored, and answered BAD_POSE until a good one comes
-    unknown: int  #: ids outside the scene, ignored
-    fixed: int  #: static bodies, ignored
 
 
 @dataclass(frozen=True)
@@ -69,7 +57,7 @@ class BodyState:
     age_ns: Optional[int]  #: since the pose was received; None: never received
 
 
-class Front(MotionQueries, Parser):
+class Front(MotionQueries, Certificates, Updates, Parser):
     """Methods of both clearance.Engine and clearance.Client."""
 
     def __init__(self) -> None:
@@ -93,24 +81,7 @@ class Front(MotionQueries, Parser):
     def _start(self, query: Query) -> Future:
         raise NotImplementedError
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
-        raise NotImplementedError
-
     def _load_joints(self) -> tuple[list[Any], list[Any]]:
-        raise NotImplementedError
-
-    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> PosesDone:
-        raise NotImplementedError
-
-    def _send_points(
-        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int
-    ) -> PosesDone:
-        raise NotImplementedError
-
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> PosesDone:
-        raise NotImplementedError
-
-    def _send_allow(self, a: int, b: int, allow: bool) -> PosesDone:
         raise NotImplementedError
 
     # ---- scene ----------------------------------------------------------------------------------------------------
@@ -190,42 +161,6 @@ class Front(MotionQueries, Parser):
         pairs, bodies, joints = (None if ids is None else ids.tobytes() for ids in named)
         return self._scene_revision(), pairs, bodies, joints
 
-    # ---- poses ----------------------------------------------------------------------------------------------------
-
-    def set_poses(
-        self,
-        poses: Union[Mapping[str, Any], Mapping[int, Any], Mapping[BodyRef, Any], np.ndarray],
-        bodies: Optional[Sequence[BodyRef]] = None,
-        stamp_ns: int = 0,
-        sequence: int = 0,
-    ) -> PosesDone:
-        """Applies poses of one or more bodies as one snapshot.
-
-        poses: {body: pose}, bodies by name or id; a pose is 7 numbers [x, y, z, qw, qx, qy, qz] (metres) or a (4, 4)
-            matrix, X_wb, or of a body with a parent X_parent_body. Or an array (M, 7) or (M, 4, 4) with `bodies`.
-        bodies: (M,) names or ids, only with an array; None: every movable body in the order of ids.
-        stamp_ns: a time of the caller's clock, which answers then carry (snapshot_stamp_ns); 0: none. Raises
-            QueryError, and applies nothing, if it is below 0, more than a minute ahead of this machine's clock (UTC),
-            or older than the last that this caller gave for one of the bodies. A caller whose clock starts again sends
-            one update without a stamp first.
-        sequence: the caller's count of its updates, which answers then carry (snapshot_sequence); 0: none.
-
-        A pose with NaN, or whose quaternion cannot be normalised, is stored as bad: queries then answer BAD_POSE.
-        Raises ValueError for a wrong shape, a matrix that is not rigid or an unknown name, TypeError for a wrong type.
-        """
-        names = self._names
-        if isinstance(poses, Mapping):
-            if bodies is not None:
-                raise TypeError("bodies: only with an array of poses, not with a dict")
-            ids = np.array([names.body(key, "poses") for key in poses], dtype=np.uint32)
-            array = stack_poses(poses)
-        else:
-            array = as_pose7(poses, "poses")
-            ids = names.movable if bodies is None else names.bodies_array(bodies, "bodies")
-            if array.ndim != 2 or len(array) != len(ids):
-                raise ValueError(f"poses: expected one pose for each of {len(ids)} bodies, got shape {np.shape(poses)}")
-        return self._send_poses(ids, array, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
-
     def joints(self, group: JointsRef) -> Joints:
         """Joints of robots, with their limits, as queries and updates take them.
 
@@ -243,96 +178,6 @@ class Front(MotionQueries, Parser):
             JointState(name, position, Status(status), beyond, stamp, None if age < 0 else age)
             for name, _, _, position, status, beyond, stamp, age in self._load_joints()[0]
         ]
-
-    def set_points(
-        self,
-        body: BodyRef,
-        xyz: Any,
-        radius: Optional[float] = None,
-        stamp_ns: int = 0,
-        sequence: int = 0,
-    ) -> PosesDone:
-        """Replaces the points of a body of points, all at once: a query sees all of the old ones or all of the new.
-
-        body: by name or id; one that was made of points, and may have none yet.
-        xyz: (N, 3) metres, in the body's frame, N >= 0. float32 is taken as it is, exactly; other numbers are rounded
-            to float32 first. Without points nothing is there.
-        radius: metres that the points, or the voxels about them, are grown by; None: as the scene has it.
-        stamp_ns, sequence: as in set_poses().
-
-        `applied` of the result counts points. Raises QueryError, and replaces nothing, for another body, a coordinate
-        that is not finite or beyond 1e9 m, more points than may be, and late stamps; ValueError for a wrong shape or an
-        unknown name; TypeError for a wrong type.
-        """
-        return self._send_points(
-            self._names.body(body, "body"),
-            to_cloud(xyz, "xyz"),
-            None if radius is None else to_number(radius, "radius"),
-            to_integer(stamp_ns, "stamp_ns"),
-            to_integer(sequence, "sequence"),
-        )
-
-    def set_joints(
-        self,
-        positions: Union[Mapping[str, float], Mapping[int, float], np.ndarray, Sequence[float]],
-        joints: Optional[JointsRef] = None,
-        stamp_ns: int = 0,
-        sequence: int = 0,
-    ) -> PosesDone:
-        """Sets positions of robots' joints as one snapshot: the poses of their links follow.
-
-        positions: {joint: position}, by name ("panda/panda_joint1") or id, radians and metres; or (J,) numbers with
-            `joints`.
-        joints: as in distances(), only with an array.
-        stamp_ns, sequence: as in set_poses().
-
-        A position with NaN, or beyond 1e6, is stored as bad: queries then answer BAD_POSE of the links that it moves.
-        Raises QueryError as set_poses() does, ValueError for a wrong shape or an unknown name, TypeError for a wrong
-        type.
-        """
-        ids, row = self._joint_table.update(positions, joints)
-        return self._send_joints(ids, row, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
-
-    def attach(
-        self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None, allow: Sequence[BodyRef] = ()
-    ) -> PosesDone:
-        """Makes `child` follow `parent`, from where it is now or at `pose` (X_parent_child).
-
-        With parent None the child follows nobody and stays where it is.
-
-        allow: bodies and groups that the child may touch while it is attached so, such as the fingers that hold it:
-            their pairs with it are left out of pairs=None and of groups until the child is attached anew or set free.
-
-        Raises QueryError for a cycle, a static child, or a body whose pose is not known and was not given.
-        """
-        child_id = self._names.body(child, "child")
-        parent_id = NONE if parent is None else self._names.body(parent, "parent")
-        array = None if pose is None else as_one_pose(pose, "pose")
-        others = to_list(allow, "allow", "a list of names or ids")
-        allowed = [self._names.selector(other, f"allow[{i}]") for i, other in enumerate(others)]
-        done = self._send_attach(child_id, parent_id, array, np.array(allowed, dtype=np.uint32))
-        self._names_cache = None
-        return done
-
-    def allow(self, a: BodyRef, b: BodyRef) -> PosesDone:
-        """Lets `a` and `b` (bodies or groups) touch: their pairs are left out of pairs=None and of groups.
-
-        A pair that a query names by its two bodies is answered all the same. `applied` says how many pairs changed.
-        Raises QueryError for an unknown body, and for more pairs than a scene keeps.
-        """
-        return self._allow(a, b, True)
-
-    def forbid(self, a: BodyRef, b: BodyRef) -> PosesDone:
-        """Has the pairs of `a` and `b` (bodies or groups) looked at again, whoever let them touch.
-
-        Those of a parent and its child, and of two static bodies, stay left out.
-        """
-        return self._allow(a, b, False)
-
-    def _allow(self, a: BodyRef, b: BodyRef, allow: bool) -> PosesDone:
-        done = self._send_allow(self._names.selector(a, "a"), self._names.selector(b, "b"), allow)
-        self._names_cache = None
-        return done
 
     # ---- queries --------------------------------------------------------------------------------------------------
 
@@ -375,7 +220,8 @@ class Front(MotionQueries, Parser):
         reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body), "min" (per configuration) or
             "any" (per configuration: BEYOND where every pair is proved farther than its margin, else one that is not).
             For "any" `margin` says how far: metres, or (P,) metres for each pair, or {("arm", "*"): 0.02, ...}, where
-            later entries win and pairs that no entry names have 0. It takes no max_distance.
+            later entries win and pairs that no entry names have 0. It takes no max_distance. With its column
+            "free_scale" `weights` (J,) says how far each joint goes at a scale of 1, as free_scale() asks it.
         fields: names of the columns that come back; "points" is both points, "default" is distance, lower, upper and
             status, "bounds" lower and upper in float32, rounded outward. None: "default", with points and normal
             too if there are at most 100,000 rows.
@@ -409,8 +255,7 @@ class Front(MotionQueries, Parser):
             max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
         )  # fmt: skip
         rows = None if positions is None else to_floats(positions, "positions", "(K, J) numbers")
-        key = key_of(self._scene_revision(), configurations, rows, (pairs, bodies, *arguments), more)
-        known = self._asked.find(key)
+        known, key = self._asked.find(self._scene_revision(), configurations, rows, (pairs, bodies, *arguments), more)
         if known is not None:
             query = known.at(configurations, rows)
         else:
@@ -444,6 +289,34 @@ class Front(MotionQueries, Parser):
         more = {"fields": _CHECKED, "timeout_s": timeout_s, **more}
         asked = {"joints": joints, "positions": positions, "margin": margin}
         return Check(self.distances(pairs, configurations, bodies, reduce="any", **asked, **more))
+
+    def free_scale(
+        self,
+        positions: Any,
+        joints: JointsRef,
+        weights: Any = None,
+        margin: Margin = 0.0,
+        pairs: Pairs = None,
+        **more: Any,
+    ) -> np.ndarray:
+        """How far joints may move: a region of joint space around each configuration that is proved to be free.
+
+        positions: (K, J) radians and metres of the joints, as in distances().
+        weights: (J,) >= 0, radians and metres, of how far each joint may go; None: 1 each.
+        margin: as in check(). `more`: timeout_s, rel_tol, max_pose_age_ns, ...
+
+        Returns (K,) float64, rounded down: the largest s that is proved such that all pairs stay beyond their margins
+        while no joint moves by more than s times its weight. 0: not even the configuration itself is proved free; inf:
+        nothing that moves can come nearer. Joint limits are not looked at. Raises as distances() does, and QueryError
+        for robots that stand on links that these joints move.
+        """
+        if joints is None:
+            raise ValueError("joints: expected some, that move")
+        table = self._joint_table
+        rows, ids = table.rows(positions, joints)
+        each = np.ones(len(ids)) if weights is None else to_floats(weights, "weights")
+        asked = {"pairs": pairs, "joints": joints, "positions": rows, "margin": margin, "weights": each, **more}
+        return self.distances(reduce="any", fields="free_scale", **asked).free_scale
 
     def prepare(self, **arguments: Any) -> Prepared:
         """Parses a query once, for a control loop that asks it again and again.

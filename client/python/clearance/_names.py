@@ -6,12 +6,14 @@ import math
 import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 
 from ._arguments import contiguous, did_you_mean, to_list, to_number_from_0
 from ._words import EVERY_BODY, GROUP_BIT, MARGIN_DTYPE, NONE
+
+BodyRef = Union[str, int]  #: a body, or where groups may stand too a group, by name or id
 
 
 @dataclass(frozen=True)

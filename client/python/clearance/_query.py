@@ -124,6 +124,8 @@ class Parser:
         raw.max_pose_age_ns = to_count(max_pose_age_ns, "max_pose_age_ns")
         raw.warm = to_bool(warm, "warm")
         if more:
+            if "weights" in more:
+                raw.set_weights(_weights(more.pop("weights")))
             self._add_options(raw, {**more, **self._add_margins(raw, more.get("margin"))})
         stamp_ns, wait_s = to_count(min_pose_stamp_ns, "min_pose_stamp_ns"), to_number(pose_wait_s, "pose_wait_s")
         every = isinstance(wait_for, str) and wait_for == "*"
@@ -195,6 +197,13 @@ class Parser:
         if format_word:
             return int(Field.COMPACT | Field.STATUS)
         return self._default_fields(query, configurations)
+
+
+def _weights(weights: Any) -> np.ndarray:
+    each = to_floats(weights, "weights", "one number for each joint")
+    if each.ndim != 1:
+        raise ValueError(f"weights: expected one number for each joint, got shape {each.shape}")
+    return each.copy()
 
 
 def _names_of(mask: int) -> list[str]:

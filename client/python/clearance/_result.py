@@ -10,6 +10,8 @@ import numpy as np
 from ._arguments import did_you_mean
 from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
 
+_ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Reduce.ANY))  # (R,) or (K,)
+
 
 class _ColumnAttribute:
     """A column, made into an array when it is first looked at and kept."""
@@ -73,6 +75,7 @@ class Result:
         "(..., 2) float64, 0 to 1: until when a motion is proved beyond its margins, and when within; inf: never"
     )  # type: ignore[assignment]
     steps: np.ndarray = _ColumnAttribute("uint32: configurations that a motion asked for")  # type: ignore[assignment]
+    free_scale: np.ndarray = _ColumnAttribute("float64: how far joints may move, in their weights; see free_scale()")  # type: ignore[assignment]
     bounds: np.ndarray = _ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
     compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
 
@@ -160,7 +163,7 @@ class Result:
 
     def _column(self, name: str) -> np.ndarray:
         column = COLUMNS[name]
-        if not self.fields & (1 << column.bit):
+        if not self._answer.fields >> column.bit & 1:
             if self.fields & Field.COMPACT and name in (COMPACT_DTYPE.names or ()):
                 return self.compact[name]
             have = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
@@ -168,8 +171,10 @@ class Result:
         if self._out is not None and name in self._out:
             array = self._out[name]
             return array[: self._answer.rows] if self._reduce == Reduce.WITHIN else array
-        shape = self._lead + self._row_shape(name)
-        return np.ndarray(shape, column.dtype, self._answer, self._answer.offset(column.bit))
+        answer = self._answer
+        lead = (answer.rows,) if self._reduce in _ROWS_ALONE else self._lead
+        shape = lead if column.shape == () and name != "gradient_joints" else lead + self._row_shape(name)
+        return np.ndarray(shape, column.dtype, answer, answer.offset(column.bit))
 
     def _row_shape(self, name: str) -> tuple[int, ...]:
         return (self._answer.joints,) if name == "gradient_joints" else COLUMNS[name].shape

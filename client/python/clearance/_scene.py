@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import threading
-import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any, Optional, Union
+from typing import Any, Optional
 
 import numpy as np
 
@@ -18,34 +17,30 @@ from ._arguments import (
     to_doubts,
     to_floats,
     to_half_space,
-    to_items,
     to_list,
     to_number,
     to_numbers,
     to_path,
     to_shape,
     to_text,
-    to_uncertainty,
     to_word,
 )
-from ._errors import HullWarning, RobotWarning, SceneError
-from ._names import BodyInfo, NameTable
+from ._errors import SceneError
+from ._names import BodyInfo, BodyRef, NameTable
 from ._poses import as_one_pose
-from ._words import CONVEXIFY, GEOMETRIES, NONE, ConvexifyWord, GeometryWord
+from ._scene_robots import RobotScene
+from ._scene_warnings import warn_of_hulls, warn_of_robots
+from ._words import CONVEXIFY, NONE, ConvexifyWord
 
-BodyRef = Union[str, int]
-_BY_LINK = "a dict of {'position': metres, 'angle': radians} by link"
 
-
-class Scene:
+class Scene(RobotScene):
     """Bodies by id (their order of arrival), groups, and pairs that are left out.
 
     Build it with the add_* calls or with Scene.load(); an Engine takes a copy. Metres; vertices in the body's frame.
     Every add_* call returns the new body's id and takes, by keyword,
 
     parent: a body that this one follows (its poses are then X_parent_body); static: it never moves; pose: where it is
-        at
-    first, 7 numbers or a (4, 4) matrix. A body without a pose is answered NO_POSE until it gets one.
+        at first, 7 numbers or a (4, 4) matrix. A body without a pose is answered NO_POSE until it gets one.
 
     Each raises SceneError for a bad or repeated name or bad geometry, TypeError or ValueError for a wrong argument.
     """
@@ -65,20 +60,8 @@ class Scene:
         scene = cls.__new__(cls)
         scene._lock = threading.RLock()
         scene._scene = _engine.Scene.load(to_path(path, "path"), to_bool(allow_outside, "allow_outside"))
-        _warn_of_hulls(scene._scene, 0)
-        _warn_of_robots(scene._scene, 0)
-        return scene
-
-    @classmethod
-    def load_urdf(cls, urdf: str | os.PathLike[str], name: Optional[str] = None, **options: Any) -> Scene:
-        """A scene of one robot, at the origin.
-
-        name: of the robot in the scene; None: the file's name without its ending ("panda" of "panda.urdf").
-        options: those of add_robot(), by name.
-        """
-        scene = cls()
-        path = to_path(urdf, "urdf")
-        scene.add_robot(os.path.splitext(os.path.basename(path))[0] if name is None else name, path, **options)
+        warn_of_hulls(scene._scene, 0)
+        warn_of_robots(scene._scene, 0)
         return scene
 
     def add_hull(
@@ -173,7 +156,7 @@ class Scene:
                 to_number(radius, "radius"),
                 *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
-            _warn_of_hulls(self._scene, added)
+            warn_of_hulls(self._scene, added)
             return added
 
     def add_box(
@@ -256,12 +239,13 @@ class Scene:
         padding: float = 0.0,
         max_speed: float = 0.0,
     ) -> int:
-        """Adds a cylinder along z as a circumscribed prism; BodyInfo.model_error says by how much that is larger."""
+        """Adds a cylinder along z, exactly, from -length / 2 to length / 2."""
         with self._lock:
             return self._scene.add_cylinder(
                 to_text(name, "name"),
                 to_number(radius, "radius"),
                 to_number(length, "length"),
+                0.0,
                 *self._rest(parent, static, pose, uncertainty, padding, max_speed),
             )
 
@@ -347,6 +331,8 @@ class Scene:
         cone: Any = None,
         ellipsoid: Any = None,
         half_space: bool = False,
+        points: Any = None,
+        voxel: float = 0.0,
         radius: float = 0.0,
         parent: Optional[BodyRef] = None,
         static: bool = False,
@@ -356,18 +342,17 @@ class Scene:
         max_speed: float = 0.0,
         convexify: ConvexifyWord = "auto",
     ) -> int:
-        """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it.
-
-        A cylinder does not grow: ValueError.
-        """
+        """Adds a body with the arguments of Client.add_body(): exactly one of the shapes; `radius` grows it."""
         shapes = {"vertices": vertices, "mesh": mesh, "box": box}
         shapes |= {"sphere": sphere, "capsule": capsule, "cylinder": cylinder}
-        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space)}
-        shape, numbers, triangles, how = to_shape(shapes, convexify)
+        shapes |= {"cone": cone, "ellipsoid": ellipsoid, "half_space": to_half_space(half_space), "points": points}
+        shape, numbers, triangles, how, cloud = to_shape(shapes, convexify, voxel)
         rest: dict[str, Any] = {"parent": parent, "static": static, "pose": pose, "uncertainty": uncertainty}
         rest.update(padding=padding, max_speed=max_speed)
         if shape == "vertices":
             return self.add_hull(name, numbers, radius, **rest)
+        if shape == "points":
+            return self.add_points(name, cloud, numbers[0, 0], radius, **rest)
         if shape == "mesh":
             return self._add_mesh_of(name, numbers, triangles, how, to_number(radius, "radius"), self._rest(**rest))
         if shape == "box":
@@ -382,12 +367,9 @@ class Scene:
             return self.add_sphere(name, r + grown, **rest)
         if shape == "capsule":
             return self.add_capsule(name, r + grown, length, **rest)
-        if shape == "cone":
-            with self._lock:
-                return self._scene.add_cone(to_text(name, "name"), r, length, grown, *self._rest(**rest))
-        if grown:
-            raise ValueError(f"radius: expected 0 for a cylinder, which does not grow, got {grown:g}")
-        return self.add_cylinder(name, r, length, **rest)
+        with self._lock:
+            add = self._scene.add_cone if shape == "cone" else self._scene.add_cylinder
+            return add(to_text(name, "name"), r, length, grown, *self._rest(**rest))
 
     def _add_mesh_of(
         self,
@@ -400,73 +382,8 @@ class Scene:
     ) -> int:
         with self._lock:
             added = self._scene.add_mesh_of(to_text(name, "name"), vertices, triangles, convexify, radius, *rest)
-            _warn_of_hulls(self._scene, added)
+            warn_of_hulls(self._scene, added)
             return added
-
-    def add_robot(
-        self,
-        name: str,
-        urdf: str | os.PathLike[str],
-        *,
-        srdf: Union[str, os.PathLike[str], None] = None,
-        packages: Optional[Mapping[str, str | os.PathLike[str]]] = None,
-        base: Any = None,
-        parent: Optional[BodyRef] = None,
-        static: bool = False,
-        geometry: GeometryWord = "collision",
-        home: Union[Mapping[str, float], str, None] = None,
-        padding: Union[float, Mapping[str, float]] = 0.0,
-        uncertainty: Optional[Mapping[str, Mapping[str, float]]] = None,
-        convexify: Union[ConvexifyWord, Mapping[str, ConvexifyWord]] = "auto",
-    ) -> None:
-        """Adds a robot: a frame `name` that places it, and a body "name/LINK" for each of its links.
-
-        srdf: its groups become groups "name/GROUP", the pairs that it disables are left out. Without one, links that a
-            joint joins are. Pairs with no moving joint between them always are.
-        packages: {package: folder} for meshes named package://NAME/...; other meshes lie beside the URDF.
-        base: pose of the base, 7 numbers or (4, 4): in the world or, with a parent, in it; None: the identity.
-        static: the base never moves.
-        geometry: "collision" or "visual" shapes.
-        home: {joint: position} at load, radians and metres, or the name of a group state of the SRDF; joints that it
-            does not name are at 0. None: links have no pose until their joints have positions.
-        padding: metres that grow the links, one number or {link: metres}.
-        uncertainty: {link: {"position": metres, "angle": radians}} that a link may be off by, itself alone: not those
-            that hang on it.
-        convexify: what the links' meshes are, as in add_mesh(): one word or {link: word}, "auto" for the others.
-
-        Raises SceneError naming file, line and element. Warns (RobotWarning) of what was left out of the SRDF, and
-        (HullWarning) of links that stand far out of their meshes.
-        """
-        folders = {} if packages is None else dict(to_items(packages, "packages", "a dict of folders by package"))
-        by_link = isinstance(padding, Mapping)
-        named = isinstance(convexify, Mapping)
-        by_joint = home is not None and not isinstance(home, str)
-        with self._lock:
-            bodies = len(self._scene.bodies())
-            index = self._scene.add_robot(
-                to_text(name, "name"),
-                to_path(urdf, "urdf"),
-                "" if srdf is None else to_path(srdf, "srdf"),
-                {to_text(key, "packages"): to_path(folder, f"packages[{key!r}]") for key, folder in folders.items()},
-                None if base is None else as_one_pose(base, "base"),
-                "" if parent is None else self._body(parent, "parent").name,
-                to_bool(static, "static"),
-                bool(to_word(geometry, GEOMETRIES, "geometry")),
-                _numbers_by_name(home, "home", "positions by joint, or the name of a group state")
-                if by_joint
-                else None,
-                home if isinstance(home, str) else "",
-                0.0 if by_link else to_number(padding, "padding"),
-                _numbers_by_name(padding, "padding", "metres by link") if by_link else {},
-                {
-                    to_text(link, "uncertainty"): to_uncertainty(doubt, f"uncertainty[{link!r}]")
-                    for link, doubt in to_items({} if uncertainty is None else uncertainty, "uncertainty", _BY_LINK)
-                },
-                CONVEXIFY["auto"] if named else to_word(convexify, CONVEXIFY, "convexify"),
-                _convexify_by_link(convexify) if isinstance(convexify, Mapping) else {},
-            )
-            _warn_of_hulls(self._scene, bodies)
-            _warn_of_robots(self._scene, index)
 
     def add_group(self, name: str, bodies: Sequence[str]) -> None:
         """Names a set of bodies."""
@@ -573,34 +490,6 @@ def name_table(scene: Any, revision: int) -> NameTable:
     ]
     groups = {name: np.array(members, dtype=np.uint32) for name, members in scene.groups()}
     return NameTable(revision, bodies, groups)
-
-
-def _numbers_by_name(value: Any, what: str, expected: str) -> dict[str, float]:
-    items = to_items(value, what, f"a dict of {expected}")
-    return {to_text(key, what): to_number(number, f"{what}[{key!r}]") for key, number in items}
-
-
-def _convexify_by_link(value: Mapping[str, str]) -> dict[str, int]:
-    return {to_text(link, "convexify"): to_word(how, CONVEXIFY, f"convexify[{link!r}]") for link, how in value.items()}
-
-
-def _warn_of_robots(scene: Any, first: int) -> None:
-    for text in scene.robot_warnings(first):
-        warnings.warn(text, RobotWarning, stacklevel=3)
-
-
-_NAMED_IN_WARNING = 5
-
-
-def _warn_of_hulls(scene: Any, first: int) -> None:
-    """One warning for all bodies from `first` on that are far from the meshes they stand for."""
-    found = scene.hull_warnings(first)
-    if not found:
-        return
-    text = "; ".join(f"{name}: {what}" for name, what in found[:_NAMED_IN_WARNING])
-    if len(found) > _NAMED_IN_WARNING:
-        text += f"; and {len(found) - _NAMED_IN_WARNING} more"
-    warnings.warn(text, HullWarning, stacklevel=3)
 
 
 def _three(value: Any, what: str, one: bool = False) -> tuple[float, float, float]:

@@ -96,6 +96,7 @@ class Field(enum.IntFlag):
     FIRST_CONTACT = 1 << 16
     STEPS = 1 << 17
     BOUNDS = 1 << 18
+    FREE_SCALE = 1 << 19
 
 
 #: One row of format="compact".
@@ -134,6 +135,7 @@ COLUMNS: dict[str, Column] = {
     "first_contact": Column(16, np.dtype("<f8"), (2,)),
     "steps": Column(17, np.dtype("<u4"), ()),
     "bounds": Column(18, np.dtype("<f4"), (2,)),
+    "free_scale": Column(19, np.dtype("<f8"), ()),
 }
 KNOWN_FIELDS = sum(1 << column.bit for column in COLUMNS.values())
 #: Bits from 0 to that of the last column.

@@ -42,6 +42,7 @@ class FrameType(enum.IntEnum):
     SET_JOINTS = 13
     GET_JOINTS = 14
     SET_POINTS = 15
+    CERTIFY = 17
     PONG = 0x81
     SCENE = 0x82
     REPLY = 0x83
@@ -51,6 +52,7 @@ class FrameType(enum.IntEnum):
     STATS = 0x88
     SCENE_CHANGED = 0x89
     JOINTS = 0x8A
+    CERTIFICATE = 0x8C
     ERROR = 0xFF
 
 
@@ -61,6 +63,8 @@ class QueryRecord(enum.IntEnum):
     PAIR_MARGINS = 7  #: float64 each: (P,) metres
     JOINTS = 8  #: uint32 each: (J,) ids
     POSITIONS = 9  #: float64 each: (K, J)
+    WEIGHTS = 11  #: float64 each: (J,)
+    ROWS = 16  #: uint64 each: numbers of rows, of CERTIFY alone
 
 
 class ErrorCode(enum.IntEnum):

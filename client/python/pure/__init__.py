@@ -59,6 +59,7 @@ class Query:
         self.joints, self.positions = joints, positions
         self.margins: Optional[np.ndarray] = None
         self.pair_margins: Optional[np.ndarray] = None
+        self.weights: Optional[np.ndarray] = None
         self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
 
     def at(self, configurations: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Query:
@@ -72,6 +73,9 @@ class Query:
 
     def set_pair_margins(self, each: np.ndarray) -> None:
         self.pair_margins = each
+
+    def set_weights(self, each: np.ndarray) -> None:
+        self.weights = each
 
 
 class Client:
@@ -134,6 +138,9 @@ class Client:
     def pairs(self, query: Query) -> np.ndarray:
         return self._with(self._session.pairs, query)
 
+    def certificate(self, query: Query, rows: Optional[np.ndarray]) -> str:
+        return self._with(self._session.certificate, query, rows)
+
     def set_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
         if len(ids) != len(poses):
             raise ValueError("poses: expected one pose for each body")
@@ -171,9 +178,11 @@ class Client:
         doubts: tuple[float, float, float, float],
         triangles: np.ndarray,
         convexify: int,
+        cloud: np.ndarray,
     ) -> tuple:
+        mesh = (triangles, convexify)
         return self._with(
-            self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts, triangles, convexify
+            self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts, *mesh, cloud
         )
 
     def remove_body(self, name: str) -> tuple:

@@ -16,17 +16,18 @@ from ..wire import MAX_FRAME_BYTES, MAX_REQUEST_BYTES, ErrorCode, FrameType, Que
 from .connection import Connection, parse_error, refusal
 from .frames import Frame, header_bytes, malformed, name_of_type, record
 
-_SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder", "half_space", "cone", "ellipsoid")
+_SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder", "half_space", "cone", "ellipsoid", "points")
 #: How a record holds an option of each kind.
 _OPTION_FORMATS = {"bool": "<B", "word": "<B", "number": "<d", "integer": "<q", "count": "<Q"}
 
 
 #: Records of a query that hold arrays, in the order of their tags: above those of options.
-_ARRAY_TAGS = {record.name.lower(): record for record in QueryRecord}
+_ARRAY_TAGS = {record.name.lower(): record for record in QueryRecord if record != QueryRecord.ROWS}
 _ATTACH_ALLOW = 1  #: tag of the record of an attachment that names what the child may touch
 _BODY_DOUBTS = 20  #: tag of the record of a new body that says what is not known of it
 _BODY_TRIANGLES = 21  #: of a mesh, whose vertices are the body's
 _BODY_CONVEXIFY = 22  #: what that mesh is
+_BODY_POINTS = 23  #: of a cloud
 
 
 class Scene(NamedTuple):
@@ -130,9 +131,9 @@ class Session:
 
     # ---- queries --------------------------------------------------------------------------------------------------
 
-    def send_query(self, query: Any, type: FrameType = FrameType.QUERY) -> int:
+    def send_query(self, query: Any, type: FrameType = FrameType.QUERY, rows: Optional[np.ndarray] = None) -> int:
         asked = query.__dict__
-        is_query = type == FrameType.QUERY
+        is_query, has_configurations = type == FrameType.QUERY, type != FrameType.PAIRS
         revision = self._revision_of_ids()
         pairs, bodies, poses = query.pairs, query.bodies, query.configurations
         configurations = poses if poses is not None else query.positions
@@ -150,14 +151,16 @@ class Session:
             parts.append(pairs)
         if bodies is not None:
             parts.append(np.concatenate([bodies, np.zeros(len(bodies) % 2, np.uint32)]))
-        if is_query and poses is not None:
+        if has_configurations and poses is not None:
             parts.append(poses)
         later = {n: r for n, r in self._options.items() if r[0] and asked[n] != r[2]}
         tagged = {tag: struct.pack(_OPTION_FORMATS[kind], asked[name]) for name, (tag, kind, *_) in later.items()}
         arrays = {name: asked[name] for name in _ARRAY_TAGS if asked[name] is not None and len(asked[name])}
-        if not is_query:
+        if not has_configurations:
             arrays.pop("positions", None)
         tagged.update((_ARRAY_TAGS[name], np.ascontiguousarray(array).tobytes()) for name, array in arrays.items())
+        if rows is not None:
+            tagged[QueryRecord.ROWS] = np.ascontiguousarray(rows, np.uint64).tobytes()
         records = b"".join(record(tag, tagged[tag]) for tag in sorted(tagged))
         expected = self._expected_reply_bytes(header, pairs) if is_query else 0
         request_id = self._send(type, parts, revision, records, expected)
@@ -171,6 +174,14 @@ class Session:
         if len(frame.payload) != 16 + 8 * count:
             raise malformed(self.connection.url, f"{count} pairs in {len(frame.payload)} bytes")
         return np.frombuffer(frame.payload, np.uint32, 2 * count, 16).reshape(-1, 2).copy() if count else _NO_PAIRS
+
+    def certificate(self, query: Any, rows: Optional[np.ndarray]) -> str:
+        """The document. rows: (R,) numbers; None: all."""
+        frame = self._receive(self.send_query(query, FrameType.CERTIFY, rows), "CERTIFICATE")
+        try:
+            return bytes(frame.payload).decode()
+        except UnicodeDecodeError as error:
+            raise malformed(self.connection.url, f"the certificate is no UTF-8: {error}") from None
 
     def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray]) -> int:
         """Bytes of the reply, as far as can be said; 0: the daemon knows better."""
@@ -284,11 +295,12 @@ class Session:
         doubts: tuple[float, float, float, float],
         triangles: np.ndarray,
         convexify: int,
+        cloud: np.ndarray,
     ) -> tuple:
         """shape: "mesh", or one of _SHAPES.
 
         numbers: vertices (V, 3), or sizes (1, 3). doubts: of position and angle, padding, max_speed. triangles: of a
-        mesh, (T, 3) uint32, else none.
+        mesh, (T, 3) uint32, else none. cloud: its points, (N, 3) float32, else none.
         """
         is_hull = shape in ("vertices", "mesh")
         body = np.zeros((), wire._wire.NewBodyRecord)
@@ -307,6 +319,8 @@ class Session:
         if len(triangles):
             records += record(_BODY_TRIANGLES, triangles.astype("<u4").tobytes())
             records += record(_BODY_CONVEXIFY, struct.pack("<B", convexify))
+        if shape == "points":
+            records += record(_BODY_POINTS, cloud.astype("<f4").tobytes())
         return self._change_scene(FrameType.ADD_BODY, parts, self.connection.timeout_s, revision, records)
 
     def remove_body(self, name: str) -> tuple:

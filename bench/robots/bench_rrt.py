@@ -1,0 +1,281 @@
+#!/usr/bin/env python3
+"""MotionBenchMaker's problems planned end to end by RRT-Connect: where the time goes, beside Pinocchio and Coal.
+
+    bench/robots/bench_rrt.py [--robots panda ur5] [--problems 20] [--csv FILE]
+
+One planner, written here in Python, asks everybody about the same edges, sampled every --resolution radians: ours in
+one call an edge, in process and over shared memory (a daemon of one thread), Coal state by state, up to the first that
+is not free. The random numbers are the same for all, so that equal verdicts give equal trees.
+
+  checking    time on the wall in all questions whether edges are free
+  kinematics  of that: placing the robot. Of Pinocchio and Coal it is timed state by state; of ours the same states are
+              asked about one pair alone afterwards, and the engine's own time for that is taken
+  transport   of checking, ours: what the caller waits beyond the engine's own time (in process: Python; over shared
+              memory: the way there and back as well)
+  planning    the planner itself
+
+Contenders take turns with each problem, --rounds times; the round in which one took least counts. A problem counts
+where all solve it within --states states.
+Downloads the problems and installs Pinocchio and Coal in build/robots.
+"""
+
+import argparse
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Any, Optional
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "build/python"), str(Path(__file__).parent)]
+from environment import BUILD, in_own_environment  # noqa: E402
+from rows import save  # noqa: E402
+
+if __name__ == "__main__":
+    in_own_environment()
+import contenders  # noqa: E402
+import numpy as np  # noqa: E402
+
+STEP = 1.0  # radians and metres that a tree grows by at most, joint by joint
+
+
+class Tree:
+    def __init__(self, root):
+        self.rows = np.empty((1024, len(root)))
+        self.rows[0] = root
+        self.parents = [0]
+
+    def nearest(self, q):
+        return int(np.argmin(((self.rows[: len(self.parents)] - q) ** 2).sum(axis=1)))
+
+    def add(self, q, parent):
+        if len(self.parents) == len(self.rows):
+            self.rows = np.concatenate([self.rows, np.empty_like(self.rows)])
+        self.rows[len(self.parents)] = q
+        self.parents.append(parent)
+        return len(self.parents) - 1
+
+
+def plan(checker, start, goal, limits, rng, resolution, most_states):
+    """RRT-Connect (Kuffner, LaValle 2000). Returns whether a path was found."""
+
+    def extend(tree, q):
+        """One step of the tree towards q: (its new node or None, whether that is q)."""
+        near = tree.nearest(q)
+        way = q - tree.rows[near]
+        longest = np.abs(way).max()
+        reached = longest <= STEP
+        to = q if reached else tree.rows[near] + way * (STEP / longest)
+        steps = max(int(np.ceil(min(longest, STEP) / resolution)), 1)
+        states = tree.rows[near] + (to - tree.rows[near]) * (np.arange(1, steps + 1) / steps)[:, None]
+        return (tree.add(to, near), reached) if checker.free(states) else (None, False)
+
+    trees = Tree(start), Tree(goal)
+    while checker.states < most_states:
+        node, _ = extend(trees[0], rng.uniform(limits[:, 0], limits[:, 1]))
+        if node is not None:
+            target = trees[0].rows[node]
+            while checker.states < most_states:
+                other, reached = extend(trees[1], target)
+                if reached:
+                    return True
+                if other is None:
+                    break
+        trees = trees[1], trees[0]
+    return False
+
+
+class Ours:
+    """One call an edge."""
+
+    def __init__(self, files: Any, robot: str, url: Optional[str] = None):
+        urdf, srdf, resources, joints = files
+        self.contender = contenders.Clearance(urdf, srdf, resources, joints, robot, url)
+        self.name = "Clearance over shared memory" if url else "Clearance in process"
+
+    def begin(self, problem):
+        self.contender.begin(problem)
+        self.states, self.seconds, self.engine_seconds, self.asked = 0, 0.0, 0.0, []
+
+    def free(self, states):
+        from clearance import Status
+
+        begin = time.perf_counter()
+        answer = self.contender.asked.distances(
+            joints=self.contender.joints, positions=states, reduce="any", fields="status"
+        )
+        is_free = bool((answer.status == Status.BEYOND).all())
+        self.seconds += time.perf_counter() - begin
+        self.engine_seconds += 1e-9 * answer.engine_ns
+        self.states += len(states)
+        self.asked.append(states)
+        return is_free
+
+    def shares(self):
+        """Seconds of (kinematics, transport)."""
+        asked, joints = self.contender.asked, self.contender.joints
+        table = asked.distances(joints=joints, positions=self.asked[0][:1], fields="status").pairs
+        ns = 0
+        for states in self.asked:
+            ns += asked.distances(table[:1], joints=joints, positions=states, reduce="any", fields="status").engine_ns
+        return 1e-9 * ns, self.seconds - self.engine_seconds
+
+    def end(self):
+        self.contender.end()
+
+
+class Theirs:
+    """Pairs as they come, or a tree of boxes: whichever is told."""
+
+    def __init__(self, *files, tree):
+        self.contender = contenders.PinocchioCoal(*files)
+        self.name = f"Coal, {'tree of boxes' if tree else 'pairs in order'}"
+        self.tree = tree
+
+    def begin(self, problem):
+        self.contender.begin(problem)
+        self.states, self.seconds, self.asked = 0, 0.0, []
+
+    def free(self, states):
+        of = self.contender
+        begin = time.perf_counter()
+        rows = of.states(states)
+        is_free, count = True, 0
+        for q in rows:
+            count += 1
+            if self.tree:
+                hit = of.pin.computeCollisions(of.model, of.data, of.tree, q, True)
+            else:
+                hit = of.pin.computeCollisions(of.model, of.data, of.geometry, of.geometry_data, q, True)
+            if hit:
+                is_free = False
+                break
+        self.seconds += time.perf_counter() - begin
+        self.states += len(states)
+        self.asked.append(rows[:count])
+        return is_free
+
+    def shares(self):
+        of = self.contender
+        begin = time.perf_counter()
+        for rows in self.asked:
+            for q in rows:
+                of.pin.updateGeometryPlacements(of.model, of.data, of.geometry, of.geometry_data, q)
+        return time.perf_counter() - begin, 0.0
+
+    def end(self):
+        self.contender.end()
+
+
+def solve(checker, problem, joints, limits, options):
+    """What one contender takes for one problem; None where it finds no path."""
+    rng = np.random.default_rng([options.seed, problem.number, len(problem.family)])
+    start, goal = (np.array([at[j] for j in joints]) for at in (problem.start, problem.goal))
+    checker.begin(problem)
+    try:
+        if not (checker.free(start[None]) and checker.free(goal[None])):
+            return None
+        checker.states, checker.seconds, checker.asked = 0, 0.0, []
+        if isinstance(checker, Ours):
+            checker.engine_seconds = 0.0
+        begin = time.perf_counter()
+        found = plan(checker, start, goal, limits, rng, options.resolution, options.states)
+        total = time.perf_counter() - begin
+        if not found:
+            return None
+        kinematics, transport = checker.shares()
+        return {"states": checker.states, "total": total, "checking": checker.seconds,
+                "kinematics": kinematics, "transport": transport}  # fmt: skip
+    finally:
+        checker.end()
+
+
+def least(rounds):
+    """The round that took least; None where there was no path."""
+    return None if None in rounds else min(rounds, key=lambda one: one["total"])
+
+
+def chosen(problems, count):
+    """As many problems, of all families by turns."""
+    return sorted(problems, key=lambda p: (p.number, p.family))[:count]
+
+
+def row_of(robot, name, found, agreed):
+    def mean(key):
+        return 1e3 * float(np.mean([each[key] for each in found]))
+
+    return {
+        "robot": robot,
+        "contender": name,
+        "problems": len(found),
+        "same_trees": agreed,
+        "states": round(float(np.mean([each["states"] for each in found]))),
+        "total_ms": f"{mean('total'):.4g}",
+        "checking_ms": f"{mean('checking'):.4g}",
+        "kinematics_ms": f"{mean('kinematics'):.3g}",
+        "transport_ms": f"{mean('transport'):.3g}",
+        "planning_ms": f"{mean('total') - mean('checking'):.3g}",
+    }
+
+
+def measure(robot, resources, options):
+    import problems
+    from bench_robots import limits_of, scene_of
+
+    from processes import Stage
+    from service import start_daemon
+
+    urdf, srdf = problems.urdf_of(resources, robot)
+    asked = chosen(problems.load(resources, robot), options.problems)
+    joints = list(asked[0].goal)
+    found: list[list[Any]] = []
+    with Stage() as stage:
+        _, urls, _ = start_daemon(stage, scene_of(robot, urdf, srdf, resources), options=["--threads", "1"])
+        files = urdf, srdf, resources, joints
+        theirs = [Theirs(*files, tree=tree) for tree in (True, False)]
+        checkers: list[Any] = [Ours(files, robot), Ours(files, robot, url=urls["shm"]), *theirs]
+        limits = limits_of(theirs[-1].contender.model, joints)
+        for problem in asked:
+            rounds = []
+            for _ in range(options.rounds):
+                rounds.append([solve(checker, problem, joints, limits, options) for checker in checkers])
+                if None in rounds[-1]:
+                    break
+            each = [least(found_by) for found_by in zip(*rounds)]
+            if all(each):
+                found.append(each)
+            shown = "  ".join("-" if one is None else f"{1e3 * one['total']:.0f} ms" for one in each)
+            print(f"{problem.name}: {shown}", flush=True)
+    if not found:
+        raise RuntimeError(f"{robot}: nobody solves a problem within {options.states} states")
+    agreed = sum(len({one["states"] for one in each}) == 1 for each in found)
+    print(f"{robot}: {len(found)} of {len(asked)} problems solved by all; {agreed} with the same trees")
+    return [row_of(robot, c.name, [each[i] for each in found], agreed) for i, c in enumerate(checkers)]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--robots", nargs="+", default=["panda", "ur5"])
+    parser.add_argument("--problems", type=int, default=20, help="of each robot, of its families by turns")
+    parser.add_argument("--resolution", type=float, default=1 / 32, help="radians, metres between samples of an edge")
+    parser.add_argument("--states", type=int, default=200000, help="samples after which a problem counts as unsolved")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--csv", type=Path)
+    options = parser.parse_args()
+    import problems
+
+    resources = problems.fetch(BUILD)
+    warnings.simplefilter("ignore")  # what robots and meshes have in them is known
+    rows = []
+    for robot in options.robots:
+        rows += measure(robot, resources, options)
+    for row in rows:
+        print("  ".join(f"{value:>12}" for value in row.values()), flush=True)
+    asked = f"up to {options.problems} problems of each robot, a sample every {options.resolution:g} rad"
+    save(rows, options.csv, asked)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

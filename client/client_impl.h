@@ -1,0 +1,220 @@
+// The inside of a Client: a connection, the requests under way, and the scene as its caller knows it.
+#pragma once
+
+#include <chrono>
+#include <cstring>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "client.h"
+#include "connection.h"
+#include "requests.h"
+#include "wire/wire.h"
+
+namespace clearance {
+
+struct Client::Impl {
+  Impl(std::span<const std::string> urls, const ConnectOptions& options) : connection(urls, options) {}
+
+  const std::string& url() const { return connection.url(); }
+
+  /// Runs a parser; what it refuses is the daemon's fault.
+  template <class Parse>
+  auto checked(Parse parse) const {
+    try {
+      return parse();
+    } catch (const wire::WireError& error) {
+      throw ConnectionError(url() + ": the daemon sent a malformed frame: " + error.what());
+    }
+  }
+
+  /// Room for a request; throws RequestError for one that no transport takes.
+  std::byte* begin(std::uint64_t payload_bytes, std::uint64_t reply_bytes) {
+    const std::uint64_t bytes = sizeof(wire::FrameHeader) + payload_bytes;
+    if (bytes > wire::kMaxRequestBytes)
+      throw RequestError(static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge),
+                         "a request of " + std::to_string(bytes) + " bytes is more than the " +
+                             std::to_string(wire::kMaxRequestBytes) + " allowed: split it");
+    return connection.begin(bytes, reply_bytes ? reply_bytes + wire::kEpochRecordBytes : 0);
+  }
+
+  /// What a reply says, without its records.
+  std::span<const std::byte> body_of(const Frame& frame) const {
+    return checked([&] { return wire::split_payload(frame.header(), frame.payload()).body; });
+  }
+
+  /// Sends a frame that is not a query and returns its request id.
+  std::uint64_t send(wire::FrameType type, std::span<const std::byte> payload, std::uint64_t reply_bytes,
+                     std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
+    return send(type, payload, {}, reply_bytes, scene_revision, std::move(records));
+  }
+  /// \param rest of the payload
+  std::uint64_t send(wire::FrameType type, std::span<const std::byte> payload, std::span<const std::byte> rest,
+                     std::uint64_t reply_bytes, std::uint64_t scene_revision, std::vector<std::byte> records) {
+    const std::uint64_t bytes = payload.size() + rest.size();
+    const std::vector<std::byte>& epoch = connection.prepare();
+    records.insert(records.end(), epoch.begin(), epoch.end());
+    std::byte* room = begin(bytes + records.size(), reply_bytes);
+    const auto header = wire::with_records(wire::make_header(type, connection.next_request_id(), bytes, scene_revision),
+                                           records.size());
+    std::memcpy(room, &header, sizeof header);
+    room += sizeof header;
+    for (const std::span<const std::byte> part : {payload, rest, std::span<const std::byte>(records)}) {
+      if (!part.empty()) std::memcpy(room, part.data(), part.size());
+      room += part.size();
+    }
+    connection.send();
+    return header.request_id;
+  }
+
+  /// \param rows of kCertify; none: all
+  std::uint64_t send_query(wire::FrameType type, const Query& query,
+                           std::optional<std::span<const std::uint64_t>> rows = {}) {
+    wire::QueryHeader q;
+    try {
+      q = header_of(query);
+    } catch (const wire::WireError& error) {
+      throw RequestError(static_cast<std::uint16_t>(error.code), error.what());
+    }
+    const bool is_query = type == wire::FrameType::kQuery, has_configurations = type != wire::FrameType::kPairs;
+    const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;  // before the room: it may ask, too
+    const std::uint64_t payload_bytes =
+        wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
+    // Without records a query is of version 1, which every daemon answers.
+    std::vector<std::byte> records = query_records(query);
+    wire::insert_joint_records(records, query.joints, has_configurations ? query.positions : std::span<const double>());
+    if (rows)
+      wire::insert_record(records, static_cast<std::uint16_t>(wire::QueryRecord::kRows), wire::kRecordRequired,
+                          std::as_bytes(*rows));
+    const bool has_options = !records.empty();
+    const std::vector<std::byte>& epoch = connection.prepare();
+    records.insert(records.end(), epoch.begin(), epoch.end());
+    std::byte* room =
+        begin(payload_bytes + records.size(),
+              is_query ? expected_reply_bytes(q, query.pairs, query.joints.size(), scene ? &*scene : nullptr) : 0);
+    const auto header = wire::with_records(
+        wire::make_header(type, connection.next_request_id(), payload_bytes, scene_revision), records.size());
+    wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data(), records);
+    connection.send();
+    sent_in_records.erase(sent_in_records.begin(), sent_in_records.lower_bound(connection.oldest_request_id()));
+    if (has_options) sent_in_records[header.request_id] = options_in_records(query);
+    return header.request_id;
+  }
+
+  /// What arrived, if it is of `type`; errors and malformed frames are thrown.
+  std::unique_ptr<Frame> interpret(std::unique_ptr<Frame> frame, wire::FrameType type) {
+    const std::uint16_t got = frame->header().type;
+    const auto sent = sent_in_records.extract(frame->header().request_id);
+    if (got == static_cast<std::uint16_t>(wire::FrameType::kError)) {
+      const auto error = checked([&] { return wire::parse_error(body_of(*frame)); });
+      const auto code = static_cast<wire::ErrorCode>(error.header.code);
+      if (code == wire::ErrorCode::kWrongScene) scene_is_old = true;
+      if (code == wire::ErrorCode::kNewEpoch) throw NewEpoch(error.header.code, url() + ": " + error.text);
+      const bool is_old = sent && (code == wire::ErrorCode::kWrongVersion || code == wire::ErrorCode::kNotSupported);
+      throw RequestError(error.header.code,
+                         error.text + (is_old ? "; the daemon is too old for one of: " + sent.mapped() : ""));
+    }
+    if (got != static_cast<std::uint16_t>(type))
+      throw ConnectionError(url() + ": the daemon answered with " + wire::type_name(got) + ", expected " +
+                            wire::type_name(static_cast<std::uint16_t>(type)));
+    return frame;
+  }
+
+  std::unique_ptr<Frame> receive(std::uint64_t request_id, wire::FrameType type) {
+    return receive(request_id, type, connection.timeout());
+  }
+  std::unique_ptr<Frame> receive(std::uint64_t request_id, wire::FrameType type, std::chrono::nanoseconds limit) {
+    std::unique_ptr<Frame> frame = connection.await(request_id, deadline_in(limit));
+    if (!frame) {
+      sent_in_records.erase(request_id);
+      connection.forget(request_id);
+      throw TimeoutError(url() + ": no " + wire::type_name(static_cast<std::uint16_t>(type)) + " within " +
+                         seconds(limit));
+    }
+    return interpret(std::move(frame), type);
+  }
+
+  std::unique_ptr<Frame> call(wire::FrameType request, std::span<const std::byte> payload, wire::FrameType reply,
+                              std::uint64_t reply_bytes, std::uint64_t scene_revision = 0) {
+    return receive(send(request, payload, reply_bytes, scene_revision), reply);
+  }
+
+  /// The scene as the caller knows it from now on.
+  const SceneInfo& get_scene() {
+    if (!scene || scene_is_old) look_at_scene();
+    return *scene;
+  }
+  void look_at_scene() {
+    scene = fetch_scene();
+    scene_is_old = changed_by_us = false;
+    known_revision = poses_revision = scene->revision;
+  }
+  SceneInfo fetch_scene();
+  /// The revision of the scene that the caller's ids are of, for a request that uses them; 0: it knows none. What
+  /// somebody else has changed is refused (kWrongScene) until the caller looks at the scene again, since its ids may
+  /// mean other bodies; what this client has changed itself is not, where they mean the same.
+  std::uint64_t revision_of_ids() {
+    if (known_revision && std::exchange(changed_by_us, false))
+      if (const SceneInfo now = fetch_scene(); ids_mean_the_same(now, false))
+        known_revision = poses_revision = now.revision;
+    return known_revision;
+  }
+  /// Whether the ids that both scenes have are of bodies and groups of the same names, and if asked for of the same
+  /// parents.
+  bool ids_mean_the_same(const SceneInfo& now, bool parents) const;
+
+  PosesDone send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
+                       std::int64_t sequence);
+  PosesDone poses_done(const Frame& frame) const {
+    const auto r = checked([&] { return wire::parse_poses_done(body_of(frame)); });
+    return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
+  }
+
+  /// \param later names what is in the records, for a daemon that does not know of it
+  std::uint64_t send_with(wire::FrameType type, std::span<const std::byte> payload, std::uint64_t revision,
+                          std::vector<std::byte> records, const char* later) {
+    const bool has_records = !records.empty();
+    const std::uint64_t request = send(type, payload, 0, revision, std::move(records));
+    if (has_records) sent_in_records[request] = later;
+    return request;
+  }
+
+  /// A request that changes which pairs are enabled, and no ids.
+  PosesDone change_pairs(wire::FrameType type, std::span<const std::byte> payload,
+                         std::vector<std::byte> records = {}) {
+    const std::uint64_t revision = revision_of_ids();
+    const std::uint64_t request = send_with(type, payload, revision, std::move(records), "attach: allow");
+    const auto frame = receive(request, wire::FrameType::kPosesDone);
+    scene_is_old = true;
+    const PosesDone done = poses_done(*frame);
+    if (revision) known_revision = poses_revision = done.scene_revision;
+    return done;
+  }
+
+  /// A request that is answered when the daemon has another scene. \param scene_revision of the ids in it; 0: there are
+  /// none.
+  SceneChanged change_scene(wire::FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit,
+                            std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
+    const std::uint64_t request =
+        send_with(type, payload, scene_revision, std::move(records), "add_body: uncertainty, padding, max_speed, mesh");
+    const auto frame = receive(request, wire::FrameType::kSceneChanged, limit);
+    scene_is_old = changed_by_us = true;
+    const auto change = checked([&] { return wire::parse_scene_changed(body_of(*frame)); });
+    return {change.scene_revision, change.body_count, change.body, change.seconds};
+  }
+
+  Connection connection;
+  std::map<std::uint64_t, std::string> sent_in_records;  // names of such options, by request under way
+  std::optional<SceneInfo> scene;                        // as the caller has seen it
+  bool scene_is_old = false;         // the daemon has said so: fetched anew before the caller's next look
+  bool changed_by_us = false;        // since, in a way that may have given bodies other ids
+  std::uint64_t known_revision = 0;  // of the scene that the caller's ids are of; 0: it has not looked
+  std::uint64_t poses_revision = 0;  // of the last one known in which they are of the same bodies with the same parents
+};
+
+}  // namespace clearance

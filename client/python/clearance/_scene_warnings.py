@@ -1,0 +1,26 @@
+"""What a scene warns of when something is added: as the calls that add it say."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+from ._errors import HullWarning, RobotWarning
+
+_NAMED_IN_WARNING = 5
+
+
+def warn_of_robots(scene: Any, first: int) -> None:
+    for text in scene.robot_warnings(first):
+        warnings.warn(text, RobotWarning, stacklevel=3)
+
+
+def warn_of_hulls(scene: Any, first: int) -> None:
+    """One warning for all bodies from `first` on that are far from the meshes they stand for."""
+    found = scene.hull_warnings(first)
+    if not found:
+        return
+    text = "; ".join(f"{name}: {what}" for name, what in found[:_NAMED_IN_WARNING])
+    if len(found) > _NAMED_IN_WARNING:
+        text += f"; and {len(found) - _NAMED_IN_WARNING} more"
+    warnings.warn(text, HullWarning, stacklevel=3)

@@ -1,0 +1,250 @@
+// The kernels of reductions (engine/cuda/reduce_kernel.cuh), without a GPU: their code compiled for the host, stage
+// after stage, rows held against the CPU's, bit by bit.
+#include "doubted_scene.h"
+#include "engine/narrow/lanes.h"
+#include "engine/query/evaluate.h"
+// Behind all that is included elsewhere.
+#include "emulated_scene.h"
+
+#define cuda emulated
+#include "engine/cuda/reduce_kernel.cuh"
+#undef cuda
+
+namespace clearance::test {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
+
+// A reduced query in host memory: one chunk.
+class HostReduction {
+ public:
+  HostReduction(const Engine& cpu, const QueryView& q)
+      : cpu_(cpu),
+        q_(q),
+        hulls_(cpu.scene(), kMostShared),
+        bodies_(cpu.scene(), hulls_.view(), q),
+        pairs_(bodies_.refs()),
+        rows_(room_for(cpu, q)) {
+    const auto K = static_cast<std::uint32_t>(bodies_.plan.size.configurations),
+               P = static_cast<std::uint32_t>(pairs_.size());
+    r_.reduce = q.reduce;
+    r_.groups = q.reduce == Reduce::kNearest ? static_cast<std::uint32_t>(cpu.scene().bodies().size()) : 1;
+    r_.rows = r_.capacity = K * P;
+    r_.reply_rows = rows_.size.rows;
+    ask_question(K, P);
+    const std::size_t groups = std::size_t{K} * r_.groups, words = r_.rows / 32 + 1;
+    keys_.assign(6 * groups, kNoKey);
+    complete_.assign(groups, 1);
+    words_.assign(4 * words, 0);
+    items_.resize(4 * r_.rows);
+    answers_.resize(r_.rows);
+    std::uint64_t** const keys[] = {&r_.upper, &r_.lower, &r_.winner, &r_.lowest, &r_.seed, &r_.cutoff};
+    for (std::size_t i = 0; i < 6; ++i) *keys[i] = keys_.data() + i * groups;
+    r_.complete = complete_.data();
+    std::uint32_t** const bits[] = {&r_.candidate_words, &r_.hit_words, &r_.candidate_ranks, &r_.hit_ranks};
+    for (std::size_t i = 0; i < 4; ++i) *bits[i] = words_.data() + i * words;
+    r_.items = items_.data();
+    r_.chunk.rest = items_.data() + r_.rows;
+    r_.rest_rows = items_.data() + 2 * r_.rows;
+    r_.several = items_.data() + 3 * r_.rows;
+    r_.answers = answers_.data();
+  }
+  HostReduction(const HostReduction&) = delete;
+
+  /// Expects the rows of the CPU. \returns how many pairs were left to it
+  std::uint32_t compare(const std::string& what) {
+    const bool within = q_.reduce == Reduce::kWithin;
+    within ? mark() : seed();
+    bodies_.doubted ? solve<Slack>() : solve<NoSlack>();
+    const std::uint32_t left = counts_[kRest];
+    settle();
+    write();
+    rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
+    rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
+    Answer expected = ask(cpu_, q_);
+    expect_same(rows_, expected, what, true);
+    return left;
+  }
+  const ReplyView& rows() const { return rows_.view; }
+  std::uint64_t row_count() const { return rows_.info.rows; }
+
+ private:
+  void ask_question(std::uint32_t K, std::uint32_t P) {
+    ChunkView& c = r_.chunk;
+    c.hulls = hulls_.view();
+    c.bodies = bodies_.view;
+    c.question = {q_.max_distance,
+                  q_.abs_tol,
+                  default_rel_tol(q_.precision),
+                  256,
+                  true,
+                  true,
+                  true,
+                  true,
+                  q_.precision == Precision::kF32};
+    c.pairs = pairs_.data();
+    c.pair_count = P;
+    c.configurations = K;
+    c.reply = rows_.view;
+    c.counts = counts_;
+    c.host_counts = host_counts_;
+  }
+  template <class Kernel>
+  static void launch(std::size_t threads, std::uint32_t block, const Kernel& kernel) {
+    EmulatedGrid::one().launch(static_cast<unsigned>(threads / block + 1), block, kernel);
+  }
+  std::size_t groups() const { return complete_.size(); }
+
+  void seed() {
+    launch(r_.rows / 2, kScanThreads, [&] { find_seeds(r_); });
+    launch(groups(), kItemThreads, [&] { solve_seeds(r_); });
+    launch(r_.rows, kScanThreads, [&] { find_candidates(r_); });
+  }
+  void mark() {
+    launch(r_.rows, kScanThreads, [&] { mark_candidates(r_); });
+    rank(r_.candidate_words, r_.candidate_ranks);
+    launch((r_.rows + 31) / 32, kScanThreads, [&] { list_candidates(r_); });
+  }
+  void rank(const std::uint32_t* words, std::uint32_t* ranks) const {
+    for (std::uint32_t i = 0, sum = 0; i < (r_.rows + 31) / 32; sum += std::popcount(words[i++])) ranks[i] = sum;
+  }
+  template <class S>
+  void solve() {
+    launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<false, S>(r_); });
+    launch(r_.rows / 4, kItemThreads, [&] { solve_several(r_); });
+  }
+  // The CPU's answers to what is left.
+  void settle() {
+    const Plan& plan = bodies_.plan;
+    EvaluateOptions options;
+    options.limits.max_distance = q_.max_distance;
+    options.limits.abs_tol = q_.abs_tol;
+    options.limits.rel_tol = plan.query.rel_tol;
+    options.cull = options.want_flags = options.want_points = true;
+    options.drops_beyond = q_.reduce == Reduce::kWithin;
+    options.lanes = &lane_kernel("baseline");
+    options.f32 = q_.precision == Precision::kF32;
+    Evaluator evaluator(cpu_.scene(), options);
+    ConfigurationPoses poses(plan);
+    Placement placement(cpu_.scene(), plan, {});
+    std::vector<Mat3d> rotations(plan.bodies.size());
+    std::vector<PairAnswer> answers(counts_[kRest]);
+    for (std::uint32_t i = 0; i < answers.size(); ++i) {
+      const std::uint32_t k = r_.rest_rows[i] / r_.chunk.pair_count;
+      const ConfigurationPoses::Block given = poses.at(k, 1);
+      rotations_of(given.poses, rotations);
+      placement.configure(k, given, rotations);
+      const PlacedBodies asked{plan.pairs.at(r_.rest_rows[i] % r_.chunk.pair_count), &placement, q_.max_distance};
+      evaluator.run({&asked, 1}, {&answers[i], 1});
+    }
+    launch(answers.size() + 1, kItemThreads, [&] { take_answers(r_, answers.data(), counts_[kRest]); });
+  }
+  void write() {
+    if (q_.reduce == Reduce::kWithin) {
+      rank(r_.hit_words, r_.hit_ranks);
+      launch(r_.rows, kItemThreads, [&] { write_hits(r_); });
+      return;
+    }
+    launch(r_.rows / 3, kItemThreads, [&] { choose_winners(r_); });
+    launch(groups(), kItemThreads, [&] { write_groups(r_); });
+  }
+
+  const Engine& cpu_;
+  const QueryView& q_;
+  HullArrays hulls_;
+  HostBodies bodies_;
+  std::vector<PairRef> pairs_;
+  Answer rows_;
+  std::vector<std::uint64_t> keys_;
+  std::vector<std::uint8_t> complete_;
+  std::vector<std::uint32_t> words_, items_;
+  std::vector<PairAnswer> answers_;
+  std::uint32_t counts_[kCounts] = {}, host_counts_[kCounts] = {};
+  ReducedView r_{};
+};
+
+TEST(ReduceKernels, GiveTheBitsOfTheCpu) {
+  for (const double room : {1.0, 2.5, 8.0}) {
+    EmulatedCase c(20, 13, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+      to.add_capsule(name, 0.2, 0.5, options);
+    });
+    c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    c.q.fields = kAllFields | kFieldPairLower;
+    for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin})
+      for (const double distance : {kInf, 0.3}) {
+        c.q.reduce = reduce;
+        c.q.max_distance = distance;
+        HostReduction(cpu, c.q).compare("reduce " + std::to_string(static_cast<int>(reduce)) + " room " +
+                                        std::to_string(room) + " within " + std::to_string(distance));
+      }
+  }
+}
+
+TEST(ReduceKernels, GiveTheBitsOfTheCpuForWhatIsDoubted) {
+  std::uint64_t slack = 0, others = 0, left = 0;
+  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+    DoubtedCase c(30, 9);
+    c.poses[8].qw = c.poses[8].qx = c.poses[8].qy = c.poses[8].qz = 0;
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    c.q.precision = precision;
+    for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin})
+      for (const double distance : {kInf, 0.02, 0.3}) {
+        c.q.reduce = reduce;
+        c.q.max_distance = distance;
+        HostReduction reduction(cpu, c.q);
+        left += reduction.compare("reduce " + std::to_string(static_cast<int>(reduce)) + " within " +
+                                  std::to_string(distance));
+        for (std::uint64_t i = 0; i < reduction.row_count(); ++i) {
+          slack += (reduction.rows().flags[i] & kFlagSlack) != 0;
+          others += reduction.rows().pair[i] != reduction.rows().pair_lower[i];
+        }
+      }
+  }
+  EXPECT_GT(slack, 500u);
+  EXPECT_GT(others, 10u) << "the least lower bound is another pair's";
+  EXPECT_GT(left, 20u) << "the CPU finishes some";
+}
+
+// The pair whose boxes are nearest says less of how near the true bodies are than its pieces do: another wins.
+TEST(ReduceKernels, LeaveOutNothingThatSlackMayLetWin) {
+  Scene scene;
+  Body rough;
+  rough.name = "rough";
+  rough.is_static = true;
+  rough.pose = Pose();
+  rough.pieces = {make_piece({{0.5, 0.5, 0.5},
+                              {-0.5, 0.5, 0.5},
+                              {0.5, -0.5, 0.5},
+                              {-0.5, -0.5, 0.5},
+                              {0.5, 0.5, -0.5},
+                              {-0.5, 0.5, -0.5},
+                              {0.5, -0.5, -0.5},
+                              {-0.5, -0.5, -0.5}})};
+  rough.model_error = 0.01;
+  scene.add_body(std::move(rough));
+  scene.add_sphere("at its corner", 0.1, {});
+  scene.add_box("known", {1, 1, 1}, {.is_static = true, .pose = Pose{{50, 0, 0}}});
+  scene.add_sphere("at its face", 0.1, {});
+  const double far = 0.3 * std::sqrt(3.0) - 0.1;  // of the first ball; its box is nearer
+  const std::vector<std::uint32_t> bodies{1, 3};
+  const std::vector<BodyPair> pairs{{0, 1}, {2, 3}};
+  const std::vector<Pose> poses{{{0.8, 0.8, 0.8}}, {{50 + 0.5 + 0.1 + far + 0.005, 0, 0}}};
+  const Engine cpu(std::move(scene), {"cpu"});
+  QueryView q;
+  q.all_pairs = false;
+  q.pairs = pairs;
+  q.bodies = bodies;
+  q.configurations = poses;
+  q.configuration_count = 1;
+  q.reduce = Reduce::kMin;
+  q.fields = kAllFields | kFieldPairLower;
+  HostReduction reduction(cpu, q);
+  EXPECT_EQ(reduction.compare("a rough box"), 0u);
+  EXPECT_EQ(reduction.rows().pair[0], pairs[1]) << "5 mm farther, and 5 mm nearer at most";
+  EXPECT_EQ(reduction.rows().pair_lower[0], pairs[0]);
+}
+
+}  // namespace
+}  // namespace clearance::test

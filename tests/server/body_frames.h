@@ -1,0 +1,71 @@
+// Requests that add and remove bodies, as tests send them.
+#pragma once
+
+#include <cstring>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "memory_transport.h"
+#include "wire/wire.h"
+
+namespace clearance {
+
+inline std::vector<std::byte> box_frame(const std::string& name, std::uint32_t parent = kNone) {
+  wire::NewBodyRecord record;
+  wire::set_name(record.name, name);
+  record.shape = static_cast<std::uint8_t>(wire::BodyShape::kBox);
+  record.size[0] = record.size[1] = record.size[2] = 0.2;
+  record.parent = parent;
+  record.has_pose = 1;
+  record.pose[0] = 3;
+  record.pose[3] = 1;
+  return simple_frame(wire::FrameType::kAddBody, 1, std::as_bytes(std::span(&record, 1)));
+}
+/// The same with a record that says what is not known of it.
+template <class Doubts>
+std::vector<std::byte> doubted_frame(const std::string& name, const Doubts& doubts, std::uint16_t tag = 20) {
+  std::vector<std::byte> frame = box_frame(name), records;
+  wire::append_record(records, tag, wire::kRecordRequired, std::as_bytes(std::span(&doubts, 1)));
+  wire::FrameHeader header;
+  std::memcpy(&header, frame.data(), sizeof header);
+  header = wire::with_records(header, records.size());
+  std::memcpy(frame.data(), &header, sizeof header);
+  frame.insert(frame.end(), records.begin(), records.end());
+  return frame;
+}
+/// A tetrahedron of four corners, or what is left of it, and records by tag.
+inline std::vector<std::byte> mesh_frame(const std::string& name, std::span<const wire::TriangleRecord> triangles,
+                                         std::optional<std::uint8_t> convexify,
+                                         wire::BodyShape shape = wire::BodyShape::kHull) {
+  wire::NewBodyRecord record;
+  wire::set_name(record.name, name);
+  record.shape = static_cast<std::uint8_t>(shape);
+  record.has_pose = 1;
+  record.pose[0] = 3;
+  record.pose[3] = 1;
+  record.vertex_count = shape == wire::BodyShape::kHull ? 4 : 0;
+  const wire::VertexRecord corners[] = {{{0, 0, 0}}, {{1, 0, 0}}, {{0, 1, 0}}, {{0, 0, 1}}};
+  std::vector<std::byte> payload, records;
+  wire::append(payload, record);
+  wire::append_bytes(payload, corners, record.vertex_count * sizeof corners[0]);
+  if (!triangles.empty()) wire::append_record(records, 21, wire::kRecordRequired, std::as_bytes(triangles));
+  if (convexify) wire::append_record(records, 22, wire::kRecordRequired, std::as_bytes(std::span(&*convexify, 1)));
+  std::vector<std::byte> frame = simple_frame(wire::FrameType::kAddBody, 1, payload);
+  wire::FrameHeader header;
+  std::memcpy(&header, frame.data(), sizeof header);
+  header = wire::with_records(header, records.size());
+  std::memcpy(frame.data(), &header, sizeof header);
+  frame.insert(frame.end(), records.begin(), records.end());
+  return frame;
+}
+inline constexpr wire::TriangleRecord kTetrahedron[] = {{{0, 2, 1}}, {{0, 1, 3}}, {{1, 2, 3}}, {{0, 3, 2}}};
+
+inline std::vector<std::byte> remove_frame(const std::string& name) {
+  wire::RemoveBodyRecord record;
+  wire::set_name(record.name, name);
+  return simple_frame(wire::FrameType::kRemoveBody, 2, std::as_bytes(std::span(&record, 1)));
+}
+
+}  // namespace clearance
