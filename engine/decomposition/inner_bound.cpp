@@ -58,7 +58,7 @@ class InnerBound {
     }
   };
 
-  double enough() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.of_size * size_); }
+  double enough() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.inner_of_size * size_); }
 
   const Measure::Bounds& distance(std::uint32_t point, std::uint32_t piece) {
     const auto [at, is_new] = known_.try_emplace(std::uint64_t{point} << 32 | piece);

@@ -67,7 +67,7 @@ class OuterBound {
     bool is_inside = false;
   };
 
-  double enough() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.of_size * size_); }
+  double enough() const { return std::max(met_ * (1 + effort_.share), met_ + effort_.outer_of_size * size_); }
 
   void begin() {
     const std::optional<Fan> fan = fan_of(piece_.vertices);

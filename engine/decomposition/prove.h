@@ -14,8 +14,8 @@ namespace clearance {
 struct ProofEffort {
   /// Bounds are narrowed until they are no more than this share of themselves above a distance that was met,
   double share = 0.1;
-  /// or this share of the body's size,
-  double of_size = 0x1p-11;
+  /// or this share of the body's size (what is near by less than the inner bound has to be asked of triangles),
+  double inner_of_size = 0x1p-17, outer_of_size = 0x1p-11;
   /// or until so many distances were asked for: for the inner bound, and for each piece's outer one. About 1 us each.
   std::uint64_t inner_questions = 2'000'000, outer_questions = 200'000;
 };
