@@ -38,6 +38,7 @@ int main(int argc, char** argv) {
 #endif
   cli::add_inspect(app);
   cli::add_robot(app);
+  cli::add_decompose(app);
   cli::add_selftest(app);
   cli::add_cache(app);
   cli::add_view(app);

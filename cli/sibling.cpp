@@ -57,6 +57,10 @@ void add_robot(CLI::App& app) {
   add_program(app, "robot", "what a URDF holds, and where joint positions put its links: inspect, fk", "reads robots");
 }
 
+void add_decompose(CLI::App& app) {
+  add_program(app, "decompose", "convex pieces for a mesh, and a proof of how far they miss it", "proves distances");
+}
+
 void add_selftest(CLI::App& app) {
   add_program(app, "selftest", "whether each way to answer that this machine has computes rightly",
               "computes distances");

@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "engine/hull/decomposition.h"
 #include "engine/scene/geometry.h"
 #include "engine/surface/surface.h"
 
@@ -14,15 +15,18 @@ namespace {
 
 // What a body was made of, if that is one mesh: submeshes are gone by now.
 bool is_of_one_mesh(const Body& body) {
-  constexpr std::array kOfOneMesh = {Convexify::kHull, Convexify::kSurface, Convexify::kSolid};
-  return body.pieces.size() == 1 && body.display && std::ranges::any_of(kOfOneMesh, [&](Convexify what) {
-           return body.source.ends_with("(" + std::string(word_of(what)) + ")");
-         });
+  constexpr std::array kOfOneMesh = {Convexify::kHull, Convexify::kSurface, Convexify::kSolid, Convexify::kDecompose};
+  return body.pieces.size() == 1 && body.display &&
+         (body.source.ends_with(kNoPiecesYet) || std::ranges::any_of(kOfOneMesh, [&](Convexify what) {
+            return body.source.ends_with("(" + std::string(word_of(what)) + ")");
+          }));
 }
 
 Convexify what_is(const Body& body) {
   const Surface* surface = surface_of(body);
-  return !surface ? Convexify::kHull : surface->is_solid() ? Convexify::kSolid : Convexify::kSurface;
+  if (!surface) return Convexify::kHull;
+  if (surface->decomposition()) return Convexify::kDecompose;
+  return surface->is_solid() ? Convexify::kSolid : Convexify::kSurface;
 }
 
 // The same body where it stands, made anew of its mesh.
@@ -39,10 +43,21 @@ Body made(const Body& body, Geometry geometry, const Pose& X_wb) {
 
 Choice choice_of(std::uint32_t id, Convexify what, bool is_now, const Geometry& geometry) {
   const Piece& piece = *geometry.pieces[0];
-  Choice choice{id, what, is_now, piece.vertices.size(), 0, resident_bytes(piece), geometry.hull_excess, {}};
+  Choice choice{.body = id,
+                .what = what,
+                .is_now = is_now,
+                .vertices = piece.vertices.size(),
+                .bytes = resident_bytes(piece),
+                .hull_excess = geometry.hull_excess,
+                .ns_per_pair = {}};
   if (!piece.surface) return choice;
   choice.triangles = piece.surface->triangles().size();
   choice.bytes += piece.surface->resident_bytes();
+  if (const Decomposition* pieces = piece.surface->decomposition()) {
+    choice.stand_ins = pieces->pieces.size();
+    choice.inner = pieces->inner;
+    for (const PiecePtr& stands : pieces->pieces) choice.bytes += resident_bytes(*stands);
+  }
   return choice;
 }
 
@@ -85,10 +100,14 @@ std::vector<Choice> choices_of(const Scene& scene, const PairTimes* times) {
     const DisplayMesh& mesh = *body.display;
     std::vector<Convexify> kinds{Convexify::kHull, Convexify::kSurface};
     if (open_edge(mesh.vertices, mesh.triangles).empty()) kinds.push_back(Convexify::kSolid);
+    if (what_is(body) == Convexify::kDecompose) kinds.push_back(Convexify::kDecompose);
     std::vector<Geometry> geometries;
     std::vector<Choice> choices;
     for (const Convexify what : kinds) {
-      geometries.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, what, radius));
+      if (what == Convexify::kDecompose)
+        geometries.emplace_back().pieces = body.pieces;
+      else
+        geometries.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, what, radius));
       choices.push_back(choice_of(id, what, what == what_is(body), geometries.back()));
     }
     if (times) measure(scene, id, *times, geometries, choices);

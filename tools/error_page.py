@@ -6,6 +6,7 @@
 
 Lines are the comments of the enumerators, the docstrings of the exceptions and what the programs' --help says.
 """
+
 import ast
 import inspect
 import os
@@ -18,7 +19,15 @@ ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 PACKAGE = ROOT / "client/python/clearance"
 PAGE = ROOT / "docs/errors.md"
-PROGRAMS = ["clearance", "clearanced", "clearance-inspect", "clearance-robot", "clearance-cache", "clearance-selftest"]
+PROGRAMS = [
+    "clearance",
+    "clearanced",
+    "clearance-inspect",
+    "clearance-robot",
+    "clearance-decompose",
+    "clearance-cache",
+    "clearance-selftest",
+]
 
 HEAD = """\
 # Statuses, flags, errors

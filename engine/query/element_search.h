@@ -3,10 +3,12 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <span>
 #include <vector>
 
+#include "engine/query/decomposed_pair.h"
 #include "engine/query/nearest_elements.h"
 
 namespace clearance {
@@ -22,6 +24,7 @@ class ElementSearch {
     nearest_.begin(a, pose_a, b, pose_b);
     end_round();
     in_hulls_ = are_hulls_taken_ = false;
+    by_pieces_ = ByPieces::kNotYet;
     hulls_gap_ = {};
   }
   /// Adds to the round until it has so many pairs or no other is within the cut-off. False: the slice is over; it goes
@@ -60,6 +63,17 @@ class ElementSearch {
     are_hulls_taken_ = true;
   }
   bool are_hulls_taken() const { return are_hulls_taken_; }
+  /// What comes between hulls and triangles: the pieces that stand for these. kGoesOn: they are asked, or are all
+  /// proved beyond the cut-off (DecomposedPair::round() is empty); kOver: triangles have to be.
+  enum class ByPieces : std::uint8_t { kNotYet, kGoesOn, kOver };
+  ByPieces go_on_by_pieces(const PlacedPose& pose_a, const PlacedPose& pose_b, double cut_off) {
+    if (by_pieces_ == ByPieces::kNotYet)
+      by_pieces_ = pieces_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByPieces::kGoesOn : ByPieces::kOver;
+    if (pieces_.has_failed()) by_pieces_ = ByPieces::kOver;
+    return by_pieces_;
+  }
+  bool is_by_pieces() const { return by_pieces_ == ByPieces::kGoesOn; }
+  DecomposedPair& pieces() { return pieces_; }
   /// The round is one pair that is near.
   void begin_near() { round_.assign(1, nearest_.near()); }
   std::span<const ElementPair> round() const { return round_; }
@@ -80,6 +94,8 @@ class ElementSearch {
   const Body *a_ = nullptr, *b_ = nullptr;
   NearestElements nearest_;
   std::vector<ElementPair> round_;
+  DecomposedPair pieces_;
+  ByPieces by_pieces_ = ByPieces::kNotYet;
   bool in_hulls_ = false, are_hulls_taken_ = false;
   HullsGap hulls_gap_;
   std::deque<Piece> rooms_;

@@ -287,11 +287,30 @@ bool Evaluator::gather(Search& search, WorkMeter& meter) {
   ElementSearch& elements = *search.elements;
   if (search.state.round == 1) {
     if (drops(elements.left(), bodies)) return true;
-    elements.are_hulls_taken() ? elements.begin_near() : elements.begin_hulls(options_.limits.signed_distance);
+    if (!elements.are_hulls_taken())
+      elements.begin_hulls(options_.limits.signed_distance);
+    else if (!is_left_to_pieces(search))
+      elements.begin_near();
     return true;
   }
   const double cut_off = search.state.cut_off(search.slack.cut_off(bodies.max_distance));
   return elements.gather(std::min(search.state.round, ElementSearch::kMostOfRound), cut_off, meter);
+}
+
+// Whether the pieces that stand for triangles are asked next, or have answered for them: that none is near enough.
+bool Evaluator::is_left_to_pieces(Search& search) {
+  const PlacedBodies& bodies = pairs_[search.index];
+  const Placement& placement = *bodies.placement;
+  ElementSearch& elements = *search.elements;
+  if (options_.reference ||
+      elements.go_on_by_pieces(placement[bodies.pair.a].pose, placement[bodies.pair.b].pose,
+                               search.slack.cut_off(bodies.max_distance)) != ElementSearch::ByPieces::kGoesOn)
+    return false;
+  if (elements.pieces().round().empty()) {
+    search.state.leave_out(elements.pieces().lower());
+    search.next = search.end;
+  }
+  return true;
 }
 
 // What the pairs of elements that were taken say of their bodies. If all are apart, one body may still lie within the
@@ -365,15 +384,22 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
   const double user = search.slack.cut_off(bodies.max_distance),
                cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
-  const auto add = [&](const Piece& piece_a, const Piece& piece_b) {
+  const auto add_up_to = [&](double most, double near_enough, const Piece& piece_a, const Piece& piece_b) {
     tasks_.push_back({&piece_a, &piece_b, &(*bodies.placement)[bodies.pair.a].pose,
-                      &(*bodies.placement)[bodies.pair.b].pose, cut_off,
-                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, search.slack.outer,
-                      enough(bodies, search.slack)});
+                      &(*bodies.placement)[bodies.pair.b].pose, most,
+                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, search.slack.outer, near_enough});
     ++search.asked;
+  };
+  const auto add = [&](const Piece& piece_a, const Piece& piece_b) {
+    add_up_to(cut_off, enough(bodies, search.slack), piece_a, piece_b);
   };
   if (search.elements) {
     if (search.next == search.end) return false;
+    if (search.elements->is_by_pieces()) {  // whether they are beyond is all that is asked
+      for (const DecomposedPair::Asked& p : search.elements->pieces().round())
+        add_up_to(p.cut_off, p.cut_off, *p.a, *p.b);
+      return search.asked > 0;
+    }
     for (std::size_t i = 0; i < search.elements->round().size(); ++i)
       add(search.elements->piece_a(i), search.elements->piece_b(i));
     if (search.asked == 0) state.leave_out(search.elements->left());
@@ -396,6 +422,10 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
   if (elements && elements->in_hulls() && !answers.empty()) {
     for (const NarrowAnswer& hulls : answers) elements->see_hulls(hulls.bounds.lower, hulls.normal);
     return elements->take_hulls(answers[0].bounds.lower, answers[0].normal);
+  }
+  if (elements && elements->is_by_pieces()) {
+    for (std::size_t k = 0; k < answers.size(); ++k) elements->pieces().take(k, answers[k].bounds.lower);
+    return elements->pieces().end_round();
   }
   const auto pair_at = [&](std::size_t k) -> ElementPair {
     if (elements) return elements->round()[k];

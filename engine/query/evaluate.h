@@ -86,6 +86,7 @@ class Evaluator {
   }
   bool begin_round(WorkMeter& meter);
   bool gather(Search& search, WorkMeter& meter);
+  bool is_left_to_pieces(Search& search);
   void take_in(WorkMeter& meter);
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
   void begin_element_search(const PlacedBodies& bodies, std::uint32_t index);

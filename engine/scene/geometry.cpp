@@ -8,6 +8,8 @@
 
 #include "engine/base/dedupe.h"
 #include "engine/base/digest.h"
+#include "engine/decomposition/prove.h"
+#include "engine/hull/decomposition.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/hull_excess.h"
 #include "engine/surface/surface.h"
@@ -120,6 +122,10 @@ std::uint64_t digest_of(const Surface& surface, double radius) {
   Digest digest;
   digest.add(surface.digest());
   digest.add(radius);
+  if (const Decomposition* pieces = surface.decomposition()) {
+    digest.add(pieces->inner);
+    for (const PiecePtr& piece : pieces->pieces) digest.add(piece->digest);
+  }
   return digest.value();
 }
 
@@ -136,12 +142,21 @@ void add_hulls(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, 
   out.empty_share = excess.empty_share();
 }
 
-// The piece of a mesh whose triangles are, or enclose, the body.
-PiecePtr true_piece(const DisplayMesh& mesh, Convexify convexify, double radius, std::uint64_t loaded) {
+// The pieces that a file proposes, in the mesh's frame.
+std::vector<std::vector<Vec3d>> proposed(const Mesh& pieces, const Vec3d& scale) {
+  std::vector<std::vector<Vec3d>> out;
+  for (const Submesh& piece : pieces.submeshes) out.push_back(joined({piece}, scale).vertices);
+  return out;
+}
+
+// The piece of a mesh whose triangles are, or enclose, the body. \param pieces of kDecompose; may be null
+PiecePtr true_piece(const DisplayMesh& mesh, Convexify convexify, double radius, std::uint64_t loaded,
+                    const Mesh* pieces = nullptr, const Vec3d& scale = {1, 1, 1}) {
   const std::string who = "convexify: " + std::string(word_of(convexify)) + ": ";
   if (mesh.triangles.empty()) throw std::invalid_argument(who + "the mesh has no triangles");
   try {
-    return make_surface_piece(mesh.vertices, mesh.triangles, convexify == Convexify::kSolid, radius, loaded);
+    if (pieces) return make_decomposed_piece(mesh.vertices, mesh.triangles, proposed(*pieces, scale), radius, loaded);
+    return make_surface_piece(mesh.vertices, mesh.triangles, convexify != Convexify::kSurface, radius, loaded);
   } catch (const std::invalid_argument& e) {
     throw std::invalid_argument(who + e.what());
   }
@@ -166,12 +181,33 @@ void add_truth(const std::vector<Submesh>& submeshes, const DisplayMesh& whole, 
 
 }  // namespace
 
+namespace {
+
+// \param hull of the surface's vertices
+PiecePtr piece_around(const Piece& hull, const std::shared_ptr<const Surface>& surface) {
+  return make_piece(hull.vertices, hull.radius, hull.loaded_vertices, digest_of(*surface, hull.radius), hull.table,
+                    surface);
+}
+
+}  // namespace
+
 PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid, double radius,
-                            std::uint64_t loaded_vertices) {
+                            std::uint64_t loaded_vertices, std::shared_ptr<const Decomposition> decomposition) {
   // The hull first: it looks at the coordinates.
   const PiecePtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
-  auto surface = std::make_shared<const Surface>(std::move(vertices), std::move(triangles), is_solid);
-  return make_piece(hull->vertices, radius, hull->loaded_vertices, digest_of(*surface, radius), hull->table, surface);
+  auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), is_solid);
+  surface->set_decomposition(std::move(decomposition));
+  return piece_around(*hull, surface);
+}
+
+PiecePtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                               std::span<const std::vector<Vec3d>> proposed, double radius,
+                               std::uint64_t loaded_vertices) {
+  const PiecePtr hull = make_hull_piece(vertices, {}, radius, loaded_vertices);
+  auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), true);
+  surface->set_decomposition(
+      std::make_shared<const Decomposition>(prove_decomposition(*surface, proposed).decomposition));
+  return piece_around(*hull, surface);
 }
 
 PiecePtr with_radius(const Piece& piece, double radius) {
@@ -231,18 +267,17 @@ Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
 
 std::string mesh_source(const std::string& file, Convexify convexify, const Geometry& made) {
   if (convexify == Convexify::kAuto) convexify = made.pieces[0]->surface ? Convexify::kSolid : Convexify::kHull;
+  const Surface* surface = made.pieces[0]->surface.get();
+  if (convexify == Convexify::kDecompose && surface && !surface->decomposition())
+    return file + " " + std::string(kNoPiecesYet);
   return file + " (" + std::string(word_of(convexify)) + ")";
 }
 
 Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
-                          const std::string& source) {
+                          const std::string& source, const Mesh* pieces) {
   for (int k = 0; k < 3; ++k)
     if (!(std::abs(scale[k]) > 0 && std::abs(scale[k]) <= kMaxCoordinate))
       throw std::invalid_argument("scale: expected finite numbers other than 0, got " + std::to_string(scale[k]));
-  if (convexify == Convexify::kDecompose)
-    throw std::invalid_argument(
-        "not yet: convexify: decompose (approximate convex decomposition); use auto, hull, submeshes, surface or "
-        "solid");
   std::uint64_t loaded = 0;
   for (const Submesh& submesh : mesh.submeshes) loaded += submesh.loaded_vertices;
   auto whole = std::make_shared<DisplayMesh>(joined(mesh.submeshes, scale));
@@ -250,10 +285,10 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
   out.model_error = out.model_inner = rounding_of(mesh.submeshes, scale);
   if (convexify == Convexify::kAuto)
     add_truth(mesh.submeshes, *whole, scale, radius, loaded, out);
-  else if (convexify == Convexify::kSurface || convexify == Convexify::kSolid)
-    out.pieces = {true_piece(*whole, convexify, radius, loaded)};
-  else
+  else if (convexify == Convexify::kHull || convexify == Convexify::kSubmeshes)
     add_hulls(mesh.submeshes, *whole, scale, convexify, radius, loaded, out);
+  else
+    out.pieces = {true_piece(*whole, convexify, radius, loaded, pieces, scale)};
   out.display = std::move(whole);
   out.source = mesh_source(source, convexify, out);
   return out;
@@ -261,6 +296,10 @@ Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convex
 
 Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
                                Convexify convexify, double radius) {
+  if (convexify == Convexify::kDecompose)
+    throw std::invalid_argument(
+        "convexify: decompose: only of a mesh file, which pieces are proposed for beside it (clearance decompose "
+        "FILE)");
   check_vertices(vertices);
   UniquePositions<double> unique = unique_positions<double>(vertices);
   Mesh mesh;

@@ -4,6 +4,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/hull/primitive.h"
@@ -12,6 +13,8 @@
 #include "engine/scene/scene.h"
 
 namespace clearance {
+
+struct Decomposition;  // engine/hull/decomposition.h
 
 /// Everything of a Body that bodies of the same shape share.
 struct Geometry {
@@ -34,17 +37,26 @@ Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
 /// The hull of a surface's vertices, which stands for it, grown by a radius. Throws std::invalid_argument as Surface
 /// and make_piece() do. \param loaded_vertices of the mesh; 0: those given
 PiecePtr make_surface_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid, double radius,
-                            std::uint64_t loaded_vertices = 0);
+                            std::uint64_t loaded_vertices = 0,
+                            std::shared_ptr<const Decomposition> decomposition = nullptr);
+/// The same of a solid, and pieces that stand for it, of which it is proved how far they miss it. \param proposed the
+/// vertices of each piece
+PiecePtr make_decomposed_piece(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
+                               std::span<const std::vector<Vec3d>> proposed, double radius,
+                               std::uint64_t loaded_vertices = 0);
 /// The same piece, and what it stands for, grown by another radius.
 PiecePtr with_radius(const Piece& piece, double radius);
 /// A surface's triangles in the order in which it was given them.
 std::vector<Triangle> triangles_as_loaded(const Surface& surface);
+/// How the source of a body ends that has kDecompose and no pieces.
+inline constexpr std::string_view kNoPiecesYet = "(solid: no pieces yet)";
 /// What Body::source says of a mesh file. \param made of it, which says what kAuto has become
 std::string mesh_source(const std::string& file, Convexify convexify, const Geometry& made);
 /// \param source names the file. \param scale per axis, in the file's frame; negative mirrors. Of a surface or solid
 /// the piece is exact, so that nothing stands out of it.
+/// \param pieces that kDecompose proves, each a submesh, in the same frame; null: it becomes a solid without
 Geometry geometry_of_mesh(const Mesh& mesh, const Vec3d& scale, Convexify convexify, double radius,
-                          const std::string& source);
+                          const std::string& source, const Mesh* pieces = nullptr);
 /// The same of a mesh that the caller has, in the body's frame.
 Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
                                Convexify convexify, double radius);

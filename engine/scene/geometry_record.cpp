@@ -1,9 +1,11 @@
 // Geometry as bytes and back, for the cache.
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <stdexcept>
 #include <type_traits>
 
+#include "engine/hull/decomposition.h"
 #include "engine/hull/direction_table.h"
 #include "engine/hull/primitive.h"
 #include "engine/scene/cloud_geometry.h"
@@ -94,19 +96,49 @@ std::vector<T> get_list(Reader& in, const std::vector<T>* displayed) {
   return *displayed;
 }
 
-enum class Truth : std::uint64_t { kPiece, kSurface, kSolid, kPrimitive, kCloud };
+enum class Truth : std::uint64_t { kPiece, kSurface, kSolid, kPrimitive, kCloud, kDecomposed };
 
 // What the piece stands for: vertices and triangles, of which the rest is made anew.
 void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display) {
-  out.add(!surface ? Truth::kPiece : surface->is_solid() ? Truth::kSolid : Truth::kSurface);
+  const Decomposition* const pieces = surface ? surface->decomposition() : nullptr;
+  out.add(pieces                ? Truth::kDecomposed
+          : !surface            ? Truth::kPiece
+          : surface->is_solid() ? Truth::kSolid
+                                : Truth::kSurface);
   if (!surface) return;
   add_list(out, {surface->vertices().begin(), surface->vertices().end()}, display ? &display->vertices : nullptr);
   add_list(out, triangles_as_loaded(*surface), display ? &display->triangles : nullptr);
+  if (!pieces) return;
+  out.add(std::uint64_t{pieces->pieces.size()});
+  for (const PiecePtr& piece : pieces->pieces) out.add(piece->vertices);
+  out.add(pieces->inner);
+  out.add(pieces->outer);
 }
 
-PiecePtr get_surface_piece(Reader& in, Truth truth, double radius, std::uint64_t loaded, const DisplayMesh* display) {
+// Pieces that stand for a solid. The cache is believed what was proved of them; elsewhere it is proved anew.
+PiecePtr get_decomposed_piece(Reader& in, std::vector<Vec3d> vertices, std::vector<Triangle> triangles, double radius,
+                              std::uint64_t loaded, Tables tables) {
+  std::vector<std::vector<Vec3d>> proposed;
+  for (auto count = in.get<std::uint64_t>(); count > 0; --count) proposed.push_back(in.list<Vec3d>());
+  auto kept = std::make_shared<Decomposition>();
+  kept->inner = in.get<double>();
+  kept->outer = in.list<double>();
+  if (tables != Tables::kKept)
+    return make_decomposed_piece(std::move(vertices), std::move(triangles), proposed, radius, loaded);
+  const auto is_length = [](double x) { return x >= 0 && x <= kMaxCoordinate; };
+  if (proposed.empty() || kept->outer.size() != proposed.size() || !is_length(kept->inner) ||
+      !std::all_of(kept->outer.begin(), kept->outer.end(), is_length))
+    throw Damaged();
+  for (std::vector<Vec3d>& piece : proposed) kept->pieces.push_back(make_piece(std::move(piece)));
+  return make_surface_piece(std::move(vertices), std::move(triangles), true, radius, loaded, std::move(kept));
+}
+
+PiecePtr get_surface_piece(Reader& in, Truth truth, double radius, std::uint64_t loaded, const DisplayMesh* display,
+                           Tables tables) {
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::vector<Triangle> triangles = get_list(in, display ? &display->triangles : nullptr);
+  if (truth == Truth::kDecomposed)
+    return get_decomposed_piece(in, std::move(vertices), std::move(triangles), radius, loaded, tables);
   return make_surface_piece(std::move(vertices), std::move(triangles), truth == Truth::kSolid, radius, loaded);
 }
 
@@ -148,13 +180,13 @@ PiecePtr get_piece(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
   const auto loaded = in.get<std::uint64_t>();
   const auto truth = in.get<Truth>();
-  if (truth > Truth::kCloud) throw Damaged();
+  if (truth > Truth::kDecomposed) throw Damaged();
   if (truth == Truth::kPrimitive) return get_primitive(in, radius);
   if (truth == Truth::kCloud) {
     const auto edge = in.get<float>();
     return make_cloud_piece(in.list<CloudPoint>(), edge, radius);
   }
-  if (truth != Truth::kPiece) return get_surface_piece(in, truth, radius, loaded, display);
+  if (truth != Truth::kPiece) return get_surface_piece(in, truth, radius, loaded, display, tables);
   const auto digest = in.get<std::uint64_t>();
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::shared_ptr<DirectionTable> table;

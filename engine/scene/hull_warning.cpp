@@ -5,11 +5,17 @@
 #include <map>
 #include <utility>
 
+#include "engine/scene/geometry.h"
 #include "engine/surface/surface.h"
 
 namespace clearance {
 
 namespace {
+
+// Said to be decomposed, without a file of pieces: mesh_source().
+bool lacks_pieces(const Body& body) {
+  return body.source.ends_with(kNoPiecesYet);
+}
 
 bool stands_out(const Body& body) {
   double size = 0;
@@ -20,6 +26,9 @@ bool stands_out(const Body& body) {
 }  // namespace
 
 std::string hull_warning(const Body& body) {
+  if (lacks_pieces(body))
+    return "convexify: decompose finds no pieces beside its mesh: triangles alone answer; `clearance decompose FILE` "
+           "makes some";
   if (!stands_out(body)) return "";
   char text[200];
   const char* what = body.pieces.size() == 1 ? "its hull stands" : "its pieces stand";
@@ -40,7 +49,7 @@ std::vector<HullWarning> hull_warnings(const Scene& scene, std::uint32_t first) 
   std::map<std::pair<const DisplayMesh*, const Piece*>, std::string> known;
   for (std::uint32_t id = first; id < scene.bodies().size(); ++id) {
     const Body& body = scene.bodies()[id];
-    if (!stands_out(body)) continue;
+    if (!stands_out(body) && !lacks_pieces(body)) continue;
     const auto [at, fresh] = known.try_emplace({body.display.get(), body.pieces[0].get()});
     if (fresh) at->second = hull_warning(body);
     warnings.push_back({id, at->second});

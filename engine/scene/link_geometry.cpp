@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/base/slack.h"
+#include "engine/hull/decomposition.h"
 #include "engine/hull/hull.h"
 #include "engine/robot/exact_frame.h"
 #include "engine/surface/surface.h"
@@ -45,10 +47,20 @@ Geometry moved(const Geometry& geometry, const Origin& X) {
     for (const Vec3d& p : points) there.push_back(mover(p));
     return there;
   };
+  // Pieces that stand for a surface, and how far they miss it as both were moved.
+  const auto pieces_of = [&](const Surface& surface) -> std::shared_ptr<const Decomposition> {
+    if (!surface.decomposition()) return nullptr;
+    auto there = std::make_shared<Decomposition>(*surface.decomposition());
+    for (PiecePtr& core : there->pieces) core = make_piece(all_of(core->vertices));
+    for (const Vec3d& v : surface.vertices()) mover(v);
+    there->inner = sum_above(there->inner, 2 * mover.worst());
+    for (double& outer : there->outer) outer = sum_above(outer, 2 * mover.worst());
+    return there;
+  };
   for (PiecePtr& piece : out.pieces)
     if (const Surface* surface = piece->surface.get())  // its hull anew: rounding may have moved inner vertices out
       piece = make_surface_piece(all_of(surface->vertices()), triangles_as_loaded(*surface), surface->is_solid(),
-                                 piece->radius, piece->loaded_vertices);
+                                 piece->radius, piece->loaded_vertices, pieces_of(*surface));
     else
       piece = make_hull_piece(all_of(piece->vertices), {}, piece->radius, piece->loaded_vertices);
   out.model_error += mover.worst();

@@ -7,6 +7,20 @@
 
 namespace clearance {
 
+namespace {
+
+// What a file of pieces says, with its own name where that is an error.
+template <class Ask>
+decltype(auto) of_pieces(MeshFile& pieces, const Ask& ask) {
+  try {
+    return ask(pieces);
+  } catch (const MeshError& error) {
+    throw MeshError("its pieces, " + std::filesystem::path(pieces.path()).filename().string() + ": " + error.what());
+  }
+}
+
+}  // namespace
+
 Sha256Digest MeshFile::digest() {
   const std::lock_guard lock(mutex_);
   if (!digest_) digest_ = mesh_file_digest(path_);
@@ -24,21 +38,33 @@ const Mesh& MeshFile::mesh() {
   return *mesh_;
 }
 
-// Everything that a geometry depends on: the engine's code, the program that reads meshes, the file, the recipe.
-std::string MeshGeometries::name_of(const Sha256Digest& file, const std::string& path, const MeshRecipe& recipe) {
+MeshFile* MeshFile::pieces() {
+  const std::lock_guard lock(mutex_);
+  if (pieces_) return pieces_.get();
+  const std::string path = path_ + std::string(kPiecesExtension);
+  std::error_code ignored;
+  if (std::filesystem::symlink_status(path, ignored).type() == std::filesystem::file_type::regular)  // nowhere else
+    pieces_ = std::make_unique<MeshFile>(path);
+  return pieces_.get();
+}
+
+// Everything that a geometry depends on: the engine's code, the program that reads meshes, the files, the recipe.
+std::string MeshGeometries::name_of(MeshFile& file, const MeshRecipe& recipe) {
   CacheKey key("mesh", kAlgorithmVersion);
   {
     const std::lock_guard lock(mutex_);
     if (!loader_) loader_ = mesh_loader_digest();
     key.add(*loader_);
   }
-  key.add(file).add(std::filesystem::path(path).extension().string());
+  key.add(file.digest()).add(std::filesystem::path(file.path()).extension().string());
+  if (recipe.convexify == Convexify::kDecompose)
+    if (MeshFile* pieces = file.pieces()) key.add(of_pieces(*pieces, [](MeshFile& f) { return f.digest(); }));
   for (int k = 0; k < 3; ++k) key.add(recipe.scale[k]);
   return key.add(static_cast<std::uint64_t>(recipe.convexify)).add(recipe.radius).name();
 }
 
 Geometry MeshGeometries::make(MeshFile& file, const MeshRecipe& recipe, const std::string& source) {
-  const std::string name = name_of(file.digest(), file.path(), recipe);
+  const std::string name = name_of(file, recipe);
   std::shared_ptr<Slot> slot;
   {
     const std::lock_guard lock(mutex_);
@@ -68,8 +94,12 @@ Geometry MeshGeometries::made(MeshFile& file, const MeshRecipe& recipe, const st
       return std::move(*kept);
     }
   const Mesh& mesh = file.mesh();
-  Geometry geometry = geometry_of_mesh(mesh, recipe.scale, recipe.convexify, recipe.radius, "");
-  *shared = mesh.alone && mesh.digest == file.digest();
+  MeshFile* const pieces = recipe.convexify == Convexify::kDecompose ? file.pieces() : nullptr;
+  const auto is_as_named = [](MeshFile& f) { return f.mesh().alone && f.mesh().digest == f.digest(); };
+  Geometry geometry =
+      geometry_of_mesh(mesh, recipe.scale, recipe.convexify, recipe.radius, "",
+                       pieces ? &of_pieces(*pieces, [](MeshFile& f) -> const Mesh& { return f.mesh(); }) : nullptr);
+  *shared = is_as_named(file) && (!pieces || is_as_named(*pieces));
   if (*shared && cache_.is_on()) cache_.write(name, geometry_record(geometry));
   return geometry;
 }

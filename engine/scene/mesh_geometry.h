@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/cache/cache.h"
@@ -25,6 +26,8 @@ class MeshFile {
   Sha256Digest digest();
   /// What it holds. Throws MeshError, each time the same.
   const Mesh& mesh();
+  /// The file of pieces that are proposed for it, which `clearance decompose` writes; null where there is none.
+  MeshFile* pieces();
 
  private:
   const std::string path_;
@@ -32,7 +35,11 @@ class MeshFile {
   std::optional<Sha256Digest> digest_;
   std::optional<Mesh> mesh_;
   std::string error_;
+  std::unique_ptr<MeshFile> pieces_;
 };
+
+/// Where the pieces that are proposed for a mesh are looked for: its path and this.
+inline constexpr std::string_view kPiecesExtension = ".pieces.obj";
 
 /// What a scene may ask for of a mesh file: scale for each axis, in the file's frame, and the radius that grows the
 /// pieces.
@@ -55,7 +62,7 @@ class MeshGeometries {
     std::mutex mutex;
     std::optional<Geometry> geometry;
   };
-  std::string name_of(const Sha256Digest& file, const std::string& path, const MeshRecipe& recipe);
+  std::string name_of(MeshFile& file, const MeshRecipe& recipe);
   Geometry made(MeshFile& file, const MeshRecipe& recipe, const std::string& name, bool* shared);
 
   const Cache cache_ = Cache::of_environment();

@@ -47,8 +47,6 @@ Convexify read_convexify(const YamlValue& value) {
   constexpr const char* kExpected = "auto, hull, submeshes, surface, solid or decompose";
   const std::optional<Convexify> convexify = convexify_of(value.text(kExpected));
   if (!convexify) value.fail_expected(kExpected);
-  if (*convexify == Convexify::kDecompose)
-    value.fail("not yet: decompose (approximate convex decomposition); use auto, hull, submeshes, surface or solid");
   return *convexify;
 }
 

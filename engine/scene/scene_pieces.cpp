@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "engine/base/slack.h"
+#include "engine/hull/decomposition.h"
 #include "engine/hull/primitive.h"
 #include "engine/scene/geometry.h"
 #include "engine/scene/scene.h"
@@ -47,6 +48,15 @@ std::string placed_by_joints(const Body& body) {
 
 namespace {
 
+// Whether the same pieces, or none, stand for two surfaces.
+bool same_decomposition(const Decomposition* a, const Decomposition* b) {
+  if (!a || !b) return a == b;
+  return a->inner == b->inner && a->outer == b->outer &&
+         std::ranges::equal(
+             a->pieces, b->pieces, {}, [](const PiecePtr& p) { return p->digest; },
+             [](const PiecePtr& p) { return p->digest; });
+}
+
 // Whether two pieces stand for the same: themselves, or equal surfaces.
 bool same_truth(const Piece& a, const Piece& b) {
   if (!a.surface || !b.surface) return a.surface == b.surface;
@@ -54,7 +64,8 @@ bool same_truth(const Piece& a, const Piece& b) {
   const Surface &s = *a.surface, &t = *b.surface;
   return s.kind() == t.kind() && s.edge() == t.edge() && std::ranges::equal(s.points(), t.points()) &&
          std::ranges::equal(s.vertices(), t.vertices(), same_vertex) &&
-         std::ranges::equal(s.triangles(), t.triangles()) && std::ranges::equal(s.places(), t.places());
+         std::ranges::equal(s.triangles(), t.triangles()) && std::ranges::equal(s.places(), t.places()) &&
+         same_decomposition(s.decomposition(), t.decomposition());
 }
 
 }  // namespace

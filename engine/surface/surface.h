@@ -6,6 +6,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/base/triangle.h"
@@ -13,6 +14,8 @@
 #include "engine/surface/cloud_point.h"
 
 namespace clearance {
+
+struct Decomposition;  // engine/hull/decomposition.h
 
 /// The corners of a convex element: one of a point, three of a triangle, eight of a box. Metres, body frame.
 struct ElementCorners {
@@ -79,6 +82,11 @@ class Surface {
   /// A vertex of each part of triangles that hangs together by its vertices.
   std::span<const std::uint32_t> parts() const { return parts_; }
 
+  /// Convex pieces that stand for it, and how far they may miss it; null: there are none. Whoever makes a surface says
+  /// it before others see it.
+  const Decomposition* decomposition() const { return decomposition_.get(); }
+  void set_decomposition(std::shared_ptr<const Decomposition> pieces) { decomposition_ = std::move(pieces); }
+
   /// The root is the first; a child comes after its parent.
   std::span<const Node> nodes() const { return nodes_; }
   const Vec3d& centre() const { return centre_; }
@@ -101,6 +109,7 @@ class Surface {
   std::vector<Node> nodes_;
   Vec3d centre_{0, 0, 0};
   std::uint64_t digest_ = 0;
+  std::shared_ptr<const Decomposition> decomposition_;
   Kind kind_;
 };
 using SurfacePtr = std::shared_ptr<const Surface>;

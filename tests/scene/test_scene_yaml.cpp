@@ -280,9 +280,9 @@ const BadScene kBadScenes[] = {
      ":1: bodies[0].mesh: t.obj: scale: expected finite numbers other than 0"},
     {"bodies: [{name: a, mesh: t.obj, convexify: hulls}]",
      ":1: bodies[0].convexify: expected auto, hull, submeshes, surface, solid or decompose, got \"hulls\""},
-    {"bodies: [{name: a, mesh: t.obj, convexify: decompose}]",
-     ":1: bodies[0].convexify: not yet: decompose (approximate convex decomposition); use auto, hull, submeshes, "
-     "surface or solid"},
+    {"bodies: [{name: a, mesh: open.obj, convexify: decompose}]",
+     ":1: bodies[0].mesh: open.obj: convexify: decompose: the mesh encloses no volume: the edge from (0, 0, 0) to (0, "
+     "1, 0) of triangle 0 belongs to no other triangle: the mesh is open there"},
     {"bodies: [{name: a, mesh: open.obj, convexify: solid}]",
      ":1: bodies[0].mesh: open.obj: convexify: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, "
      "0) "

@@ -139,8 +139,9 @@ class Scene(RobotScene):
         """Adds a mesh file. scale: one number or three.
 
         convexify: what the body is: "hull" or "submeshes" (the convex hull of all vertices, or of each submesh's),
-            "surface" (its triangles) or "solid" (what they enclose: they are closed, and turn alike); "decompose" is
-            not there yet. "auto": the hull of a convex mesh, and of an open one, and a solid else.
+            "surface" (its triangles) or "solid" (what they enclose: they are closed, and turn alike); "decompose": a
+            solid whose pieces, in FILE.pieces.obj, answer first; `clearance decompose FILE` makes them. "auto": the
+            hull of a convex mesh, and of an open one, and a solid else.
 
         Warns (HullWarning) if the pieces stand far out of the mesh: BodyInfo.hull_excess says how far at most.
         """

@@ -61,7 +61,7 @@ class Convexify(enum.IntEnum):
 
     HULL = 0  #: one piece: the hull of all its vertices
     SUBMESHES = 1  #: one piece for each submesh of the file
-    DECOMPOSE = 2  #: approximate convex decomposition
+    DECOMPOSE = 2  #: a solid, whose convex pieces answer first
     SURFACE = 3  #: its triangles are the body
     SOLID = 4  #: what its triangles enclose is the body
     AUTO = 5  #: the default: a convex mesh is its hull, another closed one a solid, an open one its hull
