@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "engine/cuda/group_kernel.cuh"
+#include "engine/cuda/lean_kernel.cuh"
 #include "engine/cuda/overlap_kernel.cuh"
 #include "engine/cuda/resident.cuh"
 
@@ -17,6 +18,15 @@ inline bool f32_goes_first(const Question& question, const ChunkSetup& chunk, co
   return question.f32 && chunk.group_tiles > 0 && pairs.most_shared_f32 > 0;
 }
 
+// What answers pairs of the same two hulls. \param points whether rows have any
+template <class T, bool kLean, bool kWarm>
+auto group_kernel(bool points) {
+  if constexpr (kLean && !kWarm)
+    return points ? answer_lean<T, true> : answer_lean<T, false>;
+  else
+    return answer_groups<T, kLean, kWarm>;
+}
+
 // The last kernel hands the counts over.
 template <bool kLean, bool kWarm>
 void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, cudaStream_t stream) {
@@ -28,9 +38,15 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
   before.host_counts = nullptr;
   view.blocks = chunk.tiles();
   const ChunkView& first = f32_first || proof_follows ? before : view;
-  if (f32_first) answer_groups<float, kLean, kWarm><<<chunk.group_tiles, kTile, pairs.most_shared_f32, stream>>>(first);
-  if (chunk.group_tiles > 0 && !only_f32)
-    answer_groups<double, kLean, kWarm><<<chunk.group_tiles, kTile, pairs.most_shared, stream>>>(first);
+  const bool points = view.question.want_points;
+  if (f32_first) {
+    const auto kernel = group_kernel<float, kLean, kWarm>(points);
+    kernel<<<chunk.group_tiles, kTile, pairs.most_shared_f32, stream>>>(first);
+  }
+  if (chunk.group_tiles > 0 && !only_f32) {
+    const auto kernel = group_kernel<double, kLean, kWarm>(points);
+    kernel<<<chunk.group_tiles, kTile, pairs.most_shared, stream>>>(first);
+  }
   if (chunk.stray_tiles > 0) {
     const auto kernel = f32 ? answer_strays<true, kLean, kWarm> : answer_strays<false, kLean, kWarm>;
     kernel<<<chunk.stray_tiles, kTile, 0, stream>>>(first, chunk.strays);

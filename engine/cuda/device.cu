@@ -27,7 +27,7 @@ DeviceInfo probe() {
   if (error == cudaSuccess) error = cudaGetDeviceProperties(&properties, device);
   // Also asks whether this build has code for it.
   cudaFuncAttributes attributes{};
-  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_groups<double, true, false>);
+  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, answer_lean<double, false>);
   info.name = properties.name;
   info.count = count;
   info.present = error == cudaSuccess;
@@ -46,8 +46,8 @@ int most_shared() {
 
 template <class T>
 void allow_shared_memory() {
-  for (const auto kernel : {answer_groups<T, true, false>, answer_groups<T, false, false>, answer_groups<T, true, true>,
-                            answer_groups<T, false, true>})
+  for (const auto kernel : {answer_lean<T, false>, answer_lean<T, true>, answer_groups<T, false, false>,
+                            answer_groups<T, true, true>, answer_groups<T, false, true>})
     check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()),
           "asking for shared memory");
 }

@@ -12,13 +12,14 @@ struct SharedHull {
   Hull<SharedVertices> hull;
   Hull<SharedFloats> hull_f32;
 };
+// \param begin bytes from where shared memory begins
 template <class T>
-__device__ inline SharedHull share(const HullsView& hulls, const HullHead* head, std::byte* memory) {
+__device__ inline SharedHull share(const HullsView& hulls, const HullHead* head, std::uint32_t begin) {
   const std::uint32_t blocks = (head->words + 7) / 8, count = head->count;
-  auto* table = reinterpret_cast<uint4*>(memory);
-  auto* xy = reinterpret_cast<double2*>(table + blocks);
-  auto* z = reinterpret_cast<double*>(xy + count);
-  auto* f32 = reinterpret_cast<float4*>(memory + shared_bytes(*head));
+  const Shared<uint4> table{begin};
+  const Shared<double2> xy{begin + blocks * 16};
+  const Shared<double> z{xy.at + count * 16};
+  const Shared<float4> f32{begin + shared_bytes(*head)};
   const auto* words = reinterpret_cast<const uint4*>(hulls.words + head->first_word);
   for (std::uint32_t i = threadIdx.x; i < blocks; i += blockDim.x) table[i] = words[i];
   for (std::uint32_t i = threadIdx.x; i < count; i += blockDim.x) {
@@ -26,8 +27,23 @@ __device__ inline SharedHull share(const HullsView& hulls, const HullHead* head,
     z[i] = hulls.z[head->first + i];
     if (kIsF32<T>) f32[i] = reinterpret_cast<const float4*>(hulls.f32)[head->first + i];
   }
-  const auto* lists = reinterpret_cast<const std::uint16_t*>(table);
-  return {{{xy, z}, lists, head}, {{f32}, lists, head}};
+  return {{{xy, z}, {begin}, head}, {{f32}, {begin}, head}};
+}
+// Both hulls of a block's group.
+struct SharedPair {
+  SharedHull a, b;
+};
+template <class T>
+__device__ inline SharedPair share_pair(const ChunkView& c, const Group& group) {
+  const HullHead *head_a = c.hulls.heads + group.hull_a, *head_b = c.hulls.heads + group.hull_b;
+  const SharedHull a = share<T>(c.hulls, head_a, 0);
+  if (group.hull_a == group.hull_b) return {a, a};
+  return {a, share<T>(c.hulls, head_b, kIsF32<T> ? shared_bytes_f32(*head_a) : shared_bytes(*head_a))};
+}
+// Whether a group's pairs are answered in T first.
+template <class T>
+__device__ inline bool goes_first(const ChunkView& c, const HullHead& a, const HullHead& b) {
+  return kIsF32<T> == (c.question.f32 && fit_f32(a, b));
 }
 
 // An item of a group: a pair in a configuration, and where its bodies are.
@@ -72,21 +88,15 @@ template <class T, bool kLean, bool kWarm>
 __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
     answer_groups(const __grid_constant__ ChunkView c) {
   note_begin(c);
-  extern __shared__ uint4 shared_memory[];
-  auto* const memory = reinterpret_cast<std::byte*>(shared_memory);
   const Group group = c.group_of_tile[blockIdx.x];
   const HullHead *head_a = c.hulls.heads + group.hull_a, *head_b = c.hulls.heads + group.hull_b;
-  if (kIsF32<T> != (c.question.f32 && fit_f32(*head_a, *head_b))) return;  // the other kernel's
+  if (!goes_first<T>(c, *head_a, *head_b)) return;  // the other kernel's
   const std::uint32_t place = (blockIdx.x - group.first_tile) * kTile + threadIdx.x,
                       count = group.count * c.configurations;
   const GroupItem item(c, group, place < count ? place : count - 1);
   // Poses are on their way while hulls are copied.
   const PairFrame<T> at = place_pair<T>(item.at_a, *head_a, item.at_b, *head_b);
-  const SharedHull a = share<T>(c.hulls, head_a, memory);
-  const SharedHull b =
-      group.hull_a == group.hull_b
-          ? a
-          : share<T>(c.hulls, head_b, memory + (kIsF32<T> ? shared_bytes_f32(*head_a) : shared_bytes(*head_a)));
+  const auto [a, b] = share_pair<T>(c, group);
   __syncthreads();
 
   Enclosed enclosed;

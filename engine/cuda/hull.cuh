@@ -10,11 +10,24 @@
 
 namespace clearance::cuda {
 
-// Vertices in float64 from the body's origin, or in float32 from the hull's centre: a block's copy, or the scene's.
+// What a kernel finds in its block's shared memory, by bytes from where that begins: an address then has 32 bits, and
+// is known to be there.
+template <class T>
+struct Shared {
+  std::uint32_t at;
+  __device__ T& operator[](std::uint32_t i) const {
+    extern __shared__ uint4 shared_memory[];
+    return reinterpret_cast<T*>(reinterpret_cast<std::byte*>(shared_memory) + at)[i];
+  }
+};
+
+// Vertices in float64 from the body's origin, or in float32 from the hull's centre, and the words of the table: a
+// block's copy, or the scene's.
 struct SharedVertices {
   using Scalar = double;
-  const double2* xy;
-  const double* z;
+  using Words = Shared<std::uint16_t>;
+  Shared<double2> xy;
+  Shared<double> z;
   __device__ Vec3d operator[](std::uint32_t i) const {
     const double2 p = xy[i];
     return {p.x, p.y, z[i]};
@@ -22,12 +35,14 @@ struct SharedVertices {
 };
 struct SceneVertices {
   using Scalar = double;
+  using Words = const std::uint16_t*;
   const double *x, *y, *z;
   __device__ Vec3d operator[](std::uint32_t i) const { return {__ldg(x + i), __ldg(y + i), __ldg(z + i)}; }
 };
 struct SharedFloats {
   using Scalar = float;
-  const float4* at;
+  using Words = Shared<std::uint16_t>;
+  Shared<float4> at;
   __device__ Vec3<float> operator[](std::uint32_t i) const {
     const float4 p = at[i];
     return {p.x, p.y, p.z};
@@ -35,6 +50,7 @@ struct SharedFloats {
 };
 struct SceneFloats {
   using Scalar = float;
+  using Words = const std::uint16_t*;
   const float4* at;
   __device__ Vec3<float> operator[](std::uint32_t i) const {
     const float4 p = __ldg(at + i);
@@ -42,21 +58,34 @@ struct SceneFloats {
   }
 };
 
+// 1 / x to within 2^-23 of it, of an x whose reciprocal float32 holds.
+__device__ inline float quick_reciprocal(float x) {
+#ifdef __CUDA_ARCH__
+  float r;
+  asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(x));
+  return r;
+#else
+  return 1 / x;
+#endif
+}
+
 // A hull: its vertices, and its direction table if it has one.
 template <class Vertices>
 struct Hull {
   using T = typename Vertices::Scalar;
   Vertices vertices;
-  const std::uint16_t *cells, *lists;  // null: no table
-  std::uint32_t grid_bits, size;
+  typename Vertices::Words words;  // cells, then lists
+  std::uint32_t lists, grid_bits, size;
+  bool has_table;
   const HullHead* head;
 
-  __device__ Hull(const Vertices& v, const std::uint16_t* words, const HullHead* h)
+  __device__ Hull(const Vertices& v, const typename Vertices::Words& w, const HullHead* h)
       : vertices(v),
-        cells(h->words > 0 ? words : nullptr),
-        lists(words + h->cell_words),
+        words(w),
+        lists(h->cell_words),
         grid_bits(h->grid_bits),
         size(h->count),
+        has_table(h->words > 0),
         head(h) {}
   __device__ Vec3<T> vertex(std::uint32_t i) const { return vertices[i]; }
   __device__ std::uint32_t count() const { return size; }
@@ -64,27 +93,28 @@ struct Hull {
 
   // The farthest vertex along n, ties to the lowest index, as support() of a Piece.
   __device__ friend SupportPoint<T> support(const Hull& hull, const Vec3<T>& n) {
-    if (!hull.cells) return hull.scan(n);
-    const std::uint16_t* list = hull.lists + hull.list_along(n);
-    const std::uint32_t candidates = list[0];
-    SupportPoint<T> best = hull.look_at(list[1], n);
-    for (std::uint32_t k = 2; k <= candidates; ++k) take_farther(hull.look_at(list[k], n), best);
+    const Vec3<float> f = cast<float>(n);
+    if (!hull.has_table || !is_on_map(f)) return hull.scan(n);
+    const std::uint32_t list = hull.list_along(f), candidates = hull.words[list];
+    SupportPoint<T> best = hull.look_at(hull.words[list + 1], n);
+#pragma unroll 1
+    for (std::uint32_t k = 2; k <= candidates; ++k) take_farther(hull.look_at(hull.words[list + k], n), best);
     return best;
   }
   __device__ SupportPoint<T> look_at(std::uint32_t i, const Vec3<T>& n) const { return {i, dot(n, vertex(i))}; }
   __device__ static void take_farther(const SupportPoint<T>& p, SupportPoint<T>& best) {
     if (p.value > best.value) best = p;
   }
-  // The tables are blurred (float_blur()), so that float32 finds a list where it can hold the direction.
-  __device__ std::uint32_t list_along(const Vec3<T>& n) const {
-    const Vec3<float> f = cast<float>(n);
-    const float length = fabsf(f.x) + fabsf(f.y) + fabsf(f.z);
-    if (length > 1e-30f && length < 1e30f) {
-      const MapPoint<float> at = map_point(f);
-      return find_list(cells, grid_bits, at.u, at.v);
-    }
-    const MapPoint<double> at = map_point(cast<double>(n));
-    return find_list(cells, grid_bits, at.u, at.v);
+  // Whether float32 holds a direction well enough for the tables, which are blurred for it (float_blur()). Directions
+  // that it does not hold are rare, and the vertices are then looked at one by one.
+  __device__ static bool is_on_map(const Vec3<float>& n) {
+    const float length = fabsf(n.x) + fabsf(n.y) + fabsf(n.z);
+    return length > 1e-29f && length < 1e29f;
+  }
+  // Where the list along a direction begins among the words.
+  __device__ std::uint32_t list_along(const Vec3<float>& n) const {
+    const CellPoint at = cell_point(n, quick_reciprocal(fabsf(n.x) + fabsf(n.y) + fabsf(n.z)));
+    return lists + find_list(words, grid_bits, at.u, at.v);
   }
   __device__ SupportPoint<T> scan(const Vec3<T>& n) const {
     SupportPoint<T> best{0, dot(n, vertex(0))};
@@ -97,23 +127,27 @@ struct Hull {
   }
 };
 
-// Both hulls' farthest vertices. Where both have tables the lists are walked side by side, so that one's loads fill the
-// other's waits; who has the shorter list looks at its last vertex again, which changes nothing.
+// Both hulls' farthest vertices, along n and along the same direction in the axes of b, as long up to rounding. Where
+// both have tables the lists are walked side by side, so that one's loads fill the other's waits; who has the shorter
+// list looks at its last vertex again, which changes nothing.
 template <class Vertices, class T>
 __device__ inline void find_farthest(const Hull<Vertices>& a, const Vec3<T>& n_a, SupportPoint<T>& in_a,
                                      const Hull<Vertices>& b, const Vec3<T>& n_b, SupportPoint<T>& in_b) {
-  if (!a.cells || !b.cells) {
+  const Vec3<float> f = cast<float>(n_a);
+  if (!a.has_table || !b.has_table || !a.is_on_map(f)) {
     in_a = support(a, n_a);
     in_b = support(b, n_b);
     return;
   }
-  const std::uint16_t *list_a = a.lists + a.list_along(n_a), *list_b = b.lists + b.list_along(n_b);
-  const std::uint32_t count_a = list_a[0], count_b = list_b[0], most = count_a < count_b ? count_b : count_a;
-  in_a = a.look_at(list_a[1], n_a);
-  in_b = b.look_at(list_b[1], n_b);
+  const std::uint32_t list_a = a.list_along(f), list_b = b.list_along(cast<float>(n_b));
+  const std::uint32_t count_a = a.words[list_a], count_b = b.words[list_b],
+                      most = count_a < count_b ? count_b : count_a;
+  in_a = a.look_at(a.words[list_a + 1], n_a);
+  in_b = b.look_at(b.words[list_b + 1], n_b);
+#pragma unroll 1
   for (std::uint32_t k = 2; k <= most; ++k) {
-    const SupportPoint<T> next_a = a.look_at(list_a[k < count_a ? k : count_a], n_a),
-                          next_b = b.look_at(list_b[k < count_b ? k : count_b], n_b);
+    const SupportPoint<T> next_a = a.look_at(a.words[list_a + (k < count_a ? k : count_a)], n_a),
+                          next_b = b.look_at(b.words[list_b + (k < count_b ? k : count_b)], n_b);
     a.take_farther(next_a, in_a);
     b.take_farther(next_b, in_b);
   }
@@ -137,6 +171,12 @@ __device__ inline Hull<SceneFloats> scene_hull_f32(const HullsView& hulls, const
 __device__ inline bool has_several(const HullsView& hulls, std::uint32_t body_a, std::uint32_t body_b) {
   return hulls.of_body[body_a] == kSeveral || hulls.of_body[body_b] == kSeveral;
 }
+
+// A placed body's axes and origin.
+struct PlacedFrame {
+  Mat3d R_wb;
+  Vec3d t_w;
+};
 
 // A body where this thread finds it.
 struct Where {
@@ -164,6 +204,13 @@ struct Where {
   }
   __device__ Mat3d rotation() const { return {{at(0), at(3), at(6)}}; }
   __device__ Vec3d translation() const { return at(9); }
+  // Both of them; where they lie side by side, 16 bytes at a time.
+  __device__ PlacedFrame frame() const {
+    if (stride != 1) return {rotation(), translation()};
+    const auto* const p = reinterpret_cast<const double2*>(components);
+    const double2 c0 = p[0], c2 = p[1], c4 = p[2], c6 = p[3], c8 = p[4], c10 = p[5];
+    return {{{{c0.x, c0.y, c2.x}, {c2.y, c4.x, c4.y}, {c6.x, c6.y, c8.x}}}, {c8.y, c10.x, c10.y}};
+  }
   __device__ Aabb box() const { return {at(12), at(15)}; }
   __device__ Status status() const { return static_cast<Status>(state & kStateStatus); }
 };

@@ -38,10 +38,7 @@ __device__ __noinline__ void answer_open_pair(const ChunkView& c, const PairHead
   const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
   const PairFrame<double> at = place_pair<double>(at_a, *heads.a, at_b, *heads.b);
   Run<Hull<SceneVertices>> run(q, a, b, at);
-  for (int steps = 0; run.g.end == 0;) {
-    run.step();
-    if (run.g.end == 0 && ++steps >= q.max_iterations) run.g.end = Gjk<double>::code(GjkEnd::kLimit);
-  }
+  run.go();
   const RunBounds<double> bounds = run.bounds();
   const Simplex<double> last = weighed(run.g.simplex);
   const auto vertex_a = [&](std::uint32_t i) { return a.vertex(i); };

@@ -21,7 +21,8 @@ inline constexpr bool kIsF32 = std::is_same_v<T, float>;
 
 template <class T>
 __device__ inline PairFrame<T> place_pair(const Where& at_a, const HullHead& a, const Where& at_b, const HullHead& b) {
-  return pair_frame<T>(a, at_a.rotation(), at_a.translation(), b, at_b.rotation(), at_b.translation());
+  const PlacedFrame of_a = at_a.frame(), of_b = at_b.frame();
+  return pair_frame<T>(a, of_a.R_wb, of_a.t_w, b, of_b.R_wb, of_b.t_w);
 }
 
 // The points and flags of a settled pair. Not inlined: what it needs should not take registers from the iteration.
@@ -90,9 +91,25 @@ struct Run {
     return row;
   }
   __device__ __forceinline__ void step() {
-    SupportPoint<T> fa, fb;
-    find_farthest(a_, -g.v, fa, b_, at_.R.transpose_times(g.v), fb);
-    g.step(cso_vertex(fa.index, fb.index), -dot(g.v, at_.D) - (fa.value + fb.value), limits_, true);
+    Nearest<T> next;
+    if (const GjkEnd end = look(next); end == GjkEnd::kRunning)
+      g.go_on(next);
+    else
+      g.close(end);
+  }
+  // To its end.
+  __device__ __forceinline__ void go() {
+    GjkEnd end;
+    for (int steps = 0;;) {
+      Nearest<T> next;
+      end = look(next);
+      if (end != GjkEnd::kRunning) break;
+      g.go_on(next);
+      if (++steps < q_.max_iterations) continue;
+      end = GjkEnd::kLimit;
+      break;
+    }
+    g.close(end);
   }
   __device__ RunBounds<T> bounds() const {
     return {g,
@@ -105,6 +122,12 @@ struct Run {
   }
 
  private:
+  // \param next what the run goes on with, if it does
+  __device__ __forceinline__ GjkEnd look(Nearest<T>& next) {
+    SupportPoint<T> fa, fb;
+    find_farthest(a_, -g.v, fa, b_, at_.R.transpose_times(g.v), fb);
+    return g.look(cso_vertex(fa.index, fb.index), -dot(g.v, at_.D) - (fa.value + fb.value), limits_, next);
+  }
   __device__ T cut_off() const { return static_cast<T>(q_.max_distance * Setup::kMore); }
   __device__ CsoVertex<T> cso_vertex(std::uint32_t a, std::uint32_t b) const {
     return {at_.cso_vertex(a_.vertex(a), b_.vertex(b)), a, b};
@@ -180,13 +203,13 @@ __device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hul
   if (kIsF32<T> && !at.fits) return Outcome::kUnsettled;
   Run<Hull> run(q, a, b, at);
   if (kWarm) run.begin_at(*warm);
-  for (int steps = 0; run.g.end == 0;) {
-    run.step();
-    if (run.g.end == 0 && ++steps >= q.max_iterations) run.g.end = Gjk<T>::code(GjkEnd::kLimit);
-  }
+  run.go();
   if (kWarm) *warm = run.end();
-  if constexpr (!kIsF32<T>)
-    if (q.prove_overlaps && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
+  if (run.g.end == Gjk<T>::code(GjkEnd::kEncloses)) {  // which bounds never settle
+    if constexpr (!kIsF32<T>)
+      if (q.prove_overlaps && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
+    return Outcome::kUnsettled;
+  }
   const RunBounds<T> bounds = run.bounds();
   if (!bounds.settled) return Outcome::kUnsettled;
   take(run.g, bounds);
@@ -233,6 +256,13 @@ __device__ inline std::uint16_t flags_of(const Where& a, const Where& b) {
   return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateStale ? kFlagStale : 0) |
          (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
 }
+// In two pieces of 16 bytes.
+__device__ inline void write_compact(CompactAnswer* row, const PairAnswer& answer) {
+  const CompactAnswer r = detail::compact(answer);
+  auto* halves = reinterpret_cast<float4*>(row);
+  halves[0] = {r.lower, r.upper, r.point_a[0], r.point_a[1]};
+  halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
+}
 template <bool kLean = false>
 __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const Where& at_a,
                                     const Where& at_b, const PairAnswer& answer) {
@@ -240,11 +270,7 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
     write_interval(c.reply, row, answer);
     if (c.reply.pair) c.reply.pair[row] = {at_a.body, at_b.body};
     if (c.reply.configuration) c.reply.configuration[row] = static_cast<std::uint32_t>(c.first_configuration + k);
-    if (!c.reply.compact) return;
-    const CompactAnswer r = detail::compact(answer);  // in two pieces of 16 bytes
-    auto* halves = reinterpret_cast<float4*>(c.reply.compact + row);
-    halves[0] = {r.lower, r.upper, r.point_a[0], r.point_a[1]};
-    halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
+    if (c.reply.compact) write_compact(c.reply.compact + row, answer);
     return;
   }
   write_row(c.reply, row, {at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer,
@@ -284,6 +310,10 @@ __device__ inline void add_count(std::uint32_t* count, bool wanted) {
 // \tparam kIsFirst float32 went first: what it left open is listed for float64.
 template <bool kIsFirst = false>
 __device__ inline void report(const ChunkView& c, Outcome outcome, std::uint64_t row, const Enclosed& enclosed) {
+  if (__all_sync(~0u, outcome == Outcome::kSettled)) {
+    if (threadIdx.x % 32 == 0) atomicAdd(c.counts + kSettledRows, 32);
+    return;
+  }
   if (kIsFirst) {
     const std::uint32_t open = take_place(c.counts + kLeftOpen, outcome == Outcome::kUnsettled);
     if (outcome == Outcome::kUnsettled) c.left_open[open] = {enclosed.pair, enclosed.configuration};

@@ -82,14 +82,36 @@ CLEARANCE_INLINE MapPoint<T> map_point(const Vec3<T>& n) {
   return {u, v};
 }
 
-/// Where the list for that point begins. \param cells words of any width; the highest bit is DirectionTable::kDivided.
-/// \param map_u, map_v scalars
-template <class Word, class T>
-CLEARANCE_INLINE std::uint32_t find_list(const Word* cells, std::uint32_t grid_bits, const T& map_u, const T& map_v) {
+/// The finest cell that holds a direction, by float32: map_point() without a look at what only directions without
+/// length make. A device's quick quotients serve: the margin of blurred tables covers that.
+struct CellPoint {
+  std::uint32_t u, v;
+};
+/// \param inverse 1 / (|x| + |y| + |z|), to within 2^-23 of it
+CLEARANCE_HD inline CellPoint cell_point(const Vec3<float>& n, float inverse) {
+  using std::abs;
+  constexpr float half = 1 << (DirectionTable::kDeepest - 1);
+  constexpr std::int32_t last = (1 << DirectionTable::kDeepest) - 1;
+  const float scale = half * inverse;
+  float u = abs(n.x) * scale, v = abs(n.y) * scale;
+  const float folded_u = half - v, folded_v = half - u;
+  u = n.z < 0 ? folded_u : u;
+  v = n.z < 0 ? folded_v : v;
+  u = half + (n.x < 0 ? -u : u);
+  v = half + (n.y < 0 ? -v : v);
+  // None is lower than a hundredth below zero, and that is cut off.
+  const auto i = static_cast<std::int32_t>(u), j = static_cast<std::int32_t>(v);
+  return {static_cast<std::uint32_t>(i < last ? i : last), static_cast<std::uint32_t>(j < last ? j : last)};
+}
+
+/// Where the list for that point begins. \param cells cells[i]: words of any width; the highest bit is
+/// DirectionTable::kDivided. \param map_u, map_v scalars
+template <class Cells, class T>
+CLEARANCE_INLINE std::uint32_t find_list(const Cells& cells, std::uint32_t grid_bits, const T& map_u, const T& map_v) {
   const auto u = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_u)),
              v = static_cast<std::uint32_t>(static_cast<std::int32_t>(map_v));
   std::uint32_t shift = DirectionTable::kDeepest - grid_bits;
-  constexpr std::uint32_t divided = std::uint32_t{1} << (8 * sizeof(Word) - 1);
+  constexpr std::uint32_t divided = std::uint32_t{1} << (8 * sizeof(cells[0]) - 1);
   std::uint32_t word = cells[(v >> shift) << grid_bits | u >> shift];
   while (word & divided) {
     --shift;

@@ -110,8 +110,10 @@ CLEARANCE_INLINE NearestFeature<T> nearest_feature(const Simplex<T>& old, const 
   for (int i = 0; i < 3; ++i) {
     const Mask there = old.size > Count(i);
     if (!any(there)) {
+#ifndef __CUDA_ARCH__  // a thread of a GPU looks at none of them, and need not set them
       e[i] = m[i] = {zero, zero, zero};
       g[i] = zero;
+#endif
       continue;
     }
     e[i] = old.vertex[i].w - newest.w;
@@ -309,27 +311,8 @@ struct Gjk {
     last = select(running, vertex, last);
     gap = select(running, support_gap, gap);
     const Mask begun = simplex.size > Count(0);
-    // The vertex is in the simplex already: the polytope has no point nearer in any direction that v can see.
-    Mask converged = ((simplex.size > Count(0)) & same(simplex.vertex[0], vertex)) |
-                     ((simplex.size > Count(1)) & same(simplex.vertex[1], vertex)) |
-                     ((simplex.size > Count(2)) & same(simplex.vertex[2], vertex));
-    // |v| - v.w/|v| is how much v could still shrink.
-    const T slack = vv - gap;
-    if (limits.squared) {
-      converged = converged | (slack <= limits.rel_tol * vv);
-    } else {
-      using std::sqrt;
-      const T length = sqrt(vv), rest = vv - limits.radius * length;
-      converged =
-          converged | (slack <= limits.rel_tol * select(rest < zero, -rest, rest)) | (slack <= limits.abs_tol * length);
-    }
-    converged = converged & begun & running;
-    // The plane through w normal to v keeps the whole CSO farther than max_distance.
-    Mask beyond = begun & running & !converged;
-    if (limits.bounded)
-      beyond = beyond & (gap > zero) & (gap * gap > limits.max_distance * limits.max_distance * vv);
-    else
-      beyond = beyond & (zero > zero);
+    const Mask converged = converges(limits) & begun & running;
+    const Mask beyond = begun & running & !converged & is_beyond(limits);
     end = select(converged, code(GjkEnd::kConverged), end);
     end = select(beyond, code(GjkEnd::kBeyond), end);
     const Mask going = running & !converged & !beyond;
@@ -351,6 +334,50 @@ struct Gjk {
     end = select(stalled, code(GjkEnd::kStalled), end);
   }
 
+  /// The same of one run alone, in two parts: whether and how it ends, and what it goes on with. Nothing that a run
+  /// goes on with is written where it ends, so that a GPU's thread need not choose between both. After the end comes
+  /// close().
+  CLEARANCE_INLINE GjkEnd look(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits,
+                               Nearest<T>& next) {
+    last = vertex;
+    gap = support_gap;
+    if (simplex.size == 0) {  // what reduce() makes of a first vertex
+      next.simplex.vertex[0] = vertex;
+      next.simplex.weight[0] = T(1);
+      next.simplex.weight[1] = next.simplex.weight[2] = T(0);
+      next.simplex.size = 1;
+      next.v = vertex.w;
+      next.squared_distance = squared_norm(vertex.w);
+      return next.squared_distance > T(0) ? GjkEnd::kRunning : GjkEnd::kEncloses;
+    }
+    if (converges(limits)) return GjkEnd::kConverged;
+    if (is_beyond(limits)) return GjkEnd::kBeyond;
+    next = reduce(simplex, vertex);
+    if (next.encloses || !(next.squared_distance > T(0))) return GjkEnd::kEncloses;
+    return next.squared_distance < squared_distance ? GjkEnd::kRunning : GjkEnd::kStalled;
+  }
+  CLEARANCE_INLINE void go_on(const Nearest<T>& next) {
+    CLEARANCE_UNROLL
+    for (int i = 0; i < 3; ++i) {
+      simplex.vertex[i] = next.simplex.vertex[i];
+      simplex.weight[i] = next.simplex.weight[i];
+    }
+    simplex.size = next.simplex.size;
+    v = next.v;
+    squared_distance = next.squared_distance;
+  }
+  /// Ends a run alone. A simplex that encloses the origin takes in the vertex with which it does.
+  CLEARANCE_HD void close(GjkEnd how) {
+    end = code(how);
+    if (how != GjkEnd::kEncloses) return;
+    CLEARANCE_UNROLL
+    for (int i = 3; i > 0; --i) simplex.vertex[i] = simplex.vertex[i - 1];
+    simplex.vertex[0] = last;
+    ++simplex.size;
+    v = {T(0), T(0), T(0)};
+    squared_distance = T(0);
+  }
+
   CLEARANCE_HD static Count code(GjkEnd e) { return Count(static_cast<int>(e)); }
 
  private:
@@ -359,6 +386,26 @@ struct Gjk {
       return reduce_carefully(old, newest);
     else
       return reduce_to_nearest(old, newest);
+  }
+  // Of lanes that have begun: after the support vertex `last` with its gap.
+  CLEARANCE_INLINE Mask converges(const GjkLimits<T>& limits) const {
+    const T zero(0), vv = squared_distance;
+    // The vertex is in the simplex already: the polytope has no point nearer in any direction that v can see.
+    const Mask again = ((simplex.size > Count(0)) & same(simplex.vertex[0], last)) |
+                       ((simplex.size > Count(1)) & same(simplex.vertex[1], last)) |
+                       ((simplex.size > Count(2)) & same(simplex.vertex[2], last));
+    // |v| - v.w/|v| is how much v could still shrink.
+    const T slack = vv - gap;
+    if (limits.squared) return again | (slack <= limits.rel_tol * vv);
+    using std::sqrt;
+    const T length = sqrt(vv), rest = vv - limits.radius * length;
+    return again | (slack <= limits.rel_tol * select(rest < zero, -rest, rest)) | (slack <= limits.abs_tol * length);
+  }
+  // The plane through the vertex normal to v keeps the whole CSO farther than max_distance.
+  CLEARANCE_INLINE Mask is_beyond(const GjkLimits<T>& limits) const {
+    const T zero(0);
+    if (!limits.bounded) return zero > zero;
+    return (gap > zero) & (gap * gap > limits.max_distance * limits.max_distance * squared_distance);
   }
   CLEARANCE_HD void advance(const Nearest<T>& next, const Mask& take) {
     CLEARANCE_UNROLL
@@ -386,11 +433,14 @@ CLEARANCE_HD inline Gjk<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& s
   Gjk<T> g;
   g.v = v0;
   if (seed.size > 0) g.begin(seed, true);
-  for (int i = 0; i < limits.max_iterations && g.end == 0; ++i) {
+  GjkEnd end = GjkEnd::kRunning;
+  for (int i = 0; i < limits.max_iterations && end == GjkEnd::kRunning; ++i) {
     const CsoSupport<T> s = cso(g.v);
-    g.step(s.vertex, s.gap, limits, true);
+    Nearest<T> next;
+    end = g.look(s.vertex, s.gap, limits, next);
+    if (end == GjkEnd::kRunning) g.go_on(next);
   }
-  if (g.end == 0) g.end = g.code(GjkEnd::kLimit);
+  g.close(end == GjkEnd::kRunning ? GjkEnd::kLimit : end);
   return g;
 }
 

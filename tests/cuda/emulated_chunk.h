@@ -14,6 +14,7 @@ thread_local uint4 shared_memory[test::kMostShared / sizeof(uint4)] = {some_word
 }  // namespace clearance::emulated
 #define cuda emulated
 #include "engine/cuda/group_kernel.cuh"
+#include "engine/cuda/lean_kernel.cuh"
 #include "engine/cuda/open_rows.cuh"
 #undef cuda
 

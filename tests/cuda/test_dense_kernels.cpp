@@ -11,8 +11,8 @@ constexpr std::uint32_t kFewBlocks = 2;  // fewer threads than pairs: each takes
 struct Case : EmulatedCase {
   static constexpr std::uint32_t kConfigurations = 160;  // more than a tile
 
-  explicit Case(Precision precision)
-      : EmulatedCase(12, kConfigurations, 1.2, 5,
+  explicit Case(Precision precision, std::uint32_t configurations = kConfigurations)
+      : EmulatedCase(12, configurations, 1.2, 5,
                      [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
                        to.add_hull(name, cloud_on_sphere(150, 0.4, 9), options);
                      }) {
@@ -59,21 +59,56 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   chunk.expect_the_cpus(cpu, c.q, "float32");
 }
 
+// What answer_chunk() starts for columns that need no more than bounds, or compact rows.
+void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
+  ASSERT_EQ(fields & ~kLeanFields, 0u);
+  const bool points = (fields & kFieldCompact) != 0, f32 = c.q.precision == Precision::kF32;
+  c.q.fields = fields;
+  c.q.format = points ? Format::kCompact : Format::kFull;
+  const Engine cpu(std::move(c.scene), {"cpu"});
+  HostChunk chunk(cpu, c.q);
+  chunk.view.question.cull = c.q.max_distance < std::numeric_limits<double>::infinity();
+  const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());
+  if (f32) {
+    chunk.launch(tiles, [&] { points ? answer_lean<float, true>(chunk.view) : answer_lean<float, false>(chunk.view); });
+    ASSERT_GT(chunk.counts[kLeftOpen], 0u) << what;
+  }
+  chunk.launch(tiles, [&] { points ? answer_lean<double, true>(chunk.view) : answer_lean<double, false>(chunk.view); });
+  ASSERT_GT(chunk.counts[kSettledRows], 30u) << what;
+  if (f32) {
+    chunk.view.prove_at_once = true;
+    chunk.launch(kFewBlocks, [&] { answer_open<true, false>(chunk.view, 5); });
+  } else {
+    ASSERT_GT(chunk.counts[kEnclosedPairs], 0u) << what;
+  }
+  chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
+  chunk.expect_the_cpus(cpu, c.q, what);
+}
+
+constexpr std::uint32_t kBounds = kDefaultFields | kFieldPair | kFieldConfiguration;
+
 TEST(DenseKernels, LeanOnesGiveTheBitsOfTheCpu) {
-  constexpr std::uint32_t kBounds = kDefaultFields | kFieldPair | kFieldConfiguration;
-  for (const std::uint32_t fields : {kBounds, kFieldCompact | kFieldStatus, std::uint32_t{kFieldCompact}}) {
-    ASSERT_EQ(fields & ~kLeanFields, 0u);
+  for (const Precision precision : {Precision::kF64, Precision::kF32})
+    for (const std::uint32_t fields : {kBounds, kFieldBounds | 0u, kFieldCompact | kFieldStatus, kFieldCompact | 0u}) {
+      Case c(precision);
+      expect_lean_rows(c, fields,
+                       (precision == Precision::kF32 ? "float32, fields " : "fields ") + std::to_string(fields));
+    }
+}
+
+TEST(DenseKernels, LeanOnesLeaveOutPairsWhoseBoxesAreFar) {
+  for (const std::uint32_t fields : {kBounds, kFieldCompact | 0u}) {
     Case c(Precision::kF64);
-    c.q.fields = fields;
-    c.q.format = fields & kFieldCompact ? Format::kCompact : Format::kFull;
-    const Engine cpu(std::move(c.scene), {"cpu"});
-    HostChunk chunk(cpu, c.q);
-    chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
-                 [&] { answer_groups<double, true, false>(chunk.view); });
-    ASSERT_GT(chunk.counts[kSettledRows], 100u);
-    ASSERT_GT(chunk.counts[kEnclosedPairs], 0u);
-    chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
-    chunk.expect_the_cpus(cpu, c.q, "lean, fields " + std::to_string(fields));
+    c.q.max_distance = 0.2;
+    expect_lean_rows(c, fields, "near, fields " + std::to_string(fields));
+  }
+}
+
+// Poses that lie side by side are read 16 bytes at a time.
+TEST(DenseKernels, LeanOnesOfOneConfigurationGiveTheBitsOfTheCpu) {
+  for (const std::uint32_t fields : {kBounds, kFieldCompact | 0u}) {
+    Case c(Precision::kF64, 1);
+    expect_lean_rows(c, fields, "one configuration, fields " + std::to_string(fields));
   }
 }
 
