@@ -25,7 +25,6 @@ namespace clearance {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using shm::Message;
 using shm::MessageKind;
 using shm::UniqueFd;
 
@@ -190,14 +189,14 @@ class ShmTransport final : public Transport {
 
   /// Says why and counts it. The caller decides whether the connection ends.
   void refuse(int socket, const std::string& why) {
-    Message message = make_message(MessageKind::kRefused);
+    shm::Message message = make_message(MessageKind::kRefused);
     std::memcpy(message.text, why.data(), std::min(why.size(), sizeof message.text - 1));
     shm::send_message(socket, message);
     ++*counters_.refused;
   }
 
-  static Message make_message(MessageKind kind) {
-    Message message;
+  static shm::Message make_message(MessageKind kind) {
+    shm::Message message;
     message.wire_version = wire::kVersion;
     message.kind = static_cast<std::uint32_t>(kind);
     return message;
@@ -205,7 +204,7 @@ class ShmTransport final : public Transport {
 
   void serve_socket(ShmSession& session) {
     for (int i = 0; i < kMessagesPerEvent && !session.gone; ++i) {
-      Message message;
+      shm::Message message;
       const ssize_t received = shm::receive_message(session.socket.get(), message);
       if (received < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
       if (received <= 0) return drop(session);
@@ -214,7 +213,7 @@ class ShmTransport final : public Transport {
     look_at_sockets_ = true;
   }
 
-  void serve_message(ShmSession& session, const Message& message, std::size_t received) {
+  void serve_message(ShmSession& session, const shm::Message& message, std::size_t received) {
     if (received < shm::kMessagePrefixBytes || message.magic != shm::kMagic)
       return violate(session, "not a message of this protocol");
     if (message.layout_version != shm::kLayoutVersion || message.wire_version != wire::kVersion) {
@@ -251,7 +250,7 @@ class ShmTransport final : public Transport {
     }
   }
 
-  void give_segment(ShmSession& session, const Message& wanted, bool first) {
+  void give_segment(ShmSession& session, const shm::Message& wanted, bool first) {
     std::string why;
     auto segment = Segment::make(budget_, pinner_, limits_, class_of(session.rights), session.next_segment,
                                  wanted.request_capacity, wanted.reply_capacity, why);
@@ -269,7 +268,7 @@ class ShmTransport final : public Transport {
     }
     segment->show_turns(polls_ + 1);
     ++session.next_segment;
-    Message message = make_message(MessageKind::kSegment);
+    shm::Message message = make_message(MessageKind::kSegment);
     message.segment_id = segment->id();
     message.request_capacity = segment->request_capacity();
     message.reply_capacity = segment->reply_capacity();

@@ -49,6 +49,8 @@ except ImportError as error:
     assert "client-only" in str(error), error
 else:
     raise SystemExit("a client-only install has an engine")
+from clearance import *  # takes what there is
+assert connect is clearance.connect and "Scene" not in clearance.__all__
 PYTHON
   "$venv/bin/clearance" --help >/dev/null
 }

@@ -5,7 +5,8 @@ and with a viewer's questions: all that a page asks of the daemon, ten times a s
 browser and the drawing are left out: they ask nothing of a daemon, and run where the person is. Prints and writes, as
 CSV, the medians over the turns of p50, p99.9 and max, and the least and most p99.9; and how long a picture keeps the
 daemon's CPU, which other programs of the machine hardly change. The loop's client runs at real-time priority where that
-is allowed.
+is allowed. All of it with an ordinary daemon, and with one that has --real-time: no other program holds up its loop, so
+that a difference is the viewer's.
 """
 
 import argparse
@@ -17,7 +18,7 @@ import time
 from pathlib import Path
 
 from bench_classes import Cpus, Players, Priority
-from bench_sections import BIN, ROOT, bench_one_pair, cpu_ms, write_csv
+from bench_sections import BIN, ROOT, bench_one_pair, cpu_ms, stolen_ms, write_csv
 
 SCENE = ROOT / "scenes/cell/robot.yaml"
 RATE_HZ, PICTURES = 10, 2000
@@ -47,7 +48,7 @@ def look(url):
         time.sleep(max(0.0, due - time.monotonic()))
 
 
-def measure(binaries, seconds, turns):
+def measure(binaries, seconds, turns, real_time):
     """{"nothing": rows of `clearance bench`, "viewer": rows}, and us of the daemon's CPU for a picture."""
     cpus, priority = Cpus(), Priority()
     rows = {"nothing": [], "viewer": []}
@@ -55,6 +56,7 @@ def measure(binaries, seconds, turns):
         url = f"shm://{stage.folder}/c.sock"
         daemon = [*cpus.run_on(cpus.daemon), binaries / "clearanced", "--scene", SCENE]
         daemon += ["--shm", stage.folder / "c.sock", "--control-user", str(os.geteuid())]
+        daemon += ["--real-time"] if real_time else []
         process = stage.start("clearanced", daemon)
         stage.wait_until(lambda: "event=ready" in stage.log("clearanced"), "the daemon", 600)
         client = [*priority.of_client, *cpus.run_on(cpus.client)]
@@ -67,16 +69,22 @@ def measure(binaries, seconds, turns):
         asked.close()
         for turn in range(turns):
             for kind, of_kind in rows.items():
+                stolen = stolen_ms()
                 if kind == "viewer":
                     command = [*cpus.run_on(cpus.others), sys.executable, __file__, "--look", url]
                     viewer = stage.start(f"viewer{turn}", command, stdout=subprocess.PIPE, text=True)
                     viewer.stdout.readline()
-                of_kind.append(bench_one_pair(binaries, url, seconds, kind, client))
+                row = bench_one_pair(binaries, url, seconds, kind, client)
+                of_kind.append({**row, "stolen_ms": stolen_ms() - stolen})
                 if kind == "viewer":
                     assert viewer.poll() is None, stage.log(f"viewer{turn}")
                     viewer.kill()
                     viewer.wait()
     return rows, cpus, picture_us
+
+
+def median_of(rows, name):
+    return round(statistics.median(row[name] for row in rows), 1)
 
 
 def main():
@@ -89,25 +97,27 @@ def main():
     options = parser.parse_args()
     if options.look:
         look(options.look)
-    rows, cpus, picture_us = measure(options.binaries, options.seconds, options.turns)
     table = []
-    for kind, of_kind in rows.items():
-        numbers = {n: round(statistics.median(row[n] for row in of_kind), 1) for n in ("p50_us", "p99.9_us", "max_us")}
-        table.append(
-            {
-                "beside": kind,
-                "machine": of_kind[0]["machine"],
-                "shared": "yes" if cpus.are_shared else "no",
-                "turns": options.turns,
-                "seconds": options.seconds,
-                **numbers,
-                "least_p99.9_us": round(min(row["p99.9_us"] for row in of_kind), 1),
-                "most_p99.9_us": round(max(row["p99.9_us"] for row in of_kind), 1),
-                "picture_us": round(picture_us, 1),
-                "load": round(os.getloadavg()[0], 1),
-            }
-        )
-        print(table[-1], flush=True)
+    for real_time in (False, True):
+        rows, cpus, picture_us = measure(options.binaries, options.seconds, options.turns, real_time)
+        for kind, of_kind in rows.items():
+            table.append(
+                {
+                    "daemon": "--real-time" if real_time else "ordinary",
+                    "beside": kind,
+                    "machine": of_kind[0]["machine"],
+                    "shared": "yes" if cpus.are_shared else "no",
+                    "turns": options.turns,
+                    "seconds": options.seconds,
+                    **{n: median_of(of_kind, n) for n in ("p50_us", "p99.9_us", "max_us")},
+                    "least_p99.9_us": round(min(row["p99.9_us"] for row in of_kind), 1),
+                    "most_p99.9_us": round(max(row["p99.9_us"] for row in of_kind), 1),
+                    "picture_us": round(picture_us, 1),
+                    "stolen_ms": median_of(of_kind, "stolen_ms"),
+                    "load": round(os.getloadavg()[0], 1),
+                }
+            )
+            print(table[-1], flush=True)
     write_csv(options.csv, table)
 
 

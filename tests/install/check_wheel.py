@@ -152,6 +152,8 @@ def main():
     clearance = importlib.import_module(name.replace("-", "_"))
     assert clearance.__version__ == importlib.metadata.version(name)
     assert (pathlib.Path(clearance.__file__).parent / "py.typed").exists()
+    exec(f"from {clearance.__name__} import *", star := {})
+    assert set(clearance.__all__) <= set(star) and ("Engine" in star) == (name == "clearance"), sorted(star)
     os.environ["CLEARANCE_CACHE"] = "off"
     scene = pathlib.Path(scenes) / "nineteen" / "scene.yaml"
     if name == "clearance":

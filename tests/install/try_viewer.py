@@ -3,6 +3,7 @@
 BUILD: a build folder. PICTURES: a folder for what the page looked like. CHROMIUM: the browser; else the one on PATH.
 """
 
+import asyncio
 import contextlib
 import os
 import pathlib
@@ -13,8 +14,10 @@ import sys
 import tempfile
 import threading
 import time
+import traceback
 
 from playwright.sync_api import sync_playwright
+from viser.infra._async_message_buffer import AsyncMessageBuffer
 
 import clearance
 from clearance.view.edge import certified_edge
@@ -85,6 +88,29 @@ class Tab:
             notice.click()
         self.page.wait_for_timeout(1500)
         self.page.screenshot(path=PICTURES / f"{name}.png")
+
+
+@contextlib.contextmanager
+def writing_in_its_loop():
+    """What the viewer writes to its page comes from viser's own loop: from other threads that ends it now and then."""
+    push, elsewhere, written = AsyncMessageBuffer.push, [], []
+
+    def noted(buffer, message):
+        stack = traceback.extract_stack()
+        if any("clearance/view/" in frame.filename and frame.name not in ("__init__", "stop") for frame in stack):
+            written.append(message)
+            try:
+                asyncio.get_running_loop()
+            except RuntimeError:
+                elsewhere.append("".join(traceback.format_list(stack)))
+        push(buffer, message)
+
+    AsyncMessageBuffer.push = noted
+    try:
+        yield
+    finally:
+        AsyncMessageBuffer.push = push
+    assert len(written) > 100 and not elsewhere, (len(written), *elsewhere[:1])
 
 
 def expected_rows(front, **asked):
@@ -238,8 +264,10 @@ def main():
         program = os.environ.get("CHROMIUM") or shutil.which("chromium")
         assert program, "there is no chromium on PATH"
         browser = playwright.chromium.launch(executable_path=program, args=GL)
-        for each in (try_scene, lambda b: try_daemon(b, folder), try_command):
-            each(browser)
+        with writing_in_its_loop():
+            try_scene(browser)
+            try_daemon(browser, folder)
+        try_command(browser)
         browser.close()
     print(f"the page's numbers are the engine's; {len(list(PICTURES.glob('*.png')))} pictures in {PICTURES}")
 

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+import clearance
 from conftest import BUILD, INSTALLED
 from patience import PATIENCE_S
 
@@ -28,6 +29,8 @@ def test_it_does_what_the_native_client_does(root):
 @pytest.mark.parametrize("code, why", [
     ("connect('udpm://239.255.76.67:7667?ttl=0')", "ConnectionError.*speaks no LCM; install clearance for it"),
     ("Engine", "ImportError.*clearance_client.Engine is not there: this is a client-only install"),
+    ("DevicePlan", "ImportError.*clearance_client.DevicePlan is not there: this is a client-only install"),
+    ("from_pinocchio", "ImportError.*clearance_client.from_pinocchio is not there: this is a client-only install"),
     ("connect('http://x')", "ValueError.*is no url of a daemon"),
 ])  # fmt: skip
 def test_what_it_does_not_do_is_refused_by_name(code, why):
@@ -36,3 +39,15 @@ def test_what_it_does_not_do_is_refused_by_name(code, why):
         env={**os.environ, "PYTHONPATH": str(BUILD / "python")}, capture_output=True, text=True, timeout=PATIENCE_S,
     )  # fmt: skip
     assert done.returncode == 1 and re.search(why, done.stderr), done.stderr
+
+
+@pytest.mark.skipif(INSTALLED, reason="the build's")
+def test_a_star_takes_all_that_there_is():
+    code = "from clearance_client import *; connect, Status, from_coal; import clearance_client as c; print(*c.__all__)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": str(BUILD / "python")}, capture_output=True,
+        text=True, timeout=PATIENCE_S,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    absent = {"DeviceArray", "DevicePlan", "DeviceRows", "Engine", "Scene", "from_pinocchio"}
+    assert set(clearance.__all__) - set(done.stdout.split()) == absent

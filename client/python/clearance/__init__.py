@@ -108,12 +108,18 @@ _LAZY = {
     "Engine": "._engine_front",
     "Scene": "._scene",
 }
+_NEED_ENGINE = ("DeviceArray", "DevicePlan", "DeviceRows", "Engine", "Scene", "from_pinocchio")
+
+# `from clearance import *` takes what there is.
+_has_engine = importlib.util.find_spec(f"{__name__}._engine") is not None
+if not _has_engine:
+    __all__[:] = [name for name in __all__ if name not in _NEED_ENGINE]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _LAZY:
         raise AttributeError(f"module 'clearance' has no attribute {name!r}")
-    if name in ("Engine", "Scene") and importlib.util.find_spec(f"{__name__}._engine") is None:
+    if name in _NEED_ENGINE and not _has_engine:
         raise ImportError(
             f"{__name__}.{name} is not there: this is a client-only install; install the whole package "
             "(clearance, without CLEARANCE_CLIENT_ONLY) for the engine in this process"

@@ -87,7 +87,7 @@ class Panel:
         ends.on_click(self._on_end)
         ask.on_click(self._on_ask)
 
-    def _on_end(self, event: Any) -> None:
+    async def _on_end(self, event: Any) -> None:  # so that viser calls it in its own loop: it writes
         self.ends[event.target.value != "as start"] = self.positions()
         have = [name for name, end in zip(("start", "end"), self.ends) if end is not None]
         self.say_of_edge(f"Taken: {' and '.join(have)}.")

@@ -7,18 +7,22 @@ import html
 import io
 import threading
 import time
-from typing import Optional
+from collections.abc import Callable
+from concurrent.futures import Future, wait
+from typing import Any, Optional, TypeVar
 
 import numpy as np
 import viser
 
 from .._errors import ClearanceError
+from .edge import Edge
 from .model import Picture
 from .page import Page
 from .panel import Panel
 from .session import Session, reason
 
 _RETRY_S = 1.0
+_T = TypeVar("_T")
 
 
 class Viewer:
@@ -32,15 +36,41 @@ class Viewer:
         self._period = 1.0 / rate_hz
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints a box of its own
             self._server = viser.ViserServer(host=host, port=port, label="Clearance", verbose=False)
+        self._stopping = threading.Event()
+        self._on_page(self._make)
+        self._generation = -1
+        self.pictures = 0  #: drawn so far
+        self.url = f"http://{'localhost' if host in ('127.0.0.1', '::1') else host}:{self._server.get_port()}"
+
+    def _make(self) -> None:
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
         self._server.gui.main_panel.set_width(460)
         self._page = Page(self._server)
-        self._panel = Panel(self._server, session)
-        self._generation = -1
-        self._stopping = threading.Event()
-        self.pictures = 0  #: drawn so far
-        self.url = f"http://{'localhost' if host in ('127.0.0.1', '::1') else host}:{self._server.get_port()}"
+        self._panel = Panel(self._server, self._session)
+
+    def _on_page(self, write: Callable[..., _T], *arguments: Any) -> Optional[_T]:
+        """Calls what writes to the page, in viser's own loop; None once the page is ended.
+
+        viser wakes its loop by an asyncio.Event, which is not for other threads: now and then that ended this one.
+        """
+        done: Future[_T] = Future()
+
+        def call() -> None:
+            try:
+                done.set_result(write(*arguments))
+            except Exception as error:
+                done.set_exception(error)
+
+        try:
+            self._server.get_event_loop().call_soon_threadsafe(call)
+        except RuntimeError:  # the loop is closed
+            if not self._stopping.is_set():
+                raise
+        while not self._stopping.is_set():
+            if wait([done], timeout=0.1).done:
+                return done.result()
+        return None
 
     def run(self) -> None:
         """Draws until stop()."""
@@ -52,7 +82,7 @@ class Viewer:
             try:
                 self._turn()
             except (ClearanceError, OSError, ValueError) as error:  # such as names of a scene that is gone
-                self._panel.say(html.escape(reason(error)))
+                self._on_page(self._panel.say, html.escape(reason(error)))
                 due = time.monotonic() + _RETRY_S
 
     def stop(self) -> None:
@@ -64,6 +94,14 @@ class Viewer:
     def _turn(self) -> None:
         elsewhere = self._panel.elsewhere()
         picture = self._session.picture(self._panel.question, elsewhere)
+        positions = None if self._session.joints is None else self._session.positions()
+        self._on_page(self._draw, picture, positions, self._notice(elsewhere))
+        if self._panel.edge_asked:
+            self._panel.edge_asked = False
+            self._prove(picture)
+        self.pictures += 1
+
+    def _draw(self, picture: Picture, positions: Optional[np.ndarray], notice: str) -> None:
         if self._session.generation != self._generation:
             self._rebuild(picture)
         if self._panel.look_changed:
@@ -72,13 +110,9 @@ class Viewer:
             self._page.label(self._panel.labels)
         self._page.draw(picture, self._panel.segments)
         self._panel.show(picture)
-        if self._session.joints is not None:
-            self._panel.follow(self._session.positions())
-        self._panel.say(self._notice(elsewhere))
-        if self._panel.edge_asked:
-            self._panel.edge_asked = False
-            self._prove(picture)
-        self.pictures += 1
+        if positions is not None:
+            self._panel.follow(positions)
+        self._panel.say(notice)
 
     def _rebuild(self, picture: Picture) -> None:
         self._generation = self._session.generation
@@ -96,12 +130,15 @@ class Viewer:
     def _prove(self, picture: Picture) -> None:
         start, end = self._panel.ends
         if start is None or end is None:
-            self._panel.say_of_edge("Take positions as start and as end first.")
+            self._on_page(self._panel.say_of_edge, "Take positions as start and as end first.")
             return
         try:
             edge = self._session.edge(start, end, self._panel.margin, self._panel.spans)
         except (ClearanceError, ValueError) as error:
-            self._panel.say_of_edge(html.escape(reason(error)))
+            self._on_page(self._panel.say_of_edge, html.escape(reason(error)))
             return
-        self._page.draw_edge(edge, self._session.trace(edge))
+        self._on_page(self._show_edge, edge, self._session.trace(edge), picture)
+
+    def _show_edge(self, edge: Edge, trace: Any, picture: Picture) -> None:
+        self._page.draw_edge(edge, trace)
         self._panel.show_edge(edge, picture.names)
