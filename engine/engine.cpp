@@ -320,16 +320,6 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
   return start(prepare(query), reply);
 }
 
-namespace {
-
-// Poses of links that would take much of memory are left to the CPU.
-bool for_device(const Plan& plan) {
-  constexpr std::uint64_t kMostPoses = std::uint64_t{1} << 24;
-  return plan.motions.empty() || plan.size.configurations * plan.bodies.size() <= kMostPoses;
-}
-
-}  // namespace
-
 Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const FpEnvironment environment;
   impl_->check_process();
@@ -355,13 +345,8 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
   std::unique_ptr<Job::State> state;
-  const bool has_device = impl_->device && !for_cpu && for_device(plan);
-  if (impl_->device && !has_device && !for_cpu && !impl_->options.device_fallback)
-    throw QueryError(QueryErrorCode::kNotSupported,
-                     "joints: a device does not place links in so many configurations at once");
-  if (has_device && (!router || router->to_device(kind, pairs))) {
-    state = cuda::make_device_job(context, plan, reply);
-  }
+  const bool has_device = impl_->device && !for_cpu;
+  if (has_device && (!router || router->to_device(kind, pairs))) state = cuda::make_device_job(context, plan, reply);
   if (!state) {
     const bool scales = plan.query.fields & kFieldFreeScale;
     const auto make = motions ? make_motion_job : scales ? make_free_scale_job : make_cpu_job;

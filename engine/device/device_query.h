@@ -57,8 +57,8 @@ class DeviceQuery : public ParallelJob {
   virtual void finish(std::uint64_t chunk) = 0;
   /// Says in `info` how many rows there are, once all chunks are finished.
   virtual void end() = 0;
-  /// The poses of a slot's next chunk, pinned. Chunks come in order.
-  void give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
+  /// The poses and positions of a slot's next chunk, pinned. Chunks come in order.
+  void give_configurations(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
   /// Copies rows of a column that the device could not write itself.
   void copy_column(const void* from, void* to, std::size_t bytes);
 
@@ -109,14 +109,19 @@ class DeviceQuery : public ParallelJob {
   void find_direct_columns();
   void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);
   void place_fixed(const FixedBodies& fixed);
-  /// Of all configurations, (K, M): the caller's, or the links' as they were made.
-  std::span<const Pose> all_poses() const {
-    return plan_.made ? std::span<const Pose>(plan_.made->poses) : plan_.configurations;
-  }
+  // Numbers that configurations give, on their way to the device.
+  struct Incoming {
+    std::byte* pinned = nullptr;      // of all configurations; null: too many, or none
+    std::optional<OrderedCopy> copy;  // on their way there
+  };
+  template <class T>
+  void take_in(QueryWorkspace& workspace, Given given, std::span<const T> all);
+  template <class T>
+  const T* give(QueryWorkspace& workspace, int slot, Given given, std::span<const T> all, std::uint64_t first,
+                std::uint64_t count);
 
   std::unique_ptr<DeviceWarmTable> warm_;
-  Pose* pinned_poses_ = nullptr;        // of all configurations; null: too many
-  std::optional<OrderedCopy> poses_;    // on their way there
+  Incoming incoming_[2];                // by what is given
   std::optional<MovedChains> moved_;    // none: the query moves nothing
   std::optional<DeviceDoubts> doubts_;  // none: nothing is doubted of any body that is asked for
   std::vector<Room> rooms_;

@@ -66,7 +66,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
         static_cast<std::uint32_t>(std::min(configurations_, plan_.size.configurations - s.first_configuration));
     s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
     s.first_row = s.first_configuration * plan_.size.pairs;
-    give_poses(*workspace_, slot, s);
+    give_configurations(*workspace_, slot, s);
     ReplyView direct;  // where rows go is known beforehand unless they are only those within a distance
     const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
       to = column && !within() ? column + s.first_configuration * groups_ * width : nullptr;
