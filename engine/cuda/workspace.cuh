@@ -33,7 +33,7 @@ struct QuerySlot {
   QuerySlot(const QuerySlot&) = delete;
 
   cudaStream_t stream{};
-  bool is_under_way = false;  // something may still run in the stream that reads or writes host memory
+  bool is_under_way = false;     // something may still run in the stream that reads or writes host memory
   DeviceBuffer device_given[2];  // by what is given
   PinnedBuffer host_given[2];
   DeviceBuffer device_frames, device_bodies;
@@ -94,8 +94,9 @@ class QuerySide : public Interface {
                       pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)),
                       source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
                       own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base),
-                      slot_state = setup_.add(s.slot_state), steps = setup_.add(s.steps),
-                      columns = setup_.add(s.columns), robots = setup_.add(s.robots), fixed_slack = setup_.add(s.fixed_slack), links = setup_.add(s.links),
+                      slot_state = setup_.add(s.slot_state), margins = setup_.add(s.margins),
+                      steps = setup_.add(s.steps), columns = setup_.add(s.columns), robots = setup_.add(s.robots),
+                      fixed_slack = setup_.add(s.fixed_slack), links = setup_.add(s.links),
                       link_pairs = setup_.add(s.link_pairs), doubt_moves = setup_.add(s.doubt_moves),
                       base_doubt = setup_.add(s.base_doubt);
     const cudaStream_t stream = slots_[0]->stream;
@@ -125,6 +126,7 @@ class QuerySide : public Interface {
               setup_.at<DoubtMove>(doubt_moves),
               setup_.at<PlacedDoubt>(base_doubt)};
     frames_ = s.frames;
+    margins_ = s.margins.empty() ? nullptr : setup_.at<double>(margins);
     pairs_ = static_cast<const CudaPairs*>(s.pairs);
   }
 
@@ -277,6 +279,7 @@ class QuerySide : public Interface {
   std::uint32_t moved_pieces_ = 0, frames_ = 0;
   BodiesView bodies_;
   MovesView moves_;
+  const double* margins_ = nullptr;  // of the query's pairs; null: they are all the same
   const CudaPairs* pairs_ = nullptr;
   Event ready_, boxes_begun_;
   std::unique_ptr<Slot> slots_[kSlots];

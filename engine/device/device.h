@@ -100,6 +100,10 @@ struct QuerySetup {
   std::uint32_t groups = 1;     ///< of one configuration
   std::uint64_t most_rows = 0;  ///< of Reduce::kWithin
   bool by_teams = false;  ///< of Reduce::kMin: one launch decides each configuration. Without depths and float32 only
+  // Of Reduce::kAny, as ReducedView has it.
+  std::span<const double> margins;  ///< empty: each pair has `margin`
+  double margin = 0;
+  PairAnswer beyond{};
 };
 
 /// What a query gives for each configuration.
@@ -112,15 +116,16 @@ struct ChunkSetup {
   std::uint64_t first_row = 0;   ///< in the query
   std::uint32_t first_pair = 0;  ///< in QuerySetup::pairs
   std::uint32_t pair_count = 0;  ///< rows of one configuration
-  /// (configurations, given_count) and (configurations, joints), in pinned memory that stays until the chunk is finished
+  /// (configurations, given_count) and (configurations, joints), in pinned memory that stays until the chunk is
+  /// finished
   const Pose* poses = nullptr;
   const double* positions = nullptr;
   bool given_on_device = false;  ///< they are in device memory, until the chunk is done
   /// Returns once those before `end` are there; empty: all are.
   std::function<void(Given, const void* end)> wait_for;
-  std::uint32_t first_tile = 0;                         ///< of the list that says each tile's group
-  std::uint32_t group_tiles = 0;                        ///< tiles of groups of the same two hulls
-  Group strays{};                                       ///< of pairs with hulls of their own; may be empty
+  std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
+  std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
+  Group strays{};                 ///< of pairs with hulls of their own; may be empty
   std::uint32_t stray_tiles = 0;
   Group several{};  ///< of pairs of which a body has several pieces; may be empty
   std::uint32_t several_tiles = 0;

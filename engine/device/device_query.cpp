@@ -10,7 +10,7 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::size_t kParallelBodies = 4096;   // that are worth several threads
+constexpr std::size_t kParallelBodies = 4096;  // that are worth several threads
 constexpr std::size_t kMostPinned = 1u << 26;  // bytes; more go to pinned memory a chunk at a time
 
 }  // namespace

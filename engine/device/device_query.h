@@ -77,8 +77,7 @@ class DeviceQuery : public ParallelJob {
         const std::uint64_t k = open(i).configuration;
         const Placement& here = placement(worker, k);
         room.asked.clear();
-        for (j = i; j < end && open(j).configuration == k; ++j)
-          room.asked.push_back({plan_.pairs.at(open(j).pair), &here, plan_.query.max_distance});
+        for (j = i; j < end && open(j).configuration == k; ++j) room.asked.push_back(asked(open(j).pair, here));
         room.answers.resize(std::max(room.answers.size(), room.asked.size()));
         evaluators_[w].run(room.asked, room.answers);
         for (std::size_t n = 0; n < room.asked.size(); ++n) {
@@ -105,6 +104,11 @@ class DeviceQuery : public ParallelJob {
     std::vector<PlacedBodies> asked;
     std::vector<PairAnswer> answers;
   };
+  PlacedBodies asked(std::uint64_t pair, const Placement& placement) const {
+    if (plan_.query.reduce != Reduce::kAny) return {plan_.pairs.at(pair), &placement, plan_.query.max_distance};
+    const double margin = plan_.margins.of(pair);
+    return {plan_.pairs.at(pair), &placement, margin, nullptr, margin};
+  }
   void launch_ahead();
   void find_direct_columns();
   void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);

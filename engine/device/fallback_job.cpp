@@ -86,7 +86,9 @@ class FallbackJob final : public Job::State {
 }  // namespace
 
 std::string beyond_the_device(const Plan& plan) {
-  return plan.query.fields & kFieldGradientJoints ? "the column gradient_joints" : "";
+  if (plan.query.fields & kFieldGradientJoints) return "the column gradient_joints";
+  if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
+  return plan.query.max_steps > 0 ? "max_steps" : "";
 }
 
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {

@@ -264,6 +264,11 @@ struct ReducedView {
   std::uint32_t* several;    ///< (capacity,) places in the list of pairs of which a body has several pieces
   std::uint32_t capacity = 0;
   std::uint64_t reply_rows;  ///< room in the reply
+  // Of Reduce::kAny. There `winner` is the first pair within its margin, `lowest` the first that is proved neither
+  // farther nor within, both with their items, and `seed` the first without usable poses.
+  const double* margins;  ///< (pairs,) metres; null: each has `margin`
+  double margin;
+  PairAnswer beyond;  ///< of a configuration whose pairs are all farther
   // Of a whole table within a distance. Places in the list of pairs that are looked at stand for rows everywhere else.
   TableView table;
   std::uint64_t *found,

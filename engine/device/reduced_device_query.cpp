@@ -3,6 +3,7 @@
 
 #include "engine/device/device_query.h"
 #include "engine/device/reply_columns.h"
+#include "engine/query/reduction.h"
 
 namespace clearance::cuda {
 
@@ -49,7 +50,13 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
     s.by_teams = by_teams;
-    s.warm = take_warm(K * P);
+    if (plan_.query.reduce == Reduce::kAny) {  // which begins cold
+      s.margins = plan_.margins.each();
+      s.margin = plan_.margins.most();
+      s.beyond = beyond_all_margins(plan_, options_);
+    } else {
+      s.warm = take_warm(K * P);
+    }
     begin_chunks(*workspace_, s);
   }
 

@@ -41,8 +41,8 @@ class LinkMotion {
   const std::vector<std::uint32_t>& links() const { return links_; }
   const std::vector<Moving>& moving() const { return moving_; }
   const SceneRobot& robot() const { return *robot_; }
-  /// What the kernels of a device make links of: of each column where it stays, 0 where there is no position that can be
-  /// used, and LinkFact bits. Of a moving one the facts are 0.
+  /// What the kernels of a device make links of: of each column where it stays, 0 where there is no position that can
+  /// be used, and LinkFact bits. Of a moving one the facts are 0.
   std::span<const double> positions() const { return positions_; }
   std::span<const std::uint8_t> column_facts() const { return column_facts_; }
 

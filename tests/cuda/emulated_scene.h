@@ -66,6 +66,7 @@ struct HostBodies {
   std::vector<double> frame_numbers, travels;
   std::vector<std::uint8_t> frame_facts;
   BodiesView view{};
+  MovesView moves{};
 
   HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q)
       : plan(plan_of(scene, q)),
@@ -80,18 +81,9 @@ struct HostBodies {
     view.doubts = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};
     for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
     make_room_for_moved(hulls, K, M);
-    const MovesView moves{plan.configurations.data(),
-                          s.given_count,
-                          s.source.data(),
-                          s.own.data(),
-                          s.chain_begin.data(),
-                          s.chain.data(),
-                          s.base.data(),
-                          s.has_base.data(),
-                          s.slot_state.data(),
-                          place_frames(s, K),
-                          s.doubt_moves.data(),
-                          s.base_doubt.data()};
+    moves = {plan.configurations.data(), s.given_count,      s.source.data(),      s.own.data(),
+             s.chain_begin.data(),       s.chain.data(),     s.base.data(),        s.has_base.data(),
+             s.slot_state.data(),        place_frames(s, K), s.doubt_moves.data(), s.base_doubt.data()};
     const auto configurations = static_cast<std::uint32_t>(K);
     for_each_thread(K * M, [&] {
       doubted ? place_bodies<true>(hulls, view, moves, configurations)
@@ -142,15 +134,10 @@ struct HostBodies {
     frame_numbers.assign(s.frames * 7 * K, 1e300);
     frame_facts.assign(s.frames * K, 0xff);
     travels.resize(s.robots.size() * K);
-    const FramesView frames{s.steps.data(),
-                            s.columns.data(),
-                            s.robots.data(),
-                            static_cast<std::uint32_t>(s.robots.size()),
-                            s.joints,
-                            plan.positions.data(),
-                            frame_numbers.data(),
-                            frame_facts.data(),
-                            travels.data()};
+    const FramesView frames{
+        s.steps.data(), s.columns.data(),      s.robots.data(),      static_cast<std::uint32_t>(s.robots.size()),
+        s.joints,       plan.positions.data(), frame_numbers.data(), frame_facts.data(),
+        travels.data()};
     for_each_thread(s.robots.size() * K, [&] { place_links(frames, static_cast<std::uint32_t>(K)); });
     return frames;
   }
