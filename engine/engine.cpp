@@ -52,9 +52,10 @@ struct Engine::Impl {
             &contradictions,      &warm,           &trees,    near_by, device.get(), &kept};
   }
 
-  // Whether the job of a query may be asked again. Where there is a device, the router has its say each time.
+  // Whether the job of a query may be asked again. Where there is a device, the router has its say each time, but in
+  // decisions: those that are small enough to be kept take the CPU less time than a device needs to be asked.
   bool keeps_job_of(const QueryView& query) const {
-    return (!device || query.reduce == Reduce::kAny) && kept.keeps(query);
+    return (!device || (router && query.reduce == Reduce::kAny)) && kept.keeps(query);
   }
 
   // OpenMP's threads do not survive a fork: a child that used them would hang.
@@ -320,16 +321,6 @@ Job Engine::start(const QueryView& query, const ReplyView& reply) const {
   return start(prepare(query), reply);
 }
 
-namespace {
-
-// Poses of links that would take much of memory are left to the CPU.
-bool for_device(const Plan& plan) {
-  constexpr std::uint64_t kMostPoses = std::uint64_t{1} << 24;
-  return plan.motions.empty() || plan.size.configurations * plan.bodies.size() <= kMostPoses;
-}
-
-}  // namespace
-
 Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const FpEnvironment environment;
   impl_->check_process();
@@ -345,25 +336,20 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   }
   Plan plan = std::move(query.planner_->plan());
   const JobContext context = impl_->context(*plan.snapshot);
-  const bool any = plan.query.reduce == Reduce::kAny,
-             motions = plan.query.max_steps > 0;  // which no kernel answers yet
-  const bool for_cpu = query.keep_on_cpu_ || any || motions;
-  if ((any || motions) && impl_->device && !impl_->router && !impl_->options.device_fallback)
-    throw QueryError(QueryErrorCode::kNotSupported, std::string(motions ? "max_steps" : "reduce any") +
+  const bool motions = plan.query.max_steps > 0, scales = plan.query.fields & kFieldFreeScale,
+             is_kept = plan.question && KeptJobs::keeps(plan.size);
+  // Nor has the router its say where no kernel answers yet.
+  const bool for_cpu = query.keep_on_cpu_ || is_kept || motions || scales;
+  if ((motions || scales) && impl_->device && !impl_->router && !impl_->options.device_fallback)
+    throw QueryError(QueryErrorCode::kNotSupported, std::string(motions ? "max_steps" : "the column free_scale") +
                                                         ": backend cuda does not answer it, and the CPU may not");
   cuda::Router* const router = for_cpu ? nullptr : impl_->router.get();
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
   std::unique_ptr<Job::State> state;
-  const bool has_device = impl_->device && !for_cpu && for_device(plan);
-  if (impl_->device && !has_device && !for_cpu && !impl_->options.device_fallback)
-    throw QueryError(QueryErrorCode::kNotSupported,
-                     "joints: a device does not place links in so many configurations at once");
-  if (has_device && (!router || router->to_device(kind, pairs))) {
-    state = cuda::make_device_job(context, plan, reply);
-  }
+  const bool has_device = impl_->device && !for_cpu;
+  if (has_device && (!router || router->to_device(kind, pairs))) state = cuda::make_device_job(context, plan, reply);
   if (!state) {
-    const bool scales = plan.query.fields & kFieldFreeScale;
     const auto make = motions ? make_motion_job : scales ? make_free_scale_job : make_cpu_job;
     state = make(context, std::move(plan), reply);
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "bench/gpu/arm_workload.h"
 #include "tests/cuda/arms_scene.h"
 
 namespace clearance::test {
@@ -72,6 +73,19 @@ Workload few(std::size_t pairs) {
           kFar,
           pairs};
 }
+// An arm by its joints.
+Workload joints(const std::string& what, std::uint32_t configurations, std::uint32_t fields, Reduce reduce,
+                double max_distance = kFar, double margin = 0) {
+  Workload w{"an arm of 8 hulls, 21 things, " + std::to_string(configurations) + " configurations of joints, " + what,
+             arm_scene_of_hulls,
+             configurations,
+             Format::kFull,
+             fields,
+             reduce,
+             max_distance};
+  w.margin = margin;
+  return w;
+}
 }  // namespace
 
 const std::vector<Workload>& workloads() {
@@ -137,6 +151,14 @@ const std::vector<Workload>& workloads() {
        Format::kCompact, kFieldCompact, Reduce::kNone, kFar, 0, false, Precision::kF64, true},
       {"30 hulls, 150 pairs, 4096 configurations, depth, compact", hulls, 4096, Format::kCompact, kFieldCompact,
        Reduce::kNone, kFar, 0, false, Precision::kF64, true},
+      joints("any", 4096, kFieldStatus | kFieldPair, Reduce::kAny),
+      joints("any, margin 0.02", 4096, kFieldStatus | kFieldPair, Reduce::kAny, kFar, 0.02),
+      joints("min", 4096, kBounds, Reduce::kMin),
+      joints("within 0.02", 4096, kBounds, Reduce::kWithin, 0.02),
+      joints("bounds and status", 4096, kBounds, Reduce::kNone),
+      joints("any", 65536, kFieldStatus | kFieldPair, Reduce::kAny),
+      joints("any", 1048576, kFieldStatus | kFieldPair, Reduce::kAny),
+      joints("min", 65536, kBounds, Reduce::kMin),
   };
   return all;
 }
@@ -148,7 +170,12 @@ Asked::Asked(const Workload& w, const Engine& cpu) {
   q.max_distance = w.max_distance;
   q.precision = w.precision;
   q.signed_distance = w.depth;
-  if (w.scene == arms_scene) {
+  q.margin = w.margin;
+  if (w.scene == arm_scene_of_hulls) {
+    pairs = arm_pairs(cpu.scene());
+    for (std::uint32_t j = 0; j < cpu.scene().joints().size(); ++j) joints.push_back(j);
+    positions = arm_positions(cpu.scene(), w.configurations, 13);
+  } else if (w.scene == arms_scene) {
     for (std::uint32_t b = 0; b < kArms * kLinks; ++b) bodies.push_back(b);
     pairs = arms_pairs();
     poses = arms_poses(w.configurations, 13);
@@ -164,6 +191,8 @@ Asked::Asked(const Workload& w, const Engine& cpu) {
     q.pairs = pairs;
     q.bodies = bodies;
     q.configurations = poses;
+    q.joints = joints;
+    q.positions = positions;
     q.configuration_count = w.configurations;
   }
   if (w.first_pairs > 0) {

@@ -23,6 +23,7 @@ struct Workload {
   bool depth = false;
   double room = 1;     // configurations put bodies up to so far from the origin along each axis
   bool moves = false;  // as with `warm`, but cold
+  double margin = 0;   // of Reduce::kAny
 };
 
 const std::vector<Workload>& workloads();
@@ -31,9 +32,10 @@ Scene spheres(int count, double box);  ///< of 42 vertices
 // What a workload asks. Not to be moved: the query points into it.
 struct Asked {
   QueryView q;
-  std::vector<std::uint32_t> bodies;
+  std::vector<std::uint32_t> bodies, joints;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;
+  std::vector<double> positions;
 
   Asked(const Workload& w, const Engine& cpu);
   Asked(const Asked&) = delete;

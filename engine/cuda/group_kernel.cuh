@@ -155,7 +155,7 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
   const GroupItem item(c, several, place < count ? place : count - 1);
   Outcome outcome = Outcome::kNone;
   PairAnswer answer;
-  if (place < count) outcome = solve_pieces<kBoth>(c, item.ref, item.k, item.at_a, item.at_b, answer);
+  if (place < count) outcome = solve_pieces<kBoth>(c, c.question, item.ref, item.k, item.at_a, item.at_b, answer);
   if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled)
     write_answer(c, item.row, item.k, item.at_a, item.at_b, answer);
   report(c, outcome, item.row, {});

@@ -111,14 +111,17 @@ struct Run {
     }
     g.close(end);
   }
-  __device__ RunBounds<T> bounds() const {
+  /// \param enough if it is there: an upper bound so low is all that is asked
+  template <class... Enough>
+  __device__ RunBounds<T> bounds(const Enough&... enough) const {
     return {g,
             radius,
             scale,
             cut_off(),
             static_cast<T>(q_.abs_tol * Setup::kStrict),
             static_cast<T>(q_.rel_tol * Setup::kStrict),
-            at_.extra};
+            at_.extra,
+            static_cast<T>(enough * Setup::kStrict)...};
   }
 
  private:
@@ -195,10 +198,11 @@ __device__ inline void take_settled(const Question& q, const PairHulls<Hull>& hu
 
 // Runs GJK on a pair that has poses, to its end. \param enclosed the simplex is left here if that holds the origin.
 // \param warm with kWarm: where the run begins and what it leaves. \param take is called with what settles the pair.
-template <bool kWarm, class Hull, class Take>
+// \param enough of Run::bounds()
+template <bool kWarm, class Hull, class Take, class... Enough>
 __device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hull& b,
                                      const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
-                                     const Take& take) {
+                                     const Take& take, const Enough&... enough) {
   using T = typename Hull::T;
   if (kIsF32<T> && !at.fits) return Outcome::kUnsettled;
   Run<Hull> run(q, a, b, at);
@@ -210,7 +214,7 @@ __device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hul
       if (q.prove_overlaps && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
     return Outcome::kUnsettled;
   }
-  const RunBounds<T> bounds = run.bounds();
+  const RunBounds<T> bounds = run.bounds(enough...);
   if (!bounds.settled) return Outcome::kUnsettled;
   take(run.g, bounds);
   return Outcome::kSettled;

@@ -49,11 +49,12 @@ __device__ __noinline__ inline PairHeads nearest_heads(const ChunkView& c, PairR
   return {c.hulls.heads + a.hulls[p.a], c.hulls.heads + b.hulls[p.b]};
 }
 
-// Answers a pair, unless it is not settled. \tparam kBoth float32 goes first where it is asked for and fits.
-template <bool kBoth>
-__device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uint32_t k, const Where& at_a,
-                                       const Where& at_b, PairAnswer& answer) {
-  const Question& question = c.question;
+// Answers a pair, unless it is not settled. \tparam kBoth float32 goes first where it is asked for and fits. \param
+// margin if it is there: an upper bound so low is all that is asked
+template <bool kBoth, class... Margin>
+__device__ inline Outcome solve_pieces(const ChunkView& c, const Question& question, PairRef ref, std::uint32_t k,
+                                       const Where& at_a, const Where& at_b, PairAnswer& answer,
+                                       const Margin&... margin) {
   if (answer_without_pieces(question, at_a, at_b, answer)) return Outcome::kWithoutPieces;
   const Pieces a(c, ref.a, k, at_a.body), b(c, ref.b, k, at_b.body);
   const auto head_a = [&](std::uint32_t i) { return c.hulls.heads + a.hulls[i]; };
@@ -75,12 +76,12 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uin
     if (kBoth && question.f32 && fit_f32(*of_a, *of_b)) {
       const PairFrame<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
       if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr,
-                            take) == Outcome::kSettled)
+                            take, slack_of_pair(c, ref, k).near_enough(margin)...) == Outcome::kSettled)
         return PieceEnd::kApart;
     }
     const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
-    const Outcome outcome =
-        run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed, nullptr, take);
+    const Outcome outcome = run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed,
+                                              nullptr, take, slack_of_pair(c, ref, k).near_enough(margin)...);
     if (outcome == Outcome::kSettled) return PieceEnd::kApart;
     if (outcome != Outcome::kEnclosed) return PieceEnd::kOpen;
     const double outer = slack_of_pair(c, ref, k).outer;
@@ -89,7 +90,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, PairRef ref, std::uin
     return PieceEnd::kOverlap;
   };
   const double cut_off = slack_of_pair(c, ref, k).cut_off(question.max_distance);
-  const PieceEnd end = search_pieces(search, cut_off, nearest, look);
+  const PieceEnd end = search_pieces(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
   if (end == PieceEnd::kOpen || (end == PieceEnd::kApart && !(search.upper < __builtin_inf())))
     return Outcome::kUnsettled;
   if (end == PieceEnd::kApart) {

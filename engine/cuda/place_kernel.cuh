@@ -1,10 +1,9 @@
 // Poses of configurations to placed bodies: one thread for each moved body in each configuration.
 #pragma once
 
-#include "engine/device/layout.h"
+#include "engine/cuda/link_kernel.cuh"
 #include "engine/hull/box.h"
 #include "engine/narrow/certify.h"
-#include "engine/scene/link_motion.h"
 
 namespace clearance::cuda {
 
@@ -23,6 +22,12 @@ __device__ inline OuterBox no_outer_box() {
 }
 __device__ inline Aabb box_of(const HullHead& h, const Mat3d& R_wb, const Vec3d& t_w) {
   return certify_box(h.centre, h.half, h.spread, h.rho, h.radius, R_wb, t_w);
+}
+
+// Whether a body is on the device and has a piece. Frames have none: a box of theirs would be written where the next
+// body's is.
+__device__ inline bool has_box(const HullsView& hulls, std::uint32_t body) {
+  return hulls.of_body[body] != kNone && hulls.piece_begin[body] < hulls.piece_begin[body + 1];
 }
 
 // The box of a placed body that is on the device: body_box()'s words. `put(i, box)` takes those of its pieces.
@@ -49,8 +54,7 @@ __global__ void __launch_bounds__(128)
   const std::uint32_t body = blockIdx.x * blockDim.x + threadIdx.x, n = bodies.bodies;
   if (body >= n) return;
   if (outer_boxes) outer_boxes[body] = no_outer_box();
-  if (hulls.of_body[body] == kNone || static_cast<Status>(bodies.fixed_state[body] & kStateStatus) != Status::kOk)
-    return;
+  if (!has_box(hulls, body) || static_cast<Status>(bodies.fixed_state[body] & kStateStatus) != Status::kOk) return;
   const auto at = [&](std::uint32_t c) {
     const double* p = bodies.fixed + std::size_t{c} * n + body;
     return Vec3d{p[0], p[n], p[2 * std::size_t{n}]};
@@ -77,11 +81,28 @@ __global__ void __launch_bounds__(128)
 // nothing
 __device__ inline PlacedDoubt doubt_of_moved(const MovesView& moves, std::uint32_t link, std::uint32_t k,
                                              const Pose& local, const BodyPlacement& here, const PlacedDoubt* parent,
-                                             bool composed, double& travel) {
+                                             bool composed, std::uint32_t configurations, double& travel) {
   const DoubtMove& m = moves.doubts[link];
-  travel = m.motion == kNone ? m.travel : moves.travels[std::size_t{k} * moves.motions + m.motion];
+  travel = m.robot == kNone ? m.travel : moves.frames.travels[std::size_t{m.robot} * configurations + k];
   const FrameDoubt joints{placement_error(m.joint_fixed, m.joint_per_travel, travel), m.joint_turn};
   return doubt_below(m.source, local.translation, here.pose.t_w, m.age_s, parent, composed, joints);
+}
+
+// Where a moved body is told to be, in the frame of what it follows, and what LinkFact bits say of that.
+struct LocalPose {
+  Pose pose;
+  std::uint8_t facts = 0;
+};
+__device__ inline LocalPose local_pose(const MovesView& moves, std::uint32_t slot, std::uint32_t k,
+                                       std::uint32_t configurations) {
+  const std::uint32_t source = moves.source[slot];
+  if (source == kNone) return {moves.own[slot]};
+  if (source < moves.given_count) return {moves.given[std::uint64_t{k} * moves.given_count + source]};
+  const std::uint32_t frame = source - moves.given_count;
+  const std::uint8_t facts = moves.frames.facts[std::size_t{frame} * configurations + k];
+  const auto [q, t] = load_frame(moves.frames, frame, k, configurations);
+  const double bad = __builtin_nan("");
+  return {facts & kLinkBad ? Pose{{bad, bad, bad}, bad, bad, bad, bad} : Pose{t, q.w, q.x, q.y, q.z}, facts};
 }
 
 // \tparam kDoubted something is doubted
@@ -101,17 +122,15 @@ __global__ void __launch_bounds__(128)
   double travel = 0;
   if (kDoubted && follows) doubt = moves.base_doubt[slot];
   for (std::uint32_t i = moves.chain_begin[slot]; i < moves.chain_begin[slot + 1]; ++i) {
-    const std::uint32_t link = moves.chain[i], source = moves.source[link];
-    const Pose local = source == kNone ? moves.own[link] : moves.given[std::uint64_t{k} * moves.given_count + source];
+    const std::uint32_t link = moves.chain[i];
+    const auto [local, facts] = local_pose(moves, link, k, configurations);
     const std::uint8_t state = moves.slot_state[link];
-    const std::uint8_t facts =
-        moves.facts && source != kNone ? moves.facts[std::uint64_t{k} * moves.given_count + source] : 0;
     here = place((state & kSlotUnplaced) || (facts & kLinkUnplaced) ? nullptr : &local, follows ? &parent : nullptr);
     if ((state & kSlotBeyondLimits) || (facts & kLinkBeyondLimits)) here.beyond_limits = true;
     if ((state & kSlotStale) && here.status == Status::kOk) here.status = Status::kStalePose;
     if (kDoubted && here.status == Status::kOk)
       doubt = doubt_of_moved(moves, link, k, local, here, follows ? &doubt : nullptr, follows && is_composed(parent),
-                             travel);
+                             configurations, travel);
     parent = here;
     follows = true;
   }
@@ -134,7 +153,7 @@ __global__ void __launch_bounds__(128)
   const std::uint32_t body = bodies.moved_body[slot];
   OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
   if (want_box) *outer = no_outer_box();
-  if (hulls.of_body[body] == kNone || !placed) return;
+  if (!has_box(hulls, body) || !placed) return;
   const auto put_piece = [&](std::uint32_t i, const Aabb& of_piece) {
     if (!bodies.moved_piece_box) return;
     double* p = bodies.moved_piece_box + std::size_t{bodies.moved_piece_begin[slot] + i} * 6 * configurations + k;

@@ -361,7 +361,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_const
       const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       PairAnswer answer;
-      outcome = solve_pieces<true>(c, item.ref, item.k, at_a, at_b, answer);
+      outcome = solve_pieces<true>(c, c.question, item.ref, item.k, at_a, at_b, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);

@@ -5,6 +5,7 @@
 
 #include <cub/device/device_scan.cuh>
 
+#include "engine/cuda/any_kernel.cuh"
 #include "engine/cuda/decide_kernel.cuh"
 #include "engine/cuda/table_search.cuh"
 #include "engine/cuda/workspace.cuh"
@@ -67,6 +68,8 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     reduce_ = s.reduce;
     groups_ = s.groups;
     most_rows_ = s.most_rows;
+    margin_ = s.margin;
+    beyond_ = s.beyond;
     chunks_ = 0;
   }
 
@@ -98,6 +101,8 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
       slot.table.prepare(slot.stream);
     else if (within())
       mark(slot);
+    else if (any())
+      begin_decisions(slot);
     else
       seed(slot);
     solve(slot);
@@ -145,9 +150,10 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     std::byte* device = slot.device_answers.reserve(bytes);
     check(cudaMemcpyAsync(device, host, bytes, cudaMemcpyHostToDevice, slot.stream), "copying answers");
     const auto count = static_cast<std::uint32_t>(answers.size());
-    take_answers<<<blocks_of(count, kItemThreads), kItemThreads, 0, slot.stream>>>(
+    const auto take = any() ? take_open_answers : take_answers;
+    take<<<blocks_of(count, kItemThreads), kItemThreads, 0, slot.stream>>>(
         slot.view, reinterpret_cast<const PairAnswer*>(device), count);
-    clear_winners(slot);
+    if (!any()) clear_winners(slot);
     write(slot);
     check(cudaStreamSynchronize(slot.stream), "answering a query");
     return result(slot);
@@ -155,6 +161,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
 
  private:
   bool within() const { return reduce_ == Reduce::kWithin; }
+  bool any() const { return reduce_ == Reduce::kAny; }
 
   void kernels_begin(ReducedSlot& slot) { check(cudaEventRecord(slot.begun.event, slot.stream), "recording an event"); }
   void kernels_end(ReducedSlot& slot) {
@@ -267,6 +274,16 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     check(cudaGetLastError(), "starting a kernel");
   }
 
+  void begin_decisions(ReducedSlot& slot) {
+    const std::size_t bytes = make_room_for_groups(slot);
+    ReducedView& r = slot.view;
+    r.margins = margins_;
+    r.margin = margin_;
+    r.beyond = beyond_;
+    check(cudaMemsetAsync(r.upper, 0xff, bytes, slot.stream), "clearing groups");
+    clear_counts(slot);
+  }
+
   // The pairs whose boxes are within max_distance.
   void mark(ReducedSlot& slot) {
     ReducedView& r = slot.view;
@@ -319,6 +336,7 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
 
   void solve(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
+    if (any()) return solve_decisions(slot);
     if (table_)
       slot.table.run(r, slot.stream);
     else if (within())
@@ -326,6 +344,14 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
     else
       find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     solve_items(slot);
+  }
+  void solve_decisions(ReducedSlot& slot) {
+    const ReducedView& r = slot.view;
+    find_near_pairs<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
+    const auto look = r.chunk.bodies.doubts.fixed ? look_at_near_pairs<Slack> : look_at_near_pairs<NoSlack>;
+    look<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, slot.stream>>>(r);
+    list_open_pairs<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
+    check(cudaGetLastError(), "starting a kernel");
   }
   void solve_items(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
@@ -340,7 +366,9 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
 
   void write(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
-    if (!within()) {
+    if (any()) {
+      write_decisions<<<blocks_of(r.chunk.configurations, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
+    } else if (!within()) {
       const std::size_t groups = std::size_t{r.chunk.configurations} * groups_;
       choose_winners<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
       write_groups<<<blocks_of(groups, kItemThreads), kItemThreads, 0, slot.stream>>>(r);
@@ -371,6 +399,8 @@ class ReducedCudaWorkspace final : public QuerySide<ReducedWorkspace, ReducedSlo
   Reduce reduce_ = Reduce::kMin;
   std::uint32_t groups_ = 1;
   std::uint64_t most_rows_ = 0;
+  double margin_ = 0;                 // of Reduce::kAny
+  PairAnswer beyond_{};               // likewise
   const CudaTable* table_ = nullptr;  // null: the query's pairs are listed
   bool by_teams_ = false;
   WarmRow* warm_ = nullptr;  // of the query's rows; null: cold

@@ -22,20 +22,25 @@ struct WorkCounters {
 
 /// What every chunk has.
 struct QuerySlot {
-  QuerySlot(MemoryCounters& c, int priority) : device_poses(c), device_bodies(c), host_poses(c) {
+  QuerySlot(MemoryCounters& c, int priority)
+      : device_given{DeviceBuffer(c), DeviceBuffer(c)},
+        host_given{PinnedBuffer(c), PinnedBuffer(c)},
+        device_frames(c),
+        device_bodies(c) {
     check(cudaStreamCreateWithPriority(&stream, cudaStreamNonBlocking, priority), "making a stream");
   }
   ~QuerySlot() { cudaStreamDestroy(stream); }
   QuerySlot(const QuerySlot&) = delete;
 
   cudaStream_t stream{};
-  bool is_under_way = false;  // something may still run in the stream that reads or writes host memory
-  DeviceBuffer device_poses, device_bodies;
-  PinnedBuffer host_poses;
+  bool is_under_way = false;     // something may still run in the stream that reads or writes host memory
+  DeviceBuffer device_given[2];  // by what is given
+  PinnedBuffer host_given[2];
+  DeviceBuffer device_frames, device_bodies;
 };
 
 inline constexpr std::size_t kPieceBoxBytes = 6 * sizeof(double);
-inline constexpr std::size_t kPosePart = (1u << 21) / sizeof(Pose);  // poses that are copied at a time
+inline constexpr std::size_t kGivenPart = 1u << 21;  // bytes that are copied at a time
 
 /// The part that workspaces of dense and of reduced queries share. \param Interface of device.h. \param Slot a
 /// QuerySlot.
@@ -49,7 +54,7 @@ class QuerySide : public Interface {
         counters_(counters),
         setup_(counters.memory),
         host_bodies_(counters.memory),
-        all_poses_(counters.memory),
+        all_given_{PinnedBuffer(counters.memory), PinnedBuffer(counters.memory)},
         device_bodies_(counters.memory) {
     // Blocks of the chunk that was started first go first, so that its answers are on their way while the next are
     // computed.
@@ -89,10 +94,11 @@ class QuerySide : public Interface {
                       pieces = setup_.add(std::span<const std::uint32_t>(moved_piece_begin_)),
                       source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
                       own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base),
-                      slot_state = setup_.add(s.slot_state), facts = setup_.add(s.facts),
+                      slot_state = setup_.add(s.slot_state), margins = setup_.add(s.margins),
+                      steps = setup_.add(s.steps), columns = setup_.add(s.columns), robots = setup_.add(s.robots),
                       fixed_slack = setup_.add(s.fixed_slack), links = setup_.add(s.links),
                       link_pairs = setup_.add(s.link_pairs), doubt_moves = setup_.add(s.doubt_moves),
-                      base_doubt = setup_.add(s.base_doubt), travels = setup_.add(s.travels);
+                      base_doubt = setup_.add(s.base_doubt);
     const cudaStream_t stream = slots_[0]->stream;
     setup_.send(stream);
     DoubtsView doubts{};
@@ -115,21 +121,22 @@ class QuerySide : public Interface {
               setup_.at<BodyPlacement>(base),
               setup_.at<std::uint8_t>(has_base),
               setup_.at<std::uint8_t>(slot_state),
-              s.facts.empty() ? nullptr : setup_.at<std::uint8_t>(facts),
+              {setup_.at<KinematicStep>(steps), setup_.at<JointColumn>(columns), setup_.at<JointRobot>(robots),
+               static_cast<std::uint32_t>(s.robots.size()), s.joints, nullptr, nullptr, nullptr, nullptr},
               setup_.at<DoubtMove>(doubt_moves),
-              setup_.at<PlacedDoubt>(base_doubt),
-              setup_.at<double>(travels),
-              s.motions};
+              setup_.at<PlacedDoubt>(base_doubt)};
+    frames_ = s.frames;
+    margins_ = s.margins.empty() ? nullptr : setup_.at<double>(margins);
     pairs_ = static_cast<const CudaPairs*>(s.pairs);
   }
 
-  Pose* room_for_poses(int slot, std::size_t count) override {
+  std::byte* room_for(Given given, int slot, std::size_t bytes) override {
     const OnDevice here = on_device();
-    return reinterpret_cast<Pose*>(slots_[slot]->host_poses.reserve(count * sizeof(Pose)));
+    return slots_[slot]->host_given[static_cast<int>(given)].reserve(bytes);
   }
-  Pose* room_for_all_poses(std::size_t count) override {
+  std::byte* room_for_all(Given given, std::size_t bytes) override {
     const OnDevice here = on_device();
-    return reinterpret_cast<Pose*>(all_poses_.reserve(count * sizeof(Pose)));
+    return all_given_[static_cast<int>(given)].reserve(bytes);
   }
 
  protected:
@@ -194,16 +201,19 @@ class QuerySide : public Interface {
     }
   }
 
-  // Copies a chunk's poses, as they come.
-  const Pose* send_poses(Slot& slot, const ChunkSetup& chunk, std::size_t count) {
-    auto* given = reinterpret_cast<Pose*>(slot.device_poses.reserve(count * sizeof(Pose)));
-    for (std::size_t i = 0; i < count; i += kPosePart) {
-      const std::size_t part = std::min(kPosePart, count - i);
-      if (chunk.wait_for_poses) chunk.wait_for_poses(chunk.poses + i + part);
-      check(cudaMemcpyAsync(given + i, chunk.poses + i, part * sizeof(Pose), cudaMemcpyHostToDevice, slot.stream),
-            "copying poses");
+  // Copies what a chunk's configurations give, as it comes. \param each numbers of a configuration
+  template <class T>
+  const T* send_given(Slot& slot, const ChunkSetup& chunk, Given given, const T* from, std::size_t each) {
+    const std::size_t bytes = each * chunk.configurations * sizeof(T);
+    if (chunk.given_on_device || bytes == 0) return from;
+    const auto* begin = reinterpret_cast<const std::byte*>(from);
+    std::byte* const to = slot.device_given[static_cast<int>(given)].reserve(bytes);
+    for (std::size_t i = 0; i < bytes; i += kGivenPart) {
+      const std::size_t part = std::min(kGivenPart, bytes - i);
+      if (chunk.wait_for) chunk.wait_for(given, begin + i + part);
+      check(cudaMemcpyAsync(to + i, begin + i, part, cudaMemcpyHostToDevice, slot.stream), "copying configurations");
     }
-    return given;
+    return reinterpret_cast<const T*>(to);
   }
 
   // Room for the moved bodies of a chunk: outer boxes, boxes of pieces, components, what is doubted, states.
@@ -218,9 +228,27 @@ class QuerySide : public Interface {
             bodies_.doubts.fixed ? states * sizeof(BodySlack) : 0};
   }
 
+  // The frames of robots of which joints move: numbers, travels, facts.
+  std::size_t frames_room(std::uint32_t configurations) const {
+    return (std::size_t{frames_} * (7 * sizeof(double) + 1) + moves_.frames.robot_count * sizeof(double)) *
+           configurations;
+  }
+  FramesView place_frames(Slot& slot, const ChunkSetup& chunk) {
+    FramesView frames = moves_.frames;
+    if (frames.robot_count == 0) return frames;
+    const std::size_t K = chunk.configurations;
+    frames.positions = send_given(slot, chunk, Given::kPositions, chunk.positions, frames.joints);
+    frames.numbers = reinterpret_cast<double*>(slot.device_frames.reserve(frames_room(chunk.configurations)));
+    frames.travels = frames.numbers + std::size_t{frames_} * 7 * K;
+    frames.facts = reinterpret_cast<std::uint8_t*>(frames.travels + frames.robot_count * K);
+    place_links<<<blocks_of(frames.robot_count * K, kLinkThreads), kLinkThreads, 0, slot.stream>>>(
+        frames, chunk.configurations);
+    check(cudaGetLastError(), "starting a kernel");
+    return frames;
+  }
+
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
-    const Pose* given =
-        chunk.poses_on_device ? chunk.poses : send_poses(slot, chunk, std::size_t{given_count_} * chunk.configurations);
+    const Pose* given = send_given(slot, chunk, Given::kPoses, chunk.poses, given_count_);
     const MovedRoom room = moved_room(chunk.configurations);
     const auto [states, boxes, pieces, numbers, slacks] = room;
     std::byte* memory = slot.device_bodies.reserve(room.bytes());
@@ -231,8 +259,7 @@ class QuerySide : public Interface {
     bodies.moved_state = reinterpret_cast<std::uint8_t*>(memory + boxes + pieces + numbers + slacks);
     MovesView moves = moves_;
     moves.given = given;
-    if (moves.facts) moves.facts += chunk.first_configuration * moves.given_count;
-    moves.travels += chunk.first_configuration * moves.motions;
+    moves.frames = place_frames(slot, chunk);
     const auto kernel = bodies.doubts.fixed ? place_bodies<true> : place_bodies<false>;
     kernel<<<static_cast<unsigned>((states + 127) / 128), 128, 0, slot.stream>>>(hulls_.view(), bodies, moves,
                                                                                  chunk.configurations);
@@ -245,13 +272,14 @@ class QuerySide : public Interface {
   std::uint32_t fields_ = 0, given_count_ = 0;
   std::uint64_t all_chunks_ = 1;
   Upload setup_;
-  PinnedBuffer host_bodies_, all_poses_;
+  PinnedBuffer host_bodies_, all_given_[2];
   DeviceBuffer device_bodies_;
   std::uint32_t fixed_count_ = 0;
   std::vector<std::uint32_t> moved_piece_begin_;
-  std::uint32_t moved_pieces_ = 0;
+  std::uint32_t moved_pieces_ = 0, frames_ = 0;
   BodiesView bodies_;
   MovesView moves_;
+  const double* margins_ = nullptr;  // of the query's pairs; null: they are all the same
   const CudaPairs* pairs_ = nullptr;
   Event ready_, boxes_begun_;
   std::unique_ptr<Slot> slots_[kSlots];

@@ -51,7 +51,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     ChunkSetup s = chunk_of(*c.part, c.configurations == deal_->configurations ? c.part->whole : c.part->last);
     s.configurations = c.configurations;
     s.first_configuration = c.first_configuration;
-    give_poses(*workspace_, slot, s);
+    give_configurations(*workspace_, slot, s);
     s.first_row = c.first_row;
     workspace_->launch(slot, s, rows_from(c.first_row, direct_));
   }

@@ -78,15 +78,18 @@ struct QuerySetup {
   std::span<const Pose> own;
   std::span<const BodyPlacement> base;
   std::span<const std::uint8_t> has_base, slot_state;
-  std::span<const std::uint8_t> facts;  ///< of all configurations of the query
+  // The robots of which joints move, as FramesView has them.
+  std::span<const KinematicStep> steps;
+  std::span<const JointColumn> columns;
+  std::span<const JointRobot> robots;
+  std::uint32_t frames = 0;  ///< of all of them
+  std::uint32_t joints = 0;  ///< positions in a row
   // What is doubted, as BodiesView and MovesView have it. Empty where nothing is doubted of any body that is asked for.
   std::span<const BodySlack> fixed_slack;
   std::span<const LinkPlace> links;
   std::span<const LinkPairError> link_pairs;
   std::span<const DoubtMove> doubt_moves;
   std::span<const PlacedDoubt> base_doubt;
-  std::span<const double> travels;  ///< of all configurations of the query
-  std::uint32_t motions = 0;
   const ResidentPairs* pairs = nullptr;
   const ResidentTable* table = nullptr;  ///< of Reduce::kWithin over a whole table, in place of pairs
   std::uint64_t chunks = 1;
@@ -97,7 +100,14 @@ struct QuerySetup {
   std::uint32_t groups = 1;     ///< of one configuration
   std::uint64_t most_rows = 0;  ///< of Reduce::kWithin
   bool by_teams = false;  ///< of Reduce::kMin: one launch decides each configuration. Without depths and float32 only
+  // Of Reduce::kAny, as ReducedView has it.
+  std::span<const double> margins;  ///< empty: each pair has `margin`
+  double margin = 0;
+  PairAnswer beyond{};
 };
+
+/// What a query gives for each configuration.
+enum class Given : std::uint8_t { kPoses, kPositions };
 
 /// One chunk: a run of rows that are consecutive in every column.
 struct ChunkSetup {
@@ -106,13 +116,16 @@ struct ChunkSetup {
   std::uint64_t first_row = 0;   ///< in the query
   std::uint32_t first_pair = 0;  ///< in QuerySetup::pairs
   std::uint32_t pair_count = 0;  ///< rows of one configuration
-  const Pose* poses =
-      nullptr;  ///< (configurations, given_count), in pinned memory that stays until the chunk is finished
-  bool poses_on_device = false;                         ///< they are in device memory, until the chunk is done
-  std::function<void(const Pose* end)> wait_for_poses;  ///< returns once those before `end` are there; empty: all are
-  std::uint32_t first_tile = 0;                         ///< of the list that says each tile's group
-  std::uint32_t group_tiles = 0;                        ///< tiles of groups of the same two hulls
-  Group strays{};                                       ///< of pairs with hulls of their own; may be empty
+  /// (configurations, given_count) and (configurations, joints), in pinned memory that stays until the chunk is
+  /// finished
+  const Pose* poses = nullptr;
+  const double* positions = nullptr;
+  bool given_on_device = false;  ///< they are in device memory, until the chunk is done
+  /// Returns once those before `end` are there; empty: all are.
+  std::function<void(Given, const void* end)> wait_for;
+  std::uint32_t first_tile = 0;   ///< of the list that says each tile's group
+  std::uint32_t group_tiles = 0;  ///< tiles of groups of the same two hulls
+  Group strays{};                 ///< of pairs with hulls of their own; may be empty
   std::uint32_t stray_tiles = 0;
   Group several{};  ///< of pairs of which a body has several pieces; may be empty
   std::uint32_t several_tiles = 0;
@@ -148,9 +161,9 @@ class QueryWorkspace {
   /// Where the snapshot's bodies go before begin().
   virtual FixedBodies room_for_bodies(std::size_t bodies) = 0;
   virtual void begin(const QuerySetup& setup) = 0;
-  /// Pinned memory for poses, of a slot's next chunk or of the whole query.
-  virtual Pose* room_for_poses(int slot, std::size_t count) = 0;
-  virtual Pose* room_for_all_poses(std::size_t count) = 0;
+  /// Pinned memory for what configurations give, of a slot's next chunk or of the whole query.
+  virtual std::byte* room_for(Given given, int slot, std::size_t bytes) = 0;
+  virtual std::byte* room_for_all(Given given, std::size_t bytes) = 0;
 };
 
 /// For a row of every configuration and pair.

@@ -51,9 +51,7 @@ void DeviceDoubts::take_moved(const Scene& scene, const Plan& plan) {
   std::size_t at = plan.given_bodies;
   for (std::uint32_t m = 0; m < plan.motions.size(); ++m)
     for (std::size_t i = 0; i < plan.motions[m].links().size(); ++i) placed_by[plan.bodies[at++]] = m;
-  assert(at == plan.bodies.size() && (plan.motions.empty() || plan.made));
-  if (plan.made) travels_ = plan.made->travels;
-  motions_ = static_cast<std::uint32_t>(plan.motions.size());
+  assert(at == plan.bodies.size());
   std::vector<std::uint8_t> is_moved(scene.bodies().size(), 0);
   for (const std::uint32_t body : plan.moved) is_moved[body] = 1;
   for (const std::uint32_t body : plan.moved) {
@@ -70,7 +68,7 @@ void DeviceDoubts::take_moved(const Scene& scene, const Plan& plan) {
       move.joint_turn = error.turn;
     }
     move.travel = link.travel;
-    if (placed_by[body] != kGiven) move.motion = placed_by[body];
+    if (placed_by[body] != kGiven) move.robot = placed_by[body];
     moves_.push_back(move);
     std::uint32_t on = body;
     while (on != kNone && is_moved[on]) on = snapshot.parent[on];
@@ -84,8 +82,6 @@ void DeviceDoubts::tell(QuerySetup& setup) const {
   setup.link_pairs = link_pairs_;
   setup.doubt_moves = moves_;
   setup.base_doubt = base_;
-  setup.travels = travels_;
-  setup.motions = motions_;
 }
 
 }  // namespace clearance::cuda

@@ -29,8 +29,6 @@ class DeviceDoubts {
   std::vector<LinkPairError> link_pairs_;
   std::vector<DoubtMove> moves_;
   std::vector<PlacedDoubt> base_;
-  std::vector<double> travels_;
-  std::uint32_t motions_ = 0;
 };
 
 }  // namespace clearance::cuda

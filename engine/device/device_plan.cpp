@@ -113,7 +113,7 @@ class StandingQuery final : public DevicePlan, private DeviceQuery {
     s.configurations = configurations;
     s.first_configuration = first;
     s.poses = poses + first * plan_.bodies.size();
-    s.poses_on_device = true;
+    s.given_on_device = true;
     s.first_row = first * plan_.size.pairs + part.first;
     workspace_->launch(s, rows_from(s.first_row, rows), *in_order_->resident, part.first, stream);
   }

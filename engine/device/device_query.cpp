@@ -10,8 +10,8 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::size_t kParallelBodies = 4096;   // that are worth several threads
-constexpr std::size_t kPinnedPoses = 1u << 26;  // bytes; more go to pinned memory a chunk at a time
+constexpr std::size_t kParallelBodies = 4096;  // that are worth several threads
+constexpr std::size_t kMostPinned = 1u << 26;  // bytes; more go to pinned memory a chunk at a time
 
 }  // namespace
 
@@ -64,10 +64,9 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   s.boxes = options_.cull;
   place_fixed(workspace.room_for_bodies(plan_.snapshot->placed.size()));
   if (plan_.query.configuration_count > 0) {
-    const std::span<const Pose> poses = all_poses();
-    if (poses.size_bytes() <= kPinnedPoses) {
-      pinned_poses_ = workspace.room_for_all_poses(poses.size());
-      poses_.emplace(poses.data(), pinned_poses_, poses.size_bytes(), CopyReader::kDevice);
+    if (std::max(plan_.configurations.size_bytes(), plan_.positions.size_bytes()) <= kMostPinned) {
+      take_in(workspace, Given::kPoses, plan_.configurations);
+      take_in(workspace, Given::kPositions, plan_.positions);
     } else {
       plan_.keep_configurations();
     }
@@ -75,6 +74,14 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   }
   if (doubted_body(scene(), plan_) != kNone) doubts_.emplace(scene(), plan_).tell(s);
   return s;
+}
+
+template <class T>
+void DeviceQuery::take_in(QueryWorkspace& workspace, Given given, std::span<const T> all) {
+  if (all.empty()) return;
+  Incoming& in = incoming_[static_cast<std::size_t>(given)];
+  in.pinned = workspace.room_for_all(given, all.size_bytes());
+  in.copy.emplace(all.data(), in.pinned, all.size_bytes(), CopyReader::kDevice);
 }
 
 // The snapshot's bodies, one component after another.
@@ -103,9 +110,9 @@ void DeviceQuery::begin_chunks(QueryWorkspace& workspace, const QuerySetup& setu
     slots_ = static_cast<std::uint64_t>(workspace.slots());
     launch_ahead();
   };
-  if (!poses_) return begin();
   std::exception_ptr failure;  // an exception may not leave a parallel region
-  const bool is_large = poses_->is_large();
+  bool is_large = false;
+  for (const Incoming& in : incoming_) is_large = is_large || (in.copy && in.copy->is_large());
 #pragma omp parallel num_threads(workers()) if (is_large)
   {
     if (omp_get_thread_num() == 0) {
@@ -115,11 +122,17 @@ void DeviceQuery::begin_chunks(QueryWorkspace& workspace, const QuerySetup& setu
         failure = std::current_exception();
       }
     }
-    while (poses_->copy_block()) {
-    }
+    for (Incoming& in : incoming_)
+      while (in.copy && in.copy->copy_block()) {
+      }
   }
   if (failure) std::rethrow_exception(failure);
-  if (!plan_.made) plan_.configurations = {pinned_poses_, plan_.configurations.size()};
+  const auto move_to = [&]<class T>(std::span<const T>& view, Given given) {
+    const std::byte* const pinned = incoming_[static_cast<std::size_t>(given)].pinned;
+    if (pinned) view = {reinterpret_cast<const T*>(pinned), view.size()};
+  };
+  move_to(plan_.configurations, Given::kPoses);
+  move_to(plan_.positions, Given::kPositions);
 }
 
 void DeviceQuery::launch_ahead() {
@@ -140,19 +153,27 @@ bool DeviceQuery::go_on(WorkMeter& slice) {
   return true;
 }
 
-void DeviceQuery::give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& chunk) {
+void DeviceQuery::give_configurations(QueryWorkspace& workspace, int slot, ChunkSetup& chunk) {
   if (plan_.query.configuration_count == 0) return;
-  const std::uint64_t M = plan_.bodies.size(), first = chunk.first_configuration * M, count = chunk.configurations * M;
-  if (pinned_poses_) {
-    chunk.poses = pinned_poses_ + first;
-    chunk.wait_for_poses = [this](const Pose* end) {
-      poses_->wait_for(static_cast<std::size_t>(end - pinned_poses_) * sizeof(Pose));
-    };
-  } else {
-    Pose* room = workspace.room_for_poses(slot, count);
-    copy_bytes(all_poses().data() + first, room, count * sizeof(Pose), CopyReader::kDevice);
-    chunk.poses = room;
-  }
+  const std::uint64_t first = chunk.first_configuration, count = chunk.configurations;
+  chunk.poses = give(workspace, slot, Given::kPoses, plan_.configurations, first, count);
+  chunk.positions = give(workspace, slot, Given::kPositions, plan_.positions, first, count);
+  chunk.wait_for = [this](Given given, const void* end) {
+    Incoming& in = incoming_[static_cast<std::size_t>(given)];
+    if (in.copy) in.copy->wait_for(static_cast<std::size_t>(static_cast<const std::byte*>(end) - in.pinned));
+  };
+}
+
+template <class T>
+const T* DeviceQuery::give(QueryWorkspace& workspace, int slot, Given given, std::span<const T> all,
+                           std::uint64_t first, std::uint64_t count) {
+  const std::uint64_t each = all.size() / plan_.size.configurations;
+  if (each == 0) return nullptr;
+  if (const std::byte* const pinned = incoming_[static_cast<std::size_t>(given)].pinned)
+    return reinterpret_cast<const T*>(pinned) + first * each;
+  std::byte* const room = workspace.room_for(given, slot, count * each * sizeof(T));
+  copy_bytes(all.data() + first * each, room, count * each * sizeof(T), CopyReader::kDevice);
+  return reinterpret_cast<const T*>(room);
 }
 
 void DeviceQuery::copy_column(const void* from, void* to, std::size_t bytes) {

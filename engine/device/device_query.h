@@ -57,8 +57,8 @@ class DeviceQuery : public ParallelJob {
   virtual void finish(std::uint64_t chunk) = 0;
   /// Says in `info` how many rows there are, once all chunks are finished.
   virtual void end() = 0;
-  /// The poses of a slot's next chunk, pinned. Chunks come in order.
-  void give_poses(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
+  /// The poses and positions of a slot's next chunk, pinned. Chunks come in order.
+  void give_configurations(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
   /// Copies rows of a column that the device could not write itself.
   void copy_column(const void* from, void* to, std::size_t bytes);
 
@@ -77,8 +77,7 @@ class DeviceQuery : public ParallelJob {
         const std::uint64_t k = open(i).configuration;
         const Placement& here = placement(worker, k);
         room.asked.clear();
-        for (j = i; j < end && open(j).configuration == k; ++j)
-          room.asked.push_back({plan_.pairs.at(open(j).pair), &here, plan_.query.max_distance});
+        for (j = i; j < end && open(j).configuration == k; ++j) room.asked.push_back(asked(open(j).pair, here));
         room.answers.resize(std::max(room.answers.size(), room.asked.size()));
         evaluators_[w].run(room.asked, room.answers);
         for (std::size_t n = 0; n < room.asked.size(); ++n) {
@@ -105,18 +104,28 @@ class DeviceQuery : public ParallelJob {
     std::vector<PlacedBodies> asked;
     std::vector<PairAnswer> answers;
   };
+  PlacedBodies asked(std::uint64_t pair, const Placement& placement) const {
+    if (plan_.query.reduce != Reduce::kAny) return {plan_.pairs.at(pair), &placement, plan_.query.max_distance};
+    const double margin = plan_.margins.of(pair);
+    return {plan_.pairs.at(pair), &placement, margin, nullptr, margin};
+  }
   void launch_ahead();
   void find_direct_columns();
   void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);
   void place_fixed(const FixedBodies& fixed);
-  /// Of all configurations, (K, M): the caller's, or the links' as they were made.
-  std::span<const Pose> all_poses() const {
-    return plan_.made ? std::span<const Pose>(plan_.made->poses) : plan_.configurations;
-  }
+  // Numbers that configurations give, on their way to the device.
+  struct Incoming {
+    std::byte* pinned = nullptr;      // of all configurations; null: too many, or none
+    std::optional<OrderedCopy> copy;  // on their way there
+  };
+  template <class T>
+  void take_in(QueryWorkspace& workspace, Given given, std::span<const T> all);
+  template <class T>
+  const T* give(QueryWorkspace& workspace, int slot, Given given, std::span<const T> all, std::uint64_t first,
+                std::uint64_t count);
 
   std::unique_ptr<DeviceWarmTable> warm_;
-  Pose* pinned_poses_ = nullptr;        // of all configurations; null: too many
-  std::optional<OrderedCopy> poses_;    // on their way there
+  Incoming incoming_[2];                // by what is given
   std::optional<MovedChains> moved_;    // none: the query moves nothing
   std::optional<DeviceDoubts> doubts_;  // none: nothing is doubted of any body that is asked for
   std::vector<Room> rooms_;

@@ -86,13 +86,14 @@ class FallbackJob final : public Job::State {
 }  // namespace
 
 std::string beyond_the_device(const Plan& plan) {
-  return plan.query.fields & kFieldGradientJoints ? "the column gradient_joints" : "";
+  if (plan.query.fields & kFieldGradientJoints) return "the column gradient_joints";
+  if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
+  return plan.query.max_steps > 0 ? "max_steps" : "";
 }
 
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
   const std::string beyond = beyond_the_device(plan);
   if (!beyond.empty() && !context.device->fallback()) refuse(beyond + " is not for a device yet");
-  if (beyond.empty()) plan.make_link_poses();
   auto query = beyond.empty() ? begin_on_device(context, plan, reply) : nullptr;
   if (query) return std::make_unique<FallbackJob>(context, std::move(query), reply);
   context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);

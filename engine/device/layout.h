@@ -9,6 +9,7 @@
 #include "engine/pose/placed.h"
 #include "engine/query/columns.h"
 #include "engine/query/doubt_step.h"
+#include "engine/robot/kinematics_step.h"
 
 namespace clearance::cuda {
 
@@ -112,13 +113,36 @@ struct BodiesView {
   DoubtsView doubts;
 };
 
+/// A column of a robot of which joints move.
+struct JointColumn {
+  double position;        ///< where it stays; 0 if there is none that can be used
+  double lower, upper;    ///< limits
+  std::uint32_t at;       ///< its place in a row of positions; kNone: it stays
+  std::uint8_t fact = 0;  ///< LinkFact bits of one that stays
+};
+/// A robot of which joints move. Its frames lie side by side: its roots, then one for each step.
+struct JointRobot {
+  std::uint32_t first_step, steps, first_column, roots, first_frame;
+};
+/// How the links of robots get their poses, each in the frame of its root: LinkMotion, as kernels know it.
+struct FramesView {
+  const KinematicStep* steps;
+  const JointColumn* columns;
+  const JointRobot* robots;
+  std::uint32_t robot_count, joints;
+  const double* positions;  ///< (configurations, joints)
+  double* numbers;          ///< (frames, 7, configurations) qw, qx, qy, qz, x, y, z
+  std::uint8_t* facts;      ///< (frames, configurations) LinkFact bits
+  double* travels;          ///< (robots, configurations) Kinematics::travel()
+};
+
 /// What a moved body adds to what is doubted of what it follows.
 struct DoubtMove {
   DoubtSource source;
   double age_s = 0;
   double joint_fixed = 0, joint_per_travel = 0, joint_turn = 0;  ///< PlacementError of a link's pose; 0: it is none
   double travel = 0;                                             ///< where the query's joints do not say it
-  std::uint32_t motion = kNone;                                  ///< whose travel it is in each configuration
+  std::uint32_t robot = kNone;                                   ///< whose travel it is (FramesView); kNone: `travel`
 };
 /// What becomes of a moved body whatever its pose, as bits: it has none, or one that is too old for one; a joint that
 /// the query leaves as it is, and that places it, is beyond its limits; the flag that its pose is old.
@@ -129,19 +153,17 @@ inline constexpr std::uint8_t kSlotUnplaced = 1, kSlotStale = 2, kSlotBeyondLimi
 struct MovesView {
   const Pose* given;  ///< (configurations, given_count)
   std::uint32_t given_count;
-  const std::uint32_t* source;       ///< (moved,) which of the given poses; kNone: `own`
+  const std::uint32_t* source;       ///< (moved,) which of the given poses, or given_count and a frame; kNone: `own`
   const Pose* own;                   ///< (moved,) where the query gives none
   const std::uint32_t* chain_begin;  ///< (moved + 1,)
   const std::uint32_t* chain;        ///< places among the moved
   const BodyPlacement* base;         ///< (moved,) the body that the chain's top follows
   const std::uint8_t* has_base;      ///< (moved,)
   const std::uint8_t* slot_state;    ///< (moved,) kSlotUnplaced and so on
-  const std::uint8_t* facts;         ///< (configurations, given_count) LinkFact bits; null: no joints move
+  FramesView frames;
   // Where something is doubted:
   const DoubtMove* doubts;        ///< (moved,)
   const PlacedDoubt* base_doubt;  ///< (moved,) of `base`
-  const double* travels;          ///< (configurations, motions)
-  std::uint32_t motions;
 };
 
 /// What is asked of every pair.
@@ -242,6 +264,11 @@ struct ReducedView {
   std::uint32_t* several;    ///< (capacity,) places in the list of pairs of which a body has several pieces
   std::uint32_t capacity = 0;
   std::uint64_t reply_rows;  ///< room in the reply
+  // Of Reduce::kAny. There `winner` is the first pair within its margin, `lowest` the first that is proved neither
+  // farther nor within, both with their items, and `seed` the first without usable poses.
+  const double* margins;  ///< (pairs,) metres; null: each has `margin`
+  double margin;
+  PairAnswer beyond;  ///< of a configuration whose pairs are all farther
   // Of a whole table within a distance. Places in the list of pairs that are looked at stand for rows everywhere else.
   TableView table;
   std::uint64_t *found,

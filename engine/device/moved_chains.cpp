@@ -5,12 +5,13 @@
 namespace clearance::cuda {
 
 MovedChains::MovedChains(const Scene& scene, const Plan& plan, std::span<const std::uint8_t> stale)
-    : moved_(plan.moved), made_(plan.made), given_count_(static_cast<std::uint32_t>(plan.bodies.size())) {
+    : moved_(plan.moved), links_(plan), given_count_(static_cast<std::uint32_t>(plan.given_bodies)) {
   const PoseSnapshot& snapshot = *plan.snapshot;
   std::vector<std::uint32_t> slot_of(scene.bodies().size(), kNone);
   for (std::uint32_t i = 0; i < moved_.size(); ++i) slot_of[moved_[i]] = i;
   source_.assign(moved_.size(), kNone);
-  for (std::uint32_t m = 0; m < plan.bodies.size(); ++m) source_[slot_of[plan.bodies[m]]] = m;
+  for (std::uint32_t m = 0; m < plan.bodies.size(); ++m)
+    source_[slot_of[plan.bodies[m]]] = m < given_count_ ? m : given_count_ + links_.frames()[m - given_count_];
   chain_begin_.assign(1, 0);
   base_.resize(moved_.size());
   for (std::uint32_t i = 0; i < moved_.size(); ++i) {
@@ -52,7 +53,7 @@ void MovedChains::tell(QuerySetup& setup) const {
   setup.base = base_;
   setup.has_base = has_base_;
   setup.slot_state = slot_state_;
-  if (made_) setup.facts = made_->facts;
+  links_.tell(setup);
 }
 
 }  // namespace clearance::cuda

@@ -2,11 +2,10 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <vector>
 
-#include "engine/device/device.h"
+#include "engine/device/moved_links.h"
 #include "engine/query/plan.h"
 
 namespace clearance::cuda {
@@ -14,7 +13,7 @@ namespace clearance::cuda {
 /// Its arrays live as long as this.
 class MovedChains {
  public:
-  /// \param stale of each body; empty: no pose is too old. Plan::made must be there where joints move.
+  /// \param stale of each body; empty: no pose is too old.
   MovedChains(const Scene& scene, const Plan& plan, std::span<const std::uint8_t> stale);
   /// Points a setup to the arrays.
   void tell(QuerySetup& setup) const;
@@ -24,7 +23,7 @@ class MovedChains {
                         std::span<const std::uint8_t> stale) const;
 
   const std::vector<std::uint32_t>& moved_;
-  std::shared_ptr<const MadePoses> made_;  // null: no joints move
+  MovedLinks links_;
   std::uint32_t given_count_;
   std::vector<std::uint8_t> has_base_, slot_state_;
   std::vector<std::uint32_t> source_, chain_begin_, chain_;

@@ -3,6 +3,7 @@
 
 #include "engine/device/device_query.h"
 #include "engine/device/reply_columns.h"
+#include "engine/query/reduction.h"
 
 namespace clearance::cuda {
 
@@ -49,7 +50,13 @@ class ReducedDeviceQuery final : public DeviceQuery {
     s.groups = static_cast<std::uint32_t>(groups_);
     s.most_rows = plan_.size.rows;
     s.by_teams = by_teams;
-    s.warm = take_warm(K * P);
+    if (plan_.query.reduce == Reduce::kAny) {  // which begins cold
+      s.margins = plan_.margins.each();
+      s.margin = plan_.margins.most();
+      s.beyond = beyond_all_margins(plan_, options_);
+    } else {
+      s.warm = take_warm(K * P);
+    }
     begin_chunks(*workspace_, s);
   }
 
@@ -66,7 +73,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
         static_cast<std::uint32_t>(std::min(configurations_, plan_.size.configurations - s.first_configuration));
     s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
     s.first_row = s.first_configuration * plan_.size.pairs;
-    give_poses(*workspace_, slot, s);
+    give_configurations(*workspace_, slot, s);
     ReplyView direct;  // where rows go is known beforehand unless they are only those within a distance
     const auto shift = [&](auto* column, auto*& to, std::uint64_t width) {
       to = column && !within() ? column + s.first_configuration * groups_ * width : nullptr;

@@ -20,8 +20,9 @@ enum class QueryKind : std::uint8_t {
   kTable,           ///< nearest, or least, of the current poses
   kWithin,          ///< within a distance, likewise
   kConfigurations,  ///< reduced, over configurations
+  kDecision,        ///< reduced to whether each pair is farther than its margin
 };
-inline constexpr int kQueryKinds = 7;
+inline constexpr int kQueryKinds = 8;
 /// Depth before max_distance before warm: what costs most decides.
 QueryKind kind_of(const QueryView& query);
 

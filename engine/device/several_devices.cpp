@@ -35,11 +35,11 @@ class WorkspaceOfAll : public Interface {
     bodies_ = bodies;
     return source_bodies_ = ask(source_, [&](Interface& w) { return w.room_for_bodies(bodies); });
   }
-  Pose* room_for_all_poses(std::size_t count) override {  // pinned memory serves all devices
-    return ask(source_, [&](Interface& w) { return w.room_for_all_poses(count); });
+  std::byte* room_for_all(Given given, std::size_t bytes) override {  // pinned memory serves all devices
+    return ask(source_, [&](Interface& w) { return w.room_for_all(given, bytes); });
   }
-  Pose* room_for_poses(int slot, std::size_t count) override {
-    return ask(member_of(slot), [&](Interface& w) { return w.room_for_poses(slot_of(slot), count); });
+  std::byte* room_for(Given given, int slot, std::size_t bytes) override {
+    return ask(member_of(slot), [&](Interface& w) { return w.room_for(given, slot_of(slot), bytes); });
   }
 
   void begin(const QuerySetup& all) override {

@@ -116,20 +116,27 @@ enum class PieceEnd { kApart, kOverlap, kOpen };
 
 /// Takes a search to its end, one piece pair after another. \param look answers one with this cut-off: kApart: taken by
 /// the search; kOverlap: proved, which ends it where no depth is asked for; kOpen: not settled, which is the end too.
+/// \param enough an upper bound so low is all that is asked
 template <class Nearest, class Look>
-CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_distance, Nearest& nearest,
-                                           const Look& look) {
+CLEARANCE_HD inline PieceEnd search_pieces(PieceSearch& search, double max_distance, Nearest& nearest, const Look& look,
+                                           double enough = -__builtin_inf()) {
   PiecePair p;
   bool there = nearest.next(p);
   while (there) {
     const double cut_off = search.cut_off(max_distance);
     std::size_t asked = 0;
-    for (; there && asked < search.round && search.asks(p.gap, cut_off); ++asked, there = nearest.next(p)) {
+    for (; there && asked < search.round && search.asks(p.gap, cut_off); ++asked) {
       if (search.ends_before(p.gap)) {
         search.leave_out(p.gap);
         return PieceEnd::kApart;
       }
       if (const PieceEnd end = look(p, cut_off); end != PieceEnd::kApart) return end;
+      const double gap = p.gap;
+      there = nearest.next(p);
+      if (search.upper <= enough && there && !(p.gap > max_distance)) {
+        search.leave_out(gap);
+        return PieceEnd::kApart;
+      }
     }
     if (there && asked == 0) {
       search.leave_out(p.gap);

@@ -16,10 +16,6 @@ ConfigurationPoses::Block ConfigurationPoses::at(std::uint64_t first, std::uint6
   const std::size_t bodies = plan_.bodies.size();
   if (plan_.motions.empty()) return {plan_.configurations.subspan(first * bodies, count * bodies), {}, {}};
   const std::size_t motions = plan_.motions.size();
-  if (const MadePoses* const made = plan_.made.get())
-    return {std::span(made->poses).subspan(first * bodies, count * bodies),
-            std::span(made->facts).subspan(first * bodies, count * bodies),
-            std::span(made->travels).subspan(first * motions, count * motions)};
   if (plan_.round != round_ || first < first_ || first + count > first_ + count_) {
     const std::uint64_t begin = first / kTogether * kTogether,
                         end = std::min((first + count + kTogether - 1) / kTogether * kTogether,

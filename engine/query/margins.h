@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "engine/query/query.h"
@@ -25,6 +26,7 @@ class Margins {
   Margins(const QueryView& query, const Scene& scene, const PairList& pairs);
 
   double of(std::uint64_t position) const { return each_.empty() ? most_ : each_[position]; }
+  std::span<const double> each() const { return each_; }  ///< (P,); empty: they are all the same
   double least() const { return least_; }
   double most() const { return most_; }
 

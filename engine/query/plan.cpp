@@ -8,7 +8,6 @@
 
 #include "engine/base/digest.h"
 #include "engine/narrow/work_meter.h"
-#include "engine/query/configuration_poses.h"
 
 namespace clearance {
 
@@ -240,22 +239,12 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
   return std::move(planner.plan());
 }
 
-void Plan::make_link_poses() {
-  if (motions.empty() || made) return;
-  ConfigurationPoses poses(*this);
-  const ConfigurationPoses::Block all = poses.at(0, size.configurations);
-  made = std::make_shared<MadePoses>(MadePoses{{all.poses.begin(), all.poses.end()},
-                                               {all.facts.begin(), all.facts.end()},
-                                               {all.travels.begin(), all.travels.end()}});
-}
-
 void Plan::take_configurations(const QueryView& asked) {
   const std::uint32_t count = asked.configuration_count;
   check_count("configurations", "poses", asked.configurations.size(), count, asked.bodies.size());
   check_count("positions", "numbers", asked.positions.size(), count, asked.joints.size());
   configurations = asked.configurations;
   positions = asked.positions;
-  made.reset();
 }
 
 void Plan::keep_configurations() {

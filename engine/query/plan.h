@@ -15,13 +15,6 @@
 
 namespace clearance {
 
-/// The poses of all configurations of a query that moves joints, and what ConfigurationPoses::Block says beside them.
-struct MadePoses {
-  std::vector<Pose> poses;          ///< (K, M)
-  std::vector<std::uint8_t> facts;  ///< (K, M)
-  std::vector<double> travels;      ///< (K, Plan::motions)
-};
-
 /// A query, copied and resolved against one snapshot.
 struct Plan {
   QueryView query;                       ///< its spans point into the members below
@@ -32,10 +25,9 @@ struct Plan {
   std::vector<std::uint32_t> joints;  ///< (J,)
   std::span<const double> positions;  ///< (K, J); as `configurations`
   std::vector<double> kept_positions;
-  std::vector<double> weights;            ///< of the joints, for kFieldFreeScale
-  std::vector<LinkMotion> motions;        ///< of each robot that some of the joints move
-  std::shared_ptr<const MadePoses> made;  ///< where `motions` put the links; null: whoever needs them makes them
-  std::vector<std::uint32_t> moved;       ///< bodies and their followers, parents first
+  std::vector<double> weights;       ///< of the joints, for kFieldFreeScale
+  std::vector<LinkMotion> motions;   ///< of each robot that some of the joints move
+  std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first
   std::shared_ptr<const PoseSnapshot> snapshot;
   PairList pairs;
   Margins margins;  ///< of the pairs, for Reduce::kAny and motions
@@ -52,8 +44,6 @@ struct Plan {
   void take_configurations(const QueryView& asked);
   /// Copies configurations and positions, whose memory is the caller's.
   void keep_configurations();
-  /// Makes the poses of links in all configurations, for who wants them at once.
-  void make_link_poses();
 };
 
 /// A plan in the making.

@@ -12,6 +12,9 @@
 
 namespace clearance {
 
+/// What Reduce::kAny answers where each pair is proved farther than its margin.
+PairAnswer beyond_all_margins(const Plan& plan, const EvaluateOptions& options);
+
 /// Works in stages, each a number of independent units, so that a large configuration can be sliced and spread over
 /// threads and a small one run by one thread. First the pair of least box distance of each group is evaluated (a group:
 /// the pairs of a body, or all); then every pair whose boxes are not farther than the upper bound found so. A pair left
@@ -117,7 +120,6 @@ class Reduction {
   Row row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration, const Placement& placement) const;
   Row decision(std::uint32_t configuration, const Placement& placement) const;
   void widen(Row& row, double lower, const Placement& placement) const;
-  bool is_any_stale() const;
 
   static constexpr std::uint64_t kNobody = ~std::uint64_t{0};
   const Scene& scene_;

@@ -127,15 +127,8 @@ PlacementError Kinematics::error_between(std::uint32_t a, double radius_a, std::
 double Kinematics::travel(std::span<const double> positions) const {
   double most = 0;
   if (!slides_) return most;
-  const auto count = [&](double q, const KinematicStep& step) {
-    if (!(std::abs(q) <= kMaxPosition)) return;
-    most = std::max(most, std::abs(step.mimics ? step.multiplier * q + step.offset : q) * kSlack);
-  };
-  for (const KinematicStep& step : steps_) {
-    const bool planar = step.kind == KinematicStep::Kind::kPlanar;
-    if (planar || step.kind == KinematicStep::Kind::kSliding) count(positions[step.column], step);
-    if (planar) count(positions[step.column + 1], step);
-  }
+  for (const KinematicStep& step : steps_)
+    most = std::max(most, travel_of(step, [&](std::uint32_t column) { return positions[column]; }));
   return most;
 }
 

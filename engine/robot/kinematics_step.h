@@ -1,10 +1,11 @@
-// One joint's part of a robot's kinematics: the same text for a scalar, a SIMD pack (a configuration in each lane) and,
-// later, a GPU thread. Nothing here needs more than additions and products.
+// One joint's part of a robot's kinematics: the same text for a scalar, a SIMD pack (a configuration in each lane) and
+// a GPU thread. Nothing here needs more than additions and products.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
+#include "engine/base/placement_error.h"
 #include "engine/pose/pose.h"
 #include "engine/robot/quaternion.h"
 #include "engine/robot/sin_cos.h"
@@ -90,6 +91,21 @@ CLEARANCE_INLINE KinematicFrame<T> carried(const KinematicFrame<T>& from, const 
     if (step.kind != Kind::kSliding) turn = detail::turn_of(step, q);
   }
   return {renormalised(product(from.q, turn)), from.t + turned(from.q, offset)};
+}
+
+/// What a step's joint adds to a configuration's travel (Kinematics::travel(), their largest): metres, rounded up; 0 of
+/// a joint that does not slide, and of a position that cannot be used.
+template <class Load>
+CLEARANCE_INLINE double travel_of(const KinematicStep& step, const Load& position) {
+  const auto out = [&](double q) {
+    if (!(-kMaxPosition <= q && q <= kMaxPosition)) return 0.0;
+    const double at = step.mimics ? step.multiplier * q + step.offset : q;
+    return (at < 0 ? -at : at) * kPlacementSlack;
+  };
+  const bool planar = step.kind == KinematicStep::Kind::kPlanar;
+  if (!planar && step.kind != KinematicStep::Kind::kSliding) return 0;
+  const double along = out(position(step.column)), across = planar ? out(position(step.column + 1)) : 0;
+  return along < across ? across : along;
 }
 
 /// Configurations to be placed, as a kernel takes them: plain arrays.

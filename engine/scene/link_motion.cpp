@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
 #include <functional>
 #include <limits>
 
@@ -17,11 +16,6 @@ constexpr Pose kBadPose{{kNaN, kNaN, kNaN}, kNaN, kNaN, kNaN, kNaN};
 
 std::vector<std::uint8_t> bits_along_links(const SceneRobot& robot, std::span<const std::uint8_t> of_columns) {
   return along_links(robot, of_columns, std::bit_or<std::uint8_t>());
-}
-
-std::uint8_t position_fact(const RobotColumn& column, double position) {
-  if (!(std::abs(position) <= kMaxPosition)) return kLinkBad;
-  return position < column.lower || position > column.upper ? kLinkBeyondLimits : 0;
 }
 
 LinkMotion::LinkMotion(const SceneRobot& robot, std::span<const double> positions, std::span<const std::uint8_t> given)
@@ -61,11 +55,6 @@ void LinkMotion::take_positions(std::span<const double> positions, std::span<con
     column_facts_.push_back(given[c] ? position_fact(columns[c], positions[c]) : std::uint8_t{kLinkUnplaced});
     if (column_facts_[c] & (kLinkUnplaced | kLinkBad)) positions_[c] = 0;
   }
-}
-
-bool LinkMotion::places_all() const {
-  return std::none_of(link_facts_.begin(), link_facts_.end(),
-                      [](std::uint8_t fact) { return (fact & kLinkUnplaced) != 0; });
 }
 
 // By link.

@@ -41,8 +41,10 @@ class LinkMotion {
   const std::vector<std::uint32_t>& links() const { return links_; }
   const std::vector<Moving>& moving() const { return moving_; }
   const SceneRobot& robot() const { return *robot_; }
-  /// Whether every joint on the way to links() has a position, or moves.
-  bool places_all() const;
+  /// What the kernels of a device make links of: of each column where it stays, 0 where there is no position that can
+  /// be used, and LinkFact bits. Of a moving one the facts are 0.
+  std::span<const double> positions() const { return positions_; }
+  std::span<const std::uint8_t> column_facts() const { return column_facts_; }
 
   /// \param rows (count, J) positions. \param poses of links() of row k from k * stride on. \param facts LinkFact bits,
   /// likewise
@@ -84,7 +86,13 @@ std::vector<T> along_links(const SceneRobot& robot, std::span<const T> of_column
 /// By link: the bits of all columns on the way to it.
 std::vector<std::uint8_t> bits_along_links(const SceneRobot& robot, std::span<const std::uint8_t> of_columns);
 
-/// What a position says of its column.
-std::uint8_t position_fact(const RobotColumn& column, double position);
+/// What a position says of its column, whose limits these are.
+CLEARANCE_HD inline std::uint8_t position_fact(double lower, double upper, double position) {
+  if (!(-kMaxPosition <= position && position <= kMaxPosition)) return kLinkBad;
+  return position < lower || position > upper ? kLinkBeyondLimits : 0;
+}
+inline std::uint8_t position_fact(const RobotColumn& column, double position) {
+  return position_fact(column.lower, column.upper, position);
+}
 
 }  // namespace clearance

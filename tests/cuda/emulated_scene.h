@@ -36,7 +36,7 @@ template <class Kernel>
 void for_each_thread(std::size_t threads, const Kernel& kernel) {
   blockDim = {1, 1, 1};
   threadIdx = {0, 0, 0};
-  for (std::size_t t = 0; t < threads; ++t) {
+  for (std::size_t t = threads; t-- > 0;) {  // not in the order of bodies: on a device there is none
     blockIdx = {static_cast<unsigned>(t), 0, 0};
     kernel();
   }
@@ -48,7 +48,6 @@ inline Plan plan_of(const Scene& scene, const QueryView& q) {
   Plan plan = make_plan(q, scene, poses.snapshot(), ~std::uint64_t{0}, true);
   plan.begun_ns = monotonic_ns();
   plan.doubts = doubts_of(scene, *plan.snapshot, plan.begun_ns);
-  plan.make_link_poses();
   return plan;
 }
 
@@ -64,7 +63,10 @@ struct HostBodies {
   std::vector<OuterBox> fixed_box, moved_box;
   std::vector<std::uint32_t> moved_piece_begin;
   std::vector<BodySlack> moved_slack;
+  std::vector<double> frame_numbers, travels;
+  std::vector<std::uint8_t> frame_facts;
   BodiesView view{};
+  MovesView moves{};
 
   HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q)
       : plan(plan_of(scene, q)),
@@ -79,21 +81,9 @@ struct HostBodies {
     view.doubts = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};
     for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
     make_room_for_moved(hulls, K, M);
-    const Pose* const given = plan.made ? plan.made->poses.data() : plan.configurations.data();
-    const MovesView moves{given,
-                          s.given_count,
-                          s.source.data(),
-                          s.own.data(),
-                          s.chain_begin.data(),
-                          s.chain.data(),
-                          s.base.data(),
-                          s.has_base.data(),
-                          s.slot_state.data(),
-                          s.facts.empty() ? nullptr : s.facts.data(),
-                          s.doubt_moves.data(),
-                          s.base_doubt.data(),
-                          s.travels.data(),
-                          s.motions};
+    moves = {plan.configurations.data(), s.given_count,      s.source.data(),      s.own.data(),
+             s.chain_begin.data(),       s.chain.data(),     s.base.data(),        s.has_base.data(),
+             s.slot_state.data(),        place_frames(s, K), s.doubt_moves.data(), s.base_doubt.data()};
     const auto configurations = static_cast<std::uint32_t>(K);
     for_each_thread(K * M, [&] {
       doubted ? place_bodies<true>(hulls, view, moves, configurations)
@@ -139,6 +129,17 @@ struct HostBodies {
     view.fixed_piece_box = fixed_piece_box.data();
     view.bodies = static_cast<std::uint32_t>(n);
     view.components = kComponents;
+  }
+  FramesView place_frames(const QuerySetup& s, std::size_t K) {
+    frame_numbers.assign(s.frames * 7 * K, 1e300);
+    frame_facts.assign(s.frames * K, 0xff);
+    travels.resize(s.robots.size() * K);
+    const FramesView frames{
+        s.steps.data(), s.columns.data(),      s.robots.data(),      static_cast<std::uint32_t>(s.robots.size()),
+        s.joints,       plan.positions.data(), frame_numbers.data(), frame_facts.data(),
+        travels.data()};
+    for_each_thread(s.robots.size() * K, [&] { place_links(frames, static_cast<std::uint32_t>(K)); });
+    return frames;
   }
   void make_room_for_moved(const HullsView& hulls, std::size_t K, std::size_t M) {
     std::uint32_t pieces = 0;

@@ -95,8 +95,12 @@ class IdleWorkspace : public Interface {
       EXPECT_EQ(static_cast<const IdleWarm*>(setup.warm)->of, &fault_);
     }
   }
-  Pose* room_for_poses(int slot, std::size_t count) override { return room(poses_[slot], count); }
-  Pose* room_for_all_poses(std::size_t count) override { return room(all_poses_, count); }
+  std::byte* room_for(cuda::Given given, int slot, std::size_t bytes) override {
+    return room(given_[static_cast<int>(given)][slot], bytes);
+  }
+  std::byte* room_for_all(cuda::Given given, std::size_t bytes) override {
+    return room(all_given_[static_cast<int>(given)], bytes);
+  }
   void launch(int slot, const cuda::ChunkSetup& chunk, const ReplyView&) override {
     fault_.call("launching");
     ++fault_.launches;
@@ -115,13 +119,13 @@ class IdleWorkspace : public Interface {
   Fault& fault_;
 
  private:
-  static Pose* room(std::vector<Pose>& poses, std::size_t count) {
-    poses.resize(count);
-    return poses.data();
+  static std::byte* room(std::vector<Pose>& memory, std::size_t bytes) {
+    memory.resize(bytes / sizeof(Pose) + 1);
+    return reinterpret_cast<std::byte*>(memory.data());
   }
   std::vector<double> components_;
   std::vector<std::uint8_t> state_;
-  std::vector<Pose> poses_[cuda::kChunksUnderWay], all_poses_;
+  std::vector<Pose> given_[2][cuda::kChunksUnderWay], all_given_[2];  // by what is given
   std::vector<std::uint32_t> rows_[cuda::kChunksUnderWay], finished_[cuda::kChunksUnderWay];
 };
 

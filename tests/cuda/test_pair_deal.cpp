@@ -26,7 +26,7 @@ class NotingDense final : public IdleDense {
     dealt_.chunks.push_back(chunk);
     if (chunk.poses) {
       const Pose* const end = chunk.poses + chunk.configurations * kMoved.size();
-      chunk.wait_for_poses(end);
+      chunk.wait_for(cuda::Given::kPoses, end);
       dealt_.poses.insert(dealt_.poses.end(), chunk.poses, end);
     }
     IdleDense::launch(slot, chunk, direct);

@@ -1,13 +1,14 @@
-// The kernels of reductions (engine/cuda/reduce_kernel.cuh), without a GPU: their code compiled for the host, stage
-// after stage, rows held against the CPU's, bit by bit.
+// The kernels of reductions (engine/cuda/reduce_kernel.cuh, any_kernel.cuh), without a GPU: their code compiled for the
+// host, stage after stage, rows held against the CPU's, bit by bit.
 #include "doubted_scene.h"
 #include "engine/narrow/lanes.h"
 #include "engine/query/evaluate.h"
+#include "engine/query/reduction.h"
 // Behind all that is included elsewhere.
 #include "emulated_scene.h"
 
 #define cuda emulated
-#include "engine/cuda/reduce_kernel.cuh"
+#include "engine/cuda/any_kernel.cuh"
 #undef cuda
 
 namespace clearance::test {
@@ -55,8 +56,12 @@ class HostReduction {
   /// Expects the rows of the CPU. \returns how many pairs were left to it
   std::uint32_t compare(const std::string& what) {
     const bool within = q_.reduce == Reduce::kWithin;
-    within ? mark() : seed();
-    bodies_.doubted ? solve<Slack>() : solve<NoSlack>();
+    if (any()) {
+      look();
+    } else {
+      within ? mark() : seed();
+      bodies_.doubted ? solve<Slack>() : solve<NoSlack>();
+    }
     const std::uint32_t left = counts_[kRest];
     settle();
     write();
@@ -95,6 +100,18 @@ class HostReduction {
     EmulatedGrid::one().launch(static_cast<unsigned>(threads / block + 1), block, kernel);
   }
   std::size_t groups() const { return complete_.size(); }
+  bool any() const { return q_.reduce == Reduce::kAny; }
+
+  void look() {
+    const Plan& plan = bodies_.plan;
+    r_.margins = plan.margins.each().empty() ? nullptr : plan.margins.each().data();
+    r_.margin = plan.margins.most();
+    r_.beyond = beyond_all_margins(plan, {});
+    launch(r_.rows, kScanThreads, [&] { find_near_pairs(r_); });
+    launch(r_.rows / 4, kItemThreads,
+           [&] { bodies_.doubted ? look_at_near_pairs<Slack>(r_) : look_at_near_pairs<NoSlack>(r_); });
+    launch(r_.rows / 4, kItemThreads, [&] { list_open_pairs(r_); });
+  }
 
   void seed() {
     launch(r_.rows / 2, kScanThreads, [&] { find_seeds(r_); });
@@ -135,12 +152,16 @@ class HostReduction {
       const ConfigurationPoses::Block given = poses.at(k, 1);
       rotations_of(given.poses, rotations);
       placement.configure(k, given, rotations);
-      const PlacedBodies asked{plan.pairs.at(r_.rest_rows[i] % r_.chunk.pair_count), &placement, q_.max_distance};
+      const std::uint64_t p = r_.rest_rows[i] % r_.chunk.pair_count;
+      PlacedBodies asked{plan.pairs.at(p), &placement, q_.max_distance};
+      if (any()) asked.max_distance = asked.enough = plan.margins.of(p);
       evaluator.run({&asked, 1}, {&answers[i], 1});
     }
-    launch(answers.size() + 1, kItemThreads, [&] { take_answers(r_, answers.data(), counts_[kRest]); });
+    launch(answers.size() + 1, kItemThreads,
+           [&] { (any() ? take_open_answers : take_answers)(r_, answers.data(), counts_[kRest]); });
   }
   void write() {
+    if (any()) return launch(groups(), kItemThreads, [&] { write_decisions(r_); });
     if (q_.reduce == Reduce::kWithin) {
       rank(r_.hit_words, r_.hit_ranks);
       launch(r_.rows, kItemThreads, [&] { write_hits(r_); });
@@ -205,6 +226,93 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpuForWhatIsDoubted) {
   EXPECT_GT(slack, 500u);
   EXPECT_GT(others, 10u) << "the least lower bound is another pair's";
   EXPECT_GT(left, 20u) << "the CPU finishes some";
+}
+
+// What rows of Reduce::kAny say.
+struct Verdicts {
+  std::uint64_t near = 0, overlap = 0, touching = 0, open = 0, beyond = 0, unusable = 0, incomplete = 0, left = 0;
+
+  void add(const HostReduction& reduction) {
+    for (std::uint64_t i = 0; i < reduction.row_count(); ++i) {
+      const auto status = static_cast<Status>(reduction.rows().status[i]);
+      near += status == Status::kOk;
+      overlap += status == Status::kOverlap;
+      touching += status == Status::kContact;
+      open += status == Status::kUnconverged;
+      beyond += status == Status::kBeyond;
+      unusable += status == Status::kBadPose;
+      incomplete += (reduction.rows().flags[i] & kFlagIncomplete) != 0;
+    }
+  }
+};
+
+// Asks with one margin for all pairs, and with one of its own for each.
+void compare_margins(const Engine& cpu, QueryView q, const std::string& what, Verdicts& verdicts) {
+  const auto compare = [&](const std::string& with) {
+    HostReduction reduction(cpu, q);
+    verdicts.left += reduction.compare(what + with);
+    verdicts.add(reduction);
+  };
+  q.reduce = Reduce::kAny;
+  for (const double margin : {0.0, 1e-6, 0.02, 0.3}) {
+    q.margin = margin;
+    compare(", margin " + std::to_string(margin));
+  }
+  Random random(4);
+  std::vector<double> margins(q.pairs.size());
+  for (const double most : {0.03, 0.5}) {
+    for (double& margin : margins) margin = random.uniform(0, most);
+    q.pair_margins = margins;
+    compare(", margins up to " + std::to_string(most));
+  }
+}
+
+TEST(ReduceKernels, DecideAsTheCpuDoes) {
+  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+    Verdicts verdicts;
+    for (const double room : {1.0, 4.0, 12.0}) {
+      EmulatedCase c(20, 29, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+        to.add_capsule(name, 0.2, 0.5, options);
+      });
+      c.q.fields = kAllFields | kFieldPairLower;
+      c.q.precision = precision;
+      c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
+      for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[5 * c.bodies.size() + i].qw = kInf;
+      const Engine cpu(std::move(c.scene), {"cpu"});
+      compare_margins(cpu, c.q, "room " + std::to_string(room), verdicts);
+    }
+    EXPECT_GT(verdicts.near, 20u);
+    EXPECT_GT(verdicts.overlap, 100u);
+    EXPECT_GT(verdicts.beyond, 50u);
+    EXPECT_GT(verdicts.unusable, 5u);
+    EXPECT_GT(verdicts.incomplete, verdicts.unusable) << "some are decided all the same";
+    EXPECT_GT(verdicts.left, 20u) << "capsules that overlap by less than their radii";
+  }
+}
+
+TEST(ReduceKernels, DecideAsTheCpuDoesWhatIsDoubted) {
+  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+    DoubtedCase c(30, 9);
+    c.q.precision = precision;
+    c.poses[8].qw = c.poses[8].qx = c.poses[8].qy = c.poses[8].qz = 0;
+    c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
+    // Few of the pairs, else all overlap: those of each with the next that it has.
+    const std::vector<BodyPair> all = c.pairs;
+    const Engine cpu(std::move(c.scene), {"cpu"});
+    Verdicts verdicts;
+    for (std::size_t first = 0; first < 12; ++first) {
+      std::vector<BodyPair> some;
+      for (std::size_t i = first; i < all.size(); i += 12) some.push_back(all[i]);
+      c.q.pairs = some;
+      compare_margins(cpu, c.q, "pairs from " + std::to_string(first), verdicts);
+    }
+    EXPECT_GT(verdicts.near, 100u);
+    EXPECT_GT(verdicts.overlap, 100u);
+    EXPECT_GT(verdicts.touching, 20u);
+    EXPECT_GT(verdicts.open, 5u) << "slack keeps them from being known";
+    EXPECT_GT(verdicts.beyond, 20u);
+    EXPECT_GT(verdicts.incomplete, 5u);
+  }
 }
 
 // The pair whose boxes are nearest says less of how near the true bodies are than its pieces do: another wins.

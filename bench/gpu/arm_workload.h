@@ -1,0 +1,20 @@
+// An arm whose joints move, among things that stay.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/scene/scene.h"
+
+namespace clearance::test {
+
+/// Seven joints, a hull of 48 to 96 vertices on each of the arm's eight links, and 21 things of 8 to 256 vertices.
+Scene arm_scene_of_hulls();
+
+/// Each moving link's hull against all things, and links' hulls against each other where no joint is between them
+/// alone.
+std::vector<BodyPair> arm_pairs(const Scene& scene);
+/// (configurations, joints) within the joints' limits.
+std::vector<double> arm_positions(const Scene& scene, std::uint32_t configurations, std::uint64_t seed);
+
+}  // namespace clearance::test

@@ -1,0 +1,174 @@
+// Reduce::kAny: whether every pair is farther apart than its margin. What decides a configuration is what decides it in
+// Reduction::decision(): the first pair within its margin; else the first that is proved neither farther nor within;
+// else the first without usable poses; else all pairs together. Rows have the bits that they have there.
+//
+// Boxes leave out what is farther than its margin. The others are looked at in no order, and which of them is the first
+// is found by atomicMin(), which knows none: ReducedView::winner, `lowest` and `seed` are those three firsts. A pair
+// behind one that is within its margin changes nothing and is passed over where that is known in time.
+#pragma once
+
+#include "engine/cuda/reduce_kernel.cuh"
+
+namespace clearance::cuda {
+
+__device__ inline double margin_of(const ReducedView& r, std::uint32_t p) {
+  return r.margins ? r.margins[p] : r.margin;
+}
+__device__ inline std::uint64_t place_key(const Item& item, std::uint32_t i) {
+  return std::uint64_t{item.p} << 32 | i;
+}
+// Whether a pair within its margin comes before an item.
+__device__ inline bool is_decided_before(const ReducedView& r, const Item& item) {
+  return __ldcg(r.winner + item.k) < place_key(item, 0);
+}
+
+// Lists the pairs whose boxes are within their margins, in no order, and finds those without usable poses.
+__global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_constant__ ReducedView r) {
+  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
+  bool wanted = false;
+  if (row < r.rows) {
+    const Item item(r, static_cast<std::uint32_t>(row));
+    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    if (is_empty(a) || is_empty(b)) {
+      r.complete[item.k] = 0;
+      take_least(r.seed + item.k, item.p);
+    } else {
+      wanted = !(gap_below(a, b) > margin_of(r, item.p));
+    }
+  }
+  const std::uint32_t at = take_place(r.chunk.counts + kCandidates, wanted);
+  if (wanted && at < r.capacity) r.items[at] = static_cast<std::uint32_t>(row);
+}
+
+// A pair of single pieces, asked for no more than its margin. \param q with it as max_distance. \tparam S a Slack where
+// something is doubted, else NoSlack
+template <class S, class Hull, class PointHull>
+__device__ inline Outcome narrow_to_margin(const Question& q, const Hull& a, const Hull& b,
+                                           const PairHulls<PointHull>& hulls, const Where& at_a, const Where& at_b,
+                                           const PairFrame<typename Hull::T>& at, PairAnswer& answer,
+                                           Enclosed& enclosed, const S& slack) {
+  using T = typename Hull::T;
+  const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
+    take_settled<false>(q, hulls, at_a, at_b, g, bounds, answer, slack);
+  };
+  if constexpr (kHasSlack<S>) {
+    Question of_pieces = q;
+    of_pieces.max_distance = slack.cut_off(q.max_distance);
+    return run_to_end<false>(of_pieces, a, b, at, enclosed, nullptr, take, slack.near_enough(q.max_distance));
+  } else {
+    return run_to_end<false>(q, a, b, at, enclosed, nullptr, take, q.max_distance);
+  }
+}
+template <class S>
+__device__ inline Outcome narrow_to_margin(const ChunkView& c, const Question& q, const Item& item, const Where& at_a,
+                                           const Where& at_b, PairAnswer& answer, const S& slack) {
+  const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
+  const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
+  const PairHulls<Hull<SceneVertices>> hulls{a, b};
+  Enclosed enclosed;
+  if (q.f32 && fit_f32(*head_a, *head_b)) {
+    const PairFrame<float> at = place_pair<float>(at_a, *head_a, at_b, *head_b);
+    if (narrow_to_margin(q, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b), hulls, at_a, at_b, at,
+                         answer, enclosed, slack) == Outcome::kSettled)
+      return Outcome::kSettled;
+  }
+  const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
+  const Outcome outcome = narrow_to_margin(q, a, b, hulls, at_a, at_b, at, answer, enclosed, slack);
+  if (outcome != Outcome::kEnclosed) return outcome;
+  return proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
+}
+
+// Brings an answer before its configuration.
+__device__ inline void offer_to_decision(const ReducedView& r, const Item& item, std::uint32_t i,
+                                         const PairAnswer& answer) {
+  if (answer.upper <= margin_of(r, item.p))
+    take_least(r.winner + item.k, place_key(item, i));
+  else if (!isnan(answer.distance) && answer.status != Status::kBeyond)
+    take_least(r.lowest + item.k, place_key(item, i));
+}
+
+template <class S>
+__global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_constant__ ReducedView r) {
+  const ChunkView& c = r.chunk;
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
+    const std::uint32_t i = first + threadIdx.x;
+    Outcome outcome = Outcome::kNone;
+    if (i < count) {
+      const Item item(r, r.items[i]);
+      PairAnswer answer = beyond_answer(0);  // of what is passed over
+      if (!is_decided_before(r, item)) {
+        const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
+            at_b(c.bodies, c.configurations, item.ref.b, item.k);
+        Question q = c.question;
+        q.max_distance = margin_of(r, item.p);
+        if (has_several(c.hulls, at_a.body, at_b.body))
+          outcome = solve_pieces<true>(c, q, item.ref, item.k, at_a, at_b, answer, q.max_distance);
+        else if (answer_without_pieces(q, at_a, at_b, answer))
+          outcome = Outcome::kWithoutPieces;
+        else
+          outcome = narrow_to_margin(c, q, item, at_a, at_b, answer, known_slack<S>(c, item.ref, item.k));
+        if (outcome == Outcome::kUnsettled)
+          answer = no_answer(Status::kOk);  // list_open_pairs() knows it by this
+        else
+          offer_to_decision(r, item, i, answer);
+      }
+      r.answers[i] = answer;
+    }
+    add_count(c.counts + kSettledRows, outcome == Outcome::kSettled);
+  }
+}
+
+// Those that are not settled go to the CPU, unless a pair before them has decided.
+__global__ void __launch_bounds__(kItemThreads) list_open_pairs(const __grid_constant__ ReducedView r) {
+  const std::uint32_t count = item_count(r);
+  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
+    const std::uint32_t i = first + threadIdx.x;
+    bool is_open = false;
+    if (i < count) {
+      const PairAnswer& answer = r.answers[i];
+      is_open = isnan(answer.distance) && answer.status == Status::kOk && !is_decided_before(r, Item(r, r.items[i]));
+    }
+    const std::uint32_t rest = take_place(r.chunk.counts + kRest, is_open);
+    if (!is_open) continue;
+    r.chunk.rest[rest] = i;
+    r.rest_rows[rest] = r.items[i];
+  }
+}
+
+// The CPU's answers to these, in the order of chunk.rest.
+__global__ void __launch_bounds__(kItemThreads)
+    take_open_answers(const __grid_constant__ ReducedView r, const PairAnswer* answers, std::uint32_t count) {
+  const std::uint32_t i = blockIdx.x * kItemThreads + threadIdx.x;
+  if (i >= count) return;
+  const std::uint32_t at = r.chunk.rest[i];
+  const PairAnswer answer = answers[i];
+  r.answers[at] = answer;
+  offer_to_decision(r, Item(r, r.items[at]), at, answer);
+}
+
+// The row of a pair that stands for its configuration.
+__device__ inline void write_decision(const ReducedView& r, std::uint32_t k, std::uint64_t key, bool within) {
+  const ChunkView& c = r.chunk;
+  const PairRef ref = c.pairs[key >> 32];
+  const Where at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  PairAnswer answer = r.answers[static_cast<std::uint32_t>(key)];
+  answer.status = within ? decided_status(answer.lower, answer.upper) : Status::kUnconverged;
+  if (!r.complete[k]) answer.flags |= kFlagIncomplete;
+  write_answer(c, k, k, at_a, at_b, answer);
+}
+
+// A row for each configuration.
+__global__ void __launch_bounds__(kItemThreads) write_decisions(const __grid_constant__ ReducedView r) {
+  pass_counts(r);
+  const std::uint32_t k = blockIdx.x * kItemThreads + threadIdx.x;
+  constexpr std::uint64_t kNone64 = ~std::uint64_t{0};
+  if (k >= r.chunk.configurations) return;
+  if (r.winner[k] != kNone64) return write_decision(r, k, r.winner[k], true);
+  if (r.lowest[k] != kNone64) return write_decision(r, k, r.lowest[k], false);
+  if (r.seed[k] != kNone64) return write_unusable(r, k, r.chunk.pairs[r.seed[k]]);
+  write_row(r.chunk.reply, k, {kNone, kNone}, static_cast<std::uint32_t>(r.chunk.first_configuration + k), r.beyond,
+            {0, 0, 0}, {0, 0, 0});
+}
+
+}  // namespace clearance::cuda
