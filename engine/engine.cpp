@@ -15,6 +15,7 @@
 #include "engine/device/device_self_test.h"
 #include "engine/device/router.h"
 #include "engine/motion/free_scale.h"
+#include "engine/motion/motion_certificate.h"
 #include "engine/motion/motion_job.h"
 #include "engine/narrow/self_test.h"
 #include "engine/query/extent.h"
@@ -372,7 +373,8 @@ CertificateRun Engine::begin_certificate(const QueryView& query, CertificateRows
   const FpEnvironment environment;
   impl_->check_process();
   const auto snapshot = impl_->poses.snapshot();
-  return {impl_->context(*snapshot), snapshot, query, std::move(rows), impl_->options.max_rows};
+  return {impl_->context(*snapshot), snapshot, query, std::move(rows), impl_->options.max_rows,
+          make_motion_certificate};
 }
 
 std::string Engine::certificate(const QueryView& query, std::optional<std::span<const std::uint64_t>> rows) const {

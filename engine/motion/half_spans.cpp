@@ -31,6 +31,7 @@ double reach_along(const MovingBody& moving, const Vec3d& n) {
   }
   const Vec3d n_b = moving.pose.R_wb.transpose_times(n);
   const double length = norm(n);
+  if (moving.piece) return along(*moving.piece, n_b) + moving.piece->radius * length;
   double most = -std::numeric_limits<double>::infinity();
   for (const PiecePtr& piece : moving.body.pieces) most = std::max(most, along(*piece, n_b) + piece->radius * length);
   return most;

@@ -12,8 +12,9 @@ namespace clearance {
 struct MovingBody {
   const Body& body;
   const PlacedPose& pose;
-  Twist twist;                ///< world axes
-  const Aabb* box = nullptr;  ///< looked at in place of the pieces that it holds; world axes
+  Twist twist;                   ///< world axes
+  const Aabb* box = nullptr;     ///< looked at in place of the pieces that it holds; world axes
+  const Piece* piece = nullptr;  ///< looked at in place of all pieces
 };
 
 /// Metres: no nearer are the pieces in the half before the middle, and in the one behind it; and in the middle itself.

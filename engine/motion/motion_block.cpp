@@ -8,7 +8,8 @@ namespace clearance {
 
 namespace {
 
-constexpr double kRough = 0.02;  // of a distance
+constexpr double kRough = 0.02;   // of a distance
+constexpr double kFiner = 0.125;  // a pair alone is asked for so much of the tolerance
 constexpr std::uint64_t kMostMotions = 64;
 constexpr std::uint64_t kMostPairs = 1u << 16;  // pair-motions of a block
 constexpr std::uint64_t kMostPlaces = 64;       // configurations that are placed at a time
@@ -18,6 +19,16 @@ constexpr std::uint64_t kBodiesPerUnit = 16;    // of work: that are placed
 constexpr std::uint64_t kPairsPerUnit = 32;     // whose bounds are made
 
 }  // namespace
+
+void set_motion_options(const Plan& plan, EvaluateOptions& options) {
+  options.cull = !options.reference;
+  options.want_points = true;  // the directions that keep pairs apart
+  if (plan.query.reduce != Reduce::kAny) {
+    options.limits.abs_tol *= kFiner;
+    options.limits.rel_tol *= kFiner;
+  }
+  options.limits.max_distance = std::numeric_limits<double>::infinity();
+}
 
 std::uint64_t MotionBlock::most(const Plan& plan, int workers) {
   const std::uint64_t shares = workers > 1 ? kBlocksPerWorker * static_cast<std::uint64_t>(workers) : 1;

@@ -11,6 +11,9 @@
 
 namespace clearance {
 
+/// What is asked of the pairs of a plan of motions, beyond what a job asks.
+void set_motion_options(const Plan& plan, EvaluateOptions& options);
+
 /// Answers a block of motions at a time, breadth first: what their searches ask for next is placed and answered
 /// together, so that lanes find many pairs of the same two hulls. Each worker has its own.
 class MotionBlock {

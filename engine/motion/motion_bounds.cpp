@@ -269,7 +269,8 @@ PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const Movin
   if (const auto views = views_.find(position); views != views_.end()) {
     for (std::uint32_t v = 0; v < views->second.count; ++v) {
       const View& view = views->second.view[v];
-      rates.speed = std::min(rates.speed, of(view.a).speed + of(view.b).speed);
+      const double speed = of(view.a).speed + of(view.b).speed;
+      if (speed < rates.speed) rates.speed = speed, rates.speed_seer = view.seer;
       const double acceleration = of(view.a).acceleration + of(view.b).acceleration;
       if (acceleration < rates.acceleration) rates.acceleration = acceleration, rates.seer = view.seer;
     }
@@ -277,6 +278,17 @@ PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const Movin
   rates.drift = drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed);
   rates.speed = (rates.speed + rates.drift) * kUp;
   return rates;
+}
+
+Twist MotionBounds::twist_before(std::uint32_t seer, std::uint32_t body, std::span<const Twist> twists,
+                                 const Placement& placed) const {
+  const auto twist_of = [&](std::uint32_t of) { return slot_[of] == kNone ? Twist() : twists[slot_[of]]; };
+  Twist twist = twist_of(body);
+  if (seer == kNone) return twist;
+  const Twist own = twist_of(seer);
+  twist.shift = twist.shift - (own.shift + cross(own.turn, placed[body].pose.t_w - placed[seer].pose.t_w));
+  twist.turn = twist.turn - own.turn;
+  return twist;
 }
 
 }  // namespace clearance

@@ -9,6 +9,7 @@
 #include "engine/motion/body_motion.h"
 #include "engine/query/placement.h"
 #include "engine/query/plan.h"
+#include "engine/robot/link_twists.h"
 #include "engine/robot/motion_path.h"
 
 namespace clearance {
@@ -31,10 +32,11 @@ struct MovingBodies {
 
 /// How fast two bodies can come nearer, in a unit of time. Rounded up.
 struct PairRates {
-  double speed = 0;            ///< metres: no faster does their distance change, nor what is not known of it
-  double acceleration = 0;     ///< metres: of points of both together, as `seer` sees them
-  std::uint32_t seer = kNone;  ///< a body, whose own twist is taken off; kNone: the world
-  double drift = 0;            ///< metres: what is not known of the pair changes so fast, and twists are so far off
+  double speed = 0;                  ///< metres: no faster does their distance change, nor what is not known of it
+  double acceleration = 0;           ///< metres: of points of both together, as `seer` sees them
+  std::uint32_t seer = kNone;        ///< a body, whose own twist is taken off; kNone: the world
+  std::uint32_t speed_seer = kNone;  ///< likewise: before whose eyes `speed` holds
+  double drift = 0;  ///< metres: what is not known of the pair changes so fast, and twists are so far off
 };
 
 /// Which joints and poses move the bodies of each pair before each other, once for a query. Immutable.
@@ -50,6 +52,9 @@ class MotionBounds {
   /// Of a body in Plan::moved; kNone: it is not moved.
   std::uint32_t slot(std::uint32_t body) const { return slot_[body]; }
   PairRates rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving, const Placement& placed) const;
+  /// How fast a body moves before the eyes of another one; kNone: of the world. \param twists of each of Plan::moved
+  Twist twist_before(std::uint32_t seer, std::uint32_t body, std::span<const Twist> twists,
+                     const Placement& placed) const;
 
  private:
   static constexpr std::uint32_t kStill = ~std::uint32_t{0};  // a chain that nothing moves

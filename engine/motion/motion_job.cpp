@@ -13,19 +13,12 @@ namespace {
 
 constexpr std::uint64_t kMostPairs = 1u << 16;  // of a motion: one look at all of them goes into a slice
 constexpr std::uint64_t kBlocksAtOnce = 8;      // of each worker: rows wait for those before them
-constexpr double kFiner = 0.125;                // a pair alone is asked for so much of the tolerance
 
 class MotionJob final : public ParallelJob {
  public:
   MotionJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
       : ParallelJob(context, std::move(plan), reply), bounds_(scene(), plan_) {
-    options_.cull = !options_.reference;
-    options_.want_points = true;  // the directions that keep pairs apart
-    if (plan_.query.reduce != Reduce::kAny) {
-      options_.limits.abs_tol *= kFiner;
-      options_.limits.rel_tol *= kFiner;
-    }
-    options_.limits.max_distance = std::numeric_limits<double>::infinity();
+    set_motion_options(plan_, options_);
     const std::uint64_t most = MotionBlock::most(plan_, workers());
     for (int i = 0; i < workers(); ++i) blocks_.emplace_back(question_, options_, boxes(), most);
     block_ = most;
@@ -81,11 +74,15 @@ class MotionJob final : public ParallelJob {
 
 }  // namespace
 
-std::unique_ptr<Job::State> make_motion_job(const JobContext& context, Plan plan, const ReplyView& reply) {
+void check_motion_pairs(const Plan& plan) {
   if (plan.size.pairs > kMostPairs)
     throw QueryError(QueryErrorCode::kTooLarge, "max_steps: motions of " + std::to_string(plan.size.pairs) +
                                                     " pairs are more than the limit of " + std::to_string(kMostPairs) +
                                                     ": name the pairs that they are about");
+}
+
+std::unique_ptr<Job::State> make_motion_job(const JobContext& context, Plan plan, const ReplyView& reply) {
+  check_motion_pairs(plan);
   plan.keep_configurations();
   return std::make_unique<MotionJob>(context, std::move(plan), reply);
 }

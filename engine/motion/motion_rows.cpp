@@ -60,6 +60,7 @@ MotionRow MotionSearch::row_of(const Goal& goal) const {
   made.steps = steps_;
   made.first_contact[0] = goal.unusable == kNowhere ? goal.unproved : 0;
   made.first_contact[1] = goal.hit;
+  made.found = goal.time;
   Row& row = made.row;
   row.configuration = static_cast<std::uint32_t>(moving.motion);
   if (goal.pair != kNowhere) {

@@ -248,19 +248,10 @@ bool MotionSearch::is_proved(std::uint64_t position, const Goal& goal, double lo
 // bodies' boxes, which hold what is not known of them
 HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner,
                                    const Moment& moment, double half, bool of_boxes) const {
-  const MotionBounds& bounds = question_.bounds;
-  const auto twist_of = [&](std::uint32_t body) {
-    return bounds.slot(body) == kNone ? Twist() : moment.twists[bounds.slot(body)];
-  };
   const auto moving_body = [&](std::uint32_t body) {
-    const PlacedPose& pose = moment.placed[body].pose;
-    Twist twist = twist_of(body);
-    if (rates.seer != kNone) {
-      const Twist seer = twist_of(rates.seer);
-      twist.shift = twist.shift - (seer.shift + cross(seer.turn, pose.t_w - moment.placed[rates.seer].pose.t_w));
-      twist.turn = twist.turn - seer.turn;
-    }
-    return MovingBody{question_.scene.bodies()[body], pose, twist, of_boxes ? moment.placed.known_box(body) : nullptr};
+    return MovingBody{question_.scene.bodies()[body], moment.placed[body].pose,
+                      question_.bounds.twist_before(rates.seer, body, moment.twists, moment.placed),
+                      of_boxes ? moment.placed.known_box(body) : nullptr};
   };
   const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half,
                                     rates.acceleration * (0.5 * half * half) * (1 + 0x1p-40));

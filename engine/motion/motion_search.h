@@ -17,6 +17,7 @@ namespace clearance {
 struct MotionRow {
   Row row;
   double time = std::numeric_limits<double>::quiet_NaN();
+  double found = std::numeric_limits<double>::quiet_NaN();  // when the upper bound was found, whatever the row says
   double first_contact[2] = {};
   std::uint32_t steps = 0;
 };

@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "engine/hull/primitive.h"
+#include "engine/query/certificate_moves.h"
+#include "engine/scene/body_ball.h"
 
 namespace clearance {
 
@@ -55,12 +57,19 @@ std::string open_text(const Json& json) {
   return text;
 }
 
+Json id_json(std::uint32_t body) {
+  if (body == kNone) return nullptr;
+  return body;
+}
+
 Json pieces_of(const PieceProof& proof) {
   if (proof.piece_a == kNone) return nullptr;
   return Json::array({proof.piece_a, proof.piece_b});
 }
 Json lower_json(const PieceProof& p) {
   return {{"pieces", pieces_of(p)},
+          {"order", p.order},
+          {"seer", id_json(p.seer)},
           {"arithmetic", arithmetic(p.proof.lower_in_double_double)},
           {"direction", vector(p.proof.direction)}};
 }
@@ -70,7 +79,8 @@ Json points_json(const std::vector<Vec3<DoubleDouble>>& points) {
   for (const Vec3<DoubleDouble>& p : points) json.push_back(vector(p));
   return json;
 }
-Json upper_json(const PieceProof& p) {
+Json witness_json(const WitnessProof& witness) {
+  const PieceProof& p = witness.proof;
   Json vertices = Json::array(), weights = Json::array(), faces = Json::array(), normals = Json::array();
   for (const ProofVertex& v : p.proof.vertices) {
     vertices.push_back({v.a, v.b});
@@ -80,8 +90,11 @@ Json upper_json(const PieceProof& p) {
     faces.push_back({f.vertex[0], f.vertex[1], f.vertex[2]});
     normals.push_back(vector(f.normal));
   }
-  Json json{
-      {"pieces", pieces_of(p)}, {"arithmetic", arithmetic(p.proof.upper_in_double_double)}, {"vertices", vertices}};
+  Json json{{"time", witness.time},
+            {"poses", {pose(witness.X_wa), pose(witness.X_wb)}},
+            {"pieces", pieces_of(p)},
+            {"arithmetic", arithmetic(p.proof.upper_in_double_double)},
+            {"vertices", vertices}};
   if (!p.proof.points_a.empty() || !p.proof.points_b.empty())
     json["points"] = {points_json(p.proof.points_a), points_json(p.proof.points_b)};
   if (faces.empty()) {
@@ -94,33 +107,32 @@ Json upper_json(const PieceProof& p) {
 }
 
 // Those that there are, each with the name of what derives it.
-void add_terms(Json& terms, const char* side, const Body& body, const SlackParts& parts, bool composed) {
+void add_terms(Json& terms, const char* side, const Body& body, const SlackParts& parts, double between) {
   const auto add = [&](const char* name, double inner, double outer) {
     if (!(inner > 0) && !(outer > 0)) return;
     terms.push_back({{"of", side}, {"name", name}, {"inner", number(inner)}, {"outer", number(outer)}});
   };
   add("shape", body.model_inner, body.model_error);
   add("turn", parts.turn, 0);
-  if (body.max_speed > 0)  // also of a pose that is of now
-    terms.push_back(
-        {{"of", side}, {"name", "age"}, {"inner", number(parts.age)}, {"outer", 0}, {"age_s", number(parts.age_s)}});
+  add("age", parts.age, 0);
   add("parent", parts.parent, 0);
-  if (composed) add("placement", parts.placed, parts.placed);
+  add("placement", parts.placed, parts.placed);
+  add("between", between, between);
 }
 
-Json place_json(const SpanPlace& span, const Body& a, const Body& b) {
+Json slack_json(const SpanPlace& span, const Body& a, const Body& b) {
   Json terms = Json::array();
-  add_terms(terms, "a", a, span.parts_a, span.composed_a);
-  add_terms(terms, "b", b, span.parts_b, span.composed_b);
+  add_terms(terms, "a", a, span.parts_a, span.between_a);
+  add_terms(terms, "b", b, span.parts_b, span.between_b);
   if (span.joints > 0)
     terms.push_back(
         {{"of", "pair"}, {"name", "joints"}, {"inner", number(span.joints)}, {"outer", number(span.joints)}});
-  return {{"poses", {pose(span.X_wa), pose(span.X_wb)}},
-          {"follows", {span.follows_a, span.follows_b}},
-          {"composed", {span.composed_a, span.composed_b}},
-          {"slack", {{"inner", number(span.slack.inner)}, {"outer", number(span.slack.outer)}, {"terms", terms}}}};
+  return {{"inner", number(span.slack.inner)}, {"outer", number(span.slack.outer)}, {"terms", terms}};
 }
 
+const char* name_of_reduce(Reduce reduce) {
+  return reduce == Reduce::kAny ? "any" : reduce == Reduce::kMin ? "min" : "none";
+}
 }  // namespace
 
 void CertificateText::add(const std::string& text) {
@@ -137,13 +149,13 @@ void CertificateText::add_item(const std::string& text, bool& is_first) {
   is_first = false;
 }
 
-void CertificateText::begin(const ReplyInfo& info, const QueryView& query) {
-  const Json asked{{"max_distance", number(query.max_distance)},
-                   {"abs_tol", number(query.abs_tol)},
-                   {"rel_tol", number(query.rel_tol)},
-                   {"signed", query.signed_distance}};
+void CertificateText::begin(const ReplyInfo& info) {
+  const QueryView& query = plan_.query;
+  const Json asked{{"reduce", name_of_reduce(query.reduce)},     {"motions", query.max_steps > 0},
+                   {"max_distance", number(query.max_distance)}, {"abs_tol", number(query.abs_tol)},
+                   {"rel_tol", number(query.rel_tol)},           {"signed", query.signed_distance}};
   add(open_text({{"format", "clearance certificate"},
-                 {"version", 1},
+                 {"version", 2},
                  {"scene_revision", text(info.scene_revision)},
                  {"snapshot_revision", info.snapshot_revision},
                  {"snapshot_stamp_ns", std::to_string(info.snapshot_stamp_ns)},
@@ -153,41 +165,82 @@ void CertificateText::begin(const ReplyInfo& info, const QueryView& query) {
 
 void CertificateText::begin_row(std::uint64_t row, std::uint64_t configuration, BodyPair pair,
                                 const PairAnswer& answer) {
-  name(pair.a);
-  name(pair.b);
+  configurations_.insert(configuration);
   add_item(open_text({{"row", row},
                       {"configuration", configuration},
-                      {"bodies", {pair.a, pair.b}},
+                      {"bodies", {id_json(pair.a), id_json(pair.b)}},
                       {"status", kStatusNames[static_cast<std::size_t>(answer.status)]},
                       {"lower", number(answer.lower)},
                       {"upper", number(answer.upper)}}),
            first_row_);
-  add(",\"spans\":[");
+  add(",\"pairs\":[");
+  first_pair_ = true;
 }
 
-void CertificateText::begin_span(BodyPair pair, const SpanPlace& place) {
-  for (const auto* follows : {&place.follows_a, &place.follows_b})
-    for (const std::uint32_t body : *follows) name(body);
-  add(open_text(place_json(place, scene_.bodies()[pair.a], scene_.bodies()[pair.b])));
+void CertificateText::begin_pair(BodyPair pair, const Placement& here, double margin, double lower) {
+  for (const std::uint32_t body : {pair.a, pair.b}) {
+    name(body, here);
+    in_pairs_.insert(body);
+  }
+  here_ = &here;
+  add_item(open_text({{"bodies", {pair.a, pair.b}}, {"margin", number(margin)}, {"lower", number(lower)}}),
+           first_pair_);
+  add(",\"spans\":[");
+  first_span_ = true;
+}
+
+void CertificateText::begin_span(BodyPair pair, const SpanPlace& span) {
+  add_item(open_text({{"begin", span.begin},
+                      {"end", span.end},
+                      {"at", span.at},
+                      {"slack", slack_json(span, scene_.bodies()[pair.a], scene_.bodies()[pair.b])}}),
+           first_span_);
   add(",\"lower\":[");
   first_lower_ = true;
 }
 
 void CertificateText::add_lower(const PieceProof& proof) {
+  if (proof.seer != kNone) name(proof.seer, *here_);
   add_item(text_of(lower_json(proof)), first_lower_);
 }
 
-void CertificateText::end_span(const std::optional<PieceProof>& upper) {
-  add("],\"upper\":" + (upper ? text_of(upper_json(*upper)) : "null") + "}");
+void CertificateText::end_span() {
+  add("]}");
 }
 
-void CertificateText::end_row(bool proved) {
-  add(proved ? "],\"proved\":true}" : "],\"proved\":false}");
+void CertificateText::end_pair() {
+  add("]}");
 }
 
-// Each once.
-void CertificateText::name(std::uint32_t id) {
-  if (id < scene_.bodies().size() && known_.insert(id).second) bodies_.push_back(id);
+void CertificateText::end_row(const std::optional<WitnessProof>& witness, bool proved) {
+  add("],\"witness\":" + (witness ? text_of(witness_json(*witness)) : "null"));
+  add(proved ? ",\"proved\":true}" : ",\"proved\":false}");
+}
+
+// Each once, after what it is placed on.
+void CertificateText::name(std::uint32_t id, const Placement& here) {
+  if (known_.contains(id)) return;
+  known_[id] = here.has_doubts() ? here.doubt(id).parts.age_s : 0;
+  for (const std::uint32_t on : {carrier_of(id), plan_.snapshot->parent[id]})
+    if (on != kNone) name(on, here);
+  bodies_.push_back(id);
+}
+
+// That places a link, where one does.
+const RobotJoint* CertificateText::joint_of(std::uint32_t id) const {
+  const Body& body = scene_.bodies()[id];
+  if (body.robot == kNone) return nullptr;
+  const RobotModel& model = scene_.robots()[body.robot]->model;
+  const std::uint32_t joint = model.links[body.link].joint;
+  return joint == kNone || model.joints[joint].kind == JointKind::kFloating ? nullptr : &model.joints[joint];
+}
+
+// The body whose frame its pose, or its joint, is in.
+std::uint32_t CertificateText::carrier_of(std::uint32_t id) const {
+  const RobotJoint* const joint = joint_of(id);
+  if (!joint) return plan_.snapshot->parent[id];
+  const SceneRobot& robot = *scene_.robots()[scene_.bodies()[id].robot];
+  return joint->parent == robot.model.base ? robot.base : robot.bodies[joint->parent];  // which are in one place
 }
 
 bool CertificateText::end(WorkMeter& meter) {
@@ -208,29 +261,65 @@ bool CertificateText::end(WorkMeter& meter) {
     if (meter.is_over()) return false;
     add_piece(meter);
   }
-  if (part_ == Part::kPieces) add("]}\n");
+  if (part_ == Part::kPieces) {
+    add("],\"configurations\":[");
+    part_ = Part::kConfigurations;
+  }
+  while (!configurations_.empty()) {
+    if (meter.is_over()) return false;
+    add_configuration(*configurations_.begin());
+    configurations_.erase(configurations_.begin());
+    meter.count(kUnitsPerItem + plan_.given_bodies + plan_.joints.size());
+  }
+  if (part_ == Part::kConfigurations) add("]}\n");
   part_ = Part::kOver;
   return true;
+}
+
+// What the query moves of all that is in the document.
+void CertificateText::add_configuration(std::uint64_t k) {
+  const std::uint64_t ends = plan_.query.max_steps > 0 ? 2 : 1, count = plan_.query.configuration_count > 0 ? ends : 0;
+  Json poses = Json::object(), positions = Json::object();
+  for (std::size_t i = 0; i < plan_.given_bodies; ++i)
+    for (std::uint64_t e = 0; e < count && known_.contains(plan_.bodies[i]); ++e)
+      poses[std::to_string(plan_.bodies[i])].push_back(
+          pose(plan_.configurations[(k * ends + e) * plan_.given_bodies + i]));
+  for (std::size_t j = 0; j < plan_.joints.size(); ++j)
+    for (std::uint64_t e = 0; e < count; ++e)
+      positions[std::to_string(plan_.joints[j])].push_back(
+          number(plan_.positions[(k * ends + e) * plan_.joints.size() + j]));
+  add_item(text_of({{"configuration", k}, {"poses", poses}, {"positions", positions}}), first_configuration_);
 }
 
 void CertificateText::add_body(std::uint32_t id) {
   const Body& body = scene_.bodies()[id];
   Json pieces = Json::array();
   for (const PiecePtr& piece : body.pieces) {
+    if (!in_pairs_.contains(id)) break;
     const auto [found, is_new] = places_.insert({piece.get(), pieces_.size()});
     if (is_new) pieces_.push_back(piece.get());
     pieces.push_back(found->second);
   }
+  const RobotJoint* const joint = joint_of(id);
+  const Json moves =
+      joint ? moves_of(*joint, *scene_.robots()[body.robot], plan_.snapshot->joints.position) : Json::array();
+  const Pose stands = joint ? Pose{joint->X_pj.xyz, 1, 0, 0, 0} : plan_.snapshot->local[id];
   bool is_first = next_body_ == 0;
   add_item(text_of({{"id", id},
                     {"name", body.name},
                     {"source", body.source},
                     {"pieces", pieces},
+                    {"centre", vector(ball_around(body).centre)},
+                    {"on", id_json(carrier_of(id))},
+                    {"joint", joint ? Json(joint->name) : Json(nullptr)},
+                    {"pose", pose(stands)},
+                    {"moves", moves},
                     {"shape", {{"inner", number(body.model_inner)}, {"outer", number(body.model_error)}}},
                     {"uncertainty",
                      {{"position", number(body.uncertainty.position)}, {"angle", number(body.uncertainty.angle)}}},
                     {"padding", number(body.padding)},
-                    {"max_speed", number(body.max_speed)}}),
+                    {"max_speed", number(body.max_speed)},
+                    {"age_s", number(known_[id])}}),
            is_first);
 }
 

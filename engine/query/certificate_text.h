@@ -18,57 +18,76 @@ namespace clearance {
 struct PieceProof {
   std::uint32_t piece_a, piece_b;  ///< of their bodies; both kNone: the direction is for every pair of pieces
   NarrowProof proof;
+  int order = 1;               ///< of a direction: 2: bodies are looked at as they move along it
+  std::uint32_t seer = kNone;  ///< before whose eyes they move; kNone: the world's
 };
 
-/// Where the bodies of a row stand, and what is not known of that. A row has one span; what moves would have several.
+/// A span of a motion, looked at at one time, and what is not known of a pair there. A row without motions has one.
 struct SpanPlace {
-  Pose X_wa, X_wb;
+  double begin = 0, end = 1, at = 0;
   Slack slack;  ///< of the pair
   SlackParts parts_a, parts_b;
-  double joints = 0;                                ///< of links of one robot: joints_between()
-  bool composed_a = false, composed_b = false;      ///< the pose was composed with that of another body, and rounded
-  std::vector<std::uint32_t> follows_a, follows_b;  ///< the bodies that each follows, the nearest first
+  double joints = 0;                    ///< of links of one robot: joints_between()
+  double between_a = 0, between_b = 0;  ///< Placement::beside_chains()
 };
 
-/// docs/certificates.md says what it holds. Rows come first, then the bodies that they name, and their pieces.
+/// Points that are no farther apart than an upper bound, or a surface that says how deep an overlap is.
+struct WitnessProof {
+  double time = 0;
+  Pose X_wa, X_wb;  ///< as computed
+  PieceProof proof;
+};
+
+/// docs/certificates.md says what it holds. Rows come first, then the bodies that they name, their pieces, and where
+/// configurations put them.
 class CertificateText {
  public:
-  /// \param scene must outlive this. \param most bytes
-  CertificateText(const Scene& scene, std::uint64_t most) : scene_(scene), most_(most) {}
+  /// \param scene, plan must outlive this. \param most bytes
+  CertificateText(const Scene& scene, const Plan& plan, std::uint64_t most) : scene_(scene), plan_(plan), most_(most) {}
 
   /// All that add to it throw QueryError where it is larger than it may be.
-  void begin(const ReplyInfo& info, const QueryView& query);
+  void begin(const ReplyInfo& info);
   void begin_row(std::uint64_t row, std::uint64_t configuration, BodyPair pair, const PairAnswer& answer);
-  /// Of bodies with usable poses. \param place of both
+  /// Of bodies with usable poses. \param here any configuration, until the pair ends. \param lower what is proved of it
+  void begin_pair(BodyPair pair, const Placement& here, double margin, double lower);
   void begin_span(BodyPair pair, const SpanPlace& place);
   void add_lower(const PieceProof& proof);
-  /// \param upper none: the bound is infinite, or not proved
-  void end_span(const std::optional<PieceProof>& upper);
-  /// \param proved by what its span holds, or by its status
-  void end_row(bool proved);
-  /// Bodies and pieces. Returns true once all is written, false where the slice is over.
+  void end_span();
+  void end_pair();
+  /// \param witness none: the upper bound is infinite, or not proved. \param proved by what the row holds, or by its
+  /// status
+  void end_row(const std::optional<WitnessProof>& witness, bool proved);
+  /// What is left. Returns true once all is written, false where the slice is over.
   bool end(WorkMeter& meter);
   std::vector<std::byte> take() { return std::move(text_); }
 
  private:
-  enum class Part { kRows, kBodies, kPieces, kOver };
+  enum class Part { kRows, kBodies, kPieces, kConfigurations, kOver };
 
   void add(const std::string& text);
   void add_item(const std::string& text, bool& is_first);
   void add_body(std::uint32_t id);
   void add_piece(WorkMeter& meter);
-  void name(std::uint32_t id);
+  void add_configuration(std::uint64_t k);
+  void name(std::uint32_t id, const Placement& here);
+  const RobotJoint* joint_of(std::uint32_t id) const;
+  std::uint32_t carrier_of(std::uint32_t id) const;
 
   const Scene& scene_;
+  const Plan& plan_;
   std::uint64_t most_;
   std::vector<std::byte> text_;
   Part part_ = Part::kRows;
-  bool first_row_ = true, first_lower_ = true;
-  std::set<std::uint32_t> known_;
-  std::vector<std::uint32_t> bodies_;  // in the order in which rows name them
+  const Placement* here_ = nullptr;  // of the pair that is written
+  bool first_row_ = true, first_pair_ = true, first_span_ = true, first_lower_ = true;
+  std::map<std::uint32_t, double> known_;  // bodies, with the ages of their poses, seconds
+  std::set<std::uint32_t> in_pairs_;       // whose pieces are written
+  std::vector<std::uint32_t> bodies_;      // in the order in which rows name them
   std::map<const Piece*, std::size_t> places_;
   std::vector<const Piece*> pieces_;
+  std::set<std::uint64_t> configurations_;
   std::size_t next_body_ = 0, next_piece_ = 0, next_vertex_ = 0;
+  bool first_configuration_ = true;
 };
 
 }  // namespace clearance

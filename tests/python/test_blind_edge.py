@@ -61,7 +61,7 @@ def test_samples_call_it_free(edge, tools):
     assert [row["status"] for row in rows] == ["ok"] * 31
     assert min(row["lower"] for row in rows) > 2e-3
     for row, time in zip(rows, times):
-        np.testing.assert_allclose(row["spans"][0]["poses"][0], probe_pose(tools, edge, time), atol=1e-7)
+        np.testing.assert_allclose(row["witness"]["poses"][0], probe_pose(tools, edge, time), atol=1e-7)
 
 
 def test_a_margin_of_2_mm_does_not_help_samples(edge):
@@ -75,7 +75,7 @@ def test_the_whole_edge_is_proved_to_be_in_contact(edge, tools):
     assert 15 / 30 < proved.free_until <= proved.contact < 16 / 30, "between two samples"
     (row,) = exact_rows(tools, proved.witness)
     assert row["status"] == "overlap" and row["upper"] == 0
-    np.testing.assert_allclose(row["spans"][0]["poses"][0], probe_pose(tools, edge, proved.contact), atol=1e-7)
+    np.testing.assert_allclose(row["witness"]["poses"][0], probe_pose(tools, edge, proved.contact), atol=1e-7)
 
 
 def test_first_contact_is_where_finer_samples_find_it(edge):

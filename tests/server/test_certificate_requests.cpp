@@ -123,7 +123,7 @@ TEST_F(CertificateRequests, AreRefusedByName) {
   query.records.clear();
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
   expect_refused(query.frame(1, FrameType::kCertify), ErrorCode::kBadQuery,
-                 "certificate: only rows of reduce none have one");
+                 "certificate: only rows of reduce none have one, and motions");
   expect_refused(waiting_query().frame(1, FrameType::kCertify), ErrorCode::kNotSupported,
                  "certificate: without min_pose_stamp_ns and deadline_ns, so far: ask for it when the poses are there");
 }

@@ -10,6 +10,7 @@ from typing import Any, Optional, Protocol
 import numpy as np
 
 from ._arguments import to_count, to_list, to_path
+from ._motions import HasJoints, motion_arguments
 from ._query import Query
 
 
@@ -41,7 +42,7 @@ class Certificate:
         return f"<clearance.Certificate: {sum(row['proved'] for row in rows)} of {len(rows)} rows are proved>"
 
 
-class Certifier(Protocol):
+class Certifier(HasJoints, Protocol):
     """What Certificates needs of the class that it is part of."""
 
     def _parse_named(self, arguments: dict[str, Any]) -> Query: ...
@@ -54,14 +55,18 @@ class Certificates:
     def certificate(self: Certifier, rows: Optional[Sequence[int]] = None, **arguments: Any) -> Certificate:
         """Answers rows of a query anew, on the newest poses, and gives with each what proves its bounds.
 
-        rows: numbers of rows, k * P + p for pair p in configuration k; None: all.
+        rows: numbers of rows, k * P + p for pair p in configuration, or motion, k; of motions that are reduced k; None:
+            all.
         arguments: those of distances(), by name, but for reduce, which must be "none". The bounds are those that
-            distances() answers to the same poses with warm=False, bit for bit, unless their slack grows with age.
+            distances() answers to the same poses with warm=False, bit for bit, unless their slack grows with age. Or
+            those of motions(), `start` and `end` among them, of any reduction.
 
-        Takes ten times as long as the rows do. The reduction of a configuration is proved by the rows of
-        its pairs. Raises as distances(), and QueryError for a row that the answer has not; a daemon also for a document
-        of more than 64 MiB.
+        Takes ten times as long as the rows do. The reduction of a configuration is proved by the rows of its pairs.
+        Raises as distances() and motions(), and QueryError for a row that the answer has not; a daemon also for a
+        document of more than 64 MiB.
         """
+        if "start" in arguments or "end" in arguments:
+            arguments = motion_arguments(self, **arguments)
         query = self._parse_named(arguments)
         if rows is None:
             return Certificate(self._certify(query, None))

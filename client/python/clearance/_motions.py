@@ -36,12 +36,17 @@ class PathCheck:
         return self.status <= Status.CONTACT
 
 
-class Answers(Protocol):
+class HasJoints(Protocol):
+    """What motion_arguments() needs of an Engine or a Client."""
+
+    @property
+    def _joint_table(self) -> JointTable: ...
+
+
+class Answers(HasJoints, Protocol):
     """What MotionQueries needs of the class that it is part of."""
 
     def distances(self, *args: Any, **more: Any) -> Result: ...
-    @property
-    def _joint_table(self) -> JointTable: ...
 
 
 class MotionQueries:
@@ -84,14 +89,10 @@ class MotionQueries:
 
         Raises as distances() does.
         """
-        joints = _joints_of(self, joints)
-        ends = _ends(start, joints, bodies, "start"), _ends(end, joints, bodies, "end")
-        between = [_interleave(*each) for each in zip(*ends)]
+        more |= {"margin": margin, "abs_tol": abs_tol, "rel_tol": rel_tol, "reduce": reduce, "max_steps": max_steps}
         return self.distances(
-            pairs, between[1], bodies, max_distance, abs_tol, rel_tol, reduce=reduce, joints=joints,
-            positions=between[0], fields=MOTION_FIELDS if fields is None else fields, margin=margin,
-            max_steps=max_steps, **more,
-        )  # fmt: skip
+            pairs, max_distance=max_distance, **motion_arguments(self, joints, start, end, bodies, fields, **more)
+        )
 
     def check_path(
         self: Answers,
@@ -130,7 +131,25 @@ class MotionQueries:
         return PathCheck(True, None, None, None, Status.BEYOND)
 
 
-def _joints_of(answers: Answers, joints: Optional[JointsRef]) -> Optional[Joints]:
+def motion_arguments(
+    answers: HasJoints,
+    joints: Optional[JointsRef] = None,
+    start: Any = None,
+    end: Any = None,
+    bodies: Optional[Sequence[Union[str, int]]] = None,
+    fields: Union[str, Sequence[str], None] = None,
+    **more: Any,
+) -> dict[str, Any]:
+    """What distances() is asked for motions(): what is not named has the defaults of that. Raises as it does."""
+    joints = _joints_of(answers, joints)
+    ends = _ends(start, joints, bodies, "start"), _ends(end, joints, bodies, "end")
+    positions, configurations = (_interleave(*each) for each in zip(*ends))
+    asked = {"abs_tol": 1e-3, "rel_tol": 0.0, "reduce": "min", "max_steps": 256, "bodies": bodies, "joints": joints}
+    asked |= {"positions": positions, "configurations": configurations}
+    return {**asked, "fields": MOTION_FIELDS if fields is None else fields, **more}
+
+
+def _joints_of(answers: HasJoints, joints: Optional[JointsRef]) -> Optional[Joints]:
     table = answers._joint_table
     return None if joints is None else table.joints(table.ids_of(joints, "joints"))
 

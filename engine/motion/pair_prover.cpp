@@ -1,0 +1,170 @@
+#include "engine/motion/pair_prover.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace clearance {
+
+namespace {
+
+constexpr double kLeastHalf = 0x1p-40;  // of a span
+constexpr std::uint32_t kMostSpans = 1u << 14;
+constexpr std::uint64_t kUnitsPerMoment = 64, kUnitsPerProof = 64;
+
+}  // namespace
+
+void MotionMoment::begin(MovingBodies& moving) {
+  poses_.look_at_ends(moving);
+  moving_ = &moving;
+  time_ = -1;
+}
+
+void MotionMoment::move_to(double time) {
+  if (time == time_) return;
+  time_ = time;
+  const Instant instant{moving_, time};
+  ConfigurationPoses::Block given = poses_.at({&instant, 1});
+  given.errors = moving_->errors;
+  rotations_.resize(plan_.bodies.size());
+  rotations_of(given.poses, rotations_);
+  placed_.configure(moments_++, given, rotations_);
+  twists_.resize(plan_.moved.size());
+  poses_.twists(0, placed_, twists_);
+}
+
+PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options,
+                       MotionMoment& moment, std::uint64_t position, BodyPair pair, double lower, CertificateText& text)
+    : scene_(scene),
+      bounds_(bounds),
+      moment_(moment),
+      position_(position),
+      pair_(pair),
+      a_(scene.bodies()[pair.a]),
+      b_(scene.bodies()[pair.b]),
+      lower_(lower),
+      text_(text),
+      limits_(options.limits),
+      left_{{0, 1}} {
+  limits_.max_distance = std::numeric_limits<double>::infinity();
+}
+
+// Begins with the span whose turn it is.
+void PairProver::look() {
+  const Span& span = left_.back();
+  moment_.move_to(span.middle());
+  rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
+  slack_ = pair_slack(moment_.placed(), pair_);
+  way_ = rates_.speed > 0 ? sum_above(rates_.speed * span.half(), 0x1p-1000) : 0;
+  i_ = j_ = 0;
+  halves_ = {};
+  claims_.clear();
+  is_looked_at_ = true;
+}
+
+// One pair of pieces more. Returns true once a span is proved, that is to be written.
+bool PairProver::step(WorkMeter& meter) {
+  if (!is_looked_at_) {
+    look();
+    meter.count(kUnitsPerMoment * (1 + a_.pieces.size() * b_.pieces.size() / 16));
+    if (try_boxes()) {
+      end_span({});
+      return true;
+    }
+  }
+  meter.count(kUnitsPerProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
+  const Halves now = try_pieces(i_, j_);
+  halves_.before &= now.before;
+  halves_.after &= now.after;
+  if (halves_.any()) {
+    if (++j_ == b_.pieces.size()) j_ = 0, ++i_;
+    if (i_ < a_.pieces.size()) return false;
+  }
+  const bool proved = halves_.any();
+  end_span(halves_);
+  return proved;
+}
+
+// What is not proved of it is looked at next.
+void PairProver::end_span(const Halves& proved) {
+  const Span span = left_.back();
+  const double middle = span.middle();
+  left_.pop_back();
+  is_looked_at_ = false;
+  if (!proved.after) left_.push_back({middle, span.end});
+  if (!proved.before) left_.push_back({span.begin, middle});
+  has_failed_ = !left_.empty() && (++spans_ > kMostSpans || span.half() <= kLeastHalf || way_ == 0);
+  proved_.begin = proved.before ? span.begin : middle;
+  proved_.end = proved.after ? span.end : middle;
+  proved_.at = middle;
+}
+
+void PairProver::write(SpanPlace place) {
+  place.begin = proved_.begin;
+  place.end = proved_.end;
+  place.at = proved_.at;
+  text_.begin_span(pair_, place);
+  for (const PieceProof& claim : claims_) text_.add_lower(claim);
+  text_.end_span();
+}
+
+// One direction between the bodies' boxes for all pieces.
+bool PairProver::try_boxes() {
+  const Placement& here = moment_.placed();
+  const Vec3d n = between(here.box(pair_.a), here.box(pair_.b));
+  if (n.x == 0 && n.y == 0 && n.z == 0) return false;
+  PieceProof all{kNone, kNone, {}, 1, rates_.speed_seer};
+  const PlacedPose &pose_a = here[pair_.a].pose, &pose_b = here[pair_.b].pose;
+  double least = std::numeric_limits<double>::infinity();
+  for (const PiecePtr& p : a_.pieces)
+    for (const PiecePtr& q : b_.pieces) least = std::min(least, lower_along(*p, pose_a, *q, pose_b, n, all.proof));
+  if (!by_speed(least)) {
+    const Halves along = by_direction(n, nullptr, nullptr);
+    if (way_ == 0 || !along.before || !along.after) return false;
+    all.order = 2;
+    all.seer = rates_.seer;
+  }
+  claims_ = {all};
+  return true;
+}
+
+PairProver::Halves PairProver::try_pieces(std::uint32_t i, std::uint32_t j) {
+  const PlacedPose &pose_a = moment_.placed()[pair_.a].pose, &pose_b = moment_.placed()[pair_.b].pose;
+  const Piece &p = *a_.pieces[i], &q = *b_.pieces[j];
+  PieceProof claim{i, j, {}, 1, rates_.speed_seer};
+  NarrowLimits limits = limits_;
+  limits.overlap_by = slack_.outer;
+  const std::array<NarrowLimits, 4> attempts = proof_attempts(limits);
+  // What moves is halved until nothing but the distance itself is left of a doubt: so near it is asked for at once.
+  for (std::size_t k = way_ > 0 ? 2 : 0; k < attempts.size(); ++k) {
+    const NarrowAnswer found = narrow_phase_proved(p, pose_a, q, pose_b, attempts[k], claim.proof);
+    if (by_speed(found.bounds.lower)) {
+      claims_.push_back(claim);
+      return {};
+    }
+    if (way_ == 0) continue;
+    const auto& n_a = claim.proof.direction;
+    Halves halves{false, false};
+    if (found.bounds.lower > 0) halves = by_direction(pose_a.R_wb * Vec3d{n_a.x.hi, n_a.y.hi, n_a.z.hi}, &p, &q);
+    claim.order = 2;
+    claim.seer = rates_.seer;
+    if (halves.any()) claims_.push_back(claim);
+    return halves;
+  }
+  return {false, false};
+}
+
+// How near the pair comes in either half along a direction, world axes. \param p, q null: all pieces
+PairProver::Halves PairProver::by_direction(const Vec3d& n, const Piece* p, const Piece* q) const {
+  const Placement& here = moment_.placed();
+  const double half = left_.back().half();
+  const auto moving_body = [&](std::uint32_t body, const Piece* piece) {
+    return MovingBody{scene_.bodies()[body], here[body].pose,
+                      bounds_.twist_before(rates_.seer, body, moment_.twists(), here), nullptr, piece};
+  };
+  const HalfSpans gaps = gaps_along(n, moving_body(pair_.a, p), moving_body(pair_.b, q), half,
+                                    rates_.acceleration * (0.5 * half * half) * (1 + 0x1p-40));
+  const double less = (slack_.inner + rates_.drift * half) * (1 + 0x1p-40);
+  return {difference_below(gaps.before, less) >= lower_, difference_below(gaps.after, less) >= lower_};
+}
+
+}  // namespace clearance

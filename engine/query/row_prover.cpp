@@ -1,0 +1,129 @@
+#include "engine/query/row_prover.h"
+
+#include <algorithm>
+
+namespace clearance {
+
+namespace {
+
+constexpr std::uint64_t kUnitsPerDirection = 8, kUnitsPerProof = 64;
+constexpr double kFine = 1e-12;  // rel_tol of a second attempt: far narrower than any float32 interval
+
+}  // namespace
+
+Vec3d between(const Aabb& a, const Aabb& b) {
+  Vec3d n{0, 0, 0};
+  for (int k = 0; k < 3; ++k) {
+    const double ahead = b.low[k] - a.high[k], behind = a.low[k] - b.high[k];
+    n[k] = ahead > 0 ? ahead : behind > 0 ? -behind : 0;
+  }
+  return n;
+}
+
+std::array<NarrowLimits, 4> proof_attempts(const NarrowLimits& asked) {
+  std::array<NarrowLimits, 4> limits;
+  limits.fill(asked);
+  limits[1].max_distance = limits[2].max_distance = limits[3].max_distance = std::numeric_limits<double>::infinity();
+  limits[2].abs_tol = limits[3].abs_tol = 0;
+  limits[2].rel_tol = std::min(asked.rel_tol, kFine);
+  limits[3].rel_tol = 0;
+  return limits;
+}
+
+RowProver::RowProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
+                     const PairAnswer& answer, CertificateText& text)
+    : a_(scene.bodies()[pair.a]),
+      b_(scene.bodies()[pair.b]),
+      pose_a_(here[pair.a].pose),
+      pose_b_(here[pair.b].pose),
+      box_a_(here.box(pair.a)),
+      box_b_(here.box(pair.b)),
+      slack_(pair_slack(here, pair)),
+      limits_(options.limits),
+      answer_(answer),
+      text_(text) {
+  limits_.max_distance = slack_.cut_off(limits_.max_distance);
+  limits_.overlap_by = slack_.outer;
+  wants_lower_ = answer_.lower > (limits_.signed_distance ? -kInf : 0);
+  wants_upper_ = answer_.upper < kInf;
+  by_box_ = wants_lower_ && !wants_upper_;
+}
+
+bool RowProver::advance(WorkMeter& meter) {
+  while (!is_over_) {
+    by_box_ ? try_box(meter) : try_pieces(meter);
+    if (!is_over_ && meter.is_over()) return false;
+  }
+  return true;
+}
+
+bool RowProver::covers_upper(double upper) const {
+  const double proved = slack_.true_upper(upper);
+  return proved <= answer_.upper || (!limits_.signed_distance && answer_.upper == 0 && proved <= 0);
+}
+
+// To the next pair of pieces. Returns false behind the last.
+bool RowProver::go_on() {
+  if (++j_ < b_.pieces.size()) return true;
+  j_ = 0;
+  return ++i_ < a_.pieces.size();
+}
+
+void RowProver::end(bool proved) {
+  proved_ = proved;
+  is_over_ = true;
+}
+
+// One direction between the bodies' boxes for all their pieces: whether it does for these two.
+void RowProver::try_box(WorkMeter& meter) {
+  meter.count(kUnitsPerDirection + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
+  const Vec3d n = between(box_a_, box_b_);
+  PieceProof all{kNone, kNone, {}};
+  if (!covers_lower(lower_along(*a_.pieces[i_], pose_a_, *b_.pieces[j_], pose_b_, n, all.proof))) {
+    by_box_ = false;
+    i_ = j_ = 0;
+  } else if (!go_on()) {
+    text_.add_lower(all);
+    end(true);
+  }
+}
+
+void RowProver::try_pieces(WorkMeter& meter) {
+  meter.count(kUnitsPerProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
+  const bool is_nearest = wants_upper_ && i_ == answer_.piece_a && j_ == answer_.piece_b;
+  if ((wants_lower_ || is_nearest) && !prove_pieces(i_, j_, wants_lower_, is_nearest))
+    end(false);
+  else if (!go_on())
+    end(!wants_upper_ || upper_.has_value());
+}
+
+bool RowProver::prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper) {
+  const Piece &p = *a_.pieces[i], &q = *b_.pieces[j];
+  PieceProof found{i, j, {}};
+  if (wants_lower && !wants_upper) {
+    const Vec3d n = between(certify_box(p, pose_a_.R_wb, pose_a_.t_w), certify_box(q, pose_b_.R_wb, pose_b_.t_w));
+    if (covers_lower(lower_along(p, pose_a_, q, pose_b_, n, found.proof))) {
+      text_.add_lower(found);
+      return true;
+    }
+  }
+  std::array<NarrowLimits, 4> attempts = proof_attempts(limits_);
+  // Others than the nearest need only be proved as far as the answer says.
+  if (!wants_upper)
+    attempts[0].max_distance = std::min(limits_.max_distance, slack_.cut_off(std::max(answer_.lower, 0.0)));
+  for (const NarrowLimits& limits : attempts) {
+    const NarrowAnswer answer = narrow_phase_proved(p, pose_a_, q, pose_b_, limits, found.proof);
+    if (wants_lower && covers_lower(answer.bounds.lower)) {
+      text_.add_lower(found);
+      wants_lower = false;
+    }
+    if (wants_upper && covers_upper(answer.bounds.upper)) {
+      upper_ = found;
+      wants_upper = false;
+    }
+    if (!wants_lower && !wants_upper) return true;
+  }
+  return false;
+}
+
+}  // namespace clearance
