@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kLeastHalf = 0x1p-40;  // of a span
 constexpr std::uint32_t kMostSpans = 1u << 14;
-constexpr std::uint64_t kUnitsPerMoment = 64, kUnitsPerProof = 64;
+constexpr std::uint64_t kUnitsPerMoment = 64, kUnitsPerSpanProof = 64;
 
 }  // namespace
 
@@ -71,7 +71,7 @@ bool PairProver::step(WorkMeter& meter) {
       return true;
     }
   }
-  meter.count(kUnitsPerProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
+  meter.count(kUnitsPerSpanProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
   const Halves now = try_pieces(i_, j_);
   halves_.before &= now.before;
   halves_.after &= now.after;
