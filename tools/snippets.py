@@ -68,6 +68,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     },
     "docs/python.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
     "docs/report.md": {"make ": LONG + "make test has a part of it"},
+    "docs/scenes.md": {"clearance decompose": NEEDS + "CoACD; tests/scene/test_decomposed_meshes.cpp"},
     "docs/start.md": {
         "git clone": "the repository is there",
         "make build": "it is built",
