@@ -9,6 +9,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -254,11 +255,12 @@ def try_command(browser):
         tab.picture("primitives")
         assert not tab.errors, tab.errors
     finally:
-        process.send_signal(2)
+        process.send_signal(signal.SIGINT)
         assert process.wait(timeout=PATIENCE_S) == 0
 
 
 def main():
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
     PICTURES.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as folder:
         program = os.environ.get("CHROMIUM") or shutil.which("chromium")
