@@ -20,6 +20,9 @@ class BoxCull {
   /// \param placed configurations of the plan that follow each other. Returns (placed.size(), pairs.size()), valid
   /// until the next call.
   std::span<const double> gaps(std::span<const BodyPair> pairs, std::span<const Placement> placed);
+  /// The same as (pairs.size(), placed.size()), of configurations that move something.
+  std::span<const double> gap_rows(std::span<const BodyPair> pairs, std::span<const Placement> placed);
+  static constexpr std::size_t kSideBySideFrom = 4;  ///< fewer configurations are compared one by one
 
  private:
   struct Side {  // a body in all configurations: its boxes, or the one that they share
@@ -27,7 +30,9 @@ class BoxCull {
     BoxColumnsView columns;
   };
   void gaps_where_they_are(std::span<const BodyPair> pairs);
+  void begin_side_by_side(std::span<const Placement> placed);
   void gaps_across(std::span<const BodyPair> pairs, std::span<const Placement> placed);
+  void row_of(BodyPair pair, std::span<const Placement> placed, double* gaps);
   Side side(std::uint32_t body, std::span<const Placement> placed);
 
   const Scene& scene_;
@@ -35,6 +40,7 @@ class BoxCull {
   const BoxColumns& columns_;
   std::vector<double> gaps_, row_;
   std::uint64_t first_ = ~std::uint64_t{0};  // Placement::number() of the block's first
+  std::size_t count_ = 0;                    // of the block's configurations
   std::vector<BoxColumns> moved_;            // boxes of a moved body, in all configurations of the block
   std::vector<std::uint32_t> moved_at_;      // of each body: index into moved_, or kNone
   std::vector<std::uint32_t> moved_bodies_;  // those that have one

@@ -35,6 +35,10 @@ ConfigurationBlock::ConfigurationBlock(const Scene& scene, const Plan& plan, con
       evaluator_(scene, options) {
   reductions_.reserve(most);
   for (std::uint64_t i = 0; i < most; ++i) reductions_.emplace_back(scene, plan, options, boxes, 1);
+  if (compares_boxes_ && most >= BoxCull::kSideBySideFrom && BlockSearch::fits(scene, plan, options)) {
+    search_.emplace(scene, plan, options);
+    most_searched_ = BlockSearch::kMostPiecePairs / std::max<std::uint64_t>(BlockSearch::piece_pairs(scene, plan), 1);
+  }
 }
 
 void ConfigurationBlock::begin(std::span<const Placement> placed, std::uint64_t first) {
@@ -44,9 +48,23 @@ void ConfigurationBlock::begin(std::span<const Placement> placed, std::uint64_t 
   gaps_ = {};
   is_asked_ = false;
   for (std::size_t i = 0; i < placed.size(); ++i) reductions_[i].begin();
+  is_searched_ = !search_ || placed.size() < BoxCull::kSideBySideFrom || placed.size() > most_searched_;
+  if (is_searched_) return;
+  search_->begin(placed, cull_.gap_rows(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed));
+}
+
+// What can be searched for all configurations together.
+bool ConfigurationBlock::search(WorkMeter& meter) {
+  if (is_searched_) return true;
+  if (!search_->advance(meter)) return false;
+  for (std::size_t i = 0; i < placed_.size(); ++i)
+    if (search_->is_searched(i)) reductions_[i].settle(search_->found(i));
+  is_searched_ = true;
+  return true;
 }
 
 bool ConfigurationBlock::advance(WorkMeter& meter) {
+  if (!search(meter)) return false;
   while (true) {
     if (!is_asked_) {
       if (!ask(meter)) return true;
@@ -63,6 +81,9 @@ bool ConfigurationBlock::advance(WorkMeter& meter) {
 
 // What all configurations want to know next, in asked_. False: nothing.
 bool ConfigurationBlock::ask(WorkMeter& meter) {
+  const auto is_done = [](const Reduction& r) { return r.stage() == Reduction::kDone; };
+  if (std::all_of(reductions_.begin(), reductions_.begin() + static_cast<std::ptrdiff_t>(placed_.size()), is_done))
+    return false;
   if (compares_boxes_ && gaps_.empty()) {
     gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_);
     meter.count(gaps_.size() / kBoxesPerUnit);

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "engine/query/block_search.h"
 #include "engine/query/box_cull.h"
 #include "engine/query/evaluate.h"
 #include "engine/query/reduction.h"
@@ -36,8 +38,13 @@ class ConfigurationBlock {
   bool ask(std::size_t i, WorkMeter& meter);
   void take();
 
+  bool search(WorkMeter& meter);
+
   const Plan& plan_;
-  bool compares_boxes_;  // of all pairs beforehand
+  bool compares_boxes_;                // of all pairs beforehand
+  std::optional<BlockSearch> search_;  // what is plain is searched by it; none: nothing is
+  std::uint64_t most_searched_ = 0;    // configurations at a time
+  bool is_searched_ = false;           // the block, as far as that goes
   BoxCull cull_;
   Evaluator evaluator_;
   std::vector<Reduction> reductions_;

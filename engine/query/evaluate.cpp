@@ -6,7 +6,7 @@
 
 #include "engine/hull/primitive.h"
 #include "engine/narrow/group.h"
-#include "engine/narrow/witness.h"
+#include "engine/query/pair_answer.h"
 
 namespace clearance {
 
@@ -62,64 +62,15 @@ bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const
       [&] { return box_gap(scene, placement, pair); }, answer);
 }
 
-// \param answer holds the flags of the bodies; the rest is written here. \param rooms for triangles
-void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options, const BodiesAnswer& found,
-            Piece (&rooms)[2], PairAnswer& answer) {
-  NarrowLimits limits = options.limits;
-  limits.max_distance = bodies.max_distance;
-  const NarrowAnswer& best = found.best;
-  const double lower = found.lower;
-  const Body &a = scene.bodies()[bodies.pair.a], &b = scene.bodies()[bodies.pair.b];
-  const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose, &pose_b = (*bodies.placement)[bodies.pair.b].pose;
-
-  if (best.bounds.upper == kInf && lower == -kInf) {
-    const std::uint16_t flags = answer.flags;
-    answer = unproved_answer();
-    answer.flags = flags;
-    return;
-  }
-  if (options.want_points) {
-    answer.piece_a = found.a.piece;
-    answer.piece_b = found.b.piece;
-    answer.point_a = best.point_a;
-    answer.point_b = best.point_b;
-    answer.normal = best.normal;
-  }
-  const auto rounding = [&] {
-    if (found.best.rounding > 0) return found.best.rounding;
-    return rounding_of(*a.pieces[found.a.piece], pose_a, *b.pieces[found.b.piece], pose_b);
-  };
-  const Slack slack = pair_slack(*bodies.placement, bodies.pair);
-  assert(lower <= best.bounds.upper);
-  assert(found.a.piece < a.pieces.size() && found.b.piece < b.pieces.size());
-  decide(limits, lower, best.bounds.upper, rounding, answer, slack);
-  if (limits.signed_distance && best.bounds.upper <= 0 && (a.pieces.size() > 1 || b.pieces.size() > 1))
-    answer.flags |= kFlagPieces;
-  if (options.want_flags && answer.status != Status::kBeyond &&
-      (answer.lower <= 0 || witness_is_ambiguous(piece_of(a, found.a, rooms[0]), pose_a.R_wb,
-                                                 piece_of(b, found.b, rooms[1]), pose_b.R_wb, best.normal)))
-    answer.flags |= kFlagNonsmooth;
-}
-
-// The same for single pieces that lanes have settled: apart, and as narrow as asked or beyond max_distance.
+// The answer of single pieces that lanes have settled.
 void take_lane(const EvaluateOptions& options, const PieceTask& task, const LaneAnswer& lane,
                const LaneWitness& witness, const PlacedBodies& bodies, PairAnswer& answer) {
   assert(lane.settled && lane.lower <= lane.upper);
-  const Slack slack = pair_slack(*bodies.placement, bodies.pair);
-  NarrowLimits limits = options.limits;
-  limits.max_distance = bodies.max_distance;
-  if (slack.any())
-    decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
-  else
-    decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
+  decide_settled(bodies, options, lane.lower, lane.upper, answer);
   if (!options.want_points) return;
   const Mat3d &R_wa = task.pose_a->R_wb, &R_wb = task.pose_b->R_wb;
-  answer.piece_a = answer.piece_b = 0;
   take_lane_witness(*task.a, R_wa, *task.b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
-  if (answer.status == Status::kBeyond)
-    answer.point_a = answer.point_b = no_point();
-  else if (options.want_flags && witness_is_ambiguous(*task.a, R_wa, *task.b, R_wb, answer.normal))
-    answer.flags |= kFlagNonsmooth;
+  finish_settled(*task.a, R_wa, *task.b, R_wb, options, answer);
 }
 
 // How many bodies there may be in so many pairs; one in two placements counts as two.

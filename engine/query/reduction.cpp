@@ -230,6 +230,18 @@ void Reduction::take(std::span<const PairAnswer> found) {
   take(w);
 }
 
+void Reduction::settle(std::span<const FoundPair> found) {
+  assert(!per_body());
+  candidate_answers_.clear();
+  for (const FoundPair& f : found) {
+    candidates_.push_back(f.position);
+    candidate_pairs_.push_back(f.pair);
+    candidate_answers_.push_back(f.answer);
+  }
+  workers_[0].evaluated += found.size();
+  stage_ = kDone;
+}
+
 // box_gap() of each.
 std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerState& worker,
                                         const Placement& placement) const {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/query/block_search.h"
 #include "engine/query/box_cull.h"
 #include "engine/query/columns.h"
 #include "engine/query/evaluate.h"
@@ -53,6 +54,8 @@ class Reduction {
   /// that order, go to take() before it is called again.
   bool ask(const Placement& placement, std::vector<PlacedBodies>& asked);
   void take(std::span<const PairAnswer> answers);
+  /// Or in place of all stages: what somebody else has found (block_search.h).
+  void settle(std::span<const FoundPair> found);
   /// The rows, once the stage is kDone. \param placement of the configuration.
   std::vector<Row> rows(std::uint32_t configuration, const Placement& placement);
   std::uint64_t evaluated() const;  ///< pairs, of this configuration
