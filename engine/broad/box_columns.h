@@ -14,6 +14,9 @@ namespace clearance {
 struct BoxColumnsView {
   const double* column[6];
 
+  Aabb at(std::size_t i) const {
+    return {{column[0][i], column[1][i], column[2][i]}, {column[3][i], column[4][i], column[5][i]}};
+  }
   BoxColumnsView from(std::size_t first) const {
     BoxColumnsView v = *this;
     for (const double*& c : v.column) c += first;
@@ -44,6 +47,7 @@ class BoxColumns {
     for (std::size_t k = 0; k < 6; ++k) v.column[k] = memory_.data() + k * count_;
     return v;
   }
+  double* column(std::size_t k) { return memory_.data() + k * count_; }
 
  private:
   std::size_t count_ = 0;
@@ -54,6 +58,14 @@ class BoxColumns {
 void box_gaps(const Aabb& a, const BoxColumnsView& b, std::size_t count, double* gaps);
 /// The same of box i of one and box i of the other.
 void box_gaps(const BoxColumnsView& a, const BoxColumnsView& b, std::size_t count, double* gaps);
+/// Where the numbers of poses begin: rotations row by row, then origins in the world; each (count,).
+struct PoseColumnsView {
+  const double* column[12];
+};
+/// certify_box() of a piece in many poses, bit for bit. \param boxes of as many
+void certify_boxes(const Piece& piece, const PoseColumnsView& at, BoxColumns& boxes);
+/// joined() of box i of one and box i of the other, bit for bit, in place of the latter.
+void join_boxes(const BoxColumns& boxes, BoxColumns& wholes);
 /// Which of many gaps are not beyond `max_distance`, or infinite, as those of bodies without a place: ascending.
 /// \param near (count,) room. Returns how many there are.
 std::size_t gaps_within(const double* gaps, std::size_t count, double max_distance, std::uint32_t* near);

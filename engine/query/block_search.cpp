@@ -52,8 +52,8 @@ double squared_limit(double cut_off) {
 
 bool BlockSearch::fits(const Scene& scene, const Plan& plan, const EvaluateOptions& options) {
   const Reduce reduce = plan.query.reduce;
-  return plan.query.configuration_count > 0 && !scene.has_surfaces() && plan.doubts.empty() &&
-         !options.reference && !options.limits.signed_distance && options.lanes &&
+  return plan.query.configuration_count > 0 && !scene.has_surfaces() && plan.doubts.empty() && !options.reference &&
+         !options.limits.signed_distance && options.lanes &&
          (reduce == Reduce::kMin || reduce == Reduce::kWithin || reduce == Reduce::kAny);
 }
 
@@ -67,9 +67,10 @@ std::uint64_t BlockSearch::piece_pairs(const Scene& scene, const Plan& plan) {
   return sum;
 }
 
-void BlockSearch::begin(std::span<const Placement> placed, std::span<const double> gaps) {
-  assert(gaps.size() == placed.size() * plan_.pairs.size());
+void BlockSearch::begin(std::span<const Placement> placed, const BlockBoxes& boxes, std::span<const double> gaps) {
+  assert(gaps.size() == placed.size() * plan_.pairs.size() && boxes.size() == placed.size());
   placed_ = placed;
+  boxes_ = &boxes;
   gaps_ = gaps;
   stage_ = Stage::kBegin;
   in_round_ = false;
@@ -142,17 +143,15 @@ void BlockSearch::look_for_unplaced() {
   last_.assign(count, kNone);
 }
 
-std::span<const Aabb> BlockSearch::boxes(std::uint32_t body, std::size_t configuration) {
-  const Placement& here = placed_[configuration];
-  if (here.moves(body)) return here.known_piece_boxes(body);
-  standing_boxes_.resize(scene_.bodies().size());
-  std::vector<Aabb>& all = standing_boxes_[body];
-  if (all.empty()) {
-    const PlacedPose& pose = here[body].pose;
-    for (const PiecePtr& piece : scene_.bodies()[body].pieces)
-      all.push_back(certify_box(*piece, pose.R_wb, pose.t_w));
-  }
-  return all;
+// Of all pieces of a body.
+void BlockSearch::list_boxes(std::uint32_t body, std::vector<PieceSide>& sides) {
+  const std::vector<PiecePtr>& pieces = scene_.bodies()[body].pieces;
+  sides.resize(pieces.size());
+  const bool moves = boxes_->moves(body);
+  const PlacedPose& pose = placed_[0][body].pose;
+  for (std::uint32_t i = 0; i < pieces.size(); ++i)
+    sides[i] = moves ? PieceSide{kEmptyBox, true, boxes_->piece(body, i)}
+                     : PieceSide{certify_box(*pieces[i], pose.R_wb, pose.t_w), false, {}};
 }
 
 // Of each configuration the nearest pieces of the pair whose boxes are the nearest: what they are apart says how far
@@ -169,16 +168,21 @@ void BlockSearch::find_seeds() {
       where_[k] = nearer ? static_cast<std::uint32_t>(p) : where_[k];
     }
   }
+  std::uint32_t listed = kNone;
   for (std::uint32_t k = 0; k < count; ++k) {
     if (!searched_[k]) continue;
     const std::uint32_t position = where_[k];
     Candidate nearest{kInf, position, kNone, kNone, kNotAsked, false};
     if (position != kNone) {
       const BodyPair pair = plan_.pairs.at(position);
-      const std::span<const Aabb> boxes_a = boxes(pair.a, k), boxes_b = boxes(pair.b, k);
-      for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
-        for (std::uint32_t j = 0; j < boxes_b.size(); ++j) {
-          const Candidate c{certify_box_gap(boxes_a[i], boxes_b[j]), position, i, j, kNotAsked, false};
+      if (position != listed) {
+        list_boxes(pair.a, sides_a_);
+        list_boxes(pair.b, sides_b_);
+        listed = position;
+      }
+      for (std::uint32_t i = 0; i < sides_a_.size(); ++i)
+        for (std::uint32_t j = 0; j < sides_b_.size(); ++j) {
+          const Candidate c{certify_box_gap(sides_a_[i].at(k), sides_b_[j].at(k)), position, i, j, kNotAsked, false};
           if (goes_before(c, nearest)) nearest = c;
         }
     }
@@ -228,6 +232,8 @@ bool BlockSearch::filter(WorkMeter& meter) {
 void BlockSearch::filter_pair(std::uint32_t position, std::span<const std::uint32_t> where, WorkMeter& meter) {
   const BodyPair pair = plan_.pairs.at(position);
   const double margin = any() ? plan_.margins.of(position) : kInf;
+  list_boxes(pair.a, sides_a_);
+  list_boxes(pair.b, sides_b_);
   std::uint64_t compared = 0;
   for (const std::uint32_t k : where) {
     if (position >= last_[k]) continue;  // behind one that overlaps
@@ -237,21 +243,23 @@ void BlockSearch::filter_pair(std::uint32_t position, std::span<const std::uint3
     const double far_cut = plan_.query.reduce == Reduce::kMin ? cut : loser_beyond(cut, options_.limits);
     const double far_limit = squared_limit(far_cut);
     Candidate far{kInf, position, kNone, kNone, kNotAsked, false};
-    const std::span<const Aabb> boxes_a = boxes(pair.a, k), boxes_b = boxes(pair.b, k);
     const auto begin = static_cast<std::uint32_t>(candidates_.size());
     const Candidate* const seed = seeds_.empty() || seeds_[k].position != position ? nullptr : &seeds_[k];
-    for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
-      for (std::uint32_t j = 0; j < boxes_b.size(); ++j) {
-        const double squared = squared_gap(boxes_a[i], boxes_b[j]);
+    for (std::uint32_t i = 0; i < sides_a_.size(); ++i) {
+      const Aabb box_a = sides_a_[i].at(k);
+      for (std::uint32_t j = 0; j < sides_b_.size(); ++j) {
+        const Aabb box_b = sides_b_[j].at(k);
+        const double squared = squared_gap(box_a, box_b);
         if (squared > limit && squared > far_limit) continue;
         if (seed && seed->a == i && seed->b == j) continue;
-        const Candidate c{certify_box_gap(boxes_a[i], boxes_b[j]), position, i, j, kNotAsked, false};
+        const Candidate c{certify_box_gap(box_a, box_b), position, i, j, kNotAsked, false};
         if (!(c.gap > cut))
           candidates_.push_back(c);
         else if (!(c.gap > far_cut) && goes_before(c, far))
           far = c;
       }
-    compared += boxes_a.size() * boxes_b.size();
+    }
+    compared += sides_a_.size() * sides_b_.size();
     if (candidates_.size() == begin && far.a != kNone) candidates_.push_back(far);
     if (candidates_.size() > begin) near_.push_back({k, begin, static_cast<std::uint32_t>(candidates_.size())});
   }
@@ -350,6 +358,16 @@ void BlockSearch::sort_units() {
   found_begin_.assign(1, 0);
 }
 
+// Of a unit's candidates those that were not asked count as left out: not for a minimum, which they are proved to be
+// no part of, and for a decision only those of the pair that made it.
+std::uint32_t BlockSearch::end_that_counts(const Unit& unit) const {
+  if (within()) return unit.end;
+  std::uint32_t end = unit.next;
+  while (any() && end > unit.begin && end < unit.end && candidates_[end].position == candidates_[end - 1].position)
+    ++end;
+  return end;
+}
+
 // Puts together what was found of each pair of bodies, configuration by configuration.
 bool BlockSearch::finish_all(WorkMeter& meter) {
   const auto by_position = [&](const Candidate& p, const Candidate& q) {
@@ -362,7 +380,7 @@ bool BlockSearch::finish_all(WorkMeter& meter) {
     if (!seeds_.empty() && seeds_[k].answer != kNotAsked) sorted_.push_back(seeds_[k]);
     for (std::uint32_t i = begins_[k]; i < begins_[k + 1]; ++i) {
       const Unit& unit = units_[unit_order_[i]];
-      sorted_.insert(sorted_.end(), candidates_.begin() + unit.begin, candidates_.begin() + unit.end);
+      sorted_.insert(sorted_.end(), candidates_.begin() + unit.begin, candidates_.begin() + end_that_counts(unit));
     }
     if (!seeds_.empty()) std::sort(sorted_.begin(), sorted_.end(), by_position);
     for (std::size_t begin = 0, end; begin < sorted_.size(); begin = end) {
@@ -382,7 +400,10 @@ void BlockSearch::finish_pair(std::size_t configuration, std::span<const Candida
   const std::uint64_t position = all[0].position;
   const PlacedBodies bodies{plan_.pairs.at(position), &placed_[configuration],
                             any() ? plan_.margins.of(position) : plan_.query.max_distance};
-  PairAnswer& answer = found_.emplace_back(FoundPair{position, bodies.pair, unproved_answer()}).answer;
+  PairAnswer& answer = found_
+                           .emplace_back(FoundPair{position, bodies.pair,
+                                                   gaps_[position * placed_.size() + configuration], unproved_answer()})
+                           .answer;
   if (options_.want_flags) answer.flags = pose_flags(*bodies.placement, bodies.pair, options_.stale);
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
   if (a.pieces.size() == 1 && b.pieces.size() == 1) {

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/query/block_boxes.h"
 #include "engine/query/evaluate.h"
 
 namespace clearance {
@@ -13,14 +14,15 @@ namespace clearance {
 struct FoundPair {
   std::uint64_t position;  ///< in the query
   BodyPair pair;
+  double gap;  ///< of their boxes, metres
   PairAnswer answer;
 };
 
-/// What Evaluator and Reduction do pair by pair and configuration by configuration, for the plain case: bodies of convex
-/// pieces that are known exactly, all placed, and no depth asked for. Boxes of pieces are compared for one pair of
-/// bodies in all configurations that it may matter in, and the pairs of pieces that are left go to the lanes together,
-/// round after round, the nearest of each configuration first. An answer's bits are those that Evaluator gives: a pair
-/// of pieces more or less that is proved to lose changes nothing. Each worker has its own.
+/// What Evaluator and Reduction do pair by pair and configuration by configuration, for the plain case: bodies of
+/// convex pieces that are known exactly, all placed, and no depth asked for. Boxes of pieces are compared for one pair
+/// of bodies in all configurations that it may matter in, and the pairs of pieces that are left go to the lanes
+/// together, round after round, the nearest of each configuration first. An answer's bits are those that Evaluator
+/// gives: a pair of pieces more or less that is proved to lose changes nothing. Each worker has its own.
 class BlockSearch {
  public:
   /// Whether a plan's configurations can be searched so, where the boxes of all bodies are made.
@@ -35,8 +37,9 @@ class BlockSearch {
   BlockSearch(const Scene& scene, const Plan& plan, const EvaluateOptions& options)
       : scene_(scene), plan_(plan), options_(options), batch_(options) {}
 
-  /// \param placed configurations. \param gaps (pairs, placed.size()) of their bodies' boxes. Both must stay.
-  void begin(std::span<const Placement> placed, std::span<const double> gaps);
+  /// \param placed configurations. \param boxes of them. \param gaps (pairs, placed.size()) of bodies' boxes. All must
+  /// stay.
+  void begin(std::span<const Placement> placed, const BlockBoxes& boxes, std::span<const double> gaps);
   /// Goes on until the slice is over. Returns true once all are searched.
   bool advance(WorkMeter& meter);
 
@@ -64,6 +67,14 @@ class BlockSearch {
     bool over;
     double upper;  // the least so far, metres
   };
+  // A piece in all configurations: its boxes, or the one that they share.
+  struct PieceSide {
+    Aabb box;
+    bool moves;
+    BoxColumnsView columns;
+
+    Aabb at(std::size_t k) const { return moves ? columns.at(k) : box; }
+  };
   // The candidates of a pair of bodies in a configuration, before they are sorted.
   struct Near {
     std::uint32_t configuration, begin, end;
@@ -81,8 +92,9 @@ class BlockSearch {
   void take_round();
   double cut_off(const Unit& unit, const Candidate& c) const;
   bool goes_before(const Candidate& p, const Candidate& q) const;
-  std::span<const Aabb> boxes(std::uint32_t body, std::size_t configuration);
+  void list_boxes(std::uint32_t body, std::vector<PieceSide>& sides);
   void sort_units();
+  std::uint32_t end_that_counts(const Unit& unit) const;
   bool finish_all(WorkMeter& meter);
   void finish_pair(std::size_t configuration, std::span<const Candidate> all);
 
@@ -91,6 +103,7 @@ class BlockSearch {
   EvaluateOptions options_;
   PieceBatch batch_;
   std::span<const Placement> placed_;
+  const BlockBoxes* boxes_ = nullptr;
   std::span<const double> gaps_;
   enum class Stage { kBegin, kSeeds, kFilter, kRest, kFinish, kDone } stage_ = Stage::kDone;
   bool in_round_ = false;
@@ -108,8 +121,8 @@ class BlockSearch {
   std::vector<NarrowAnswer> narrow_;
   std::vector<FoundPair> found_;
   std::vector<std::size_t> found_begin_;
-  std::vector<std::vector<Aabb>> standing_boxes_;  // of the pieces of bodies that are not moved, once asked for
-  Piece rooms_[2];                                 // finish() wants them
+  std::vector<PieceSide> sides_a_, sides_b_;
+  Piece rooms_[2];  // finish() wants them
 };
 
 }  // namespace clearance

@@ -21,7 +21,11 @@ std::span<const double> BoxCull::gaps(std::span<const BodyPair> pairs, std::span
   if (!placed[0].moves_any()) {
     gaps_where_they_are(pairs);
   } else if (placed.size() >= kSideBySideFrom) {
-    begin_side_by_side(placed);
+    if (const std::uint64_t first = placed[0].number(); first != first_) {  // other configurations: other boxes
+      for (const std::uint32_t body : moved_bodies_) moved_at_[body] = kNone;
+      moved_bodies_.clear();
+      first_ = first;
+    }
     gaps_across(pairs, placed);
   } else {
     double* out = gaps_.data();
@@ -50,51 +54,43 @@ void BoxCull::gaps_where_they_are(std::span<const BodyPair> pairs) {
   }
 }
 
-std::span<const double> BoxCull::gap_rows(std::span<const BodyPair> pairs, std::span<const Placement> placed) {
-  assert(placed.size() >= kSideBySideFrom && placed[0].moves_any());
-  gaps_.resize(std::max(gaps_.size(), pairs.size() * placed.size()));
-  begin_side_by_side(placed);
-  for (std::size_t i = 0; i < pairs.size(); ++i) row_of(pairs[i], placed, gaps_.data() + i * placed.size());
-  return std::span(gaps_).first(pairs.size() * placed.size());
-}
-
-// Other configurations: other boxes.
-void BoxCull::begin_side_by_side(std::span<const Placement> placed) {
-  moved_at_.resize(boxes_.size(), kNone);
-  if (const std::uint64_t first = placed[0].number(); first != first_ || placed.size() != count_) {
-    for (const std::uint32_t body : moved_bodies_) moved_at_[body] = kNone;
-    moved_bodies_.clear();
-    first_ = first;
-    count_ = placed.size();
-  }
+std::span<const double> BoxCull::gap_rows(std::span<const BodyPair> pairs, const BlockBoxes& boxes) {
+  const std::size_t count = boxes.size();
+  gaps_.resize(std::max(gaps_.size(), pairs.size() * count));
+  const auto side_of = [&](std::uint32_t body) {
+    return boxes.moves(body) ? Side{nullptr, boxes.body(body)} : Side{&boxes_[body], {}};
+  };
+  for (std::size_t i = 0; i < pairs.size(); ++i) row_of(pairs[i], count, side_of, gaps_.data() + i * count);
+  return std::span(gaps_).first(pairs.size() * count);
 }
 
 void BoxCull::gaps_across(std::span<const BodyPair> pairs, std::span<const Placement> placed) {
+  moved_at_.resize(boxes_.size(), kNone);
   row_.resize(placed.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    row_of(pairs[i], placed, row_.data());
+    for (const std::uint32_t body : {pairs[i].a, pairs[i].b})  // before the sides are taken: moved_ may grow
+      if (body < boxes_.size() && placed[0].moves(body)) side(body, placed);
+    row_of(pairs[i], placed.size(), [&](std::uint32_t body) { return side(body, placed); }, row_.data());
     for (std::size_t k = 0; k < placed.size(); ++k) gaps_[k * pairs.size() + i] = row_[k];
   }
 }
 
 // Of a pair in all configurations.
-void BoxCull::row_of(BodyPair pair, std::span<const Placement> placed, double* gaps) {
-  const auto [a, b] = pair;
-  if (a >= boxes_.size() || b >= boxes_.size()) {
-    std::fill_n(gaps, placed.size(), kInf);
+template <class SideOf>
+void BoxCull::row_of(BodyPair pair, std::size_t count, const SideOf& side_of, double* gaps) const {
+  if (pair.a >= boxes_.size() || pair.b >= boxes_.size()) {
+    std::fill_n(gaps, count, kInf);
     return;
   }
-  for (const std::uint32_t body : {a, b})  // before the sides are taken: moved_ may grow
-    if (placed[0].moves(body)) side(body, placed);
-  const Side at_a = side(a, placed), at_b = side(b, placed);
+  const Side at_a = side_of(pair.a), at_b = side_of(pair.b);
   if (at_a.box && at_b.box)
-    std::fill_n(gaps, placed.size(), certify_box_gap(*at_a.box, *at_b.box));
+    std::fill_n(gaps, count, certify_box_gap(*at_a.box, *at_b.box));
   else if (at_a.box)
-    box_gaps(*at_a.box, at_b.columns, placed.size(), gaps);
+    box_gaps(*at_a.box, at_b.columns, count, gaps);
   else if (at_b.box)
-    box_gaps(*at_b.box, at_a.columns, placed.size(), gaps);
+    box_gaps(*at_b.box, at_a.columns, count, gaps);
   else
-    box_gaps(at_a.columns, at_b.columns, placed.size(), gaps);
+    box_gaps(at_a.columns, at_b.columns, count, gaps);
 }
 
 BoxCull::Side BoxCull::side(std::uint32_t body, std::span<const Placement> placed) {

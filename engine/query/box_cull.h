@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "engine/broad/box_columns.h"
+#include "engine/query/block_boxes.h"
 #include "engine/query/evaluate.h"
 
 namespace clearance {
@@ -20,8 +21,8 @@ class BoxCull {
   /// \param placed configurations of the plan that follow each other. Returns (placed.size(), pairs.size()), valid
   /// until the next call.
   std::span<const double> gaps(std::span<const BodyPair> pairs, std::span<const Placement> placed);
-  /// The same as (pairs.size(), placed.size()), of configurations that move something.
-  std::span<const double> gap_rows(std::span<const BodyPair> pairs, std::span<const Placement> placed);
+  /// The same as (pairs.size(), boxes.size()). \param boxes of the configurations
+  std::span<const double> gap_rows(std::span<const BodyPair> pairs, const BlockBoxes& boxes);
   static constexpr std::size_t kSideBySideFrom = 4;  ///< fewer configurations are compared one by one
 
  private:
@@ -30,9 +31,9 @@ class BoxCull {
     BoxColumnsView columns;
   };
   void gaps_where_they_are(std::span<const BodyPair> pairs);
-  void begin_side_by_side(std::span<const Placement> placed);
   void gaps_across(std::span<const BodyPair> pairs, std::span<const Placement> placed);
-  void row_of(BodyPair pair, std::span<const Placement> placed, double* gaps);
+  template <class SideOf>
+  void row_of(BodyPair pair, std::size_t count, const SideOf& side_of, double* gaps) const;
   Side side(std::uint32_t body, std::span<const Placement> placed);
 
   const Scene& scene_;
@@ -40,7 +41,6 @@ class BoxCull {
   const BoxColumns& columns_;
   std::vector<double> gaps_, row_;
   std::uint64_t first_ = ~std::uint64_t{0};  // Placement::number() of the block's first
-  std::size_t count_ = 0;                    // of the block's configurations
   std::vector<BoxColumns> moved_;            // boxes of a moved body, in all configurations of the block
   std::vector<std::uint32_t> moved_at_;      // of each body: index into moved_, or kNone
   std::vector<std::uint32_t> moved_bodies_;  // those that have one

@@ -31,35 +31,45 @@ ConfigurationBlock::ConfigurationBlock(const Scene& scene, const Plan& plan, con
                                        const Reduction::Boxes& boxes, std::uint64_t most)
     : plan_(plan),
       compares_boxes_(!boxes.all.empty() && !boxes.near_pairs.by_tree()),
+      boxes_(scene, plan),
       cull_(scene, boxes.all, boxes.columns),
       evaluator_(scene, options) {
   reductions_.reserve(most);
   for (std::uint64_t i = 0; i < most; ++i) reductions_.emplace_back(scene, plan, options, boxes, 1);
   if (compares_boxes_ && most >= BoxCull::kSideBySideFrom && BlockSearch::fits(scene, plan, options)) {
-    search_.emplace(scene, plan, options);
     most_searched_ = BlockSearch::kMostPiecePairs / std::max<std::uint64_t>(BlockSearch::piece_pairs(scene, plan), 1);
+    if (most_searched_ > 0) search_.emplace(scene, plan, options);
   }
 }
 
-void ConfigurationBlock::begin(std::span<const Placement> placed, std::uint64_t first) {
+void ConfigurationBlock::begin(std::span<Placement> placed, std::uint64_t first) {
   assert(!placed.empty() && placed.size() <= reductions_.size());
   placed_ = placed;
   first_ = first;
   gaps_ = {};
   is_asked_ = false;
   for (std::size_t i = 0; i < placed.size(); ++i) reductions_[i].begin();
-  is_searched_ = !search_ || placed.size() < BoxCull::kSideBySideFrom || placed.size() > most_searched_;
-  if (is_searched_) return;
-  search_->begin(placed, cull_.gap_rows(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed));
+  searched_ = makes_boxes(placed.size()) ? 0 : placed.size();
+  is_searching_ = false;
 }
 
-// What can be searched for all configurations together.
+// What can be searched for many configurations together; the rest is left to their reductions.
 bool ConfigurationBlock::search(WorkMeter& meter) {
-  if (is_searched_) return true;
-  if (!search_->advance(meter)) return false;
-  for (std::size_t i = 0; i < placed_.size(); ++i)
-    if (search_->is_searched(i)) reductions_[i].settle(search_->found(i));
-  is_searched_ = true;
+  for (; searched_ < placed_.size(); is_searching_ = false) {
+    const std::uint64_t count = std::min<std::uint64_t>(placed_.size() - searched_, most_searched_);
+    if (!is_searching_) {
+      const std::span<const Placement> part = std::span<const Placement>(placed_).subspan(searched_, count);
+      boxes_.make(part);
+      const auto pairs = plan_.pairs.slice(0, plan_.pairs.size(), room_);
+      search_->begin(part, boxes_, cull_.gap_rows(pairs, boxes_));
+      meter.count(pairs.size() * count / kBoxesPerUnit);
+      is_searching_ = true;
+    }
+    if (!search_->advance(meter)) return false;
+    for (std::uint64_t i = 0; i < count; ++i)
+      if (search_->is_searched(i)) reductions_[searched_ + i].settle(search_->found(i));
+    searched_ += count;
+  }
   return true;
 }
 
@@ -85,6 +95,7 @@ bool ConfigurationBlock::ask(WorkMeter& meter) {
   if (std::all_of(reductions_.begin(), reductions_.begin() + static_cast<std::ptrdiff_t>(placed_.size()), is_done))
     return false;
   if (compares_boxes_ && gaps_.empty()) {
+    for (Placement& here : placed_) here.make_boxes();
     gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_);
     meter.count(gaps_.size() / kBoxesPerUnit);
   }

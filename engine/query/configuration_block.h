@@ -27,7 +27,9 @@ class ConfigurationBlock {
 
   bool has_begun() const { return !placed_.empty(); }
   /// \param placed configurations [first, first + placed.size()) of the plan; must stay until rows are taken.
-  void begin(std::span<const Placement> placed, std::uint64_t first);
+  /// Their boxes need not be made where makes_boxes().
+  void begin(std::span<Placement> placed, std::uint64_t first);
+  bool makes_boxes(std::uint64_t count) const { return search_ && count >= BoxCull::kSideBySideFrom; }
   /// Goes on until the slice is over. Returns true once all are reduced.
   bool advance(WorkMeter& meter);
   /// Hands out the rows of each configuration, and how many pairs were evaluated in all.
@@ -44,11 +46,13 @@ class ConfigurationBlock {
   bool compares_boxes_;                // of all pairs beforehand
   std::optional<BlockSearch> search_;  // what is plain is searched by it; none: nothing is
   std::uint64_t most_searched_ = 0;    // configurations at a time
-  bool is_searched_ = false;           // the block, as far as that goes
+  std::uint64_t searched_ = 0;         // the first so many of the block are, or nobody can
+  bool is_searching_ = false;          // the next ones
+  BlockBoxes boxes_;                   // for it
   BoxCull cull_;
   Evaluator evaluator_;
   std::vector<Reduction> reductions_;
-  std::span<const Placement> placed_;
+  std::span<Placement> placed_;
   std::uint64_t first_ = 0;
   std::span<const double> gaps_;  // (configurations, pairs)
   std::vector<BodyPair> room_;

@@ -257,7 +257,8 @@ class ReducedJob final : public ParallelJob {
   bool reduce(std::uint64_t i, int worker, WorkMeter& meter) {
     ConfigurationBlock& block = blocks_[static_cast<std::size_t>(worker)];
     const std::uint64_t begin = i * block_, count = std::min<std::uint64_t>(block_, batch_rows_.size() - begin);
-    if (!block.has_begun()) block.begin(placements(worker, first_ + begin, count), first_ + begin);
+    if (!block.has_begun())
+      block.begin(placements(worker, first_ + begin, count, !block.makes_boxes(count)), first_ + begin);
     if (!block.advance(meter)) return false;
     evaluated_.fetch_add(block.end(std::span(batch_rows_).subspan(begin, count)), std::memory_order_relaxed);
     return true;

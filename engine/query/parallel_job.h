@@ -103,19 +103,22 @@ class ParallelJob : public Job::State {
     return placements(worker, configuration, 1)[0];
   }
 
-  // Placements of configurations [first, first + count), the worker's own.
-  std::span<const Placement> placements(int worker, std::uint64_t first, std::uint64_t count) {
+  // Placements of configurations [first, first + count), the worker's own. \param with_boxes see Placement::configure()
+  std::span<Placement> placements(int worker, std::uint64_t first, std::uint64_t count, bool with_boxes = true) {
     assert(worker < workers() && count > 0 && first + count <= plan_.size.configurations);
     auto& [p, poses, rotations] = placements_[static_cast<std::size_t>(worker)];
     while (p.size() < count) p.emplace_back(scene(), plan_, boxes_);
-    if (p[0].stands_at(first) && p[count - 1].stands_at(first + count - 1)) return {p.data(), count};
+    if (p[0].stands_at(first) && p[count - 1].stands_at(first + count - 1)) {
+      for (std::uint64_t i = 0; with_boxes && i < count; ++i) p[i].make_boxes();
+      return {p.data(), count};
+    }
     const std::size_t moved = plan_.bodies.size();
     const ConfigurationPoses::Block given = poses.at(first, count);
     rotations.resize(count * moved);
     rotations_of(given.poses, rotations);
     for (std::uint64_t i = 0; i < count; ++i)
       p[i].configure(first + i, given.of(i, moved, plan_.motions.size()),
-                     std::span(rotations).subspan(i * moved, moved));
+                     std::span(rotations).subspan(i * moved, moved), with_boxes);
     return {p.data(), count};
   }
 

@@ -77,8 +77,9 @@ Placement::Placement(const Scene& scene, const Plan& plan, std::span<const Aabb>
   if (!boxes.empty()) piece_boxes_.resize(pieces);
 }
 
-void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations) {
-  if (stands_at(k)) return;
+void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations,
+                          bool with_boxes) {
+  if (stands_at(k)) return with_boxes ? make_boxes() : void();
   const std::size_t count = plan_.bodies.size();
   assert(rotations.size() == count && given.poses.size() == count &&
          (given.facts.empty() || given.facts.size() == count));
@@ -108,11 +109,20 @@ void Placement::configure(std::uint64_t k, const ConfigurationPoses::Block& give
       moved_doubts_[i] = doubt_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
                                   parent == kNone ? nullptr : &doubt(parent), on && is_composed(*on), link);
     }
-    if (boxes_.empty()) continue;
+  }
+  has_boxes_ = false;
+  if (with_boxes) make_boxes();
+}
+
+void Placement::make_boxes() {
+  if (has_boxes_ || boxes_.empty()) return;
+  for (std::size_t i = 0; i < moved_.size(); ++i) {
     Aabb* const pieces = piece_boxes_.data() + first_piece_[i];
+    const std::uint32_t body = plan_.moved[i];
     moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body),
                                [&](std::size_t p, const Aabb& box) { pieces[p] = box; });
   }
+  has_boxes_ = true;
 }
 
 Aabb Placement::box(std::uint32_t body) const {

@@ -19,7 +19,11 @@ class Placement {
 
   /// Moves to configuration k of the plan; nothing to do where it has none. \param given (1, M) of it. \param rotations
   /// (M,) of its poses
-  void configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations);
+  /// \param with_boxes false: nobody wants boxes until make_boxes()
+  void configure(std::uint64_t k, const ConfigurationPoses::Block& given, std::span<const Mat3d> rotations,
+                 bool with_boxes = true);
+  /// Makes the boxes of moved bodies, unless they are there or nobody wants any.
+  void make_boxes();
   /// How many a worker may have of a plan's configurations, so that their memory is bounded.
   static std::uint64_t most(const Scene& scene, const Plan& plan);
 
@@ -63,6 +67,7 @@ class Placement {
   const Scene& scene_;
   const Plan& plan_;
   std::span<const Aabb> boxes_;
+  bool has_boxes_ = false;  // of moved bodies, where they are now
   std::uint64_t number_ = ~std::uint64_t{0};
   std::vector<std::uint32_t> moved_slot_;  // of each body: index into moved_, or kNone; empty without configurations
   std::vector<Pose> local_;                // of each moved body

@@ -233,7 +233,9 @@ void Reduction::take(std::span<const PairAnswer> found) {
 void Reduction::settle(std::span<const FoundPair> found) {
   assert(!per_body());
   candidate_answers_.clear();
+  candidate_gaps_.clear();
   for (const FoundPair& f : found) {
+    candidate_gaps_.push_back(f.gap);
     candidates_.push_back(f.position);
     candidate_pairs_.push_back(f.pair);
     candidate_answers_.push_back(f.answer);

@@ -95,10 +95,12 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
     std::uint64_t lower_place = Standing::kNowhere;  // of the first that has it
   };
   std::vector<Candidates> groups(groups_);
-  const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer) {
+  // \param gap of the bodies' boxes, where it is known
+  const auto offer = [&](std::uint64_t position, BodyPair pair, const PairAnswer& answer, const double* gap = nullptr) {
     const bool usable = !std::isnan(answer.distance);
-    const double lower =
-        usable && !options_.reference ? lower_with_box(answer.lower, box_gap(scene_, placement, pair)) : answer.lower;
+    const double lower = usable && !options_.reference
+                             ? lower_with_box(answer.lower, gap ? *gap : box_gap(scene_, placement, pair))
+                             : answer.lower;
     const Standing standing = standing_of(answer.lower, answer.upper, position);
     for_groups(pair, [&](std::uint32_t g) {
       Candidates& group = groups[g];
@@ -114,8 +116,9 @@ std::vector<Row> Reduction::rows(std::uint32_t configuration, const Placement& p
     });
   };
   for (std::size_t i = 0; i < seeds_.size(); ++i) offer(seeds_[i], seed_pairs_[i], seed_answers_[i]);
+  const bool know_gaps = candidate_gaps_.size() == candidates_.size();
   for (std::size_t i = 0; i < candidates_.size(); ++i)
-    offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i]);
+    offer(candidates_[i], candidate_pairs_[i], candidate_answers_[i], know_gaps ? &candidate_gaps_[i] : nullptr);
   for (std::size_t g = 0; g < groups_; ++g) {
     const Candidates& group = groups[g];
     const PairAnswer* answer = group.winner ? group.winner : group.first_unusable;

@@ -46,6 +46,54 @@ TEST(BoxColumns, GapsSideBySideHaveTheBitsOfOneAlone) {
   EXPECT_GT(nowhere, 100u);
 }
 
+TEST(BoxColumns, BoxesOfAPieceInManyPosesHaveTheBitsOfOneAlone) {
+  Random random(2);
+  std::size_t turned = 0, in_ball = 0;
+  for (int round = 0; round < 100; ++round) {
+    const double scale = std::pow(10, random.uniform(-6, 6));
+    std::vector<Vec3d> vertices(1 + random.below(9));
+    for (Vec3d& v : vertices)
+      v = {random.uniform(-scale, scale), random.uniform(-scale, 2 * scale), random.uniform(0, 0.1 * scale)};
+    const PiecePtr piece = make_piece(std::move(vertices), random.below(2) ? 0 : random.uniform(0, scale));
+    const std::size_t n = 1 + random.below(40);
+    std::vector<double> numbers(12 * n);
+    PoseColumnsView at;
+    for (std::size_t i = 0; i < 12; ++i) at.column[i] = numbers.data() + i * n;
+    std::vector<Aabb> wanted;
+    for (std::size_t k = 0; k < n; ++k) {
+      const Pose X = random.pose(10 * scale);
+      const Mat3d R = rotation_of(X);
+      for (std::size_t r = 0; r < 3; ++r) {
+        numbers[3 * r * n + k] = R.row[r].x;
+        numbers[(3 * r + 1) * n + k] = R.row[r].y;
+        numbers[(3 * r + 2) * n + k] = R.row[r].z;
+        numbers[(9 + r) * n + k] = X.translation[static_cast<int>(r)];
+      }
+      wanted.push_back(certify_box(*piece, R, X.translation));
+      const double width = wanted.back().high.x - wanted.back().low.x;
+      (width < 2 * (piece->spread + piece->radius) * (1 - 1e-9) ? turned : in_ball) += 1;
+    }
+    BoxColumns boxes, wholes;
+    boxes.resize(n);
+    certify_boxes(*piece, at, boxes);
+    wholes.assign(std::vector<Aabb>(n, kEmptyBox));
+    wholes.set(0, wanted[n - 1]);
+    join_boxes(boxes, wholes);
+    for (std::size_t k = 0; k < n; ++k) {
+      const Aabb box = boxes.view().at(k), whole = wholes.view().at(k);
+      const Aabb together = k == 0 ? joined(wanted[n - 1], wanted[0]) : wanted[k];
+      for (int i = 0; i < 3; ++i) {
+        EXPECT_EQ(box.low[i], wanted[k].low[i]);
+        EXPECT_EQ(box.high[i], wanted[k].high[i]);
+        EXPECT_EQ(whole.low[i], together.low[i]);
+        EXPECT_EQ(whole.high[i], together.high[i]);
+      }
+    }
+  }
+  EXPECT_GT(turned, 100u);
+  EXPECT_GT(in_ball, 100u);
+}
+
 // The same question about few pairs at a time, for which no block is made.
 void expect_rows_of_few(const Engine& engine, const QueryView& query, const std::vector<BodyPair>& pairs,
                         std::array<std::uint64_t, 8>& seen) {

@@ -154,6 +154,57 @@ TEST(ConfigurationBlock, EachConfigurationAnswersAsItDoesAlone) {
   }
 }
 
+// Decisions with a margin of each pair: the pair of each row, and its interval.
+TEST(ConfigurationBlock, EachConfigurationIsDecidedAsItIsAlone) {
+  Moves moves({1, 5, 8, 13}, 90, 4, 5);
+  moves.poses[4 * 17 + 2].qw = std::nan("");  // which is left to others
+  const Engine engine(decomposed_scene(25, 4, 9), {.threads = 1});
+  std::vector<double> margins(engine.pairs(moves.query()).size());
+  Random random(6);
+  for (double& m : margins) m = random.below(3) ? random.uniform(0, 0.4) : 0;
+  std::array<std::uint64_t, 8> seen{};
+  for (const Precision precision : {Precision::kF64, Precision::kF32}) {
+    QueryView q = moves.query();
+    q.reduce = Reduce::kAny;
+    q.pair_margins = margins;
+    q.precision = precision;
+    const Answer all = ask(engine, q, std::chrono::microseconds(20));
+    ASSERT_EQ(all.info.rows, moves.count);
+    for (std::uint32_t k = 0; k < moves.count; ++k) {
+      QueryView alone = moves.query(k, 1);
+      alone.reduce = Reduce::kAny;
+      alone.pair_margins = margins;
+      alone.precision = precision;
+      const auto one = expect_same_rows(rows_from(all, k), 0, rows_from(ask(engine, alone), 0), 1);
+      for (std::size_t s = 0; s < seen.size(); ++s) seen[s] += one[s];
+    }
+  }
+  EXPECT_GT(count_of(seen, Status::kBeyond), 20u);
+  EXPECT_GT(count_of(seen, Status::kOverlap), 10u);
+  EXPECT_GT(count_of(seen, Status::kOk), 10u);
+}
+
+// Of what is searched together, where each test above would otherwise test nothing.
+TEST(ConfigurationBlock, PlainConfigurationsAreSearchedTogether) {
+  const Scene scene = decomposed_scene(25, 4, 9);
+  Plan plan;
+  plan.query.configuration_count = 8;
+  EvaluateOptions options;
+  options.lanes = &lane_kernel("auto");
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kWithin, Reduce::kAny}) {
+    plan.query.reduce = reduce;
+    EXPECT_TRUE(BlockSearch::fits(scene, plan, options));
+  }
+  plan.query.reduce = Reduce::kNearest;
+  EXPECT_FALSE(BlockSearch::fits(scene, plan, options));
+  plan.query.reduce = Reduce::kMin;
+  plan.doubts.resize(scene.bodies().size());
+  EXPECT_FALSE(BlockSearch::fits(scene, plan, options)) << "doubts";
+  plan.doubts.clear();
+  options.limits.signed_distance = true;
+  EXPECT_FALSE(BlockSearch::fits(scene, plan, options)) << "depths";
+}
+
 // A slanted rod whose box is the nearest, and is far; balls at growing distances, all nearer than the rod: the first
 // of them says that the others need not be looked at.
 TEST(ConfigurationBlock, MinEndsWhereBoxesAreFartherThanWhatWasFound) {
