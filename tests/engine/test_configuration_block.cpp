@@ -156,9 +156,9 @@ TEST(ConfigurationBlock, EachConfigurationAnswersAsItDoesAlone) {
 
 // Decisions with a margin of each pair: the pair of each row, and its interval.
 TEST(ConfigurationBlock, EachConfigurationIsDecidedAsItIsAlone) {
-  Moves moves({1, 5, 8, 13}, 90, 4, 5);
+  Moves moves({1, 5, 8, 13}, 90, 3, 5);
   moves.poses[4 * 17 + 2].qw = std::nan("");  // which is left to others
-  const Engine engine(decomposed_scene(25, 4, 9), {.threads = 1});
+  const Engine engine(decomposed_scene(25, 3, 9), {.threads = 1});
   std::vector<double> margins(engine.pairs(moves.query()).size());
   Random random(6);
   for (double& m : margins) m = random.below(3) ? random.uniform(0, 0.4) : 0;
