@@ -43,7 +43,8 @@ inline void spread(const Problem& p, const std::vector<Found>& list, double* ans
   for (std::size_t i = 0; i < p.pairs.size(); ++i) index[std::uint64_t{p.pairs[i][0]} << 32 | p.pairs[i][1]] = i;
   std::fill_n(answers, p.answers(), kBeyond);
   for (const Found& f : list)
-    answers[f.configuration * p.pairs.size() + index.at(std::uint64_t{std::min(f.a, f.b)} << 32 | std::max(f.a, f.b))] = f.distance;
+    answers[f.configuration * p.pairs.size() + index.at(std::uint64_t{std::min(f.a, f.b)} << 32 | std::max(f.a, f.b))] =
+        f.distance;
 }
 
 inline double seconds(clockid_t clock) {

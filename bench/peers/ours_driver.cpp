@@ -18,7 +18,7 @@ class Ours {
     const bool within = p.kind == peers::Kind::kWithin;
     const std::size_t rows = within  ? static_cast<std::size_t>(p.answers()) / 8
                              : steps ? pairs_.size()
-                                                            : static_cast<std::size_t>(p.answers());
+                                     : static_cast<std::size_t>(p.answers());
     lower_.resize(rows), upper_.resize(rows), status_.resize(rows);
     points_a_.resize(3 * rows), points_b_.resize(3 * rows), normals_.resize(3 * rows);
     distances_.resize(rows), found_.resize(rows), configurations_.resize(rows);
@@ -68,15 +68,13 @@ class Ours {
       answers[i] = upper_[i] <= p_.max_distance ? 1 : 0;
     if (p_.kind != peers::Kind::kWithin) return;
     std::vector<peers::Found> list;
-    for (std::size_t i = 0; i < rows_; ++i) 
+    for (std::size_t i = 0; i < rows_; ++i)
       list.push_back({found_[i].a, found_[i].b, configurations_[i], distances_[i]});
     peers::spread(p_, list, answers);
   }
 
  private:
-  bool wants_points() const {
-    return p_.kind != peers::Kind::kBounds && p_.kind != peers::Kind::kAny;
-  }
+  bool wants_points() const { return p_.kind != peers::Kind::kBounds && p_.kind != peers::Kind::kAny; }
   void move(QueryView& query) const {
     if (p_.configurations == 1) return;
     query.configuration_count = static_cast<std::uint32_t>(p_.configurations);
@@ -97,7 +95,8 @@ class Ours {
     ReplyView reply;
     reply.distance = distance;
     reply.lower = lower_.data(), reply.upper = upper_.data(), reply.status = status_.data();
-    if (wants_points()) reply.point_a = points_a_.data(), reply.point_b = points_b_.data(), reply.normal = normals_.data();
+    if (wants_points())
+      reply.point_a = points_a_.data(), reply.point_b = points_b_.data(), reply.normal = normals_.data();
     reply.pair = found_.data(), reply.configuration = configurations_.data();
     Job job = engine.start(query, reply);
     while (!job.advance()) {
