@@ -9,6 +9,7 @@
 #include "arm_scene.h"
 #include "engine/engine.h"
 #include "engine_test_util.h"
+#include "tests/cuda/same_answer.h"
 #include "tests/scene/error_text.h"
 #include "tests/scene/temporary_folder.h"
 
@@ -40,7 +41,7 @@ void expect_same_rows(const Answer& all, std::uint64_t first, const Answer& some
   const auto same = [&](const auto* x, const auto* y, int width) {
     if (!y || static_cast<const void*>(y) == some.view.configuration) return;
     for (std::uint64_t i = 0; i < some.info.rows * static_cast<std::uint64_t>(width); ++i)
-      ASSERT_EQ(std::memcmp(&x[first * static_cast<std::uint64_t>(width) + i], &y[i], sizeof *x), 0)
+      ASSERT_TRUE(test::same_bits(x[first * static_cast<std::uint64_t>(width) + i], y[i]))
           << "entry " << i << " of width " << width;
   };
   for_each_column([&](auto* x, auto* y, int width) { same(x, y, width); }, all.view, some.view);
