@@ -89,14 +89,13 @@ class Problem:
             run([EXPORT, f"--{kind}", name, "--scenes", ROOT / "scenes", "--out", self.path, *extra])
         with open(self.path, "rb") as f:
             kind, self.max_distance = struct.unpack("<8xId", f.read(20))
-            self.depth, decides = kind == 2, kind == 6
-            self.judged_to = np.inf if decides else self.max_distance
+            self.depth = kind == 2
             self.truth, self.scale = (np.fromfile(f, count=np.fromfile(f, np.uint64, 1)[0]) for _ in range(2))
         self.count = len(self.truth)
 
     def errors(self, answers):
         """Error beyond 16 eps S, relative, of each answer whose truth is known; inf where there is none."""
-        known = ~np.isnan(self.truth) & ~(self.truth > self.judged_to)
+        known = ~np.isnan(self.truth) & ~(self.truth > self.max_distance)
         truth, answers, scale = self.truth[known], answers[known], self.scale[known]
         if not self.depth:
             truth, answers = np.maximum(truth, 0), np.maximum(answers, 0)
@@ -104,7 +103,7 @@ class Problem:
         error[np.isnan(error)] = np.inf
         beyond = np.maximum(error - 16 * np.finfo(float).eps * scale, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            relative = np.where(beyond == 0, 0, beyond / np.abs(truth))  # inf: called near, and is not
+            relative = np.where(beyond == 0, 0, beyond / np.abs(truth))
         return error, relative, scale
 
 

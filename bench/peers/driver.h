@@ -33,7 +33,7 @@ constexpr double kBeyond = std::numeric_limits<double>::infinity();
 
 /// One pair that Kind::kWithin found.
 struct Found {
-  std::uint32_t a, b, configuration;
+  std::uint32_t a, b;
   double distance;
 };
 
@@ -41,10 +41,9 @@ struct Found {
 inline void spread(const Problem& p, const std::vector<Found>& list, double* answers) {
   std::unordered_map<std::uint64_t, std::size_t> index;
   for (std::size_t i = 0; i < p.pairs.size(); ++i) index[std::uint64_t{p.pairs[i][0]} << 32 | p.pairs[i][1]] = i;
-  std::fill_n(answers, p.answers(), kBeyond);
+  std::fill_n(answers, p.pairs.size(), kBeyond);
   for (const Found& f : list)
-    answers[f.configuration * p.pairs.size() + index.at(std::uint64_t{std::min(f.a, f.b)} << 32 | std::max(f.a, f.b))] =
-        f.distance;
+    answers[index.at(std::uint64_t{std::min(f.a, f.b)} << 32 | std::max(f.a, f.b))] = f.distance;
 }
 
 inline double seconds(clockid_t clock) {
@@ -137,7 +136,7 @@ class Runner {
     for (std::uint32_t s = 0; s < p_.shapes.size(); ++s) load(s);
     for (std::uint64_t k = 0; k < p_.configurations; ++k)
       for (std::uint32_t b = 0; b < p_.bodies.size(); ++b) place(k, b);
-    if (p_.kind != Kind::kWithin || p_.configurations > 1) return;
+    if (p_.kind != Kind::kWithin) return;
     std::vector<Box> wide = body_boxes_;
     for (Box& box : wide)
       for (std::size_t i = 0; i < 3; ++i) box.low[i] -= p_.max_distance / 2, box.high[i] += p_.max_distance / 2;
@@ -146,16 +145,12 @@ class Runner {
 
   void pass(const std::string& setting, double* answers) {
     Peer peer(setting, p_);
-    if (p_.kind == Kind::kWithin) return p_.configurations > 1 ? find_in_each(peer) : find(peer);
+    if (p_.kind == Kind::kWithin) return find(peer);
     std::vector<typename Peer::Cache> cache(p_.kind == Kind::kMotion ? p_.pairs.size() : 1);
     const double limit2 = p_.max_distance * p_.max_distance;
     for (std::uint64_t k = 0; k < p_.configurations; ++k) {
       if (p_.kind == Kind::kLeast) {
         *answers++ = least(peer, k, cache[0]);
-        continue;
-      }
-      if (p_.kind == Kind::kAny) {
-        *answers++ = is_any_near(peer, k, cache[0]) ? 1 : 0;
         continue;
       }
       const Box* boxes = &body_boxes_[k * p_.bodies.size()];
@@ -265,40 +260,6 @@ class Runner {
     return least;
   }
 
-  /// Whether a pair is within max_distance: the first that is ends it.
-  bool is_any_near(Peer& peer, std::uint64_t k, typename Peer::Cache& cache) {
-    const Box* boxes = &body_boxes_[k * p_.bodies.size()];
-    const double limit2 = p_.max_distance * p_.max_distance;
-    for (const auto& [a, b] : p_.pairs) {
-      if (Box::gap2(boxes[a], boxes[b]) > limit2) continue;
-      const std::size_t slot_a = slot(k, a, 0), slot_b = slot(k, b, 0);
-      for (std::size_t i = 0; i < p_.bodies[a].size(); ++i)
-        for (std::size_t j = 0; j < p_.bodies[b].size(); ++j) {
-          if (Box::gap2(piece_boxes_[slot_a + i], piece_boxes_[slot_b + j]) > limit2) continue;
-          if (peer.distance(*geometry_[p_.bodies[a][i]], at_[slot_a + i], *geometry_[p_.bodies[b][j]], at_[slot_b + j],
-                            cache) <= p_.max_distance)
-            return true;
-        }
-    }
-    return false;
-  }
-
-  /// The pairs of each configuration within max_distance.
-  void find_in_each(Peer& peer) {
-    found_.clear();
-    typename Peer::Cache cache;
-    const double limit2 = p_.max_distance * p_.max_distance;
-    for (std::uint64_t k = 0; k < p_.configurations; ++k) {
-      const Box* boxes = &body_boxes_[k * p_.bodies.size()];
-      for (const auto& [a, b] : p_.pairs) {
-        if (Box::gap2(boxes[a], boxes[b]) > limit2) continue;
-        // Pieces farther than the limit are left out by their boxes, the limit itself is not.
-        const double d = distance(peer, k, a, b, cache, std::nextafter(p_.max_distance, kBeyond));
-        if (d <= p_.max_distance) found_.push_back({a, b, static_cast<std::uint32_t>(k), d});
-      }
-    }
-  }
-
   /// The pairs within max_distance, by the peer's tree of boxes.
   void find(Peer& peer) {
     found_.clear();
@@ -306,7 +267,7 @@ class Runner {
     tree_->each_pair([&](std::uint32_t a, std::uint32_t b) {
       if (Box::gap2(body_boxes_[a], body_boxes_[b]) > p_.max_distance * p_.max_distance) return;
       const double d = distance(peer, 0, a, b, cache);
-      if (d <= p_.max_distance) found_.push_back({a, b, 0, d});
+      if (d <= p_.max_distance) found_.push_back({a, b, d});
     });
   }
 

@@ -15,10 +15,9 @@ class Ours {
       for (const std::uint32_t b : moved_) poses_.push_back(pose_of(p, k, b));
     const bool steps = p.kind == peers::Kind::kMotion;
     // A list of near pairs has an eighth of all, where about a twentieth is near.
-    const bool within = p.kind == peers::Kind::kWithin;
-    const std::size_t rows = within  ? static_cast<std::size_t>(p.answers()) / 8
-                             : steps ? pairs_.size()
-                                     : static_cast<std::size_t>(p.answers());
+    const std::size_t rows = p.kind == peers::Kind::kWithin ? pairs_.size() / 8
+                             : steps                        ? pairs_.size()
+                                                            : static_cast<std::size_t>(p.answers());
     lower_.resize(rows), upper_.resize(rows), status_.resize(rows);
     points_a_.resize(3 * rows), points_b_.resize(3 * rows), normals_.resize(3 * rows);
     distances_.resize(rows), found_.resize(rows), configurations_.resize(rows);
@@ -32,22 +31,16 @@ class Ours {
 
   void pass(const std::string& setting, double* answers) {
     QueryView query;
-    // As the peers' trees, which know no list either.
-    query.all_pairs = p_.kind == peers::Kind::kWithin && p_.configurations == 1;
+    query.all_pairs = p_.kind == peers::Kind::kWithin;  // as the peers' trees, which know no list either
     if (!query.all_pairs) query.pairs = pairs_;
     if (p_.kind == peers::Kind::kWithin) query.reduce = Reduce::kWithin, query.max_results = distances_.size();
     if (p_.kind == peers::Kind::kLeast) query.reduce = Reduce::kMin;
-    if (p_.kind == peers::Kind::kAny) query.reduce = Reduce::kAny;
-    if (p_.kind == peers::Kind::kAny)
-      query.margin = p_.max_distance;
-    else
-      query.max_distance = p_.max_distance;
+    query.max_distance = p_.max_distance;
     query.signed_distance = p_.kind == peers::Kind::kDepth;
     query.precision = setting.starts_with("f32") ? Precision::kF32 : Precision::kF64;
-    query.fields = kDefaultFields | (wants_points() ? kFieldPoints | kFieldNormal : 0);
+    query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
     query.warm_slot = setting.ends_with("warm") ? (query.precision == Precision::kF32 ? 2 : 1) : 0;
     if (p_.kind == peers::Kind::kWithin) {
-      move(query);
       ask(engine_, query, distances_.data());
     } else if (p_.kind == peers::Kind::kMotion) {
       std::vector<BodyPose> poses(moved_.size());
@@ -57,30 +50,24 @@ class Ours {
         ask(engine_, query, answers + k * pairs_.size());
       }
     } else {
-      move(query);
+      if (p_.configurations > 1) {
+        query.configuration_count = static_cast<std::uint32_t>(p_.configurations);
+        query.bodies = moved_;
+        query.configurations = poses_;
+      }
       ask(setting.ends_with("two threads") ? *two_threads_ : engine_, query, answers);
     }
   }
 
-  /// Of Kind::kWithin: its list in the order of the pairs. Of Kind::kAny: whether the answer is a pair that is near.
+  /// Of Kind::kWithin: its list in the order of the pairs.
   void finish(double* answers) const {
-    for (std::uint64_t i = 0; p_.kind == peers::Kind::kAny && i < rows_; ++i)
-      answers[i] = upper_[i] <= p_.max_distance ? 1 : 0;
     if (p_.kind != peers::Kind::kWithin) return;
     std::vector<peers::Found> list;
-    for (std::size_t i = 0; i < rows_; ++i)
-      list.push_back({found_[i].a, found_[i].b, configurations_[i], distances_[i]});
+    for (std::size_t i = 0; i < rows_; ++i) list.push_back({found_[i].a, found_[i].b, distances_[i]});
     peers::spread(p_, list, answers);
   }
 
  private:
-  bool wants_points() const { return p_.kind != peers::Kind::kBounds && p_.kind != peers::Kind::kAny; }
-  void move(QueryView& query) const {
-    if (p_.configurations == 1) return;
-    query.configuration_count = static_cast<std::uint32_t>(p_.configurations);
-    query.bodies = moved_;
-    query.configurations = poses_;
-  }
   static Engine::Options with_threads(int threads) {
     Engine::Options options;
     options.threads = threads;
@@ -95,8 +82,7 @@ class Ours {
     ReplyView reply;
     reply.distance = distance;
     reply.lower = lower_.data(), reply.upper = upper_.data(), reply.status = status_.data();
-    if (wants_points())
-      reply.point_a = points_a_.data(), reply.point_b = points_b_.data(), reply.normal = normals_.data();
+    reply.point_a = points_a_.data(), reply.point_b = points_b_.data(), reply.normal = normals_.data();
     reply.pair = found_.data(), reply.configuration = configurations_.data();
     Job job = engine.start(query, reply);
     while (!job.advance()) {

@@ -27,8 +27,6 @@ enum class Kind : std::uint32_t {
   kDepth,     ///< signed: also how deep pairs overlap
   kWithin,    ///< only pairs within max_distance, as a list
   kLeast,     ///< of each configuration only the least distance
-  kBounds,    ///< how far apart, without witness points
-  kAny,       ///< of each configuration only whether a pair is within max_distance: 1 or 0
 };
 
 struct Problem {
@@ -39,11 +37,10 @@ struct Problem {
   std::uint64_t configurations = 1;
   std::vector<std::array<double, 7>> poses;  ///< (K, B): x, y, z [m], qw, qx, qy, qz of any norm
   std::vector<std::array<std::uint32_t, 2>> pairs;
-  std::vector<double> truth;  ///< (K, P), of kLeast and kAny (K,): signed distance, metres; NaN: not worked out
+  std::vector<double> truth;  ///< (K, P), of kLeast (K,): signed distance, metres; NaN where it was not worked out
   std::vector<double> scale;  ///< likewise: S = |D| + rho_a + rho_b + r_a + r_b, metres, to judge errors by
 
-  bool is_of_configurations() const { return kind == Kind::kLeast || kind == Kind::kAny; }
-  std::uint64_t answers() const { return configurations * (is_of_configurations() ? 1 : pairs.size()); }
+  std::uint64_t answers() const { return configurations * (kind == Kind::kLeast ? 1 : pairs.size()); }
 };
 
 namespace detail {

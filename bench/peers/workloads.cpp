@@ -231,7 +231,7 @@ Problem make(const std::string& name, const std::string& scenes, const LinkPoses
   if (name == "separated_19802") return pairs_of_spheres(random, 100, 1000, Kind::kDistance, apart);
   if (name == "depth_42") return pairs_of_spheres(random, 5, 4000, Kind::kDepth, overlapping);
   if (name == "depth_1202") return pairs_of_spheres(random, 25, 500, Kind::kDepth, overlapping);
-  if (name.starts_with("cell")) return make_cell(scenes, links);
+  if (name == "cell" || name == "cell_least") return make_cell(scenes, links);
   if (name == "gap_1mm_42" || name == "gap_1mm_1202") {
     const bool small = name == "gap_1mm_42";
     Problem p = pairs_of_spheres(random, small ? 5 : 25, small ? 10'000 : 2000, Kind::kDistance, [] { return 4.05; });
@@ -292,10 +292,7 @@ const std::vector<Workload>& workloads() {
       {"motion_19802", "coherent motion, 19,802 vertices"},
       {"two_2M", "two spheres of 1,998,002 vertices"},
       {"cell", "robot cell, 4096 configurations, enabled pairs"},
-      {"cell_bounds", "the same, bounds alone (ours: no points; peers make them anyway)"},
-      {"cell_near", "the same, only pairs within 0.05 m as a list"},
       {"cell_least", "the same, only the nearest pair of each configuration (time for each)"},
-      {"cell_any", "the same, only whether a configuration is free (time for each)"},
       {"depth_42", "penetration depth, 42 vertices"},
       {"depth_1202", "penetration depth, 1202 vertices"},
   };
@@ -308,13 +305,7 @@ Problem make_workload(const std::string& name, const std::string& scenes, const 
   add_scales(p);
   if (name == "cut" || name == "within") p.max_distance = near_share(p);
   if (name == "within") p.kind = Kind::kWithin;
-  if (name == "cell_least" || name == "cell_any") keep_least(p);
-  if (name == "cell_bounds") p.kind = Kind::kBounds;
-  if (name == "cell_near") p.kind = Kind::kWithin, p.max_distance = 0.05;
-  if (name == "cell_any") {
-    p.kind = Kind::kAny, p.max_distance = 0;
-    for (double& t : p.truth) t = std::isnan(t) ? t : t <= 0 ? 1 : 0;
-  }
+  if (name == "cell_least") keep_least(p);
   return p;
 }
 

@@ -51,6 +51,19 @@ def test_links_in_configurations_are_proved(arm_daemon, arm_engine, kind, root, 
         assert document["rows"] == arm_engine.certificate(**asked).document["rows"]
 
 
+def test_motions_are_proved(arm_daemon, arm_engine, kind, root, tmp_path):
+    with clearance.connect(arm_daemon.urls[kind], timeout_s=PATIENCE_S) as client:
+        arm = client.joints("arm")
+        start = rows_of(arm, 3)
+        asked = {"joints": arm.names, "start": start, "end": start + 0.05, "reduce": "min"}
+        result = client.motions(**asked)
+        document = proved(root, tmp_path, client.certificate(**asked), 3)
+        assert [row["lower"] for row in document["rows"]] == result.lower.tolist()
+        assert [row["upper"] for row in document["rows"]] == result.upper.tolist()
+        assert any(len(pair["spans"]) > 1 for row in document["rows"] for pair in row["pairs"]), "none overlaps at once"
+        assert document["rows"] == arm_engine.certificate(**asked).document["rows"]
+
+
 def test_what_is_refused_is_named(client):
     with pytest.raises(clearance.QueryError, match=r"rows\[1\]: expected one of \d+ rows, got 100000"):
         client.certificate(rows=[0, 100000])
@@ -68,7 +81,7 @@ def test_a_tampered_one_is_found(client, root, tmp_path):
     certificate = client.certificate([0])
     row = certificate.document["rows"][0]
     text = certificate.to_json()
-    assert row["status"] == "ok" and text.count(f'"lower":{row["lower"]!r}') == 1
+    assert row["status"] == "ok" and text.count(f'"lower":{row["lower"]!r}') == 2, "the row's, and that of its pair"
     path = tmp_path / "rows.json"
     path.write_text(text.replace(f'"lower":{row["lower"]!r}', f'"lower":{row["lower"] * 1.001!r}'))
     command = [sys.executable, str(root / "tools" / "check_certificate.py"), str(path)]
