@@ -224,3 +224,12 @@ def daemon(cell, kinds, tmp_path_factory):
     daemon = Daemon(tmp_path_factory.mktemp("daemon"), cell, [kind for kind, why in kinds.items() if why is None])
     yield daemon
     assert daemon.stop() == 0, daemon.log()
+
+
+@pytest.fixture(scope="session")
+def checker(root):
+    """tools/check_certificate.py."""
+    spec = importlib.util.spec_from_file_location("check_certificate", root / "tools" / "check_certificate.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

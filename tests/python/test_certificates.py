@@ -2,7 +2,6 @@
 every tampering."""
 
 import copy
-import importlib.util
 import json
 import math
 import random
@@ -13,19 +12,11 @@ import numpy as np
 import pytest
 
 import clearance
+from certificates import NAMES, junk_refused, turned
 from clearance import Status
 from scenes import at, box_vertices, random_poses
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearance.HullWarning")
-NAMES = [status.name.lower() for status in Status]
-
-
-@pytest.fixture(scope="module")
-def checker(root):
-    spec = importlib.util.spec_from_file_location("check_certificate", root / "tools" / "check_certificate.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def zoo():
@@ -303,10 +294,6 @@ def directions(document, change):
     claim["direction"] = [change(high, low) for high, low in claim["direction"]]
 
 
-def turned(vector):
-    return [[-high, -low] for high, low in vector]
-
-
 def move_vertex(document):
     """The nearest of a's by half of what lies between."""
     (i, _), (vertex, _) = upper(document)["pieces"], upper(document)["vertices"][0]
@@ -484,26 +471,6 @@ def test_tampering_is_found(checker, documents, name):
         assert name in ("vertex left out", "more position", "padding", "unknown core", "core of no size"), error
     else:
         assert not is_proved, why
-
-
-def junk_refused(checker, documents, rng, times):
-    """How often junk in place of any part of one of the documents is not found good; nothing else may come of it."""
-    junk = [None, True, -1, 0, 1e300, "inf", "nan", "", [], {}, [[]], {"a": 1}, 10**400, [1, 2, 3]]
-    found = 0
-    for _ in range(times):
-        document = copy.deepcopy(rng.choice(documents))
-        part = document
-        while True:
-            key = rng.choice(sorted(part) if isinstance(part, dict) else range(len(part)))
-            if not isinstance(part[key], (dict, list)) or not part[key] or rng.random() < 0.15:
-                break
-            part = part[key]
-        part[key] = rng.choice(junk)
-        try:
-            found += not all(is_proved for is_proved, _ in checker.verdicts(document))
-        except checker.MALFORMED:
-            found += 1
-    return found
 
 
 def test_any_junk_is_answered(checker, documents):

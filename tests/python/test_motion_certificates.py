@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import clearance
+from certificates import NAMES, junk_refused, turned
 from clearance import Status
 from scenes import at
-from test_certificates import NAMES, checker, junk_refused, turned  # noqa: F401
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearance.HullWarning")
 ARM = """<robot name="arm">
@@ -62,7 +62,7 @@ def moves(count, seed, spread=0.6):
     return {"joints": "arm", "bodies": ["cart", "egg"], "start": (start, poses()), "end": (end, poses())}
 
 
-def check(checker, engine, seen, **asked):  # noqa: F811
+def check(checker, engine, seen, **asked):
     """All rows are proved, and are those of motions(); counts kinds of proofs."""
     result, document = engine.motions(**asked), engine.certificate(**asked).document
     rows = document["rows"]
@@ -78,7 +78,7 @@ def check(checker, engine, seen, **asked):  # noqa: F811
     return document
 
 
-def test_every_kind_of_proof(checker, engine):  # noqa: F811
+def test_every_kind_of_proof(checker, engine):
     seen: set = set()
     pairs = [("arm/finger", "egg"), ("arm/fore", "wall"), ("arm/rod", "arm/base"), ("arm/finger", "arm/upper"),
              ("arm/fore", "post"), ("arm/upper", "vague")]  # fmt: skip
@@ -96,7 +96,7 @@ def test_every_kind_of_proof(checker, engine):  # noqa: F811
     assert {x[2] for x in seen if isinstance(x, tuple)} == {True, False}, "seen from the world, and from a body"
 
 
-def test_half_turns_and_long_ways(checker):  # noqa: F811
+def test_half_turns_and_long_ways(checker):
     scene = clearance.Scene()
     scene.add_box("bar", [1.0, 0.05, 0.05])
     scene.add_box("block", [0.2, 0.2, 0.2], static=True, pose=at(0.2, 0.8, 0.1))
@@ -171,7 +171,7 @@ MUTATIONS = {
 
 
 @pytest.mark.parametrize("name", MUTATIONS)
-def test_tampering_is_found(checker, document, name):  # noqa: F811
+def test_tampering_is_found(checker, document, name):
     mutated = copy.deepcopy(document)
     MUTATIONS[name](mutated)
     assert mutated != document
@@ -183,7 +183,7 @@ def test_tampering_is_found(checker, document, name):  # noqa: F811
         assert not is_proved, why
 
 
-def test_decisions(checker, engine):  # noqa: F811
+def test_decisions(checker, engine):
     """`beyond` needs all pairs beyond their own margins, and a hit a witness within its margin."""
     asked = {**moves(1, 3, spread=0.2), "reduce": "any"}
     pairs = [("arm/upper", "wall"), ("arm/upper", "egg")]
@@ -216,7 +216,7 @@ def test_rows_by_number_and_what_has_none(engine):
         engine.certificate(joints="arm", start=[[0, 0, 0]])
 
 
-def test_motions_from_nowhere(checker):  # noqa: F811
+def test_motions_from_nowhere(checker):
     scene = clearance.Scene()
     scene.add_sphere("a", 0.1)
     scene.add_sphere("b", 0.1, pose=at(1))
@@ -226,5 +226,5 @@ def test_motions_from_nowhere(checker):  # noqa: F811
     assert next(checker.verdicts(document))[0]
 
 
-def test_any_junk_is_answered(checker, document):  # noqa: F811
+def test_any_junk_is_answered(checker, document):
     assert 4 < junk_refused(checker, [document], random.Random(7), 20) < 20  # names may be anything
