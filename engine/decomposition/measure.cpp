@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/narrow/narrow_phase.h"
+#include "engine/surface/leaves_in_box.h"
 
 namespace clearance {
 
@@ -109,23 +110,8 @@ std::uint32_t nearest_triangle(const Surface& surface, const Vec3d& p) {
 bool triangles_that_meet(const Surface& surface, const Vec3d& low, const Vec3d& high, std::size_t most,
                          std::vector<std::uint32_t>& found) {
   found.clear();
-  const std::span<const Surface::Node> nodes = surface.nodes();
-  // Rounded here and there, each time by less than what a box's corners were moved outward by.
-  const Vec3d from = low - surface.centre(), to = high - surface.centre();
-  std::vector<std::uint32_t> left{0};
-  while (!left.empty()) {
-    const std::uint32_t at = left.back();
-    left.pop_back();
-    const Surface::Node& node = nodes[at];
-    if (to.x < node.low[0] || from.x > node.high[0] || to.y < node.low[1] || from.y > node.high[1] ||
-        to.z < node.low[2] || from.z > node.high[2])
-      continue;
-    if (!node.is_leaf()) {
-      left.push_back(node.right);
-      left.push_back(at + 1);
-      continue;
-    }
-    for (std::uint32_t t = node.begin(); t < node.end(); ++t) {
+  return visit_leaves(surface, low, high, [&](const Surface::Node& leaf) {
+    for (std::uint32_t t = leaf.begin(); t < leaf.end(); ++t) {
       const auto [a, b, c] = surface.corners(t);
       bool meets = true;
       for (int k = 0; k < 3; ++k)
@@ -134,8 +120,8 @@ bool triangles_that_meet(const Surface& surface, const Vec3d& low, const Vec3d& 
       if (found.size() == most) return false;
       found.push_back(t);
     }
-  }
-  return true;
+    return true;
+  });
 }
 
 }  // namespace clearance

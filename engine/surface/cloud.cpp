@@ -10,6 +10,7 @@
 
 #include "engine/base/digest.h"
 #include "engine/surface/box_halving.h"
+#include "engine/surface/leaves_in_box.h"
 #include "engine/surface/surface.h"
 
 namespace clearance {
@@ -157,22 +158,7 @@ Surface::Surface(std::span<const CloudPoint> points, float edge)
 }
 
 bool meets_leaf(const Surface& surface, const Vec3d& low, const Vec3d& high) {
-  const std::span<const Surface::Node> nodes = surface.nodes();
-  // Rounded here and there, each time by less than what a box's corners were moved outward by.
-  const Vec3d from = low - surface.centre(), to = high - surface.centre();
-  std::vector<std::uint32_t> left{0};
-  while (!left.empty()) {
-    const std::uint32_t at = left.back();
-    left.pop_back();
-    const Surface::Node& node = nodes[at];
-    if (to.x < node.low[0] || from.x > node.high[0] || to.y < node.low[1] || from.y > node.high[1] ||
-        to.z < node.low[2] || from.z > node.high[2])
-      continue;
-    if (node.is_leaf()) return true;
-    left.push_back(node.right);
-    left.push_back(at + 1);
-  }
-  return false;
+  return !visit_leaves(surface, low, high, [](const Surface::Node&) { return false; });
 }
 
 }  // namespace clearance
