@@ -8,13 +8,15 @@
 #include <cerrno>
 #include <cstring>
 #include <mutex>
+#include <utility>
 
 #include "doorman.h"
 
 namespace clearance {
 namespace {
 
-std::mutex mutex;  // the loop's thread and libzmq's
+std::mutex mutex;  // the loop's thread and libzmq's: whoever makes room takes it himself
+int null_device = -1;
 int reserve = -1;
 
 int system_accept(int listener, sockaddr* address, socklen_t* length, int flags) {
@@ -26,30 +28,45 @@ bool is_exhausted(int error) {
 }
 
 void keep_reserve() {
-  if (reserve < 0) reserve = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+  if (null_device < 0) null_device = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+  if (reserve < 0 && null_device >= 0) reserve = ::fcntl(null_device, F_DUPFD_CLOEXEC, 0);
 }
 
-/// Takes one connection in the reserve's place and closes it.
-void shed(int listener, const std::function<void(int)>& refuse) {
+/// Closes a connection that was taken in the reserve's place and makes the place a reserve, in one step: between two,
+/// another thread would take it, and there would be no reserve from then on. With a stranger's descriptors in its queue
+/// this takes as long as the stranger likes, so it is not done under the lock.
+void close_into_reserve(shm::UniqueFd unwanted) {
+  if (::dup3(null_device, unwanted.get(), O_CLOEXEC) < 0) return;
+  const std::lock_guard lock(mutex);
+  if (reserve < 0) reserve = unwanted.release();
+}
+
+/// One connection, or one in the reserve's place, which nobody can serve.
+struct Taken {
+  int socket = -1;
   shm::UniqueFd unwanted;
-  {
-    const std::lock_guard lock(mutex);
-    if (reserve >= 0) ::close(reserve);
-    reserve = -1;
-    unwanted.reset(system_accept(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-    if (!unwanted) keep_reserve();
-  }
-  if (!unwanted) return;
-  if (refuse) refuse(unwanted.get());
-  turn_away(std::move(unwanted), &reserve_descriptor);
+};
+Taken take(int listener, sockaddr* address, socklen_t* length, int flags) {
+  const std::lock_guard lock(mutex);
+  keep_reserve();
+  Taken taken{system_accept(listener, address, length, flags), {}};
+  if (taken.socket >= 0 || !is_exhausted(errno)) return taken;
+  if (reserve >= 0) ::close(std::exchange(reserve, -1));
+  taken.unwanted.reset(system_accept(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+  if (!taken.unwanted) keep_reserve();
+  errno = ECONNABORTED;
+  return taken;
 }
 
 }  // namespace
 
 int accept_or_refuse(int listener, const std::function<void(int)>& refuse) {
-  const int socket = system_accept(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-  if (socket < 0 && is_exhausted(errno)) shed(listener, refuse);
-  return socket;
+  Taken taken = take(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+  if (taken.unwanted) {
+    refuse(taken.unwanted.get());
+    turn_away(std::move(taken.unwanted), &close_into_reserve);
+  }
+  return taken.socket;
 }
 
 void reserve_descriptor() {
@@ -62,15 +79,15 @@ void reserve_descriptor() {
 // In place of the C library's, for libzmq. ECONNABORTED is what it hears of a client that hung up before it was taken.
 extern "C" __attribute__((visibility("default"))) int accept4(int listener, sockaddr* address, socklen_t* length,
                                                               int flags) {
-  const int socket = clearance::system_accept(listener, address, length, flags);
-  if (socket >= 0) {
-    const int inner = clearance::let_in(clearance::shm::UniqueFd(socket)).release();
+  clearance::Taken taken = clearance::take(listener, address, length, flags);
+  if (taken.socket >= 0) {
+    const int inner = clearance::let_in(clearance::shm::UniqueFd(taken.socket)).release();
     if (inner < 0) errno = ECONNABORTED;
     return inner;
   }
-  if (!clearance::is_exhausted(errno)) return socket;
-  clearance::shed(listener, {});
-  errno = ECONNABORTED;
+  const int error = errno;
+  if (taken.unwanted) clearance::turn_away(std::move(taken.unwanted), &clearance::close_into_reserve);
+  errno = error;
   return -1;
 }
 

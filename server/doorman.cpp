@@ -40,7 +40,7 @@ struct House {
   std::unordered_map<ino_t, ucred> behind;  // by the daemon's end
   struct Leaving {
     UniqueFd stranger;
-    void (*then)();
+    void (*close)(UniqueFd);
   };
   std::deque<Leaving> leaving;
   bool is_seeing_out = false;  // a thread does
@@ -203,8 +203,7 @@ void* see_out(void*) {
     House::Leaving first = std::move(h.leaving.front());
     h.leaving.pop_front();
     lock.unlock();
-    first.stranger.reset();
-    if (first.then) first.then();
+    first.close(std::move(first.stranger));
     lock.lock();
   }
   h.is_seeing_out = false;
@@ -261,15 +260,14 @@ UniqueFd let_in(UniqueFd stranger) {
   return {};
 }
 
-void turn_away(UniqueFd stranger, void (*then)()) {
+void turn_away(UniqueFd stranger, void (*close)(UniqueFd)) {
   if (kernel_refuses_descriptors()) {
-    stranger.reset();
-    if (then) then();
+    close(std::move(stranger));
     return;
   }
   House& h = house();
   const std::lock_guard lock(h.mutex);
-  h.leaving.push_back({std::move(stranger), then});
+  h.leaving.push_back({std::move(stranger), close});
   // Without a thread it stays open until the next one is turned away.
   if (!h.is_seeing_out) h.is_seeing_out = run_detached(&see_out, nullptr);
 }

@@ -25,9 +25,9 @@ void refuse_descriptors(int listener);
 /// closed, if there is no thread or descriptor for it or its user has too many doors.
 shm::UniqueFd let_in(shm::UniqueFd stranger);
 
-/// Closes a connection that was taken from strangers, on a thread that nobody waits for. `then`, if there is one, is
-/// called after it.
-void turn_away(shm::UniqueFd stranger, void (*then)() = nullptr);
+/// Has a connection that was taken from strangers closed by `close`, on a thread that nobody waits for.
+void turn_away(
+    shm::UniqueFd stranger, void (*close)(shm::UniqueFd) = +[](shm::UniqueFd) {});
 
 /// Who is behind a socket of let_in(): SO_PEERCRED, asked of the stranger's. False: it is none of those.
 bool credentials_behind(int socket, ucred& who);
