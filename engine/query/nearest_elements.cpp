@@ -20,11 +20,22 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 // Rounding units of a gap: of the rotation, what is multiplied by it and the sums (docs/bounds.md, surfaces).
 constexpr double kGapUnits = 256 * 0x1p-53;
-constexpr std::uint64_t kOpenedPerUnit = 4;
-constexpr int kLevels = 6;  // 64 boxes at most
+constexpr std::uint64_t kOpenedPerUnit = 4, kReachedPerUnit = 16;
+// How far down known_reach() looks: 4096 nodes at most, and 64 of a cloud, whose boxes hold more than they need.
+constexpr int kLevels = 12, kLevelsOfCloud = 6;
 
 Vec3d absolute(const Vec3d& v) {
   return {std::abs(v.x), std::abs(v.y), std::abs(v.z)};
+}
+// Of a node; null: of something else.
+const Surface::Slab* slab_of(const Body& body, std::uint32_t piece, std::uint32_t at) {
+  if (at >> 31) return nullptr;
+  const Surface& surface = *body.pieces[piece]->surface;
+  return surface.is_cloud() ? nullptr : &surface.slabs()[at];
+}
+// How far it reaches along so many times its normal.
+double reach_across(const Surface::Slab& slab, double times, const Vec3d& centre) {
+  return times * (dot(slab.normal(), centre) + double{times > 0 ? slab.high : slab.low});
 }
 double above_zero(double x) {
   return x > 0 ? x : 0;  // not a NaN, as of a box without bounds
@@ -56,7 +67,8 @@ void NearestElements::begin(const Body& a, const PlacedPose& pose_a, const Body&
   error_ = kGapUnits * (norm(D_) + a.reach + b.reach) + Arithmetic<double>::kUnderflowLength;
   plane_ = is_half_space(*a.pieces[0]) ? Plane::kA : is_half_space(*b.pieces[0]) ? Plane::kB : Plane::kNeither;
   looks_ = 0;
-  levels_ = 0;
+  looks_deep_ = false;
+  reached_ = 0;
   left_out_ = kInf;
   heap_.clear();
   const auto first = [](const PiecePtr& piece) { return piece->surface ? 0 : kNone; };
@@ -110,7 +122,8 @@ double NearestElements::margin(const Entry& e) const {
   return a_->pieces[e.piece_a]->radius + b_->pieces[e.piece_b]->radius + error_;
 }
 
-// By boxes in the axes of a, by what both reach along the line of their middles, and along the direction that is known.
+// By boxes in the axes of a, and by what both reach along the direction that is known, along the normals of their slabs
+// and along the line of their middles.
 // \param b in its own axes
 double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const {
   if (plane_ != Plane::kNeither) {  // it has no box, and its plane's normal says all
@@ -125,10 +138,28 @@ double NearestElements::gap_of(const Entry& e, const Bulk& a, const Bulk& b, dou
   double gap = std::max(e.gap, above_zero(norm(apart) - margin(e)));
   if (gap > cut_off) return gap;
   if (looks_) gap = std::max(gap, gap_known(e, a, b));
+  if (gap <= cut_off) gap = std::max(gap, gap_across(e, true, b, d));
+  if (gap <= cut_off) gap = std::max(gap, gap_across(e, false, a, d));
   const double length = norm(d);
   if (gap > cut_off || !(length > 0 && length < kInf)) return gap;
   const Vec3d n = d * (1 / length);
   return std::max(gap, gap_along(e, a, b, n, R_.transpose_times(n)));
+}
+
+// Along the normal of the slab of one of both, which itself ends at a plane there. \param d from the middle of a's box
+// to that of b's, in the axes of a
+double NearestElements::gap_across(const Entry& e, bool of_a, const Bulk& other, const Vec3d& d) const {
+  const Body& body = of_a ? *a_ : *b_;
+  const std::uint32_t piece = of_a ? e.piece_a : e.piece_b, at = of_a ? e.at_a : e.at_b;
+  const Surface::Slab* const slab = slab_of(body, piece, at);
+  if (!slab) return 0;
+  const Vec3d m = slab->normal(), m_a = of_a ? m : R_ * m;
+  const double size = norm(m), ahead = dot(m_a, d) < 0 ? -1 : 1, outward = of_a ? ahead : -ahead;
+  if (!(size > 0)) return 0;
+  const double own = reach_across(*slab, outward, body.pieces[piece]->surface->centre()),
+               others = of_a ? reach(*b_, e.piece_b, e.at_b, other, R_.transpose_times(m_a * -ahead))
+                             : reach(*a_, e.piece_a, e.at_a, other, m_a * ahead);
+  return above_zero(((ahead * dot(m_a, D_) - others) - own) * ((1 - 0x1p-45) / size) - margin(e));
 }
 
 // How far a subtree reaches along a direction, in the axes of its body: by the triangles of a leaf, else by its box.
@@ -150,7 +181,16 @@ double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32
   if (at != kNone && is_element(at)) return of_elements(at & ~kTriangle, (at & ~kTriangle) + 1);
   if (at != kNone && surface->nodes()[at].is_leaf())
     return of_elements(surface->nodes()[at].begin(), surface->nodes()[at].end());
-  return dot(n, box.centre) + dot(absolute(n), box.half);
+  const double by_box = dot(n, box.centre) + dot(absolute(n), box.half);
+  if (at == kNone || surface->is_cloud()) return by_box;
+  // The part of n along the slab's normal reaches no farther than its plane, and what is left of n no farther than the
+  // box.
+  const Surface::Slab& slab = surface->slabs()[at];
+  const Vec3d m = slab.normal();
+  const double along = dot(n, m);
+  const Vec3d rest = n - along * m;
+  return std::min(by_box, dot(rest, box.centre) + dot(absolute(rest), box.half) +
+                              reach_across(slab, along, surface->centre()));
 }
 
 // \param n_a, n_b the direction in the axes of both, of length 1 up to rounding
@@ -160,19 +200,20 @@ double NearestElements::gap_along(const Entry& e, const Bulk& a, const Bulk& b, 
   return above_zero(((dot(n_a, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
 }
 
-// reach() along the direction that is known, of a subtree looked at down to some levels: the boxes there are so much
-// smaller. Most of it is left out, since its box reaches less far than what is found.
+// reach() along the direction that is known, of a subtree looked at down to some levels: what is there reaches so much
+// less far than its box. Most of it is left out, since its box reaches less far than what is found.
 double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box,
                                     int levels) const {
   const Body& body = of_a ? *a_ : *b_;
   const Vec3d n = of_a ? n_a_ : -n_b_;
   const auto of_box = [&](std::uint32_t node, const Bulk& bulk) { return reach(body, piece, node, bulk, n); };
-  if (at == kNone || is_element(at) || levels == 0) return of_box(at, box);
+  if (is_element(at) || levels == 0) return of_box(at, box);
   const Surface::Node& node = body.pieces[piece]->surface->nodes()[at];
   if (node.is_leaf()) return of_box(at, box);
   Reach& known = reaches_[(at * 2654435761u + piece * 40503u + of_a) % kReaches];
   if (known.direction == directions_ && known.at == at && known.piece == piece && known.of_a == of_a)
     return known.reach;
+  ++reached_;
   std::uint32_t first = at + 1, second = node.right;
   Bulk first_box = bulk(body, piece, first), second_box = bulk(body, piece, second);
   const double far = of_box(first, first_box);
@@ -189,8 +230,12 @@ double NearestElements::known_reach(bool of_a, std::uint32_t piece, std::uint32_
 }
 
 double NearestElements::gap_known(const Entry& e, const Bulk& a, const Bulk& b) const {
-  const double far_a = known_reach(true, e.piece_a, e.at_a, a, levels_),
-               far_b = known_reach(false, e.piece_b, e.at_b, b, levels_);
+  const auto levels = [&](const Body& body, std::uint32_t piece) {
+    const Surface* const surface = body.pieces[piece]->surface.get();
+    return !looks_deep_ ? 0 : surface && surface->is_cloud() ? kLevelsOfCloud : kLevels;
+  };
+  const double far_a = known_reach(true, e.piece_a, e.at_a, a, levels(*a_, e.piece_a)),
+               far_b = known_reach(false, e.piece_b, e.at_b, b, levels(*b_, e.piece_b));
   return above_zero(((dot(n_a_, D_) - far_b) - far_a) * (1 - 0x1p-45) - margin(e));
 }
 
@@ -251,7 +296,7 @@ void NearestElements::touching_pieces(std::vector<ElementPair>& others) const {
 }
 
 void NearestElements::take_pieces(double lower) {
-  levels_ = lower > 0 ? kLevels : 0;  // where no direction keeps all of both apart, it is good for a few triangles
+  looks_deep_ = lower > 0;  // where no direction keeps all of both apart, it is good for a few triangles
   Entry e = pop();
   e.gap = std::max(e.gap, lower);
   put(e, kInf);
@@ -293,8 +338,8 @@ NearestElements::Found NearestElements::next(double cut_off, WorkMeter& meter, E
       part.looked = looks_;
       put(part, cut_off);
     });
-    if (opened % kOpenedPerUnit != 0) continue;
-    meter.count(1);
+    if (opened % kOpenedPerUnit != 0 && reached_ < kReachedPerUnit) continue;
+    meter.count(1 + std::exchange(reached_, 0) / kReachedPerUnit);
     if (meter.is_over()) return Found::kPaused;
   }
   return Found::kNoMore;

@@ -78,8 +78,10 @@ class NearestElements {
   Bulk before_a(const Bulk& of_b) const;
   double gap_of(const Entry& e, const Bulk& a, const Bulk& b, double cut_off) const;
   double gap_along(const Entry& e, const Bulk& a, const Bulk& b, const Vec3d& n_a, const Vec3d& n_b) const;
+  double gap_across(const Entry& e, bool of_a, const Bulk& other, const Vec3d& d) const;
   double gap_known(const Entry& e, const Bulk& a, const Bulk& b) const;
   double margin(const Entry& e) const;
+
   static double reach(const Body& body, std::uint32_t piece, std::uint32_t at, const Bulk& box, const Vec3d& n);
   double known_reach(bool of_a, std::uint32_t piece, std::uint32_t at, const Bulk& box, int levels) const;
   void put(const Entry& entry, double cut_off);
@@ -106,7 +108,8 @@ class NearestElements {
   };
   static constexpr std::size_t kReaches = 2048;
   std::uint64_t directions_ = 0;  // of all searches
-  int levels_ = 0;                // that known_reach() goes down
+  bool looks_deep_ = false;       // known_reach() does
+  mutable std::uint64_t reached_ = 0;  // nodes that it has looked into since the meter was told
   mutable std::vector<Reach> reaches_ = std::vector<Reach>(kReaches);
 };
 

@@ -27,8 +27,9 @@ float float_below(double x) {
   const auto f = static_cast<float>(x);
   return f <= x ? f : std::nextafter(f, -std::numeric_limits<float>::infinity());
 }
-float float_above(double x) {
-  return -float_below(-x);
+// One that is below x, also if x was rounded by half a unit of float64.
+float float_under(double x) {
+  return std::nextafter(float_below(x), -std::numeric_limits<float>::infinity());
 }
 
 // A list of triangles, for halve(): cut at the middle one along the longest side of their middles.
@@ -62,10 +63,9 @@ class TriangleList {
   }
   // What was measured from the centre was rounded: half a unit of float64, far less than one of float32.
   static void close(const Extremes& box, std::array<float, 3>& low, std::array<float, 3>& high) {
-    constexpr float kInf = std::numeric_limits<float>::infinity();
     for (std::size_t k = 0; k < 3; ++k) {
-      low[k] = std::nextafter(float_below(box.low[static_cast<int>(k)]), -kInf);
-      high[k] = std::nextafter(float_above(box.high[static_cast<int>(k)]), kInf);
+      low[k] = float_under(box.low[static_cast<int>(k)]);
+      high[k] = -float_under(-box.high[static_cast<int>(k)]);
     }
   }
 
@@ -74,6 +74,40 @@ class TriangleList {
   std::span<const Triangle> triangles_;
   Vec3d centre_;
   std::vector<Vec3d> middles_;  // times three, from the centre
+};
+
+// Which way the area of triangles faces: the sum of n n^T over their areas.
+class Facing {
+ public:
+  void take(const std::array<Vec3d, 3>& t) {
+    const Vec3d n = cross(t[1] - t[0], t[2] - t[0]);
+    const double area = norm(n);
+    if (!(area > 0)) return;
+    const Vec3d m = n * (1 / area);
+    for (int k = 0; k < 3; ++k) sum_[k] = sum_[k] + n * m[k];
+  }
+  void take(const Facing& other) {
+    for (int k = 0; k < 3; ++k) sum_[k] = sum_[k] + other.sum_[k];
+  }
+  /// The direction that most of it faces, of length 1 up to rounding; 0: there is none.
+  Vec3d most() const {
+    std::array<Vec3d, 3> power = sum_;
+    for (int i = 0; i < 4; ++i) {  // to the sixteenth power: the largest of three outgrows the others
+      const double trace = power[0].x + power[1].y + power[2].z;
+      if (!(trace > 0 && trace < std::numeric_limits<double>::infinity())) return {0, 0, 0};
+      for (Vec3d& row : power) row = row * (1 / trace);
+      const std::array<Vec3d, 3> p = power;
+      for (std::size_t k = 0; k < 3; ++k) power[k] = p[0] * p[k].x + p[1] * p[k].y + p[2] * p[k].z;
+    }
+    const Vec3d& row = *std::max_element(power.begin(), power.end(), [](const Vec3d& p, const Vec3d& q) {
+      return squared_norm(p) < squared_norm(q);
+    });
+    const double length = norm(row);
+    return length > 0 ? row * (1 / length) : Vec3d{0, 0, 0};
+  }
+
+ private:
+  std::array<Vec3d, 3> sum_{};  // symmetric
 };
 
 }  // namespace
@@ -160,6 +194,40 @@ void Surface::build_tree() {
   ordered.reserve(triangles_.size());
   for (const std::uint32_t t : places_) ordered.push_back(triangles_[t]);
   triangles_ = std::move(ordered);
+  find_slabs();
+}
+
+// The planes of a node lie across the direction that most of its area faces, either way.
+void Surface::find_slabs() {
+  slabs_.resize(nodes_.size());
+  std::vector<Facing> facing(nodes_.size());
+  std::vector<std::uint32_t> first(nodes_.size()), end(nodes_.size());
+  const Vec3d low = {nodes_[0].low[0], nodes_[0].low[1], nodes_[0].low[2]},
+              high = {nodes_[0].high[0], nodes_[0].high[1], nodes_[0].high[2]};
+  const double wrong = 0x1p-49 * norm(high - low);  // of what is computed, more than it is off
+  for (std::size_t at = nodes_.size(); at-- > 0;) {  // parts come after the whole
+    const Node& node = nodes_[at];
+    first[at] = node.is_leaf() ? node.begin() : first[at + 1];
+    end[at] = node.is_leaf() ? node.end() : end[node.right];
+    if (node.is_leaf())
+      for (std::uint32_t t = first[at]; t < end[at]; ++t) facing[at].take(corners(t));
+    else
+      facing[at].take(facing[at + 1]), facing[at].take(facing[node.right]);
+    const Vec3d n = facing[at].most();
+    Slab& slab = slabs_[at];
+    for (int k = 0; k < 3; ++k)
+      slab.units[static_cast<std::size_t>(k)] = static_cast<std::int16_t>(std::lround(n[k] / Slab::kUnit));
+    const Vec3d normal = slab.normal();
+    double least = std::numeric_limits<double>::infinity(), most = -least;
+    for (std::uint32_t t = first[at]; t < end[at]; ++t)
+      for (const std::uint32_t corner : triangles_[t]) {
+        const double along = dot(normal, vertices_[corner] - centre_);
+        least = std::min(least, along);
+        most = std::max(most, along);
+      }
+    slab.low = float_under(least - wrong);
+    slab.high = -float_under(-(most + wrong));
+  }
 }
 
 ElementCorners Surface::element(std::uint32_t i) const {
@@ -181,7 +249,7 @@ ElementCorners Surface::element(std::uint32_t i) const {
 std::uint64_t Surface::resident_bytes() const {
   const auto held = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
   return sizeof(Surface) + held(vertices_) + held(triangles_) + held(places_) + held(parts_) + held(points_) +
-         held(nodes_);
+         held(nodes_) + held(slabs_);
 }
 
 }  // namespace clearance

@@ -42,6 +42,15 @@ class Surface {
     std::uint32_t begin() const { return few / kLeafElements; }
     std::uint32_t end() const { return begin() + few % kLeafElements + 1; }
   };
+  /// Between which two planes the triangles of a node lie: of a patch that is nearly flat, they are far nearer to each
+  /// other than the sides of its box, which is turned as the body is.
+  struct Slab {
+    static constexpr double kUnit = 0x1p-14;
+    float low, high;                    ///< of normal() . (x - centre()), rounded outward
+    std::array<std::int16_t, 3> units;  ///< of kUnit
+    /// Exact; of length 1 up to its rounding, or 0: there is none.
+    Vec3d normal() const { return kUnit * Vec3d{double(units[0]), double(units[1]), double(units[2])}; }
+  };
   static constexpr std::uint32_t kLeafElements = 4;
   static constexpr std::size_t kMostElements = std::size_t{1} << 30;
 
@@ -89,6 +98,8 @@ class Surface {
 
   /// The root is the first; a child comes after its parent.
   std::span<const Node> nodes() const { return nodes_; }
+  /// Of each node; of a cloud, none.
+  std::span<const Slab> slabs() const { return slabs_; }
   const Vec3d& centre() const { return centre_; }
 
   std::uint64_t resident_bytes() const;
@@ -98,6 +109,7 @@ class Surface {
  private:
   void find_parts();
   void build_tree();
+  void find_slabs();
 
   std::vector<Vec3d> vertices_;
   std::vector<Triangle> triangles_;
@@ -111,6 +123,7 @@ class Surface {
   std::uint64_t digest_ = 0;
   std::shared_ptr<const Decomposition> decomposition_;
   Kind kind_;
+  std::vector<Slab> slabs_;
 };
 using SurfacePtr = std::shared_ptr<const Surface>;
 

@@ -40,7 +40,7 @@ std::vector<exact::SolidPtr> nasty_meshes(std::uint64_t each) {
   return meshes;
 }
 
-/// Walks a tree: each leaf's triangles are in the boxes of all nodes above it, exactly; leaves come in order.
+/// Walks a tree: each leaf's triangles are in the boxes and slabs of all nodes above it, exactly; leaves come in order.
 class TreeWalk {
  public:
   explicit TreeWalk(const Surface& surface) : surface_(surface) { walk(0, 0); }
@@ -54,7 +54,7 @@ class TreeWalk {
     const Surface::Node& node = surface_.nodes()[at];
     ++nodes;
     depth = std::max(depth, level);
-    path_.push_back(&node);
+    path_.push_back(at);
     if (node.is_leaf()) {
       ASSERT_EQ(node.begin(), triangles);
       ASSERT_GT(node.end(), node.begin());
@@ -62,7 +62,7 @@ class TreeWalk {
       ASSERT_LE(node.end(), surface_.triangles().size());
       for (; triangles < node.end(); ++triangles)
         for (const Vec3d& v : surface_.corners(triangles))
-          for (const Surface::Node* box : path_) outside += !holds(*box, v);
+          for (const std::uint32_t above : path_) outside += !holds(above, v);
     } else {
       ASSERT_GT(node.right, at + 1);
       walk(at + 1, level + 1);
@@ -71,20 +71,24 @@ class TreeWalk {
     }
     path_.pop_back();
   }
-  bool holds(const Surface::Node& box, const Vec3d& v) const {
+  bool holds(std::uint32_t at, const Vec3d& v) const {
+    const Surface::Node& box = surface_.nodes()[at];
+    const Surface::Slab& slab = surface_.slabs()[at];
+    mpq_class along;
     for (int k = 0; k < 3; ++k) {
       const mpq_class x = mpq_class(v[k]) - mpq_class(surface_.centre()[k]);
+      along += x * mpq_class(slab.normal()[k]);
       if (x < mpq_class(static_cast<double>(box.low[static_cast<std::size_t>(k)]))) return false;
       if (x > mpq_class(static_cast<double>(box.high[static_cast<std::size_t>(k)]))) return false;
     }
-    return true;
+    return along >= mpq_class(double{slab.low}) && along <= mpq_class(double{slab.high});
   }
 
   const Surface& surface_;
-  std::vector<const Surface::Node*> path_;
+  std::vector<std::uint32_t> path_;
 };
 
-TEST(Surface, TreeHoldsEveryTriangleOnceAndInItsBoxes) {
+TEST(Surface, TreeHoldsEveryTriangleOnceInItsBoxesAndSlabs) {
   std::size_t most = 0, least = 1000, far = 0;
   std::vector<exact::SolidPtr> meshes = nasty_meshes(6);
   Random random(kSeed);
