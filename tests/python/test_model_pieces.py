@@ -1,0 +1,144 @@
+"""model="pieces": bodies answered by convex pieces alone, in process and through a daemon over every transport."""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+import clearance
+from clearance import Flag, Status
+from conftest import BUILD, INSTALLED
+from patience import PATIENCE_S
+from scenes import at
+
+PROGRAM = "clearance" if INSTALLED else str(BUILD / "bin" / "clearance")
+SCENE = """
+bodies:
+  - {name: bracket, mesh: bracket.obj, convexify: decompose, pose: [0,0,0, 1,0,0,0]}
+  - {name: ball, sphere: 0.1, pose: [0.6,0.25,0.6, 1,0,0,0]}
+  - {name: plate, mesh: bracket.obj, convexify: solid, static: true, pose: [0,3,0, 1,0,0,0]}
+  - {name: floor, half_space: true, pose: [0,0,-1, 1,0,0,0]}
+"""
+SHRUNK = 0.01  # metres, of each side of each piece
+# The ball: in the bracket's corner, nearly at its foot, in it, and far away.
+PLACES = np.array([[at(0.6, 0.25, 0.6)], [at(0.6, 0.25, 0.36)], [at(0.6, 0.25, 0.2)], [at(9)]], float)
+TRUE = [0.25, 0.01, 0.0]
+
+
+def box_text(name, low, high, first):
+    corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    faces = ("1 2 4", "1 4 3", "5 7 8", "5 8 6", "1 5 6", "1 6 2", "3 4 8", "3 8 7", "1 3 7", "1 7 5", "2 6 8", "2 8 4")
+    lines = [f"o {name}", *(f"v {x} {y} {z}" for x, y, z in corners)]
+    return lines + ["f " + " ".join(str(int(i) + first) for i in face.split()) for face in faces]
+
+
+def bracket_text():
+    """An L of 1 m, 0.25 m thick and 0.5 m wide."""
+    profile = [(0, 0), (1, 0), (1, 0.25), (0.25, 0.25), (0.25, 1), (0, 1)]
+    lines = [f"v {x} {y} {z}" for y in (0, 0.5) for x, z in profile]
+    for a, b, c in ((1, 2, 3), (1, 3, 4), (1, 4, 5), (1, 5, 6)):  # sides: the corner sees all of the L
+        lines += [f"f {a} {b} {c}", f"f {a + 6} {c + 6} {b + 6}"]
+    for i in range(1, 7):
+        j = i % 6 + 1
+        lines += [f"f {i} {i + 6} {j + 6}", f"f {i} {j + 6} {j}"]
+    return lines
+
+
+@pytest.fixture
+def scene(tmp_path):
+    d = SHRUNK
+    pieces = box_text("lying", (d, d, d), (1 - d, 0.5 - d, 0.25 - d), 0)
+    pieces += box_text("standing", (d, d, d), (0.25 - d, 0.5 - d, 1 - d), 8)
+    (tmp_path / "bracket.obj").write_text("\n".join(bracket_text()) + "\n")
+    (tmp_path / "bracket.obj.pieces.obj").write_text("\n".join(pieces) + "\n")
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.fixture(params=["engine", "shm", "ipc", "udpm"])
+def front(request, scene, start_daemon, kinds):
+    if request.param == "engine":
+        return clearance.Engine(clearance.Scene.load(scene))
+    if kinds[request.param]:
+        pytest.skip(kinds[request.param])
+    return clearance.connect(start_daemon(scene, [request.param]).urls[request.param], timeout_s=PATIENCE_S)
+
+
+def ask(front, **more):
+    return front.distances([("bracket", "ball")], PLACES, ["ball"], fields=["default", "flags"], **more)
+
+
+def test_the_interval_holds_the_mesh_s_distance_and_is_as_wide_as_the_pieces_miss_it(front):
+    truth, pieces = ask(front), ask(front, model="pieces")
+    assert truth.status.tolist() == [Status.OK, Status.OK, Status.OVERLAP, Status.OK]
+    assert pieces.status.tolist() == [Status.OK, Status.CONTACT, Status.CONTACT, Status.OK]
+    width = pieces.upper - pieces.lower
+    slack = 3**0.5 * SHRUNK  # of a corner, as far as it is proved
+    for row, exact in enumerate(TRUE):
+        assert truth.lower[row] - 1e-6 <= exact <= truth.upper[row] + 1e-6
+        assert pieces.lower[row] <= exact <= pieces.upper[row] + 1e-12
+    assert (pieces.lower <= truth.upper).all() and (truth.lower <= pieces.upper).all()
+    assert (truth.upper - truth.lower < 1e-4).all() and slack <= width[0] <= 1.2 * slack + 0.002
+    assert pieces.flags[0] & Flag.SLACK and not truth.flags[0] & Flag.SLACK
+    same = front.distances([("ball", "plate"), ("plate", "floor")], model="pieces")
+    known = front.distances([("ball", "plate"), ("plate", "floor")])
+    assert same.lower.tolist() == known.lower.tolist() and same.upper.tolist() == known.upper.tolist()
+    again = ask(front, model="truth", warm=True), ask(front, model="pieces", warm=True)
+    assert np.allclose(again[0].upper, truth.upper, 1e-5) and np.allclose(again[1].upper, pieces.upper, 1e-5)
+
+
+def test_signed_values_below_0_are_the_pieces(front):
+    pieces = ask(front, model="pieces", signed=True)
+    depth = 0.25 - SHRUNK - 0.1  # of the ball's lowest point below the piece's top
+    assert pieces.lower[2] <= -depth <= pieces.upper[2] < 0
+    assert pieces.status[2] == Status.OVERLAP and pieces.flags[2] & Flag.PIECES and not pieces.flags[0] & Flag.PIECES
+    assert pieces.lower[0] <= TRUE[0] <= pieces.upper[0]
+
+
+def test_reductions_and_decisions(front):
+    asked = {"pairs": [("bracket", "*")], "configurations": PLACES, "bodies": ["ball"], "model": "pieces"}
+    least = front.distances(reduce="min", **asked)
+    for row, exact in enumerate(TRUE):
+        assert least.lower[row] <= exact <= least.upper[row] + 1e-12
+    within = front.distances(reduce="within", max_distance=0.1, **asked)
+    assert len(within) == 2 and within.configuration.tolist() == [1, 2]
+    nearest = front.distances(reduce="nearest", **asked)
+    assert nearest.lower.size == len(PLACES) * 4
+    check = front.check(PLACES, pairs=[("bracket", "ball")], bodies=["ball"], model="pieces")
+    assert check.free.tolist() == [True, False, False, True]
+    assert check.status.tolist() == [Status.BEYOND, Status.UNCONVERGED, Status.UNCONVERGED, Status.BEYOND]
+    near = front.check(PLACES, 0.2, pairs=[("bracket", "ball")], bodies=["ball"], model="pieces")
+    assert near.hit.tolist() == [False, True, True, False]
+
+
+def test_motions(front):
+    start, end = PLACES[[0, 0]], PLACES[[1, 2]]
+    end[0, 0, 2] = 0.45  # 0.1 m above the foot
+    found = front.motions([("bracket", "ball")], start=start, end=end, bodies=["ball"], model="pieces")
+    assert found.lower[0] <= 0.1 <= found.upper[0] and 0.05 < found.lower[0] and found.upper[0] < 0.13
+    assert found.lower[1] <= 0 <= found.upper[1] < 0.02
+
+
+def test_what_is_refused(front):
+    with pytest.raises(ValueError, match="model: expected 'truth' or 'pieces', got 'hull'"):
+        front.distances(model="hull")
+    with pytest.raises((clearance.QueryError, clearance.RequestError), match="'bracket' is a solid"):
+        front.certificate([("bracket", "ball")], model="pieces")
+
+
+def test_the_command(scene, start_daemon, kinds):
+    if kinds["shm"]:
+        pytest.skip(kinds["shm"])
+    url = start_daemon(scene, ["shm"]).urls["shm"]
+
+    def lower(*words):
+        command = [PROGRAM, "query", "--connect", url, "--pairs", "bracket,ball", "--csv", *words]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 0, done.stderr
+        names, row = (line.split(",") for line in done.stdout.strip().splitlines()[:2])
+        return float(row[names.index("lower")])
+
+    assert lower("--model", "truth") == lower() > lower("--model", "pieces") + 0.01
+    done = subprocess.run([PROGRAM, "query", "--model", "hull"], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode != 0 and "--model" in done.stderr
