@@ -21,7 +21,13 @@ constexpr std::uint64_t kSeed = 57;
 constexpr std::uint32_t kOthers = 3, kPlaces = 3;  // bodies beside the first; configurations of it
 
 struct Found {
-  int rows = 0, wrong = 0, wide = 0, apart = 0, overlapping = 0, held = 0, of_pieces = 0, free = 0, hit = 0, within = 0;
+  int rows = 0, wide = 0, apart = 0, overlapping = 0, held = 0, of_pieces = 0, free = 0, hit = 0, within = 0;
+  int wrong = 0;
+  std::string first_wrong;
+
+  void expect(bool holds, const char* what) {
+    if (!holds && wrong++ == 0) first_wrong = what;
+  }
 };
 
 /// A decomposed body among a hull, another decomposed one and a solid without pieces.
@@ -33,10 +39,10 @@ struct Trial {
   std::array<std::array<Result, kOthers>, kPlaces> truth;
 
   Trial(Random& random, Kind kind) {
-    const Mesh mesh = concave_mesh(random, 60);
+    const Mesh mesh = concave_mesh(random, 50);
     make(0, random, mesh, kind, random.chance(0.5) ? 0 : random.uniform(0, 0.2));
     for (std::uint32_t i = 1; i <= kOthers; ++i) {
-      Mesh other = concave_mesh(random, 40);
+      Mesh other = concave_mesh(random, 30);
       const double scale = std::exp2(random.integer(-4, 0));
       for (Vec3d& v : other.vertices) v = scale * v;
       const double radius = random.chance(0.5) ? 0 : 0.125 * scale;
@@ -49,7 +55,7 @@ struct Trial {
         solids[i] = solid(other, true, radius);
         pieces[i] = make_surface_piece(other.vertices, other.triangles, true, radius);
       }
-      stands[i - 1] = random.rotation(random.direction() * (size_of(mesh) * random.uniform(0.2, 0.9)));
+      stands[i - 1] = random.rotation(random.direction() * (size_of(mesh) * random.uniform(0.2, 1.1)));
     }
     for (std::uint32_t k = 0; k < kPlaces; ++k) {
       places[k] = random.rotation();
@@ -147,15 +153,15 @@ void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precis
     const double lower = rows.lower[row], upper = rows.upper[row];
     const Status status = rows.status_of(row);
     ++found.rows;
-    found.wrong += !(lower <= upper) || !is_below(lower, truth) || !is_above(upper, truth);
-    found.wrong += status == Status::kBeyond && !is_farther(truth, limit);
-    found.wrong += status == Status::kOverlap && truth.distance.compare(0) > 0;
+    found.expect(lower <= upper && is_below(lower, truth) && is_above(upper, truth), "a row holds the mesh's distance");
+    found.expect(status != Status::kBeyond || is_farther(truth, limit), "what is beyond is farther");
+    found.expect(status != Status::kOverlap || truth.distance.compare(0) <= 0, "meshes overlap");
     (truth.distance.compare(0) > 0 ? found.apart : found.overlapping) += 1;
     // What was not narrowed by triangles is as wide as the slack, and what is, is not.
     const double slack = trial.slack(1 + row % kOthers);
     if (status == Status::kOk && slack > 1e-3) {
       ++found.wide;
-      found.wrong += !(upper - lower >= slack * (1 - 1e-9)) || upper - lower > slack + 1e-3;
+      found.expect(upper - lower >= slack * (1 - 1e-9) && upper - lower <= slack + 1e-3, "a row is as wide as the slack");
     }
   }
 }
@@ -186,12 +192,12 @@ void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found)
     ++found.rows;
     const bool is_held = apart && truth.distance.compare(0) <= 0;
     if (is_held && upper < 0) {  // the mesh's word
-      found.wrong += (rows.flags[row] & kFlagPieces) != 0;
+      found.expect(!(rows.flags[row] & kFlagPieces), "what one mesh holds is no depth of pieces");
       continue;
     }
-    found.wrong += !(lower <= upper) || !(below || is_held) || !(above || is_held);
-    found.wrong += lower > 0 && !(is_below(lower, truth) && is_above(upper, truth));
-    found.wrong += lower < 0 && !(rows.flags[row] & kFlagPieces);
+    found.expect(lower <= upper && (is_held || (below && above)), "a signed row holds the pieces' distance");
+    found.expect(!(lower > 0) || (is_below(lower, truth) && is_above(upper, truth)), "a signed row holds the mesh's");
+    found.expect(!(lower < 0) || (rows.flags[row] & kFlagPieces), "a depth says that it is the pieces'");
     found.of_pieces += upper < 0;
   }
 }
@@ -214,12 +220,12 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
   q.reduce = Reduce::kNearest;
   const Rows nearest = ask(engine, trial, q);
   for (std::uint32_t k = 0; k < kPlaces; ++k) {
-    found.wrong += !holds_least(least.lower[k], least.upper[k], trial.truth[k]);
+    found.expect(holds_least(least.lower[k], least.upper[k], trial.truth[k]), "min");
     for (std::uint32_t body = 0; body <= kOthers; ++body) {
       const std::size_t row = k * (1 + kOthers) + body;
       const auto all = std::span(trial.truth[k]);
-      found.wrong +=
-          !holds_least(nearest.lower[row], nearest.upper[row], body == 0 ? all : all.subspan(body - 1, 1));
+      found.expect(holds_least(nearest.lower[row], nearest.upper[row], body == 0 ? all : all.subspan(body - 1, 1)),
+                   "nearest");
     }
     found.rows += 2 + kOthers;
   }
@@ -231,7 +237,7 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
       bool there = false;
       for (std::size_t row = 0; row < within.count; ++row)
         there |= within.configuration[row] == k && within.pair[row].b == 1 + i;
-      found.wrong += !there && !is_farther(trial.truth[k][i], limit);
+      found.expect(there || is_farther(trial.truth[k][i], limit), "within");
       found.within += there;
     }
   q.reduce = Reduce::kAny;
@@ -242,8 +248,9 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
     const Status status = any.status_of(k);
     const bool beyond = status == Status::kBeyond, open = status == Status::kUnconverged;
     for (std::uint32_t i = 0; i < kOthers; ++i) {
-      if (beyond) found.wrong += !is_farther(trial.truth[k][i], limit);
-      if (!beyond && !open && any.pair[k].b == 1 + i) found.wrong += is_farther(trial.truth[k][i], limit);
+      if (beyond) found.expect(is_farther(trial.truth[k][i], limit), "what is free");
+      if (!beyond && !open && any.pair[k].b == 1 + i)
+        found.expect(!is_farther(trial.truth[k][i], limit), "what is not free");
     }
     found.free += beyond;
     found.hit += !beyond && !open;
@@ -286,8 +293,8 @@ void look_at_held(Random& random, Found& found) {
       Job job = engine.start(q, reply);
       job.advance();
       ++found.held;
-      found.wrong += job.info().rows != 1 || !(lower <= upper) || upper > 0 || (flags & kFlagPieces);
-      if (is_signed) found.wrong += !(lower >= -4 && lower <= -0.3 && upper < -0.3);
+      found.expect(job.info().rows == 1 && lower <= upper && upper <= 0 && !(flags & kFlagPieces), "a body that is held");
+      if (is_signed) found.expect(lower >= -4 && lower <= -0.5 && upper <= -0.25, "how deep it is held");
     }
 }
 
@@ -319,18 +326,18 @@ TEST(ModelPieces, MutantsAreFound) {
 TEST(ModelPieces, HoldWhatTheJudgeSays) {
   Random random(kSeed);
   Found found;
-  for (int i = 0; i < 3; ++i)
+  for (int i = 0; i < 2; ++i)
     for (const Kind kind : kKinds) try_all(random, kind, found);
   std::printf(
       "%d rows, %d wrong; %d as wide as the slack; %d apart, %d overlapping, %d held, %d depths of pieces; %d within; "
       "%d free, %d not\n",
       found.rows, found.wrong, found.wide, found.apart, found.overlapping, found.held, found.of_pieces, found.within,
       found.free, found.hit);
-  EXPECT_EQ(found.wrong, 0);
+  EXPECT_EQ(found.wrong, 0) << found.first_wrong;
   EXPECT_GE(found.wide, 50);
   EXPECT_GE(found.apart, 100);
   EXPECT_GE(found.overlapping, 30);
-  EXPECT_GE(found.of_pieces, 5);
+  EXPECT_GE(found.of_pieces, 3);
   EXPECT_GE(found.free, 5);
   EXPECT_GE(found.hit, 5);
   EXPECT_GE(found.within, 20);

@@ -124,7 +124,7 @@ def test_what_is_refused(front):
     with pytest.raises(ValueError, match="model: expected 'truth' or 'pieces', got 'hull'"):
         front.distances(model="hull")
     with pytest.raises((clearance.QueryError, clearance.RequestError), match="'bracket' is a solid"):
-        front.certificate([("bracket", "ball")], model="pieces")
+        front.certificate(pairs=[("bracket", "ball")], model="pieces")
 
 
 def test_the_command(scene, start_daemon, kinds):
