@@ -91,10 +91,11 @@ def row(case, question, both, X, **more):
         beyond = clearance.Status.BEYOND
         compared = {"free": int((truth.status == beyond).sum()), "free_pieces": int((pieces.status == beyond).sum())}
     else:
-        ends = np.isfinite(pieces.upper) & np.isfinite(truth.upper)
-        wider = ((pieces.upper - pieces.lower) - (truth.upper - truth.lower))[ends]
+        beyond = int(clearance.Status.BEYOND)
+        both_narrow = (pieces.status != beyond) & (truth.status != beyond)
+        wider = (pieces.upper - pieces.lower)[both_narrow] - (truth.upper - truth.lower)[both_narrow]
         assert (pieces.lower <= truth.upper).all() and (truth.lower <= pieces.upper).all(), "they contradict each other"
-        compared = {"wider_m": f"{np.median(wider):.1e}"}
+        compared = {"wider_m": f"{np.median(wider):.1e}" if len(wider) else ""}
     times = {f"{way}_us": round(took, 2) for way, took in best.items()}
     return {"case": case, "question": question, "poses": len(X), **times,
             "ratio": round(best["triangles"] / best["pieces"], 2),
