@@ -62,8 +62,9 @@ struct Engine::Impl {
   }
 
   JobContext context(const Scene& of) const {
-    return {&of,     options.threads, reference, lanes,        light && !of.has_stand_ins(), &pairs_evaluated,
-            &contradictions, &warm,   &trees,    near_by, device.get(), &kept};
+    const bool is_light = light && !of.has_stand_ins();
+    return {&of,   options.threads, reference, lanes,        is_light, &pairs_evaluated, &contradictions,
+            &warm, &trees,          near_by,   device.get(), &kept};
   }
 
   // Whether the job of a query may be asked again. Where there is a device, the router has its say each time, but in
@@ -390,7 +391,11 @@ CertificateRun Engine::begin_certificate(const QueryView& query, CertificateRows
   const FpEnvironment environment;
   impl_->check_process();
   const auto snapshot = impl_->poses.snapshot();
-  return {impl_->context(Impl::scene_of(*snapshot)), snapshot, query, std::move(rows), impl_->options.max_rows,
+  return {impl_->context(Impl::scene_of(*snapshot)),
+          snapshot,
+          query,
+          std::move(rows),
+          impl_->options.max_rows,
           make_motion_certificate};
 }
 

@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "build/python"), str(Path(__file__).resolve().parent), str(ROOT / "bench/robots")]
@@ -87,11 +88,11 @@ def row(case, question, both, X, **more):
             answers[way] = engine.distances([("a", "b")], X[:, None], ["b"], model=model, **more)
             best[way] = min(best[way], (time.process_time() - begin) / len(X) * 1e6)
     truth, pieces = answers["triangles"], answers["pieces"]
+    beyond = int(clearance.Status.BEYOND)
+    compared: dict[str, Any]
     if question == "check":
-        beyond = clearance.Status.BEYOND
         compared = {"free": int((truth.status == beyond).sum()), "free_pieces": int((pieces.status == beyond).sum())}
     else:
-        beyond = int(clearance.Status.BEYOND)
         both_narrow = (pieces.status != beyond) & (truth.status != beyond)
         wider = (pieces.upper - pieces.lower)[both_narrow] - (truth.upper - truth.lower)[both_narrow]
         assert (pieces.lower <= truth.upper).all() and (truth.lower <= pieces.upper).all(), "they contradict each other"
@@ -107,7 +108,7 @@ def cases(count):
     points = rng.normal(size=(60, 3))
     hull = points / np.linalg.norm(points, axis=1, keepdims=True) * [0.05, 0.08, 0.15]
     yield "a hull before a shelf", (shelf(), boards()), hull, poses(count, [0.5, 0.7, 1.2], [0.3, 0.5, 1], rng)
-    rings = [ring(1000, *size, rng) for size in ((1, 0.3), (0.9, 0.25))]
+    rings = [ring(1000, radius, tube, rng) for radius, tube in ((1, 0.3), (0.9, 0.25))]
     both = [(mesh, sectors(mesh, 24)) for mesh in rings]
     far = poses(count, 4, 0, rng)
     yield "two rings, apart", *both, far[np.linalg.norm(far[:, :3], axis=1) > 2.6]

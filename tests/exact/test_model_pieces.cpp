@@ -138,7 +138,9 @@ Rows ask(const Engine& engine, const Trial& trial, QueryView q) {
 
 /// A bound on a distance that is 0 where bodies overlap.
 bool is_below(double lower, const Result& truth) {
-  return truth.distance.compare(0) <= 0 ? lower <= 0 : std::isinf(lower) ? lower < 0 : truth.distance.compare(lower) >= 0;
+  return truth.distance.compare(0) <= 0 ? lower <= 0
+         : std::isinf(lower)            ? lower < 0
+                                        : truth.distance.compare(lower) >= 0;
 }
 bool is_above(double upper, const Result& truth) {
   return truth.distance.compare(0) <= 0 ? upper >= 0 : std::isinf(upper) || truth.distance.compare(upper) <= 0;
@@ -166,7 +168,8 @@ void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precis
     const double slack = trial.slack(1 + row % kOthers);
     if (status == Status::kOk && slack > 1e-3) {
       ++found.wide;
-      found.expect(upper - lower >= slack * (1 - 1e-9) && upper - lower <= slack + 1e-3, "a row is as wide as the slack");
+      found.expect(upper - lower >= slack * (1 - 1e-9) && upper - lower <= slack + 1e-3,
+                   "a row is as wide as the slack");
     }
   }
 }
@@ -298,7 +301,8 @@ void look_at_held(Random& random, Found& found) {
       Job job = engine.start(q, reply);
       job.advance();
       ++found.held;
-      found.expect(job.info().rows == 1 && lower <= upper && upper <= 0 && !(flags & kFlagPieces), "a body that is held");
+      found.expect(job.info().rows == 1 && lower <= upper && upper <= 0 && !(flags & kFlagPieces),
+                   "a body that is held");
       if (is_signed) found.expect(lower >= -4 && lower <= -0.5 && upper <= -0.25, "how deep it is held");
     }
 }

@@ -126,7 +126,8 @@ bool is_proved(Input in) {
     for (const Vec3d& v : proposal[i]) {
       Vec3d out;
       for (int k = 0; k < 3; ++k) out[k] = std::max(std::abs(v[k]) - 1, 0.0);
-      require(norm(out) * (1 - 0x1p-40) <= proved.outer[i], "no corner of a piece is farther from it than the outer one");
+      require(norm(out) * (1 - 0x1p-40) <= proved.outer[i],
+              "no corner of a piece is farther from it than the outer one");
     }
   return true;
 }
