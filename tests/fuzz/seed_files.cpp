@@ -2,6 +2,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <array>
 #include <assimp/Importer.hpp>
 #include <fstream>
 #include <map>
@@ -122,7 +123,7 @@ void save_cache_entries() {
 void save_decompositions() {
   const Shape box = make_box({1, 2, 3});
   Geometry solid;
-  solid.pieces = {make_decomposed_piece(box.vertices, box.triangles, std::vector{box.vertices}, 0.25)};
+  solid.pieces = {make_decomposed_piece(box.vertices, box.triangles, std::array{box.vertices}, 0.25)};
   const Data record = geometry_record(solid);
   Data input;
   add(input, std::uint8_t{0});
