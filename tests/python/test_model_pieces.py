@@ -148,3 +148,52 @@ def test_the_command(scene, start_daemon, kinds):
     assert lower("--model", "truth") == lower() > lower("--model", "pieces") + 0.005
     done = subprocess.run([PROGRAM, "query", "--model", "hull"], capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode != 0 and "--model" in done.stderr
+
+
+URDF = """<robot name="arm"><link name="base"/><link name="hand">
+<collision><origin xyz="0.1 0 0" rpy="0 0.5 0"/><geometry><mesh filename="bracket.obj"/></geometry></collision>
+<collision><origin xyz="-0.2 0 0"/><geometry><sphere radius="0.1"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="hand"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
+
+
+def test_links_of_robots(scene):
+    (scene.parent / "arm.urdf").write_text(URDF)
+    robot = "robots:\n  - {name: arm, urdf: arm.urdf, convexify: decompose, home: {turn: 0}}\n"
+    path = scene.parent / "arm.yaml"
+    path.write_text(robot + "bodies:\n  - {name: ball, sphere: 0.1, pose: [0.6,0.25,0.6, 1,0,0,0]}\n")
+    engine = clearance.Engine(clearance.Scene.load(path), threads=1)
+    turns = np.linspace(-3, 3, 61)[:, None]
+    asked = {"pairs": [("arm/hand", "ball")], "joints": "arm", "positions": turns}
+    truth, pieces = engine.distances(**asked), engine.distances(model="pieces", **asked)
+    assert (pieces.lower <= truth.lower + 1e-9).all() and (truth.upper <= pieces.upper + 1e-9).all()
+    apart = truth.lower > 0.05
+    assert apart.sum() > 20 and (truth.status == Status.OVERLAP).sum() > 3
+    assert (pieces.upper - pieces.lower)[apart].min() > 0.5 * SHRUNK and (truth.upper - truth.lower).max() < 1e-5
+    free, wider = (engine.check(turns, joints="arm", pairs=asked["pairs"], model=m).free for m in ("truth", "pieces"))
+    assert (wider <= free).all() and wider.sum() > 20
+    at_truth, at_pieces = (engine.free_scale(turns, "arm", pairs=asked["pairs"], model=m) for m in ("truth", "pieces"))
+    assert (at_pieces[~wider] == 0).all() and (at_pieces[apart[:, 0]] > 0).all() and (at_truth[free] > 0).all()
+    for start, end in ((0, 8), (20, 30)):
+        ends = {"joints": "arm", "start": turns[[start]], "end": turns[[end]], "pairs": asked["pairs"]}
+        least = engine.motions(model="pieces", **ends)
+        assert least.lower[0] <= truth.upper[start : end + 1].min() and least.lower[0] <= least.upper[0]
+
+
+def test_beside_clouds_whose_points_are_replaced(scene):
+    scene.write_text(SCENE + "  - {name: seen, points: [], pose: [0,0,0, 1,0,0,0]}\n")
+    engine = clearance.Engine(clearance.Scene.load(scene), threads=1)
+
+    def interval(model):
+        answer = engine.distances([("bracket", "seen")], model=model)
+        return answer.lower[0], answer.upper[0], answer.status[0]
+
+    assert interval("pieces")[2] == Status.BEYOND  # nothing is there
+    engine.set_points("seen", np.array([[0.6, 0.25, 0.5], [5, 5, 5]], np.float32))
+    for model, least, most in (("truth", 0.0, 1e-6), ("pieces", SHRUNK, 0.03)):
+        low, high, status = interval(model)
+        assert low <= 0.25 <= high and least <= high - low <= most and status == Status.OK
+    engine.set_points("seen", np.zeros((0, 3), np.float32))
+    assert interval("pieces")[2] == Status.BEYOND
+    with pytest.raises(clearance.QueryError, match="'seen' is a cloud of points"):
+        engine.distances([("bracket", "seen")], model="pieces", signed=True)
