@@ -3,6 +3,8 @@
 #include <iostream>
 #include <limits>
 #include <memory>
+#include <sstream>
+#include <type_traits>
 
 #include "commands.h"
 
@@ -30,6 +32,14 @@ std::vector<std::string> names_of(const std::map<std::string, Value>& words) {
 std::string flag_of(std::string name) {
   std::replace(name.begin(), name.end(), '_', '-');
   return "--" + name;
+}
+
+/// The option takes words in place of numbers from 0 on: "truth pieces".
+void take_words(CLI::Option& option, const std::string& words) {
+  std::vector<std::pair<std::string, int>> numbers;
+  std::istringstream in(words);
+  for (std::string word; in >> word;) numbers.emplace_back(word, static_cast<int>(numbers.size()));
+  option.transform(quiet(CLI::CheckedTransformer(numbers)))->type_name("WORD");
 }
 
 struct QuestionOptions {
@@ -173,7 +183,9 @@ void add_query(CLI::App& app) {
       ->type_name("S");
   for_each_query_option([&](const QueryOption& option, auto member) {  // those that came after the ones above
     if (option.name == std::string_view("max_steps")) return;          // of motions: `clearance path`
-    if (option.tag) command.add_option(flag_of(option.name), member(q), option.text)->type_name(option.unit);
+    if (!option.tag) return;
+    CLI::Option& added = *command.add_option(flag_of(option.name), member(q), option.text)->type_name(option.unit);
+    if constexpr (std::is_enum_v<std::remove_reference_t<decltype(member(q))>>) take_words(added, option.legal.text);
   });
   command.add_option("--limit", options->limit, "rows to print as a table; 0: all")
       ->type_name("N")

@@ -28,7 +28,7 @@ namespace clearance {
 
 struct Engine::Impl {
   Impl(Scene&& s, const Options& o)
-      : scene(std::move(s)), options(o), warm(o.warm_memory), poses(scene, o.max_stamp_lead) {}
+      : scene(with_stand_ins(std::move(s))), options(o), warm(o.warm_memory), poses(scene, o.max_stamp_lead) {}
 
   Scene scene;
   Options options;
@@ -43,14 +43,28 @@ struct Engine::Impl {
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
   SceneBulk bulk{scene};
+  SceneBulk bulk_by_pieces{scene.by_pieces() ? *scene.by_pieces() : scene};
   mutable KeptJobs kept{scene};  // their trees go back where they came from
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
 
-  JobContext context(const PoseSnapshot& snapshot) const {
-    return {snapshot.scene.get(), options.threads, reference, lanes,   light,        &pairs_evaluated,
-            &contradictions,      &warm,           &trees,    near_by, device.get(), &kept};
+  static Scene with_stand_ins(Scene scene) {
+    scene.find_stand_ins();
+    return scene;
+  }
+
+  // What a query is answered from. Certificates and devices know no other model than the truth: what they answer is the
+  // same in both, and of the rest none of them answers anything.
+  static const Scene& scene_of(const PoseSnapshot& snapshot, Model model = Model::kTruth) {
+    const Scene* const by_pieces = model == Model::kPieces ? snapshot.scene->by_pieces() : nullptr;
+    return by_pieces ? *by_pieces : *snapshot.scene;
+  }
+
+  JobContext context(const Scene& of) const {
+    const bool is_light = light && !of.has_stand_ins();
+    return {&of,   options.threads, reference, lanes,        is_light, &pairs_evaluated, &contradictions,
+            &warm, &trees,          near_by,   device.get(), &kept};
   }
 
   // Whether the job of a query may be asked again. Where there is a device, the router has its say each time, but in
@@ -273,7 +287,7 @@ std::int64_t Engine::oldest_stamp(std::uint32_t bodies) const {
 QuerySize Engine::size(const QueryView& query) const {
   const FpEnvironment environment;
   const auto snapshot = impl_->poses.snapshot();
-  return make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, false).size;
+  return make_plan(query, Impl::scene_of(*snapshot, query.model), snapshot, impl_->options.max_rows, false).size;
 }
 
 std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
@@ -308,8 +322,8 @@ PreparedQuery Engine::begin_preparing(const QueryView& query) const {
   const bool is_kept = impl_->keeps_job_of(query);
   if (is_kept)
     if (Job::StatePtr again = impl_->kept.take(query, snapshot)) return PreparedQuery(std::move(again));
-  return PreparedQuery(
-      std::make_unique<Planner>(query, *snapshot->scene, snapshot, impl_->options.max_rows, true, is_kept));
+  return PreparedQuery(std::make_unique<Planner>(query, Impl::scene_of(*snapshot, query.model), snapshot,
+                                                 impl_->options.max_rows, true, is_kept));
 }
 
 PreparedQuery Engine::prepare(const QueryView& query) const {
@@ -336,14 +350,18 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
     return Job(std::move(query.again_));
   }
   Plan plan = std::move(query.planner_->plan());
-  const JobContext context = impl_->context(*plan.snapshot);
+  const JobContext context = impl_->context(Impl::scene_of(*plan.snapshot, plan.query.model));
   const bool motions = plan.query.max_steps > 0, scales = plan.query.fields & kFieldFreeScale,
-             is_kept = plan.question && KeptJobs::keeps(plan.size);
+             is_kept = plan.question && KeptJobs::keeps(plan.size), by_pieces = context.scene->has_stand_ins();
   // Nor has the router its say where no kernel answers yet.
-  const bool for_cpu = query.keep_on_cpu_ || is_kept || motions || scales;
-  if ((motions || scales) && impl_->device && !impl_->router && !impl_->options.device_fallback)
-    throw QueryError(QueryErrorCode::kNotSupported, std::string(motions ? "max_steps" : "the column free_scale") +
-                                                        ": backend cuda does not answer it, and the CPU may not");
+  const char* const unknown = motions     ? "max_steps"
+                              : scales    ? "the column free_scale"
+                              : by_pieces ? "the model pieces"
+                                          : nullptr;
+  const bool for_cpu = query.keep_on_cpu_ || is_kept || unknown;
+  if (unknown && impl_->device && !impl_->router && !impl_->options.device_fallback)
+    throw QueryError(QueryErrorCode::kNotSupported,
+                     std::string(unknown) + ": backend cuda does not answer it, and the CPU may not");
   cuda::Router* const router = for_cpu ? nullptr : impl_->router.get();
   const cuda::QueryKind kind = cuda::kind_of(plan.query);
   const std::uint64_t pairs = plan.size.configurations * plan.size.pairs;
@@ -365,7 +383,7 @@ std::unique_ptr<DevicePlan> Engine::plan_on_device(const QueryView& query) const
   const FpEnvironment environment;
   impl_->check_process();
   const auto snapshot = impl_->poses.snapshot();
-  return cuda::make_device_plan(impl_->context(*snapshot),
+  return cuda::make_device_plan(impl_->context(Impl::scene_of(*snapshot)),
                                 make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, false));
 }
 
@@ -373,7 +391,11 @@ CertificateRun Engine::begin_certificate(const QueryView& query, CertificateRows
   const FpEnvironment environment;
   impl_->check_process();
   const auto snapshot = impl_->poses.snapshot();
-  return {impl_->context(*snapshot), snapshot, query, std::move(rows), impl_->options.max_rows,
+  return {impl_->context(Impl::scene_of(*snapshot)),
+          snapshot,
+          query,
+          std::move(rows),
+          impl_->options.max_rows,
           make_motion_certificate};
 }
 
@@ -441,7 +463,8 @@ Counters Engine::stats() const {
 }
 
 Extent Engine::extent(const QueryView& query) const {
-  return impl_->bulk.of(query, *impl_->poses.snapshot());
+  const SceneBulk& bulk = query.model == Model::kPieces ? impl_->bulk_by_pieces : impl_->bulk;
+  return bulk.of(query, *impl_->poses.snapshot());
 }
 bool Engine::has_cpu() const {
   return !impl_->device || impl_->router;

@@ -39,7 +39,8 @@ Forecast::Work Forecast::work_of(const QueryOptions& query, const Extent& extent
                                                    : reduce * 8 + (query.signed_distance ? 4u : 0u) +
                                                 (query.precision == Precision::kF32 ? 2u : 0u) +
                                                 (std::isfinite(query.max_distance) ? 1u : 0u);
-  return {kind, std::max<std::uint64_t>(extent.piece_pairs, 1)};
+  const auto of_model = query.model == Model::kPieces ? kKinds / 2 : 0u;
+  return {of_model + kind, std::max<std::uint64_t>(extent.piece_pairs, 1)};
 }
 
 /// Queries of four times as many pairs are another kind: those of few pay for their beginning above all.

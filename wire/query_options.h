@@ -10,6 +10,7 @@
 // in a record of that tag where it differs from its default; rows stay in the order in which they came.
 #pragma once
 
+#include <clearance/model.h>
 #include <clearance/types.h>
 
 #include <cstdint>
@@ -59,7 +60,9 @@
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \
     "m", "reduce `any`, and motions: farther than this every pair must be proved")                                     \
   X(std::uint32_t, max_steps, 0, 10, Legal::range(0, 65536),                                                           \
-    "", "configurations that each motion may ask for: they come in twos, which it begins and ends with; 0: no motions")
+    "", "configurations that each motion may ask for: they come in twos, which it begins and ends with; 0: no motions")               \
+  X(Model, model, Model::kTruth, 12, Legal::word("truth pieces"),                                                      \
+    "", "pieces: convex pieces that stand for a mesh answer for it, and nothing is narrowed by its triangles")
 // clang-format on
 
 namespace clearance {

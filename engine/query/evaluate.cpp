@@ -62,9 +62,13 @@ bool answer_without_pieces(const Scene& scene, const PlacedBodies& bodies, const
       [&] { return box_gap(scene, placement, pair); }, answer);
 }
 
+// What an interval speaks of where bodies overlap: of their pieces, which are the truth or stand for it, or of meshes
+// of which one holds the other.
+enum class Overlap : std::uint8_t { kOfTruth, kOfPieces, kHeld };
+
 // \param answer holds the flags of the bodies; the rest is written here. \param rooms for triangles
 void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options, const BodiesAnswer& found,
-            Piece (&rooms)[2], PairAnswer& answer) {
+            Piece (&rooms)[2], PairAnswer& answer, Overlap overlap = Overlap::kOfTruth) {
   NarrowLimits limits = options.limits;
   limits.max_distance = bodies.max_distance;
   const NarrowAnswer& best = found.best;
@@ -89,12 +93,18 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
     if (found.best.rounding > 0) return found.best.rounding;
     return rounding_of(*a.pieces[found.a.piece], pose_a, *b.pieces[found.b.piece], pose_b);
   };
-  const Slack slack = pair_slack(*bodies.placement, bodies.pair);
-  assert(lower <= best.bounds.upper);
+  const Slack slack = overlap == Overlap::kHeld ? Slack() : pair_slack(*bodies.placement, bodies.pair);
+  // Pieces that overlap prove that what they stand for is no farther apart than they may miss it.
+  const bool has_no_depth = overlap == Overlap::kOfPieces && !limits.signed_distance;
+  const double upper = has_no_depth ? std::max(best.bounds.upper, 0.0) : best.bounds.upper;
+  assert(lower <= upper);
   assert(found.a.piece < a.pieces.size() && found.b.piece < b.pieces.size());
-  decide(limits, lower, best.bounds.upper, rounding, answer, slack);
-  if (limits.signed_distance && best.bounds.upper <= 0 && (a.pieces.size() > 1 || b.pieces.size() > 1))
-    answer.flags |= kFlagPieces;
+  decide(limits, lower, upper, rounding, answer, slack);
+  const bool of_several = a.pieces.size() > 1 || b.pieces.size() > 1;
+  const bool is_of_pieces = overlap == Overlap::kOfPieces  ? answer.lower < 0
+                            : overlap == Overlap::kOfTruth ? of_several && upper <= 0
+                                                           : false;
+  if (limits.signed_distance && is_of_pieces) answer.flags |= kFlagPieces;
   if (options.want_flags && answer.status != Status::kBeyond &&
       (answer.lower <= 0 || witness_is_ambiguous(piece_of(a, found.a, rooms[0]), pose_a.R_wb,
                                                  piece_of(b, found.b, rooms[1]), pose_b.R_wb, best.normal)))
@@ -212,7 +222,7 @@ void Evaluator::take_in(WorkMeter& meter) {
     // What a half-space sees of a body is the body's hull, which is known of all but clouds.
     const bool by_hulls = (is_half_space(*a[0]) && !is_cloud(scene_.bodies()[pair.b])) ||
                           (is_half_space(*b[0]) && !is_cloud(scene_.bodies()[pair.a]));
-    if (a.size() == 1 && b.size() == 1 && (by_hulls || (!a[0]->surface && !b[0]->surface))) {
+    if (a.size() == 1 && b.size() == 1 && !is_by_pieces(pair) && (by_hulls || (!a[0]->surface && !b[0]->surface))) {
       const Slack slack = pair_slack(placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,
                         slack.cut_off(pairs_[i].max_distance), i, pairs_[i].warm, slack.outer,
@@ -253,7 +263,8 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
   meter.count(boxes_a.size() * boxes_b.size() / kBoxesPerUnit);
   if (piece_pairs_.size() > begin) {
     left = far.gap;
-  } else if (drops(far.gap, bodies)) {
+  } else if (drops(far.gap, bodies) &&
+             !(is_by_pieces(bodies.pair) && box_gap(scene_, *bodies.placement, bodies.pair) <= 0)) {
     PairAnswer& answer = answers_[index];
     const std::uint16_t flags = answer.flags;
     answer = beyond_answer(slack.true_lower(far.gap));
@@ -313,35 +324,18 @@ bool Evaluator::is_left_to_pieces(Search& search) {
   return true;
 }
 
-// What the pairs of elements that were taken say of their bodies. If all are apart, one body may still lie within the
-// other.
+// What the pairs of elements that were taken say of their bodies.
 void Evaluator::finish_search(Search& search, WorkMeter& meter) {
   const PlacedBodies& bodies = pairs_[search.index];
   BodiesAnswer& found = search.found;
   found.lower = search.state.lower;
-  const bool by_elements = search.elements != nullptr;
+  const bool by_elements = search.elements != nullptr, by_pieces = is_by_pieces(bodies.pair);
+  const bool held = (by_elements || by_pieces) && is_held(search, meter);
   if (by_elements) {
     const ElementSearch::HullsGap hulls = search.elements->hulls_gap();
     unused_.push_back(std::move(search.elements));
-    const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
-    const PlacedPose &pose_a = (*bodies.placement)[bodies.pair.a].pose,
-                     &pose_b = (*bodies.placement)[bodies.pair.b].pose;
-    Vec3d shared[2];
-    const Held held =
-        found.lower > 0 ? one_holds_the_other(a, pose_a, b, pose_b, found.lower, meter, shared) : Held::kNo;
-    if (held == Held::kYes) {
-      const Vec3d normal = found.best.bounds.upper < kInf ? found.best.normal : Vec3d{1, 0, 0};  // none was asked
-      found.best = NarrowAnswer{};
-      found.best.bounds.upper = -found.lower;  // what is held is as far from the surface around it
-      found.best.point_a = shared[0];
-      found.best.point_b = shared[1];
-      found.best.normal = normal;
-      found.lower = -kInf;
-    } else if (held == Held::kUnknown) {
-      found.lower = 0;
-    }
     // What takes hulls apart takes apart what is within.
-    if (options_.limits.signed_distance && search.slack.true_lower(found.lower) <= 0) {
+    if (options_.limits.signed_distance && search.slack.true_lower(found.lower) <= 0 && !(held && by_pieces)) {
       found.lower = hulls.lower;
       found.best.normal = hulls.normal;
     }
@@ -355,7 +349,10 @@ void Evaluator::finish_search(Search& search, WorkMeter& meter) {
     answer.flags = flags;
     return;
   }
-  finish(scene_, bodies, options_, found, rooms_, answer);
+  finish(scene_, bodies, options_, found, rooms_, answer,
+         !by_pieces ? Overlap::kOfTruth
+         : held     ? Overlap::kHeld
+                    : Overlap::kOfPieces);
 }
 
 // Whether no more need be known of a pair than that its boxes are so far apart.
@@ -384,10 +381,11 @@ bool Evaluator::ask(Search& search, const PlacedBodies& bodies, std::size_t sing
   const double user = search.slack.cut_off(bodies.max_distance),
                cut_off = options_.reference ? user : state.cut_off(user);
   search.asked = 0;
+  const double overlap_by = is_by_pieces(bodies.pair) ? 0 : search.slack.outer;
   const auto add_up_to = [&](double most, double near_enough, const Piece& piece_a, const Piece& piece_b) {
     tasks_.push_back({&piece_a, &piece_b, &(*bodies.placement)[bodies.pair.a].pose,
                       &(*bodies.placement)[bodies.pair.b].pose, most,
-                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, search.slack.outer, near_enough});
+                      static_cast<std::uint32_t>(tasks_.size() - singles), nullptr, overlap_by, near_enough});
     ++search.asked;
   };
   const auto add = [&](const Piece& piece_a, const Piece& piece_b) {
@@ -419,6 +417,7 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
   assert(search.next + answers.size() <= search.end);
   PieceSearch& state = search.state;
   ElementSearch* const elements = search.elements.get();
+  const bool by_pieces = is_by_pieces(pairs_[search.index].pair);
   if (elements && elements->in_hulls() && !answers.empty()) {
     for (const NarrowAnswer& hulls : answers) elements->see_hulls(hulls.bounds.lower, hulls.normal);
     return elements->take_hulls(answers[0].bounds.lower, answers[0].normal);
@@ -446,7 +445,8 @@ void Evaluator::take_round(Search& search, double enough, std::span<const Narrow
       search.found.b = p.b;
     }
     const bool wants_depth = options_.limits.signed_distance && !elements;
-    if (!wants_depth && search.slack.true_upper(state.upper) <= 0) {  // overlapping: that is all
+    const double upper = by_pieces ? state.upper : search.slack.true_upper(state.upper);
+    if (!wants_depth && upper <= 0) {  // overlapping: that is all
       search.next = search.end;
       return;
     }

@@ -91,12 +91,20 @@ class Evaluator {
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
   void begin_element_search(const PlacedBodies& bodies, std::uint32_t index);
   void finish_search(Search& search, WorkMeter& meter);
+  bool is_held(Search& search, WorkMeter& meter);
+  void take_held(Search& search, double apart, const Vec3d (&shared)[2]);
   bool drops(double gap, const PlacedBodies& bodies) const;
   void sort_ahead(Search& search);
   bool ask(Search& search, const PlacedBodies& bodies, std::size_t singles);
+  // That pieces overlap is all that those which stand for a mesh have to say of how near it is.
   double enough(const PlacedBodies& bodies, const Slack& slack) const {
-    return std::isinf(bodies.enough) ? bodies.enough : slack.near_enough(bodies.enough);
+    if (std::isinf(bodies.enough)) return bodies.enough;
+    const double near = slack.near_enough(bodies.enough);
+    return near < 0 && is_by_pieces(bodies.pair) ? 0 : near;
   }
+  // Whether convex pieces stand for a body of the pair: then an overlap of pieces proves none of bodies. Before a
+  // half-space it does, where a body is as its hull is.
+  bool is_by_pieces(BodyPair pair) const;
   void take_round(Search& search, double enough, std::span<const NarrowAnswer> answers);
 
   const Scene& scene_;

@@ -50,6 +50,7 @@ void check_numbers(const QueryView& q) {
   if (std::isnan(q.rel_tol) || q.rel_tol >= 1)
     refuse("rel_tol: expected a ratio below 1, got " + std::to_string(q.rel_tol));
   if (q.precision > Precision::kF32) refuse("precision: unknown value " + std::to_string(int(q.precision)));
+  if (q.model > Model::kPieces) refuse("model: unknown value " + std::to_string(int(q.model)));
   if (q.reduce > Reduce::kAny) refuse("reduce: unknown value " + std::to_string(int(q.reduce)));
   if (q.format > Format::kCompact) refuse("format: unknown value " + std::to_string(int(q.format)));
   if (q.fields & ~kKnownFields) refuse("fields: unknown bits in " + std::to_string(q.fields));
@@ -263,6 +264,7 @@ std::uint64_t warm_question(const Plan& plan) {
   d.add(plan.snapshot->scene_revision);
   d.add(plan.size.configurations);
   d.add(plan.size.pairs);
+  d.add(static_cast<std::uint64_t>(plan.query.model));
   for (const BodyPair pair : plan.pairs.list()) d.add(std::uint64_t{pair.a} << 32 | pair.b);
   return d.value();
 }

@@ -9,6 +9,7 @@
 #include "engine/base/body_pair.h"
 #include "engine/base/query_error.h"
 #include "engine/pose/pose.h"
+#include "wire/model.h"
 #include "wire/types.h"
 
 namespace clearance {
@@ -45,6 +46,7 @@ struct QueryView {
   double rel_tol = -1.0;  ///< ratio; negative: the default of the precision (1e-6 float64, 1e-4 float32)
   Precision precision = Precision::kF64;
   bool signed_distance = false;  ///< also the penetration depth of overlapping pairs
+  Model model = Model::kTruth;   ///< kPieces: bodies with convex pieces by these alone (Scene::by_pieces())
   Reduce reduce = Reduce::kNone;
   Format format = Format::kFull;
   std::uint32_t fields = kDefaultFields;  ///< Field bits

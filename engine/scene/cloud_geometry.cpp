@@ -1,5 +1,6 @@
 #include "engine/scene/cloud_geometry.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -68,20 +69,11 @@ std::uint32_t Scene::add_points(const std::string& name, std::span<const CloudPo
 
 Scene Scene::with_points(std::uint32_t id, const PiecePtr& cloud) const {
   const FpEnvironment environment;
-  Scene next;  // without what only adding bodies needs
-  next.bodies_ = bodies_;
-  next.groups_ = groups_;
-  next.ignored_ = ignored_;
-  next.robots_ = robots_;
-  next.joints_ = joints_;
-  next.joint_groups_ = joint_groups_;
-  next.joint_ids_ = joint_ids_;
-  next.body_ids_ = body_ids_;
-  next.group_ids_ = group_ids_;
-  next.has_surfaces_ = has_surfaces_;
+  Scene next = without_memory();
   put_points(next.bodies_.at(id), cloud);
   next.grow(next.bodies_[id], false);
-  for (const Body& body : next.bodies_) next.has_doubts_ |= is_doubted(body);
+  next.has_doubts_ = std::ranges::any_of(next.bodies_, is_doubted);
+  if (by_pieces_) next.by_pieces_ = std::make_shared<const Scene>(by_pieces_->with_points(id, cloud));
   return next;
 }
 

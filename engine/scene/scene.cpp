@@ -323,6 +323,7 @@ std::uint32_t Scene::insert_body(Body body) {
   if (!body.pose && (body.is_static || parent != kNone)) body.pose = Pose{};
   body.parent = parent;
   grow(body);
+  by_pieces_ = nullptr;
   has_doubts_ |= is_doubted(body);
   has_surfaces_ |= has_surface(body);
   const auto id = static_cast<std::uint32_t>(bodies_.size());

@@ -67,6 +67,9 @@ struct Body {
   CloudState cloud = CloudState::kNoCloud;
   double cloud_radius = 0;  ///< metres: by which points are grown whose sender says nothing else
   float voxel = 0;          ///< metres: the edge of the boxes about the points; 0: points
+  /// Of a body by the convex pieces that stand for its meshes (Scene::by_pieces()): what it is. How far they may miss
+  /// that is in `model_inner` and `model_error`. Null: the pieces are what it is.
+  std::shared_ptr<const Body> stands_for;
 };
 
 /// Whether the body's shape, or where it is, is known less well than its pieces and pose say.
@@ -177,6 +180,14 @@ class Scene {
   /// Whether a body is not convex, nor the union of its pieces: surface_of().
   bool has_surfaces() const { return has_surfaces_; }
 
+  /// The same scene with each body by the convex pieces that stand for its meshes, where it has any (Decomposition):
+  /// what queries of the model `pieces` are answered from. Null before find_stand_ins(), or where no body has any.
+  const Scene* by_pieces() const { return by_pieces_.get(); }
+  /// Makes by_pieces(), once all bodies are there: whoever adds another one has to ask again.
+  void find_stand_ins();
+  /// Whether a body is by pieces that stand for it.
+  bool has_stand_ins() const { return has_stand_ins_; }
+
   /// Id of a body; kNone if there is none.
   std::uint32_t find_body(std::string_view name) const;
   /// Index of a group; kNone if there is none.
@@ -203,9 +214,10 @@ class Scene {
   friend class RobotAdder;
 
   void grow(Body& body, bool shares_pieces = true);
+  Scene without_memory() const;
 
   std::vector<Body> bodies_;
-  bool has_doubts_ = false, has_surfaces_ = false;
+  bool has_doubts_ = false, has_surfaces_ = false, has_stand_ins_ = false;
   std::vector<Group> groups_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
   std::vector<std::shared_ptr<const SceneRobot>> robots_;
@@ -218,6 +230,7 @@ class Scene {
   std::unordered_map<std::string, std::shared_ptr<const Geometry>>
       geometries_;  ///< that were made before: of meshes by file and options, of shapes by what they are made of
   std::shared_ptr<MeshGeometries> meshes_;  ///< null until there is a mesh
+  std::shared_ptr<const Scene> by_pieces_;
 };
 
 /// Says which body of a pair is not convex, nor the union of its pieces: "'shelf' is a solid"; empty where none is, or

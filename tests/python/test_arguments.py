@@ -61,6 +61,7 @@ QUERY = {
     "wait_for": [*BODIES, None, ""],
     "joints": JOINTS,
     "positions": POSITIONS,
+    "model": WORDS,
 }  # fmt: skip
 OF_A_BODY = {"parent": BODIES, "static": BOOLS, "pose": POSE}
 #: What a scene is told of a body besides.

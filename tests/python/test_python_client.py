@@ -11,7 +11,10 @@ import clearance
 from conftest import BUILD, INSTALLED
 from patience import PATIENCE_S
 
-TESTS = ["test_client.py", "test_client_errors.py", "test_client_scene.py", "test_prepared.py", "test_poses.py"]
+TESTS = [
+    "test_client.py", "test_client_errors.py", "test_client_scene.py", "test_prepared.py", "test_poses.py",
+    "test_model_pieces.py",
+]  # fmt: skip
 
 
 @pytest.mark.skipif(INSTALLED, reason="the build's")

@@ -17,7 +17,7 @@ def upper_snake(name):
 
 @pytest.fixture(scope="module")
 def header(root):
-    return "".join((root / "wire" / name).read_text() for name in ("types.h", "convexify.h"))
+    return "".join((root / "wire" / name).read_text() for name in ("types.h", "convexify.h", "model.h"))
 
 
 def enum_values(header, name):
@@ -31,7 +31,7 @@ def enum_values(header, name):
 
 @pytest.mark.parametrize("name, prefix", [
     ("Status", "k"), ("Flag", "kFlag"), ("Precision", "k"), ("Reduce", "k"), ("Format", "k"), ("Field", "kField"),
-    ("Convexify", "k"),
+    ("Convexify", "k"), ("Model", "k"),
 ])  # fmt: skip
 def test_enum_mirrors_header(header, name, prefix):
     values = enum_values(header, name)
@@ -44,7 +44,7 @@ def test_enum_mirrors_header(header, name, prefix):
 
 def test_every_enum_of_the_header_is_mirrored(header):
     names = re.findall(r"\benum (?:class )?(\w+) :", header)
-    assert len(names) == 7
+    assert len(names) == 8
     assert all(issubclass(getattr(_words, name), enum.Enum) for name in names)
 
 
@@ -79,11 +79,12 @@ def test_words_as_strings():
     assert _words.REDUCTIONS == {"none": 0, "within": 1, "nearest": 2, "min": 3, "any": 4}
     assert _words.PRECISIONS == {"f64": 0, "f32": 1}
     assert _words.FORMATS == {"full": 0, "compact": 1}
+    assert _words.MODELS == {"truth": 0, "pieces": 1}
 
 
 @pytest.mark.parametrize("literal, table", [
     ("PrecisionWord", "PRECISIONS"), ("ReduceWord", "REDUCTIONS"), ("FormatWord", "FORMATS"),
-    ("ConvexifyWord", "CONVEXIFY"), ("BackendWord", "BACKENDS"),
+    ("ConvexifyWord", "CONVEXIFY"), ("BackendWord", "BACKENDS"), ("ModelWord", "MODELS"),
 ])  # fmt: skip
 def test_type_checkers_know_the_words(literal, table):
     assert list(typing.get_args(getattr(_words, literal))) == list(getattr(_words, table))
@@ -92,7 +93,7 @@ def test_type_checkers_know_the_words(literal, table):
 @pytest.mark.parametrize("call, argument, literal", [
     ("Client.distances", "reduce", "ReduceWord"), ("Engine.submit", "precision", "PrecisionWord"),
     ("Client.distances", "format", "FormatWord"), ("Engine.__init__", "backend", "BackendWord"),
-    ("Scene.add_mesh", "convexify", "ConvexifyWord"),
+    ("Scene.add_mesh", "convexify", "ConvexifyWord"), ("Client.distances", "model", "ModelWord"),
 ])  # fmt: skip
 def test_arguments_are_typed_by_their_words(call, argument, literal):
     kind, _, method = call.partition(".")

@@ -18,8 +18,8 @@ FOLDERS = ("wire", "engine", "client", "server", "cli", "inspect", "bench", "tes
 INSTALLED = {
     f"clearance/{name}": f"{room}/{name}"
     for room, name in (
-        ("wire", "types.h"), ("wire", "convexify.h"), ("wire", "query_options.h"), ("wire", "query.h"),
-        ("wire", "protocol.h"),
+        ("wire", "types.h"), ("wire", "convexify.h"), ("wire", "model.h"),
+        ("wire", "query_options.h"), ("wire", "query.h"), ("wire", "protocol.h"),
         ("client", "client.h"), ("client", "eigen.h"),
     )
 } | {"clearance/engine.h": "engine/embed/embed.h"}  # fmt: skip

@@ -145,6 +145,9 @@ TEST(Forecast, LearnsWhatLikeQueriesTook) {
   QueryOptions depths;
   depths.signed_distance = true;
   EXPECT_EQ(forecast.of(Forecast::work_of(depths, {.piece_pairs = 1'000'000})), std::nullopt) << "another kind";
+  QueryOptions by_pieces;
+  by_pieces.model = Model::kPieces;
+  EXPECT_EQ(forecast.of(Forecast::work_of(by_pieces, {.piece_pairs = 1'000'000})), std::nullopt) << "another kind";
   EXPECT_EQ(forecast.of(Forecast::work_of(options, {.piece_pairs = 10})), std::nullopt) << "another size";
   for (int i = 0; i < 50; ++i) forecast.note(work, 20ms, true);
   EXPECT_NEAR(static_cast<double>(forecast.of(work)->count()), 20e6, 1e4);

@@ -120,7 +120,8 @@ inline void bind_query(nb::module_& m) {
   });
 }
 
-/// The rows of query_options.h that Asked has as members: {name: (tag, kind, default, words, unit, text)}.
+/// The rows of query_options.h that Asked has as members: {name: (tag, kind, default, words, unit, text,
+/// bytes of it in a record)}.
 template <class Asked>
 nb::dict query_options() {
   nb::dict rows;
@@ -133,8 +134,9 @@ nb::dict query_options() {
                          : std::is_floating_point_v<T> ? "number"
                          : std::is_signed_v<T>         ? "integer"
                                                        : "count";
-      rows[option.name] = nb::make_tuple(option.tag, kind, static_cast<OptionInPython<T>>(member(kDefaultOptions)),
-                                         is_word ? option.legal.text : "", option.unit, option.text);
+      rows[option.name] =
+          nb::make_tuple(option.tag, kind, static_cast<OptionInPython<T>>(member(kDefaultOptions)),
+                         is_word ? option.legal.text : "", option.unit, option.text, sizeof(OptionOnWire<T>));
     }
   });
   return rows;

@@ -26,7 +26,7 @@ from ._prepared import Prepared, TableOf
 from ._query import Parser, Query
 from ._result import Check, Out, Result
 from ._updates import Updates
-from ._words import Field, FormatWord, PrecisionWord, ReduceWord, Status
+from ._words import Field, FormatWord, ModelWord, PrecisionWord, ReduceWord, Status
 
 Margin = Union[float, np.ndarray, Sequence[float], Mapping[tuple[BodyRef, BodyRef], float]]
 Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
@@ -205,6 +205,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         wait_for: BodyRef = "*",
         joints: Optional[JointsRef] = None,
         positions: Any = None,
+        model: ModelWord = "truth",
         **more: Any,
     ) -> Result:
         """Answers how far apart bodies are, and where, on one consistent snapshot of the poses.
@@ -243,6 +244,10 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         positions: (K, J) radians and metres of those joints: K configurations, as many as `configurations` has if it is
             given as well. A position that is no number, or beyond 1e6, makes its rows BAD_POSE; one beyond the joint's
             limits sets Flag.BEYOND_LIMITS.
+        model: "truth", or "pieces": a body with convex pieces (convexify="decompose") is answered by these alone, and
+            no triangle is looked at. The interval is wider by how far the pieces may miss the mesh, and holds its
+            distance all the same; whether one body lies within another comes from the mesh. Negative values of
+            signed=True are the pieces' (Flag.PIECES). Other bodies are answered as ever.
         more: options that came later, by name; docs/wire.md has a table of them all. An option that the daemon is too
             old for is a RequestError that names it.
 
@@ -255,11 +260,12 @@ class Front(MotionQueries, Certificates, Updates, Parser):
             max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
         )  # fmt: skip
         rows = None if positions is None else to_floats(positions, "positions", "(K, J) numbers")
-        known, key = self._asked.find(self._scene_revision(), configurations, rows, (pairs, bodies, *arguments), more)
+        asked = (pairs, bodies, model, *arguments)
+        known, key = self._asked.find(self._scene_revision(), configurations, rows, asked, more)
         if known is not None:
             query = known.at(configurations, rows)
         else:
-            query = self._parse(pairs, configurations, bodies, *arguments, rows, **more)
+            query = self._parse(pairs, configurations, bodies, *arguments, rows, model, **more)
             self._asked.keep(key, query)
         return self._result(query, self._answer(query))
 
@@ -359,6 +365,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         wait_for: BodyRef = "*",
         joints: Optional[JointsRef] = None,
         positions: Any = None,
+        model: ModelWord = "truth",
         **more: Any,
     ) -> Future:
         """Begins a query as distances() asks it; returns a future: .result(timeout=None), .done(), .cancel().
@@ -368,7 +375,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         query = self._parse(
             pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
             out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
-            joints, positions, **more,
+            joints, positions, model, **more,
         )  # fmt: skip
         return self._start(query)
 

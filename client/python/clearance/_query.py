@@ -12,7 +12,7 @@ from ._joints import JointTable
 from ._names import NameTable, has_selectors
 from ._poses import as_pose7
 from ._result import fields_mask, out_arrays
-from ._words import COLUMNS, EVERY_BODY, FIELD_COUNT, FORMATS, MARGIN_DTYPE, PRECISIONS, REDUCTIONS, Field
+from ._words import COLUMNS, EVERY_BODY, FIELD_COUNT, FORMATS, MARGIN_DTYPE, MODELS, PRECISIONS, REDUCTIONS, Field
 
 NO_WAIT = (
     "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
@@ -81,7 +81,7 @@ class Parser:
     def _parse(  # type: ignore[no-untyped-def]  # the arguments of distances() are said once
         self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed, reduce, fields, format,
         out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
-        joints, positions, **more,
+        joints, positions, model, **more,
     ) -> Query:  # fmt: skip
         query = Query()
         query.pairs = None if pairs is None else self._names.pairs_array(pairs)
@@ -117,6 +117,7 @@ class Parser:
         raw.rel_tol = -1.0 if rel_tol is None else to_number_from_0(rel_tol, "rel_tol", " or None")
         raw.precision = to_word(precision, PRECISIONS, "precision")
         raw.signed_distance = to_bool(signed, "signed")
+        raw.model = to_word(model, MODELS, "model")
         raw.reduce = query.reduce
         raw.format = format_word
         raw.fields = mask & ~POINTS_BY_DEFAULT

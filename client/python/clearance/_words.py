@@ -1,6 +1,6 @@
 """The words of the contract: what a query may ask and what an answer may say.
 
-Mirrors wire/types.h and wire/convexify.h, value by value (tests/python/test_words.py compares them).
+Mirrors wire/types.h, wire/convexify.h and wire/model.h, value by value (tests/python/test_words.py compares them).
 """
 
 from __future__ import annotations
@@ -44,6 +44,13 @@ class Precision(enum.IntEnum):
 
     F64 = 0
     F32 = 1
+
+
+class Model(enum.IntEnum):
+    """By what a query's bodies are answered."""
+
+    TRUTH = 0  #: what they are
+    PIECES = 1  #: convex pieces that stand for a mesh, where there are any: wider by how far these may miss it
 
 
 class Reduce(enum.IntEnum):
@@ -151,6 +158,7 @@ FIELD_MASKS: dict[str, int] = {
 
 # What type checkers hold arguments against; tests compare them with the tables below.
 PrecisionWord = Literal["f64", "f32"]
+ModelWord = Literal["truth", "pieces"]
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
 FormatWord = Literal["full", "compact"]
 ConvexifyWord = Literal["hull", "submeshes", "decompose", "surface", "solid", "auto"]
@@ -158,6 +166,7 @@ GeometryWord = Literal["collision", "visual"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 
 PRECISIONS = {word.name.lower(): int(word) for word in Precision}
+MODELS = {word.name.lower(): int(word) for word in Model}
 REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
 FORMATS = {word.name.lower(): int(word) for word in Format}
 CONVEXIFY = {word.name.lower(): int(word) for word in Convexify}

@@ -24,8 +24,8 @@ from .requests import Session
 __all__ = ["OPTIONS", "Answer", "Client", "Pending", "Query", "poses_of_matrices", "wire_structs"]
 
 _CONTRACT = json.loads((pathlib.Path(__file__).parent / "contract.json").read_text())
-#: {name: (tag, kind, default, words, unit, text)}: the rows of wire/query_options.h.
-OPTIONS: dict[str, tuple[int, str, Any, str, str, str]] = {
+#: {name: (tag, kind, default, words, unit, text, bytes in a record)}: the rows of wire/query_options.h.
+OPTIONS: dict[str, tuple[int, str, Any, str, str, str, int]] = {
     name: tuple(row)  # type: ignore[misc]
     for name, row in _CONTRACT["options"].items()
 }

@@ -17,8 +17,11 @@ from .connection import Connection, parse_error, refusal
 from .frames import Frame, header_bytes, malformed, name_of_type, record
 
 _SHAPES = ("vertices", "box", "sphere", "capsule", "cylinder", "half_space", "cone", "ellipsoid", "points")
-#: How a record holds an option of each kind.
-_OPTION_FORMATS = {"bool": "<B", "word": "<B", "number": "<d", "integer": "<q", "count": "<Q"}
+#: How a record holds an option of each kind and of so many bytes.
+_OPTION_FORMATS = {
+    ("bool", 1): "<B", ("word", 1): "<B", ("number", 8): "<d", ("integer", 8): "<q", ("count", 8): "<Q",
+    ("count", 4): "<I",
+}  # fmt: skip
 
 
 #: Records of a query that hold arrays, in the order of their tags: above those of options.
@@ -154,7 +157,7 @@ class Session:
         if has_configurations and poses is not None:
             parts.append(poses)
         later = {n: r for n, r in self._options.items() if r[0] and asked[n] != r[2]}
-        tagged = {tag: struct.pack(_OPTION_FORMATS[kind], asked[name]) for name, (tag, kind, *_) in later.items()}
+        tagged = {r[0]: struct.pack(_OPTION_FORMATS[r[1], r[6]], asked[name]) for name, r in later.items()}
         arrays = {name: asked[name] for name in _ARRAY_TAGS if asked[name] is not None and len(asked[name])}
         if not has_configurations:
             arrays.pop("positions", None)

@@ -1,0 +1,82 @@
+// A scene with its bodies by the convex pieces that stand for their meshes.
+#include <algorithm>
+
+#include "engine/base/fp_environment.h"
+#include "engine/base/slack.h"
+#include "engine/hull/decomposition.h"
+#include "engine/scene/geometry.h"
+#include "engine/scene/scene.h"
+#include "engine/surface/surface.h"
+
+namespace clearance {
+
+namespace {
+
+const Decomposition* stand_ins_of(const Piece& piece) {
+  return piece.surface ? piece.surface->decomposition() : nullptr;
+}
+
+bool has_stand_ins_of_its_own(const Body& body) {
+  return std::ranges::any_of(body.pieces, [](const PiecePtr& piece) { return stand_ins_of(*piece) != nullptr; });
+}
+
+// How far convex pieces may miss a mesh is slack of the body's shape, and what they stand for is grown as they are. A
+// part without any stays as it is.
+Body body_by_pieces(const Body& body) {
+  Body made = body;
+  made.pieces.clear();
+  double inner = 0, outer = 0;
+  for (const PiecePtr& piece : body.pieces) {
+    const Decomposition* const of = stand_ins_of(*piece);
+    if (!of) {
+      made.pieces.push_back(piece);
+      continue;
+    }
+    inner = std::max(inner, of->inner);
+    outer = std::max(outer, of->most_outer());
+    for (const PiecePtr& core : of->pieces)
+      made.pieces.push_back(piece->radius > 0 ? with_radius(*core, piece->radius) : core);
+  }
+  made.model_inner = sum_above(body.model_inner, inner);
+  made.model_error = sum_above(body.model_error, outer);
+  made.stands_for = std::make_shared<const Body>(body);
+  return made;
+}
+
+}  // namespace
+
+// A copy without what only adding bodies needs.
+Scene Scene::without_memory() const {
+  Scene next;
+  next.bodies_ = bodies_;
+  next.groups_ = groups_;
+  next.ignored_ = ignored_;
+  next.robots_ = robots_;
+  next.joints_ = joints_;
+  next.joint_groups_ = joint_groups_;
+  next.joint_ids_ = joint_ids_;
+  next.body_ids_ = body_ids_;
+  next.group_ids_ = group_ids_;
+  next.has_doubts_ = has_doubts_;
+  next.has_surfaces_ = has_surfaces_;
+  next.has_stand_ins_ = has_stand_ins_;
+  return next;
+}
+
+void Scene::find_stand_ins() {
+  by_pieces_ = nullptr;
+  if (std::ranges::none_of(bodies_, has_stand_ins_of_its_own)) return;
+  const FpEnvironment environment;
+  auto made = std::make_shared<Scene>(without_memory());
+  for (Body& body : made->bodies_) {
+    if (!has_stand_ins_of_its_own(body)) continue;
+    body = body_by_pieces(body);
+    made->grow(body, false);
+  }
+  made->has_stand_ins_ = true;
+  made->has_surfaces_ = std::ranges::any_of(made->bodies_, has_surface);
+  made->has_doubts_ = std::ranges::any_of(made->bodies_, is_doubted);
+  by_pieces_ = std::move(made);
+}
+
+}  // namespace clearance
