@@ -17,15 +17,15 @@ struct Query {
 };
 
 struct Row {
-  std::string status;
+  std::string_view status;
   double lower, upper;
-  const Value::List& pairs;
+  std::span<const Value> pairs;
 
   bool is(std::string_view name) const { return status == name; }
 };
 
 Query read_query(const Value& document) {
-  const std::string& reduce = document["reduce"].text();
+  const std::string_view reduce = document["reduce"].text();
   require(reduce == "none" || reduce == "min" || reduce == "any", "a reduction is not known");
   return {document["signed"].truth(), reduce == "any", document["max_distance"].real()};
 }
@@ -132,7 +132,7 @@ std::size_t Findings::proved() const {
 Findings judge_certificate(std::string_view document) {
   Findings findings;
   try {
-    findings.why = judge_rows(parse(document));
+    findings.why = judge_rows(Document(document).root());
   } catch (const Refusal& refusal) {
     findings.no_certificate = refusal.what();
   }

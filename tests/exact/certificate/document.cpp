@@ -3,24 +3,21 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 namespace clearance::judge {
-
-struct Value::Compound {
-  std::string text;
-  List list;
-  Object object;
-};
 
 namespace {
 
 constexpr std::size_t kDeepest = 32;
 
-// Builds values from the parser's events.
+// Builds values from the parser's events. What a list or object holds waits on a stack until it ends.
 class Builder : public nlohmann::json_sax<nlohmann::json> {
  public:
-  Value take() { return std::move(root_); }
+  explicit Builder(std::pmr::memory_resource& memory) : memory_(memory) {}
+  const Value& root() const { return waiting_.back(); }
 
   bool null() override { return put(Value()); }
   bool boolean(bool x) override { return put(Value(x)); }
@@ -30,76 +27,74 @@ class Builder : public nlohmann::json_sax<nlohmann::json> {
     return x <= kMost ? put(Value(static_cast<std::int64_t>(x))) : put(Value(static_cast<double>(x)));
   }
   bool number_float(number_float_t x, const string_t&) override { return put(Value(x)); }
-  bool string(string_t& x) override { return put(Value(std::move(x))); }
+  bool string(string_t& x) override { return put(Value(kept(x))); }
   bool binary(binary_t&) override { return false; }
-  bool start_object(std::size_t) override { return open(Value::empty_object()); }
-  bool start_array(std::size_t) override { return open(Value::empty_list()); }
-  bool end_array() override { return close(); }
+  bool start_object(std::size_t) override { return open(); }
+  bool start_array(std::size_t) override { return open(); }
   bool key(string_t& name) override {
-    open_.back().growing_object().emplace_back(std::move(name), Value());
+    names_.push_back(kept(name));
     return true;
   }
+  bool end_array() override {
+    const Open begin = close();
+    const std::span<const Value> values = kept<Value>(waiting_, begin.values);
+    return put(Value(values));
+  }
   bool end_object() override {
-    std::vector<std::string_view> names;
-    for (const auto& [name, value] : open_.back().growing_object()) names.push_back(name);
-    std::sort(names.begin(), names.end());
-    require(std::adjacent_find(names.begin(), names.end()) == names.end(), "a name stands twice in one object");
-    return close();
+    const Open begin = close();
+    const std::span<const std::string_view> names = kept<std::string_view>(names_, begin.names);
+    sorted_.assign(names.begin(), names.end());
+    std::sort(sorted_.begin(), sorted_.end());
+    require(std::adjacent_find(sorted_.begin(), sorted_.end()) == sorted_.end(), "a name stands twice in one object");
+    const std::span<const Value> values = kept<Value>(waiting_, begin.values);
+    return put(Value(names.data(), values));
   }
   bool parse_error(std::size_t, const std::string&, const nlohmann::detail::exception& error) override {
     throw Refusal(error.what());
   }
 
  private:
+  struct Open {
+    std::size_t values, names;  // how many were waiting when it began
+  };
+
   bool put(Value value) {
-    if (open_.empty())
-      root_ = std::move(value);
-    else if (open_.back().is_list())
-      open_.back().growing_list().push_back(std::move(value));
-    else
-      open_.back().growing_object().back().second = std::move(value);
+    waiting_.push_back(value);
     return true;
   }
-  bool open(Value value) {
+  bool open() {
     require(open_.size() < kDeepest, "nested too deep");
-    open_.push_back(std::move(value));
+    open_.push_back({waiting_.size(), names_.size()});
     return true;
   }
-  bool close() {
-    Value done = std::move(open_.back());
+  Open close() {
+    const Open begin = open_.back();
     open_.pop_back();
-    return put(std::move(done));
+    return begin;
+  }
+  std::string_view kept(const std::string& text) {
+    char* place = static_cast<char*>(memory_.allocate(text.size() + 1, 1));
+    std::copy(text.begin(), text.end(), place);
+    return {place, text.size()};
+  }
+  // Takes all from `begin` on off a stack.
+  template <class T>
+  std::span<const T> kept(std::vector<T>& stack, std::size_t begin) {
+    const std::size_t size = stack.size() - begin;
+    if (size == 0) return {};
+    T* place = static_cast<T*>(memory_.allocate(size * sizeof(T), alignof(T)));
+    std::uninitialized_copy(stack.begin() + static_cast<std::ptrdiff_t>(begin), stack.end(), place);
+    stack.resize(begin);
+    return {place, size};
   }
 
-  Value root_;
-  std::vector<Value> open_;  // lists and objects that have not ended, each in the one before it
+  std::pmr::memory_resource& memory_;
+  std::vector<Value> waiting_;
+  std::vector<std::string_view> names_, sorted_;
+  std::vector<Open> open_;  // lists and objects that have not ended, each in the one before it
 };
 
 }  // namespace
-
-Value::Value() = default;
-Value::Value(bool x) : kind_(Kind::kTruth), truth_(x) {}
-Value::Value(std::int64_t x) : kind_(Kind::kInteger), integer_(x) {}
-Value::Value(double x) : kind_(Kind::kReal), real_(x) {}
-Value::Value(std::string text) : kind_(Kind::kText), compound_(new Compound{std::move(text), {}, {}}) {}
-Value::Value(Value&&) noexcept = default;
-Value& Value::operator=(Value&&) noexcept = default;
-Value::~Value() = default;
-
-Value Value::empty_list() {
-  Value value{std::string()};
-  value.kind_ = Kind::kList;
-  return value;
-}
-
-Value Value::empty_object() {
-  Value value{std::string()};
-  value.kind_ = Kind::kObject;
-  return value;
-}
-
-Value::List& Value::growing_list() { return compound_->list; }
-Value::Object& Value::growing_object() { return compound_->object; }
 
 bool Value::truth() const {
   require(kind_ == Kind::kTruth, "expected true or false");
@@ -111,19 +106,24 @@ std::int64_t Value::integer() const {
   return integer_;
 }
 
-const std::string& Value::text() const {
+std::string_view Value::text() const {
   require(kind_ == Kind::kText, "expected a text");
-  return compound_->text;
+  return {text_, size_};
 }
 
-const Value::List& Value::list() const {
+std::span<const Value> Value::list() const {
   require(kind_ == Kind::kList, "expected a list");
-  return compound_->list;
+  return {items_, size_};
 }
 
-const Value::Object& Value::object() const {
+std::span<const std::string_view> Value::names() const {
   require(kind_ == Kind::kObject, "expected an object");
-  return compound_->object;
+  return {names_, size_};
+}
+
+std::span<const Value> Value::values() const {
+  require(kind_ == Kind::kObject, "expected an object");
+  return {items_, size_};
 }
 
 double Value::real() const {
@@ -153,9 +153,9 @@ std::size_t Value::index(std::size_t size) const {
 }
 
 const Value* Value::find(std::string_view name) const {
-  for (const auto& [key, value] : object())
-    if (key == name) return &value;
-  return nullptr;
+  const std::span<const std::string_view> all = names();
+  const auto found = std::find(all.begin(), all.end(), name);
+  return found == all.end() ? nullptr : &items_[found - all.begin()];
 }
 
 const Value& Value::operator[](std::string_view name) const {
@@ -188,10 +188,10 @@ Vector Value::vector_of_sums() const {
   return {at(0).high_and_low(), at(1).high_and_low(), at(2).high_and_low()};
 }
 
-Value parse(std::string_view text) {
-  Builder builder;
+Document::Document(std::string_view text) : memory_(text.size() + 1024) {
+  Builder builder(memory_);
   require(nlohmann::json::sax_parse(text, &builder), "no JSON");
-  return builder.take();
+  root_ = builder.root();
 }
 
 }  // namespace clearance::judge

@@ -26,7 +26,7 @@ Placement placement_of(const Value& pose) {
   return {{x[0], x[1], x[2]}, {x[3], {x[4], x[5], x[6]}}};
 }
 
-Id id_of(const std::string& text) {
+Id id_of(std::string_view text) {
   Id id = 0;
   const char* end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, id);
@@ -81,9 +81,10 @@ Motion::Motion(const Bodies& bodies, const Value& configuration, std::size_t end
 
 Motion::Ends Motion::ends_of(const Value& document, std::size_t count) const {
   Ends ends;
-  for (const auto& [name, value] : document.object()) {
-    require(value.list().size() == count, "an end is missing");
-    ends.emplace(id_of(name), &value.list());
+  for (std::size_t k = 0; k < document.names().size(); ++k) {
+    const std::span<const Value> values = document.values()[k].list();
+    require(values.size() == count, "an end is missing");
+    ends.emplace(id_of(document.names()[k]), values);
   }
   return ends;
 }
@@ -94,7 +95,7 @@ const Body& Motion::body(Id id) const {
   return found->second;
 }
 
-std::vector<Motion::Step> Motion::steps_between(Id id, const Value::List& ends, double time) const {
+std::vector<Motion::Step> Motion::steps_between(Id id, std::span<const Value> ends, double time) const {
   const Placement first = placement_of(ends.front()), last = placement_of(ends.back());
   const Vector way = last.origin - first.origin;
   std::vector<Step> steps{{pose_of(first.origin + Dyadic(time) * way, first.q), way, false}};
@@ -110,8 +111,8 @@ Motion::Step Motion::step_of_joint(const Value& move, double time) const {
   double first = 0, last = 0;
   if (const auto found = column.is_null() ? positions_.end() : positions_.find(column.integer());
       found != positions_.end()) {
-    first = found->second->front().finite();
-    last = found->second->back().finite();
+    first = found->second.front().finite();
+    last = found->second.back().finite();
   } else {
     first = last = move["stands"].finite();
   }
@@ -131,7 +132,7 @@ Motion::Step Motion::step_of_joint(const Value& move, double time) const {
 }
 
 std::vector<Motion::Step> Motion::steps(Id id, double time) const {
-  if (const auto found = poses_.find(id); found != poses_.end()) return steps_between(id, *found->second, time);
+  if (const auto found = poses_.find(id); found != poses_.end()) return steps_between(id, found->second, time);
   const Placement stands = placement_of(*body(id).pose);
   std::vector<Step> steps{{pose_of(stands.origin, stands.q), {}, false}};
   for (const Value& move : body(id).moves->list()) steps.push_back(step_of_joint(move, time));

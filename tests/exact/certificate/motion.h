@@ -4,6 +4,8 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "piece.h"
 #include "turns.h"
@@ -88,11 +90,11 @@ class Motion {
     Vector rate;
     bool turns;
   };
-  using Ends = std::map<Id, const Value::List*>;
+  using Ends = std::map<Id, std::span<const Value>>;
 
   Ends ends_of(const Value& document, std::size_t count) const;
   std::vector<Step> steps(Id id, double time) const;
-  std::vector<Step> steps_between(Id id, const Value::List& ends, double time) const;
+  std::vector<Step> steps_between(Id id, std::span<const Value> ends, double time) const;
   Step step_of_joint(const Value& move, double time) const;
   Place placed(Id id, double time) const;
 

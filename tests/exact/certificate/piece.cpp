@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace clearance::judge {
 namespace {
@@ -41,7 +42,7 @@ std::array<double, 3> rough_direction(const Vector& n) {
 
 Piece::Piece(const Value& document) : radius_(document["radius"].length()) {
   if (const Value* core = document.find("core")) {
-    const std::string& kind = (*core)["kind"].text();
+    const std::string_view kind = (*core)["kind"].text();
     require(kind == "cone" || kind == "cylinder" || kind == "ellipsoid", "a core is of no known kind");
     core_ = kind == "cone" ? Core::kCone : kind == "cylinder" ? Core::kCylinder : Core::kEllipsoid;
     size_ = (*core)["size"].vector();

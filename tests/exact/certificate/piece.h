@@ -1,7 +1,7 @@
 // A piece of a body as a certificate has it: the hull of vertices, or a cylinder, cone or ellipsoid, grown by a radius.
 #pragma once
 
-#include <optional>
+#include <vector>
 
 #include "document.h"
 

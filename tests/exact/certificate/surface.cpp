@@ -48,7 +48,7 @@ bool is_closed(const std::vector<Face>& faces) {
 // No face comes nearer to the origin than `radius`; returns the k of a ball of radius 2^k that none of them meets.
 long check_beyond(const Value& witness, const std::vector<Face>& faces, const std::vector<Vector>& points,
                   const Dyadic& radius) {
-  const Value::List& normals = witness["normals"].list();
+  const std::span<const Value> normals = witness["normals"].list();
   require(normals.size() == faces.size(), "there are not as many normals as faces");
   std::optional<long> smallest;
   for (std::size_t f = 0; f < faces.size(); ++f) {

@@ -46,7 +46,7 @@ Difference difference(const Value& witness, const Named& a, const Named& b, cons
 }
 
 void check_points(const Value& witness, const Difference& d, const Dyadic& reach) {
-  const Value::List& weights = witness["weights"].list();
+  const std::span<const Value> weights = witness["weights"].list();
   require(weights.size() == d.points.size(), "there are not as many weights as points");
   Vector sum;
   Dyadic total;
