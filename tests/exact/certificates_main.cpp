@@ -5,10 +5,15 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iostream>
+#include <mutex>
+#include <sstream>
+#include <thread>
 
 #include "campaign.h"
 #include "certificate/certificate_judge.h"
+#include "in_parallel.h"
 #include "tests/motion/motion_cases.h"
 
 namespace clearance::exact {
@@ -16,6 +21,7 @@ namespace {
 
 struct Options {
   std::uint64_t cases = 1000, motions = 0, python = 1000, python_motions = 0, seed = 1;
+  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::string out = "out/certificates", only;
 };
 
@@ -39,37 +45,53 @@ void write_file(const std::string& path, const std::string& text) {
   if (!file.flush()) throw std::runtime_error("cannot write " + path);
 }
 
-// What came of the documents.
-struct Count {
-  std::uint64_t documents = 0, rows = 0, proved = 0, kept = 0, bytes = 0;
-  double seconds = 0;  // of the judge
+double seconds_of_this_thread() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
 
-  bool all_proved() const { return rows > 0 && proved == rows && failed_ == 0; }
-
-  // Judges a document; those that fail are kept whatever `keep` says.
-  void judge(const std::string& path, const std::string& document, std::uint64_t expected_rows, bool keep) {
-    const std::clock_t start = std::clock();
+// What came of the documents. Threads may call judge() at once.
+class Count {
+ public:
+  // Those that fail are kept, too.
+  void judge(const std::string& path, const std::string& document, std::size_t expected_rows, bool keep) {
+    const double start = seconds_of_this_thread();
     const judge::Findings findings = judge::judge_certificate(document);
-    seconds += static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
-    ++documents;
-    bytes += document.size();
-    rows += findings.why.size();
-    proved += findings.proved();
-    for (std::size_t k = 0; k < findings.why.size(); ++k)
-      if (!findings.why[k].empty()) std::cerr << path << ": rows[" << k << "]: NOT PROVED: " << findings.why[k] << '\n';
+    const double took = seconds_of_this_thread() - start;
+    const std::lock_guard lock(mutex_);
+    seconds_ += took;
+    ++documents_;
+    bytes_ += document.size();
+    rows_ += findings.why.size();
+    proved_ += findings.proved();
     const bool is_good = findings.all_proved() && findings.why.size() == expected_rows;
-    if (!is_good) {
-      ++failed_;
-      std::cerr << path << ": " << findings.proved() << " rows of " << expected_rows << " are proved "
-                << findings.no_certificate << '\n';
-    }
+    if (!is_good) say_why(path, findings, expected_rows);
     if (!keep && is_good) return;
-    ++kept;
+    ++kept_;
     write_file(path, document);
   }
 
+  bool all_proved() const { return rows_ > 0 && failed_ == 0; }
+  std::string text() const {
+    std::ostringstream text;
+    text << proved_ << " of " << rows_ << " rows are proved, of " << documents_ << " documents of " << bytes_ / 1'000'000
+         << " MB; the judge took " << seconds_ << " s; " << kept_ << " are kept";
+    return text.str();
+  }
+
  private:
-  std::uint64_t failed_ = 0;  // documents
+  void say_why(const std::string& path, const judge::Findings& findings, std::size_t expected_rows) {
+    ++failed_;
+    for (std::size_t k = 0; k < findings.why.size(); ++k)
+      if (!findings.why[k].empty()) std::cerr << path << ": rows[" << k << "]: NOT PROVED: " << findings.why[k] << '\n';
+    std::cerr << path << ": " << findings.proved() << " of " << expected_rows << " rows are proved "
+              << findings.no_certificate << '\n';
+  }
+
+  std::mutex mutex_;
+  std::size_t documents_ = 0, rows_ = 0, proved_ = 0, kept_ = 0, failed_ = 0, bytes_ = 0;
+  double seconds_ = 0;  // of the judge
 };
 
 // Some motions of robots of all kinds of joints, and of bodies beside and on them, in a scene of their own.
@@ -78,7 +100,9 @@ void judge_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   constexpr Reduce kReduces[] = {Reduce::kNone, Reduce::kMin, Reduce::kAny};
   const auto k = static_cast<std::uint64_t>(kind), kinds = static_cast<std::uint64_t>(test::kMotionKinds);
   test::Random random(o.seed * 1'000'003 + number * kinds + k);
-  const test::MotionCase made(random, kind, kAtOnce, o.out);
+  const std::string folder = o.out + "/robots_" + test::name_of(kind);  // for its robots' file
+  std::filesystem::create_directories(folder);
+  const test::MotionCase made(random, kind, kAtOnce, folder);
   const Engine engine(Scene(made.scene), {.backend = "cpu", .threads = 1});
   test::Motions asked = made.motions;
   asked.pairs.clear();
@@ -117,13 +141,16 @@ void judge_cases(const Options& o, const CaseClass& c, std::size_t setting, Coun
 bool judge_all(const Options& o) {
   std::filesystem::create_directories(o.out);
   Count count;
+  std::vector<std::function<void()>> tasks;
+  for (int kind = 0; kind < test::kMotionKinds; ++kind)
+    tasks.emplace_back([&o, &count, kind] {
+      for (std::uint64_t i = 0; i < o.motions; ++i) judge_motions(o, static_cast<test::MotionKind>(kind), i, count);
+    });
   for (const CaseClass& c : case_classes())
     for (std::size_t k = 0; k < settings().size() && c.name.find(o.only) != std::string::npos; ++k)
-      judge_cases(o, c, k, count);
-  for (int kind = 0; kind < test::kMotionKinds; ++kind)
-    for (std::uint64_t i = 0; i < o.motions; ++i) judge_motions(o, static_cast<test::MotionKind>(kind), i, count);
-  std::cout << count.proved << " of " << count.rows << " rows are proved, in " << count.documents << " documents of "
-            << count.bytes / 1'000'000 << " MB; judged in " << count.seconds << " s; " << count.kept << " kept\n";
+      tasks.emplace_back([&o, &c, &count, k] { judge_cases(o, c, k, count); });
+  in_parallel(tasks.size(), o.threads, [&](std::size_t k) { tasks[k](); });
+  std::cout << count.text() << '\n';
   return count.all_proved();
 }
 
@@ -138,6 +165,7 @@ int main(int argc, char** argv) {
   app.add_option("--python", o.python, "cases of each class to keep for tools/check_certificate.py");
   app.add_option("--python-motions", o.python_motions, "scenes of each kind of motion to keep for it");
   app.add_option("--seed", o.seed, "of the cases");
+  app.add_option("--threads", o.threads, "classes at a time")->check(CLI::Range(1, 256));
   app.add_option("--class", o.only, "only classes whose names hold this");
   app.add_option("--out", o.out, "folder for those that are kept, and those that fail");
   CLI11_PARSE(app, argc, argv);
