@@ -1,16 +1,18 @@
 // clearance-judge: certificates before the judge, as tools/check_certificate.py has them before itself.
 #include <fstream>
 #include <iostream>
-#include <iterator>
+#include <sstream>
 
 #include "certificate_judge.h"
 
 namespace clearance::judge {
 namespace {
 
-bool judge_stream(const std::string& name, std::istream& stream) {
-  const std::string text{std::istreambuf_iterator<char>(stream), {}};
-  const Findings findings = stream.bad() || stream.fail() ? Findings{"it cannot be read", {}} : judge_certificate(text);
+bool judge_file(const std::string& name) {
+  std::ifstream file(name, std::ios::binary);
+  std::ostringstream text;
+  text << file.rdbuf();
+  const Findings findings = file && text ? judge_certificate(text.view()) : Findings{"it cannot be read", {}};
   if (!findings.no_certificate.empty()) {
     std::cout << name << ": no certificate: " << findings.no_certificate << '\n';
     return false;
@@ -31,9 +33,6 @@ int main(int argc, char** argv) {
     return argc < 2 ? 1 : 0;
   }
   bool good = true;
-  for (int k = 1; k < argc; ++k) {
-    std::ifstream file(argv[k], std::ios::binary);
-    good = clearance::judge::judge_stream(argv[k], file) && good;
-  }
+  for (int k = 1; k < argc; ++k) good = clearance::judge::judge_file(argv[k]) && good;
   return good ? 0 : 1;
 }
