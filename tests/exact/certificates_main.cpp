@@ -75,8 +75,8 @@ class Count {
   bool all_proved() const { return rows_ > 0 && failed_ == 0; }
   std::string text() const {
     std::ostringstream text;
-    text << proved_ << " of " << rows_ << " rows are proved, of " << documents_ << " documents of " << bytes_ / 1'000'000
-         << " MB; the judge took " << seconds_ << " s; " << kept_ << " are kept";
+    text << proved_ << " of " << rows_ << " rows are proved, of " << documents_ << " documents of "
+         << bytes_ / 1'000'000 << " MB; the judge took " << seconds_ << " s; " << kept_ << " are kept";
     return text.str();
   }
 

@@ -38,7 +38,8 @@ class Judges:
         assert done.stderr == "" and done.returncode in (0, 1), done.stderr
         if "no certificate: " in done.stdout:
             return range(10**9)
-        refused = {int(place) for place in re.findall(r"^/dev/stdin: rows\[(\d+)\]: NOT PROVED", done.stdout, re.MULTILINE)}
+        found = re.findall(r"(?m)^/dev/stdin: rows\[(\d+)\]: NOT PROVED", done.stdout)
+        refused = {int(place) for place in found}
         assert bool(refused) == bool(done.returncode), done.stdout
         return refused
 

@@ -152,6 +152,7 @@ KINEMATICS = {
     "turn as a slide": lambda d: link(d, "upper")["moves"][-1].update(turns=False),
     "multiplier": lambda d: link(d, "upper")["moves"][-1].update(multiplier=1.1),
     "base": lambda d: next(b for b in d["bodies"] if b["name"] == "arm")["pose"].__setitem__(0, 0.2),
+    "links that hang on themselves": lambda d: [b.update(on=b["id"]) for b in d["bodies"] if b["joint"]],
 }
 
 

@@ -22,6 +22,7 @@ void check_witness(const Motion& motion, const IdPair& ids, const Value& witness
 
 /// A surface of triangles between `points` (divided by `divisor`) goes around the origin, and around a ball of that
 /// radius, if it is positive. Throws Refusal.
-void check_surface(const Value& witness, const std::vector<Vector>& points, const Dyadic& divisor, const Dyadic& radius);
+void check_surface(const Value& witness, const std::vector<Vector>& points, const Dyadic& divisor,
+                   const Dyadic& radius);
 
 }  // namespace clearance::judge

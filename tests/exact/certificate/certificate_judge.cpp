@@ -84,7 +84,8 @@ void check_upper(const Row& row, const Value& document, const Query& query, cons
 }
 
 void check_row(const Value& document, const Query& query, const std::map<Id, Motion>& motions) {
-  const Row row{document["status"].text(), document["lower"].real(), document["upper"].real(), document["pairs"].list()};
+  const Row row{document["status"].text(), document["lower"].real(), document["upper"].real(),
+                document["pairs"].list()};
   if (row.is("bad_pose") || row.is("no_pose") || row.is("stale_pose") || row.is("unknown_body")) {
     require(row.lower == -kInf && row.upper == kInf && row.pairs.empty(), "this status says nothing of a distance");
     return;

@@ -68,8 +68,8 @@ void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, c
   // The root is above |n|: what is to be less than a negative number times |n| is asked for a little more.
   Dyadic asked = need * length_above(n);
   if (need.sign() < 0) asked -= asked * blur();
-  const Dyadic between = dot(of_b.n_moved, look.X_wb.origin) + of_b.more - dot(of_a.n_moved, look.X_wa.origin) -
-                         of_a.more - asked;
+  const Dyadic between =
+      dot(of_b.n_moved, look.X_wb.origin) + of_b.more - dot(of_a.n_moved, look.X_wa.origin) - of_a.more - asked;
   const Dyadic &over_a = look.X_wa.divisor, &over_b = look.X_wb.divisor, all = over_a * over_b * between;
   for (const auto& [i, j] : pairs)
     if (over_b * ahead.at(i) + over_a * behind.at(j) > all)

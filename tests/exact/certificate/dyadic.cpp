@@ -16,7 +16,9 @@ mpz_class shifted(const mpz_class& m, long bits) {
   return result;
 }
 
-long length_in_bits(const mpz_class& m) { return static_cast<long>(mpz_sizeinbase(m.get_mpz_t(), 2)); }
+long length_in_bits(const mpz_class& m) {
+  return static_cast<long>(mpz_sizeinbase(m.get_mpz_t(), 2));
+}
 
 }  // namespace
 
@@ -60,7 +62,9 @@ Dyadic& Dyadic::operator-=(const Dyadic& x) {
   return *this;
 }
 
-Dyadic abs(const Dyadic& x) { return x.sign() < 0 ? -x : x; }
+Dyadic abs(const Dyadic& x) {
+  return x.sign() < 0 ? -x : x;
+}
 
 Dyadic quotient_below(const Dyadic& x, const Dyadic& y, long bits) {
   mpz_class over = x.mantissa(), under = y.mantissa(), quotient;
@@ -88,22 +92,38 @@ Dyadic root_above(const Dyadic& x) {
   return {sqrt(m) + 1, (x.exponent() - shift) / 2};
 }
 
-Vector operator+(const Vector& u, const Vector& v) { return {u[0] + v[0], u[1] + v[1], u[2] + v[2]}; }
-Vector operator-(const Vector& u, const Vector& v) { return {u[0] - v[0], u[1] - v[1], u[2] - v[2]}; }
-Vector operator*(const Dyadic& factor, const Vector& v) { return {factor * v[0], factor * v[1], factor * v[2]}; }
+Vector operator+(const Vector& u, const Vector& v) {
+  return {u[0] + v[0], u[1] + v[1], u[2] + v[2]};
+}
+Vector operator-(const Vector& u, const Vector& v) {
+  return {u[0] - v[0], u[1] - v[1], u[2] - v[2]};
+}
+Vector operator*(const Dyadic& factor, const Vector& v) {
+  return {factor * v[0], factor * v[1], factor * v[2]};
+}
 
-Dyadic dot(const Vector& u, const Vector& v) { return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]; }
+Dyadic dot(const Vector& u, const Vector& v) {
+  return u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+}
 
 Vector cross(const Vector& u, const Vector& v) {
   return {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
 }
 
-bool is_zero(const Vector& v) { return v[0].sign() == 0 && v[1].sign() == 0 && v[2].sign() == 0; }
+bool is_zero(const Vector& v) {
+  return v[0].sign() == 0 && v[1].sign() == 0 && v[2].sign() == 0;
+}
 
-Vector turned(const Rows& rows, const Vector& v) { return {dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)}; }
+Vector turned(const Rows& rows, const Vector& v) {
+  return {dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)};
+}
 
-Vector turned_back(const Rows& rows, const Vector& v) { return v[0] * rows[0] + v[1] * rows[1] + v[2] * rows[2]; }
+Vector turned_back(const Rows& rows, const Vector& v) {
+  return v[0] * rows[0] + v[1] * rows[1] + v[2] * rows[2];
+}
 
-Dyadic length_above(const Vector& v) { return root_above(dot(v, v)); }
+Dyadic length_above(const Vector& v) {
+  return root_above(dot(v, v));
+}
 
 }  // namespace clearance::judge

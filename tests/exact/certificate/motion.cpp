@@ -36,7 +36,9 @@ Id id_of(std::string_view text) {
 
 }  // namespace
 
-Frame frame_of(const Value& id) { return id.is_null() ? Frame() : Frame(id.integer()); }
+Frame frame_of(const Value& id) {
+  return id.is_null() ? Frame() : Frame(id.integer());
+}
 
 Body::Body(const Value& document, const std::vector<Piece>& pieces_of_all)
     : name(document["name"].text()),

@@ -17,8 +17,8 @@ using Id = std::int64_t;
 using Frame = std::optional<Id>;
 Frame frame_of(const Value& id);
 
-/// What a document says of a body. It must outlive this: poses and joints are read when a row needs them, since those of
-/// a body without usable pose are no numbers.
+/// What a document says of a body. It must outlive this: poses and joints are read when a row needs them, since those
+/// of a body without usable pose are no numbers.
 class Body {
  public:
   Body(const Value& document, const std::vector<Piece>& pieces);

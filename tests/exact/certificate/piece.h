@@ -31,9 +31,9 @@ class Piece {
 
   Core core_ = Core::kHull;
   Dyadic radius_;
-  Vector size_;                      // of a round core
-  std::vector<double> x_, y_, z_;    // of the vertices
-  double largest_ = 0;               // of all coordinates
+  Vector size_;                    // of a round core
+  std::vector<double> x_, y_, z_;  // of the vertices
+  double largest_ = 0;             // of all coordinates
   mutable std::vector<double> scratch_;
 };
 

@@ -14,12 +14,10 @@ struct Ray {
   Vector origin, along;
 };
 const std::vector<Ray>& rays() {
-  static const std::vector<Ray> value{{{4.0, 1.0, -6.0}, {523.0, -811.0, 269.0}},
-                                      {{-2.0, 5.0, 3.0}, {-947.0, -158.0, 606.0}},
-                                      {{1.0, -7.0, 2.0}, {311.0, 764.0, 877.0}},
-                                      {{-5.0, -3.0, -4.0}, {-683.0, 442.0, -971.0}},
-                                      {{6.0, 3.0, 5.0}, {89.0, -373.0, -638.0}},
-                                      {{-3.0, 2.0, -7.0}, {-236.0, 991.0, -117.0}}};
+  static const std::vector<Ray> value{
+      {{4.0, 1.0, -6.0}, {523.0, -811.0, 269.0}}, {{-2.0, 5.0, 3.0}, {-947.0, -158.0, 606.0}},
+      {{1.0, -7.0, 2.0}, {311.0, 764.0, 877.0}},  {{-5.0, -3.0, -4.0}, {-683.0, 442.0, -971.0}},
+      {{6.0, 3.0, 5.0}, {89.0, -373.0, -638.0}},  {{-3.0, 2.0, -7.0}, {-236.0, 991.0, -117.0}}};
   return value;
 }
 
@@ -54,8 +52,8 @@ long check_beyond(const Value& witness, const std::vector<Face>& faces, const st
   for (std::size_t f = 0; f < faces.size(); ++f) {
     const Vector m = normals[f].vector_of_sums();
     const Dyadic length = length_above(m);
-    const Dyadic beyond = std::min({dot(m, points[faces[f][0]]), dot(m, points[faces[f][1]]),
-                                    dot(m, points[faces[f][2]])});
+    const Dyadic beyond =
+        std::min({dot(m, points[faces[f][0]]), dot(m, points[faces[f][1]]), dot(m, points[faces[f][2]])});
     require(beyond.sign() > 0 && beyond >= radius * length, "a face is not beyond its plane");
     long over = 0, under = 0;  // beyond / length > 2^(over - 1) / 2^under
     beyond.rough(over);

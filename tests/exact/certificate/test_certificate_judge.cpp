@@ -17,7 +17,8 @@ const Dyadic kTiny = Dyadic::power_of_two(-300);
 // Numbers of all sizes, some of which are squares.
 Dyadic any_number(std::mt19937_64& random) {
   const double x = std::ldexp(static_cast<double>(random() >> 11), static_cast<int>(random() % 600) - 350);
-  const Dyadic sum = Dyadic(x) + std::ldexp(static_cast<double>(random() >> 40), static_cast<int>(random() % 600) - 350);
+  const Dyadic sum =
+      Dyadic(x) + std::ldexp(static_cast<double>(random() >> 40), static_cast<int>(random() % 600) - 350);
   return random() % 4 == 0 ? sum * sum : sum;
 }
 
@@ -106,7 +107,8 @@ TEST(CertificateJudge, WhatIsNoDocumentIsRefused) {
   EXPECT_THROW(root["c"], Refusal);
 }
 
-// Two boxes that are 1 m apart along x (of which all but a bit can be proved, since roots are rounded up), or b moves towards a by 1 m, from 2 m away.
+// Two boxes that are 1 m apart along x (of which all but a bit can be proved, since roots are rounded up), or b moves
+// towards a by 1 m, from 2 m away.
 struct Boxes {
   std::string lower = "0.9999999999999999", upper = "1", status = "ok", order = "1", slack = "0", inner = "0";
   int direction = 1;
@@ -124,12 +126,15 @@ struct Boxes {
     text << R"({"format":"clearance certificate","version":2,"query":{"reduce":"none","motions":)"
          << (moves ? "true" : "false") << R"(,"max_distance":"inf","signed":false},
       "pieces":[{"radius":0,"count":8,"vertices":[[0,0,0],[1,0,0],[0,1,0],[1,1,0],[0,0,1],[1,0,1],[0,1,1],[1,1,1]]}],
-      "bodies":[)" << body(0, 0, inner) << "," << body(1, 2, inner) << R"(],"configurations":[{"configuration":0,"poses":)"
+      "bodies":[)"
+         << body(0, 0, inner) << "," << body(1, 2, inner) << R"(],"configurations":[{"configuration":0,"poses":)"
          << (moves ? R"({"1":[[3,0,0,1,0,0,0],[2,0,0,1,0,0,0]]})" : "{}") << R"(,"positions":{}}],
-      "rows":[{"configuration":0,"bodies":[0,1],"status":")" << status << R"(","lower":)" << lower << R"(,"upper":)"
-         << upper << R"(,"proved":true,"pairs":[{"bodies":[0,1],"margin":0,"lower":)" << lower
+      "rows":[{"configuration":0,"bodies":[0,1],"status":")"
+         << status << R"(","lower":)" << lower << R"(,"upper":)" << upper
+         << R"(,"proved":true,"pairs":[{"bodies":[0,1],"margin":0,"lower":)" << lower
          << R"(,"spans":[{"begin":0,"end":1,"at":0.5,"slack":{"terms":[{"inner":)" << slack << R"(}]},
-      "lower":[{"pieces":null,"order":)" << order << R"(,"seer":null,"direction":[[)" << direction
+      "lower":[{"pieces":null,"order":)"
+         << order << R"(,"seer":null,"direction":[[)" << direction
          << R"(,0],[0,0],[0,0]]}]}]}],"witness":{"time":1,"pieces":[0,0],"vertices":[[1,0],[7,6]],
       "weights":[[0.75,0],[0.25,0]]}}]})";
     return text.str();

@@ -10,7 +10,9 @@ namespace {
 // Numbers with a fixed point: x stands for x 2^-kFixed. What series and roots lose stays far behind kBits.
 constexpr long kFixed = 512;
 
-mpz_class fixed(const Dyadic& x) { return quotient_below(x, 1.0, kFixed).mantissa(); }
+mpz_class fixed(const Dyadic& x) {
+  return quotient_below(x, 1.0, kFixed).mantissa();
+}
 
 mpz_class shifted_down(const mpz_class& x, mp_bitcnt_t bits) {
   mpz_class result;
@@ -18,7 +20,9 @@ mpz_class shifted_down(const mpz_class& x, mp_bitcnt_t bits) {
   return result;
 }
 
-mpz_class product(const mpz_class& x, const mpz_class& y) { return shifted_down(x * y, kFixed); }
+mpz_class product(const mpz_class& x, const mpz_class& y) {
+  return shifted_down(x * y, kFixed);
+}
 
 const mpz_class& one() {
   static const mpz_class value = mpz_class(1) << kFixed;
@@ -59,7 +63,9 @@ Dyadic angle_of(const Dyadic& x, const Dyadic& y) {
   return {sum, kHalvings + 1 - kFixed};
 }
 
-Quaternion operator*(const Dyadic& factor, const Quaternion& q) { return {factor * q.w, factor * q.v}; }
+Quaternion operator*(const Dyadic& factor, const Quaternion& q) {
+  return {factor * q.w, factor * q.v};
+}
 
 }  // namespace
 
@@ -73,7 +79,9 @@ Vector rounded(const Vector& v, const Dyadic& divisor) {
           quotient_below(v[2], divisor, kBits)};
 }
 
-Vector unit(const Vector& v) { return rounded(v, length_above(v)); }
+Vector unit(const Vector& v) {
+  return rounded(v, length_above(v));
+}
 
 Pose pose_of(const Vector& origin, const Quaternion& q) {
   const Dyadic &w = q.w, &x = q.v[0], &y = q.v[1], &z = q.v[2], two = 2.0;
