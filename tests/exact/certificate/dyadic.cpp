@@ -62,13 +62,26 @@ Dyadic& Dyadic::operator-=(const Dyadic& x) {
   return *this;
 }
 
+Dyadic& Dyadic::add_product(const Dyadic& x, const Dyadic& y) {
+  if (x.e_ + y.e_ != e_) return *this += x * y;
+  mpz_addmul(m_.get_mpz_t(), x.m_.get_mpz_t(), y.m_.get_mpz_t());
+  return *this;
+}
+
+Dyadic& Dyadic::subtract_product(const Dyadic& x, const Dyadic& y) {
+  if (x.e_ + y.e_ != e_) return *this -= x * y;
+  mpz_submul(m_.get_mpz_t(), x.m_.get_mpz_t(), y.m_.get_mpz_t());
+  return *this;
+}
+
 Dyadic abs(const Dyadic& x) {
   return x.sign() < 0 ? -x : x;
 }
 
 Dyadic quotient_below(const Dyadic& x, const Dyadic& y, long bits) {
-  mpz_class over = x.mantissa(), under = y.mantissa(), quotient;
   const long shift = x.exponent() - y.exponent() + bits;
+  if (y.mantissa() == 1) return {shifted(x.mantissa(), shift), -bits};
+  mpz_class over = x.mantissa(), under = y.mantissa(), quotient;
   if (shift >= 0)
     over = shifted(over, shift);
   else
@@ -103,11 +116,17 @@ Vector operator*(const Dyadic& factor, const Vector& v) {
 }
 
 Dyadic dot(const Vector& u, const Vector& v) {
-  return u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+  Dyadic sum = u[0] * v[0];
+  sum.add_product(u[1], v[1]).add_product(u[2], v[2]);
+  return sum;
 }
 
 Vector cross(const Vector& u, const Vector& v) {
-  return {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+  Vector w{u[1] * v[2], u[2] * v[0], u[0] * v[1]};
+  w[0].subtract_product(u[2], v[1]);
+  w[1].subtract_product(u[0], v[2]);
+  w[2].subtract_product(u[1], v[0]);
+  return w;
 }
 
 bool is_zero(const Vector& v) {
@@ -119,7 +138,9 @@ Vector turned(const Rows& rows, const Vector& v) {
 }
 
 Vector turned_back(const Rows& rows, const Vector& v) {
-  return v[0] * rows[0] + v[1] * rows[1] + v[2] * rows[2];
+  Vector w = v[0] * rows[0];
+  for (std::size_t k = 0; k < 3; ++k) w[k].add_product(v[1], rows[1][k]).add_product(v[2], rows[2][k]);
+  return w;
 }
 
 Dyadic length_above(const Vector& v) {

@@ -25,6 +25,9 @@ class Dyadic {
   Dyadic operator-() const { return {-m_, e_}; }
   Dyadic& operator+=(const Dyadic& x);
   Dyadic& operator-=(const Dyadic& x);
+  /// += x y, and -= x y, without a number in between where it would have the same exponent.
+  Dyadic& add_product(const Dyadic& x, const Dyadic& y);
+  Dyadic& subtract_product(const Dyadic& x, const Dyadic& y);
   friend Dyadic operator+(Dyadic x, const Dyadic& y) { return x += y; }
   friend Dyadic operator-(Dyadic x, const Dyadic& y) { return x -= y; }
   friend Dyadic operator*(const Dyadic& x, const Dyadic& y) { return {x.m_ * y.m_, x.e_ + y.e_}; }
