@@ -7,6 +7,7 @@
 
 #include "certificate_judge.h"
 #include "document.h"
+#include "piece.h"
 #include "turns.h"
 
 namespace clearance::judge {
@@ -107,16 +108,47 @@ TEST(CertificateJudge, WhatIsNoDocumentIsRefused) {
   EXPECT_THROW(root["c"], Refusal);
 }
 
-// Two boxes that are 1 m apart along x (of which all but a bit can be proved, since roots are rounded up), or b moves
-// towards a by 1 m, from 2 m away.
+// |x - y| < 2^-300, and x is no less.
+void expect_just_above(const Dyadic& x, const Dyadic& y) {
+  EXPECT_GE(x, y);
+  EXPECT_LT(x - y, kTiny);
+}
+
+TEST(CertificateJudge, RoundCoresReachAsFarAsTheyAreSaidTo) {
+  const auto piece = [](const std::string& kind) {
+    const Document document(R"({"radius":0.5,"core":{"kind":")" + kind +
+                            R"(","size":[3,4,4]},"count":1,"vertices":[[0,0,0]]})");
+    return Piece(document.root());
+  };
+  const Piece cylinder = piece("cylinder"), cone = piece("cone"), egg = piece("ellipsoid");
+  // Along (3, 4, 12), of length 13: the radius adds 6.5.
+  expect_just_above(cylinder.support({3.0, 4.0, 12.0}), 3.0 * 5 + 4 * 12 + 6.5);
+  expect_just_above(cone.support({3.0, 4.0, 12.0}), 4.0 * 12 + 6.5);       // the apex
+  expect_just_above(cone.support({3.0, 4.0, -12.0}), 3.0 * 5 + 48 + 6.5);  // the rim
+  expect_just_above(egg.support({0.0, 3.0, 4.0}), 4.0 * 5 + 2.5);
+  expect_just_above(cylinder.reach({0.0, 0.0, 2.0}), 0.5 + 2 + 5);
+  expect_just_above(egg.reach({2.0, 0.0, 0.0}), 0.5 + 2 + 4);
+  expect_just_above(cylinder.off({3.0, 4.0, 4.0}), 2.0);
+  expect_just_above(cone.off({0.75, 0.0, 2.0}), 0.0);  // at a quarter of the radius
+  expect_just_above(cone.off({3.0, 4.0, -4.0}), 2.0);
+  expect_just_above(egg.off({0.0, 6.0, 8.0}), 15.0);  // (10 / 4 - 1) 10
+  EXPECT_LT(egg.off({0.0, 2.0, 0.0}).sign(), 0);
+  for (const double z : {4.0000000000000009, -4.0000000000000009})
+    for (const Piece* ended : {&cylinder, &cone}) EXPECT_THROW(ended->off({0.0, 0.0, z}), Refusal);
+  EXPECT_THROW(piece("torus"), Refusal);
+}
+
+// Two boxes that are 1 m apart along x (of which all but a bit can be proved, since roots are rounded up). Or b comes
+// from elsewhere, and may be a single point at x = 1 in its own axes.
 struct Boxes {
   std::string lower = "0.9999999999999999", upper = "1", status = "ok", order = "1", slack = "0", inner = "0";
-  int direction = 1;
-  bool moves = false;
+  int direction = 1, piece = 0;
+  std::string ends;  // of b, if it moves
 
-  static std::string body(int id, int x, const std::string& inner) {
+  static std::string body(int id, int x, const std::string& inner, int piece) {
     std::ostringstream text;
-    text << R"({"id":)" << id << R"(,"name":"b","pieces":[0],"centre":[0,0,0],"on":null,"joint":null,"pose":[)" << x
+    text << R"({"id":)" << id << R"(,"name":"b","pieces":[)" << piece
+         << R"(],"centre":[0,0,0],"on":null,"joint":null,"pose":[)" << x
          << R"(,0,0,1,0,0,0],"moves":[],"shape":{"inner":)" << inner
          << R"(,"outer":0},"uncertainty":{"position":0,"angle":0},"padding":0,"max_speed":0,"age_s":0})";
     return text.str();
@@ -124,11 +156,13 @@ struct Boxes {
   std::string text() const {
     std::ostringstream text;
     text << R"({"format":"clearance certificate","version":2,"query":{"reduce":"none","motions":)"
-         << (moves ? "true" : "false") << R"(,"max_distance":"inf","signed":false},
-      "pieces":[{"radius":0,"count":8,"vertices":[[0,0,0],[1,0,0],[0,1,0],[1,1,0],[0,0,1],[1,0,1],[0,1,1],[1,1,1]]}],
+         << (ends.empty() ? "false" : "true") << R"(,"max_distance":"inf","signed":false},
+      "pieces":[{"radius":0,"count":8,"vertices":[[0,0,0],[1,0,0],[0,1,0],[1,1,0],[0,0,1],[1,0,1],[0,1,1],[1,1,1]]},
+      {"radius":0,"count":1,"vertices":[[1,0,0]]}],
       "bodies":[)"
-         << body(0, 0, inner) << "," << body(1, 2, inner) << R"(],"configurations":[{"configuration":0,"poses":)"
-         << (moves ? R"({"1":[[3,0,0,1,0,0,0],[2,0,0,1,0,0,0]]})" : "{}") << R"(,"positions":{}}],
+         << body(0, 0, inner, 0) << "," << body(1, 2, inner, piece)
+         << R"(],"configurations":[{"configuration":0,"poses":)" << (ends.empty() ? "{}" : R"({"1":)" + ends + "}")
+         << R"(,"positions":{}}],
       "rows":[{"configuration":0,"bodies":[0,1],"status":")"
          << status << R"(","lower":)" << lower << R"(,"upper":)" << upper
          << R"(,"proved":true,"pairs":[{"bodies":[0,1],"margin":0,"lower":)" << lower
@@ -164,7 +198,7 @@ TEST(CertificateJudge, ABitTooMuchIsFound) {
 
 TEST(CertificateJudge, SpeedCountsToTheLastBit) {
   Boxes boxes;
-  boxes.moves = true;
+  boxes.ends = "[[3,0,0,1,0,0,0],[2,0,0,1,0,0,0]]";
   for (const char* order : {"1", "2"}) {
     boxes.order = order;
     boxes.lower = "0.9999999999999999";  // at 0.5 they are 1.5 m apart, and come nearer by 0.5 m
@@ -173,6 +207,23 @@ TEST(CertificateJudge, SpeedCountsToTheLastBit) {
     EXPECT_FALSE(boxes.proved());
     boxes.upper = "1";
   }
+}
+
+TEST(CertificateJudge, TurnsBendWays) {
+  Boxes boxes;
+  boxes.piece = 1;
+  boxes.ends = "[[3,0,0,1,0,0,0],[3,0,0,0.8775825618903728,0,0,0.479425538604203]]";  // a turn by 1 about z
+  boxes.upper = "\"inf\"";
+  const auto proved = [&](const char* order, const char* lower) {
+    boxes.order = order, boxes.lower = lower;
+    return boxes.proved();
+  };
+  // In the middle 2 + cos(1/2) = 2.87758 apart. By speed that may become less by 1/2; along the normal by sin(1/2) / 2
+  // = 0.23971 and the bend, 1/8. It becomes 2 + cos(1) = 2.54030.
+  EXPECT_TRUE(proved("1", "2.3775"));
+  EXPECT_FALSE(proved("1", "2.3776"));
+  EXPECT_TRUE(proved("2", "2.5128"));
+  EXPECT_FALSE(proved("2", "2.5129"));
 }
 
 }  // namespace
