@@ -92,10 +92,10 @@ bench-sweep: build  ## a sweep on Ray, which it installs, beside the engine alon
 bench-load: build  ## how long 1000 meshes take to load, with an empty cache and with a full one; rewrites docs/results/load.csv
 	@$(PYTHON_VENV) bench/load/bench_load.py --csv docs/results/load.csv
 
-certify: setup  ## a million pairs of every hard class of hulls and of meshes against exact arithmetic, 100,000 motions, and certificates of 1000 of each class; rewrites docs/results/*accuracy.csv
+certify: setup  ## a million pairs of every hard class of hulls and of meshes against exact arithmetic, 100,000 motions, and 30,000 certificates of each class before a judge of their own; rewrites docs/results/*accuracy.csv
 	@tools/build.sh release clearance-certify clearance-certificates
-	@mkdir -p out
-	@build/bin/clearance-certificates --cases 1000 --motions 40 --out out/certificates
+	@rm -rf out/certificates && mkdir -p out
+	@build/bin/clearance-certificates --cases 30000 --python 1000 --motions 400 --python-motions 40 --out out/certificates
 	@$(PYTHON_VENV) tools/check_certificate.py out/certificates/*.json
 	@build/bin/clearance-certify --pairs 1000000 --seed 1 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
 	@build/bin/clearance-certify --motions 100000 --seed 1 --csv docs/results/motion_accuracy.csv

@@ -185,9 +185,9 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
     def check_span(self, ids, span, bound):
         begin, middle, end = (exact(span[key]) for key in ("begin", "at", "end"))
         half, rates = max(end - middle, middle - begin), {}
+        (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, middle)[0] for id in ids)  # first: it finds circles
         a, b, *frames = *(self.bodies[id] for id in ids), *map(self.frames, ids)
         require(begin <= middle <= end and a.pieces and b.pieces, "a time beyond the ends, or a body without pieces")
-        (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, middle)[0] for id in ids)
         shared = sum(x == y for x, y in zip(*frames))  # what carries both moves neither before the other
         known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, half) for id, f in zip(ids, frames))))
         require(sum(length(term["inner"]) for term in span["slack"]["terms"]) >= known, "slack is too little")

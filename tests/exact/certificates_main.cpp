@@ -1,19 +1,27 @@
-// clearance-certificates: certificates of seeded pairs of every case class, and of motions of every kind, for
-// tools/check_certificate.py.
+// clearance-certificates: certificates of seeded pairs of every case class, and of motions of every kind, before the
+// judge; some of them are kept for tools/check_certificate.py.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iostream>
+#include <mutex>
+#include <sstream>
+#include <thread>
 
 #include "campaign.h"
+#include "certificate/certificate_judge.h"
+#include "in_parallel.h"
 #include "tests/motion/motion_cases.h"
 
 namespace clearance::exact {
 namespace {
 
 struct Options {
-  std::uint64_t cases = 1000, motions = 0, seed = 1;
+  std::uint64_t cases = 1000, motions = 0, python = 1000, python_motions = 0, seed = 1;
+  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::string out = "out/certificates", only;
 };
 
@@ -37,42 +45,113 @@ void write_file(const std::string& path, const std::string& text) {
   if (!file.flush()) throw std::runtime_error("cannot write " + path);
 }
 
+double seconds_of_this_thread() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+// What came of the documents. Threads may call judge() at once.
+class Count {
+ public:
+  // Those that fail are kept, too.
+  void judge(const std::string& path, const std::string& document, std::size_t expected_rows, bool keep) {
+    const double start = seconds_of_this_thread();
+    const judge::Findings findings = judge::judge_certificate(document);
+    const double took = seconds_of_this_thread() - start;
+    const std::lock_guard lock(mutex_);
+    seconds_ += took;
+    ++documents_;
+    bytes_ += document.size();
+    rows_ += findings.why.size();
+    proved_ += findings.proved();
+    const bool is_good = findings.all_proved() && findings.why.size() == expected_rows;
+    if (!is_good) say_why(path, findings, expected_rows);
+    if (!keep && is_good) return;
+    ++kept_;
+    write_file(path, document);
+  }
+
+  bool all_proved() const { return rows_ > 0 && failed_ == 0; }
+  std::string text() const {
+    std::ostringstream text;
+    text << proved_ << " of " << rows_ << " rows are proved, of " << documents_ << " documents of "
+         << bytes_ / 1'000'000 << " MB; the judge took " << seconds_ << " s; " << kept_ << " are kept";
+    return text.str();
+  }
+
+ private:
+  void say_why(const std::string& path, const judge::Findings& findings, std::size_t expected_rows) {
+    ++failed_;
+    for (std::size_t k = 0; k < findings.why.size(); ++k)
+      if (!findings.why[k].empty()) std::cerr << path << ": rows[" << k << "]: NOT PROVED: " << findings.why[k] << '\n';
+    std::cerr << path << ": " << findings.proved() << " of " << expected_rows << " rows are proved "
+              << findings.no_certificate << '\n';
+  }
+
+  std::mutex mutex_;
+  std::size_t documents_ = 0, rows_ = 0, proved_ = 0, kept_ = 0, failed_ = 0, bytes_ = 0;
+  double seconds_ = 0;  // of the judge
+};
+
 // Some motions of robots of all kinds of joints, and of bodies beside and on them, in a scene of their own.
-void write_motions(const Options& o, test::MotionKind kind, std::uint64_t number) {
+void judge_motions(const Options& o, test::MotionKind kind, std::uint64_t number, Count& count) {
   constexpr int kAtOnce = 2;
   constexpr Reduce kReduces[] = {Reduce::kNone, Reduce::kMin, Reduce::kAny};
   const auto k = static_cast<std::uint64_t>(kind), kinds = static_cast<std::uint64_t>(test::kMotionKinds);
   test::Random random(o.seed * 1'000'003 + number * kinds + k);
-  const test::MotionCase made(random, kind, kAtOnce, o.out);
+  const std::string folder = o.out + "/robots_" + test::name_of(kind);  // for its robots' file
+  std::filesystem::create_directories(folder);
+  const test::MotionCase made(random, kind, kAtOnce, folder);
   const Engine engine(Scene(made.scene), {.backend = "cpu", .threads = 1});
   test::Motions asked = made.motions;
   asked.pairs.clear();
   for (const BodyPair pair : engine.pairs(made.motions.view(Reduce::kNone)))
     if (made.exact.answers(pair)) asked.pairs.push_back(pair);
   if (asked.pairs.empty()) return;
-  QueryView query = asked.view(kReduces[number % 3]);
+  const Reduce reduce = kReduces[number % 3];
+  QueryView query = asked.view(reduce);
   query.abs_tol = 1e-3;
   query.margin = 1e-3;
-  write_file(o.out + "/motion_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
-             engine.certificate(query));
+  count.judge(o.out + "/motion_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
+              engine.certificate(query), kAtOnce * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
+              number < o.python_motions);
 }
 
-int write(const Options& o) {
-  std::filesystem::create_directories(o.out);
-  for (const CaseClass& c : case_classes()) {
-    if (c.name.find(o.only) == std::string::npos) continue;
-    const std::uint64_t each = std::max<std::uint64_t>(o.cases / settings().size() / static_cast<unsigned>(c.cost), 1);
-    std::uint64_t next = 0;
-    for (const auto& [name, setting] : settings()) {
-      std::vector<Case> cases;
-      for (std::uint64_t i = 0; i < each; ++i) cases.push_back(make_case(c, o.seed, next++));
-      const std::string path = o.out + "/" + c.name + "_" + name + ".json";
-      write_file(path, Bench(cases, setting.backend).certificate(setting));
-    }
+// What of `cases` of a class comes to each setting.
+std::uint64_t share(const CaseClass& c, std::uint64_t cases) {
+  return std::max<std::uint64_t>(cases / settings().size() / static_cast<unsigned>(c.cost), 1);
+}
+
+// The cases of a class under one setting, some at a time; the first of them are kept.
+void judge_cases(const Options& o, const CaseClass& c, std::size_t setting, Count& count) {
+  constexpr std::uint64_t kAtOnce = 100;
+  const auto& [name, asked] = settings()[setting];
+  const std::uint64_t each = share(c, o.cases), kept = o.python == 0 ? 0 : std::min(share(c, o.python), each);
+  for (std::uint64_t begin = 0; begin < each;) {
+    const std::uint64_t end = std::min(begin + kAtOnce, begin < kept ? kept : each);
+    std::vector<Case> cases;
+    for (std::uint64_t i = begin; i < end; ++i) cases.push_back(make_case(c, o.seed, setting * each + i));
+    count.judge(o.out + "/" + c.name + "_" + name + "_" + std::to_string(begin) + ".json",
+                Bench(cases, asked.backend).certificate(asked), cases.size(), begin < kept);
+    begin = end;
   }
+}
+
+bool judge_all(const Options& o) {
+  std::filesystem::create_directories(o.out);
+  Count count;
+  std::vector<std::function<void()>> tasks;
   for (int kind = 0; kind < test::kMotionKinds; ++kind)
-    for (std::uint64_t i = 0; i < o.motions; ++i) write_motions(o, static_cast<test::MotionKind>(kind), i);
-  return 0;
+    tasks.emplace_back([&o, &count, kind] {
+      for (std::uint64_t i = 0; i < o.motions; ++i) judge_motions(o, static_cast<test::MotionKind>(kind), i, count);
+    });
+  for (const CaseClass& c : case_classes())
+    for (std::size_t k = 0; k < settings().size() && c.name.find(o.only) != std::string::npos; ++k)
+      tasks.emplace_back([&o, &c, &count, k] { judge_cases(o, c, k, count); });
+  in_parallel(tasks.size(), o.threads, [&](std::size_t k) { tasks[k](); });
+  std::cout << count.text() << '\n';
+  return count.all_proved();
 }
 
 }  // namespace
@@ -80,15 +159,18 @@ int write(const Options& o) {
 
 int main(int argc, char** argv) {
   clearance::exact::Options o;
-  CLI::App app{"Writes certificates of seeded pairs of every class, one file for each class and setting."};
+  CLI::App app{"Makes certificates of seeded pairs of every class, and judges them. Exit code 0: all rows are proved."};
   app.add_option("--cases", o.cases, "of each class, fewer of those that take long")->check(CLI::PositiveNumber);
   app.add_option("--motions", o.motions, "scenes with two motions each, of each kind");
+  app.add_option("--python", o.python, "cases of each class to keep for tools/check_certificate.py");
+  app.add_option("--python-motions", o.python_motions, "scenes of each kind of motion to keep for it");
   app.add_option("--seed", o.seed, "of the cases");
+  app.add_option("--threads", o.threads, "classes at a time")->check(CLI::Range(1, 256));
   app.add_option("--class", o.only, "only classes whose names hold this");
-  app.add_option("--out", o.out, "folder to write to");
+  app.add_option("--out", o.out, "folder for those that are kept, and those that fail");
   CLI11_PARSE(app, argc, argv);
   try {
-    return clearance::exact::write(o);
+    return clearance::exact::judge_all(o) ? 0 : 1;
   } catch (const std::exception& e) {
     std::cerr << "clearance-certificates: " << e.what() << '\n';
     return 2;

@@ -1,16 +1,15 @@
 // clearance-certify: the case classes at scale, every answer before the judge; writes the accuracy table.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdio>
-#include <exception>
 #include <fstream>
 #include <iostream>
 #include <mutex>
 #include <thread>
 
 #include "campaign.h"
+#include "in_parallel.h"
 #include "slack_judge.h"
 #include "tests/motion/motion_judge.h"
 
@@ -111,32 +110,19 @@ void write_motions(std::ostream& out, const Options& o, const std::vector<test::
 /// Motions of each kind in turn, shared among the threads; false: something is wrong.
 bool certify_motions(const Options& o) {
   constexpr int kAtOnce = 400;
-  const int shares = static_cast<int>((o.motions + kAtOnce - 1) / kAtOnce);
+  const auto shares = static_cast<std::size_t>((o.motions + kAtOnce - 1) / kAtOnce);
   std::vector<test::MotionFindings> kinds(test::kMotionKinds);
   test::MotionFindings all;
-  std::atomic<int> next{0};
   std::mutex mutex;
-  std::exception_ptr error;
-  const auto work = [&] {
-    for (int k; (k = next++) < shares;) try {
-        const int kind = k % test::kMotionKinds;
-        const test::MotionFindings found =
-            test::judge_many(o.seed * 1'000 + static_cast<std::uint64_t>(k), kAtOnce, kind);
-        const std::lock_guard lock(mutex);
-        kinds[static_cast<std::size_t>(kind)].add(found);
-        all.add(found);
-        if (found.wrong() > 0) std::cerr << "motions, share " << k << ": " << found.text() << '\n';
-        if (all.motions / kAtOnce % 25 == 0) std::cerr << all.motions << " motions\n";
-      } catch (...) {
-        const std::lock_guard lock(mutex);
-        error = std::current_exception();
-        next = shares;
-      }
-  };
-  std::vector<std::thread> threads;
-  for (int t = 0; t < o.threads; ++t) threads.emplace_back(work);
-  for (std::thread& t : threads) t.join();
-  if (error) std::rethrow_exception(error);
+  in_parallel(shares, o.threads, [&](std::size_t k) {
+    const std::size_t kind = k % kinds.size();
+    const test::MotionFindings found = test::judge_many(o.seed * 1'000 + k, kAtOnce, static_cast<int>(kind));
+    const std::lock_guard lock(mutex);
+    kinds[kind].add(found);
+    all.add(found);
+    if (found.wrong() > 0) std::cerr << "motions, share " << k << ": " << found.text() << '\n';
+    if (all.motions / kAtOnce % 25 == 0) std::cerr << all.motions << " motions\n";
+  });
   std::cerr << all.text() << '\n';
   if (!o.csv.empty()) {
     std::ofstream out(o.csv);
@@ -152,43 +138,29 @@ int certify(const Options& o) {
   std::vector<std::vector<Tally>> table(o.classes().size(), std::vector<Tally>(settings.size()));
   std::ofstream failures;
   if (!o.failures.empty()) failures.open(o.failures);
-  std::atomic<std::size_t> next{0};
   std::mutex mutex;
   std::size_t done = 0;
   std::int64_t bad = 0;
-  std::exception_ptr error;
-  const auto work = [&] {
-    for (std::size_t k; (k = next++) < batches.size();) try {
-        const Batch& b = batches[k];
-        std::vector<Case> cases;
-        for (int i = 0; i < b.count; ++i)
-          cases.push_back(make_case(*b.c, o.seed, b.first + static_cast<std::uint64_t>(i)));
-        const bool columns = (b.first / kBatch) % static_cast<std::uint64_t>(o.columns_every) == 0;
-        const std::vector<Tally> tallies =
-            try_cases(cases, settings, 1, columns,
-                      [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
-                        const std::lock_guard lock(mutex);
-                        if (++bad <= 20)
-                          std::cerr << b.c->name << ' ' << b.first + i << ", " << s.name() << ": " << v.violation << ' '
-                                    << v.inaccuracy << '\n';
-                        if (failures)
-                          failures << "// " << b.c->name << ' ' << b.first + i << ", " << s.name() << ": "
-                                   << v.violation << ' ' << v.inaccuracy << "\n// " << answer << '\n'
-                                   << as_initialiser(cases[i]);
-                      });
-        const std::lock_guard lock(mutex);
-        for (std::size_t s = 0; s < settings.size(); ++s) table[b.row][s].add(tallies[s]);
-        if (++done % 50 == 0 || done == batches.size()) std::cerr << done << " of " << batches.size() << " batches\n";
-      } catch (...) {
-        const std::lock_guard lock(mutex);
-        error = std::current_exception();
-        next = batches.size();
-      }
-  };
-  std::vector<std::thread> threads;
-  for (int t = 0; t < o.threads; ++t) threads.emplace_back(work);
-  for (std::thread& t : threads) t.join();
-  if (error) std::rethrow_exception(error);
+  in_parallel(batches.size(), o.threads, [&](std::size_t k) {
+    const Batch& b = batches[k];
+    std::vector<Case> cases;
+    for (int i = 0; i < b.count; ++i) cases.push_back(make_case(*b.c, o.seed, b.first + static_cast<std::uint64_t>(i)));
+    const bool columns = (b.first / kBatch) % static_cast<std::uint64_t>(o.columns_every) == 0;
+    const auto report = [&](std::size_t i, const Setting& s, const Verdict& v, const std::string& answer) {
+      const std::lock_guard lock(mutex);
+      if (++bad <= 20)
+        std::cerr << b.c->name << ' ' << b.first + i << ", " << s.name() << ": " << v.violation << ' ' << v.inaccuracy
+                  << '\n';
+      if (failures)
+        failures << "// " << b.c->name << ' ' << b.first + i << ", " << s.name() << ": " << v.violation << ' '
+                 << v.inaccuracy << "\n// " << answer << '\n'
+                 << as_initialiser(cases[i]);
+    };
+    const std::vector<Tally> tallies = try_cases(cases, settings, 1, columns, report);
+    const std::lock_guard lock(mutex);
+    for (std::size_t s = 0; s < settings.size(); ++s) table[b.row][s].add(tallies[s]);
+    if (++done % 50 == 0 || done == batches.size()) std::cerr << done << " of " << batches.size() << " batches\n";
+  });
 
   Tally all;
   for (const std::vector<Tally>& row : table)

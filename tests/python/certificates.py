@@ -1,10 +1,47 @@
-"""What tests of certificates share: names of statuses, and ways to tamper with documents."""
+"""What tests of certificates share: names of statuses, both judges, and ways to tamper with documents."""
 
 import copy
+import json
+import pathlib
+import re
+import subprocess
 
 from clearance import Status
 
 NAMES = [status.name.lower() for status in Status]
+
+
+class Judges:
+    """tools/check_certificate.py and, where it is built, the judge in C++: what the one refuses the other does, too."""
+
+    def __init__(self, checker, program: "pathlib.Path | None"):
+        self.checker, self.program, self.MALFORMED = checker, program, checker.MALFORMED
+
+    def verdicts(self, document):
+        """Of each row, whether both find it proved, and what the checker says; or what the checker raises."""
+        refused = self.refused(document) if self.program else None
+        try:
+            found = list(self.checker.verdicts(document))
+        except self.checker.MALFORMED:
+            assert refused is None or refused, "the judge finds good what the checker calls no certificate"
+            raise
+        if refused is None:
+            return iter(found)
+        for place, (is_proved, why) in enumerate(found):
+            assert is_proved or place in refused, f"the judge finds row {place} good: {why}"
+        return iter([(is_proved and place not in refused, why) for place, (is_proved, why) in enumerate(found)])
+
+    def refused(self, document):
+        """The rows that the judge refuses: a container, which is not empty if it finds anything wrong."""
+        text = json.dumps(document)
+        done = subprocess.run([self.program, "/dev/stdin"], input=text, capture_output=True, text=True, check=False)
+        assert done.stderr == "" and done.returncode in (0, 1), done.stderr
+        if "no certificate: " in done.stdout:
+            return range(10**9)
+        found = re.findall(r"(?m)^/dev/stdin: rows\[(\d+)\]: NOT PROVED", done.stdout)
+        refused = {int(place) for place in found}
+        assert bool(refused) == bool(done.returncode), done.stdout
+        return refused
 
 
 def turned(vector):

@@ -228,8 +228,11 @@ def daemon(cell, kinds, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def checker(root):
-    """tools/check_certificate.py."""
+    """tools/check_certificate.py, and beside it the judge in C++, if it is built."""
+    from certificates import Judges
+
     spec = importlib.util.spec_from_file_location("check_certificate", root / "tools" / "check_certificate.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module
+    program = BUILD / "bin" / "clearance-judge"
+    return Judges(module, program if program.exists() and not INSTALLED else None)

@@ -152,6 +152,7 @@ KINEMATICS = {
     "turn as a slide": lambda d: link(d, "upper")["moves"][-1].update(turns=False),
     "multiplier": lambda d: link(d, "upper")["moves"][-1].update(multiplier=1.1),
     "base": lambda d: next(b for b in d["bodies"] if b["name"] == "arm")["pose"].__setitem__(0, 0.2),
+    "links that hang on themselves": lambda d: [b.update(on=b["id"]) for b in d["bodies"] if b["joint"]],
 }
 
 
@@ -375,6 +376,19 @@ def leave_out_vertex(document):
     del document["pieces"][0]["vertices"][-1]
 
 
+def cancelling_weights(document):
+    """The same point, by weights of which one is negative."""
+    upper(document)["vertices"] += [upper(document)["vertices"][0]] * 2
+    upper(document)["weights"] += [[1.0, 0.0], [-1.0, 0.0]]
+
+
+def there_and_back(document):
+    """Closed, and beyond a ball, but not around it."""
+    faces, normals = upper(document)["faces"], upper(document)["normals"]
+    faces += [face[::-1] for face in faces]
+    normals += copy.deepcopy(normals)
+
+
 def doubt_more(key, value):
     def mutate(document):
         for body in document["bodies"]:
@@ -399,9 +413,11 @@ MUTATIONS = {
     "upper of rounded bodies lowered": ("round", scale("upper", 1 - 1e-9)),
     "upper of several pieces lowered": ("pieces", scale("upper", 1 - 1e-9)),
     "depth raised": ("depth", scale("upper", 1.01)),
+    "depth raised to what is not disproved": ("depth", lambda d: row(d).update(upper=row(d)["lower"])),
     "depth lowered": ("depth", scale("lower", 0.99)),
     "weight changed": ("apart", lambda d: upper(d)["weights"][0].__setitem__(0, upper(d)["weights"][0][0] + 0.5)),
     "weight negative": ("apart", lambda d: upper(d)["weights"][0].__setitem__(0, -1.0)),
+    "weights that cancel": ("apart", cancelling_weights),
     "weight left out": ("apart", lambda d: upper(d)["weights"].pop()),
     "witness of another piece": ("pieces", lambda d: upper(d)["pieces"].__setitem__(0, 99)),
     "vertex moved": ("apart", move_vertex),
@@ -440,6 +456,7 @@ MUTATIONS = {
     "face turned round": ("overlap", lambda d: upper(d)["faces"][0].reverse()),
     "normal turned round": ("overlap", lambda d: upper(d)["normals"].__setitem__(0, turned(upper(d)["normals"][0]))),
     "surface of nothing": ("overlap", lambda d: upper(d).update(faces=[], normals=[])),
+    "surface there and back": ("overlap", there_and_back),
     "surface beside the origin": ("overlap", lambda d: pose_of(d, 1).__setitem__(0, 50.0)),
     "overlap said of bodies apart": ("apart", lambda d: row(d).update(status="overlap", lower=0.0, upper=0.0)),
     "ok said of what is beyond": ("beyond", lambda d: row(d).update(status="ok")),

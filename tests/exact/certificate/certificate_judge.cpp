@@ -1,0 +1,143 @@
+#include "certificate_judge.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "bounds.h"
+
+namespace clearance::judge {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+struct Query {
+  bool is_signed, decides;
+  double max_distance;
+};
+
+struct Row {
+  std::string_view status;
+  double lower, upper;
+  std::span<const Value> pairs;
+
+  bool is(std::string_view name) const { return status == name; }
+};
+
+Query read_query(const Value& document) {
+  const std::string_view reduce = document["reduce"].text();
+  require(reduce == "none" || reduce == "min" || reduce == "any", "a reduction is not known");
+  return {document["signed"].truth(), reduce == "any", document["max_distance"].real()};
+}
+
+// What is beyond a cut-off is farther away than it: than the least margin, where bodies have margins.
+double cut_off(const Row& row, const Query& query) {
+  if (!query.decides) return query.max_distance;
+  double least = kInf;
+  for (const Value& pair : row.pairs) least = std::min(least, pair["margin"].real());
+  return least;
+}
+
+void check_status(const Row& row, const Query& query) {
+  const double cut = cut_off(row, query);
+  require(row.lower <= row.upper, "bounds are crossed");
+  require(query.is_signed || row.upper >= 0, "upper is negative");
+  if (row.is("ok"))
+    require(row.lower > 0 && (query.decides || row.lower <= cut), "these bounds are not ok's");
+  else if (row.is("overlap"))
+    require(row.upper <= 0, "these bounds are not an overlap's");
+  else if (row.is("contact"))
+    require(row.lower <= 0 && row.upper >= 0, "these bounds are not a contact's");
+  else if (row.is("beyond"))
+    require(row.lower > cut, "these bounds are not beyond");
+  else
+    require(row.is("unconverged"), "a status is not known");
+}
+
+// Spans are proved of each pair, and leave no gap from 0 to 1.
+void check_lower(const Row& row, const Query& query, const Motion& motion) {
+  for (const Value& pair : row.pairs) {
+    const double lower = pair["lower"].finite(), margin = pair["margin"].real();
+    require(row.lower <= lower, "a pair may be nearer than its row says");
+    if (query.decides && row.is("beyond")) require(lower > margin, "a pair may be within its margin");
+    std::vector<Span> spans;
+    for (const Value& span : pair["spans"].list())
+      spans.push_back(check_span(motion, pair_of(pair["bodies"]), span, lower));
+    std::sort(spans.begin(), spans.end());
+    double until = 0;
+    for (const Span& span : spans) {
+      require(span.begin == until, "spans leave a gap");
+      until = span.end;
+    }
+    require(!spans.empty() && until == 1, "spans leave a gap");
+  }
+}
+
+void check_upper(const Row& row, const Value& document, const Query& query, const Motion& motion) {
+  const IdPair ids = pair_of(document["bodies"]);
+  const auto is_it = [&](const Value& pair) { return pair_of(pair["bodies"]) == ids; };
+  const auto found = std::find_if(row.pairs.begin(), row.pairs.end(), is_it);
+  require(std::count_if(row.pairs.begin(), row.pairs.end(), is_it) == 1, "the witness is of none of the pairs");
+  if (query.decides && !row.is("unconverged"))
+    require(row.upper <= (*found)["margin"].real(), "the witness is beyond its margin");
+  check_witness(motion, ids, document["witness"], row.upper);
+}
+
+void check_row(const Value& document, const Query& query, const std::map<Id, Motion>& motions) {
+  const Row row{document["status"].text(), document["lower"].real(), document["upper"].real(),
+                document["pairs"].list()};
+  if (row.is("bad_pose") || row.is("no_pose") || row.is("stale_pose") || row.is("unknown_body")) {
+    require(row.lower == -kInf && row.upper == kInf && row.pairs.empty(), "this status says nothing of a distance");
+    return;
+  }
+  require(document["proved"].truth() && !row.pairs.empty(), "the engine found no proof");
+  const auto motion = motions.find(document["configuration"].integer());
+  require(motion != motions.end(), "there is no such configuration");
+  check_status(row, query);
+  if (row.lower > (query.is_signed ? -kInf : 0)) check_lower(row, query, motion->second);
+  if (row.upper < kInf) check_upper(row, document, query, motion->second);
+}
+
+std::vector<std::string> judge_rows(const Value& document) {
+  require(document["format"].text() == "clearance certificate" && document["version"].integer() == 2,
+          "another format or version");
+  std::vector<Piece> pieces;
+  for (const Value& piece : document["pieces"].list()) pieces.emplace_back(piece);
+  Bodies bodies;
+  for (const Value& body : document["bodies"].list())
+    require(bodies.try_emplace(body["id"].integer(), body, pieces).second, "two bodies have one id");
+  const Query query = read_query(document["query"]);
+  const std::size_t ends = document["query"]["motions"].truth() ? 2 : 1;
+  std::map<Id, Motion> motions;
+  for (const Value& place : document["configurations"].list())
+    require(motions.try_emplace(place["configuration"].integer(), bodies, place, ends).second,
+            "two configurations have one number");
+  std::vector<std::string> why;
+  for (const Value& row : document["rows"].list()) {
+    why.emplace_back();
+    try {
+      check_row(row, query, motions);
+    } catch (const Refusal& refusal) {
+      why.back() = refusal.what();
+    }
+  }
+  return why;
+}
+
+}  // namespace
+
+std::size_t Findings::proved() const {
+  return static_cast<std::size_t>(std::count(why.begin(), why.end(), std::string()));
+}
+
+Findings judge_certificate(std::string_view document) {
+  Findings findings;
+  try {
+    findings.why = judge_rows(Document(document).root());
+  } catch (const Refusal& refusal) {
+    findings.no_certificate = refusal.what();
+  }
+  return findings;
+}
+
+}  // namespace clearance::judge

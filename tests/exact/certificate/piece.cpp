@@ -1,0 +1,129 @@
+#include "piece.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+namespace clearance::judge {
+namespace {
+
+// No product of such coordinates overflows; of larger ones all are computed exactly.
+constexpr double kLargest = 0x1p400;
+
+// The largest of exact(k), whose rough values are off by no more than `wrong`: only those are computed that may be it.
+template <class Exact>
+Dyadic largest_of(const std::vector<double>& rough, double wrong, Exact&& exact) {
+  const double best = *std::max_element(rough.begin(), rough.end());
+  std::optional<Dyadic> largest;
+  for (std::size_t k = 0; k < rough.size(); ++k) {
+    if (rough[k] < best - 2 * wrong) continue;
+    Dyadic found = exact(k);
+    if (!largest || found > *largest) largest = std::move(found);
+  }
+  return *largest;
+}
+
+// n times a power of two, as float64 in [-1, 1]: each is off by less than 2^-51.
+std::array<double, 3> rough_direction(const Vector& n) {
+  std::array<double, 3> d;
+  std::array<long, 3> power;
+  long most = std::numeric_limits<long>::min();
+  for (std::size_t k = 0; k < 3; ++k) {
+    d[k] = n[k].rough(power[k]);
+    if (d[k] != 0) most = std::max(most, power[k]);
+  }
+  for (std::size_t k = 0; k < 3; ++k)
+    if (d[k] != 0) d[k] = std::ldexp(d[k], static_cast<int>(std::max(power[k] - most, -2000L)));
+  return d;
+}
+
+}  // namespace
+
+Piece::Piece(const Value& document) : radius_(document["radius"].length()) {
+  if (const Value* core = document.find("core")) {
+    const std::string_view kind = (*core)["kind"].text();
+    require(kind == "cone" || kind == "cylinder" || kind == "ellipsoid", "a core is of no known kind");
+    core_ = kind == "cone" ? Core::kCone : kind == "cylinder" ? Core::kCylinder : Core::kEllipsoid;
+    size_ = (*core)["size"].vector();
+    require(std::min({size_[0], size_[1], size_[2]}).sign() > 0, "a core has no size");
+  }
+  for (const Value& vertex : document["vertices"].list()) {
+    const auto [x, y, z] = vertex.three();
+    x_.push_back(x);
+    y_.push_back(y);
+    z_.push_back(z);
+    largest_ = std::max({largest_, std::abs(x), std::abs(y), std::abs(z)});
+  }
+  require(!x_.empty() && document["count"].integer() == static_cast<std::int64_t>(x_.size()),
+          "a piece has not as many vertices as it says");
+}
+
+Dyadic Piece::farthest_along(const Vector& n) const {
+  const std::array<double, 3> d = rough_direction(n);
+  scratch_.assign(count(), 0);
+  // Products are off by (2^-51 + 2^-53) of the largest coordinate and sums by 2^-53 of three times it, or where numbers
+  // are too small for that by a few 2^-1074.
+  const double wrong = largest_ * 0x1p-47 + 0x1p-1060;
+  if (largest_ < kLargest)
+    for (std::size_t k = 0; k < count(); ++k) scratch_[k] = d[0] * x_[k] + d[1] * y_[k] + d[2] * z_[k];
+  return largest_of(scratch_, wrong, [&](std::size_t k) { return dot(n, vertex(k)); });
+}
+
+Dyadic Piece::farthest_squared(const Vector& centre) const {
+  std::array<double, 3> c;
+  double largest = largest_;
+  for (std::size_t k = 0; k < 3; ++k) {
+    long power = 0;
+    c[k] = centre[k].rough(power);
+    c[k] = std::ldexp(c[k], static_cast<int>(std::clamp(power, -2000L, 2000L)));
+    largest = std::max(largest, std::abs(c[k]));
+  }
+  scratch_.assign(count(), 0);
+  if (largest < kLargest)
+    for (std::size_t k = 0; k < count(); ++k) {
+      const double dx = x_[k] - c[0], dy = y_[k] - c[1], dz = z_[k] - c[2];
+      scratch_[k] = dx * dx + dy * dy + dz * dz;
+    }
+  // A difference is off by 2^-51 of 2 `largest`, which is its most; its square by 2^-49 of 4 largest^2, and so on.
+  const double wrong = largest < kLargest ? largest * largest * 0x1p-44 + 0x1p-1060 : 0;
+  return largest_of(scratch_, wrong, [&](std::size_t k) {
+    const Vector way = vertex(k) - centre;
+    return dot(way, way);
+  });
+}
+
+Dyadic Piece::support(const Vector& n) const {
+  Dyadic core;
+  if (core_ == Core::kHull) {
+    core = farthest_along(n);
+  } else if (core_ == Core::kEllipsoid) {
+    core = length_above({size_[0] * n[0], size_[1] * n[1], size_[2] * n[2]});
+  } else {
+    const Dyadic rim = size_[0] * length_above({n[0], n[1], Dyadic()}), along = size_[2] * n[2];
+    core = core_ == Core::kCylinder ? rim + abs(along) : std::max(along, rim - along);
+  }
+  return radius_.sign() == 0 ? core : core + radius_ * length_above(n);
+}
+
+Dyadic Piece::reach(const Vector& centre) const {
+  if (core_ == Core::kHull) return radius_ + root_above(farthest_squared(centre));
+  const Dyadic around = core_ == Core::kEllipsoid ? std::max({size_[0], size_[1], size_[2]})
+                                                  : length_above({size_[0], Dyadic(), size_[2]});
+  return radius_ + length_above(centre) + around;
+}
+
+Dyadic Piece::off(const Vector& p) const {
+  if (core_ == Core::kEllipsoid) {
+    // With s = |(p_x / a, p_y / b, p_z / c)| p / s lies on it: (s - 1) |p|, all times a b c.
+    const Dyadic &a = size_[0], &b = size_[1], &c = size_[2], volume = a * b * c;
+    const Dyadic s = length_above({p[0] * b * c, a * p[1] * c, a * b * p[2]});
+    return quotient_above((s - volume) * length_above(p), volume);
+  }
+  const Dyadic &radius = size_[0], &half = size_[2], across = length_above({p[0], p[1], Dyadic()});
+  require(abs(p[2]) <= half, "a point lies beyond the ends of its core");
+  if (core_ == Core::kCylinder) return across - radius;
+  return across - radius + quotient_above((half + p[2]) * radius, half + half);
+}
+
+}  // namespace clearance::judge
