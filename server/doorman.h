@@ -26,8 +26,7 @@ void refuse_descriptors(int listener);
 shm::UniqueFd let_in(shm::UniqueFd stranger);
 
 /// Has a connection that was taken from strangers closed by `close`, on a thread that nobody waits for.
-void turn_away(
-    shm::UniqueFd stranger, void (*close)(shm::UniqueFd) = +[](shm::UniqueFd) {});
+void turn_away(shm::UniqueFd stranger, void (*close)(shm::UniqueFd) = +[](shm::UniqueFd) {});
 
 /// Who is behind a socket of let_in(): SO_PEERCRED, asked of the stranger's. False: it is none of those.
 bool credentials_behind(int socket, ucred& who);

@@ -189,8 +189,8 @@ double NearestElements::reach(const Body& body, std::uint32_t piece, std::uint32
   const Vec3d m = slab.normal();
   const double along = dot(n, m);
   const Vec3d rest = n - along * m;
-  return std::min(by_box, dot(rest, box.centre) + dot(absolute(rest), box.half) +
-                              reach_across(slab, along, surface->centre()));
+  return std::min(by_box,
+                  dot(rest, box.centre) + dot(absolute(rest), box.half) + reach_across(slab, along, surface->centre()));
 }
 
 // \param n_a, n_b the direction in the axes of both, of length 1 up to rounding

@@ -107,8 +107,8 @@ class NearestElements {
     double reach = 0;
   };
   static constexpr std::size_t kReaches = 2048;
-  std::uint64_t directions_ = 0;  // of all searches
-  bool looks_deep_ = false;       // known_reach() does
+  std::uint64_t directions_ = 0;       // of all searches
+  bool looks_deep_ = false;            // known_reach() does
   mutable std::uint64_t reached_ = 0;  // nodes that it has looked into since the meter was told
   mutable std::vector<Reach> reaches_ = std::vector<Reach>(kReaches);
 };

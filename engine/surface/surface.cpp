@@ -99,9 +99,8 @@ class Facing {
       const std::array<Vec3d, 3> p = power;
       for (std::size_t k = 0; k < 3; ++k) power[k] = p[0] * p[k].x + p[1] * p[k].y + p[2] * p[k].z;
     }
-    const Vec3d& row = *std::max_element(power.begin(), power.end(), [](const Vec3d& p, const Vec3d& q) {
-      return squared_norm(p) < squared_norm(q);
-    });
+    const Vec3d& row = *std::max_element(
+        power.begin(), power.end(), [](const Vec3d& p, const Vec3d& q) { return squared_norm(p) < squared_norm(q); });
     const double length = norm(row);
     return length > 0 ? row * (1 / length) : Vec3d{0, 0, 0};
   }
@@ -204,7 +203,7 @@ void Surface::find_slabs() {
   std::vector<std::uint32_t> first(nodes_.size()), end(nodes_.size());
   const Vec3d low = {nodes_[0].low[0], nodes_[0].low[1], nodes_[0].low[2]},
               high = {nodes_[0].high[0], nodes_[0].high[1], nodes_[0].high[2]};
-  const double wrong = 0x1p-49 * norm(high - low);  // of what is computed, more than it is off
+  const double wrong = 0x1p-49 * norm(high - low);   // of what is computed, more than it is off
   for (std::size_t at = nodes_.size(); at-- > 0;) {  // parts come after the whole
     const Node& node = nodes_[at];
     first[at] = node.is_leaf() ? node.begin() : first[at + 1];

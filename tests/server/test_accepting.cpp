@@ -1,7 +1,5 @@
 // A process without descriptors: whoever comes is turned away, from whichever thread takes him, and the descriptor that
 // is kept for that is never lost.
-#include "server/accepting.h"
-
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -14,6 +12,7 @@
 #include <thread>
 
 #include "daemon_fixture.h"
+#include "server/accepting.h"
 #include "server/unix_socket.h"
 #include "tests/fire/limits.h"
 #include "wire/shm_os.h"
