@@ -207,6 +207,12 @@ TEST(CertificateJudge, SpeedCountsToTheLastBit) {
     EXPECT_FALSE(boxes.proved());
     boxes.upper = "1";
   }
+  boxes.lower = "0.5";
+  EXPECT_TRUE(boxes.proved());
+  for (const char* ends : {"[]", "[[3,0,0,1,0,0,0]]", "[[3,0,0,1,0,0,0],[3,0,0,1,0,0,0],[2,0,0,1,0,0,0]]"}) {
+    boxes.ends = ends;
+    EXPECT_FALSE(boxes.proved()) << "a motion has two ends";
+  }
 }
 
 TEST(CertificateJudge, TurnsBendWays) {
