@@ -27,8 +27,8 @@ bool is_exhausted(int error) {
   return error == EMFILE || error == ENFILE || error == ENOBUFS || error == ENOMEM;
 }
 
+// Once somebody has asked for a reserve.
 void keep_reserve() {
-  if (null_device < 0) null_device = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
   if (reserve < 0 && null_device >= 0) reserve = ::fcntl(null_device, F_DUPFD_CLOEXEC, 0);
 }
 
@@ -71,6 +71,7 @@ int accept_or_refuse(int listener, const std::function<void(int)>& refuse) {
 
 void reserve_descriptor() {
   const std::lock_guard lock(mutex);
+  if (null_device < 0) null_device = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
   keep_reserve();
 }
 
