@@ -187,7 +187,7 @@ int main(int argc, char** argv) {
   app.add_option("--pairs", o.pairs, "pairs in all; each is asked under every setting")->check(CLI::PositiveNumber);
   app.add_option("--slack", o.slack, "also scenes of each kind of slack, judged by all that is allowed")
       ->check(CLI::NonNegativeNumber);
-  app.add_option("--motions", o.motions, "in place of pairs so many motions of every kind, judged with 60 digits")
+  app.add_option("--motions", o.motions, "in place of pairs so many motions, of all kinds, judged with 60 digits")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--seed", o.seed, "of the cases");
   app.add_option("--backend", o.backends, "backends to ask; cpu and reference if none is named");
