@@ -138,6 +138,18 @@ def kind(request, kinds):
     return request.param
 
 
+@pytest.fixture(params=["engine", "shm", "ipc", "udpm"])
+def front(request, scene, start_daemon, kinds):
+    """An engine of the file that the test's own fixture `scene` names, or a client of a daemon over a transport."""
+    import clearance
+
+    if request.param == "engine":
+        return clearance.Engine(clearance.Scene.load(scene))
+    if kinds[request.param]:
+        pytest.skip(kinds[request.param])  # no LCM in this build, or no multicast route on this machine
+    return clearance.connect(start_daemon(scene, [request.param]).urls[request.param], timeout_s=PATIENCE_S)
+
+
 @pytest.fixture(scope="session")
 def urdf(root):
     """The arm of robots.py."""

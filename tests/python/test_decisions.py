@@ -31,15 +31,6 @@ def scene(tmp_path):
     return path
 
 
-@pytest.fixture(params=["engine", "shm", "ipc", "udpm"])
-def front(request, scene, start_daemon, kinds):
-    if request.param == "engine":
-        return clearance.Engine(clearance.Scene.load(scene))
-    if kinds[request.param]:
-        pytest.skip(kinds[request.param])
-    return clearance.connect(start_daemon(scene, [request.param]).urls[request.param], timeout_s=PATIENCE_S)
-
-
 # The ball: free, at the wall with a gap of 0.05 m, in the cup.
 PLACES = np.array([[at(0)], [at(2.75)], [at(0.9)]], float)
 

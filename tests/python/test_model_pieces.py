@@ -57,15 +57,6 @@ def scene(tmp_path):
     return path
 
 
-@pytest.fixture(params=["engine", "shm", "ipc", "udpm"])
-def front(request, scene, start_daemon, kinds):
-    if request.param == "engine":
-        return clearance.Engine(clearance.Scene.load(scene))
-    if kinds[request.param]:
-        pytest.skip(kinds[request.param])
-    return clearance.connect(start_daemon(scene, [request.param]).urls[request.param], timeout_s=PATIENCE_S)
-
-
 def ask(front, **more):
     """Columns of the one pair."""
     answer = front.distances([("bracket", "ball")], PLACES, ["ball"], fields=["default", "flags"], **more)
