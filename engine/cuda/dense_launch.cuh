@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "engine/cuda/depth_kernel.cuh"
 #include "engine/cuda/group_kernel.cuh"
 #include "engine/cuda/lean_kernel.cuh"
 #include "engine/cuda/overlap_kernel.cuh"
@@ -13,6 +14,8 @@ namespace clearance::cuda {
 // What float32 leaves open, and what overlaps, takes long. How many pairs that are is not known when their kernels
 // start: all that these do not take, the next chunk's blocks do.
 inline constexpr std::uint32_t kLateBlocks = 66, kLateWarps = 64;
+// Depths take longest of all, and few chunks have many: all that an H100 holds at a time.
+inline constexpr std::uint32_t kDepthBlocks = 7 * 132;
 
 inline bool f32_goes_first(const Question& question, const ChunkSetup& chunk, const CudaPairs& pairs) {
   return question.f32 && chunk.group_tiles > 0 && pairs.most_shared_f32 > 0;
@@ -33,7 +36,9 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
   view.group_of_tile = pairs.group_of_tile + chunk.first_tile;
   const bool f32 = view.question.f32;
   const bool f32_first = f32_goes_first(view.question, chunk, pairs), only_f32 = f32_first && pairs.all_fit_f32;
-  const bool proof_follows = view.enclosed && (chunk.stray_tiles > 0 || (chunk.group_tiles > 0 && !only_f32));
+  const bool lists_enclosed =
+      chunk.stray_tiles > 0 || (chunk.group_tiles > 0 && (!only_f32 || view.question.prove_depths));
+  const bool proof_follows = view.enclosed && lists_enclosed;
   ChunkView before = view;  // of a kernel that another follows
   before.host_counts = nullptr;
   view.blocks = chunk.tiles();
@@ -61,7 +66,10 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
     open.blocks = std::min(chunk.group_tiles, kLateBlocks);
     answer_open<kLean, kWarm><<<open.blocks, kTile, 0, stream>>>(open, kLateWarps);
   }
-  if (proof_follows) {
+  if (proof_follows && view.question.prove_depths) {
+    view.blocks = std::min(blocks_of(chunk.rows(), kDepthWarps), kDepthBlocks);
+    prove_depths<<<view.blocks, kDepthThreads, kDepthBytes, stream>>>(view);
+  } else if (proof_follows) {
     view.blocks = std::min(blocks_of(chunk.rows(), kTile), kLateBlocks);
     prove_overlaps<<<view.blocks, kTile, 0, stream>>>(view, kLateWarps);
   }

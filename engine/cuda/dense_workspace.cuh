@@ -83,8 +83,9 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
       view.reply = reply_view_over(slot.device_reply.reserve(reply_bytes), slot.rows, fields_);
     // The first rows are waited for: a kernel of their own for proofs would have to wait for room among the next
     // chunk's blocks.
-    const bool prove_at_once = slot.is_small || (chunk.first_row == 0 && slot.rows <= kFirstRows);
-    if (question_.prove_overlaps && !prove_at_once)
+    const bool prove_at_once =
+        !question_.prove_depths && (slot.is_small || (chunk.first_row == 0 && slot.rows <= kFirstRows));
+    if (question_.prove_depths || (question_.prove_overlaps && !prove_at_once))
       view.enclosed = reinterpret_cast<Enclosed*>(slot.device_enclosed.reserve(slot.rows * sizeof(Enclosed)));
     view.prove_at_once = question_.prove_overlaps && prove_at_once;
     if (f32_goes_first(question_, chunk, *pairs_))

@@ -29,12 +29,12 @@ __device__ __noinline__ bool prove_overlap(const ChunkView& c, const HullHead& a
   }
   CsoFace<double> faces[4];
   if (!tetrahedron_faces(s, faces)) return false;
-  const auto [ball, one_side] = view_surface(w, faces, 4, scale);
-  const double sure = ball - rounding_error(double(RoundingUnits<double>::kBall), scale);
+  const SurfaceView<double> view = view_surface(w, faces, 4, scale);
+  const double ball = view.ball, sure = ball - rounding_error(double(RoundingUnits<double>::kBall), scale);
   if (!(ball > 0) || !(sure > 0)) return false;
   // Clearly deep enough, so that the CPU, which rounds otherwise, finds it so, too.
   if (outer > 0 && !((sure + a.radius + b.radius) * (1 - 0x1p-40) > outer)) return false;
-  if (!one_side && !is_surrounded(w, faces, 4, ball)) return false;
+  if (!view.one_side() && !is_surrounded(w, faces, 4, ball)) return false;
 
   decide({}, -__builtin_inf(), 0, [] { return 0.0; }, answer);
   if (c.question.want_nonsmooth) answer.flags |= kFlagNonsmooth;

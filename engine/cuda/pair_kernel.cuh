@@ -35,7 +35,7 @@ __device__ __noinline__ void add_points(const Hull& a, const Where& at_a, const 
   answer.normal = settled_normal(witness);
   if (answer.status == Status::kBeyond)
     answer.point_a = answer.point_b = no_point();
-  else if (want_nonsmooth && witness_is_ambiguous(a, R_wa, b, R_wb, answer.normal))
+  else if (want_nonsmooth && is_nonsmooth(answer.lower, a, R_wa, b, R_wb, answer.normal))
     answer.flags |= kFlagNonsmooth;
 }
 
@@ -211,7 +211,7 @@ __device__ inline Outcome run_to_end(const Question& q, const Hull& a, const Hul
   if (kWarm) *warm = run.end();
   if (run.g.end == Gjk<T>::code(GjkEnd::kEncloses)) {  // which bounds never settle
     if constexpr (!kIsF32<T>)
-      if (q.prove_overlaps && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
+      if ((q.prove_overlaps || q.prove_depths) && take_enclosed(run.g, enclosed)) return Outcome::kEnclosed;
     return Outcome::kUnsettled;
   }
   const RunBounds<T> bounds = run.bounds(enough...);

@@ -67,6 +67,7 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const Question& quest
     const HullHead *of_a = head_a(p.a), *of_b = head_b(p.b);
     Question q = question;
     q.max_distance = cut_off;
+    q.prove_depths = false;  // of several pieces the deepest decides
     Enclosed enclosed;
     const auto take = [&](const auto& g, const auto& bounds) {
       if (!search.take(p.gap, bounds.lower, bounds.upper)) return;
@@ -103,7 +104,6 @@ __device__ inline Outcome solve_pieces(const ChunkView& c, const Question& quest
     if (question.want_points)
       add_points(scene_hull(c.hulls, of_a), at_a, scene_hull(c.hulls, of_b), at_b, witness, question.want_nonsmooth,
                  answer);
-    if (question.want_nonsmooth && answer.lower <= 0) answer.flags |= kFlagNonsmooth;  // slack may make it touch
   }
   answer.piece_a = best.a;
   answer.piece_b = best.b;

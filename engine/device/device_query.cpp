@@ -51,6 +51,7 @@ void DeviceQuery::find_direct_columns() {
 
 QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
   QuerySetup s;
+  const bool is_doubted = doubted_body(scene(), plan_) != kNone;
   s.question = {options_.limits.max_distance,
                 options_.limits.abs_tol,
                 options_.limits.rel_tol,
@@ -59,6 +60,7 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
                 options_.want_points,
                 options_.want_flags,
                 !options_.limits.signed_distance,
+                options_.limits.signed_distance && plan_.query.reduce == Reduce::kNone && !is_doubted,
                 options_.f32};
   s.fields = fields_;
   s.boxes = options_.cull;
@@ -72,7 +74,7 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
     }
     moved_.emplace(scene(), plan_, options_.stale).tell(s);
   }
-  if (doubted_body(scene(), plan_) != kNone) doubts_.emplace(scene(), plan_).tell(s);
+  if (is_doubted) doubts_.emplace(scene(), plan_).tell(s);
   return s;
 }
 

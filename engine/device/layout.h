@@ -174,6 +174,7 @@ struct Question {
   bool want_points;
   bool want_nonsmooth;
   bool prove_overlaps;  ///< no depth is asked for
+  bool prove_depths;    ///< a depth is, and the device finds it where it can
   bool f32;             ///< float32 goes first where it fits
 };
 

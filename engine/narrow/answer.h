@@ -83,10 +83,14 @@ CLEARANCE_HD inline bool answer_without_pieces(Status a, Status b, std::uint16_t
 CLEARANCE_HD inline bool is_at_rounding(double width, double rounding) {
   return width <= 4 * rounding;
 }
-/// Whether they are as narrow as was asked for.
-CLEARANCE_HD inline bool is_narrow(double width, double distance, double abs_tol, double rel_tol) {
+/// How wide they may be, as was asked for.
+CLEARANCE_HD inline double tolerance_at(double distance, double abs_tol, double rel_tol) {
   const double relative = rel_tol * (distance < 0 ? -distance : distance);
-  return width <= (abs_tol < relative ? relative : abs_tol);
+  return abs_tol < relative ? relative : abs_tol;
+}
+/// Whether they are as narrow as that.
+CLEARANCE_HD inline bool is_narrow(double width, double distance, double abs_tol, double rel_tol) {
+  return width <= tolerance_at(distance, abs_tol, rel_tol);
 }
 
 /// The status and distance of a pair that is proved apart: lower > 0. Points are the caller's.

@@ -138,24 +138,6 @@ PlaneBounds certify_plane(const PlacedPair<T>& pair, bool signed_distance) {
   return out;
 }
 
-namespace {
-
-// Whether the edges are twins of each other, two by two and in opposite senses: the surface has no border.
-template <class T>
-bool is_closed(std::span<const CsoFace<T>> faces) {
-  std::uint32_t wrong = 0;
-  for (std::uint32_t f = 0; f < faces.size(); ++f)
-    for (std::uint32_t e = 0; e < 3; ++e) {
-      const std::uint32_t twin = faces[f].twin[e], g = face_of(twin), k = edge_of(twin);
-      if (g >= faces.size() || k > 2) return false;
-      // The twin begins where this edge ends; that it ends where this one begins is seen when it is its turn.
-      wrong |= (faces[g].twin[k] ^ half_edge(f, e)) | (faces[g].vertex[k] ^ faces[f].vertex[e == 2 ? 0 : e + 1]);
-    }
-  return wrong == 0 && !faces.empty();
-}
-
-}  // namespace
-
 template <class T>
 double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> vertices,
                     std::span<const CsoFace<T>> faces) {
@@ -164,16 +146,15 @@ double certify_ball(const PlacedPair<T>& pair, std::span<const CsoVertex<T>> ver
   }));
   std::vector<Vec3<T>> w(vertices.size());
   for (std::size_t i = 0; i < w.size(); ++i) w[i] = pair.cso_vertex(vertices[i].a, vertices[i].b);
-  const auto [ball, one_side] = view_surface(w.data(), faces.data(), faces.size(), T(pair.scale));
-  if (!(ball > T(0))) return -kInf;
-  const double radius = round_down(ball - T(pair.ball_error()));
-  if (!(radius > 0) || !is_closed(faces)) return -kInf;
-  return one_side || is_surrounded(w.data(), faces.data(), faces.size(), ball) ? radius : -kInf;
+  const ProvedBall<T> proved(w.data(), faces.data(), faces.size(), T(pair.scale));
+  if (!proved) return -kInf;
+  const double radius = round_down(proved.ball - T(pair.ball_error()));
+  return radius > 0 ? radius : -kInf;
 }
 
 double certify_overlap(const Piece& a, const Piece& b, double ball) {
   assert(ball > 0);
-  return round_up(-(dd::two_sum(a.radius, b.radius) + DoubleDouble(ball)));
+  return upper_of_overlap(a.radius, b.radius, ball);
 }
 
 #define CLEARANCE_INSTANTIATE(T)                                           \

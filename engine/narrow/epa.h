@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "engine/narrow/overlap.h"
+#include "engine/narrow/team.h"
 
 namespace clearance {
 
@@ -25,6 +26,17 @@ struct EpaLimits {
   double noise = 0;       ///< lengths below this are rounding
   std::size_t max_vertices = 4000;
 };
+
+/// For bounds that are as near to each other as a query asks: half of that is EPA's.
+/// \param exact the nearest face itself is asked for, since radii are added to it. \param scale of the pair
+template <class T>
+CLEARANCE_HD inline EpaLimits epa_limits(double abs_tol, double rel_tol, bool exact, double scale) {
+  EpaLimits limits;
+  limits.rel_tol = exact ? 4 * Arithmetic<T>::kUnit : rel_tol / 2;
+  limits.abs_tol = abs_tol / 2;
+  limits.noise = 8 * Arithmetic<T>::kUnit * scale;
+  return limits;
+}
 
 enum class EpaEnd : std::uint8_t {
   kConverged,
@@ -40,62 +52,103 @@ struct NeverPause {
   bool operator()(std::size_t) const { return false; }
 };
 
-/// One run after another in the same memory.
+/// An edge of what a new vertex sees.
+struct OutlineEdge {
+  std::uint32_t from, to;
+  std::uint32_t outside;  ///< the same edge of a face that stays, a half-edge
+};
 template <class T>
+struct FanFace {
+  CsoFace<T> face;
+  T offset;
+};
+
+/// A polytope in lists that grow, and one thread that works on it. A device's (engine/cuda/depth_kernel.cuh) has lists
+/// of a length that stays, and a team.
+template <class T>
+struct GrowingPolytope {
+  using Team = OneThread;
+  static constexpr bool kGrows = true;
+  std::vector<CsoVertex<T>> vertices;           ///< each is on the surface, or was
+  std::vector<CsoFace<T>> faces;                ///< normals of unit length
+  std::vector<T> offsets;                       ///< of the faces' planes
+  std::vector<std::uint8_t> is_seen, was_seen;  ///< of the faces, by the last vertex
+  std::vector<std::uint32_t> seen;              ///< which these are, ascending
+  std::vector<OutlineEdge> outline;
+  std::vector<std::uint32_t> begins;  ///< of the vertices on the outline: the edge there
+  std::vector<FanFace<T>> fan;
+
+  /// For all that the last vertex can see.
+  void make_room() {
+    const std::size_t count = faces.size();
+    if (is_seen.size() < count) {
+      is_seen.resize(2 * count);
+      seen.resize(6 * count);  // the places of a fan, too
+      outline.resize(6 * count);
+    }
+    if (begins.size() < vertices.size()) begins.resize(2 * vertices.size());
+  }
+  /// \param count of its faces, in place of `gone`. False: there is no room.
+  bool make_room_for_fan(std::size_t count, [[maybe_unused]] std::size_t gone) {
+    if (fan.size() < count) fan.resize(2 * count);
+    return true;
+  }
+};
+
+/// One run after another in the same memory.
+template <class T, class Polytope = GrowingPolytope<T>>
 class Epa {
+  using Team = typename Polytope::Team;
+
  public:
+  CLEARANCE_HD Epa() {}
+  CLEARANCE_HD explicit Epa(const Polytope& room) : p_(room) {}
+
   /// \param cso as gjk() has it. \param seed vertices to begin from, any number. \param pause asked before each step
   /// with the number of vertices; true: the run pauses there.
   template <class Cso, class Pause = NeverPause>
-  EpaEnd run(const Cso& cso, const EpaLimits& limits, const Simplex<T>& seed, const Pause& pause = {}) {
+  CLEARANCE_HD EpaEnd run(const Cso& cso, const EpaLimits& limits, const Simplex<T>& seed, const Pause& pause = {}) {
     limits_ = limits;
     noise_ = T(limits.noise);
     direction_ = {T(1), T(0), T(0)};
     reach_ = gap_ = T(0);
     probed_ = false;
     nearest_.size = 0;
-    vertices_.clear();
-    faces_.clear();
-    if (!enclose(seed) && !spread_out(cso, seed)) {
-      faces_.clear();
+    p_.vertices.clear();
+    p_.faces.clear();
+    bool has_volume = enclose(seed);
+    if constexpr (Polytope::kGrows) has_volume = has_volume || spread_out(cso, seed);
+    if (!has_volume) {
+      p_.faces.clear();
       return EpaEnd::kFlat;
     }
     return go_on(cso, pause);
   }
   /// Goes on with a run that was paused. The bits are those of a run without a pause.
   template <class Cso, class Pause>
-  EpaEnd go_on(const Cso& cso, const Pause& pause) {
+  CLEARANCE_HD EpaEnd go_on(const Cso& cso, const Pause& pause) {
     const EpaEnd end = expand(cso, pause);
     if (end != EpaEnd::kPaused) find_nearest();
     return end;
   }
 
   /// A closed surface around the polytope, outward; none if the CSO is flat.
-  std::span<const CsoVertex<T>> vertices() const { return vertices_; }
-  std::span<const CsoFace<T>> faces() const { return faces_; }
+  CLEARANCE_HD std::span<const CsoVertex<T>> vertices() const { return {p_.vertices.data(), p_.vertices.size()}; }
+  CLEARANCE_HD std::span<const CsoFace<T>> faces() const { return {p_.faces.data(), p_.faces.size()}; }
   /// The point of the surface nearest to the origin.
-  const Simplex<T>& nearest() const { return nearest_; }
+  CLEARANCE_HD const Simplex<T>& nearest() const { return nearest_; }
   /// Whether any direction was looked along, of these the unit one along which the CSO reaches least far beyond the
   /// origin, and the gap of its supporting planes there.
-  bool probed() const { return probed_; }
-  const Vec3<T>& direction() const { return direction_; }
-  const T& gap() const { return gap_; }
+  CLEARANCE_HD bool probed() const { return probed_; }
+  CLEARANCE_HD const Vec3<T>& direction() const { return direction_; }
+  CLEARANCE_HD const T& gap() const { return gap_; }
 
  private:
-  struct OutlineEdge {
-    std::uint32_t from, to;
-    std::uint32_t outside;  ///< the same edge of a face that stays, a half-edge
-  };
-  struct FanFace {
-    CsoFace<T> face;
-    T offset;
-  };
-
-  const Vec3<T>& w(std::uint32_t i) const { return vertices_[i].w; }
+  CLEARANCE_HD const Vec3<T>& w(std::uint32_t i) const { return p_.vertices[i].w; }
 
   // The support along the unit vector d, remembering the direction along which the CSO reaches least.
   template <class Cso>
-  CsoVertex<T> probe(const Cso& cso, const Vec3<T>& d, T& reach) {
+  CLEARANCE_HD CsoVertex<T> probe(const Cso& cso, const Vec3<T>& d, T& reach) {
     const CsoSupport<T> s = cso(-d);
     reach = dot(d, s.vertex.w);
     if (!probed_ || reach < reach_) {
@@ -107,23 +160,23 @@ class Epa {
     return s.vertex;
   }
 
-  static Vec3<T> unit(const Vec3<T>& v) { return v * (T(1) / norm(v)); }
+  CLEARANCE_HD static Vec3<T> unit(const Vec3<T>& v) { return v * (T(1) / norm(v)); }
 
-  bool is_close(const T& offset, const T& reach) const {
+  CLEARANCE_HD bool is_close(const T& offset, const T& reach) const {
     const T growth = reach - offset;
     return growth <= T(limits_.rel_tol) * reach || growth <= T(limits_.abs_tol) || growth <= noise_;
   }
 
   // The tetrahedron that GJK ended with, if it has volume.
-  bool enclose(const Simplex<T>& seed) {
+  CLEARANCE_HD bool enclose(const Simplex<T>& seed) {
     if (seed.size != 4) return false;
     CsoVertex<T> t[4] = {seed.vertex[0], seed.vertex[1], seed.vertex[2], seed.vertex[3]};
     if (dot(cross(t[1].w - t[0].w, t[2].w - t[0].w), t[3].w - t[0].w) > T(0)) std::swap(t[1], t[2]);
     if (!make_tetrahedron(t)) return false;
     for (int f = 0; f < 4; ++f) {
-      const auto& [i, j, k] = faces_[f].vertex;
+      const auto& [i, j, k] = p_.faces[f].vertex;
       const std::uint32_t opposite = 6 - (i + j + k);
-      if (!(dot(faces_[f].normal, w(opposite)) - offsets_[f] < -noise_)) return false;
+      if (!(dot(p_.faces[f].normal, w(opposite)) - p_.offsets[f] < -noise_)) return false;
     }
     return true;
   }
@@ -182,27 +235,30 @@ class Epa {
   }
 
   // \param t t[3] is on the inner side of the triangle t[0], t[1], t[2].
-  bool make_tetrahedron(const CsoVertex<T> (&t)[4]) {
+  CLEARANCE_HD bool make_tetrahedron(const CsoVertex<T> (&t)[4]) {
     Simplex<T> s;
     for (int i = 0; i < 4; ++i) s.vertex[i] = t[i];
     CsoFace<T> faces[4];
     if (!tetrahedron_faces(s, faces)) return false;
-    vertices_.assign(t, t + 4);
-    faces_.assign(faces, faces + 4);
-    offsets_.resize(4);
+    T offsets[4];
     for (int f = 0; f < 4; ++f) {
-      const Vec3<T>&a = w(faces_[f].vertex[0]), &b = w(faces_[f].vertex[1]), &c = w(faces_[f].vertex[2]);
+      CsoFace<T>& face = faces[f];
+      const Vec3<T>&a = t[face.vertex[0]].w, &b = t[face.vertex[1]].w, &c = t[face.vertex[2]].w;
       const Vec3<T> e1 = b - a, e2 = c - a;
-      if (!find_plane(cross(e1, e2), squared_norm(e1) * squared_norm(e2), a, b, c, faces_[f].normal, offsets_[f]))
+      if (!find_plane(cross(e1, e2), squared_norm(e1) * squared_norm(e2), a, b, c, face.normal, offsets[f]))
         return false;
     }
+    p_.vertices.assign(t, t + 4);
+    p_.faces.assign(faces, faces + 4);
+    p_.offsets.assign(offsets, offsets + 4);
+    Team::sync();
     return true;
   }
 
   // The plane that three points span, as far out as all of them are beyond it.
   // \param n normal to it. \param sides the squared lengths of the sides whose product n is, multiplied.
-  static bool find_plane(const Vec3<T>& n, const T& sides, const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c,
-                         Vec3<T>& normal, T& offset) {
+  CLEARANCE_HD static bool find_plane(const Vec3<T>& n, const T& sides, const Vec3<T>& a, const Vec3<T>& b,
+                                      const Vec3<T>& c, Vec3<T>& normal, T& offset) {
     using std::sqrt;
     const T nn = squared_norm(n);
     normal = n * (T(1) / sqrt(nn));
@@ -211,41 +267,56 @@ class Epa {
     return nn > T(Arithmetic<T>::kFlatFace) * sides;
   }
 
-  // In two halves, so that each waits less for the one before; without branches, since which is nearer cannot be
+  // Of faces as near as each other the first with an even number, or else the first. One thread looks at both halves
+  // side by side, so that each waits less for the one before; without branches, since which is nearer cannot be
   // predicted.
-  std::uint32_t nearest_face() const {
-    const std::size_t count = offsets_.size();
-    const T* offsets = offsets_.data();
-    T least[2] = {offsets[0], offsets[1]};
-    std::size_t face[2] = {0, 1};
-    for (std::size_t f = 2; f < count; f += 2)
-      for (std::size_t k = 0; k < 2; ++k) {
-        const std::size_t at = std::min(f + k, count - 1);
-        const bool nearer = offsets[at] < least[k];
-        least[k] = nearer ? offsets[at] : least[k];
-        face[k] = nearer ? at : face[k];
-      }
-    return static_cast<std::uint32_t>(least[1] < least[0] ? face[1] : face[0]);
+  CLEARANCE_HD std::uint32_t nearest_face() const {
+    const std::size_t count = p_.offsets.size();
+    const T* offsets = p_.offsets.data();
+    if constexpr (Team::kSize == 1) {
+      T least[2] = {offsets[0], offsets[1]};
+      std::size_t face[2] = {0, 1};
+      for (std::size_t f = 2; f < count; f += 2)
+        for (std::size_t k = 0; k < 2; ++k) {
+          const std::size_t at = std::min(f + k, count - 1);
+          const bool nearer = offsets[at] < least[k];
+          least[k] = nearer ? offsets[at] : least[k];
+          face[k] = nearer ? at : face[k];
+        }
+      return static_cast<std::uint32_t>(least[1] < least[0] ? face[1] : face[0]);
+    } else {
+      static_assert(Team::kSize % 2 == 0);  // each looks at one half
+      Ranked<T> least{T(__builtin_inf()), Team::rank()};
+      for (std::uint32_t f = Team::rank(); f < count; f += Team::kSize)
+        if (offsets[f] < least.value) least = {offsets[f], f};
+      return Team::best(least,
+                        [](const Ranked<T>& p, const Ranked<T>& q) {
+                          if (p.value != q.value) return p.value < q.value;
+                          return p.index % 2 != q.index % 2 ? p.index % 2 < q.index % 2 : p.index < q.index;
+                        })
+          .index;
+    }
   }
 
   template <class Cso, class Pause>
-  EpaEnd expand(const Cso& cso, const Pause& pause) {
+  CLEARANCE_HD EpaEnd expand(const Cso& cso, const Pause& pause) {
     while (true) {
-      if (pause(vertices_.size())) return EpaEnd::kPaused;
+      if (pause(p_.vertices.size())) return EpaEnd::kPaused;
       const std::uint32_t nearest = nearest_face();
-      const T offset = offsets_[nearest];
+      const T offset = p_.offsets[nearest];
       if (limits_.enough > 0 && offset > T(limits_.enough)) return EpaEnd::kEnough;
       if (probed_ && is_close(offset, reach_)) return EpaEnd::kConverged;
       T reach;
-      const CsoVertex<T> v = probe(cso, faces_[nearest].normal, reach);
+      const CsoVertex<T> v = probe(cso, p_.faces[nearest].normal, reach);
       if (!(reach > T(0))) return EpaEnd::kOutside;
       if (is_close(offset, reach)) return EpaEnd::kConverged;
-      bool known = vertices_.size() >= limits_.max_vertices;
-      for (const CsoVertex<T>& u : vertices_) known |= same(u, v);
-      if (known) return EpaEnd::kLimit;
-      vertices_.push_back(v);
+      bool known = p_.vertices.size() >= limits_.max_vertices;
+      for (std::size_t u = Team::rank(); u < p_.vertices.size(); u += Team::kSize) known |= same(p_.vertices[u], v);
+      if (Team::any(known)) return EpaEnd::kLimit;
+      p_.vertices.push_back(v);
+      Team::sync();
       if (!grow(nearest)) {
-        vertices_.pop_back();
+        p_.vertices.pop_back();
         return EpaEnd::kLimit;
       }
     }
@@ -253,52 +324,58 @@ class Epa {
 
   // Replaces the faces that the last vertex sees, `nearest` among them, by a fan over their outline. False, and nothing
   // is changed, where rounding made the outline unusable.
-  bool grow(std::uint32_t nearest) {
-    const auto apex = static_cast<std::uint32_t>(vertices_.size() - 1);
+  CLEARANCE_HD bool grow(std::uint32_t nearest) {
+    const auto apex = static_cast<std::uint32_t>(p_.vertices.size() - 1);
     find_seen(apex);
-    find_outline();
-    if (!plan_fan(apex)) {
-      keep_connected(nearest);
-      find_outline();
-      if (!plan_fan(apex)) return false;
+    if (!plan(apex)) {
+      if constexpr (Polytope::kGrows) keep_connected(nearest);
+      if (!Polytope::kGrows || !plan(apex)) return false;
     }
     place_fan();
     return true;
   }
 
-  // Every face is written to the list, and kept there by moving on: which are seen cannot be predicted. So with edges
-  // below.
-  void find_seen(std::uint32_t apex) {
-    const std::size_t count = faces_.size();
-    if (is_seen_.size() < count) {
-      is_seen_.resize(2 * count);
-      seen_.resize(6 * count);  // the places of a fan, too
-      outline_.resize(6 * count);
-    }
-    const Vec3<T> p = w(apex);
-    const T noise = noise_;
-    const CsoFace<T>* faces = faces_.data();
-    const T* offsets = offsets_.data();
-    std::uint8_t* is_seen = is_seen_.data();
-    std::uint32_t* seen = seen_.data();
-    std::size_t seen_count = 0;
-    for (std::size_t f = 0; f < count; ++f) {
-      const std::size_t sees = dot(faces[f].normal, p) - offsets[f] > noise;
-      is_seen[f] = static_cast<std::uint8_t>(sees);
-      seen[seen_count] = static_cast<std::uint32_t>(f);
-      seen_count += sees;
-    }
-    seen_count_ = static_cast<std::uint32_t>(seen_count);
+  // The outline of what is seen, and the faces from there to the last vertex. False: they are unusable.
+  CLEARANCE_HD bool plan(std::uint32_t apex) {
+    outline_count_ = Team::lead([&] {
+      const std::uint32_t edges = find_outline();
+      return plan_fan(apex, edges) ? edges : 0;
+    });
+    return outline_count_ > 0;
   }
 
-  // The edges between seen faces and others, and at each vertex which of them begins there.
-  void find_outline() {
-    if (begins_.size() < vertices_.size()) begins_.resize(2 * vertices_.size());
-    const CsoFace<T>* faces = faces_.data();
-    const std::uint8_t* is_seen = is_seen_.data();
-    OutlineEdge* outline = outline_.data();
-    std::uint32_t *begins = begins_.data(), edges = 0;
-    const std::uint32_t *seen = seen_.data(), count = seen_count_;
+  // Every face is written to the list, and kept there by moving on: which are seen cannot be predicted. So with edges
+  // below.
+  CLEARANCE_HD void find_seen(std::uint32_t apex) {
+    const std::size_t count = p_.faces.size();
+    p_.make_room();
+    const Vec3<T> p = w(apex);
+    const T noise = noise_;
+    const CsoFace<T>* faces = p_.faces.data();
+    const T* offsets = p_.offsets.data();
+    std::uint8_t* is_seen = p_.is_seen.data();
+    std::uint32_t* seen = p_.seen.data();
+    std::size_t seen_count = 0;
+    for (std::size_t first = 0; first < count; first += Team::kSize) {
+      const std::size_t f = first + Team::rank();
+      bool sees = false;
+      if (Team::kSize == 1 || f < count) {
+        sees = dot(faces[f].normal, p) - offsets[f] > noise;
+        is_seen[f] = static_cast<std::uint8_t>(sees);
+      }
+      Team::append(seen, seen_count, static_cast<std::uint32_t>(f), sees);
+    }
+    seen_count_ = static_cast<std::uint32_t>(seen_count);
+    Team::sync();
+  }
+
+  // The edges between seen faces and others, and at each vertex which of them begins there. \returns how many
+  CLEARANCE_HD std::uint32_t find_outline() {
+    const CsoFace<T>* faces = p_.faces.data();
+    const std::uint8_t* is_seen = p_.is_seen.data();
+    OutlineEdge* outline = p_.outline.data();
+    std::uint32_t *begins = p_.begins.data(), edges = 0;
+    const std::uint32_t *seen = p_.seen.data(), count = seen_count_;
     for (std::uint32_t k = 0; k < count; ++k) {
       const CsoFace<T>& f = faces[seen[k]];
       for (std::uint32_t e = 0; e < 3; ++e) {
@@ -309,37 +386,35 @@ class Epa {
         edges += borders;
       }
     }
-    outline_count_ = edges;
+    return edges;
   }
 
   // Rounding let the vertex see faces apart from the others: these stay.
   void keep_connected(std::uint32_t nearest) {
     seen_count_ = 1;
-    seen_[0] = nearest;
-    is_seen_.swap(was_seen_);
-    is_seen_.assign(was_seen_.size(), false);
-    is_seen_[nearest] = true;
+    p_.seen[0] = nearest;
+    p_.is_seen.swap(p_.was_seen);
+    p_.is_seen.assign(p_.was_seen.size(), false);
+    p_.is_seen[nearest] = true;
     for (std::size_t k = 0; k < seen_count_; ++k)
-      for (const std::uint32_t twin : faces_[seen_[k]].twin)
-        if (const std::uint32_t f = face_of(twin); was_seen_[f] && !is_seen_[f]) {
-          is_seen_[f] = true;
-          seen_[seen_count_++] = f;
+      for (const std::uint32_t twin : p_.faces[p_.seen[k]].twin)
+        if (const std::uint32_t f = face_of(twin); p_.was_seen[f] && !p_.is_seen[f]) {
+          p_.is_seen[f] = true;
+          p_.seen[seen_count_++] = f;
         }
-    std::sort(seen_.begin(), seen_.begin() + static_cast<std::ptrdiff_t>(seen_count_));
+    std::sort(p_.seen.begin(), p_.seen.begin() + static_cast<std::ptrdiff_t>(seen_count_));
   }
 
   // One triangle for each edge of the outline. False if that is not one loop, or a triangle is flat.
-  bool plan_fan(std::uint32_t apex) {
-    const std::uint32_t count = outline_count_;
-    if (count < 3) return false;
-    if (fan_.size() < count) fan_.resize(2 * count);
+  CLEARANCE_HD bool plan_fan(std::uint32_t apex, std::uint32_t count) {
+    if (count < 3 || !p_.make_room_for_fan(count, seen_count_)) return false;
     // Where the faces go: in the places of the seen ones, then behind the last.
-    std::uint32_t* places = seen_.data();
+    std::uint32_t* places = p_.seen.data();
     for (std::uint32_t i = seen_count_; i < count; ++i)
-      places[i] = static_cast<std::uint32_t>(faces_.size()) + (i - seen_count_);
-    const CsoVertex<T>* vertices = vertices_.data();
-    const OutlineEdge* outline = outline_.data();
-    const std::uint32_t* begins = begins_.data();
+      places[i] = static_cast<std::uint32_t>(p_.faces.size()) + (i - seen_count_);
+    const CsoVertex<T>* vertices = p_.vertices.data();
+    const OutlineEdge* outline = p_.outline.data();
+    const std::uint32_t* begins = p_.begins.data();
     const Vec3<T> p = vertices[apex].w;
     Vec3<T> from = vertices[outline[0].from].w, u = from - p;
     T uu = squared_norm(u);
@@ -348,7 +423,7 @@ class Epa {
     for (std::uint32_t i = 0; i < count && at < count; ++i) {
       const OutlineEdge e = outline[at];
       const std::uint32_t after = places[i + 1 == count ? 0 : i + 1];
-      auto& [face, offset] = fan_[i];
+      auto& [face, offset] = p_.fan[i];
       face.vertex = {e.from, e.to, apex};
       face.twin = {e.outside, half_edge(after, 2), half_edge(before, 1)};
       const Vec3<T> to = vertices[e.to].w, next = to - p;
@@ -365,51 +440,59 @@ class Epa {
     return usable && at == 0;
   }
 
-  void place_fan() {
-    if (outline_count_ > seen_count_) {
-      faces_.resize(faces_.size() + outline_count_ - seen_count_);
-      offsets_.resize(faces_.size());
+  CLEARANCE_HD void place_fan() {
+    const std::size_t before = p_.faces.size(), after = before + outline_count_ - seen_count_;
+    if (before < after) {
+      p_.faces.resize(after);
+      p_.offsets.resize(after);
     }
-    for (std::uint32_t i = 0; i < outline_count_; ++i) {
-      const std::uint32_t f = seen_[i];
-      faces_[f] = fan_[i].face;
-      offsets_[f] = fan_[i].offset;
-      link(f, 0);
-    }
-    // A fan smaller than what it replaces leaves places: the last faces move there.
-    for (std::uint32_t i = seen_count_; i-- > outline_count_;) {
-      const std::uint32_t f = seen_[i];
-      faces_[f] = faces_.back();
-      offsets_[f] = offsets_.back();
-      for (std::uint32_t e = 0; e < 3 && f + 1 < faces_.size(); ++e) link(f, e);
-      faces_.pop_back();
-      offsets_.pop_back();
+    Team::lead([&] {
+      for (std::uint32_t i = 0; i < outline_count_; ++i) {
+        const std::uint32_t f = p_.seen[i];
+        p_.faces[f] = p_.fan[i].face;
+        p_.offsets[f] = p_.fan[i].offset;
+        link(f, 0);
+      }
+      // A fan smaller than what it replaces leaves places: the last faces move there.
+      std::size_t last = before;
+      for (std::uint32_t i = seen_count_; i-- > outline_count_;) {
+        const std::uint32_t f = p_.seen[i];
+        if (f == --last) continue;
+        p_.faces[f] = p_.faces[last];
+        p_.offsets[f] = p_.offsets[last];
+        for (std::uint32_t e = 0; e < 3; ++e) link(f, e);
+      }
+      return 0u;
+    });
+    if (after < before) {
+      p_.faces.resize(after);
+      p_.offsets.resize(after);
     }
   }
 
   // Tells the face across an edge where that edge is.
-  void link(std::uint32_t face, std::uint32_t edge) {
-    const std::uint32_t across = faces_[face].twin[edge];
-    faces_[face_of(across)].twin[edge_of(across)] = half_edge(face, edge);
+  CLEARANCE_HD void link(std::uint32_t face, std::uint32_t edge) {
+    const std::uint32_t across = p_.faces[face].twin[edge];
+    p_.faces[face_of(across)].twin[edge_of(across)] = half_edge(face, edge);
   }
 
   // The surface's point nearest to the origin. Among coplanar triangles only one holds it, and not always the one whose
   // plane came out nearest, so look at all whose plane is near enough.
-  void find_nearest() {
+  CLEARANCE_HD void find_nearest() {
     const std::uint32_t first = nearest_face();
     T best = look_at(first, T(__builtin_inf()));
-    for (std::uint32_t f = 0; f < faces_.size(); ++f)
-      if (const T& offset = offsets_[f]; f != first && !(offset > T(0) && offset * offset >= best))
+    for (std::uint32_t f = 0; f < p_.faces.size(); ++f)
+      if (const T& offset = p_.offsets[f]; f != first && !(offset > T(0) && offset * offset >= best))
         best = look_at(f, best);
   }
 
   // Takes the point of a face that is nearest to the origin, if it is nearer than the root of `best`; what is best
   // then.
-  T look_at(std::uint32_t face, const T& best) {
-    const CsoFace<T>& f = faces_[face];
+  CLEARANCE_HD T look_at(std::uint32_t face, const T& best) {
+    const CsoFace<T>& f = p_.faces[face];
     const Vec3<T>&a = w(f.vertex[0]), &b = w(f.vertex[1]), &c = w(f.vertex[2]);
     // Barycentric coordinates of the origin's projection, clamped into the triangle: good enough to propose.
-    const Vec3<T> p = f.normal * offsets_[face];
+    const Vec3<T> p = f.normal * p_.offsets[face];
     T weight[3] = {dot(f.normal, cross(b - p, c - p)), dot(f.normal, cross(c - p, a - p)),
                    dot(f.normal, cross(a - p, b - p))};
     for (T& x : weight) x = x > T(0) ? x : T(0);
@@ -419,7 +502,7 @@ class Epa {
     if (!(d < best)) return best;
     nearest_.size = 3;
     for (int i = 0; i < 3; ++i) {
-      nearest_.vertex[i] = vertices_[f.vertex[i]];
+      nearest_.vertex[i] = p_.vertices[f.vertex[i]];
       nearest_.weight[i] = weight[i];
     }
     return d;
@@ -427,15 +510,8 @@ class Epa {
 
   EpaLimits limits_;
   T noise_;
-  std::vector<CsoVertex<T>> vertices_;            ///< each is on the surface, or was
-  std::vector<CsoFace<T>> faces_;                 ///< normals of unit length
-  std::vector<T> offsets_;                        ///< of the faces' planes
-  std::vector<std::uint8_t> is_seen_, was_seen_;  ///< of the faces, by the last vertex
-  std::vector<std::uint32_t> seen_;               ///< which these are, ascending
-  std::vector<OutlineEdge> outline_;
-  std::vector<std::uint32_t> begins_;  ///< of the vertices on the outline: the edge there
+  Polytope p_;
   std::uint32_t seen_count_ = 0, outline_count_ = 0;
-  std::vector<FanFace> fan_;
   Simplex<T> nearest_;
   bool probed_ = false;
   T reach_, gap_;

@@ -124,7 +124,7 @@ class Answer {
   bool wants_depth() const { return limits_.signed_distance; }
   /// An overlap is proved, but not by as much as was asked.
   bool is_shallow() const { return answer_.bounds.upper <= 0 && answer_.bounds.upper > -limits_.overlap_by; }
-  double tolerance(double distance) const { return std::max(limits_.abs_tol, limits_.rel_tol * std::abs(distance)); }
+  double tolerance(double distance) const { return tolerance_at(distance, limits_.abs_tol, limits_.rel_tol); }
 
   bool settled() const {
     const auto [lower, upper] = answer_.bounds;
@@ -290,10 +290,7 @@ constexpr std::size_t kMostRoundVertices = 256;
 template <class T>
 void expand_polytope(const PlacedPair<T>& pair, SupportedCso<T>& cso, const NarrowLimits& limits, const Gjk<T>& g,
                      Answer& answer, std::unique_ptr<PausedEpa<T>> resumed, PausedPairPtr* paused) {
-  EpaLimits e;
-  e.rel_tol = pair.radius > T(0) && !pair.is_round() ? 4 * Arithmetic<T>::kUnit : limits.rel_tol / 2;
-  e.abs_tol = limits.abs_tol / 2;
-  e.noise = 8 * Arithmetic<T>::kUnit * pair.scale;
+  EpaLimits e = epa_limits<T>(limits.abs_tol, limits.rel_tol, pair.radius > T(0) && !pair.is_round(), pair.scale);
   if (!limits.signed_distance)
     e.enough = 2 * pair.ball_error() + std::max(0.0, limits.overlap_by - static_cast<double>(pair.radius));
   if (pair.is_round()) e.max_vertices = kMostRoundVertices;

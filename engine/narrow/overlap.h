@@ -2,17 +2,19 @@
 // device.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "engine/narrow/certify.h"
+#include "engine/narrow/team.h"
 
 namespace clearance {
 
 // How often the surface winds around the point `o`, by counting the faces that a ray along g crosses; 0 if any sign is
 // uncertain. All faces lie beyond planes that keep them from `o`.
-template <class T>
-CLEARANCE_HD inline int winding(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const Vec3<T>& o,
+template <class T, class Vertices>
+CLEARANCE_HD inline int winding(const Vertices& w, const CsoFace<T>* faces, std::size_t count, const Vec3<T>& o,
                                 const Vec3<T>& g) {
   const T uncertain = T(32 * Arithmetic<T>::kUnit);
   using std::abs;
@@ -44,28 +46,32 @@ CLEARANCE_HD inline int winding(const Vec3<T>* w, const CsoFace<T>* faces, std::
 template <class T>
 inline constexpr double kLeastOverlapScale = Arithmetic<T>::kCareful ? 1e-63 : 1e-78;
 
-/// What a surface shows of the origin, face by face.
+/// What some faces of a surface show of the origin.
 template <class T>
 struct SurfaceView {
   /// How far the origin is below the least distant of the faces' planes: the radius of a ball that no triangle enters.
   /// 0 or less, or NaN: there is none.
-  T ball;
-  /// The origin sees every triangle from the same side, for certain: a closed surface then goes around it.
-  bool one_side;
-};
-/// \param w the vertices, axes of a. \param scale none is farther from the origin.
-template <class T>
-CLEARANCE_HD inline SurfaceView<T> view_surface(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count,
-                                                const T& scale) {
-  if (!(scale > T(kLeastOverlapScale<T>))) return {T(-1), false};
-  const T uncertain = T(32 * Arithmetic<T>::kUnit) * scale * scale * scale;
-  T ball = T(__builtin_inf()), clearly_beyond = ball;
+  T ball = T(__builtin_inf());
+  /// The origin sees every triangle from outside or from inside, for certain.
   bool outward = true, inward = true;
-  for (std::size_t f = 0; f < count; ++f) {
+
+  /// With all faces of a closed surface: it goes around the origin.
+  CLEARANCE_HD bool one_side() const { return outward || inward; }
+};
+/// \param w the vertices, by their numbers: axes of a. \param first, step which faces. \param scale no vertex is
+/// farther from the origin.
+template <class T, class Vertices>
+CLEARANCE_HD inline SurfaceView<T> view_surface(const Vertices& w, const CsoFace<T>* faces, std::size_t count,
+                                                const T& scale, std::size_t first = 0, std::size_t step = 1) {
+  if (!(scale > T(kLeastOverlapScale<T>))) return {T(-1), false, false};
+  const T uncertain = T(32 * Arithmetic<T>::kUnit) * scale * scale * scale;
+  SurfaceView<T> view;
+  T clearly_beyond = view.ball;
+  for (std::size_t f = first; f < count; f += step) {
     const Vec3<T>&p = w[faces[f].vertex[0]], &q = w[faces[f].vertex[1]], &r = w[faces[f].vertex[2]];
     const T volume = dot(p, cross(q, r));
-    outward &= volume > uncertain;
-    inward &= volume < -uncertain;
+    view.outward &= volume > uncertain;
+    view.inward &= volume < -uncertain;
     Vec3<T> n = faces[f].normal;
     T nn = squared_norm(n);
     if (!(nn > T(1e-20) && nn < T(1e20))) {
@@ -75,19 +81,36 @@ CLEARANCE_HD inline SurfaceView<T> view_surface(const Vec3<T>* w, const CsoFace<
     const T on_p = dot(n, p), on_q = dot(n, q), on_r = dot(n, r);
     T beyond = on_q < on_p ? on_q : on_p;
     beyond = on_r < beyond ? on_r : beyond;
-    if (!(on_p > T(0) && on_q > T(0) && on_r > T(0))) return {T(-1), false};  // also for a NaN, which proves nothing
+    // Also for a NaN, which proves nothing.
+    if (!(on_p > T(0) && on_q > T(0) && on_r > T(0))) return {T(-1), false, false};
     if (beyond * beyond > clearly_beyond * nn) continue;
     using std::sqrt;
     beyond = beyond / sqrt(nn);
-    if (!(beyond >= ball)) ball = beyond;
-    clearly_beyond = ball * ball * T(1 + 1e-9);
+    if (!(beyond >= view.ball)) view.ball = beyond;
+    clearly_beyond = view.ball * view.ball * T(1 + 1e-9);
   }
-  return {ball, outward || inward};
+  return view;
+}
+
+/// Whether the edges of some faces of a surface are twins of others', in opposite senses: all are, if it has no border.
+template <class T>
+CLEARANCE_HD inline bool is_closed(const CsoFace<T>* faces, std::size_t count, std::size_t first = 0,
+                                   std::size_t step = 1) {
+  std::uint32_t wrong = 0;
+  for (std::size_t f = first; f < count; f += step)
+    for (std::uint32_t e = 0; e < 3; ++e) {
+      const std::uint32_t twin = faces[f].twin[e], g = face_of(twin), k = edge_of(twin);
+      if (g >= count || k > 2) return false;
+      // The twin begins where this edge ends; that it ends where this one begins is seen when it is its turn.
+      wrong |= (faces[g].twin[k] ^ half_edge(static_cast<std::uint32_t>(f), e)) |
+               (faces[g].vertex[k] ^ faces[f].vertex[e == 2 ? 0 : e + 1]);
+    }
+  return wrong == 0 && count > 0;
 }
 
 /// Whether a closed surface goes around the ball of radius `ball` that none of its triangles enters: by rays.
-template <class T>
-CLEARANCE_HD inline bool is_surrounded(const Vec3<T>* w, const CsoFace<T>* faces, std::size_t count, const T& ball) {
+template <class T, class Vertices>
+CLEARANCE_HD inline bool is_surrounded(const Vertices& w, const CsoFace<T>* faces, std::size_t count, const T& ball) {
   // The origin may lie on a line through two vertices (concentric boxes), where no ray is certain; every point within
   // the ball is surrounded as often as the origin is, so take one off centre, in a direction without pattern.
   const double rays[4][2][3] = {{{0.31, -0.52, 0.79}, {0.732, 0.481, -0.4829}},
@@ -101,6 +124,32 @@ CLEARANCE_HD inline bool is_surrounded(const Vec3<T>* w, const CsoFace<T>* faces
     if (winding(w, faces, count, o, g) != 0) return true;
   }
   return false;
+}
+
+/// What proves that a surface goes around a ball around the origin. A team shares out the faces.
+template <class T, class Team = OneThread>
+struct ProvedBall {
+  T ball = T(-1);  ///< its radius, axes of a; 0 or less, or NaN: nothing is proved
+
+  /// \param w, scale of view_surface()
+  template <class Vertices>
+  CLEARANCE_HD ProvedBall(const Vertices& w, const CsoFace<T>* faces, std::size_t count, const T& scale) {
+    const SurfaceView<T> mine = view_surface(w, faces, count, scale, Team::rank(), Team::kSize);
+    const T least = Team::best(Ranked<T>{mine.ball, 0}, [](const Ranked<T>& p, const Ranked<T>& q) {
+                      return p.value < q.value;
+                    }).value;
+    const bool outward = Team::all(mine.outward), inward = Team::all(mine.inward);
+    if (!(least > T(0)) || !Team::all(Team::rank() >= count || is_closed(faces, count, Team::rank(), Team::kSize)))
+      return;
+    if (outward || inward || is_surrounded(w, faces, count, least)) ball = least;
+  }
+  CLEARANCE_HD explicit operator bool() const { return ball > T(0); }
+};
+
+/// An upper bound on the signed distance of two grown pieces whose cores' overlap holds a ball.
+CLEARANCE_HD inline double upper_of_overlap(double radius_a, double radius_b, double ball) {
+  using std::nextafter;
+  return nextafter((-(dd::two_sum(radius_a, radius_b) + DoubleDouble(ball))).hi, __builtin_inf());
 }
 
 /// The four faces of a tetrahedron with their outward normals; false if one has none.

@@ -105,4 +105,12 @@ CLEARANCE_HD inline bool witness_is_ambiguous(const Hull& a, const Mat3d& R_wa, 
   return ca.dimensions + cb.dimensions > 2 || norm(cross(ca.edge, cb.edge)) < 1e-9;
 }
 
+/// Whether kFlagNonsmooth is due: the bodies may touch, by what is not known of them, too, or their nearest points are
+/// not unique. \param lower of the answer
+template <class Hull>
+CLEARANCE_HD inline bool is_nonsmooth(double lower, const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
+                                      const Vec3d& n) {
+  return lower <= 0 || witness_is_ambiguous(a, R_wa, b, R_wb, n);
+}
+
 }  // namespace clearance

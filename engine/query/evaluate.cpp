@@ -106,8 +106,8 @@ void finish(const Scene& scene, const PlacedBodies& bodies, const EvaluateOption
                                                            : false;
   if (limits.signed_distance && is_of_pieces) answer.flags |= kFlagPieces;
   if (options.want_flags && answer.status != Status::kBeyond &&
-      (answer.lower <= 0 || witness_is_ambiguous(piece_of(a, found.a, rooms[0]), pose_a.R_wb,
-                                                 piece_of(b, found.b, rooms[1]), pose_b.R_wb, best.normal)))
+      is_nonsmooth(answer.lower, piece_of(a, found.a, rooms[0]), pose_a.R_wb, piece_of(b, found.b, rooms[1]),
+                   pose_b.R_wb, best.normal))
     answer.flags |= kFlagNonsmooth;
 }
 
@@ -128,7 +128,7 @@ void take_lane(const EvaluateOptions& options, const PieceTask& task, const Lane
   take_lane_witness(*task.a, R_wa, *task.b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
   if (answer.status == Status::kBeyond)
     answer.point_a = answer.point_b = no_point();
-  else if (options.want_flags && witness_is_ambiguous(*task.a, R_wa, *task.b, R_wb, answer.normal))
+  else if (options.want_flags && is_nonsmooth(answer.lower, *task.a, R_wa, *task.b, R_wb, answer.normal))
     answer.flags |= kFlagNonsmooth;
 }
 

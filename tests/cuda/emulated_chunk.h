@@ -3,6 +3,8 @@
 
 #include <set>
 
+#include "engine/narrow/epa.h"
+// Behind what kernels include.
 #include "emulated_scene.h"
 
 // A block's, which the kernels declare. Not a constant to begin with: the compiler calls what sets it up.
@@ -13,6 +15,7 @@ inline uint4 some_words() {
 thread_local uint4 shared_memory[test::kMostShared / sizeof(uint4)] = {some_words()};
 }  // namespace clearance::emulated
 #define cuda emulated
+#include "engine/cuda/depth_kernel.cuh"
 #include "engine/cuda/group_kernel.cuh"
 #include "engine/cuda/lean_kernel.cuh"
 #include "engine/cuda/open_rows.cuh"
@@ -56,8 +59,8 @@ struct HostChunk {
     view.hulls = hulls.view();
     view.bodies = bodies.view;
     const bool flags = (q.fields & kFieldFlags) != 0, points = flags || (q.fields & kFieldCompact) != 0;
-    view.question = {q.max_distance, q.abs_tol, default_rel_tol(q.precision),  256, false, points,
-                     flags,          true,      q.precision == Precision::kF32};
+    view.question = {q.max_distance,     q.abs_tol,         default_rel_tol(q.precision),  256, false, points, flags,
+                     !q.signed_distance, q.signed_distance, q.precision == Precision::kF32};
     view.group_of_tile = group_of_tile.data();
     view.pairs = pairs.data();
     view.position = position.data();
@@ -71,18 +74,18 @@ struct HostChunk {
   }
 
   template <class Kernel>
-  void launch(std::uint32_t blocks, const Kernel& kernel) {
-    EmulatedGrid::one().launch(blocks, kTile, kernel);
+  void launch(std::uint32_t blocks, const Kernel& kernel, std::uint32_t threads = kTile) {
+    EmulatedGrid::one().launch(blocks, threads, kernel);
   }
   // The last kernel hands the counts over. \param kernel is given the view
   template <class Kernel>
-  void launch_last(std::uint32_t blocks, const Kernel& kernel) {
+  void launch_last(std::uint32_t blocks, const Kernel& kernel, std::uint32_t threads = kTile) {
     view.host_counts = host_counts;
     view.blocks = blocks;
     view.begun = &begun;
     view.finished = &finished;
     view.number = 7;
-    launch(blocks, [&] { kernel(view); });
+    launch(blocks, [&] { kernel(view); }, threads);
     EXPECT_EQ(finished.number, 7u) << "the last block says so";
     EXPECT_EQ(begun, 0u) << "left for the next chunk";
     EXPECT_TRUE(std::all_of(counts, counts + kCounts, [](std::uint32_t c) { return c == 0; }))

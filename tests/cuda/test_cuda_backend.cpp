@@ -81,10 +81,29 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
     EXPECT_EQ(device.backend(), "cuda");
     for (const auto& [name, q] : questions()) compare(device, cpu, q, name + ", box " + std::to_string(box));
     EXPECT_GT(counter(device, "cuda.pairs_settled"), 100'000u);
-    if (box < 4) {
-      EXPECT_GT(counter(device, "cuda.pairs_finished_on_cpu"), 1000u) << "depths";
-    }
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
+  }
+}
+
+// In several chunks, and in one that is answered with as few calls as can be.
+TEST_F(CudaBackend, FindsMostDepths) {
+  for (const int bodies : {150, 600}) {
+    const Engine device(grouped_scene(bodies, 3, 7), {"cuda"}), cpu(grouped_scene(bodies, 3, 7), {"cpu"});
+    for (const Precision precision : {Precision::kF64, Precision::kF32})
+      for (const std::uint32_t fields : {kAllFields | 0u, kDefaultFields | 0u}) {
+        QueryView q;
+        q.signed_distance = true;
+        q.precision = precision;
+        q.fields = fields;
+        const std::uint64_t before = counter(device, "cuda.pairs_finished_on_cpu");
+        const Answer rows = ask(device, q);
+        expect_same(rows, ask(cpu, q), "depths");
+        std::uint64_t overlaps = 0;
+        for (std::uint64_t i = 0; i < rows.info.rows; ++i)
+          overlaps += static_cast<Status>(rows.view.status[i]) == Status::kOverlap;
+        EXPECT_GT(overlaps, 100u);
+        EXPECT_LT((counter(device, "cuda.pairs_finished_on_cpu") - before) * 4, overlaps);
+      }
   }
 }
 
@@ -119,7 +138,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
                         rest = counter(device, "cuda.pairs_finished_on_cpu");
     EXPECT_GT(settled, 100'000u);
     EXPECT_GT(settled, 5 * rest) << rest
-                                 << " were finished by the CPU: those without a tolerance, and overlaps with depth";
+                                 << " were finished by the CPU: those without a tolerance, and depths of several pieces";
     QueryView warm;
     warm.warm_slot = 5;
     warm.fields = kAllFields;

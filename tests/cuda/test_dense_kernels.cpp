@@ -59,6 +59,28 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   chunk.expect_the_cpus(cpu, c.q, "float32");
 }
 
+// A warp for each pair that overlaps; few are left to the CPU.
+TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
+  for (const double rel_tol : {1e-6, 0.05})
+    for (const std::uint32_t fields : {kAllFields | 0u, kFieldCompact | kFieldStatus}) {
+      Case c(Precision::kF64, 16);
+      c.q.signed_distance = true;
+      c.q.fields = fields;
+      c.q.rel_tol = rel_tol;
+      if (fields & kFieldCompact) c.q.format = Format::kCompact;
+      const Engine cpu(std::move(c.scene), {"cpu"});
+      HostChunk chunk(cpu, c.q);
+      chunk.view.question.rel_tol = rel_tol;
+      chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
+                   [&] { answer_groups<double, false, false>(chunk.view); });
+      const std::uint32_t enclosed = chunk.counts[kEnclosedPairs], left_before = chunk.counts[kRest];
+      ASSERT_GT(enclosed, 4 * kFewBlocks * kDepthWarps) << "more than there are warps";
+      chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_depths(view); }, kDepthThreads);
+      EXPECT_LT((chunk.host_counts[kRest] - left_before) * 20, enclosed) << "left to the CPU";
+      chunk.expect_the_cpus(cpu, c.q, "depths");
+    }
+}
+
 // What answer_chunk() starts for columns that need no more than bounds, or compact rows.
 void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
   ASSERT_EQ(fields & ~kLeanFields, 0u);

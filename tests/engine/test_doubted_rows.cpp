@@ -38,19 +38,24 @@ TEST_P(EngineTest, DoubtedReductionsAgreeWithAllPairs) {
     const Answer dense = ask(engine, all);
     const std::vector<BodyPair> pairs = engine.pairs(all);
     std::vector<double> upper(60, kInf), lower(60, kInf);
-    int doubted = 0, pairs_differ = 0;
+    int doubted = 0, may_touch = 0, pairs_differ = 0;
     const auto at = [&](BodyPair pair) {
       return static_cast<std::size_t>(std::find(pairs.begin(), pairs.end(), pair) - pairs.begin());
     };
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       EXPECT_EQ(dense.view.pair_lower[i], pairs[i]);
       doubted += (dense.view.flags[i] & kFlagSlack) != 0;
+      if (static_cast<Status>(dense.view.status[i]) == Status::kContact) {
+        EXPECT_TRUE(dense.view.flags[i] & kFlagNonsmooth) << "whether lanes or a scalar run answered";
+        may_touch += dense.view.upper[i] > 1e-3;  // by what is not known of them alone
+      }
       for (const std::uint32_t body : {pairs[i].a, pairs[i].b}) {
         lower[body] = std::min(lower[body], dense.view.lower[i]);
         upper[body] = std::min(upper[body], dense.view.upper[i]);
       }
     }
     EXPECT_GT(doubted, 500);
+    EXPECT_GT(may_touch, 5);
     QueryView q = all;
     q.reduce = Reduce::kNearest;
     const Answer nearest = ask(engine, q);

@@ -165,11 +165,11 @@ TEST(Surface, IsFoundAroundTheOriginByRaysToo) {
     for (const CsoVertex<double>& v : s.epa.vertices()) w.push_back(s.pair.cso_vertex(v.a, v.b));
     const auto* faces = s.faces.data();
     const std::size_t count = s.faces.size();
-    const auto [radius, one_side] = view_surface(w.data(), faces, count, s.pair.scale);
-    if (!one_side) return;
+    const SurfaceView<double> view = view_surface(w.data(), faces, count, s.pair.scale);
+    if (!view.one_side()) return;
     ++tried;
-    EXPECT_FALSE(view_surface(w.data(), faces, count, 1e100).one_side);
-    EXPECT_TRUE(is_surrounded(w.data(), faces, count, radius)) << where;
+    EXPECT_FALSE(view_surface(w.data(), faces, count, 1e100).one_side());
+    EXPECT_TRUE(is_surrounded(w.data(), faces, count, view.ball)) << where;
   });
   EXPECT_GT(tried, 300);
 }
