@@ -12,7 +12,8 @@ namespace clearance::cuda {
 // Of a polytope on the device. Its surface is a sphere's, so that it has at most two faces and three edges a vertex.
 inline constexpr std::uint32_t kMostCorners = 64, kMostFaces = 2 * kMostCorners, kMostEdges = 3 * kMostCorners + 1,
                                kMostFan = 48;
-inline constexpr std::uint32_t kDepthWarps = 2, kDepthThreads = 32 * kDepthWarps;  // of a block
+// Of a block, and how many blocks a multiprocessor's shared memory holds: their registers should fit, too.
+inline constexpr std::uint32_t kDepthWarps = 2, kDepthThreads = 32 * kDepthWarps, kDepthBlocksOfOne = 7;
 
 struct PolytopeRoom {
   CsoVertex<double> vertices[kMostCorners];
@@ -83,14 +84,30 @@ struct WarpPolytope {
   }
 };
 
+// What a thread finds among its share of the vertices that may be farthest along n.
+__device__ inline Ranked<double> farthest_of_share(const Hull<SceneVertices>& hull, const Vec3d& n) {
+  const Vec3<float> f = cast<float>(n);
+  const bool listed = hull.has_table && hull.is_on_map(f);
+  const std::uint32_t list = listed ? hull.list_along(f) : 0, candidates = listed ? hull.words[list] : hull.count();
+  Ranked<double> best{-__builtin_inf(), 0};
+  for (std::uint32_t k = WarpTeam::rank(); k < candidates; k += WarpTeam::kSize) {
+    const SupportPoint<double> p = hull.look_at(listed ? hull.words[list + 1 + k] : k, n);
+    if (p.value > best.value) best = {p.value, p.index};
+  }
+  return best;
+}
+__device__ inline bool is_farther(const Ranked<double>& p, const Ranked<double>& q) {
+  return p.value > q.value || (p.value == q.value && p.index < q.index);
+}
+
 // The CSO of two hulls where the scene has them, as EPA sees it.
 struct SceneCso {
   const Hull<SceneVertices>&a, &b;
   const PairFrame<double>& at;
 
   __device__ CsoSupport<double> operator()(const Vec3d& v) const {
-    SupportPoint<double> in_a, in_b;
-    find_farthest(a, -v, in_a, b, at.R.transpose_times(v), in_b);
+    const Ranked<double> of_a = farthest_of_share(a, -v), of_b = farthest_of_share(b, at.R.transpose_times(v));
+    const Ranked<double> in_a = WarpTeam::best(of_a, is_farther), in_b = WarpTeam::best(of_b, is_farther);
     return {vertex(in_a.index, in_b.index), -dot(v, at.D) - (in_a.value + in_b.value)};
   }
   __device__ CsoVertex<double> vertex(std::uint32_t ia, std::uint32_t ib) const {
@@ -149,7 +166,7 @@ __device__ __noinline__ bool prove_depth(const Question& q, const Hull<SceneVert
   return true;
 }
 
-__global__ void __launch_bounds__(kDepthThreads) prove_depths(const __grid_constant__ ChunkView c) {
+__global__ void __launch_bounds__(kDepthThreads, kDepthBlocksOfOne) prove_depths(const __grid_constant__ ChunkView c) {
   extern __shared__ uint4 shared_memory[];
   const std::uint32_t warp = threadIdx.x / 32, count = c.counts[kEnclosedPairs];
   PolytopeRoom& room = reinterpret_cast<PolytopeRoom*>(shared_memory)[warp];

@@ -29,6 +29,7 @@ struct WarpTeam {
     __syncwarp();  // what it changes, all have read
     std::uint32_t number = 0;
     if (rank() == 0) number = work();
+    __syncwarp();  // what it has changed, all read
     return __shfl_sync(~0u, number, 0);
   }
 };

@@ -49,7 +49,7 @@ enum class EpaEnd : std::uint8_t {
 
 /// A run that nobody has to interrupt.
 struct NeverPause {
-  bool operator()(std::size_t) const { return false; }
+  CLEARANCE_HD bool operator()(std::size_t) const { return false; }
 };
 
 /// An edge of what a new vertex sees.

@@ -63,7 +63,7 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
 TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
   for (const double rel_tol : {1e-6, 0.05})
     for (const std::uint32_t fields : {kAllFields | 0u, kFieldCompact | kFieldStatus}) {
-      Case c(Precision::kF64, 16);
+      Case c(Precision::kF64, 8);
       c.q.signed_distance = true;
       c.q.fields = fields;
       c.q.rel_tol = rel_tol;
