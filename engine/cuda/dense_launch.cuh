@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "engine/cuda/depth_kernel.cuh"
+#include "engine/cuda/depths.cuh"
 #include "engine/cuda/group_kernel.cuh"
 #include "engine/cuda/lean_kernel.cuh"
 #include "engine/cuda/overlap_kernel.cuh"
@@ -14,8 +14,6 @@ namespace clearance::cuda {
 // What float32 leaves open, and what overlaps, takes long. How many pairs that are is not known when their kernels
 // start: all that these do not take, the next chunk's blocks do.
 inline constexpr std::uint32_t kLateBlocks = 66, kLateWarps = 64;
-// Depths take longest of all, and few chunks have many: all that an H100 holds at a time.
-inline constexpr std::uint32_t kDepthBlocks = 7 * 132;
 
 inline bool f32_goes_first(const Question& question, const ChunkSetup& chunk, const CudaPairs& pairs) {
   return question.f32 && chunk.group_tiles > 0 && pairs.most_shared_f32 > 0;
@@ -67,8 +65,7 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
     answer_open<kLean, kWarm><<<open.blocks, kTile, 0, stream>>>(open, kLateWarps);
   }
   if (proof_follows && view.question.prove_depths) {
-    view.blocks = std::min(blocks_of(chunk.rows(), kDepthWarps), kDepthBlocks);
-    prove_depths<<<view.blocks, kDepthThreads, kDepthBytes, stream>>>(view);
+    start_depths(view, chunk.rows(), stream);
   } else if (proof_follows) {
     view.blocks = std::min(blocks_of(chunk.rows(), kTile), kLateBlocks);
     prove_overlaps<<<view.blocks, kTile, 0, stream>>>(view, kLateWarps);

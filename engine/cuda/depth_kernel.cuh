@@ -3,7 +3,7 @@
 // CPU's.
 #pragma once
 
-#include "engine/cuda/group_kernel.cuh"
+#include "engine/cuda/pair_kernel.cuh"
 #include "engine/cuda/warp_team.cuh"
 #include "engine/narrow/epa.h"
 

@@ -46,25 +46,6 @@ __device__ inline bool goes_first(const ChunkView& c, const HullHead& a, const H
   return kIsF32<T> == (c.question.f32 && fit_f32(a, b));
 }
 
-// An item of a group: a pair in a configuration, and where its bodies are.
-struct GroupItem {
-  std::uint32_t pair, k;
-  PairRef ref;
-  std::uint64_t row;
-  Where at_a, at_b;
-
-  __device__ GroupItem(const ChunkView& c, std::uint32_t p, std::uint32_t configuration)
-      : pair(p),
-        k(configuration),
-        ref(c.pairs[pair]),
-        row(std::uint64_t{k} * c.pair_count + c.position[pair]),
-        at_a(c.bodies, c.configurations, ref.a, k),
-        at_b(c.bodies, c.configurations, ref.b, k) {}
-  __device__ GroupItem(const ChunkView& c, const Group& group, std::uint32_t item)
-      : GroupItem(c, group.first + (c.configurations == 1 ? item : item / c.configurations),
-                  c.configurations == 1 ? 0 : item % c.configurations) {}
-};
-
 // Answers it and writes its row, unless it is not settled.
 template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
 __device__ inline Outcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,

@@ -281,6 +281,25 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
             at_a.translation(), at_b.translation());
 }
 
+// An item of a group: a pair in a configuration, and where its bodies are.
+struct GroupItem {
+  std::uint32_t pair, k;
+  PairRef ref;
+  std::uint64_t row;
+  Where at_a, at_b;
+
+  __device__ GroupItem(const ChunkView& c, std::uint32_t p, std::uint32_t configuration)
+      : pair(p),
+        k(configuration),
+        ref(c.pairs[pair]),
+        row(std::uint64_t{k} * c.pair_count + c.position[pair]),
+        at_a(c.bodies, c.configurations, ref.a, k),
+        at_b(c.bodies, c.configurations, ref.b, k) {}
+  __device__ GroupItem(const ChunkView& c, const Group& group, std::uint32_t item)
+      : GroupItem(c, group.first + (c.configurations == 1 ? item : item / c.configurations),
+                  c.configurations == 1 ? 0 : item % c.configurations) {}
+};
+
 // The answer of an item of a chunk that needs no look at the hulls, if it has one, and the flags of its bodies.
 __device__ inline bool answer_without_pieces(const Question& q, const Where& at_a, const Where& at_b,
                                              PairAnswer& answer) {
