@@ -30,7 +30,6 @@ class RowCertificateJob final : public CertificateJob {
     const std::uint64_t k = row / plan_.size.pairs;
     if (step_ == Step::kBegin) {
       const BodyPair pair = plan_.pairs.at(row % plan_.size.pairs);
-      refuse_surfaces(pair);
       here_ = &placement(0, k);
       asked_ = {pair, here_, plan_.query.max_distance};
       answer_ = {};
@@ -49,7 +48,7 @@ class RowCertificateJob final : public CertificateJob {
       refuse_half_spaces(pair);
       text_.begin_pair(pair, *here_, 0, answer_.lower);
       text_.begin_span(pair, span_at(*here_, pair));
-      prover_.emplace(scene(), options_, *here_, pair, answer_, text_);
+      prover_ = make_row_prover(scene(), options_, *here_, pair, answer_, text_);
       step_ = Step::kProve;
     }
     if (!prover_->advance(slice)) return false;
@@ -67,7 +66,7 @@ class RowCertificateJob final : public CertificateJob {
   const Placement* here_ = nullptr;
   PlacedBodies asked_{};
   PairAnswer answer_;
-  std::optional<RowProver> prover_;
+  std::unique_ptr<RowProver> prover_;
 };
 
 void check_rows(const CertificateRows& rows, const QuerySize& size) {

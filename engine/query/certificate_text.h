@@ -11,16 +11,25 @@
 
 #include "engine/narrow/proof.h"
 #include "engine/query/job_state.h"
+#include "engine/surface/surface_rows.h"
 
 namespace clearance {
 
-/// What proves a bound of two pieces.
+/// What proves a bound of two pieces, or of all of a run of pieces of each body. The elements of a surface count as
+/// pieces, in their order, in its place (piece_place()).
 struct PieceProof {
   std::uint32_t piece_a, piece_b;  ///< of their bodies; both kNone: the direction is for every pair of pieces
   NarrowProof proof;
-  int order = 1;               ///< of a direction: 2: bodies are looked at as they move along it
-  std::uint32_t seer = kNone;  ///< before whose eyes they move; kNone: the world's
+  int order = 1;                           ///< of a direction: 2: bodies are looked at as they move along it
+  std::uint32_t seer = kNone;              ///< before whose eyes they move; kNone: the world's
+  std::uint32_t count_a = 1, count_b = 1;  ///< of a direction: how many pieces from these on
+  /// Of a witness: which body (0: a, 1: b) has a solid, of which its piece is an element, that a vertex of the other's
+  /// piece is within; kNone: none
+  std::uint32_t within = kNone;
 };
+
+/// Which of the body's pieces a piece, or the first element of its surface, is, where elements count as pieces.
+std::uint32_t piece_place(const Body& body, std::uint32_t piece);
 
 /// A span of a motion, looked at at one time, and what is not known of a pair there. A row without motions has one.
 struct SpanPlace {
@@ -87,6 +96,7 @@ class CertificateText {
   std::vector<const Piece*> pieces_;
   std::set<std::uint64_t> configurations_;
   std::size_t next_body_ = 0, next_piece_ = 0, next_vertex_ = 0;
+  std::optional<SurfaceRows> elements_;  // of the piece whose turn it is
   bool first_configuration_ = true;
 };
 
