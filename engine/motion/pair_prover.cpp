@@ -33,7 +33,8 @@ void MotionMoment::move_to(double time) {
 }
 
 PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options,
-                       MotionMoment& moment, std::uint64_t position, BodyPair pair, double lower, CertificateText& text)
+                       MotionMoment& moment, std::uint64_t position, BodyPair pair, double lower, double until,
+                       CertificateText& text)
     : scene_(scene),
       bounds_(bounds),
       moment_(moment),
@@ -44,7 +45,7 @@ PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const Eva
       lower_(lower),
       text_(text),
       limits_(options.limits),
-      left_{{0, 1}} {
+      left_{{0, until}} {
   limits_.max_distance = std::numeric_limits<double>::infinity();
 }
 

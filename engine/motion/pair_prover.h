@@ -1,6 +1,8 @@
-// Finds what proves that a pair stays farther apart than a length all along a motion: spans of time, with directions.
+// Finds what proves that a pair stays farther apart than a length along a motion, or its beginning: spans of time, with
+// directions.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -39,13 +41,14 @@ class MotionMoment {
   std::vector<Twist> twists_;
 };
 
-/// Halves the motion until each span is proved by the pair's speed, or by a direction along which it is looked at as it
-/// moves. Writes what it finds.
+/// Halves it until each span is proved by the pair's speed, or by a direction along which it is looked at as it moves.
+/// Writes what it finds.
 class PairProver {
  public:
-  /// All must outlive this. \param position of the pair in the plan. \param lower metres, to be proved
+  /// All must outlive this. \param position of the pair in the plan. \param lower metres, to be proved. \param until
+  /// when, from 0 on: to 1 at most
   PairProver(const Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options, MotionMoment& moment,
-             std::uint64_t position, BodyPair pair, double lower, CertificateText& text);
+             std::uint64_t position, BodyPair pair, double lower, double until, CertificateText& text);
 
   /// Returns true once it is known whether the bound is proved; false where the slice is over. \param span_at makes of
   /// the moment what a span is written with
@@ -63,7 +66,8 @@ class PairProver {
   struct Span {
     double begin, end;
     double middle() const { return 0.5 * begin + 0.5 * end; }
-    double half() const { return 0.5 * (end - begin); }
+    // Exact, even where the middle is rounded: a span begins at 0, or no earlier than it is long.
+    double half() const { return std::max(end - middle(), middle() - begin); }
   };
   // Of the span that is looked at: which halves are proved so far.
   struct Halves {

@@ -41,7 +41,7 @@ class RowCertificateJob final : public CertificateJob {
       if (!evaluator_.advance(slice)) return false;
       text_.begin_row(row, k, pair, answer_);
       if (is_unusable(scene(), *here_, pair)) {
-        text_.end_row(std::nullopt, true);
+        text_.end_row(std::nullopt, std::nullopt, true);
         step_ = Step::kBegin;
         return true;
       }
@@ -56,7 +56,7 @@ class RowCertificateJob final : public CertificateJob {
     text_.end_pair();
     std::optional<WitnessProof> witness;
     if (prover_->upper()) witness = witness_at(*here_, pair, 0, *prover_->upper());
-    text_.end_row(witness, prover_->has_proved());
+    text_.end_row(witness, std::nullopt, prover_->has_proved());
     step_ = Step::kBegin;
     return true;
   }

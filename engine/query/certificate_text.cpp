@@ -83,8 +83,9 @@ Json points_json(const std::vector<Vec3<DoubleDouble>>& points) {
   for (const Vec3<DoubleDouble>& p : points) json.push_back(vector(p));
   return json;
 }
-Json witness_json(const WitnessProof& witness) {
-  const PieceProof& p = witness.proof;
+Json witness_json(const std::optional<WitnessProof>& witness) {
+  if (!witness) return nullptr;
+  const PieceProof& p = witness->proof;
   Json vertices = Json::array(), weights = Json::array(), faces = Json::array(), normals = Json::array();
   for (const ProofVertex& v : p.proof.vertices) {
     vertices.push_back({v.a, v.b});
@@ -94,8 +95,8 @@ Json witness_json(const WitnessProof& witness) {
     faces.push_back({f.vertex[0], f.vertex[1], f.vertex[2]});
     normals.push_back(vector(f.normal));
   }
-  Json json{{"time", witness.time},
-            {"poses", {pose(witness.X_wa), pose(witness.X_wb)}},
+  Json json{{"time", witness->time},
+            {"poses", {pose(witness->X_wa), pose(witness->X_wb)}},
             {"pieces", pieces_of(p)},
             {"arithmetic", arithmetic(p.proof.upper_in_double_double)},
             {"vertices", vertices}};
@@ -109,6 +110,13 @@ Json witness_json(const WitnessProof& witness) {
     json["normals"] = normals;
   }
   return json;
+}
+
+Json contact_json(const FirstContactProof& contact) {
+  return {{"free_until", number(contact.free_until)},
+          {"hit_at", number(contact.hit_at)},
+          {"bodies", {id_json(contact.pair.a), id_json(contact.pair.b)}},
+          {"witness", witness_json(contact.witness)}};
 }
 
 // Those that there are, each with the name of what derives it.
@@ -166,7 +174,7 @@ void CertificateText::begin(const ReplyInfo& info) {
                    {"max_distance", number(query.max_distance)}, {"abs_tol", number(query.abs_tol)},
                    {"rel_tol", number(query.rel_tol)},           {"signed", query.signed_distance}};
   add(open_text({{"format", "clearance certificate"},
-                 {"version", 2},
+                 {"version", 3},
                  {"scene_revision", text(info.scene_revision)},
                  {"snapshot_revision", info.snapshot_revision},
                  {"snapshot_stamp_ns", std::to_string(info.snapshot_stamp_ns)},
@@ -198,6 +206,7 @@ void CertificateText::begin_pair(BodyPair pair, const Placement& here, double ma
            first_pair_);
   add(",\"spans\":[");
   first_span_ = true;
+  is_free_ = false;
 }
 
 void CertificateText::begin_span(BodyPair pair, const SpanPlace& span) {
@@ -219,12 +228,20 @@ void CertificateText::end_span() {
   add("]}");
 }
 
-void CertificateText::end_pair() {
-  add("]}");
+void CertificateText::begin_free(double lower) {
+  add("],\"free\":" + open_text({{"lower", number(lower)}}) + ",\"spans\":[");
+  first_span_ = true;
+  is_free_ = true;
 }
 
-void CertificateText::end_row(const std::optional<WitnessProof>& witness, bool proved) {
-  add("],\"witness\":" + (witness ? text_of(witness_json(*witness)) : "null"));
+void CertificateText::end_pair() {
+  add(is_free_ ? "]}}" : "],\"free\":null}");
+}
+
+void CertificateText::end_row(const std::optional<WitnessProof>& witness,
+                              const std::optional<FirstContactProof>& contact, bool proved) {
+  add("],\"witness\":" + text_of(witness_json(witness)));
+  add(",\"first_contact\":" + text_of(contact ? contact_json(*contact) : Json(nullptr)));
   add(proved ? ",\"proved\":true}" : ",\"proved\":false}");
 }
 

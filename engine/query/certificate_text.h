@@ -47,6 +47,13 @@ struct WitnessProof {
   PieceProof proof;
 };
 
+/// Until when a motion is free, and when something is within its margin.
+struct FirstContactProof {
+  double free_until = 0, hit_at = 0;    ///< 0 to 1; inf: all along, never
+  BodyPair pair{kNone, kNone};          ///< that is within its margin
+  std::optional<WitnessProof> witness;  ///< none: nothing is, or it is not proved
+};
+
 /// docs/certificates.md says what it holds. Rows come first, then the bodies that they name, their pieces, and where
 /// configurations put them.
 class CertificateText {
@@ -62,10 +69,14 @@ class CertificateText {
   void begin_span(BodyPair pair, const SpanPlace& place);
   void add_lower(const PieceProof& proof);
   void end_span();
+  /// The pair's spans of its row are there: others that prove it free until first contact follow. \param lower as
+  /// begin_pair() has it
+  void begin_free(double lower);
   void end_pair();
-  /// \param witness none: the upper bound is infinite, or not proved. \param proved by what the row holds, or by its
-  /// status
-  void end_row(const std::optional<WitnessProof>& witness, bool proved);
+  /// \param witness none: the upper bound is infinite, or not proved. \param contact none: nobody asks. \param proved
+  /// by what the row holds, or by its status
+  void end_row(const std::optional<WitnessProof>& witness, const std::optional<FirstContactProof>& contact,
+               bool proved);
   /// What is left. Returns true once all is written, false where the slice is over.
   bool end(WorkMeter& meter);
   std::vector<std::byte> take() { return std::move(text_); }
@@ -89,6 +100,7 @@ class CertificateText {
   Part part_ = Part::kRows;
   const Placement* here_ = nullptr;  // of the pair that is written
   bool first_row_ = true, first_pair_ = true, first_span_ = true, first_lower_ = true;
+  bool is_free_ = false;                   // of the pair: begin_free()
   std::map<std::uint32_t, double> known_;  // bodies, with the ages of their poses, seconds
   std::set<std::uint32_t> in_pairs_;       // whose pieces are written
   std::vector<std::uint32_t> bodies_;      // in the order in which rows name them

@@ -113,6 +113,7 @@ void judge_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   QueryView query = asked.view(reduce);
   query.abs_tol = 1e-3;
   query.margin = 1e-3;
+  query.fields |= kFieldFirstContact;
   count.judge(o.out + "/motion_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
               engine.certificate(query), kAtOnce * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
               number < o.python_motions);

@@ -144,6 +144,7 @@ struct Boxes {
   std::string lower = "0.9999999999999999", upper = "1", status = "ok", order = "1", slack = "0", inner = "0";
   int direction = 1, piece = 0;
   std::string ends;  // of b, if it moves
+  std::string margin = "0", free = "null", contact = "null";
 
   static std::string body(int id, int x, const std::string& inner, int piece) {
     std::ostringstream text;
@@ -155,7 +156,7 @@ struct Boxes {
   }
   std::string text() const {
     std::ostringstream text;
-    text << R"({"format":"clearance certificate","version":2,"query":{"reduce":"none","motions":)"
+    text << R"({"format":"clearance certificate","version":3,"query":{"reduce":"none","motions":)"
          << (ends.empty() ? "false" : "true") << R"(,"max_distance":"inf","signed":false},
       "pieces":[{"radius":0,"count":8,"vertices":[[0,0,0],[1,0,0],[0,1,0],[1,1,0],[0,0,1],[1,0,1],[0,1,1],[1,1,1]]},
       {"radius":0,"count":1,"vertices":[[1,0,0]]}],
@@ -165,12 +166,13 @@ struct Boxes {
          << R"(,"positions":{}}],
       "rows":[{"configuration":0,"bodies":[0,1],"status":")"
          << status << R"(","lower":)" << lower << R"(,"upper":)" << upper
-         << R"(,"proved":true,"pairs":[{"bodies":[0,1],"margin":0,"lower":)" << lower
+         << R"(,"proved":true,"pairs":[{"bodies":[0,1],"margin":)" << margin << R"(,"lower":)" << lower
          << R"(,"spans":[{"begin":0,"end":1,"at":0.5,"slack":{"terms":[{"inner":)" << slack << R"(}]},
       "lower":[{"pieces":null,"order":)"
-         << order << R"(,"seer":null,"direction":[[)" << direction
-         << R"(,0],[0,0],[0,0]]}]}]}],"witness":{"time":1,"pieces":[0,0],"vertices":[[1,0],[7,6]],
-      "weights":[[0.75,0],[0.25,0]]}}]})";
+         << order << R"(,"seer":null,"direction":[[)" << direction << R"(,0],[0,0],[0,0]]}]}],"free":)" << free
+         << R"(}],"witness":{"time":1,"pieces":[0,0],"vertices":[[1,0],[7,6]],
+      "weights":[[0.75,0],[0.25,0]]},"first_contact":)"
+         << contact << "}]}";
     return text.str();
   }
   bool proved() const { return judge_certificate(text()).all_proved(); }
