@@ -21,33 +21,28 @@ def require(condition, why):
 def real(x):  # a float, perhaps infinite
     require(type(x) in (int, float) or x in ("inf", "-inf"), f"{x!r} is no number")
     return float(x)
-def exact(x):
-    return Fraction(real(x))
+def exact(x): return Fraction(real(x))
 def length(x):
     require(exact(x) >= 0, f"{x} is no length")
     return exact(x)
-def high_and_low(x):
-    return sum(map(exact, x))
-def vector(v, read=exact):
-    return tuple(map(read, (v[0], v[1], v[2])))
+def high_and_low(x): return sum(map(exact, x))
+def vector(v, read=exact): return tuple(map(read, (v[0], v[1], v[2])))
 def at(items, index, what):
     require(type(index) is int and 0 <= index < len(items), f"no {what} {index!r}")
     return items[index]
+def run(named, count):  # which pieces: one, from one until before another, or (None) all
+    begin, end = (0, count) if named is None else named if type(named) is list else (named, named + 1)
+    require(type(begin) is type(end) is int and 0 <= begin < end <= count, f"no pieces {named!r}")
+    return begin, end
 def no_repeats(pairs):
     require(len(dict(pairs)) == len(pairs), "a name stands twice in one object")
     return dict(pairs)
-def dot(u, v):
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-def cross(u, v):
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-def plus(u, v, factor=1):
-    return tuple(x + factor * y for x, y in zip(u, v))
-def times(factor, v):
-    return tuple(factor * x for x in v)
-def turned(rows, v):  # and back: turned(zip(*rows), v)
-    return tuple(dot(row, v) for row in rows)
-def near(*v):
-    return tuple(Fraction(x.numerator * ONE // x.denominator, ONE) for x in v)
+def dot(u, v): return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+def cross(u, v): return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+def plus(u, v, factor=1): return tuple(x + factor * y for x, y in zip(u, v))
+def times(factor, v): return tuple(factor * x for x in v)
+def turned(rows, v): return tuple(dot(row, v) for row in rows)  # and back: turned(zip(*rows), v)
+def near(*v): return tuple(Fraction(x.numerator * ONE // x.denominator, ONE) for x in v)
 def integers(vectors):  # the vectors times one number, so that all coordinates are integers; and it
     scale = math.lcm(*(x.denominator for v in vectors for x in v))
     return [tuple(int(x * scale) for x in v) for v in vectors], scale
@@ -77,13 +72,20 @@ def turn_between(a, u, w, v):  # of quaternions (a, u), (w, v): the axis, of len
         cosine, = near(cosine + size((cosine, sine, 0)))
     return near(*axis), near(sine / cosine * (1 << 121))[0]
 class Piece:
-    def __init__(self, document):
+    def __init__(self, document, whole=None):
         core = document.get("core", {"kind": None, "size": (1, 1, 1)})  # none: the hull of the vertices
         self.radius, self.kind, self.size = length(document["radius"]), core["kind"], vector(core["size"], length)
         require(self.kind in (None, "cone", "cylinder", "ellipsoid") and min(self.size) > 0, f"no core: {core!r}")
         self.vertices = [vector(v) for v in document["vertices"]]
         require(len(self.vertices) == document["count"] > 0, "a piece has not as many vertices as it says")
-        self.numbers, self.scale = integers(self.vertices)
+        (self.numbers, self.scale), self.faces = integers(self.vertices), document.get("elements", ())
+        parts = [{**document, "elements": (), "vertices": [at(document["vertices"], k, "vertex") for k in element],
+                  "count": len(element)} for element in self.faces]  # a surface's, or a cloud's: pieces in its place
+        self.parts, self.solid, later = [Piece(part, self) for part in parts] or [self], document.get("solid"), set()
+        for face in self.faces:
+            later.update(k for k in face if k > min(face))  # each hangs together with one before it
+        self.seeds = [ZERO] if self.kind else [v for k, v in enumerate(self.vertices) if k not in later]
+        self.box, self.whole = [(min(x), max(x)) for x in zip(*self.vertices)], whole
     def reach(self, centre):  # no point is farther from it
         (x, y, z), farthest = self.size, max((plus(v, centre, -1) for v in self.vertices), key=lambda d: dot(d, d))
         round_ = size(centre) + (max(x, y, z) if self.kind == "ellipsoid" else size((x, 0, z)))
@@ -107,13 +109,14 @@ class Piece:
 class Body:
     def __init__(self, document, pieces):
         self.on, self.joint, self.pose, self.moves = (document[key] for key in ("on", "joint", "pose", "moves"))
-        self.pieces, centre = [at(pieces, k, "piece") for k in document["pieces"]], vector(document["centre"])
+        self.wholes, centre = [at(pieces, k, "piece") for k in document["pieces"]], vector(document["centre"])
+        self.pieces = [part for whole in self.wholes for part in whole.parts]
         self.inner, self.outer = (length(document["shape"][key]) for key in ("inner", "outer"))
         self.position, angle = (length(document["uncertainty"][key]) for key in ("position", "angle"))
         chord = size(plus(turn_about(AXES[2], angle)[1][0], AXES[0], -1)) + BLUR if angle else 0
         self.chord = chord if angle < Fraction(math.pi) else 2
         self.name, self.moved = document["name"], length(document["max_speed"]) * length(document["age_s"])
-        self.reach, radius = (max([p.reach(c) for p in self.pieces], default=0) + self.inner for c in (ZERO, centre))
+        self.reach, radius = (max([p.reach(c) for p in self.wholes], default=0) + self.inner for c in (ZERO, centre))
         self.ball, grown = (centre, radius), length(document["padding"]) + self.position
         require(all(p.radius + self.inner >= grown for p in self.pieces), f"{self.name!r} lacks padding or uncertainty")
 class Motion:  # where bodies are between the two ends of a configuration, at times from 0 to 1; or in one of one end
@@ -183,9 +186,10 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         shared = sum(x == y for x, y in zip(*frames))  # what carries both moves neither before the other
         known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, half) for id, f in zip(ids, frames))))
         require(sum(length(term["inner"]) for term in span["slack"]["terms"]) >= known, "slack is too little")
-        open_pairs = {(i, j) for i in range(len(a.pieces)) for j in range(len(b.pieces))}
+        cover, counts = [], (len(a.pieces), len(b.pieces))
         for claim in span["lower"]:
-            pairs, seer = open_pairs if claim["pieces"] is None else {tuple(claim["pieces"])}, claim["seer"]
+            (i, i_end), (j, j_end) = runs = list(map(run, claim["pieces"] or (None, None), counts))
+            cover, seer = [*cover, runs], claim["seer"]
             n, moves = turned(R_a, vector(claim["direction"], high_and_low)), claim["order"] == 2  # from a towards b
             rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, half) for id in ids]
             speed, bend = map(sum, zip(*rates[seer]))
@@ -194,13 +198,22 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
                 (n_a, to_a), (n_b, to_b) = (self.lean(seer, id, middle, n, s) for id in ids)
                 gap = dot(n_b, t_b) + to_b - dot(n_a, t_a) - to_a
                 n_a, n_b = turned(zip(*R_a), n_a), times(-1, turned(zip(*R_b), n_b))
-                ahead = {i: at(a.pieces, i, "piece").support(n_a) for i, _ in pairs}
-                behind = {j: at(b.pieces, j, "piece").support(n_b) for _, j in pairs}
-                for i, j in pairs:
-                    require(any(n) and gap - ahead[i] - behind[j] >= need * size(n) * (1 if need > 0 else 1 - BLUR),
-                            f"pieces {i} and {j} of {a.name!r} and {b.name!r} are not {float(need)!r} m apart")
-            open_pairs = open_pairs - pairs
-        require(not open_pairs, f"no direction for pieces {sorted(open_pairs)[:3]}")
+                gap -= max(p.support(n_a) for p in a.pieces[i:i_end]) + max(p.support(n_b) for p in b.pieces[j:j_end])
+                require(any(n) and gap >= need * size(n) * (1 if need > 0 else 1 - BLUR),
+                        f"pieces {runs} of {a.name!r} and {b.name!r} are not {float(need)!r} m apart")
+        for place in {0, *(end for (_, end), _ in cover if end < counts[0])}:  # what another covers ends at none else
+            done = 0
+            for begin_b, end_b in sorted(of_b for (first, end), of_b in cover if first <= place < end):
+                done = max(done, end_b) if begin_b <= done else done
+            require(done == counts[1], f"no direction for piece {place} of {a.name!r}, and {done} of {b.name!r}")
+        for held, holder in (ids, ids[::-1]) if bound > 0 else ():  # nothing of either is inside the other
+            (t_h, R_h, _), (t, R, _), inside = *(self.at(id, middle)[0] for id in (held, holder)), self.bodies[holder]
+            for solid, whole in ((x, y) for x in inside.wholes if x.solid for y in self.bodies[held].wholes):
+                for p in (turned(zip(*R), plus(plus(turned(R_h, seed), t_h), t, -1)) for seed in whole.seeds):
+                    if all(low <= x <= high for (low, high), x in zip(solid.box, p)):
+                        around = [plus(v, p, -1) for v in solid.vertices]
+                        require(turns_around(around, solid.faces, bound * bound) == 0, f"a body is in {inside.name!r}")
+        require(bound > 0 or len(cover) == 1 or a.pieces + b.pieces == a.wholes + b.wholes, "a depth of surfaces")
         return begin, end
     def lean(self, seer, id, time, n, s):  # points x that keep their speed get along n, by s, to lean.x + more
         path = self.path(seer, id, time) if s else []
@@ -215,6 +228,11 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         for core, found in zip(cores, claim.get("points", (None, None))):  # of a round one points near it
             named.append([vector(p, high_and_low) for p in found] if core.kind else core.vertices)
             reach += core.radius - (max(0, *map(core.off, named[-1])) if core.kind else 0)
+        if "within" in claim:  # a vertex in a solid, which goes around the origin as seen from it
+            whole, [[k, m]] = at(cores, claim["within"], "side").whole, claim["vertices"]
+            require(whole.solid, "what is within a surface is not in it")
+            named[claim["within"]], places = whole.vertices, range(len(whole.vertices))
+            claim = {**claim, "faces": whole.faces, "vertices": [((x, m), (k, x))[claim["within"]] for x in places]}
         pairs = [(at(named[0], k, "vertex"), at(named[1], m, "vertex")) for k, m in claim["vertices"]]
         points = [plus(u, turned(zip(*R_a), plus(plus(turned(R_b, v), t_b), t_a, -1)), -1) for u, v in pairs]  # a - b
         require(0 <= time <= 1 and points, "a witness is at no time, or nowhere")
@@ -225,22 +243,23 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         apart = [sum(w * v[k] for w, v in zip(weights, points)) / sum(weights) for k in range(3)]
         require(reach >= 0 and dot(apart, apart) <= reach * reach, "the witness points are farther apart than upper")
 def check_surface(claim, points, depth):  # it goes around the origin, beyond a ball: cores overlap by its radius
-    faces, normals = [tuple(face) for face in claim["faces"]], [vector(m, high_and_low) for m in claim["normals"]]
-    require(len(faces) == len(normals) > 0 and all(len(face) == 3 for face in faces), "faces are no triangles")
-    edges = [(at(points, u, "vertex") and u, v) for face in faces for u, v in zip(face, face[1:] + face[:1])]
-    require(sorted(edges) == sorted((v, u) for u, v in edges), "the surface has a border")
-    beyond = [(min(dot(m, points[k]) for k in face), m) for face, m in zip(faces, normals)]
+    faces, normals = claim["faces"], [vector(m, high_and_low) for m in claim["normals"]]
+    require(len(faces) == len(normals) > 0, "a face has no normal")
+    beyond = [(min(dot(m, at(points, k, "vertex")) for k in face), m) for face, m in zip(faces, normals)]
     require(all(d > 0 and d >= depth * size(m) for d, m in beyond), "a face is not beyond its plane")
-    least, (numbers, scale) = min(d * d / dot(m, m) for d, m in beyond), integers(points)
-    while least * scale * scale <= max(dot(o, o) for o, _ in RAYS):  # rays begin nearer than any triangle
+    least = min(d * d / dot(m, m) for d, m in beyond)
+    require(turns_around(points, faces, least) != 0, "the surface does not go around the origin")
+def turns_around(points, faces, least):  # how often; rays begin nearer than any face, which the root of `least` is not
+    (numbers, scale), edges = integers(points), [(u, v) for i, j, k in faces for u, v in ((i, j), (j, k), (k, i))]
+    require(sorted(edges) == sorted((v, u) for u, v in edges), "the surface has a border")
+    while least * scale * scale <= max(dot(o, o) for o, _ in RAYS):
         numbers, scale = [times(1 << 64, w) for w in numbers], scale << 64
     for o, g in RAYS:
         q = [plus(w, o, -1) for w in numbers]
         signs = [[dot(g, cross(q[u], q[v])) for u, v in ((i, j), (j, k), (k, i))] + [dot(q[i], cross(q[j], q[k]))]
                  for i, j, k in faces]
-        if not any(0 in sides[:3] for sides in signs):  # else this ray meets an edge: another
-            turns = sum(min(sides) > 0 for sides in signs) - sum(max(sides) <= 0 for sides in signs)
-            return require(turns != 0, "the surface does not go around the origin")
+        if not any(0 in sides[:3] and not min(sides[:3]) < 0 < max(sides[:3]) for sides in signs):  # else another ray
+            return sum(min(sides) > 0 for sides in signs) - sum(max(sides) <= 0 for sides in signs)
     raise ValueError("every ray meets an edge of the surface")
 def check_row(row, motions, query):
     status, lower, upper, pairs = row["status"], real(row["lower"]), real(row["upper"]), row["pairs"]

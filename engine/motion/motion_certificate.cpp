@@ -170,7 +170,7 @@ class MotionCertificateJob final : public CertificateJob {
       moment_.move_to(time);
       upper_alone_ = answer;
       upper_alone_.lower = -kInf;
-      witness_prover_.emplace(scene(), options_, moment_.placed(), pair, upper_alone_, text_);
+      witness_prover_ = make_row_prover(scene(), options_, moment_.placed(), pair, upper_alone_, text_);
     }
     if (!witness_prover_->advance(slice)) return false;
     is_proved_ = is_proved_ && witness_prover_->has_proved();
@@ -192,7 +192,7 @@ class MotionCertificateJob final : public CertificateJob {
   std::uint64_t pair_ = 0, end_ = 0;  // the pair whose turn it is
   std::optional<PairProver> pair_prover_;
   PairAnswer upper_alone_;
-  std::optional<RowProver> witness_prover_;
+  std::unique_ptr<RowProver> witness_prover_;
   std::optional<WitnessProof> witness_;
   std::optional<FirstContactProof> contact_;  // none: nobody asks
   bool wants_free_ = false;                   // of the pair whose turn it is: until first contact
