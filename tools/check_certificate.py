@@ -263,8 +263,8 @@ def turns_around(points, faces, least):  # how often; rays begin nearer than any
     raise ValueError("every ray meets an edge of the surface")
 def check_row(row, motions, query):
     status, lower, upper, pairs = row["status"], real(row["lower"]), real(row["upper"]), row["pairs"]
-    contact = {"free_until": 0, "hit_at": "inf"} if row["first_contact"] is None else row["first_contact"]
-    free, hit = real(contact["free_until"]), real(contact["hit_at"])
+    first = row["first_contact"] or {"free_until": 0, "hit_at": "inf", "witness": None}
+    free, hit = real(first["free_until"]), real(first["hit_at"])
     require(0 <= free <= 1 or free == math.inf, "a motion is free until no time of it")
     if status in ("bad_pose", "no_pose", "stale_pose", "unknown_body"):
         require((lower, upper, free, hit, pairs) == (-math.inf, math.inf, 0, math.inf, []), f"{status} says nothing")
@@ -279,7 +279,7 @@ def check_row(row, motions, query):
     for pair in pairs:
         whole, margin = real(pair["lower"]) if bounded else -math.inf, real(pair["margin"])
         kept = not bounded or lower <= whole > (margin if decides and status == "beyond" else -math.inf)
-        early = free > 0 and not whole > margin  # else what is proved of it all along is enough until first contact
+        early = pair["free"] is not None or free > 0 and not whole > margin  # else it is proved beyond it all along
         require(kept and not (early and real(pair["free"]["lower"]) <= margin), "a pair may be nearer than is said")
         for proof, until in [(pair, 1)] * bounded + ([(pair["free"], min(free, 1))] if early else []):
             ends = sorted(motion.check_span(pair["bodies"], span, exact(proof["lower"])) for span in proof["spans"])
@@ -288,10 +288,10 @@ def check_row(row, motions, query):
         [margin] = [real(pair["margin"]) for pair in pairs if pair["bodies"] == row["bodies"]]
         require(status == "unconverged" or not decides or upper <= margin, "the witness is beyond its margin")
         motion.check_upper(row["bodies"], row["witness"], exact(upper))
-    if hit < math.inf:
-        [margin] = [exact(pair["margin"]) for pair in pairs if pair["bodies"] == contact["bodies"]]
-        require(exact(contact["witness"]["time"]) == exact(hit), "the witness of first contact is at another time")
-        motion.check_upper(contact["bodies"], contact["witness"], margin)
+    if hit < math.inf or first["witness"] is not None:
+        [margin] = [exact(pair["margin"]) for pair in pairs if pair["bodies"] == first["bodies"]]
+        require(exact(first["witness"]["time"]) == exact(hit), "the witness of first contact is at another time")
+        motion.check_upper(first["bodies"], first["witness"], margin)
     return f"proved by spans of {len(pairs)} pair(s), and by {(upper < math.inf) + (hit < math.inf)} witness(es)"
 def verdicts(document):  # of each row, whether it is proved, and by what or why not; may raise one of MALFORMED
     require((document["format"], document["version"]) == ("clearance certificate", 3), "another format or version")

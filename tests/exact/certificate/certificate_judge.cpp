@@ -41,6 +41,7 @@ Contact read_contact(const Value& contact) {
   const Contact found{contact["free_until"].real(), contact["hit_at"].real()};
   require(found.free_until >= 0 && (found.free_until <= 1 || found.free_until == kInf), "free until no time of it");
   require(found.hit_at >= 0, "hit before it begins");
+  require(contact["witness"].is_null() == (found.hit_at == kInf), "a hit and its witness do not belong together");
   return found;
 }
 
@@ -115,8 +116,9 @@ void check_free(const Row& row, const Query& query, const Motion& motion) {
   const double end = row.contact.free_until == kInf ? 1 : row.contact.free_until;
   for (const Value& pair : row.pairs) {
     const double margin = pair["margin"].real();
-    if (has_lower(row, query) && pair["lower"].finite() > margin) continue;
     const Value& claim = pair["free"];
+    const bool is_free_anyway = end == 0 || (has_lower(row, query) && pair["lower"].finite() > margin);
+    if (claim.is_null() && is_free_anyway) continue;
     require(claim["lower"].finite() > margin, "a pair may be within its margin before first contact");
     check_spans(pair_of(pair["bodies"]), claim, end, motion);
   }
@@ -143,7 +145,7 @@ void check_row(const Value& document, const Query& query, const std::map<Id, Mot
   check_status(row, query);
   if (has_lower(row, query)) check_lower(row, query, motion->second);
   if (row.upper < kInf) check_upper(row, document, query, motion->second);
-  if (row.contact.free_until > 0) check_free(row, query, motion->second);
+  check_free(row, query, motion->second);
   if (row.contact.hit_at < kInf) check_hit(row, document["first_contact"], motion->second);
 }
 
