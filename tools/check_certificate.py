@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
 """Checks certificates of Clearance in exact arithmetic: check_certificate.py [--all] FILE...
-
 Needs Python 3.9, and nothing of Clearance. docs/certificates.md says why what is checked proves a row, and what is not
 proved. Says why of each row that fails; with --all what proves the others. Exit code 0: all rows of all files are."""
 import json
@@ -15,28 +14,20 @@ ONE = 1 << 320  # where bodies follow others, or lie between two poses, numbers 
 BLUR, LARGEST = Fraction(1, 1 << 150), 1 << 64  # metres: more than that comes to, if no body is as large or as far away
 WORLD = ZERO, AXES, _ = (0, 0, 0), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), 0  # a pose: origin, rotation's rows, how far off
 MALFORMED = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError)
-def require(condition, why):
+def require(condition, why, value=None):
     if not condition:
         raise ValueError(why)
-def real(x):  # a float, perhaps infinite
-    require(type(x) in (int, float) or x in ("inf", "-inf"), f"{x!r} is no number")
-    return float(x)
+    return value
+def real(x): return require(type(x) in (int, float) or x in ("inf", "-inf"), f"{x!r} is no number", float(x))
 def exact(x): return Fraction(real(x))
-def length(x):
-    require(exact(x) >= 0, f"{x} is no length")
-    return exact(x)
+def length(x): return require(exact(x) >= 0, f"{x} is no length", exact(x))
 def high_and_low(x): return sum(map(exact, x))
 def vector(v, read=exact): return tuple(map(read, (v[0], v[1], v[2])))
-def at(items, index, what):
-    require(type(index) is int and 0 <= index < len(items), f"no {what} {index!r}")
-    return items[index]
+def at(items, k, what): return items[require(type(k) is int and 0 <= k < len(items), f"no {what} {k!r}", k)]
 def run(named, count):  # which pieces: one, from one until before another, or (None) all
     begin, end = (0, count) if named is None else named if type(named) is list else (named, named + 1)
-    require(type(begin) is type(end) is int and 0 <= begin < end <= count, f"no pieces {named!r}")
-    return begin, end
-def no_repeats(pairs):
-    require(len(dict(pairs)) == len(pairs), "a name stands twice in one object")
-    return dict(pairs)
+    return require(type(begin) is type(end) is int and 0 <= begin < end <= count, f"no pieces {named!r}", (begin, end))
+def no_repeats(pairs): return require(len(dict(pairs)) == len(pairs), "a name stands twice in one object", dict(pairs))
 def dot(u, v): return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 def cross(u, v): return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
 def plus(u, v, factor=1): return tuple(x + factor * y for x, y in zip(u, v))
@@ -81,31 +72,27 @@ class Piece:
         (self.numbers, self.scale), self.faces = integers(self.vertices), document.get("elements", ())
         parts = [{**document, "elements": (), "vertices": [at(document["vertices"], k, "vertex") for k in element],
                   "count": len(element)} for element in self.faces]  # a surface's, or a cloud's: pieces in its place
-        self.parts, self.solid, later = [Piece(part, self) for part in parts] or [self], document.get("solid"), set()
-        for face in self.faces:
-            later.update(k for k in face if k > min(face))  # each hangs together with one before it
-        self.seeds = [ZERO] if self.kind else [v for k, v in enumerate(self.vertices) if k not in later]
+        self.parts, self.solid = [Piece(part, self) for part in parts] or [self], document.get("solid", False)
+        later = set().union(*(set(face) - {min(face)} for face in self.faces or [range(len(self.vertices))]))
+        self.seeds = [ZERO] if self.kind else [v for k, v in enumerate(self.vertices) if k not in later]  # of each part
         self.box, self.whole = [(min(x), max(x)) for x in zip(*self.vertices)], whole
     def reach(self, centre):  # no point is farther from it
         (x, y, z), farthest = self.size, max((plus(v, centre, -1) for v in self.vertices), key=lambda d: dot(d, d))
-        round_ = size(centre) + (max(x, y, z) if self.kind == "ellipsoid" else size((x, 0, z)))
-        return self.radius + (round_ if self.kind else size(farthest))
+        around = size(centre) + (max(x, y, z) if self.kind == "ellipsoid" else size((x, 0, z)))
+        return self.radius + (around if self.kind else size(farthest))
     def support(self, n):  # no less than n.v for all its points v; of vertices without radius the largest
-        if self.kind == "ellipsoid":
-            core = size(tuple(s * x for s, x in zip(self.size, n)))
-        elif self.kind:
-            rim, along = self.size[0] * size((n[0], n[1], 0)), self.size[2] * n[2]
-            core = rim + abs(along) if self.kind == "cylinder" else max(along, rim - along)
-        else:
+        if not self.kind:
             (m,), scale = integers([n])
-            core = Fraction(max(dot(m, v) for v in self.numbers), scale * self.scale)
+            return Fraction(max(dot(m, v) for v in self.numbers), scale * self.scale) + self.radius * size(n)
+        rim, along = self.size[0] * size((n[0], n[1], 0)), self.size[2] * n[2]
+        egg = size([s * x for s, x in zip(self.size, n)])
+        core = {"cylinder": rim + abs(along), "cone": max(along, rim - along), "ellipsoid": egg}[self.kind]
         return core + self.radius * size(n)
     def off(self, p):  # how far a point is from the core, or more
         if self.kind == "ellipsoid":  # p / scale lies in it
             return (size(tuple(x / s for s, x in zip(self.size, p))) - 1) * size(p)
-        radius, _, half = self.size
-        require(abs(p[2]) <= half, "a point lies beyond the ends of its core")
-        return size((p[0], p[1], 0)) - (1 if self.kind == "cylinder" else (half - p[2]) / (2 * half)) * radius
+        half = require(abs(p[2]) <= self.size[2], "a point lies beyond the ends of its core", self.size[2])
+        return size((p[0], p[1], 0)) - (1 if self.kind == "cylinder" else (half - p[2]) / (2 * half)) * self.size[0]
 class Body:
     def __init__(self, document, pieces):
         self.on, self.joint, self.pose, self.moves = (document[key] for key in ("on", "joint", "pose", "moves"))
@@ -129,8 +116,7 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
             (*t, a, b, c, d), (*t1, w, x, y, z) = (list(map(exact, self.poses[id][k])) for k in (0, -1))
             axis, angle = turn_between(a, (b, c, d), w, (x, y, z))
             yield pose_of(*(*plus(t, plus(t1, t, -1), time), a, b, c, d)), plus(t1, t, -1), False
-            if angle:
-                yield turn_about(axis, time * angle), times(angle, axis), True
+            yield from [(turn_about(axis, time * angle), times(angle, axis), True)] if angle else []
             return
         yield pose_of(*map(exact, self.bodies[id].pose)), ZERO, False
         for move in self.bodies[id].moves:
@@ -186,11 +172,10 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         shared = sum(x == y for x, y in zip(*frames))  # what carries both moves neither before the other
         known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, half) for id, f in zip(ids, frames))))
         require(sum(length(term["inner"]) for term in span["slack"]["terms"]) >= known, "slack is too little")
-        cover, counts = [], (len(a.pieces), len(b.pieces))
-        for claim in span["lower"]:
-            (i, i_end), (j, j_end) = runs = list(map(run, claim["pieces"] or (None, None), counts))
-            cover, seer = [*cover, runs], claim["seer"]
-            n, moves = turned(R_a, vector(claim["direction"], high_and_low)), claim["order"] == 2  # from a towards b
+        counts = len(a.pieces), len(b.pieces)
+        cover = [list(map(run, claim["pieces"] or (None, None), counts)) for claim in span["lower"]]
+        for claim, ((i, i_end), (j, j_end)) in zip(span["lower"], cover):  # directions are from a towards b
+            n, seer, moves = turned(R_a, vector(claim["direction"], high_and_low)), claim["seer"], claim["order"] == 2
             rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, half) for id in ids]
             speed, bend = map(sum, zip(*rates[seer]))
             for s in (begin - middle, end - middle) if moves else (0,):  # between these what is proved is concave
@@ -200,19 +185,18 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
                 n_a, n_b = turned(zip(*R_a), n_a), times(-1, turned(zip(*R_b), n_b))
                 gap -= max(p.support(n_a) for p in a.pieces[i:i_end]) + max(p.support(n_b) for p in b.pieces[j:j_end])
                 require(any(n) and gap >= need * size(n) * (1 if need > 0 else 1 - BLUR),
-                        f"pieces {runs} of {a.name!r} and {b.name!r} are not {float(need)!r} m apart")
+                        f"pieces {i} and {j} of {a.name!r} and {b.name!r} are not {float(need)!r} m apart")
         for place in {0, *(end for (_, end), _ in cover if end < counts[0])}:  # what another covers ends at none else
             done = 0
             for begin_b, end_b in sorted(of_b for (first, end), of_b in cover if first <= place < end):
                 done = max(done, end_b) if begin_b <= done else done
             require(done == counts[1], f"no direction for piece {place} of {a.name!r}, and {done} of {b.name!r}")
-        for held, holder in (ids, ids[::-1]) if bound > 0 else ():  # nothing of either is inside the other
-            (t_h, R_h, _), (t, R, _), inside = *(self.at(id, middle)[0] for id in (held, holder)), self.bodies[holder]
-            for solid, whole in ((x, y) for x in inside.wholes if x.solid for y in self.bodies[held].wholes):
-                for p in (turned(zip(*R), plus(plus(turned(R_h, seed), t_h), t, -1)) for seed in whole.seeds):
-                    if all(low <= x <= high for (low, high), x in zip(solid.box, p)):
-                        around = [plus(v, p, -1) for v in solid.vertices]
-                        require(turns_around(around, solid.faces, bound * bound) == 0, f"a body is in {inside.name!r}")
+        for held, t_h, R_h, holder, t, R in ((a, t_a, R_a, b, t_b, R_b), (b, t_b, R_b, a, t_a, R_a)):
+            for solid, seed in ((x, p) for x in holder.wholes if x.solid for y in held.wholes for p in y.seeds):
+                p = turned(zip(*R), plus(plus(turned(R_h, seed), t_h), t, -1))
+                beside = bound <= 0 or any(x < low or x > high for (low, high), x in zip(solid.box, p))
+                require(beside or turns_around([plus(v, p, -1) for v in solid.vertices], solid.faces, bound**2) == 0,
+                        f"a part of {held.name!r} is within {holder.name!r}")
         require(bound > 0 or len(cover) == 1 or a.pieces + b.pieces == a.wholes + b.wholes, "a depth of surfaces")
         return begin, end
     def lean(self, seer, id, time, n, s):  # points x that keep their speed get along n, by s, to lean.x + more
@@ -229,10 +213,9 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
             named.append([vector(p, high_and_low) for p in found] if core.kind else core.vertices)
             reach += core.radius - (max(0, *map(core.off, named[-1])) if core.kind else 0)
         if "within" in claim:  # a vertex in a solid, which goes around the origin as seen from it
-            whole, [[k, m]] = at(cores, claim["within"], "side").whole, claim["vertices"]
-            require(whole.solid, "what is within a surface is not in it")
-            named[claim["within"]], places = whole.vertices, range(len(whole.vertices))
-            claim = {**claim, "faces": whole.faces, "vertices": [((x, m), (k, x))[claim["within"]] for x in places]}
+            whole, side, [[k, m]] = at(cores, claim["within"], "side").whole, claim["within"], claim["vertices"]
+            named[side], all_ = require(whole.solid is True, "no solid", whole.vertices), range(len(whole.vertices))
+            claim = {**claim, "faces": whole.faces, "vertices": [((x, m), (k, x))[side] for x in all_]}
         pairs = [(at(named[0], k, "vertex"), at(named[1], m, "vertex")) for k, m in claim["vertices"]]
         points = [plus(u, turned(zip(*R_a), plus(plus(turned(R_b, v), t_b), t_a, -1)), -1) for u, v in pairs]  # a - b
         require(0 <= time <= 1 and points, "a witness is at no time, or nowhere")
@@ -244,11 +227,9 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         require(reach >= 0 and dot(apart, apart) <= reach * reach, "the witness points are farther apart than upper")
 def check_surface(claim, points, depth):  # it goes around the origin, beyond a ball: cores overlap by its radius
     faces, normals = claim["faces"], [vector(m, high_and_low) for m in claim["normals"]]
-    require(len(faces) == len(normals) > 0, "a face has no normal")
     beyond = [(min(dot(m, at(points, k, "vertex")) for k in face), m) for face, m in zip(faces, normals)]
-    require(all(d > 0 and d >= depth * size(m) for d, m in beyond), "a face is not beyond its plane")
-    least = min(d * d / dot(m, m) for d, m in beyond)
-    require(turns_around(points, faces, least) != 0, "the surface does not go around the origin")
+    require(len(faces) == len(normals) > 0 and all(d > 0 and d >= depth * size(m) for d, m in beyond), "a face is near")
+    require(turns_around(points, faces, min(d * d / dot(m, m) for d, m in beyond)) != 0, "it is not around the origin")
 def turns_around(points, faces, least):  # how often; rays begin nearer than any face, which the root of `least` is not
     (numbers, scale), edges = integers(points), [(u, v) for i, j, k in faces for u, v in ((i, j), (j, k), (k, i))]
     require(sorted(edges) == sorted((v, u) for u, v in edges), "the surface has a border")
@@ -279,7 +260,7 @@ def check_row(row, motions, query):
     for pair in pairs:
         whole, margin = real(pair["lower"]) if bounded else -math.inf, real(pair["margin"])
         kept = not bounded or lower <= whole > (margin if decides and status == "beyond" else -math.inf)
-        early = pair["free"] is not None or free > 0 and not whole > margin  # else it is proved beyond it all along
+        early = pair["free"] is not None or (free > 0 and not whole > margin)  # else it is proved beyond it all along
         require(kept and not (early and real(pair["free"]["lower"]) <= margin), "a pair may be nearer than is said")
         for proof, until in [(pair, 1)] * bounded + ([(pair["free"], min(free, 1))] if early else []):
             ends = sorted(motion.check_span(pair["bodies"], span, exact(proof["lower"])) for span in proof["spans"])
@@ -315,5 +296,4 @@ def check_file(path, say_all):
     print(f"{path}: {sum(is_proved for is_proved, _ in found)} of {len(found)} rows are proved")
     return all(is_proved for is_proved, _ in found)
 if __name__ == "__main__":
-    done = [check_file(path, "--all" in sys.argv) for path in sys.argv[1:] if path != "--all"]
-    sys.exit(0 if done and all(done) else 1)
+    sys.exit({check_file(path, "--all" in sys.argv) for path in sys.argv[1:] if path != "--all"} != {True})
