@@ -10,6 +10,8 @@
 #include "engine/motion/motion_bounds.h"
 #include "engine/motion/motion_poses.h"
 #include "engine/query/certificate_text.h"
+#include "engine/query/nearest_elements.h"
+#include "engine/query/pair_cover.h"
 #include "engine/query/row_prover.h"
 
 namespace clearance {
@@ -78,7 +80,9 @@ class PairProver {
   void look();
   bool step(WorkMeter& meter);
   bool try_boxes();
-  Halves try_pieces(std::uint32_t i, std::uint32_t j);
+  bool step_cover(WorkMeter& meter);
+  bool is_too_near_somewhere(WorkMeter& meter);
+  Halves try_pieces(const Piece& p, const Piece& q, PieceProof claim, bool in_all_ways);
   Halves by_direction(const Vec3d& n, const Piece* p, const Piece* q) const;
   bool by_speed(double lower) const { return difference_below(slack_.true_lower(lower), way_) >= lower_; }
   void write(SpanPlace place);
@@ -101,7 +105,9 @@ class PairProver {
   PairRates rates_;
   Slack slack_;
   double way_ = 0;
-  std::uint32_t i_ = 0, j_ = 0;  // the pieces whose turn it is
+  std::uint32_t i_ = 0, j_ = 0;     // the pieces whose turn it is
+  std::optional<PairCover> cover_;  // instead, where one body is not convex
+  NearestElements nearest_;
   Halves halves_;
   std::vector<PieceProof> claims_;
   SpanPlace proved_;  // its begin, end and middle

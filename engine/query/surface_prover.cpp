@@ -9,18 +9,6 @@ namespace clearance {
 
 namespace {
 
-constexpr std::uint32_t kKeptFrom = 256;  // elements: what is around fewer is made again when it is needed
-
-// The elements of a node's subtree are those from first_of() until before end_of().
-std::uint32_t first_of(const Surface& surface, std::uint32_t node) {
-  while (!surface.nodes()[node].is_leaf()) ++node;
-  return surface.nodes()[node].begin();
-}
-std::uint32_t end_of(const Surface& surface, std::uint32_t node) {
-  while (!surface.nodes()[node].is_leaf()) node = surface.nodes()[node].right;
-  return surface.nodes()[node].end();
-}
-
 // An element with one of the surface's vertices, and which of its corners that is.
 std::array<std::uint32_t, 2> element_with(const Surface& surface, std::uint32_t vertex) {
   for (std::uint32_t t = 0; t < surface.size(); ++t)
@@ -34,101 +22,42 @@ std::array<std::uint32_t, 2> element_with(const Surface& surface, std::uint32_t 
 
 SurfaceProver::SurfaceProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
                              const PairAnswer& answer, CertificateText& text)
-    : RowProver(scene, options, here, pair, answer, text), sides_{Side(a_), Side(b_)} {
-  if (wants_lower_) open_.push_back({sides_[0].whole(), sides_[1].whole()});
+    : RowProver(scene, options, here, pair, answer, text), cover_(a_, b_) {
+  if (wants_lower_) cover_.begin();
   nearest_.begin(a_, pose_a_, b_, pose_b_);
-}
-
-const Surface* SurfaceProver::Side::surface(const Part& part) const {
-  return part.piece == kAll ? nullptr : body_.pieces[part.piece]->surface.get();
-}
-
-// The hull of some elements.
-const Piece& SurfaceProver::Side::around(const Part& part, std::uint32_t begin, std::uint32_t end) {
-  if (const auto found = large_.find(part); found != large_.end()) return found->second;
-  if (part == of_small_) return small_;
-  const Surface& surface = *this->surface(part);
-  Piece piece;
-  piece.radius = body_.pieces[part.piece]->radius;
-  for (std::uint32_t i = begin; i < end; ++i) {
-    const ElementCorners element = surface.element(i);
-    piece.vertices.insert(piece.vertices.end(), element.span().begin(), element.span().end());
-  }
-  if (end - begin >= kKeptFrom) return large_.emplace(part, without_table(piece)).first->second;
-  of_small_ = part;
-  return small_ = without_table(piece);
-}
-
-SurfaceProver::Bulk SurfaceProver::Side::bulk(const Part& part) {
-  if (part.piece == kAll) return {nullptr, 0, 0};
-  const Surface* const surface = this->surface(part);
-  const std::uint32_t place = piece_place(body_, part.piece);
-  if (part.at == kNone) return {body_.pieces[part.piece].get(), place, surface ? surface->size() : 1};
-  const bool is_element = (part.at & kElement) != 0;
-  const std::uint32_t begin = is_element ? part.at & ~kElement : first_of(*surface, part.at),
-                      end = is_element ? begin + 1 : end_of(*surface, part.at);
-  return {&around(part, begin, end), place + begin, end - begin};
-}
-
-std::vector<SurfaceProver::Part> SurfaceProver::Side::halves(const Part& part) const {
-  std::vector<Part> halves;
-  if (part.piece == kAll) {
-    for (std::uint32_t i = 0; i < body_.pieces.size(); ++i) halves.push_back({i, kNone});
-    return halves;
-  }
-  const Surface* const surface = this->surface(part);
-  if (!surface || (part.at != kNone && (part.at & kElement) != 0)) return halves;
-  const std::uint32_t at = part.at == kNone ? 0 : part.at;
-  const Surface::Node& node = surface->nodes()[at];
-  if (!node.is_leaf()) return {{part.piece, at + 1}, {part.piece, node.right}};
-  for (std::uint32_t i = node.begin(); i < node.end(); ++i) halves.push_back({part.piece, i | kElement});
-  return halves;
 }
 
 bool SurfaceProver::step(WorkMeter& meter) {
   if (wants_upper_ && !upper_) return find_upper(meter);
-  if (open_.empty())
+  if (cover_.is_done())
     end(true);
   else
     cover(meter);
   return true;
 }
 
-// One direction for the parts whose turn it is, or halves of the larger one.
+// One direction for the parts whose turn it is, or halves of them.
 void SurfaceProver::cover(WorkMeter& meter) {
-  const std::array<Part, 2> parts = open_.back();
-  open_.pop_back();
-  const std::array<Bulk, 2> bulks{sides_[0].bulk(parts[0]), sides_[1].bulk(parts[1])};
-  const std::array<std::vector<Part>, 2> halves{sides_[0].halves(parts[0]), sides_[1].halves(parts[1])};
-  const bool are_whole = bulks[0].piece && bulks[1].piece;
+  PairCover::Parts parts = cover_.parts();
+  const bool are_elements = parts.are_elements, are_pieces = parts.are_pieces();
   meter.count(kUnitsPerProof);
-  if (are_whole) {
-    meter.count(WorkMeter::units_of(*bulks[0].piece, *bulks[1].piece));
-    if (covers(parts, bulks, halves[0].empty() && halves[1].empty())) return;
-  }
+  if (are_pieces) meter.count(WorkMeter::units_of(*parts.a, *parts.b));
   // Directions of several parts say nothing of how deep an overlap is.
-  if ((halves[0].empty() && halves[1].empty()) || (are_whole && answer_.lower <= 0)) return end(false);
-  const std::size_t larger =
-      halves[0].empty()                                                                                             ? 1
-      : halves[1].empty() || !bulks[0].piece || (bulks[1].piece && bulks[0].piece->spread > bulks[1].piece->spread) ? 0
-                                                                                                                    : 1;
-  for (const Part& half : halves[larger]) {
-    open_.push_back(parts);
-    open_.back()[larger] = half;
-  }
+  if (are_pieces && covers(std::move(parts)))
+    cover_.settle();
+  else if (are_elements || (are_pieces && answer_.lower <= 0))
+    end(false);
+  else
+    cover_.halve();
 }
 
-bool SurfaceProver::covers(const std::array<Part, 2>& parts, const std::array<Bulk, 2>& bulks, bool are_elements) {
-  PieceProof found{bulks[0].place, bulks[1].place, {}};
-  found.count_a = bulks[0].count;
-  found.count_b = bulks[1].count;
-  if (parts[0] == sides_[0].whole() && parts[1] == sides_[1].whole()) found.piece_a = found.piece_b = kNone;
-  if (are_elements || answer_.lower <= 0) return prove(*bulks[0].piece, *bulks[1].piece, std::move(found), true, false);
+bool SurfaceProver::covers(PairCover::Parts parts) {
+  if (parts.are_elements || answer_.lower <= 0) return prove(*parts.a, *parts.b, std::move(parts.claim), true, false);
   NarrowLimits limits = limits_;
   limits.signed_distance = false;
   limits.max_distance = std::min(limits_.max_distance, slack_.cut_off(answer_.lower));
-  const NarrowAnswer answer =
-      narrow_phase_proved(*bulks[0].piece, pose_a_, *bulks[1].piece, pose_b_, limits, found.proof);
+  PieceProof& found = parts.claim;
+  const NarrowAnswer answer = narrow_phase_proved(*parts.a, pose_a_, *parts.b, pose_b_, limits, found.proof);
   if (!covers_lower(answer.bounds.lower)) return false;
   text_.add_lower(found);
   return true;
