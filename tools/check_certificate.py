@@ -238,7 +238,7 @@ def turns_around(points, faces, least):  # how often; rays begin nearer than any
     for o, g in RAYS:
         q = [plus(w, o, -1) for w in numbers]
         signs = [[dot(g, cross(q[u], q[v])) for u, v in ((i, j), (j, k), (k, i))] + [dot(q[i], cross(q[j], q[k]))]
-                 for i, j, k in faces]
+                 for i, j, k in faces if i != j != k != i]
         if not any(0 in sides[:3] and not min(sides[:3]) < 0 < max(sides[:3]) for sides in signs):  # else another ray
             return sum(min(sides) > 0 for sides in signs) - sum(max(sides) <= 0 for sides in signs)
     raise ValueError("every ray meets an edge of the surface")

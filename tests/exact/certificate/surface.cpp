@@ -62,6 +62,7 @@ std::optional<long> crossings(const std::vector<Face>& faces, const std::vector<
   for (const Vector& w : points) from_origin.push_back(w - origin);
   long crossings = 0;
   for (const Face& face : faces) {
+    if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue;  // its edges cancel by themselves
     const Vector &u = from_origin[face[0]], &v = from_origin[face[1]], &w = from_origin[face[2]];
     const Vector v_w = cross(v, w);
     const int first = dot(along, cross(u, v)).sign(), second = dot(along, v_w).sign();
