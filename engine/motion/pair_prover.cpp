@@ -7,7 +7,9 @@ namespace clearance {
 
 namespace {
 
-constexpr double kLeastHalf = 0x1p-40;  // of a span
+// Of a span. A search ends at 2^-40 (motion_search.cpp), at times with no more left of a bound than the speed makes in
+// so short a time; spans that are cut otherwise than its own have to be shorter.
+constexpr double kLeastHalf = 0x1p-46;
 constexpr std::uint32_t kMostSpans = 1u << 14;
 constexpr std::uint64_t kUnitsPerMoment = 64, kUnitsPerSpanProof = 64;
 
