@@ -1,6 +1,7 @@
 #include "engine/query/surface_prover.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 
 #include "engine/surface/surface.h"
@@ -70,7 +71,7 @@ bool SurfaceProver::find_upper(WorkMeter& meter) {
     case NearestElements::Found::kPaused:
       return false;
     case NearestElements::Found::kNoMore:
-      if (answer_.upper > 0 || (!find_held(0, meter) && !find_held(1, meter))) end(false);
+      if (!find_held(0, meter) && !find_held(1, meter)) end(false);
       return true;
     case NearestElements::Found::kPair:
       break;
@@ -129,15 +130,18 @@ bool SurfaceProver::prove_held(std::size_t outer, std::uint32_t solid, PieceProo
   const Piece& around = *(outer == 0 ? a_ : b_).pieces[solid];
   Piece point, triangle;
   remake_piece(point, {&vertex, 1}, 0);
-  NarrowLimits limits = proof_attempts(limits_)[2];
-  limits.signed_distance = false;
+  std::array<NarrowLimits, 4> attempts = proof_attempts(limits_);
+  for (NarrowLimits& limits : attempts) limits.signed_distance = false;
   for (std::uint32_t t = 0; t < around.surface->size(); ++t) {
     remake_piece(triangle, around.surface->element(t).span(), 0);
     meter.count(kUnitsPerProof);
     NarrowProof found;
     const Piece &p = outer == 0 ? triangle : point, &q = outer == 0 ? point : triangle;
-    const double apart = narrow_phase_proved(p, pose_a_, q, pose_b_, limits, found).bounds.lower;
-    if (!(apart > 0) || !covers_upper(-apart)) return false;
+    const auto is_far_enough = [&](const NarrowLimits& limits) {
+      const double apart = narrow_phase_proved(p, pose_a_, q, pose_b_, limits, found).bounds.lower;
+      return apart > 0 && covers_upper(-apart);
+    };
+    if (!is_far_enough(attempts[2]) && !is_far_enough(attempts[3])) return false;
     proof.proof.faces.push_back({{0, 0, 0}, -found.direction});
   }
   proof.proof.upper_in_double_double = true;
