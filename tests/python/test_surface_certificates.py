@@ -51,9 +51,9 @@ def ball(radius, faces=4):
                 for t in ([0, 1, 2], [1, 3, 2])[: 1 if i + j == faces - 1 else 2]:
                     t = [place(at_[k]) for k in t]
                     triangles.append(t if x * y * z > 0 else t[::-1])
-    points = np.array(points)
-    outward = [np.linalg.det(points[t]) > 0 for t in triangles]
-    return points, np.array([t if out else t[::-1] for t, out in zip(triangles, outward)])
+    vertices = np.array(points)
+    outward = [np.linalg.det(vertices[t]) > 0 for t in triangles]
+    return vertices, np.array([t if out else t[::-1] for t, out in zip(triangles, outward)])
 
 
 def shell():
@@ -178,10 +178,10 @@ def test_links_that_are_solids(checker, tmp_path):
     scene.add_robot("arm", tmp_path / "arm.urdf", base=at(0.1, 0, 0.5))
     scene.add_body("shell", mesh=shell(), convexify="solid", static=True, pose=at(0.9, 0, 1.6))
     engine = clearance.Engine(scene)
-    rows = engine.certificate(joints="arm", positions=[[-0.9], [0.3], [2.8]])
+    certificate = engine.certificate(joints="arm", positions=[[-0.9], [0.3], [2.8]])
     assert {body.triangle_count for body in engine.bodies} >= {80}
-    assert {row["status"] for row in rows.document["rows"]} >= {"ok", "overlap"}
-    proved(checker, rows.document)
+    assert {row["status"] for row in certificate.document["rows"]} >= {"ok", "overlap"}
+    proved(checker, certificate.document)
 
 
 @pytest.fixture(scope="module")
