@@ -20,7 +20,7 @@ namespace clearance::exact {
 namespace {
 
 struct Options {
-  std::uint64_t cases = 1000, meshes = 0, motions = 0, python = 1000, python_motions = 0, seed = 1;
+  std::uint64_t cases = 1000, meshes = 0, motions = 0, first_motion = 0, python = 1000, python_motions = 0, seed = 1;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::string out = "out/certificates", only;
 };
@@ -152,7 +152,8 @@ bool judge_all(const Options& o) {
   std::vector<std::function<void()>> tasks;
   for (int kind = 0; kind < test::kMotionKinds; ++kind)
     tasks.emplace_back([&o, &count, kind] {
-      for (std::uint64_t i = 0; i < o.motions; ++i) judge_motions(o, static_cast<test::MotionKind>(kind), i, count);
+      for (std::uint64_t i = 0; i < o.motions; ++i)
+        judge_motions(o, static_cast<test::MotionKind>(kind), o.first_motion + i, count);
     });
   const auto add = [&](const CaseClass& c, std::uint64_t cases, std::uint64_t python) {
     for (std::size_t k = 0; k < settings().size() && c.name.find(o.only) != std::string::npos; ++k)
@@ -176,6 +177,7 @@ int main(int argc, char** argv) {
   app.add_option("--cases", o.cases, "of each class, fewer of those that take long")->check(CLI::PositiveNumber);
   app.add_option("--meshes", o.meshes, "of each class of bodies that are not convex");
   app.add_option("--motions", o.motions, "scenes with two motions each, of each kind");
+  app.add_option("--first-motion", o.first_motion, "number of the first of these scenes");
   app.add_option("--python", o.python, "cases of each class to keep for tools/check_certificate.py");
   app.add_option("--python-motions", o.python_motions, "scenes of each kind of motion to keep for it");
   app.add_option("--seed", o.seed, "of the cases");
