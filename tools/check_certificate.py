@@ -260,7 +260,7 @@ def check_row(row, motions, query):
     for pair in pairs:
         whole, margin = real(pair["lower"]) if bounded else -math.inf, real(pair["margin"])
         kept = not bounded or lower <= whole > (margin if decides and status == "beyond" else -math.inf)
-        early = pair["free"] is not None or free > 0 and not whole > margin  # else it is proved beyond it all along
+        early = pair["free"] is not None or (free > 0 and not whole > margin)  # else it is proved beyond it all along
         require(kept and not (early and real(pair["free"]["lower"]) <= margin), "a pair may be nearer than is said")
         for proof, until in [(pair, 1)] * bounded + ([(pair["free"], min(free, 1))] if early else []):
             ends = sorted(motion.check_span(pair["bodies"], span, exact(proof["lower"])) for span in proof["spans"])
