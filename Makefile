@@ -95,7 +95,7 @@ bench-load: build  ## how long 1000 meshes take to load, with an empty cache and
 certify: setup  ## a million pairs of every hard class of hulls and of meshes against exact arithmetic, 100,000 motions, and 30,000 certificates of each class before a judge of their own; rewrites docs/results/*accuracy.csv
 	@tools/build.sh release clearance-certify clearance-certificates
 	@rm -rf out/certificates && mkdir -p out
-	@build/bin/clearance-certificates --cases 30000 --python 1000 --motions 400 --python-motions 40 --out out/certificates
+	@build/bin/clearance-certificates --cases 30000 --meshes 3000 --python 1000 --motions 400 --python-motions 40 --out out/certificates
 	@$(PYTHON_VENV) tools/check_certificate.py out/certificates/*.json
 	@build/bin/clearance-certify --pairs 1000000 --seed 1 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
 	@build/bin/clearance-certify --motions 100000 --seed 1 --csv docs/results/motion_accuracy.csv

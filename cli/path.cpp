@@ -18,6 +18,7 @@ struct PathOptions {
   std::vector<std::string> pairs;
   double margin = 0;
   std::uint32_t max_steps = 256;
+  std::string certificate;  // a file; empty: none
 };
 
 /// Waypoints in joint space.
@@ -96,6 +97,25 @@ std::vector<std::uint32_t> ids_of(const Path& path, const JointsInfo& info, cons
   throw RequestError(0, text.str());
 }
 
+/// Both ends of each of `count` motions from waypoint `first` on.
+std::vector<double> ends_of(const Path& path, std::size_t first, std::size_t count) {
+  const std::size_t width = path.names.size();
+  std::vector<double> ends;
+  for (std::size_t k = first; k < first + count; ++k)
+    ends.insert(ends.end(), path.positions.data() + k * width, path.positions.data() + (k + 2) * width);
+  return ends;
+}
+
+/// Writes what proves the answers to the first motions, where that is asked for.
+void certify(Client& client, Query query, const Path& path, std::size_t motions, const PathOptions& o) {
+  if (o.certificate.empty()) return;
+  const std::vector<double> ends = ends_of(path, 0, motions);
+  query.positions = ends;
+  std::ofstream file(o.certificate, std::ios::binary);
+  file << client.certificate(query);
+  if (!file.flush()) throw std::invalid_argument(o.certificate + ": cannot be written");
+}
+
 void run(const PathOptions& o) {
   const Path path = read(o.file);
   Client client = o.connection.open();
@@ -110,17 +130,19 @@ void run(const PathOptions& o) {
   query.fields = kFieldStatus | kFieldPair | kFieldTime | kFieldFirstContact | kFieldSteps;
   std::uint64_t steps = 0;
   for (std::size_t first = 0; first + 1 < path.size(); first += kMotionsAtOnce) {
-    const std::size_t count = std::min(kMotionsAtOnce, path.size() - 1 - first), width = ids.size();
-    std::vector<double> ends;
-    for (std::size_t k = first; k < first + count; ++k)
-      ends.insert(ends.end(), path.positions.data() + k * width, path.positions.data() + (k + 2) * width);
+    const std::size_t count = std::min(kMotionsAtOnce, path.size() - 1 - first);
+    const std::vector<double> ends = ends_of(path, first, count);
     query.positions = ends;
     const Reply reply = client.distances(query);
     for (std::size_t r = 0; r < count; ++r) {
-      if (reply.status()[r] != Status::kBeyond) report(reply, r, first + r, path, o, client.scene());
+      if (reply.status()[r] != Status::kBeyond) {
+        certify(client, query, path, first + r + 1, o);
+        report(reply, r, first + r, path, o, client.scene());
+      }
       steps += reply.steps()[r];
     }
   }
+  certify(client, query, path, path.size() - 1, o);
   std::cout << "free: on all " << path.size() - 1 << " motions every pair is proved farther than " << o.margin << " m; "
             << steps << " configurations\n";
 }
@@ -143,6 +165,11 @@ void add_path(CLI::App& app) {
       ->check(quiet(CLI::Range(1, 65536)))
       ->type_name("N")
       ->capture_default_str();
+  command
+      .add_option("--certificate", options->certificate,
+                  "write what proves it (JSON, for tools/check_certificate.py): all motions, or those up to the first\n"
+                  "that is not free, with when it is hit")
+      ->type_name("FILE");
   add_pairs_option(command, options->pairs);
   add_connection_options(command, options->connection);
   command.callback([options] { run(*options); });

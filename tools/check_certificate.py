@@ -1,9 +1,7 @@
 #!/usr/bin/env python3
 """Checks certificates of Clearance in exact arithmetic: check_certificate.py [--all] FILE...
-
-Needs Python 3.9, and nothing of Clearance. docs/certificates.md says what a document holds, why what is checked here
-proves it, and what is not proved. Says why of each row that fails; with --all of every row what was shown.
-Exit code 0: every row of every file is proved. 1: some are not, or a file is no certificate."""
+Needs Python 3.9, and nothing of Clearance. docs/certificates.md says why what is checked proves a row, and what is not
+proved. Says why of each row that fails; with --all what proves the others. Exit code 0: all rows of all files are."""
 import json
 import math
 import sys
@@ -14,46 +12,28 @@ RAYS = [((3, -5, 8), (732, 481, -483)), ((-7, 2, 2), (-377, 618, 691)), ((2, 7, 
         ((-5, -4, -6), (-802, -223, -554))]
 ONE = 1 << 320  # where bodies follow others, or lie between two poses, numbers are rounded to 1 / ONE
 BLUR, LARGEST = Fraction(1, 1 << 150), 1 << 64  # metres: more than that comes to, if no body is as large or as far away
-ZERO, AXES = (0, 0, 0), ((1, 0, 0), (0, 1, 0), (0, 0, 1))
-WORLD = (ZERO, AXES, 0)  # a pose: origin, rows of the rotation, and how far points may be off
+WORLD = ZERO, AXES, _ = (0, 0, 0), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), 0  # a pose: origin, rotation's rows, how far off
 MALFORMED = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError)
-def require(condition, why):
+def require(condition, why, value=None):
     if not condition:
         raise ValueError(why)
-def real(x):  # a float, perhaps infinite
-    require(type(x) in (int, float) or x in ("inf", "-inf"), f"{x!r} is no number")
-    return float(x)
-def exact(x):
-    return Fraction(real(x))
-def length(x):
-    require(exact(x) >= 0, f"{x} is no length")
-    return exact(x)
-def high_and_low(x):
-    return sum(map(exact, x))
-def vector(v, read=exact):
-    return tuple(map(read, (v[0], v[1], v[2])))
-def at(items, index, what):
-    require(type(index) is int and 0 <= index < len(items), f"no {what} {index!r}")
-    return items[index]
-def no_repeats(pairs):
-    require(len(dict(pairs)) == len(pairs), "a name stands twice in one object")
-    return dict(pairs)
-def dot(u, v):
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-def cross(u, v):
-    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
-def plus(u, v, factor=1):
-    return tuple(x + factor * y for x, y in zip(u, v))
-def minus(u, v):
-    return plus(u, v, -1)
-def times(factor, v):
-    return tuple(factor * x for x in v)
-def turned(rows, v):
-    return tuple(dot(row, v) for row in rows)
-def turned_back(rows, v):
-    return tuple(dot(column, v) for column in zip(*rows))
-def near(*v):
-    return tuple(Fraction(x.numerator * ONE // x.denominator, ONE) for x in v)
+    return value
+def real(x): return require(type(x) in (int, float) or x in ("inf", "-inf"), f"{x!r} is no number", float(x))
+def exact(x): return Fraction(real(x))
+def length(x): return require(exact(x) >= 0, f"{x} is no length", exact(x))
+def high_and_low(x): return sum(map(exact, x))
+def vector(v, read=exact): return tuple(map(read, (v[0], v[1], v[2])))
+def at(items, k, what): return items[require(type(k) is int and 0 <= k < len(items), f"no {what} {k!r}", k)]
+def run(named, count):  # which pieces: one, from one until before another, or (None) all
+    begin, end = (0, count) if named is None else named if type(named) is list else (named, named + 1)
+    return require(type(begin) is type(end) is int and 0 <= begin < end <= count, f"no pieces {named!r}", (begin, end))
+def no_repeats(pairs): return require(len(dict(pairs)) == len(pairs), "a name stands twice in one object", dict(pairs))
+def dot(u, v): return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+def cross(u, v): return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+def plus(u, v, factor=1): return tuple(x + factor * y for x, y in zip(u, v))
+def times(factor, v): return tuple(factor * x for x in v)
+def turned(rows, v): return tuple(dot(row, v) for row in rows)  # and back: turned(zip(*rows), v)
+def near(*v): return tuple(Fraction(x.numerator * ONE // x.denominator, ONE) for x in v)
 def integers(vectors):  # the vectors times one number, so that all coordinates are integers; and it
     scale = math.lcm(*(x.denominator for v in vectors for x in v))
     return [tuple(int(x * scale) for x in v) for v in vectors], scale
@@ -74,53 +54,56 @@ def pose_of(x, y, z, a, b, c, d):  # of a quaternion of any length: M(q) / |q|^2
             (2 * (b * d - a * c), 2 * (c * d + a * b), a * a + d * d - b * b - c * c))
     return (x, y, z), tuple(times(1 / s, row) for row in rows), 0
 def turn_between(a, u, w, v):  # of quaternions (a, u), (w, v): the axis, of length 1 before the turn, and the angle
-    cosine, way = a * w + dot(u, v), minus(plus(times(a, v), cross(v, u)), times(w, u))
+    cosine, way = a * w + dot(u, v), plus(plus(times(a, v), cross(v, u)), u, -w)
     if not any(way):
         return ZERO, Fraction(0)
     axis, sine, cosine = times((1 if cosine >= 0 else -1) / size(way), way), size(way), abs(cosine)
-    both = size((sine, cosine, 0))
-    sine, cosine = near(sine / both, cosine / both)
+    sine, cosine = near(*times(1 / size((sine, cosine, 0)), (sine, cosine)))
     for _ in range(120):  # half the angle
         cosine, = near(cosine + size((cosine, sine, 0)))
     return near(*axis), near(sine / cosine * (1 << 121))[0]
 class Piece:
-    def __init__(self, document):
+    def __init__(self, document, whole=None):
         core = document.get("core", {"kind": None, "size": (1, 1, 1)})  # none: the hull of the vertices
         self.radius, self.kind, self.size = length(document["radius"]), core["kind"], vector(core["size"], length)
         require(self.kind in (None, "cone", "cylinder", "ellipsoid") and min(self.size) > 0, f"no core: {core!r}")
         self.vertices = [vector(v) for v in document["vertices"]]
         require(len(self.vertices) == document["count"] > 0, "a piece has not as many vertices as it says")
-        self.numbers, self.scale = integers(self.vertices)
+        (self.numbers, self.scale), self.faces = integers(self.vertices), document.get("elements", ())
+        parts = [{**document, "elements": (), "vertices": [at(document["vertices"], k, "vertex") for k in element],
+                  "count": len(element)} for element in self.faces]  # a surface's, or a cloud's: pieces in its place
+        self.parts, self.solid = [Piece(part, self) for part in parts] or [self], document.get("solid", False)
+        later = set().union(*(set(face) - {min(face)} for face in self.faces or [range(len(self.vertices))]))
+        self.seeds = [ZERO] if self.kind else [v for k, v in enumerate(self.vertices) if k not in later]  # of each part
+        self.box, self.whole = [(min(x), max(x)) for x in zip(*self.vertices)], whole
     def reach(self, centre):  # no point is farther from it
-        (x, y, z), farthest = self.size, max((minus(v, centre) for v in self.vertices), key=lambda d: dot(d, d))
-        round_ = size(centre) + (max(x, y, z) if self.kind == "ellipsoid" else size((x, 0, z)))
-        return self.radius + (round_ if self.kind else size(farthest))
+        (x, y, z), farthest = self.size, max((plus(v, centre, -1) for v in self.vertices), key=lambda d: dot(d, d))
+        around = size(centre) + (max(x, y, z) if self.kind == "ellipsoid" else size((x, 0, z)))
+        return self.radius + (around if self.kind else size(farthest))
     def support(self, n):  # no less than n.v for all its points v; of vertices without radius the largest
-        if self.kind == "ellipsoid":
-            core = size(tuple(s * x for s, x in zip(self.size, n)))
-        elif self.kind:
-            rim, along = self.size[0] * size((n[0], n[1], 0)), self.size[2] * n[2]
-            core = rim + abs(along) if self.kind == "cylinder" else max(along, rim - along)
-        else:
+        if not self.kind:
             (m,), scale = integers([n])
-            core = Fraction(max(dot(m, v) for v in self.numbers), scale * self.scale)
+            return Fraction(max(dot(m, v) for v in self.numbers), scale * self.scale) + self.radius * size(n)
+        rim, along = self.size[0] * size((n[0], n[1], 0)), self.size[2] * n[2]
+        egg = size([s * x for s, x in zip(self.size, n)])
+        core = {"cylinder": rim + abs(along), "cone": max(along, rim - along), "ellipsoid": egg}[self.kind]
         return core + self.radius * size(n)
     def off(self, p):  # how far a point is from the core, or more
         if self.kind == "ellipsoid":  # p / scale lies in it
             return (size(tuple(x / s for s, x in zip(self.size, p))) - 1) * size(p)
-        radius, _, half = self.size
-        require(abs(p[2]) <= half, "a point lies beyond the ends of its core")
-        return size((p[0], p[1], 0)) - (1 if self.kind == "cylinder" else (half - p[2]) / (2 * half)) * radius
+        half = require(abs(p[2]) <= self.size[2], "a point lies beyond the ends of its core", self.size[2])
+        return size((p[0], p[1], 0)) - (1 if self.kind == "cylinder" else (half - p[2]) / (2 * half)) * self.size[0]
 class Body:
     def __init__(self, document, pieces):
         self.on, self.joint, self.pose, self.moves = (document[key] for key in ("on", "joint", "pose", "moves"))
-        self.pieces, centre = [at(pieces, k, "piece") for k in document["pieces"]], vector(document["centre"])
+        self.wholes, centre = [at(pieces, k, "piece") for k in document["pieces"]], vector(document["centre"])
+        self.pieces = [part for whole in self.wholes for part in whole.parts]
         self.inner, self.outer = (length(document["shape"][key]) for key in ("inner", "outer"))
         self.position, angle = (length(document["uncertainty"][key]) for key in ("position", "angle"))
-        chord = size(minus(turn_about(AXES[2], angle)[1][0], AXES[0])) + BLUR if angle else 0
+        chord = size(plus(turn_about(AXES[2], angle)[1][0], AXES[0], -1)) + BLUR if angle else 0
         self.chord = chord if angle < Fraction(math.pi) else 2
         self.name, self.moved = document["name"], length(document["max_speed"]) * length(document["age_s"])
-        self.reach, radius = (max([p.reach(c) for p in self.pieces], default=0) + self.inner for c in (ZERO, centre))
+        self.reach, radius = (max([p.reach(c) for p in self.wholes], default=0) + self.inner for c in (ZERO, centre))
         self.ball, grown = (centre, radius), length(document["padding"]) + self.position
         require(all(p.radius + self.inner >= grown for p in self.pieces), f"{self.name!r} lacks padding or uncertainty")
 class Motion:  # where bodies are between the two ends of a configuration, at times from 0 to 1; or in one of one end
@@ -132,9 +115,8 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         if id in self.poses:
             (*t, a, b, c, d), (*t1, w, x, y, z) = (list(map(exact, self.poses[id][k])) for k in (0, -1))
             axis, angle = turn_between(a, (b, c, d), w, (x, y, z))
-            yield pose_of(*(*plus(t, minus(t1, t), time), a, b, c, d)), minus(t1, t), False
-            if angle:
-                yield turn_about(axis, time * angle), times(angle, axis), True
+            yield pose_of(*(*plus(t, plus(t1, t, -1), time), a, b, c, d)), plus(t1, t, -1), False
+            yield from [(turn_about(axis, time * angle), times(angle, axis), True)] if angle else []
             return
         yield pose_of(*map(exact, self.bodies[id].pose)), ZERO, False
         for move in self.bodies[id].moves:
@@ -149,10 +131,9 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
             for (t, rows, blur), rate, turns in self.steps(id, time):
                 o, R, _ = X
                 X = (t, rows, blur) if X is WORLD else (
-                    near(*plus(o, turned(R, t))), tuple(near(*(turned_back(rows, row))) for row in R), BLUR)
+                    near(*plus(o, turned(R, t))), tuple(near(*turned(zip(*rows), row)) for row in R), BLUR)
                 movers = movers + [(near(*turned(R, rate)), X[0], turns)] if any(rate) else movers
-            fits = max(*map(abs, X[0]), self.bodies[id].reach) < LARGEST
-            require(fits or not X[2], f"{self.bodies[id].name!r} is too large, or too far away")
+            require(max(*map(abs, X[0]), self.bodies[id].reach) < LARGEST or not X[2], "a body is too large or far")
             self.seen[id, time] = X, movers
         return self.seen[id, time]
     def path(self, seer, id, time):  # what moves a body before another's eyes (None: the world's), from these on
@@ -163,7 +144,7 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         (centre, rest), (o, R, _), slide, speeds, angles = self.bodies[id].ball, self.at(id, time)[0], ZERO, [], []
         nearest = plus(o, turned(R, centre))
         for rate, point, turns in reversed(self.path(seer, id, time)):
-            ends = [plus(minus(nearest, point), slide, s) for s in (-half, half)]
+            ends = [plus(plus(nearest, point, -1), slide, s) for s in (-half, half)]
             speeds.append(size(rate) * rest + max(size(cross(rate, v)) for v in ends) if turns else size(rate))
             angles.append(size(rate) if turns else 0)
             rest += max(map(size, ends)) if turns else 0
@@ -179,7 +160,7 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         for frame, next_ in zip(frames, [*frames[1:], id]):
             own = self.bodies[frame].position + self.bodies[frame].moved
             shift, turn = shift + own + turn * (along + own), turn + self.bodies[frame].chord
-            along = size(minus(self.at(next_, time)[0][0], self.at(frame, time)[0][0]))
+            along = size(plus(self.at(next_, time)[0][0], self.at(frame, time)[0][0], -1))
         known = body.inner + body.moved + body.chord * body.reach + shift + turn * (along + body.moved + body.reach)
         return known, known + (turn and turn * half * self.rates(None, id, time, half)[0])
     def check_span(self, ids, span, bound):
@@ -191,24 +172,32 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         shared = sum(x == y for x, y in zip(*frames))  # what carries both moves neither before the other
         known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, half) for id, f in zip(ids, frames))))
         require(sum(length(term["inner"]) for term in span["slack"]["terms"]) >= known, "slack is too little")
-        open_pairs = {(i, j) for i in range(len(a.pieces)) for j in range(len(b.pieces))}
-        for claim in span["lower"]:
-            pairs, seer = open_pairs if claim["pieces"] is None else {tuple(claim["pieces"])}, claim["seer"]
-            n, moves = turned(R_a, vector(claim["direction"], high_and_low)), claim["order"] == 2  # from a towards b
+        counts = len(a.pieces), len(b.pieces)
+        cover = [list(map(run, claim["pieces"] or (None, None), counts)) for claim in span["lower"]]
+        for claim, ((i, i_end), (j, j_end)) in zip(span["lower"], cover):  # directions are from a towards b
+            n, seer, moves = turned(R_a, vector(claim["direction"], high_and_low)), claim["seer"], claim["order"] == 2
             rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, half) for id in ids]
             speed, bend = map(sum, zip(*rates[seer]))
             for s in (begin - middle, end - middle) if moves else (0,):  # between these what is proved is concave
                 need = bound + inner + blur_a + blur_b + (bend * s * s / 2 if moves else speed * half)
                 (n_a, to_a), (n_b, to_b) = (self.lean(seer, id, middle, n, s) for id in ids)
                 gap = dot(n_b, t_b) + to_b - dot(n_a, t_a) - to_a
-                n_a, n_b = turned_back(R_a, n_a), times(-1, turned_back(R_b, n_b))
-                ahead = {i: at(a.pieces, i, "piece").support(n_a) for i, _ in pairs}
-                behind = {j: at(b.pieces, j, "piece").support(n_b) for _, j in pairs}
-                for i, j in pairs:
-                    require(any(n) and gap - ahead[i] - behind[j] >= need * size(n) * (1 if need > 0 else 1 - BLUR),
-                            f"pieces {i} and {j} of {a.name!r} and {b.name!r} are not {float(need)!r} m apart")
-            open_pairs = open_pairs - pairs
-        require(not open_pairs, f"no direction for pieces {sorted(open_pairs)[:3]}")
+                n_a, n_b = turned(zip(*R_a), n_a), times(-1, turned(zip(*R_b), n_b))
+                gap -= max(p.support(n_a) for p in a.pieces[i:i_end]) + max(p.support(n_b) for p in b.pieces[j:j_end])
+                require(any(n) and gap >= need * size(n) * (1 if need > 0 else 1 - BLUR),
+                        f"pieces {i} and {j} of {a.name!r} and {b.name!r} are not {float(need)!r} m apart")
+        for place in {0, *(end for (_, end), _ in cover if end < counts[0])}:  # what another covers ends at none else
+            done = 0
+            for begin_b, end_b in sorted(of_b for (first, end), of_b in cover if first <= place < end):
+                done = max(done, end_b) if begin_b <= done else done
+            require(done == counts[1], f"no direction for piece {place} of {a.name!r}, and {done} of {b.name!r}")
+        for held, t_h, R_h, holder, t, R in ((a, t_a, R_a, b, t_b, R_b), (b, t_b, R_b, a, t_a, R_a)):
+            for solid, seed in ((x, p) for x in holder.wholes if x.solid for y in held.wholes for p in y.seeds):
+                p = turned(zip(*R), plus(plus(turned(R_h, seed), t_h), t, -1))
+                beside = bound <= 0 or any(x < low or x > high for (low, high), x in zip(solid.box, p))
+                require(beside or turns_around([plus(v, p, -1) for v in solid.vertices], solid.faces, bound**2) == 0,
+                        f"a part of {held.name!r} is within {holder.name!r}")
+        require(bound > 0 or len(cover) == 1 or a.pieces + b.pieces == a.wholes + b.wholes, "a depth of surfaces")
         return begin, end
     def lean(self, seer, id, time, n, s):  # points x that keep their speed get along n, by s, to lean.x + more
         path = self.path(seer, id, time) if s else []
@@ -223,8 +212,12 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         for core, found in zip(cores, claim.get("points", (None, None))):  # of a round one points near it
             named.append([vector(p, high_and_low) for p in found] if core.kind else core.vertices)
             reach += core.radius - (max(0, *map(core.off, named[-1])) if core.kind else 0)
+        if "within" in claim:  # a vertex in a solid, which goes around the origin as seen from it
+            whole, side, [[k, m]] = at(cores, claim["within"], "side").whole, claim["within"], claim["vertices"]
+            named[side], all_ = require(whole.solid is True, "no solid", whole.vertices), range(len(whole.vertices))
+            claim = {**claim, "faces": whole.faces, "vertices": [((x, m), (k, x))[side] for x in all_]}
         pairs = [(at(named[0], k, "vertex"), at(named[1], m, "vertex")) for k, m in claim["vertices"]]
-        points = [minus(u, turned_back(R_a, minus(plus(turned(R_b, v), t_b), t_a))) for u, v in pairs]  # of a - b
+        points = [plus(u, turned(zip(*R_a), plus(plus(turned(R_b, v), t_b), t_a, -1)), -1) for u, v in pairs]  # a - b
         require(0 <= time <= 1 and points, "a witness is at no time, or nowhere")
         if "faces" in claim:
             return check_surface(claim, points, -reach)
@@ -232,30 +225,30 @@ class Motion:  # where bodies are between the two ends of a configuration, at ti
         require(len(weights) == len(points) and min(weights) >= 0 and sum(weights) > 0, "weights are none")
         apart = [sum(w * v[k] for w, v in zip(weights, points)) / sum(weights) for k in range(3)]
         require(reach >= 0 and dot(apart, apart) <= reach * reach, "the witness points are farther apart than upper")
-        return f"points of {len(points)} vertices"
 def check_surface(claim, points, depth):  # it goes around the origin, beyond a ball: cores overlap by its radius
-    faces, normals = [tuple(face) for face in claim["faces"]], [vector(m, high_and_low) for m in claim["normals"]]
-    require(len(faces) == len(normals) > 0 and all(len(face) == 3 for face in faces), "faces are no triangles")
-    edges = [(at(points, u, "vertex") and u, v) for face in faces for u, v in zip(face, face[1:] + face[:1])]
+    faces, normals = claim["faces"], [vector(m, high_and_low) for m in claim["normals"]]
+    beyond = [(min(dot(m, at(points, k, "vertex")) for k in face), m) for face, m in zip(faces, normals)]
+    require(len(faces) == len(normals) > 0 and all(d > 0 and d >= depth * size(m) for d, m in beyond), "a face is near")
+    require(turns_around(points, faces, min(d * d / dot(m, m) for d, m in beyond)) != 0, "it is not around the origin")
+def turns_around(points, faces, least):  # how often; rays begin nearer than any face, which the root of `least` is not
+    (numbers, scale), edges = integers(points), [(u, v) for i, j, k in faces for u, v in ((i, j), (j, k), (k, i))]
     require(sorted(edges) == sorted((v, u) for u, v in edges), "the surface has a border")
-    beyond = [(min(dot(m, points[k]) for k in face), m) for face, m in zip(faces, normals)]
-    require(all(d > 0 and d >= depth * size(m) for d, m in beyond), "a face is not beyond its plane")
-    least, (numbers, scale) = min(d * d / dot(m, m) for d, m in beyond), integers(points)
-    while least * scale * scale <= max(dot(o, o) for o, _ in RAYS):  # rays begin nearer than any triangle
+    while least * scale * scale <= max(dot(o, o) for o, _ in RAYS):
         numbers, scale = [times(1 << 64, w) for w in numbers], scale << 64
     for o, g in RAYS:
-        q = [minus(w, o) for w in numbers]
+        q = [plus(w, o, -1) for w in numbers]
         signs = [[dot(g, cross(q[u], q[v])) for u, v in ((i, j), (j, k), (k, i))] + [dot(q[i], cross(q[j], q[k]))]
-                 for i, j, k in faces]
-        if not any(0 in sides[:3] for sides in signs):  # else this ray meets an edge: another
-            turns = sum(min(sides) > 0 for sides in signs) - sum(max(sides) <= 0 for sides in signs)
-            require(turns != 0, "the surface does not go around the origin")
-            return f"a surface of {len(faces)} faces"
+                 for i, j, k in faces if i != j != k != i]
+        if not any(0 in sides[:3] and not min(sides[:3]) < 0 < max(sides[:3]) for sides in signs):  # else another ray
+            return sum(min(sides) > 0 for sides in signs) - sum(max(sides) <= 0 for sides in signs)
     raise ValueError("every ray meets an edge of the surface")
 def check_row(row, motions, query):
     status, lower, upper, pairs = row["status"], real(row["lower"]), real(row["upper"]), row["pairs"]
+    first = row["first_contact"] or {"free_until": 0, "hit_at": "inf", "witness": None}
+    free, hit = real(first["free_until"]), real(first["hit_at"])
+    require(0 <= free <= 1 or free == math.inf, "a motion is free until no time of it")
     if status in ("bad_pose", "no_pose", "stale_pose", "unknown_body"):
-        require(lower == -math.inf and upper == math.inf and not pairs, f"{status} says nothing of a distance")
+        require((lower, upper, free, hit, pairs) == (-math.inf, math.inf, 0, math.inf, []), f"{status} says nothing")
         return "says nothing, and nothing is to be proved"
     signed, decides, motion = query["signed"], query["reduce"] == "any", motions[row["configuration"]]
     require(row["proved"] is True and type(signed) is bool and pairs, "the engine found no proof")
@@ -263,19 +256,26 @@ def check_row(row, motions, query):
     fits = {"ok": 0 < lower and (decides or lower <= cut), "overlap": upper <= 0, "contact": lower <= 0 <= upper,
             "beyond": lower > cut, "unconverged": True}
     require(lower <= upper and (signed or upper >= 0) and fits.get(status), f"[{lower!r}, {upper!r}] is not {status!r}")
-    for pair in pairs if lower > (-math.inf if signed else 0) else ():
-        beyond = real(pair["margin"]) if decides and status == "beyond" else -math.inf
-        require(lower <= real(pair["lower"]) > beyond, "a pair may be nearer than the row says")
-        ends = sorted(motion.check_span(pair["bodies"], span, exact(pair["lower"])) for span in pair["spans"])
-        require([0, *(end for _, end in ends)] == [*(begin for begin, _ in ends), 1], "spans leave a gap")
-    shown = f"lower by {sum(len(span['lower']) for pair in pairs for span in pair['spans'])} direction(s)"
+    bounded = lower > (-math.inf if signed else 0)
+    for pair in pairs:
+        whole, margin = real(pair["lower"]) if bounded else -math.inf, real(pair["margin"])
+        kept = not bounded or lower <= whole > (margin if decides and status == "beyond" else -math.inf)
+        early = pair["free"] is not None or (free > 0 and not whole > margin)  # else it is proved beyond it all along
+        require(kept and not (early and real(pair["free"]["lower"]) <= margin), "a pair may be nearer than is said")
+        for proof, until in [(pair, 1)] * bounded + ([(pair["free"], min(free, 1))] if early else []):
+            ends = sorted(motion.check_span(pair["bodies"], span, exact(proof["lower"])) for span in proof["spans"])
+            require([0, *(end for _, end in ends)] == [*(begin for begin, _ in ends), until], "spans leave a gap")
     if upper < math.inf:
         [margin] = [real(pair["margin"]) for pair in pairs if pair["bodies"] == row["bodies"]]
         require(status == "unconverged" or not decides or upper <= margin, "the witness is beyond its margin")
-        shown += f", upper by {motion.check_upper(row['bodies'], row['witness'], exact(upper))}"
-    return shown
+        motion.check_upper(row["bodies"], row["witness"], exact(upper))
+    if hit < math.inf or first["witness"] is not None:
+        [margin] = [exact(pair["margin"]) for pair in pairs if pair["bodies"] == first["bodies"]]
+        require(exact(first["witness"]["time"]) == exact(hit), "the witness of first contact is at another time")
+        motion.check_upper(first["bodies"], first["witness"], margin)
+    return f"proved by spans of {len(pairs)} pair(s), and by {(upper < math.inf) + (hit < math.inf)} witness(es)"
 def verdicts(document):  # of each row, whether it is proved, and by what or why not; may raise one of MALFORMED
-    require((document["format"], document["version"]) == ("clearance certificate", 2), "another format or version")
+    require((document["format"], document["version"]) == ("clearance certificate", 3), "another format or version")
     pieces = list(map(Piece, document["pieces"]))
     bodies = no_repeats([(body["id"], Body(body, pieces)) for body in document["bodies"]])
     ends, places = 2 if document["query"]["motions"] else 1, document["configurations"]
@@ -296,5 +296,4 @@ def check_file(path, say_all):
     print(f"{path}: {sum(is_proved for is_proved, _ in found)} of {len(found)} rows are proved")
     return all(is_proved for is_proved, _ in found)
 if __name__ == "__main__":
-    done = [check_file(path, "--all" in sys.argv) for path in sys.argv[1:] if path != "--all"]
-    sys.exit(0 if done and all(done) else 1)
+    sys.exit({check_file(path, "--all" in sys.argv) for path in sys.argv[1:] if path != "--all"} != {True})

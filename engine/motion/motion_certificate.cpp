@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -24,7 +25,8 @@ class MotionCertificateJob final : public CertificateJob {
   }
 
  private:
-  enum class Step { kBegin, kAnswer, kPairs, kWitness };
+  enum class Step { kBegin, kAnswer, kPairs, kWitness, kContact };
+  static constexpr double kInf = std::numeric_limits<double>::infinity();
   static constexpr std::uint64_t kNone64 = ~std::uint64_t{0};
 
   bool go_on_with(std::uint64_t number, WorkMeter& slice) override {
@@ -39,8 +41,9 @@ class MotionCertificateJob final : public CertificateJob {
       if (!begin_row(number, motion)) return true;
     }
     if (step_ == Step::kPairs && !prove_pairs(slice)) return false;
-    if (!prove_witness(slice)) return false;
-    text_.end_row(witness_, is_proved_);
+    if (step_ == Step::kWitness && !prove_witness(slice)) return false;
+    if (!prove_hit(slice)) return false;
+    end_row(is_proved_);
     step_ = Step::kBegin;
     return true;
   }
@@ -68,32 +71,45 @@ class MotionCertificateJob final : public CertificateJob {
   bool begin_row(std::uint64_t number, std::uint64_t motion) {
     const PairAnswer& answer = row_->row.answer;
     text_.begin_row(number, motion, row_->row.pair, answer);
+    contact_.reset();
+    if (wants_contact()) {
+      const MotionHit& hit = row_->hit;
+      contact_ = {row_->free_until, hit.time, {}, {}};
+      if (hit.time < kInf) contact_->pair = plan_.pairs.at(hit.position);
+    }
     witness_.reset();
     witness_prover_.reset();
     pair_prover_.reset();
     is_proved_ = true;
     step_ = Step::kPairs;
     if (!std::isinf(answer.lower) || answer.lower > 0) return true;
-    text_.end_row(std::nullopt, true);
+    end_row(true);
     step_ = Step::kBegin;
     return false;
   }
+
+  void end_row(bool proved) { text_.end_row(witness_, contact_, proved); }
+
+  bool wants_contact() const { return (plan_.size.fields & kFieldFirstContact) != 0; }
 
   // What is proved of a pair: the row's bound and, where it says that all are beyond their margins, its margin.
   double lower_of(std::uint64_t position) const {
     const PairAnswer& answer = row_->row.answer;
     const bool beyond = plan_.query.reduce == Reduce::kAny && answer.status == Status::kBeyond;
     if (!beyond) return answer.lower;
-    return std::max(answer.lower, std::nextafter(plan_.margins.of(position), HUGE_VAL));
+    return std::max(answer.lower, above_margin(position));
   }
+  double above_margin(std::uint64_t position) const { return std::nextafter(plan_.margins.of(position), kInf); }
 
   bool prove_pairs(WorkMeter& slice) {
     for (; pair_ < end_; ++pair_) {
       const BodyPair pair = plan_.pairs.at(pair_);
       if (!pair_prover_ && !begin_pair(pair)) continue;
       const auto span_at = [this](const Placement& here, BodyPair of) { return this->span_at(here, of); };
-      if (!pair_prover_->advance(slice, span_at)) return false;
-      is_proved_ = is_proved_ && pair_prover_->has_proved();
+      do {
+        if (!pair_prover_->advance(slice, span_at)) return false;
+        is_proved_ = is_proved_ && pair_prover_->has_proved();
+      } while (begin_free(pair));
       pair_prover_.reset();
       text_.end_pair();
     }
@@ -105,31 +121,61 @@ class MotionCertificateJob final : public CertificateJob {
   bool begin_pair(BodyPair pair) {
     moment_.move_to(0.5);
     if (is_unusable(scene(), moment_.placed(), pair)) return false;  // the row says so: it is incomplete
-    refuse_surfaces(pair);
+    refuse_stand_ins(pair);
     refuse_half_spaces(pair);
     const double lower = lower_of(pair_);
     text_.begin_pair(pair, moment_.placed(), plan_.margins.of(pair_), lower);
+    // What is proved of the whole motion holds until first contact, too.
+    wants_free_ = contact_ && contact_->free_until > 0 && !(lower > plan_.margins.of(pair_));
     if (lower > 0 && is_proved_) {
-      pair_prover_.emplace(scene(), bounds_, options_, moment_, pair_, pair, lower, text_);
+      pair_prover_.emplace(scene(), bounds_, options_, moment_, pair_, pair, lower, 1, text_);
       return true;
     }
+    if (begin_free(pair)) return true;
     text_.end_pair();
     return false;
   }
 
+  // Goes on with the pair until first contact. Returns false where nothing is to be proved of that.
+  bool begin_free(BodyPair pair) {
+    if (!std::exchange(wants_free_, false) || !is_proved_) return false;
+    const double lower = above_margin(pair_), until = std::min(contact_->free_until, 1.0);
+    text_.begin_free(lower);
+    pair_prover_.emplace(scene(), bounds_, options_, moment_, pair_, pair, lower, until, text_);
+    return true;
+  }
+
   bool prove_witness(WorkMeter& slice) {
     const PairAnswer& answer = row_->row.answer;
-    if (!(answer.upper < HUGE_VAL)) return true;
-    const BodyPair pair = row_->row.pair;
+    if (answer.upper < kInf && !prove_upper(row_->row.pair, row_->found, answer, witness_, slice)) return false;
+    step_ = Step::kContact;
+    return true;
+  }
+
+  // That a pair is within its margin at the time of contact.
+  bool prove_hit(WorkMeter& slice) {
+    const MotionHit& hit = row_->hit;
+    if (!contact_ || !(hit.time < kInf)) return true;
+    PairAnswer within{};
+    within.upper = plan_.margins.of(hit.position);
+    within.piece_a = hit.piece_a;
+    within.piece_b = hit.piece_b;
+    return prove_upper(contact_->pair, hit.time, within, contact_->witness, slice);
+  }
+
+  // Returns false where the slice is over. \param answer its upper bound, and which pieces it is of
+  bool prove_upper(BodyPair pair, double time, const PairAnswer& answer, std::optional<WitnessProof>& found,
+                   WorkMeter& slice) {
     if (!witness_prover_) {
-      moment_.move_to(row_->found);
+      moment_.move_to(time);
       upper_alone_ = answer;
-      upper_alone_.lower = -HUGE_VAL;
-      witness_prover_.emplace(scene(), options_, moment_.placed(), pair, upper_alone_, text_);
+      upper_alone_.lower = -kInf;
+      witness_prover_ = make_row_prover(scene(), options_, moment_.placed(), pair, upper_alone_, text_);
     }
     if (!witness_prover_->advance(slice)) return false;
     is_proved_ = is_proved_ && witness_prover_->has_proved();
-    if (witness_prover_->upper()) witness_ = witness_at(moment_.placed(), pair, row_->found, *witness_prover_->upper());
+    if (witness_prover_->upper()) found = witness_at(moment_.placed(), pair, time, *witness_prover_->upper());
+    witness_prover_.reset();
     return true;
   }
 
@@ -146,8 +192,10 @@ class MotionCertificateJob final : public CertificateJob {
   std::uint64_t pair_ = 0, end_ = 0;  // the pair whose turn it is
   std::optional<PairProver> pair_prover_;
   PairAnswer upper_alone_;
-  std::optional<RowProver> witness_prover_;
+  std::unique_ptr<RowProver> witness_prover_;
   std::optional<WitnessProof> witness_;
+  std::optional<FirstContactProof> contact_;  // none: nobody asks
+  bool wants_free_ = false;                   // of the pair whose turn it is: until first contact
   bool is_proved_ = true;
 };
 

@@ -59,7 +59,10 @@ class MotionJob final : public ParallelJob {
   void write(const MotionRow& row) {
     assert(written_ < plan_.size.rows);
     if (reply_.time) reply_.time[written_] = row.time;
-    if (reply_.first_contact) std::copy_n(row.first_contact, 2, reply_.first_contact + 2 * written_);
+    if (reply_.first_contact) {
+      reply_.first_contact[2 * written_] = row.free_until;
+      reply_.first_contact[2 * written_ + 1] = row.hit.time;
+    }
     if (reply_.steps) reply_.steps[written_] = row.steps;
     write_row(reply_, written_++, row.row);
   }

@@ -58,8 +58,8 @@ MotionRow MotionSearch::row_of(const Goal& goal) const {
   const Plan& plan = question_.plan;
   MotionRow made;
   made.steps = steps_;
-  made.first_contact[0] = goal.unusable == kNowhere ? goal.unproved : 0;
-  made.first_contact[1] = goal.hit;
+  made.free_until = goal.unusable == kNowhere ? goal.unproved : 0;
+  made.hit = goal.hit;
   made.found = goal.time;
   Row& row = made.row;
   row.configuration = static_cast<std::uint32_t>(moving.motion);
@@ -91,7 +91,7 @@ void MotionSearch::append_rows(std::vector<MotionRow>& rows) const {
   if (question_.plan.query.reduce == Reduce::kNone) return;
   MotionRow none;
   none.row = {{kNone, kNone}, static_cast<std::uint32_t>(moving.motion), empty_answer(), {}, {}, {kNone, kNone}};
-  none.first_contact[0] = none.first_contact[1] = kInf;
+  none.free_until = kInf;
   rows.push_back(none);
 }
 

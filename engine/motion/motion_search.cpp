@@ -101,7 +101,7 @@ bool MotionSearch::next(Node& node) {
     std::size_t kept = 0;
     for (std::size_t i = 0; i < node.open.size(); ++i) {
       Goal& goal = goal_of(node.open[i]);
-      const bool is_late = seeks_contact_ && node.begin > goal.hit - kContactTime;
+      const bool is_late = seeks_contact_ && node.begin > goal.hit.time - kContactTime;
       if (is_late || node.low[i] > target_of(node.open[i], goal, 0) || is_settled(goal)) {
         leave(goal, node.open[i], node.low[i], 0, node.begin);
         continue;
@@ -225,8 +225,8 @@ std::size_t MotionSearch::nearest_of(const Node& node, const Placement& placed) 
 void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer,
                        const Placement& placed) {
   const bool within = is_within(answer, question_.plan.margins.of(position));
-  const bool earlier = within && time < goal.hit, hit_before = goal.hit < kInf;
-  if (within) goal.hit = std::min(goal.hit, time);
+  const bool earlier = within && time < goal.hit.time, hit_before = goal.hit.time < kInf;
+  if (earlier) goal.hit = {time, position, answer.piece_a, answer.piece_b};
   const bool nearer = answer.upper < goal.upper();
   if (!(any() && seeks_contact_ ? earlier || (nearer && !hit_before) : nearer)) return;
   const BodyPair pair = question_.plan.pairs.at(position);

@@ -13,12 +13,20 @@
 
 namespace clearance {
 
+/// When a pair is proved to be within its margin.
+struct MotionHit {
+  double time = std::numeric_limits<double>::infinity();  // 0 to 1; inf: never
+  std::uint64_t position = 0;                             // of the pair in the plan
+  std::uint32_t piece_a = 0, piece_b = 0;                 // the nearest of its bodies then
+};
+
 /// A row of a motion.
 struct MotionRow {
   Row row;
   double time = std::numeric_limits<double>::quiet_NaN();
   double found = std::numeric_limits<double>::quiet_NaN();  // when the upper bound was found, whatever the row says
-  double first_contact[2] = {};
+  double free_until = 0;                                    // nothing is within its margin before; inf: all along
+  MotionHit hit;                                            // the first that was found
   std::uint32_t steps = 0;
 };
 
@@ -88,7 +96,7 @@ class MotionSearch {
     double low = kInf;                  // of what has left: no pair is nearer
     std::uint64_t low_pair = kNowhere;  // whose
     double unproved = kInf;             // begin of the first span of which no margin is proved
-    double hit = kInf;                  // first time at which a pair is proved to be within its margin
+    MotionHit hit;                      // the first time at which a pair is proved to be within its margin
     double time = std::numeric_limits<double>::quiet_NaN();  // of `best`
     std::uint64_t pair = kNowhere;                           // likewise
     PairAnswer best;                                         // of the least upper bound

@@ -7,7 +7,9 @@ namespace clearance {
 
 namespace {
 
-constexpr double kLeastHalf = 0x1p-40;  // of a span
+// Of a span. A search ends at 2^-40 (motion_search.cpp), at times with no more left of a bound than the speed makes in
+// so short a time; spans that are cut otherwise than its own have to be shorter.
+constexpr double kLeastHalf = 0x1p-46;
 constexpr std::uint32_t kMostSpans = 1u << 14;
 constexpr std::uint64_t kUnitsPerMoment = 64, kUnitsPerSpanProof = 64;
 
@@ -33,7 +35,8 @@ void MotionMoment::move_to(double time) {
 }
 
 PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options,
-                       MotionMoment& moment, std::uint64_t position, BodyPair pair, double lower, CertificateText& text)
+                       MotionMoment& moment, std::uint64_t position, BodyPair pair, double lower, double until,
+                       CertificateText& text)
     : scene_(scene),
       bounds_(bounds),
       moment_(moment),
@@ -44,8 +47,9 @@ PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const Eva
       lower_(lower),
       text_(text),
       limits_(options.limits),
-      left_{{0, 1}} {
+      left_{{0, until}} {
   limits_.max_distance = std::numeric_limits<double>::infinity();
+  if (surface_of(a_) || surface_of(b_)) cover_.emplace(a_, b_);
 }
 
 // Begins with the span whose turn it is.
@@ -70,15 +74,60 @@ bool PairProver::step(WorkMeter& meter) {
       end_span({});
       return true;
     }
+    if (cover_) {
+      cover_->begin();
+      if (is_too_near_somewhere(meter)) {
+        end_span({false, false});
+        return false;
+      }
+    }
   }
+  if (cover_) return step_cover(meter);
   meter.count(kUnitsPerSpanProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
-  const Halves now = try_pieces(i_, j_);
+  const Halves now = try_pieces(*a_.pieces[i_], *b_.pieces[j_], {i_, j_, {}}, true);
   halves_.before &= now.before;
   halves_.after &= now.after;
   if (halves_.any()) {
     if (++j_ == b_.pieces.size()) j_ = 0, ++i_;
     if (i_ < a_.pieces.size()) return false;
   }
+  const bool proved = halves_.any();
+  end_span(halves_);
+  return proved;
+}
+
+// Whether nothing is proved of two elements that are near: then nothing is of the span.
+bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
+  const Placement& here = moment_.placed();
+  nearest_.begin(a_, here[pair_.a].pose, b_, here[pair_.b].pose);
+  const ElementPair near = nearest_.near();
+  Piece room_a, room_b;
+  const Piece &p = piece_of(a_, near.a, room_a), &q = piece_of(b_, near.b, room_b);
+  meter.count(kUnitsPerSpanProof + WorkMeter::units_of(p, q));
+  const bool is_proved = try_pieces(p, q, {0, 0, {}}, true).any();
+  claims_.clear();
+  return !is_proved;
+}
+
+// Two parts of bodies that are not convex.
+bool PairProver::step_cover(WorkMeter& meter) {
+  const PairCover::Parts parts = cover_->parts();
+  meter.count(kUnitsPerSpanProof);
+  Halves now{false, false};
+  const std::size_t claims = claims_.size();
+  if (parts.are_pieces()) {
+    meter.count(WorkMeter::units_of(*parts.a, *parts.b));
+    now = try_pieces(*parts.a, *parts.b, parts.claim, parts.are_elements);
+  }
+  if (parts.are_elements || (now.before && now.after)) {
+    cover_->settle();
+    halves_.before &= now.before;
+    halves_.after &= now.after;
+  } else {  // for smaller ones it may be proved of both halves
+    claims_.resize(claims);
+    cover_->halve();
+  }
+  if (halves_.any() && !cover_->is_done()) return false;
   const bool proved = halves_.any();
   end_span(halves_);
   return proved;
@@ -127,15 +176,15 @@ bool PairProver::try_boxes() {
   return true;
 }
 
-PairProver::Halves PairProver::try_pieces(std::uint32_t i, std::uint32_t j) {
+// \param claim of which pieces they are \param in_all_ways rather than in the first that may do
+PairProver::Halves PairProver::try_pieces(const Piece& p, const Piece& q, PieceProof claim, bool in_all_ways) {
   const PlacedPose &pose_a = moment_.placed()[pair_.a].pose, &pose_b = moment_.placed()[pair_.b].pose;
-  const Piece &p = *a_.pieces[i], &q = *b_.pieces[j];
-  PieceProof claim{i, j, {}, 1, rates_.speed_seer};
+  claim.seer = rates_.speed_seer;
   NarrowLimits limits = limits_;
   limits.overlap_by = slack_.outer;
   const std::array<NarrowLimits, 4> attempts = proof_attempts(limits);
   // What moves is halved until nothing but the distance itself is left of a doubt: so near it is asked for at once.
-  for (std::size_t k = way_ > 0 ? 2 : 0; k < attempts.size(); ++k) {
+  for (std::size_t k = way_ > 0 ? 2 : 0; k < (in_all_ways ? attempts.size() : 3); ++k) {
     const NarrowAnswer found = narrow_phase_proved(p, pose_a, q, pose_b, attempts[k], claim.proof);
     if (by_speed(found.bounds.lower)) {
       claims_.push_back(claim);

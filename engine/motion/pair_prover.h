@@ -1,6 +1,8 @@
-// Finds what proves that a pair stays farther apart than a length all along a motion: spans of time, with directions.
+// Finds what proves that a pair stays farther apart than a length along a motion, or its beginning: spans of time, with
+// directions.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -8,6 +10,8 @@
 #include "engine/motion/motion_bounds.h"
 #include "engine/motion/motion_poses.h"
 #include "engine/query/certificate_text.h"
+#include "engine/query/nearest_elements.h"
+#include "engine/query/pair_cover.h"
 #include "engine/query/row_prover.h"
 
 namespace clearance {
@@ -39,13 +43,14 @@ class MotionMoment {
   std::vector<Twist> twists_;
 };
 
-/// Halves the motion until each span is proved by the pair's speed, or by a direction along which it is looked at as it
-/// moves. Writes what it finds.
+/// Halves it until each span is proved by the pair's speed, or by a direction along which it is looked at as it moves.
+/// Writes what it finds.
 class PairProver {
  public:
-  /// All must outlive this. \param position of the pair in the plan. \param lower metres, to be proved
+  /// All must outlive this. \param position of the pair in the plan. \param lower metres, to be proved. \param until
+  /// when, from 0 on: to 1 at most
   PairProver(const Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options, MotionMoment& moment,
-             std::uint64_t position, BodyPair pair, double lower, CertificateText& text);
+             std::uint64_t position, BodyPair pair, double lower, double until, CertificateText& text);
 
   /// Returns true once it is known whether the bound is proved; false where the slice is over. \param span_at makes of
   /// the moment what a span is written with
@@ -63,7 +68,8 @@ class PairProver {
   struct Span {
     double begin, end;
     double middle() const { return 0.5 * begin + 0.5 * end; }
-    double half() const { return 0.5 * (end - begin); }
+    // Exact, even where the middle is rounded: a span begins at 0, or no earlier than it is long.
+    double half() const { return std::max(end - middle(), middle() - begin); }
   };
   // Of the span that is looked at: which halves are proved so far.
   struct Halves {
@@ -74,7 +80,9 @@ class PairProver {
   void look();
   bool step(WorkMeter& meter);
   bool try_boxes();
-  Halves try_pieces(std::uint32_t i, std::uint32_t j);
+  bool step_cover(WorkMeter& meter);
+  bool is_too_near_somewhere(WorkMeter& meter);
+  Halves try_pieces(const Piece& p, const Piece& q, PieceProof claim, bool in_all_ways);
   Halves by_direction(const Vec3d& n, const Piece* p, const Piece* q) const;
   bool by_speed(double lower) const { return difference_below(slack_.true_lower(lower), way_) >= lower_; }
   void write(SpanPlace place);
@@ -97,7 +105,9 @@ class PairProver {
   PairRates rates_;
   Slack slack_;
   double way_ = 0;
-  std::uint32_t i_ = 0, j_ = 0;  // the pieces whose turn it is
+  std::uint32_t i_ = 0, j_ = 0;     // the pieces whose turn it is
+  std::optional<PairCover> cover_;  // instead, where one body is not convex
+  NearestElements nearest_;
   Halves halves_;
   std::vector<PieceProof> claims_;
   SpanPlace proved_;  // its begin, end and middle

@@ -30,7 +30,7 @@ class RowCertificateJob final : public CertificateJob {
     const std::uint64_t k = row / plan_.size.pairs;
     if (step_ == Step::kBegin) {
       const BodyPair pair = plan_.pairs.at(row % plan_.size.pairs);
-      refuse_surfaces(pair);
+      refuse_stand_ins(pair);
       here_ = &placement(0, k);
       asked_ = {pair, here_, plan_.query.max_distance};
       answer_ = {};
@@ -42,14 +42,14 @@ class RowCertificateJob final : public CertificateJob {
       if (!evaluator_.advance(slice)) return false;
       text_.begin_row(row, k, pair, answer_);
       if (is_unusable(scene(), *here_, pair)) {
-        text_.end_row(std::nullopt, true);
+        text_.end_row(std::nullopt, std::nullopt, true);
         step_ = Step::kBegin;
         return true;
       }
       refuse_half_spaces(pair);
       text_.begin_pair(pair, *here_, 0, answer_.lower);
       text_.begin_span(pair, span_at(*here_, pair));
-      prover_.emplace(scene(), options_, *here_, pair, answer_, text_);
+      prover_ = make_row_prover(scene(), options_, *here_, pair, answer_, text_);
       step_ = Step::kProve;
     }
     if (!prover_->advance(slice)) return false;
@@ -57,7 +57,7 @@ class RowCertificateJob final : public CertificateJob {
     text_.end_pair();
     std::optional<WitnessProof> witness;
     if (prover_->upper()) witness = witness_at(*here_, pair, 0, *prover_->upper());
-    text_.end_row(witness, prover_->has_proved());
+    text_.end_row(witness, std::nullopt, prover_->has_proved());
     step_ = Step::kBegin;
     return true;
   }
@@ -67,7 +67,7 @@ class RowCertificateJob final : public CertificateJob {
   const Placement* here_ = nullptr;
   PlacedBodies asked_{};
   PairAnswer answer_;
-  std::optional<RowProver> prover_;
+  std::unique_ptr<RowProver> prover_;
 };
 
 void check_rows(const CertificateRows& rows, const QuerySize& size) {

@@ -47,10 +47,11 @@ void CertificateJob::refuse_half_spaces(BodyPair pair) const {
   }
 }
 
-void CertificateJob::refuse_surfaces(BodyPair pair) const {
-  if (!scene().has_surfaces()) return;
+// Of the model pieces.
+void CertificateJob::refuse_stand_ins(BodyPair pair) const {
+  if (plan_.query.model != Model::kPieces) return;
   if (const std::string why = no_convex_truth(scene(), pair); !why.empty())
-    refuse_kind(why + ", of whose rows none is certified so far; its hull's are (convexify: hull)");
+    refuse_kind(why + ", of whose pieces no row is certified: its triangles' are (model: truth)");
 }
 
 SpanPlace CertificateJob::span_at(const Placement& here, BodyPair pair) const {

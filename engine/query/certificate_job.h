@@ -28,7 +28,7 @@ class CertificateJob : public ParallelJob {
   const EvaluateOptions& with_pieces();
   /// Throw QueryError for pairs of which nothing is certified.
   void refuse_half_spaces(BodyPair pair) const;
-  void refuse_surfaces(BodyPair pair) const;
+  void refuse_stand_ins(BodyPair pair) const;
   /// Bodies with usable poses, as of the whole of a motion; its begin, end and time may be set then.
   SpanPlace span_at(const Placement& here, BodyPair pair) const;
   WitnessProof witness_at(const Placement& here, BodyPair pair, double time, PieceProof proof) const;

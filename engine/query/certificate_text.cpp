@@ -62,9 +62,13 @@ Json id_json(std::uint32_t body) {
   return body;
 }
 
+Json run_of(std::uint32_t first, std::uint32_t count) {
+  if (count == 1) return first;
+  return Json::array({first, first + count});
+}
 Json pieces_of(const PieceProof& proof) {
   if (proof.piece_a == kNone) return nullptr;
-  return Json::array({proof.piece_a, proof.piece_b});
+  return Json::array({run_of(proof.piece_a, proof.count_a), run_of(proof.piece_b, proof.count_b)});
 }
 Json lower_json(const PieceProof& p) {
   return {{"pieces", pieces_of(p)},
@@ -79,8 +83,9 @@ Json points_json(const std::vector<Vec3<DoubleDouble>>& points) {
   for (const Vec3<DoubleDouble>& p : points) json.push_back(vector(p));
   return json;
 }
-Json witness_json(const WitnessProof& witness) {
-  const PieceProof& p = witness.proof;
+Json witness_json(const std::optional<WitnessProof>& witness) {
+  if (!witness) return nullptr;
+  const PieceProof& p = witness->proof;
   Json vertices = Json::array(), weights = Json::array(), faces = Json::array(), normals = Json::array();
   for (const ProofVertex& v : p.proof.vertices) {
     vertices.push_back({v.a, v.b});
@@ -90,20 +95,28 @@ Json witness_json(const WitnessProof& witness) {
     faces.push_back({f.vertex[0], f.vertex[1], f.vertex[2]});
     normals.push_back(vector(f.normal));
   }
-  Json json{{"time", witness.time},
-            {"poses", {pose(witness.X_wa), pose(witness.X_wb)}},
+  Json json{{"time", witness->time},
+            {"poses", {pose(witness->X_wa), pose(witness->X_wb)}},
             {"pieces", pieces_of(p)},
             {"arithmetic", arithmetic(p.proof.upper_in_double_double)},
             {"vertices", vertices}};
   if (!p.proof.points_a.empty() || !p.proof.points_b.empty())
     json["points"] = {points_json(p.proof.points_a), points_json(p.proof.points_b)};
-  if (faces.empty()) {
+  if (p.within != kNone) json["within"] = p.within;
+  if (faces.empty() && p.within == kNone) {
     json["weights"] = weights;
   } else {
     json["faces"] = faces;
     json["normals"] = normals;
   }
   return json;
+}
+
+Json contact_json(const FirstContactProof& contact) {
+  return {{"free_until", number(contact.free_until)},
+          {"hit_at", number(contact.hit_at)},
+          {"bodies", {id_json(contact.pair.a), id_json(contact.pair.b)}},
+          {"witness", witness_json(contact.witness)}};
 }
 
 // Those that there are, each with the name of what derives it.
@@ -135,6 +148,12 @@ const char* name_of_reduce(Reduce reduce) {
 }
 }  // namespace
 
+std::uint32_t piece_place(const Body& body, std::uint32_t piece) {
+  std::uint32_t place = 0;
+  for (std::uint32_t i = 0; i < piece; ++i) place += body.pieces[i]->surface ? body.pieces[i]->surface->size() : 1;
+  return place;
+}
+
 void CertificateText::add(const std::string& text) {
   if (text.size() > most_ - std::min<std::uint64_t>(most_, text_.size()))
     throw QueryError(QueryErrorCode::kTooLarge, "certificate: the document takes more than " + std::to_string(most_) +
@@ -155,7 +174,7 @@ void CertificateText::begin(const ReplyInfo& info) {
                    {"max_distance", number(query.max_distance)}, {"abs_tol", number(query.abs_tol)},
                    {"rel_tol", number(query.rel_tol)},           {"signed", query.signed_distance}};
   add(open_text({{"format", "clearance certificate"},
-                 {"version", 2},
+                 {"version", 3},
                  {"scene_revision", text(info.scene_revision)},
                  {"snapshot_revision", info.snapshot_revision},
                  {"snapshot_stamp_ns", std::to_string(info.snapshot_stamp_ns)},
@@ -187,6 +206,7 @@ void CertificateText::begin_pair(BodyPair pair, const Placement& here, double ma
            first_pair_);
   add(",\"spans\":[");
   first_span_ = true;
+  is_free_ = false;
 }
 
 void CertificateText::begin_span(BodyPair pair, const SpanPlace& span) {
@@ -208,12 +228,20 @@ void CertificateText::end_span() {
   add("]}");
 }
 
-void CertificateText::end_pair() {
-  add("]}");
+void CertificateText::begin_free(double lower) {
+  add("],\"free\":" + open_text({{"lower", number(lower)}}) + ",\"spans\":[");
+  first_span_ = true;
+  is_free_ = true;
 }
 
-void CertificateText::end_row(const std::optional<WitnessProof>& witness, bool proved) {
-  add("],\"witness\":" + (witness ? text_of(witness_json(*witness)) : "null"));
+void CertificateText::end_pair() {
+  add(is_free_ ? "]}}" : "],\"free\":null}");
+}
+
+void CertificateText::end_row(const std::optional<WitnessProof>& witness,
+                              const std::optional<FirstContactProof>& contact, bool proved) {
+  add("],\"witness\":" + text_of(witness_json(witness)));
+  add(",\"first_contact\":" + text_of(contact ? contact_json(*contact) : Json(nullptr)));
   add(proved ? ",\"proved\":true}" : ",\"proved\":false}");
 }
 
@@ -323,28 +351,39 @@ void CertificateText::add_body(std::uint32_t id) {
            is_first);
 }
 
-// Some vertices of the piece whose turn it is.
+// Some vertices and elements of the piece whose turn it is.
 void CertificateText::add_piece(WorkMeter& meter) {
   const Piece& piece = *pieces_[next_piece_];
   bool is_first = next_piece_ == 0;
   if (next_vertex_ == 0) {
-    Json json{{"digest", text(piece.digest)},
-              {"loaded_vertices", piece.loaded_vertices},
+    if (piece.surface) elements_ = surface_rows(*piece.surface);
+    Json json{{"digest", text(piece.surface ? piece.surface->digest() : piece.digest)},
+              {"loaded_vertices", piece.surface ? elements_->loaded : piece.loaded_vertices},
               {"radius", number(piece.radius)},
-              {"count", piece.count()}};
+              {"count", piece.surface ? elements_->vertices.size() : piece.count()}};
     if (piece.primitive)
       json["core"] = {{"kind", name_of(piece.primitive->kind)}, {"size", vector(piece.primitive->size)}};
+    if (piece.surface) json["solid"] = piece.surface->is_solid();
     add_item(open_text(json), is_first);
     add(",\"vertices\":[");
   }
-  const std::size_t end = std::min<std::size_t>(piece.vertices.size(), next_vertex_ + kVerticesAtOnce);
-  bool is_first_vertex = next_vertex_ == 0;
-  for (; next_vertex_ < end; ++next_vertex_) add_item(text_of(vector(piece.vertices[next_vertex_])), is_first_vertex);
+  const std::vector<Vec3d>& vertices = piece.surface ? elements_->vertices : piece.vertices;
+  const std::size_t elements = piece.surface ? piece.surface->size() : 0;
+  // Elements come behind vertices.
+  for (std::size_t n = 0; n < kVerticesAtOnce && next_vertex_ < vertices.size() + elements; ++n, ++next_vertex_) {
+    bool is_first_row = next_vertex_ == 0 || next_vertex_ == vertices.size();
+    if (next_vertex_ == vertices.size()) add("],\"elements\":[");
+    if (next_vertex_ < vertices.size())
+      add_item(text_of(vector(vertices[next_vertex_])), is_first_row);
+    else
+      add_item(text_of(elements_->element(next_vertex_ - vertices.size())), is_first_row);
+  }
   meter.count(kUnitsPerItem + kVerticesAtOnce);
-  if (end < piece.vertices.size()) return;
+  if (next_vertex_ < vertices.size() + elements) return;
   add("]}");
   ++next_piece_;
   next_vertex_ = 0;
+  elements_.reset();
 }
 
 }  // namespace clearance

@@ -11,16 +11,25 @@
 
 #include "engine/narrow/proof.h"
 #include "engine/query/job_state.h"
+#include "engine/surface/surface_rows.h"
 
 namespace clearance {
 
-/// What proves a bound of two pieces.
+/// What proves a bound of two pieces, or of all of a run of pieces of each body. The elements of a surface count as
+/// pieces, in their order, in its place (piece_place()).
 struct PieceProof {
   std::uint32_t piece_a, piece_b;  ///< of their bodies; both kNone: the direction is for every pair of pieces
   NarrowProof proof;
-  int order = 1;               ///< of a direction: 2: bodies are looked at as they move along it
-  std::uint32_t seer = kNone;  ///< before whose eyes they move; kNone: the world's
+  int order = 1;                           ///< of a direction: 2: bodies are looked at as they move along it
+  std::uint32_t seer = kNone;              ///< before whose eyes they move; kNone: the world's
+  std::uint32_t count_a = 1, count_b = 1;  ///< of a direction: how many pieces from these on
+  /// Of a witness: which body (0: a, 1: b) has a solid, of which its piece is an element, that a vertex of the other's
+  /// piece is within; kNone: none
+  std::uint32_t within = kNone;
 };
+
+/// Which of the body's pieces a piece, or the first element of its surface, is, where elements count as pieces.
+std::uint32_t piece_place(const Body& body, std::uint32_t piece);
 
 /// A span of a motion, looked at at one time, and what is not known of a pair there. A row without motions has one.
 struct SpanPlace {
@@ -38,6 +47,13 @@ struct WitnessProof {
   PieceProof proof;
 };
 
+/// Until when a motion is free, and when something is within its margin.
+struct FirstContactProof {
+  double free_until = 0, hit_at = 0;    ///< 0 to 1; inf: all along, never
+  BodyPair pair{kNone, kNone};          ///< that is within its margin
+  std::optional<WitnessProof> witness;  ///< none: nothing is, or it is not proved
+};
+
 /// docs/certificates.md says what it holds. Rows come first, then the bodies that they name, their pieces, and where
 /// configurations put them.
 class CertificateText {
@@ -53,10 +69,14 @@ class CertificateText {
   void begin_span(BodyPair pair, const SpanPlace& place);
   void add_lower(const PieceProof& proof);
   void end_span();
+  /// The pair's spans of its row are there: others that prove it free until first contact follow. \param lower as
+  /// begin_pair() has it
+  void begin_free(double lower);
   void end_pair();
-  /// \param witness none: the upper bound is infinite, or not proved. \param proved by what the row holds, or by its
-  /// status
-  void end_row(const std::optional<WitnessProof>& witness, bool proved);
+  /// \param witness none: the upper bound is infinite, or not proved. \param contact none: nobody asks. \param proved
+  /// by what the row holds, or by its status
+  void end_row(const std::optional<WitnessProof>& witness, const std::optional<FirstContactProof>& contact,
+               bool proved);
   /// What is left. Returns true once all is written, false where the slice is over.
   bool end(WorkMeter& meter);
   std::vector<std::byte> take() { return std::move(text_); }
@@ -80,6 +100,7 @@ class CertificateText {
   Part part_ = Part::kRows;
   const Placement* here_ = nullptr;  // of the pair that is written
   bool first_row_ = true, first_pair_ = true, first_span_ = true, first_lower_ = true;
+  bool is_free_ = false;                   // of the pair: begin_free()
   std::map<std::uint32_t, double> known_;  // bodies, with the ages of their poses, seconds
   std::set<std::uint32_t> in_pairs_;       // whose pieces are written
   std::vector<std::uint32_t> bodies_;      // in the order in which rows name them
@@ -87,6 +108,7 @@ class CertificateText {
   std::vector<const Piece*> pieces_;
   std::set<std::uint64_t> configurations_;
   std::size_t next_body_ = 0, next_piece_ = 0, next_vertex_ = 0;
+  std::optional<SurfaceRows> elements_;  // of the piece whose turn it is
   bool first_configuration_ = true;
 };
 

@@ -2,12 +2,36 @@
 
 #include <algorithm>
 
+#include "engine/query/surface_prover.h"
+
 namespace clearance {
 
 namespace {
 
-constexpr std::uint64_t kUnitsPerDirection = 8, kUnitsPerProof = 64;
+constexpr std::uint64_t kUnitsPerDirection = 8;
 constexpr double kFine = 1e-12;  // rel_tol of a second attempt: far narrower than any float32 interval
+
+// Bodies whose pieces are what they are: one direction for all of these, or one for every two.
+class PiecesProver final : public RowProver {
+ public:
+  PiecesProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
+               const PairAnswer& answer, CertificateText& text)
+      : RowProver(scene, options, here, pair, answer, text),
+        box_a_(here.box(pair.a)),
+        box_b_(here.box(pair.b)),
+        by_box_(wants_lower_ && !wants_upper_) {}
+
+ private:
+  bool step(WorkMeter& meter) override;
+  bool go_on();
+  void try_box(WorkMeter& meter);
+  void try_pieces(WorkMeter& meter);
+  bool prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper);
+
+  Aabb box_a_, box_b_;
+  bool by_box_;
+  std::uint32_t i_ = 0, j_ = 0;  // the pieces whose turn it is
+};
 
 }  // namespace
 
@@ -36,8 +60,6 @@ RowProver::RowProver(const Scene& scene, const EvaluateOptions& options, const P
       b_(scene.bodies()[pair.b]),
       pose_a_(here[pair.a].pose),
       pose_b_(here[pair.b].pose),
-      box_a_(here.box(pair.a)),
-      box_b_(here.box(pair.b)),
       slack_(pair_slack(here, pair)),
       limits_(options.limits),
       answer_(answer),
@@ -46,14 +68,11 @@ RowProver::RowProver(const Scene& scene, const EvaluateOptions& options, const P
   limits_.overlap_by = slack_.outer;
   wants_lower_ = answer_.lower > (limits_.signed_distance ? -kInf : 0);
   wants_upper_ = answer_.upper < kInf;
-  by_box_ = wants_lower_ && !wants_upper_;
 }
 
 bool RowProver::advance(WorkMeter& meter) {
-  while (!is_over_) {
-    by_box_ ? try_box(meter) : try_pieces(meter);
-    if (!is_over_ && meter.is_over()) return false;
-  }
+  while (!is_over_)
+    if (!step(meter) || (!is_over_ && meter.is_over())) return false;
   return true;
 }
 
@@ -62,51 +81,12 @@ bool RowProver::covers_upper(double upper) const {
   return proved <= answer_.upper || (!limits_.signed_distance && answer_.upper == 0 && proved <= 0);
 }
 
-// To the next pair of pieces. Returns false behind the last.
-bool RowProver::go_on() {
-  if (++j_ < b_.pieces.size()) return true;
-  j_ = 0;
-  return ++i_ < a_.pieces.size();
-}
-
 void RowProver::end(bool proved) {
   proved_ = proved;
   is_over_ = true;
 }
 
-// One direction between the bodies' boxes for all their pieces: whether it does for these two.
-void RowProver::try_box(WorkMeter& meter) {
-  meter.count(kUnitsPerDirection + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
-  const Vec3d n = between(box_a_, box_b_);
-  PieceProof all{kNone, kNone, {}};
-  if (!covers_lower(lower_along(*a_.pieces[i_], pose_a_, *b_.pieces[j_], pose_b_, n, all.proof))) {
-    by_box_ = false;
-    i_ = j_ = 0;
-  } else if (!go_on()) {
-    text_.add_lower(all);
-    end(true);
-  }
-}
-
-void RowProver::try_pieces(WorkMeter& meter) {
-  meter.count(kUnitsPerProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
-  const bool is_nearest = wants_upper_ && i_ == answer_.piece_a && j_ == answer_.piece_b;
-  if ((wants_lower_ || is_nearest) && !prove_pieces(i_, j_, wants_lower_, is_nearest))
-    end(false);
-  else if (!go_on())
-    end(!wants_upper_ || upper_.has_value());
-}
-
-bool RowProver::prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper) {
-  const Piece &p = *a_.pieces[i], &q = *b_.pieces[j];
-  PieceProof found{i, j, {}};
-  if (wants_lower && !wants_upper) {
-    const Vec3d n = between(certify_box(p, pose_a_.R_wb, pose_a_.t_w), certify_box(q, pose_b_.R_wb, pose_b_.t_w));
-    if (covers_lower(lower_along(p, pose_a_, q, pose_b_, n, found.proof))) {
-      text_.add_lower(found);
-      return true;
-    }
-  }
+bool RowProver::prove(const Piece& p, const Piece& q, PieceProof found, bool wants_lower, bool wants_upper) {
   std::array<NarrowLimits, 4> attempts = proof_attempts(limits_);
   // Others than the nearest need only be proved as far as the answer says.
   if (!wants_upper)
@@ -125,5 +105,64 @@ bool RowProver::prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower,
   }
   return false;
 }
+
+std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOptions& options, const Placement& here,
+                                           BodyPair pair, const PairAnswer& answer, CertificateText& text) {
+  if (surface_of(scene.bodies()[pair.a]) || surface_of(scene.bodies()[pair.b]))
+    return std::make_unique<SurfaceProver>(scene, options, here, pair, answer, text);
+  return std::make_unique<PiecesProver>(scene, options, here, pair, answer, text);
+}
+
+namespace {
+
+bool PiecesProver::step(WorkMeter& meter) {
+  by_box_ ? try_box(meter) : try_pieces(meter);
+  return true;
+}
+
+// To the next pair of pieces. Returns false behind the last.
+bool PiecesProver::go_on() {
+  if (++j_ < b_.pieces.size()) return true;
+  j_ = 0;
+  return ++i_ < a_.pieces.size();
+}
+
+// One direction between the bodies' boxes for all their pieces: whether it does for these two.
+void PiecesProver::try_box(WorkMeter& meter) {
+  meter.count(kUnitsPerDirection + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
+  const Vec3d n = between(box_a_, box_b_);
+  PieceProof all{kNone, kNone, {}};
+  if (!covers_lower(lower_along(*a_.pieces[i_], pose_a_, *b_.pieces[j_], pose_b_, n, all.proof))) {
+    by_box_ = false;
+    i_ = j_ = 0;
+  } else if (!go_on()) {
+    text_.add_lower(all);
+    end(true);
+  }
+}
+
+void PiecesProver::try_pieces(WorkMeter& meter) {
+  meter.count(kUnitsPerProof + WorkMeter::units_of(*a_.pieces[i_], *b_.pieces[j_]));
+  const bool is_nearest = wants_upper_ && i_ == answer_.piece_a && j_ == answer_.piece_b;
+  if ((wants_lower_ || is_nearest) && !prove_pieces(i_, j_, wants_lower_, is_nearest))
+    end(false);
+  else if (!go_on())
+    end(!wants_upper_ || upper_.has_value());
+}
+
+bool PiecesProver::prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper) {
+  const Piece &p = *a_.pieces[i], &q = *b_.pieces[j];
+  PieceProof found{i, j, {}};
+  if (wants_lower && !wants_upper) {
+    const Vec3d n = between(certify_box(p, pose_a_.R_wb, pose_a_.t_w), certify_box(q, pose_b_.R_wb, pose_b_.t_w));
+    if (covers_lower(lower_along(p, pose_a_, q, pose_b_, n, found.proof))) {
+      text_.add_lower(found);
+      return true;
+    }
+  }
+  return prove(p, q, std::move(found), wants_lower, wants_upper);
+}
+
+}  // namespace
 
 }  // namespace clearance

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <limits>
+#include <memory>
 #include <optional>
 
 #include "engine/query/certificate_text.h"
@@ -20,37 +21,44 @@ std::array<NarrowLimits, 4> proof_attempts(const NarrowLimits& limits);
 /// What proves the bounds of an answer, of which the lower ones are written down as they are found.
 class RowProver {
  public:
-  /// All must outlive this. \param answer its bounds, and which pieces are the nearest
-  RowProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
-            const PairAnswer& answer, CertificateText& text);
+  virtual ~RowProver() = default;
 
   /// Returns true once it is known whether both bounds are proved; false where the slice is over.
   bool advance(WorkMeter& meter);
   bool has_proved() const { return proved_; }
   const std::optional<PieceProof>& upper() const { return upper_; }
 
- private:
+ protected:
   static constexpr double kInf = std::numeric_limits<double>::infinity();
+  static constexpr std::uint64_t kUnitsPerProof = 64;
 
+  /// All must outlive this. \param answer its bounds, and which pieces are the nearest
+  RowProver(const Scene& scene, const EvaluateOptions& options, const Placement& here, BodyPair pair,
+            const PairAnswer& answer, CertificateText& text);
+
+  /// A bit of the work, of which end() is the last. False: the slice is over.
+  virtual bool step(WorkMeter& meter) = 0;
   bool covers_lower(double lower) const { return slack_.true_lower(lower) >= answer_.lower; }
   bool covers_upper(double upper) const;
-  bool go_on();
   void end(bool proved);
-  void try_box(WorkMeter& meter);
-  void try_pieces(WorkMeter& meter);
-  bool prove_pieces(std::uint32_t i, std::uint32_t j, bool wants_lower, bool wants_upper);
+  /// Two convex ones, by what the answer needs. \param found whose proof is to be found
+  bool prove(const Piece& p, const Piece& q, PieceProof found, bool wants_lower, bool wants_upper);
 
   const Body &a_, &b_;
   const PlacedPose &pose_a_, &pose_b_;
-  Aabb box_a_, box_b_;
   Slack slack_;
   NarrowLimits limits_;
   const PairAnswer& answer_;
   CertificateText& text_;
-  bool wants_lower_, wants_upper_, by_box_;
-  std::uint32_t i_ = 0, j_ = 0;  // the pieces whose turn it is
+  bool wants_lower_, wants_upper_;
   std::optional<PieceProof> upper_;
+
+ private:
   bool is_over_ = false, proved_ = false;
 };
+
+/// All must outlive what it returns. \param answer its bounds, and which pieces are the nearest
+std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOptions& options, const Placement& here,
+                                           BodyPair pair, const PairAnswer& answer, CertificateText& text);
 
 }  // namespace clearance

@@ -120,7 +120,7 @@ TEST_P(EngineTest, AnAnswerLargerThanItsRoomIsRefused) {
   EXPECT_THROW(engine.start({}, room), QueryError);
 }
 
-TEST(Engine, CertificatesOfSurfacesAndSolidsAreRefusedByTheirNames) {
+TEST(Engine, CertificatesOfTheModelPiecesAreRefusedByTheirNames) {
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const std::vector<Triangle> faces{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
   Scene scene;
@@ -128,15 +128,18 @@ TEST(Engine, CertificatesOfSurfacesAndSolidsAreRefusedByTheirNames) {
   scene.add_mesh("shelf", corners, faces, Convexify::kSolid, {.pose = Pose{}});
   const Engine engine(std::move(scene), {.threads = 1});
   const std::uint64_t between[] = {0}, other[] = {0, 2};
-  EXPECT_NE(engine.certificate({}, between).find("\"rows\""), std::string::npos);
+  QueryView by_pieces;
+  by_pieces.model = Model::kPieces;
+  EXPECT_NE(engine.certificate(by_pieces, between).find("\"rows\""), std::string::npos);
+  EXPECT_NE(engine.certificate({}, other).find("\"elements\""), std::string::npos);
   try {
-    engine.certificate({}, other);
+    engine.certificate(by_pieces, other);
     FAIL() << "accepted";
   } catch (const QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kNotSupported);
-    EXPECT_STREQ(
-        error.what(),
-        "certificate: 'shelf' is a solid, of whose rows none is certified so far; its hull's are (convexify: hull)");
+    EXPECT_STREQ(error.what(),
+                 "certificate: 'shelf' is a solid, of whose pieces no row is certified: its triangles' are (model: "
+                 "truth)");
   }
 }
 

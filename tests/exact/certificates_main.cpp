@@ -20,7 +20,7 @@ namespace clearance::exact {
 namespace {
 
 struct Options {
-  std::uint64_t cases = 1000, motions = 0, python = 1000, python_motions = 0, seed = 1;
+  std::uint64_t cases = 1000, meshes = 0, motions = 0, first_motion = 0, python = 1000, python_motions = 0, seed = 1;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::string out = "out/certificates", only;
 };
@@ -113,9 +113,15 @@ void judge_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   QueryView query = asked.view(reduce);
   query.abs_tol = 1e-3;
   query.margin = 1e-3;
+  query.fields |= kFieldFirstContact;
   count.judge(o.out + "/motion_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
               engine.certificate(query), kAtOnce * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
               number < o.python_motions);
+}
+
+// Of clouds no depth is asked.
+bool fits(const Setting& setting, const CaseClass& c) {
+  return !setting.signed_distance || c.name.find("cloud") == std::string::npos;
 }
 
 // What of `cases` of a class comes to each setting.
@@ -123,17 +129,19 @@ std::uint64_t share(const CaseClass& c, std::uint64_t cases) {
   return std::max<std::uint64_t>(cases / settings().size() / static_cast<unsigned>(c.cost), 1);
 }
 
-// The cases of a class under one setting, some at a time; the first of them are kept.
-void judge_cases(const Options& o, const CaseClass& c, std::size_t setting, Count& count) {
+// The cases of a class under one setting, some at a time; the first of them are kept. \param cases of the class, of
+// which `python` are kept
+void judge_cases(const Options& o, const CaseClass& c, std::uint64_t cases, std::uint64_t python, std::size_t setting,
+                 Count& count) {
   constexpr std::uint64_t kAtOnce = 100;
   const auto& [name, asked] = settings()[setting];
-  const std::uint64_t each = share(c, o.cases), kept = o.python == 0 ? 0 : std::min(share(c, o.python), each);
+  const std::uint64_t each = share(c, cases), kept = python == 0 ? 0 : std::min(share(c, python), each);
   for (std::uint64_t begin = 0; begin < each;) {
     const std::uint64_t end = std::min(begin + kAtOnce, begin < kept ? kept : each);
-    std::vector<Case> cases;
-    for (std::uint64_t i = begin; i < end; ++i) cases.push_back(make_case(c, o.seed, setting * each + i));
+    std::vector<Case> made;
+    for (std::uint64_t i = begin; i < end; ++i) made.push_back(make_case(c, o.seed, setting * each + i));
     count.judge(o.out + "/" + c.name + "_" + name + "_" + std::to_string(begin) + ".json",
-                Bench(cases, asked.backend).certificate(asked), cases.size(), begin < kept);
+                Bench(made, asked.backend).certificate(asked), made.size(), begin < kept);
     begin = end;
   }
 }
@@ -144,11 +152,17 @@ bool judge_all(const Options& o) {
   std::vector<std::function<void()>> tasks;
   for (int kind = 0; kind < test::kMotionKinds; ++kind)
     tasks.emplace_back([&o, &count, kind] {
-      for (std::uint64_t i = 0; i < o.motions; ++i) judge_motions(o, static_cast<test::MotionKind>(kind), i, count);
+      for (std::uint64_t i = 0; i < o.motions; ++i)
+        judge_motions(o, static_cast<test::MotionKind>(kind), o.first_motion + i, count);
     });
-  for (const CaseClass& c : case_classes())
+  const auto add = [&](const CaseClass& c, std::uint64_t cases, std::uint64_t python) {
     for (std::size_t k = 0; k < settings().size() && c.name.find(o.only) != std::string::npos; ++k)
-      tasks.emplace_back([&o, &c, &count, k] { judge_cases(o, c, k, count); });
+      if (fits(settings()[k].second, c))
+        tasks.emplace_back([&o, &c, &count, cases, python, k] { judge_cases(o, c, cases, python, k, count); });
+  };
+  for (const CaseClass& c : case_classes()) add(c, o.cases, o.python);
+  for (const CaseClass& c : mesh_classes())
+    if (o.meshes > 0) add(c, o.meshes, std::min(o.python, o.meshes));
   in_parallel(tasks.size(), o.threads, [&](std::size_t k) { tasks[k](); });
   std::cout << count.text() << '\n';
   return count.all_proved();
@@ -161,7 +175,9 @@ int main(int argc, char** argv) {
   clearance::exact::Options o;
   CLI::App app{"Makes certificates of seeded pairs of every class, and judges them. Exit code 0: all rows are proved."};
   app.add_option("--cases", o.cases, "of each class, fewer of those that take long")->check(CLI::PositiveNumber);
+  app.add_option("--meshes", o.meshes, "of each class of bodies that are not convex");
   app.add_option("--motions", o.motions, "scenes with two motions each, of each kind");
+  app.add_option("--first-motion", o.first_motion, "number of the first of these scenes");
   app.add_option("--python", o.python, "cases of each class to keep for tools/check_certificate.py");
   app.add_option("--python-motions", o.python_motions, "scenes of each kind of motion to keep for it");
   app.add_option("--seed", o.seed, "of the cases");

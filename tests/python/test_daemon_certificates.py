@@ -56,10 +56,14 @@ def test_motions_are_proved(arm_daemon, arm_engine, kind, root, tmp_path):
         arm = client.joints("arm")
         start = rows_of(arm, 1)
         asked = {"joints": arm.names, "start": start, "end": start + 0.05, "reduce": "none", "pairs": ("arm", "cup")}
+        asked["margin"] = 0.4  # which a pair reaches on its way
         result = client.motions(**asked)
         document = proved(root, tmp_path, client.certificate(**asked), result.lower.size)
         assert [row["lower"] for row in document["rows"]] == result.lower.ravel().tolist()
         assert [row["upper"] for row in document["rows"]] == result.upper.ravel().tolist()
+        first = [[float(row["first_contact"][name]) for name in ("free_until", "hit_at")] for row in document["rows"]]
+        assert first == result.first_contact.reshape(-1, 2).tolist()
+        assert any(until < hit < np.inf for until, hit in first), "something is hit"
         assert any(len(pair["spans"]) > 1 for row in document["rows"] for pair in row["pairs"]), "not all overlap"
         assert document["rows"] == arm_engine.certificate(**asked).document["rows"]
 

@@ -124,6 +124,15 @@ def test_what_is_refused(front):
         front.certificate(pairs=[("bracket", "ball")], model="pieces")
 
 
+def test_a_certificate_is_of_the_mesh(front, checker):
+    asked = dict(pairs=[("bracket", "ball")], bodies=["ball"], configurations=PLACES)
+    document, answer = front.certificate(**asked).document, front.distances(**asked)
+    assert [float(row["lower"]) for row in document["rows"]] == answer.lower.ravel().tolist()
+    assert {row["status"] for row in document["rows"]} >= {"ok", "overlap"}
+    assert all(is_proved for is_proved, _ in checker.verdicts(document))
+    assert document["pieces"][0]["solid"] and len(document["pieces"][0]["elements"]) > 12
+
+
 def test_the_command(scene, start_daemon, kinds):
     if kinds["shm"]:
         pytest.skip(kinds["shm"])

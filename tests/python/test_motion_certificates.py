@@ -69,6 +69,9 @@ def check(checker, engine, seen, **asked):
     for name in ("lower", "upper"):
         assert np.array_equal([float(row[name]) for row in rows], getattr(result, name).ravel()), name
     assert [row["status"] for row in rows] == [NAMES[s] for s in result.status.ravel()]
+    first = [row["first_contact"] for row in rows]
+    times = [[float(contact["free_until"]), float(contact["hit_at"])] for contact in first]
+    assert np.array_equal(times, result.first_contact.reshape(-1, 2))
     for (is_proved, why), row in zip(checker.verdicts(document), rows):
         assert is_proved, (why, row["row"], row["status"], row["lower"], row["upper"])
         seen.add(row["status"])
@@ -76,6 +79,43 @@ def check(checker, engine, seen, **asked):
             seen |= {"half" if span["at"] in (span["begin"], span["end"]) else "whole"}
             seen |= {(p["order"], "all" if p["pieces"] is None else "pieces", p["seer"] is None) for p in span["lower"]}
     return document
+
+
+def kind_of_contact(row):
+    """Until when it is free, how that is proved, and what proves the hit."""
+    first = row["first_contact"]
+    until = first["free_until"] if first["free_until"] in (0, "inf") else "a while"
+    by = {"spans of its own" if pair["free"] else "spans of all" for pair in row["pairs"]} if until else ()
+    hit = first["witness"] and ("surface" if "faces" in first["witness"] else "points")
+    return until, " and ".join(sorted(by)), hit
+
+
+def test_first_contact(checker, engine):
+    """It is that of motions(), and proved for each reduction: by spans until then, and by a witness at that time."""
+    kinds = set()
+    pairs = [("arm/finger", "egg"), ("arm/fore", "wall"), ("arm/upper", "vague")]
+    for seed, reduce in ((3, "min"), (6, "min"), (3, "any"), (7, "any"), (3, "none")):
+        asked = {**moves(2, seed, spread=1.2), "pairs": pairs, "margin": [0.4, 0.01, 0.4], "reduce": reduce}
+        for row in check(checker, engine, set(), **asked, abs_tol=0.1)["rows"]:
+            kinds.add((reduce, *kind_of_contact(row)))
+            until, hit = (float(row["first_contact"][name]) for name in ("free_until", "hit_at"))
+            assert until <= hit and (hit < np.inf) == (row["first_contact"]["witness"] is not None)
+    assert {("min", "inf", "spans of all", None), ("min", 0, "", "points"), ("none", "inf", "spans of all", None),
+            ("min", "a while", "spans of all and spans of its own", "points"), ("any", "inf", "spans of all", None),
+            ("any", "a while", "spans of all and spans of its own", "points"),
+            ("none", "a while", "spans of its own", "points")} <= kinds  # fmt: skip
+    through = {"bodies": ["egg"], "start": [[at(0.8, 0, 0.5)]], "end": [[at(2, 0.3, 0.5, (1, 0, 0, 1))]]}
+    document = check(checker, engine, set(), **through, pairs=[("egg", "wall")])
+    assert [kind_of_contact(row) for row in document["rows"]] == [("a while", "spans of its own", "surface")]
+
+
+def test_first_contact_that_nobody_asks_for(checker, engine):
+    asked = {**moves(2, 6, spread=1.2), "pairs": [("arm/finger", "egg")], "margin": 0.3}
+    rows = engine.certificate(**asked, fields="default").document["rows"]
+    assert [row["first_contact"] for row in rows] == [None, None]
+    whole = engine.certificate(**asked).document["rows"]
+    assert [(r["lower"], r["upper"]) for r in rows] == [(r["lower"], r["upper"]) for r in whole]
+    assert not any(pair["free"] for row in rows for pair in row["pairs"])
 
 
 def test_every_kind_of_proof(checker, engine):
@@ -183,6 +223,99 @@ def test_tampering_is_found(checker, document, name):
         assert not is_proved, why
 
 
+@pytest.fixture(scope="module")
+def touching(checker, engine):
+    """A row that is free for a while, by spans of its own of which some are halves of others, and is hit then."""
+    asked = {"pairs": [("arm/finger", "egg")], "reduce": "none", "margin": 0.2, "abs_tol": 0.1}
+    for seed in range(10, 90):
+        found = engine.certificate(**moves(1, seed, spread=1.2), **asked).document
+        (row,) = found["rows"]
+        if kind_of_contact(row) == ("a while", "spans of its own", "points") and 2 < len(free(found)["spans"]) < 6:
+            assert next(checker.verdicts(found))[0]
+            return found
+    raise AssertionError("no such row")
+
+
+def free(d):
+    return d["rows"][0]["pairs"][0]["free"]
+
+
+def first(d):
+    return d["rows"][0]["first_contact"]
+
+
+def free_claims(d):
+    return [claim for span in free(d)["spans"] for claim in span["lower"]]
+
+
+def last_free(d):
+    return max(free(d)["spans"], key=lambda span: span["end"])
+
+
+def free_longer(d):
+    """Until it is within its margin, in spans as well."""
+    last_free(d)["end"] = first(d)["free_until"] = first(d)["hit_at"]
+
+
+def hit_at(time):
+    def mutate(d):
+        first(d)["witness"]["time"] = first(d)["hit_at"] = time
+
+    return mutate
+
+
+def margin(d, value):
+    d["rows"][0]["pairs"][0]["margin"] = value
+
+
+CONTACT_MUTATIONS = {
+    "free for longer": lambda d: first(d).update(free_until=first(d)["free_until"] + 2**-12),
+    "free for longer, in spans as well": free_longer,
+    "free for a shorter time than spans say": lambda d: first(d).update(free_until=first(d)["free_until"] / 2),
+    "free all along": lambda d: first(d).update(free_until="inf"),
+    "never free, but by spans": lambda d: first(d).update(free_until=0),
+    "free until before it begins": lambda d: first(d).update(free_until=-0.5),
+    "free until after the end": lambda d: first(d).update(free_until=1.5),
+    "free by more": lambda d: (margin(d, 0.21), free(d).update(lower=0.21000001)),
+    "free by no more than is proved": lambda d: free(d).update(lower=0.2),
+    "a larger margin": lambda d: margin(d, 0.21),
+    "a smaller margin": lambda d: margin(d, 0.15),
+    "spans left out": lambda d: d["rows"][0]["pairs"][0].update(free=None),
+    "a span left out": lambda d: free(d)["spans"].pop(),
+    "the first span begins later": lambda d: free(d)["spans"][0].update(begin=free(d)["spans"][0]["at"] / 2),
+    "looked at elsewhere": lambda d: [span.update(at=span["begin"]) for span in free(d)["spans"]],
+    "bends ignored": lambda d: [claim.update(order=1) for claim in free_claims(d)],
+    "directions turned round": lambda d: [c.update(direction=turned(c["direction"])) for c in free_claims(d)],
+    "directions left out": lambda d: [span["lower"].clear() for span in free(d)["spans"]],
+    "slack dropped": lambda d: [span["slack"]["terms"].clear() for span in free(d)["spans"]],
+    "hit earlier": hit_at(0.0),
+    "hit before it begins": hit_at(-0.25),
+    "hit after the end": hit_at(1.25),
+    "hit at another time than its witness": lambda d: first(d).update(hit_at=first(d)["hit_at"] + 2**-12),
+    "witness at another time than the hit": lambda d: first(d)["witness"].update(time=first(d)["hit_at"] - 2**-12),
+    "never hit, but by a witness": lambda d: first(d).update(hit_at="inf"),
+    "hit without a witness": lambda d: first(d).update(witness=None),
+    "hit by another pair": lambda d: first(d)["bodies"].reverse(),
+    "hit by another piece": lambda d: first(d)["witness"].update(pieces=[0, 7]),
+    "other weights": lambda d: first(d)["witness"].update(weights=[[-1.0, 0.0]] * len(first(d)["witness"]["weights"])),
+    "another way of a joint": lambda d: position(d, 0).__setitem__(1, position(d, 0)[1] + 2),
+    "another version": lambda d: d.update(version=2),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONTACT_MUTATIONS)
+def test_tampering_with_first_contact_is_found(checker, touching, name):
+    mutated = copy.deepcopy(touching)
+    CONTACT_MUTATIONS[name](mutated)
+    assert mutated != touching
+    try:
+        [(is_proved, why)] = checker.verdicts(mutated)
+    except checker.MALFORMED as error:
+        assert name == "another version", error
+    else:
+        assert not is_proved, why
+
+
 def test_decisions(checker, engine):
     """`beyond` needs all pairs beyond their own margins, and a hit a witness within its margin."""
     asked = {**moves(1, 3, spread=0.2), "reduce": "any"}
@@ -222,9 +355,13 @@ def test_motions_from_nowhere(checker):
     scene.add_sphere("b", 0.1, pose=at(1))
     engine = clearance.Engine(scene)
     document = engine.certificate(bodies=["a"], start=[[at(np.nan)]], end=[[at(0)]]).document
-    assert document["rows"][0]["status"] == NAMES[Status.BAD_POSE]
+    (row,) = document["rows"]
+    assert row["status"] == NAMES[Status.BAD_POSE]
     assert next(checker.verdicts(document))[0]
+    for claim in ({"free_until": 0.5}, {"free_until": "inf"}, {"hit_at": 0.5}):
+        row["first_contact"] = {"free_until": 0, "hit_at": "inf", "bodies": [None, None], "witness": None, **claim}
+        assert not next(checker.verdicts(document))[0]
 
 
-def test_any_junk_is_answered(checker, document):
-    assert 4 < junk_refused(checker, [document], random.Random(7), 20) < 20  # names may be anything
+def test_any_junk_is_answered(checker, document, touching):
+    assert 6 < junk_refused(checker, [document, touching], random.Random(7), 30) < 30  # names may be anything

@@ -1,6 +1,8 @@
 """Motions: the least distance all along, in process and through a daemon on every transport."""
 
+import json
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -127,7 +129,7 @@ def test_the_command_says_where_a_path_is_not_free(arm_daemon, engine, root, tmp
     free = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any").status == Status.BEYOND
     file = tmp_path / "path.csv"
 
-    def run(rows, names=arm.names):
+    def run(rows, *more, names=arm.names):
         file.write_text("\n".join([",".join(names), *(",".join(map(repr, map(float, row))) for row in rows)]) + "\n")
         command = [
             root / "build/bin/clearance",
@@ -137,6 +139,7 @@ def test_the_command_says_where_a_path_is_not_free(arm_daemon, engine, root, tmp
             *(",".join(p) for p in PAIRS),
             "--connect",
             next(iter(arm_daemon.urls.values())),
+            *more,
         ]
         return subprocess.run(command, capture_output=True, text=True)
 
@@ -145,6 +148,18 @@ def test_the_command_says_where_a_path_is_not_free(arm_daemon, engine, root, tmp
     assert done.returncode == 0 and done.stdout.startswith("free: on all 1 motions"), done
     done = run([start[bad], end[bad]])
     assert done.returncode == 1 and "path.csv:2: motion 0, to line 3: " in done.stderr, done
+    proofs = tmp_path / "proofs.json"
+    check = [sys.executable, root / "tools" / "check_certificate.py", proofs]
+    for rows, code in (([start[good], end[good], start[good]], 0), ([start[good], end[good], start[bad], end[bad]], 1)):
+        done = run(rows, "--certificate", proofs)
+        made = json.loads(proofs.read_text())["rows"]
+        assert done.returncode == code and {row["status"] for row in made[: len(made) - code]} == {"beyond"}
+        hit = made[-1]["first_contact"]["hit_at"]
+        assert (hit == "inf") if code == 0 else (hit <= 1 and f"motion {len(made) - 1}, " in done.stderr), done
+        said = subprocess.run(check, capture_output=True, text=True)
+        assert said.returncode == 0 and f"{len(made)} of {len(made)} rows are proved" in said.stdout, said
+    done = run([start[good], end[good]], "--certificate", tmp_path / "none" / "proofs.json")
+    assert done.returncode == 2 and "proofs.json: cannot be written" in done.stderr
     done = run([start[good]])
     assert done.returncode == 2 and "two waypoints or more, got 1" in done.stderr
     done = run([start[good]], names=["nonesuch"])

@@ -59,7 +59,8 @@ class Certificates:
             all.
         arguments: those of distances(), by name, but for reduce, which must be "none". The bounds are those that
             distances() answers to the same poses with warm=False, bit for bit, unless their slack grows with age. Or
-            those of motions(), `start` and `end` among them, of any reduction.
+            those of motions(), `start` and `end` among them, of any reduction; `first_contact` is proved, too, unless
+            `fields` leaves it out.
 
         Takes ten times as long as the rows do. The reduction of a configuration is proved by the rows of its pairs.
         Raises as distances() and motions(), and QueryError for a row that the answer has not; a daemon also for a

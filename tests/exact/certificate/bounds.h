@@ -21,8 +21,12 @@ Span check_span(const Motion& motion, const IdPair& ids, const Value& span, cons
 void check_witness(const Motion& motion, const IdPair& ids, const Value& witness, const Dyadic& bound);
 
 /// A surface of triangles between `points` (divided by `divisor`) goes around the origin, and around a ball of that
-/// radius, if it is positive. Throws Refusal.
-void check_surface(const Value& witness, const std::vector<Vector>& points, const Dyadic& divisor,
-                   const Dyadic& radius);
+/// radius, if it is positive. Throws Refusal. \param faces none: the witness's own
+void check_surface(const Value& witness, const std::vector<Vector>& points, const Dyadic& divisor, const Dyadic& radius,
+                   const std::vector<Face>* faces = nullptr);
+
+/// How often more rays from the origin cross the faces one way than the other, of which none comes as near as `near`
+/// (> 0). Throws Refusal where no ray tells.
+long turns_around(const std::vector<Face>& faces, const std::vector<Vector>& points, const Dyadic& near);
 
 }  // namespace clearance::judge

@@ -16,10 +16,16 @@ struct Query {
   double max_distance;
 };
 
+// Of a row that says none: it is free until it begins, and never hit.
+struct Contact {
+  double free_until = 0, hit_at = kInf;
+};
+
 struct Row {
   std::string_view status;
   double lower, upper;
   std::span<const Value> pairs;
+  Contact contact;
 
   bool is(std::string_view name) const { return status == name; }
 };
@@ -30,12 +36,20 @@ Query read_query(const Value& document) {
   return {document["signed"].truth(), reduce == "any", document["max_distance"].real()};
 }
 
+Contact read_contact(const Value& contact) {
+  if (contact.is_null()) return {};
+  const Contact found{contact["free_until"].real(), contact["hit_at"].real()};
+  require(found.free_until >= 0 && (found.free_until <= 1 || found.free_until == kInf), "free until no time of it");
+  require(found.hit_at >= 0, "hit before it begins");
+  require(contact["witness"].is_null() == (found.hit_at == kInf), "a hit and its witness do not belong together");
+  return found;
+}
+
 // What is beyond a cut-off is farther away than it: than the least margin, where bodies have margins.
 double cut_off(const Row& row, const Query& query) {
-  if (!query.decides) return query.max_distance;
   double least = kInf;
   for (const Value& pair : row.pairs) least = std::min(least, pair["margin"].real());
-  return least;
+  return query.decides ? least : query.max_distance;
 }
 
 void check_status(const Row& row, const Query& query) {
@@ -54,52 +68,89 @@ void check_status(const Row& row, const Query& query) {
     require(row.is("unconverged"), "a status is not known");
 }
 
-// Spans are proved of each pair, and leave no gap from 0 to 1.
+// The spans of `claim` prove its bound of two bodies, and leave no gap from 0 to `end`.
+void check_spans(const IdPair& ids, const Value& claim, double end, const Motion& motion) {
+  const Dyadic lower = claim["lower"].finite();
+  std::vector<Span> spans;
+  for (const Value& span : claim["spans"].list()) spans.push_back(check_span(motion, ids, span, lower));
+  std::sort(spans.begin(), spans.end());
+  double until = 0;
+  for (const Span& span : spans) {
+    require(span.begin == until, "spans leave a gap");
+    until = span.end;
+  }
+  require(!spans.empty() && until == end, "spans leave a gap");
+}
+
+bool has_lower(const Row& row, const Query& query) {
+  return row.lower > (query.is_signed ? -kInf : 0);
+}
+
+// Each pair is no nearer all along than the row says.
 void check_lower(const Row& row, const Query& query, const Motion& motion) {
   for (const Value& pair : row.pairs) {
-    const double lower = pair["lower"].finite(), margin = pair["margin"].real();
+    const double lower = pair["lower"].finite();
     require(row.lower <= lower, "a pair may be nearer than its row says");
-    if (query.decides && row.is("beyond")) require(lower > margin, "a pair may be within its margin");
-    std::vector<Span> spans;
-    for (const Value& span : pair["spans"].list())
-      spans.push_back(check_span(motion, pair_of(pair["bodies"]), span, lower));
-    std::sort(spans.begin(), spans.end());
-    double until = 0;
-    for (const Span& span : spans) {
-      require(span.begin == until, "spans leave a gap");
-      until = span.end;
-    }
-    require(!spans.empty() && until == 1, "spans leave a gap");
+    if (query.decides && row.is("beyond")) require(lower > pair["margin"].real(), "a pair may be within its margin");
+    check_spans(pair_of(pair["bodies"]), pair, 1, motion);
   }
+}
+
+// The pair that a witness is of.
+const Value& named_pair(const Row& row, const IdPair& ids) {
+  const auto is_it = [&](const Value& pair) { return pair_of(pair["bodies"]) == ids; };
+  require(std::count_if(row.pairs.begin(), row.pairs.end(), is_it) == 1, "the witness is of none of the pairs");
+  return *std::find_if(row.pairs.begin(), row.pairs.end(), is_it);
 }
 
 void check_upper(const Row& row, const Value& document, const Query& query, const Motion& motion) {
   const IdPair ids = pair_of(document["bodies"]);
-  const auto is_it = [&](const Value& pair) { return pair_of(pair["bodies"]) == ids; };
-  const auto found = std::find_if(row.pairs.begin(), row.pairs.end(), is_it);
-  require(std::count_if(row.pairs.begin(), row.pairs.end(), is_it) == 1, "the witness is of none of the pairs");
+  const Value& pair = named_pair(row, ids);
   if (query.decides && !row.is("unconverged"))
-    require(row.upper <= (*found)["margin"].real(), "the witness is beyond its margin");
+    require(row.upper <= pair["margin"].real(), "the witness is beyond its margin");
   check_witness(motion, ids, document["witness"], row.upper);
 }
 
+// Before first contact every pair is beyond its margin. What is proved of one all along is so then, too.
+void check_free(const Row& row, const Query& query, const Motion& motion) {
+  const double end = row.contact.free_until == kInf ? 1 : row.contact.free_until;
+  for (const Value& pair : row.pairs) {
+    const double margin = pair["margin"].real();
+    const Value& claim = pair["free"];
+    const bool is_free_anyway = end == 0 || (has_lower(row, query) && pair["lower"].finite() > margin);
+    if (claim.is_null() && is_free_anyway) continue;
+    require(claim["lower"].finite() > margin, "a pair may be within its margin before first contact");
+    check_spans(pair_of(pair["bodies"]), claim, end, motion);
+  }
+}
+
+// Then one is within it.
+void check_hit(const Row& row, const Value& claim, const Motion& motion) {
+  const IdPair ids = pair_of(claim["bodies"]);
+  require(claim["witness"]["time"].finite() == row.contact.hit_at, "the witness of first contact is at another time");
+  check_witness(motion, ids, claim["witness"], named_pair(row, ids)["margin"].finite());
+}
+
 void check_row(const Value& document, const Query& query, const std::map<Id, Motion>& motions) {
-  const Row row{document["status"].text(), document["lower"].real(), document["upper"].real(),
-                document["pairs"].list()};
+  const Row row{document["status"].text(), document["lower"].real(), document["upper"].real(), document["pairs"].list(),
+                read_contact(document["first_contact"])};
   if (row.is("bad_pose") || row.is("no_pose") || row.is("stale_pose") || row.is("unknown_body")) {
     require(row.lower == -kInf && row.upper == kInf && row.pairs.empty(), "this status says nothing of a distance");
+    require(row.contact.free_until == 0 && row.contact.hit_at == kInf, "this status says nothing of contact");
     return;
   }
   require(document["proved"].truth() && !row.pairs.empty(), "the engine found no proof");
   const auto motion = motions.find(document["configuration"].integer());
   require(motion != motions.end(), "there is no such configuration");
   check_status(row, query);
-  if (row.lower > (query.is_signed ? -kInf : 0)) check_lower(row, query, motion->second);
+  if (has_lower(row, query)) check_lower(row, query, motion->second);
   if (row.upper < kInf) check_upper(row, document, query, motion->second);
+  check_free(row, query, motion->second);
+  if (row.contact.hit_at < kInf) check_hit(row, document["first_contact"], motion->second);
 }
 
 std::vector<std::string> judge_rows(const Value& document) {
-  require(document["format"].text() == "clearance certificate" && document["version"].integer() == 2,
+  require(document["format"].text() == "clearance certificate" && document["version"].integer() == 3,
           "another format or version");
   std::vector<Piece> pieces;
   for (const Value& piece : document["pieces"].list()) pieces.emplace_back(piece);

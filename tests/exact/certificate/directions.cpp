@@ -1,13 +1,11 @@
 // Lower bounds: along a direction two bodies are apart, when they are looked at and as they move.
 #include <algorithm>
-#include <set>
+#include <map>
 
 #include "bounds.h"
 
 namespace clearance::judge {
 namespace {
-
-using PiecePair = std::pair<std::size_t, std::size_t>;
 
 // What all directions of a span have in common.
 struct Look {
@@ -44,58 +42,119 @@ Lean lean(const Motion& motion, Frame seer, Id id, double time, const Vector& n,
   return lean;
 }
 
-// No less than n·p of any point of the piece, times the divisor of its body's pose.
-std::map<std::size_t, Dyadic> supports(const Body& body, const Pose& pose, const Vector& n,
-                                       const std::set<std::size_t>& places) {
+// Pieces of a body, from one until before another.
+struct Run {
+  std::size_t begin, end;
+};
+struct RunPair {
+  Run a, b;
+};
+
+Run run_of(const Value& named, std::size_t count) {
+  if (named.is_null()) return {0, count};
+  if (!named.is_list()) return {named.index(count), named.index(count) + 1};
+  require(named.list().size() == 2, "a run of pieces has not two ends");
+  const Run run{named.at(0).index(count), named.at(1).index(count + 1)};
+  require(run.begin < run.end, "a run has no pieces");
+  return run;
+}
+
+// No less than n·p of any point of the pieces, times the divisor of their body's pose.
+Dyadic support(const Body& body, const Pose& pose, const Vector& n, const Run& run) {
   const Vector in_body = turned_back(pose.rows, n);
-  std::map<std::size_t, Dyadic> supports;
-  for (const std::size_t i : places) supports.emplace(i, body.pieces[i]->support(in_body));
-  return supports;
+  Dyadic most = body.pieces[run.begin]->support(in_body);
+  for (std::size_t i = run.begin + 1; i < run.end; ++i) most = std::max(most, body.pieces[i]->support(in_body));
+  return most;
 }
 
 // The pieces are apart by `need` along n (in the world's axes, of any length) after s.
 void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, const Dyadic& need,
-               const std::set<PiecePair>& pairs) {
+               const RunPair& runs) {
   const Lean of_a = lean(look.motion, seer, look.ids[0], look.at, n, s);
   const Lean of_b = lean(look.motion, seer, look.ids[1], look.at, n, s);
-  std::set<std::size_t> of_pieces_a, of_pieces_b;
-  for (const auto& [i, j] : pairs) {
-    of_pieces_a.insert(i);
-    of_pieces_b.insert(j);
-  }
-  const auto ahead = supports(look.a, look.X_wa, of_a.n_moved, of_pieces_a);
-  const auto behind = supports(look.b, look.X_wb, Dyadic(-1.0) * of_b.n_moved, of_pieces_b);
+  const Dyadic ahead = support(look.a, look.X_wa, of_a.n_moved, runs.a);
+  const Dyadic behind = support(look.b, look.X_wb, Dyadic(-1.0) * of_b.n_moved, runs.b);
   // The root is above |n|: what is to be less than a negative number times |n| is asked for a little more.
   Dyadic asked = need * length_above(n);
   if (need.sign() < 0) asked -= asked * blur();
   const Dyadic between =
       dot(of_b.n_moved, look.X_wb.origin) + of_b.more - dot(of_a.n_moved, look.X_wa.origin) - of_a.more - asked;
   const Dyadic &over_a = look.X_wa.divisor, &over_b = look.X_wb.divisor, all = over_a * over_b * between;
-  for (const auto& [i, j] : pairs)
-    if (over_b * ahead.at(i) + over_a * behind.at(j) > all)
-      throw Refusal("pieces " + std::to_string(i) + " and " + std::to_string(j) + " of '" + look.a.name + "' and '" +
-                    look.b.name + "' are not as far apart as is said");
+  if (over_b * ahead + over_a * behind > all)
+    throw Refusal("pieces from " + std::to_string(runs.a.begin) + " and " + std::to_string(runs.b.begin) + " on of '" +
+                  look.a.name + "' and '" + look.b.name + "' are not as far apart as is said");
 }
 
-void check_direction(const Look& look, const Value& claim, const Rates& rates, const std::set<PiecePair>& pairs) {
+void check_direction(const Look& look, const Value& claim, const Rates& rates, const RunPair& runs) {
   const Frame seer = frame_of(claim["seer"]);
   // Of any length: that a's rows are not divided lengthens it.
   const Vector n = turned(look.X_wa.rows, claim["direction"].vector_of_sums());
   const std::int64_t order = claim["order"].integer();
   require(!is_zero(n), "a direction is 0");
   require(order == 1 || order == 2, "a proof is of no known order");
-  if (order == 1) return check_gap(look, seer, n, {}, look.target + rates.speed * look.half, pairs);
+  if (order == 1) return check_gap(look, seer, n, {}, look.target + rates.speed * look.half, runs);
   for (const double end : {look.begin, look.end}) {
     const Dyadic s = Dyadic(end) - look.at;
-    check_gap(look, seer, n, s, look.target + Dyadic(0.5) * rates.bend * s * s, pairs);
+    check_gap(look, seer, n, s, look.target + Dyadic(0.5) * rates.bend * s * s, runs);
   }
 }
 
-std::set<PiecePair> named_pairs(const Look& look, const Value& claim, const std::set<PiecePair>& open) {
+RunPair named_runs(const Look& look, const Value& claim) {
   const Value& pieces = claim["pieces"];
-  if (pieces.is_null()) return open;
+  const std::size_t of_a = look.a.pieces.size(), of_b = look.b.pieces.size();
+  if (pieces.is_null()) return {{0, of_a}, {0, of_b}};
   require(pieces.list().size() == 2, "a direction is not of two pieces");
-  return {{pieces.at(0).index(look.a.pieces.size()), pieces.at(1).index(look.b.pieces.size())}};
+  return {run_of(pieces.at(0), of_a), run_of(pieces.at(1), of_b)};
+}
+
+// Every two pieces are in one of them. Which of b are covered changes only where one begins or ends in a.
+void check_cover(const std::vector<RunPair>& covered, std::size_t of_a, std::size_t of_b) {
+  std::vector<std::size_t> starts{0};
+  for (const RunPair& runs : covered) {
+    starts.push_back(runs.a.begin);
+    if (runs.a.end < of_a) starts.push_back(runs.a.end);
+  }
+  std::sort(starts.begin(), starts.end());
+  starts.erase(std::unique(starts.begin(), starts.end()), starts.end());
+  std::vector<RunPair> next = covered;  // those that have not begun yet, the first last
+  std::sort(next.begin(), next.end(), [](const RunPair& p, const RunPair& q) { return p.a.begin > q.a.begin; });
+  std::multimap<std::size_t, RunPair> open;  // by where they begin in b
+  for (const std::size_t start : starts) {
+    std::erase_if(open, [&](const auto& runs) { return runs.second.a.end <= start; });
+    for (; !next.empty() && next.back().a.begin == start; next.pop_back())
+      open.emplace(next.back().b.begin, next.back());
+    std::size_t until = 0;
+    for (const auto& [begin, runs] : open)
+      if (begin <= until) until = std::max(until, runs.b.end);
+    require(until == of_b, "two pieces have no direction");
+  }
+}
+
+// No part of one body is within a solid of the other, whose surfaces are at least `apart` from it.
+void check_outside(const Body& held, const Pose& X_wh, const Body& holder, const Pose& X_wo, const Dyadic& apart) {
+  const Dyadic over = X_wh.divisor * X_wo.divisor;
+  for (const Piece* solid : holder.wholes) {
+    if (!solid->is_solid()) continue;
+    std::vector<Vector> corners;
+    for (std::size_t k = 0; k < solid->count(); ++k)
+      corners.push_back(X_wh.divisor * turned(X_wo.rows, solid->vertex(k)) + over * (X_wo.origin - X_wh.origin));
+    Vector low = corners[0], high = corners[0];
+    for (const Vector& corner : corners)
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], corner[k]);
+        high[k] = std::max(high[k], corner[k]);
+      }
+    for (const Piece* whole : held.wholes)
+      for (const Vector& seed : whole->seeds()) {
+        const Vector p = X_wo.divisor * turned(X_wh.rows, seed);
+        bool is_beside = false;
+        for (std::size_t k = 0; k < 3; ++k) is_beside = is_beside || p[k] < low[k] || p[k] > high[k];
+        if (is_beside) continue;
+        std::vector<Vector> around;
+        for (const Vector& corner : corners) around.push_back(corner - p);
+        require(turns_around(solid->faces(), around, apart * over) == 0, "a body is within another");
+      }
+  }
 }
 
 // Slack that bodies have before each other: what carries both moves neither.
@@ -131,18 +190,24 @@ Span check_span(const Motion& motion, const IdPair& ids, const Value& span, cons
   const Dyadic half = std::max(Dyadic(end) - at, Dyadic(at) - begin);
   const Dyadic inner = checked_slack(motion, ids, span["slack"], at, half);
   const Look look{motion, ids, a, b, X_wa, X_wb, begin, at, end, half, bound + inner + blur_of(X_wa, X_wb)};
-  std::set<PiecePair> open;
-  for (std::size_t i = 0; i < a.pieces.size(); ++i)
-    for (std::size_t j = 0; j < b.pieces.size(); ++j) open.emplace(i, j);
+  std::vector<RunPair> covered;
   std::map<Frame, Rates> rates;
   for (const Value& claim : span["lower"].list()) {
-    const std::set<PiecePair> pairs = named_pairs(look, claim, open);
+    covered.push_back(named_runs(look, claim));
     const Frame seer = frame_of(claim["seer"]);
     if (!rates.contains(seer)) rates.emplace(seer, look.rates(seer));
-    check_direction(look, claim, rates.at(seer), pairs);
-    for (const PiecePair& pair : pairs) open.erase(pair);
+    check_direction(look, claim, rates.at(seer), covered.back());
   }
-  require(open.empty(), "two pieces have no direction");
+  check_cover(covered, a.pieces.size(), b.pieces.size());
+  if (bound.sign() > 0) {
+    check_outside(a, X_wa, b, X_wb, bound);
+    check_outside(b, X_wb, a, X_wa, bound);
+  } else {
+    const auto has_elements = [](const Piece* whole) { return whole->has_elements(); };
+    require(covered.size() == 1 || (std::none_of(a.wholes.begin(), a.wholes.end(), has_elements) &&
+                                    std::none_of(b.wholes.begin(), b.wholes.end(), has_elements)),
+            "how deep surfaces overlap is not of one direction");
+  }
   return {begin, end};
 }
 

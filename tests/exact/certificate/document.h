@@ -36,6 +36,7 @@ class Value {
       : kind_(Kind::kObject), size_(values.size()), items_(values.data()), names_(names) {}
 
   bool is_null() const { return kind_ == Kind::kNull; }
+  bool is_list() const { return kind_ == Kind::kList; }
   bool truth() const;
   std::int64_t integer() const;
   std::string_view text() const;

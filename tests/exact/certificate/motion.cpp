@@ -55,14 +55,19 @@ Body::Body(const Value& document, const std::vector<Piece>& pieces_of_all)
   require(!has_joint || !document["joint"].text().empty(), "a joint has no name");
   require(!has_joint || on, "a joint hangs on nothing");
   for (const Value& place : document["pieces"].list())
-    pieces.push_back(&pieces_of_all[place.index(pieces_of_all.size())]);
+    wholes.push_back(&pieces_of_all[place.index(pieces_of_all.size())]);
+  for (const Piece* whole : wholes) {
+    if (!whole->has_elements()) pieces.push_back(whole);
+    for (const Piece& element : whole->elements()) pieces.push_back(&element);
+    whole_of.resize(pieces.size(), whole);
+  }
   const Dyadic grown = Dyadic(document["padding"].length()) + position;
-  for (const Piece* piece : pieces) require(piece->radius() + inner >= grown, "a body lacks padding or uncertainty");
+  for (const Piece* piece : wholes) require(piece->radius() + inner >= grown, "a body lacks padding or uncertainty");
 }
 
 Dyadic Body::farthest_from(const Vector& point) const {
   Dyadic farthest;
-  for (const Piece* piece : pieces) farthest = std::max(farthest, piece->reach(point));
+  for (const Piece* piece : wholes) farthest = std::max(farthest, piece->reach(point));
   return farthest + inner;
 }
 

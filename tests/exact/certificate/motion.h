@@ -30,7 +30,9 @@ class Body {
   std::string name;
   Frame on;
   bool has_joint;
-  std::vector<const Piece*> pieces;
+  std::vector<const Piece*> pieces;    ///< elements of surfaces and clouds count as pieces
+  std::vector<const Piece*> whole_of;  ///< of each: what it is an element of, or itself
+  std::vector<const Piece*> wholes;    ///< each once
   const Value *pose, *moves;
   Dyadic inner, outer, position;
   Dyadic chord;  ///< of the angle by which it may be turned: no less than how far a point moves that is 1 m away

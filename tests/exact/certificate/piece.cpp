@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 
 namespace clearance::judge {
@@ -50,13 +51,59 @@ Piece::Piece(const Value& document) : radius_(document["radius"].length()) {
   }
   for (const Value& vertex : document["vertices"].list()) {
     const auto [x, y, z] = vertex.three();
-    x_.push_back(x);
-    y_.push_back(y);
-    z_.push_back(z);
-    largest_ = std::max({largest_, std::abs(x), std::abs(y), std::abs(z)});
+    add_vertex(x, y, z);
   }
   require(!x_.empty() && document["count"].integer() == static_cast<std::int64_t>(x_.size()),
           "a piece has not as many vertices as it says");
+  read_elements(document);
+}
+
+void Piece::add_vertex(double x, double y, double z) {
+  x_.push_back(x);
+  y_.push_back(y);
+  z_.push_back(z);
+  largest_ = std::max({largest_, std::abs(x), std::abs(y), std::abs(z)});
+}
+
+void Piece::read_elements(const Value& document) {
+  const Value *const elements = document.find("elements"), *const solid = document.find("solid");
+  is_solid_ = solid && solid->truth();
+  has_elements_ = elements != nullptr;
+  require(has_elements_ || !is_solid_, "a solid has no triangles");
+  if (!has_elements_) return;
+  require(!is_round() && !elements->list().empty(), "a surface has no elements");
+  std::vector<std::size_t> part(count());  // a forest: what hangs together has one root
+  std::iota(part.begin(), part.end(), 0);
+  const auto root = [&part](std::size_t v) {
+    while (part[v] != v) v = part[v] = part[part[v]];
+    return v;
+  };
+  for (const Value& named : elements->list()) {
+    Piece element;
+    element.radius_ = radius_;
+    std::vector<std::size_t> corners;
+    for (const Value& place : named.list()) {
+      const std::size_t k = corners.emplace_back(place.index(count()));
+      element.add_vertex(x_[k], y_[k], z_[k]);
+      part[root(k)] = root(corners[0]);
+    }
+    require(!corners.empty() && (!is_solid_ || corners.size() == 3), "an element of a surface has no such corners");
+    if (is_solid_) faces_.push_back({corners[0], corners[1], corners[2]});
+    elements_.push_back(std::move(element));
+  }
+  std::vector<bool> is_named(count());
+  for (const Value& named : elements->list()) is_named[root(named.at(0).index(count()))] = true;
+  for (std::size_t v = 0; v < count(); ++v)
+    if (is_named[v]) seeds_.push_back(v);
+  require(!is_solid_ || is_closed(faces_), "a solid has a border");
+}
+
+std::vector<Vector> Piece::seeds() const {
+  if (is_round()) return {Vector{}};  // the middle of any core is in it
+  std::vector<Vector> seeds;
+  for (const std::size_t v : seeds_) seeds.push_back(vertex(v));
+  if (!has_elements_) seeds.push_back(vertex(0));
+  return seeds;
 }
 
 Dyadic Piece::farthest_along(const Vector& n) const {

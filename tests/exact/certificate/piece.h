@@ -1,4 +1,5 @@
 // A piece of a body as a certificate has it: the hull of vertices, or a cylinder, cone or ellipsoid, grown by a radius.
+// Of a surface, or a cloud, it is the hull around elements, which are pieces themselves.
 #pragma once
 
 #include <vector>
@@ -7,11 +8,25 @@
 
 namespace clearance::judge {
 
+/// A triangle between points of a list.
+using Face = std::array<std::size_t, 3>;
+/// Whether triangles run along each edge as often one way as the other.
+bool is_closed(const std::vector<Face>& faces);
+
 class Piece {
  public:
   explicit Piece(const Value& document);
 
   const Dyadic& radius() const { return radius_; }
+  /// Of a surface or cloud its elements; else none.
+  bool has_elements() const { return has_elements_; }
+  const std::vector<Piece>& elements() const { return elements_; }
+  /// Whether it is all that its triangles are around. They leave no border.
+  bool is_solid() const { return is_solid_; }
+  const std::vector<Face>& faces() const { return faces_; }
+  /// Points of it, one at least of each part that hangs together.
+  std::vector<Vector> seeds() const;
+
   bool is_round() const { return core_ != Core::kHull; }
   std::size_t count() const { return x_.size(); }
   Vector vertex(std::size_t k) const { return {x_[k], y_[k], z_[k]}; }
@@ -26,6 +41,9 @@ class Piece {
  private:
   enum class Core { kHull, kCone, kCylinder, kEllipsoid };
 
+  Piece() = default;
+  void read_elements(const Value& document);
+  void add_vertex(double x, double y, double z);
   Dyadic farthest_along(const Vector& n) const;
   Dyadic farthest_squared(const Vector& centre) const;
 
@@ -35,6 +53,10 @@ class Piece {
   std::vector<double> x_, y_, z_;  // of the vertices
   double largest_ = 0;             // of all coordinates
   mutable std::vector<double> scratch_;
+  bool has_elements_ = false, is_solid_ = false;
+  std::vector<Piece> elements_;
+  std::vector<Face> faces_;         // of a solid
+  std::vector<std::size_t> seeds_;  // of elements: vertices
 };
 
 }  // namespace clearance::judge

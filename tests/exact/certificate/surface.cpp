@@ -7,8 +7,6 @@
 namespace clearance::judge {
 namespace {
 
-using Face = std::array<std::size_t, 3>;
-
 // Where rays begin, in units that are made small enough, and where they go: without pattern, so that one meets no edge.
 struct Ray {
   Vector origin, along;
@@ -31,16 +29,12 @@ std::vector<Face> read_faces(const Value& witness, std::size_t points) {
   return faces;
 }
 
-bool is_closed(const std::vector<Face>& faces) {
-  std::vector<std::pair<std::size_t, std::size_t>> edges, back;
-  for (const Face& face : faces)
-    for (std::size_t k = 0; k < 3; ++k) {
-      edges.emplace_back(face[k], face[(k + 1) % 3]);
-      back.emplace_back(face[(k + 1) % 3], face[k]);
-    }
-  std::sort(edges.begin(), edges.end());
-  std::sort(back.begin(), back.end());
-  return edges == back;
+// The k of a ball of radius 2^k inside one of radius x / y.
+long ball_within(const Dyadic& x, const Dyadic& y) {
+  long over = 0, under = 0;  // x / y > 2^(over - 1) / 2^under
+  x.rough(over);
+  y.rough(under);
+  return over - 1 - under;
 }
 
 // No face comes nearer to the origin than `radius`; returns the k of a ball of radius 2^k that none of them meets.
@@ -55,10 +49,8 @@ long check_beyond(const Value& witness, const std::vector<Face>& faces, const st
     const Dyadic beyond =
         std::min({dot(m, points[faces[f][0]]), dot(m, points[faces[f][1]]), dot(m, points[faces[f][2]])});
     require(beyond.sign() > 0 && beyond >= radius * length, "a face is not beyond its plane");
-    long over = 0, under = 0;  // beyond / length > 2^(over - 1) / 2^under
-    beyond.rough(over);
-    length.rough(under);
-    smallest = std::min(smallest.value_or(over - 1 - under), over - 1 - under);
+    const long ball = ball_within(beyond, length);
+    smallest = std::min(smallest.value_or(ball), ball);
   }
   return *smallest;
 }
@@ -70,30 +62,50 @@ std::optional<long> crossings(const std::vector<Face>& faces, const std::vector<
   for (const Vector& w : points) from_origin.push_back(w - origin);
   long crossings = 0;
   for (const Face& face : faces) {
+    if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) continue;  // its edges cancel by themselves
     const Vector &u = from_origin[face[0]], &v = from_origin[face[1]], &w = from_origin[face[2]];
     const Vector v_w = cross(v, w);
     const int first = dot(along, cross(u, v)).sign(), second = dot(along, v_w).sign();
     const int third = dot(along, cross(w, u)).sign();
+    if (std::min({first, second, third}) < 0 && std::max({first, second, third}) > 0) continue;  // it passes by
     if (first == 0 || second == 0 || third == 0) return {};
     if (first == second && second == third && dot(u, v_w).sign() == first) crossings += first;
   }
   return crossings;
 }
 
-}  // namespace
-
-void check_surface(const Value& witness, const std::vector<Vector>& points, const Dyadic& divisor,
-                   const Dyadic& radius) {
-  const std::vector<Face> faces = read_faces(witness, points.size());
-  require(is_closed(faces), "the surface has a border");
-  const long ball = check_beyond(witness, faces, points, radius * divisor);
+// Rays begin within a ball of radius 2^k.
+long turns(const std::vector<Face>& faces, const std::vector<Vector>& points, long ball) {
   const Dyadic unit = Dyadic::power_of_two(ball - 4);  // rays begin within 10 of these
   for (const Ray& ray : rays())
-    if (const std::optional<long> found = crossings(faces, points, unit * ray.origin, ray.along)) {
-      require(*found != 0, "the surface does not go around the origin");
-      return;
-    }
+    if (const std::optional<long> found = crossings(faces, points, unit * ray.origin, ray.along)) return *found;
   throw Refusal("every ray meets an edge of the surface");
+}
+
+}  // namespace
+
+bool is_closed(const std::vector<Face>& faces) {
+  std::vector<std::pair<std::size_t, std::size_t>> edges, back;
+  for (const Face& face : faces)
+    for (std::size_t k = 0; k < 3; ++k) {
+      edges.emplace_back(face[k], face[(k + 1) % 3]);
+      back.emplace_back(face[(k + 1) % 3], face[k]);
+    }
+  std::sort(edges.begin(), edges.end());
+  std::sort(back.begin(), back.end());
+  return edges == back;
+}
+
+long turns_around(const std::vector<Face>& faces, const std::vector<Vector>& points, const Dyadic& near) {
+  return turns(faces, points, ball_within(near, 1.0));
+}
+
+void check_surface(const Value& witness, const std::vector<Vector>& points, const Dyadic& divisor, const Dyadic& radius,
+                   const std::vector<Face>* given) {
+  const std::vector<Face> faces = given ? *given : read_faces(witness, points.size());
+  require(is_closed(faces), "the surface has a border");
+  const long ball = check_beyond(witness, faces, points, radius * divisor);
+  require(turns(faces, points, ball) != 0, "the surface does not go around the origin");
 }
 
 }  // namespace clearance::judge

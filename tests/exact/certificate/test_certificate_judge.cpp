@@ -144,6 +144,7 @@ struct Boxes {
   std::string lower = "0.9999999999999999", upper = "1", status = "ok", order = "1", slack = "0", inner = "0";
   int direction = 1, piece = 0;
   std::string ends;  // of b, if it moves
+  std::string margin = "0", free = "null", contact = "null";
 
   static std::string body(int id, int x, const std::string& inner, int piece) {
     std::ostringstream text;
@@ -155,7 +156,7 @@ struct Boxes {
   }
   std::string text() const {
     std::ostringstream text;
-    text << R"({"format":"clearance certificate","version":2,"query":{"reduce":"none","motions":)"
+    text << R"({"format":"clearance certificate","version":3,"query":{"reduce":"none","motions":)"
          << (ends.empty() ? "false" : "true") << R"(,"max_distance":"inf","signed":false},
       "pieces":[{"radius":0,"count":8,"vertices":[[0,0,0],[1,0,0],[0,1,0],[1,1,0],[0,0,1],[1,0,1],[0,1,1],[1,1,1]]},
       {"radius":0,"count":1,"vertices":[[1,0,0]]}],
@@ -165,15 +166,34 @@ struct Boxes {
          << R"(,"positions":{}}],
       "rows":[{"configuration":0,"bodies":[0,1],"status":")"
          << status << R"(","lower":)" << lower << R"(,"upper":)" << upper
-         << R"(,"proved":true,"pairs":[{"bodies":[0,1],"margin":0,"lower":)" << lower
+         << R"(,"proved":true,"pairs":[{"bodies":[0,1],"margin":)" << margin << R"(,"lower":)" << lower
          << R"(,"spans":[{"begin":0,"end":1,"at":0.5,"slack":{"terms":[{"inner":)" << slack << R"(}]},
       "lower":[{"pieces":null,"order":)"
-         << order << R"(,"seer":null,"direction":[[)" << direction
-         << R"(,0],[0,0],[0,0]]}]}]}],"witness":{"time":1,"pieces":[0,0],"vertices":[[1,0],[7,6]],
-      "weights":[[0.75,0],[0.25,0]]}}]})";
+         << order << R"(,"seer":null,"direction":[[)" << direction << R"(,0],[0,0],[0,0]]}]}],"free":)" << free
+         << R"(}],"witness":{"time":1,"pieces":[0,0],"vertices":[[1,0],[7,6]],
+      "weights":[[0.75,0],[0.25,0]]},"first_contact":)"
+         << contact << "}]}";
     return text.str();
   }
   bool proved() const { return judge_certificate(text()).all_proved(); }
+};
+
+// Of boxes that come nearer by 1 m.
+struct FirstContact {
+  std::string free_until = "0.4375", lower = "1.5000000000000002", hit_at = "0.5", time = "0.5", bodies = "[0,1]";
+  bool spans = true, witness = true;
+
+  std::string free() const {
+    if (!spans) return "null";
+    return R"({"lower":)" + lower + R"(,"spans":[{"begin":0,"end":0.4375,"at":0.21875,"slack":{"terms":[]},
+      "lower":[{"pieces":null,"order":1,"seer":null,"direction":[[1,0],[0,0],[0,0]]}]}]})";
+  }
+  std::string contact() const {
+    const std::string found =
+        R"({"time":)" + time + R"(,"pieces":[0,0],"vertices":[[1,0],[7,6]],"weights":[[0.75,0],[0.25,0]]})";
+    return R"({"free_until":)" + free_until + R"(,"hit_at":)" + hit_at + R"(,"bodies":)" + bodies + R"(,"witness":)" +
+           (witness ? found : "null") + "}";
+  }
 };
 
 TEST(CertificateJudge, ABitTooMuchIsFound) {
@@ -213,6 +233,62 @@ TEST(CertificateJudge, SpeedCountsToTheLastBit) {
     boxes.ends = ends;
     EXPECT_FALSE(boxes.proved()) << "a motion has two ends";
   }
+}
+
+// 2 - t apart at t, so that they are within 1.5 m at 1/2, and until 7/16 beyond 1.5625 m.
+TEST(CertificateJudge, FirstContactCountsToTheLastBit) {
+  const auto with = [](auto change) {
+    Boxes boxes;
+    boxes.ends = "[[3,0,0,1,0,0,0],[2,0,0,1,0,0,0]]";
+    boxes.margin = "1.5";
+    FirstContact first;
+    change(boxes, first);
+    boxes.free = first.free();
+    boxes.contact = first.contact();
+    return boxes.proved();
+  };
+  using F = FirstContact;
+  EXPECT_TRUE(with([](Boxes&, F&) {}));
+  // What is free by its margin is beyond it.
+  EXPECT_TRUE(with([](Boxes& b, F& f) {
+    b.margin = "1.5624999999999996", f.lower = "1.5624999999999998", f.hit_at = f.time = "0.4375000000000005";
+  }));
+  EXPECT_FALSE(with([](Boxes& b, F&) { b.margin = "1.5625"; }));
+  EXPECT_TRUE(with([](Boxes&, F& f) { f.lower = "1.5624999999999998"; }));
+  EXPECT_FALSE(with([](Boxes&, F& f) { f.lower = "1.5625000000000002"; }));
+  EXPECT_FALSE(with([](Boxes&, F& f) { f.lower = "1.5"; }));
+  // Spans end when it is said to be free no longer, which is no time after the end of the motion.
+  for (const char* until : {"0.43750000000000006", "0.4375000000000001", "0.25", "0", "1", "\"inf\"", "-0.4375"})
+    EXPECT_FALSE(with([=](Boxes&, F& f) { f.free_until = until; })) << until;
+  EXPECT_FALSE(with([](Boxes&, F& f) { f.spans = false; }));
+  EXPECT_TRUE(with([](Boxes&, F& f) { f.spans = false, f.free_until = "0"; }));
+  // It is within its margin when it is said to be.
+  EXPECT_FALSE(with([](Boxes& b, F&) { b.margin = "1.4999999999999998"; }));
+  EXPECT_FALSE(with([](Boxes&, F& f) { f.hit_at = f.time = "0.49999999999999994"; }));
+  EXPECT_TRUE(with([](Boxes&, F& f) { f.hit_at = f.time = "0.5000000000000001"; }));
+  EXPECT_TRUE(with([](Boxes&, F& f) { f.hit_at = f.time = "1"; }));
+  for (const char* time : {"0.75", "\"inf\"", "-0.5", "1.5"})
+    EXPECT_FALSE(with([=](Boxes&, F& f) { f.hit_at = time; }));
+  EXPECT_FALSE(with([](Boxes&, F& f) { f.hit_at = f.time = "1.5"; }));
+  EXPECT_FALSE(with([](Boxes&, F& f) { f.bodies = "[1,0]"; })) << "a witness of a pair that the row has not";
+  EXPECT_FALSE(with([](Boxes&, F& f) { f.witness = false; }));
+  EXPECT_TRUE(with([](Boxes&, F& f) { f.witness = false, f.hit_at = "\"inf\""; })) << "it says nothing of a hit";
+}
+
+TEST(CertificateJudge, WhatIsProvedAllAlongIsFreeUntilTheEnd) {
+  Boxes boxes;
+  boxes.ends = "[[3,0,0,1,0,0,0],[2,0,0,1,0,0,0]]";
+  boxes.contact = R"({"free_until":"inf","hit_at":"inf","bodies":[null,null],"witness":null})";
+  boxes.margin = "0.9999999999999998";
+  EXPECT_TRUE(boxes.proved());
+  boxes.margin = boxes.lower;
+  EXPECT_FALSE(boxes.proved()) << "no nearer than the margin is not beyond it";
+  boxes.margin = "0.5";
+  boxes.contact = R"({"free_until":1.5,"hit_at":"inf","bodies":[null,null],"witness":null})";
+  EXPECT_FALSE(boxes.proved());
+  boxes.lower = "0", boxes.status = "unconverged";  // nothing is proved of the whole motion
+  boxes.contact = R"({"free_until":"inf","hit_at":"inf","bodies":[null,null],"witness":null})";
+  EXPECT_FALSE(boxes.proved());
 }
 
 TEST(CertificateJudge, TurnsBendWays) {

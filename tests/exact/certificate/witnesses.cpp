@@ -8,7 +8,7 @@ namespace {
 
 // The points of a piece that a witness names: its vertices, or of a round core points that it gives itself.
 struct Named {
-  const Piece* piece = nullptr;
+  const Piece *piece = nullptr, *whole = nullptr;
   std::vector<Vector> points;  // of a round core
   Dyadic off;                  // no point is farther from the core
 
@@ -18,7 +18,9 @@ struct Named {
 
 Named named(const Body& body, const Value& witness, std::size_t side) {
   Named named;
-  named.piece = body.pieces[witness["pieces"].at(side).index(body.pieces.size())];
+  const std::size_t place = witness["pieces"].at(side).index(body.pieces.size());
+  named.piece = body.pieces[place];
+  named.whole = body.whole_of[place];
   if (!named.piece->is_round()) return named;
   for (const Value& p : witness["points"].at(side).list()) {
     named.points.push_back(p.vector_of_sums());
@@ -32,6 +34,23 @@ struct Difference {
   std::vector<Vector> points;
   Dyadic divisor;
 };
+
+// Of a witness that a solid is around: all vertices of that, and the one of the other that the witness names.
+Difference all_around(const Value& witness, const Named& a, const Named& b, std::size_t around, const Pose& X_wa,
+                      const Pose& X_wb) {
+  Difference d{{}, X_wa.divisor * X_wb.divisor};
+  const Vector shift = X_wb.divisor * (X_wb.origin - X_wa.origin);
+  const std::span<const Value> vertices = witness["vertices"].list();
+  require(vertices.size() == 1 && vertices[0].list().size() == 2, "what is within a solid is not one vertex");
+  const Named &solid = around == 0 ? a : b, &other = around == 0 ? b : a;
+  const Vector within = other.at(vertices[0].at(1 - around).index(other.count()));
+  for (std::size_t k = 0; k < solid.whole->count(); ++k) {
+    const Vector vertex = solid.whole->vertex(k), &u = around == 0 ? vertex : within,
+                 &v = around == 0 ? within : vertex;
+    d.points.push_back(d.divisor * u - turned_back(X_wa.rows, turned(X_wb.rows, v) + shift));
+  }
+  return d;
+}
 
 Difference difference(const Value& witness, const Named& a, const Named& b, const Pose& X_wa, const Pose& X_wb) {
   Difference d{{}, X_wa.divisor * X_wb.divisor};
@@ -74,6 +93,13 @@ void check_witness(const Motion& motion, const IdPair& ids, const Value& witness
   for (const Pose* pose : {&X_wa, &X_wb})
     if (pose->is_rounded) reach -= blur();
   for (const Named* side : {&of_a, &of_b}) reach += side->piece->radius() - side->off;
+  if (const Value* within = witness.find("within")) {
+    const std::size_t around = within->index(2);
+    const Piece& solid = *(around == 0 ? of_a : of_b).whole;
+    require(solid.is_solid(), "a surface that is no solid is around nothing");
+    const Difference d = all_around(witness, of_a, of_b, around, X_wa, X_wb);
+    return check_surface(witness, d.points, d.divisor, -reach, &solid.faces());
+  }
   const Difference d = difference(witness, of_a, of_b, X_wa, X_wb);
   if (witness.find("faces"))
     check_surface(witness, d.points, d.divisor, -reach);
