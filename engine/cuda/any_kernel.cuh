@@ -66,12 +66,6 @@ __device__ inline Outcome narrow_to_margin(const ChunkView& c, const Question& q
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairHulls<Hull<SceneVertices>> hulls{a, b};
   Enclosed enclosed;
-  if (q.f32 && fit_f32(*head_a, *head_b)) {
-    const PairFrame<float> at = place_pair<float>(at_a, *head_a, at_b, *head_b);
-    if (narrow_to_margin(q, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b), hulls, at_a, at_b, at,
-                         answer, enclosed, slack) == Outcome::kSettled)
-      return Outcome::kSettled;
-  }
   const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
   const Outcome outcome = narrow_to_margin(q, a, b, hulls, at_a, at_b, at, answer, enclosed, slack);
   if (outcome != Outcome::kEnclosed) return outcome;
@@ -103,7 +97,7 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
         Question q = c.question;
         q.max_distance = margin_of(r, item.p);
         if (has_several(c.hulls, at_a.body, at_b.body))
-          outcome = solve_pieces<true>(c, q, item.ref, item.k, at_a, at_b, answer, q.max_distance);
+          outcome = solve_pieces<false>(c, q, item.ref, item.k, at_a, at_b, answer, q.max_distance);
         else if (answer_without_pieces(q, at_a, at_b, answer))
           outcome = Outcome::kWithoutPieces;
         else

@@ -34,9 +34,7 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
   view.group_of_tile = pairs.group_of_tile + chunk.first_tile;
   const bool f32 = view.question.f32;
   const bool f32_first = f32_goes_first(view.question, chunk, pairs), only_f32 = f32_first && pairs.all_fit_f32;
-  const bool lists_enclosed =
-      chunk.stray_tiles > 0 || (chunk.group_tiles > 0 && (!only_f32 || view.question.prove_depths));
-  const bool proof_follows = view.enclosed && lists_enclosed;
+  const bool proof_follows = view.enclosed && (chunk.stray_tiles > 0 || (chunk.group_tiles > 0 && !only_f32));
   ChunkView before = view;  // of a kernel that another follows
   before.host_counts = nullptr;
   view.blocks = chunk.tiles();

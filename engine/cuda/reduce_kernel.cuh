@@ -303,13 +303,6 @@ __device__ inline Outcome solve_candidate(const ChunkView& c, const Item& item, 
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairHulls<Hull<SceneVertices>> hulls{a, b};
-  if (c.question.f32 && fit_f32(*head_a, *head_b)) {
-    const PairFrame<float> at = place_pair<float>(at_a, *head_a, at_b, *head_b);
-    const Outcome outcome =
-        solve_item<false, kWarm>(c, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b), hulls, at_a, at_b,
-                                 at, answer, enclosed, warm, slack);
-    if (outcome != Outcome::kUnsettled) return outcome;
-  }
   const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
   return solve_item<false, kWarm>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
 }
@@ -361,7 +354,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_const
       const Where at_a(c.bodies, c.configurations, item.ref.a, item.k),
           at_b(c.bodies, c.configurations, item.ref.b, item.k);
       PairAnswer answer;
-      outcome = solve_pieces<true>(c, c.question, item.ref, item.k, at_a, at_b, answer);
+      outcome = solve_pieces<false>(c, c.question, item.ref, item.k, at_a, at_b, answer);
       if (outcome == Outcome::kWithoutPieces || outcome == Outcome::kSettled) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);

@@ -341,7 +341,7 @@ class Epa {
       const std::uint32_t edges = find_outline();
       return plan_fan(apex, edges) ? edges : 0;
     });
-    return outline_count_ > 0;
+    return outline_count_ > 0 && find_planes();
   }
 
   // Every face is written to the list, and kept there by moving on: which are seen cannot be predicted. So with edges
@@ -405,39 +405,42 @@ class Epa {
     std::sort(p_.seen.begin(), p_.seen.begin() + static_cast<std::ptrdiff_t>(seen_count_));
   }
 
-  // One triangle for each edge of the outline. False if that is not one loop, or a triangle is flat.
+  // One triangle for each edge of the outline, without its plane yet. False if that is not one loop.
   CLEARANCE_HD bool plan_fan(std::uint32_t apex, std::uint32_t count) {
     if (count < 3 || !p_.make_room_for_fan(count, seen_count_)) return false;
     // Where the faces go: in the places of the seen ones, then behind the last.
     std::uint32_t* places = p_.seen.data();
     for (std::uint32_t i = seen_count_; i < count; ++i)
       places[i] = static_cast<std::uint32_t>(p_.faces.size()) + (i - seen_count_);
-    const CsoVertex<T>* vertices = p_.vertices.data();
     const OutlineEdge* outline = p_.outline.data();
     const std::uint32_t* begins = p_.begins.data();
-    const Vec3<T> p = vertices[apex].w;
-    Vec3<T> from = vertices[outline[0].from].w, u = from - p;
-    T uu = squared_norm(u);
     std::uint32_t at = 0, before = places[count - 1], here = places[0];
     bool usable = true;
     for (std::uint32_t i = 0; i < count && at < count; ++i) {
       const OutlineEdge e = outline[at];
       const std::uint32_t after = places[i + 1 == count ? 0 : i + 1];
-      auto& [face, offset] = p_.fan[i];
+      CsoFace<T>& face = p_.fan[i].face;
       face.vertex = {e.from, e.to, apex};
       face.twin = {e.outside, half_edge(after, 2), half_edge(before, 1)};
-      const Vec3<T> to = vertices[e.to].w, next = to - p;
-      const T next_next = squared_norm(next);
-      usable &= find_plane(cross(u, next), uu * next_next, from, to, p, face.normal, offset);
       at = begins[e.to];
       usable &= (at == 0) == (i + 1 == count) && (at >= count || outline[at].from == e.to);
-      from = to;
-      u = next;
-      uu = next_next;
       before = here;
       here = after;
     }
     return usable && at == 0;
+  }
+  // False if a triangle is flat.
+  CLEARANCE_HD bool find_planes() {
+    const CsoVertex<T>* vertices = p_.vertices.data();
+    bool usable = true;
+    for (std::uint32_t i = Team::rank(); i < outline_count_; i += Team::kSize) {
+      auto& [face, offset] = p_.fan[i];
+      const Vec3<T>&from = vertices[face.vertex[0]].w, &to = vertices[face.vertex[1]].w,
+            &apex = vertices[face.vertex[2]].w;
+      const Vec3<T> u = from - apex, v = to - apex;
+      usable &= find_plane(cross(u, v), squared_norm(u) * squared_norm(v), from, to, apex, face.normal, offset);
+    }
+    return Team::all(usable);
   }
 
   CLEARANCE_HD void place_fan() {
@@ -446,14 +449,16 @@ class Epa {
       p_.faces.resize(after);
       p_.offsets.resize(after);
     }
+    for (std::uint32_t i = Team::rank(); i < outline_count_; i += Team::kSize) {
+      const std::uint32_t f = p_.seen[i];
+      p_.faces[f] = p_.fan[i].face;
+      p_.offsets[f] = p_.fan[i].offset;
+      link(f, 0);
+    }
+    Team::sync();
+    // A fan smaller than what it replaces leaves places: the last faces move there.
+    if (before <= after) return;
     Team::lead([&] {
-      for (std::uint32_t i = 0; i < outline_count_; ++i) {
-        const std::uint32_t f = p_.seen[i];
-        p_.faces[f] = p_.fan[i].face;
-        p_.offsets[f] = p_.fan[i].offset;
-        link(f, 0);
-      }
-      // A fan smaller than what it replaces leaves places: the last faces move there.
       std::size_t last = before;
       for (std::uint32_t i = seen_count_; i-- > outline_count_;) {
         const std::uint32_t f = p_.seen[i];
@@ -464,10 +469,8 @@ class Epa {
       }
       return 0u;
     });
-    if (after < before) {
-      p_.faces.resize(after);
-      p_.offsets.resize(after);
-    }
+    p_.faces.resize(after);
+    p_.offsets.resize(after);
   }
 
   // Tells the face across an edge where that edge is.

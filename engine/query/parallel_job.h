@@ -51,7 +51,8 @@ class ParallelJob : public Job::State {
     options_.reference = context.reference;
     options_.lanes = context.lanes;
     options_.contradictions = context.contradictions;
-    options_.f32 = q.precision == Precision::kF32 && !q.signed_distance;
+    // Reductions look at few pairs, and of many hulls: float32 lanes gain nothing there (docs/notes/performance.md).
+    options_.f32 = q.precision == Precision::kF32 && q.reduce == Reduce::kNone && !q.signed_distance;
     const bool needs_boxes = q.reduce != Reduce::kNone || q.max_distance < std::numeric_limits<double>::infinity();
     options_.cull = needs_boxes && !context.reference;
     const std::uint32_t interval =

@@ -137,8 +137,8 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
     const std::uint64_t settled = counter(device, "cuda.pairs_settled"),
                         rest = counter(device, "cuda.pairs_finished_on_cpu");
     EXPECT_GT(settled, 100'000u);
-    EXPECT_GT(settled, 5 * rest) << rest
-                                 << " were finished by the CPU: those without a tolerance, and depths of several pieces";
+    EXPECT_GT(settled, 5 * rest)
+        << rest << " were finished by the CPU: those without a tolerance, and depths of several pieces";
     QueryView warm;
     warm.warm_slot = 5;
     warm.fields = kAllFields;

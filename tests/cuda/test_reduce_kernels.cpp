@@ -79,15 +79,8 @@ class HostReduction {
     ChunkView& c = r_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;
-    c.question = {q_.max_distance,
-                  q_.abs_tol,
-                  default_rel_tol(q_.precision),
-                  256,
-                  true,
-                  true,
-                  true,
-                  true,
-                  q_.precision == Precision::kF32};
+    c.question = {q_.max_distance, q_.abs_tol, default_rel_tol(q_.precision), 256, true, true, true, true,
+                  false,           false};
     c.pairs = pairs_.data();
     c.pair_count = P;
     c.configurations = K;
@@ -141,7 +134,6 @@ class HostReduction {
     options.cull = options.want_flags = options.want_points = true;
     options.drops_beyond = q_.reduce == Reduce::kWithin;
     options.lanes = &lane_kernel("baseline");
-    options.f32 = q_.precision == Precision::kF32;
     Evaluator evaluator(cpu_.scene(), options);
     ConfigurationPoses poses(plan);
     Placement placement(cpu_.scene(), plan, {});

@@ -216,7 +216,8 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         bodies: (M,) names or ids of those bodies; None: every movable body, in the order of ids.
         max_distance: metres; a pair proved farther is BEYOND and not refined.
         abs_tol, rel_tol: asks for upper - lower <= max(abs_tol, rel_tol |distance|). rel_tol None: 1e-6 (f32: 1e-4).
-        precision: "f64" or "f32" iterations; the bounds are valid in either.
+        precision: "f64" or "f32" iterations; the bounds are valid in either. Reductions and signed distances are
+            iterated in float64 in any case, since float32 gains nothing there; of "f32" they take the default rel_tol.
         signed: also the penetration depth of overlapping pairs; of a solid or a surface an interval that holds it.
         reduce: "none", "within" (pairs nearer than max_distance), "nearest" (per body), "min" (per configuration) or
             "any" (per configuration: BEYOND where every pair is proved farther than its margin, else one that is not).
