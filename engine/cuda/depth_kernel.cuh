@@ -10,10 +10,10 @@
 namespace clearance::cuda {
 
 // Of a polytope on the device. Its surface is a sphere's, so that it has at most two faces and three edges a vertex.
-inline constexpr std::uint32_t kMostCorners = 64, kMostFaces = 2 * kMostCorners, kMostEdges = 3 * kMostCorners + 1,
-                               kMostFan = 48;
+inline constexpr std::uint32_t kMostCorners = 48, kMostFaces = 2 * kMostCorners, kMostEdges = 3 * kMostCorners + 1,
+                               kMostFan = 32;
 // Of a block, and how many blocks a multiprocessor's shared memory holds: their registers should fit, too.
-inline constexpr std::uint32_t kDepthWarps = 2, kDepthThreads = 32 * kDepthWarps, kDepthBlocksOfOne = 7;
+inline constexpr std::uint32_t kDepthWarps = 2, kDepthThreads = 32 * kDepthWarps, kDepthBlocksOfOne = 9;
 
 struct PolytopeRoom {
   CsoVertex<double> vertices[kMostCorners];
@@ -123,9 +123,9 @@ struct SurfaceVertices {
 
 // narrow_phase()'s words for a pair whose simplex holds the origin, where a depth is asked for. All threads of a warp
 // call it with the same pair, and each has the answer. False: the CPU answers.
-__device__ __noinline__ bool prove_depth(const Question& q, const Hull<SceneVertices>& a, const Hull<SceneVertices>& b,
-                                         const Enclosed& e, const Where& at_a, const Where& at_b, PolytopeRoom& room,
-                                         PairAnswer& answer) {
+__device__ __forceinline__ bool prove_depth(const Question& q, const Hull<SceneVertices>& a,
+                                            const Hull<SceneVertices>& b, const Enclosed& e, const Where& at_a,
+                                            const Where& at_b, PolytopeRoom& room, PairAnswer& answer) {
   const PairFrame<double> at = place_pair<double>(at_a, *a.head, at_b, *b.head);
   const double radius = a.head->radius + b.head->radius, scale = pair_scale(at.D, a.head->rho, b.head->rho, radius);
   const SceneCso cso{a, b, at};

@@ -38,8 +38,8 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   r.chunk.hulls = hulls.view();
   r.chunk.bodies = bodies.view;
   r.chunk.question = {
-      q.max_distance, q.abs_tol, q.rel_tol < 0 ? default_rel_tol(q.precision) : q.rel_tol, 256, true, true, true,
-      true,           false};
+      q.max_distance, q.abs_tol, q.rel_tol < 0 ? default_rel_tol(q.precision) : q.rel_tol, 256, true, true, true, true,
+      false,          false};
   r.chunk.pairs = pairs.data();
   r.chunk.pair_count = P;
   r.chunk.configurations = K;

@@ -71,7 +71,6 @@ TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
   for (const bool doubts : {false, true}) {
     const Engine engine(doubts ? doubted(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
-    q.precision = doubts ? Precision::kF32 : Precision::kF64;
     q.max_distance = 0.25;
     const Answer dense = ask(engine, q);
     q.reduce = Reduce::kWithin;
@@ -99,7 +98,6 @@ TEST(ConfigurationBlock, MinGivesTheRowOfItsPair) {
   for (const bool doubts : {false, true}) {
     const Engine engine(doubts ? doubted(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
-    q.precision = doubts ? Precision::kF32 : Precision::kF64;
     const Answer dense = ask(engine, q);
     const std::uint64_t pairs = dense.info.rows / moves.count;
     q.reduce = Reduce::kMin;
