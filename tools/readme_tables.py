@@ -12,7 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ["README.md", "docs/accuracy.md", "docs/latency.md", "docs/cuda.md", "docs/robots.md"]
-GPU = "gpu_nvidia_h200"
+GPU = "gpu_nvidia_h100_80gb_hbm3"
 GPU_PLANS = "gpu_plans_nvidia_h100_80gb_hbm3"
 NAMES = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
 
