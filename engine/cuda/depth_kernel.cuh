@@ -10,12 +10,16 @@
 namespace clearance::cuda {
 
 // Of a polytope on the device. Its surface is a sphere's, so that it has at most two faces and three edges a vertex.
-inline constexpr std::uint32_t kMostCorners = 48, kMostFaces = 2 * kMostCorners, kMostEdges = 3 * kMostCorners + 1,
+inline constexpr std::uint32_t kMostCorners = 44, kMostFaces = 2 * kMostCorners, kMostEdges = 3 * kMostCorners + 1,
                                kMostFan = 32;
-// Of a block, and how many blocks a multiprocessor's shared memory holds: their registers should fit, too.
-inline constexpr std::uint32_t kDepthWarps = 2, kDepthThreads = 32 * kDepthWarps, kDepthBlocksOfOne = 9;
+// Of a block, whose warps end together: one. And how many blocks a multiprocessor's shared memory holds: their
+// registers should fit, too.
+inline constexpr std::uint32_t kDepthWarps = 1, kDepthThreads = 32 * kDepthWarps, kDepthBlocksOfOne = 20;
 
+// The pair stands there, too: registers for the polytope are few, and spilled ones come from far.
 struct PolytopeRoom {
+  Hull<SceneVertices> a, b;
+  PairFrame<double> at;
   CsoVertex<double> vertices[kMostCorners];
   CsoFace<double> faces[kMostFaces];
   double offsets[kMostFaces];
@@ -123,10 +127,11 @@ struct SurfaceVertices {
 
 // narrow_phase()'s words for a pair whose simplex holds the origin, where a depth is asked for. All threads of a warp
 // call it with the same pair, and each has the answer. False: the CPU answers.
-__device__ __forceinline__ bool prove_depth(const Question& q, const Hull<SceneVertices>& a,
-                                            const Hull<SceneVertices>& b, const Enclosed& e, const Where& at_a,
-                                            const Where& at_b, PolytopeRoom& room, PairAnswer& answer) {
-  const PairFrame<double> at = place_pair<double>(at_a, *a.head, at_b, *b.head);
+// \param room holds the pair
+__device__ __forceinline__ bool prove_depth(const Question& q, const Enclosed& e, const Where& at_a, const Where& at_b,
+                                            PolytopeRoom& room, PairAnswer& answer) {
+  const Hull<SceneVertices>&a = room.a, &b = room.b;
+  const PairFrame<double>& at = room.at;
   const double radius = a.head->radius + b.head->radius, scale = pair_scale(at.D, a.head->rho, b.head->rho, radius);
   const SceneCso cso{a, b, at};
   Simplex<double> seed;
@@ -173,11 +178,16 @@ __global__ void __launch_bounds__(kDepthThreads, kDepthBlocksOfOne) prove_depths
   for (std::uint32_t i = blockIdx.x * kDepthWarps + warp; i < count; i += gridDim.x * kDepthWarps) {
     const Enclosed e = c.enclosed[i];
     const GroupItem item(c, e.pair, e.configuration);
-    const Hull<SceneVertices> a = scene_hull(c.hulls, head_of(c, item.ref.a)),
-                              b = scene_hull(c.hulls, head_of(c, item.ref.b));
+    if (threadIdx.x % 32 == 0) {
+      const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
+      room.a = scene_hull(c.hulls, head_a);
+      room.b = scene_hull(c.hulls, head_b);
+      room.at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
+    }
+    __syncwarp();
     PairAnswer answer;
     answer.flags = flags_of(item.at_a, item.at_b);
-    const bool proved = prove_depth(c.question, a, b, e, item.at_a, item.at_b, room, answer);
+    const bool proved = prove_depth(c.question, e, item.at_a, item.at_b, room, answer);
     __syncwarp();
     if (threadIdx.x % 32 != 0) continue;
     if (proved)
