@@ -75,6 +75,20 @@ class DevicePlan:
         """The columns that it can write."""
         return tuple(self._columns)
 
+    @property
+    def poses_shape(self) -> tuple[int, int, int]:
+        """(K, M, 7), of the poses that it takes; M is 0 for the current ones."""
+        return self._poses_shape
+
+    def column(self, name: str) -> Optional[Column]:
+        """A column that it can write; None: it cannot."""
+        return self._columns.get(name)
+
+    def run_at(self, poses: int, columns: Mapping[int, int], stream: int) -> None:
+        """The call for who knows that its memory is right. Addresses: of the poses, of columns by their bits (the other
+        ones are not written), of a cudaStream_t."""
+        self._plan.run(poses, _addresses(columns), stream)
+
     def __call__(self, poses: Any = None, out: Optional[Mapping[str, Any]] = None, stream: Any = None) -> DeviceRows:
         """Puts the query into a stream and returns.
 
@@ -117,13 +131,13 @@ class DevicePlan:
     def _addresses_of(self, out: Mapping[str, Any]) -> list[int]:
         if not isinstance(out, Mapping):
             raise TypeError(f"out: expected a dict of arrays, got {type(out).__name__}")
-        addresses = [0] * (1 + max(column.bit for column in COLUMNS.values()))
+        at = {}
         for name, array in out.items():
             column = self._columns.get(name)
             if column is None:
                 raise ValueError(f"out: the plan has no column {name!r}{did_you_mean(name, list(self._columns))}")
-            addresses[column.bit] = self._address(array, f"out[{name!r}]", column.dtype, self._shape_of(column))
-        return addresses
+            at[column.bit] = self._address(array, f"out[{name!r}]", column.dtype, self._shape_of(column))
+        return _addresses(at)
 
     def _shape_of(self, column: Column) -> tuple[int, ...]:
         return self.shape + column.shape
@@ -162,6 +176,10 @@ class DevicePlan:
         if kind != _DLPACK_CUDA or number != self.device:
             raise ValueError(f"{what}: expected memory of CUDA device {self.device}")
         return address, shape, np.dtype(f"<{_DLPACK_KINDS.get(code, 'V')}{bits // 8}")
+
+
+def _addresses(by_bit: Mapping[int, int]) -> list[int]:
+    return [by_bit.get(bit, 0) for bit in range(1 + max(column.bit for column in COLUMNS.values()))]
 
 
 def _strides_in_c_order(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:
