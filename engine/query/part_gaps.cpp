@@ -1,3 +1,6 @@
+// What takes or gives vectors is inlined: how they would be passed is nobody's business.
+#pragma GCC diagnostic ignored "-Wpsabi"
+
 #include "engine/query/part_gaps.h"
 
 #include <cmath>
