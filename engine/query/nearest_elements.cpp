@@ -408,14 +408,14 @@ void NearestElements::take_pieces(double lower) {
 ElementPair NearestElements::near() const {
   assert(!heap_.empty());
   Entry at = heap_.front();
+  const auto middles = [&](const Entry& e) { return squared_norm(before_a(bulk_b(e)).centre - bulk_a(e).centre); };
   while (!is_element(at.at_a) || !is_element(at.at_b)) {
     Entry best = at;
-    double least = kInf, nearest = kInf;
+    best.gap = kInf;
     at.gap = 0;
     open(at, kInf, [&](const Entry& part) {
-      const double gap = part.gap, middles = squared_norm(before_a(bulk_b(part)).centre - bulk_a(part).centre);
-      if (least == kInf || gap < least || (gap == least && middles < nearest))
-        best = part, least = gap, nearest = middles;
+      if (best.gap == kInf || part.gap < best.gap || (part.gap == best.gap && middles(part) < middles(best)))
+        best = part;
     });
     at = best;
   }

@@ -72,7 +72,8 @@ void NodeColumns::take(const Surface& surface, const std::uint32_t* nodes, std::
   }
   normal = {Floats{}, Floats{}, Floats{}};
   behind = ahead = Floats{};
-  if (surface.is_cloud()) return;
+  have_planes = !surface.is_cloud();
+  if (!have_planes) return;
   for (std::size_t k = 0; k < kParts; ++k) {
     const Surface::Slab& slab = surface.slabs()[nodes[k < count ? k : count - 1]];
     for (int i = 0; i < 3; ++i) normal[i][k] = float(slab.units[static_cast<std::size_t>(i)]);
@@ -135,7 +136,9 @@ CLEARANCE_CLONES __attribute__((flatten)) void node_gaps(const NodeColumns& node
   // Along the line of the middles.
   const Vec3<Column> n = scaled(d, by_length(d));
   take_greater(gaps, ((dot(n, from) - reach(back(n), others)) - reach(n, own)) * kShort);
-  // Across the other one, and across these.
+  // Across the other one, and across these: clouds and convex pieces have no planes.
+  const bool is_flat = squared_norm(other.normal) > 0;
+  if (!is_flat && !nodes.have_planes) return;
   const Column once = 1 - Column{}, ahead = dot(m, d) < 0 ? -once : once,
                before = dot(own.normal, d) < 0 ? -once : once;
   const Vec3<Column> across = scaled(own.normal, before);

@@ -27,6 +27,7 @@ struct NodeColumns {
   Vec3<Floats> low, high, normal;
   Floats behind, ahead;  ///< of their slabs
   Vec3d centre;          ///< of the surface
+  bool have_planes;      ///< or else no slab
 
   /// \param count at least 1; the last one stands in the others' places
   void take(const Surface& surface, const std::uint32_t* nodes, std::size_t count);
