@@ -122,7 +122,6 @@ class MotionCertificateJob final : public CertificateJob {
     moment_.move_to(0.5);
     if (is_unusable(scene(), moment_.placed(), pair)) return false;  // the row says so: it is incomplete
     refuse_stand_ins(pair);
-    refuse_half_spaces(pair);
     const double lower = lower_of(pair_);
     text_.begin_pair(pair, moment_.placed(), plan_.margins.of(pair_), lower);
     // What is proved of the whole motion holds until first contact, too.
