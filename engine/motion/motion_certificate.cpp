@@ -82,7 +82,8 @@ class MotionCertificateJob final : public CertificateJob {
     pair_prover_.reset();
     is_proved_ = true;
     step_ = Step::kPairs;
-    if (!std::isinf(answer.lower) || answer.lower > 0) return true;
+    // Of two half-spaces nothing is known either, but the row is about two bodies.
+    if (!std::isinf(answer.lower) || answer.lower > 0 || answer.status == Status::kUnconverged) return true;
     end_row(true);
     step_ = Step::kBegin;
     return false;
