@@ -235,6 +235,8 @@ def documents(checker, robot):
     engine.set_poses({"box": at(0.4, 0.2, -0.35, (0.9, 0.1, 0.3, 0.2))})
     made["depth"] = engine.certificate(pairs=[("box", "floor")], signed=True).document
     made["overlap"] = engine.certificate(pairs=[("box", "floor")]).document
+    engine.set_poses({"box": at(0.4, 0.2, -2, (0.9, 0.1, 0.3, 0.2))})
+    made["sunk"] = engine.certificate(pairs=np.array([[13, 5]])).document  # the floor is a
     for seed in range(10, 60):
         found = robot.certificate(**moves(1, seed), pairs=[("arm/finger", "wall")], reduce="none").document
         (row,) = found["rows"]
@@ -336,6 +338,25 @@ def raise_plane(metres):
     return mutate
 
 
+def dig(d):
+    """A point above the plane, from which the other body's is less high; less is said from below."""
+    points(d)[0][2] = [0.01, 0.0]
+    row(d)["upper"] -= 0.005
+    lower_by(-0.01)(d)
+
+
+def call_apart(direction):
+    """What is all in the half-space, by a direction away from it."""
+
+    def mutate(d):
+        row(d).update(status="unconverged", upper="inf", lower=0.2)
+        row(d)["pairs"][0].update(lower=0.2)
+        claim = {"pieces": None, "order": 1, "seer": None, "arithmetic": "float64", "direction": direction}
+        row(d)["pairs"][0]["spans"][0]["lower"] = [claim]
+
+    return mutate
+
+
 def tilt_plane(d):
     plane_body(d)["pose"][4] += 1e-6
 
@@ -368,6 +389,7 @@ MUTATIONS = {
     "plane thinner": ("apart", lambda d: plane(d).update(radius=plane(d)["radius"] - 1e-9)),
     "plane thinner than its doubt": ("apart", lambda d: plane(d).update(radius=0.001)),
     "plane in doubt of its angle": ("apart", lambda d: plane_body(d)["uncertainty"].update(angle=1e-300)),
+    "floor in doubt of its angle": ("first", lambda d: plane_body(d)["uncertainty"].update(angle=1e-300)),
     "plane in doubt of its place": ("apart", lambda d: plane_body(d)["uncertainty"].update(position=0.1)),
     "plane that goes on": ("apart", lambda d: plane_body(d).update(max_speed=1.0, age_s=1.0)),
     "plane that follows": ("apart", follow),
@@ -375,6 +397,10 @@ MUTATIONS = {
     "plane of another kind": ("apart", lambda d: plane(d).update(core={"kind": "cone", "size": [1, 1, 1]})),
     "plane of an unknown kind": ("apart", lambda d: plane(d)["core"].update(kind="plane")),
     "plane as its vertex": ("apart", lambda d: plane(d).pop("core")),
+    "point above the plane": ("apart", dig),
+    "point above the plane, in a depth": ("depth", dig),
+    "within it, but said to be apart": ("sunk", call_apart([[0, 0], [0, 0], [-1, 0]])),
+    "within it, but said to be apart by b": ("sunk", call_apart(None)),
     "point deep below the plane": ("apart", lambda d: points(d)[0].__setitem__(2, [-0.01, 0.0])),
     "points left out": ("apart", lambda d: row(d)["witness"].pop("points")),
     "points of none": ("apart", lambda d: row(d)["witness"]["vertices"].clear()),

@@ -53,7 +53,7 @@ Piece::Piece(const Value& document) : radius_(document["radius"].length()) {
   if (const Value* core = document.find("core")) {
     core_ = core_named((*core)["kind"].text());
     size_ = (*core)["size"].vector();
-    require(is_half_space() || std::min({size_[0], size_[1], size_[2]}).sign() > 0, "a core has no size");
+    require(std::min({size_[0], size_[1], size_[2]}).sign() >= (is_half_space() ? 0 : 1), "a core has no size");
   }
   for (const Value& vertex : document["vertices"].list()) {
     const auto [x, y, z] = vertex.three();
